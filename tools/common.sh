@@ -1,0 +1,45 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: MIT
+# What setup.sh, test.sh and demo.sh share: where things are, plain words, one build at a time.
+
+ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+BUILD=$ROOT/build
+VENV=$BUILD/venv
+
+say() { printf '%s: %s\n' "$(basename "$0" .sh)" "$*"; }
+
+die() {
+    printf 'error: %s\n' "$*" >&2
+    exit 1
+}
+
+# The text between the first two lines of '#' and the first line of code is the script's own manual.
+usage() { sed -n '3,/^[^#]/{/^#/s/^# \{0,1\}//p}' "$0"; }
+
+# Run a command with its output in a log; show the end of the log only where it fails.
+quietly() {
+    local log=$BUILD/$1.log
+    shift
+    if ! "$@" >>"$log" 2>&1; then
+        tail -n 15 "$log" >&2
+        return 1
+    fi
+}
+
+# Hold build/NAME.lock until this shell ends. Children do not inherit it (see the 9>&- of callers that stay behind).
+one_at_a_time() {
+    mkdir -p "$BUILD"
+    exec 9>"$BUILD/$1.lock"
+    flock -n 9 && return
+    say "another $1 is at work here; waiting for it"
+    flock -w 1800 9 || die "the other $1 did not end within 30 minutes (lock: build/$1.lock)"
+}
+
+configure_and_build() {
+    one_at_a_time build
+    : >"$BUILD/build.log"
+    say "building with preset host (log: build/build.log)"
+    (cd "$ROOT" && quietly build cmake --preset host) || die "cmake could not configure; see build/build.log"
+    quietly build cmake --build "$BUILD/host" || die "the build failed; see build/build.log"
+    exec 9>&-
+}
