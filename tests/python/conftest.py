@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: MIT
+"""What the Python tests share: where the build is, measured data, and the mark `long`.
+
+A missing build is a failure, not a skip: nothing is proved without it. Measured data out of reach is a skip with its
+reason, since a clone need not have it.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--long", action="store_true", help="also run the tests marked long")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave the long tests out (they are deselected, not reported as skipped) unless asked for."""
+    if config.getoption("--long"):
+        return
+    long = [item for item in items if item.get_closest_marker("long")]
+    items[:] = [item for item in items if item not in long]
+    config.hook.pytest_deselected(items=long)
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The project's folder."""
+    return ROOT
+
+
+def built(*parts: str) -> Path:
+    """A file of the build; its absence fails the test."""
+    path = BUILD.joinpath(*parts)
+    if not path.exists():
+        pytest.fail(f"{path} is not built; run tools/test.sh, or: cmake --preset host && cmake --build build/host")
+    return path
+
+
+@pytest.fixture(scope="session")
+def library() -> Path:
+    """The shared library."""
+    path = built("lib", "libdahl.so")
+    os.environ.setdefault("DAHL_LIBRARY", str(path))
+    return path
+
+
+@pytest.fixture(scope="session")
+def dahl_loop() -> Path:
+    """The program dahl-loop."""
+    path = built("host_sim", "dahl-loop")
+    os.environ.setdefault("DAHL_LOOP", str(path))
+    return path
+
+
+@pytest.fixture(scope="session")
+def dbc(root: Path) -> Path:
+    """The bus description."""
+    return root / "port" / "dahl.dbc"
+
+
+@pytest.fixture
+def run_dahl(root: Path):
+    """Call the command `dahl` with arguments; returns the finished process with its text."""
+
+    def run(*args: str, timeout: float = 120, **kwargs) -> subprocess.CompletedProcess:
+        command = [sys.executable, "-m", "dahl", *map(str, args)]
+        return subprocess.run(
+            command, capture_output=True, text=True, timeout=timeout, check=False, **{"cwd": root, **kwargs}
+        )
+
+    return run
+
+
+@pytest.fixture
+def measured_file():
+    """Path of a measured file by data set and name; skips with the reason where it is out of reach."""
+
+    def find(name: str, file: str) -> Path:
+        from dahl import data
+
+        folder = data.local_folder(name)
+        if folder is None or not (folder / file).exists():
+            pytest.skip(f"measured set {name} is not in reach (see `dahl data`)")
+        return folder / file
+
+    return find
