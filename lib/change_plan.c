@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * New parameters between two ticks. Keeping F means w *= Fc_from/Fc_to; keeping the deflection F/sigma0 of the bristle
+ * means w *= a_to/a_from. Their ratio is sigma0_to/sigma0_from, so the smaller of the two keeps F unless the bristle got
+ * softer; both let the stored energy F^2/(2 sigma0) grow never. Truncated, for the same reason.
+ */
+#include "fixed.h"
+
+typedef struct {
+    uint64_t mantissa; /* Q63, in (2^62, 2^64) */
+    int32_t exponent;
+} factor_t;
+
+static factor_t factor_of(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
+{
+    factor_t f;
+    f.mantissa = dahl_quotient_q38(n, d) << 25;
+    f.exponent = n_exponent - d_exponent;
+    if (!(f.mantissa >> 63)) {
+        f.mantissa <<= 1;
+        f.exponent--;
+    }
+    return f;
+}
+
+static factor_t smaller(factor_t x, factor_t y)
+{
+    int x_first = x.exponent != y.exponent ? x.exponent < y.exponent : x.mantissa < y.mantissa;
+    return x_first ? x : y;
+}
+
+/* size times f in Q62, clamped to 1. */
+static uint64_t scaled(uint64_t size, factor_t f)
+{
+    uint64_t product = dahl_mulhi64(size, f.mantissa - 1u); /* Q61; one unit less keeps the rounding from passing */
+    int32_t shift = f.exponent + 1;
+    if (shift <= -64) {
+        return 0;
+    }
+    if (shift <= 0) {
+        product >>= -shift;
+    } else {
+        product = shift > 62 || product > (DAHL_ONE_Q62 >> shift) ? DAHL_ONE_Q62 : product << shift;
+    }
+    return product > DAHL_ONE_Q62 ? DAHL_ONE_Q62 : product;
+}
+
+void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state)
+{
+    factor_t keep_F = factor_of(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
+    factor_t keep_deflection = factor_of(to->a_mantissa, to->a_exponent, from->a_mantissa, from->a_exponent);
+    uint64_t size = state->w < 0 ? 0u - (uint64_t)state->w : (uint64_t)state->w;
+    uint64_t w = size ? scaled(size, smaller(keep_F, keep_deflection)) : 0;
+    state->w = (int64_t)(state->w < 0 ? 0u - w : w);
+}

@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: MIT */
+/* A tick in counts, integers only. A file of its own: firmware that takes Q30 links no conversion to float. */
+#include "gap.h"
+
+int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    uint64_t w = (uint64_t)state->w;
+    if (dcounts > 0) {
+        w = dcounts > DAHL_DENSE ? dahl_move_digits(plan, w, dcounts) : dahl_forward(w, &plan->g[dcounts]);
+        state->w = (int64_t)w;
+        return (int32_t)dahl_round_down(w);
+    }
+    w = dcounts < -DAHL_DENSE ? dahl_move_digits(plan, w, dcounts) : dahl_backward(w, &plan->g[-dcounts]);
+    state->w = (int64_t)w;
+    return (int32_t)dahl_round_up(w);
+}

@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * dahl: friction torque by Dahl's model, exact at every encoder tick.
+ *
+ * GUARANTEE
+ *   A torque returned by dahl_step_counts() or dahl_torque() is within DAHL_ULP_COUNTS = 0.52 ulp of Fc of the exact
+ *   solution of the model for the counts fed so far: any motion, any number of ticks, any sampling rate.
+ *   A torque returned by dahl_step() is within DAHL_ULP_ANGLE = 0.6 ulp of Fc for the float angles fed so far.
+ *   The same inputs give the same bits on every processor, compiler and set of flags: inside there are integers only.
+ *   There is no heap, no global, no libm, no division by a variable in a step, and no state that a bad input can poison.
+ *
+ * THE MODEL, in five lines (Ciarla, Cahouet, Canudas de Wit, Quaine; equation numbers are theirs)
+ *   dF/dtheta = sigma0 (1 - F/Fc sgn(dtheta))                                                       (Eq. 1)
+ *   theta [rad] angle, F [N m] friction torque, Fc > 0 [N m] Coulomb torque, sigma0 > 0 [N m/rad] stiffness at rest.
+ *   With w = F/Fc, a = sigma0/Fc [1/rad], travel u = a |dtheta| in direction s = +-1, the exact update of one tick is
+ *       w += (s - w) g(u),    g(u) = 1 - exp(-u)                              (Eqs. 7, 18 and 27 in one recursion)
+ *   Time does not appear: the torque depends on the path of theta only. For linear motion read m and N.
+ *
+ * USE
+ *   static dahl_plan_t plan;                        // constant after dahl_prepare; may live in flash
+ *   static dahl_state_t bearing;                    // all zeros: relaxed
+ *   dahl_params_t p = { .sigma0 = 100.0f, .Fc = 0.5f, .theta_per_count = 6.2831853f / 16384 };
+ *   if (dahl_prepare(&plan, &p) != DAHL_OK) { stop(); }
+ *   each tick:  F = dahl_step_counts(&plan, &bearing, dahl_counts_between(before, now, 16384));
+ *
+ * SIGN   F has the sign of the motion. The bearing acts on the shaft with -F; feed-forward compensation adds +F.
+ *
+ * A REVERSAL INSIDE ONE SAMPLE CANNOT BE SEEN
+ *   +3 and -2 counts between two samples is another path than +1, and leaves another torque (up to 2 Fc g(hidden travel)
+ *   away). Feed each edge, or sample faster than the shaft can reverse by a count; a lost sample costs nothing
+ *   unless it hid a reversal.
+ *
+ * THREADS  A plan is read-only and can be shared. A state belongs to its caller; one writer at a time.
+ * FAILURE  dahl_prepare() and dahl_change_plan() are the only calls that can fail; all others accept every input.
+ */
+#ifndef DAHL_H
+#define DAHL_H
+
+#include <stdint.h>
+
+#define DAHL_VERSION_MAJOR 0
+#define DAHL_VERSION_MINOR 1
+#define DAHL_VERSION_PATCH 0
+#define DAHL_VERSION "0.1.0"
+
+/* Bounds that the tests read. One ulp of Fc is the distance from Fc to the next float away from zero. */
+#define DAHL_ULP_COUNTS 0.52       /* dahl_step_counts, dahl_torque: torque error in ulp of Fc */
+#define DAHL_ULP_ANGLE 0.6         /* dahl_step: torque error in ulp of Fc */
+#define DAHL_ERROR_Q30 9.4e-10     /* dahl_step_counts_q30: error of F/Fc */
+#define DAHL_Q30 9.313225746154785e-10 /* 2^-30: F/Fc = DAHL_Q30 * result of dahl_step_counts_q30 */
+
+/* What dahl_prepare accepts. */
+#define DAHL_TORQUE_MIN 5.421010862427522e-20f  /* 2^-64 N m, for Fc; and 2^-64 N m/rad for sigma0 */
+#define DAHL_TORQUE_MAX 1.844674407370955e19f   /* 2^64, not included */
+#define DAHL_TRAVEL_MIN 9.313225746154785e-10   /* 2^-30 <= sigma0/Fc * theta_per_count, travel of one count */
+#define DAHL_TRAVEL_MAX 1048576.0               /* < 2^20 */
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    float sigma0;          /* N m/rad, stiffness at rest, 2^-64 <= sigma0 < 2^64 */
+    float Fc;              /* N m, Coulomb torque, 2^-64 <= Fc < 2^64 */
+    float theta_per_count; /* rad/count, > 0; 0: no encoder counts, dahl_step only */
+} dahl_params_t;
+
+typedef enum {
+    DAHL_OK = 0,
+    DAHL_ERR_PARAM = -1, /* a parameter is NaN, infinite, negative, or zero where that has no meaning */
+    DAHL_ERR_RANGE = -2  /* a parameter, or the travel of one count, is outside the range above */
+} dahl_err_t;
+
+/* A fraction in Q64, as two words so that a step needs 32 x 32 -> 64 bit products only. 1 is stored as 2^64 - 1. */
+typedef struct {
+    uint32_t hi;
+    uint32_t lo;
+} dahl_q64_t;
+
+/* Everything that parameters decide, prepared once. Integers only: bits equal everywhere, fit for `const` in flash. */
+typedef struct {
+    dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
+    uint32_t a_mantissa;  /* a = a_mantissa 2^a_exponent [1/rad], top bit set */
+    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^Fc_exponent [N m], top bit set */
+    int32_t a_exponent;
+    int32_t Fc_exponent;
+} dahl_plan_t;
+
+/* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by at most 2^31, which no returned value shows). 0: relaxed. */
+typedef struct {
+    int64_t w;
+} dahl_state_t;
+
+/* Prepare a plan. Fails iff a parameter is outside its range: then the code says why and *plan is untouched.
+ * Any plan and params pointers must be valid. Cost: about 100 64-bit products; call it at start, not in the loop. */
+dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
+
+/* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
+ * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc; relative error below 1e-6 while |F| > 1e-12 Fc.
+ * Cost: 2 multiplies and a table entry for 1 to 8 counts, else popcount(|dcounts|) times that; 1 multiply for F. */
+float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+
+/* The same move; returns F/Fc in Q30, -2^30 .. 2^30. Integers only: no float, no helper function. */
+int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+
+/* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,
+ * +-0 leaves the state bit-identical. Error: DAHL_ULP_ANGLE ulp of Fc for the floats fed, for ever if each |u| >= 2^-30,
+ * else for 2^31 ticks. Travel u below 2^-63 per tick is lost. Cost: g(u) by one polynomial of degree 6, no libm. */
+float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
+
+/* The torque F in N m without motion, -Fc .. Fc. */
+float dahl_torque(const dahl_plan_t *plan, const dahl_state_t *state);
+
+/* Set the state to torque F in N m, clamped to +-Fc; NaN is ignored. dahl_torque() then returns the same float
+ * while |F| >= 2^-36 Fc. */
+void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
+
+/* Go on with other parameters, from plan `from` to plan `to`, between two ticks. The torque is kept while the bristle
+ * can carry it: clamped to the new Fc, and scaled by sigma0_to/sigma0_from where that is below 1 (the bristle keeps its
+ * deflection), so that the stored energy F^2/(2 sigma0) never grows. Cost: one division. */
+void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
+
+/* Shortest signed way from one reading of an absolute encoder to the next, in counts: -n/2 <= result < n/2 for
+ * n = counts_per_turn (half a turn is taken as negative). 0 means a full 32-bit counter. Readings are taken modulo n. */
+int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_turn);
+
+/*
+ * The literal form: float exponential and a branch where the motion changes sign (Eq. 1 solved anchored at the last
+ * reversal, Eqs. 7, 18, 27). Needs libm's expm1f and float hardware to be quick, gives other bits on other libms, and
+ * adds an error at each reversal; it is here to read, to teach and to cross-check. Linked only when called.
+ * Error of F: DAHL_FLOAT_ERROR_SWEEP of Fc per reversal that the bristle still remembers (see float.c).
+ */
+#define DAHL_FLOAT_ERROR 4.8e-7 /* of Fc, after each reversal added to what earlier ones left; 8 units of 2^-24 */
+
+typedef struct {
+    float Fc;          /* N m */
+    float a;           /* 1/rad */
+    float a_per_count; /* travel of one count */
+} dahl_float_plan_t;
+
+/* All zeros: relaxed, no motion yet. */
+typedef struct {
+    float w_reversal;  /* F/Fc at the last reversal */
+    float travel;      /* since then, by angle, rad */
+    uint32_t counts;   /* since then, by counts */
+    int32_t direction; /* +1, -1; 0 before the first motion */
+} dahl_float_state_t;
+
+/* As their namesakes above: same units, same laws, same bad inputs, other bound. */
+dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params);
+float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t dcounts);
+float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

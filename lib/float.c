@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The literal form: torque and travel since the last reversal, one float exponential, a branch where the motion changes
+ * sign. Within one direction nothing accumulates, because the travel is counted exactly and the exponential always starts
+ * from the reversal. At each reversal the torque is rounded, and that error stays until the bristle forgets it:
+ * after n reversals closer together than the presliding length, at most n DAHL_FLOAT_ERROR Fc. The core has no such term.
+ */
+#include <float.h>
+#include <math.h>
+
+#include "dahl.h"
+
+dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params)
+{
+    dahl_plan_t checked;
+    dahl_err_t err = dahl_prepare(&checked, params); /* one set of limits for both forms */
+    if (err == DAHL_OK) {
+        plan->Fc = params->Fc;
+        plan->a = params->sigma0 / params->Fc;
+        plan->a_per_count = plan->a * params->theta_per_count;
+    }
+    return err;
+}
+
+/* g(a_travel) towards the direction of motion, from the last reversal (Eq. 18, anchored). */
+static float w_now(const dahl_float_plan_t *plan, const dahl_float_state_t *state)
+{
+    float u = plan->a_per_count * (float)state->counts + plan->a * state->travel;
+    return state->w_reversal - ((float)state->direction - state->w_reversal) * expm1f(-u);
+}
+
+/* The branch where the motion changes sign: what was reached becomes the start. */
+static void turn(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t direction)
+{
+    if (state->direction != direction) {
+        state->w_reversal = w_now(plan, state);
+        state->travel = 0.0f;
+        state->counts = 0;
+        state->direction = direction;
+    }
+}
+
+float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t dcounts)
+{
+    uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
+    if (n != 0) {
+        turn(plan, state, dcounts > 0 ? 1 : -1);
+        state->counts = state->counts + n < n ? UINT32_MAX : state->counts + n;
+    }
+    return plan->Fc * w_now(plan, state);
+}
+
+float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
+{
+    float travel = fabsf(dtheta);
+    if (travel > 0.0f) {
+        turn(plan, state, dtheta > 0.0f ? 1 : -1);
+        state->travel = fminf(state->travel + travel, FLT_MAX);
+    }
+    return plan->Fc * w_now(plan, state);
+}

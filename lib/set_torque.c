@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: MIT */
+/* The state from a torque in N m. */
+#include "fixed.h"
+
+/* F/Fc in Q62 for normal F < Fc, rounded. */
+static uint64_t ratio_q62(dahl_real_t F, const dahl_plan_t *plan)
+{
+    uint64_t quotient = dahl_quotient_q38(F.mantissa, plan->Fc_mantissa);
+    int32_t shift = plan->Fc_exponent - F.exponent - 24;
+    if (shift <= 0) {
+        return quotient << -shift;
+    }
+    return shift > 40 ? 0u : (quotient + ((uint64_t)1 << (shift - 1))) >> shift;
+}
+
+void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)
+{
+    uint32_t bits = dahl_bits_of(F);
+    uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
+    dahl_real_t size = dahl_real_of(magnitude);
+    uint64_t w = 0;
+    if (magnitude > DAHL_BITS_INF) {
+        return;
+    }
+    if (size.exponent > plan->Fc_exponent ||
+        (size.exponent == plan->Fc_exponent && size.mantissa >= plan->Fc_mantissa)) {
+        w = DAHL_ONE_Q62;
+    } else if (magnitude >= DAHL_BITS_NORMAL) {
+        w = ratio_q62(size, plan);
+    }
+    state->w = (int64_t)(bits >> 31 ? 0u - w : w);
+}

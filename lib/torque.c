@@ -1,0 +1,8 @@
+/* SPDX-License-Identifier: MIT */
+/* The torque without motion. */
+#include "torque.h"
+
+float dahl_torque(const dahl_plan_t *plan, const dahl_state_t *state)
+{
+    return dahl_torque_of(plan, state->w);
+}
