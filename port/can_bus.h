@@ -1,0 +1,91 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * can_bus: the seam between a node and whatever carries its frames.
+ *
+ * A bus delivers every frame to every member in one order, the sender included: own frames come back from receive()
+ * with CAN_FRAME_OWN set. So one reader sees the whole bus, and a log written from receive() is the bus.
+ * Each folder beside this file is one bus with this contract; host and firmware choose by linking, not by #ifdef.
+ */
+#ifndef CAN_BUS_H
+#define CAN_BUS_H
+
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    CAN_FRAME_EXTENDED = 1, /* 29-bit id */
+    CAN_FRAME_REMOTE = 2,   /* RTR: no data */
+    CAN_FRAME_ERROR = 4,    /* error frame of the controller */
+    CAN_FRAME_FD = 8,       /* CAN FD; only its first 8 bytes are kept */
+    CAN_FRAME_OWN = 16      /* sent by this process, seen on its way back */
+};
+
+/* Flags that make a frame something other than a classic data frame with an 11-bit id. */
+#define CAN_FRAME_FOREIGN (CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)
+
+typedef struct {
+    uint64_t time_us; /* when the bus carried it, on the bus's own clock */
+    uint32_t id;      /* 11 or 29 bits */
+    uint8_t flags;    /* CAN_FRAME_* */
+    uint8_t length;   /* bytes in data, 0..8 */
+    uint8_t data[8];
+} can_frame_t;
+
+typedef enum {
+    CAN_BUS_OK = 0,
+    CAN_BUS_NONE = 1,  /* receive: no frame came in time */
+    CAN_BUS_BUSY = 2,  /* send: no room, the frame was dropped and counted */
+    CAN_BUS_GONE = -1, /* the bus is gone; nothing more will come */
+    CAN_BUS_ERROR = -2 /* open: it cannot be had; the reason is in errno or in the error text */
+} can_result_t;
+
+/* Where time comes from: a real clock, or the simulation's own. */
+typedef struct {
+    uint64_t (*now_ns)(void *context);
+    void *context;
+} can_clock_t;
+
+typedef struct {
+    uint64_t dropped; /* frames that found no room */
+    uint64_t garbage; /* pieces of input that were no frame */
+    uint64_t retries; /* sends repeated because the driver's queue was full */
+} can_bus_counts_t;
+
+typedef struct can_bus can_bus_t;
+
+typedef struct {
+    can_result_t (*send)(can_bus_t *bus, const can_frame_t *frame);                          /* never blocks the beat */
+    can_result_t (*receive)(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us); /* 0: only look */
+    uint32_t (*peers)(const can_bus_t *bus);                                          /* others seen on the bus */
+    void (*close)(can_bus_t *bus);                                                    /* sends what is still queued */
+} can_bus_ops_t;
+
+struct can_bus {
+    const can_bus_ops_t *ops;
+    can_clock_t clock;
+    can_bus_counts_t counts;
+};
+
+static inline uint64_t can_clock_now_us(const can_clock_t *clock)
+{
+    return clock->now_ns(clock->context) / 1000u;
+}
+
+static inline can_result_t can_bus_send(can_bus_t *bus, const can_frame_t *frame)
+{
+    return bus->ops->send(bus, frame);
+}
+
+static inline can_result_t can_bus_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+{
+    return bus->ops->receive(bus, frame, timeout_us);
+}
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

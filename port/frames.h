@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * frames: the three CAN frames of a friction node, in C. dahl.dbc says the same; a test holds both together bit by bit.
+ *
+ * All are 8 bytes, little endian, 11-bit ids with the node number 0..15 in the low 4 bits, protected as AUTOSAR E2E
+ * profile 2: byte 0 is CRC-8 (polynomial 0x2F) over bytes 1..7 and one byte of the message's data id list, chosen by the
+ * 4-bit counter in the low half of byte 1. Data id list of a kind: (kind << 4) | counter, kind as below.
+ *
+ *   EncoderState   0x100+n  every 1 ms      encoder -> node
+ *   FrictionTorque 0x110+n  on reception    node -> all; echoes the counter that it answers
+ *   Status         0x120+n  every 100 ms    node -> all
+ *
+ * Cost: one table look-up per byte; no division, no float, no loop longer than 8.
+ */
+#ifndef FRAMES_H
+#define FRAMES_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "can_bus.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define FRAMES_ID_ENCODER 0x100u
+#define FRAMES_ID_TORQUE 0x110u
+#define FRAMES_ID_STATUS 0x120u
+#define FRAMES_NODES 16u
+
+/* High half of the data ids; any two differ in at least 2 bits, so that a frame of one kind passes for no other. */
+enum { FRAMES_KIND_ENCODER = 0x3, FRAMES_KIND_TORQUE = 0xC, FRAMES_KIND_STATUS = 0x5 };
+
+/* What a receiver thinks of its input; on the wire in FrictionTorque and Status. */
+typedef enum {
+    FRAMES_OK = 0,             /* next in sequence, used */
+    FRAMES_REPEATED = 1,       /* same counter again, not used */
+    FRAMES_LOST = 2,           /* one or two missing before it, used: the count is absolute */
+    FRAMES_WRONG_SEQUENCE = 3, /* more than two missing, or out of order: not integrated */
+    FRAMES_CRC = 4,            /* wrong CRC or form, not used */
+    FRAMES_STALE = 5,          /* nothing good for too long */
+    FRAMES_INIT = 6            /* nothing good yet; the first good frame is the starting point */
+} frames_state_t;
+
+typedef enum {
+    FRAMES_GOOD = 0,
+    FRAMES_BAD_FORMAT = -1, /* length, extended, remote, FD or error frame: nothing was read */
+    FRAMES_BAD_CRC = -2
+} frames_check_t;
+
+typedef struct {
+    int32_t count;   /* absolute, wraps at 32 bits */
+    uint8_t counter; /* 0..15 */
+    bool valid;      /* false: the encoder does not stand by this count */
+} encoder_state_t;
+
+typedef struct {
+    int32_t torque_q30; /* F/Fc, -2^30..2^30 */
+    uint8_t counter;    /* 0..15 */
+    uint8_t state;      /* frames_state_t */
+    uint8_t echo;       /* counter of the EncoderState answered */
+} friction_torque_t;
+
+/* Sticky error bits of Status: bit number = frames_state_t, and two more. */
+enum { FRAMES_ERROR_FORMAT = 1u << 0, FRAMES_ERROR_INVALID = 1u << 6 };
+
+typedef struct {
+    uint8_t counter;       /* 0..15 */
+    uint8_t state;         /* frames_state_t */
+    uint8_t errors;        /* sticky: 1 << state, FRAMES_ERROR_* */
+    uint8_t lost;          /* frames missing, modulo 256 */
+    uint8_t corrupt;       /* CRC and format errors, modulo 256 */
+    uint8_t out_of_step;   /* repeated, wrong sequence and stale, modulo 256 */
+    uint8_t version_major; /* 0..15 */
+    uint8_t version_minor; /* 0..15 */
+} node_status_t;
+
+/* Node 0..15; higher bits are cut. Flags and time of *frame are cleared. */
+void frames_pack_encoder(can_frame_t *frame, uint8_t node, const encoder_state_t *in);
+void frames_pack_torque(can_frame_t *frame, uint8_t node, const friction_torque_t *in);
+void frames_pack_status(can_frame_t *frame, uint8_t node, const node_status_t *in);
+
+/* *out is written iff FRAMES_GOOD is returned. The id is the caller's to check. */
+frames_check_t frames_unpack_encoder(const can_frame_t *frame, encoder_state_t *out);
+frames_check_t frames_unpack_torque(const can_frame_t *frame, friction_torque_t *out);
+frames_check_t frames_unpack_status(const can_frame_t *frame, node_status_t *out);
+
+/* CRC-8H2F of bytes 1..7 and the data id that the kind and the counter in byte 1 choose. */
+uint8_t frames_crc(const uint8_t data[8], uint8_t kind);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

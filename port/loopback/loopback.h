@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: MIT */
+/* loopback: a bus inside one process, for virtual time and tests. It never waits: with no frame, receive says so. */
+#ifndef LOOPBACK_H
+#define LOOPBACK_H
+
+#include "../can_bus.h"
+#include "../frame_queue.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    can_bus_t bus; /* first, so that a can_bus_t * is a loopback_t * */
+    frame_queue_t queue;
+} loopback_t;
+
+void loopback_open(loopback_t *self, can_clock_t clock);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * socketcan: a bus of the Linux kernel (vcan0, can0). Frames carry the kernel's time stamps. One raw socket that also
+ * receives its own frames, so that even two parts in one process talk through the kernel.
+ */
+#ifndef SOCKETCAN_H
+#define SOCKETCAN_H
+
+#include "../can_bus.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    can_bus_t bus; /* first */
+    int fd;
+} socketcan_t;
+
+/* CAN_BUS_ERROR: no such interface, or the kernel has no CAN; errno says why. */
+can_result_t socketcan_open(socketcan_t *self, const char *interface, can_clock_t clock);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: MIT */
+/* socketcand client: see client.h. */
+#define _GNU_SOURCE
+#include "client.h"
+
+#include <errno.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { READ_SIZE = 4096, HANDSHAKE_MS = 5000 };
+
+static can_result_t member_send(can_bus_t *bus, const can_frame_t *frame)
+{
+    socketcand_member_t *self = (socketcand_member_t *)bus;
+    char text[TEXT_FRAME_MAX];
+    can_frame_t stamped = *frame;
+    stamped.time_us = can_clock_now_us(&bus->clock);
+    stamped.flags |= CAN_FRAME_OWN;
+    if (frame_queue_room(&self->queue) == 0 || !outbox_put(&self->outbox, text, text_from_send(text, frame))) {
+        bus->counts.dropped++;
+        return CAN_BUS_BUSY;
+    }
+    frame_queue_put(&self->queue, &stamped);
+    return outbox_flush(&self->outbox, self->fd) ? CAN_BUS_OK : CAN_BUS_GONE;
+}
+
+static void feed(socketcand_member_t *self, const char *bytes, size_t count)
+{
+    can_frame_t frame;
+    for (size_t i = 0; i < count; i++) {
+        if (!text_feed(&self->input, bytes[i])) {
+            continue;
+        }
+        if (!text_to_frame(self->input.element, &frame)) {
+            self->bus.counts.garbage++;
+        } else if (!frame_queue_put(&self->queue, &frame)) {
+            self->bus.counts.dropped++;
+        }
+    }
+}
+
+static bool read_some(socketcand_member_t *self)
+{
+    char bytes[READ_SIZE];
+    ssize_t n = recv(self->fd, bytes, sizeof bytes, MSG_DONTWAIT);
+    if (n > 0) {
+        feed(self, bytes, (size_t)n);
+    }
+    return n > 0 || (n < 0 && (errno == EAGAIN || errno == EINTR));
+}
+
+static can_result_t member_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+{
+    socketcand_member_t *self = (socketcand_member_t *)bus;
+    if (frame_queue_take(&self->queue, frame)) {
+        return CAN_BUS_OK;
+    }
+    if (!outbox_flush(&self->outbox, self->fd)) {
+        return CAN_BUS_GONE;
+    }
+    struct pollfd ready = {.fd = self->fd, .events = POLLIN};
+    struct timespec wait = {.tv_sec = (time_t)(timeout_us / 1000000u), .tv_nsec = (long)(timeout_us % 1000000u) * 1000};
+    if (!outbox_empty(&self->outbox)) {
+        ready.events |= POLLOUT;
+    }
+    if (ppoll(&ready, 1, &wait, NULL) > 0 && (ready.revents & ~POLLOUT) != 0 && !read_some(self)) {
+        return CAN_BUS_GONE;
+    }
+    return frame_queue_take(&self->queue, frame) ? CAN_BUS_OK : CAN_BUS_NONE;
+}
+
+static uint32_t member_peers(const can_bus_t *bus)
+{
+    (void)bus;
+    return 1;
+}
+
+static void member_close(can_bus_t *bus)
+{
+    socketcand_member_t *self = (socketcand_member_t *)bus;
+    struct pollfd ready = {.fd = self->fd, .events = POLLOUT};
+    for (int i = 0; i < 20 && !outbox_empty(&self->outbox); i++) {
+        if (poll(&ready, 1, 100) < 0 || !outbox_flush(&self->outbox, self->fd)) {
+            break;
+        }
+    }
+    close(self->fd);
+}
+
+static const can_bus_ops_t member_ops = {member_send, member_receive, member_peers, member_close};
+
+static int fail(int fd, int why)
+{
+    if (fd >= 0) {
+        close(fd);
+    }
+    errno = why;
+    return -1;
+}
+
+static int connect_one(const struct addrinfo *address)
+{
+    const int on = 1;
+    int why = 0;
+    socklen_t size = sizeof why;
+    int fd = socket(address->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    struct pollfd ready = {.fd = fd, .events = POLLOUT};
+    if (fd < 0) {
+        return -1;
+    }
+    if (connect(fd, address->ai_addr, address->ai_addrlen) != 0 && errno != EINPROGRESS) {
+        return fail(fd, errno);
+    }
+    if (poll(&ready, 1, HANDSHAKE_MS) <= 0) {
+        return fail(fd, ETIMEDOUT);
+    }
+    if (getsockopt(fd, SOL_SOCKET, SO_ERROR, &why, &size) != 0 || why != 0) {
+        return fail(fd, why);
+    }
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    return fd;
+}
+
+static int connect_to(const char *host, const char *port)
+{
+    struct addrinfo hints = {.ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM};
+    struct addrinfo *list;
+    int fd = -1;
+    if (getaddrinfo(host, port, &hints, &list) != 0) {
+        return fail(-1, EADDRNOTAVAIL);
+    }
+    for (const struct addrinfo *a = list; a != NULL && fd < 0; a = a->ai_next) {
+        fd = connect_one(a);
+    }
+    int why = errno;
+    freeaddrinfo(list);
+    errno = why;
+    return fd;
+}
+
+/* Byte by byte, so that frames after the last answer stay in the socket. */
+static bool next_element(socketcand_member_t *self)
+{
+    struct pollfd ready = {.fd = self->fd, .events = POLLIN};
+    char c;
+    while (poll(&ready, 1, HANDSHAKE_MS) > 0 && recv(self->fd, &c, 1, 0) == 1) {
+        if (text_feed(&self->input, c)) {
+            return true;
+        }
+        if (self->input.garbage > 0) {
+            break;
+        }
+    }
+    errno = EPROTO;
+    return false;
+}
+
+static bool expect(socketcand_member_t *self, const char *element)
+{
+    if (!next_element(self)) {
+        return false;
+    }
+    errno = EPROTO;
+    return strcmp(self->input.element, element) == 0;
+}
+
+static bool say(socketcand_member_t *self, const char *text)
+{
+    return outbox_put(&self->outbox, text, strlen(text)) && outbox_flush(&self->outbox, self->fd);
+}
+
+static bool handshake(socketcand_member_t *self, const char *name)
+{
+    char open[64];
+    snprintf(open, sizeof open, "< open %s >", name);
+    return expect(self, " hi ") && say(self, open) && expect(self, " ok ") && say(self, "< rawmode >") &&
+           expect(self, " ok ");
+}
+
+can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
+                             can_clock_t clock)
+{
+    self->bus = (can_bus_t){.ops = &member_ops, .clock = clock};
+    self->fd = connect_to(host, port);
+    if (self->fd < 0) {
+        return CAN_BUS_ERROR;
+    }
+    if (!handshake(self, name)) {
+        fail(self->fd, EPROTO);
+        return CAN_BUS_ERROR;
+    }
+    return CAN_BUS_OK;
+}

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * socketcand client: a member of a bus that another process serves. Received frames carry the server's time stamps. The
+ * server does not send a frame back to its sender, so the client puts its own frames into its queue itself.
+ */
+#ifndef SOCKETCAND_CLIENT_H
+#define SOCKETCAND_CLIENT_H
+
+#include "../can_bus.h"
+#include "../frame_queue.h"
+#include "outbox.h"
+#include "text.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    can_bus_t bus; /* first */
+    frame_queue_t queue;
+    int fd;
+    text_splitter_t input;
+    outbox_t outbox;
+} socketcand_member_t;
+
+/* Connect, open the bus by name and enter raw mode, within 5 s. *self must be all zeros (it is large: make it static).
+ * CAN_BUS_ERROR: errno says why; EPROTO: the peer does not speak socketcand or has no such bus. */
+can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
+                             can_clock_t clock);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

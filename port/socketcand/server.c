@@ -1,0 +1,376 @@
+/* SPDX-License-Identifier: MIT */
+/* socketcand server: see server.h. One poll per receive(); input is only read while the queue has room for all of it. */
+#define _GNU_SOURCE
+#include "server.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    READ_SIZE = 4096,
+    FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
+    QUIET_MS = 100,        /* python-can takes "< ok >" for bad if a frame follows in the same piece */
+    LINGER_MS = 2000,
+    DRAIN_MS = 50
+};
+
+static uint64_t real_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+static void leave(socketcand_client_t *client)
+{
+    close(client->fd);
+    client->stage = SOCKETCAND_FREE;
+}
+
+static void drop(socketcand_server_t *self, socketcand_client_t *client)
+{
+    char text[120];
+    snprintf(text, sizeof text, "socketcand client %d dropped: it reads too slowly, %u bytes wait for it",
+             (int)(client - self->clients) + 1, (unsigned)(client->outbox.end - client->outbox.begin));
+    if (self->report != NULL) {
+        self->report(text);
+    }
+    leave(client);
+}
+
+static bool is_quiet(const socketcand_client_t *client)
+{
+    return client->stage == SOCKETCAND_RAW && client->quiet_until_ns != 0;
+}
+
+static void end_quiet(socketcand_client_t *client)
+{
+    if (is_quiet(client) && real_ns() >= client->quiet_until_ns) {
+        client->quiet_until_ns = 0;
+    }
+}
+
+static void flush(socketcand_client_t *client)
+{
+    end_quiet(client);
+    if (client->stage != SOCKETCAND_FREE && !is_quiet(client) && !outbox_flush(&client->outbox, client->fd)) {
+        leave(client);
+    }
+}
+
+static void flush_all(socketcand_server_t *self)
+{
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        flush(&self->clients[i]);
+    }
+}
+
+/* Wait until the client has read something; an interrupt ends all patience, so that Ctrl-C is never delayed. */
+static bool wait_for(socketcand_server_t *self, socketcand_client_t *client)
+{
+    struct pollfd ready = {.fd = client->fd, .events = POLLOUT};
+    uint64_t give_up = real_ns() + (uint64_t)self->patience_ms * 1000000u;
+    size_t before = client->outbox.end - client->outbox.begin;
+    while (client->stage != SOCKETCAND_FREE && client->outbox.end - client->outbox.begin >= before) {
+        if (real_ns() >= give_up) {
+            return false;
+        }
+        if (poll(&ready, 1, 10) < 0) {
+            self->patience_ms = 0;
+            return false;
+        }
+        flush(client);
+    }
+    return client->stage != SOCKETCAND_FREE;
+}
+
+static void put(socketcand_server_t *self, socketcand_client_t *client, const char *text, size_t length)
+{
+    while (client->stage != SOCKETCAND_FREE && !outbox_put(&client->outbox, text, length)) {
+        if (!wait_for(self, client) && client->stage != SOCKETCAND_FREE) {
+            self->bus.counts.dropped++;
+            drop(self, client);
+        }
+    }
+}
+
+static void put_word(socketcand_server_t *self, socketcand_client_t *client, const char *text)
+{
+    put(self, client, text, strlen(text));
+    flush(client);
+}
+
+/* To the queue of this process and to every client in raw mode but the sender. */
+static can_result_t deliver(socketcand_server_t *self, const can_frame_t *frame, const socketcand_client_t *sender)
+{
+    char text[TEXT_FRAME_MAX];
+    size_t length = text_from_frame(text, frame);
+    for (size_t i = 0; length > 0 && i < SOCKETCAND_CLIENTS; i++) {
+        socketcand_client_t *client = &self->clients[i];
+        if (client->stage == SOCKETCAND_RAW && client != sender) {
+            put(self, client, text, length);
+        }
+    }
+    if (!frame_queue_put(&self->queue, frame)) {
+        self->bus.counts.dropped++;
+        return CAN_BUS_BUSY;
+    }
+    return CAN_BUS_OK;
+}
+
+static can_result_t server_send(can_bus_t *bus, const can_frame_t *frame)
+{
+    can_frame_t stamped = *frame;
+    stamped.time_us = can_clock_now_us(&bus->clock);
+    stamped.flags |= CAN_FRAME_OWN;
+    return deliver((socketcand_server_t *)bus, &stamped, NULL);
+}
+
+static void on_open(socketcand_server_t *self, socketcand_client_t *client, const char *words)
+{
+    char name[32];
+    if (text_word(&words, name, sizeof name) && strcmp(name, self->name) == 0) {
+        client->stage = SOCKETCAND_OPENED;
+        put_word(self, client, "< ok >");
+    } else {
+        put_word(self, client, "< error could not open bus >");
+    }
+}
+
+static void on_rawmode(socketcand_server_t *self, socketcand_client_t *client)
+{
+    put_word(self, client, "< ok >");
+    if (client->stage == SOCKETCAND_OPENED) {
+        client->stage = SOCKETCAND_RAW;
+        client->quiet_until_ns = real_ns() + QUIET_MS * 1000000u;
+    }
+}
+
+static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, const char *element)
+{
+    char verb[16];
+    const char *words = element;
+    bool some = text_word(&words, verb, sizeof verb);
+    if (some && strcmp(verb, "open") == 0) {
+        on_open(self, client, words);
+    } else if (some && strcmp(verb, "rawmode") == 0 && client->stage == SOCKETCAND_OPENED) {
+        on_rawmode(self, client);
+    } else {
+        self->bus.counts.garbage++;
+        put_word(self, client, "< error unknown command >");
+    }
+}
+
+/* In raw mode garbage is counted and not answered: python-can stops at an element that it cannot parse. */
+static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const char *element)
+{
+    can_frame_t frame;
+    if (!text_to_send(element, &frame)) {
+        self->bus.counts.garbage++;
+        return;
+    }
+    frame.time_us = can_clock_now_us(&self->bus.clock);
+    deliver(self, &frame, client);
+}
+
+static void on_element(socketcand_server_t *self, socketcand_client_t *client, const char *element)
+{
+    if (strcmp(element, " echo ") == 0) {
+        put_word(self, client, "< echo >");
+    } else if (client->stage == SOCKETCAND_RAW) {
+        on_raw(self, client, element);
+    } else {
+        on_greeting(self, client, element);
+    }
+}
+
+static void feed(socketcand_server_t *self, socketcand_client_t *client, const char *bytes, size_t count)
+{
+    uint64_t before = client->input.garbage;
+    for (size_t i = 0; i < count && client->stage != SOCKETCAND_FREE; i++) {
+        if (text_feed(&client->input, bytes[i])) {
+            on_element(self, client, client->input.element);
+        }
+    }
+    self->bus.counts.garbage += client->input.garbage - before;
+}
+
+static void read_from(socketcand_server_t *self, socketcand_client_t *client)
+{
+    char bytes[READ_SIZE];
+    ssize_t n = recv(client->fd, bytes, sizeof bytes, MSG_DONTWAIT);
+    if (n > 0) {
+        feed(self, client, bytes, (size_t)n);
+    } else if (n == 0 || (errno != EAGAIN && errno != EINTR)) {
+        leave(client);
+    }
+}
+
+static socketcand_client_t *free_client(socketcand_server_t *self)
+{
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        if (self->clients[i].stage == SOCKETCAND_FREE) {
+            return &self->clients[i];
+        }
+    }
+    return NULL;
+}
+
+static void join(socketcand_server_t *self)
+{
+    const int on = 1;
+    socketcand_client_t *client = free_client(self);
+    int fd = accept4(self->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (fd < 0 || client == NULL) {
+        if (fd >= 0) {
+            close(fd);
+        }
+        return;
+    }
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    client->fd = fd;
+    client->stage = SOCKETCAND_GREETED;
+    client->quiet_until_ns = 0;
+    client->input.inside = false;
+    client->outbox.begin = 0;
+    client->outbox.end = 0;
+    put_word(self, client, "< hi >");
+}
+
+static void watch(const socketcand_server_t *self, struct pollfd *fds)
+{
+    short read = frame_queue_room(&self->queue) >= FRAMES_PER_READ ? POLLIN : 0;
+    fds[0] = (struct pollfd){.fd = self->listener, .events = POLLIN};
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        const socketcand_client_t *client = &self->clients[i];
+        short write = !is_quiet(client) && !outbox_empty(&client->outbox) ? POLLOUT : 0;
+        fds[i + 1] = (struct pollfd){.fd = client->stage == SOCKETCAND_FREE ? -1 : client->fd,
+                                     .events = (short)(read | write)};
+    }
+}
+
+static void serve(socketcand_server_t *self, const struct pollfd *fds)
+{
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        if ((fds[i + 1].revents & POLLOUT) != 0) {
+            flush(&self->clients[i]);
+        }
+        if ((fds[i + 1].revents & (POLLIN | POLLHUP | POLLERR)) != 0 &&
+            frame_queue_room(&self->queue) >= FRAMES_PER_READ) {
+            read_from(self, &self->clients[i]);
+        }
+    }
+    if (fds[0].revents != 0) {
+        join(self);
+    }
+}
+
+static can_result_t server_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+{
+    socketcand_server_t *self = (socketcand_server_t *)bus;
+    struct pollfd fds[SOCKETCAND_CLIENTS + 1];
+    if (frame_queue_take(&self->queue, frame)) {
+        return CAN_BUS_OK;
+    }
+    flush_all(self);
+    watch(self, fds);
+    struct timespec wait = {.tv_sec = (time_t)(timeout_us / 1000000u), .tv_nsec = (long)(timeout_us % 1000000u) * 1000};
+    if (ppoll(fds, SOCKETCAND_CLIENTS + 1, &wait, NULL) > 0) {
+        serve(self, fds);
+    }
+    return frame_queue_take(&self->queue, frame) ? CAN_BUS_OK : CAN_BUS_NONE;
+}
+
+static uint32_t server_peers(const can_bus_t *bus)
+{
+    const socketcand_server_t *self = (const socketcand_server_t *)bus;
+    uint32_t count = 0;
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        count += self->clients[i].stage == SOCKETCAND_RAW && !is_quiet(&self->clients[i]) ? 1u : 0u;
+    }
+    return count;
+}
+
+static bool something_waits(const socketcand_server_t *self)
+{
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        if (self->clients[i].stage != SOCKETCAND_FREE && !outbox_empty(&self->clients[i].outbox)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* What a client sent and nobody read would turn close() into a reset that destroys what it has not read yet. */
+static void part(socketcand_client_t *client)
+{
+    char bytes[READ_SIZE];
+    struct pollfd ready = {.fd = client->fd, .events = POLLIN};
+    shutdown(client->fd, SHUT_WR);
+    for (int i = 0; i < 16 && poll(&ready, 1, DRAIN_MS) > 0; i++) {
+        if (recv(client->fd, bytes, sizeof bytes, MSG_DONTWAIT) <= 0) {
+            break;
+        }
+    }
+    leave(client);
+}
+
+static void server_close(can_bus_t *bus)
+{
+    socketcand_server_t *self = (socketcand_server_t *)bus;
+    uint64_t give_up = real_ns() + LINGER_MS * UINT64_C(1000000);
+    close(self->listener);
+    while (something_waits(self) && real_ns() < give_up) {
+        struct timespec nap = {.tv_nsec = 1000000};
+        flush_all(self);
+        nanosleep(&nap, NULL);
+    }
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        if (self->clients[i].stage != SOCKETCAND_FREE) {
+            part(&self->clients[i]);
+        }
+    }
+}
+
+static const can_bus_ops_t server_ops = {server_send, server_receive, server_peers, server_close};
+
+static can_result_t listen_on(int fd, uint16_t *port)
+{
+    const int on = 1;
+    struct sockaddr_in address = {
+        .sin_family = AF_INET, .sin_port = htons(*port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof address;
+    setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    if (bind(fd, (struct sockaddr *)&address, size) != 0 || listen(fd, SOCKETCAND_CLIENTS) != 0 ||
+        getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
+        return CAN_BUS_ERROR;
+    }
+    *port = ntohs(address.sin_port);
+    return CAN_BUS_OK;
+}
+
+can_result_t socketcand_serve(socketcand_server_t *self, uint16_t port, const char *name, can_clock_t clock)
+{
+    self->bus = (can_bus_t){.ops = &server_ops, .clock = clock};
+    self->name = name;
+    self->port = port;
+    self->listener = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    if (self->listener < 0) {
+        return CAN_BUS_ERROR;
+    }
+    can_result_t result = listen_on(self->listener, &self->port);
+    if (result != CAN_BUS_OK) {
+        int why = errno;
+        close(self->listener);
+        errno = why;
+    }
+    return result;
+}

@@ -1,0 +1,217 @@
+/* SPDX-License-Identifier: MIT */
+/* text: see text.h. */
+#include "text.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static bool outside(text_splitter_t *s, char c)
+{
+    if (c == '<') {
+        s->inside = true;
+        s->length = 0;
+    } else if (c != ' ' && c != '\n' && c != '\r') {
+        s->garbage++;
+    }
+    return false;
+}
+
+static bool finish(text_splitter_t *s)
+{
+    s->element[s->length] = '\0';
+    s->inside = false;
+    return true;
+}
+
+bool text_feed(text_splitter_t *s, char c)
+{
+    if (!s->inside) {
+        return outside(s, c);
+    }
+    if (c == '>') {
+        return finish(s);
+    }
+    if (c == '<' || s->length == TEXT_ELEMENT_MAX) {
+        s->garbage++;
+        s->inside = c == '<';
+        s->length = 0;
+        return false;
+    }
+    s->element[s->length++] = c;
+    return false;
+}
+
+bool text_word(const char **cursor, char *word, size_t size)
+{
+    const char *start = *cursor + strspn(*cursor, " ");
+    size_t length = strcspn(start, " ");
+    *cursor = start + length;
+    if (length == 0 || length >= size) {
+        return false;
+    }
+    memcpy(word, start, length);
+    word[length] = '\0';
+    return true;
+}
+
+static size_t put_id(char *out, const can_frame_t *frame)
+{
+    bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0;
+    return (size_t)snprintf(out, 9, extended ? "%08" PRIX32 : "%03" PRIX32, frame->id & 0x1FFFFFFFu);
+}
+
+static bool has_words(const can_frame_t *frame)
+{
+    return (frame->flags & (CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)) == 0;
+}
+
+static char *put_byte(char *out, uint8_t byte)
+{
+    static const char digits[] = "0123456789ABCDEF";
+    out[0] = digits[byte >> 4];
+    out[1] = digits[byte & 15];
+    return out + 2;
+}
+
+size_t text_from_frame(char *out, const can_frame_t *frame)
+{
+    if (!has_words(frame)) {
+        return 0;
+    }
+    memcpy(out, "< frame ", 8);
+    char *at = out + 8;
+    at += put_id(at, frame);
+    at += snprintf(at, 32, " %" PRIu64 ".%06" PRIu64 " ", frame->time_us / 1000000u, frame->time_us % 1000000u);
+    for (size_t i = 0; i < frame->length; i++) {
+        at = put_byte(at, frame->data[i]);
+    }
+    memcpy(at, " >", 2);
+    return (size_t)(at + 2 - out);
+}
+
+size_t text_from_send(char *out, const can_frame_t *frame)
+{
+    if (!has_words(frame)) {
+        return 0;
+    }
+    memcpy(out, "< send ", 7);
+    char *at = out + 7;
+    at += put_id(at, frame);
+    at += snprintf(at, 4, " %X", frame->length & 0x0Fu);
+    for (size_t i = 0; i < frame->length; i++) {
+        *at++ = ' ';
+        at = put_byte(at, frame->data[i]);
+    }
+    memcpy(at, " >", 2);
+    return (size_t)(at + 2 - out);
+}
+
+static bool to_number(const char *word, int base, uint64_t limit, uint64_t *value)
+{
+    char *end;
+    if (word[0] == '-' || word[0] == '+') {
+        return false;
+    }
+    *value = strtoull(word, &end, base);
+    return *end == '\0' && *value <= limit;
+}
+
+static bool hex_word(const char **cursor, uint64_t limit, uint64_t *value)
+{
+    char word[9];
+    return text_word(cursor, word, sizeof word) && to_number(word, 16, limit, value);
+}
+
+static bool id_word(const char **cursor, can_frame_t *frame)
+{
+    char word[9];
+    uint64_t id;
+    if (!text_word(cursor, word, sizeof word)) {
+        return false;
+    }
+    bool extended = strlen(word) == 8;
+    if (!to_number(word, 16, extended ? 0x1FFFFFFFu : 0x7FFu, &id)) {
+        return false;
+    }
+    frame->id = (uint32_t)id;
+    frame->flags = extended ? CAN_FRAME_EXTENDED : 0;
+    return true;
+}
+
+static bool begins_with(const char **cursor, const char *verb)
+{
+    char word[8];
+    return text_word(cursor, word, sizeof word) && strcmp(word, verb) == 0;
+}
+
+static bool at_end(const char *cursor)
+{
+    return cursor[strspn(cursor, " ")] == '\0';
+}
+
+bool text_to_send(const char *element, can_frame_t *frame)
+{
+    uint64_t value;
+    memset(frame, 0, sizeof *frame);
+    if (!begins_with(&element, "send") || !id_word(&element, frame) || !hex_word(&element, 8, &value)) {
+        return false;
+    }
+    frame->length = (uint8_t)value;
+    for (size_t i = 0; i < frame->length; i++) {
+        if (!hex_word(&element, 0xFF, &value)) {
+            return false;
+        }
+        frame->data[i] = (uint8_t)value;
+    }
+    return at_end(element);
+}
+
+static bool time_word(const char **cursor, can_frame_t *frame)
+{
+    char word[32];
+    uint64_t seconds;
+    uint64_t micros;
+    if (!text_word(cursor, word, sizeof word)) {
+        return false;
+    }
+    char *point = strchr(word, '.');
+    if (point == NULL || strlen(point) != 7) {
+        return false;
+    }
+    *point = '\0';
+    if (!to_number(word, 10, UINT64_MAX / 2000000u, &seconds) || !to_number(point + 1, 10, 999999, &micros)) {
+        return false;
+    }
+    frame->time_us = seconds * 1000000u + micros;
+    return true;
+}
+
+static bool data_word(const char **cursor, can_frame_t *frame)
+{
+    char word[18];
+    if (at_end(*cursor)) {
+        return true;
+    }
+    if (!text_word(cursor, word, sizeof word) || strlen(word) % 2 != 0 || strlen(word) > 16) {
+        return false;
+    }
+    frame->length = (uint8_t)(strlen(word) / 2);
+    for (size_t i = 0; i < frame->length; i++) {
+        char pair[3] = {word[2 * i], word[2 * i + 1], '\0'};
+        uint64_t value;
+        if (!to_number(pair, 16, 0xFF, &value)) {
+            return false;
+        }
+        frame->data[i] = (uint8_t)value;
+    }
+    return true;
+}
+
+bool text_to_frame(const char *element, can_frame_t *frame)
+{
+    memset(frame, 0, sizeof *frame);
+    return begins_with(&element, "frame") && id_word(&element, frame) && time_word(&element, frame) &&
+           data_word(&element, frame) && at_end(element);
+}
