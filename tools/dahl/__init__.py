@@ -1,2 +1,40 @@
 # SPDX-License-Identifier: MIT
-"""dahl"""
+"""Dahl friction torque, exact at every encoder tick: the Python side.
+
+The mathematics is the C library's; this package calls it and never does it again. Public names:
+
+    Plan(sigma0, Fc, theta_per_count)   parameters, prepared once (dahl.core)
+    Friction(plan)                      one bearing: feed it counts or angles, read its torque (dahl.core)
+    counts_between(before, now, n)      shortest way from one encoder reading to the next (dahl.core)
+    Error                               the one root of all errors that a user can cause or meet
+
+>>> import dahl
+>>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
+>>> round(bearing.step_counts(3), 6)   # N m
+0.102778
+
+The command `dahl` (see `dahl --help`) holds the tools: demo, monitor, record, plot, data.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+__all__ = ["Error", "Friction", "Plan", "State", "counts_between"]
+
+
+class Error(Exception):
+    """Something that a user can put right: one line that names value, limit and place."""
+
+
+class RunError(Error):
+    """A run failed for a reason outside the input: a bus gone, a program not built. Exit code 1 instead of 2."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load dahl.core only when one of its names is used, so that `dahl --help` is quick."""
+    if name in __all__:
+        return getattr(import_module("dahl.core"), name)
+    raise AttributeError(f"module 'dahl' has no attribute '{name}'")

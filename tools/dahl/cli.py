@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: MIT
+"""The command `dahl`: one module of dahl.commands per sub-command, one line `error: ...` for whatever goes wrong.
+
+Exit codes: 0 done, 1 the run failed (bus gone, program not built), 2 bad input, 130 ended by Ctrl-C after files were
+made whole.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+from dahl import Error, RunError, __version__
+from dahl.commands import data, demo, monitor, plot, record
+
+COMMANDS = {"demo": demo, "monitor": monitor, "record": record, "plot": plot, "data": data}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """All sub-commands, each with its own example."""
+    parser = argparse.ArgumentParser(
+        prog="dahl",
+        description="Friction torque by Dahl's model, exact at every encoder tick: demo, monitor and data.",
+        epilog="example: dahl demo --scene steering",
+    )
+    parser.add_argument("--version", action="version", version=f"dahl {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, module in COMMANDS.items():
+        sub = commands.add_parser(
+            name, help=module.HELP, description=module.__doc__.partition("\n")[2].strip(), epilog=module.EXAMPLE,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(sub)
+        sub.set_defaults(run=module.run)
+    return parser
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit code."""
+    args = build_parser().parse_args(argv)
+    try:
+        return args.run(args) or 0
+    except RunError as error:
+        return _complain(error, 1)
+    except Error as error:
+        return _complain(error, 2)
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # the reader of our output has gone (| head)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _complain(error: Exception, code: int) -> int:
+    print(f"error: {error}", file=sys.stderr)
+    return code

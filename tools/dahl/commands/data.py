@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: MIT
+"""
+Say where the measured sets are, or get one by name.
+
+Looked for in $DAHL_DATA, in ../shared/data beside the project, in the user's cache, and last on the network (a pinned
+commit, sha256 checked). With a name, the folder is printed alone on a line, for use in scripts.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dahl.data import Set
+
+HELP = "measured sets: where they are; fetch one"
+EXAMPLE = "example: head -3 $(dahl data tribometer)/reciprocating.tsv"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", nargs="?", help="set to get; without it all are listed")
+
+
+def run(args: argparse.Namespace) -> None:
+    from dahl import data
+
+    if args.name:
+        print(data.folder(args.name))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("set", "what", "licence", "where", title="Measured sets", title_justify="left")
+    for name, known in data.SETS.items():
+        table.add_row(name, known.what, known.licence, _where(name, known))
+    Console().print(table)
+
+
+def _where(name: str, known: Set) -> str:
+    from dahl import data
+
+    found = data.local_folder(name)
+    if found:
+        return str(found)
+    return f"to download from {known.repo}" if known.commit else "not here, and not to be downloaded"

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""
+Draw a recorded run: torque over angle, then over time.
+
+RUN is a folder that `dahl demo` left (its summary.json names the scene), or a candump log together with --scene. The
+picture goes beside the log as loop.png, or where -o says.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dahl import Error
+
+if TYPE_CHECKING:
+    from dahl.scene import Recorded, Scene
+
+HELP = "draw a recorded run"
+EXAMPLE = """examples:
+  dahl plot build/demo
+  dahl plot run.log --scene steering -o steering.png"""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("run_path", type=Path, metavar="RUN", help="folder of a run, or a candump log")
+    parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
+    parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="picture to write")
+
+
+def run(args: argparse.Namespace) -> None:
+    from dahl import logs, picture, report, scene
+
+    folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
+    log = folder / "run.log" if args.run_path.is_dir() else args.run_path
+    known = _summary(folder)
+    played = scene.read(scene.find(args.scene or _scene_of(known, log)))
+    trace = report.trace_of(logs.read_candump(log))
+    output = args.output or folder / "loop.png"
+    picture.draw(output, played, trace, _recorded(played, known))
+    print(f"{output}: {len(trace.row)} ticks, {played.title}")
+
+
+def _summary(folder: Path) -> dict:
+    try:
+        return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except ValueError as error:
+        raise Error(f"{folder / 'summary.json'}: not JSON ({error})") from None
+
+
+def _scene_of(known: dict, log: Path) -> str:
+    if "scene_file" not in known:
+        raise Error(f"{log}: which parameters did this run have? Name its scene with --scene")
+    return known["scene_file"]
+
+
+def _recorded(played: Scene, known: dict) -> Recorded | None:
+    from dahl import data, scene
+
+    if not played.log:
+        return None
+    log = Path(known["log"]) if known.get("log") else data.find_log(played.log, played.path.parent)
+    return scene.read_log(played, log)

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: MIT
+"""The C library by ctypes: same names, units and bits as lib/dahl.h, whose comments are the manual.
+
+Parameters are checked by dahl_prepare() itself; only to say which one is out of range, and which limit it passed, are
+the limits of the header known here (a test compares the two).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Iterable
+from functools import cache
+
+import numpy as np
+
+from dahl import Error, places
+
+TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
+TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
+ONE_Q30 = 1 << 30  # DAHL_ONE_Q30
+INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
+PLAN_ROOM = 128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
+
+
+class State(ctypes.Structure):
+    """dahl_state_t: w = F/Fc in Q62, 0 is relaxed."""
+
+    _fields_ = [("w", ctypes.c_int64)]
+
+
+class _Params(ctypes.Structure):
+    _fields_ = [("sigma0", ctypes.c_float), ("Fc", ctypes.c_float), ("theta_per_count", ctypes.c_float)]
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """libdahl.so with the types of its functions. Raises dahl.RunError when it is not built."""
+    lib = ctypes.CDLL(str(places.library()))
+    plan, state, f32, i32 = ctypes.c_void_p, ctypes.POINTER(State), ctypes.c_float, ctypes.c_int32
+    for name, result, *arguments in (
+        ("dahl_prepare", ctypes.c_int, plan, ctypes.POINTER(_Params)),
+        ("dahl_step_counts", f32, plan, state, i32),
+        ("dahl_step_counts_q30", i32, plan, state, i32),
+        ("dahl_step", f32, plan, state, f32),
+        ("dahl_torque", f32, plan, state),
+        ("dahl_set_torque", None, plan, state, f32),
+        ("dahl_change_plan", None, plan, plan, state),
+        ("dahl_counts_between", i32, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32),
+    ):
+        function = getattr(lib, name)
+        function.restype, function.argtypes = result, arguments
+    return lib
+
+
+def _float32(name: str, value: float) -> float:
+    """The float nearest to value, as C will see it."""
+    try:
+        return ctypes.c_float(value).value
+    except TypeError:
+        raise Error(f"{name} = {value!r} is not a number") from None
+
+
+def _int32(name: str, value: int) -> int:
+    """value as a C int32_t, which ctypes would wrap without a word."""
+    if int(value) != value or not INT32_MIN <= value <= INT32_MAX:
+        raise Error(f"{name} = {value!r} is not a whole number from {INT32_MIN} to {INT32_MAX}")
+    return int(value)
+
+
+def _refusal(plan: Plan) -> str:
+    """Which parameter dahl_prepare() did not like, and its limit."""
+    for name in ("sigma0", "Fc"):
+        value = getattr(plan, name)
+        if not TORQUE_MIN <= value < TORQUE_MAX:
+            return f"{name} = {value:g} is outside 2^-64 <= {name} < 2^64"
+    if not 0 <= plan.theta_per_count < math.inf:
+        return f"theta_per_count = {plan.theta_per_count:g} is not a finite number >= 0 (rad/count; 0: counts unused)"
+    return (
+        f"travel of one count sigma0/Fc*theta_per_count = {plan.travel_per_count:g} is outside 2^-30 <= travel < 2^20"
+        f" (sigma0 = {plan.sigma0:g}, Fc = {plan.Fc:g}, theta_per_count = {plan.theta_per_count:g})"
+    )
+
+
+class Plan:
+    """Parameters, prepared once (dahl_prepare): shared by any number of Frictions, never changed.
+
+    sigma0           N m/rad  stiffness at rest, 2^-64 <= sigma0 < 2^64                            (Eq. 1)
+    Fc               N m      Coulomb torque, 2^-64 <= Fc < 2^64                                   (Eq. 1)
+    theta_per_count  rad      per encoder count; 0: no counts; sigma0/Fc*theta_per_count in 2^-30 .. 2^20
+    Each is rounded to float, as in C, and kept so. Raises dahl.Error naming the parameter, its value and its limit.
+    """
+
+    def __init__(self, sigma0: float, Fc: float, theta_per_count: float = 0.0) -> None:  # noqa: N803 (the field's name)
+        self.sigma0 = _float32("sigma0", sigma0)
+        self.Fc = _float32("Fc", Fc)
+        self.theta_per_count = _float32("theta_per_count", theta_per_count)
+        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
+        params = _Params(self.sigma0, self.Fc, self.theta_per_count)
+        if library().dahl_prepare(self._words, ctypes.byref(params)) != 0:
+            raise Error(_refusal(self))
+
+    @property
+    def travel_per_count(self) -> float:
+        """a*theta_per_count, the travel of one count in presliding lengths Fc/sigma0."""
+        return self.sigma0 / self.Fc * self.theta_per_count
+
+    @property
+    def ulp(self) -> float:
+        """N m from Fc to the next float away from zero; the unit of the library's error bounds."""
+        return float(np.spacing(np.float32(self.Fc)))
+
+    def __repr__(self) -> str:
+        return f"Plan(sigma0={self.sigma0:g}, Fc={self.Fc:g}, theta_per_count={self.theta_per_count:g})"
+
+
+class Friction:
+    """One bearing: a Plan and its state, relaxed at first. Torques in N m, with the sign of the motion."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.state = State(0)
+
+    def step_counts(self, dcounts: int) -> float:
+        """Move by dcounts (int32), return F in N m: within 0.52 ulp of Fc of the exact value (Eqs. 7, 18, 27)."""
+        return library().dahl_step_counts(self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts))
+
+    def step_counts_q30(self, dcounts: int) -> int:
+        """The same move; returns F/Fc in Q30, -2^30 .. 2^30: what goes over the bus."""
+        return library().dahl_step_counts_q30(self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts))
+
+    def step(self, dtheta: float) -> float:
+        """Move by dtheta rad (any float; NaN is ignored, Inf saturates), return F in N m within 0.6 ulp of Fc."""
+        return library().dahl_step(self.plan._words, ctypes.byref(self.state), _float32("dtheta", dtheta))
+
+    @property
+    def torque(self) -> float:
+        """F in N m, without motion."""
+        return library().dahl_torque(self.plan._words, ctypes.byref(self.state))
+
+    @torque.setter
+    def torque(self, value: float) -> None:
+        self.set_torque(value)
+
+    def set_torque(self, F: float) -> None:  # noqa: N803 (the field's name)
+        """Set the state to F in N m, clamped to +-Fc; NaN is ignored."""
+        library().dahl_set_torque(self.plan._words, ctypes.byref(self.state), _float32("F", F))
+
+    def change_plan(self, plan: Plan) -> None:
+        """Go on with other parameters; the stored energy never grows (see dahl_change_plan)."""
+        library().dahl_change_plan(self.plan._words, plan._words, ctypes.byref(self.state))
+        self.plan = plan
+
+    def run_counts(self, moves: Iterable[int]) -> np.ndarray:
+        """Moves in counts, shape (n,), int32 range -> torques in N m after each, shape (n,), float32."""
+        return np.array([self.step_counts(move) for move in np.asarray(moves).tolist()], dtype=np.float32)
+
+    def run(self, moves: Iterable[float]) -> np.ndarray:
+        """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32."""
+        return np.array([self.step(move) for move in np.asarray(moves).tolist()], dtype=np.float32)
+
+
+def counts_between(before: int, now: int, counts_per_turn: int = 0) -> int:
+    """Shortest signed way from one encoder reading to the next; 0 counts per turn is a full 32-bit counter."""
+    return library().dahl_counts_between(before & 0xFFFFFFFF, now & 0xFFFFFFFF, counts_per_turn)

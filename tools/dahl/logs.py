@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: MIT
+"""Recorded logs: tables of numbers (CSV, TSV) and candump files. Whatever is wrong is named by file, line and column."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dahl import Error
+
+if TYPE_CHECKING:
+    import can
+
+
+def read_table(path: Path | str, columns: Sequence[str], time: str | None = None) -> dict[str, np.ndarray]:
+    """Columns of a table with a header line: {name: array of shape (rows,), float64, in the file's own units}.
+
+    Columns are separated by tab, semicolon or comma, whichever the header has. `time` names a column that must not go
+    backward. Raises dahl.Error for a file that is absent, empty or no text, for a column that is not there (with the
+    nearest name), and for a row that is short or holds something that is not a finite number.
+    """
+    path = Path(path)
+    lines = _text_of(path).splitlines()
+    if not lines or not lines[0].strip():
+        raise Error(f"{path}: empty; a first line with column names was expected")
+    rows = csv.reader(lines, delimiter=_delimiter(lines[0]))
+    header = [name.strip() for name in next(rows)]
+    wanted = list(dict.fromkeys([*columns, *([time] if time else [])]))
+    places = {name: _place(path, header, name) for name in wanted}
+    values = {name: [] for name in wanted}
+    for row in rows:
+        if any(field.strip() for field in row):
+            _take_row(f"{path}:{rows.line_num}", row, header, places, values)
+            _check_time(f"{path}:{rows.line_num}", time, values)
+    if not values[wanted[0]]:
+        raise Error(f"{path}:1: no rows after the column names")
+    return {name: np.array(column) for name, column in values.items()}
+
+
+def _text_of(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise Error(f"{path}: no such file") from None
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a text file (byte {error.start})") from None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+
+
+def _delimiter(header: str) -> str:
+    return max("\t;,", key=header.count)
+
+
+def _place(path: Path, header: list[str], name: str) -> int:
+    """Index of a column, or an error with the name that was perhaps meant."""
+    if name in header:
+        return header.index(name)
+    lower = {known.lower(): known for known in header}
+    near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.4)
+    hint = f"; did you mean '{lower[near[0]]}'?" if near else ""
+    raise Error(f"{path}:1: no column '{name}'{hint} (there are: {', '.join(header)})")
+
+
+def _take_row(place: str, row: list[str], header: list[str], places: dict[str, int], values: dict[str, list]) -> None:
+    if len(row) < len(header):
+        raise Error(f"{place}: column '{header[len(row)]}': missing, the line ends after {len(row)} of {len(header)} columns")
+    for name, index in places.items():
+        values[name].append(_number(f"{place}: column '{name}'", row[index]))
+
+
+def _number(place: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise Error(f"{place}: '{text.strip()}' is not a number") from None
+    if not math.isfinite(value):
+        raise Error(f"{place}: '{text.strip()}' is not a finite number")
+    return value
+
+
+def _check_time(place: str, time: str | None, values: dict[str, list]) -> None:
+    if time and len(values[time]) > 1 and values[time][-1] < values[time][-2]:
+        raise Error(f"{place}: column '{time}': {values[time][-1]:g} after {values[time][-2]:g}, time goes backward")
+
+
+class _Counted:
+    """Lines of a text with the number of the line last given out; looks enough like a file for python-can."""
+
+    def __init__(self, text: str) -> None:
+        self.lines, self.number = text.splitlines(keepends=True), 0
+
+    def __iter__(self) -> Iterator[str]:
+        for self.number, line in enumerate(self.lines, 1):
+            yield line
+
+    def read(self) -> str:
+        return "".join(self.lines)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def read_candump(path: Path | str) -> list[can.Message]:
+    """All frames of a candump log (`(seconds) bus id#data`), by python-can. Raises dahl.Error naming file and line."""
+    import can
+
+    text = _Counted(_text_of(Path(path)))
+    try:
+        messages = list(can.CanutilsLogReader(text))
+    except (ValueError, IndexError, AssertionError) as error:
+        raise Error(f"{path}:{text.number}: not a line of a candump log ({error})") from None
+    if not messages:
+        raise Error(f"{path}: no frames in it")
+    return messages

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: MIT
+"""One run of dahl-loop: a node and an encoder as two processes on one bus, and python-can beside them that records.
+
+The encoder's latency is then a real round trip over the bus, and what is judged afterwards is what an outsider saw.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from dahl import Error, RunError, places
+from dahl.bus import VCAN, candump_line, open_bus
+
+if TYPE_CHECKING:
+    import can
+
+PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
+DRAIN = 0.3  # s to go on recording after the encoder has ended
+SILENCE = 10.0  # s without any frame, after which a run has failed
+
+
+class Stop:
+    """Set by Ctrl-C or SIGTERM while it is entered; a second Ctrl-C then ends the program at once."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __enter__(self) -> Stop:
+        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _ask(self, number: int, _: object) -> None:
+        self.asked = True
+        signal.signal(number, signal.default_int_handler)
+
+
+@dataclass
+class Setup:
+    """What to run and where its files go."""
+
+    scene: Path
+    bus: str  # socketcan:IF, socketcand, socketcand:PORT
+    folder: Path
+    log: Path | None = None  # recorded motion, in place of the scene's own
+    seconds: float | None = None
+    seed: int | None = None
+
+
+class Program:
+    """dahl-loop in one role, as a child that a terminal's Ctrl-C does not reach: this side ends it in order."""
+
+    def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
+        self.role, self.summary = role, setup.folder / f"{role}.json"
+        self.summary.unlink(missing_ok=True)
+        self.errors = (setup.folder / f"{role}.err").open("w+", encoding="utf-8")
+        command = [places.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
+        command += ["--summary", self.summary, *_options(setup, role), *extra]
+        self.process = subprocess.Popen(
+            [str(word) for word in command],
+            stdin=subprocess.DEVNULL, stdout=self.errors, stderr=self.errors, start_new_session=True,
+        )
+
+    def ended(self) -> bool:
+        return self.process.poll() is not None
+
+    def end(self) -> None:
+        """Ask it to end in order, and make sure that it does."""
+        if not self.ended():
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def check(self) -> None:
+        """Raise what it complained about, if it failed."""
+        if self.process.returncode in (0, None):
+            return
+        self.errors.seek(0)
+        lines = [line.strip() for line in self.errors if line.strip()]
+        words = next((line.removeprefix("error: ") for line in lines if line.startswith("error: ")), "")
+        kind = Error if self.process.returncode == 2 else RunError
+        raise kind(words or f"dahl-loop ({self.role}) ended with code {self.process.returncode}: {' '.join(lines[-1:])}")
+
+    def numbers(self) -> dict[str, Any]:
+        """Its summary, {} where it left none."""
+        try:
+            return json.loads(self.summary.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+
+
+def _options(setup: Setup, role: str) -> list[str]:
+    if role == "node":
+        return []
+    named = {"--log-file": setup.log, "--seconds": setup.seconds, "--seed": setup.seed}
+    return [str(word) for pair in named.items() if pair[1] is not None for word in pair]
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
+
+
+def _ends(bus: str) -> tuple[str, str, dict[str, Any]]:
+    """A bus as the node, the encoder and python-can each name it."""
+    kind, _, rest = bus.partition(":")
+    if kind == "socketcan":
+        return bus, bus, {"interface": "socketcan", "channel": rest}
+    port = int(rest) if rest else _free_port()
+    here = {"interface": "socketcand", "channel": VCAN, "host": "127.0.0.1", "port": port}
+    return f"socketcand:{port}", f"socketcand:127.0.0.1:{port}", here
+
+
+def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
+    """Run the scene, record it in folder/run.log, return the numbers of both programs; `stop` ends it early, in order.
+
+    progress is called about ten times a second with the number of frames recorded so far.
+    """
+    node_bus, encoder_bus, here = _ends(setup.bus)
+    idle = ["--until-idle"] if node_bus.startswith("socketcand") else []
+    node = Program(setup, "node", node_bus, *idle)
+    encoder = None
+    try:
+        with _opened(node, here) as bus, (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log:
+            encoder = Program(setup, "encoder", encoder_bus)
+            _record(bus, log, encoder, node, stop, progress)
+            encoder.end()
+            encoder.check()
+    finally:
+        for program in filter(None, (encoder, node)):
+            program.end()
+    node.check()
+    return {**node.numbers(), **encoder.numbers(), "node": node.numbers().get("node", {}), "interrupted": stop.asked}
+
+
+def _opened(node: Program, here: dict[str, Any]) -> can.BusABC:
+    """The recorder's own end of the bus; if the node has failed meanwhile, its words are the better ones."""
+    try:
+        return open_bus(PATIENCE, **here)
+    except RunError:
+        node.end()
+        node.check()
+        raise
+
+
+def _record(
+    bus: can.BusABC, log: IO[str], encoder: Program, node: Program, stop: Stop, progress: Callable[[int], None]
+) -> None:
+    """Write each frame as a whole line until the encoder has ended (and DRAIN has passed), or stop is asked."""
+    frames, last_frame, looked, ended = 0, time.monotonic(), 0.0, None
+    while not stop.asked:
+        message = bus.recv(0.05)
+        if message is not None:
+            log.write(candump_line(message))
+            frames += 1
+            last_frame = time.monotonic()
+        now = time.monotonic()
+        if now - looked < 0.1:
+            continue
+        looked = now
+        progress(frames)
+        ended = ended or (now if encoder.ended() or node.ended() else None)
+        if ended and now - ended > DRAIN:
+            return
+        if now - last_frame > SILENCE:
+            raise RunError(f"no frame on the bus for {SILENCE:g} s")

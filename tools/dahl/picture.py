@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: MIT
+"""loop.png: torque over angle first, then over time; measured and computed in the same two colours throughout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
+import numpy as np  # noqa: E402
+
+from dahl import report  # noqa: E402
+from dahl.scene import Recorded, Scene  # noqa: E402
+
+MEASURED, COMPUTED = "#8a97a6", "#d1495b"
+STYLE = {
+    "font.size": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e6ea",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+}
+WINDOW = 0.08  # part of the run that the last panel shows enlarged
+
+
+def draw(path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | None, caption: str = "") -> None:
+    """Write the picture; the old one stays until the new one is whole."""
+    measured = recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
+    computed = report.modelled(scene, trace)
+    time, time_label = _time(trace, recorded)
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(11, 11), layout="constrained")
+        loop, whole, part = figure.subplots(3, 1, height_ratios=(2.6, 1, 1))
+        _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed)
+        loop.set(xlabel=scene.measured.label_angle, ylabel=scene.measured.label_torque)
+        loop.legend(loc="upper left")
+        for axes, where in ((whole, slice(None)), (part, _window(len(time)))):
+            _panel(axes, time[where], None if measured is None else measured[where], computed[where])
+            axes.set(xlabel=time_label, ylabel=_unit(scene.measured.label_torque))
+            axes.margins(x=0.01)
+        part.set_title("enlarged", loc="left", fontsize=10, color="#555555")
+        figure.suptitle(scene.title, fontsize=15, fontweight="bold", x=0.01, ha="left")
+        loop.set_title(caption, loc="left", fontsize=10, color="#555555")
+        _save(figure, path)
+
+
+def _panel(axes: plt.Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray) -> None:
+    if measured is not None:
+        axes.plot(x, measured, color=MEASURED, linewidth=0.9, label="measured")
+    axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label="computed, as received over the bus")
+
+
+def _time(trace: report.Trace, recorded: Recorded | None) -> tuple[np.ndarray, str]:
+    if recorded is not None and recorded.time is not None:
+        return recorded.time[trace.row], "time in the log [s]"
+    return trace.time - trace.time[0], "time on the bus [s]"
+
+
+def _window(count: int) -> slice:
+    """A piece of the middle, at least 200 ticks where there are so many."""
+    half = max(int(count * WINDOW / 2), 100)
+    return slice(max(0, count // 2 - half), count // 2 + half)
+
+
+def _unit(label: str) -> str:
+    """'friction torque [N m]' -> 'torque [N m]' fits beside a low panel."""
+    return label if len(label) < 18 else "[" + label.rpartition("[")[2]
+
+
+def _save(figure: plt.Figure, path: Path) -> None:
+    part = path.with_suffix(".part.png")
+    figure.savefig(part, dpi=130)
+    plt.close(figure)
+    part.replace(path)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: MIT
+"""From the recorded frames of a run to its numbers: exactness, fit to what was measured, one summary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dahl import Error, RunError, places, reference
+from dahl.scene import Measured, Recorded, Scene
+
+if TYPE_CHECKING:
+    import can
+    import cantools
+
+COUNTERS = 16  # EncoderState.Counter runs 0..15
+# Value table of FrictionTorque.State: in these the node took the count as a new start and integrated no travel.
+NEW_START = {"Init", "Stale", "WrongSequence"}
+
+
+@dataclass
+class Trace:
+    """The answered ticks of a run, in the order of the bus. All arrays have shape (n,)."""
+
+    row: np.ndarray  # which tick of the motion, from the 4-bit counter; int
+    time: np.ndarray  # s, of the EncoderState frame
+    count: np.ndarray  # encoder counts, unwrapped, int
+    ratio: np.ndarray  # F/Fc in Q30, int
+    fresh: np.ndarray  # True where the node started anew at this count
+    recorded: int  # EncoderState frames in the log
+    missing: int  # EncoderState frames that the counter says are not in the log
+
+    def angle(self, scene: Scene) -> np.ndarray:
+        """rad (m) from the start, shape (n,)."""
+        return (self.count - self.count[0]) * float(np.float32(scene.theta_per_count))
+
+    def moves(self) -> np.ndarray:
+        """Counts that the node integrated at each tick, shape (n,)."""
+        moves = np.diff(self.count, prepend=self.count[:1])
+        moves[self.fresh] = 0
+        return moves
+
+    def torque(self, scene: Scene) -> np.ndarray:
+        """N m (N) as a receiver computes it, float32, shape (n,)."""
+        return reference.received_torque(self.ratio, scene.Fc)
+
+
+@cache
+def database() -> cantools.database.Database:
+    """port/dahl.dbc."""
+    import cantools
+
+    try:
+        return cantools.database.load_file(places.DBC)
+    except OSError as error:
+        raise RunError(f"{places.DBC}: {error.strerror}") from None
+
+
+def new_start_states() -> set[int]:
+    """NEW_START as raw values."""
+    choices = database().get_message_by_name("FrictionTorque").get_signal_by_name("State").choices
+    return {value for value, name in choices.items() if str(name) in NEW_START}
+
+
+class Pairing:
+    """Matches each FrictionTorque with the EncoderState that it echoes, frame after frame."""
+
+    def __init__(self, node: int = 0) -> None:
+        names = ("EncoderState", "FrictionTorque")
+        self.messages = {database().get_message_by_name(name).frame_id + node: name for name in names}
+        self.ticks: list[tuple[int, float, int]] = []  # row, time, count
+        self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
+        self.last: dict[int, int] = {}  # counter -> index in ticks
+        self.row = -1
+
+    def feed(self, frame: can.Message) -> None:
+        """Take one frame; others than the two messages pass by."""
+        name = self.messages.get(frame.arbitration_id)
+        if name is None or frame.dlc != 8 or frame.is_error_frame or frame.is_extended_id:
+            return
+        signals = database().decode_message(name, frame.data, decode_choices=False, scaling=False)
+        if name == "FrictionTorque":
+            self._answer(signals)
+        elif signals["Valid"]:
+            self._tick(signals, frame.timestamp)
+
+    def _tick(self, signals: dict[str, Any], time: float) -> None:
+        counter = signals["Counter"]
+        self.row += 1 if self.row < 0 else (counter - self._counter) % COUNTERS or COUNTERS
+        self._counter = counter
+        self.last[counter] = len(self.ticks)
+        self.ticks.append((self.row, time, signals["Count"]))
+
+    def _answer(self, signals: dict[str, Any]) -> None:
+        index = self.last.pop(signals["EchoCounter"], None)
+        if index is not None:
+            self.answers[index] = (signals["TorqueRatio"], signals["State"])
+
+    def trace(self) -> Trace:
+        """All that was answered so far. Raises dahl.Error when nothing was."""
+        if not self.answers:
+            raise Error("no EncoderState with its FrictionTorque among the recorded frames")
+        answered = sorted(self.answers)
+        row, time, count = (np.array(column) for column in zip(*(self.ticks[i] for i in answered), strict=True))
+        ratio, state = (np.array(column) for column in zip(*(self.answers[i] for i in answered), strict=True))
+        return Trace(
+            row, time, _unwrap(count), ratio, np.isin(state, list(new_start_states())),
+            len(self.ticks), self.row + 1 - len(self.ticks),
+        )
+
+
+def _unwrap(count: np.ndarray) -> np.ndarray:
+    """32-bit readings -> a path without leaps."""
+    steps = np.diff(count.astype(np.int64), prepend=np.int64(count[0]))
+    return count[0] + np.cumsum((steps + 2**31) % 2**32 - 2**31)
+
+
+def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
+    """The answered ticks among recorded frames."""
+    pairing = Pairing(node)
+    for frame in frames:
+        pairing.feed(frame)
+    return pairing.trace()
+
+
+def max_error_ulp(scene: Scene, trace: Trace) -> float:
+    """Largest error of the received torque against the exact solution, in ulp of Fc."""
+    travel = reference.travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
+    exact = reference.exact_ratios(trace.moves(), travel)
+    return float(reference.error_in_ulp(trace.torque(scene), exact, scene.Fc).max())
+
+
+def modelled(scene: Scene, trace: Trace) -> np.ndarray:
+    """What the model says the torque sensor showed: received torque + spring*angle + offset, N m (N), shape (n,)."""
+    measured: Measured = scene.measured
+    return trace.torque(scene).astype(float) + measured.spring * trace.angle(scene) + measured.offset
+
+
+def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, float | None]:
+    """rmse_measured in N m (N) and r2_measured, or None where nothing was measured."""
+    use = trace.row >= scene.measured.settle
+    if recorded is None or recorded.torque is None or not use.any():
+        return {"rmse_measured": None, "r2_measured": None}
+    truth = recorded.torque[trace.row[use]]
+    residual = truth - modelled(scene, trace)[use]
+    spread = float(np.sum((truth - truth.mean()) ** 2))
+    r2 = 1 - float(np.sum(residual**2)) / spread if spread > 0 else None
+    return {"rmse_measured": float(np.sqrt(np.mean(residual**2))), "r2_measured": r2}
+
+
+def summary(scene: Scene, trace: Trace, recorded: Recorded | None, loop: dict[str, Any]) -> dict[str, Any]:
+    """All numbers of a run: what dahl-loop counted (`loop`), what was recorded, how exact, how near to the measurement."""
+    return {
+        **loop,
+        "scene": scene.name,
+        "title": scene.title,
+        "frames_recorded": trace.recorded,
+        "frames_not_recorded": trace.missing,
+        "max_error_ulp_Fc": max_error_ulp(scene, trace),
+        **fit(scene, trace, recorded),
+        "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
+        "scene_file": str(scene.path),
+    }

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: MIT
+"""Scene files, as far as Python needs them: what the node's parameters are and what was measured beside the angle.
+
+dahl-loop reads and checks [friction], [motion] and [status]; only [measured] is read here alone. A user's own log
+becomes a scene too, so that there is one way to run anything.
+"""
+
+from __future__ import annotations
+
+import configparser
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dahl import Error, logs, places
+
+SECTIONS = ("scene", "friction", "motion", "status", "measured")
+UNITS = {  # unit of the angle column: (its size in rad or m, name of a model unit, unit of torque, of stiffness)
+    "deg": (math.pi / 180, "rad", "N m", "N m/rad"),
+    "rad": (1.0, "rad", "N m", "N m/rad"),
+    "mm": (1e-3, "m", "N", "N/m"),
+}
+
+
+@dataclass
+class Measured:
+    """[measured]: the torque column beside the angle, and how it compares with the model."""
+
+    torque: str = ""  # column; empty: nothing measured
+    torque_scale: float = 1.0  # N m (N) per unit of the column, sign included
+    offset: float = 0.0  # N m (N), added to the model's torque
+    spring: float = 0.0  # N m/rad (N/m), times the angle from the start, added too
+    settle: int = 0  # rows at the start that are not compared: the bristle's deflection before them is not known
+    label_angle: str = "angle from the start [rad]"
+    label_torque: str = "friction torque [N m]"
+    angle_scale: float = 1.0  # plotted unit per rad (m)
+
+
+@dataclass
+class Scene:
+    """One scene file, read."""
+
+    path: Path
+    title: str
+    sigma0: float = 0.0
+    Fc: float = 0.0
+    theta_per_count: float = 0.0
+    motion: dict[str, str] = field(default_factory=dict)
+    measured: Measured = field(default_factory=Measured)
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self.path.stem
+
+    @property
+    def log(self) -> str:
+        """[motion] file of a scene that replays a log, else ''."""
+        return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
+
+
+def find(name: str) -> Path:
+    """A shipped scene by name, or a scene file by path. Raises dahl.Error that lists the shipped ones."""
+    for path in (places.SCENES / f"{name}.ini", Path(name)):
+        if path.is_file():
+            return path
+    known = ", ".join(sorted(path.stem for path in places.SCENES.glob("*.ini")))
+    raise Error(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
+
+
+def read(path: Path) -> Scene:
+    """Read a scene file. Raises dahl.Error naming file and key."""
+    parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)
+    parser.optionxform = str
+    try:
+        parser.read_string(path.read_text(encoding="utf-8"), source=str(path))
+    except (OSError, UnicodeDecodeError, configparser.Error) as error:
+        raise Error(f"{path}: {' '.join(str(error).split())}") from None
+    unknown = [name for name in parser.sections() if name not in SECTIONS]
+    if unknown:
+        raise Error(f"{path}: unknown section [{unknown[0]}] (known: {', '.join(SECTIONS)})")
+    scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
+    for key in ("sigma0", "Fc", "theta_per_count"):
+        setattr(scene, key, _number(path, parser, "friction", key, 0.0))
+    scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
+    scene.measured = _measured(path, parser)
+    return scene
+
+
+def _number(path: Path, parser: configparser.ConfigParser, section: str, key: str, default: float) -> float:
+    text = parser.get(section, key, fallback=None)
+    try:
+        return default if text is None else float(text)
+    except ValueError:
+        raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
+
+
+def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
+    measured = Measured()
+    if not parser.has_section("measured"):
+        return measured
+    for key, text in parser["measured"].items():
+        if not hasattr(measured, key):
+            raise Error(f"{path}: [measured] has no key '{key}' (known: {', '.join(vars(measured))})")
+        kind = type(getattr(measured, key))
+        setattr(measured, key, text if kind is str else kind(_number(path, parser, "measured", key, 0.0)))
+    return measured
+
+
+@dataclass
+class Recorded:
+    """What the log holds beside the angle; arrays of shape (rows,)."""
+
+    torque: np.ndarray | None  # N m (N), None where nothing was measured
+    time: np.ndarray | None  # s, None where the log has no time column
+    rows: int
+
+
+def read_log(scene: Scene, log: Path) -> Recorded:
+    """Torque and time of each row of the scene's log.
+
+    Reads the angle column as well, so that a bad log is named here, by line and column, before anything is started.
+    """
+    angle, torque, time = scene.motion.get("angle", ""), scene.measured.torque, scene.motion.get("time", "")
+    if not angle:
+        raise Error(f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?")
+    table = logs.read_table(log, [angle, torque] if torque else [angle], time or None)
+    measured = table[torque] * scene.measured.torque_scale if torque else None
+    return Recorded(measured, table[time] if time else None, len(table[angle]))
+
+
+@dataclass
+class OwnLog:
+    """What the command line says about a user's own log (see `dahl demo --help`)."""
+
+    log: Path
+    angle: str
+    torque: str
+    sigma0: float
+    fc: float
+    counts_per_turn: float
+    angle_unit: str = "deg"
+    torque_scale: float = 1.0
+    offset: float = 0.0
+    spring: float = 0.0
+    time: str = ""
+
+
+def write_own(own: OwnLog, path: Path) -> Scene:
+    """Write the scene of a user's own log to `path`, and read it back."""
+    if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
+        raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
+    size, unit, torque_unit, _ = UNITS.get(own.angle_unit, UNITS["rad"])
+    lines = [
+        "; written by dahl demo",
+        "[scene]", f"title = {own.log.name}",
+        "[friction]", f"sigma0 = {own.sigma0!r}", f"Fc = {own.fc!r}",
+        f"theta_per_count = {_theta_per_count(own)!r}",
+        "[motion]", "kind = log", f"file = {own.log.resolve()}", f"angle = {own.angle}",
+        f"counts_per_unit = {_counts_per_unit(own)!r}", *([f"time = {own.time}"] if own.time else []),
+        "[status]", "period_ms = 100",
+        "[measured]", *([f"torque = {own.torque}"] if own.torque else []),
+        f"torque_scale = {own.torque_scale!r}", f"offset = {own.offset!r}", f"spring = {own.spring!r}",
+        f"label_angle = {own.angle} from the start [{own.angle_unit if own.angle_unit in UNITS else 'rad'}]",
+        f"label_torque = friction [{torque_unit}]", f"angle_scale = {1 / size!r}",
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return read(path)
+
+
+def _theta_per_count(own: OwnLog) -> float:
+    """rad per count; for millimetres counts_per_turn is counts per millimetre, and this is m per count."""
+    return 1e-3 / own.counts_per_turn if own.angle_unit == "mm" else 2 * math.pi / own.counts_per_turn
+
+
+def _counts_per_unit(own: OwnLog) -> float:
+    per_turn = {"deg": 360.0, "rad": 2 * math.pi, "mm": 1.0, "counts": own.counts_per_turn}
+    return own.counts_per_turn / per_turn[own.angle_unit]

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
+# Usage: tools/demo.sh [LOG.csv --angle COLUMN --torque COLUMN --sigma0 X --fc Y --counts-per-turn N] [--scene NAME]
+#
+# Sets up, builds, and runs the main job: an encoder that replays a measured log and a friction node that answers each
+# angle, as two processes on the best bus there is, with python-can as the client that records. Leaves in build/demo
+#   loop.png      torque over angle and over time, measured and computed
+#   run.log       all frames, candump lines (canplayer can replay them)
+#   summary.json  the numbers of the table that it prints
+# All arguments go to `dahl demo`; after the first run `build/venv/bin/dahl demo --help` tells all of them.
+# Examples:  tools/demo.sh
+#            tools/demo.sh --scene steering
+#            tools/demo.sh shaft.csv --angle deg --torque Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384
+set -euo pipefail
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+case "${1:-}" in -h | --help) usage; exit 0 ;; esac
+"$ROOT/tools/setup.sh"
+configure_and_build
+exec "$VENV/bin/dahl" demo "$@"
