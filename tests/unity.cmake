@@ -33,6 +33,7 @@ function(dahl_unity_test name)
     add_executable(${name} ${arg_SOURCES})
     target_link_libraries(${name} PRIVATE ${arg_LIBS} dahl_unity)
     dahl_strict(${name})
+    target_compile_options(${name} PRIVATE -Wno-double-promotion) # references are long double
     add_test(NAME ${name} COMMAND ${name})
     set_tests_properties(${name} PROPERTIES LABELS unity TIMEOUT 300)
 endfunction()

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: MIT */
+/* The kernel g(u) against long double expm1l, over floats first, first + stride, ... below last, as bit patterns. */
+#ifndef KERNEL_CHECK_H
+#define KERNEL_CHECK_H
+
+#include <math.h>
+
+#include "../../lib/kernel.h"
+
+typedef struct {
+    double error;
+    float u;
+} kernel_worst_t;
+
+static inline long double kernel_value(float u)
+{
+    dahl_real_t g = dahl_kernel(dahl_real_of(dahl_bits_of(u)));
+    return ldexpl(g.mantissa, g.exponent);
+}
+
+/* Subnormals are no angle for dahl_step: they count as zero motion, so the normal floats are what there is. */
+static inline kernel_worst_t kernel_check(uint32_t first, uint32_t last, uint32_t stride)
+{
+    kernel_worst_t worst = {0, 0};
+    for (uint64_t bits = first < DAHL_BITS_NORMAL ? DAHL_BITS_NORMAL : first; bits < last; bits += stride) {
+        float u = dahl_float_of((uint32_t)bits);
+        double error = (double)fabsl(kernel_value(u) / -expm1l(-(long double)u) - 1);
+        if (error > worst.error) {
+            worst.error = error;
+            worst.u = u;
+        }
+    }
+    return worst;
+}
+
+#endif
