@@ -11,7 +11,7 @@ The mathematics is the C library's; this package calls it and never does it agai
 >>> import dahl
 >>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
 >>> round(bearing.step_counts(3), 6)   # N m
-0.102778
+0.102772
 
 The command `dahl` (see `dahl --help`) holds the tools: demo, monitor, record, plot, data.
 """

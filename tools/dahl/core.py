@@ -18,7 +18,6 @@ from dahl import Error, places
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
-ONE_Q30 = 1 << 30  # DAHL_ONE_Q30
 INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 PLAN_ROOM = 128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import difflib
 import math
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -90,14 +91,21 @@ def _check_time(place: str, time: str | None, values: dict[str, list]) -> None:
         raise Error(f"{place}: column '{time}': {values[time][-1]:g} after {values[time][-2]:g}, time goes backward")
 
 
+CANDUMP_LINE = re.compile(
+    r"\(\d+\.\d+\) +\S+ +([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(R\d?|#[0-9A-Fa-f])?([0-9A-Fa-f]{2})*( [RT])?\s*"
+)
+
+
 class _Counted:
-    """Lines of a text with the number of the line last given out; looks enough like a file for python-can."""
+    """Lines of a text, each of the right form or an error, with the number of the last one; a file for python-can."""
 
     def __init__(self, text: str) -> None:
         self.lines, self.number = text.splitlines(keepends=True), 0
 
     def __iter__(self) -> Iterator[str]:
         for self.number, line in enumerate(self.lines, 1):
+            if line.strip() and not CANDUMP_LINE.fullmatch(line):
+                raise ValueError(f"'{line.strip()[:60]}'")
             yield line
 
     def read(self) -> str:
