@@ -45,6 +45,7 @@ typedef enum {
 /* Where time comes from: a real clock, or the simulation's own. */
 typedef struct {
     uint64_t (*now_ns)(void *context);
+    void (*wait_us)(void *context, uint32_t us); /* for buses that have nothing to wait on; NULL: they never wait */
     void *context;
 } can_clock_t;
 

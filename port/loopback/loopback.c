@@ -2,6 +2,8 @@
 /* loopback: see loopback.h. */
 #include "loopback.h"
 
+#include <stddef.h>
+
 static can_result_t loopback_send(can_bus_t *bus, const can_frame_t *frame)
 {
     loopback_t *self = (loopback_t *)bus;
@@ -18,8 +20,13 @@ static can_result_t loopback_send(can_bus_t *bus, const can_frame_t *frame)
 static can_result_t loopback_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
 {
     loopback_t *self = (loopback_t *)bus;
-    (void)timeout_us;
-    return frame_queue_take(&self->queue, frame) ? CAN_BUS_OK : CAN_BUS_NONE;
+    if (frame_queue_take(&self->queue, frame)) {
+        return CAN_BUS_OK;
+    }
+    if (timeout_us > 0 && bus->clock.wait_us != NULL) {
+        bus->clock.wait_us(bus->clock.context, timeout_us); /* nobody else can send meanwhile */
+    }
+    return CAN_BUS_NONE;
 }
 
 static uint32_t loopback_peers(const can_bus_t *bus)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* loopback: a bus inside one process, for virtual time and tests. It never waits: with no frame, receive says so. */
+/* loopback: a bus inside one process, for virtual time and tests. With no frame, receive() waits by the clock. */
 #ifndef LOOPBACK_H
 #define LOOPBACK_H
 

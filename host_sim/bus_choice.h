@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: MIT */
+/* bus_choice: from --bus SPEC to an open bus. */
+#ifndef BUS_CHOICE_H
+#define BUS_CHOICE_H
+
+#include <stdbool.h>
+
+#include "can_bus.h"
+
+#define BUS_NAME "vcan0" /* what python-can calls as channel of the served bus, and the name in logs */
+
+typedef struct {
+    can_bus_t *bus;
+    const char *name; /* for the log */
+} bus_choice_t;
+
+/* patient: wait for slow clients instead of dropping them (virtual time). Only one bus can be open in a process.
+ * 0, or an exit code after one error line was printed: EXIT_BAD_INPUT for a bad spec, EXIT_RUNTIME for a bus not there. */
+int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient);
+
+#endif

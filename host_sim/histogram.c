@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: MIT */
+/* histogram: see histogram.h. Below 32 ns a bin is 1 ns wide; above, the 5 bits after the leading one choose the bin. */
+#include "histogram.h"
+
+#include <stddef.h>
+
+static size_t bin_of(uint64_t ns)
+{
+    size_t octave = 0;
+    while ((ns >> octave) >= 64) {
+        octave++;
+    }
+    return octave * 32 + (size_t)(ns >> octave);
+}
+
+static uint64_t upper_edge(size_t bin)
+{
+    size_t octave = bin < 64 ? 0 : bin / 32 - 1;
+    return ((uint64_t)(bin - octave * 32 + 1) << octave) - 1;
+}
+
+void histogram_add(histogram_t *histogram, uint64_t ns)
+{
+    histogram->bins[bin_of(ns)]++;
+    histogram->count++;
+    if (ns > histogram->max) {
+        histogram->max = ns;
+    }
+}
+
+uint64_t histogram_quantile(const histogram_t *histogram, double quantile)
+{
+    double wanted = quantile * (double)histogram->count;
+    uint64_t seen = 0;
+    for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
+        seen += histogram->bins[bin];
+        if (seen > 0 && (double)seen >= wanted) {
+            uint64_t edge = upper_edge(bin);
+            return edge < histogram->max ? edge : histogram->max;
+        }
+    }
+    return histogram->max;
+}

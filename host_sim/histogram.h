@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * histogram: quantiles of durations in fixed memory, for runs of any length. Each octave has 32 bins, so a quantile is
+ * right within 3.2 %, from 1 ns to centuries; the maximum is exact.
+ */
+#ifndef HISTOGRAM_H
+#define HISTOGRAM_H
+
+#include <stdint.h>
+
+#define HISTOGRAM_BINS (60u * 32u)
+
+/* All zeros: empty. */
+typedef struct {
+    uint64_t count;
+    uint64_t max;
+    uint64_t bins[HISTOGRAM_BINS];
+} histogram_t;
+
+void histogram_add(histogram_t *histogram, uint64_t ns);
+
+/* Upper edge of the bin that holds the quantile, at most the maximum; 0 when empty. 0 <= quantile <= 1. */
+uint64_t histogram_quantile(const histogram_t *histogram, double quantile);
+
+#endif

@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: MIT */
+/* loop: see loop.h. */
+#define _GNU_SOURCE
+#include "loop.h"
+
+#include <stddef.h>
+#include <time.h>
+
+enum { SETTLE_TICKS = 100, WAIT_US = 10000 };
+
+static uint64_t read_clock(clockid_t id)
+{
+    struct timespec now;
+    clock_gettime(id, &now);
+    return (uint64_t)now.tv_sec * UINT64_C(1000000000) + (uint64_t)now.tv_nsec;
+}
+
+static uint64_t clock_now(void *context)
+{
+    const sim_clock_t *clock = (const sim_clock_t *)context;
+    return clock->is_virtual ? clock->virtual_ns : clock->epoch_ns + read_clock(CLOCK_MONOTONIC);
+}
+
+static void clock_wait(void *context, uint32_t us)
+{
+    const sim_clock_t *clock = (const sim_clock_t *)context;
+    struct timespec nap = {.tv_sec = (time_t)(us / 1000000u), .tv_nsec = (long)(us % 1000000u) * 1000};
+    if (!clock->is_virtual) {
+        nanosleep(&nap, NULL);
+    }
+}
+
+void sim_clock_start(sim_clock_t *clock, bool is_virtual)
+{
+    clock->is_virtual = is_virtual;
+    clock->virtual_ns = 0;
+    clock->epoch_ns = read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC);
+}
+
+can_clock_t sim_clock_seam(sim_clock_t *clock)
+{
+    return (can_clock_t){.now_ns = clock_now, .wait_us = clock_wait, .context = clock};
+}
+
+static uint32_t node_time(const loop_t *loop)
+{
+    return (uint32_t)(clock_now(loop->clock) / 1000u);
+}
+
+static void transmit(loop_t *loop, const can_frame_t *frame)
+{
+    can_result_t result = can_bus_send(loop->bus, frame);
+    loop->send_failed += result == CAN_BUS_OK ? 0u : 1u;
+    loop->gone |= result == CAN_BUS_GONE;
+}
+
+/* What the node itself sent is no input of it. */
+static bool is_for_node(const loop_t *loop, const can_frame_t *frame)
+{
+    bool own_answer = (frame->flags & CAN_FRAME_OWN) != 0 && (frame->id & 0x7F0u) != FRAMES_ID_ENCODER;
+    return loop->node != NULL && !own_answer;
+}
+
+static void dispatch(loop_t *loop, const can_frame_t *frame)
+{
+    can_frame_t answer;
+    if (loop->log != NULL) {
+        candump_write(loop->log, frame);
+    }
+    if (loop->encoder != NULL) {
+        encoder_receive(loop->encoder, frame, clock_now(loop->clock));
+    }
+    if (is_for_node(loop, frame) && node_receive(loop->node, frame, node_time(loop), &answer)) {
+        transmit(loop, &answer);
+    }
+}
+
+static bool receive(loop_t *loop, uint32_t timeout_us)
+{
+    can_frame_t frame;
+    can_result_t result = can_bus_receive(loop->bus, &frame, timeout_us);
+    loop->gone |= result == CAN_BUS_GONE;
+    if (result == CAN_BUS_OK) {
+        dispatch(loop, &frame);
+    }
+    return result == CAN_BUS_OK;
+}
+
+static void tick(loop_t *loop)
+{
+    can_frame_t angle;
+    can_frame_t status;
+    if (loop->encoder != NULL && !encoder_tick(loop->encoder, clock_now(loop->clock), &angle)) {
+        return;
+    }
+    loop->ticks++;
+    if (loop->node != NULL && node_tick(loop->node, node_time(loop), &status)) {
+        transmit(loop, &status);
+    }
+    if (loop->encoder != NULL) {
+        transmit(loop, &angle);
+    }
+}
+
+static bool is_idle(loop_t *loop)
+{
+    bool peers = loop->until_idle && loop->bus->ops->peers(loop->bus) > 0;
+    loop->had_peers |= peers;
+    return loop->until_idle && loop->had_peers && !peers;
+}
+
+static bool is_done(loop_t *loop)
+{
+    bool ended = loop->encoder != NULL && loop->encoder->ended;
+    return *loop->stop || loop->gone || ended || loop->ticks >= loop->max_ticks || is_idle(loop);
+}
+
+static void wait_for_clients(loop_t *loop)
+{
+    while (!*loop->stop && !loop->gone && loop->bus->ops->peers(loop->bus) < loop->wait_clients) {
+        receive(loop, WAIT_US);
+    }
+}
+
+static void run_virtual(loop_t *loop)
+{
+    while (!is_done(loop)) {
+        tick(loop);
+        while (receive(loop, 0)) {
+        }
+        loop->clock->virtual_ns += LOOP_PERIOD_NS;
+    }
+}
+
+/* Give the last answers time to come. */
+static void settle(loop_t *loop)
+{
+    uint64_t give_up = read_clock(CLOCK_MONOTONIC) + SETTLE_TICKS * LOOP_PERIOD_NS;
+    while (loop->encoder != NULL && loop->encoder->open != 0 && !loop->gone &&
+           read_clock(CLOCK_MONOTONIC) < give_up) {
+        receive(loop, 1000);
+    }
+}
+
+static uint64_t beat(loop_t *loop, uint64_t due, uint64_t now)
+{
+    uint64_t late = now - due;
+    histogram_add(&loop->late, late);
+    tick(loop);
+    return late < LOOP_PERIOD_NS ? due + LOOP_PERIOD_NS : now + LOOP_PERIOD_NS;
+}
+
+static void run_real(loop_t *loop)
+{
+    uint64_t due = read_clock(CLOCK_MONOTONIC);
+    while (!is_done(loop)) {
+        uint64_t now = read_clock(CLOCK_MONOTONIC);
+        if (now >= due) {
+            due = beat(loop, due, now);
+            now = read_clock(CLOCK_MONOTONIC);
+        }
+        receive(loop, due > now ? (uint32_t)((due - now) / 1000u) : 0);
+    }
+    settle(loop);
+}
+
+void loop_run(loop_t *loop)
+{
+    wait_for_clients(loop);
+    uint64_t start = read_clock(CLOCK_MONOTONIC);
+    if (loop->clock->is_virtual) {
+        run_virtual(loop);
+    } else {
+        run_real(loop);
+    }
+    loop->wall_ns = read_clock(CLOCK_MONOTONIC) - start;
+}

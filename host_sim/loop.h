@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * loop: the beat. Once per millisecond each part gets its tick; in between, frames go to the parts that want them, and
+ * every frame of the bus goes to the log. A part that is NULL is not run.
+ *
+ * Real time: ticks are kept by the monotonic clock. A tick that comes late by a whole period or more shifts the beat
+ * instead of being made up for in a burst: frames are delayed then, never bunched and never skipped.
+ * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between.
+ */
+#ifndef LOOP_H
+#define LOOP_H
+
+#include <signal.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "can_bus.h"
+#include "candump.h"
+#include "encoder.h"
+#include "histogram.h"
+#include "node.h"
+
+#define LOOP_PERIOD_NS UINT64_C(1000000)
+
+/* The clock of a run; can_clock_t of the bus points to it. */
+typedef struct {
+    bool is_virtual;
+    uint64_t virtual_ns;
+    uint64_t epoch_ns; /* real time: wall clock minus monotonic clock at the start */
+} sim_clock_t;
+
+typedef struct {
+    sim_clock_t *clock;
+    can_bus_t *bus;
+    node_t *node;
+    encoder_t *encoder;
+    candump_t *log;
+    volatile sig_atomic_t *stop; /* set by a signal handler: end early, but whole */
+    uint64_t max_ticks;          /* UINT64_MAX: no limit */
+    uint32_t wait_clients;       /* start when so many are on the bus */
+    bool until_idle;             /* end when all clients have left */
+    bool gone;                   /* the bus went away */
+    bool had_peers;
+    uint64_t ticks;
+    uint64_t wall_ns;     /* time that the run took */
+    uint64_t send_failed; /* frames that the bus did not take */
+    histogram_t late;     /* of ticks, real time */
+} loop_t;
+
+void sim_clock_start(sim_clock_t *clock, bool is_virtual);
+can_clock_t sim_clock_seam(sim_clock_t *clock);
+
+void loop_run(loop_t *loop);
+
+#endif

@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: MIT */
+/* motion: see motion.h. */
+#include "motion.h"
+
+#include <math.h>
+
+#define TICKS_PER_SECOND 1000.0
+
+static uint64_t to_ticks(double seconds)
+{
+    return (uint64_t)llround(seconds * TICKS_PER_SECOND);
+}
+
+/* splitmix64; 0 <= result < 1. */
+static double random_unit(motion_t *self)
+{
+    uint64_t z = self->random += UINT64_C(0x9E3779B97F4A7C15);
+    z = (z ^ (z >> 30)) * UINT64_C(0xBF58476D1CE4E5B9);
+    z = (z ^ (z >> 27)) * UINT64_C(0x94D049BB133111EB);
+    z ^= z >> 31;
+    return (double)(z >> 11) / 9007199254740992.0;
+}
+
+static double random_between(motion_t *self, double low, double high)
+{
+    return low + (high - low) * random_unit(self);
+}
+
+static double leg_end(const motion_t *self, int leg)
+{
+    const double ends[4] = {0, self->scene->theta1, self->scene->theta2, self->scene->theta3};
+    return ends[leg];
+}
+
+static void next_leg(motion_t *self)
+{
+    self->leg++;
+    self->tick = 1;
+    self->hold = to_ticks(self->scene->hold_s);
+}
+
+static int next_segment(motion_t *self, int64_t *place)
+{
+    if (self->leg == 3) {
+        return 0;
+    }
+    double from = leg_end(self, self->leg);
+    double to = leg_end(self, self->leg + 1);
+    double travel = self->scene->speed * (double)self->tick / TICKS_PER_SECOND;
+    bool there = travel >= fabs(to - from);
+    *place = llround(there ? to : from + (to > from ? travel : -travel));
+    if (!there) {
+        self->tick++;
+    } else if (self->hold > 0) {
+        self->hold--;
+    } else {
+        next_leg(self);
+    }
+    return 1;
+}
+
+/* 0 to 1 with rest at both ends. */
+static double smooth(double x)
+{
+    return x * x * (3 - 2 * x);
+}
+
+static void new_sweep(motion_t *self)
+{
+    motion_move_t *sweep = &self->sweep;
+    sweep->from = sweep->to;
+    sweep->to = self->side * random_between(self, 0.4, 1.0) * self->scene->amplitude;
+    sweep->tick = 0;
+    sweep->ticks = to_ticks(self->scene->sweep_s * random_between(self, 0.6, 1.4)) + 1;
+    self->side = -self->side;
+    self->hold = to_ticks(self->scene->hold_s * random_between(self, 0.0, 1.0));
+}
+
+static double next_sweep(motion_t *self)
+{
+    motion_move_t *sweep = &self->sweep;
+    if (sweep->tick < sweep->ticks) {
+        sweep->tick++;
+    } else if (self->hold > 0) {
+        self->hold--;
+    } else {
+        new_sweep(self);
+    }
+    return sweep->from + (sweep->to - sweep->from) * smooth((double)sweep->tick / (double)sweep->ticks);
+}
+
+static void new_bump(motion_t *self)
+{
+    self->bump = random_between(self, -1.0, 1.0) * self->scene->tremor;
+    self->bump_ticks = to_ticks(random_between(self, 0.02, 0.12));
+    self->bump_tick = 0;
+}
+
+static void end_bump(motion_t *self)
+{
+    self->bump_ticks = 0;
+    self->bump_tick = to_ticks(random_between(self, 0.0, 2.0) * self->scene->tremor_s);
+}
+
+static double next_bump(motion_t *self)
+{
+    if (self->bump_ticks == 0) {
+        if (self->bump_tick-- == 0) {
+            new_bump(self);
+        }
+        return 0;
+    }
+    double x = (double)++self->bump_tick / (double)self->bump_ticks;
+    if (self->bump_tick >= self->bump_ticks) {
+        end_bump(self);
+    }
+    return self->bump * 16 * x * x * (1 - x) * (1 - x);
+}
+
+static int next_steering(motion_t *self, int64_t *place)
+{
+    if (self->tick == self->ticks) {
+        return 0;
+    }
+    double sweep = self->tick == 0 ? 0 : next_sweep(self);
+    *place = llround(sweep + (self->tick == 0 ? 0 : next_bump(self)));
+    self->tick++;
+    return 1;
+}
+
+static int next_row(motion_t *self, int64_t *place)
+{
+    int32_t count = 0;
+    int result = recording_next(&self->recording, &count);
+    *place = count;
+    return result;
+}
+
+bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, uint64_t seed)
+{
+    *self = (motion_t){.scene = scene, .random = seed, .side = 1};
+    switch (scene->kind) {
+    case MOTION_SEGMENTS:
+        self->next = next_segment;
+        self->hold = to_ticks(scene->hold_s);
+        return true;
+    case MOTION_STEERING:
+        self->next = next_steering;
+        self->ticks = to_ticks(scene->seconds);
+        end_bump(self);
+        return true;
+    default:
+        self->next = next_row;
+        return recording_open(&self->recording, path, scene->angle, scene->time, scene->counts_per_unit);
+    }
+}
+
+int motion_next(motion_t *self, int32_t *count)
+{
+    int64_t place = 0;
+    int result = self->next(self, &place);
+    *count = (int32_t)(uint32_t)((uint64_t)place + (uint64_t)(int64_t)self->scene->start_count);
+    return result;
+}
+
+void motion_close(motion_t *self)
+{
+    if (self->scene != NULL && self->scene->kind == MOTION_LOG) {
+        recording_close(&self->recording);
+    }
+}

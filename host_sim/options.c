@@ -1,0 +1,201 @@
+/* SPDX-License-Identifier: MIT */
+/* options: see options.h. */
+#define _GNU_SOURCE
+#include "options.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "complain.h"
+#include "dahl.h"
+
+static const char help[] =
+    "usage: dahl-loop --scene FILE [options]\n"
+    "Run an actuator loop on a CAN bus: an encoder streams angles at 1 kHz, a friction node answers with torques.\n"
+    "\n"
+    "  --scene FILE       what runs: an INI file (see host_sim/scenes); a section that is not there is not run\n"
+    "  --bus SPEC         loopback (default)      inside this process\n"
+    "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"
+    "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port\n"
+    "                     socketcand:HOST:PORT    join such a server\n"
+    "  --role ROLE        both (default), encoder or node: the part of the scene that this process runs\n"
+    "  --virtual          virtual time: as fast as possible, same seed, same log byte for byte\n"
+    "  --seconds S        end after S seconds of ticks\n"
+    "  --seed N           seed of random motions (default 1)\n"
+    "  --log FILE         write every frame of the bus as candump -L does\n"
+    "  --summary FILE     write counts and latencies as JSON; - for stdout\n"
+    "  --wait-clients N   start when N clients are on the served bus\n"
+    "  --until-idle       end when all clients of the served bus have left\n"
+    "  --data DIR         where [motion] file is looked for, instead of beside the scene\n"
+    "  --log-file FILE    measured log to use instead of [motion] file\n"
+    "  --help, --version\n"
+    "\n"
+    "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n";
+
+enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, HELP,
+       VERSION };
+
+static const struct option long_options[] = {
+    {"scene", required_argument, NULL, SCENE},       {"bus", required_argument, NULL, BUS},
+    {"role", required_argument, NULL, ROLE},         {"virtual", no_argument, NULL, VIRTUAL},
+    {"seconds", required_argument, NULL, SECONDS},   {"seed", required_argument, NULL, SEED},
+    {"log", required_argument, NULL, LOG},           {"summary", required_argument, NULL, SUMMARY},
+    {"wait-clients", required_argument, NULL, WAIT}, {"until-idle", no_argument, NULL, IDLE},
+    {"data", required_argument, NULL, DATA},         {"log-file", required_argument, NULL, LOG_FILE},
+    {"help", no_argument, NULL, HELP},               {"version", no_argument, NULL, VERSION},
+    {NULL, 0, NULL, 0},
+};
+
+static int take_role(options_t *options, const char *text)
+{
+    bool both = strcmp(text, "both") == 0;
+    options->run_encoder = both || strcmp(text, "encoder") == 0;
+    options->run_node = both || strcmp(text, "node") == 0;
+    if (!options->run_encoder && !options->run_node) {
+        return complain("--role %s: not one of both, encoder, node", text);
+    }
+    return 0;
+}
+
+static int take_seconds(options_t *options, const char *text)
+{
+    char *end;
+    options->seconds = strtod(text, &end);
+    if (end == text || *end != '\0' || !(options->seconds >= 0.001) || options->seconds > 1e9) {
+        return complain("--seconds %s: not a number from 0.001 to 1e9", text);
+    }
+    return 0;
+}
+
+static int take_integer(const char *name, const char *text, uint64_t limit, uint64_t *to)
+{
+    char *end;
+    errno = 0;
+    *to = strtoull(text, &end, 10);
+    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to > limit) {
+        return complain("--%s %s: not an integer from 0 to %llu", name, text, (unsigned long long)limit);
+    }
+    return 0;
+}
+
+static int take_wait(options_t *options, const char *text)
+{
+    uint64_t clients;
+    int result = take_integer("wait-clients", text, 16, &clients);
+    options->wait_clients = (uint32_t)clients;
+    return result;
+}
+
+static int take_flag(options_t *options, int which)
+{
+    switch (which) {
+    case VIRTUAL:
+        options->is_virtual = true;
+        return 0;
+    case IDLE:
+        options->until_idle = true;
+        return 0;
+    case HELP:
+        fputs(help, stdout);
+        return 1;
+    case VERSION:
+        puts("dahl-loop " DAHL_VERSION);
+        return 1;
+    default:
+        return -1;
+    }
+}
+
+static int take_value(options_t *options, int which, const char *value)
+{
+    switch (which) {
+    case ROLE:
+        return take_role(options, value);
+    case SECONDS:
+        return take_seconds(options, value);
+    case SEED:
+        return take_integer("seed", value, UINT64_MAX, &options->seed);
+    case WAIT:
+        return take_wait(options, value);
+    default:
+        return take_flag(options, which);
+    }
+}
+
+/* The options that are plain text. */
+static const char **text_of(options_t *options, int which)
+{
+    switch (which) {
+    case SCENE:
+        return &options->scene;
+    case BUS:
+        return &options->bus;
+    case LOG:
+        return &options->log;
+    case SUMMARY:
+        return &options->summary;
+    case DATA:
+        return &options->data;
+    case LOG_FILE:
+        return &options->log_file;
+    default:
+        return NULL;
+    }
+}
+
+static int take(options_t *options, int which, char **argv)
+{
+    const char **text = text_of(options, which);
+    if (which == ':') {
+        return complain("%s needs a value", argv[optind - 1]);
+    }
+    if (which == '?') {
+        return complain("unknown option %s; see dahl-loop --help", argv[optind - 1]);
+    }
+    if (text != NULL) {
+        *text = optarg;
+        return 0;
+    }
+    return take_value(options, which, optarg);
+}
+
+static bool serves(const options_t *options)
+{
+    return strncmp(options->bus, "socketcand:", 11) == 0 && strchr(options->bus + 11, ':') == NULL;
+}
+
+static int check(const options_t *options)
+{
+    if (options->scene == NULL) {
+        return complain("no --scene FILE; see dahl-loop --help");
+    }
+    if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
+        return complain("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
+    }
+    if (options->is_virtual && strcmp(options->bus, "loopback") != 0 && !serves(options)) {
+        return complain("--virtual needs a bus that this process keeps, loopback or socketcand:PORT, not %s",
+                        options->bus);
+    }
+    return 0;
+}
+
+int options_read(options_t *options, int argc, char **argv)
+{
+    int which;
+    *options = (options_t){.bus = "loopback", .run_encoder = true, .run_node = true, .seed = 1};
+    opterr = 0;
+    while ((which = getopt_long(argc, argv, ":", long_options, NULL)) != -1) {
+        int result = take(options, which, argv);
+        if (result != 0) {
+            return result;
+        }
+    }
+    if (optind < argc) {
+        return complain("unexpected argument %s; see dahl-loop --help", argv[optind]);
+    }
+    return check(options);
+}

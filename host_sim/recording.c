@@ -1,0 +1,302 @@
+/* SPDX-License-Identifier: MIT */
+/* recording: see recording.h. Lines are fed to libcsv one by one, so that its callbacks know the line they are in. */
+#include "recording.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "complain.h"
+
+#define NO_COLUMN SIZE_MAX
+#define FIELD_MAX 65536u
+
+static void fail(recording_t *self)
+{
+    self->failed = true;
+}
+
+/* A quote that never closes would make the parser swallow the file: it gets no more memory than a field may need. */
+static void *limited_realloc(void *memory, size_t size)
+{
+    return size > FIELD_MAX ? NULL : realloc(memory, size);
+}
+
+static void note_header(recording_t *self, const char *text)
+{
+    size_t used = strlen(self->header);
+    snprintf(self->header + used, sizeof self->header - used, "%s\"%s\"", used > 0 ? ", " : "", text);
+}
+
+static void find(recording_t *self, const char *text, const char *name, size_t *column)
+{
+    if (name[0] == '\0' || strcmp(text, name) != 0) {
+        return;
+    }
+    if (*column != NO_COLUMN && !self->failed) {
+        complain("%s:%llu: two columns \"%s\"", self->path, (unsigned long long)self->line, name);
+        fail(self);
+    }
+    *column = self->column;
+}
+
+static void on_header_field(recording_t *self, const char *text)
+{
+    const char *name = self->column == 0 && strncmp(text, "\xEF\xBB\xBF", 3) == 0 ? text + 3 : text;
+    note_header(self, name);
+    find(self, name, self->angle_name, &self->angle_column);
+    find(self, name, self->time_name, &self->time_column);
+}
+
+static void take_number(recording_t *self, const char *text, const char *name, double *to)
+{
+    char *end;
+    *to = strtod(text, &end);
+    if (end == text || *end != '\0' || !isfinite(*to)) {
+        complain("%s:%llu: column \"%s\": \"%.40s\" is not a finite number", self->path,
+                 (unsigned long long)self->line, name, text);
+        fail(self);
+    }
+}
+
+static void on_data_field(recording_t *self, const char *text)
+{
+    if (self->column == self->angle_column) {
+        take_number(self, text, self->angle_name, &self->angle);
+    }
+    if (self->column == self->time_column) {
+        take_number(self, text, self->time_name, &self->time);
+    }
+}
+
+static void on_field(void *field, size_t length, void *user)
+{
+    recording_t *self = (recording_t *)user;
+    const char *text = field == NULL ? "" : (const char *)field;
+    (void)length;
+    if (self->failed) {
+        return;
+    }
+    if (self->columns == 0) {
+        on_header_field(self, text);
+    } else {
+        on_data_field(self, text);
+    }
+    self->column++;
+}
+
+static void end_header(recording_t *self)
+{
+    bool no_time = self->time_name[0] != '\0' && self->time_column == NO_COLUMN;
+    self->columns = self->column;
+    if (self->angle_column == NO_COLUMN || no_time) {
+        complain("%s:%llu: no column \"%s\"; there is %s", self->path, (unsigned long long)self->line,
+                 self->angle_column == NO_COLUMN ? self->angle_name : self->time_name, self->header);
+        fail(self);
+    }
+}
+
+static bool is_row_whole(recording_t *self)
+{
+    if (self->column == self->columns) {
+        return true;
+    }
+    complain("%s:%llu: column \"%s\": the row has %zu fields, the header %zu", self->path,
+             (unsigned long long)self->line, self->angle_name, self->column, self->columns);
+    fail(self);
+    return false;
+}
+
+static bool is_time_forward(recording_t *self)
+{
+    if (self->time_column == NO_COLUMN || self->rows == 0 || self->time >= self->last_time) {
+        return true;
+    }
+    complain("%s:%llu: column \"%s\": time goes back from %.9g to %.9g", self->path, (unsigned long long)self->line,
+             self->time_name, self->last_time, self->time);
+    fail(self);
+    return false;
+}
+
+static bool is_in_range(recording_t *self, double travel)
+{
+    if (fabs(travel) < 2147483647.0) {
+        return true;
+    }
+    complain("%s:%llu: column \"%s\": %.9g is %.9g counts from the first row, more than 2^31", self->path,
+             (unsigned long long)self->line, self->angle_name, self->angle, travel);
+    fail(self);
+    return false;
+}
+
+static void end_data(recording_t *self)
+{
+    double counts = self->angle * self->counts_per_unit;
+    self->first = self->rows == 0 ? counts : self->first;
+    if (!is_row_whole(self) || !is_time_forward(self) || !is_in_range(self, counts - self->first)) {
+        return;
+    }
+    self->last_time = self->time;
+    self->counts[self->tail++] = (int32_t)lround(counts - self->first);
+    self->rows++;
+}
+
+static void on_row(int terminator, void *user)
+{
+    recording_t *self = (recording_t *)user;
+    (void)terminator;
+    if (self->failed) {
+        return;
+    }
+    if (self->columns == 0) {
+        end_header(self);
+    } else {
+        end_data(self);
+    }
+    self->column = 0;
+}
+
+static unsigned char choose_delimiter(const char *text, size_t length)
+{
+    const char *end = memchr(text, '\n', length);
+    size_t line = end == NULL ? length : (size_t)(end - text);
+    if (memchr(text, '\t', line) != NULL) {
+        return '\t';
+    }
+    return memchr(text, ';', line) != NULL ? ';' : ',';
+}
+
+static void bad_text(recording_t *self)
+{
+    bool too_long = csv_error(&self->parser) == CSV_ENOMEM;
+    complain("%s:%llu: column %zu: %s", self->path, (unsigned long long)self->line, self->column + 1,
+             too_long ? "a field without end (a quote that is never closed?)" : "a quote inside a field or never closed");
+    fail(self);
+}
+
+static void parse(recording_t *self, const char *text, size_t length)
+{
+    if (csv_parse(&self->parser, text, length, on_field, on_row, self) != length && !self->failed) {
+        bad_text(self);
+    }
+}
+
+static void feed(recording_t *self, const char *text, size_t length)
+{
+    while (length > 0 && !self->failed) {
+        const char *end = memchr(text, '\n', length);
+        size_t piece = end == NULL ? length : (size_t)(end - text) + 1;
+        parse(self, text, piece);
+        self->line += end == NULL ? 0u : 1u;
+        text += piece;
+        length -= piece;
+    }
+}
+
+static void finish(recording_t *self)
+{
+    self->ended = true;
+    if (ferror(self->file) != 0) {
+        complain("%s:%llu: cannot be read: %s", self->path, (unsigned long long)self->line, strerror(errno));
+        fail(self);
+        return;
+    }
+    if (csv_fini(&self->parser, on_field, on_row, self) != 0 && !self->failed) {
+        bad_text(self);
+    }
+}
+
+/* Read one chunk; afterwards counts[0 .. tail) are the rows that ended in it. */
+static void read_chunk(recording_t *self)
+{
+    char chunk[RECORDING_CHUNK];
+    size_t length = fread(chunk, 1, sizeof chunk, self->file);
+    self->head = 0;
+    self->tail = 0;
+    if (length == 0) {
+        finish(self);
+        return;
+    }
+    if (self->columns == 0 && self->rows == 0 && self->column == 0) {
+        csv_set_delim(&self->parser, choose_delimiter(chunk, length));
+    }
+    feed(self, chunk, length);
+}
+
+static void forget(recording_t *self)
+{
+    self->ended = false;
+    self->line = 1;
+    self->rows = 0;
+    self->columns = 0;
+    self->column = 0;
+    self->angle_column = NO_COLUMN;
+    self->time_column = NO_COLUMN;
+    self->header[0] = '\0';
+    self->head = 0;
+    self->tail = 0;
+}
+
+static bool rewind_to_start(recording_t *self)
+{
+    if (self->parser_ready) {
+        csv_free(&self->parser);
+    }
+    forget(self);
+    self->parser_ready = csv_init(&self->parser, CSV_APPEND_NULL | CSV_STRICT | CSV_STRICT_FINI) == 0;
+    csv_set_realloc_func(&self->parser, limited_realloc);
+    self->failed = !self->parser_ready || fseek(self->file, 0, SEEK_SET) != 0;
+    if (self->failed) {
+        complain("%s: cannot be read from the start: %s", self->path, strerror(errno));
+    }
+    return !self->failed;
+}
+
+static bool check_all(recording_t *self)
+{
+    while (!self->ended && !self->failed) {
+        read_chunk(self);
+    }
+    if (!self->failed && self->rows == 0) {
+        complain("%s:%llu: column \"%s\": the file has no rows", self->path, (unsigned long long)self->line,
+                 self->angle_name);
+        fail(self);
+    }
+    return !self->failed;
+}
+
+bool recording_open(recording_t *self, const char *path, const char *angle_name, const char *time_name,
+                    double counts_per_unit)
+{
+    *self = (recording_t){
+        .path = path, .angle_name = angle_name, .time_name = time_name, .counts_per_unit = counts_per_unit};
+    self->file = fopen(path, "rb");
+    if (self->file == NULL) {
+        complain("%s: %s", path, strerror(errno));
+        return false;
+    }
+    return rewind_to_start(self) && check_all(self) && rewind_to_start(self);
+}
+
+int recording_next(recording_t *self, int32_t *count)
+{
+    while (self->head == self->tail) {
+        if (self->failed || self->ended) {
+            return self->failed ? -1 : 0;
+        }
+        read_chunk(self);
+    }
+    *count = self->counts[self->head++];
+    return 1;
+}
+
+void recording_close(recording_t *self)
+{
+    if (self->parser_ready) {
+        csv_free(&self->parser);
+    }
+    if (self->file != NULL) {
+        fclose(self->file);
+    }
+}
