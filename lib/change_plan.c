@@ -7,7 +7,7 @@
 #include "fixed.h"
 
 typedef struct {
-    uint64_t mantissa; /* Q63, in (2^62, 2^64) */
+    uint64_t mantissa; /* Q63, in [1, 2) */
     int32_t exponent;
 } factor_t;
 
@@ -29,11 +29,11 @@ static factor_t smaller(factor_t x, factor_t y)
     return x_first ? x : y;
 }
 
-/* size times f in Q62, clamped to 1. */
+/* size times f in Q62, clamped to 1; size <= 1 too, but for the 2^31 that a step may pass it by. */
 static uint64_t scaled(uint64_t size, factor_t f)
 {
-    uint64_t product = dahl_mulhi64(size, f.mantissa - 1u); /* Q61; one unit less keeps the rounding from passing */
-    int32_t shift = f.exponent + 1;
+    uint64_t product = dahl_mulhi64(size << 1, f.mantissa, 0);
+    int32_t shift = f.exponent;
     if (shift <= -64) {
         return 0;
     }

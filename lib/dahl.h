@@ -117,7 +117,7 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
 /* Go on with other parameters, from plan `from` to plan `to`, between two ticks. The torque is kept while the bristle
  * can carry it: clamped to the new Fc, and scaled by sigma0_to/sigma0_from where that is below 1 (the bristle keeps its
- * deflection), so that the stored energy F^2/(2 sigma0) never grows. Cost: one division. */
+ * deflection), so that the stored energy F^2/(2 sigma0) never grows: F is at most what this says, and less by no more than 2^-31. */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
 /* Shortest signed way from one reading of an absolute encoder to the next, in counts: -n/2 <= result < n/2 for
@@ -128,9 +128,11 @@ int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_t
  * The literal form: float exponential and a branch where the motion changes sign (Eq. 1 solved anchored at the last
  * reversal, Eqs. 7, 18, 27). Needs libm's expm1f and float hardware to be quick, gives other bits on other libms, and
  * adds an error at each reversal; it is here to read, to teach and to cross-check. Linked only when called.
- * Error of F: DAHL_FLOAT_ERROR_SWEEP of Fc per reversal that the bristle still remembers (see float.c).
+ * Error of F: DAHL_FLOAT_ERROR of Fc, once for now and once for each reversal that the bristle still remembers:
+ * E (1 + sum over past reversals of exp(-travel u since)). Sweeps: 1 E or 2 E; 2 counts forward 1 back at u = 1e-6 a
+ * count: up to 6e5 E. The core above has no such term.
  */
-#define DAHL_FLOAT_ERROR 4.8e-7 /* of Fc, after each reversal added to what earlier ones left; 8 units of 2^-24 */
+#define DAHL_FLOAT_ERROR 3e-7 /* of Fc; 5 units of 2^-24 */
 
 typedef struct {
     float Fc;          /* N m */

@@ -23,13 +23,13 @@ static inline uint32_t dahl_mulhi(uint32_t a, uint32_t b)
     return (uint32_t)(((uint64_t)a * b) >> 32);
 }
 
-/* Upper half of a 64 x 64 bit product, rounded to nearest. */
-static inline uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
+/* Upper half of a 64 x 64 bit product; rounding 0 truncates, DAHL_TOP_BIT rounds to nearest. */
+static inline uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding)
 {
     uint32_t a1 = (uint32_t)(a >> 32), a0 = (uint32_t)a;
     uint32_t b1 = (uint32_t)(b >> 32), b0 = (uint32_t)b;
     uint64_t middle = (uint64_t)a1 * b0 + dahl_mulhi(a0, b0);
-    uint64_t other = (uint64_t)a0 * b1 + (uint32_t)middle + DAHL_TOP_BIT;
+    uint64_t other = (uint64_t)a0 * b1 + (uint32_t)middle + rounding;
     return (uint64_t)a1 * b1 + (middle >> 32) + (other >> 32);
 }
 

@@ -3,7 +3,7 @@
  * The literal form: torque and travel since the last reversal, one float exponential, a branch where the motion changes
  * sign. Within one direction nothing accumulates, because the travel is counted exactly and the exponential always starts
  * from the reversal. At each reversal the torque is rounded, and that error stays until the bristle forgets it:
- * after n reversals closer together than the presliding length, at most n DAHL_FLOAT_ERROR Fc. The core has no such term.
+ * the sum over past reversals of DAHL_FLOAT_ERROR exp(-travel since) of Fc. The core has no such term.
  */
 #include <float.h>
 #include <math.h>

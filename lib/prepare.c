@@ -88,7 +88,7 @@ static uint64_t add_saturated(uint64_t x, uint64_t y)
 /* g of the travel x and then y. */
 static uint64_t join(uint64_t x, uint64_t y)
 {
-    return add_saturated(x, y - dahl_mulhi64(x, y));
+    return add_saturated(x, y - dahl_mulhi64(x, y, DAHL_TOP_BIT));
 }
 
 static uint64_t g_of_travel(travel_t u)
@@ -138,6 +138,12 @@ static void add_rounding(dahl_q64_t *table)
     }
 }
 
+/* The top 32 bits, rounded; a carry out would only round up to 2^32 what 2^32 - 1 stands for as well. */
+static uint32_t top_of(uint64_t mantissa)
+{
+    return (uint32_t)(add_saturated(mantissa, DAHL_TOP_BIT) >> 32);
+}
+
 /* 2^first <= u < 2^last; no counts are in any range. */
 static int is_travel_in_range(travel_t u, int32_t first, int32_t last)
 {
@@ -158,7 +164,7 @@ dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
     fill_table(plan->g, count.mantissa == 0 ? 0 : g_of_travel(count));
     add_rounding(plan->g);
     dahl_real_t Fc = dahl_real_of(dahl_bits_of(params->Fc));
-    plan->a_mantissa = (uint32_t)(radian.mantissa >> 32);
+    plan->a_mantissa = top_of(radian.mantissa);
     plan->a_exponent = radian.exponent + 32;
     plan->Fc_mantissa = Fc.mantissa;
     plan->Fc_exponent = Fc.exponent;

@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: MIT */
+/* Parameters, torques and plans that are set from outside: cases P14 and P15, and the limits that dahl.h states. */
+#include <string.h>
+
+#include "motions.h"
+#include "plans.h"
+
+static dahl_err_t try(float sigma0, float Fc, float theta_per_count)
+{
+    dahl_params_t p = {sigma0, Fc, theta_per_count};
+    dahl_plan_t plan, untouched;
+    memset(&plan, 0x5a, sizeof plan);
+    untouched = plan;
+    dahl_err_t err = dahl_prepare(&plan, &p);
+    TEST_ASSERT_TRUE(err == DAHL_OK || memcmp(&plan, &untouched, sizeof plan) == 0);
+    return err;
+}
+
+static void test_not_a_number_zero_negative(void)
+{
+    static const float bad[] = {0.0f, -0.0f, -1.0f, -1e-45f, NAN, -NAN, HUGE_VALF, -HUGE_VALF};
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(bad[i], 1.0f, 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(1.0f, bad[i], 1e-3f));
+        TEST_ASSERT_EQUAL_INT(i < 2 ? DAHL_OK : DAHL_ERR_PARAM, try(1.0f, 1.0f, bad[i]));
+    }
+}
+
+static void test_range_of_torque(void)
+{
+    const float below = nextafterf(DAHL_TORQUE_MIN, 0.0f), above = DAHL_TORQUE_MAX, top = nextafterf(above, 0.0f);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, try(DAHL_TORQUE_MIN, DAHL_TORQUE_MIN, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, try(top, top, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, DAHL_TORQUE_MIN, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(DAHL_TORQUE_MIN, below, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(above, top, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(top, above, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e-45f, 1.0f, 1e-3f));
+}
+
+static void test_range_of_travel(void)
+{
+    const float least = (float)DAHL_TRAVEL_MIN, most = (float)DAHL_TRAVEL_MAX;
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, try(1.0f, 1.0f, least));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1.0f, 1.0f, nextafterf(least, 0.0f)));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1.0f, 1.0f, most));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, try(1.0f, 1.0f, nextafterf(most, 0.0f)));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1.0f, 1.0f, 1e-40f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e12f, 1e-12f, 0.0f)); /* a >= 2^63 */
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e-12f, 1e12f, 0.0f)); /* a < 2^-63 */
+}
+
+/* Torque in, torque out: the same float while |F| >= 2^-36 Fc; clamped; NaN ignored. */
+static void test_set_torque(void)
+{
+    dahl_params_t p = params_for(0.01, 2.739f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    motion_t m = MOTION_START;
+    for (int i = 0; i < 100000; i++) {
+        float size = ldexpf((float)(motion_random(&m) >> 2 | 0x40000000u) * p.Fc, -31 - i % 35);
+        float F = i % 2 ? size : -size;
+        dahl_set_torque(&plan, &state, F);
+        TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == F);
+    }
+    int64_t before = state.w;
+    dahl_set_torque(&plan, &state, NAN);
+    TEST_ASSERT_TRUE(state.w == before);
+    static const float clamped[] = {2.739f, 2.7390003f, 1e30f, HUGE_VALF};
+    for (size_t i = 0; i < 4; i++) {
+        dahl_set_torque(&plan, &state, clamped[i]);
+        TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == p.Fc && state.w == (int64_t)1 << 62);
+        dahl_set_torque(&plan, &state, -clamped[i]);
+        TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == -p.Fc);
+    }
+    dahl_set_torque(&plan, &state, 1e-40f);
+    TEST_ASSERT_TRUE(state.w == 0);
+    dahl_set_torque(&plan, &state, 0.0f);
+    TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == 0.0f);
+}
+
+/* P15: what dahl_change_plan keeps. F is expected clamped to the new Fc, scaled where the bristle got softer. */
+static void check_change(float s1, float Fc1, float s2, float Fc2, float F)
+{
+    dahl_params_t p1 = {s1, Fc1, 0}, p2 = {s2, Fc2, 0};
+    dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
+    dahl_state_t state;
+    dahl_set_torque(&from, &state, F);
+    long double expected = state.w * 0x1p-62L * Fc1 * fminl(1.0L, (long double)s2 / s1);
+    expected = fmaxl(-Fc2, fminl(Fc2, expected));
+    dahl_change_plan(&from, &to, &state);
+    long double w = state.w * 0x1p-62L, error = fabsl(w * Fc2 - expected);
+    TEST_ASSERT_TRUE(fabsl(w) <= 1 && error <= 0x1p-31L * fabsl(expected) + 1e-18L * Fc2);
+    TEST_ASSERT_TRUE(fabsl(w * Fc2) <= fabsl(expected) * (1 + 1e-18L)); /* truncated: no energy from rounding */
+}
+
+static void test_p15_change_of_parameters(void)
+{
+    check_change(100, 1, 100, 0.5f, 0.9f);   /* abs(F) > new Fc */
+    check_change(100, 1, 100, 0.5f, -0.9f);
+    check_change(100, 1, 100, 3, 0.9f);      /* more Fc: F stays */
+    check_change(100, 1, 300, 1, 0.9f);      /* stiffer: F stays */
+    check_change(100, 1, 30, 1, 0.9f);       /* softer: deflection stays */
+    check_change(100, 1, 30, 0.1f, 0.9f);
+    check_change(100, 1, 100, 1, 0);
+    check_change(1e-10f, 1e-15f, 1e15f, 1e10f, 1e-15f);
+    check_change(1e15f, 1e10f, 1e-10f, 1e-15f, 1e10f);
+    motion_t m = MOTION_START;
+    for (int i = 0; i < 100000; i++) {
+        float x[5];
+        for (int k = 0; k < 5; k++) {
+            x[k] = ldexpf(1.0f + (float)(motion_random(&m) >> 8) * 0x1p-24f, (int)(motion_random(&m) % 20u) - 10);
+        }
+        check_change(x[0], x[1], x[2], x[3], i % 2 ? x[4] : -x[4]);
+    }
+}
+
+/* The same plan leaves the torque, and never adds to the stored energy however often it is changed. */
+static void test_p15_no_energy_from_changes(void)
+{
+    dahl_params_t p[3] = {{100, 1, 0}, {170, 0.6f, 0}, {33, 2, 0}};
+    dahl_plan_t plan[3] = {plan_for(&p[0]), plan_for(&p[1]), plan_for(&p[2])};
+    dahl_state_t state;
+    dahl_set_torque(&plan[0], &state, 0.99f);
+    long double energy = 1;
+    for (int i = 0; i < 3000; i++) {
+        long double F = state.w * 0x1p-62L * p[i % 3].Fc, now = F * F / (2 * p[i % 3].sigma0);
+        TEST_ASSERT_TRUE(now <= energy);
+        energy = now;
+        dahl_change_plan(&plan[i % 3], &plan[(i + 1) % 3], &state);
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_not_a_number_zero_negative);
+    RUN_TEST(test_range_of_torque);
+    RUN_TEST(test_range_of_travel);
+    RUN_TEST(test_set_torque);
+    RUN_TEST(test_p15_change_of_parameters);
+    RUN_TEST(test_p15_no_energy_from_changes);
+    return UNITY_END();
+}
