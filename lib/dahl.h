@@ -117,7 +117,7 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
 /* Go on with other parameters, from plan `from` to plan `to`, between two ticks. The torque is kept while the bristle
  * can carry it: clamped to the new Fc, and scaled by sigma0_to/sigma0_from where that is below 1 (the bristle keeps its
- * deflection), so that the stored energy F^2/(2 sigma0) never grows: F is at most what this says, and less by no more than 2^-31. */
+ * deflection), so that the stored energy F^2/(2 sigma0) never grows; F is what this says within 2^-31. */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
 /* Shortest signed way from one reading of an absolute encoder to the next, in counts: -n/2 <= result < n/2 for

@@ -86,12 +86,12 @@ static void check_change(float s1, float Fc1, float s2, float Fc2, float F)
     dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
     dahl_state_t state;
     dahl_set_torque(&from, &state, F);
-    long double expected = state.w * 0x1p-62L * Fc1 * fminl(1.0L, (long double)s2 / s1);
+    long double F0 = state.w * 0x1p-62L * Fc1, expected = F0 * fminl(1.0L, (long double)s2 / s1);
     expected = fmaxl(-Fc2, fminl(Fc2, expected));
     dahl_change_plan(&from, &to, &state);
-    long double w = state.w * 0x1p-62L, error = fabsl(w * Fc2 - expected);
-    TEST_ASSERT_TRUE(fabsl(w) <= 1 && error <= 0x1p-31L * fabsl(expected) + 1e-18L * Fc2);
-    TEST_ASSERT_TRUE(fabsl(w * Fc2) <= fabsl(expected) * (1 + 1e-18L)); /* truncated: no energy from rounding */
+    long double w = state.w * 0x1p-62L, F1 = w * Fc2;
+    TEST_ASSERT_TRUE(fabsl(w) <= 1 && fabsl(F1 - expected) <= 0x1p-31L * fabsl(expected) + 1e-18L * Fc2);
+    TEST_ASSERT_TRUE(F1 * F1 / s2 <= F0 * F0 / s1 * (1 + 1e-18L)); /* stored energy; the factor is long double's own */
 }
 
 static void test_p15_change_of_parameters(void)
