@@ -4,37 +4,53 @@
 
 #include "frames.h"
 
-static uint16_t bit(uint8_t counter)
+static uint8_t counter_of(uint64_t sequence)
 {
-    return (uint16_t)(1u << counter);
+    return (uint8_t)(sequence & 0x0F);
 }
 
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, can_frame_t *out)
 {
-    encoder_state_t state = {.counter = encoder->counter, .valid = true};
+    encoder_state_t state = {.counter = counter_of(encoder->sent), .valid = true};
     int result = motion_next(encoder->motion, &state.count);
     if (result != 1) {
         encoder->ended = true;
         encoder->failed = result < 0;
         return false;
     }
-    encoder->open |= bit(state.counter);
-    encoder->sent_ns[state.counter] = now_ns;
+    encoder->sent_ns[encoder->sent % ENCODER_WAITING] = now_ns;
     encoder->sent++;
-    encoder->counter = (encoder->counter + 1) & 0x0F;
+    if (encoder->sent - encoder->next > ENCODER_WAITING) {
+        encoder->next++;
+    }
     frames_pack_encoder(out, encoder->node, &state);
     return true;
 }
 
-static void match(encoder_t *encoder, uint8_t echo, uint64_t now_ns)
+static bool starts_anew(uint8_t state)
 {
-    if ((encoder->open & bit(echo)) == 0) {
+    return state == FRAMES_INIT || state == FRAMES_STALE || state == FRAMES_WRONG_SEQUENCE;
+}
+
+/* Steps from one counter up to the next place where it is `wanted`: 0..15. */
+static uint64_t steps(uint64_t from, uint8_t wanted)
+{
+    return (wanted - from) & 0x0F;
+}
+
+static void match(encoder_t *encoder, const friction_torque_t *torque, uint64_t now_ns)
+{
+    uint64_t found = encoder->next + steps(encoder->next, torque->echo);
+    if (starts_anew(torque->state) && encoder->sent > encoder->next + 16) {
+        found = encoder->sent - 16 + steps(encoder->sent, torque->echo);
+    }
+    if (found >= encoder->sent) {
         encoder->unmatched++;
         return;
     }
-    encoder->open = (uint16_t)(encoder->open & ~bit(echo));
+    encoder->next = found + 1;
     encoder->answered++;
-    histogram_add(&encoder->latency, now_ns - encoder->sent_ns[echo]);
+    histogram_add(&encoder->latency, now_ns - encoder->sent_ns[found % ENCODER_WAITING]);
 }
 
 void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns)
@@ -47,5 +63,5 @@ void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns)
         encoder->corrupt++;
         return;
     }
-    match(encoder, torque.echo, now_ns);
+    match(encoder, &torque, now_ns);
 }

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * encoder: the side that streams angles. It sends one EncoderState per tick, and matches each FrictionTorque to the frame
- * that it echoes; what is not answered before its counter comes round again (16 ticks) is lost.
+ * that it echoes. A bus keeps the order, so an answer belongs to the oldest unanswered frame with the echoed counter, and
+ * those before it are lost: that holds through a stall of either side, where more than 16 frames wait. After a real gap
+ * the node says that it starts anew (INIT, STALE, WRONG_SEQUENCE); such an answer belongs to the newest one instead.
  */
 #ifndef ENCODER_H
 #define ENCODER_H
@@ -13,22 +15,29 @@
 #include "histogram.h"
 #include "motion.h"
 
+#define ENCODER_WAITING 1024u /* frames that can wait for an answer; older ones are lost */
+
 typedef struct {
     motion_t *motion;
     uint8_t node; /* node number that it talks to */
-    uint8_t counter;
     bool ended;  /* the motion has no more counts */
     bool failed; /* the motion failed; the error was printed */
-    uint16_t open; /* bit c: the frame with counter c waits for its answer */
-    uint64_t sent_ns[16];
-    uint64_t sent, answered;
+    uint64_t sent;     /* frames; also the sequence number of the next */
+    uint64_t next;     /* sequence number of the oldest frame that may still be answered */
+    uint64_t answered;
     uint64_t unmatched; /* answers to nothing that waits: late, doubled or foreign */
     uint64_t corrupt;   /* answers with wrong CRC or form */
+    uint64_t sent_ns[ENCODER_WAITING]; /* by sequence number */
     histogram_t latency;
 } encoder_t;
 
 /* True: *out is to be sent now. False: the motion has ended or failed. */
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, can_frame_t *out);
+
+static inline bool encoder_waits(const encoder_t *encoder)
+{
+    return encoder->next < encoder->sent;
+}
 
 /* Take any frame; all but the node's FrictionTorque are none of its business. */
 void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns);

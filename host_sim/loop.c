@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <time.h>
 
-enum { SETTLE_TICKS = 100, WAIT_US = 10000 };
+enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000 };
 
 static uint64_t read_clock(clockid_t id)
 {
@@ -132,12 +132,12 @@ static void run_virtual(loop_t *loop)
     }
 }
 
-/* Give the last answers time to come. */
+/* Give the last answers time to come, longer if there is somebody who answers. */
 static void settle(loop_t *loop)
 {
-    uint64_t give_up = read_clock(CLOCK_MONOTONIC) + SETTLE_TICKS * LOOP_PERIOD_NS;
-    while (loop->encoder != NULL && loop->encoder->open != 0 && !loop->gone &&
-           read_clock(CLOCK_MONOTONIC) < give_up) {
+    uint64_t ticks = loop->encoder->answered > 0 ? SETTLE_TICKS : ALONE_TICKS;
+    uint64_t give_up = read_clock(CLOCK_MONOTONIC) + ticks * LOOP_PERIOD_NS;
+    while (encoder_waits(loop->encoder) && !loop->gone && read_clock(CLOCK_MONOTONIC) < give_up) {
         receive(loop, 1000);
     }
 }
@@ -161,7 +161,9 @@ static void run_real(loop_t *loop)
         }
         receive(loop, due > now ? (uint32_t)((due - now) / 1000u) : 0);
     }
-    settle(loop);
+    if (loop->encoder != NULL) {
+        settle(loop);
+    }
 }
 
 void loop_run(loop_t *loop)

@@ -16,6 +16,8 @@
 #include "scene.h"
 #include "summary.h"
 
+static const double DESK_TIMEOUT_MS = 1000;
+
 typedef struct {
     options_t options;
     scene_t scene;
@@ -74,9 +76,7 @@ static int prepare_node(program_t *p)
     }
     node_init(&p->node, &p->plan, (uint8_t)f->node);
     p->node.status_us = p->scene.has_status ? (uint32_t)lround(p->scene.status_period_ms * 1000) : 0;
-    if (f->timeout_ms > 0) {
-        p->node.timeout_us = (uint32_t)lround(f->timeout_ms * 1000);
-    }
+    p->node.timeout_us = (uint32_t)lround((f->timeout_ms > 0 ? f->timeout_ms : DESK_TIMEOUT_MS) * 1000);
     p->loop.node = &p->node;
     return 0;
 }

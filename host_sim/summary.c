@@ -6,7 +6,6 @@
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/resource.h>
 
 static void add(cJSON *to, const char *name, double value)
 {
@@ -70,14 +69,29 @@ static void add_bus(cJSON *to, const loop_t *loop)
     add_count(bus, "retries", loop->bus->counts.retries);
 }
 
+/* Most memory that this program ever held. (getrusage would count the parent's, before exec, too.) */
+static double peak_memory_kib(void)
+{
+    char line[128];
+    unsigned long kib = 0;
+    FILE *file = fopen("/proc/self/status", "r");
+    while (file != NULL && fgets(line, sizeof line, file) != NULL) {
+        if (sscanf(line, "VmHWM: %lu", &kib) == 1) {
+            break;
+        }
+    }
+    if (file != NULL) {
+        fclose(file);
+    }
+    return (double)kib;
+}
+
 static void add_cost(cJSON *to, const loop_t *loop)
 {
-    struct rusage usage;
-    getrusage(RUSAGE_SELF, &usage);
     double wall = (double)loop->wall_ns * 1e-9;
     add(to, "wall_s", wall);
     add(to, "realtime_factor", wall > 0 ? (double)(loop->ticks * LOOP_PERIOD_NS) * 1e-9 / wall : 0);
-    add(to, "max_rss_kib", (double)usage.ru_maxrss);
+    add(to, "max_rss_kib", peak_memory_kib());
 }
 
 static cJSON *collect(const options_t *options, const scene_t *scene, const loop_t *loop)
