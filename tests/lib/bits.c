@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: MIT */
+/* Prints the lines of golden_bits.txt. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "bits.h"
+
+int main(void)
+{
+    for (unsigned run = 0; run < BITS_RUNS; run++) {
+        printf("%-7s %-8s %u %016" PRIx64 "\n", run < BITS_RUNS / 2 ? "counts" : "angle", motions[run / BITS_PARAMS % MOTIONS].name,
+               (unsigned)(run % BITS_PARAMS), bits_run(run));
+    }
+    return 0;
+}
