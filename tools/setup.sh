@@ -93,14 +93,18 @@ setup_packages() {
     if [ "${#extras[@]}" -gt 0 ]; then setup_extras "${extras[@]}"; fi
 }
 
+# Tried once for each list of what is missing: what this machine cannot have must not slow down every later run.
 setup_extras() {
-    local known
-    mapfile -t known < <(known_to_apt "$@")
-    if [ "${#known[@]}" -gt 0 ] && may_be_root; then
-        say "installing packages that only some tests need: ${known[*]}"
-        if install_packages "${known[@]}"; then return; fi
+    local tried=$BUILD/deps/extras.tried known
+    if [ "$(cat "$tried" 2>/dev/null)" != "$*" ] && may_be_root; then
+        mapfile -t known < <(known_to_apt "$@")
+        if [ "${#known[@]}" -lt $# ]; then apt update || true; mapfile -t known < <(known_to_apt "$@"); fi
+        say "installing packages that only some tests need: ${known[*]:-none of them is known here}"
+        if [ "${#known[@]}" -eq $# ] && install_packages "$@"; then return; fi
+        install_packages "${known[@]}" || true
+        echo "$*" >"$tried"
     fi
-    say "not here, so the tests that need them will be skipped: $*"
+    say "not all here, so the tests that need them will be skipped: $*"
 }
 
 # On another distribution the names differ and are the user's to map; what counts is what the build will look for.
@@ -223,9 +227,9 @@ main() {
         *) die "setup.sh takes no argument '$1' (see --help)" ;;
     esac
     one_at_a_time setup
+    mkdir -p "$BUILD/deps"
     : >"$BUILD/setup.log"
     if has_apt; then setup_packages; else check_without_apt; fi
-    mkdir -p "$BUILD/deps"
     setup_unity
     setup_venv
     say "done in $SECONDS s"

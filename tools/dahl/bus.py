@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import re
 import shutil
 import socket
@@ -39,6 +40,7 @@ def open_bus(patience: float = 0.0, **settings: object) -> can.BusABC:
     """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line whatever the interface."""
     import can
 
+    logging.getLogger("can").setLevel(logging.ERROR)  # a frame in two pieces is no news
     until = time.monotonic() + patience
     while True:
         try:

@@ -7,8 +7,8 @@ The encoder's latency is then a real round trip over the bus, and what is judged
 from __future__ import annotations
 
 import json
+import re
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Callable
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
 DRAIN = 0.3  # s to go on recording after the encoder has ended
+SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
 SILENCE = 10.0  # s without any frame, after which a run has failed
 
 
@@ -95,6 +96,18 @@ class Program:
         kind = Error if self.process.returncode == 2 else RunError
         raise kind(words or f"dahl-loop ({self.role}) ended with code {self.process.returncode}: {' '.join(lines[-1:])}")
 
+    def port(self) -> int:
+        """The TCP port that it says it serves."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until and not self.ended():
+            said = SERVED.search(Path(self.errors.name).read_text(encoding="utf-8"))
+            if said:
+                return int(said[1])
+            time.sleep(0.02)
+        self.end()
+        self.check()
+        raise RunError(f"dahl-loop ({self.role}) did not say which port it serves")
+
     def numbers(self) -> dict[str, Any]:
         """Its summary, {} where it left none."""
         try:
@@ -110,19 +123,15 @@ def _options(setup: Setup, role: str) -> list[str]:
     return [str(word) for pair in named.items() if pair[1] is not None for word in pair]
 
 
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
-
-
-def _ends(bus: str) -> tuple[str, str, dict[str, Any]]:
-    """A bus as the node, the encoder and python-can each name it."""
+def _ends(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
+    """The bus as the encoder and as python-can name it; a served one says its port itself."""
     kind, _, rest = bus.partition(":")
     if kind == "socketcan":
-        return bus, bus, {"interface": "socketcan", "channel": rest}
-    port = int(rest) if rest else _free_port()
-    here = {"interface": "socketcand", "channel": VCAN, "host": "127.0.0.1", "port": port}
-    return f"socketcand:{port}", f"socketcand:127.0.0.1:{port}", here
+        return bus, {"interface": "socketcan", "channel": rest}
+    port = node.port()
+    return f"socketcand:127.0.0.1:{port}", {
+        "interface": "socketcand", "channel": VCAN, "host": "127.0.0.1", "port": port,
+    }
 
 
 def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
@@ -130,11 +139,12 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
 
     progress is called about ten times a second with the number of frames recorded so far.
     """
-    node_bus, encoder_bus, here = _ends(setup.bus)
-    idle = ["--until-idle"] if node_bus.startswith("socketcand") else []
-    node = Program(setup, "node", node_bus, *idle)
+    serves = setup.bus.startswith("socketcand")
+    node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
+    node = Program(setup, "node", node_bus, *(["--until-idle"] if serves else []))
     encoder = None
     try:
+        encoder_bus, here = _ends(setup.bus, node)
         with _opened(node, here) as bus, (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log:
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)

@@ -15,7 +15,7 @@ import numpy as np  # noqa: E402
 from dahl import report  # noqa: E402
 from dahl.scene import Recorded, Scene  # noqa: E402
 
-MEASURED, COMPUTED = "#8a97a6", "#d1495b"
+MEASURED, COMPUTED = "#7c8b9c", "#d1495b"
 STYLE = {
     "font.size": 11,
     "axes.spines.top": False,
@@ -43,9 +43,9 @@ def draw(path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | Non
         loop.legend(loc="upper left")
         for axes, where in ((whole, slice(None)), (part, _window(len(time)))):
             _panel(axes, time[where], None if measured is None else measured[where], computed[where])
-            axes.set(xlabel=time_label, ylabel=_unit(scene.measured.label_torque))
+            axes.set(xlabel=time_label, ylabel=_short(scene.measured.label_torque))
             axes.margins(x=0.01)
-        part.set_title("enlarged", loc="left", fontsize=10, color="#555555")
+        part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         figure.suptitle(scene.title, fontsize=15, fontweight="bold", x=0.01, ha="left")
         loop.set_title(caption, loc="left", fontsize=10, color="#555555")
         _save(figure, path)
@@ -53,7 +53,7 @@ def draw(path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | Non
 
 def _panel(axes: plt.Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray) -> None:
     if measured is not None:
-        axes.plot(x, measured, color=MEASURED, linewidth=0.9, label="measured")
+        axes.plot(x, measured, color=MEASURED, linewidth=1.1, label="measured")
     axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label="computed, as received over the bus")
 
 
@@ -69,9 +69,10 @@ def _window(count: int) -> slice:
     return slice(max(0, count // 2 - half), count // 2 + half)
 
 
-def _unit(label: str) -> str:
-    """'friction torque [N m]' -> 'torque [N m]' fits beside a low panel."""
-    return label if len(label) < 18 else "[" + label.rpartition("[")[2]
+def _short(label: str) -> str:
+    """'friction torque [N m]' -> 'torque [N m]', which fits beside a low panel."""
+    words, _, unit = label.partition(" [")
+    return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
 
 
 def _save(figure: plt.Figure, path: Path) -> None:

@@ -158,7 +158,7 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         "[scene]", f"title = {own.log.name}",
         "[friction]", f"sigma0 = {own.sigma0!r}", f"Fc = {own.fc!r}",
         f"theta_per_count = {_theta_per_count(own)!r}",
-        "[motion]", "kind = log", f"file = {own.log.resolve()}", f"angle = {own.angle}",
+        "[motion]", "kind = log", f"file = {own.log.name}", f"angle = {own.angle}",
         f"counts_per_unit = {_counts_per_unit(own)!r}", *([f"time = {own.time}"] if own.time else []),
         "[status]", "period_ms = 100",
         "[measured]", *([f"torque = {own.torque}"] if own.torque else []),

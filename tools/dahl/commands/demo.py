@@ -13,7 +13,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError, places
+from dahl import Error, places
 
 if TYPE_CHECKING:
     from dahl.report import Trace
@@ -116,7 +116,7 @@ def _play(args: argparse.Namespace, scene: Scene, log: Path | None, recorded: Re
     columns = (TextColumn("run    "), BarColumn(), TextColumn("{task.completed:.0f} ticks"), TimeElapsedColumn())
     with loop.Stop() as stop, Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=ticks)
-        numbers = loop.run(setup, stop, lambda frames: progress.update(task, completed=frames // 2))
+        numbers = loop.run(setup, stop, lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)))
     numbers |= {"bus": chosen, "log": str(log) if log else None}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
 
@@ -144,7 +144,7 @@ def _keep(folder: Path, scene: Scene, trace: Trace, recorded: Recorded | None, n
     if numbers["interrupted"]:
         console.print("ended early, as asked; the files hold all that was recorded until then")
     elif numbers.get("frames_lost"):
-        raise RunError(f"{numbers['frames_lost']} of {numbers['frames_sent']} frames were not answered")
+        console.print(f"note    {numbers['frames_lost']} frames had no answer in time: is this machine busy?")
 
 
 def _table(numbers: dict, scene: Scene) -> Any:
