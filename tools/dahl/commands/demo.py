@@ -106,8 +106,9 @@ def _play(args: argparse.Namespace, scene: Scene, log: Path | None, recorded: Re
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from dahl import bus, logs, loop, report
+    from dahl import bus, logs, loop, places, report
 
+    places.loop_program()  # built?
     chosen, why = bus.choose(args.bus)
     console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
