@@ -173,6 +173,7 @@ static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, 
 static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const char *element)
 {
     can_frame_t frame;
+    client->quiet_until_ns = 0; /* who speaks now has read "< ok >" */
     if (!text_to_send(element, &frame)) {
         self->bus.counts.garbage++;
         return;
