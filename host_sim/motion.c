@@ -159,7 +159,9 @@ int motion_next(motion_t *self, int32_t *count)
 {
     int64_t place = 0;
     int result = self->next(self, &place);
-    *count = (int32_t)(uint32_t)((uint64_t)place + (uint64_t)(int64_t)self->scene->start_count);
+    if (result == 1) {
+        *count = (int32_t)(uint32_t)((uint64_t)place + (uint64_t)(int64_t)self->scene->start_count);
+    }
     return result;
 }
 

@@ -175,9 +175,10 @@ static void pack_status(node_t *node, can_frame_t *out)
 bool node_tick(node_t *node, uint32_t now_us, can_frame_t *out)
 {
     check_age(node, now_us);
-    if (node->status_us == 0 || now_us - node->sent_us < node->status_us) {
+    if (node->status_us == 0 || (node->greeted && now_us - node->sent_us < node->status_us)) {
         return false;
     }
+    node->greeted = true;
     node->sent_us = now_us;
     pack_status(node, out);
     return true;

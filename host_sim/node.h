@@ -73,6 +73,7 @@ typedef struct {
     uint8_t status_counter;
     bool primed;           /* count and counter are a valid starting point */
     bool doubtful;         /* candidate is set */
+    bool greeted;          /* the first Status was sent */
 } node_t;
 
 /* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. *plan must outlive the node. */
@@ -81,7 +82,7 @@ void node_init(node_t *node, const dahl_plan_t *plan, uint8_t number);
 /* Take one frame, any frame. True: *out is the answer to send at once. now_us may wrap. */
 bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out);
 
-/* Look at the clock, every millisecond or so. True: *out is a Status frame to send. */
+/* Look at the clock, every millisecond or so. True: *out is a Status frame to send; the first call gives one at once. */
 bool node_tick(node_t *node, uint32_t now_us, can_frame_t *out);
 
 #ifdef __cplusplus

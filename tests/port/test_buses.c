@@ -1,0 +1,245 @@
+/* SPDX-License-Identifier: MIT */
+/* Loopback, and the text of the socketcand protocol. The sockets themselves are tested from Python, by python-can. */
+#include <string.h>
+#include <unity.h>
+
+#include "frames.h"
+#include "loopback/loopback.h"
+#include "random.h"
+#include "socketcand/outbox.h"
+#include "socketcand/text.h"
+
+static uint64_t clock_ns;
+static uint32_t waited_us;
+
+static uint64_t now(void *context)
+{
+    (void)context;
+    return clock_ns;
+}
+
+static void wait_us(void *context, uint32_t us)
+{
+    (void)context;
+    waited_us += us;
+}
+
+static loopback_t loopback;
+
+void setUp(void)
+{
+    clock_ns = 5000;
+    waited_us = 0;
+    loopback_open(&loopback, (can_clock_t){.now_ns = now, .wait_us = wait_us});
+}
+
+void tearDown(void)
+{
+}
+
+static void test_loopback_gives_back_in_order_with_its_own_time(void)
+{
+    can_frame_t in = {.length = 8};
+    can_frame_t out;
+    for (uint32_t i = 0; i < 100; i++) {
+        clock_ns = i * 1000000u;
+        in.id = i;
+        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&loopback.bus, &in));
+    }
+    for (uint32_t i = 0; i < 100; i++) {
+        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&loopback.bus, &out, 0));
+        TEST_ASSERT_EQUAL(i, out.id);
+        TEST_ASSERT_EQUAL(i * 1000u, out.time_us);
+        TEST_ASSERT_EQUAL(CAN_FRAME_OWN, out.flags);
+    }
+}
+
+static void test_an_empty_loopback_waits_by_the_clock(void)
+{
+    can_frame_t out;
+    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(0, waited_us);
+    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 700));
+    TEST_ASSERT_EQUAL(700, waited_us);
+}
+
+static void test_a_full_loopback_refuses_and_counts(void)
+{
+    can_frame_t in = {.length = 8};
+    can_frame_t out;
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        in.id = i;
+        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&loopback.bus, &in));
+    }
+    TEST_ASSERT_EQUAL(CAN_BUS_BUSY, can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(1, loopback.bus.counts.dropped);
+    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(0, out.id);
+}
+
+static void element_of(char *element, const char *text, size_t length)
+{
+    TEST_ASSERT_EQUAL('<', text[0]);
+    TEST_ASSERT_EQUAL('>', text[length - 1]);
+    TEST_ASSERT_LESS_OR_EQUAL(TEXT_FRAME_MAX, length);
+    memcpy(element, text + 1, length - 2);
+    element[length - 2] = '\0';
+}
+
+static can_frame_t random_frame(uint64_t *seed)
+{
+    bool extended = (random_u32(seed) & 1u) != 0;
+    can_frame_t frame = {.flags = extended ? CAN_FRAME_EXTENDED : 0, .length = (uint8_t)(random_u32(seed) % 9)};
+    frame.id = random_u32(seed) & (extended ? 0x1FFFFFFFu : 0x7FFu);
+    for (size_t i = 0; i < frame.length; i++) {
+        frame.data[i] = (uint8_t)random_u32(seed);
+    }
+    return frame;
+}
+
+static void expect_same(const can_frame_t *a, const can_frame_t *b)
+{
+    TEST_ASSERT_EQUAL(a->id, b->id);
+    TEST_ASSERT_EQUAL(a->flags, b->flags);
+    TEST_ASSERT_EQUAL(a->length, b->length);
+    TEST_ASSERT_EQUAL_MEMORY(a->data, b->data, 8);
+    TEST_ASSERT_TRUE(a->time_us == b->time_us);
+}
+
+static void test_frames_survive_the_text_both_ways(void)
+{
+    uint64_t seed = 1;
+    char text[TEXT_FRAME_MAX];
+    char element[TEXT_FRAME_MAX];
+    can_frame_t out;
+    for (int i = 0; i < 20000; i++) {
+        can_frame_t in = random_frame(&seed);
+        element_of(element, text, text_from_send(text, &in));
+        TEST_ASSERT_TRUE_MESSAGE(text_to_send(element, &out), element);
+        expect_same(&in, &out);
+        in.time_us = (uint64_t)random_u32(&seed) * 1000000u + random_u32(&seed) % 1000000u;
+        element_of(element, text, text_from_frame(text, &in));
+        TEST_ASSERT_TRUE_MESSAGE(text_to_frame(element, &out), element);
+        expect_same(&in, &out);
+    }
+}
+
+static void test_the_text_is_what_python_can_reads_and_writes(void)
+{
+    char text[TEXT_FRAME_MAX];
+    can_frame_t frame = {.id = 0x12, .length = 2, .data = {0xAB, 1}, .time_us = 1000001};
+    size_t length = text_from_frame(text, &frame);
+    TEST_ASSERT_EQUAL_STRING_LEN("< frame 012 1.000001 AB01 >", text, length);
+    TEST_ASSERT_TRUE(text_to_send(" send 012 2 ab 1 ", &frame));
+    TEST_ASSERT_EQUAL_HEX8(0xAB, frame.data[0]);
+    TEST_ASSERT_EQUAL_HEX8(1, frame.data[1]);
+}
+
+static void test_there_are_no_words_for_other_frames(void)
+{
+    char text[TEXT_FRAME_MAX];
+    can_frame_t remote = {.flags = CAN_FRAME_REMOTE};
+    TEST_ASSERT_EQUAL(0, text_from_frame(text, &remote));
+    TEST_ASSERT_EQUAL(0, text_from_send(text, &remote));
+}
+
+static void test_bad_elements_are_refused(void)
+{
+    static const char *const bad[] = {
+        "", " ", " send", " send ", " send 123", " send 123 8", " send 123 1", " send 123 9 1 2 3 4 5 6 7 8 9",
+        " send 123 c 0 0 0 0 0 0 0 0 0 0 0 0", " send 800 0", " send 20000000 0", " send 123456789 0", " send xyz 0",
+        " send 123 1 100", " send 123 1 1 1", " send 123 -1", " send +12 0", " send 123 1 0x1g", " frame 123 0",
+        " sendd 123 0", " send 123 1 ", " send 12 1 \xff"};
+    can_frame_t frame;
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        TEST_ASSERT_FALSE_MESSAGE(text_to_send(bad[i], &frame), bad[i]);
+    }
+    TEST_ASSERT_FALSE(text_to_frame(" frame 123 1.5 00 ", &frame));
+    TEST_ASSERT_FALSE(text_to_frame(" frame 123 1.000000 0 ", &frame));
+    TEST_ASSERT_FALSE(text_to_frame(" frame 123 1.000000 001122334455667788 ", &frame));
+    TEST_ASSERT_FALSE(text_to_frame(" frame 123 x.000000 00 ", &frame));
+}
+
+static uint32_t elements_in(text_splitter_t *splitter, const char *text)
+{
+    uint32_t count = 0;
+    for (const char *c = text; *c != '\0'; c++) {
+        count += text_feed(splitter, *c) ? 1u : 0u;
+    }
+    return count;
+}
+
+static void test_the_splitter_finds_elements_in_pieces_and_garbage(void)
+{
+    text_splitter_t splitter = {0};
+    TEST_ASSERT_EQUAL(0, elements_in(&splitter, "< se"));
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, "nd 1 0 >"));
+    TEST_ASSERT_EQUAL_STRING(" send 1 0 ", splitter.element);
+    TEST_ASSERT_EQUAL(2, elements_in(&splitter, "< a >\r\n < b >"));
+    TEST_ASSERT_EQUAL(0, splitter.garbage);
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, "xyz < cut < whole >"));
+    TEST_ASSERT_EQUAL_STRING(" whole ", splitter.element);
+    TEST_ASSERT_EQUAL(4, splitter.garbage);
+}
+
+static void test_an_endless_element_is_dropped(void)
+{
+    text_splitter_t splitter = {0};
+    text_feed(&splitter, '<');
+    for (uint32_t i = 0; i < 100000; i++) {
+        TEST_ASSERT_FALSE(text_feed(&splitter, 'a'));
+        TEST_ASSERT_LESS_OR_EQUAL(TEXT_ELEMENT_MAX, splitter.length);
+    }
+    TEST_ASSERT_GREATER_THAN(0, splitter.garbage);
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, "< good >"));
+}
+
+static void test_random_bytes_break_nothing(void)
+{
+    uint64_t seed = 3;
+    text_splitter_t splitter = {0};
+    can_frame_t frame;
+    static const char alphabet[] = "<<>> send frame 0123456789ABCDEF.\n\xff";
+    for (uint32_t i = 0; i < 2000000; i++) {
+        if (text_feed(&splitter, alphabet[random_u32(&seed) % (sizeof alphabet - 1)])) {
+            text_to_send(splitter.element, &frame);
+            text_to_frame(splitter.element, &frame);
+            TEST_ASSERT_LESS_OR_EQUAL(8, frame.length);
+        }
+    }
+}
+
+static outbox_t box;
+
+static void test_an_outbox_takes_all_or_nothing(void)
+{
+    static char piece[1000];
+    box.begin = 0;
+    box.end = 0;
+    for (size_t i = 0; i < OUTBOX_SIZE / sizeof piece; i++) {
+        TEST_ASSERT_TRUE(outbox_put(&box, piece, sizeof piece));
+    }
+    TEST_ASSERT_FALSE(outbox_put(&box, piece, sizeof piece));
+    TEST_ASSERT_TRUE(outbox_put(&box, piece, OUTBOX_SIZE % sizeof piece));
+    box.begin = 500; /* as if the socket had taken 500 */
+    TEST_ASSERT_FALSE(outbox_put(&box, piece, 501));
+    TEST_ASSERT_TRUE(outbox_put(&box, piece, 500));
+    TEST_ASSERT_EQUAL(OUTBOX_SIZE, box.end);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_loopback_gives_back_in_order_with_its_own_time);
+    RUN_TEST(test_an_empty_loopback_waits_by_the_clock);
+    RUN_TEST(test_a_full_loopback_refuses_and_counts);
+    RUN_TEST(test_frames_survive_the_text_both_ways);
+    RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);
+    RUN_TEST(test_there_are_no_words_for_other_frames);
+    RUN_TEST(test_bad_elements_are_refused);
+    RUN_TEST(test_the_splitter_finds_elements_in_pieces_and_garbage);
+    RUN_TEST(test_an_endless_element_is_dropped);
+    RUN_TEST(test_random_bytes_break_nothing);
+    RUN_TEST(test_an_outbox_takes_all_or_nothing);
+    return UNITY_END();
+}

@@ -1,0 +1,340 @@
+/* SPDX-License-Identifier: MIT */
+/* The node: each row of the table in node.h. */
+#include <limits.h>
+#include <string.h>
+#include <unity.h>
+
+#include "node.h"
+#include "random.h"
+
+enum { NUMBER = 3 };
+
+static dahl_plan_t plan;
+static node_t node;
+static uint32_t now_us;
+static friction_torque_t answer;
+
+void setUp(void)
+{
+    dahl_params_t params = {.sigma0 = 50.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &params));
+    node_init(&node, &plan, NUMBER);
+    now_us = 0xFFFF0000u; /* the clock wraps in every longer test */
+}
+
+void tearDown(void)
+{
+}
+
+static can_frame_t encoder_frame(uint32_t counter, int32_t count)
+{
+    encoder_state_t state = {.count = count, .counter = counter & 0x0F, .valid = true};
+    can_frame_t frame;
+    frames_pack_encoder(&frame, NUMBER, &state);
+    return frame;
+}
+
+/* Give it a frame, 1 ms later. True: it answered, the answer is in `answer`. */
+static bool give(const can_frame_t *frame)
+{
+    can_frame_t out;
+    now_us += 1000;
+    if (!node_receive(&node, frame, now_us, &out)) {
+        return false;
+    }
+    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_TORQUE | NUMBER, out.id);
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_torque(&out, &answer));
+    return true;
+}
+
+static bool feed(uint32_t counter, int32_t count)
+{
+    can_frame_t frame = encoder_frame(counter, count);
+    return give(&frame);
+}
+
+static node_status_t status_now(void)
+{
+    can_frame_t out;
+    node_status_t status;
+    now_us += NODE_STATUS_US;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_STATUS | NUMBER, out.id);
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
+    return status;
+}
+
+static void test_the_first_frame_is_a_starting_point_and_moves_nothing(void)
+{
+    TEST_ASSERT_TRUE(feed(9, 123456));
+    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+    TEST_ASSERT_EQUAL(9, answer.echo);
+    TEST_ASSERT_EQUAL(0, answer.torque_q30);
+    TEST_ASSERT_EQUAL(0, node.bearing.w);
+}
+
+static void test_each_frame_moves_by_the_travel_since(void)
+{
+    uint64_t seed = 1;
+    dahl_state_t reference = {0};
+    int32_t count = 1000;
+    feed(0, count);
+    for (uint32_t i = 1; i < 5000; i++) {
+        int32_t travel = (int32_t)(random_u32(&seed) % 401) - 200;
+        count += travel;
+        TEST_ASSERT_TRUE(feed(i, count));
+        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, travel), answer.torque_q30);
+        TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+        TEST_ASSERT_EQUAL(i & 0x0F, answer.echo);
+        TEST_ASSERT_EQUAL(i & 0x0F, answer.counter);
+    }
+    TEST_ASSERT_EQUAL(5000, node.counts.ok);
+}
+
+static void test_the_count_wraps_at_32_bits_without_a_jump(void)
+{
+    dahl_state_t reference = {0};
+    feed(0, INT32_MAX - 5);
+    TEST_ASSERT_TRUE(feed(1, INT32_MIN + 4));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 10), answer.torque_q30);
+    TEST_ASSERT_TRUE(feed(2, INT32_MAX));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -5), answer.torque_q30);
+}
+
+static void test_a_repeated_frame_is_counted_and_not_used(void)
+{
+    feed(0, 0);
+    feed(1, 50);
+    int64_t before = node.bearing.w;
+    TEST_ASSERT_FALSE(feed(1, 90));
+    TEST_ASSERT_EQUAL(before, node.bearing.w);
+    TEST_ASSERT_EQUAL(1, node.counts.repeated);
+    TEST_ASSERT_EQUAL(FRAMES_REPEATED, node.state);
+    TEST_ASSERT_TRUE(feed(2, 60));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+static void test_one_or_two_missing_frames_cost_nothing(void)
+{
+    dahl_state_t reference = {0};
+    feed(14, 0);
+    TEST_ASSERT_TRUE(feed(0, 40));
+    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 40), answer.torque_q30);
+    TEST_ASSERT_TRUE(feed(3, 100));
+    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 60), answer.torque_q30);
+    TEST_ASSERT_EQUAL(3, node.counts.lost);
+    TEST_ASSERT_TRUE(feed(4, 100));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+static void test_one_frame_out_of_sequence_has_no_effect(void)
+{
+    for (uint32_t step = NODE_GAP_MAX + 1; step < 16; step++) {
+        dahl_state_t reference = {0};
+        node_init(&node, &plan, NUMBER);
+        feed(0, 0);
+        TEST_ASSERT_FALSE(feed(step, 99999));
+        TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, node.state);
+        TEST_ASSERT_TRUE(feed(1, 20));
+        TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 20), answer.torque_q30);
+        TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
+    }
+}
+
+static void test_two_in_a_row_are_a_new_start_without_travel(void)
+{
+    feed(0, 0);
+    feed(1, 30);
+    int64_t before = node.bearing.w;
+    TEST_ASSERT_FALSE(feed(8, 5000));
+    TEST_ASSERT_TRUE(feed(9, 5010));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(before, node.bearing.w);
+    TEST_ASSERT_TRUE(feed(10, 5011));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_NOT_EQUAL(before, node.bearing.w);
+}
+
+static void test_wrong_crc_and_form_are_counted_and_not_used(void)
+{
+    feed(0, 0);
+    int64_t before = node.bearing.w;
+    can_frame_t corrupt = encoder_frame(1, 500);
+    corrupt.data[3] ^= 0x10;
+    TEST_ASSERT_FALSE(give(&corrupt));
+    can_frame_t cut = encoder_frame(1, 500);
+    cut.length = 7;
+    TEST_ASSERT_FALSE(give(&cut));
+    can_frame_t remote = encoder_frame(1, 500);
+    remote.flags = CAN_FRAME_REMOTE;
+    TEST_ASSERT_FALSE(give(&remote));
+    can_frame_t extended = encoder_frame(1, 500);
+    extended.flags = CAN_FRAME_EXTENDED;
+    TEST_ASSERT_FALSE(give(&extended));
+    TEST_ASSERT_EQUAL(before, node.bearing.w);
+    TEST_ASSERT_EQUAL(1, node.counts.crc);
+    TEST_ASSERT_EQUAL(3, node.counts.format);
+    TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
+    TEST_ASSERT_TRUE(feed(1, 5));
+}
+
+static void test_other_ids_are_ignored(void)
+{
+    can_frame_t frame = encoder_frame(0, 0);
+    const uint32_t ids[] = {0x000, 0x100, 0x102, 0x104, 0x113, 0x123, 0x7FF, 0x10000103};
+    for (size_t i = 0; i < sizeof ids / sizeof ids[0]; i++) {
+        frame.id = ids[i];
+        TEST_ASSERT_FALSE(give(&frame));
+    }
+    TEST_ASSERT_EQUAL(8, node.counts.ignored);
+    TEST_ASSERT_EQUAL(FRAMES_INIT, node.state);
+}
+
+static void test_a_count_that_the_encoder_disowns_is_not_used(void)
+{
+    dahl_state_t reference = {0};
+    encoder_state_t state = {.count = 9999, .counter = 1, .valid = false};
+    can_frame_t frame;
+    feed(0, 0);
+    frames_pack_encoder(&frame, NUMBER, &state);
+    TEST_ASSERT_FALSE(give(&frame));
+    TEST_ASSERT_EQUAL(1, node.counts.invalid);
+    TEST_ASSERT_TRUE(feed(2, 7));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 7), answer.torque_q30);
+}
+
+static void test_an_invalid_count_is_no_starting_point(void)
+{
+    encoder_state_t state = {.count = 9999, .counter = 1, .valid = false};
+    can_frame_t frame;
+    frames_pack_encoder(&frame, NUMBER, &state);
+    TEST_ASSERT_FALSE(give(&frame));
+    TEST_ASSERT_TRUE(feed(2, 7));
+    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+}
+
+static void test_silence_makes_it_stale_once_and_the_next_frame_starts_anew(void)
+{
+    can_frame_t out;
+    node.status_us = 0;
+    feed(0, 0);
+    feed(1, 100);
+    int64_t before = node.bearing.w;
+    for (int i = 0; i < 300; i++) {
+        now_us += 1000;
+        TEST_ASSERT_FALSE(node_tick(&node, now_us, &out));
+    }
+    TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
+    TEST_ASSERT_EQUAL(1, node.counts.stale);
+    TEST_ASSERT_TRUE(feed(2, 90000));
+    TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL(before, node.bearing.w);
+    TEST_ASSERT_TRUE(feed(3, 90000));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+static void test_age_is_seen_without_a_tick_too(void)
+{
+    feed(0, 0);
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_TRUE(feed(1, 4000));
+    TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL(0, node.bearing.w);
+}
+
+static void test_bad_and_repeated_frames_do_not_refresh_the_timeout(void)
+{
+    can_frame_t corrupt = encoder_frame(1, 500);
+    corrupt.data[3] ^= 0x10;
+    feed(0, 0);
+    for (int i = 0; i < 80; i++) {
+        feed(0, 0);
+        give(&corrupt);
+    }
+    can_frame_t out;
+    node_tick(&node, now_us, &out);
+    TEST_ASSERT_EQUAL(1, node.counts.stale);
+}
+
+static void test_status_tells_what_happened(void)
+{
+    can_frame_t corrupt = encoder_frame(1, 500);
+    corrupt.data[0] ^= 0x10;
+    node_status_t status = status_now();
+    TEST_ASSERT_EQUAL(FRAMES_INIT, status.state);
+    TEST_ASSERT_EQUAL(0, status.errors);
+    feed(0, 0);
+    feed(2, 0);
+    feed(2, 0);
+    give(&corrupt);
+    feed(3, 0);
+    status = status_now();
+    TEST_ASSERT_EQUAL(1, status.counter);
+    TEST_ASSERT_EQUAL(FRAMES_OK, status.state);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_LOST | 1u << FRAMES_REPEATED | 1u << FRAMES_CRC, status.errors);
+    TEST_ASSERT_EQUAL(1, status.lost);
+    TEST_ASSERT_EQUAL(1, status.corrupt);
+    TEST_ASSERT_EQUAL(1, status.out_of_step);
+    TEST_ASSERT_EQUAL(DAHL_VERSION_MAJOR, status.version_major);
+    TEST_ASSERT_EQUAL(DAHL_VERSION_MINOR, status.version_minor);
+}
+
+static void test_status_comes_every_100_ms(void)
+{
+    can_frame_t out;
+    uint32_t sent = 0;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    for (int i = 0; i < 10000; i++) {
+        now_us += 1000;
+        sent += node_tick(&node, now_us, &out) ? 1u : 0u;
+    }
+    TEST_ASSERT_EQUAL(100, sent);
+}
+
+/* Whatever comes, from random frames to nearly good ones, the state stays in range and each frame has one fate. */
+static void test_random_input_breaks_nothing(void)
+{
+    uint64_t seed = 2;
+    const uint32_t rounds = 200000;
+    for (uint32_t i = 0; i < rounds; i++) {
+        can_frame_t frame = encoder_frame(random_u32(&seed), (int32_t)random_u32(&seed));
+        uint32_t chance = random_u32(&seed);
+        frame.id = chance % 7 == 0 ? random_u32(&seed) : frame.id;
+        frame.flags = chance % 11 == 0 ? (uint8_t)random_u32(&seed) : 0;
+        frame.length = chance % 13 == 0 ? (uint8_t)(random_u32(&seed) % 9) : 8;
+        frame.data[chance % 8] ^= chance % 3 == 0 ? (uint8_t)random_u32(&seed) : 0;
+        give(&frame);
+        TEST_ASSERT_TRUE(node.bearing.w <= INT64_C(0x4000000080000000));
+        TEST_ASSERT_TRUE(node.bearing.w >= -INT64_C(0x4000000080000000));
+    }
+    const node_counts_t *n = &node.counts;
+    TEST_ASSERT_EQUAL(rounds,
+                      n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->ignored);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_the_first_frame_is_a_starting_point_and_moves_nothing);
+    RUN_TEST(test_each_frame_moves_by_the_travel_since);
+    RUN_TEST(test_the_count_wraps_at_32_bits_without_a_jump);
+    RUN_TEST(test_a_repeated_frame_is_counted_and_not_used);
+    RUN_TEST(test_one_or_two_missing_frames_cost_nothing);
+    RUN_TEST(test_one_frame_out_of_sequence_has_no_effect);
+    RUN_TEST(test_two_in_a_row_are_a_new_start_without_travel);
+    RUN_TEST(test_wrong_crc_and_form_are_counted_and_not_used);
+    RUN_TEST(test_other_ids_are_ignored);
+    RUN_TEST(test_a_count_that_the_encoder_disowns_is_not_used);
+    RUN_TEST(test_an_invalid_count_is_no_starting_point);
+    RUN_TEST(test_silence_makes_it_stale_once_and_the_next_frame_starts_anew);
+    RUN_TEST(test_age_is_seen_without_a_tick_too);
+    RUN_TEST(test_bad_and_repeated_frames_do_not_refresh_the_timeout);
+    RUN_TEST(test_status_tells_what_happened);
+    RUN_TEST(test_status_comes_every_100_ms);
+    RUN_TEST(test_random_input_breaks_nothing);
+    return UNITY_END();
+}

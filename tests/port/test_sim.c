@@ -1,0 +1,204 @@
+/* SPDX-License-Identifier: MIT */
+/* The parts of dahl-loop that need no bus: histogram, the encoder's book of answers, motions. */
+#include <unity.h>
+
+#include "encoder.h"
+#include "frames.h"
+#include "histogram.h"
+#include "motion.h"
+#include "random.h"
+
+static scene_motion_t still;
+static motion_t motion;
+static encoder_t encoder;
+
+void setUp(void)
+{
+    still = (scene_motion_t){.kind = MOTION_STEERING, .sweep_s = 1, .seconds = 1000};
+    TEST_ASSERT_TRUE(motion_open(&motion, &still, "", 1));
+    encoder = (encoder_t){.motion = &motion};
+}
+
+void tearDown(void)
+{
+    motion_close(&motion);
+}
+
+static void test_quantiles_of_known_durations(void)
+{
+    static histogram_t histogram;
+    for (uint64_t ns = 1; ns <= 100000; ns++) {
+        histogram_add(&histogram, ns);
+    }
+    TEST_ASSERT_DOUBLE_WITHIN(0.032 * 50000, 50000, (double)histogram_quantile(&histogram, 0.5));
+    TEST_ASSERT_DOUBLE_WITHIN(0.032 * 99000, 99000, (double)histogram_quantile(&histogram, 0.99));
+    TEST_ASSERT_EQUAL(100000, histogram_quantile(&histogram, 1.0));
+    TEST_ASSERT_EQUAL(100000, histogram.max);
+}
+
+static void test_a_histogram_takes_everything(void)
+{
+    static histogram_t histogram;
+    TEST_ASSERT_EQUAL(0, histogram_quantile(&histogram, 0.5));
+    for (uint32_t bit = 0; bit < 64; bit++) {
+        histogram_add(&histogram, UINT64_C(1) << bit);
+        histogram_add(&histogram, (UINT64_C(1) << bit) - 1);
+    }
+    histogram_add(&histogram, UINT64_MAX);
+    TEST_ASSERT_TRUE(histogram_quantile(&histogram, 1.0) == UINT64_MAX);
+    TEST_ASSERT_EQUAL(0, histogram_quantile(&histogram, 0.001));
+}
+
+static void send(uint32_t frames)
+{
+    can_frame_t frame;
+    for (uint32_t i = 0; i < frames; i++) {
+        TEST_ASSERT_TRUE(encoder_tick(&encoder, encoder.sent * 1000000u, &frame));
+    }
+}
+
+static void answer(uint32_t echo, frames_state_t state, uint64_t now_ns)
+{
+    friction_torque_t torque = {.echo = echo & 0x0F, .state = (uint8_t)state};
+    can_frame_t frame;
+    frames_pack_torque(&frame, 0, &torque);
+    encoder_receive(&encoder, &frame, now_ns);
+}
+
+static void test_each_answer_is_matched_once(void)
+{
+    for (uint32_t i = 0; i < 100; i++) {
+        send(1);
+        answer(i, FRAMES_OK, i * UINT64_C(1000000) + 300);
+        answer(i, FRAMES_OK, i * UINT64_C(1000000) + 400);
+    }
+    TEST_ASSERT_EQUAL(100, encoder.answered);
+    TEST_ASSERT_EQUAL(100, encoder.unmatched);
+    TEST_ASSERT_EQUAL(300, encoder.latency.max);
+}
+
+static void test_a_stall_is_late_and_not_lost(void)
+{
+    send(500);
+    for (uint32_t i = 0; i < 500; i++) {
+        answer(i, FRAMES_OK, UINT64_C(500000000));
+    }
+    TEST_ASSERT_EQUAL(500, encoder.answered);
+    TEST_ASSERT_EQUAL(0, encoder.unmatched);
+    TEST_ASSERT_EQUAL(500000000, encoder.latency.max);
+}
+
+static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
+{
+    send(10);
+    for (uint32_t i = 0; i < 10; i++) {
+        if (i != 4 && i != 5) {
+            answer(i, FRAMES_OK, UINT64_C(10000000));
+        }
+    }
+    TEST_ASSERT_EQUAL(8, encoder.answered);
+    TEST_ASSERT_EQUAL(0, encoder.unmatched);
+}
+
+static void test_after_a_gap_the_newest_frame_is_answered(void)
+{
+    send(303);
+    answer(302, FRAMES_STALE, UINT64_C(302000100));
+    TEST_ASSERT_EQUAL(100, encoder.latency.max);
+    send(1);
+    answer(303, FRAMES_OK, UINT64_C(303000200));
+    TEST_ASSERT_EQUAL(200, encoder.latency.max);
+    TEST_ASSERT_EQUAL(2, encoder.answered);
+}
+
+static void test_waiting_frames_are_bounded(void)
+{
+    send(5000);
+    TEST_ASSERT_TRUE(encoder.sent - encoder.next <= ENCODER_WAITING);
+    answer(5000 - ENCODER_WAITING, FRAMES_OK, UINT64_C(5000000000));
+    TEST_ASSERT_EQUAL(1, encoder.answered);
+}
+
+static void test_foreign_and_corrupt_answers(void)
+{
+    can_frame_t frame;
+    friction_torque_t torque = {.echo = 0};
+    send(1);
+    frames_pack_torque(&frame, 1, &torque);
+    encoder_receive(&encoder, &frame, 1);
+    frames_pack_torque(&frame, 0, &torque);
+    frame.data[5] ^= 1;
+    encoder_receive(&encoder, &frame, 1);
+    TEST_ASSERT_EQUAL(0, encoder.answered);
+    TEST_ASSERT_EQUAL(1, encoder.corrupt);
+}
+
+static void test_segments_go_where_they_should(void)
+{
+    scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .theta2 = -10, .theta3 = 30, .speed = 2000};
+    int32_t count = 99;
+    int32_t low = 0;
+    int32_t ticks = 0;
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    TEST_ASSERT_EQUAL(1, motion_next(&motion, &count));
+    TEST_ASSERT_EQUAL(0, count);
+    while (motion_next(&motion, &count) == 1) {
+        low = count < low ? count : low;
+        ticks++;
+    }
+    TEST_ASSERT_EQUAL(30, count);
+    TEST_ASSERT_EQUAL(-10, low);
+    TEST_ASSERT_EQUAL(10 + 15 + 20, ticks);
+    TEST_ASSERT_EQUAL(0, motion_next(&motion, &count));
+}
+
+static void test_start_count_wraps(void)
+{
+    scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .speed = 1e9, .start_count = 2147483647};
+    int32_t count = 0;
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    TEST_ASSERT_EQUAL(1, motion_next(&motion, &count));
+    TEST_ASSERT_EQUAL(INT32_MAX, count);
+    TEST_ASSERT_EQUAL(1, motion_next(&motion, &count));
+    TEST_ASSERT_EQUAL(INT32_MIN + 19, count);
+}
+
+static void test_steering_is_smooth_and_its_seed_decides(void)
+{
+    scene_motion_t scene = {.kind = MOTION_STEERING, .amplitude = 10000, .sweep_s = 1, .tremor = 100,
+                            .tremor_s = 0.1, .seconds = 20};
+    motion_t other;
+    int32_t a = 0;
+    int32_t b = 0;
+    int32_t before = 0;
+    uint32_t differ = 0;
+    uint32_t ticks = 0;
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    TEST_ASSERT_TRUE(motion_open(&other, &scene, "", 2));
+    while (motion_next(&motion, &a) == 1 && motion_next(&other, &b) == 1) {
+        TEST_ASSERT_INT_WITHIN(80, before, a);
+        TEST_ASSERT_INT_WITHIN(10100, 0, a);
+        differ += a != b ? 1u : 0u;
+        before = a;
+        ticks++;
+    }
+    TEST_ASSERT_EQUAL(20000, ticks);
+    TEST_ASSERT_GREATER_THAN(15000, differ);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_quantiles_of_known_durations);
+    RUN_TEST(test_a_histogram_takes_everything);
+    RUN_TEST(test_each_answer_is_matched_once);
+    RUN_TEST(test_a_stall_is_late_and_not_lost);
+    RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
+    RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
+    RUN_TEST(test_waiting_frames_are_bounded);
+    RUN_TEST(test_foreign_and_corrupt_answers);
+    RUN_TEST(test_segments_go_where_they_should);
+    RUN_TEST(test_start_count_wraps);
+    RUN_TEST(test_steering_is_smooth_and_its_seed_decides);
+    return UNITY_END();
+}
