@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: MIT
+"""The monitor and the recorder as an outsider runs them: on a served bus, with a terminal and without."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+import time
+
+import pytest
+
+from dahl import logs, report
+from dahl.view import View
+
+
+class Served:
+    """dahl-loop serving one scene to python-can clients."""
+
+    def __init__(self, program, scene) -> None:
+        self.process = subprocess.Popen(
+            [program, "--scene", scene, "--bus", "socketcand:0", "--wait-clients", "1", "--seconds", "20"],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )
+        line = self.process.stdout.readline()
+        found = re.match(r"socketcand [\d.]+:(\d+) (\w+)", line)
+        assert found, f"dahl-loop said {line!r}"
+        self.arguments = ["-i", "socketcand", "-c", found[2], "--host", "127.0.0.1", "--port", found[1]]
+
+
+@pytest.fixture
+def served(dahl_loop, root):
+    loop = Served(dahl_loop, root / "host_sim" / "scenes" / "steering.ini")
+    yield loop.arguments
+    loop.process.terminate()
+    loop.process.communicate(timeout=10)
+
+
+def frames(dbc, *messages):
+    """python-can messages of (name, time, signals), encoded by cantools; the CRC is not the monitor's business."""
+    import can
+    import cantools
+
+    database = cantools.database.load_file(dbc)
+    for name, moment, signals in messages:
+        message = database.get_message_by_name(name)
+        data = message.encode({"Crc": 0, **signals}, strict=False)
+        yield can.Message(timestamp=moment, arbitration_id=message.frame_id, data=data, is_extended_id=False)
+
+
+def text_of(view: View, width: int = 100, height: int = 40) -> str:
+    from rich.console import Console
+
+    console = Console(width=width, height=height, record=True, file=open(os.devnull, "w"))
+    console.print(view, height=height)
+    return console.export_text()
+
+
+def test_view_counts_what_it_sees(dbc):
+    import can
+
+    view = View()
+    answer = {"State": "OK", "TorqueRatio": 0.5}
+    for frame in frames(
+        dbc,
+        ("EncoderState", 0.000, {"Counter": 14, "Valid": 1, "Count": -7}),
+        ("FrictionTorque", 0.0001, {"Counter": 0, "EchoCounter": 14, **answer}),
+        ("EncoderState", 0.002, {"Counter": 0, "Valid": 1, "Count": 8}),
+        ("FrictionTorque", 0.0021, {"Counter": 1, "EchoCounter": 0, **answer}),
+    ):
+        view.feed(frame)
+    view.feed(can.Message(arbitration_id=0x100, data=b"\x01", is_extended_id=False))
+    view.feed(can.Message(arbitration_id=0x100, data=bytes(8), is_extended_id=True))
+    view.feed(can.Message(arbitration_id=0x7DF, data=bytes(8), is_extended_id=False))
+    encoder = view.names["EncoderState"]
+    assert (encoder.frames, encoder.missing, encoder.wrong, view.others, view.frames) == (2, 1, 1, 2, 7)
+    assert list(view.count) == [-7, 8]
+    assert list(view.ratio) == pytest.approx([0.5, 0.5])
+    shown = text_of(view)
+    assert "F/Fc over counts" in shown
+    assert "Count 8" in shown
+    assert "OK 2" in shown
+
+
+@pytest.mark.parametrize(("width", "height"), [(40, 16), (80, 24), (200, 60)])
+def test_view_fits_small_and_large_terminals(width, height):
+    lines = text_of(View(), width, height).splitlines()
+    assert max(map(len, lines)) <= width
+
+
+def test_monitor_without_a_terminal_prints_one_picture(served, run_dahl):
+    done = run_dahl("monitor", *served, "--frames", "500")
+    assert done.returncode == 0, done.stderr
+    assert "\x1b" not in done.stdout
+    assert done.stdout.count("F/Fc over counts") == 1
+    row = re.search(r"^ *FrictionTorque +(\d+) +(\d+) +0 +0 ", done.stdout, re.MULTILINE)
+    assert row, done.stdout
+    assert int(row[1]) == pytest.approx(250, abs=20)
+    assert int(row[2]) == pytest.approx(1000, rel=0.2)
+
+
+def test_monitor_draws_live_in_a_terminal(served, root):
+    terminal, inner = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "36"}
+    command = [sys.executable, "-m", "dahl", "monitor", *served, "--seconds", "2"]
+    process = subprocess.Popen(command, stdin=inner, stdout=inner, stderr=inner, cwd=root, env=environment)
+    os.close(inner)
+    seen = b""
+    while True:
+        try:
+            part = os.read(terminal, 65536)
+        except OSError:  # Linux says so when the other end has gone
+            break
+        if not part:
+            break
+        seen += part
+    assert process.wait(10) == 0
+    assert seen.count("F/Fc over counts".encode()) >= 3
+    assert b"\x1b[?1049h" in seen  # the other screen, so that the shell's text comes back
+    assert b"\x1b[?1049l" in seen
+
+
+def test_record_writes_what_canplayer_can_replay(served, run_dahl, tmp_path):
+    done = run_dahl("record", *served, "-o", tmp_path / "run.log", "--frames", "400")
+    assert done.returncode == 0, done.stderr
+    messages = logs.read_candump(tmp_path / "run.log")
+    assert len(messages) == 400
+    trace = report.trace_of(messages)
+    assert (trace.missing, len(trace.row)) == (0, trace.recorded) or len(trace.row) == trace.recorded - 1
+    assert re.fullmatch(r"\(\d{10}\.\d{6}\) vcan0 1[012]0#[0-9A-F]{16}", (tmp_path / "run.log").read_text().splitlines()[0])
+
+
+def test_ctrl_c_leaves_a_whole_record(served, root, tmp_path):
+    command = [sys.executable, "-m", "dahl", "record", *served, "-o", str(tmp_path / "run.log")]
+    process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
+    while not (tmp_path / "run.log").exists() or (tmp_path / "run.log").stat().st_size < 5000:
+        time.sleep(0.05)
+        assert process.poll() is None
+    process.send_signal(2)
+    assert process.wait(10) == 0
+    assert (tmp_path / "run.log").read_text().endswith("\n")
+    assert logs.read_candump(tmp_path / "run.log")
+
+
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", "1"], "error: cannot open the bus (interface=socketcand"),
+    (["-i", "nothing", "-c", "x"], "error: cannot open the bus (interface=nothing"),
+])
+def test_a_bus_that_is_not_there_is_one_line(run_dahl, arguments, words):
+    done = run_dahl("monitor", *arguments)
+    assert done.returncode == 1
+    assert done.stderr.startswith(words)
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_bad_dbc_is_one_line(run_dahl, tmp_path):
+    (tmp_path / "bad.dbc").write_text("hello")
+    done = run_dahl("monitor", "-i", "virtual", "-c", "x", "--dbc", tmp_path / "bad.dbc")
+    assert done.returncode == 2
+    assert "bad.dbc" in done.stderr
+    assert done.stderr.count("\n") == 1
