@@ -34,9 +34,9 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
         uint64_t w = (uint64_t)state->w;
         dahl_real_t g = dahl_kernel(travel_of(plan, magnitude));
         if (bits >> 31) {
-            w -= moved_by(DAHL_ONE_Q30 + dahl_round_up(w), g);
+            w -= moved_by(DAHL_ONE_Q30 + dahl_round_backward(w), g);
         } else {
-            w += moved_by(DAHL_ONE_Q30 - dahl_round_down(w), g);
+            w += moved_by(DAHL_ONE_Q30 - dahl_round_forward(w), g);
         }
         state->w = (int64_t)w;
     }

@@ -8,9 +8,9 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
     if (dcounts > 0) {
         w = dcounts > DAHL_DENSE ? dahl_move_digits(plan, w, dcounts) : dahl_forward(w, &plan->g[dcounts]);
         state->w = (int64_t)w;
-        return (int32_t)dahl_round_down(w);
+        return (int32_t)dahl_round_forward(w);
     }
     w = dcounts < -DAHL_DENSE ? dahl_move_digits(plan, w, dcounts) : dahl_backward(w, &plan->g[-dcounts]);
     state->w = (int64_t)w;
-    return (int32_t)dahl_round_up(w);
+    return (int32_t)dahl_round_backward(w);
 }

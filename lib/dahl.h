@@ -86,7 +86,7 @@ typedef struct {
     int32_t Fc_exponent;
 } dahl_plan_t;
 
-/* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by at most 2^31, which no returned value shows). 0: relaxed. */
+/* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by 2^-31 of it, which no returned value shows). 0: relaxed. */
 typedef struct {
     int64_t w;
 } dahl_state_t;

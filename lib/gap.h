@@ -4,10 +4,12 @@
  * exp(-u), that is by g(u) of itself, and a reversal reflects it (gap -> 2 - gap). So the exponential with its sign-change
  * branch is one product:
  *     z = gap in Q30, rounded      w += s z g      z g is a 32 x 64 bit product, kept in Q62
- * Odd symmetry, bit for bit: forward rounds ties of w down, backward up, and the rest mirrors.
- * Range: z 2^32 passes the gap by at most 2^31 and g < 1, so w can pass +-2^62 by at most 2^31; the next z is then 0.
- * Error: z errs by 2^-31 of Fc at most. A step adds that times g and shrinks what was there by 1 - g, so over any motion
- * the sum stays below 2^-31 of Fc, plus 2^-62/g for the truncated low product. The plan holds g + 2^-63 (prepare.c): at
+ * Rounding to Q30 adds a half, less or more 2^-9 of a unit: the two constants sum to 2^32 - 1, so that backward mirrors
+ * forward bit for bit even at a tie, and both are immediates of Thumb-2.
+ * Range: z 2^32 passes the gap by at most that half and g < 1, so w can pass +-2^62 by less than 1.01 2^31; there it
+ * rounds to +-2^30, the next z is 0, and it stays.
+ * Error: z errs by 1.01 2^-31 of Fc at most. A step adds that times g and shrinks what was there by 1 - g, so over any motion
+ * the sum stays below that, plus 2^-62/g for the truncated low product. The plan holds g + 2^-63 (prepare.c): at
  * w = 0, where z = 2^30, that makes the truncation a rounding to nearest, which is what keeps tiny torques accurate.
  */
 #ifndef DAHL_GAP_H
@@ -18,27 +20,27 @@
 #define DAHL_DENSE 8 /* moves of up to this many counts have an entry of their own */
 #define DAHL_ONE_Q30 (1u << 30)
 
-/* w in Q30, ties down or up. */
-static inline uint32_t dahl_round_down(uint64_t w)
+/* w in Q30, for a move forward and for one backward. */
+static inline uint32_t dahl_round_forward(uint64_t w)
 {
-    return (uint32_t)((w + (DAHL_TOP_BIT - 1u)) >> 32);
+    return (uint32_t)((w + 0x7f7f7f7fu) >> 32);
 }
 
-static inline uint32_t dahl_round_up(uint64_t w)
+static inline uint32_t dahl_round_backward(uint64_t w)
 {
-    return (uint32_t)((w + DAHL_TOP_BIT) >> 32);
+    return (uint32_t)((w + 0x80808080u) >> 32);
 }
 
 static inline uint64_t dahl_forward(uint64_t w, const dahl_q64_t *g)
 {
-    uint32_t z = DAHL_ONE_Q30 - dahl_round_down(w);
+    uint32_t z = DAHL_ONE_Q30 - dahl_round_forward(w);
     w += dahl_mulhi(z, g->lo);
     return w + (uint64_t)z * g->hi;
 }
 
 static inline uint64_t dahl_backward(uint64_t w, const dahl_q64_t *g)
 {
-    uint32_t z = DAHL_ONE_Q30 + dahl_round_up(w);
+    uint32_t z = DAHL_ONE_Q30 + dahl_round_backward(w);
     w -= dahl_mulhi(z, g->lo);
     return w - (uint64_t)z * g->hi;
 }
