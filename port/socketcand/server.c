@@ -18,6 +18,7 @@ enum {
     READ_SIZE = 4096,
     FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
     QUIET_MS = 100,        /* python-can takes "< ok >" for bad if a frame follows in the same piece */
+    KERNEL_BYTES = 65536,  /* the kernel would let a client that does not read fill megabytes */
     LINGER_MS = 2000,
     DRAIN_MS = 50
 };
@@ -228,6 +229,7 @@ static socketcand_client_t *free_client(socketcand_server_t *self)
 static void join(socketcand_server_t *self)
 {
     const int on = 1;
+    const int kernel_bytes = KERNEL_BYTES;
     socketcand_client_t *client = free_client(self);
     int fd = accept4(self->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
     if (fd < 0 || client == NULL) {
@@ -237,6 +239,7 @@ static void join(socketcand_server_t *self)
         return;
     }
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kernel_bytes, sizeof kernel_bytes);
     client->fd = fd;
     client->stage = SOCKETCAND_GREETED;
     client->quiet_until_ns = 0;

@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * cortex_m: what an image needs from the core and its board. Each function has one definition per variant, in a file of
+ * its own; an image chooses by linking:
+ *   core_init      fpu_on.c | fpu_none.c
+ *   cortex_exit    exit_semihosting.c (ends QEMU, for tests) | exit_reset.c (starts over, for firmware)
+ *   cortex_tick    tick.c (SysTick, 1 ms) | no_tick.c
+ *   uart_*         uart_cmsdk.c (mps2 boards) | uart_nrf51.c (microbit)
+ */
+#ifndef CORTEX_M_H
+#define CORTEX_M_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define CORTEX_REGISTER(address) (*(volatile uint32_t *)(uintptr_t)(address))
+
+void core_init(void);
+void cortex_tick(void);
+void cortex_exit(int status) __attribute__((noreturn));
+void cortex_fault(void) __attribute__((noreturn));
+
+/* SysTick from a clock of `mhz` MHz; then microseconds since, modulo 2^32. */
+void tick_start(uint32_t mhz);
+uint32_t tick_now_us(void);
+
+/* One serial port, polled. read: false when nothing is there. write waits for room. */
+void uart_start(void);
+bool uart_read(uint8_t *byte);
+void uart_write(uint8_t byte);
+
+#endif

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: MIT */
+/* Full access to coprocessors 10 and 11, the FPU; before this any float instruction is a fault. */
+#include "cortex_m.h"
+
+#define CPACR 0xE000ED88u
+
+void core_init(void)
+{
+    CORTEX_REGISTER(CPACR) |= 0xFu << 20;
+    __asm volatile("dsb\n isb" ::: "memory");
+}

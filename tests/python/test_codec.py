@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: MIT
+"""The C codec against port/dahl.dbc (by cantools), its CRC against crccheck, its frames against autosar-e2e; and the DBC."""
+
+from __future__ import annotations
+
+import ctypes
+import random
+import re
+from pathlib import Path
+
+import cantools
+import pytest
+from conftest import built
+from crccheck.crc import Crc8Autosar
+from e2e import p02
+
+KINDS = {"EncoderState": ("encoder", 0x3), "FrictionTorque": ("torque", 0xC), "Status": ("status", 0x5)}
+ROUNDS = 5000
+
+
+class Frame(ctypes.Structure):
+    """can_frame_t."""
+
+    _fields_ = [
+        ("time_us", ctypes.c_uint64), ("id", ctypes.c_uint32), ("flags", ctypes.c_uint8), ("length", ctypes.c_uint8),
+        ("data", ctypes.c_uint8 * 8),
+    ]  # fmt: skip
+
+
+class EncoderState(ctypes.Structure):
+    """encoder_state_t."""
+
+    _fields_ = [("count", ctypes.c_int32), ("counter", ctypes.c_uint8), ("valid", ctypes.c_bool)]
+
+
+class FrictionTorque(ctypes.Structure):
+    """friction_torque_t."""
+
+    _fields_ = [
+        ("torque_q30", ctypes.c_int32), ("counter", ctypes.c_uint8), ("state", ctypes.c_uint8),
+        ("echo", ctypes.c_uint8),
+    ]  # fmt: skip
+
+
+STATUS = ("counter", "state", "errors", "lost", "corrupt", "out_of_step", "version_major", "version_minor")
+
+
+class Status(ctypes.Structure):
+    """node_status_t."""
+
+    _fields_ = [(name, ctypes.c_uint8) for name in STATUS]
+
+
+STRUCTS = {"EncoderState": EncoderState, "FrictionTorque": FrictionTorque, "Status": Status}
+ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid")
+
+
+@pytest.fixture(scope="module")
+def codec() -> ctypes.CDLL:
+    return ctypes.CDLL(str(built("port", "libdahl_port.so")))
+
+
+@pytest.fixture(scope="module")
+def database(dbc: Path) -> cantools.database.Database:
+    return cantools.database.load_file(dbc)
+
+
+def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
+    """Any values that the signals can hold, corners more often than chance would have it."""
+    word = rng.choice([0, -1, 1, 2**31 - 1, -(2**31), rng.randrange(-(2**31), 2**31)])
+    nibble, byte = lambda: rng.randrange(16), lambda: rng.randrange(256)
+    if kind == "EncoderState":
+        return EncoderState(word, nibble(), rng.random() < 0.5)
+    if kind == "FrictionTorque":
+        return FrictionTorque(word, nibble(), nibble(), nibble())
+    return Status(nibble(), nibble(), rng.randrange(128), byte(), byte(), byte(), nibble(), nibble())
+
+
+def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
+    """Raw signal values by their names in the DBC."""
+    if kind == "EncoderState":
+        return {"Crc": crc, "Counter": s.counter, "Valid": int(s.valid), "Count": s.count}
+    if kind == "FrictionTorque":
+        return {
+            "Crc": crc, "Counter": s.counter, "State": s.state, "EchoCounter": s.echo, "TorqueRatio": s.torque_q30,
+        }  # fmt: skip
+    errors = {f"Error{name}": s.errors >> bit & 1 for bit, name in enumerate(ERRORS)}
+    return {
+        "Crc": crc, "Counter": s.counter, "State": s.state, **errors, "Lost": s.lost, "Corrupt": s.corrupt,
+        "OutOfStep": s.out_of_step, "VersionMajor": s.version_major, "VersionMinor": s.version_minor,
+    }  # fmt: skip
+
+
+def pack(codec: ctypes.CDLL, kind: str, values: ctypes.Structure, node: int = 0) -> Frame:
+    frame = Frame()
+    getattr(codec, f"frames_pack_{KINDS[kind][0]}")(ctypes.byref(frame), ctypes.c_uint8(node), ctypes.byref(values))
+    return frame
+
+
+def unpack(codec: ctypes.CDLL, kind: str, frame: Frame, into: ctypes.Structure) -> int:
+    return getattr(codec, f"frames_unpack_{KINDS[kind][0]}")(ctypes.byref(frame), ctypes.byref(into))
+
+
+def fields(values: ctypes.Structure) -> list[int]:
+    return [getattr(values, name) for name, _ in values._fields_]
+
+
+def data_ids(kind: str) -> bytes:
+    return bytes(KINDS[kind][1] << 4 | counter for counter in range(16))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_c_and_dbc_agree_bit_for_bit(codec, database, kind):
+    rng = random.Random(kind)
+    message = database.get_message_by_name(kind)
+    for _ in range(ROUNDS):
+        values = random_struct(kind, rng)
+        frame = pack(codec, kind, values)
+        data = bytes(frame.data)
+        assert frame.id == message.frame_id
+        assert frame.length == message.length
+        raw = signals_of(kind, values, data[0])
+        assert message.encode(raw, scaling=False, strict=False) == data
+        assert message.decode(data, scaling=False, decode_choices=False) == raw
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_c_reads_what_the_dbc_writes(codec, database, kind):
+    rng = random.Random(kind + "back")
+    message = database.get_message_by_name(kind)
+    for _ in range(ROUNDS):
+        values, back = random_struct(kind, rng), STRUCTS[kind]()
+        data = bytearray(message.encode(signals_of(kind, values, 0), scaling=False, strict=False))
+        data[0] = Crc8Autosar.calc(data[1:] + data_ids(kind)[data[1] & 15 :][:1])
+        frame = Frame(id=message.frame_id, length=8, data=(ctypes.c_uint8 * 8)(*data))
+        assert unpack(codec, kind, frame, back) == 0
+        assert fields(back) == fields(values)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_crc_is_that_of_an_independent_package(codec, kind):
+    rng = random.Random(kind + "crc")
+    for _ in range(ROUNDS):
+        data = bytes(pack(codec, kind, random_struct(kind, rng)).data)
+        assert data[0] == Crc8Autosar.calc(data[1:] + bytes([data_ids(kind)[data[1] & 15]]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_autosar_e2e_profile_2_accepts_every_frame(codec, kind):
+    rng = random.Random(kind + "e2e")
+    for _ in range(ROUNDS):
+        data = bytearray(pack(codec, kind, random_struct(kind, rng)).data)
+        assert p02.e2e_p02_check(bytes(data), data_ids(kind))
+        data[rng.randrange(8)] ^= 1 << rng.randrange(8)
+        assert not p02.e2e_p02_check(bytes(data), data_ids(kind))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_c_accepts_what_autosar_e2e_protects_and_nothing_else(codec, kind):
+    rng = random.Random(kind + "protect")
+    for _ in range(ROUNDS):
+        data = bytearray(rng.randbytes(8))
+        p02.e2e_p02_protect(data, data_ids(kind))
+        frame = Frame(length=8, data=(ctypes.c_uint8 * 8)(*data))
+        assert unpack(codec, kind, frame, STRUCTS[kind]()) == 0
+        frame.data[rng.randrange(8)] ^= 1 << rng.randrange(8)
+        assert unpack(codec, kind, frame, STRUCTS[kind]()) == -2
+
+
+def test_node_number_is_the_low_half_of_the_id(codec, database):
+    for kind in KINDS:
+        base = database.get_message_by_name(kind).frame_id
+        assert [pack(codec, kind, STRUCTS[kind](), node).id for node in range(16)] == list(range(base, base + 16))
+
+
+def test_torque_ratio_is_scaled_by_a_power_of_two(database):
+    signal = database.get_message_by_name("FrictionTorque").get_signal_by_name("TorqueRatio")
+    assert signal.scale == 2.0**-30
+    assert (signal.minimum, signal.maximum) == (-1, 1)
+
+
+def test_dbc_says_what_every_signal_is(database):
+    for message in database.messages:
+        assert message.comment
+        assert message.senders
+        assert set(message.senders) <= {node.name for node in database.nodes}
+        for signal in message.signals:
+            assert signal.comment, signal.name
+            assert signal.unit, signal.name
+            assert signal.receivers, signal.name
+            assert signal.minimum < signal.maximum, signal.name
+    assert all(node.comment for node in database.nodes)
+
+
+def test_dbc_ranges_are_what_the_raw_values_can_hold(database):
+    for message in database.messages:
+        for signal in message.signals:
+            bits = signal.length - signal.is_signed
+            top = (2**bits - 1) * signal.scale
+            assert signal.maximum <= top or signal.name == "TorqueRatio", signal.name
+            if not signal.choices and signal.name != "TorqueRatio":
+                assert signal.maximum == top, signal.name
+
+
+def test_dbc_assigns_cycle_time_and_send_type_to_every_message(database):
+    times = {message.name: message.cycle_time for message in database.messages}
+    assert times == {"EncoderState": 1, "FrictionTorque": 1, "Status": 100}
+    types = {message.name: message.send_type for message in database.messages}
+    assert types == {"EncoderState": "Cyclic", "FrictionTorque": "OnReception", "Status": "Cyclic"}
+
+
+def test_dbc_names_every_state(database, root):
+    header = (root / "port" / "frames.h").read_text(encoding="utf-8")
+    enum = re.search(r"typedef enum \{([^}]*)\} frames_state_t", header).group(1)
+    codes = {name.replace("_", ""): int(code) for name, code in re.findall(r"FRAMES_(\w+) = (\d+)", enum)}
+    for kind in ("FrictionTorque", "Status"):
+        choices = database.get_message_by_name(kind).get_signal_by_name("State").choices
+        assert {str(name).upper(): code for code, name in choices.items()} == codes
+    assert database.get_message_by_name("EncoderState").get_signal_by_name("Valid").choices
+
+
+def test_dbc_has_no_bit_timing_and_no_overlap(dbc, database):
+    assert re.search(r"^BS_:\s*$", dbc.read_text(encoding="utf-8"), re.M)
+    for message in database.messages:
+        assert message.length == 8
+        assert not message.is_extended_frame
+        message.refresh(strict=True)  # raises on overlap or signals past the end
+
+
+def test_dbc_survives_dump_and_load(database):
+    again = cantools.database.load_string(database.as_dbc_string(), "dbc")
+    for message in database.messages:
+        other = again.get_message_by_name(message.name)
+        assert (other.frame_id, other.cycle_time, other.comment) == (
+            message.frame_id, message.cycle_time, message.comment,
+        )  # fmt: skip
+        for signal in message.signals:
+            twin = other.get_signal_by_name(signal.name)
+            for name in ("start", "length", "scale", "minimum", "maximum", "unit", "choices", "comment", "is_signed"):
+                assert getattr(twin, name) == getattr(signal, name), (signal.name, name)
