@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: MIT
 """Count single tests in JUnit files of CTest and pytest: `count_tests.py FILE...`
 
-Prints each failed and each skipped test, then the line `N passed, N failed[, N skipped]`. A CTest entry that is a Unity
-program counts with the tests inside it. Exit code 1 when one failed, when none ran, or when a file is not there: a
-runner that never wrote its results has not passed.
+Prints each failed and each skipped test, then the line `N passed, N failed[, N skipped]`. A CTest
+entry that is a Unity program counts with the tests inside it. Exit code 1 when one failed, when
+none ran, or when a file is not there: a runner that never wrote its results has not passed.
 """
 
 from __future__ import annotations
 
 import re
 import sys
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree import ElementTree
 
 UNITY_TOTAL = re.compile(r"^(\d+) Tests (\d+) Failures (\d+) Ignored", re.MULTILINE)
 UNITY_CASE = re.compile(r"^[^:\n]+:\d+:(\w+):(FAIL|IGNORE):? ?(.*)$", re.MULTILINE)
@@ -32,7 +32,9 @@ class Count:
 
 
 def count_unity(count: Count, name: str, output: str, ended_well: bool) -> None:
-    """Add the tests inside one Unity program; a program that broke off counts as one more failure."""
+    """Add the tests inside one Unity program; a program that broke off counts as one more
+    failure.
+    """
     cases = UNITY_CASE.findall(output)
     failed = [f"{name}.{case}: {why}" for case, kind, why in cases if kind == "FAIL"]
     skipped = [f"{name}.{case}: {why}" for case, kind, why in cases if kind == "IGNORE"]

@@ -186,7 +186,12 @@ find_python() {
 
 # What the environment depends on: pins, package metadata, interpreter, and where it lies (its scripts name their path).
 venv_key() {
-    { cat "$ROOT"/tools/{requirements.txt,constraints.txt,pyproject.toml}; echo "$VENV"; "$1" -VV; } | sha256sum
+    {
+        cat "$ROOT"/tools/{requirements,constraints}.txt
+        sed '/^\[tool/,$d' "$ROOT/tools/pyproject.toml"
+        echo "$VENV"
+        "$1" -VV
+    } | sha256sum
 }
 
 pip_install() {

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """What the Python tests share: where the build is, measured data, and the mark `long`.
 
-A missing build is a failure, not a skip: nothing is proved without it. Measured data out of reach is a skip with its
-reason, since a clone need not have it.
+A missing build is a failure, not a skip: nothing is proved without it. Measured data out of reach
+is a skip with its reason, since a clone need not have it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import hypothesis
 import pytest
 
 # The same examples on every machine: a red test stays red until it is mended.
-hypothesis.settings.register_profile("dahl", deadline=None, database=None, derandomize=True, max_examples=200)
+hypothesis.settings.register_profile(
+    "dahl", deadline=None, database=None, derandomize=True, max_examples=200
+)
 hypothesis.settings.load_profile("dahl")
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,7 +48,10 @@ def built(*parts: str) -> Path:
     """A file of the build; its absence fails the test."""
     path = BUILD.joinpath(*parts)
     if not path.exists():
-        pytest.fail(f"{path} is not built; run tools/test.sh, or: cmake --preset host && cmake --build build/host")
+        pytest.fail(
+            f"{path} is not built; run tools/test.sh,"
+            " or: cmake --preset host && cmake --build build/host"
+        )
     return path
 
 
@@ -79,7 +84,12 @@ def run_dahl(root: Path):
     def run(*args: str, timeout: float = 120, **kwargs) -> subprocess.CompletedProcess:
         command = [sys.executable, "-m", "dahl", *map(str, args)]
         return subprocess.run(
-            command, capture_output=True, text=True, timeout=timeout, check=False, **{"cwd": root, **kwargs}
+            command,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            **{"cwd": root, **kwargs},
         )
 
     return run
@@ -87,7 +97,9 @@ def run_dahl(root: Path):
 
 @pytest.fixture
 def measured_file():
-    """Path of a measured file by data set and name; skips with the reason where it is out of reach."""
+    """Path of a measured file by data set and name; skips with the reason where it is out of
+    reach.
+    """
 
     def find(name: str, file: str) -> Path:
         from dahl import data

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The binding: the model's laws on inputs that hypothesis makes up, against the closed form in 100 bits.
+"""The binding: the model's laws on inputs that hypothesis makes up, against the closed form in 100
+bits.
 
-Nothing here shares a formula with the library: it steps by a recursion, the reference is anchored at each reversal.
+Nothing here shares a formula with the library: it steps by a recursion, the reference is anchored
+at each reversal.
 """
 
 from __future__ import annotations
@@ -9,13 +11,12 @@ from __future__ import annotations
 import math
 import re
 
+import dahl
 import numpy as np
 import pytest
+from dahl import core, reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-import dahl
-from dahl import core, reference
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -73,7 +74,10 @@ def test_odd_symmetry(Fc, travel, path):  # noqa: N803
     """Fact 2: the mirrored motion gives the mirrored torque, bit for bit."""
     path = [max(move, -(2**31) + 1) for move in path]
     plan = plan_for(Fc, travel)
-    there, mirrored = dahl.Friction(plan).run_counts(path), dahl.Friction(plan).run_counts([-m for m in path])
+    there, mirrored = (
+        dahl.Friction(plan).run_counts(path),
+        dahl.Friction(plan).run_counts([-m for m in path]),
+    )
     assert np.array_equal(there, -mirrored)
 
 
@@ -144,20 +148,23 @@ def test_received_torque_rounds_once(seed):
         assert all(error <= abs(reference.Fraction(float(other)) - exact) for other in near)
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    ((0, 1, 0), "sigma0 = 0 is outside 2^-64 <= sigma0"),
-    ((-1, 1, 0), "sigma0 = -1"),
-    ((math.nan, 1, 0), "sigma0 = nan"),
-    ((1e30, 1, 0), "sigma0 = 1e+30 is outside"),
-    ((1, 0, 0), "Fc = 0 is outside"),
-    ((1, math.inf, 0), "Fc = inf is outside"),
-    ((1, 1e-30, 0), "Fc = 1e-30"),
-    ((1, 1, -1), "theta_per_count = -1"),
-    ((1, 1, math.nan), "theta_per_count = nan"),
-    ((1, 1, 1e-12), "= 1e-12 is outside 2^-30 <= travel"),
-    ((1e6, 1, 1e6), "outside 2^-30 <= travel < 2^20"),
-    (("x", 1, 0), "sigma0 = 'x' is not a number"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((0, 1, 0), "sigma0 = 0 is outside 2^-64 <= sigma0"),
+        ((-1, 1, 0), "sigma0 = -1"),
+        ((math.nan, 1, 0), "sigma0 = nan"),
+        ((1e30, 1, 0), "sigma0 = 1e+30 is outside"),
+        ((1, 0, 0), "Fc = 0 is outside"),
+        ((1, math.inf, 0), "Fc = inf is outside"),
+        ((1, 1e-30, 0), "Fc = 1e-30"),
+        ((1, 1, -1), "theta_per_count = -1"),
+        ((1, 1, math.nan), "theta_per_count = nan"),
+        ((1, 1, 1e-12), "= 1e-12 is outside 2^-30 <= travel"),
+        ((1e6, 1, 1e6), "outside 2^-30 <= travel < 2^20"),
+        (("x", 1, 0), "sigma0 = 'x' is not a number"),
+    ],
+)
 def test_bad_parameters_are_named_with_their_limit(arguments, words):
     with pytest.raises(dahl.Error, match=re.escape(words)):
         dahl.Plan(*arguments)

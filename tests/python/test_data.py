@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Measured sets: found where they are, fetched with their sha256 proved, refused otherwise. No network but our own."""
+"""Measured sets: found where they are, fetched with their sha256 proved, refused otherwise. No
+network but our own.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,6 @@ import threading
 from dataclasses import replace
 
 import pytest
-
 from dahl import Error, RunError, data
 
 ROWS = [(8.595, 1), (8.6, 2), (8.605, 3), (128.995, 4), (129, 5), (130, 6)]
@@ -32,7 +33,9 @@ def alone(monkeypatch, tmp_path):
 
 @pytest.fixture
 def server(monkeypatch):
-    """A web server on this machine that gives what it is told to; yields the dictionary {path: bytes}."""
+    """A web server on this machine that gives what it is told to; yields the dictionary {path:
+    bytes}.
+    """
     files: dict[str, bytes] = {}
 
     class Handler(http.server.BaseHTTPRequestHandler):
@@ -48,7 +51,9 @@ def server(monkeypatch):
 
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler) as running:
         threading.Thread(target=running.serve_forever, daemon=True).start()
-        monkeypatch.setenv("DAHL_DATA_URL", f"http://127.0.0.1:{running.server_port}/{{repo}}/{{commit}}/{{path}}")
+        monkeypatch.setenv(
+            "DAHL_DATA_URL", f"http://127.0.0.1:{running.server_port}/{{repo}}/{{commit}}/{{path}}"
+        )
         monkeypatch.setenv("NO_PROXY", "127.0.0.1")
         yield files
         running.shutdown()

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The main job, end to end: a log in, picture, record and summary out, over a real bus; and what a user gets wrong."""
+"""The main job, end to end: a log in, picture, record and summary out, over a real bus; and what a
+user gets wrong.
+"""
 
 from __future__ import annotations
 
@@ -11,33 +13,58 @@ import subprocess
 import sys
 import time
 
+import dahl
 import numpy as np
 import pytest
-
-import dahl
 from dahl import logs, report, scene
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 KEYS = {
-    "bus", "scene", "ticks", "frames_sent", "frames_lost", "latency_us", "max_error_ulp_Fc", "rmse_measured",
+    "bus",
+    "scene",
+    "ticks",
+    "frames_sent",
+    "frames_lost",
+    "latency_us",
+    "max_error_ulp_Fc",
+    "rmse_measured",
     "r2_measured",
 }
 SIGMA0, FC, TURN, OFFSET, TICKS = 40.0, 0.8, 16384, 0.05, 1200
-OWN = ["--angle", "shaft [deg]", "--torque", "sensor [mNm]", "--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", TURN,
-       "--torque-scale", "-0.001", "--offset", OFFSET]
+OWN = [
+    "--angle",
+    "shaft [deg]",
+    "--torque",
+    "sensor [mNm]",
+    "--sigma0",
+    SIGMA0,
+    "--fc",
+    FC,
+    "--counts-per-turn",
+    TURN,
+    "--torque-scale",
+    "-0.001",
+    "--offset",
+    OFFSET,
+]
 
 
 @pytest.fixture(scope="module")
 def own_log(tmp_path_factory, library):
-    """A log whose measured torque is the model's own, with sign, scale and offset of a sensor, and a little noise."""
+    """A log whose measured torque is the model's own, with sign, scale and offset of a sensor, and
+    a little noise.
+    """
     path = tmp_path_factory.mktemp("own") / "shaft.csv"
     random = np.random.default_rng(1)
     degrees = [30 * math.sin(i / 150) + 4 * math.sin(i / 11) for i in range(TICKS)]
     counts = np.rint(np.array(degrees) * TURN / 360 - degrees[0] * TURN / 360).astype(int)
     bearing = dahl.Friction(dahl.Plan(SIGMA0, FC, 2 * math.pi / TURN))
     torque = bearing.run_counts(np.diff(counts, prepend=0)) + OFFSET + random.normal(0, 0.01, TICKS)
-    rows = [f"{i / 1000:.3f},{angle!r},{-1000 * value:.4f}" for i, (angle, value) in enumerate(zip(degrees, torque, strict=True))]
+    rows = [
+        f"{i / 1000:.3f},{angle!r},{-1000 * value:.4f}"
+        for i, (angle, value) in enumerate(zip(degrees, torque, strict=True))
+    ]
     path.write_text("\n".join(["t,shaft [deg],sensor [mNm]", *rows, ""]))
     return path
 
@@ -51,7 +78,9 @@ def demo(own_log, tmp_path_factory, root):
     """One run of a user's own log."""
     folder = tmp_path_factory.mktemp("demo")
     command = [sys.executable, "-m", "dahl", "demo", own_log, *OWN, "--output", folder]
-    done = subprocess.run(list(map(str, command)), cwd=root, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(
+        list(map(str, command)), cwd=root, capture_output=True, text=True, timeout=120, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return folder, done.stdout
 
@@ -87,7 +116,9 @@ def test_same_bits_as_the_library(demo, own_log):
     played = scene.read(demo[0] / "own.ini")
     trace = report.trace_of(logs.read_candump(demo[0] / "run.log"))
     bearing = dahl.Friction(dahl.Plan(played.sigma0, played.Fc, played.theta_per_count))
-    assert trace.ratio.tolist() == [bearing.step_counts_q30(move) for move in trace.moves().tolist()]
+    assert trace.ratio.tolist() == [
+        bearing.step_counts_q30(move) for move in trace.moves().tolist()
+    ]
 
 
 def test_table_says_which_bus_and_how_good(demo):
@@ -128,11 +159,30 @@ def test_without_any_log_it_says_so_and_runs_steering(run_dahl, tmp_path):
         "d.places = Elsewhere\n"
         "from dahl.cli import main\nsys.exit(main())\n"
     )
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "DAHL_DATA_URL": "http://127.0.0.1:1/{path}"}
+    environment = {
+        **os.environ,
+        "XDG_CACHE_HOME": str(tmp_path),
+        "DAHL_DATA_URL": "http://127.0.0.1:1/{path}",
+    }
     environment.pop("DAHL_DATA", None)
-    command = [sys.executable, "-c", script, tmp_path / "a" / "b", "demo", "--seconds", "0.5", "--output", tmp_path / "out"]
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        tmp_path / "a" / "b",
+        "demo",
+        "--seconds",
+        "0.5",
+        "--output",
+        tmp_path / "out",
+    ]
     done = subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, timeout=120, check=False, env=environment
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=environment,
     )
     assert done.returncode == 0, done.stderr
     assert "no measured log is in reach" in done.stdout
@@ -160,19 +210,22 @@ def test_ctrl_c_leaves_whole_files(own_log, root, tmp_path):
 
 def without(option: str) -> list:
     at = OWN.index(option)
-    return OWN[:at] + OWN[at + 2:]
+    return OWN[:at] + OWN[at + 2 :]
 
 
-@pytest.mark.parametrize(("change", "words"), [
-    (without("--sigma0"), "needs --sigma0"),
-    (without("--counts-per-turn"), "needs --counts-per-turn"),
-    ([*OWN, "--angle", "shaft"], "shaft.csv:1: no column 'shaft'; did you mean 'shaft [deg]'?"),
-    ([*OWN, "--fc", "-1"], "Fc = -1 is outside"),
-    ([*OWN, "--sigma0", "nan"], "sigma0 = nan"),
-    ([*OWN, "--counts-per-turn", "0"], "--counts-per-turn 0"),
-    ([*OWN, "--bus", "canopy"], "--bus canopy"),
-    ([*OWN, "--scene", "steering"], "--scene with a LOG"),
-])
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (without("--sigma0"), "needs --sigma0"),
+        (without("--counts-per-turn"), "needs --counts-per-turn"),
+        ([*OWN, "--angle", "shaft"], "shaft.csv:1: no column 'shaft'; did you mean 'shaft [deg]'?"),
+        ([*OWN, "--fc", "-1"], "Fc = -1 is outside"),
+        ([*OWN, "--sigma0", "nan"], "sigma0 = nan"),
+        ([*OWN, "--counts-per-turn", "0"], "--counts-per-turn 0"),
+        ([*OWN, "--bus", "canopy"], "--bus canopy"),
+        ([*OWN, "--scene", "steering"], "--scene with a LOG"),
+    ],
+)
 def test_bad_arguments_are_one_line(own_log, run_dahl, tmp_path, change, words):
     done = run_dahl("demo", own_log, *change, "--output", tmp_path)
     assert done.returncode == 2, done.stdout + done.stderr
@@ -181,11 +234,14 @@ def test_bad_arguments_are_one_line(own_log, run_dahl, tmp_path, change, words):
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["--scene", "none"], "no scene 'none' (shipped: cycloidal, segments"),
-    (["--angle", "x"], "go with a LOG of your own"),
-    (["none.csv", *OWN], "none.csv: no such file"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--scene", "none"], "no scene 'none' (shipped: cycloidal, segments"),
+        (["--angle", "x"], "go with a LOG of your own"),
+        (["none.csv", *OWN], "none.csv: no such file"),
+    ],
+)
 def test_bad_scene_or_log_is_one_line(run_dahl, tmp_path, arguments, words):
     done = run_dahl("demo", *arguments, "--output", tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
@@ -201,12 +257,15 @@ def test_a_bad_row_is_named_before_anything_runs(own_log, run_dahl, tmp_path):
     assert not (tmp_path / "out" / "run.log").exists()
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("[friction]\nsigma0 = x\n", "[friction] sigma0 = 'x' is not a number"),
-    ("[wheel]\n", "unknown section [wheel]"),
-    ("[measured]\nwheel = 1\n", "[measured] has no key 'wheel'"),
-    ("sigma0 = 1\n", "no section headers"),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[friction]\nsigma0 = x\n", "[friction] sigma0 = 'x' is not a number"),
+        ("[wheel]\n", "unknown section [wheel]"),
+        ("[measured]\nwheel = 1\n", "[measured] has no key 'wheel'"),
+        ("sigma0 = 1\n", "no section headers"),
+    ],
+)
 def test_bad_scenes_are_named(tmp_path, text, words):
     path = tmp_path / "bad.ini"
     path.write_text(text)
@@ -217,7 +276,9 @@ def test_bad_scenes_are_named(tmp_path, text, words):
 
 
 def test_the_tribometer_is_met(measured_file, run_dahl, tmp_path):
-    """The promise of the README: R2 >= 0.98 on the measured set, the torque itself exact. The first 60 s of 129."""
+    """The promise of the README: R2 >= 0.98 on the measured set, the torque itself exact. The first
+    60 s of 129.
+    """
     measured_file("tribometer", "reciprocating.tsv")
     done = run_dahl("demo", "--scene", "tribometer", "--seconds", "12", "--output", tmp_path)
     assert done.returncode == 0, done.stderr

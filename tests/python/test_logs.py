@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 import pytest
-
 from dahl import Error, logs
 
 GOOD = "t,angle,torque\n0,1.5,2\n0.001,-2.5,3\n"
@@ -25,17 +24,20 @@ def written(tmp_path):
     return write
 
 
-@pytest.mark.parametrize("text", [
-    GOOD,
-    GOOD.replace(",", "\t"),
-    GOOD.replace(",", ";"),
-    GOOD.replace(",", ", "),
-    GOOD.replace("\n", "\r\n"),
-    GOOD.rstrip("\n"),
-    GOOD + "\n\n",
-    "\ufeff" + GOOD,
-    GOOD.replace("angle", '"angle"'),
-])
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD,
+        GOOD.replace(",", "\t"),
+        GOOD.replace(",", ";"),
+        GOOD.replace(",", ", "),
+        GOOD.replace("\n", "\r\n"),
+        GOOD.rstrip("\n"),
+        GOOD + "\n\n",
+        "\ufeff" + GOOD,
+        GOOD.replace("angle", '"angle"'),
+    ],
+)
 def test_forms_of_a_good_table(written, text):
     table = logs.read_table(written(text), ["angle", "torque"], "t")
     assert table["angle"].tolist() == [1.5, -2.5]
@@ -43,21 +45,36 @@ def test_forms_of_a_good_table(written, text):
     assert table["t"].tolist() == [0, 0.001]
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("", "log.csv: empty"),
-    ("\n\n", "log.csv: empty"),
-    ("t,angle,torque\n", "log.csv:1: no rows"),
-    (GOOD.replace("angle", "Angel"), "log.csv:1: no column 'angle'; did you mean 'Angel'? (there are: t, Angel, torque)"),
-    ("a,b\n1,2\n", "log.csv:1: no column 'angle'"),
-    ("t,angle,torque\n0,1,2\n1,abc,2\n", "log.csv:3: column 'angle': 'abc' is not a number"),
-    ("t,angle,torque\n0,1,\n", "log.csv:2: column 'torque': '' is not a number"),
-    ("t,angle,torque\n0,nan,2\n", "log.csv:2: column 'angle': 'nan' is not a finite number"),
-    ("t,angle,torque\n0,1,-inf\n", "log.csv:2: column 'torque': '-inf' is not a finite number"),
-    ("t,angle,torque\n0,1,1e999\n", "log.csv:2: column 'torque': '1e999' is not a finite number"),
-    ("t,angle,torque\n1,1,2\n2,1,2\n1.5,1,2\n", "log.csv:4: column 't': 1.5 after 2, time goes backward"),
-    ("t,angle,torque\n0,1,2\n1,1", "log.csv:3: column 'torque': missing, the line ends after 2 of 3 columns"),
-    (b"\x89PNG\r\n\x1a\n\x00\x00", "log.csv: not a text file"),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "log.csv: empty"),
+        ("\n\n", "log.csv: empty"),
+        ("t,angle,torque\n", "log.csv:1: no rows"),
+        (
+            GOOD.replace("angle", "Angel"),
+            "log.csv:1: no column 'angle'; did you mean 'Angel'? (there are: t, Angel, torque)",
+        ),
+        ("a,b\n1,2\n", "log.csv:1: no column 'angle'"),
+        ("t,angle,torque\n0,1,2\n1,abc,2\n", "log.csv:3: column 'angle': 'abc' is not a number"),
+        ("t,angle,torque\n0,1,\n", "log.csv:2: column 'torque': '' is not a number"),
+        ("t,angle,torque\n0,nan,2\n", "log.csv:2: column 'angle': 'nan' is not a finite number"),
+        ("t,angle,torque\n0,1,-inf\n", "log.csv:2: column 'torque': '-inf' is not a finite number"),
+        (
+            "t,angle,torque\n0,1,1e999\n",
+            "log.csv:2: column 'torque': '1e999' is not a finite number",
+        ),
+        (
+            "t,angle,torque\n1,1,2\n2,1,2\n1.5,1,2\n",
+            "log.csv:4: column 't': 1.5 after 2, time goes backward",
+        ),
+        (
+            "t,angle,torque\n0,1,2\n1,1",
+            "log.csv:3: column 'torque': missing, the line ends after 2 of 3 columns",
+        ),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "log.csv: not a text file"),
+    ],
+)
 def test_bad_tables_are_named_by_file_line_and_column(written, text, words):
     with pytest.raises(Error, match=re.escape(words)):
         logs.read_table(written(text), ["angle", "torque"], "t")
@@ -72,13 +89,24 @@ def test_no_file(tmp_path):
 
 def test_candump_round_trip(written):
     import can
-
     from dahl.bus import candump_line
 
     sent = [
-        can.Message(timestamp=0.001, arbitration_id=0x100, data=bytes(8), is_extended_id=False, channel="vcan0"),
+        can.Message(
+            timestamp=0.001,
+            arbitration_id=0x100,
+            data=bytes(8),
+            is_extended_id=False,
+            channel="vcan0",
+        ),
         can.Message(timestamp=1.5, arbitration_id=0x1ABCDEF, data=b"\x01", channel="can0"),
-        can.Message(timestamp=2, arbitration_id=0x7FF, is_remote_frame=True, is_extended_id=False, channel="vcan0"),
+        can.Message(
+            timestamp=2,
+            arbitration_id=0x7FF,
+            is_remote_frame=True,
+            is_extended_id=False,
+            channel="vcan0",
+        ),
     ]
     lines = "".join(map(candump_line, sent))
     assert lines.splitlines()[0] == "(0000000000.001000) vcan0 100#0000000000000000"
@@ -88,12 +116,18 @@ def test_candump_round_trip(written):
     assert np.allclose([m.timestamp for m in back], [m.timestamp for m in sent])
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("(0000000000.001000) vcan0 100#00\n(0000000000.002000) vcan0 100#0\n", "run.log:2: not a line"),
-    ("(0000000000.001000) vcan0 100#00\nhello\n", "run.log:2: not a line"),
-    ("(zero) vcan0 100#00\n", "run.log:1: not a line"),
-    ("", "run.log: no frames"),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "(0000000000.001000) vcan0 100#00\n(0000000000.002000) vcan0 100#0\n",
+            "run.log:2: not a line",
+        ),
+        ("(0000000000.001000) vcan0 100#00\nhello\n", "run.log:2: not a line"),
+        ("(zero) vcan0 100#00\n", "run.log:1: not a line"),
+        ("", "run.log: no frames"),
+    ],
+)
 def test_bad_candump_logs_are_named_by_line(written, text, words):
     with pytest.raises(Error, match=re.escape(words)):
         logs.read_candump(written(text, "run.log"))

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The monitor and the recorder as an outsider runs them: on a served bus, with a terminal and without."""
+"""The monitor and the recorder as an outsider runs them: on a served bus, with a terminal and
+without.
+"""
 
 from __future__ import annotations
 
+import io
 import os
 import pty
 import re
@@ -11,7 +14,6 @@ import sys
 import time
 
 import pytest
-
 from dahl import logs, report
 from dahl.view import View
 
@@ -21,13 +23,34 @@ class Served:
 
     def __init__(self, program, scene) -> None:
         self.process = subprocess.Popen(
-            [program, "--scene", scene, "--bus", "socketcand:0", "--wait-clients", "1", "--seconds", "20"],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            [
+                program,
+                "--scene",
+                scene,
+                "--bus",
+                "socketcand:0",
+                "--wait-clients",
+                "1",
+                "--seconds",
+                "20",
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         line = self.process.stdout.readline()
         found = re.match(r"socketcand [\d.]+:(\d+) (\w+)", line)
         assert found, f"dahl-loop said {line!r}"
-        self.arguments = ["-i", "socketcand", "-c", found[2], "--host", "127.0.0.1", "--port", found[1]]
+        self.arguments = [
+            "-i",
+            "socketcand",
+            "-c",
+            found[2],
+            "--host",
+            "127.0.0.1",
+            "--port",
+            found[1],
+        ]
 
 
 @pytest.fixture
@@ -39,7 +62,9 @@ def served(dahl_loop, root):
 
 
 def frames(dbc, *messages):
-    """python-can messages of (name, time, signals), encoded by cantools; the CRC is not the monitor's business."""
+    """python-can messages of (name, time, signals), encoded by cantools; the CRC is not the
+    monitor's business.
+    """
     import can
     import cantools
 
@@ -47,13 +72,15 @@ def frames(dbc, *messages):
     for name, moment, signals in messages:
         message = database.get_message_by_name(name)
         data = message.encode({"Crc": 0, **signals}, strict=False)
-        yield can.Message(timestamp=moment, arbitration_id=message.frame_id, data=data, is_extended_id=False)
+        yield can.Message(
+            timestamp=moment, arbitration_id=message.frame_id, data=data, is_extended_id=False
+        )
 
 
 def text_of(view: View, width: int = 100, height: int = 40) -> str:
     from rich.console import Console
 
-    console = Console(width=width, height=height, record=True, file=open(os.devnull, "w"))
+    console = Console(width=width, height=height, record=True, file=io.StringIO())
     console.print(view, height=height)
     return console.export_text()
 
@@ -75,7 +102,13 @@ def test_view_counts_what_it_sees(dbc):
     view.feed(can.Message(arbitration_id=0x100, data=bytes(8), is_extended_id=True))
     view.feed(can.Message(arbitration_id=0x7DF, data=bytes(8), is_extended_id=False))
     encoder = view.names["EncoderState"]
-    assert (encoder.frames, encoder.missing, encoder.wrong, view.others, view.frames) == (2, 1, 1, 2, 7)
+    assert (encoder.frames, encoder.missing, encoder.wrong, view.others, view.frames) == (
+        2,
+        1,
+        1,
+        2,
+        7,
+    )
     assert list(view.count) == [-7, 8]
     assert list(view.ratio) == pytest.approx([0.5, 0.5])
     shown = text_of(view)
@@ -105,7 +138,9 @@ def test_monitor_draws_live_in_a_terminal(served, root):
     terminal, inner = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "36"}
     command = [sys.executable, "-m", "dahl", "monitor", *served, "--seconds", "2"]
-    process = subprocess.Popen(command, stdin=inner, stdout=inner, stderr=inner, cwd=root, env=environment)
+    process = subprocess.Popen(
+        command, stdin=inner, stdout=inner, stderr=inner, cwd=root, env=environment
+    )
     os.close(inner)
     seen = b""
     while True:
@@ -117,7 +152,7 @@ def test_monitor_draws_live_in_a_terminal(served, root):
             break
         seen += part
     assert process.wait(10) == 0
-    assert seen.count("F/Fc over counts".encode()) >= 3
+    assert seen.count(b"F/Fc over counts") >= 3
     assert b"\x1b[?1049h" in seen  # the other screen, so that the shell's text comes back
     assert b"\x1b[?1049l" in seen
 
@@ -128,8 +163,13 @@ def test_record_writes_what_canplayer_can_replay(served, run_dahl, tmp_path):
     messages = logs.read_candump(tmp_path / "run.log")
     assert len(messages) == 400
     trace = report.trace_of(messages)
-    assert (trace.missing, len(trace.row)) == (0, trace.recorded) or len(trace.row) == trace.recorded - 1
-    assert re.fullmatch(r"\(\d{10}\.\d{6}\) vcan0 1[012]0#[0-9A-F]{16}", (tmp_path / "run.log").read_text().splitlines()[0])
+    assert (trace.missing, len(trace.row)) == (0, trace.recorded) or len(
+        trace.row
+    ) == trace.recorded - 1
+    assert re.fullmatch(
+        r"\(\d{10}\.\d{6}\) vcan0 1[012]0#[0-9A-F]{16}",
+        (tmp_path / "run.log").read_text().splitlines()[0],
+    )
 
 
 def test_ctrl_c_leaves_a_whole_record(served, root, tmp_path):
@@ -144,10 +184,16 @@ def test_ctrl_c_leaves_a_whole_record(served, root, tmp_path):
     assert logs.read_candump(tmp_path / "run.log")
 
 
-@pytest.mark.parametrize(("arguments", "words"), [
-    (["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", "1"], "error: cannot open the bus (interface=socketcand"),
-    (["-i", "nothing", "-c", "x"], "error: cannot open the bus (interface=nothing"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", "1"],
+            "error: cannot open the bus (interface=socketcand",
+        ),
+        (["-i", "nothing", "-c", "x"], "error: cannot open the bus (interface=nothing"),
+    ],
+)
 def test_a_bus_that_is_not_there_is_one_line(run_dahl, arguments, words):
     done = run_dahl("monitor", *arguments)
     assert done.returncode == 1

@@ -18,18 +18,28 @@ tests/lib/laws.c:30:test_odd:FAIL: Expected 1 Was 2
 FAIL
 </system-out>{failure}</testcase></testsuite>"""
 PYTEST = """<testsuites><testsuite><testcase classname="test_a" name="one"/>
-<testcase classname="test_a" name="two"><skipped message="no data"/></testcase></testsuite></testsuites>"""
+<testcase classname="test_a" name="two"><skipped message="no data"/>
+</testcase></testsuite></testsuites>"""
 
 
 def run(*command, **kwargs) -> subprocess.CompletedProcess:
     return subprocess.run(
-        list(map(str, command)), capture_output=True, text=True, timeout=250, check=False, stdin=subprocess.DEVNULL, **kwargs
+        list(map(str, command)),
+        capture_output=True,
+        text=True,
+        timeout=250,
+        check=False,
+        stdin=subprocess.DEVNULL,
+        **kwargs,
     )
 
 
 def needs_setup(root):
-    if not (root / "build" / "venv" / ".complete").exists():
-        pytest.fail("build/venv is not whole; run tools/setup.sh")
+    """Setting up anew would take away the environment that this test runs in."""
+    stamp = root / "build" / "venv" / ".complete"
+    pins = (root / "tools" / name for name in ("requirements.txt", "constraints.txt"))
+    if not stamp.exists() or any(pin.stat().st_mtime > stamp.stat().st_mtime for pin in pins):
+        pytest.fail("build/venv is not whole or not up to date; run tools/setup.sh")
 
 
 def test_second_setup_is_quick_and_says_what_it_found(root):
@@ -84,7 +94,9 @@ def test_count_looks_inside_unity_programs(root, tmp_path):
 
 
 def test_count_of_all_well(root, tmp_path):
-    counted = count(root, tmp_path, '<testsuite><testcase name="a"/><testcase name="b"/></testsuite>')
+    counted = count(
+        root, tmp_path, '<testsuite><testcase name="a"/><testcase name="b"/></testsuite>'
+    )
     assert (counted.returncode, counted.stdout) == (0, "2 passed, 0 failed\n")
 
 
@@ -96,8 +108,11 @@ def test_no_results_are_no_success(root, tmp_path, text):
 
 
 def test_a_crashed_unity_program_has_failed(root, tmp_path):
-    text = UNITY.replace(":FAIL: Expected 1 Was 2", ":PASS").replace("1 Failures", "0 Failures").format(
-        failure="<failure message='SEGFAULT'/>")
+    text = (
+        UNITY.replace(":FAIL: Expected 1 Was 2", ":PASS")
+        .replace("1 Failures", "0 Failures")
+        .format(failure="<failure message='SEGFAULT'/>")
+    )
     counted = count(root, tmp_path, text)
     assert counted.returncode == 1
     assert "failed: laws: ended badly" in counted.stdout

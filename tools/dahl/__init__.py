@@ -3,9 +3,9 @@
 
 The mathematics is the C library's; this package calls it and never does it again. Public names:
 
-    Plan(sigma0, Fc, theta_per_count)   parameters, prepared once (dahl.core)
-    Friction(plan)                      one bearing: feed it counts or angles, read its torque (dahl.core)
-    counts_between(before, now, n)      shortest way from one encoder reading to the next (dahl.core)
+    Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
+    Friction(plan)                      one bearing: feed it counts or angles, read its torque
+    counts_between(before, now, n)      shortest way from one encoder reading to the next
     Error                               the one root of all errors that a user can cause or meet
 
 >>> import dahl
@@ -30,7 +30,9 @@ class Error(Exception):
 
 
 class RunError(Error):
-    """A run failed for a reason outside the input: a bus gone, a program not built. Exit code 1 instead of 2."""
+    """A run failed for a reason outside the input: a bus gone, a program not built. Exit code 1
+    instead of 2.
+    """
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Buses: any that python-can opens, which one is best here, and the lines of a log that canplayer can replay."""
+"""Buses: any that python-can opens, which one is best here, and the lines of a log that canplayer
+can replay.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +24,12 @@ VCAN = "vcan0"
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
-    """-i, -c and what some interfaces want beside them; python-can's own settings (~/.canrc) hold where none is given."""
-    parser.add_argument("-i", "--interface", help="python-can interface: socketcan, socketcand, slcan, pcan, ...")
+    """-i, -c and what some interfaces want beside them; python-can's own settings (~/.canrc) hold
+    where none is given.
+    """
+    parser.add_argument(
+        "-i", "--interface", help="python-can interface: socketcan, socketcand, slcan, pcan, ..."
+    )
     parser.add_argument("-c", "--channel", help="channel: vcan0, can0, /dev/ttyACM0, ...")
     parser.add_argument("-b", "--bitrate", type=int, help="bit/s, where the interface sets it")
     parser.add_argument("--host", help="socketcand: host of the server")
@@ -32,12 +38,16 @@ def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
 
 def open_from(args: argparse.Namespace) -> can.BusABC:
     """Open the bus that the arguments name."""
-    settings = {key: getattr(args, key) for key in ("interface", "channel", "bitrate", "host", "port")}
+    settings = {
+        key: getattr(args, key) for key in ("interface", "channel", "bitrate", "host", "port")
+    }
     return open_bus(**{key: value for key, value in settings.items() if value is not None})
 
 
 def open_bus(patience: float = 0.0, **settings: object) -> can.BusABC:
-    """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line whatever the interface."""
+    """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line
+    whatever the interface.
+    """
     import can
 
     logging.getLogger("can").setLevel(logging.ERROR)  # a frame in two pieces is no news
@@ -53,13 +63,23 @@ def open_bus(patience: float = 0.0, **settings: object) -> can.BusABC:
 
 
 def candump_line(message: can.Message) -> str:
-    """One line `(seconds.microseconds) bus id#data` as `candump -L` writes it, without the direction that some add."""
+    """One line `(seconds.microseconds) bus id#data` as `candump -L` writes it, without the
+    direction that some add.
+    """
     bus = message.channel if isinstance(message.channel, str) else VCAN
     if message.is_error_frame:
         head, form = f"{message.arbitration_id | 0x20000000:08X}", "#"
     else:
-        head = f"{message.arbitration_id:08X}" if message.is_extended_id else f"{message.arbitration_id:03X}"
-        form = f"##{message.bitrate_switch + 2 * message.error_state_indicator:X}" if message.is_fd else "#"
+        head = (
+            f"{message.arbitration_id:08X}"
+            if message.is_extended_id
+            else f"{message.arbitration_id:03X}"
+        )
+        form = (
+            f"##{message.bitrate_switch + 2 * message.error_state_indicator:X}"
+            if message.is_fd
+            else "#"
+        )
     data = "R" if message.is_remote_frame else message.data.hex().upper()
     return f"({message.timestamp:017.6f}) {bus} {head}{form}{data}\n"
 
@@ -74,9 +94,13 @@ def has_socketcan() -> bool:
 
 
 def vcan_is_up(name: str = VCAN) -> bool:
-    """True where the interface is there and up; makes it where we may (root, and the kernel has the module)."""
+    """True where the interface is there and up; makes it where we may (root, and the kernel has the
+    module).
+    """
     if not Path(f"/sys/class/net/{name}").exists() and shutil.which("ip"):
-        subprocess.run(["ip", "link", "add", "dev", name, "type", "vcan"], capture_output=True, check=False)
+        subprocess.run(
+            ["ip", "link", "add", "dev", name, "type", "vcan"], capture_output=True, check=False
+        )
         subprocess.run(["ip", "link", "set", name, "up"], capture_output=True, check=False)
     try:
         return bool(int(Path(f"/sys/class/net/{name}/flags").read_text(), 16) & 1)
@@ -88,10 +112,18 @@ def choose(wanted: str | None) -> tuple[str, str]:
     """The bus of a demo and why: ('socketcan:vcan0' or 'socketcand', a sentence)."""
     if wanted:
         if not re.fullmatch(r"socketcand(:\d+)?|socketcan:\w+", wanted):
-            raise Error(f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected")
+            raise Error(
+                f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected"
+            )
         return wanted, "as asked for"
     if not has_socketcan():
-        return "socketcand", "this kernel has no SocketCAN, so the loop serves the socketcand protocol on a local TCP port"
+        return (
+            "socketcand",
+            "this kernel has no SocketCAN, so the loop serves socketcand on a local TCP port",
+        )
     if not vcan_is_up():
-        return "socketcand", f"SocketCAN is here but no interface {VCAN} (ip link add dev {VCAN} type vcan), so socketcand"
+        return (
+            "socketcand",
+            f"no interface {VCAN} is up (ip link add dev {VCAN} type vcan), so socketcand",
+        )
     return f"socketcan:{VCAN}", "the kernel has SocketCAN"

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The command `dahl`: one module of dahl.commands per sub-command, one line `error: ...` for whatever goes wrong.
+"""The command `dahl`: one module of dahl.commands per sub-command, one line `error: ...` for
+whatever goes wrong.
 
-Exit codes: 0 done, 1 the run failed (bus gone, program not built), 2 bad input, 130 ended by Ctrl-C after files were
-made whole.
+Exit codes: 0 done, 1 the run failed (bus gone, program not built), 2 bad input, 130 ended by Ctrl-C
+after files were made whole.
 """
 
 from __future__ import annotations
@@ -21,14 +22,17 @@ def build_parser() -> argparse.ArgumentParser:
     """All sub-commands, each with its own example."""
     parser = argparse.ArgumentParser(
         prog="dahl",
-        description="Friction torque by Dahl's model, exact at every encoder tick: demo, monitor and data.",
+        description="Friction torque by Dahl's model, exact at every encoder tick.",
         epilog="example: dahl demo --scene steering",
     )
     parser.add_argument("--version", action="version", version=f"dahl {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, module in COMMANDS.items():
         sub = commands.add_parser(
-            name, help=module.HELP, description=module.__doc__.partition("\n")[2].strip(), epilog=module.EXAMPLE,
+            name,
+            help=module.HELP,
+            description=module.__doc__.partition("\n")[2].strip(),
+            epilog=module.EXAMPLE,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         module.add_arguments(sub)

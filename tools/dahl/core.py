@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The C library by ctypes: same names, units and bits as lib/dahl.h, whose comments are the manual.
 
-Parameters are checked by dahl_prepare() itself; only to say which one is out of range, and which limit it passed, are
-the limits of the header known here (a test compares the two).
+Parameters are checked by dahl_prepare() itself; only to say which one is out of range, and which
+limit it passed, are the limits of the header known here (a test compares the two).
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from dahl import Error, places
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
 INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
-PLAN_ROOM = 128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
+PLAN_ROOM = (
+    128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
+)
 
 
 class State(ctypes.Structure):
@@ -29,7 +31,11 @@ class State(ctypes.Structure):
 
 
 class _Params(ctypes.Structure):
-    _fields_ = [("sigma0", ctypes.c_float), ("Fc", ctypes.c_float), ("theta_per_count", ctypes.c_float)]
+    _fields_ = [
+        ("sigma0", ctypes.c_float),
+        ("Fc", ctypes.c_float),
+        ("theta_per_count", ctypes.c_float),
+    ]
 
 
 @cache
@@ -74,20 +80,24 @@ def _refusal(plan: Plan) -> str:
         if not TORQUE_MIN <= value < TORQUE_MAX:
             return f"{name} = {value:g} is outside 2^-64 <= {name} < 2^64"
     if not 0 <= plan.theta_per_count < math.inf:
-        return f"theta_per_count = {plan.theta_per_count:g} is not a finite number >= 0 (rad/count; 0: counts unused)"
+        return f"theta_per_count = {plan.theta_per_count:g} is not a finite number >= 0 (rad/count)"
     return (
-        f"travel of one count sigma0/Fc*theta_per_count = {plan.travel_per_count:g} is outside 2^-30 <= travel < 2^20"
-        f" (sigma0 = {plan.sigma0:g}, Fc = {plan.Fc:g}, theta_per_count = {plan.theta_per_count:g})"
+        f"travel of one count sigma0/Fc*theta_per_count = {plan.travel_per_count:g}"
+        f" is outside 2^-30 <= travel < 2^20 (sigma0 = {plan.sigma0:g}, Fc = {plan.Fc:g},"
+        f" theta_per_count = {plan.theta_per_count:g})"
     )
 
 
 class Plan:
     """Parameters, prepared once (dahl_prepare): shared by any number of Frictions, never changed.
 
-    sigma0           N m/rad  stiffness at rest, 2^-64 <= sigma0 < 2^64                            (Eq. 1)
-    Fc               N m      Coulomb torque, 2^-64 <= Fc < 2^64                                   (Eq. 1)
-    theta_per_count  rad      per encoder count; 0: no counts; sigma0/Fc*theta_per_count in 2^-30 .. 2^20
-    Each is rounded to float, as in C, and kept so. Raises dahl.Error naming the parameter, its value and its limit.
+    sigma0           N m/rad  stiffness at rest, 2^-64 <= sigma0 < 2^64                (Eq. 1)
+    Fc               N m      Coulomb torque, 2^-64 <= Fc < 2^64                       (Eq. 1)
+    theta_per_count  rad      per encoder count, 0: counts unused;
+                              sigma0/Fc*theta_per_count in 2^-30 .. 2^20
+
+    Each is rounded to float, as in C, and kept so. Raises dahl.Error naming the parameter, its
+    value and its limit.
     """
 
     def __init__(self, sigma0: float, Fc: float, theta_per_count: float = 0.0) -> None:  # noqa: N803 (the field's name)
@@ -110,27 +120,40 @@ class Plan:
         return float(np.spacing(np.float32(self.Fc)))
 
     def __repr__(self) -> str:
-        return f"Plan(sigma0={self.sigma0:g}, Fc={self.Fc:g}, theta_per_count={self.theta_per_count:g})"
+        names = ("sigma0", "Fc", "theta_per_count")
+        return f"Plan({', '.join(f'{name}={getattr(self, name):g}' for name in names)})"
 
 
 class Friction:
-    """One bearing: a Plan and its state, relaxed at first. Torques in N m, with the sign of the motion."""
+    """One bearing: a Plan and its state, relaxed at first. Torques in N m, with the sign of the
+    motion.
+    """
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.state = State(0)
 
     def step_counts(self, dcounts: int) -> float:
-        """Move by dcounts (int32), return F in N m: within 0.52 ulp of Fc of the exact value (Eqs. 7, 18, 27)."""
-        return library().dahl_step_counts(self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts))
+        """Move by dcounts (int32), return F in N m: within 0.52 ulp of Fc of the exact value (Eqs.
+        7, 18, 27).
+        """
+        return library().dahl_step_counts(
+            self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts)
+        )
 
     def step_counts_q30(self, dcounts: int) -> int:
         """The same move; returns F/Fc in Q30, -2^30 .. 2^30: what goes over the bus."""
-        return library().dahl_step_counts_q30(self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts))
+        return library().dahl_step_counts_q30(
+            self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts)
+        )
 
     def step(self, dtheta: float) -> float:
-        """Move by dtheta rad (any float; NaN is ignored, Inf saturates), return F in N m within 0.6 ulp of Fc."""
-        return library().dahl_step(self.plan._words, ctypes.byref(self.state), _float32("dtheta", dtheta))
+        """Move by dtheta rad (any float; NaN is ignored, Inf saturates), return F in N m within 0.6
+        ulp of Fc.
+        """
+        return library().dahl_step(
+            self.plan._words, ctypes.byref(self.state), _float32("dtheta", dtheta)
+        )
 
     @property
     def torque(self) -> float:
@@ -151,8 +174,12 @@ class Friction:
         self.plan = plan
 
     def run_counts(self, moves: Iterable[int]) -> np.ndarray:
-        """Moves in counts, shape (n,), int32 range -> torques in N m after each, shape (n,), float32."""
-        return np.array([self.step_counts(move) for move in np.asarray(moves).tolist()], dtype=np.float32)
+        """Moves in counts, shape (n,), int32 range -> torques in N m after each, shape (n,),
+        float32.
+        """
+        return np.array(
+            [self.step_counts(move) for move in np.asarray(moves).tolist()], dtype=np.float32
+        )
 
     def run(self, moves: Iterable[float]) -> np.ndarray:
         """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32."""
@@ -160,5 +187,7 @@ class Friction:
 
 
 def counts_between(before: int, now: int, counts_per_turn: int = 0) -> int:
-    """Shortest signed way from one encoder reading to the next; 0 counts per turn is a full 32-bit counter."""
+    """Shortest signed way from one encoder reading to the next; 0 counts per turn is a full 32-bit
+    counter.
+    """
     return library().dahl_counts_between(before & 0xFFFFFFFF, now & 0xFFFFFFFF, counts_per_turn)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Recorded logs: tables of numbers (CSV, TSV) and candump files. Whatever is wrong is named by file, line and column."""
+"""Recorded logs: tables of numbers (CSV, TSV) and candump files. Whatever is wrong is named by
+file, line and column.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,16 @@ if TYPE_CHECKING:
     import can
 
 
-def read_table(path: Path | str, columns: Sequence[str], time: str | None = None) -> dict[str, np.ndarray]:
-    """Columns of a table with a header line: {name: array of shape (rows,), float64, in the file's own units}.
+def read_table(
+    path: Path | str, columns: Sequence[str], time: str | None = None
+) -> dict[str, np.ndarray]:
+    """Columns of a table with a header line: {name: array of shape (rows,), float64, in the file's
+    own units}.
 
-    Columns are separated by tab, semicolon or comma, whichever the header has. `time` names a column that must not go
-    backward. Raises dahl.Error for a file that is absent, empty or no text, for a column that is not there (with the
-    nearest name), and for a row that is short or holds something that is not a finite number.
+    Columns are separated by tab, semicolon or comma, whichever the header has. `time` names a
+    column that must not go backward. Raises dahl.Error for a file that is absent, empty or no text,
+    for a column that is not there (with the nearest name), and for a row that is short or holds
+    something that is not a finite number.
     """
     path = Path(path)
     lines = _text_of(path).splitlines()
@@ -69,9 +75,14 @@ def _place(path: Path, header: list[str], name: str) -> int:
     raise Error(f"{path}:1: no column '{name}'{hint} (there are: {', '.join(header)})")
 
 
-def _take_row(place: str, row: list[str], header: list[str], places: dict[str, int], values: dict[str, list]) -> None:
+def _take_row(
+    place: str, row: list[str], header: list[str], places: dict[str, int], values: dict[str, list]
+) -> None:
     if len(row) < len(header):
-        raise Error(f"{place}: column '{header[len(row)]}': missing, the line ends after {len(row)} of {len(header)} columns")
+        raise Error(
+            f"{place}: column '{header[len(row)]}': missing,"
+            f" the line ends after {len(row)} of {len(header)} columns"
+        )
     for name, index in places.items():
         values[name].append(_number(f"{place}: column '{name}'", row[index]))
 
@@ -88,22 +99,29 @@ def _number(place: str, text: str) -> float:
 
 def _check_time(place: str, time: str | None, values: dict[str, list]) -> None:
     if time and len(values[time]) > 1 and values[time][-1] < values[time][-2]:
-        raise Error(f"{place}: column '{time}': {values[time][-1]:g} after {values[time][-2]:g}, time goes backward")
+        raise Error(
+            f"{place}: column '{time}': {values[time][-1]:g} after {values[time][-2]:g},"
+            " time goes backward"
+        )
 
 
 CANDUMP_LINE = re.compile(
-    r"\(\d+\.\d+\) +\S+ +([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(R\d?|#[0-9A-Fa-f])?([0-9A-Fa-f]{2})*( [RT])?\s*"
+    r"\(\d+\.\d+\) +\S+ +([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#"
+    r"(R\d?|#[0-9A-Fa-f])?([0-9A-Fa-f]{2})*( [RT])?\s*"
 )
 
 
 class _Counted:
-    """Lines of a text, each of the right form or an error, with the number of the last one; a file for python-can."""
+    """Lines of a text, each of the right form or an error, with the number of the last one; a file
+    for python-can.
+    """
 
     def __init__(self, text: str) -> None:
         self.lines, self.number = text.splitlines(keepends=True), 0
 
     def __iter__(self) -> Iterator[str]:
-        for self.number, line in enumerate(self.lines, 1):
+        for line in self.lines:
+            self.number += 1
             if line.strip() and not CANDUMP_LINE.fullmatch(line):
                 raise ValueError(f"'{line.strip()[:60]}'")
             yield line
@@ -116,7 +134,9 @@ class _Counted:
 
 
 def read_candump(path: Path | str) -> list[can.Message]:
-    """All frames of a candump log (`(seconds) bus id#data`), by python-can. Raises dahl.Error naming file and line."""
+    """All frames of a candump log (`(seconds) bus id#data`), by python-can. Raises dahl.Error
+    naming file and line.
+    """
     import can
 
     text = _Counted(_text_of(Path(path)))

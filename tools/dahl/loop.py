@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""One run of dahl-loop: a node and an encoder as two processes on one bus, and python-can beside them that records.
+"""One run of dahl-loop: a node and an encoder as two processes on one bus, and python-can beside
+them that records.
 
-The encoder's latency is then a real round trip over the bus, and what is judged afterwards is what an outsider saw.
+The encoder's latency is then a real round trip over the bus, and what is judged afterwards is what
+an outsider saw.
 """
 
 from __future__ import annotations
@@ -29,13 +31,17 @@ SILENCE = 10.0  # s without any frame, after which a run has failed
 
 
 class Stop:
-    """Set by Ctrl-C or SIGTERM while it is entered; a second Ctrl-C then ends the program at once."""
+    """Set by Ctrl-C or SIGTERM while it is entered; a second Ctrl-C then ends the program at
+    once.
+    """
 
     def __init__(self) -> None:
         self.asked = False
 
     def __enter__(self) -> Stop:
-        self._before = {number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)}
+        self._before = {
+            number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)
+        }
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -60,7 +66,9 @@ class Setup:
 
 
 class Program:
-    """dahl-loop in one role, as a child that a terminal's Ctrl-C does not reach: this side ends it in order."""
+    """dahl-loop in one role, as a child that a terminal's Ctrl-C does not reach: this side ends it
+    in order.
+    """
 
     def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
         self.role, self.summary = role, setup.folder / f"{role}.json"
@@ -70,7 +78,10 @@ class Program:
         command += ["--summary", self.summary, *_options(setup, role), *extra]
         self.process = subprocess.Popen(
             [str(word) for word in command],
-            stdin=subprocess.DEVNULL, stdout=self.errors, stderr=self.errors, start_new_session=True,
+            stdin=subprocess.DEVNULL,
+            stdout=self.errors,
+            stderr=self.errors,
+            start_new_session=True,
         )
 
     def ended(self) -> bool:
@@ -92,9 +103,14 @@ class Program:
             return
         self.errors.seek(0)
         lines = [line.strip() for line in self.errors if line.strip()]
-        words = next((line.removeprefix("error: ") for line in lines if line.startswith("error: ")), "")
+        words = next(
+            (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
+        )
         kind = Error if self.process.returncode == 2 else RunError
-        raise kind(words or f"dahl-loop ({self.role}) ended with code {self.process.returncode}: {' '.join(lines[-1:])}")
+        raise kind(
+            words
+            or f"dahl-loop ({self.role}) ended with code {self.process.returncode}: {lines[-1:]}"
+        )
 
     def port(self) -> int:
         """The TCP port that it says it serves."""
@@ -130,12 +146,16 @@ def _ends(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
         return bus, {"interface": "socketcan", "channel": rest}
     port = node.port()
     return f"socketcand:127.0.0.1:{port}", {
-        "interface": "socketcand", "channel": VCAN, "host": "127.0.0.1", "port": port,
+        "interface": "socketcand",
+        "channel": VCAN,
+        "host": "127.0.0.1",
+        "port": port,
     }
 
 
 def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """Run the scene, record it in folder/run.log, return the numbers of both programs; `stop` ends it early, in order.
+    """Run the scene, record it in folder/run.log, return the numbers of both programs; `stop` ends
+    it early, in order.
 
     progress is called about ten times a second with the number of frames recorded so far.
     """
@@ -145,7 +165,10 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     encoder = None
     try:
         encoder_bus, here = _ends(setup.bus, node)
-        with _opened(node, here) as bus, (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log:
+        with (
+            _opened(node, here) as bus,
+            (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log,
+        ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
             encoder.end()
@@ -154,11 +177,18 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         for program in filter(None, (encoder, node)):
             program.end()
     node.check()
-    return {**node.numbers(), **encoder.numbers(), "node": node.numbers().get("node", {}), "interrupted": stop.asked}
+    return {
+        **node.numbers(),
+        **encoder.numbers(),
+        "node": node.numbers().get("node", {}),
+        "interrupted": stop.asked,
+    }
 
 
 def _opened(node: Program, here: dict[str, Any]) -> can.BusABC:
-    """The recorder's own end of the bus; if the node has failed meanwhile, its words are the better ones."""
+    """The recorder's own end of the bus; if the node has failed meanwhile, its words are the better
+    ones.
+    """
     try:
         return open_bus(PATIENCE, **here)
     except RunError:
@@ -168,9 +198,16 @@ def _opened(node: Program, here: dict[str, Any]) -> can.BusABC:
 
 
 def _record(
-    bus: can.BusABC, log: IO[str], encoder: Program, node: Program, stop: Stop, progress: Callable[[int], None]
+    bus: can.BusABC,
+    log: IO[str],
+    encoder: Program,
+    node: Program,
+    stop: Stop,
+    progress: Callable[[int], None],
 ) -> None:
-    """Write each frame as a whole line until the encoder has ended (and DRAIN has passed), or stop is asked."""
+    """Write each frame as a whole line until the encoder has ended (and DRAIN has passed), or stop
+    is asked.
+    """
     frames, last_frame, looked, ended = 0, time.monotonic(), 0.0, None
     while not stop.asked:
         message = bus.recv(0.05)

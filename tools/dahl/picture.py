@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""loop.png: torque over angle first, then over time; measured and computed in the same two colours throughout."""
+"""loop.png: torque over angle first, then over time; measured and computed in the same two colours
+throughout.
+"""
 
 from __future__ import annotations
 
@@ -30,9 +32,13 @@ STYLE = {
 WINDOW = 0.08  # part of the run that the last panel shows enlarged
 
 
-def draw(path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | None, caption: str = "") -> None:
+def draw(
+    path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | None, caption: str = ""
+) -> None:
     """Write the picture; the old one stays until the new one is whole."""
-    measured = recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
+    measured = (
+        recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
+    )
     computed = report.modelled(scene, trace)
     time, time_label = _time(trace, recorded)
     with plt.rc_context(STYLE):
@@ -42,7 +48,9 @@ def draw(path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | Non
         loop.set(xlabel=scene.measured.label_angle, ylabel=scene.measured.label_torque)
         loop.legend(loc="upper left")
         for axes, where in ((whole, slice(None)), (part, _window(len(time)))):
-            _panel(axes, time[where], None if measured is None else measured[where], computed[where])
+            _panel(
+                axes, time[where], None if measured is None else measured[where], computed[where]
+            )
             axes.set(xlabel=time_label, ylabel=_short(scene.measured.label_torque))
             axes.margins(x=0.01)
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
@@ -51,10 +59,14 @@ def draw(path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | Non
         _save(figure, path)
 
 
-def _panel(axes: plt.Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray) -> None:
+def _panel(
+    axes: plt.Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray
+) -> None:
     if measured is not None:
         axes.plot(x, measured, color=MEASURED, linewidth=1.1, label="measured")
-    axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label="computed, as received over the bus")
+    axes.plot(
+        x, computed, color=COMPUTED, linewidth=1.4, label="computed, as received over the bus"
+    )
 
 
 def _time(trace: report.Trace, recorded: Recorded | None) -> tuple[np.ndarray, str]:

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Where things lie: the project (this package is installed in place), the build, the programs in it."""
+"""Where things lie: the project (this package is installed in place), the build, the programs in
+it.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,15 @@ def build_folder() -> Path:
 
 
 def built(variable: str, *parts: str) -> Path:
-    """A built file: $variable if set, else inside the build folder. Raises RunError where there is none."""
+    """A built file: $variable if set, else inside the build folder. Raises RunError where there is
+    none.
+    """
     path = Path(os.environ.get(variable) or build_folder().joinpath(*parts))
     if not path.exists():
-        raise RunError(f"{path} is not there; build it (cmake --preset host && cmake --build build/host) or set {variable}")
+        raise RunError(
+            f"{path} is not there; build it"
+            f" (cmake --preset host && cmake --build build/host) or set {variable}"
+        )
     return path
 
 

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
 """An exact answer that shares no code and no formula with the library.
 
-The library goes from tick to tick by a recursion in integers. Here Eq. 1 is solved in closed form from one reversal to
-the next (the paper's Eqs. 7, 18, 27, for any number of reversals): with w1 = F/Fc at the last reversal and x the travel
-since then, in direction s,
+The library goes from tick to tick by a recursion in integers. Here Eq. 1 is solved in closed form
+from one reversal to the next (the paper's Eqs. 7, 18, 27, for any number of reversals): with w1 =
+F/Fc at the last reversal and x the travel since then, in direction s,
 
     w = s - (s - w1)*exp(-a*x)
 
-in 100 bits, so that its own error is beyond what a float can show. Parameters are exact fractions of the floats given.
+in 100 bits, so that its own error is beyond what a float can show. Parameters are exact fractions
+of the floats given.
 """
 
 from __future__ import annotations
@@ -23,12 +24,16 @@ PRECISION = 100  # bits
 
 def travel_per_count(sigma0: float, Fc: float, theta_per_count: float) -> Fraction:  # noqa: N803
     """a*theta_per_count, exactly, for parameters that are rounded to float first as in C."""
-    sigma0, Fc, theta = (Fraction(float(np.float32(value))) for value in (sigma0, Fc, theta_per_count))
+    sigma0, Fc, theta = (
+        Fraction(float(np.float32(value))) for value in (sigma0, Fc, theta_per_count)
+    )
     return sigma0 * theta / Fc
 
 
 def exact_ratios(moves: Iterable[int], travel: Fraction) -> list[mpmath.mpf]:
-    """F/Fc after each move in counts, from rest, as mpmath numbers; `travel` is the travel of one count."""
+    """F/Fc after each move in counts, from rest, as mpmath numbers; `travel` is the travel of one
+    count.
+    """
     with mpmath.workprec(PRECISION):
         a = mpmath.mpf(travel.numerator) / travel.denominator
         return list(_anchored(moves, a))
@@ -37,8 +42,7 @@ def exact_ratios(moves: Iterable[int], travel: Fraction) -> list[mpmath.mpf]:
 def _anchored(moves: Iterable[int], a: mpmath.mpf) -> Iterable[mpmath.mpf]:
     w = anchor = mpmath.mpf(0)
     direction, run = 0, 0
-    for move in moves:
-        move = int(move)
+    for move in map(int, moves):
         sign = (move > 0) - (move < 0)
         if sign and sign != direction:
             anchor, direction, run = w, sign, 0
@@ -53,14 +57,19 @@ def error_in_ulp(torque: np.ndarray, exact: list[mpmath.mpf], Fc: float) -> np.n
     Fc = np.float32(Fc)
     ulp = float(np.spacing(Fc))
     with mpmath.workprec(PRECISION):
-        errors = [abs(float(got) - want * float(Fc)) / ulp for got, want in zip(torque, exact, strict=True)]
+        errors = [
+            abs(float(got) - want * float(Fc)) / ulp
+            for got, want in zip(torque, exact, strict=True)
+        ]
         return np.array([float(error) for error in errors])
 
 
 def received_torque(ratio_q30: np.ndarray, Fc: float) -> np.ndarray:  # noqa: N803
-    """What a receiver of FrictionTorque computes: F = ratio*Fc, rounded once to float. Shape (n,) int -> float32 N m.
+    """What a receiver of FrictionTorque computes: F = ratio*Fc, rounded once to float. Shape (n,)
+    int -> float32 N m.
 
-    The product of 31 and 24 bits can need one bit more than a double has: the integer part is rounded to odd first.
+    The product of 31 and 24 bits can need one bit more than a double has: the integer part is
+    rounded to odd first.
     """
     mantissa, exponent = np.frexp(np.float64(np.float32(Fc)))
     product = np.asarray(ratio_q30, dtype=np.int64) * np.int64(mantissa * 2**24)

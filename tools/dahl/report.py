@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""From the recorded frames of a run to its numbers: exactness, fit to what was measured, one summary."""
+"""From the recorded frames of a run to its numbers: exactness, fit to what was measured, one
+summary.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     import cantools
 
 COUNTERS = 16  # EncoderState.Counter runs 0..15
-# Value table of FrictionTorque.State: in these the node took the count as a new start and integrated no travel.
+# States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
 
@@ -71,7 +73,9 @@ class Pairing:
 
     def __init__(self, node: int = 0) -> None:
         names = ("EncoderState", "FrictionTorque")
-        self.messages = {database().get_message_by_name(name).frame_id + node: name for name in names}
+        self.messages = {
+            database().get_message_by_name(name).frame_id + node: name for name in names
+        }
         self.ticks: list[tuple[int, float, int]] = []  # row, time, count
         self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
         self.last: dict[int, int] = {}  # counter -> index in ticks
@@ -105,11 +109,20 @@ class Pairing:
         if not self.answers:
             raise Error("no EncoderState with its FrictionTorque among the recorded frames")
         answered = sorted(self.answers)
-        row, time, count = (np.array(column) for column in zip(*(self.ticks[i] for i in answered), strict=True))
-        ratio, state = (np.array(column) for column in zip(*(self.answers[i] for i in answered), strict=True))
+        row, time, count = (
+            np.array(column) for column in zip(*(self.ticks[i] for i in answered), strict=True)
+        )
+        ratio, state = (
+            np.array(column) for column in zip(*(self.answers[i] for i in answered), strict=True)
+        )
         return Trace(
-            row, time, _unwrap(count), ratio, np.isin(state, list(new_start_states())),
-            len(self.ticks), self.row + 1 - len(self.ticks),
+            row,
+            time,
+            _unwrap(count),
+            ratio,
+            np.isin(state, list(new_start_states())),
+            len(self.ticks),
+            self.row + 1 - len(self.ticks),
         )
 
 
@@ -135,9 +148,13 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float:
 
 
 def modelled(scene: Scene, trace: Trace) -> np.ndarray:
-    """What the model says the torque sensor showed: received torque + spring*angle + offset, N m (N), shape (n,)."""
+    """What the model says the torque sensor showed: received torque + spring*angle + offset, N m
+    (N), shape (n,).
+    """
     measured: Measured = scene.measured
-    return trace.torque(scene).astype(float) + measured.spring * trace.angle(scene) + measured.offset
+    return (
+        trace.torque(scene).astype(float) + measured.spring * trace.angle(scene) + measured.offset
+    )
 
 
 def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, float | None]:
@@ -152,8 +169,12 @@ def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, floa
     return {"rmse_measured": float(np.sqrt(np.mean(residual**2))), "r2_measured": r2}
 
 
-def summary(scene: Scene, trace: Trace, recorded: Recorded | None, loop: dict[str, Any]) -> dict[str, Any]:
-    """All numbers of a run: what dahl-loop counted (`loop`), what was recorded, how exact, how near to the measurement."""
+def summary(
+    scene: Scene, trace: Trace, recorded: Recorded | None, loop: dict[str, Any]
+) -> dict[str, Any]:
+    """All numbers of a run: what dahl-loop counted (`loop`), what was recorded, how exact, how near
+    to the measurement.
+    """
     return {
         **loop,
         "scene": scene.name,

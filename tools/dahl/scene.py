@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Scene files, as far as Python needs them: what the node's parameters are and what was measured beside the angle.
+"""Scene files, as far as Python needs them: what the node's parameters are and what was measured
+beside the angle.
 
-dahl-loop reads and checks [friction], [motion] and [status]; only [measured] is read here alone. A user's own log
-becomes a scene too, so that there is one way to run anything.
+dahl-loop reads and checks [friction], [motion] and [status]; only [measured] is read here alone. A
+user's own log becomes a scene too, so that there is one way to run anything.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ import numpy as np
 from dahl import Error, logs, places
 
 SECTIONS = ("scene", "friction", "motion", "status", "measured")
-UNITS = {  # unit of the angle column: (its size in rad or m, name of a model unit, unit of torque, of stiffness)
-    "deg": (math.pi / 180, "rad", "N m", "N m/rad"),
-    "rad": (1.0, "rad", "N m", "N m/rad"),
-    "mm": (1e-3, "m", "N", "N/m"),
+UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
+    "deg": (math.pi / 180, "N m"),
+    "rad": (1.0, "N m"),
+    "mm": (1e-3, "N"),
 }
 
 
@@ -32,7 +33,7 @@ class Measured:
     torque_scale: float = 1.0  # N m (N) per unit of the column, sign included
     offset: float = 0.0  # N m (N), added to the model's torque
     spring: float = 0.0  # N m/rad (N/m), times the angle from the start, added too
-    settle: int = 0  # rows at the start that are not compared: the bristle's deflection before them is not known
+    settle: int = 0  # rows not compared: the bristle's deflection before the first is unknown
     label_angle: str = "angle from the start [rad]"
     label_torque: str = "friction torque [N m]"
     angle_scale: float = 1.0  # plotted unit per rad (m)
@@ -62,7 +63,9 @@ class Scene:
 
 
 def find(name: str) -> Path:
-    """A shipped scene by name, or a scene file by path. Raises dahl.Error that lists the shipped ones."""
+    """A shipped scene by name, or a scene file by path. Raises dahl.Error that lists the shipped
+    ones.
+    """
     for path in (places.SCENES / f"{name}.ini", Path(name)):
         if path.is_file():
             return path
@@ -89,7 +92,9 @@ def read(path: Path) -> Scene:
     return scene
 
 
-def _number(path: Path, parser: configparser.ConfigParser, section: str, key: str, default: float) -> float:
+def _number(
+    path: Path, parser: configparser.ConfigParser, section: str, key: str, default: float
+) -> float:
     text = parser.get(section, key, fallback=None)
     try:
         return default if text is None else float(text)
@@ -103,9 +108,15 @@ def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
         return measured
     for key, text in parser["measured"].items():
         if not hasattr(measured, key):
-            raise Error(f"{path}: [measured] has no key '{key}' (known: {', '.join(vars(measured))})")
+            raise Error(
+                f"{path}: [measured] has no key '{key}' (known: {', '.join(vars(measured))})"
+            )
         kind = type(getattr(measured, key))
-        setattr(measured, key, text if kind is str else kind(_number(path, parser, "measured", key, 0.0)))
+        setattr(
+            measured,
+            key,
+            text if kind is str else kind(_number(path, parser, "measured", key, 0.0)),
+        )
     return measured
 
 
@@ -121,11 +132,18 @@ class Recorded:
 def read_log(scene: Scene, log: Path) -> Recorded:
     """Torque and time of each row of the scene's log.
 
-    Reads the angle column as well, so that a bad log is named here, by line and column, before anything is started.
+    Reads the angle column as well, so that a bad log is named here, by line and column, before
+    anything is started.
     """
-    angle, torque, time = scene.motion.get("angle", ""), scene.measured.torque, scene.motion.get("time", "")
+    angle, torque, time = (
+        scene.motion.get("angle", ""),
+        scene.measured.torque,
+        scene.motion.get("time", ""),
+    )
     if not angle:
-        raise Error(f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?")
+        raise Error(
+            f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
+        )
     table = logs.read_table(log, [angle, torque] if torque else [angle], time or None)
     measured = table[torque] * scene.measured.torque_scale if torque else None
     return Recorded(measured, table[time] if time else None, len(table[angle]))
@@ -152,27 +170,44 @@ def write_own(own: OwnLog, path: Path) -> Scene:
     """Write the scene of a user's own log to `path`, and read it back."""
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
-    size, unit, torque_unit, _ = UNITS.get(own.angle_unit, UNITS["rad"])
+    unit = own.angle_unit if own.angle_unit in UNITS else "rad"
+    size, torque_unit = UNITS[unit]
     lines = [
         "; written by dahl demo",
-        "[scene]", f"title = {own.log.name}",
-        "[friction]", f"sigma0 = {own.sigma0!r}", f"Fc = {own.fc!r}",
+        "[scene]",
+        f"title = {own.log.name}",
+        "[friction]",
+        f"sigma0 = {own.sigma0!r}",
+        f"Fc = {own.fc!r}",
         f"theta_per_count = {_theta_per_count(own)!r}",
-        "[motion]", "kind = log", f"file = {own.log.name}", f"angle = {own.angle}",
-        f"counts_per_unit = {_counts_per_unit(own)!r}", *([f"time = {own.time}"] if own.time else []),
-        "[status]", "period_ms = 100",
-        "[measured]", *([f"torque = {own.torque}"] if own.torque else []),
-        f"torque_scale = {own.torque_scale!r}", f"offset = {own.offset!r}", f"spring = {own.spring!r}",
-        f"label_angle = {own.angle} from the start [{own.angle_unit if own.angle_unit in UNITS else 'rad'}]",
-        f"label_torque = friction [{torque_unit}]", f"angle_scale = {1 / size!r}",
+        "[motion]",
+        "kind = log",
+        f"file = {own.log.name}",
+        f"angle = {own.angle}",
+        f"counts_per_unit = {_counts_per_unit(own)!r}",
+        *([f"time = {own.time}"] if own.time else []),
+        "[status]",
+        "period_ms = 100",
+        "[measured]",
+        *([f"torque = {own.torque}"] if own.torque else []),
+        f"torque_scale = {own.torque_scale!r}",
+        f"offset = {own.offset!r}",
+        f"spring = {own.spring!r}",
+        f"label_angle = {own.angle} from the start [{unit}]",
+        f"label_torque = friction [{torque_unit}]",
+        f"angle_scale = {1 / size!r}",
     ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return read(path)
 
 
 def _theta_per_count(own: OwnLog) -> float:
-    """rad per count; for millimetres counts_per_turn is counts per millimetre, and this is m per count."""
-    return 1e-3 / own.counts_per_turn if own.angle_unit == "mm" else 2 * math.pi / own.counts_per_turn
+    """rad per count; for millimetres counts_per_turn is counts per millimetre, and this is m per
+    count.
+    """
+    return (
+        1e-3 / own.counts_per_turn if own.angle_unit == "mm" else 2 * math.pi / own.counts_per_turn
+    )
 
 
 def _counts_per_unit(own: OwnLog) -> float:

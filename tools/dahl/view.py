@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""What the monitor shows: the last ticks as curves, and a table of what has been seen of each message."""
+"""What the monitor shows: the last ticks as curves, and a table of what has been seen of each
+message.
+"""
 
 from __future__ import annotations
 
@@ -111,10 +113,24 @@ class View:
         return Text.from_ansi(plotext.build())
 
     def _table(self) -> Table:
-        table = Table("message", "frames", "1/s", "missing", "bad", "last", expand=True, box=None, header_style="bold")
+        table = Table(
+            "message",
+            "frames",
+            "1/s",
+            "missing",
+            "bad",
+            "last",
+            expand=True,
+            box=None,
+            header_style="bold",
+        )
         for seen in self.names.values():
             table.add_row(
-                seen.message.name, str(seen.frames), f"{seen.rate():.0f}", str(seen.missing), str(seen.wrong),
+                seen.message.name,
+                str(seen.frames),
+                f"{seen.rate():.0f}",
+                str(seen.missing),
+                str(seen.wrong),
                 _words(seen.last),
             )
         states = ", ".join(f"{name} {count}" for name, count in self.states.most_common())
@@ -126,8 +142,11 @@ class View:
 def _words(signals: dict[str, Any] | None) -> str:
     if signals is None:
         return "not seen"
-    shown = (f"{name} {value:.6f}" if isinstance(value, float) else f"{name} {value}"
-             for name, value in signals.items() if name not in ("Crc", "Counter") and str(value) != "None")
+    shown = (
+        f"{name} {value:.6f}" if isinstance(value, float) else f"{name} {value}"
+        for name, value in signals.items()
+        if name not in ("Crc", "Counter") and str(value) != "None"
+    )
     return "  ".join(shown)
 
 

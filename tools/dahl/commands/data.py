@@ -2,8 +2,9 @@
 """
 Say where the measured sets are, or get one by name.
 
-Looked for in $DAHL_DATA, in ../shared/data beside the project, in the user's cache, and last on the network (a pinned
-commit, sha256 checked). With a name, the folder is printed alone on a line, for use in scripts.
+Looked for in $DAHL_DATA, in ../shared/data beside the project, in the user's cache, and last on the
+network (a pinned commit, sha256 checked). With a name, the folder is printed alone on a line, for
+use in scripts.
 """
 
 from __future__ import annotations
@@ -43,4 +44,6 @@ def _where(name: str, known: Set) -> str:
     found = data.local_folder(name)
     if found:
         return str(found)
-    return f"to download from {known.repo}" if known.commit else "not here, and not to be downloaded"
+    return (
+        f"to download from {known.repo}" if known.commit else "not here, and not to be downloaded"
+    )

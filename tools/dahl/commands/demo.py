@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: MIT
 """
-Replay a measured log over a bus, record it with python-can, and show how near and how exact the torque was.
+Replay a measured log over a bus, record it with python-can, and show how near and how exact the
+torque was.
 
-Without a log: the tribometer set, else the cycloidal one, else (no measured log in reach) the steering scene.
-With LOG: your own recording, one row per tick of 1 ms. Leaves loop.png, run.log and summary.json in build/demo.
+Without a log: the tribometer set, else the cycloidal one, else (no measured log in reach) the
+steering scene. With LOG: your own recording, one row per tick of 1 ms. Leaves loop.png, run.log and
+summary.json in build/demo.
 """
 
 from __future__ import annotations
@@ -23,30 +25,66 @@ HELP = "the main job: replay, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
-  dahl demo shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384"""
+  dahl demo shaft.csv --angle deg --torque Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384"""
 
 PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("log", nargs="?", type=Path, metavar="LOG", help="your own log: CSV or TSV with a header line")
+    parser.add_argument(
+        "log",
+        nargs="?",
+        type=Path,
+        metavar="LOG",
+        help="your own log: CSV or TSV with a header line",
+    )
     own = parser.add_argument_group("your own log")
     own.add_argument("--angle", metavar="COLUMN", help="column that holds the angle")
-    own.add_argument("--torque", metavar="COLUMN", default="", help="column that holds the measured torque")
+    own.add_argument(
+        "--torque", metavar="COLUMN", default="", help="column that holds the measured torque"
+    )
     own.add_argument("--time", metavar="COLUMN", default="", help="column that holds the time in s")
-    own.add_argument("--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)")
+    own.add_argument(
+        "--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
+    )
     own.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m (mm: N)")
-    own.add_argument("--counts-per-turn", type=float, metavar="N", help="encoder counts per turn (mm: per millimetre)")
-    own.add_argument("--angle-unit", choices=("deg", "rad", "mm", "counts"), default="deg", help="of the angle column")
-    own.add_argument("--torque-scale", type=float, default=1.0, metavar="K", help="N m per unit of the torque column")
-    own.add_argument("--offset", type=float, default=0.0, metavar="T", help="N m added to the model's torque")
-    own.add_argument("--spring", type=float, default=0.0, metavar="K", help="N m/rad times the angle, added too")
-    parser.add_argument("--scene", metavar="NAME", help="a shipped scene, or the path of a scene file")
-    parser.add_argument("--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)")
+    own.add_argument(
+        "--counts-per-turn",
+        type=float,
+        metavar="N",
+        help="encoder counts per turn (mm: per millimetre)",
+    )
+    own.add_argument(
+        "--angle-unit",
+        choices=("deg", "rad", "mm", "counts"),
+        default="deg",
+        help="of the angle column",
+    )
+    own.add_argument(
+        "--torque-scale",
+        type=float,
+        default=1.0,
+        metavar="K",
+        help="N m per unit of the torque column",
+    )
+    own.add_argument(
+        "--offset", type=float, default=0.0, metavar="T", help="N m added to the model's torque"
+    )
+    own.add_argument(
+        "--spring", type=float, default=0.0, metavar="K", help="N m/rad times the angle, added too"
+    )
+    parser.add_argument(
+        "--scene", metavar="NAME", help="a shipped scene, or the path of a scene file"
+    )
+    parser.add_argument(
+        "--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)"
+    )
     parser.add_argument("--seconds", type=float, metavar="S", help="end the motion after S seconds")
     parser.add_argument("--seed", type=int, metavar="N", help="of a scene that has random parts")
-    parser.add_argument("--output", type=Path, default=places.DEMO, metavar="FOLDER", help="where the files go")
+    parser.add_argument(
+        "--output", type=Path, default=places.DEMO, metavar="FOLDER", help="where the files go"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -83,7 +121,11 @@ def _own(args: argparse.Namespace) -> Any:
     needed = ("angle", "sigma0", "fc", "counts_per_turn")
     missing = ["--" + name.replace("_", "-") for name in needed if getattr(args, name) is None]
     if missing or args.scene:
-        raise Error(f"{args.log}: a log of your own needs {', '.join(missing)}" if missing else "--scene with a LOG: one of both")
+        raise Error(
+            f"{args.log}: a log of your own needs {', '.join(missing)}"
+            if missing
+            else "--scene with a LOG: one of both"
+        )
     Plan(args.sigma0, args.fc)  # says which parameter is out of range
     return OwnLog(**{key: getattr(args, key) for key in OwnLog.__dataclass_fields__})
 
@@ -98,11 +140,20 @@ def _default(console: Any) -> Scene:
             return scene.read(scene.find(name))
         except Error as error:
             console.print(f"measured set {name}: {error}")
-    console.print(f"no measured log is in reach, so this runs the scene '{WITHOUT_DATA}': no comparison with a measurement")
+    console.print(
+        f"no measured log is in reach, so this runs the scene '{WITHOUT_DATA}',"
+        " without any comparison with a measurement"
+    )
     return scene.read(scene.find(WITHOUT_DATA))
 
 
-def _play(args: argparse.Namespace, scene: Scene, log: Path | None, recorded: Recorded | None, console: Any) -> tuple:
+def _play(
+    args: argparse.Namespace,
+    scene: Scene,
+    log: Path | None,
+    recorded: Recorded | None,
+    console: Any,
+) -> tuple:
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -114,10 +165,19 @@ def _play(args: argparse.Namespace, scene: Scene, log: Path | None, recorded: Re
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
     setup = loop.Setup(scene.path, chosen, args.output, log, args.seconds, args.seed)
     ticks = _expected(args, recorded)
-    columns = (TextColumn("run    "), BarColumn(), TextColumn("{task.completed:.0f} ticks"), TimeElapsedColumn())
+    columns = (
+        TextColumn("run    "),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} ticks"),
+        TimeElapsedColumn(),
+    )
     with loop.Stop() as stop, Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=ticks)
-        numbers = loop.run(setup, stop, lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)))
+        numbers = loop.run(
+            setup,
+            stop,
+            lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
+        )
     numbers |= {"bus": chosen, "log": str(log) if log else None}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
 
@@ -128,7 +188,9 @@ def _expected(args: argparse.Namespace, recorded: Recorded | None) -> int | None
     return min(wanted + ([recorded.rows] if recorded else []), default=None)
 
 
-def _keep(folder: Path, scene: Scene, trace: Trace, recorded: Recorded | None, numbers: dict, console: Any) -> None:
+def _keep(
+    folder: Path, scene: Scene, trace: Trace, recorded: Recorded | None, numbers: dict, console: Any
+) -> None:
     """Summary, picture and table; each file is replaced only once its successor is whole."""
     from dahl import picture, report
 
@@ -136,16 +198,22 @@ def _keep(folder: Path, scene: Scene, trace: Trace, recorded: Recorded | None, n
     part = folder / "summary.json.part"
     part.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     part.replace(folder / "summary.json")
-    caption = f"sigma0 = {scene.sigma0:g}, Fc = {scene.Fc:g}, {len(trace.row)} ticks over {numbers['bus']}"
+    caption = f"sigma0 = {scene.sigma0:g}, Fc = {scene.Fc:g}, "
+    caption += f"{len(trace.row)} ticks over {numbers['bus']}"
     if numbers["r2_measured"] is not None:
         caption += f", R² = {numbers['r2_measured']:.4f}"
     picture.draw(folder / "loop.png", scene, trace, recorded, caption)
     console.print(_table(numbers, scene))
-    console.print("files   " + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json")))
+    console.print(
+        "files   "
+        + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json"))
+    )
     if numbers["interrupted"]:
         console.print("ended early, as asked; the files hold all that was recorded until then")
     elif numbers.get("frames_lost"):
-        console.print(f"note    {numbers['frames_lost']} frames had no answer in time: is this machine busy?")
+        console.print(
+            f"note    {numbers['frames_lost']} frames had no answer in time: is this machine busy?"
+        )
 
 
 def _table(numbers: dict, scene: Scene) -> Any:
@@ -162,7 +230,9 @@ def _table(numbers: dict, scene: Scene) -> Any:
         "error against the measurement": "no measurement here",
     }
     if numbers["r2_measured"] is not None:
-        rows["error against the measurement"] = f"rms {numbers['rmse_measured']:.4g} {unit}, R² {numbers['r2_measured']:.4f}"
+        rows["error against the measurement"] = (
+            f"rms {numbers['rmse_measured']:.4g} {unit}, R² {numbers['r2_measured']:.4f}"
+        )
     table = Table(show_header=False, title=scene.title, title_justify="left")
     for name, value in rows.items():
         table.add_row(name, str(value))

@@ -2,8 +2,9 @@
 """
 Watch a friction node live in the terminal: torque over angle, both over time, and the counters.
 
-Frames are decoded with port/dahl.dbc (or --dbc). Works with any interface that python-can has. Ends with Ctrl-C, or
-after --frames or --seconds. Without a terminal it prints one picture of the state at the end.
+Frames are decoded with port/dahl.dbc (or --dbc). Works with any interface that python-can has. Ends
+with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the state
+at the end.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
     parser.add_argument("--node", type=int, default=0, metavar="N", help="node number, 0 to 15")
     parser.add_argument("--dbc", type=Path, help="bus description, if not port/dahl.dbc")
-    parser.add_argument("--window", type=int, default=4000, metavar="TICKS", help="ticks that are shown")
+    parser.add_argument(
+        "--window", type=int, default=4000, metavar="TICKS", help="ticks that are shown"
+    )
     parser.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     parser.add_argument("--seconds", type=float, metavar="S", help="end after S seconds")
 
@@ -56,7 +59,11 @@ def _frames(bus, view, args: argparse.Namespace, stop):
     """Feed the view until the end; yields whenever it is time to draw."""
     until = time.monotonic() + args.seconds if args.seconds else None
     drawn = 0.0
-    while not stop.asked and view.frames != args.frames and (until is None or time.monotonic() < until):
+    while (
+        not stop.asked
+        and view.frames != args.frames
+        and (until is None or time.monotonic() < until)
+    ):
         message = bus.recv(0.1)
         if message is not None:
             view.feed(message)

@@ -2,8 +2,8 @@
 """
 Draw a recorded run: torque over angle, then over time.
 
-RUN is a folder that `dahl demo` left (its summary.json names the scene), or a candump log together with --scene. The
-picture goes beside the log as loop.png, or where -o says.
+RUN is a folder that `dahl demo` left (its summary.json names the scene), or a candump log together
+with --scene. The picture goes beside the log as loop.png, or where -o says.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ EXAMPLE = """examples:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("run_path", type=Path, metavar="RUN", help="folder of a run, or a candump log")
+    parser.add_argument(
+        "run_path", type=Path, metavar="RUN", help="folder of a run, or a candump log"
+    )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
     parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="picture to write")
 

@@ -2,8 +2,8 @@
 """
 Record a bus into a candump log that canplayer can replay.
 
-Works with any interface that python-can has. Ends with Ctrl-C, or after --frames or --seconds; the file holds whole
-lines at any moment.
+Works with any interface that python-can has. Ends with Ctrl-C, or after --frames or --seconds; the
+file holds whole lines at any moment.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ EXAMPLE = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="RUN.log", help="file to write")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="RUN.log", help="file to write"
+    )
     parser.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     parser.add_argument("--seconds", type=float, metavar="S", help="end after S seconds")
 
@@ -33,8 +35,14 @@ def run(args: argparse.Namespace) -> None:
 
     until = time.monotonic() + args.seconds if args.seconds else None
     frames = 0
-    with open_from(args) as bus, Stop() as stop, args.output.open("w", buffering=1, encoding="ascii") as log:
-        while not stop.asked and frames != args.frames and (until is None or time.monotonic() < until):
+    with (
+        open_from(args) as bus,
+        Stop() as stop,
+        args.output.open("w", buffering=1, encoding="ascii") as log,
+    ):
+        while (
+            not stop.asked and frames != args.frames and (until is None or time.monotonic() < until)
+        ):
             message = bus.recv(0.1)
             if message is not None:
                 log.write(candump_line(message))

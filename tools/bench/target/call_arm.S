@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: MIT */
+/* See call.h. Thumb-1 only, so that one file serves every Cortex-M. */
+    .syntax unified
+    .thumb
+    .text
+
+    .global bench_call, bench_site, bench_back
+    .type bench_call, %function
+    .thumb_func
+bench_call:
+    push {r4, lr}
+    ldr r3, =bench_sp
+    mov r4, sp
+    str r4, [r3]
+    ldr r3, =bench_function
+    ldr r3, [r3]
+bench_site:
+    blx r3
+bench_back:
+    pop {r4, pc}
+
+    .global bench_mark
+    .type bench_mark, %function
+    .thumb_func
+bench_mark:
+    bx lr
+
+    .global bench_paint
+    .type bench_paint, %function
+    .thumb_func
+bench_paint:
+    mov r2, sp
+    subs r0, r2, r0
+1:  subs r2, r2, #4
+    str r1, [r2]
+    cmp r2, r0
+    bhi 1b
+    bx lr
+    .ltorg

@@ -1,0 +1,281 @@
+/* SPDX-License-Identifier: MIT */
+/* Cases of the library: named moves, each from a spread of states, and searches for the worst. */
+#include <string.h>
+
+#include "bench.h"
+#include "dahl.h"
+
+/* bench_call under the type of each function that it is to call. */
+float call_float(const dahl_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
+int32_t call_q30(const dahl_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
+float call_angle(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
+dahl_err_t call_prepare(dahl_plan_t *, const dahl_params_t *) __asm__("bench_call");
+float call_torque(const dahl_plan_t *, const dahl_state_t *) __asm__("bench_call");
+void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
+void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
+int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
+
+#ifdef BENCH_QUICK
+enum { RANDOM_CALLS = 500, MANTISSAS = 2 };
+#else
+enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
+#endif
+
+#define ONE_Q62 ((int64_t)1 << 62)
+
+static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
+static dahl_plan_t plan;
+
+/* Relaxed, pulled, saturated, and so small that a float torque needs its long way. */
+static const int64_t starts[] = {
+    0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62, -ONE_Q62, 1, -1, (int64_t)1 << 31, -((int64_t)1 << 33) + 12345,
+};
+#define STARTS (sizeof starts / sizeof starts[0])
+
+static uint32_t random_word = 2463534242u;
+
+static uint32_t next_random(void)
+{
+    random_word ^= random_word << 13;
+    random_word ^= random_word >> 17;
+    random_word ^= random_word << 5;
+    return random_word;
+}
+
+static uint32_t deepest;
+
+static void note_depth(void)
+{
+    uint32_t depth = bench_depth();
+    deepest = depth > deepest ? depth : deepest;
+}
+
+static void report_depth(const char *name)
+{
+    bench_number(name, deepest);
+    deepest = 0;
+}
+
+static void by_q30(int64_t w, int32_t dcounts)
+{
+    dahl_state_t state = {w};
+    bench_function = (bench_function_t)dahl_step_counts_q30;
+    bench_paint(BENCH_PAINT);
+    call_q30(&plan, &state, dcounts);
+    note_depth();
+}
+
+static void by_float(int64_t w, int32_t dcounts)
+{
+    dahl_state_t state = {w};
+    bench_function = (bench_function_t)dahl_step_counts;
+    bench_paint(BENCH_PAINT);
+    call_float(&plan, &state, dcounts);
+    note_depth();
+}
+
+static void by_angle(int64_t w, float dtheta)
+{
+    dahl_state_t state = {w};
+    bench_function = (bench_function_t)dahl_step;
+    bench_paint(BENCH_PAINT);
+    call_angle(&plan, &state, dtheta);
+    note_depth();
+}
+
+typedef void (*by_counts_t)(int64_t w, int32_t dcounts);
+
+static void from_all_starts(by_counts_t step, int32_t dcounts)
+{
+    for (unsigned i = 0; i < STARTS; i++) {
+        step(starts[i], dcounts);
+    }
+}
+
+static int64_t random_state(void)
+{
+    int64_t w = (int64_t)(((uint64_t)next_random() << 32 | next_random()) >> 2);
+    w >>= next_random() % 62u;
+    return next_random() & 1u ? w : -w;
+}
+
+static int32_t random_counts(void)
+{
+    uint32_t n = next_random();
+    return (int32_t)(n >> (next_random() % 32u)) * (next_random() & 1u ? 1 : -1);
+}
+
+static void search_counts(by_counts_t step)
+{
+    from_all_starts(step, INT32_MAX);
+    from_all_starts(step, -INT32_MAX);
+    for (int i = 0; i < RANDOM_CALLS; i++) {
+        step(random_state(), random_counts());
+    }
+}
+
+typedef struct {
+    const char *name_q30;
+    const char *name_float;
+    int32_t dcounts;
+} move_t;
+
+static const move_t moves[] = {
+    {"zero_q30", "zero_float", 0},
+    {"one_count_forward_q30", "one_count_forward_float", 1},
+    {"one_count_backward_q30", "one_count_backward_float", -1},
+    {"eight_counts_forward_q30", "eight_counts_forward_float", 8},
+    {"eight_counts_backward_q30", "eight_counts_backward_float", -8},
+    {"1000_counts_forward_q30", "1000_counts_forward_float", 1000},
+    {"1000_counts_backward_q30", "1000_counts_backward_float", -1000},
+    {"int32_min_q30", "int32_min_float", INT32_MIN},
+};
+
+static void bench_moves(void)
+{
+    for (unsigned i = 0; i < sizeof moves / sizeof moves[0]; i++) {
+        bench_case(moves[i].name_q30);
+        from_all_starts(by_q30, moves[i].dcounts);
+        bench_case(moves[i].name_float);
+        from_all_starts(by_float, moves[i].dcounts);
+    }
+}
+
+static void bench_dense(void)
+{
+    bench_case("dense_q30");
+    for (int32_t n = 1; n <= 8; n++) {
+        from_all_starts(by_q30, n);
+        from_all_starts(by_q30, -n);
+    }
+}
+
+/* A move against the torque that the moves before have built up. */
+static void bench_reversal(void)
+{
+    bench_case("reversal_q30");
+    by_q30(ONE_Q62, -1);
+    by_q30(-ONE_Q62, 1);
+    bench_case("reversal_float");
+    by_float(ONE_Q62, -1);
+    by_float(-ONE_Q62, 1);
+}
+
+static void bench_counts_worst(void)
+{
+    deepest = 0;
+    bench_case("counts_worst_q30");
+    search_counts(by_q30);
+    report_depth("stack_q30");
+    bench_case("counts_worst_float");
+    search_counts(by_float);
+    report_depth("stack_float");
+}
+
+static float float_of(uint32_t bits)
+{
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+/* Every exponent with a few mantissas and both signs, from every start; then floats at random. */
+static void search_angle(void)
+{
+    for (uint32_t exponent = 0; exponent < 256; exponent++) {
+        for (uint32_t mantissa = 0; mantissa < MANTISSAS; mantissa++) {
+            uint32_t bits = exponent << 23 | mantissa * (0x7fffffu / (MANTISSAS - 1));
+            for (unsigned i = 0; i < STARTS; i += 2) {
+                by_angle(starts[i], float_of(bits));
+                by_angle(starts[i], float_of(bits | 0x80000000u));
+            }
+        }
+    }
+    for (int i = 0; i < RANDOM_CALLS; i++) {
+        by_angle(random_state(), float_of(next_random()));
+    }
+}
+
+static const struct {
+    const char *name;
+    float u;
+} travels[] = {
+    {"angle_u_1e-9", 1e-9f}, {"angle_u_1e-6", 1e-6f}, {"angle_u_1e-3", 1e-3f}, {"angle_u_0.1", 0.1f},
+    {"angle_u_0.5", 0.5f},   {"angle_u_1", 1.0f},     {"angle_u_3", 3.0f},     {"angle_u_10", 10.0f},
+    {"angle_u_100", 100.0f}, {"angle_zero", 0.0f},
+};
+
+static void bench_angle(void)
+{
+    for (unsigned k = 0; k < sizeof travels / sizeof travels[0]; k++) {
+        bench_case(travels[k].name);
+        for (unsigned i = 0; i < STARTS; i++) {
+            by_angle(starts[i], travels[k].u / 200.0f);
+            by_angle(starts[i], -travels[k].u / 200.0f);
+        }
+    }
+    deepest = 0;
+    bench_case("angle_worst");
+    search_angle();
+    report_depth("stack_angle");
+}
+
+static const dahl_params_t many_params[] = {
+    {100.0f, 0.5f, 3.8349519e-4f}, {100.0f, 0.5f, 0.0f},          {0x1.08p-20f, 0x1.2fd8aep-5f, 0x1.8e757ap-12f},
+    {1e-3f, 1e-3f, 9.4e-10f},      {0x1.fffffep+10f, 1.0f, 500.0f}, {0x1.d4c000p+16f, 0x1.5e978ep+1f, 0x1.d8e75ap-12f},
+    {-1.0f, 1.0f, 1.0f},
+};
+
+static void bench_prepare(void)
+{
+    deepest = 0;
+    bench_case("prepare");
+    bench_function = (bench_function_t)dahl_prepare;
+    for (unsigned i = 0; i < sizeof many_params / sizeof many_params[0]; i++) {
+        static dahl_plan_t made;
+        bench_paint(BENCH_PAINT);
+        call_prepare(&made, &many_params[i]);
+        note_depth();
+    }
+    report_depth("stack_prepare");
+}
+
+static void bench_others(void)
+{
+    dahl_state_t state;
+    bench_case("torque");
+    bench_function = (bench_function_t)dahl_torque;
+    for (unsigned i = 0; i < STARTS; i++) {
+        state.w = starts[i];
+        call_torque(&plan, &state);
+    }
+    bench_case("set_torque");
+    bench_function = (bench_function_t)dahl_set_torque;
+    for (int i = -6; i <= 6; i++) {
+        call_set_torque(&plan, &state, (float)i * 0.1f);
+    }
+    bench_case("change_plan");
+    bench_function = (bench_function_t)dahl_change_plan;
+    for (unsigned i = 0; i < STARTS; i++) {
+        state.w = starts[i];
+        call_change_plan(&plan, &plan, &state);
+    }
+    bench_case("counts_between");
+    bench_function = (bench_function_t)dahl_counts_between;
+    call_between(4095, 3, 4096);
+    call_between(3, 4095, 0);
+}
+
+void bench_library(void)
+{
+    dahl_prepare(&plan, &params);
+    bench_moves();
+    bench_dense();
+    bench_reversal();
+    bench_counts_worst();
+    bench_angle();
+    bench_prepare();
+    bench_others();
+    bench_number("plan_bytes", sizeof(dahl_plan_t));
+    bench_number("state_bytes", sizeof(dahl_state_t));
+}

@@ -1,0 +1,59 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The image whose calls are counted. Each case is announced by its name on standard output and by bench_mark to the
+ * plugin, so that the n-th name belongs to the n-th section of counts.
+ */
+#include <string.h>
+
+#include "bench.h"
+#include "semihosting.h"
+
+bench_function_t bench_function;
+uint32_t bench_sp;
+
+static void say(const char *text)
+{
+    semihosting_write(text, (uint32_t)strlen(text));
+}
+
+void bench_case(const char *name)
+{
+    say("case ");
+    say(name);
+    say("\n");
+    bench_mark();
+}
+
+void bench_number(const char *name, uint32_t value)
+{
+    char digits[11];
+    char *first = digits + sizeof digits - 1;
+    *first = '\0';
+    do {
+        *--first = (char)('0' + value % 10);
+        value /= 10;
+    } while (value != 0);
+    say("number ");
+    say(name);
+    say(" ");
+    say(first);
+    say("\n");
+}
+
+uint32_t bench_depth(void)
+{
+    const uint32_t *word = (const uint32_t *)(uintptr_t)(bench_sp - BENCH_STACK_BYTES);
+    uint32_t bytes = BENCH_STACK_BYTES;
+    while (bytes > 0 && *word == BENCH_STACK_WORD) {
+        word++;
+        bytes -= 4;
+    }
+    return bytes;
+}
+
+int main(void)
+{
+    bench_library();
+    bench_rivals();
+    return 0;
+}
