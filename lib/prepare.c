@@ -99,7 +99,7 @@ static uint64_t g_of_travel(travel_t u)
         shift -= doublings;
         doublings = 0;
     }
-    uint64_t v = (u.mantissa + ((uint64_t)1 << (shift - 1))) >> shift;
+    uint64_t v = (u.mantissa >> shift) + ((u.mantissa >> (shift - 1)) & 1u); /* rounded; the sum before could carry out */
     uint64_t g = v - ((v >> 12) * (v >> 12) >> 41);
     while (doublings-- > 0) {
         g = join(g, g);

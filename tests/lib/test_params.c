@@ -50,6 +50,18 @@ static void test_range_of_travel(void)
     TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e-12f, 1e12f, 0.0f)); /* a < 2^-63 */
 }
 
+/* A travel whose mantissa is all ones (1 - 2^-38 or so) rounds up in dahl_prepare without a carry out. */
+static void test_travel_just_below_a_power_of_two(void)
+{
+    for (int k = -29; k < 20; k++) {
+        dahl_params_t p = {1.0f, 0.001f, ldexpf(0.001f, k)};
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0};
+        assert_torque(-expm1l(-reference_by_counts(&p).a), &p, dahl_step_counts(&plan, &state, 1), DAHL_ULP_COUNTS);
+        TEST_ASSERT_TRUE(state.w > 0);
+    }
+}
+
 /* Torque in, torque out: the same float while |F| >= 2^-36 Fc; clamped; NaN ignored. */
 static void test_set_torque(void)
 {
@@ -137,6 +149,7 @@ int main(void)
     RUN_TEST(test_not_a_number_zero_negative);
     RUN_TEST(test_range_of_torque);
     RUN_TEST(test_range_of_travel);
+    RUN_TEST(test_travel_just_below_a_power_of_two);
     RUN_TEST(test_set_torque);
     RUN_TEST(test_p15_change_of_parameters);
     RUN_TEST(test_p15_no_energy_from_changes);

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""A user's project gets the library in each of the ways that the README names, and the README's snippet compiles."""
+
+import math
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CONSUMER = ROOT / "tests/consume"
+# Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of a 14-bit encoder.
+EXPECTED = 0.5 * (1 - math.exp(-100 / 0.5 * 100 * 2 * math.pi / 16384))
+
+
+def run(*command: object, **more: object) -> str:
+    done = subprocess.run([str(c) for c in command], capture_output=True, text=True, **more)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library alone, installed somewhere."""
+    build, prefix = tmp_path_factory.mktemp("build"), tmp_path_factory.mktemp("prefix")
+    off = [f"-DDAHL_BUILD_{part}=OFF" for part in ("PORT", "SIM", "TESTS")]
+    run("cmake", "-S", ROOT, "-B", build, "-G", "Ninja", f"-DCMAKE_INSTALL_PREFIX={prefix}", *off)
+    run("cmake", "--build", build)
+    run("cmake", "--install", build)
+    return prefix
+
+
+@pytest.mark.parametrize("way", ["add_subdirectory", "FetchContent", "find_package"])
+def test_cmake(way: str, prefix: Path, tmp_path: Path) -> None:
+    where = f"-DCMAKE_PREFIX_PATH={prefix}" if way == "find_package" else f"-DDAHL_ROOT={ROOT}"
+    run("cmake", "-S", CONSUMER, "-B", tmp_path, "-G", "Ninja", f"-DWAY={way}", where)
+    run("cmake", "--build", tmp_path)
+    for program in ("consumer", "consumer_cxx"):
+        assert float(run(tmp_path / program)) == pytest.approx(EXPECTED, rel=1e-6)
+
+
+def test_pkg_config(prefix: Path, tmp_path: Path) -> None:
+    (config,) = prefix.rglob("dahl.pc")
+    flags = run("pkg-config", "--cflags", "--libs", config).split()
+    run("gcc", CONSUMER / "main.c", "-o", tmp_path / "consumer", *flags)
+    assert float(run(tmp_path / "consumer")) == pytest.approx(EXPECTED, rel=1e-6)
+
+
+def test_an_installed_tree_names_no_place_of_this_machine(prefix: Path) -> None:
+    for file in prefix.rglob("*"):
+        if file.suffix in (".pc", ".cmake", ".h"):
+            assert str(ROOT) not in file.read_text() and str(prefix) not in file.read_text(), file
+
+
+@pytest.mark.parametrize("compiler", ["gcc -std=c99", "gcc -std=c11", "clang -std=c99", "g++ -std=c++11", "clang++ -std=c++17"])
+def test_header_alone(compiler: str, tmp_path: Path) -> None:
+    language = "c++" if "++" in compiler else "c"
+    flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wundef", "-fsyntax-only", "-x", language]
+    run(*compiler.split(), *flags, ROOT / "lib/dahl.h")
+
+
+def test_readme_snippet(tmp_path: Path) -> None:
+    """The first C block of the README is a whole file for a firmware; it compiles for the strictest reader, and is short."""
+    snippet = re.search(r"```c\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+    assert snippet, "README.md has no C block"
+    assert len(snippet[1].strip().splitlines()) <= 12
+    source = tmp_path / "snippet.c"
+    source.write_text(snippet[1])
+    run("gcc", "-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib", "-c", source, "-o", tmp_path / "snippet.o")
