@@ -100,7 +100,7 @@ static uint64_t g_of_travel(travel_t u)
         doublings = 0;
     }
     uint64_t v = (u.mantissa >> shift) + ((u.mantissa >> (shift - 1)) & 1u); /* rounded; the sum before could carry out */
-    uint64_t g = v - ((v >> 12) * (v >> 12) >> 41);
+    uint64_t g = v - ((v >> 13) * (v >> 13) >> 39); /* v <= 2^44 */
     while (doublings-- > 0) {
         g = join(g, g);
     }
