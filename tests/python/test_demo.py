@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import dahl
 import numpy as np
@@ -189,23 +190,53 @@ def test_without_any_log_it_says_so_and_runs_steering(run_dahl, tmp_path):
     assert summary_of(tmp_path / "out")["scene"] == "steering"
 
 
-def test_ctrl_c_leaves_whole_files(own_log, root, tmp_path):
+@pytest.fixture
+def running(root, tmp_path):
+    """A demo of half a minute that has begun to record."""
     command = [sys.executable, "-m", "dahl", "demo", "--scene", "steering", "--output", tmp_path]
     process = subprocess.Popen(
-        list(map(str, command)), cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        list(map(str, command)),
+        cwd=root,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     until = time.monotonic() + 30
-    while not (tmp_path / "run.log").exists() or (tmp_path / "run.log").stat().st_size < 40000:
+    log = tmp_path / "run.log"
+    while not log.exists() or log.stat().st_size < 40000:
         assert time.monotonic() < until
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
-    assert process.returncode == 130, errors
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def children(process) -> list[int]:
+    return list(
+        map(int, Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split())
+    )
+
+
+def test_ctrl_c_leaves_whole_files(running, tmp_path):
+    programs = children(running)
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == 130, errors
     numbers = summary_of(tmp_path)
     assert numbers["interrupted"] is True
     assert numbers["max_error_ulp_Fc"] <= 0.52
     assert (tmp_path / "run.log").read_text().endswith("\n")
     assert (tmp_path / "loop.png").exists()
+    assert len(programs) == 2
+    assert not any(Path(f"/proc/{child}").exists() for child in programs)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_program_that_dies_is_named(running, which):
+    os.kill(children(running)[which], signal.SIGKILL)
+    _, errors = running.communicate(timeout=60)
+    assert running.returncode == 1
+    assert errors == f"error: dahl-loop ({('node', 'encoder')[which]}) ended with code -9\n"
 
 
 def without(option: str) -> list:

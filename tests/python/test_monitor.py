@@ -21,22 +21,10 @@ from dahl.view import View
 class Served:
     """dahl-loop serving one scene to python-can clients."""
 
-    def __init__(self, program, scene) -> None:
+    def __init__(self, program, scene, *extra) -> None:
+        command = [program, "--scene", scene, "--bus", "socketcand:0", "--wait-clients", "1"]
         self.process = subprocess.Popen(
-            [
-                program,
-                "--scene",
-                scene,
-                "--bus",
-                "socketcand:0",
-                "--wait-clients",
-                "1",
-                "--seconds",
-                "20",
-            ],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
+            [*command, *extra], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         line = self.process.stdout.readline()
         found = re.match(r"socketcand [\d.]+:(\d+) (\w+)", line)
@@ -55,7 +43,7 @@ class Served:
 
 @pytest.fixture
 def served(dahl_loop, root):
-    loop = Served(dahl_loop, root / "host_sim" / "scenes" / "steering.ini")
+    loop = Served(dahl_loop, root / "host_sim" / "scenes" / "steering.ini", "--seconds", "20")
     yield loop.arguments
     loop.process.terminate()
     loop.process.communicate(timeout=10)
@@ -207,3 +195,16 @@ def test_a_bad_dbc_is_one_line(run_dahl, tmp_path):
     assert done.returncode == 2
     assert "bad.dbc" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_a_server_that_goes_away_is_one_line_and_the_file_is_whole(
+    dahl_loop, root, run_dahl, tmp_path
+):
+    """python-can itself would go on asking a dead connection as fast as it can."""
+    scene = root / "host_sim" / "scenes" / "segments.ini"
+    loop = Served(dahl_loop, scene, "--seconds", "0.3")
+    done = run_dahl("record", *loop.arguments, "-o", tmp_path / "run.log")
+    loop.process.communicate(timeout=10)
+    assert done.returncode == 1
+    assert done.stderr == "error: the bus has gone: its server has closed the connection\n"
+    assert len(logs.read_candump(tmp_path / "run.log")) >= 600

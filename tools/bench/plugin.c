@@ -88,7 +88,7 @@ static void on_block(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
     }
 }
 
-static void on_exit(qemu_plugin_id_t id, void *user)
+static void at_end(qemu_plugin_id_t id, void *user)
 {
     (void)id, (void)user;
     fclose(bench.out);
@@ -123,6 +123,6 @@ int qemu_plugin_install(qemu_plugin_id_t id, const void *info, int argc, char **
         return -1;
     }
     qemu_plugin_register_vcpu_tb_trans_cb(id, on_block);
-    qemu_plugin_register_atexit_cb(id, on_exit, NULL);
+    qemu_plugin_register_atexit_cb(id, at_end, NULL);
     return 0;
 }

@@ -12,6 +12,7 @@ import shutil
 import socket
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,10 @@ from dahl import Error, RunError
 if TYPE_CHECKING:
     import can
 
+    from dahl.loop import Stop
+
 VCAN = "vcan0"
+QUIET = 0.05  # s without a frame, after which the caller has its turn
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +64,45 @@ def open_bus(patience: float = 0.0, **settings: object) -> can.BusABC:
                 shown = " ".join(f"{key}={value}" for key, value in settings.items())
                 raise RunError(f"cannot open the bus ({shown}): {error}") from None
         time.sleep(0.05)
+
+
+def received(
+    bus: can.BusABC, stop: Stop, seconds: float | None = None, frames: int | None = None
+) -> Iterator[can.Message | None]:
+    """Each frame as it comes, or None when for a while none has come; until stop is asked or a
+    limit is reached. Raises RunError when the bus goes away.
+    """
+    until = time.monotonic() + seconds if seconds else float("inf")
+    count = 0
+    while not stop.asked and count != frames and time.monotonic() < until:
+        message = _receive(bus)
+        count += message is not None
+        yield message
+
+
+def _receive(bus: can.BusABC) -> can.Message | None:
+    import can
+
+    try:
+        message = bus.recv(QUIET)
+    except (can.CanError, OSError) as error:
+        raise RunError(f"the bus has gone: {error}") from None
+    if message is None and _hung_up(bus):
+        raise RunError("the bus has gone: its server has closed the connection")
+    return message
+
+
+def _hung_up(bus: can.BusABC) -> bool:
+    """python-can's socketcand client does not notice that its server has gone, and has no public
+    way to ask its socket.
+    """
+    link = getattr(bus, "_SocketCanDaemonBus__socket", None)
+    try:
+        return link is not None and link.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
 
 
 def candump_line(message: can.Message) -> str:

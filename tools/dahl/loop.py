@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from dahl import Error, RunError, places
-from dahl.bus import VCAN, candump_line, open_bus
+from dahl.bus import VCAN, candump_line, open_bus, received
 
 if TYPE_CHECKING:
     import can
@@ -73,7 +73,7 @@ class Program:
     def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
         self.role, self.summary = role, setup.folder / f"{role}.json"
         self.summary.unlink(missing_ok=True)
-        self.errors = (setup.folder / f"{role}.err").open("w+", encoding="utf-8")
+        self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
         command = [places.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
         command += ["--summary", self.summary, *_options(setup, role), *extra]
         self.process = subprocess.Popen(
@@ -96,21 +96,19 @@ class Program:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
+        self.errors.close()
 
     def check(self) -> None:
         """Raise what it complained about, if it failed."""
         if self.process.returncode in (0, None):
             return
-        self.errors.seek(0)
-        lines = [line.strip() for line in self.errors if line.strip()]
+        lines = Path(self.errors.name).read_text(encoding="utf-8").split("\n")
+        lines = [line.strip() for line in lines if line.strip()]
         words = next(
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
         )
         kind = Error if self.process.returncode == 2 else RunError
-        raise kind(
-            words
-            or f"dahl-loop ({self.role}) ended with code {self.process.returncode}: {lines[-1:]}"
-        )
+        raise kind(words or f"dahl-loop ({self.role}) ended with code {self.process.returncode}")
 
     def port(self) -> int:
         """The TCP port that it says it serves."""
@@ -166,35 +164,23 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     try:
         encoder_bus, here = _ends(setup.bus, node)
         with (
-            _opened(node, here) as bus,
+            open_bus(PATIENCE, **here) as bus,
             (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log,
         ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
-            encoder.end()
-            encoder.check()
     finally:
-        for program in filter(None, (encoder, node)):
+        programs = [program for program in (node, encoder) if program]
+        for program in reversed(programs):
             program.end()
-    node.check()
+        for program in programs:  # their own words are better than that the bus has gone
+            program.check()
     return {
         **node.numbers(),
         **encoder.numbers(),
         "node": node.numbers().get("node", {}),
         "interrupted": stop.asked,
     }
-
-
-def _opened(node: Program, here: dict[str, Any]) -> can.BusABC:
-    """The recorder's own end of the bus; if the node has failed meanwhile, its words are the better
-    ones.
-    """
-    try:
-        return open_bus(PATIENCE, **here)
-    except RunError:
-        node.end()
-        node.check()
-        raise
 
 
 def _record(
@@ -209,13 +195,12 @@ def _record(
     is asked.
     """
     frames, last_frame, looked, ended = 0, time.monotonic(), 0.0, None
-    while not stop.asked:
-        message = bus.recv(0.05)
+    for message in received(bus, stop):
+        now = time.monotonic()
         if message is not None:
             log.write(candump_line(message))
             frames += 1
-            last_frame = time.monotonic()
-        now = time.monotonic()
+            last_frame = now
         if now - looked < 0.1:
             continue
         looked = now

@@ -183,6 +183,7 @@ def summary(
         "frames_not_recorded": trace.missing,
         "max_error_ulp_Fc": max_error_ulp(scene, trace),
         **fit(scene, trace, recorded),
+        "compared_from_row": scene.measured.settle,
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
         "scene_file": str(scene.path),
     }

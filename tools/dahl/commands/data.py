@@ -29,13 +29,8 @@ def run(args: argparse.Namespace) -> None:
     if args.name:
         print(data.folder(args.name))
         return
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("set", "what", "licence", "where", title="Measured sets", title_justify="left")
     for name, known in data.SETS.items():
-        table.add_row(name, known.what, known.licence, _where(name, known))
-    Console().print(table)
+        print(f"{name}\n    {known.what} ({known.licence})\n    {_where(name, known)}")
 
 
 def _where(name: str, known: Set) -> str:

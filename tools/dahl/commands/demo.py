@@ -225,13 +225,14 @@ def _table(numbers: dict, scene: Scene) -> Any:
         "bus": numbers["bus"],
         "ticks": numbers.get("ticks"),
         "frames sent, lost": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
-        "latency": ", ".join(f"{key} {value:g} us" for key, value in latency.items()),
+        "latency": ", ".join(f"{key} {value:.0f} us" for key, value in latency.items()),
         "error against the exact torque": f"{numbers['max_error_ulp_Fc']:.3f} ulp of Fc at most",
         "error against the measurement": "no measurement here",
     }
     if numbers["r2_measured"] is not None:
         rows["error against the measurement"] = (
             f"rms {numbers['rmse_measured']:.4g} {unit}, R² {numbers['r2_measured']:.4f}"
+            f" (from row {numbers['compared_from_row']} on)"
         )
     table = Table(show_header=False, title=scene.title, title_justify="left")
     for name, value in rows.items():

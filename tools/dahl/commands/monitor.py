@@ -11,9 +11,16 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dahl.bus import add_bus_arguments
+
+if TYPE_CHECKING:
+    import can
+
+    from dahl.view import View
 
 HELP = "live view of a node in the terminal"
 EXAMPLE = """examples:
@@ -38,35 +45,31 @@ def run(args: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.live import Live
 
-    from dahl.bus import open_from
+    from dahl.bus import open_from, received
     from dahl.loop import Stop
     from dahl.view import View
 
     console = Console()
     view = View(args.node, args.window, args.dbc)
-    with open_from(args) as bus, Stop() as stop:
-        if not console.is_terminal:
-            for _ in _frames(bus, view, args, stop):
-                pass
-        else:
-            with Live(view, console=console, screen=True, auto_refresh=False) as live:
-                for _ in _frames(bus, view, args, stop):
-                    live.refresh()
-    console.print(view)
+    try:
+        with open_from(args) as bus, Stop() as stop:
+            frames = received(bus, stop, args.seconds, args.frames)
+            if console.is_terminal:
+                with Live(view, console=console, screen=True, auto_refresh=False) as live:
+                    _watch(frames, view, live.refresh)
+            else:
+                _watch(frames, view, lambda: None)
+    finally:
+        if view.frames:
+            console.print(view)
 
 
-def _frames(bus, view, args: argparse.Namespace, stop):
-    """Feed the view until the end; yields whenever it is time to draw."""
-    until = time.monotonic() + args.seconds if args.seconds else None
+def _watch(frames: Iterable[can.Message | None], view: View, draw: Callable[[], None]) -> None:
+    """Feed the view until the end, and draw it from time to time."""
     drawn = 0.0
-    while (
-        not stop.asked
-        and view.frames != args.frames
-        and (until is None or time.monotonic() < until)
-    ):
-        message = bus.recv(0.1)
-        if message is not None:
-            view.feed(message)
+    for frame in frames:
+        if frame is not None:
+            view.feed(frame)
         if time.monotonic() - drawn > REDRAW:
             drawn = time.monotonic()
-            yield
+            draw()

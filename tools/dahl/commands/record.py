@@ -9,7 +9,6 @@ file holds whole lines at any moment.
 from __future__ import annotations
 
 import argparse
-import time
 from pathlib import Path
 
 from dahl.bus import add_bus_arguments
@@ -30,20 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.bus import candump_line, open_from
+    from dahl.bus import candump_line, open_from, received
     from dahl.loop import Stop
 
-    until = time.monotonic() + args.seconds if args.seconds else None
     frames = 0
-    with (
-        open_from(args) as bus,
-        Stop() as stop,
-        args.output.open("w", buffering=1, encoding="ascii") as log,
-    ):
-        while (
-            not stop.asked and frames != args.frames and (until is None or time.monotonic() < until)
-        ):
-            message = bus.recv(0.1)
+    with open_from(args) as bus, Stop() as stop, args.output.open("w", buffering=1) as log:
+        for message in received(bus, stop, args.seconds, args.frames):
             if message is not None:
                 log.write(candump_line(message))
                 frames += 1
