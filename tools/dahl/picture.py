@@ -47,7 +47,7 @@ def draw(
         _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed)
         loop.set(xlabel=scene.measured.label_angle, ylabel=scene.measured.label_torque)
         loop.legend(loc="upper left")
-        for axes, where in ((whole, slice(None)), (part, _window(len(time)))):
+        for axes, where in ((whole, slice(None)), (part, _window(computed))):
             _panel(
                 axes, time[where], None if measured is None else measured[where], computed[where]
             )
@@ -75,10 +75,12 @@ def _time(trace: report.Trace, recorded: Recorded | None) -> tuple[np.ndarray, s
     return trace.time - trace.time[0], "time on the bus [s]"
 
 
-def _window(count: int) -> slice:
-    """A piece of the middle, at least 200 ticks where there are so many."""
-    half = max(int(count * WINDOW / 2), 100)
-    return slice(max(0, count // 2 - half), count // 2 + half)
+def _window(torque: np.ndarray) -> slice:
+    """The piece in which the torque moves most, at least 200 ticks where there are so many."""
+    width = min(max(int(len(torque) * WINDOW), 200), len(torque))
+    moved = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(torque)))))
+    start = int(np.argmax(moved[width - 1 :] - moved[: len(torque) - width + 1]))
+    return slice(start, start + width)
 
 
 def _short(label: str) -> str:

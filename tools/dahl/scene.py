@@ -38,6 +38,11 @@ class Measured:
     label_torque: str = "friction torque [N m]"
     angle_scale: float = 1.0  # plotted unit per rad (m)
 
+    @property
+    def unit(self) -> str:
+        """N m, or N where motion is linear: as the label of the torque has it."""
+        return self.label_torque.rpartition("[")[2].rstrip("]")
+
 
 @dataclass
 class Scene:
@@ -107,7 +112,7 @@ def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
     if not parser.has_section("measured"):
         return measured
     for key, text in parser["measured"].items():
-        if not hasattr(measured, key):
+        if key not in vars(measured):
             raise Error(
                 f"{path}: [measured] has no key '{key}' (known: {', '.join(vars(measured))})"
             )

@@ -198,7 +198,9 @@ def _keep(
     part = folder / "summary.json.part"
     part.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     part.replace(folder / "summary.json")
-    caption = f"sigma0 = {scene.sigma0:g}, Fc = {scene.Fc:g}, "
+    unit = scene.measured.unit
+    slope = "N/m" if unit == "N" else f"{unit}/rad"
+    caption = f"sigma0 = {scene.sigma0:g} {slope}, Fc = {scene.Fc:g} {unit}, "
     caption += f"{len(trace.row)} ticks over {numbers['bus']}"
     if numbers["r2_measured"] is not None:
         caption += f", R² = {numbers['r2_measured']:.4f}"
@@ -219,7 +221,6 @@ def _keep(
 def _table(numbers: dict, scene: Scene) -> Any:
     from rich.table import Table
 
-    unit = scene.measured.label_torque.rpartition("[")[2].rstrip("]")
     latency = numbers.get("latency_us") or {}
     rows = {
         "bus": numbers["bus"],
@@ -231,8 +232,8 @@ def _table(numbers: dict, scene: Scene) -> Any:
     }
     if numbers["r2_measured"] is not None:
         rows["error against the measurement"] = (
-            f"rms {numbers['rmse_measured']:.4g} {unit}, R² {numbers['r2_measured']:.4f}"
-            f" (from row {numbers['compared_from_row']} on)"
+            f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"
+            f" R² {numbers['r2_measured']:.4f} (from row {numbers['compared_from_row']} on)"
         )
     table = Table(show_header=False, title=scene.title, title_justify="left")
     for name, value in rows.items():
