@@ -7,9 +7,7 @@
 #include "cortex_m.h"
 #include "semihosting.h"
 
-extern char heap_start[], stack_top[];
-
-#define STACK_ROOM 4096
+extern char heap_start[], heap_end[];
 
 int _write(int file, const char *text, int length);
 int _read(int file, char *text, int length);
@@ -74,7 +72,7 @@ void *_sbrk(ptrdiff_t more)
 {
     static char *end = heap_start;
     char *old = end;
-    if (end + more > stack_top - STACK_ROOM) {
+    if (more > heap_end - end) {
         errno = ENOMEM;
         return (void *)-1;
     }

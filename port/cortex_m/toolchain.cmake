@@ -3,6 +3,7 @@
 # Sets the core's flags, and QEMU's board with that core as the emulator that CTest runs the tests in.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
+set(DAHL_PORT cortex_m)
 set(DAHL_CORE "" CACHE STRING "m0, m3, m4f, m7 or m33")
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)

@@ -15,11 +15,7 @@ void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_
 void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
 int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
 
-#ifdef BENCH_QUICK
-enum { RANDOM_CALLS = 500, MANTISSAS = 2 };
-#else
 enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
-#endif
 
 #define ONE_Q62 ((int64_t)1 << 62)
 

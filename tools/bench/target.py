@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: MIT
+"""Instructions, bytes and stack of the library on small cores, counted in QEMU: `target.py [--quick] [CORE...]`
+
+Each core's image (tools/bench/target) makes its calls from one place; a plugin of QEMU counts the instructions from entry
+to return. The counts are exact and the same on every machine. Cycles are not modelled. Writes build/bench/target.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+OUT = ROOT / "build" / "bench"
+RESULT = OUT / "target.json"
+PLUGIN = OUT / "plugin.so"
+
+ARM = ("arm-none-eabi-", "qemu-system-arm", "newlib")
+RISCV = ("riscv64-unknown-elf-", "qemu-system-riscv32", "picolibc")
+
+
+class BenchError(Exception):
+    """Anything that the user can be told in one line."""
+
+
+@dataclass(frozen=True)
+class Core:
+    """A core: its name in CMake, its name in words, the board of QEMU that has it, the tools for it."""
+
+    name: str
+    title: str
+    machine: str
+    tools: tuple[str, str, str] = ARM
+
+    @property
+    def build(self) -> Path:
+        return ROOT / "build" / self.name
+
+    def tool(self, name: str) -> str:
+        return self.tools[0] + name
+
+
+CORES = {
+    core.name: core
+    for core in (
+        Core("m0", "Cortex-M0", "microbit"),
+        Core("m3", "Cortex-M3", "mps2-an385"),
+        Core("m4f", "Cortex-M4F", "mps2-an386"),
+        Core("m7", "Cortex-M7", "mps2-an500"),
+        Core("m33", "Cortex-M33", "mps2-an505"),
+        Core("rv32", "RV32IMAC", "virt", RISCV),
+    )
+}
+
+# What a user links for each path; each must pull in nothing but the library and integer helpers of the compiler.
+PATHS = {
+    "q30": ["dahl_prepare", "dahl_step_counts_q30"],
+    "counts": ["dahl_prepare", "dahl_step_counts_q30", "dahl_step_counts", "dahl_torque"],
+    "angle": ["dahl_prepare", "dahl_step_counts_q30", "dahl_step_counts", "dahl_torque", "dahl_step"],
+}
+
+# Soft-float and double helpers of Arm's and of GCC's naming, heap, printing, and the elementary functions of libm.
+FORBIDDEN = re.compile(
+    r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?|__(fix|fixuns|float|floatun|floatuns)\w+"
+    r"|_*(malloc|calloc|realloc|free|sbrk)(_r)?|\w*printf|_*(ieee754_)?(exp|expm1|exp2|log|log1p|pow|fma|sqrt|tanh)[fl]?)$"
+)
+
+
+def run(*command: object, **options) -> str:
+    """Run a command; its standard output, or one line that says what failed."""
+    words = [str(word) for word in command]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300, **options)
+    except FileNotFoundError as error:
+        raise BenchError(f"{words[0]} is not installed; tools/setup.sh installs it") from error
+    except subprocess.TimeoutExpired as error:
+        raise BenchError(f"{words[0]} did not end within 300 s") from error
+    if done.returncode != 0:
+        tail = (done.stderr.strip() or done.stdout.strip()).splitlines()[-12:]
+        raise BenchError(f"{' '.join(words[:4])} failed:\n" + "\n".join(tail))
+    return done.stdout
+
+
+def build(core: Core, *targets: str) -> None:
+    """Configure (once) and build targets of one core."""
+    if not (core.build / "build.ninja").exists():
+        run("cmake", "--preset", core.name, cwd=ROOT)
+    run("cmake", "--build", core.build, "--target", *targets, cwd=ROOT)
+
+
+def build_plugin() -> None:
+    OUT.mkdir(parents=True, exist_ok=True)
+    part = PLUGIN.with_suffix(f".{os.getpid()}")
+    run("cc", "-std=c99", "-O2", "-shared", "-fPIC", "-o", part, ROOT / "tools/bench/plugin.c")
+    part.replace(PLUGIN)
+
+
+def symbols(core: Core, image: Path) -> dict[str, tuple[int, str]]:
+    """Address and kind of each symbol."""
+    lines = (line.split() for line in run(core.tool("nm"), image).splitlines())
+    return {words[2]: (int(words[0], 16), words[1]) for words in lines if len(words) == 3}
+
+
+def emulate(core: Core, image: Path) -> tuple[str, str]:
+    """Run an image with the plugin; what it printed, and the counts."""
+    counts = OUT / f"counts.{core.name}.{os.getpid()}"
+    at = symbols(core, image)
+    places = ",".join(f"{word}={at['bench_' + word][0]:#x}" for word in ("site", "back", "mark"))
+    options = ["-nographic", "-monitor", "none", "-serial", "none", "-semihosting-config", "enable=on,target=native"]
+    if core.tools is RISCV:
+        options += ["-bios", "none"]
+    try:
+        plugin = f"{PLUGIN},{places},out={counts}"
+        text = run(core.tools[1], "-M", core.machine, *options, "-plugin", plugin, "-kernel", image)
+        return text, counts.read_text()
+    finally:
+        counts.unlink(missing_ok=True)
+
+
+def read_cases(text: str, counts: str) -> tuple[dict[str, list[int]], dict[str, int]]:
+    """The counts of each case by name, and the numbers that the image itself printed."""
+    names = re.findall(r"^case (\S+)", text, re.MULTILINE)
+    sections = [[int(n) for n in part.split()] for part in counts.split("-\n")[1:]]
+    if not names or len(names) != len(sections):
+        raise BenchError(f"the image named {len(names)} cases and the plugin saw {len(sections)}")
+    numbers = {name: int(value) for name, value in re.findall(r"^number (\S+) (\d+)", text, re.MULTILINE)}
+    return dict(zip(names, sections, strict=True)), numbers
+
+
+def cache_value(core: Core, key: str) -> str:
+    found = re.search(rf"^{key}:\w+=(.*)$", (core.build / "CMakeCache.txt").read_text(), re.MULTILINE)
+    return found.group(1) if found else ""
+
+
+def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
+    """An image of one path and all that it needs, nothing else."""
+    image = core.build / "bench" / f"size_{name}.elf"
+    flags = cache_value(core, "CMAKE_C_FLAGS").split()
+    wanted = [f"-Wl,-u,{symbol}" for symbol in PATHS[name]]
+    run(core.tool("gcc"), *flags, "-nostdlib", "-Wl,--gc-sections", f"-Wl,-e,{PATHS[name][0]}", *wanted, "-o", image,
+        archive or core.build / "lib" / "libdahl.a", "-lgcc")  # fmt: skip
+    return image
+
+
+def sizes(core: Core, image: Path) -> dict[str, int]:
+    """Bytes of code, const data and writable static data."""
+    lines = (line.split() for line in run(core.tool("size"), "-A", image).splitlines())
+    by_section = {words[0]: int(words[1]) for words in lines if len(words) == 3 and words[0].startswith(".")}
+    total = {"code": 0, "const": 0, "static": 0}
+    for section, size in by_section.items():
+        kind = {"text": "code", "rodata": "const", "srodata": "const", "ARM": "const"}.get(section.split(".")[1])
+        if section.split(".")[1] in ("data", "bss", "sdata", "sbss"):
+            kind = "static"
+        total[kind or "ignored"] = total.get(kind or "ignored", 0) + size
+    return total
+
+
+def forbidden(core: Core, image: Path) -> list[str]:
+    """Symbols that have no place on the integer path."""
+    return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
+
+
+def measure_sizes(core: Core) -> dict[str, int]:
+    result = {}
+    for name in PATHS:
+        size = sizes(core, link_path(core, name))
+        suffix = "" if name == "q30" else f"_{name}"
+        result |= {f"{kind}_bytes{suffix}": size[kind] for kind in ("code", "const", "static")}
+    return result
+
+
+def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dict[str, int]:
+    """The named results of the library, worst of all the calls that a name stands for."""
+    worst = {name: max(counts) for name, counts in cases.items()}
+    result = {}
+    for form in ("q30", "float"):
+        for move in ("one_count", "eight_counts", "1000_counts"):
+            result[f"{move}_{form}"] = max(worst[f"{move}_forward_{form}"], worst[f"{move}_backward_{form}"])
+        for move in ("zero", "int32_min", "reversal", "counts_worst"):
+            result[f"{move}_{form}"] = worst[f"{move}_{form}"]
+    dense = cases["dense_q30"]
+    result |= {"dense_q30_least": min(dense), "dense_q30_most": max(dense)}
+    result |= {name: worst[name] for name in ("angle_zero", "angle_worst", "prepare", "torque", "set_torque", "change_plan")}
+    result["stack_bytes"] = max(value for name, value in numbers.items() if name.startswith("stack_"))
+    return result | numbers
+
+
+def rival_numbers(cases: dict[str, list[int]], libc: str) -> dict[str, int]:
+    names = {"expm1f": f"{libc}_expm1f", "expf": f"{libc}_expf", "exp_double": f"{libc}_exp_double"}
+    plain = {"euler": "euler", "rk4": "rk4", "table": "table"}
+    result = {key: max(cases[case]) for case, key in (names | plain).items()}
+    return result | {f"{key}_worst": max(cases[f"{case}_worst"]) for case, key in names.items()}
+
+
+def measure(core: Core, libcs: list[str]) -> dict[str, object]:
+    """All numbers of one core."""
+    build(core, *(f"bench_{libc}" for libc in libcs))
+    result: dict[str, object] = {
+        "core": core.title,
+        "board": core.machine,
+        "compiler": run(core.tool("gcc"), "--version").splitlines()[0],
+    }
+    for libc in reversed(libcs):
+        cases, numbers = read_cases(*emulate(core, core.build / "bench" / f"bench_{libc}"))
+        result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
+        result["cases"] = {name: [min(counts), max(counts)] for name, counts in cases.items()}
+    return result | measure_sizes(core)
+
+
+def write_result(result: dict[str, object]) -> None:
+    part = RESULT.with_suffix(f".{os.getpid()}")
+    part.write_text(json.dumps(result, indent=1) + "\n")
+    part.replace(RESULT)
+
+
+def measure_all(names: list[str], quick: bool) -> dict[str, dict]:
+    build_plugin()
+    result = {}
+    for name in names:
+        core = CORES[name]
+        libcs = ["picolibc"] if core.tools is RISCV else ["newlib"] if quick else ["newlib", "picolibc"]
+        result[name] = measure(core, libcs)
+    return result
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(prog="tools/bench.sh target", description=__doc__.split("\n\n")[0])
+    parser.add_argument("cores", nargs="*", metavar="CORE", help=f"some of {' '.join(CORES)} (default: all)")
+    parser.add_argument("--quick", action="store_true", help="leave picolibc out")
+    options = parser.parse_args(arguments)
+    unknown = set(options.cores) - set(CORES)
+    if unknown:
+        parser.error(f"unknown core {sorted(unknown)[0]}; known are {' '.join(CORES)}")
+    from table import show
+
+    result = measure_all(options.cores or list(CORES), options.quick)
+    write_result(result)
+    show(result)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except BenchError as problem:
+        print(f"error: {problem}", file=sys.stderr)
+        sys.exit(1)
