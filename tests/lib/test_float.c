@@ -5,6 +5,10 @@
 #include "motions.h"
 #include "plans.h"
 
+#ifndef TEST_TICKS
+#define TEST_TICKS 1000000
+#endif
+
 static dahl_float_plan_t float_plan_for(const dahl_params_t *p)
 {
     dahl_float_plan_t plan;
@@ -37,7 +41,7 @@ static void test_bound(void)
     for (size_t k = 0; k < MOTIONS; k++) {
         for (double u = 1e-8; u < 30; u *= 10) {
             dahl_params_t p = params_for(u, u < 1e-4 ? 1.0f : 2.739f);
-            long double worst = worst_of_bound(&p, motions[k].next, 1000000);
+            long double worst = worst_of_bound(&p, motions[k].next, TEST_TICKS);
             TEST_ASSERT_TRUE_MESSAGE(worst <= 1, motions[k].name);
             over_all = worst > over_all ? worst : over_all;
         }
@@ -52,7 +56,7 @@ static void test_laws(void)
     dahl_float_plan_t plan = float_plan_for(&p);
     dahl_float_state_t x = {0}, y = {0};
     motion_t m = MOTION_START;
-    for (int t = 0; t < 100000; t++) {
+    for (int t = 0; t < TEST_TICKS / 10; t++) {
         int32_t d = motion_walk(&m);
         float F = dahl_float_step_counts(&plan, &x, d);
         TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
@@ -68,7 +72,7 @@ static void test_angle(void)
     dahl_float_plan_t plan = float_plan_for(&p);
     dahl_float_state_t by_counts = {0}, by_angle = {0};
     motion_t m = MOTION_START;
-    for (int t = 0; t < 100000; t++) {
+    for (int t = 0; t < TEST_TICKS / 10; t++) {
         int32_t d = motion_walk(&m);
         float F = dahl_float_step_counts(&plan, &by_counts, d);
         float G = dahl_float_step(&plan, &by_angle, (float)d * p.theta_per_count);
@@ -101,7 +105,7 @@ static void test_agrees_with_core(void)
     dahl_float_state_t x = {0};
     dahl_state_t y = {0};
     motion_t m = MOTION_START;
-    for (int t = 0; t < 1000000; t++) {
+    for (int t = 0; t < TEST_TICKS; t++) {
         int32_t d = motion_leap(&m) >> 20;
         float F = dahl_float_step_counts(&plan, &x, d), G = dahl_step_counts(&core, &y, d);
         TEST_ASSERT_TRUE(fabsl((long double)F - G) <= 4.9L * (long double)DAHL_FLOAT_ERROR * p.Fc + ulp_of(p.Fc));

@@ -8,6 +8,14 @@
 #define TEST_ZERO_TICKS 1000000000
 #endif
 
+#ifndef TEST_TICKS
+#define TEST_TICKS 200000
+#endif
+
+#ifndef TEST_FINEST_BITS
+#define TEST_FINEST_BITS 24
+#endif
+
 /* One update of x from F = 0 leaves the gap exp(-x): Euler gives -2, RK4 1.375, backward Euler .25, trapezoid -.2 at 3. */
 static void test_p01_one_update(void)
 {
@@ -74,7 +82,7 @@ static void test_p04_split_in_seven(void)
 /* 20- and 24-bit encoders, a = 20/rad, to saturation and back by single counts: the 1-exp form loses 4e-3. */
 static void test_p05_fine_encoders(void)
 {
-    for (int bits = 20; bits <= 24; bits += 4) {
+    for (int bits = 20; bits <= TEST_FINEST_BITS; bits += 4) {
         dahl_params_t p = {20.0f, 1.0f, (float)(6.283185307179586 / (1 << bits))};
         dahl_plan_t plan = plan_for(&p);
         dahl_state_t state = {0}, by_angle = {0};
@@ -199,7 +207,7 @@ static void test_p12_wraps(void)
 /* Fixed point, 12 to 24 bits: no stall short of Fc; the last value is Fc itself. */
 static void test_p13_no_stall(void)
 {
-    for (int bits = 12; bits <= 24; bits += 2) {
+    for (int bits = 12; bits <= TEST_FINEST_BITS; bits += 2) {
         dahl_params_t p = {100.0f, 2.739f, (float)(6.283185307179586 / (1 << bits))};
         dahl_plan_t plan = plan_for(&p);
         dahl_state_t state = {0};
@@ -241,7 +249,7 @@ static void test_p16_passive(void)
         dahl_state_t state = {0};
         motion_t m = MOTION_START;
         long double work = 0, F = 0, theta = p.theta_per_count, length = p.Fc / (long double)p.sigma0;
-        for (int t = 0; t < 200000; t++) {
+        for (int t = 0; t < TEST_TICKS; t++) {
             int32_t d = motion_walk(&m);
             int s = (d > 0) - (d < 0);
             long double next = dahl_step_counts(&plan, &state, d), before = work;
