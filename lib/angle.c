@@ -4,26 +4,30 @@
 #include "kernel.h"
 #include "torque.h"
 
-/* a |dtheta|, for a normal float's bits. */
-static dahl_real_t travel_of(const dahl_plan_t *plan, uint32_t magnitude)
+/* a |dtheta|, for a normal float's bits, infinity included. */
+static inline dahl_real_t travel_of(const dahl_plan_t *plan, uint32_t magnitude)
 {
     dahl_real_t u = dahl_real_of(magnitude);
-    uint64_t product = (uint64_t)u.mantissa * plan->a_mantissa;
-    uint32_t carry = (uint32_t)(product >> 63);
-    u.mantissa = (uint32_t)(product >> (31 + carry));
-    u.exponent += plan->a_exponent + 31 + (int32_t)carry;
+    uint64_t product = dahl_mul(u.mantissa, plan->a_mantissa);
+    u.mantissa = (uint32_t)(product >> 32);
+    u.exponent += plan->a_exponent + 32;
+    if (!(u.mantissa & DAHL_TOP_BIT)) {
+        u.mantissa = (uint32_t)(product >> 31);
+        u.exponent--;
+    }
     return u;
 }
 
-/* The gap z times g, in Q62, rounded; 0 below half a unit. */
-static uint64_t moved_by(uint32_t z, dahl_real_t g)
+/* g in Q64, with the 2 units of 2^-64 that gap.h wants; nothing is left of travel below 2^-64. */
+static inline dahl_q64_t q64_of(dahl_real_t g)
 {
-    uint64_t product = (uint64_t)z * g.mantissa;
     int32_t shift = -32 - g.exponent;
-    if (shift == 0) {
-        return product;
+    uint64_t whole = (uint64_t)g.mantissa << 32;
+    if (shift != 0) {
+        whole = shift < 64 ? (whole >> shift) + 2u : 0u;
     }
-    return shift > 63 ? 0u : (product + ((uint64_t)1 << (shift - 1))) >> shift;
+    dahl_q64_t q = {(uint32_t)(whole >> 32), (uint32_t)whole};
+    return q;
 }
 
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
@@ -32,13 +36,8 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
     if (magnitude >= DAHL_BITS_NORMAL && magnitude <= DAHL_BITS_INF) {
         uint64_t w = (uint64_t)state->w;
-        dahl_real_t g = dahl_kernel(travel_of(plan, magnitude));
-        if (bits >> 31) {
-            w -= moved_by(DAHL_ONE_Q30 + dahl_round_backward(w), g);
-        } else {
-            w += moved_by(DAHL_ONE_Q30 - dahl_round_forward(w), g);
-        }
-        state->w = (int64_t)w;
+        dahl_q64_t g = q64_of(dahl_kernel(travel_of(plan, magnitude)));
+        state->w = (int64_t)(bits >> 31 ? dahl_backward(w, &g) : dahl_forward(w, &g));
     }
     return dahl_torque_of(plan, state->w);
 }

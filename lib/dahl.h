@@ -81,7 +81,7 @@ typedef struct {
 typedef struct {
     dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
     uint32_t a_mantissa;  /* a = a_mantissa 2^a_exponent [1/rad], top bit set */
-    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^Fc_exponent [N m], top bit set */
+    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^(Fc_exponent - 159) [N m], top bit set */
     int32_t a_exponent;
     int32_t Fc_exponent;
 } dahl_plan_t;

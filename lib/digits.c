@@ -7,15 +7,15 @@ static uint64_t move(uint64_t w, int32_t direction, const dahl_q64_t *g)
     return direction < 0 ? dahl_backward(w, g) : dahl_forward(w, g);
 }
 
-uint64_t dahl_move_digits(const dahl_plan_t *plan, uint64_t w, int32_t dcounts)
+void dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     const dahl_q64_t *g = &plan->g[DAHL_DENSE];
-    w = move(w, dcounts, &plan->g[n % DAHL_DENSE]);
+    uint64_t w = move((uint64_t)state->w, dcounts, &plan->g[n % DAHL_DENSE]);
     for (n /= DAHL_DENSE; n != 0; n >>= 1, g++) {
         if (n & 1u) {
             w = move(w, dcounts, g);
         }
     }
-    return w;
+    state->w = (int64_t)w;
 }

@@ -8,6 +8,7 @@
 #define DAHL_FIXED_H
 
 #include "dahl.h"
+#include "multiply.h"
 
 #define DAHL_TOP_BIT 0x80000000u
 #define DAHL_ONE_Q62 ((uint64_t)1 << 62)
@@ -17,20 +18,14 @@ typedef struct {
     int32_t exponent;
 } dahl_real_t;
 
-/* Upper half of a 32 x 32 bit product. */
-static inline uint32_t dahl_mulhi(uint32_t a, uint32_t b)
-{
-    return (uint32_t)(((uint64_t)a * b) >> 32);
-}
-
 /* Upper half of a 64 x 64 bit product; rounding 0 truncates, DAHL_TOP_BIT rounds to nearest. */
 static inline uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding)
 {
     uint32_t a1 = (uint32_t)(a >> 32), a0 = (uint32_t)a;
     uint32_t b1 = (uint32_t)(b >> 32), b0 = (uint32_t)b;
-    uint64_t middle = (uint64_t)a1 * b0 + dahl_mulhi(a0, b0);
-    uint64_t other = (uint64_t)a0 * b1 + (uint32_t)middle + rounding;
-    return (uint64_t)a1 * b1 + (middle >> 32) + (other >> 32);
+    uint64_t middle = dahl_mul(a1, b0) + dahl_mulhi(a0, b0);
+    uint64_t other = dahl_mul(a0, b1) + (uint32_t)middle + rounding;
+    return dahl_mul(a1, b1) + (middle >> 32) + (other >> 32);
 }
 
 /* The bits of a float, without touching its value: safe for NaN and under every floating-point flag. */
@@ -61,6 +56,14 @@ static inline dahl_real_t dahl_real_of(uint32_t bits)
     r.mantissa = DAHL_TOP_BIT | (bits << 8);
     r.exponent = (int32_t)((bits >> 23) & 0xffu) - 127 - 31;
     return r;
+}
+
+/* A plan holds the exponent of Fc as dahl_pack wants it. */
+#define DAHL_FC_BIAS 159
+
+static inline int32_t dahl_exponent_of_Fc(const dahl_plan_t *plan)
+{
+    return plan->Fc_exponent - DAHL_FC_BIAS;
 }
 
 #define DAHL_BITS_INF 0x7f800000u

@@ -35,17 +35,17 @@ static inline uint64_t dahl_forward(uint64_t w, const dahl_q64_t *g)
 {
     uint32_t z = DAHL_ONE_Q30 - dahl_round_forward(w);
     w += dahl_mulhi(z, g->lo);
-    return w + (uint64_t)z * g->hi;
+    return w + dahl_mul(z, g->hi);
 }
 
 static inline uint64_t dahl_backward(uint64_t w, const dahl_q64_t *g)
 {
     uint32_t z = DAHL_ONE_Q30 + dahl_round_backward(w);
     w -= dahl_mulhi(z, g->lo);
-    return w - (uint64_t)z * g->hi;
+    return w - dahl_mul(z, g->hi);
 }
 
-/* A move beyond the dense entries (digits.c). Returns the new w. */
-uint64_t dahl_move_digits(const dahl_plan_t *plan, uint64_t w, int32_t dcounts);
+/* A move beyond the dense entries (digits.c). */
+void dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 #endif

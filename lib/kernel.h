@@ -49,12 +49,14 @@ static inline uint32_t dahl_kernel_large(uint32_t mantissa, int32_t exponent)
 /* g(u), result.exponent <= -32. */
 static inline dahl_real_t dahl_kernel(dahl_real_t u)
 {
-    dahl_real_t g = u;
-    if (u.exponent < -32) {
-        g.mantissa = dahl_kernel_small(u.mantissa, u.exponent < -63 ? 0u : u.mantissa >> (-32 - u.exponent));
-    } else {
-        g.mantissa = u.exponent > -27 ? UINT32_MAX : dahl_kernel_large(u.mantissa, u.exponent);
-        g.exponent = -32;
+    dahl_real_t g = {UINT32_MAX, -32};
+    if (u.exponent < -63) {
+        g = u;
+    } else if (u.exponent < -32) {
+        g.mantissa = dahl_kernel_small(u.mantissa, u.mantissa >> (-32 - u.exponent));
+        g.exponent = u.exponent;
+    } else if (u.exponent <= -27) {
+        g.mantissa = dahl_kernel_large(u.mantissa, u.exponent);
     }
     return g;
 }

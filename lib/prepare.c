@@ -167,6 +167,6 @@ dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
     plan->a_mantissa = top_of(radian.mantissa);
     plan->a_exponent = radian.exponent + 32;
     plan->Fc_mantissa = Fc.mantissa;
-    plan->Fc_exponent = Fc.exponent;
+    plan->Fc_exponent = Fc.exponent + DAHL_FC_BIAS;
     return DAHL_OK;
 }

@@ -6,11 +6,17 @@
 static uint64_t ratio_q62(dahl_real_t F, const dahl_plan_t *plan)
 {
     uint64_t quotient = dahl_quotient_q38(F.mantissa, plan->Fc_mantissa);
-    int32_t shift = plan->Fc_exponent - F.exponent - 24;
+    int32_t shift = dahl_exponent_of_Fc(plan) - F.exponent - 24;
     if (shift <= 0) {
         return quotient << -shift;
     }
     return shift > 40 ? 0u : (quotient + ((uint64_t)1 << (shift - 1))) >> shift;
+}
+
+static int is_below_Fc(dahl_real_t F, const dahl_plan_t *plan)
+{
+    int32_t exponent = dahl_exponent_of_Fc(plan);
+    return F.exponent < exponent || (F.exponent == exponent && F.mantissa < plan->Fc_mantissa);
 }
 
 void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)
@@ -22,8 +28,7 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)
     if (magnitude > DAHL_BITS_INF) {
         return;
     }
-    if (size.exponent > plan->Fc_exponent ||
-        (size.exponent == plan->Fc_exponent && size.mantissa >= plan->Fc_mantissa)) {
+    if (!is_below_Fc(size, plan)) {
         w = DAHL_ONE_Q62;
     } else if (magnitude >= DAHL_BITS_NORMAL) {
         w = ratio_q62(size, plan);

@@ -2,8 +2,8 @@
 /*
  * From the state to N m with one rounding, private: the product of the mantissa of Fc and of w in integers, rounded to
  * the 24 bits of a float at the end. (w to float and then times Fc would round twice.) All 62 bits of w take part, so
- * small torques keep their relative accuracy. Error: half an ulp of the result, plus 2^-31 of it for the bits of w below
- * the 32 kept. Fc >= 2^-64 and |w| >= 2^-62 keep the result a normal float.
+ * small torques keep their relative accuracy. Error: half an ulp of the result. Fc >= 2^-64 and |w| >= 2^-62 keep the
+ * result a normal float.
  */
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
@@ -11,43 +11,29 @@
 #include "bits.h"
 #include "fixed.h"
 
-/* The top 32 bits of x, 0 < x < 2^63, and their exponent. */
-static inline dahl_real_t dahl_real_of_u63(uint64_t x)
+/* The words (top, next) with 0 < top < 2^31 as a float's bits, rounded. A carry out of the mantissa raises the exponent by
+ * itself. */
+static inline uint32_t dahl_pack(uint32_t top, uint32_t next, int32_t exponent)
 {
-    uint32_t hi = (uint32_t)(x >> 32), lo = (uint32_t)x;
-    dahl_real_t r;
-    int32_t zeros;
-    if (hi != 0) {
-        zeros = dahl_leading_zeros(hi); /* at least 1 */
-        r.mantissa = (hi << zeros) | (lo >> (32 - zeros));
-        r.exponent = 32 - zeros;
-    } else {
-        zeros = dahl_leading_zeros(lo);
-        r.mantissa = lo << zeros;
-        r.exponent = -zeros;
-    }
-    return r;
+    int32_t zeros = dahl_leading_zeros(top);
+    uint32_t mantissa = top << zeros | next >> (32 - zeros);
+    return ((uint32_t)(exponent - zeros) << 23) + (mantissa >> 8) + ((mantissa >> 7) & 1u);
 }
 
-/* product 2^exponent rounded to a float's bits; product in [2^62, 2^64), the result a normal float. A carry out of the
- * mantissa raises the exponent by itself. */
-static inline uint32_t dahl_round_to_float(uint64_t product, int32_t exponent)
-{
-    int32_t shift = 39 + (int32_t)(product >> 63);
-    uint32_t mantissa = (uint32_t)((product + ((uint64_t)1 << (shift - 1))) >> shift);
-    return ((uint32_t)(exponent + shift + 149) << 23) + mantissa;
-}
+/* The same for torques below 2^-30 Fc or so, from a product below 2^64 (small_torque.c). */
+float dahl_small_torque(uint64_t product, int32_t exponent, uint32_t sign);
 
+/* Fc_mantissa < 2^32 and |w| <= 2^62 (1 + 2^-30): the product has three words, and the top one is below 2^31. */
 static inline float dahl_torque_of(const dahl_plan_t *plan, int64_t w)
 {
     uint32_t sign = w < 0 ? DAHL_BITS_SIGN : 0u;
     uint64_t size = w < 0 ? 0u - (uint64_t)w : (uint64_t)w;
-    if (size == 0) {
-        return 0.0f;
+    uint64_t low = dahl_mul(plan->Fc_mantissa, (uint32_t)size);
+    uint64_t high = dahl_mul(plan->Fc_mantissa, (uint32_t)(size >> 32)) + (low >> 32);
+    if (high >> 32 == 0) {
+        return dahl_small_torque(high << 32 | (uint32_t)low, plan->Fc_exponent, sign);
     }
-    dahl_real_t r = dahl_real_of_u63(size);
-    uint64_t product = (uint64_t)r.mantissa * plan->Fc_mantissa;
-    return dahl_float_of(sign | dahl_round_to_float(product, r.exponent - 62 + plan->Fc_exponent));
+    return dahl_float_of(sign | dahl_pack((uint32_t)(high >> 32), (uint32_t)high, plan->Fc_exponent));
 }
 
 #endif
