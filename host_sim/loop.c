@@ -8,6 +8,8 @@
 
 enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000 };
 
+#define STALL_NS UINT64_C(1000000000)
+
 static uint64_t read_clock(clockid_t id)
 {
     struct timespec now;
@@ -142,24 +144,28 @@ static void settle(loop_t *loop)
     }
 }
 
-static uint64_t beat(loop_t *loop, uint64_t due, uint64_t now)
+/* Make the tick that is due; returns when to make the next. */
+static uint64_t beat(loop_t *loop, uint64_t now)
 {
-    uint64_t late = now - due;
+    uint64_t soonest = now + LOOP_PERIOD_NS * 3 / 4;
+    uint64_t late = now - loop->due_ns;
     histogram_add(&loop->late, late);
     tick(loop);
-    return late < LOOP_PERIOD_NS ? due + LOOP_PERIOD_NS : now + LOOP_PERIOD_NS;
+    loop->due_ns += late > STALL_NS ? late + LOOP_PERIOD_NS : LOOP_PERIOD_NS;
+    return loop->due_ns > soonest ? loop->due_ns : soonest;
 }
 
 static void run_real(loop_t *loop)
 {
-    uint64_t due = read_clock(CLOCK_MONOTONIC);
+    uint64_t next = read_clock(CLOCK_MONOTONIC);
+    loop->due_ns = next;
     while (!is_done(loop)) {
         uint64_t now = read_clock(CLOCK_MONOTONIC);
-        if (now >= due) {
-            due = beat(loop, due, now);
+        if (now >= next) {
+            next = beat(loop, now);
             now = read_clock(CLOCK_MONOTONIC);
         }
-        receive(loop, due > now ? (uint32_t)((due - now) / 1000u) : 0);
+        receive(loop, next > now ? (uint32_t)((next - now) / 1000u) : 0);
     }
     if (loop->encoder != NULL) {
         settle(loop);

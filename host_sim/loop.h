@@ -3,8 +3,8 @@
  * loop: the beat. Once per millisecond each part gets its tick; in between, frames go to the parts that want them, and
  * every frame of the bus goes to the log. A part that is NULL is not run.
  *
- * Real time: ticks are kept by the monotonic clock. A tick that comes late by a whole period or more shifts the beat
- * instead of being made up for in a burst: frames are delayed then, never bunched and never skipped.
+ * Real time: ticks are kept by the monotonic clock. After a stall of the machine the ticks come a third faster until the
+ * beat is caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
  * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between.
  */
 #ifndef LOOP_H
@@ -42,6 +42,7 @@ typedef struct {
     bool gone;                   /* the bus went away */
     bool had_peers;
     uint64_t ticks;
+    uint64_t due_ns;      /* when the next tick should come; real time */
     uint64_t wall_ns;     /* time that the run took */
     uint64_t send_failed; /* frames that the bus did not take */
     histogram_t late;     /* of ticks, real time */

@@ -48,18 +48,22 @@ static void catch_signals(void)
     prctl(PR_SET_TIMERSLACK, 1000L); /* ns; the default of 50 us would be seen in the beat */
 }
 
+/* Length of the folder part of a path, without its last slash. */
+static int folder_length(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash == NULL ? 0 : (int)(slash - path);
+}
+
 /* Where the scene's log file is: as --log-file says, or in --data DIR, or beside the scene file. */
 static int find_log(program_t *p)
 {
     const options_t *options = &p->options;
     const char *file = options->log_file != NULL ? options->log_file : p->scene.motion.file;
     const char *folder = options->data != NULL ? options->data : options->scene;
-    const char *slash = strrchr(options->scene, '/');
-    int length = slash == NULL ? 0 : (int)(slash - options->scene);
+    int length = options->data != NULL ? (int)strlen(folder) : folder_length(folder);
     if (options->log_file != NULL || file[0] == '/') {
         length = 0;
-    } else if (options->data != NULL) {
-        length = (int)strlen(folder);
     }
     length = snprintf(p->log_path, sizeof p->log_path, "%.*s%s%s", length, folder, length > 0 ? "/" : "", file);
     return length < (int)sizeof p->log_path ? 0 : complain("%s: path too long", file);
@@ -95,10 +99,8 @@ static int prepare_encoder(program_t *p)
     return 0;
 }
 
-static int prepare_parts(program_t *p)
+static int check_parts(const program_t *p, bool node, bool encoder)
 {
-    bool node = p->options.run_node && p->scene.has_friction;
-    bool encoder = p->options.run_encoder && p->scene.has_motion;
     if (!node && !encoder) {
         return complain("%s: names no [%s], so there is nothing to run for this --role", p->options.scene,
                         p->options.run_node ? "friction" : "motion");
@@ -106,10 +108,21 @@ static int prepare_parts(program_t *p)
     if (!encoder && p->options.is_virtual && !(p->options.seconds > 0)) {
         return complain("--virtual without an encoder never ends: give --seconds");
     }
-    if (node && prepare_node(p) != 0) {
-        return -1;
+    return 0;
+}
+
+static int prepare_parts(program_t *p)
+{
+    bool node = p->options.run_node && p->scene.has_friction;
+    bool encoder = p->options.run_encoder && p->scene.has_motion;
+    int result = check_parts(p, node, encoder);
+    if (result == 0 && node) {
+        result = prepare_node(p);
     }
-    return encoder ? prepare_encoder(p) : 0;
+    if (result == 0 && encoder) {
+        result = prepare_encoder(p);
+    }
+    return result;
 }
 
 static int open_bus(program_t *p)

@@ -112,11 +112,17 @@ static void look_for_section(reader_t *r, const char *text)
     char name[SCENE_TEXT];
     const char *start = text + strspn(text, " \t\xEF\xBB\xBF");
     size_t length = strcspn(start, "]");
-    if (start[0] == '[' && start[length] == ']' && length - 1 < sizeof name) {
-        memcpy(name, start + 1, length - 1);
-        name[length - 1] = '\0';
-        begin_section(r, name);
+    if (start[0] != '[') {
+        return;
     }
+    if (start[length] != ']' || length - 1 >= sizeof name) {
+        complain("%s:%d: a section name without ]", r->path, r->line);
+        fail(r);
+        return;
+    }
+    memcpy(name, start + 1, length - 1);
+    name[length - 1] = '\0';
+    begin_section(r, name);
 }
 
 static char *next_line(char *text, int size, void *stream)
@@ -127,12 +133,12 @@ static char *next_line(char *text, int size, void *stream)
     }
     r->line++;
     if (strchr(text, '\n') == NULL && !feof(r->file)) {
-        complain("%s:%d: line longer than %d characters", r->path, r->line, size - 2);
+        complain("%s:%d: line longer than %d characters, or not text", r->path, r->line, size - 2);
         fail(r);
         return NULL;
     }
     look_for_section(r, text);
-    return text;
+    return r->failed ? NULL : text;
 }
 
 static int take_number(reader_t *r, const scene_key_t *key, const char *value, double *to)
