@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The C codec against port/dahl.dbc (by cantools), its CRC against crccheck, its frames against autosar-e2e; and the DBC."""
+"""The C codec against port/dahl.dbc (cantools), crccheck and autosar-e2e; and the DBC itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from conftest import built
 from crccheck.crc import Crc8Autosar
 from e2e import p02
 
-KINDS = {"EncoderState": ("encoder", 0x3), "FrictionTorque": ("torque", 0xC), "Status": ("status", 0x5)}
+KINDS = {
+    "EncoderState": ("encoder", 0x3),
+    "FrictionTorque": ("torque", 0xC),
+    "Status": ("status", 0x5),
+}
 ROUNDS = 5000
 
 
@@ -22,9 +26,12 @@ class Frame(ctypes.Structure):
     """can_frame_t."""
 
     _fields_ = [
-        ("time_us", ctypes.c_uint64), ("id", ctypes.c_uint32), ("flags", ctypes.c_uint8), ("length", ctypes.c_uint8),
+        ("time_us", ctypes.c_uint64),
+        ("id", ctypes.c_uint32),
+        ("flags", ctypes.c_uint8),
+        ("length", ctypes.c_uint8),
         ("data", ctypes.c_uint8 * 8),
-    ]  # fmt: skip
+    ]
 
 
 class EncoderState(ctypes.Structure):
@@ -37,12 +44,23 @@ class FrictionTorque(ctypes.Structure):
     """friction_torque_t."""
 
     _fields_ = [
-        ("torque_q30", ctypes.c_int32), ("counter", ctypes.c_uint8), ("state", ctypes.c_uint8),
+        ("torque_q30", ctypes.c_int32),
+        ("counter", ctypes.c_uint8),
+        ("state", ctypes.c_uint8),
         ("echo", ctypes.c_uint8),
-    ]  # fmt: skip
+    ]
 
 
-STATUS = ("counter", "state", "errors", "lost", "corrupt", "out_of_step", "version_major", "version_minor")
+STATUS = (
+    "counter",
+    "state",
+    "errors",
+    "lost",
+    "corrupt",
+    "out_of_step",
+    "version_major",
+    "version_minor",
+)
 
 
 class Status(ctypes.Structure):
@@ -73,7 +91,9 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
         return EncoderState(word, nibble(), rng.random() < 0.5)
     if kind == "FrictionTorque":
         return FrictionTorque(word, nibble(), nibble(), nibble())
-    return Status(nibble(), nibble(), rng.randrange(128), byte(), byte(), byte(), nibble(), nibble())
+    return Status(
+        nibble(), nibble(), rng.randrange(128), byte(), byte(), byte(), nibble(), nibble()
+    )
 
 
 def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
@@ -82,23 +102,38 @@ def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
         return {"Crc": crc, "Counter": s.counter, "Valid": int(s.valid), "Count": s.count}
     if kind == "FrictionTorque":
         return {
-            "Crc": crc, "Counter": s.counter, "State": s.state, "EchoCounter": s.echo, "TorqueRatio": s.torque_q30,
-        }  # fmt: skip
+            "Crc": crc,
+            "Counter": s.counter,
+            "State": s.state,
+            "EchoCounter": s.echo,
+            "TorqueRatio": s.torque_q30,
+        }
     errors = {f"Error{name}": s.errors >> bit & 1 for bit, name in enumerate(ERRORS)}
     return {
-        "Crc": crc, "Counter": s.counter, "State": s.state, **errors, "Lost": s.lost, "Corrupt": s.corrupt,
-        "OutOfStep": s.out_of_step, "VersionMajor": s.version_major, "VersionMinor": s.version_minor,
-    }  # fmt: skip
+        "Crc": crc,
+        "Counter": s.counter,
+        "State": s.state,
+        **errors,
+        "Lost": s.lost,
+        "Corrupt": s.corrupt,
+        "OutOfStep": s.out_of_step,
+        "VersionMajor": s.version_major,
+        "VersionMinor": s.version_minor,
+    }
 
 
 def pack(codec: ctypes.CDLL, kind: str, values: ctypes.Structure, node: int = 0) -> Frame:
     frame = Frame()
-    getattr(codec, f"frames_pack_{KINDS[kind][0]}")(ctypes.byref(frame), ctypes.c_uint8(node), ctypes.byref(values))
+    getattr(codec, f"frames_pack_{KINDS[kind][0]}")(
+        ctypes.byref(frame), ctypes.c_uint8(node), ctypes.byref(values)
+    )
     return frame
 
 
 def unpack(codec: ctypes.CDLL, kind: str, frame: Frame, into: ctypes.Structure) -> int:
-    return getattr(codec, f"frames_unpack_{KINDS[kind][0]}")(ctypes.byref(frame), ctypes.byref(into))
+    return getattr(codec, f"frames_unpack_{KINDS[kind][0]}")(
+        ctypes.byref(frame), ctypes.byref(into)
+    )
 
 
 def fields(values: ctypes.Structure) -> list[int]:
@@ -170,7 +205,9 @@ def test_c_accepts_what_autosar_e2e_protects_and_nothing_else(codec, kind):
 def test_node_number_is_the_low_half_of_the_id(codec, database):
     for kind in KINDS:
         base = database.get_message_by_name(kind).frame_id
-        assert [pack(codec, kind, STRUCTS[kind](), node).id for node in range(16)] == list(range(base, base + 16))
+        assert [pack(codec, kind, STRUCTS[kind](), node).id for node in range(16)] == list(
+            range(base, base + 16)
+        )
 
 
 def test_torque_ratio_is_scaled_by_a_power_of_two(database):
@@ -212,7 +249,9 @@ def test_dbc_assigns_cycle_time_and_send_type_to_every_message(database):
 def test_dbc_names_every_state(database, root):
     header = (root / "port" / "frames.h").read_text(encoding="utf-8")
     enum = re.search(r"typedef enum \{([^}]*)\} frames_state_t", header).group(1)
-    codes = {name.replace("_", ""): int(code) for name, code in re.findall(r"FRAMES_(\w+) = (\d+)", enum)}
+    codes = {
+        name.replace("_", ""): int(code) for name, code in re.findall(r"FRAMES_(\w+) = (\d+)", enum)
+    }
     for kind in ("FrictionTorque", "Status"):
         choices = database.get_message_by_name(kind).get_signal_by_name("State").choices
         assert {str(name).upper(): code for code, name in choices.items()} == codes
@@ -232,9 +271,21 @@ def test_dbc_survives_dump_and_load(database):
     for message in database.messages:
         other = again.get_message_by_name(message.name)
         assert (other.frame_id, other.cycle_time, other.comment) == (
-            message.frame_id, message.cycle_time, message.comment,
-        )  # fmt: skip
+            message.frame_id,
+            message.cycle_time,
+            message.comment,
+        )
         for signal in message.signals:
             twin = other.get_signal_by_name(signal.name)
-            for name in ("start", "length", "scale", "minimum", "maximum", "unit", "choices", "comment", "is_signed"):
+            for name in (
+                "start",
+                "length",
+                "scale",
+                "minimum",
+                "maximum",
+                "unit",
+                "choices",
+                "comment",
+                "is_signed",
+            ):
                 assert getattr(twin, name) == getattr(signal, name), (signal.name, name)

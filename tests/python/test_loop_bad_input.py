@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: MIT
+"""Bad scenes, logs and options: one line `error: ...` with the place, exit code 2, nothing run."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+from loop_tools import SCENES, program, run
+
+GOOD = {
+    "scene": "[scene]\ntitle = t",
+    "friction": "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4",
+    "motion": "[motion]\nkind = log\nfile = log.csv\nangle = angle\ntime = t\ncounts_per_unit = 10",
+    "status": "[status]\nperiod_ms = 100",
+}
+TABLE = "t,angle,note\n0,1,a\n1,2,b\n2,3,c\n"
+
+
+def write(folder, scene: str, table: str | bytes = TABLE):
+    (folder / "log.csv").write_bytes(table if isinstance(table, bytes) else table.encode())
+    (folder / "scene.ini").write_text(scene, encoding="utf-8")
+    return folder / "scene.ini"
+
+
+def complaint(folder, *options: str) -> str:
+    """The one line that a failing run prints."""
+    result = run(folder, folder / "scene.ini", "--virtual", *options)
+    assert result.code == 2, (result.code, result.err)
+    assert result.err.count("\n") == 1
+    assert result.err.startswith("error: ")
+    assert not result.log.exists(), "something was run"
+    return result.err
+
+
+def with_(name: str, section: str) -> str:
+    """The good scene with one section replaced."""
+    return "\n".join({**GOOD, name: section}.values())
+
+
+def test_the_good_scene_is_good(tmp_path):
+    result = run(tmp_path, write(tmp_path, "\n".join(GOOD.values())), "--virtual")
+    assert (result.code, result.err) == (0, "")
+    assert result.summary["frames_answered"] == 3
+
+
+SCENE_ERRORS = [
+    (
+        with_("friction", "[friction]\nFc = 0.5\ntheta_per_count = 1e-4"),
+        ':3: [friction] has no key "sigma0"',
+    ),
+    (with_("friction", "[friction]"), ':3: [friction] has no key "sigma0"'),
+    (
+        with_("friction", "[friction]\nsigma0 = 0\nFc = 1\ntheta_per_count = 1"),
+        ":4: [friction] sigma0 = 0: outside",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = -1\nFc = 1\ntheta_per_count = 1"),
+        ":4: [friction] sigma0 = -1: outside",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = nan\nFc = 1\ntheta_per_count = 1"),
+        ":4: [friction] sigma0 = nan: not",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = inf\nFc = 1\ntheta_per_count = 1"),
+        ":4: [friction] sigma0 = inf: not",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1\nFc = abc\ntheta_per_count = 1"),
+        ":5: [friction] Fc = abc: not",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1\nFc = 1 2\ntheta_per_count = 1"),
+        ":5: [friction] Fc = 1 2: not",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1\nFc =\ntheta_per_count = 1"),
+        ":5: [friction] Fc = : not",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1\nFc = 1\ntheta_per_count = 1e-12"),
+        ":6: [friction] theta_per_count",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1e15\nFc = 1\ntheta_per_count = 1"),
+        ":6: [friction] theta_per_count",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1\nsigma0 = 2\nFc = 1"),
+        ":5: [friction] sigma0 given twice",
+    ),
+    (with_("friction", "[friction]\nsigma = 1"), ':4: unknown key "sigma" in [friction]'),
+    (with_("friction", "[friction]\nsigma0"), ":4: neither a [section]"),
+    (with_("friction", "[fricton]\nsigma0 = 1"), ":3: unknown section [fricton]"),
+    (with_("status", "[bonus]"), ":13: unknown section [bonus]"),
+    (with_("friction", "[friction\nsigma0 = 1"), ":3: a section name without ]"),
+    (with_("friction", "[friction]\nsigma0 = " + "1" * 300), ":4: line longer than"),
+    (with_("motion", "[motion]\nfile = x"), ':7: [motion] has no key "kind"'),
+    (with_("motion", "[motion]\nkind = sine"), ":8: [motion] kind = sine: not one of"),
+    (
+        with_("motion", "[motion]\nkind = log\nfile = log.csv\ncounts_per_unit = 1"),
+        ':7: [motion] has no key "angle"',
+    ),
+    (with_("motion", "[motion]\nkind = segments\nspeed = 1"), ':7: [motion] has no key "theta1"'),
+    (
+        with_("motion", GOOD["motion"] + "\nspeed = 1"),
+        ":13: [motion] speed has no meaning for kind = log",
+    ),
+    (with_("motion", GOOD["motion"] + "\nfile ="), ":13: [motion] file given twice"),
+    (with_("status", "[status]\nperiod_ms = 0"), ":14: [status] period_ms = 0: outside"),
+    ("[scene]\ntitle = empty", "names neither [friction] nor [motion]"),
+    ("", "names neither [friction] nor [motion]"),
+    ("sigma0 = 1\n[friction]", ':1: unknown key "sigma0" in []'),
+    ("\x00\x01\x02binary\xff\n", ":1: line longer than 198 characters, or not text"),
+]
+
+
+@pytest.mark.parametrize(("scene", "words"), SCENE_ERRORS, ids=[words for _, words in SCENE_ERRORS])
+def test_bad_scenes(tmp_path, scene, words):
+    path = write(tmp_path, scene)
+    assert f"{path}{words}" in complaint(tmp_path).replace(f"{path}: names", f"{path}names")
+
+
+TABLE_ERRORS = [
+    ("", ":1: ", 'column "angle": the file has no rows'),
+    ("t,angle,note\n", ":2: ", "the file has no rows"),
+    ("t,winkel,note\n0,1,a\n", ":1: ", 'no column "angle"; there is "t", "winkel", "note"'),
+    ("time,angle,note\n0,1,a\n", ":1: ", 'no column "t"; there is'),
+    ("t,angle,angle\n0,1,1\n", ":1: ", 'two columns "angle"'),
+    ("t,angle,note\n0,1,a\n1,hello,b\n", ":3: ", 'column "angle": "hello" is not a finite number'),
+    ("t,angle,note\n0,1,a\n1,,b\n", ":3: ", 'column "angle": "" is not a finite number'),
+    ("t,angle,note\n0,1,a\n1,nan,b\n", ":3: ", 'column "angle": "nan" is not a finite number'),
+    ("t,angle,note\n0,1,a\n1,-inf,b\n", ":3: ", 'column "angle": "-inf" is not a finite number'),
+    ("t,angle,note\n0,1,a\n1,1e999,b\n", ":3: ", 'column "angle": "1e999" is not a finite number'),
+    ("t,angle,note\n0,1,a\n\n1,2 3,b\n", ":4: ", 'column "angle": "2 3" is not a finite number'),
+    ("t,angle,note\n0,1,a\nx,2,b\n", ":3: ", 'column "t": "x" is not a finite number'),
+    ("t,angle,note\n0,1,a\n2,2,b\n1,3,c\n", ":4: ", 'column "t": time goes back from 2 to 1'),
+    ("t,angle,note\n0,1,a\n1,2\n", ":3: ", 'column "angle": the row has 2 fields, the header 3'),
+    ("t,angle,note\n0,1,a\n1,2", ":3: ", 'column "angle": the row has 2 fields, the header 3'),
+    (
+        "t,angle,note\n0,1,a\n1,2,b,c\n",
+        ":3: ",
+        'column "angle": the row has 4 fields, the header 3',
+    ),
+    ("t,angle,note\n0,1,a\n1,1e9,b\n", ":3: ", 'column "angle": 1e+09 is 9.99999999e+09 counts'),
+    ('t,angle,note\n0,1,"a\n1,2,b\n', ":4: ", "column 3: a quote inside a field or never closed"),
+    ('t,angle,note\n0,1,"' + "a" * 200000, ":2: ", "column 3: a field without end"),
+    (b"\x00\x01\x02\xff\xfe", ":1: ", 'no column "angle"'),
+]
+
+
+@pytest.mark.parametrize(
+    ("table", "place", "words"), TABLE_ERRORS, ids=[words for _, _, words in TABLE_ERRORS]
+)
+def test_bad_log_files(tmp_path, table, place, words):
+    write(tmp_path, "\n".join(GOOD.values()), table)
+    error = complaint(tmp_path)
+    assert f"{tmp_path}/log.csv{place}" in error
+    assert words in error
+
+
+def test_a_log_file_that_is_not_there(tmp_path):
+    write(tmp_path, "\n".join(GOOD.values()))
+    assert "absent.csv: No such file" in complaint(
+        tmp_path, "--log-file", str(tmp_path / "absent.csv")
+    )
+    assert "Is a directory" in complaint(tmp_path, "--log-file", str(tmp_path))
+
+
+def test_a_scene_that_is_not_there(tmp_path):
+    result = run(tmp_path, tmp_path / "absent.ini", "--virtual")
+    assert result.code == 2
+    assert result.err == f"error: {tmp_path}/absent.ini: No such file or directory\n"
+
+
+STEERING = ["--scene", str(SCENES / "steering.ini")]
+OPTION_ERRORS = [
+    ([], "no --scene FILE"),
+    ([*STEERING, "--frobnicate"], "unknown option --frobnicate"),
+    ([*STEERING, "extra"], "unexpected argument extra"),
+    ([*STEERING, "--seed"], "--seed needs a value"),
+    ([*STEERING, "--seed", "-1"], "--seed -1: not an integer"),
+    ([*STEERING, "--seed", "1x"], "--seed 1x: not an integer"),
+    ([*STEERING, "--seconds", "0"], "--seconds 0: not a number from 0.001"),
+    ([*STEERING, "--seconds", "nan"], "--seconds nan: not a number from 0.001"),
+    ([*STEERING, "--role", "boss"], "--role boss: not one of both, encoder, node"),
+    ([*STEERING, "--bus", "can0"], "--bus can0: not loopback"),
+    ([*STEERING, "--bus", "socketcand:99999"], "--bus socketcand:99999: not loopback"),
+    ([*STEERING, "--bus", "socketcand::5"], "--bus socketcand::5: not loopback"),
+    (
+        [*STEERING, "--wait-clients", "17", "--bus", "socketcand:0"],
+        "--wait-clients 17: not an integer from 0 to 16",
+    ),
+    ([*STEERING, "--wait-clients", "1"], "need --bus socketcand:PORT, not loopback"),
+    (
+        [*STEERING, "--virtual", "--bus", "socketcan:vcan0"],
+        "--virtual needs a bus that this process keeps",
+    ),
+    ([*STEERING, "--virtual", "--role", "node"], "--virtual without an encoder never ends"),
+]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), OPTION_ERRORS, ids=[words for _, words in OPTION_ERRORS]
+)
+def test_bad_options(options, words):
+    result = subprocess.run(
+        [program(), *options], capture_output=True, text=True, timeout=20, check=False
+    )
+    assert result.returncode == 2
+    assert result.stderr.count("\n") == 1
+    assert result.stderr.startswith("error: ")
+    assert words in result.stderr
+
+
+BUS_ERRORS = [
+    ("socketcan:nosuchif0", "--bus socketcan:nosuchif0: "),
+    ("socketcand:127.0.0.1:1", "Connection refused"),
+]
+
+
+@pytest.mark.parametrize(("bus", "words"), BUS_ERRORS)
+def test_a_bus_that_is_not_there(bus, words):
+    result = subprocess.run(
+        [program(), *STEERING, "--bus", bus],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    assert words in result.stderr
+
+
+def test_an_unwritable_log_is_told(tmp_path):
+    result = run(tmp_path, SCENES / "segments.ini", "--virtual", "--log", "/dev/full")
+    assert result.code == 1
+    assert "--log /dev/full: " in result.err
+    result = run(
+        tmp_path,
+        SCENES / "segments.ini",
+        "--virtual",
+        "--summary",
+        str(tmp_path / "no" / "dir.json"),
+    )
+    assert result.code == 1
+    assert "dir.json: No such file or directory" in result.err
+
+
+def test_help_and_version():
+    for option, words in (("--help", "usage: dahl-loop"), ("--version", "dahl-loop 0.1.0")):
+        result = subprocess.run(
+            [program(), option], capture_output=True, text=True, timeout=20, check=False
+        )
+        assert (result.returncode, result.stderr) == (0, "")
+        assert result.stdout.startswith(words)

@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: MIT
+"""dahl-loop on the served bus, in real time: a witness, two processes, bad clients, Ctrl-C."""
+
+from __future__ import annotations
+
+import random
+import re
+import signal
+import socket
+import struct
+import time
+from pathlib import Path
+
+import pytest
+from loop_tools import (
+    SCENES,
+    client,
+    counts_of,
+    finished,
+    raw_client,
+    read_log,
+    record,
+    run,
+    serving,
+    start,
+    torques_of,
+    wait_until,
+)
+
+STEERING = SCENES / "steering.ini"
+RATE = 1000  # Hz
+
+
+def check_whole(result, seconds: float) -> None:
+    """Nothing lost, and the beat kept on average. (A loaded machine may delay single beats.)"""
+    summary = result.summary
+    assert result.code == 0, result.err
+    assert summary["frames_sent"] == summary["ticks"] == seconds * RATE
+    assert summary["frames_lost"] == 0
+    assert summary["node"]["ok"] == summary["frames_sent"]
+    assert summary["bus_counts"] == {"send_failed": 0, "dropped": 0, "garbage": 0, "retries": 0}
+    assert summary["max_rss_kib"] < 16 * 1024
+    assert summary["realtime_factor"] > 0.9
+
+
+def witness(folder: Path, seconds: float, *options: str) -> None:
+    """One process and a client that must see each frame of the log, with its time stamp."""
+    with serving(folder, STEERING, "--wait-clients", "1", "--seconds", str(seconds), *options) as (
+        process,
+        port,
+    ):
+        with client(port) as bus:
+            lines = record(bus, process)
+        result = finished(folder, process)
+    assert lines == result.log.read_text().splitlines()
+    check_whole(result, seconds)
+
+
+def test_python_can_sees_every_frame_with_the_time_of_the_simulation(tmp_path):
+    witness(tmp_path, 3)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(120)
+def test_python_can_sees_every_frame_for_a_minute(tmp_path):
+    witness(tmp_path, 60)
+
+
+def test_time_stamps_go_forward_at_one_kilohertz(tmp_path):
+    log = read_log(run(tmp_path, STEERING, "--seconds", "2").log)
+    times = [frame.time for frame in log]
+    assert times == sorted(times)
+    assert abs(times[0] - time.time()) < 60
+    assert 1.9 < times[-1] - times[0] < 2.5
+
+
+def test_virtual_time_waits_for_its_clients_and_changes_nothing(tmp_path):
+    alone = run(tmp_path / "alone", STEERING, "--virtual", "--seconds", "20")
+    options = ("--virtual", "--wait-clients", "1", "--seconds", "20")
+    with serving(tmp_path / "served", STEERING, *options) as (process, port), client(port) as bus:
+        lines = record(bus, process)
+        served = finished(tmp_path / "served", process)
+    assert "\n".join(lines) + "\n" == alone.log.read_text() == served.log.read_text()
+    assert served.summary["frames_lost"] == 0
+
+
+def two_processes(folder: Path, seconds: float) -> None:
+    with (
+        serving(folder / "node", STEERING, "--role", "node", "--until-idle") as (node, port),
+        client(port) as bus,
+    ):
+        bus_spec = f"socketcand:127.0.0.1:{port}"
+        encoder = start_in(
+            folder / "encoder", "--role", "encoder", "--bus", bus_spec, "--seconds", str(seconds)
+        )
+        lines = record(bus, encoder)
+        sent = finished(folder / "encoder", encoder)
+        bus.shutdown()
+        answered = finished(folder / "node", node)
+    assert sent.code == answered.code == 0, sent.err + answered.err
+    assert sent.summary["frames_sent"] == seconds * RATE
+    assert sent.summary["frames_lost"] == 0
+    assert sent.summary["answers_unmatched"] == 0
+    assert answered.summary["node"]["ok"] == seconds * RATE
+    seen = [line.split(" ", 1)[1] for line in lines if " 120#" not in line]
+    logged = [
+        line.split(" ", 1)[1]
+        for line in answered.log.read_text().splitlines()
+        if " 120#" not in line
+    ]
+    assert seen == logged
+    assert torques_of(read_log(sent.log)) == torques_of(read_log(answered.log))
+    assert max(sent.summary["max_rss_kib"], answered.summary["max_rss_kib"]) < 16 * 1024
+
+
+def start_in(folder: Path, *options: str):
+    folder.mkdir()
+    return start(folder, STEERING, *options)
+
+
+def test_two_processes_and_a_witness_on_one_bus(tmp_path):
+    two_processes(tmp_path, 3)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(120)
+def test_two_processes_lose_nothing_for_a_minute(tmp_path):
+    two_processes(tmp_path, 60)
+
+
+def test_two_processes_compute_what_one_does(tmp_path):
+    one = read_log(run(tmp_path / "one", STEERING, "--virtual", "--seconds", "2").log)
+    with serving(tmp_path / "node", STEERING, "--role", "node", "--until-idle") as (node, port):
+        spec = f"socketcand:127.0.0.1:{port}"
+        encoder = start_in(
+            tmp_path / "encoder", "--role", "encoder", "--bus", spec, "--seconds", "2"
+        )
+        finished(tmp_path / "encoder", encoder)
+        two = read_log(finished(tmp_path / "node", node).log)
+    assert counts_of(two) == counts_of(one)
+    assert torques_of(two) == torques_of(one)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_leaves_log_and_summary_whole(tmp_path, number):
+    process = start(tmp_path, STEERING)
+    time.sleep(1)
+    process.send_signal(number)
+    result = finished(tmp_path, process, 10)
+    assert (result.code, result.err) == (0, "")
+    log = read_log(result.log)
+    assert len(counts_of(log)) == result.summary["frames_sent"] == result.summary["ticks"] > 300
+    assert len(torques_of(log)) == result.summary["frames_answered"]
+    assert result.summary["frames_lost"] == 0
+
+
+def test_ctrl_c_while_waiting_for_clients(tmp_path):
+    with serving(tmp_path, STEERING, "--wait-clients", "2") as (process, _):
+        process.send_signal(signal.SIGINT)
+        result = finished(tmp_path, process, 10)
+    assert result.code == 0
+    assert result.summary["ticks"] == 0
+    assert read_log(result.log) == []
+
+
+def test_ctrl_c_in_virtual_time_with_a_client_that_does_not_read(tmp_path):
+    options = ("--virtual", "--wait-clients", "1")
+    with serving(tmp_path, STEERING, *options) as (process, port):
+        peer = raw_client(port, receive_buffer=4096)
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        result = finished(tmp_path, process, 10)
+        peer.close()
+    assert result.code == 0
+    assert 0 < result.summary["ticks"] < 30000
+
+
+def test_a_slow_client_is_dropped_and_the_beat_goes_on(tmp_path):
+    with serving(tmp_path, STEERING, "--wait-clients", "2", "--seconds", "8") as (process, port):
+        slow = raw_client(port, receive_buffer=4096)
+        with client(port) as bus:
+            lines = record(bus, process)
+        result = finished(tmp_path, process)
+        slow.close()
+    assert re.fullmatch(
+        r"note: socketcand client \d+ dropped: it reads too slowly, \d+ bytes wait for it\n",
+        result.err,
+    )
+    assert len(lines) == len(result.log.read_text().splitlines())
+    assert result.summary["frames_lost"] == 0
+    assert result.summary["max_rss_kib"] < 16 * 1024
+    assert result.summary["realtime_factor"] > 0.9
+
+
+def reset(peer: socket.socket) -> None:
+    """Leave with a TCP reset instead of an orderly end."""
+    peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    peer.close()
+
+
+def annoy(port: int, rng: random.Random) -> None:
+    """Garbage, half lines, endless lines, early leaving."""
+    peer = raw_client(port) if rng.random() < 0.5 else socket.create_connection(("127.0.0.1", port))
+    pieces = [
+        rng.randbytes(rng.randrange(1, 3000)),
+        b"< send 123 8 1 2",
+        b"<" * 500,
+        b"< send 12 " + b"1 " * 4000,
+        b"< open >",
+        b"< open can7 >",
+        b"< rawmode >",
+        b"< subscribe 0 0 123 >",
+        b"\x00" * 100,
+    ]
+    for piece in rng.sample(pieces, 4):
+        try:
+            peer.sendall(piece)
+        except OSError:
+            break
+        time.sleep(0.005)
+    if rng.random() < 0.5:
+        reset(peer)
+    else:
+        peer.close()
+
+
+def test_bad_clients_do_not_disturb_the_loop(tmp_path):
+    rng = random.Random(1)
+    with (
+        serving(tmp_path, STEERING, "--wait-clients", "1", "--seconds", "4") as (process, port),
+        client(port) as bus,
+    ):
+        for _ in range(40):
+            annoy(port, rng)
+        lines = record(bus, process)
+        result = finished(tmp_path, process)
+    assert result.code == 0
+    assert len(lines) == len(result.log.read_text().splitlines())
+    assert result.summary["frames_lost"] == 0
+    assert result.summary["bus_counts"]["garbage"] > 0
+    assert result.summary["bus_counts"]["dropped"] == 0
+
+
+def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
+    with serving(tmp_path, STEERING, "--wait-clients", "1", "--seconds", "3") as (process, port):
+        peer = raw_client(port)
+        peer.setblocking(False)
+        flood = b"< send 7FF 1 0 >" * 64
+        while process.poll() is None:
+            for action in (lambda: peer.send(flood), lambda: peer.recv(65536)):
+                try:
+                    action()
+                except OSError:
+                    time.sleep(0.0005)
+        result = finished(tmp_path, process)
+        peer.close()
+    assert result.code == 0, result.err
+    assert result.summary["frames_lost"] == 0
+    assert result.summary["node"]["ok"] == 3000
+    assert result.summary["node"]["ignored"] > 1000
+    assert result.summary["realtime_factor"] > 0.9
+
+
+def test_more_clients_than_there_is_room_for(tmp_path):
+    with serving(tmp_path, STEERING, "--role", "node") as (_, port):
+        inside = [raw_client(port) for _ in range(16)]
+        outside = socket.create_connection(("127.0.0.1", port))
+        outside.settimeout(10)
+        assert outside.recv(100) == b""
+        inside.pop().close()
+        time.sleep(0.1)
+        inside.append(raw_client(port))
+        for peer in [*inside, outside]:
+            peer.close()
+
+
+def test_handshake_answers_and_errors(tmp_path):
+    with serving(tmp_path, STEERING, "--role", "node") as (_, port):
+        peer = socket.create_connection(("127.0.0.1", port))
+        peer.settimeout(10)
+        talk = [
+            (b"", b"< hi >"),
+            (b"< rawmode >", b"< error unknown command >"),
+            (b"< open can9 >", b"< error could not open bus >"),
+            (b"< echo >", b"< echo >"),
+            (b"< open vcan0 >", b"< ok >"),
+            (b"< rawmode >", b"< ok >"),
+        ]
+        for words, answer in talk:
+            peer.sendall(words)
+            assert peer.recv(100) == answer
+        peer.close()
+
+
+def hear(peer: socket.socket, word: bytes) -> bytes:
+    """Read until a word comes."""
+    text = b""
+    while word not in text:
+        text += peer.recv(4096)
+    return text
+
+
+def test_frames_go_to_all_but_their_sender(tmp_path):
+    with serving(tmp_path, SCENES / "segments.ini", "--role", "node") as (_, port):
+        one, other = raw_client(port), raw_client(port)
+        one.sendall(b"< send 18FF1234 3 1 2 AB >")
+        assert re.search(rb"< frame 18FF1234 \d+\.\d{6} 0102AB >", hear(other, b"0102AB >"))
+        other.sendall(b"< send 7AA 0 >")
+        assert b"18FF1234" not in hear(one, b"< frame 7AA ")
+        one.close()
+        other.close()
+
+
+def test_the_bus_going_away_is_told_and_the_files_are_whole(tmp_path):
+    with serving(tmp_path / "node", STEERING, "--role", "node") as (node, port):
+        encoder = start_in(
+            tmp_path / "encoder", "--role", "encoder", "--bus", f"socketcand:127.0.0.1:{port}"
+        )
+        log = tmp_path / "encoder" / "run.log"
+        wait_until(log.exists)
+        time.sleep(1)
+        node.send_signal(signal.SIGTERM)
+        result = finished(tmp_path / "encoder", encoder, 10)
+    assert result.code == 1
+    assert re.fullmatch(r"error: --bus \S+: the bus is gone after \d+ ticks\n", result.err)
+    assert result.summary["frames_answered"] > 300
+    assert read_log(result.log)
+
+
+def test_a_peer_that_is_no_socketcand_server_is_told(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        process = start(tmp_path, STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
+        peer, _ = listener.accept()
+        peer.sendall(b"HTTP/1.1 200 OK\r\n")
+        result = finished(tmp_path, process, 20)
+        peer.close()
+    assert result.code == 1
+    assert "no socketcand server with bus vcan0" in result.err
+
+
+def test_a_port_in_use_is_told(tmp_path):
+    with serving(tmp_path / "first", STEERING, "--role", "node") as (_, port):
+        result = run(tmp_path / "second", STEERING, "--bus", f"socketcand:{port}")
+    assert result.code == 1
+    assert result.err == f"error: --bus socketcand:{port}: Address already in use\n"

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: MIT
+"""The node against python-can and autosar-e2e: what is foreign is counted and never used."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import cantools
+import mpmath
+import pytest
+from e2e import p02
+from loop_tools import SCENES, client, finished, serving
+
+SIGMA0, FC, THETA = 50.0, 0.5, 2.0**-14
+SCENE = f"[friction]\nsigma0 = {SIGMA0}\nFc = {FC}\ntheta_per_count = {THETA!r}\n"
+IDS = bytes(0x30 | counter for counter in range(16))
+STATES = {"OK": 0, "Repeated": 1, "Lost": 2, "WrongSequence": 3, "Crc": 4, "Stale": 5, "Init": 6}
+
+
+class Encoder:
+    """An encoder of its own: frames by cantools and autosar-e2e, torque in closed form."""
+
+    def __init__(self, bus: can.BusABC, database: cantools.database.Database) -> None:
+        self.bus, self.database = bus, database
+        self.w = mpmath.mpf(0)
+        self.count = 0
+
+    def frame(self, counter: int, count: int, **changes) -> can.Message:
+        message = self.database.get_message_by_name("EncoderState")
+        signals = {"Crc": 0, "Counter": (counter - 1) % 16, "Valid": 1, "Count": count}
+        data = bytearray(message.encode(signals))
+        p02.e2e_p02_protect(data, IDS)  # counts the counter up
+        fields = {
+            "arbitration_id": message.frame_id,
+            "data": data,
+            "is_extended_id": False,
+            **changes,
+        }
+        return can.Message(**fields)
+
+    def move(self, count: int) -> None:
+        """The travel that the node should integrate, in its one exponential."""
+        travel = count - self.count
+        sign = (travel > 0) - (travel < 0)
+        gap = mpmath.exp(-mpmath.mpf(SIGMA0) / FC * THETA * abs(travel))
+        self.w = sign - (sign - self.w) * gap if sign else self.w
+        self.count = count
+
+    def answer(self) -> dict | None:
+        """The next FrictionTorque, decoded; None if there is none in time."""
+        while (message := self.bus.recv(2)) is not None:
+            if message.arbitration_id == 0x110:
+                return self.database.decode_message("FrictionTorque", message.data)
+        return None
+
+    def good(self, counter: int, count: int, state: str = "OK", used: bool = True) -> None:
+        """Send a frame that must be answered, and check the answer."""
+        self.bus.send(self.frame(counter, count))
+        if used:
+            self.move(count)
+        self.count = count
+        answer = self.answer()
+        assert answer is not None
+        assert (str(answer["State"]), answer["EchoCounter"]) == (state, counter)
+        assert abs(answer["TorqueRatio"] - self.w) < 9.4e-10
+
+
+@contextlib.contextmanager
+def node(folder: Path, dbc: Path, extra: str = "") -> Iterator[tuple[Encoder, object]]:
+    """A served node, and an encoder that speaks to it; the summary is in the list afterwards."""
+    (folder / "scene.ini").write_text(SCENE + extra)
+    results = []
+    with serving(folder, folder / "scene.ini", "--role", "node") as (process, port):
+        with client(port) as bus:
+            yield Encoder(bus, cantools.database.load_file(dbc)), results
+        process.send_signal(signal.SIGTERM)
+        results.append(finished(folder, process).summary)
+
+
+def changed(message: can.Message, byte: int) -> can.Message:
+    """The same frame with one byte inverted."""
+    message.data[byte] ^= 0xFF
+    return message
+
+
+FOREIGN = {
+    "wrong length": (lambda e: e.frame(1, 900, data=bytes(e.frame(1, 900).data)[:7]), "format"),
+    "no data": (lambda e: e.frame(1, 900, data=b""), "format"),
+    "extended id": (lambda e: e.frame(1, 900, is_extended_id=True), "format"),
+    "wrong CRC": (lambda e: changed(e.frame(1, 900), 0), "crc"),
+    "changed count": (lambda e: changed(e.frame(1, 900), 5), "crc"),
+    "repeated counter": (lambda e: e.frame(0, 900), "repeated"),
+    "counter too far on": (lambda e: e.frame(4, 900), "wrong_sequence"),
+    "counter going back": (lambda e: e.frame(15, 900), "wrong_sequence"),
+    "another node's id": (lambda e: e.frame(1, 900, arbitration_id=0x101), "ignored"),
+    "an answer's id": (lambda e: e.frame(1, 900, arbitration_id=0x110), "ignored"),
+    "other extended id": (
+        lambda e: e.frame(1, 900, arbitration_id=1 << 28 | 0x100, is_extended_id=True),
+        "ignored",
+    ),
+    "remote frame": (lambda e: e.frame(1, 900, data=None, dlc=8, is_remote_frame=True), "garbage"),
+    "FD frame": (lambda e: e.frame(1, 900, data=bytes(12), is_fd=True), "garbage"),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_foreign_frame_is_counted_and_not_used(tmp_path, dbc, name):
+    make, counter = FOREIGN[name]
+    with node(tmp_path, dbc) as (encoder, results):
+        encoder.good(0, 100, state="Init", used=False)
+        encoder.bus.send(make(encoder))
+        encoder.good(1, 140)
+        encoder.good(2, 133)
+    summary = results[0]
+    counts = {**summary["node"], "garbage": summary["bus_counts"]["garbage"]}
+    assert {key: value for key, value in counts.items() if value} == {"ok": 3, counter: 1}
+
+
+def test_lost_frames_cost_nothing_and_a_gap_is_a_new_start(tmp_path, dbc):
+    with node(tmp_path, dbc) as (encoder, results):
+        encoder.good(3, -50, state="Init", used=False)
+        encoder.good(5, 10, state="Lost")
+        encoder.good(8, 60, state="Lost")
+        encoder.bus.send(encoder.frame(15, 4000))
+        encoder.good(0, 4001, state="WrongSequence", used=False)
+        encoder.good(1, 3990)
+    assert results[0]["node"]["lost"] == 3
+    assert results[0]["node"]["wrong_sequence"] == 2
+
+
+def test_silence_makes_it_stale_and_the_status_tells(tmp_path, dbc):
+    with node(tmp_path, dbc, "timeout_ms = 150\n[status]\nperiod_ms = 50\n") as (encoder, results):
+        encoder.good(0, 0, state="Init", used=False)
+        encoder.good(1, 25)
+        for _ in range(100):
+            message = encoder.bus.recv(2)
+            status = encoder.database.decode_message("Status", message.data)
+            if str(status["State"]) == "Stale":
+                break
+        assert (str(status["State"]), str(status["ErrorStale"]), status["OutOfStep"]) == (
+            "Stale",
+            "Seen",
+            1,
+        )
+        encoder.good(2, 7000, state="Stale", used=False)
+        encoder.good(3, 7010)
+    assert results[0]["node"]["stale"] == 1
+
+
+def test_random_frames_leave_the_torque_alone(tmp_path, dbc):
+    import random
+
+    rng = random.Random(3)
+    with node(tmp_path, dbc) as (encoder, results):
+        encoder.good(0, 0, state="Init", used=False)
+        for _ in range(2000):
+            identifier = rng.choice([0x100, 0x110, 0x120, rng.randrange(0x800)])
+            data = bytearray(rng.randbytes(rng.randrange(9)))
+            if identifier == 0x100 and len(data) == 8:
+                data[0] ^= p02.e2e_p02_check(bytes(data), IDS)  # one of 256 would be a valid frame
+            encoder.bus.send(
+                can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
+            )
+        encoder.good(1, 40)
+    counts = results[0]["node"]
+    assert counts["ok"] == 2
+    assert counts["crc"] + counts["format"] + counts["ignored"] == 2000
+
+
+def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):
+    options = ("--wait-clients", "1", "--seconds", "2")
+    with (
+        serving(tmp_path, SCENES / "steering.ini", *options) as (process, port),
+        client(port) as bus,
+    ):
+        for i in range(200):
+            bus.send(
+                can.Message(
+                    arbitration_id=0x110,
+                    data=struct.pack("<8B", *[i % 256] * 8),
+                    is_extended_id=False,
+                )
+            )
+            bus.recv(0.005)
+        result = finished(tmp_path, process)
+    assert result.summary["frames_lost"] == 0
+    assert result.summary["frames_answered"] == 2000
+    assert result.summary["answers_corrupt"] > 190

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: MIT
+"""dahl-loop in virtual time: determinism, exact torque, speed, memory, parts that are not run."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+from loop_tools import SCENES, Logged, counts_of, read_log, run, torques_of
+
+SHIPPED = ("segments", "steering")
+FRICTION = "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
+MOTION = "[motion]\nkind = segments\ntheta1 = 200\ntheta2 = -100\ntheta3 = 300\nspeed = 2000\n"
+STATUS = "[status]\nperiod_ms = 100\n"
+
+
+def scene(folder: Path, *parts: str) -> Path:
+    path = folder / "scene.ini"
+    path.write_text("\n".join(parts), encoding="utf-8")
+    return path
+
+
+def exact_ratios(counts: list[int], sigma0: float, Fc: float, theta: float) -> list[mpmath.mpf]:
+    """F/Fc after each count from rest: Eq. 1 in closed form between reversals, in 120 bits."""
+    ratios = []
+    with mpmath.workprec(120):
+        a = (
+            mpmath.mpf(float(np.float32(sigma0)))
+            / mpmath.mpf(float(np.float32(Fc)))
+            * float(np.float32(theta))
+        )
+        w = start = mpmath.mpf(0)
+        side, run_of = 0, 0
+        for before, now in zip([counts[0], *counts[:-1]], counts, strict=True):
+            move = (now - before + 2**31) % 2**32 - 2**31
+            sign = (move > 0) - (move < 0)
+            if sign not in (0, side):
+                side, start, run_of = sign, w, 0
+            run_of += abs(move)
+            if sign:
+                w = side - (side - start) * mpmath.exp(-a * run_of)
+            ratios.append(w)
+    return ratios
+
+
+def check_exact(log: list[Logged], sigma0: float, Fc: float, theta: float) -> None:
+    """Each answer within 9.4e-10 of Fc (Q30), its torque within 0.52 ulp of Fc."""
+    answers, exact = torques_of(log), exact_ratios(counts_of(log), sigma0, Fc, theta)
+    assert [state for state, _ in answers] == [6] + [0] * (len(answers) - 1)
+    assert len(answers) == len(exact)
+    limit = np.float32(Fc)
+    ulp = float(np.spacing(limit))
+    for (_, ratio), want in zip(answers, exact, strict=True):
+        assert abs(mpmath.mpf(ratio) / 2**30 - want) < 9.4e-10
+        torque = np.float32(ratio * 2.0**-30 * float(limit))
+        assert abs(float(torque) - want * float(limit)) <= 0.52 * ulp
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_same_seed_same_bytes(tmp_path, name):
+    first = run(tmp_path / "a", SCENES / f"{name}.ini", "--virtual", "--seed", "7")
+    second = run(tmp_path / "b", SCENES / f"{name}.ini", "--virtual", "--seed", "7")
+    assert first.code == second.code == 0
+    assert first.log.read_bytes() == second.log.read_bytes()
+
+
+def test_another_seed_is_another_run(tmp_path):
+    first = run(tmp_path / "a", SCENES / "steering.ini", "--virtual", "--seed", "1")
+    second = run(tmp_path / "b", SCENES / "steering.ini", "--virtual", "--seed", "2")
+    assert counts_of(read_log(first.log)) != counts_of(read_log(second.log))
+
+
+def test_time_starts_at_zero_and_goes_in_milliseconds(tmp_path):
+    log = read_log(run(tmp_path, SCENES / "segments.ini", "--virtual").log)
+    assert log[0].time == 0
+    sent = [frame.time for frame in log if frame.id == 0x100]
+    assert sent == [tick / 1000 for tick in range(len(sent))]
+
+
+def test_paper_segments_are_exact(tmp_path):
+    result = run(tmp_path, SCENES / "segments.ini", "--virtual")
+    check_exact(read_log(result.log), 50, 0.5, 9.587379924285257e-05)
+
+
+def test_steering_is_exact(tmp_path):
+    result = run(tmp_path, SCENES / "steering.ini", "--virtual", "--seconds", "10")
+    check_exact(read_log(result.log), 120, 1.8, 2.396844981071314e-05)
+
+
+def test_count_that_wraps_at_32_bits_is_exact(tmp_path):
+    path = scene(tmp_path, FRICTION, MOTION, "start_count = 2147483600")
+    log = read_log(run(tmp_path, path, "--virtual").log)
+    assert {count < 0 for count in counts_of(log)} == {True, False}
+    check_exact(log, 50, 0.5, 1e-4)
+
+
+def test_measured_log_is_exact_and_complete(tmp_path, measured_file):
+    file = measured_file("tribometer", "reciprocating.tsv")
+    result = run(tmp_path, SCENES / "tribometer.ini", "--virtual", "--data", str(file.parents[1]))
+    assert result.code == 0, result.err
+    log = read_log(result.log)
+    position = np.loadtxt(file, skiprows=1, usecols=2, delimiter="\t")
+    assert counts_of(log) == np.rint((position - position[0]) * 10000).astype(int).tolist()
+    check_exact(log, 36500, 2.70, 1e-7)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_virtual_time_is_200_times_real_time(tmp_path, name):
+    summary = run(tmp_path, SCENES / f"{name}.ini", "--virtual").summary
+    assert summary["time"] == "virtual"
+    assert summary["realtime_factor"] >= 200
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_nothing_is_lost_and_memory_stays_small(tmp_path, name):
+    summary = run(tmp_path, SCENES / f"{name}.ini", "--virtual").summary
+    assert (
+        summary["frames_sent"]
+        == summary["frames_answered"]
+        == summary["ticks"]
+        == summary["node"]["ok"]
+    )
+    assert summary["frames_lost"] == 0
+    assert summary["max_rss_kib"] < 16 * 1024
+
+
+def test_memory_does_not_grow_with_the_log_file(tmp_path):
+    rows = "".join(f"{i % 1000}\n" for i in range(2_000_000))
+    (tmp_path / "big.csv").write_text("angle\n" + rows)
+    motion = "[motion]\nkind = log\nfile = big.csv\nangle = angle\ncounts_per_unit = 1\n"
+    summary = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual").summary
+    assert summary["frames_answered"] == 2_000_000
+    assert summary["max_rss_kib"] < 16 * 1024
+
+
+def test_no_friction_no_node(tmp_path):
+    result = run(tmp_path, scene(tmp_path, MOTION), "--virtual")
+    assert result.code == 0, result.err
+    assert "node" not in result.summary
+    assert {frame.id for frame in read_log(result.log)} == {0x100}
+    assert result.summary["frames_answered"] == 0
+
+
+def test_no_motion_no_encoder(tmp_path):
+    result = run(tmp_path, scene(tmp_path, FRICTION, STATUS), "--virtual", "--seconds", "2")
+    assert result.code == 0, result.err
+    assert "frames_sent" not in result.summary
+    log = read_log(result.log)
+    assert {frame.id for frame in log} == {0x120}
+    assert [frame.time for frame in log] == [tick / 10 for tick in range(20)]
+
+
+def test_no_status_no_status_frames(tmp_path):
+    result = run(tmp_path, scene(tmp_path, FRICTION, MOTION), "--virtual")
+    assert {frame.id for frame in read_log(result.log)} == {0x100, 0x110}
+
+
+def test_role_leaves_the_other_part_out(tmp_path):
+    path = scene(tmp_path, FRICTION, MOTION, STATUS)
+    assert "node" not in run(tmp_path / "e", path, "--virtual", "--role", "encoder").summary
+    assert (
+        "frames_sent"
+        not in run(tmp_path / "n", path, "--virtual", "--role", "node", "--seconds", "1").summary
+    )
+
+
+def test_node_number_is_used_by_both(tmp_path):
+    result = run(tmp_path, scene(tmp_path, FRICTION, "node = 9", MOTION, STATUS), "--virtual")
+    assert {frame.id for frame in read_log(result.log)} == {0x109, 0x119, 0x129}
+    assert result.summary["frames_lost"] == 0
+
+
+def test_answers_follow_their_frames_and_echo_them(tmp_path):
+    log = [
+        frame
+        for frame in read_log(run(tmp_path, SCENES / "segments.ini", "--virtual").log)
+        if frame.id < 0x120
+    ]
+    for question, answer in zip(log[::2], log[1::2], strict=True):
+        assert (question.id, answer.id) == (0x100, 0x110)
+        assert answer.data[2] == question.data[1] & 15
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_log_files_of_many_shapes(tmp_path, delimiter, end):
+    values = [(0, 1.5), (0.001, 1.6), (0.001, 1.4), (5, -2.0)]
+    rows = [["t [s]", '"angle, [deg]"', "note"], *([str(t), str(v), "x"] for t, v in values)]
+    text = "\ufeff" + end.join(delimiter.join(row) for row in rows) + end + end
+    (tmp_path / "log.csv").write_bytes(text.encode())
+    motion = "[motion]\nkind = log\nfile = log.csv\nangle = angle, [deg]\ntime = t [s]\n"
+    motion += "counts_per_unit = 10\n"
+    result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
+    assert result.code == 0, result.err
+    assert counts_of(read_log(result.log)) == [0, 1, -1, -35]
+
+
+def test_status_frames_carry_the_version_and_no_error(tmp_path):
+    log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seconds", "1").log)
+    statuses = [frame.data for frame in log if frame.id == 0x120]
+    assert len(statuses) == 10
+    assert all(struct.unpack("8B", data)[2:6] == (0, 0, 0, 0) for data in statuses)
+    assert all(data[6] == 0x01 for data in statuses)
