@@ -20,8 +20,8 @@ void cortex_tick(void);
 void cortex_exit(int status) __attribute__((noreturn));
 void cortex_fault(void) __attribute__((noreturn));
 
-/* SysTick from a clock of `mhz` MHz; then microseconds since, modulo 2^32. */
-void tick_start(uint32_t mhz);
+/* Start SysTick; then microseconds since, modulo 2^32. */
+void tick_start(void);
 uint32_t tick_now_us(void);
 
 /* One serial port, polled. read: false when nothing is there. write waits for room. */

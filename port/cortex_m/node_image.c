@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The friction node as an image: host_sim/node.c unchanged, on a serial port that speaks slcan.
+ * Parameters come from a page of flash of their own (param_page, the board's linker script places it), as they would be
+ * calibrated in the field; where it is blank the defaults below hold. Parameters that dahl_prepare refuses leave a node
+ * that answers nothing but slcan: no torque is better than a wrong one.
+ */
+#include <stddef.h>
+
+#include "cortex_m.h"
+#include "node.h"
+#include "slcan/serial_bus.h"
+
+#define PAGE_WRITTEN 0x4C484144u /* "DAHL" */
+
+typedef struct {
+    uint32_t written;
+    dahl_params_t params;
+    uint32_t number; /* of the node, 0..15 */
+} param_page_t;
+
+extern const param_page_t param_page;
+
+static const param_page_t defaults = {
+    PAGE_WRITTEN, {.sigma0 = 36500.0f, .Fc = 2.7f, .theta_per_count = 1e-7f}, 0,
+};
+
+static dahl_plan_t plan;
+static node_t node;
+static serial_bus_t serial;
+
+static uint64_t now_ns(void *context)
+{
+    (void)context;
+    return (uint64_t)tick_now_us() * 1000u;
+}
+
+static const param_page_t *find_params(void)
+{
+    const volatile uint32_t *written = &param_page.written; /* flash is written behind the compiler's back */
+    return *written == PAGE_WRITTEN ? &param_page : &defaults;
+}
+
+static void serve(bool ready)
+{
+    can_frame_t in, out;
+    uint32_t now_us = tick_now_us();
+    bool came = can_bus_receive(&serial.bus, &in, 0) == CAN_BUS_OK;
+    if (ready && came && node_receive(&node, &in, now_us, &out)) {
+        can_bus_send(&serial.bus, &out);
+    }
+    if (ready && serial.slcan.open && node_tick(&node, now_us, &out)) {
+        can_bus_send(&serial.bus, &out);
+    }
+}
+
+int main(void)
+{
+    const param_page_t *page = find_params();
+    bool ready = dahl_prepare(&plan, &page->params) == DAHL_OK;
+    node_init(&node, &plan, (uint8_t)page->number);
+    uart_start();
+    tick_start();
+    serial_bus_open(&serial, (serial_port_t){uart_read, uart_write}, (can_clock_t){now_ns, NULL, NULL});
+    for (;;) {
+        serve(ready);
+    }
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: MIT */
+/* Microseconds from SysTick: an interrupt each millisecond counts those, the counter says how far the next one is. */
+#include "cortex_m.h"
+
+extern char core_mhz[]; /* its address is the number, from the board's linker script */
+
+#define SYSTICK_CONTROL CORTEX_REGISTER(0xE000E010u)
+#define SYSTICK_RELOAD CORTEX_REGISTER(0xE000E014u)
+#define SYSTICK_VALUE CORTEX_REGISTER(0xE000E018u)
+enum { CORE_CLOCK = 4, INTERRUPT = 2, ENABLE = 1 };
+
+static volatile uint32_t milliseconds;
+
+static uint32_t mhz(void)
+{
+    return (uint32_t)(uintptr_t)core_mhz;
+}
+
+void cortex_tick(void)
+{
+    milliseconds++;
+}
+
+void tick_start(void)
+{
+    SYSTICK_RELOAD = mhz() * 1000u - 1u;
+    SYSTICK_VALUE = 0;
+    SYSTICK_CONTROL = CORE_CLOCK | INTERRUPT | ENABLE;
+}
+
+/* Read again if an interrupt came between, so that both parts are of one millisecond. */
+uint32_t tick_now_us(void)
+{
+    uint32_t before, left;
+    do {
+        before = milliseconds;
+        left = SYSTICK_VALUE;
+    } while (before != milliseconds);
+    return before * 1000u + (mhz() * 1000u - 1u - left) / mhz();
+}

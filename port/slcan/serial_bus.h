@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * serial_bus: can_bus.h over a serial port that speaks slcan; the node in a firmware takes it for its bus. Answers to the
+ * host go out from within receive(). Differs from the other buses in one thing: own frames do not come back.
+ */
+#ifndef SERIAL_BUS_H
+#define SERIAL_BUS_H
+
+#include "slcan.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct {
+    bool (*read)(uint8_t *byte);  /* false: nothing there now */
+    void (*write)(uint8_t byte); /* waits for room */
+} serial_port_t;
+
+typedef struct {
+    can_bus_t bus; /* first, so that a can_bus_t * is a serial_bus_t * */
+    serial_port_t port;
+    slcan_t slcan;
+} serial_bus_t;
+
+void serial_bus_open(serial_bus_t *self, serial_port_t port, can_clock_t clock);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: MIT */
+/* slcan: see slcan.h. A line is collected, then read from left to right; the first thing that is wrong names its fate. */
+#include "slcan.h"
+
+#include <string.h>
+
+#define CR '\r'
+#define BEL "\a"
+
+/* A line while it is read. error points to the count of what is wrong, NULL while nothing is. */
+typedef struct {
+    const char *at;
+    const char *end;
+    slcan_counts_t *counts;
+    uint32_t *error;
+} reader_t;
+
+static uint32_t digit_of(char c)
+{
+    if (c >= '0' && c <= '9') {
+        return (uint32_t)(c - '0');
+    }
+    uint32_t letter = (uint32_t)(c | 0x20) - (uint32_t)'a';
+    return letter < 6u ? letter + 10u : 16u;
+}
+
+static void fail(reader_t *reader, uint32_t *why)
+{
+    if (reader->error == NULL) {
+        reader->error = why;
+    }
+}
+
+static uint32_t read_hex(reader_t *reader, uint32_t digits)
+{
+    uint32_t value = 0;
+    for (; digits > 0 && reader->error == NULL; digits--) {
+        uint32_t digit = reader->at < reader->end ? digit_of(*reader->at) : 0u;
+        if (reader->at == reader->end) {
+            fail(reader, &reader->counts->cut);
+        } else if (digit > 15u) {
+            fail(reader, &reader->counts->not_hex);
+        }
+        value = value << 4 | digit;
+        reader->at++;
+    }
+    return value;
+}
+
+static void read_id(reader_t *reader, can_frame_t *frame)
+{
+    bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0;
+    frame->id = read_hex(reader, extended ? 8u : 3u);
+    if (frame->id > (extended ? 0x1FFFFFFFu : 0x7FFu)) {
+        fail(reader, &reader->counts->wrong_length);
+    }
+}
+
+static void read_data(reader_t *reader, can_frame_t *frame)
+{
+    uint32_t length = read_hex(reader, 1);
+    if (length > 8u) {
+        fail(reader, &reader->counts->wrong_length);
+    }
+    frame->length = (uint8_t)length;
+    for (uint32_t i = 0; i < length && reader->error == NULL && !(frame->flags & CAN_FRAME_REMOTE); i++) {
+        frame->data[i] = (uint8_t)read_hex(reader, 2);
+    }
+    if (reader->at < reader->end) {
+        fail(reader, &reader->counts->wrong_length);
+    }
+}
+
+static slcan_event_t answer(char *text, const char *words)
+{
+    strcpy(text, words);
+    return SLCAN_ANSWER;
+}
+
+static slcan_event_t refuse(slcan_t *self, uint32_t *why, char *text)
+{
+    ++*why;
+    self->refused = true;
+    return answer(text, BEL);
+}
+
+static slcan_event_t take_frame(slcan_t *self, uint8_t flags, can_frame_t *frame, char *text)
+{
+    reader_t reader = {self->line + 1, self->line + self->length, &self->counts, NULL};
+    can_frame_t read = {.flags = flags};
+    read_id(&reader, &read);
+    read_data(&reader, &read);
+    if (!self->open) {
+        fail(&reader, &self->counts.closed);
+    }
+    if (reader.error != NULL) {
+        return refuse(self, reader.error, text);
+    }
+    *frame = read;
+    answer(text, "\r");
+    return SLCAN_FRAME;
+}
+
+static slcan_event_t set_open(slcan_t *self, bool open, char *text)
+{
+    self->open = open;
+    return answer(text, "\r");
+}
+
+static slcan_event_t flags(slcan_t *self, char *text)
+{
+    bool refused = self->refused;
+    self->refused = false;
+    return answer(text, refused ? "F80\r" : "F00\r");
+}
+
+/* Commands of one letter; what else stands in the line makes it an unknown one. */
+static slcan_event_t take_letter(slcan_t *self, char *text)
+{
+    switch (self->length == 1 ? self->line[0] : '\0') {
+    case 'O':
+    case 'L': return set_open(self, true, text);
+    case 'C': return set_open(self, false, text);
+    case 'F': return flags(self, text);
+    case 'V': return answer(text, "V0101\r");
+    case 'v': return answer(text, "v0101\r");
+    case 'N': return answer(text, "NDAHL\r");
+    default: return refuse(self, &self->counts.unknown, text);
+    }
+}
+
+static slcan_event_t take_line(slcan_t *self, can_frame_t *frame, char *text)
+{
+    if (self->length == 0) {
+        return answer(text, "\r");
+    }
+    switch (self->line[0]) {
+    case 't': return take_frame(self, 0, frame, text);
+    case 'T': return take_frame(self, CAN_FRAME_EXTENDED, frame, text);
+    case 'r': return take_frame(self, CAN_FRAME_REMOTE, frame, text);
+    case 'R': return take_frame(self, CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE, frame, text);
+    case 'S':
+    case 's': return answer(text, "\r");
+    default: return take_letter(self, text);
+    }
+}
+
+slcan_event_t slcan_take(slcan_t *self, uint8_t byte, can_frame_t *frame, char *text)
+{
+    if (byte == '\n') {
+        return SLCAN_NOTHING;
+    }
+    if (byte != CR) {
+        if (self->length < SLCAN_LINE_MAX) {
+            self->line[self->length] = (char)byte;
+        }
+        self->length += self->length <= SLCAN_LINE_MAX;
+        return SLCAN_NOTHING;
+    }
+    slcan_event_t event = self->length > SLCAN_LINE_MAX ? refuse(self, &self->counts.too_long, text)
+                                                        : take_line(self, frame, text);
+    self->length = 0;
+    return event;
+}
+
+static char *write_hex(char *text, uint32_t value, uint32_t digits)
+{
+    while (digits-- > 0) {
+        *text++ = "0123456789ABCDEF"[value >> (4 * digits) & 15u];
+    }
+    return text;
+}
+
+uint32_t slcan_write(const can_frame_t *frame, char *text)
+{
+    bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0, remote = (frame->flags & CAN_FRAME_REMOTE) != 0;
+    char *end = text;
+    if ((frame->flags & (CAN_FRAME_FD | CAN_FRAME_ERROR)) || frame->length > 8) {
+        return 0;
+    }
+    *end++ = (remote ? "rR" : "tT")[extended];
+    end = write_hex(end, frame->id, extended ? 8u : 3u);
+    end = write_hex(end, frame->length, 1);
+    for (uint32_t i = 0; i < frame->length && !remote; i++) {
+        end = write_hex(end, frame->data[i], 2);
+    }
+    *end++ = CR;
+    *end = '\0';
+    return (uint32_t)(end - text);
+}

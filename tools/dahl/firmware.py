@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: MIT
+"""The friction node as firmware (port/cortex_m/node_image.c) on an emulated core, reachable over
+TCP as slcan.
+
+Built with the core's preset, run in QEMU, with the scene's parameters in the flash page where a
+product would keep its calibration.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from dahl import Error, RunError, places
+
+PATIENCE = 20.0  # s for QEMU to listen
+PAGE_WRITTEN = 0x4C484144  # "DAHL", see node_image.c
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board of QEMU, and where its flash page for parameters is (port/cortex_m/*.ld)."""
+
+    machine: str
+    page: int
+
+
+BOARDS = {
+    "m0": Board("microbit", 0x0003FC00),
+    "m3": Board("mps2-an385", 0x003FF000),
+    "m4f": Board("mps2-an386", 0x003FF000),
+    "m7": Board("mps2-an500", 0x003FF000),
+    "m33": Board("mps2-an505", 0x103FF000),
+}
+
+
+def build(core: str) -> Path:
+    """Configure and build the image of one core; returns it."""
+    if core not in BOARDS:
+        raise Error(f"--target {core}: one of {' '.join(BOARDS)} was expected")
+    folder = places.ROOT / "build" / core
+    for command in (
+        ["cmake", "--preset", core],
+        ["cmake", "--build", str(folder), "--target", "node_image"],
+    ):
+        try:
+            done = subprocess.run(
+                command, cwd=places.ROOT, capture_output=True, text=True, check=False, timeout=300
+            )
+        except FileNotFoundError:
+            raise RunError("cmake is not installed; tools/setup.sh installs it") from None
+        if done.returncode:
+            lines = (done.stderr or done.stdout).strip().splitlines()
+            raise RunError(f"the image for {core} could not be built: {lines[-1] if lines else ''}")
+    return folder / "port" / "node_image"
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Firmware:
+    """The image, running; `with Firmware(...) as node: can.Bus(**node.bus)`."""
+
+    def __init__(
+        self,
+        core: str,
+        params: tuple[float, float, float] | None,
+        folder: Path,
+        number: int = 0,
+        image: Path | None = None,
+    ) -> None:
+        """params: sigma0, Fc, theta_per_count; None leaves the page blank. folder: for files."""
+        self.core, self.board, self.number = core, BOARDS[core], number
+        self.image = image or build(core)
+        self.page = folder / f"params.{core}.bin"
+        self.page.write_bytes(
+            struct.pack("<I3fI", PAGE_WRITTEN, *params, number) if params else bytes(20)
+        )
+        self.errors = folder / f"qemu.{core}.err"
+
+    def __enter__(self) -> Firmware:
+        self.port = free_port()
+        serial = f"tcp:127.0.0.1:{self.port},server=on,wait=off,nodelay=on"
+        command = ["qemu-system-arm", "-M", self.board.machine, "-display", "none"]
+        command += ["-monitor", "none", "-serial", serial, "-kernel", str(self.image)]
+        loader = f"loader,file={self.page},addr={self.board.page:#x},force-raw=on"
+        with self.errors.open("w", encoding="utf-8") as errors:
+            try:
+                self.process = subprocess.Popen(
+                    [*command, "-device", loader],
+                    stdin=subprocess.DEVNULL,
+                    stdout=errors,
+                    stderr=errors,
+                    start_new_session=True,
+                )
+            except FileNotFoundError:
+                raise RunError("qemu-system-arm is missing; tools/setup.sh installs it") from None
+        self._wait()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.terminate()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+    def ended(self) -> bool:
+        return self.process.poll() is not None
+
+    @property
+    def bus(self) -> dict[str, object]:
+        """How python-can opens it."""
+        return {"interface": "slcan", "channel": f"socket://127.0.0.1:{self.port}"}
+
+    def _wait(self) -> None:
+        """Until QEMU listens; a first look at the port costs it nothing."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until and not self.ended():
+            if f":{self.port:04X} " in _listening():
+                return
+            time.sleep(0.02)
+        said = self.errors.read_text(encoding="utf-8").strip().splitlines()
+        self.__exit__()
+        raise RunError(f"QEMU did not start: {said[-1] if said else 'no word from it'}")
+
+
+def _listening() -> str:
+    """Local addresses of TCP sockets in state LISTEN."""
+    lines = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
+    return " ".join(line.split()[1] for line in lines if line.split()[3] == "0A") + " "
