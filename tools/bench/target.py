@@ -65,6 +65,10 @@ PATHS = {
     "angle": ["dahl_prepare", "dahl_step_counts_q30", "dahl_step_counts", "dahl_torque", "dahl_step"],
 }
 
+# Sections by what they cost.
+KINDS = {".text": "code", ".rodata": "const", ".srodata": "const"}
+KINDS |= dict.fromkeys((".data", ".bss", ".sdata", ".sbss", ".tdata", ".tbss"), "static")
+
 # Soft-float and double helpers of Arm's and of GCC's naming, heap, printing, and the elementary functions of libm.
 FORBIDDEN = re.compile(
     r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?|__(fix|fixuns|float|floatun|floatuns)\w+"
@@ -152,12 +156,11 @@ def sizes(core: Core, image: Path) -> dict[str, int]:
     """Bytes of code, const data and writable static data."""
     lines = (line.split() for line in run(core.tool("size"), "-A", image).splitlines())
     by_section = {words[0]: int(words[1]) for words in lines if len(words) == 3 and words[0].startswith(".")}
-    total = {"code": 0, "const": 0, "static": 0}
+    total = dict.fromkeys(("code", "const", "static"), 0)
     for section, size in by_section.items():
-        kind = {"text": "code", "rodata": "const", "srodata": "const", "ARM": "const"}.get(section.split(".")[1])
-        if section.split(".")[1] in ("data", "bss", "sdata", "sbss"):
-            kind = "static"
-        total[kind or "ignored"] = total.get(kind or "ignored", 0) + size
+        kind = KINDS.get(".".join(section.split(".")[:2]))
+        if kind:
+            total[kind] += size
     return total
 
 

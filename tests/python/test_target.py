@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: MIT
+"""Small cores: the Unity tests in QEMU, what a call costs against the budgets, and the gates that keep it so.
+
+tests/target/budgets.json holds every limit. Each gate is shown to bite by a fault planted for it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools" / "bench"))
+
+import table  # noqa: E402
+import target  # noqa: E402
+
+BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
+ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
+TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "float"]
+CASES = [f"test_{name}" for name in TESTS] + ["bits"]
+
+
+def need(core: target.Core) -> None:
+    for program in (core.tool("gcc"), core.tools[1]):
+        if not shutil.which(program):
+            pytest.skip(f"{program} is not installed (tools/setup.sh installs it where Debian has it)")
+
+
+# --- the Unity tests on each core ----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def ran_on(tmp_path_factory):
+    """Build one core and run its CTest entries once; the outcome of each by name."""
+    known: dict[str, dict[str, ElementTree.Element]] = {}
+
+    def run(name: str) -> dict[str, ElementTree.Element]:
+        if name not in known:
+            core = target.CORES[name]
+            need(core)
+            target.build(core, "all")
+            junit = tmp_path_factory.mktemp(name) / "ctest.xml"
+            command = ["ctest", "--test-dir", core.build, "-L", "target", "-j2", "--output-junit", junit]
+            subprocess.run(command, check=False, capture_output=True, timeout=280)
+            known[name] = {case.get("name"): case for case in ElementTree.parse(junit).iter("testcase")}
+        return known[name]
+
+    return run
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("name", target.CORES)
+def test_on_core(name: str, case: str, ran_on) -> None:
+    outcome = ran_on(name)[case]
+    assert outcome.get("status") == "run" and outcome.find("failure") is None, outcome.findtext("system-out")[-2000:]
+
+
+def test_a_failing_image_fails(ran_on) -> None:
+    """An exit code and a fault on the core reach CTest: an image with neither main's 0 nor a main at all."""
+    core = target.CORES["m3"]
+    ran_on("m3")
+    for body in ("return 3;", "return *(volatile int *)0xF0000001;"):
+        status = subprocess.run(emulator(core, plant(core, f"int main(void) {{ {body} }}")), timeout=60, check=False)
+        assert status.returncode == (3 if "3" in body[:9] else 70)
+
+
+def plant(core: target.Core, source: str) -> Path:
+    """A small image for a core's board, linked as the tests are."""
+    port, folder = ROOT / "port/cortex_m", core.build / "planted"
+    folder.mkdir(exist_ok=True)
+    (folder / "main.c").write_text(source + "\n")
+    parts = [port / f"{part}.c" for part in ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none")]
+    flags = target.cache_value(core, "CMAKE_C_FLAGS").split()
+    board = target.cache_value(core, "DAHL_BOARD") or core.machine
+    target.run(core.tool("gcc"), *flags, "-O1", f"-I{port}", f"-I{ROOT}/port", "-nostartfiles", f"-L{port}",
+               f"-T{port}/{board}.ld", "-o", folder / "image", folder / "main.c", *parts)  # fmt: skip
+    return folder / "image"
+
+
+def emulator(core: target.Core, image: Path) -> list[str]:
+    return [core.tools[1], "-M", core.machine, "-nographic", "-monitor", "none", "-serial", "none",
+            "-semihosting-config", "enable=on,target=native", "-kernel", str(image)]  # fmt: skip
+
+
+@pytest.mark.parametrize("built, board", [("m3", "microbit"), ("m3", "mps2-an386"), ("m0", "mps2-an505")])
+def test_wrong_board_does_not_link(built: str, board: str, ran_on, tmp_path) -> None:
+    core = target.CORES[built]
+    need(core)
+    port = ROOT / "port/cortex_m"
+    flags = f"-mthumb -mcpu=cortex-{built}".split()
+    main = tmp_path / "main.c"
+    main.write_text("int main(void) { return 0; }\n")
+    parts = [port / f"{part}.c" for part in ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none")]
+    command = [core.tool("gcc"), *flags, f"-I{port}", f"-I{ROOT}/port", "-nostartfiles", f"-L{port}",
+               f"-T{port}/{board}.ld", "-o", tmp_path / "image", main, *parts]  # fmt: skip
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert f"the core of {board}: configure with -DDAHL_CORE=" in done.stderr
+
+
+def test_unknown_core_is_refused(tmp_path) -> None:
+    command = ["cmake", "-S", ROOT, "-B", tmp_path, "--toolchain", ROOT / "port/cortex_m/toolchain.cmake", "-DDAHL_CORE=m9"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "'m9'; known are m0, m3, m4f, m7, m33" in done.stderr
+
+
+# --- what a call costs ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def bench() -> dict[str, dict]:
+    """tools/bench.sh target, all cores; a core without its tools is left out."""
+    names = [n for n, c in target.CORES.items() if shutil.which(c.tool("gcc")) and shutil.which(c.tools[1])]
+    if not names:
+        pytest.skip("no cross compiler with its QEMU is installed")
+    result = target.measure_all(names, quick=False)
+    target.write_result(result)
+    return result
+
+
+def of_core(bench: dict[str, dict], name: str) -> dict:
+    if name not in bench:
+        pytest.skip(f"no tools for {name}")
+    return bench[name]
+
+
+LIMITS = [(n, k, limit) for n, limits in BUDGETS["instructions at most"].items() for k, limit in limits.items()]
+BYTES = BUDGETS["bytes at most"]
+LIMITS += [(n, k, limit) for n in BYTES.keys() - {"all"} for k, limit in BYTES[n].items()]
+LIMITS += [(n, k, limit) for n in target.CORES for k, limit in BYTES["all"].items()]
+
+
+@pytest.mark.parametrize("name, key, limit", LIMITS)
+def test_budget(bench, name: str, key: str, limit: int) -> None:
+    assert of_core(bench, name)[key] <= limit
+
+
+@pytest.mark.parametrize("name, least", BUDGETS["newlib_expm1f over one_count_q30 at least"].items())
+def test_ratio(bench, name: str, least: float) -> None:
+    core = of_core(bench, name)
+    assert core["newlib_expm1f"] >= least * core["one_count_q30"]
+
+
+@pytest.mark.parametrize("name", target.CORES)
+def test_dense_moves_cost_the_same(bench, name: str) -> None:
+    core = of_core(bench, name)
+    assert core["dense_q30_most"] - core["dense_q30_least"] <= BUDGETS["dense moves differ by at most"]
+
+
+def test_counts_are_the_same_twice(bench) -> None:
+    again = target.measure(target.CORES["m4f"], ["newlib", "picolibc"])
+    assert again == of_core(bench, "m4f")
+
+
+def test_a_costlier_step_is_seen(tmp_path) -> None:
+    """The counter bites: one instruction more in a function is one more in its count."""
+    core = target.CORES["m3"]
+    need(core)
+    target.build_plugin()
+    counts = []
+    for extra in ("", "nop"):
+        source = f"""
+            void bench_call(void); void (*bench_function)(void); unsigned bench_sp; void bench_mark(void);
+            void semihosting_write(const char *text, unsigned length);
+            __attribute__((naked)) static void planted(void) {{ __asm volatile("{extra}\\n bx lr"); }}
+            int main(void) {{
+                bench_function = planted; semihosting_write("case planted\\n", 13); bench_mark(); bench_call(); return 0;
+            }}
+            __asm(".include \\"{ROOT}/tools/bench/target/call_arm.S\\"");"""
+        cases, _ = target.read_cases(*target.emulate(core, plant(core, source)))
+        counts.append(cases["planted"][0])
+    assert counts == [1, 2]
+
+
+README = ROOT / "README.md"
+
+
+def test_readme_has_the_numbers(bench) -> None:
+    if set(bench) != set(target.CORES):
+        pytest.skip("not all cores could be counted here")
+    assert README.exists() and table.MARKS[0] in README.read_text(), "README.md has no block for tools/bench.sh readme"
+    text = README.read_text()
+    assert table.replaced(text, table.markdown(bench)) == text, "run tools/bench.sh target && tools/bench.sh readme"
+
+
+def test_a_changed_number_is_seen(bench) -> None:
+    block = table.markdown(bench)
+    changed = re.sub(r"\d+", lambda digits: str(int(digits[0]) + 1), block, count=1)
+    assert table.replaced(f"a\n{changed}\nb", block) == f"a\n{block}\nb" != f"a\n{changed}\nb"
+
+
+# --- what may be linked --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", target.PATHS)
+@pytest.mark.parametrize("name", target.CORES)
+def test_links_nothing_but_integers(name: str, path: str) -> None:
+    core = target.CORES[name]
+    need(core)
+    target.build(core, "dahl")
+    image = target.link_path(core, path)
+    assert target.forbidden(core, image) == []
+    assert target.sizes(core, image)["static"] == 0
+
+
+PLANTED = {
+    "double": "double x; void dahl_step_counts_q30(void) { x *= 1.1; }",
+    "float": "float x; void dahl_step_counts_q30(void) { x += 1.5f; }",
+    "from int": "float x; int n; void dahl_step_counts_q30(void) { x = (float)n; }",
+    "to int": "float x; int n; void dahl_step_counts_q30(void) { n = (int)x; }",
+    "compare": "float x; int n; void dahl_step_counts_q30(void) { n = x < 2.5f; }",
+    "malloc": "void *malloc(unsigned n) { return (void *)n; } void *p; void dahl_step_counts_q30(void) { p = malloc(8); }",
+    "libm": "float expm1f(float x) { return x; } void dahl_step_counts_q30(void) { volatile float x = expm1f(1); }",
+}
+
+
+def planted_archive(core: target.Core, source: str, folder: Path) -> Path:
+    (folder / "x.c").write_text(source + "\nvoid dahl_prepare(void) {}\n")
+    flags = target.cache_value(core, "CMAKE_C_FLAGS").split()
+    target.run(core.tool("gcc"), *flags, "-O0", "-fno-builtin", "-c", "-o", folder / "x.o", folder / "x.c")
+    return folder / "x.o"
+
+
+@pytest.mark.parametrize("fault", PLANTED)
+@pytest.mark.parametrize("name", ["m0", "m3", "rv32"])
+def test_gate_bites(name: str, fault: str, tmp_path) -> None:
+    core = target.CORES[name]
+    need(core)
+    target.build(core, "dahl")
+    image = target.link_path(core, "q30", planted_archive(core, PLANTED[fault], tmp_path))
+    assert target.forbidden(core, image) != []
+
+
+def test_static_data_gate_bites(tmp_path) -> None:
+    core = target.CORES["m4f"]
+    need(core)
+    target.build(core, "dahl")
+    source = "int calls; void dahl_step_counts_q30(void) { calls++; }"
+    assert target.sizes(core, target.link_path(core, "q30", planted_archive(core, source, tmp_path)))["static"] == 4
