@@ -43,12 +43,17 @@ def check_whole(result, seconds: float) -> None:
     assert summary["realtime_factor"] > 0.9
 
 
-def witness(folder: Path, seconds: float, *options: str) -> None:
+def minute(folder: Path) -> Path:
+    """The steering scene, a minute long."""
+    path = folder / "minute.ini"
+    path.write_text(STEERING.read_text().replace("seconds = 30", "seconds = 60"))
+    return path
+
+
+def witness(folder: Path, scene: Path, seconds: float) -> None:
     """One process and a client that must see each frame of the log, with its time stamp."""
-    with serving(folder, STEERING, "--wait-clients", "1", "--seconds", str(seconds), *options) as (
-        process,
-        port,
-    ):
+    options = ("--wait-clients", "1", "--seconds", str(seconds))
+    with serving(folder, scene, *options) as (process, port):
         with client(port) as bus:
             lines = record(bus, process)
         result = finished(folder, process)
@@ -57,13 +62,13 @@ def witness(folder: Path, seconds: float, *options: str) -> None:
 
 
 def test_python_can_sees_every_frame_with_the_time_of_the_simulation(tmp_path):
-    witness(tmp_path, 3)
+    witness(tmp_path, STEERING, 3)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(120)
 def test_python_can_sees_every_frame_for_a_minute(tmp_path):
-    witness(tmp_path, 60)
+    witness(tmp_path, minute(tmp_path), 60)
 
 
 def test_time_stamps_go_forward_at_one_kilohertz(tmp_path):
@@ -84,14 +89,21 @@ def test_virtual_time_waits_for_its_clients_and_changes_nothing(tmp_path):
     assert served.summary["frames_lost"] == 0
 
 
-def two_processes(folder: Path, seconds: float) -> None:
+def two_processes(folder: Path, scene: Path, seconds: float) -> None:
     with (
-        serving(folder / "node", STEERING, "--role", "node", "--until-idle") as (node, port),
+        serving(folder / "node", scene, "--role", "node", "--until-idle") as (node, port),
         client(port) as bus,
     ):
         bus_spec = f"socketcand:127.0.0.1:{port}"
         encoder = start_in(
-            folder / "encoder", "--role", "encoder", "--bus", bus_spec, "--seconds", str(seconds)
+            folder / "encoder",
+            scene,
+            "--role",
+            "encoder",
+            "--bus",
+            bus_spec,
+            "--seconds",
+            str(seconds),
         )
         lines = record(bus, encoder)
         sent = finished(folder / "encoder", encoder)
@@ -113,19 +125,19 @@ def two_processes(folder: Path, seconds: float) -> None:
     assert max(sent.summary["max_rss_kib"], answered.summary["max_rss_kib"]) < 16 * 1024
 
 
-def start_in(folder: Path, *options: str):
+def start_in(folder: Path, scene: Path, *options: str):
     folder.mkdir()
-    return start(folder, STEERING, *options)
+    return start(folder, scene, *options)
 
 
 def test_two_processes_and_a_witness_on_one_bus(tmp_path):
-    two_processes(tmp_path, 3)
+    two_processes(tmp_path, STEERING, 3)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(120)
 def test_two_processes_lose_nothing_for_a_minute(tmp_path):
-    two_processes(tmp_path, 60)
+    two_processes(tmp_path, minute(tmp_path), 60)
 
 
 def test_two_processes_compute_what_one_does(tmp_path):
@@ -133,7 +145,7 @@ def test_two_processes_compute_what_one_does(tmp_path):
     with serving(tmp_path / "node", STEERING, "--role", "node", "--until-idle") as (node, port):
         spec = f"socketcand:127.0.0.1:{port}"
         encoder = start_in(
-            tmp_path / "encoder", "--role", "encoder", "--bus", spec, "--seconds", "2"
+            tmp_path / "encoder", STEERING, "--role", "encoder", "--bus", spec, "--seconds", "2"
         )
         finished(tmp_path / "encoder", encoder)
         two = read_log(finished(tmp_path / "node", node).log)
@@ -314,7 +326,12 @@ def test_frames_go_to_all_but_their_sender(tmp_path):
 def test_the_bus_going_away_is_told_and_the_files_are_whole(tmp_path):
     with serving(tmp_path / "node", STEERING, "--role", "node") as (node, port):
         encoder = start_in(
-            tmp_path / "encoder", "--role", "encoder", "--bus", f"socketcand:127.0.0.1:{port}"
+            tmp_path / "encoder",
+            STEERING,
+            "--role",
+            "encoder",
+            "--bus",
+            f"socketcand:127.0.0.1:{port}",
         )
         log = tmp_path / "encoder" / "run.log"
         wait_until(log.exists)
