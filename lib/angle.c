@@ -37,7 +37,7 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
     if (magnitude >= DAHL_BITS_NORMAL && magnitude <= DAHL_BITS_INF) {
         uint64_t w = (uint64_t)state->w;
         dahl_q64_t g = q64_of(dahl_kernel(travel_of(plan, magnitude)));
-        state->w = (int64_t)(bits >> 31 ? dahl_backward(w, &g) : dahl_forward(w, &g));
+        state->w = (int64_t)(bits >> 31 ? dahl_backward(w, g) : dahl_forward(w, g));
     }
     return dahl_torque_of(plan, state->w);
 }

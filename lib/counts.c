@@ -15,7 +15,7 @@ float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dco
         return step_digits(plan, state, dcounts);
     }
     uint64_t w = (uint64_t)state->w;
-    w = dcounts > 0 ? dahl_forward(w, &plan->g[dcounts]) : dahl_backward(w, &plan->g[-dcounts]);
+    w = dcounts > 0 ? dahl_forward(w, plan->g[dcounts]) : dahl_backward(w, *(plan->g - dcounts));
     state->w = (int64_t)w;
     return dahl_torque_of(plan, state->w);
 }

@@ -31,21 +31,30 @@ static inline uint32_t dahl_round_backward(uint64_t w)
     return (uint32_t)((w + 0x80808080u) >> 32);
 }
 
-static inline uint64_t dahl_forward(uint64_t w, const dahl_q64_t *g)
+/* z times g in Q62. */
+static inline uint64_t dahl_part(uint32_t z, dahl_q64_t g)
+{
+    return dahl_mul(z, g.hi) + dahl_mulhi(z, g.lo);
+}
+
+/* The low product first, by words: it leaves the sum where a multiply-accumulate takes it. */
+static inline uint64_t dahl_forward(uint64_t w, dahl_q64_t g)
 {
     uint32_t z = DAHL_ONE_Q30 - dahl_round_forward(w);
-    w += dahl_mulhi(z, g->lo);
-    return w + dahl_mul(z, g->hi);
+    uint32_t low = (uint32_t)w + dahl_mulhi(z, g.lo);
+    uint32_t high = (uint32_t)(w >> 32) + (low < (uint32_t)w);
+    return ((uint64_t)high << 32 | low) + dahl_mul(z, g.hi);
 }
 
-static inline uint64_t dahl_backward(uint64_t w, const dahl_q64_t *g)
+/* Signed, so that the compiler keeps the product in one piece; it is below 2^63. */
+static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
 {
     uint32_t z = DAHL_ONE_Q30 + dahl_round_backward(w);
-    w -= dahl_mulhi(z, g->lo);
-    return w - dahl_mul(z, g->hi);
+    return (uint64_t)((int64_t)w - (int64_t)dahl_part(z, g));
 }
 
-/* A move beyond the dense entries (digits.c). */
+/* A move beyond the dense entries, and what is left of a Q30 tick then (digits.c): out of line, to keep the tick short. */
 void dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+int32_t dahl_step_digits_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 #endif
