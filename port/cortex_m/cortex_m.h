@@ -24,9 +24,15 @@ void cortex_fault(void) __attribute__((noreturn));
 void tick_start(void);
 uint32_t tick_now_us(void);
 
-/* One serial port, polled. read: false when nothing is there. write waits for room. */
+/* One serial port. read: false when nothing is there. write waits for room. wait sleeps until a byte comes or any
+ * interrupt is taken. */
 void uart_start(void);
 bool uart_read(uint8_t *byte);
 void uart_write(uint8_t byte);
+void uart_wait(void);
+
+/* Sleep until interrupt `number` or another one is pending, unless `ready` says that there is no need. The interrupt only
+ * wakes; it is never taken, so it needs no handler. */
+void cortex_wait(uint32_t number, bool (*ready)(void));
 
 #endif

@@ -16,13 +16,14 @@
 typedef struct {
     uint32_t written;
     dahl_params_t params;
-    uint32_t number; /* of the node, 0..15 */
+    uint32_t number;     /* of the node, 0..15 */
+    uint32_t timeout_us; /* 0: NODE_TIMEOUT_US */
 } param_page_t;
 
 extern const param_page_t param_page;
 
 static const param_page_t defaults = {
-    PAGE_WRITTEN, {.sigma0 = 36500.0f, .Fc = 2.7f, .theta_per_count = 1e-7f}, 0,
+    PAGE_WRITTEN, {.sigma0 = 36500.0f, .Fc = 2.7f, .theta_per_count = 1e-7f}, 0, 0,
 };
 
 static dahl_plan_t plan;
@@ -49,6 +50,9 @@ static void serve(bool ready)
     if (ready && came && node_receive(&node, &in, now_us, &out)) {
         can_bus_send(&serial.bus, &out);
     }
+    if (!came) {
+        uart_wait();
+    }
     if (ready && serial.slcan.open && node_tick(&node, now_us, &out)) {
         can_bus_send(&serial.bus, &out);
     }
@@ -59,6 +63,7 @@ int main(void)
     const param_page_t *page = find_params();
     bool ready = dahl_prepare(&plan, &page->params) == DAHL_OK;
     node_init(&node, &plan, (uint8_t)page->number);
+    node.timeout_us = page->timeout_us != 0 ? page->timeout_us : NODE_TIMEOUT_US;
     uart_start();
     tick_start();
     serial_bus_open(&serial, (serial_port_t){uart_read, uart_write}, (can_clock_t){now_ns, NULL, NULL});

@@ -7,6 +7,8 @@ extern char core_mhz[]; /* its address is the number, from the board's linker sc
 #define SYSTICK_CONTROL CORTEX_REGISTER(0xE000E010u)
 #define SYSTICK_RELOAD CORTEX_REGISTER(0xE000E014u)
 #define SYSTICK_VALUE CORTEX_REGISTER(0xE000E018u)
+#define INTERRUPT_STATE CORTEX_REGISTER(0xE000ED04u)
+#define SYSTICK_PENDING (1u << 26)
 enum { CORE_CLOCK = 4, INTERRUPT = 2, ENABLE = 1 };
 
 static volatile uint32_t milliseconds;
@@ -28,13 +30,16 @@ void tick_start(void)
     SYSTICK_CONTROL = CORE_CLOCK | INTERRUPT | ENABLE;
 }
 
-/* Read again if an interrupt came between, so that both parts are of one millisecond. */
+/* Read again if an interrupt came between, so that both parts are of one millisecond. An interrupt that is due but not yet
+ * taken has started the counter anew: without its millisecond the time would go back. */
 uint32_t tick_now_us(void)
 {
-    uint32_t before, left;
+    uint32_t whole, left, pending, reload = mhz() * 1000u - 1u;
     do {
-        before = milliseconds;
+        whole = milliseconds;
         left = SYSTICK_VALUE;
-    } while (before != milliseconds);
-    return before * 1000u + (mhz() * 1000u - 1u - left) / mhz();
+        pending = INTERRUPT_STATE & SYSTICK_PENDING;
+    } while (whole != milliseconds);
+    whole += pending != 0 && left > reload / 2u;
+    return whole * 1000u + (reload - left) / mhz();
 }

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* Arm's CMSDK UART, the first port of the mps2 boards. The board's linker script says where it is. */
+/* Arm's CMSDK UART, the first port of the mps2 boards. The board's linker script says where it is and which interrupt it
+ * has. */
 #include "cortex_m.h"
 
-extern char uart_base[];
+extern char uart_base[], uart_interrupt[];
 
-enum { DATA = 0x0, STATE = 0x4, CONTROL = 0x8, DIVIDER = 0x10 };
-enum { STATE_TX_FULL = 1, STATE_RX_FULL = 2, CONTROL_TX_RX = 3, DIVIDER_LEAST = 16 };
+enum { DATA = 0x0, STATE = 0x4, CONTROL = 0x8, INTERRUPT = 0xC, DIVIDER = 0x10 };
+enum { STATE_TX_FULL = 1, STATE_RX_FULL = 2, CONTROL_TX_RX = 3, CONTROL_RX_INTERRUPT = 8, INTERRUPT_RX = 2, DIVIDER_LEAST = 16 };
 
 static volatile uint32_t *port(uint32_t offset)
 {
@@ -15,14 +16,20 @@ static volatile uint32_t *port(uint32_t offset)
 void uart_start(void)
 {
     *port(DIVIDER) = DIVIDER_LEAST;
-    *port(CONTROL) = CONTROL_TX_RX;
+    *port(CONTROL) = CONTROL_TX_RX | CONTROL_RX_INTERRUPT;
+}
+
+static bool has_byte(void)
+{
+    return (*port(STATE) & STATE_RX_FULL) != 0;
 }
 
 bool uart_read(uint8_t *byte)
 {
-    if (!(*port(STATE) & STATE_RX_FULL)) {
+    if (!has_byte()) {
         return false;
     }
+    *port(INTERRUPT) = INTERRUPT_RX;
     *byte = (uint8_t)*port(DATA);
     return true;
 }
@@ -32,4 +39,9 @@ void uart_write(uint8_t byte)
     while (*port(STATE) & STATE_TX_FULL) {
     }
     *port(DATA) = byte;
+}
+
+void uart_wait(void)
+{
+    cortex_wait((uint32_t)(uintptr_t)uart_interrupt, has_byte);
 }

@@ -74,14 +74,20 @@ class Firmware:
         params: tuple[float, float, float] | None,
         folder: Path,
         number: int = 0,
+        timeout_us: int = 0,
         image: Path | None = None,
+        options: tuple[str, ...] = (),
     ) -> None:
-        """params: sigma0, Fc, theta_per_count; None leaves the page blank. folder: for files."""
+        """params: sigma0, Fc, theta_per_count; None leaves the page blank. timeout_us: 0 for
+        the firmware's own. folder: for files. options:
+        more words for QEMU.
+        """
+        self.options = options
         self.core, self.board, self.number = core, BOARDS[core], number
         self.image = image or build(core)
         self.page = folder / f"params.{core}.bin"
         self.page.write_bytes(
-            struct.pack("<I3fI", PAGE_WRITTEN, *params, number) if params else bytes(20)
+            struct.pack("<I3f2I", PAGE_WRITTEN, *params, number, timeout_us) if params else bytes(24)
         )
         self.errors = folder / f"qemu.{core}.err"
 
@@ -94,7 +100,7 @@ class Firmware:
         with self.errors.open("w", encoding="utf-8") as errors:
             try:
                 self.process = subprocess.Popen(
-                    [*command, "-device", loader],
+                    [*command, "-device", loader, *self.options],
                     stdin=subprocess.DEVNULL,
                     stdout=errors,
                     stderr=errors,

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Sleep without a handler: with interrupts masked (PRIMASK) a pending one still ends WFI. The interrupt is switched on for
+ * that moment only; all others that are on, like SysTick, are taken once the mask is lifted.
+ */
+#include "cortex_m.h"
+
+#define SET_ENABLE 0xE000E100u
+#define CLEAR_ENABLE 0xE000E180u
+#define CLEAR_PENDING 0xE000E280u
+
+void cortex_wait(uint32_t number, bool (*ready)(void))
+{
+    uint32_t offset = number / 32u * 4u, bit = 1u << (number % 32u);
+    __asm volatile("cpsid i" ::: "memory");
+    CORTEX_REGISTER(CLEAR_PENDING + offset) = bit;
+    CORTEX_REGISTER(SET_ENABLE + offset) = bit;
+    if (!ready()) {
+        __asm volatile("dsb\n wfi" ::: "memory");
+    }
+    CORTEX_REGISTER(CLEAR_ENABLE + offset) = bit;
+    __asm volatile("cpsie i" ::: "memory");
+}

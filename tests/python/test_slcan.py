@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: MIT
+"""The slcan line reader of port/slcan, byte by byte: what it accepts, what it refuses and how it counts that."""
+
+from __future__ import annotations
+
+import ctypes
+import random
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+ROOT = Path(__file__).resolve().parents[2]
+COUNTS = ("too_long", "cut", "not_hex", "wrong_length", "unknown", "closed")
+LINE_MAX = 26
+EXTENDED, REMOTE, FD = 1, 2, 8
+
+
+class Frame(ctypes.Structure):
+    """can_frame_t."""
+
+    _fields_ = [
+        ("time_us", ctypes.c_uint64),
+        ("id", ctypes.c_uint32),
+        ("flags", ctypes.c_uint8),
+        ("length", ctypes.c_uint8),
+        ("data", ctypes.c_uint8 * 8),
+    ]
+
+    def key(self) -> tuple[int, int, bytes]:
+        return self.id, self.flags, bytes(self.data[: self.length])
+
+
+class Slcan(ctypes.Structure):
+    """slcan_t."""
+
+    _fields_ = [(name, ctypes.c_uint32) for name in COUNTS]
+    _fields_ += [("length", ctypes.c_uint32), ("open", ctypes.c_bool), ("refused", ctypes.c_bool)]
+    _fields_ += [("line", ctypes.c_char * LINE_MAX), ("guard", ctypes.c_uint8 * 8)]
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory) -> ctypes.CDLL:
+    """port/slcan/slcan.c as it is, with the sanitizer that needs no special start of Python."""
+    library = tmp_path_factory.mktemp("slcan") / "slcan.so"
+    source = ROOT / "port/slcan/slcan.c"
+    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-fsanitize=undefined", "-shared", "-fPIC"]
+    subprocess.run(["gcc", *flags, "-fno-sanitize-recover=all", "-o", library, source], check=True)
+    return ctypes.CDLL(str(library))
+
+
+class Line:
+    """An adapter, fed with text."""
+
+    def __init__(self, reader: ctypes.CDLL, *, opened: bool = True) -> None:
+        self.reader, self.state = reader, Slcan()
+        self.state.guard[:] = [0xA5] * 8
+        if opened:
+            assert self.feed(b"O\r") == (b"\r", [])
+
+    def feed(self, data: bytes) -> tuple[bytes, list[Frame]]:
+        """All answers, and all frames."""
+        said, frames, text = b"", [], ctypes.create_string_buffer(LINE_MAX + 2)
+        for byte in data:
+            frame = Frame()
+            event = self.reader.slcan_take(ctypes.byref(self.state), byte, ctypes.byref(frame), text)
+            said += text.value if event else b""
+            frames += [frame] if event == 2 else []
+        assert bytes(self.state.guard) == b"\xa5" * 8, "wrote past the line"
+        return said, frames
+
+    def counts(self) -> dict[str, int]:
+        return {name: getattr(self.state, name) for name in COUNTS if getattr(self.state, name)}
+
+
+def test_takes_the_four_kinds(reader) -> None:
+    said, frames = Line(reader).feed(b"t1002AB12\rT1ABCDEF08" + b"0123456789abcdef\rr7FF4\rR000000018\r")
+    assert said == b"\r\r\r\r"
+    assert [frame.key() for frame in frames] == [
+        (0x100, 0, b"\xab\x12"),
+        (0x1ABCDEF0, EXTENDED, bytes.fromhex("0123456789abcdef")),
+        (0x7FF, REMOTE, bytes(4)),
+        (1, EXTENDED | REMOTE, bytes(8)),
+    ]
+
+
+@pytest.mark.parametrize(
+    "line, why",
+    [
+        (b"t1008" + b"0" * 22, "too_long"),
+        (b"x" * 1000, "too_long"),
+        (b"t", "cut"),
+        (b"t10", "cut"),
+        (b"t100", "cut"),
+        (b"t1002AB", "cut"),
+        (b"t1002AB1", "cut"),
+        (b"T1ABCDEF", "cut"),
+        (b"t1x02AB12", "not_hex"),
+        (b"t100gAB12", "not_hex"),
+        (b"t1002AB1/", "not_hex"),
+        (b"t1002AB:2", "not_hex"),
+        (b"t1002AB\x002", "not_hex"),
+        (b"t1002AB\xff2", "not_hex"),
+        (b"t1009" + b"00" * 8, "wrong_length"),
+        (b"t100F", "wrong_length"),
+        (b"t1002AB1234", "wrong_length"),
+        (b"t1000AB", "wrong_length"),
+        (b"r1002AB12", "wrong_length"),
+        (b"t8002AB12", "wrong_length"),
+        (b"TFABCDEF02AB12", "wrong_length"),
+        (b"q", "unknown"),
+        (b"OO", "unknown"),
+        (b"\x00", "unknown"),
+        (b"Z1", "unknown"),
+    ],
+)
+def test_refuses_and_counts(reader, line: bytes, why: str) -> None:
+    adapter = Line(reader)
+    assert adapter.feed(line + b"\r") == (b"\a", [])
+    assert adapter.counts() == {why: 1}
+    said, frames = adapter.feed(b"t1002AB12\r")
+    assert said == b"\r" and frames[0].key() == (0x100, 0, b"\xab\x12"), "the next good line is lost"
+    assert adapter.feed(b"F\rF\r")[0] == b"F80\rF00\r"
+
+
+def test_closed_takes_no_frame(reader) -> None:
+    adapter = Line(reader, opened=False)
+    assert adapter.feed(b"t1002AB12\r") == (b"\a", [])
+    assert adapter.counts() == {"closed": 1}
+    assert adapter.feed(b"S6\rs031C\r\rO\rC\rt1000\r")[0] == b"\r\r\r\r\r\a"
+
+
+@given(st.binary(max_size=400))
+def test_any_bytes(reader, data: bytes) -> None:
+    """Every line gets exactly one answer, every refusal is counted once, and the next good frame comes through."""
+    adapter = Line(reader)
+    said, frames = adapter.feed(data + b"\r")
+    assert said.count(b"\a") == sum(adapter.counts().values())
+    assert said.count(b"\a") + said.count(b"\r") == data.count(b"\r") + 1
+    adapter.feed(b"O\r")
+    assert adapter.feed(b"t1230\r")[1][0].key() == (0x123, 0, b"")
+
+
+def test_near_misses(reader) -> None:
+    """Good lines with one byte changed, dropped or doubled: never a frame of another length than its line says."""
+    rng = random.Random(7)
+    good = b"t1008" + b"0123456789ABCDEF"
+    adapter = Line(reader)
+    for _ in range(20000):
+        line, at = bytearray(good), rng.randrange(len(good))
+        kind = rng.randrange(3)
+        line[at : at + 1] = [bytes([rng.choice([*range(13), *range(14, 256)])]), b"", line[at : at + 1] * 2][kind]
+        said, frames = adapter.feed(bytes(line) + b"\r")
+        assert len(said) == 1 or said[:1] in b"FVvN"
+        for frame in frames:
+            assert len(line.replace(b"\n", b"")) == 5 + 2 * frame.length or frame.flags
+
+
+@given(
+    st.integers(0, 0x1FFFFFFF), st.booleans(), st.booleans(), st.binary(max_size=8)
+)
+def test_writes_what_it_reads(reader, number: int, extended: bool, remote: bool, data: bytes) -> None:
+    frame = Frame(id=number if extended else number & 0x7FF, flags=extended * EXTENDED + remote * REMOTE, length=len(data))
+    frame.data[: len(data)] = list(bytes(len(data)) if remote else data)
+    text = ctypes.create_string_buffer(LINE_MAX + 2)
+    length = reader.slcan_write(ctypes.byref(frame), text)
+    assert length == len(text.value) <= LINE_MAX + 1
+    said, frames = Line(reader).feed(text.value)
+    assert said == b"\r" and frames[0].key() == frame.key()
+
+
+def test_cannot_write_fd(reader) -> None:
+    text = ctypes.create_string_buffer(LINE_MAX + 2)
+    assert reader.slcan_write(ctypes.byref(Frame(id=1, flags=FD)), text) == 0
+    assert reader.slcan_write(ctypes.byref(Frame(id=1, length=9)), text) == 0
+
+
+def test_python_can_agrees(reader) -> None:
+    """python-can's own writer of lines: what it would send is what is read here."""
+    from can.interfaces.slcan import slcanBus
+
+    sent: list[str] = []
+    bus = slcanBus.__new__(slcanBus)
+    bus._write = sent.append
+    bus.serialPortOrig = SimpleNamespace(write_timeout=None)
+    bus._is_shutdown = True
+    messages = [
+        can.Message(arbitration_id=0x100, data=range(8), is_extended_id=False),
+        can.Message(arbitration_id=0x1ABCDEF0, data=b"\xfe", is_extended_id=True),
+        can.Message(arbitration_id=5, is_extended_id=False, is_remote_frame=True, dlc=3),
+    ]
+    for message in messages:
+        slcanBus.send(bus, message)
+    _, frames = Line(reader).feed("".join(text + "\r" for text in sent).encode())
+    for message, frame in zip(messages, frames, strict=True):
+        data = bytes(3) if message.is_remote_frame else bytes(message.data)
+        flags = message.is_extended_id * EXTENDED + message.is_remote_frame * REMOTE
+        assert frame.key() == (message.arbitration_id, flags, data)
