@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -139,6 +140,20 @@ def test_plot_of_a_bare_log_needs_a_scene(demo, run_dahl, tmp_path):
     assert (refused.returncode, "--scene" in refused.stderr) == (2, True)
     assert run_dahl("plot", tmp_path / "run.log", "--scene", "segments").returncode == 0
     assert (tmp_path / "loop.png").exists()
+
+
+def test_plot_of_nothing_is_one_line(run_dahl, tmp_path):
+    done = run_dahl("plot", tmp_path / "none")
+    assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
+
+
+def test_plot_finds_the_log_from_another_folder(own_log, run_dahl, tmp_path):
+    """The command line may have named the log relative to where it ran."""
+    there = {"cwd": own_log.parent}
+    arguments = [*OWN, "--seconds", "0.3", "--output", tmp_path]
+    assert run_dahl("demo", own_log.name, *arguments, **there).returncode == 0
+    done = run_dahl("plot", tmp_path, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
 
 
 def test_scene_without_measurement_says_so(run_dahl, tmp_path):
@@ -286,6 +301,64 @@ def test_a_bad_row_is_named_before_anything_runs(own_log, run_dahl, tmp_path):
     assert done.returncode == 2
     assert "bad.csv:5: column 'shaft [deg]': 'x" in done.stderr
     assert not (tmp_path / "out" / "run.log").exists()
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["nothing"], ["demo", "--fc", "much"], ["monitor", "--nothing"], ["record"]],
+)
+def test_a_wrong_command_line_is_one_line(run_dahl, arguments):
+    done = run_dahl(*arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("error: ")
+    assert "--help)" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["demo", "monitor", "record", "plot", "data"])
+def test_each_command_has_an_example(run_dahl, command):
+    done = run_dahl(command, "--help")
+    assert done.returncode == 0
+    assert re.search(rf"^examples?:\s.*dahl {command} ", done.stdout, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("angle", "deg"),
+        ("deg", "deg"),
+        ("Winkel [°]", "deg"),
+        ("theta [rad]", "rad"),
+        ("theta_rad", "rad"),
+        ("Position [mm]", "mm"),
+        ("Counts", "counts"),
+        ("gradient", "deg"),
+    ],
+)
+def test_the_unit_of_an_angle_is_in_its_name(column, unit):
+    assert scene.unit_in(column) == unit
+
+
+@pytest.mark.parametrize(
+    ("unit", "counts_per_unit", "theta_per_count"),
+    [
+        ("deg", TURN / 360, math.tau / TURN),
+        ("rad", TURN / math.tau, math.tau / TURN),
+        ("counts", 1, math.tau / TURN),
+        ("mm", TURN, 1e-3 / TURN),
+    ],
+)
+def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count):
+    own = scene.OwnLog(Path("x.csv"), "a", "T", SIGMA0, FC, TURN, unit)
+    written = scene.write_own(own, tmp_path / "own.ini")
+    assert float(written.motion["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
+    assert written.theta_per_count == pytest.approx(theta_per_count, rel=1e-15)
+    assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T")
+
+
+def test_a_column_name_that_a_scene_cannot_hold_is_named(tmp_path):
+    own = scene.OwnLog(Path("x.csv"), "a ; b", "T", SIGMA0, FC, TURN)
+    with pytest.raises(dahl.Error, match="column 'a ; b'"):
+        scene.write_own(own, tmp_path / "own.ini")
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,20 @@ import sys
 from dahl import Error, RunError, __version__
 from dahl.commands import data, demo, monitor, plot, record
 
+
+class Parser(argparse.ArgumentParser):
+    """Complains in one line, as everything here does, and names where the options are told."""
+
+    def error(self, message: str) -> None:
+        self.exit(2, f"error: {message} (see {self.prog} --help)\n")
+
+
 COMMANDS = {"demo": demo, "monitor": monitor, "record": record, "plot": plot, "data": data}
 
 
 def build_parser() -> argparse.ArgumentParser:
     """All sub-commands, each with its own example."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="dahl",
         description="Friction torque by Dahl's model, exact at every encoder tick.",
         epilog="example: dahl demo --scene steering",

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import configparser
 import math
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -171,6 +172,12 @@ class OwnLog:
     time: str = ""
 
 
+def unit_in(column: str) -> str:
+    """deg, rad, mm or counts, as the name of an angle column says it; deg where it says nothing."""
+    words = re.split(r"[^a-z\d]+|_", column.lower())
+    return next((unit for unit in ("rad", "mm", "counts") if unit in words), "deg")
+
+
 def write_own(own: OwnLog, path: Path) -> Scene:
     """Write the scene of a user's own log to `path`, and read it back."""
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
@@ -203,7 +210,12 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         f"angle_scale = {1 / size!r}",
     ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return read(path)
+    scene = read(path)
+    found = (scene.motion["angle"], scene.motion.get("time", ""), scene.measured.torque)
+    for column, kept in zip((own.angle, own.time, own.torque), found, strict=True):
+        if column != kept:  # a comment sign in it, or spaces around it
+            raise Error(f"column '{column}': a scene file cannot hold this name; rename the column")
+    return scene
 
 
 def _theta_per_count(own: OwnLog) -> float:

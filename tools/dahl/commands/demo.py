@@ -58,8 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--angle-unit",
         choices=("deg", "rad", "mm", "counts"),
-        default="deg",
-        help="of the angle column",
+        help="of the angle column (default: what its name says, else deg)",
     )
     own.add_argument(
         "--torque-scale",
@@ -103,7 +102,9 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     from dahl import data, scene
 
     if args.log:
-        chosen = scene.write_own(_own(args), args.output / "own.ini")
+        own = _own(args)
+        console.print(f"angle   column '{own.angle}' in {own.angle_unit} (else: --angle-unit)")
+        chosen = scene.write_own(own, args.output / "own.ini")
         return chosen, args.log, scene.read_log(chosen, args.log)
     if args.angle or args.sigma0 or args.fc or args.counts_per_turn:
         raise Error("--angle, --sigma0, --fc and --counts-per-turn go with a LOG of your own")
@@ -116,7 +117,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
 
 def _own(args: argparse.Namespace) -> Any:
     from dahl.core import Plan
-    from dahl.scene import OwnLog
+    from dahl.scene import OwnLog, unit_in
 
     needed = ("angle", "sigma0", "fc", "counts_per_turn")
     missing = ["--" + name.replace("_", "-") for name in needed if getattr(args, name) is None]
@@ -127,6 +128,7 @@ def _own(args: argparse.Namespace) -> Any:
             else "--scene with a LOG: one of both"
         )
     Plan(args.sigma0, args.fc)  # says which parameter is out of range
+    args.angle_unit = args.angle_unit or unit_in(args.angle)
     return OwnLog(**{key: getattr(args, key) for key in OwnLog.__dataclass_fields__})
 
 
@@ -178,7 +180,7 @@ def _play(
             stop,
             lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
         )
-    numbers |= {"bus": chosen, "log": str(log) if log else None}
+    numbers |= {"bus": chosen, "log": str(log.resolve()) if log else None}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
 
 

@@ -37,6 +37,8 @@ def run(args: argparse.Namespace) -> None:
 
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
+    if not log.is_file():
+        raise Error(f"{log}: no such file")
     known = _summary(folder)
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
     trace = report.trace_of(logs.read_candump(log))
