@@ -48,8 +48,8 @@ static uint64_t scaled(uint64_t size, factor_t f)
 
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state)
 {
-    factor_t keep_F = factor_of(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
-    factor_t keep_deflection = factor_of(to->a_mantissa, to->a_exponent, from->a_mantissa, from->a_exponent);
+    factor_t keep_F = factor_of(from->Fc_mantissa, dahl_exponent_of_Fc(from), to->Fc_mantissa, dahl_exponent_of_Fc(to));
+    factor_t keep_deflection = factor_of(to->a_mantissa, dahl_exponent_of_a(to), from->a_mantissa, dahl_exponent_of_a(from));
     uint64_t size = state->w < 0 ? 0u - (uint64_t)state->w : (uint64_t)state->w;
     uint64_t w = size ? scaled(size, smaller(keep_F, keep_deflection)) : 0;
     state->w = (int64_t)(state->w < 0 ? 0u - w : w);

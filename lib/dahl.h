@@ -80,10 +80,10 @@ typedef struct {
 /* Everything that parameters decide, prepared once. Integers only: bits equal everywhere, fit for `const` in flash. */
 typedef struct {
     dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
-    uint32_t a_mantissa;  /* a = a_mantissa 2^a_exponent [1/rad], top bit set */
-    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^(Fc_exponent - 159) [N m], top bit set */
-    int32_t a_exponent;
-    int32_t Fc_exponent;
+    uint32_t a_mantissa;  /* a = a_mantissa 2^(94 - a_shift) [1/rad], top bit set */
+    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^((Fc_scale >> 24) - 159) [N m], top bit set */
+    int32_t a_shift;
+    uint32_t Fc_scale;
 } dahl_plan_t;
 
 /* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by 2^-31 of it, which no returned value shows). 0: relaxed. */

@@ -58,12 +58,25 @@ static inline dahl_real_t dahl_real_of(uint32_t bits)
     return r;
 }
 
-/* A plan holds the exponent of Fc as dahl_pack wants it. */
+/* A plan holds the exponent of Fc as dahl_pack (torque.h) wants it: biased, times 2^24, and 1 for a rounding. */
 #define DAHL_FC_BIAS 159
+
+static inline uint32_t dahl_scale_of(int32_t exponent)
+{
+    return (uint32_t)(exponent + DAHL_FC_BIAS) << 24 | 1u;
+}
 
 static inline int32_t dahl_exponent_of_Fc(const dahl_plan_t *plan)
 {
-    return plan->Fc_exponent - DAHL_FC_BIAS;
+    return (int32_t)(plan->Fc_scale >> 24) - DAHL_FC_BIAS;
+}
+
+/* And that of a so that a_shift less the exponent field of dtheta is the shift of u = a |dtheta| (kernel.h). */
+#define DAHL_A_BIAS 94
+
+static inline int32_t dahl_exponent_of_a(const dahl_plan_t *plan)
+{
+    return DAHL_A_BIAS - plan->a_shift;
 }
 
 #define DAHL_BITS_INF 0x7f800000u

@@ -53,8 +53,9 @@ static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
     return (uint64_t)((int64_t)w - (int64_t)dahl_part(z, g));
 }
 
-/* A move beyond the dense entries, and what is left of a Q30 tick then (digits.c): out of line, to keep the tick short. */
+/* A move beyond the dense entries, and what is left of a tick then: out of line, to keep the tick short. */
 void dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+float dahl_step_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 int32_t dahl_step_digits_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 #endif

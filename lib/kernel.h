@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The kernel g(u) = 1 - exp(-u), private, integers only. u comes and g goes as mantissa 2^exponent, so that small travel
- * keeps all its bits.
+ * The kernel g(u) = 1 - exp(-u), private, integers only. u comes and g goes as mantissa 2^(-32 - shift), the mantissa's top
+ * bit set, so that small travel keeps all its bits. g has shift 0 from u = 1/2 on, and the shift of u below.
  *
  *   u = k ln 2 + x, 0 <= x < ln 2     g = 1 - 2^-k (1 - h),   h = 1 - exp(-x) = x - x (x R(x))
  *
@@ -16,6 +16,11 @@
 #include "fixed.h"
 
 #define DAHL_KERNEL_ERROR 0x1p-29 /* relative, u in [2^-63, infinity) */
+
+typedef struct {
+    uint32_t mantissa;
+    int32_t shift;
+} dahl_scaled_t;
 
 #define DAHL_LOG2E_Q31 3098164009u
 #define DAHL_LN2_Q32 2977044472u
@@ -32,31 +37,33 @@ static inline uint32_t dahl_kernel_tail(uint32_t x)
     return dahl_mulhi(x, r);
 }
 
-/* u < ln 2: g on the mantissa of u, same exponent. */
+/* u < ln 2: g on the mantissa of u, same shift. */
 static inline uint32_t dahl_kernel_small(uint32_t mantissa, uint32_t x)
 {
     return mantissa - dahl_mulhi(mantissa, dahl_kernel_tail(x));
 }
 
-/* 1/2 <= u < 32: u = mantissa 2^exponent, -32 <= exponent <= -27. Returns g in Q32. */
-static inline uint32_t dahl_kernel_large(uint32_t mantissa, int32_t exponent)
+/* 1/2 <= u < 32: 0 <= left <= 5. Returns g in Q32. */
+static inline uint32_t dahl_kernel_large(uint32_t mantissa, int32_t left)
 {
-    uint32_t k = dahl_mulhi(mantissa, DAHL_LOG2E_Q31) >> (-exponent - 1);
-    uint32_t x = (mantissa << (exponent + 32)) - k * DAHL_LN2_Q32; /* modulo 1, so the bits of u above 1 may go */
+    uint32_t k = dahl_mulhi(mantissa, DAHL_LOG2E_Q31) >> (31 - left);
+    uint32_t x = (mantissa << left) - k * DAHL_LN2_Q32; /* modulo 1, so the bits of u above 1 may go */
     return k > 31 ? UINT32_MAX : ~(~dahl_kernel_small(x, x) >> k);
 }
 
-/* g(u), result.exponent <= -32. */
-static inline dahl_real_t dahl_kernel(dahl_real_t u)
+/* g(u). */
+static inline dahl_scaled_t dahl_kernel(dahl_scaled_t u)
 {
-    dahl_real_t g = {UINT32_MAX, -32};
-    if (u.exponent < -63) {
+    dahl_scaled_t g = {UINT32_MAX, 0};
+    if (u.shift <= 0) {
+        if (u.shift >= -5) {
+            g.mantissa = dahl_kernel_large(u.mantissa, -u.shift);
+        }
+    } else if (u.shift < 32) {
+        g.mantissa = dahl_kernel_small(u.mantissa, u.mantissa >> u.shift);
+        g.shift = u.shift;
+    } else {
         g = u;
-    } else if (u.exponent < -32) {
-        g.mantissa = dahl_kernel_small(u.mantissa, u.mantissa >> (-32 - u.exponent));
-        g.exponent = u.exponent;
-    } else if (u.exponent <= -27) {
-        g.mantissa = dahl_kernel_large(u.mantissa, u.exponent);
     }
     return g;
 }

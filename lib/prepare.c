@@ -165,8 +165,8 @@ dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
     add_rounding(plan->g);
     dahl_real_t Fc = dahl_real_of(dahl_bits_of(params->Fc));
     plan->a_mantissa = top_of(radian.mantissa);
-    plan->a_exponent = radian.exponent + 32;
+    plan->a_shift = DAHL_A_BIAS - (radian.exponent + 32);
     plan->Fc_mantissa = Fc.mantissa;
-    plan->Fc_exponent = Fc.exponent + DAHL_FC_BIAS;
+    plan->Fc_scale = dahl_scale_of(Fc.exponent);
     return DAHL_OK;
 }

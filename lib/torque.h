@@ -11,17 +11,17 @@
 #include "bits.h"
 #include "fixed.h"
 
-/* The words (top, next) with 0 < top < 2^31 as a float's bits, rounded. A carry out of the mantissa raises the exponent by
- * itself. */
-static inline uint32_t dahl_pack(uint32_t top, uint32_t next, int32_t exponent)
+/* The words (top, next), 0 < top < 2^31, as a float's bits, rounded. The scale is an exponent times 2^24, and 1 for the
+ * rounding; a carry out of the mantissa raises the exponent by itself. */
+static inline uint32_t dahl_pack(uint32_t top, uint32_t next, uint32_t scale)
 {
-    int32_t zeros = dahl_leading_zeros(top);
+    uint32_t zeros = (uint32_t)dahl_leading_zeros(top);
     uint32_t mantissa = top << zeros | next >> (32 - zeros);
-    return ((uint32_t)(exponent - zeros) << 23) + (mantissa >> 8) + ((mantissa >> 7) & 1u);
+    return (scale - (zeros << 24) + (mantissa >> 7)) >> 1;
 }
 
 /* The same for torques below 2^-30 Fc or so, from a product below 2^64 (small_torque.c). */
-float dahl_small_torque(uint64_t product, int32_t exponent, uint32_t sign);
+float dahl_small_torque(uint64_t product, uint32_t scale, uint32_t sign);
 
 /* Fc_mantissa < 2^32 and |w| <= 2^62 (1 + 2^-30): the product has three words, and the top one is below 2^31. */
 static inline float dahl_torque_of(const dahl_plan_t *plan, int64_t w)
@@ -31,9 +31,16 @@ static inline float dahl_torque_of(const dahl_plan_t *plan, int64_t w)
     uint64_t low = dahl_mul(plan->Fc_mantissa, (uint32_t)size);
     uint64_t high = dahl_mul(plan->Fc_mantissa, (uint32_t)(size >> 32)) + (low >> 32);
     if (high >> 32 == 0) {
-        return dahl_small_torque(high << 32 | (uint32_t)low, plan->Fc_exponent, sign);
+        return dahl_small_torque(high << 32 | (uint32_t)low, plan->Fc_scale, sign);
     }
-    return dahl_float_of(sign | dahl_pack((uint32_t)(high >> 32), (uint32_t)high, plan->Fc_exponent));
+    return dahl_float_of(sign | dahl_pack((uint32_t)(high >> 32), (uint32_t)high, plan->Fc_scale));
+}
+
+/* Written out in both branches of a step: joining them first costs more instructions than it saves bytes. */
+static inline float dahl_keep(const dahl_plan_t *plan, dahl_state_t *state, uint64_t w)
+{
+    state->w = (int64_t)w;
+    return dahl_torque_of(plan, (int64_t)w);
 }
 
 #endif

@@ -14,8 +14,9 @@ typedef struct {
 
 static inline long double kernel_value(float u)
 {
-    dahl_real_t g = dahl_kernel(dahl_real_of(dahl_bits_of(u)));
-    return ldexpl(g.mantissa, g.exponent);
+    dahl_real_t r = dahl_real_of(dahl_bits_of(u));
+    dahl_scaled_t scaled = {r.mantissa, -32 - r.exponent}, g = dahl_kernel(scaled);
+    return ldexpl(g.mantissa, -32 - g.shift);
 }
 
 /* Subnormals are no angle for dahl_step: they count as zero motion, so the normal floats are what there is. */
