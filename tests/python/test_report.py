@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: MIT
+"""What the demo says about a run is judged on runs whose answer is known: a fit, a gap, a lost
+record, a torque that is wrong.
+"""
+
+from __future__ import annotations
+
+import can
+import cantools
+import numpy as np
+import pytest
+from dahl import Friction, Plan, report
+from dahl.scene import Measured, Recorded, Scene
+
+SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
+SCENE = Scene(None, "test", SIGMA0, FC, THETA)
+BOUND = 0.52  # ulp of Fc
+
+
+class Run:
+    """Frames of a run, as a recorder of the bus writes them; the torque is the library's."""
+
+    def __init__(self, dbc) -> None:
+        self.database = cantools.database.load_file(dbc)
+        self.bearing = Friction(Plan(SIGMA0, FC, THETA))
+        self.frames: list[can.Message] = []
+        self.count = self.ratio = 0
+
+    def add(self, name: str, **signals) -> None:
+        message = self.database.get_message_by_name(name)
+        data = message.encode({"Crc": 0, **signals}, scaling=False, strict=False)
+        self.frames.append(
+            can.Message(
+                timestamp=len(self.frames) / 2000,
+                arbitration_id=message.frame_id,
+                data=data,
+                is_extended_id=False,
+            )
+        )
+
+    def send(self, counter: int, count: int, valid: int = 1) -> None:
+        self.add("EncoderState", Counter=counter % 16, Valid=valid, Count=count)
+
+    def answer(self, counter: int, count: int, state: int = 0, used: bool = True) -> None:
+        """The node integrates the travel since the last answer, or takes the count as a start."""
+        move = (count - self.count + 2**31) % 2**32 - 2**31 if used else 0
+        self.ratio = self.bearing.step_counts_q30(move)
+        self.count = count
+        self.add(
+            "FrictionTorque",
+            Counter=0,
+            State=state,
+            EchoCounter=counter % 16,
+            TorqueRatio=self.ratio,
+        )
+
+    def tick(self, counter: int, count: int, state: int = 0, used: bool = True) -> None:
+        self.send(counter, count)
+        self.answer(counter, count, state, used)
+
+    def trace(self) -> report.Trace:
+        return report.trace_of(self.frames)
+
+
+@pytest.fixture
+def run(library, dbc) -> Run:
+    """A run that has begun: three ticks, the first of which is a start."""
+    begun = Run(dbc)
+    begun.tick(0, -500, state=6, used=False)
+    begun.tick(1, -480)
+    begun.tick(2, -470)
+    return begun
+
+
+@pytest.mark.parametrize("state", [3, 5, 6], ids=["WrongSequence", "Stale", "Init"])
+def test_a_new_start_in_the_middle_moves_nothing(run, state):
+    """The node integrates no travel there, so neither may the reference."""
+    run.tick(3, 4000, state=state, used=False)
+    run.tick(4, 4010)
+    trace = run.trace()
+    assert trace.moves().tolist() == [0, 20, 10, 0, 10]
+    assert report.max_error_ulp(SCENE, trace) <= BOUND
+
+
+@pytest.mark.parametrize("state", [0, 2], ids=["OK", "Lost"])
+def test_travel_over_lost_frames_counts(run, state):
+    run.send(3, -460)  # not answered
+    run.send(4, 77, valid=0)  # disowned by the encoder itself
+    run.tick(5, -400, state=state)
+    trace = run.trace()
+    assert trace.moves().tolist() == [0, 20, 10, 70]
+    assert trace.row.tolist() == [0, 1, 2, 5]
+    assert (trace.recorded, trace.missing) == (5, 1)
+    assert report.max_error_ulp(SCENE, trace) <= BOUND
+
+
+def test_a_travel_that_the_node_left_out_is_an_error(run):
+    """The state says that it was used, the torque says that it was not."""
+    run.tick(3, 500, state=0, used=False)
+    assert report.max_error_ulp(SCENE, run.trace()) > 1000
+
+
+def test_one_unit_of_the_ratio_is_seen(run):
+    """2^-16 of Fc is 256 ulp of it and more."""
+    run.send(3, -460)
+    run.bearing.step_counts_q30(10)
+    run.add("FrictionTorque", Counter=0, State=0, EchoCounter=3, TorqueRatio=run.ratio + 2**14)
+    assert report.max_error_ulp(SCENE, run.trace()) > 100
+
+
+def test_a_count_that_wraps_is_one_path(library, dbc):
+    run = Run(dbc)
+    run.tick(0, 2**31 - 5, state=6, used=False)
+    run.tick(1, -(2**31) + 5)
+    trace = run.trace()
+    assert trace.moves().tolist() == [0, 10]
+    assert report.max_error_ulp(SCENE, trace) <= BOUND
+    assert trace.angle(SCENE) == pytest.approx([0, 10e-4], rel=1e-6)
+
+
+def test_frames_that_the_recorder_missed_are_counted(run):
+    run.tick(9, -450)
+    assert run.trace().missing == 6
+    assert run.trace().row.tolist() == [0, 1, 2, 9]
+
+
+def test_an_answer_goes_to_the_frame_that_it_echoes(run):
+    """Two frames, then their answers: as a burst comes over a busy bus."""
+    run.send(3, -460)
+    run.send(4, -400)
+    run.answer(3, -460)
+    run.answer(4, -400)
+    run.answer(4, -400)  # a second answer to one frame is none
+    assert run.trace().count.tolist() == [-500, -480, -470, -460, -400]
+    assert report.max_error_ulp(SCENE, run.trace()) <= BOUND
+
+
+def fitted(run: Run, torque: list[float], **measured) -> dict:
+    scene = Scene(None, "t", SIGMA0, FC, THETA, measured=Measured(torque="T", **measured))
+    return report.fit(scene, run.trace(), Recorded(np.array(torque), None, len(torque)))
+
+
+def test_fit_is_the_textbooks(run):
+    """rmse and R2 from their definitions, rows before `settle` left out, offset and spring in."""
+    torque = run.trace().torque(SCENE).astype(float)
+    found = fitted(run, [9.0, torque[1] + 0.25 + 0.1, torque[2] + 0.25 - 0.3], offset=0.25, settle=1)
+    mean = (torque[1] + 0.35 + torque[2] - 0.05) / 2
+    spread = (torque[1] + 0.35 - mean) ** 2 + (torque[2] - 0.05 - mean) ** 2
+    assert found["rmse_measured"] == pytest.approx((0.1 / 2) ** 0.5, rel=1e-6)
+    assert found["r2_measured"] == pytest.approx(1 - 0.1 / spread, rel=1e-6)
+    springy = [torque[i] + 7 * count * THETA for i, count in enumerate((0, 20, 30))]
+    assert fitted(run, springy, spring=7.0)["rmse_measured"] == pytest.approx(0, abs=1e-9)
+
+
+def test_no_fit_without_rows_or_without_spread(run):
+    assert fitted(run, [1, 2, 3], settle=3) == {"rmse_measured": None, "r2_measured": None}
+    assert fitted(run, [1, 1, 1])["r2_measured"] is None
