@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Usage: tools/demo.sh [LOG.csv --angle COLUMN --torque COLUMN --sigma0 X --fc Y --counts-per-turn N] [--scene NAME]
+# Usage: tools/demo.sh [LOG.csv --angle COLUMN --torque COLUMN --sigma0 X --fc Y --counts-per-turn N] [--scene NAME] [--target CORE]
 #
 # Sets up, builds, and runs the main job: an encoder that replays a measured log and a friction node that answers each
 # angle, as two processes on the best bus there is, with python-can as the client that records. Leaves in build/demo
@@ -10,6 +10,7 @@
 # All arguments go to `dahl demo`; after the first run `build/venv/bin/dahl demo --help` tells all of them.
 # Examples:  tools/demo.sh
 #            tools/demo.sh --scene steering
+#            tools/demo.sh --target m4f     the torque from firmware on an emulated Cortex-M4F
 #            tools/demo.sh shaft.csv --angle deg --torque Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384
 set -euo pipefail
 # shellcheck source=tools/common.sh

@@ -18,6 +18,9 @@ PACKAGES=(gcc g++ libc6-dev cmake ninja-build pkg-config python3 python3-venv li
     git ca-certificates dpkg-dev xz-utils)
 # Only some tests need these: another compiler, 32 bits, CAN tools. Without one of them those tests say so and are skipped.
 EXTRAS=(clang libclang-rt-14-dev can-utils gcc-multilib g++-multilib)
+# Small cores, emulated (tests/python/test_target*.py, tools/bench.sh, tools/demo.sh --target).
+EXTRAS+=(gcc-arm-none-eabi libnewlib-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm
+    gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc)
 UNITY_FILES=(unity.c unity.h unity_internals.h)
 UNITY_TRIED=2e3a0610268455520a5796345b503d00c34a47fe97ed3750349cbd4b2b1990f3 # sha256 of unity.c 2.5.1
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The slcan line reader of port/slcan, byte by byte: what it accepts, what it refuses and how it counts that."""
+"""The slcan line reader of port/slcan, byte by byte: what it accepts, what it refuses and how it
+counts that.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,17 @@ def reader(tmp_path_factory) -> ctypes.CDLL:
     """port/slcan/slcan.c as it is, with the sanitizer that needs no special start of Python."""
     library = tmp_path_factory.mktemp("slcan") / "slcan.so"
     source = ROOT / "port/slcan/slcan.c"
-    flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-fsanitize=undefined", "-shared", "-fPIC"]
+    flags = [
+        "-std=c99",
+        "-pedantic",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-O1",
+        "-fsanitize=undefined",
+        "-shared",
+        "-fPIC",
+    ]
     subprocess.run(["gcc", *flags, "-fno-sanitize-recover=all", "-o", library, source], check=True)
     return ctypes.CDLL(str(library))
 
@@ -67,7 +79,9 @@ class Line:
         said, frames, text = b"", [], ctypes.create_string_buffer(LINE_MAX + 2)
         for byte in data:
             frame = Frame()
-            event = self.reader.slcan_take(ctypes.byref(self.state), byte, ctypes.byref(frame), text)
+            event = self.reader.slcan_take(
+                ctypes.byref(self.state), byte, ctypes.byref(frame), text
+            )
             said += text.value if event else b""
             frames += [frame] if event == 2 else []
         assert bytes(self.state.guard) == b"\xa5" * 8, "wrote past the line"
@@ -78,7 +92,9 @@ class Line:
 
 
 def test_takes_the_four_kinds(reader) -> None:
-    said, frames = Line(reader).feed(b"t1002AB12\rT1ABCDEF08" + b"0123456789abcdef\rr7FF4\rR000000018\r")
+    said, frames = Line(reader).feed(
+        b"t1002AB12\rT1ABCDEF08" + b"0123456789abcdef\rr7FF4\rR000000018\r"
+    )
     assert said == b"\r\r\r\r"
     assert [frame.key() for frame in frames] == [
         (0x100, 0, b"\xab\x12"),
@@ -123,7 +139,9 @@ def test_refuses_and_counts(reader, line: bytes, why: str) -> None:
     assert adapter.feed(line + b"\r") == (b"\a", [])
     assert adapter.counts() == {why: 1}
     said, frames = adapter.feed(b"t1002AB12\r")
-    assert said == b"\r" and frames[0].key() == (0x100, 0, b"\xab\x12"), "the next good line is lost"
+    assert said == b"\r" and frames[0].key() == (0x100, 0, b"\xab\x12"), (
+        "the next good line is lost"
+    )
     assert adapter.feed(b"F\rF\r")[0] == b"F80\rF00\r"
 
 
@@ -136,7 +154,9 @@ def test_closed_takes_no_frame(reader) -> None:
 
 @given(st.binary(max_size=400))
 def test_any_bytes(reader, data: bytes) -> None:
-    """Every line gets exactly one answer, every refusal is counted once, and the next good frame comes through."""
+    """Every line gets exactly one answer, every refusal is counted once, and the next good frame
+    comes through.
+    """
     adapter = Line(reader)
     said, frames = adapter.feed(data + b"\r")
     assert said.count(b"\a") == sum(adapter.counts().values())
@@ -146,25 +166,35 @@ def test_any_bytes(reader, data: bytes) -> None:
 
 
 def test_near_misses(reader) -> None:
-    """Good lines with one byte changed, dropped or doubled: never a frame of another length than its line says."""
+    """Good lines with one byte changed, dropped or doubled: never a frame of another length than
+    its line says.
+    """
     rng = random.Random(7)
     good = b"t1008" + b"0123456789ABCDEF"
     adapter = Line(reader)
     for _ in range(20000):
         line, at = bytearray(good), rng.randrange(len(good))
         kind = rng.randrange(3)
-        line[at : at + 1] = [bytes([rng.choice([*range(13), *range(14, 256)])]), b"", line[at : at + 1] * 2][kind]
+        line[at : at + 1] = [
+            bytes([rng.choice([*range(13), *range(14, 256)])]),
+            b"",
+            line[at : at + 1] * 2,
+        ][kind]
         said, frames = adapter.feed(bytes(line) + b"\r")
         assert len(said) == 1 or said[:1] in b"FVvN"
         for frame in frames:
             assert len(line.replace(b"\n", b"")) == 5 + 2 * frame.length or frame.flags
 
 
-@given(
-    st.integers(0, 0x1FFFFFFF), st.booleans(), st.booleans(), st.binary(max_size=8)
-)
-def test_writes_what_it_reads(reader, number: int, extended: bool, remote: bool, data: bytes) -> None:
-    frame = Frame(id=number if extended else number & 0x7FF, flags=extended * EXTENDED + remote * REMOTE, length=len(data))
+@given(st.integers(0, 0x1FFFFFFF), st.booleans(), st.booleans(), st.binary(max_size=8))
+def test_writes_what_it_reads(
+    reader, number: int, extended: bool, remote: bool, data: bytes
+) -> None:
+    frame = Frame(
+        id=number if extended else number & 0x7FF,
+        flags=extended * EXTENDED + remote * REMOTE,
+        length=len(data),
+    )
     frame.data[: len(data)] = list(bytes(len(data)) if remote else data)
     text = ctypes.create_string_buffer(LINE_MAX + 2)
     length = reader.slcan_write(ctypes.byref(frame), text)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""The friction node seen from outside with python-can, the same tests on every bus there is: the node in dahl-loop behind
-socketcand, the node as firmware in QEMU behind slcan, and SocketCAN where this kernel has it. Then what only firmware can
+"""The friction node seen from outside with python-can, the same tests on every bus there is: the
+node in dahl-loop behind
+socketcand, the node as firmware in QEMU behind slcan, and SocketCAN where this kernel has it. Then
+what only firmware can
 show: a trace equal to the host's bit for bit, and a serial line full of rubbish.
 """
 
@@ -21,6 +23,7 @@ import can
 import cantools
 import pytest
 from conftest import built
+
 from dahl import bus as buses
 from dahl import firmware
 from dahl.core import Friction, Plan
@@ -40,7 +43,9 @@ period_ms = 100
 """
 ENCODER, TORQUE, STATUS = 0x100, 0x110, 0x120
 OK, REPEATED, LOST, WRONG_SEQUENCE, CRC, STALE, INIT = range(7)
-QUIET = 0.15  # s without an answer that counts as none; above one period of Status, below two timeouts
+QUIET = (
+    0.15  # s without an answer that counts as none; above one period of Status, below two timeouts
+)
 
 
 class Frame(ctypes.Structure):
@@ -74,7 +79,9 @@ def encoder_frame(count: int, counter: int, *, valid: bool = True) -> can.Messag
 def need_firmware(core: str = "m4f") -> Path:
     for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
         if not shutil.which(program):
-            pytest.skip(f"{program} is not installed (tools/setup.sh installs it where Debian has it)")
+            pytest.skip(
+                f"{program} is not installed (tools/setup.sh installs it where Debian has it)"
+            )
     return firmware.build(core)
 
 
@@ -95,14 +102,19 @@ def loop_node(folder: Path, bus: str) -> Iterator[subprocess.Popen]:
 def socketcand(folder: Path) -> Iterator[can.BusABC]:
     with loop_node(folder, "socketcand:0") as process:
         port = int(process.stdout.readline().split()[1].split(":")[1])
-        with buses.open_bus(5, interface="socketcand", channel="vcan0", host="127.0.0.1", port=port) as bus:
+        with buses.open_bus(
+            5, interface="socketcand", channel="vcan0", host="127.0.0.1", port=port
+        ) as bus:
             yield bus
 
 
 @contextlib.contextmanager
 def slcan(folder: Path) -> Iterator[can.BusABC]:
     image = need_firmware()
-    with firmware.Firmware("m4f", (SIGMA0, FC, THETA), folder, 0, TIMEOUT_US, image) as node, can.Bus(**node.bus) as bus:
+    with (
+        firmware.Firmware("m4f", (SIGMA0, FC, THETA), folder, 0, TIMEOUT_US, image) as node,
+        can.Bus(**node.bus) as bus,
+    ):
         yield bus
 
 
@@ -110,7 +122,10 @@ def slcan(folder: Path) -> Iterator[can.BusABC]:
 def socketcan(folder: Path) -> Iterator[can.BusABC]:
     if not buses.has_socketcan() or not buses.vcan_is_up():
         pytest.skip("this kernel has no SocketCAN, or no vcan0 is up")
-    with loop_node(folder, "socketcan:vcan0"), can.Bus(interface="socketcan", channel="vcan0") as bus:
+    with (
+        loop_node(folder, "socketcan:vcan0"),
+        can.Bus(interface="socketcan", channel="vcan0") as bus,
+    ):
         time.sleep(0.3)
         yield bus
 
@@ -157,7 +172,9 @@ def test_torque_bit_for_bit(bus, database, library) -> None:
     for n in range(300):
         step = rng.choice([0, 1, -1, 7, -300, 2000, -4000]) if n else 0
         count += step
-        answer = database.decode_message(TORQUE, ask(bus, encoder_frame(count, n)).data, decode_choices=False)
+        answer = database.decode_message(
+            TORQUE, ask(bus, encoder_frame(count, n)).data, decode_choices=False
+        )
         assert answer["EchoCounter"] == n % 16
         assert answer["State"] == (OK if n else INIT)
         assert round(answer["TorqueRatio"] * 2**30) == state.step_counts_q30(step)
@@ -169,7 +186,9 @@ def test_bad_frames(bus, database) -> None:
     before = ask(bus, encoder_frame(500, 1)).data[4:]
     broken = encoder_frame(900, 2)
     broken.data[0] ^= 1
-    short = can.Message(arbitration_id=ENCODER, data=encoder_frame(900, 2).data[:7], is_extended_id=False)
+    short = can.Message(
+        arbitration_id=ENCODER, data=encoder_frame(900, 2).data[:7], is_extended_id=False
+    )
     remote = can.Message(arbitration_id=ENCODER, is_remote_frame=True, dlc=8, is_extended_id=False)
     for bad in (broken, short, remote, encoder_frame(900, 1), encoder_frame(900, 9)):
         bus.send(bad)
@@ -178,7 +197,9 @@ def test_bad_frames(bus, database) -> None:
     assert after[4:] == before
     status = heard(bus, STATUS, 1.0)
     decoded = database.decode_message(STATUS, status.data, decode_choices=False)
-    assert [decoded[f"Error{name}"] for name in ("Crc", "Format", "Repeated", "Sequence", "Lost")] == [1, 1, 1, 1, 0]
+    assert [
+        decoded[f"Error{name}"] for name in ("Crc", "Format", "Repeated", "Sequence", "Lost")
+    ] == [1, 1, 1, 1, 0]
     assert decoded["Corrupt"] >= 2  # socketcand has no word for a remote frame
     assert decoded["OutOfStep"] == 2
 
@@ -187,7 +208,9 @@ def test_lost_frames_are_bridged(bus, database, library) -> None:
     """A counter step of 2 is used, as lost: the count is absolute."""
     state = Friction(Plan(SIGMA0, FC, THETA))
     ask(bus, encoder_frame(0, 0))
-    answer = database.decode_message(TORQUE, ask(bus, encoder_frame(3000, 2)).data, decode_choices=False)
+    answer = database.decode_message(
+        TORQUE, ask(bus, encoder_frame(3000, 2)).data, decode_choices=False
+    )
     assert answer["State"] == LOST
     assert round(answer["TorqueRatio"] * 2**30) == state.step_counts_q30(3000)
 
@@ -214,7 +237,9 @@ def test_other_ids_are_not_its_business(bus) -> None:
     for identifier in (0x101, 0x0FF, 0x110, 0x7FF):
         message = encoder_frame(77, 0)
         bus.send(can.Message(arbitration_id=identifier, data=message.data, is_extended_id=False))
-    bus.send(can.Message(arbitration_id=ENCODER, data=encoder_frame(77, 0).data, is_extended_id=True))
+    bus.send(
+        can.Message(arbitration_id=ENCODER, data=encoder_frame(77, 0).data, is_extended_id=True)
+    )
     assert heard(bus, TORQUE, 0.05) is None
     ask(bus, encoder_frame(5, 3))
 
@@ -269,9 +294,13 @@ def serial(tmp_path) -> Iterator:
     """Open firmware on a core: serial('m4f'). It is patient, so that a busy host is no timeout."""
     with contextlib.ExitStack() as stack:
 
-        def start(core: str, params: Params | None = (SIGMA0, FC, THETA), number: int = 0) -> Serial:
+        def start(
+            core: str, params: Params | None = (SIGMA0, FC, THETA), number: int = 0
+        ) -> Serial:
             image = need_firmware(core)
-            node = stack.enter_context(firmware.Firmware(core, params, tmp_path, number, PATIENT_US, image))
+            node = stack.enter_context(
+                firmware.Firmware(core, params, tmp_path, number, PATIENT_US, image)
+            )
             line = Serial(node.port)
             stack.callback(line.close)
             line.send(b"\rC\rO\r")
@@ -289,7 +318,9 @@ def trace(folder: Path, seconds: float) -> tuple[list[bytes], list[bytes]]:
     subprocess.run([str(word) for word in command], check=True, capture_output=True, timeout=60)
     frames = [line.split()[2] for line in (folder / "trace.log").read_text().splitlines()]
     lines = [f"t{frame.replace('#', '8')}".encode() for frame in frames]
-    return [line for line in lines if line.startswith(b"t100")], [line for line in lines if line.startswith(b"t110")]
+    return [line for line in lines if line.startswith(b"t100")], [
+        line for line in lines if line.startswith(b"t110")
+    ]
 
 
 def replay(line: Serial, asked: list[bytes], ahead: int = 20) -> list[bytes]:
@@ -300,7 +331,9 @@ def replay(line: Serial, asked: list[bytes], ahead: int = 20) -> list[bytes]:
     return line.lines(b"t110")
 
 
-@pytest.mark.parametrize("core, seconds", [("m4f", 10), ("m0", 2), ("m3", 2), ("m7", 2), ("m33", 2)])
+@pytest.mark.parametrize(
+    "core, seconds", [("m4f", 10), ("m0", 2), ("m3", 2), ("m7", 2), ("m33", 2)]
+)
 def test_trace_equals_the_hosts(core: str, seconds: float, serial, tmp_path) -> None:
     asked, answers = trace(tmp_path, seconds)
     assert len(asked) == len(answers) == seconds * 1000
@@ -309,7 +342,8 @@ def test_trace_equals_the_hosts(core: str, seconds: float, serial, tmp_path) -> 
     assert got == answers
 
 
-# QEMU hands the CMSDK UART one byte at a time and the nRF51's six, so the latter takes the million within seconds.
+# QEMU hands the CMSDK UART one byte at a time and the nRF51's six, so the latter takes the million
+# within seconds.
 RUBBISH = [("m0", 100), ("m4f", 10), pytest.param("m4f", 100, marks=pytest.mark.long)]
 
 
@@ -325,13 +359,18 @@ def test_a_million_random_bytes(core: str, pieces: int, serial) -> None:
     assert line.wait(b"F80", 1, 200), "no answer after all these bytes"
     answered = len(line.lines(b"t110"))
     line.send(b"".join(slcan_line(encoder_frame(10 * n, n)) for n in range(20)))
-    assert len(line.wait(b"t110", answered + 20, 1)) >= answered + 18  # the first ones find it out of sequence
+    assert (
+        len(line.wait(b"t110", answered + 20, 1)) >= answered + 18
+    )  # the first ones find it out of sequence
     assert line.text.count(b"\a") > 30 * pieces
 
 
 def test_parameters_from_flash(serial, library) -> None:
     """A blank page leaves the defaults; refused parameters leave a node without torque."""
-    for params, first in (((SIGMA0, FC, THETA), Friction(Plan(SIGMA0, FC, THETA))), (None, Friction(Plan(36500.0, 2.7, 1e-7)))):
+    for params, first in (
+        ((SIGMA0, FC, THETA), Friction(Plan(SIGMA0, FC, THETA))),
+        (None, Friction(Plan(36500.0, 2.7, 1e-7))),
+    ):
         line = serial("m4f", params)
         line.send(slcan_line(encoder_frame(0, 0)) + slcan_line(encoder_frame(4000, 1)))
         expected = first.step_counts_q30(4000).to_bytes(4, "little", signed=True).hex().upper()

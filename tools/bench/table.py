@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The counts as a table: on the terminal, and as the block of README.md between the two comments of MARKS.
+"""The counts as a table: on the terminal, and as the block of README.md between the two comments of
+MARKS.
 
-`table.py` rewrites that block from build/bench/target.json; `table.py --check` only says whether it would change.
+`table.py` rewrites that block from build/bench/target.json; `table.py --check` only says whether it
+would change.
 """
 
 from __future__ import annotations
@@ -70,7 +72,8 @@ def markdown(result: dict[str, dict]) -> str:
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(result)]
     lines += ["| " + " | ".join([title, *cells(result, key)]) + " |" for title, key in ROWS]
     compilers = sorted({core["compiler"] for core in result.values()})
-    note = f"Counted in QEMU with a plugin, `-O2`, {' and '.join(compilers)}. QEMU does not model cycles."
+    note = f"Counted in QEMU with a plugin, `-O2`, {' and '.join(compilers)}."
+    note += " QEMU does not model cycles."
     return "\n".join([MARKS[0], *lines, "", note, MARKS[1]])
 
 
@@ -89,7 +92,11 @@ def main(arguments: list[str]) -> int:
         return 2
     new = replaced(text, markdown(json.loads(RESULT.read_text())))
     if "--check" in arguments:
-        print("README.md is up to date" if new == text else "README.md differs: run tools/bench.sh readme")
+        print(
+            "README.md is up to date"
+            if new == text
+            else "README.md differs: run tools/bench.sh readme"
+        )
         return int(new != text)
     README.write_text(new)
     return 0

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Instructions, bytes and stack of the library on small cores, counted in QEMU: `target.py [--quick] [CORE...]`
+"""Instructions, bytes and stack of the library on small cores, counted in QEMU: `target.py
+[--quick] [CORE...]`
 
-Each core's image (tools/bench/target) makes its calls from one place; a plugin of QEMU counts the instructions from entry
-to return. The counts are exact and the same on every machine. Cycles are not modelled. Writes build/bench/target.json.
+Each core's image (tools/bench/target) makes its calls from one place; a plugin of QEMU counts the
+instructions from entry
+to return. The counts are exact and the same on every machine. Cycles are not modelled. Writes
+build/bench/target.json.
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ class BenchError(Exception):
 
 @dataclass(frozen=True)
 class Core:
-    """A core: its name in CMake, its name in words, the board of QEMU that has it, the tools for it."""
+    """A core: its name in CMake, its name in words, the board of QEMU that has it, the tools for
+    it.
+    """
 
     name: str
     title: str
@@ -58,21 +63,31 @@ CORES = {
     )
 }
 
-# What a user links for each path; each must pull in nothing but the library and integer helpers of the compiler.
+# What a user links for each path; each must pull in nothing but the library and integer helpers of
+# the compiler.
 PATHS = {
     "q30": ["dahl_prepare", "dahl_step_counts_q30"],
     "counts": ["dahl_prepare", "dahl_step_counts_q30", "dahl_step_counts", "dahl_torque"],
-    "angle": ["dahl_prepare", "dahl_step_counts_q30", "dahl_step_counts", "dahl_torque", "dahl_step"],
+    "angle": [
+        "dahl_prepare",
+        "dahl_step_counts_q30",
+        "dahl_step_counts",
+        "dahl_torque",
+        "dahl_step",
+    ],
 }
 
 # Sections by what they cost.
 KINDS = {".text": "code", ".rodata": "const", ".srodata": "const"}
 KINDS |= dict.fromkeys((".data", ".bss", ".sdata", ".sbss", ".tdata", ".tbss"), "static")
 
-# Soft-float and double helpers of Arm's and of GCC's naming, heap, printing, and the elementary functions of libm.
+# Soft-float and double helpers of Arm's and of GCC's naming, heap, printing, and the elementary
+# functions of libm.
 FORBIDDEN = re.compile(
-    r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?|__(fix|fixuns|float|floatun|floatuns)\w+"
-    r"|_*(malloc|calloc|realloc|free|sbrk)(_r)?|\w*printf|_*(ieee754_)?(exp|expm1|exp2|log|log1p|pow|fma|sqrt|tanh)[fl]?)$"
+    r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?"
+    r"|__(fix|fixuns|float|floatun|floatuns)\w+"
+    r"|_*(malloc|calloc|realloc|free|sbrk)(_r)?|\w*printf"
+    r"|_*(ieee754_)?(exp|expm1|exp2|log|log1p|pow|fma|sqrt|tanh)[fl]?)$"
 )
 
 
@@ -80,7 +95,9 @@ def run(*command: object, **options) -> str:
     """Run a command; its standard output, or one line that says what failed."""
     words = [str(word) for word in command]
     try:
-        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=300, **options)
+        done = subprocess.run(
+            words, capture_output=True, text=True, check=False, timeout=300, **options
+        )
     except FileNotFoundError as error:
         raise BenchError(f"{words[0]} is not installed; tools/setup.sh installs it") from error
     except subprocess.TimeoutExpired as error:
@@ -116,7 +133,15 @@ def emulate(core: Core, image: Path) -> tuple[str, str]:
     counts = OUT / f"counts.{core.name}.{os.getpid()}"
     at = symbols(core, image)
     places = ",".join(f"{word}={at['bench_' + word][0]:#x}" for word in ("site", "back", "mark"))
-    options = ["-nographic", "-monitor", "none", "-serial", "none", "-semihosting-config", "enable=on,target=native"]
+    options = [
+        "-nographic",
+        "-monitor",
+        "none",
+        "-serial",
+        "none",
+        "-semihosting-config",
+        "enable=on,target=native",
+    ]
     if core.tools is RISCV:
         options += ["-bios", "none"]
     try:
@@ -133,12 +158,16 @@ def read_cases(text: str, counts: str) -> tuple[dict[str, list[int]], dict[str, 
     sections = [[int(n) for n in part.split()] for part in counts.split("-\n")[1:]]
     if not names or len(names) != len(sections):
         raise BenchError(f"the image named {len(names)} cases and the plugin saw {len(sections)}")
-    numbers = {name: int(value) for name, value in re.findall(r"^number (\S+) (\d+)", text, re.MULTILINE)}
+    numbers = {
+        name: int(value) for name, value in re.findall(r"^number (\S+) (\d+)", text, re.MULTILINE)
+    }
     return dict(zip(names, sections, strict=True)), numbers
 
 
 def cache_value(core: Core, key: str) -> str:
-    found = re.search(rf"^{key}:\w+=(.*)$", (core.build / "CMakeCache.txt").read_text(), re.MULTILINE)
+    found = re.search(
+        rf"^{key}:\w+=(.*)$", (core.build / "CMakeCache.txt").read_text(), re.MULTILINE
+    )
     return found.group(1) if found else ""
 
 
@@ -147,15 +176,18 @@ def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
     image = core.build / "bench" / f"size_{name}.elf"
     flags = cache_value(core, "CMAKE_C_FLAGS").split()
     wanted = [f"-Wl,-u,{symbol}" for symbol in PATHS[name]]
-    run(core.tool("gcc"), *flags, "-nostdlib", "-Wl,--gc-sections", f"-Wl,-e,{PATHS[name][0]}", *wanted, "-o", image,
-        archive or core.build / "lib" / "libdahl.a", "-lgcc")  # fmt: skip
+    command = [core.tool("gcc"), *flags, "-nostdlib", "-Wl,--gc-sections", "-o", image]
+    command += [f"-Wl,-e,{PATHS[name][0]}", *wanted]
+    run(*command, archive or core.build / "lib" / "libdahl.a", "-lgcc")
     return image
 
 
 def sizes(core: Core, image: Path) -> dict[str, int]:
     """Bytes of code, const data and writable static data."""
     lines = (line.split() for line in run(core.tool("size"), "-A", image).splitlines())
-    by_section = {words[0]: int(words[1]) for words in lines if len(words) == 3 and words[0].startswith(".")}
+    by_section = {
+        words[0]: int(words[1]) for words in lines if len(words) == 3 and words[0].startswith(".")
+    }
     total = dict.fromkeys(("code", "const", "static"), 0)
     for section, size in by_section.items():
         kind = KINDS.get(".".join(section.split(".")[:2]))
@@ -184,13 +216,18 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
     result = {}
     for form in ("q30", "float"):
         for move in ("one_count", "eight_counts", "1000_counts"):
-            result[f"{move}_{form}"] = max(worst[f"{move}_forward_{form}"], worst[f"{move}_backward_{form}"])
+            result[f"{move}_{form}"] = max(
+                worst[f"{move}_forward_{form}"], worst[f"{move}_backward_{form}"]
+            )
         for move in ("zero", "int32_min", "reversal", "counts_worst"):
             result[f"{move}_{form}"] = worst[f"{move}_{form}"]
     dense = cases["dense_q30"]
     result |= {"dense_q30_least": min(dense), "dense_q30_most": max(dense)}
-    result |= {name: worst[name] for name in ("angle_zero", "angle_worst", "prepare", "torque", "set_torque", "change_plan")}
-    result["stack_bytes"] = max(value for name, value in numbers.items() if name.startswith("stack_"))
+    others = ("angle_zero", "angle_worst", "prepare", "torque", "set_torque", "change_plan")
+    result |= {name: worst[name] for name in others}
+    result["stack_bytes"] = max(
+        value for name, value in numbers.items() if name.startswith("stack_")
+    )
     return result | numbers
 
 
@@ -227,14 +264,20 @@ def measure_all(names: list[str], quick: bool) -> dict[str, dict]:
     result = {}
     for name in names:
         core = CORES[name]
-        libcs = ["picolibc"] if core.tools is RISCV else ["newlib"] if quick else ["newlib", "picolibc"]
+        libcs = (
+            ["picolibc"] if core.tools is RISCV else ["newlib"] if quick else ["newlib", "picolibc"]
+        )
         result[name] = measure(core, libcs)
     return result
 
 
 def main(arguments: list[str]) -> int:
-    parser = argparse.ArgumentParser(prog="tools/bench.sh target", description=__doc__.split("\n\n")[0])
-    parser.add_argument("cores", nargs="*", metavar="CORE", help=f"some of {' '.join(CORES)} (default: all)")
+    parser = argparse.ArgumentParser(
+        prog="tools/bench.sh target", description=__doc__.split("\n\n")[0]
+    )
+    parser.add_argument(
+        "cores", nargs="*", metavar="CORE", help=f"some of {' '.join(CORES)} (default: all)"
+    )
     parser.add_argument("--quick", action="store_true", help="leave picolibc out")
     options = parser.parse_args(arguments)
     unknown = set(options.cores) - set(CORES)

@@ -8,10 +8,13 @@ product would keep its calibration.
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
 import subprocess
+import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,7 +90,9 @@ class Firmware:
         self.image = image or build(core)
         self.page = folder / f"params.{core}.bin"
         self.page.write_bytes(
-            struct.pack("<I3f2I", PAGE_WRITTEN, *params, number, timeout_us) if params else bytes(24)
+            struct.pack("<I3f2I", PAGE_WRITTEN, *params, number, timeout_us)
+            if params
+            else bytes(24)
         )
         self.errors = folder / f"qemu.{core}.err"
 
@@ -137,6 +142,49 @@ class Firmware:
         said = self.errors.read_text(encoding="utf-8").strip().splitlines()
         self.__exit__()
         raise RunError(f"QEMU did not start: {said[-1] if said else 'no word from it'}")
+
+
+HUB = """; The bus of a run whose torque comes from firmware: node 15 serves it and is never asked.
+[scene]
+title = a bus for the firmware
+[friction]
+sigma0 = 1
+Fc = 1
+theta_per_count = 1e-3
+node = 15
+"""
+STALL_US = 1000000  # a desk computer may hold frames back; dahl-loop's node has the same patience
+
+
+def hub(folder: Path) -> Path:
+    """A scene whose node only serves the bus."""
+    path = folder / "hub.ini"
+    path.write_text(HUB, encoding="ascii")
+    return path
+
+
+@contextlib.contextmanager
+def attached(
+    core: str, params: tuple[float, float, float], folder: Path, port: int
+) -> Iterator[None]:
+    """Firmware as node 0 of the bus that is served on `port`."""
+    with Firmware(core, params, folder, 0, STALL_US) as node:
+        command = [sys.executable, "-m", "dahl.bridge", str(node.port), str(port)]
+        bridge = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            if bridge.stdout.readline() != "ready\n":
+                raise RunError("the bridge from slcan to the bus did not open")
+            yield
+        finally:
+            bridge.terminate()
+            bridge.wait()
+            bridge.stdout.close()
 
 
 def _listening() -> str:

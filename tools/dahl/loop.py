@@ -8,12 +8,14 @@ an outsider saw.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import signal
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -63,6 +65,8 @@ class Setup:
     log: Path | None = None  # recorded motion, in place of the scene's own
     seconds: float | None = None
     seed: int | None = None
+    node_scene: Path | None = None  # of the serving node, where another one computes the torque
+    attach: Callable[[int], AbstractContextManager] | None = None  # brings that one to a port
 
 
 class Program:
@@ -159,13 +163,15 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     """
     serves = setup.bus.startswith("socketcand")
     node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
-    node = Program(setup, "node", node_bus, *(["--until-idle"] if serves else []))
+    served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
+    node = Program(served, "node", node_bus, *(["--until-idle"] if serves else []))
     encoder = None
     try:
         encoder_bus, here = _ends(setup.bus, node)
         with (
             open_bus(PATIENCE, **here) as bus,
             (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log,
+            setup.attach(here["port"]) if setup.attach else nullcontext(),
         ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)

@@ -79,6 +79,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--bus", metavar="SPEC", help="socketcan:IF or socketcand (default: the best there is)"
     )
+    parser.add_argument(
+        "--target",
+        metavar="CORE",
+        help="compute the torque in firmware on an emulated core: m0, m3, m4f, m7 or m33",
+    )
     parser.add_argument("--seconds", type=float, metavar="S", help="end the motion after S seconds")
     parser.add_argument("--seed", type=int, metavar="N", help="of a scene that has random parts")
     parser.add_argument(
@@ -162,10 +167,12 @@ def _play(
     from dahl import bus, logs, loop, places, report
 
     places.loop_program()  # built?
-    chosen, why = bus.choose(args.bus)
+    chosen, why = bus.choose(args.bus or ("socketcand" if args.target else None))
     console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
     setup = loop.Setup(scene.path, chosen, args.output, log, args.seconds, args.seed)
+    if args.target:
+        _use_target(args, scene, setup, console)
     ticks = _expected(args, recorded)
     columns = (
         TextColumn("run    "),
@@ -181,7 +188,23 @@ def _play(
             lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
         )
     numbers |= {"bus": chosen, "log": str(log.resolve()) if log else None}
+    if args.target:  # the node of the served bus has only seen that nothing was for it
+        numbers |= {"node": {}, "target": args.target}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
+
+
+def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
+    """Let firmware be the node: dahl-loop's own only serves the bus."""
+    from dahl import firmware
+
+    if not setup.bus.startswith("socketcand"):
+        raise Error(f"--target goes with --bus socketcand, not {setup.bus}")
+    image = firmware.build(args.target)
+    board = firmware.BOARDS[args.target].machine
+    console.print(f"node    {image.relative_to(places.ROOT)} on {board} in QEMU, by slcan")
+    params = (scene.sigma0, scene.Fc, scene.theta_per_count)
+    setup.node_scene = firmware.hub(args.output)
+    setup.attach = lambda port: firmware.attached(args.target, params, args.output, port)
 
 
 def _expected(args: argparse.Namespace, recorded: Recorded | None) -> int | None:
