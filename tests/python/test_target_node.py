@@ -324,7 +324,7 @@ def trace(folder: Path, seconds: float) -> tuple[list[bytes], list[bytes]]:
 
 
 def replay(line: Serial, asked: list[bytes], ahead: int = 20) -> list[bytes]:
-    """Send all, never more than `ahead` unanswered, so that the node's clock sees a steady stream."""
+    """Send all, never more than `ahead` unanswered, so that the node sees a steady stream."""
     for n in range(0, len(asked), ahead):
         line.send(b"".join(question + b"\r" for question in asked[n : n + ahead]))
         line.wait(b"t110", min(n + ahead, len(asked)), 10)

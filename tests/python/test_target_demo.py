@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: MIT
+"""The main job with the torque from firmware on an emulated Cortex-M4F: `tools/demo.sh --target m4f`."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+
+
+def need_tools() -> None:
+    for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
+        if not shutil.which(program):
+            pytest.skip(
+                f"{program} is not installed (tools/setup.sh installs it where Debian has it)"
+            )
+
+
+def test_demo_on_target(run_dahl, library, dahl_loop, tmp_path) -> None:
+    """Three runs at most: emulated firmware cannot keep the beat on a machine that is busy elsewhere,
+    and an answer that comes 16 beats late is taken for another one's.
+    """
+    need_tools()
+    for _ in range(3):
+        done = run_dahl(
+            "demo", "--scene", "steering", "--seconds", "4", "--target", "m4f", "--output", tmp_path
+        )
+        assert done.returncode == 0, done.stderr
+        numbers = json.loads((tmp_path / "summary.json").read_text())
+        if numbers["frames_lost"] == 0 and numbers["max_error_ulp_Fc"] <= 0.52:
+            break
+    assert numbers["target"] == "m4f" and numbers["ticks"] == 4000
+    assert numbers["frames_lost"] == 0 and numbers["max_error_ulp_Fc"] <= 0.52
+    assert (tmp_path / "loop.png").stat().st_size > 10000
+
+
+@pytest.mark.parametrize(
+    "words, said",
+    [(("--target", "m9"), "m9"), (("--target", "m4f", "--bus", "socketcan:vcan0"), "socketcand")],
+)
+def test_bad_target(words, said, run_dahl, library, dahl_loop, tmp_path) -> None:
+    done = run_dahl("demo", "--scene", "steering", *words, "--output", tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ") and said in done.stderr
+    assert done.stderr.count("\n") == 1
