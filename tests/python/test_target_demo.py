@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The main job with the torque from firmware on an emulated Cortex-M4F: `tools/demo.sh --target m4f`."""
+"""tools/demo.sh --target m4f: the main job with the torque from firmware on an emulated core."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def need_tools() -> None:
 
 
 def test_demo_on_target(run_dahl, library, dahl_loop, tmp_path) -> None:
-    """Three runs at most: emulated firmware cannot keep the beat on a machine that is busy elsewhere,
-    and an answer that comes 16 beats late is taken for another one's.
+    """Three runs at most: emulated firmware cannot keep the beat on a machine that is busy, and an
+    answer that comes 16 beats late is taken for another one's.
     """
     need_tools()
     for _ in range(3):
