@@ -261,7 +261,7 @@ static bool check_travel(const reader_t *r)
 {
     const scene_friction_t *f = &r->scene->friction;
     double travel = f->sigma0 / f->Fc * f->theta_per_count;
-    if (r->scene->has_friction && (travel < DAHL_TRAVEL_MIN || travel >= DAHL_TRAVEL_MAX)) {
+    if (travel < DAHL_TRAVEL_MIN || travel >= DAHL_TRAVEL_MAX) {
         complain("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
                  r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count, travel,
                  DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
@@ -288,7 +288,7 @@ static bool check(reader_t *r)
             return false;
         }
     }
-    return check_travel(r);
+    return !scene->has_friction || check_travel(r);
 }
 
 bool scene_read(scene_t *scene, const char *path)
