@@ -118,6 +118,23 @@ static void test_status_comes_back(void)
     }
 }
 
+/* Later versions may use them: whatever stands there, an older node reads the rest. */
+static void test_unused_bits_of_an_encoder_state_mean_nothing(void)
+{
+    encoder_state_t in = {-77, 9, false};
+    encoder_state_t out;
+    can_frame_t frame;
+    frames_pack_encoder(&frame, 0, &in);
+    frame.data[1] |= 0xE0;
+    frame.data[6] = 0xFF;
+    frame.data[7] = 0xFF;
+    frame.data[0] = frames_crc(frame.data, FRAMES_KIND_ENCODER);
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_encoder(&frame, &out));
+    TEST_ASSERT_EQUAL(-77, out.count);
+    TEST_ASSERT_EQUAL(9, out.counter);
+    TEST_ASSERT_FALSE(out.valid);
+}
+
 static can_frame_t sample(uint64_t *seed)
 {
     encoder_state_t in = {(int32_t)random_u32(seed), random_u32(seed) & 0x0F, true};
@@ -228,6 +245,7 @@ int main(void)
     RUN_TEST(test_reference_gives_the_values_of_autosar);
     RUN_TEST(test_crc_is_the_reference_over_bytes_and_data_id);
     RUN_TEST(test_encoder_state_comes_back);
+    RUN_TEST(test_unused_bits_of_an_encoder_state_mean_nothing);
     RUN_TEST(test_friction_torque_comes_back);
     RUN_TEST(test_status_comes_back);
     RUN_TEST(test_no_one_or_two_flipped_bits_pass);

@@ -144,6 +144,16 @@ static void test_one_frame_out_of_sequence_has_no_effect(void)
     }
 }
 
+static void test_a_good_frame_between_two_out_of_sequence_ends_the_doubt(void)
+{
+    feed(0, 0);
+    TEST_ASSERT_FALSE(feed(8, 5000));
+    TEST_ASSERT_TRUE(feed(1, 20));
+    TEST_ASSERT_FALSE(feed(9, 5010));
+    TEST_ASSERT_TRUE(feed(2, 30));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
 static void test_two_in_a_row_are_a_new_start_without_travel(void)
 {
     feed(0, 0);
@@ -179,6 +189,9 @@ static void test_wrong_crc_and_form_are_counted_and_not_used(void)
     TEST_ASSERT_EQUAL(3, node.counts.format);
     TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
     TEST_ASSERT_TRUE(feed(1, 5));
+    node_status_t status = status_now();
+    TEST_ASSERT_EQUAL(4, status.corrupt);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_CRC | FRAMES_ERROR_FORMAT, status.errors);
 }
 
 static void test_other_ids_are_ignored(void)
@@ -205,6 +218,7 @@ static void test_a_count_that_the_encoder_disowns_is_not_used(void)
     TEST_ASSERT_TRUE(feed(2, 7));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 7), answer.torque_q30);
+    TEST_ASSERT_EQUAL_HEX8(FRAMES_ERROR_INVALID, status_now().errors);
 }
 
 static void test_an_invalid_count_is_no_starting_point(void)
@@ -215,6 +229,13 @@ static void test_an_invalid_count_is_no_starting_point(void)
     TEST_ASSERT_FALSE(give(&frame));
     TEST_ASSERT_TRUE(feed(2, 7));
     TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+    state.counter = 9;
+    frames_pack_encoder(&frame, NUMBER, &state);
+    TEST_ASSERT_FALSE(feed(8, 5000));
+    TEST_ASSERT_FALSE(give(&frame));
+    TEST_ASSERT_TRUE(feed(10, 5001));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(0, node.bearing.w);
 }
 
 static void test_silence_makes_it_stale_once_and_the_next_frame_starts_anew(void)
@@ -244,6 +265,16 @@ static void test_age_is_seen_without_a_tick_too(void)
     TEST_ASSERT_TRUE(feed(1, 4000));
     TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
     TEST_ASSERT_EQUAL(0, node.bearing.w);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_STALE, status_now().errors);
+}
+
+static void test_the_last_microsecond_is_not_stale(void)
+{
+    can_frame_t frame = encoder_frame(1, 10);
+    can_frame_t out;
+    feed(0, 0);
+    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us + NODE_TIMEOUT_US, &out));
+    TEST_ASSERT_EQUAL(FRAMES_OK, node.state);
 }
 
 static void test_bad_and_repeated_frames_do_not_refresh_the_timeout(void)
@@ -325,6 +356,7 @@ int main(void)
     RUN_TEST(test_a_repeated_frame_is_counted_and_not_used);
     RUN_TEST(test_one_or_two_missing_frames_cost_nothing);
     RUN_TEST(test_one_frame_out_of_sequence_has_no_effect);
+    RUN_TEST(test_a_good_frame_between_two_out_of_sequence_ends_the_doubt);
     RUN_TEST(test_two_in_a_row_are_a_new_start_without_travel);
     RUN_TEST(test_wrong_crc_and_form_are_counted_and_not_used);
     RUN_TEST(test_other_ids_are_ignored);
@@ -332,6 +364,7 @@ int main(void)
     RUN_TEST(test_an_invalid_count_is_no_starting_point);
     RUN_TEST(test_silence_makes_it_stale_once_and_the_next_frame_starts_anew);
     RUN_TEST(test_age_is_seen_without_a_tick_too);
+    RUN_TEST(test_the_last_microsecond_is_not_stale);
     RUN_TEST(test_bad_and_repeated_frames_do_not_refresh_the_timeout);
     RUN_TEST(test_status_tells_what_happened);
     RUN_TEST(test_status_comes_every_100_ms);
