@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: MIT
+"""The sanitizers find nothing: all C tests, and dahl-loop driven from Python, in each sanitizer preset."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+# A sanitized program is large and slow: what is said about memory and speed does not hold for it.
+NOT_HERE = "memory or 200 or slow or witness or minute or tribometer"
+
+
+def run(*command: object, **more: object) -> None:
+    done = subprocess.run(
+        [str(word) for word in command],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        **more,
+    )
+    assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize(("preset", "compiler"), [("sanitize", "gcc"), ("clang", "clang")])
+def test_nothing_is_found(preset: str, compiler: str) -> None:
+    if shutil.which(compiler) is None:
+        pytest.skip(f"no {compiler} here")
+    run("cmake", "--preset", preset)
+    run("cmake", "--build", "--preset", preset)
+    run("ctest", "--preset", preset, "--timeout", "600")
+    tests = [Path(__file__).with_name(f"test_loop_{name}.py") for name in ("virtual", "bad_input", "node")]
+    environment = {**os.environ, "DAHL_BUILD_DIR": str(ROOT / "build" / preset)}
+    environment.pop("DAHL_LOOP", None)
+    chosen = ["-q", "-p", "no:cacheprovider", "-k", f"not ({NOT_HERE})"]
+    run(sys.executable, "-m", "pytest", *chosen, *tests, env=environment)
