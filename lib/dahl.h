@@ -100,7 +100,7 @@ dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
  * Cost: 2 multiplies and a table entry for 1 to 8 counts, else popcount(|dcounts|) times that; 1 multiply for F. */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
-/* The same move; returns F/Fc in Q30, -2^30 .. 2^30. Integers only: no float, no helper function. */
+/* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,

@@ -7,7 +7,7 @@ static uint64_t move(uint64_t w, int32_t direction, dahl_q64_t g)
     return direction < 0 ? dahl_backward(w, g) : dahl_forward(w, g);
 }
 
-void dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+uint64_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     const dahl_q64_t *g = &plan->g[DAHL_DENSE];
@@ -18,11 +18,5 @@ void dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcou
         }
     }
     state->w = (int64_t)w;
-}
-
-/* For no motion too. w is rounded by its own sign, so that +-Fc shows as +-2^30. */
-int32_t dahl_step_digits_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
-{
-    dahl_move_digits(plan, state, dcounts);
-    return (int32_t)(state->w < 0 ? dahl_round_backward((uint64_t)state->w) : dahl_round_forward((uint64_t)state->w));
+    return w;
 }
