@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <time.h>
 
-enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000 };
+enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000, DRAIN_FRAMES = 1000 };
 
 #define STALL_NS UINT64_C(1000000000)
 
@@ -144,6 +144,13 @@ static void settle(loop_t *loop)
     }
 }
 
+/* What had come when the end came is still answered and logged; bounded, as a bus may never fall silent. */
+static void drain(loop_t *loop)
+{
+    for (int i = 0; i < DRAIN_FRAMES && receive(loop, 0); i++) {
+    }
+}
+
 /* Make the tick that is due; returns when to make the next. */
 static uint64_t beat(loop_t *loop, uint64_t now)
 {
@@ -170,6 +177,7 @@ static void run_real(loop_t *loop)
     if (loop->encoder != NULL) {
         settle(loop);
     }
+    drain(loop);
 }
 
 void loop_run(loop_t *loop)

@@ -1,10 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /* The parts of dahl-loop that need no bus: histogram, the encoder's book of answers, motions. */
+#include <string.h>
 #include <unity.h>
 
+#include "candump.h"
 #include "encoder.h"
 #include "frames.h"
 #include "histogram.h"
+#include "loop.h"
+#include "loopback/loopback.h"
 #include "motion.h"
 #include "random.h"
 
@@ -133,6 +137,55 @@ static void test_foreign_and_corrupt_answers(void)
     TEST_ASSERT_EQUAL(1, encoder.corrupt);
 }
 
+static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
+{
+    const can_frame_t frames[] = {
+        {.time_us = 1234567890000001, .id = 0x1F, .length = 2, .data = {0x0A, 0xFF}},
+        {.time_us = 999999, .id = 0x1ABCDEF, .flags = CAN_FRAME_EXTENDED, .length = 1, .data = {1}},
+        {.time_us = 1000000, .id = 0x7FF, .length = 0},
+        {.time_us = 1000010, .id = 0x100, .flags = CAN_FRAME_REMOTE, .length = 8},
+    };
+    const char want[] = "(1234567890.000001) vcan0 01F#0AFF\n(0000000000.999999) vcan0 01ABCDEF#01\n"
+                        "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R\n";
+    char text[sizeof want + 1] = "";
+    candump_t log = {.file = tmpfile(), .bus_name = "vcan0"};
+    TEST_ASSERT_NOT_NULL(log.file);
+    for (size_t i = 0; i < sizeof frames / sizeof frames[0]; i++) {
+        candump_write(&log, &frames[i]);
+    }
+    rewind(log.file);
+    TEST_ASSERT_EQUAL(sizeof want - 1, fread(text, 1, sizeof text, log.file));
+    TEST_ASSERT_EQUAL_STRING(want, text);
+    TEST_ASSERT_TRUE(candump_close(&log));
+}
+
+static void test_what_came_before_the_end_is_answered_and_logged(void)
+{
+    volatile sig_atomic_t stop = 1;
+    candump_t log = {.file = tmpfile(), .bus_name = "vcan0"};
+    sim_clock_t clock;
+    loopback_t bus;
+    dahl_plan_t plan;
+    node_t node;
+    can_frame_t angle;
+    char text[256] = "";
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &(dahl_params_t){50.0f, 0.5f, 1e-4f}));
+    sim_clock_start(&clock, false);
+    loopback_open(&bus, sim_clock_seam(&clock));
+    node_init(&node, &plan, 0);
+    frames_pack_encoder(&angle, 0, &(encoder_state_t){.count = 7, .valid = true});
+    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&bus.bus, &angle));
+    static loop_t loop;
+    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .node = &node, .log = &log, .stop = &stop, .max_ticks = 9};
+    loop_run(&loop);
+    rewind(log.file);
+    TEST_ASSERT_TRUE(fread(text, 1, sizeof text - 1, log.file) > 0);
+    TEST_ASSERT_EQUAL(1, node.counts.ok);
+    TEST_ASSERT_NOT_NULL(strstr(text, " 100#"));
+    TEST_ASSERT_NOT_NULL(strstr(text, " 110#"));
+    TEST_ASSERT_TRUE(candump_close(&log));
+}
+
 static void test_segments_go_where_they_should(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .theta2 = -10, .theta3 = 30, .speed = 2000};
@@ -197,6 +250,8 @@ int main(void)
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_waiting_frames_are_bounded);
     RUN_TEST(test_foreign_and_corrupt_answers);
+    RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);
+    RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_segments_go_where_they_should);
     RUN_TEST(test_start_count_wraps);
     RUN_TEST(test_steering_is_smooth_and_its_seed_decides);
