@@ -152,6 +152,9 @@ static void test_a_good_frame_between_two_out_of_sequence_ends_the_doubt(void)
     TEST_ASSERT_FALSE(feed(9, 5010));
     TEST_ASSERT_TRUE(feed(2, 30));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    node_status_t status = status_now();
+    TEST_ASSERT_EQUAL(2, status.out_of_step);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_WRONG_SEQUENCE, status.errors);
 }
 
 static void test_two_in_a_row_are_a_new_start_without_travel(void)
