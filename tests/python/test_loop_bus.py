@@ -5,12 +5,15 @@ from __future__ import annotations
 
 import random
 import re
+import shutil
 import signal
 import socket
 import struct
+import subprocess
 import time
 from pathlib import Path
 
+import can
 import pytest
 from loop_tools import (
     SCENES,
@@ -151,6 +154,54 @@ def test_two_processes_compute_what_one_does(tmp_path):
         two = read_log(finished(tmp_path / "node", node).log)
     assert counts_of(two) == counts_of(one)
     assert torques_of(two) == torques_of(one)
+
+
+def test_a_log_that_python_can_replays_gives_the_same_torques(tmp_path):
+    """python-can reads the log as it is and keeps its times; to the node the old answers are foreign."""
+    patient = tmp_path / "patient.ini"
+    patient.write_text(
+        (SCENES / "segments.ini").read_text().replace("[motion]", "timeout_ms = 60000\n[motion]")
+    )
+    recorded = run(tmp_path / "recorded", patient, "--virtual", "--seconds", "2").log
+    options = ("--role", "node", "--until-idle")
+    with serving(tmp_path / "node", patient, *options) as (process, port):
+        with client(port) as bus:
+            for message in can.MessageSync(can.LogReader(recorded)):
+                bus.send(message)
+            heard = 0
+            while heard < 2000:
+                heard += bus.recv(10).arbitration_id == 0x110
+        again = finished(tmp_path / "node", process)
+    assert again.summary["node"]["ok"] == 2000
+    answers = torques_of(read_log(recorded))
+    assert sorted(torques_of(read_log(again.log))) == sorted(answers * 2)
+
+
+def test_the_last_frame_of_a_client_that_leaves_is_answered_and_logged(tmp_path):
+    options = ("--role", "node", "--until-idle")
+    recorded = run(tmp_path / "recorded", STEERING, "--virtual", "--seconds", "0.001").log
+    (angle,) = [frame.data for frame in read_log(recorded) if frame.id == 0x100]
+    with serving(tmp_path / "node", SCENES / "segments.ini", *options) as (process, port):
+        peer = raw_client(port)
+        peer.sendall(f"< send 100 8 {' '.join(f'{byte:X}' for byte in angle)} >".encode())
+        peer.close()
+        log = read_log(finished(tmp_path / "node", process).log)
+    assert [frame.id for frame in log if frame.id != 0x120] == [0x100, 0x110]
+
+
+@pytest.mark.skipif(shutil.which("log2asc") is None, reason="can-utils are not here")
+def test_can_utils_read_the_log(tmp_path):
+    """log2asc parses a line as canplayer does, and prints each frame it took. (It takes 0 s for no time.)"""
+    recorded = run(tmp_path, STEERING, "--seconds", "0.5").log
+    frames = read_log(recorded)
+    done = subprocess.run(
+        ["log2asc", "-I", recorded, "vcan0"], capture_output=True, text=True, check=True
+    )
+    taken = re.findall(r"^ +(\d+\.\d{6}) 1 +(\w+) +Rx +d 8 ((?:\w\w ?){8})$", done.stdout, re.MULTILINE)
+    assert [(float(t), int(i, 16), bytes.fromhex(d)) for t, i, d in taken] == [
+        (pytest.approx(frame.time - frames[0].time, abs=2e-6), frame.id, frame.data)
+        for frame in frames
+    ]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
