@@ -40,6 +40,18 @@ static void test_quantiles_of_known_durations(void)
     TEST_ASSERT_EQUAL(100000, histogram.max);
 }
 
+static void test_quantiles_of_few_short_durations_are_exact(void)
+{
+    static histogram_t histogram;
+    for (uint64_t ns = 1; ns <= 20; ns++) {
+        histogram_add(&histogram, ns);
+    }
+    TEST_ASSERT_EQUAL(1, histogram_quantile(&histogram, 0.05));
+    TEST_ASSERT_EQUAL(10, histogram_quantile(&histogram, 0.5));
+    TEST_ASSERT_EQUAL(11, histogram_quantile(&histogram, 0.501));
+    TEST_ASSERT_EQUAL(20, histogram_quantile(&histogram, 0.99));
+}
+
 static void test_a_histogram_takes_everything(void)
 {
     static histogram_t histogram;
@@ -243,6 +255,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_quantiles_of_known_durations);
+    RUN_TEST(test_quantiles_of_few_short_durations_are_exact);
     RUN_TEST(test_a_histogram_takes_everything);
     RUN_TEST(test_each_answer_is_matched_once);
     RUN_TEST(test_a_stall_is_late_and_not_lost);

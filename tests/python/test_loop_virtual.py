@@ -198,6 +198,13 @@ def test_log_files_of_many_shapes(tmp_path, delimiter, end):
     assert counts_of(read_log(result.log)) == [0, 1, -1, -35]
 
 
+def test_angles_between_two_counts_go_to_the_nearest(tmp_path):
+    (tmp_path / "log.csv").write_text("a\n0.5\n0.54\n0.56\n0.46\n0.44\n1.4999999999\n")
+    motion = "[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = 10\n"
+    result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
+    assert counts_of(read_log(result.log)) == [0, 0, 1, 0, -1, 10]
+
+
 def test_status_frames_carry_the_version_and_no_error(tmp_path):
     log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seconds", "1").log)
     statuses = [frame.data for frame in log if frame.id == 0x120]
