@@ -10,6 +10,7 @@ from pathlib import Path
 
 import cantools
 import pytest
+from codec_tools import EncoderState, Frame
 from conftest import built
 from crccheck.crc import Crc8Autosar
 from e2e import p02
@@ -20,24 +21,6 @@ KINDS = {
     "Status": ("status", 0x5),
 }
 ROUNDS = 5000
-
-
-class Frame(ctypes.Structure):
-    """can_frame_t."""
-
-    _fields_ = [
-        ("time_us", ctypes.c_uint64),
-        ("id", ctypes.c_uint32),
-        ("flags", ctypes.c_uint8),
-        ("length", ctypes.c_uint8),
-        ("data", ctypes.c_uint8 * 8),
-    ]
-
-
-class EncoderState(ctypes.Structure):
-    """encoder_state_t."""
-
-    _fields_ = [("count", ctypes.c_int32), ("counter", ctypes.c_uint8), ("valid", ctypes.c_bool)]
 
 
 class FrictionTorque(ctypes.Structure):
