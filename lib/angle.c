@@ -36,11 +36,11 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
 {
     uint32_t bits = dahl_bits_of(dtheta);
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
+    uint64_t w = (uint64_t)state->w;
     if (magnitude < DAHL_BITS_NORMAL || magnitude > DAHL_BITS_INF) {
         return dahl_torque(plan, state);
     }
     dahl_q64_t g = q64_of(dahl_kernel(travel_of(plan, magnitude)));
-    uint64_t w = (uint64_t)state->w;
     if (bits >> 31) {
         return dahl_keep(plan, state, dahl_backward(w, g));
     }

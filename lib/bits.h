@@ -24,7 +24,39 @@ static inline int32_t dahl_leading_zeros_search(uint32_t x)
 #define dahl_leading_zeros(x) dahl_leading_zeros_search(x)
 #endif
 
-/* Keeps a 32-bit factor from being widened before a 32 x 32 -> 64 bit product, which then would be a 64 x 64 bit one. */
+/* The bits of a float and back, without touching its value: safe for NaN and under every floating-point flag. */
+#if defined(__GNUC__)
+#define dahl_copy_word(to, from) ((void)__builtin_memcpy((to), (from), 4))
+#else
+static inline void dahl_copy_word(void *to, const void *from)
+{
+    for (int i = 0; i < 4; i++) {
+        ((unsigned char *)to)[i] = ((const unsigned char *)from)[i];
+    }
+}
+#endif
+
+static inline uint32_t dahl_bits_of(float x)
+{
+    uint32_t bits;
+    dahl_copy_word(&bits, &x);
+    return bits;
+}
+
+static inline float dahl_float_of(uint32_t bits)
+{
+    float x;
+    dahl_copy_word(&x, &bits);
+    return x;
+}
+
+#if defined(__GNUC__)
+#define DAHL_LIKELY(condition) __builtin_expect((condition), 1)
+#else
+#define DAHL_LIKELY(condition) (condition)
+#endif
+
+/* Keeps x as the 32-bit value that it is: not widened before a 32 x 32 -> 64 bit product, not taken apart again. */
 #if defined(__GNUC__)
 #define DAHL_KEEP_32(x) __asm__("" : "+r"(x))
 #else

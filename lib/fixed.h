@@ -7,6 +7,7 @@
 #ifndef DAHL_FIXED_H
 #define DAHL_FIXED_H
 
+#include "bits.h"
 #include "dahl.h"
 #include "multiply.h"
 
@@ -17,37 +18,6 @@ typedef struct {
     uint32_t mantissa;
     int32_t exponent;
 } dahl_real_t;
-
-/* Upper half of a 64 x 64 bit product; rounding 0 truncates, DAHL_TOP_BIT rounds to nearest. */
-static inline uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding)
-{
-    uint32_t a1 = (uint32_t)(a >> 32), a0 = (uint32_t)a;
-    uint32_t b1 = (uint32_t)(b >> 32), b0 = (uint32_t)b;
-    uint64_t middle = dahl_mul(a1, b0) + dahl_mulhi(a0, b0);
-    uint64_t other = dahl_mul(a0, b1) + (uint32_t)middle + rounding;
-    return dahl_mul(a1, b1) + (middle >> 32) + (other >> 32);
-}
-
-/* The bits of a float, without touching its value: safe for NaN and under every floating-point flag. */
-static inline uint32_t dahl_bits_of(float x)
-{
-    union {
-        float value;
-        uint32_t bits;
-    } u;
-    u.value = x;
-    return u.bits;
-}
-
-static inline float dahl_float_of(uint32_t bits)
-{
-    union {
-        float value;
-        uint32_t bits;
-    } u;
-    u.bits = bits;
-    return u.value;
-}
 
 /* A normal positive float as mantissa 2^exponent. */
 static inline dahl_real_t dahl_real_of(uint32_t bits)
@@ -84,20 +54,12 @@ static inline int32_t dahl_exponent_of_a(const dahl_plan_t *plan)
 #define DAHL_BITS_SIGN 0x80000000u
 #define DAHL_BITS_NORMAL 0x00800000u /* smallest normal float */
 
-/* numerator/denominator in Q38, truncated, for mantissas with the top bit set: in (2^37, 2^39). One bit a turn,
- * because a 64-bit division would be a library call on small cores. */
-static inline uint64_t dahl_quotient_q38(uint32_t numerator, uint32_t denominator)
-{
-    uint64_t rest = numerator, quotient = 0;
-    for (int bit = 0; bit <= 38; bit++) {
-        quotient <<= 1;
-        if (rest >= denominator) {
-            rest -= denominator;
-            quotient |= 1;
-        }
-        rest <<= 1;
-    }
-    return quotient;
-}
+/* Out of line (wide.c): for what is prepared, not for a tick. */
+
+/* Upper half of a 64 x 64 bit product; rounding 0 truncates, DAHL_TOP_BIT rounds to nearest. */
+uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding);
+
+/* numerator/denominator in Q38, truncated, for mantissas with the top bit set: in (2^37, 2^39). */
+uint64_t dahl_quotient_q38(uint32_t numerator, uint32_t denominator);
 
 #endif

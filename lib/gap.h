@@ -51,5 +51,6 @@ static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
 
 /* A move beyond the dense entries, out of line to keep the tick short. Moves the state and returns its w. */
 uint64_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+float dahl_step_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts); /* and its torque */
 
 #endif

@@ -48,6 +48,7 @@ static inline uint32_t dahl_kernel_large(uint32_t mantissa, int32_t left)
 {
     uint32_t k = dahl_mulhi(mantissa, DAHL_LOG2E_Q31) >> (31 - left);
     uint32_t x = (mantissa << left) - k * DAHL_LN2_Q32; /* modulo 1, so the bits of u above 1 may go */
+    DAHL_KEEP_32(x);
     return k > 31 ? UINT32_MAX : ~(~dahl_kernel_small(x, x) >> k);
 }
 

@@ -8,7 +8,6 @@
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
 
-#include "bits.h"
 #include "fixed.h"
 
 /* The words (top, next), 0 < top < 2^31, as a float's bits, rounded. The scale is an exponent times 2^24, and 1 for the
@@ -27,7 +26,10 @@ float dahl_small_torque(uint64_t product, uint32_t scale, uint32_t sign);
 static inline float dahl_torque_of(const dahl_plan_t *plan, int64_t w)
 {
     uint32_t sign = w < 0 ? DAHL_BITS_SIGN : 0u;
-    uint64_t size = w < 0 ? 0u - (uint64_t)w : (uint64_t)w;
+    uint64_t size = (uint64_t)w;
+    if (DAHL_LIKELY(w < 0)) { /* as likely as not; so the negation stays in line, not a jump away */
+        size = 0u - size;
+    }
     uint64_t low = dahl_mul(plan->Fc_mantissa, (uint32_t)size);
     uint64_t high = dahl_mul(plan->Fc_mantissa, (uint32_t)(size >> 32)) + (low >> 32);
     if (high >> 32 == 0) {

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: MIT */
+/* The two wide operations of what is prepared, made from narrow ones: a call to the compiler's own would be larger. */
+#include "fixed.h"
+
+uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding)
+{
+    uint32_t a1 = (uint32_t)(a >> 32), a0 = (uint32_t)a;
+    uint32_t b1 = (uint32_t)(b >> 32), b0 = (uint32_t)b;
+    uint64_t middle = dahl_mul(a1, b0) + dahl_mulhi(a0, b0);
+    uint64_t other = dahl_mul(a0, b1) + (uint32_t)middle + rounding;
+    return dahl_mul(a1, b1) + (middle >> 32) + (other >> 32);
+}
+
+/* One bit a turn: a 64-bit division would be a library call on small cores. */
+uint64_t dahl_quotient_q38(uint32_t numerator, uint32_t denominator)
+{
+    uint64_t rest = numerator, quotient = 0;
+    for (int bit = 0; bit <= 38; bit++) {
+        quotient <<= 1;
+        if (rest >= denominator) {
+            rest -= denominator;
+            quotient |= 1;
+        }
+        rest <<= 1;
+    }
+    return quotient;
+}
