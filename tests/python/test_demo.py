@@ -147,6 +147,28 @@ def test_plot_of_nothing_is_one_line(run_dahl, tmp_path):
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
 
 
+def test_plot_of_a_foreign_summary_is_one_line(run_dahl, tmp_path):
+    (tmp_path / "run.log").write_text("(0000000000.001000) vcan0 100#00\n")
+    texts = {"{": "not JSON", "[]": "not the summary", '{"scene_file": 5}': "not the summary"}
+    for text, words in texts.items():
+        (tmp_path / "summary.json").write_text(text)
+        done = run_dahl("plot", tmp_path)
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+        assert f"summary.json: {words}" in done.stderr
+
+
+def test_a_file_that_cannot_be_written_is_one_line(demo, run_dahl, tmp_path):
+    (tmp_path / "file").write_text("")
+    for arguments in (
+        ["demo", "--scene", "segments", "--output", tmp_path / "file" / "out"],
+        ["plot", demo[0], "-o", tmp_path / "none" / "x.png"],
+        ["record", "-i", "virtual", "-c", "x", "-o", tmp_path / "none" / "x.log"],
+    ):
+        done = run_dahl(*arguments)
+        assert done.returncode == 1
+        assert re.fullmatch(r"error: /.*: No(t a| such file or) directory\n", done.stderr)
+
+
 def test_plot_finds_the_log_from_another_folder(own_log, run_dahl, tmp_path):
     """The command line may have named the log relative to where it ran."""
     there = {"cwd": own_log.parent}
@@ -305,7 +327,21 @@ def test_a_bad_row_is_named_before_anything_runs(own_log, run_dahl, tmp_path):
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["nothing"], ["demo", "--fc", "much"], ["monitor", "--nothing"], ["record"]],
+    [
+        [],
+        ["nothing"],
+        ["demo", "--fc", "much"],
+        ["demo", "--seconds", "0"],
+        ["demo", "--seconds", "soon"],
+        ["demo", "--seed", "-1"],
+        ["demo", "--angle-unit", "turns"],
+        ["monitor", "--nothing"],
+        ["monitor", "--node", "16"],
+        ["monitor", "--window", "1"],
+        ["monitor", "--seconds", "nan"],
+        ["record"],
+        ["record", "-o", "x.log", "--frames", "0"],
+    ],
 )
 def test_a_wrong_command_line_is_one_line(run_dahl, arguments):
     done = run_dahl(*arguments)

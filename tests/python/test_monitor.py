@@ -189,6 +189,13 @@ def test_a_bus_that_is_not_there_is_one_line(run_dahl, arguments, words):
     assert done.stderr.count("\n") == 1
 
 
+def test_no_bus_named_is_one_line(run_dahl, tmp_path):
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("CAN_")}
+    done = run_dahl("monitor", env={**environment, "HOME": str(tmp_path)})
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("error: which bus? Name it with -i and -c")
+
+
 def test_a_bad_dbc_is_one_line(run_dahl, tmp_path):
     (tmp_path / "bad.dbc").write_text("hello")
     done = run_dahl("monitor", "-i", "virtual", "-c", "x", "--dbc", tmp_path / "bad.dbc")

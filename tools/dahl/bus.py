@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from dahl.loop import Stop
 
 VCAN = "vcan0"
+WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 QUIET = 0.05  # s without a frame, after which the caller has its turn
 
 
@@ -60,6 +61,8 @@ def open_bus(patience: float = 0.0, **settings: object) -> can.BusABC:
         try:
             return can.Bus(**settings)
         except Exception as error:  # each interface of python-can has its own kinds
+            if "interface" not in settings and "Unknown interface type" in str(error):
+                raise Error(WHICH) from None
             if time.monotonic() >= until:
                 shown = " ".join(f"{key}={value}" for key, value in settings.items())
                 raise RunError(f"cannot open the bus ({shown}): {error}") from None

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl import Error, places
+from dahl.arguments import seconds, whole
 
 if TYPE_CHECKING:
     from dahl.report import Trace
@@ -84,8 +85,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CORE",
         help="compute the torque in firmware on an emulated core: m0, m3, m4f, m7 or m33",
     )
-    parser.add_argument("--seconds", type=float, metavar="S", help="end the motion after S seconds")
-    parser.add_argument("--seed", type=int, metavar="N", help="of a scene that has random parts")
+    parser.add_argument(
+        "--seconds", type=seconds, metavar="S", help="end the motion after S seconds"
+    )
+    parser.add_argument(
+        "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
+    )
     parser.add_argument(
         "--output", type=Path, default=places.DEMO, metavar="FOLDER", help="where the files go"
     )

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dahl.arguments import add_limits, whole
 from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
@@ -32,13 +33,18 @@ REDRAW = 0.25  # s
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bus_arguments(parser)
-    parser.add_argument("--node", type=int, default=0, metavar="N", help="node number, 0 to 15")
+    parser.add_argument(
+        "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
+    )
     parser.add_argument("--dbc", type=Path, help="bus description, if not port/dahl.dbc")
     parser.add_argument(
-        "--window", type=int, default=4000, metavar="TICKS", help="ticks that are shown"
+        "--window",
+        type=whole(2, 1000000),
+        default=4000,
+        metavar="TICKS",
+        help="ticks that are shown",
     )
-    parser.add_argument("--frames", type=int, metavar="N", help="end after N frames")
-    parser.add_argument("--seconds", type=float, metavar="S", help="end after S seconds")
+    add_limits(parser)
 
 
 def run(args: argparse.Namespace) -> None:

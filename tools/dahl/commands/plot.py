@@ -48,12 +48,16 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _summary(folder: Path) -> dict:
+    path = folder / "summary.json"
     try:
-        return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        known = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return {}
     except ValueError as error:
-        raise Error(f"{folder / 'summary.json'}: not JSON ({error})") from None
+        raise Error(f"{path}: not JSON ({error})") from None
+    if not isinstance(known, dict) or not isinstance(known.get("scene_file", ""), str):
+        raise Error(f"{path}: not the summary of a demo")
+    return known
 
 
 def _scene_of(known: dict, log: Path) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from dahl.arguments import add_limits
 from dahl.bus import add_bus_arguments
 
 HELP = "record any python-can bus into a candump log"
@@ -24,8 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, required=True, metavar="RUN.log", help="file to write"
     )
-    parser.add_argument("--frames", type=int, metavar="N", help="end after N frames")
-    parser.add_argument("--seconds", type=float, metavar="S", help="end after S seconds")
+    add_limits(parser)
 
 
 def run(args: argparse.Namespace) -> None:
