@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* The parts of dahl-loop that need no bus: histogram, the encoder's book of answers, motions. */
+#define _GNU_SOURCE
+#include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #include <unity.h>
 
 #include "candump.h"
@@ -11,6 +14,7 @@
 #include "loopback/loopback.h"
 #include "motion.h"
 #include "random.h"
+#include "summary.h"
 
 static scene_motion_t still;
 static motion_t motion;
@@ -198,6 +202,57 @@ static void test_what_came_before_the_end_is_answered_and_logged(void)
     TEST_ASSERT_TRUE(candump_close(&log));
 }
 
+static char summary[4096];
+
+static void write_summary(const loop_t *loop)
+{
+    const options_t options = {.bus = "loopback", .scene = "a.ini", .seed = 7, .is_virtual = true};
+    const scene_t scene = {.title = "A"};
+    char path[] = "/tmp/test_sim_XXXXXX";
+    int fd = mkstemp(path);
+    TEST_ASSERT_TRUE(fd >= 0);
+    memset(summary, 0, sizeof summary);
+    TEST_ASSERT_TRUE(summary_write(path, &options, &scene, loop));
+    TEST_ASSERT_TRUE(read(fd, summary, sizeof summary - 1) > 0);
+    close(fd);
+    unlink(path);
+}
+
+/* The number after the first "name": of the summary. */
+static double said(const char *name)
+{
+    char key[64];
+    snprintf(key, sizeof key, "\"%s\":", name);
+    const char *found = strstr(summary, key);
+    TEST_ASSERT_NOT_NULL_MESSAGE(found, name);
+    return strtod(found + strlen(key), NULL);
+}
+
+static void test_the_summary_says_what_was_counted(void)
+{
+    static loop_t loop;
+    loopback_t bus;
+    sim_clock_t clock;
+    loopback_open(&bus, sim_clock_seam(&clock));
+    for (uint32_t i = 0; i < 99; i++) { /* 1 to 99 us */
+        send(1);
+        answer(i, FRAMES_OK, i * UINT64_C(1000000) + (i + 1) * UINT64_C(1000));
+    }
+    send(1);
+    loop = (loop_t){.bus = &bus.bus, .encoder = &encoder, .ticks = 100, .wall_ns = 50000000};
+    write_summary(&loop);
+    TEST_ASSERT_EQUAL_DOUBLE(100, said("frames_sent"));
+    TEST_ASSERT_EQUAL_DOUBLE(99, said("frames_answered"));
+    TEST_ASSERT_EQUAL_DOUBLE(1, said("frames_lost"));
+    TEST_ASSERT_DOUBLE_WITHIN(1.6, 50, said("p50"));
+    TEST_ASSERT_DOUBLE_WITHIN(3.2, 98.5, said("p99"));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 99, said("max"));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 0.05, said("wall_s"));
+    TEST_ASSERT_DOUBLE_WITHIN(1e-9, 2, said("realtime_factor"));
+    TEST_ASSERT_EQUAL_DOUBLE(7, said("seed"));
+    TEST_ASSERT_NULL(strstr(summary, "\"node\":"));
+}
+
 static void test_segments_go_where_they_should(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .theta2 = -10, .theta3 = 30, .speed = 2000};
@@ -265,6 +320,7 @@ int main(void)
     RUN_TEST(test_foreign_and_corrupt_answers);
     RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
+    RUN_TEST(test_the_summary_says_what_was_counted);
     RUN_TEST(test_segments_go_where_they_should);
     RUN_TEST(test_start_count_wraps);
     RUN_TEST(test_steering_is_smooth_and_its_seed_decides);
