@@ -34,7 +34,8 @@ static const char help[] =
     "  --log-file FILE    measured log to use instead of [motion] file\n"
     "  --help, --version\n"
     "\n"
-    "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n";
+    "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n"
+    "Example: dahl-loop --scene host_sim/scenes/steering.ini --virtual --log run.log --summary -\n";
 
 enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, HELP,
        VERSION };
