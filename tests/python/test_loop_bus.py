@@ -157,7 +157,9 @@ def test_two_processes_compute_what_one_does(tmp_path):
 
 
 def test_a_log_that_python_can_replays_gives_the_same_torques(tmp_path):
-    """python-can reads the log as it is and keeps its times; to the node the old answers are foreign."""
+    """python-can reads the log as it is and keeps its times. To the node the old answers are
+    foreign.
+    """
     patient = tmp_path / "patient.ini"
     patient.write_text(
         (SCENES / "segments.ini").read_text().replace("[motion]", "timeout_ms = 60000\n[motion]")
@@ -191,13 +193,16 @@ def test_the_last_frame_of_a_client_that_leaves_is_answered_and_logged(tmp_path)
 
 @pytest.mark.skipif(shutil.which("log2asc") is None, reason="can-utils are not here")
 def test_can_utils_read_the_log(tmp_path):
-    """log2asc parses a line as canplayer does, and prints each frame it took. (It takes 0 s for no time.)"""
+    """log2asc parses a line as canplayer does, and prints each frame it took. (It takes 0 s for no
+    time, so not virtual time.)
+    """
     recorded = run(tmp_path, STEERING, "--seconds", "0.5").log
     frames = read_log(recorded)
     done = subprocess.run(
         ["log2asc", "-I", recorded, "vcan0"], capture_output=True, text=True, check=True
     )
-    taken = re.findall(r"^ +(\d+\.\d{6}) 1 +(\w+) +Rx +d 8 ((?:\w\w ?){8})$", done.stdout, re.MULTILINE)
+    line = r"^ +(\d+\.\d{6}) 1 +(\w+) +Rx +d 8 ((?:\w\w ?){8})$"
+    taken = re.findall(line, done.stdout, re.MULTILINE)
     assert [(float(t), int(i, 16), bytes.fromhex(d)) for t, i, d in taken] == [
         (pytest.approx(frame.time - frames[0].time, abs=2e-6), frame.id, frame.data)
         for frame in frames

@@ -143,7 +143,8 @@ def fitted(run: Run, torque: list[float], **measured) -> dict:
 def test_fit_is_the_textbooks(run):
     """rmse and R2 from their definitions, rows before `settle` left out, offset and spring in."""
     torque = run.trace().torque(SCENE).astype(float)
-    found = fitted(run, [9.0, torque[1] + 0.25 + 0.1, torque[2] + 0.25 - 0.3], offset=0.25, settle=1)
+    shown = [9.0, torque[1] + 0.25 + 0.1, torque[2] + 0.25 - 0.3]
+    found = fitted(run, shown, offset=0.25, settle=1)
     mean = (torque[1] + 0.35 + torque[2] - 0.05) / 2
     spread = (torque[1] + 0.35 - mean) ** 2 + (torque[2] - 0.05 - mean) ** 2
     assert found["rmse_measured"] == pytest.approx((0.1 / 2) ** 0.5, rel=1e-6)

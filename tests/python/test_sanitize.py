@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The sanitizers find nothing: all C tests, and dahl-loop driven from Python, in each sanitizer preset."""
+"""The sanitizers find nothing: all C tests, and dahl-loop driven from Python, in each sanitizer
+preset.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ def test_nothing_is_found(preset: str, compiler: str) -> None:
     run("cmake", "--preset", preset)
     run("cmake", "--build", "--preset", preset)
     run("ctest", "--preset", preset, "--timeout", "600")
-    tests = [Path(__file__).with_name(f"test_loop_{name}.py") for name in ("virtual", "bad_input", "node")]
+    names = ("virtual", "bad_input", "node")
+    tests = [Path(__file__).with_name(f"test_loop_{name}.py") for name in names]
     environment = {**os.environ, "DAHL_BUILD_DIR": str(ROOT / "build" / preset)}
     environment.pop("DAHL_LOOP", None)
     chosen = ["-q", "-p", "no:cacheprovider", "-k", f"not ({NOT_HERE})"]
