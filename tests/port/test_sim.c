@@ -272,6 +272,21 @@ static void test_segments_go_where_they_should(void)
     TEST_ASSERT_EQUAL(0, motion_next(&motion, &count));
 }
 
+static void test_segments_rest_at_each_end(void)
+{
+    scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 2, .theta2 = 1, .theta3 = 2, .speed = 1000,
+                            .hold_s = 0.003};
+    const int32_t want[] = {0, 1, 2, 2, 2, 2, 1, 1, 1, 1, 2, 2, 2, 2};
+    int32_t got[32] = {0};
+    size_t ticks = 0;
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    while (ticks < 32 && motion_next(&motion, &got[ticks]) == 1) {
+        ticks++;
+    }
+    TEST_ASSERT_EQUAL(sizeof want / sizeof want[0], ticks);
+    TEST_ASSERT_EQUAL_INT32_ARRAY(want, got, ticks);
+}
+
 static void test_start_count_wraps(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .speed = 1e9, .start_count = 2147483647};
@@ -322,6 +337,7 @@ int main(void)
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_the_summary_says_what_was_counted);
     RUN_TEST(test_segments_go_where_they_should);
+    RUN_TEST(test_segments_rest_at_each_end);
     RUN_TEST(test_start_count_wraps);
     RUN_TEST(test_steering_is_smooth_and_its_seed_decides);
     return UNITY_END();
