@@ -31,7 +31,7 @@
  *   unless it hid a reversal.
  *
  * THREADS  A plan is read-only and can be shared. A state belongs to its caller; one writer at a time.
- * FAILURE  dahl_prepare() and dahl_change_plan() are the only calls that can fail; all others accept every input.
+ * FAILURE  dahl_prepare() and its float namesake are the only calls that can fail; all others accept every input.
  */
 #ifndef DAHL_H
 #define DAHL_H
@@ -92,20 +92,23 @@ typedef struct {
 } dahl_state_t;
 
 /* Prepare a plan. Fails iff a parameter is outside its range: then the code says why and *plan is untouched.
- * Any plan and params pointers must be valid. Cost: about 100 64-bit products; call it at start, not in the loop. */
+ * Any plan and params pointers must be valid. Cost: 4600 instructions on Cortex-M3; call it at start. */
 dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
 
 /* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
- * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc; relative error below 1e-6 while |F| > 1e-12 Fc.
- * Cost: 2 multiplies and a table entry for 1 to 8 counts, else popcount(|dcounts|) times that; 1 multiply for F. */
+ * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc. Tiny motions keep their relative accuracy: n ticks
+ * from rest with a total travel of U presliding lengths err by at most half an ulp of F and Fc (2^-31 U + 2^-62 n).
+ * Cost on Cortex-M3, M4 (README has all): 40 instructions up to 8 counts, and about 20 for each further binary digit. */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
-/* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function. */
+/* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function.
+ * Cost on Cortex-M3, M4: 20 instructions for -8 .. 8 counts, the same for each. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,
  * +-0 leaves the state bit-identical. Error: DAHL_ULP_ANGLE ulp of Fc for the floats fed, for ever if each |u| >= 2^-30,
- * else for 2^31 ticks. Travel u below 2^-63 per tick is lost. Cost: g(u) by one polynomial of degree 6, no libm. */
+ * else for 2^31 ticks; a subnormal dtheta and travel u below 2^-64 count as none.
+ * Cost on Cortex-M3, M4: 100 instructions; g(u) is one polynomial of degree 6, no libm. */
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 
 /* The torque F in N m without motion, -Fc .. Fc. */

@@ -118,18 +118,20 @@ static void test_p06_tiny_motion(void)
     TEST_ASSERT_TRUE(compared > 500);
 }
 
-/* The same by counts: 1e-8 of travel a count. */
+/* The same by counts, 1e-8 of travel a count, and the bound that dahl.h states for motion from rest. */
 static void test_p06_tiny_motion_by_counts(void)
 {
     dahl_params_t p = params_for(1e-8, 1.0f);
     dahl_plan_t plan = plan_for(&p);
     dahl_state_t state = {0};
     reference_t exact = reference_by_counts(&p);
-    for (int t = 0; t < 1000; t++) {
-        int d = (t / 9) % 2 ? -1 : 1;
-        long double w = reference_move(&exact, d);
+    for (int n = 1; n <= 1000; n++) {
+        int d = (n / 9) % 2 ? -1 : 1;
+        long double w = reference_move(&exact, d), travel = n * exact.a;
         float F = dahl_step_counts(&plan, &state, d);
-        TEST_ASSERT_TRUE(fabsl(w) <= 1e-12L || fabsl(F / (w * p.Fc) - 1) <= 1e-6L);
+        long double half_ulp = fabsl(w) * p.Fc * 0x1p-24L, error = fabsl(F - w * p.Fc);
+        TEST_ASSERT_TRUE(error <= half_ulp + p.Fc * (0x1p-31L * travel + 0x1p-62L * n));
+        TEST_ASSERT_TRUE(fabsl(w) <= 1e-12L || error <= 1e-6L * fabsl(w) * p.Fc);
     }
 }
 
