@@ -135,6 +135,29 @@ def test_an_answer_goes_to_the_frame_that_it_echoes(run):
     assert report.max_error_ulp(SCENE, run.trace()) <= BOUND
 
 
+def test_answers_that_come_many_beats_late_are_still_their_frames(run):
+    """A node that stalls answers a burst then; the 4-bit echo alone would point to newer frames."""
+    counts = [-470 + 3 * i * (-1) ** i for i in range(3, 60)]
+    for counter, count in enumerate(counts, start=3):
+        run.send(counter, count)
+    for counter, count in enumerate(counts, start=3):
+        run.answer(counter, count)
+    trace = run.trace()
+    assert trace.count.tolist() == [-500, -480, -470, *counts]
+    assert report.max_error_ulp(SCENE, trace) <= BOUND
+
+
+def test_after_a_gap_a_new_start_answers_the_newest_frame(run):
+    for counter in range(3, 60):
+        run.send(counter, 100 * counter)
+    run.answer(59, 5900, state=5, used=False)
+    run.tick(60, 5910)
+    trace = run.trace()
+    assert trace.row.tolist() == [0, 1, 2, 59, 60]
+    assert trace.moves().tolist() == [0, 20, 10, 0, 10]
+    assert report.max_error_ulp(SCENE, trace) <= BOUND
+
+
 def fitted(run: Run, torque: list[float], **measured) -> dict:
     scene = Scene(None, "t", SIGMA0, FC, THETA, measured=Measured(torque="T", **measured))
     return report.fit(scene, run.trace(), Recorded(np.array(torque), None, len(torque)))

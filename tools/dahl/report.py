@@ -5,9 +5,11 @@ summary.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,7 +71,12 @@ def new_start_states() -> set[int]:
 
 
 class Pairing:
-    """Matches each FrictionTorque with the EncoderState that it echoes, frame after frame."""
+    """Matches each FrictionTorque with the EncoderState that it echoes, frame after frame.
+
+    Answers come in the order of their frames, so each goes to the first frame not yet passed that
+    has its counter, however late it is (dahl-loop's encoder does the same). After a new start the
+    node has skipped frames: that answer goes to the newest one.
+    """
 
     def __init__(self, node: int = 0) -> None:
         names = ("EncoderState", "FrictionTorque")
@@ -78,7 +85,8 @@ class Pairing:
         }
         self.ticks: list[tuple[int, float, int]] = []  # row, time, count
         self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
-        self.last: dict[int, int] = {}  # counter -> index in ticks
+        self.waiting: deque[tuple[int, int]] = deque()  # counter, index in ticks; not yet passed
+        self.new_start = new_start_states()
         self.row = -1
 
     def feed(self, frame: can.Message) -> None:
@@ -96,13 +104,22 @@ class Pairing:
         counter = signals["Counter"]
         self.row += 1 if self.row < 0 else (counter - self._counter) % COUNTERS or COUNTERS
         self._counter = counter
-        self.last[counter] = len(self.ticks)
+        self.waiting.append((counter, len(self.ticks)))
         self.ticks.append((self.row, time, signals["Count"]))
 
     def _answer(self, signals: dict[str, Any]) -> None:
-        index = self.last.pop(signals["EchoCounter"], None)
-        if index is not None:
-            self.answers[index] = (signals["TorqueRatio"], signals["State"])
+        index = self._echoed(signals["EchoCounter"], signals["State"] in self.new_start)
+        if index is None:
+            return
+        while self.waiting and self.waiting[0][1] <= index:
+            self.waiting.popleft()
+        self.answers[index] = (signals["TorqueRatio"], signals["State"])
+
+    def _echoed(self, counter: int, starts: bool) -> int | None:
+        """Index of the frame with this counter among the 16 first waiting, or the 16 newest."""
+        skipped = max(len(self.waiting) - COUNTERS, 0) if starts else 0
+        near = islice(self.waiting, skipped, skipped + COUNTERS)
+        return next((index for known, index in near if known == counter), None)
 
     def trace(self) -> Trace:
         """All that was answered so far. Raises dahl.Error when nothing was."""
@@ -120,7 +137,7 @@ class Pairing:
             time,
             _unwrap(count),
             ratio,
-            np.isin(state, list(new_start_states())),
+            np.isin(state, list(self.new_start)),
             len(self.ticks),
             self.row + 1 - len(self.ticks),
         )
