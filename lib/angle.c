@@ -4,7 +4,7 @@
 #include "kernel.h"
 #include "torque.h"
 
-/* u = a |dtheta|, for a normal float's bits, infinity included. */
+/* u = a |dtheta|, for a normal float's bits. */
 static inline dahl_scaled_t travel_of(const dahl_plan_t *plan, uint32_t magnitude)
 {
     uint64_t product = dahl_mul(DAHL_TOP_BIT | magnitude << 8, plan->a_mantissa);
@@ -36,13 +36,12 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
 {
     uint32_t bits = dahl_bits_of(dtheta);
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
-    uint64_t w = (uint64_t)state->w;
-    if (magnitude < DAHL_BITS_NORMAL || magnitude > DAHL_BITS_INF) {
-        return dahl_torque(plan, state);
+    if (magnitude - DAHL_BITS_NORMAL >= plan->near) {
+        return dahl_step_far(plan, state, bits);
     }
     dahl_q64_t g = q64_of(dahl_kernel(travel_of(plan, magnitude)));
     if (bits >> 31) {
-        return dahl_keep(plan, state, dahl_backward(w, g));
+        return dahl_keep(plan, state, dahl_backward((uint64_t)state->w, g));
     }
-    return dahl_keep(plan, state, dahl_forward(w, g));
+    return dahl_keep(plan, state, dahl_forward((uint64_t)state->w, g));
 }

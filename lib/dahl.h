@@ -82,6 +82,7 @@ typedef struct {
     dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
     uint32_t a_mantissa;  /* a = a_mantissa 2^(94 - a_shift) [1/rad], top bit set */
     int32_t a_shift;
+    uint32_t near;        /* dahl_step is not saturated by dtheta whose bits are less than this past the smallest float */
     uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^((Fc_scale >> 24) - 159) [N m], top bit set */
     uint32_t Fc_scale;
 } dahl_plan_t;

@@ -49,6 +49,9 @@ static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
     return (uint64_t)((int64_t)w - (int64_t)dahl_part(z, g));
 }
 
+/* What dahl_step leaves to others, by the bits of dtheta (far_angle.c). */
+float dahl_step_far(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits);
+
 /* A move beyond the dense entries, out of line to keep the tick short. Moves the state and returns its w. */
 uint64_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 float dahl_step_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts); /* and its torque */

@@ -43,28 +43,24 @@ static inline uint32_t dahl_kernel_small(uint32_t mantissa, uint32_t x)
     return mantissa - dahl_mulhi(mantissa, dahl_kernel_tail(x));
 }
 
-/* 1/2 <= u < 32: 0 <= left <= 5. Returns g in Q32. */
+/* 1/2 <= u < 22.1 = 31.9 ln 2: 0 <= left <= 5. Returns g in Q32. */
 static inline uint32_t dahl_kernel_large(uint32_t mantissa, int32_t left)
 {
     uint32_t k = dahl_mulhi(mantissa, DAHL_LOG2E_Q31) >> (31 - left);
     uint32_t x = (mantissa << left) - k * DAHL_LN2_Q32; /* modulo 1, so the bits of u above 1 may go */
     DAHL_KEEP_32(x);
-    return k > 31 ? UINT32_MAX : ~(~dahl_kernel_small(x, x) >> k);
+    return ~(~dahl_kernel_small(x, x) >> k);
 }
 
-/* g(u). */
+/* g(u) for u < 22.1; beyond, 1 - g is below 2^-31.8 and dahl_step takes 1. */
 static inline dahl_scaled_t dahl_kernel(dahl_scaled_t u)
 {
-    dahl_scaled_t g = {UINT32_MAX, 0};
+    dahl_scaled_t g = u;
     if (u.shift <= 0) {
-        if (u.shift >= -5) {
-            g.mantissa = dahl_kernel_large(u.mantissa, -u.shift);
-        }
-    } else if (u.shift < 32) {
+        g.mantissa = dahl_kernel_large(u.mantissa, -u.shift);
+        g.shift = 0;
+    } else if (u.shift < 29) { /* below 2^-29, g is u within 2^-30 of itself */
         g.mantissa = dahl_kernel_small(u.mantissa, u.mantissa >> u.shift);
-        g.shift = u.shift;
-    } else {
-        g = u;
     }
     return g;
 }

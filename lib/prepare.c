@@ -150,6 +150,14 @@ static int is_travel_in_range(travel_t u, int32_t first, int32_t last)
     return u.mantissa == 0 || (u.exponent >= first - 63 && u.exponent < last - 63);
 }
 
+/* The bits of a float near 22/a, truncated, less those of the smallest one; a in 2^-63 .. 2^63 keeps it normal. */
+static uint32_t near_of(uint32_t a_mantissa, int32_t a_exponent)
+{
+    uint64_t quotient = dahl_quotient_q38(0xb0000000u, a_mantissa); /* 22 = 0xb0000000 2^-27 */
+    int32_t exponent = -27 - 38 - a_exponent, shift = 14 + (int32_t)(quotient >> 38);
+    return ((uint32_t)(exponent + shift + 149) << 23) + (uint32_t)(quotient >> shift) - DAHL_BITS_NORMAL;
+}
+
 dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
 {
     dahl_err_t err = check(params);
@@ -166,6 +174,7 @@ dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
     dahl_real_t Fc = dahl_real_of(dahl_bits_of(params->Fc));
     plan->a_mantissa = top_of(radian.mantissa);
     plan->a_shift = DAHL_A_BIAS - (radian.exponent + 32);
+    plan->near = near_of(plan->a_mantissa, radian.exponent + 32);
     plan->Fc_mantissa = Fc.mantissa;
     plan->Fc_scale = dahl_scale_of(Fc.exponent);
     return DAHL_OK;
