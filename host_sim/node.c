@@ -127,7 +127,8 @@ static bool reject(node_t *node, frames_check_t why)
 
 static void check_age(node_t *node, uint32_t now_us)
 {
-    if (node->primed && now_us - node->good_us > node->timeout_us) {
+    int32_t age = (int32_t)(now_us - node->good_us); /* below 0 where the clock went back: not old */
+    if (node->primed && age > 0 && (uint32_t)age > node->timeout_us) {
         node->counts.stale++;
         node->primed = false;
         node->start = FRAMES_STALE;

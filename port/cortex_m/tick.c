@@ -30,6 +30,16 @@ void tick_start(void)
     SYSTICK_CONTROL = CORE_CLOCK | INTERRUPT | ENABLE;
 }
 
+/* Never back: an emulator may show a new turn of the counter before its interrupt. */
+static uint32_t later(uint32_t now)
+{
+    static uint32_t latest;
+    if ((int32_t)(now - latest) > 0) {
+        latest = now;
+    }
+    return latest;
+}
+
 /* Read again if an interrupt came between, so that both parts are of one millisecond. An interrupt that is due but not yet
  * taken has started the counter anew: without its millisecond the time would go back. */
 uint32_t tick_now_us(void)
@@ -41,5 +51,5 @@ uint32_t tick_now_us(void)
         pending = INTERRUPT_STATE & SYSTICK_PENDING;
     } while (whole != milliseconds);
     whole += pending != 0 && left > reload / 2u;
-    return whole * 1000u + (reload - left) / mhz();
+    return later(whole * 1000u + (reload - left) / mhz());
 }

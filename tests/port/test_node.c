@@ -280,6 +280,19 @@ static void test_the_last_microsecond_is_not_stale(void)
     TEST_ASSERT_EQUAL(FRAMES_OK, node.state);
 }
 
+/* A clock that steps back by a millisecond, as an emulated one may, is no silence. */
+static void test_a_clock_that_goes_back_is_not_stale(void)
+{
+    (void)feed(0, 100);
+    (void)feed(1, 110);
+    int32_t before = answer.torque_q30;
+    now_us -= 2000;
+    TEST_ASSERT_TRUE(feed(2, 120));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_TRUE(answer.torque_q30 > before);
+    TEST_ASSERT_EQUAL(0, node.counts.stale);
+}
+
 static void test_bad_and_repeated_frames_do_not_refresh_the_timeout(void)
 {
     can_frame_t corrupt = encoder_frame(1, 500);
@@ -368,6 +381,7 @@ int main(void)
     RUN_TEST(test_silence_makes_it_stale_once_and_the_next_frame_starts_anew);
     RUN_TEST(test_age_is_seen_without_a_tick_too);
     RUN_TEST(test_the_last_microsecond_is_not_stale);
+    RUN_TEST(test_a_clock_that_goes_back_is_not_stale);
     RUN_TEST(test_bad_and_repeated_frames_do_not_refresh_the_timeout);
     RUN_TEST(test_status_tells_what_happened);
     RUN_TEST(test_status_comes_every_100_ms);
