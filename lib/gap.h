@@ -42,7 +42,7 @@ static inline uint64_t dahl_forward(uint64_t w, dahl_q64_t g)
     return ((uint64_t)high << 32 | low) + dahl_mul(z, g.hi);
 }
 
-/* Signed, so that the compiler keeps the product in one piece; it is below 2^63. */
+/* Signed, so that the compiler keeps the product in one piece; z <= 2^31 and g < 1 keep it below 2^63. */
 static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
 {
     uint32_t z = DAHL_ONE_Q30 + dahl_q30(w);
