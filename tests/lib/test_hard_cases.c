@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases P1 to P9, P11 to P14, P16 and P17 of the design: each is somebody's real failure. P10 and P13 by counts are also
- * in test_accuracy.c; P14 for parameters and P15 in test_params.c. */
+/* Cases P1 to P8, P11 to P14, P16 and P17 of the design: each is somebody's real failure. P9 is fact 7 in test_laws.c, P10
+ * in test_accuracy.c (P13 too), P14 for parameters and P15 in test_params.c. */
 #include "motions.h"
 #include "plans.h"
 
