@@ -12,6 +12,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import can
+import codec_tools
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -22,16 +23,8 @@ LINE_MAX = 26
 EXTENDED, REMOTE, FD = 1, 2, 8
 
 
-class Frame(ctypes.Structure):
-    """can_frame_t."""
-
-    _fields_ = [
-        ("time_us", ctypes.c_uint64),
-        ("id", ctypes.c_uint32),
-        ("flags", ctypes.c_uint8),
-        ("length", ctypes.c_uint8),
-        ("data", ctypes.c_uint8 * 8),
-    ]
+class Frame(codec_tools.Frame):
+    """The same, comparable."""
 
     def key(self) -> tuple[int, int, bytes]:
         return self.id, self.flags, bytes(self.data[: self.length])

@@ -22,6 +22,7 @@ from pathlib import Path
 import can
 import cantools
 import pytest
+from codec_tools import EncoderState, Frame
 from conftest import built
 
 from dahl import bus as buses
@@ -46,24 +47,6 @@ OK, REPEATED, LOST, WRONG_SEQUENCE, CRC, STALE, INIT = range(7)
 QUIET = (
     0.15  # s without an answer that counts as none; above one period of Status, below two timeouts
 )
-
-
-class Frame(ctypes.Structure):
-    """can_frame_t."""
-
-    _fields_ = [
-        ("time_us", ctypes.c_uint64),
-        ("id", ctypes.c_uint32),
-        ("flags", ctypes.c_uint8),
-        ("length", ctypes.c_uint8),
-        ("data", ctypes.c_uint8 * 8),
-    ]
-
-
-class EncoderState(ctypes.Structure):
-    """encoder_state_t."""
-
-    _fields_ = [("count", ctypes.c_int32), ("counter", ctypes.c_uint8), ("valid", ctypes.c_bool)]
 
 
 def encoder_frame(count: int, counter: int, *, valid: bool = True) -> can.Message:
