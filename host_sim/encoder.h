@@ -39,6 +39,12 @@ static inline bool encoder_waits(const encoder_t *encoder)
     return encoder->next < encoder->sent;
 }
 
+/* No longer wait for what was not answered: it is lost. */
+static inline void encoder_give_up(encoder_t *encoder)
+{
+    encoder->next = encoder->sent;
+}
+
 /* Take any frame; all but the node's FrictionTorque are none of its business. */
 void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns);
 

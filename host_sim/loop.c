@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <time.h>
 
+#include "complain.h"
+
 enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000, DRAIN_FRAMES = 1000 };
 
 #define STALL_NS UINT64_C(1000000000)
@@ -157,9 +159,24 @@ static uint64_t beat(loop_t *loop, uint64_t now)
     uint64_t soonest = now + LOOP_PERIOD_NS * 3 / 4;
     uint64_t late = now - loop->due_ns;
     histogram_add(&loop->late, late);
+    loop->ticked_ns = now;
     tick(loop);
     loop->due_ns += late > STALL_NS ? late + LOOP_PERIOD_NS : LOOP_PERIOD_NS;
     return loop->due_ns > soonest ? loop->due_ns : soonest;
+}
+
+/* In lockstep: is an answer still to come, and may it? */
+static bool must_wait(loop_t *loop, uint64_t now)
+{
+    if (!loop->lockstep || loop->encoder == NULL || !encoder_waits(loop->encoder)) {
+        return false;
+    }
+    if (now - loop->ticked_ns < LOOP_PATIENCE_NS) {
+        return true;
+    }
+    encoder_give_up(loop->encoder);
+    remark("an angle had no answer for 2 s; it is counted as lost");
+    return false;
 }
 
 static void run_real(loop_t *loop)
@@ -168,11 +185,12 @@ static void run_real(loop_t *loop)
     loop->due_ns = next;
     while (!is_done(loop)) {
         uint64_t now = read_clock(CLOCK_MONOTONIC);
-        if (now >= next) {
+        bool waits = must_wait(loop, now);
+        if (now >= next && !waits) {
             next = beat(loop, now);
             now = read_clock(CLOCK_MONOTONIC);
         }
-        receive(loop, next > now ? (uint32_t)((next - now) / 1000u) : 0);
+        receive(loop, next > now ? (uint32_t)((next - now) / 1000u) : waits ? WAIT_US : 0);
     }
     if (loop->encoder != NULL) {
         settle(loop);

@@ -5,6 +5,7 @@
  *
  * Real time: ticks are kept by the monotonic clock. After a stall of the machine the ticks come a third faster until the
  * beat is caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
+ * In lockstep a tick also waits for the answer to the one before it, so that a slow node outside loses nothing.
  * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between.
  */
 #ifndef LOOP_H
@@ -21,6 +22,7 @@
 #include "node.h"
 
 #define LOOP_PERIOD_NS UINT64_C(1000000)
+#define LOOP_PATIENCE_NS UINT64_C(2000000000)
 
 /* The clock of a run; can_clock_t of the bus points to it. */
 typedef struct {
@@ -39,10 +41,12 @@ typedef struct {
     uint64_t max_ticks;          /* UINT64_MAX: no limit */
     uint32_t wait_clients;       /* start when so many are on the bus */
     bool until_idle;             /* end when all clients have left */
+    bool lockstep;               /* no tick while the encoder waits for an answer, but LOOP_PATIENCE_NS at most */
     bool gone;                   /* the bus went away */
     bool had_peers;
     uint64_t ticks;
     uint64_t due_ns;      /* when the next tick should come; real time */
+    uint64_t ticked_ns;   /* when the last one came; real time */
     uint64_t wall_ns;     /* time that the run took */
     uint64_t send_failed; /* frames that the bus did not take */
     histogram_t late;     /* of ticks, real time */

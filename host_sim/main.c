@@ -150,6 +150,7 @@ static void set_up_loop(program_t *p)
     p->loop.max_ticks = options->seconds > 0 ? (uint64_t)llround(options->seconds * 1000) : UINT64_MAX;
     p->loop.wait_clients = options->wait_clients;
     p->loop.until_idle = options->until_idle;
+    p->loop.lockstep = options->lockstep;
 }
 
 static int write_results(program_t *p)

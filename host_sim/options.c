@@ -24,6 +24,7 @@ static const char help[] =
     "                     socketcand:HOST:PORT    join such a server\n"
     "  --role ROLE        both (default), encoder or node: the part of the scene that this process runs\n"
     "  --virtual          virtual time: as fast as possible, same seed, same log byte for byte\n"
+    "  --lockstep         send an angle only once the one before it is answered, or 2 s have passed: for slow nodes\n"
     "  --seconds S        end after S seconds of ticks\n"
     "  --seed N           seed of random motions (default 1)\n"
     "  --log FILE         write every frame of the bus as candump -L does\n"
@@ -37,7 +38,7 @@ static const char help[] =
     "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n"
     "Example: dahl-loop --scene host_sim/scenes/steering.ini --virtual --log run.log --summary -\n";
 
-enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, HELP,
+enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, LOCKSTEP, HELP,
        VERSION };
 
 static const struct option long_options[] = {
@@ -47,8 +48,8 @@ static const struct option long_options[] = {
     {"log", required_argument, NULL, LOG},           {"summary", required_argument, NULL, SUMMARY},
     {"wait-clients", required_argument, NULL, WAIT}, {"until-idle", no_argument, NULL, IDLE},
     {"data", required_argument, NULL, DATA},         {"log-file", required_argument, NULL, LOG_FILE},
-    {"help", no_argument, NULL, HELP},               {"version", no_argument, NULL, VERSION},
-    {NULL, 0, NULL, 0},
+    {"lockstep", no_argument, NULL, LOCKSTEP},       {"help", no_argument, NULL, HELP},
+    {"version", no_argument, NULL, VERSION},         {NULL, 0, NULL, 0},
 };
 
 static int take_role(options_t *options, const char *text)
@@ -99,6 +100,9 @@ static int take_flag(options_t *options, int which)
         return 0;
     case IDLE:
         options->until_idle = true;
+        return 0;
+    case LOCKSTEP:
+        options->lockstep = true;
         return 0;
     case HELP:
         fputs(help, stdout);

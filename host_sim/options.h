@@ -16,6 +16,7 @@ typedef struct {
     bool run_encoder, run_node;
     bool is_virtual;
     bool until_idle;
+    bool lockstep;
     double seconds; /* 0: no limit */
     uint64_t seed;
     uint32_t wait_clients;

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import can
 import pytest
+from e2e import p02
 from loop_tools import (
     SCENES,
     client,
@@ -141,6 +142,31 @@ def test_two_processes_and_a_witness_on_one_bus(tmp_path):
 @pytest.mark.timeout(120)
 def test_two_processes_lose_nothing_for_a_minute(tmp_path):
     two_processes(tmp_path, minute(tmp_path), 60)
+
+
+def answer_to(angle: can.Message) -> can.Message:
+    """A FrictionTorque that echoes an angle; the torque is not what is looked at."""
+    data = bytearray([0, angle.data[1] - 1 & 15, angle.data[1] & 15, 0, 0, 0, 0, 0])
+    p02.e2e_p02_protect(data, bytes(0xC0 | counter for counter in range(16)))
+    return can.Message(arbitration_id=0x110, data=data, is_extended_id=False)
+
+
+def test_in_lockstep_a_slow_node_loses_nothing(tmp_path):
+    """The node takes 5 ms for an answer and once does not answer: that one angle is lost."""
+    options = ("--role", "encoder", "--lockstep", "--wait-clients", "1", "--seconds", "0.2")
+    waiting = []
+    with serving(tmp_path, STEERING, *options) as (process, port), client(port) as bus:
+        for tick in range(200):
+            angle = bus.recv(10)
+            time.sleep(0.005)
+            waiting.append(bus.recv(0))
+            if tick != 20:
+                bus.send(answer_to(angle))
+        result = finished(tmp_path, process)
+    assert waiting == [None] * 200
+    assert result.err == "note: an angle had no answer for 2 s; it is counted as lost\n"
+    assert (result.summary["frames_sent"], result.summary["frames_lost"]) == (200, 1)
+    assert result.summary["answers_unmatched"] == 0
 
 
 def test_two_processes_compute_what_one_does(tmp_path):

@@ -67,6 +67,7 @@ class Setup:
     seed: int | None = None
     node_scene: Path | None = None  # of the serving node, where another one computes the torque
     attach: Callable[[int], AbstractContextManager] | None = None  # brings that one to a port
+    lockstep: bool = False  # each angle waits for the answer to the one before it
 
 
 class Program:
@@ -138,7 +139,8 @@ def _options(setup: Setup, role: str) -> list[str]:
     if role == "node":
         return []
     named = {"--log-file": setup.log, "--seconds": setup.seconds, "--seed": setup.seed}
-    return [str(word) for pair in named.items() if pair[1] is not None for word in pair]
+    words = [str(word) for pair in named.items() if pair[1] is not None for word in pair]
+    return words + ["--lockstep"] * setup.lockstep
 
 
 def _ends(bus: str, node: Program) -> tuple[str, dict[str, Any]]:

@@ -209,6 +209,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     console.print(f"node    {image.relative_to(places.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = firmware.hub(args.output)
+    setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
     setup.attach = lambda port: firmware.attached(args.target, params, args.output, port)
 
 
