@@ -5,6 +5,7 @@ The mathematics is the C library's; this package calls it and never does it agai
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
     Friction(plan)                      one bearing: feed it counts or angles, read its torque
+    Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, in vectors
     counts_between(before, now, n)      shortest way from one encoder reading to the next
     Error                               the one root of all errors that a user can cause or meet
 
@@ -22,7 +23,7 @@ from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
-__all__ = ["Error", "Friction", "Plan", "State", "counts_between"]
+__all__ = ["Error", "Friction", "Plan", "State", "Throughput", "counts_between"]
 
 
 class Error(Exception):

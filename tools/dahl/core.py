@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import ctypes
 import math
-from collections.abc import Iterable
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dahl import Error, places
 
@@ -43,6 +43,7 @@ def library() -> ctypes.CDLL:
     """libdahl.so with the types of its functions. Raises dahl.RunError when it is not built."""
     lib = ctypes.CDLL(str(places.library()))
     plan, state, f32, i32 = ctypes.c_void_p, ctypes.POINTER(State), ctypes.c_float, ctypes.c_int32
+    array, size, many = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
     for name, result, *arguments in (
         ("dahl_prepare", ctypes.c_int, plan, ctypes.POINTER(_Params)),
         ("dahl_step_counts", f32, plan, state, i32),
@@ -52,6 +53,12 @@ def library() -> ctypes.CDLL:
         ("dahl_set_torque", None, plan, state, f32),
         ("dahl_change_plan", None, plan, plan, state),
         ("dahl_counts_between", i32, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32),
+        ("dahl_batch_counts", None, plan, state, array, array, size),
+        ("dahl_batch", None, plan, state, array, array, size),
+        ("dahl_throughput_counts", ctypes.c_int, many, state, array, array, size),
+        ("dahl_throughput", ctypes.c_int, many, state, array, array, size),
+        ("dahl_throughput_counts_channels", ctypes.c_int, many, state, size, array, array, size),
+        ("dahl_throughput_channels", ctypes.c_int, many, state, size, array, array, size),
     ):
         function = getattr(lib, name)
         function.restype, function.argtypes = result, arguments
@@ -173,17 +180,124 @@ class Friction:
         library().dahl_change_plan(self.plan._words, plan._words, ctypes.byref(self.state))
         self.plan = plan
 
-    def run_counts(self, moves: Iterable[int]) -> np.ndarray:
+    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
         """Moves in counts, shape (n,), int32 range -> torques in N m after each, shape (n,),
-        float32.
-        """
-        return np.array(
-            [self.step_counts(move) for move in np.asarray(moves).tolist()], dtype=np.float32
-        )
+        float32, into `out` if given: the bits of step_counts(), move by move.
 
-    def run(self, moves: Iterable[float]) -> np.ndarray:
-        """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32."""
-        return np.array([self.step(move) for move in np.asarray(moves).tolist()], dtype=np.float32)
+        A C-contiguous int32 array is read in place, anything else of whole numbers is copied first.
+        """
+        moves = _moves("moves", moves, np.int32, 1)
+        out = _out(out, moves)
+        library().dahl_batch_counts(
+            self.plan._words, ctypes.byref(self.state), _data(moves), _data(out), moves.size
+        )
+        return out
+
+    def run(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+        """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32, into `out` if
+        given: the bits of step(), move by move; NaN is no motion.
+
+        A C-contiguous float32 array is read in place, anything else is rounded to float first.
+        """
+        moves = _moves("moves", moves, np.float32, 1)
+        out = _out(out, moves)
+        library().dahl_batch(
+            self.plan._words, ctypes.byref(self.state), _data(moves), _data(out), moves.size
+        )
+        return out
+
+
+def _data(array: np.ndarray) -> int:
+    return array.ctypes.data
+
+
+def _moves(name: str, values: ArrayLike, dtype: type, dimensions: int) -> np.ndarray:
+    """values as C wants them; the very array where it is one already."""
+    array = np.asarray(values)
+    if array.ndim != dimensions:
+        raise Error(f"{name} has {array.ndim} dimensions, not {dimensions}")
+    if array.dtype == dtype or array.size == 0:
+        return np.ascontiguousarray(array, dtype=dtype)
+    if dtype is np.int32:
+        return _whole(name, array)
+    if array.dtype.kind not in "fiu":
+        raise Error(f"{name} has type {array.dtype}, not float32")
+    with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
+        return np.ascontiguousarray(array, dtype=dtype)
+
+
+def _whole(name: str, array: np.ndarray) -> np.ndarray:
+    """Any numbers as int32, if that is what they are."""
+    if array.dtype.kind not in "fiu":
+        raise Error(f"{name} has type {array.dtype}, not int32")
+    with np.errstate(invalid="ignore"):
+        wrong = ~((array >= INT32_MIN) & (array <= INT32_MAX) & (array == np.trunc(array)))
+    if wrong.any():
+        place = tuple(int(i) for i in np.argwhere(wrong)[0])
+        value = array[place].item()
+        raise Error(
+            f"{name}[{', '.join(map(str, place))}] = {value!r}"
+            f" is not a whole number from {INT32_MIN} to {INT32_MAX}"
+        )
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def _out(out: np.ndarray | None, moves: np.ndarray) -> np.ndarray:
+    """Where the torques go: a new array, or `out` if C can write it."""
+    if out is None:
+        return np.empty(moves.shape, np.float32)
+    if not isinstance(out, np.ndarray) or out.dtype != np.float32 or out.shape != moves.shape:
+        kind = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise Error(f"out is {kind}, not a float32 array of shape {moves.shape}")
+    if not (out.flags.c_contiguous and out.flags.writeable):
+        raise Error("out is not C-contiguous and writable")
+    if np.may_share_memory(out, moves):
+        raise Error("out and moves share memory")
+    return out
+
+
+class Throughput(ctypes.Structure):
+    """dahl_throughput_params_t: parameters in double, for logs of millions of ticks.
+
+    The same model and limits as Plan and the same 0.52 ulp of Fc, but not the same bits: computed
+    in double, in vectors, 3 to 10 times as fast as Friction.run_counts. Nothing is prepared, so new
+    parameters for every call cost nothing. `F` is the torque before the first move, in N m.
+
+    >>> Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
+    array([0.10277194], dtype=float32)
+    """
+
+    _fields_ = [
+        ("sigma0", ctypes.c_double),
+        ("Fc", ctypes.c_double),
+        ("theta_per_count", ctypes.c_double),
+    ]
+
+    def run_counts(self, moves: ArrayLike, F: float = 0.0, out: np.ndarray | None = None):  # noqa: N803
+        """Moves in counts (int32), shape (n,) -> torques in N m after each, shape (n,), float32."""
+        return self._run("dahl_throughput_counts", _moves("moves", moves, np.int32, 1), F, out)
+
+    def run(self, moves: ArrayLike, F: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:  # noqa: N803
+        """Moves in rad (float32), shape (n,) -> torques in N m after each, shape (n,), float32."""
+        return self._run("dahl_throughput", _moves("moves", moves, np.float32, 1), F, out)
+
+    def _run(self, name: str, moves: np.ndarray, F: float, out: np.ndarray | None) -> np.ndarray:  # noqa: N803
+        out = _out(out, moves)
+        state = _state_of(F, self.Fc)
+        code = getattr(library(), name)(
+            ctypes.byref(self), ctypes.byref(state), _data(moves), _data(out), moves.size
+        )
+        if code != 0:
+            raise Error(_refusal(self))
+        return out
+
+    travel_per_count = Plan.travel_per_count
+
+
+def _state_of(F: float, Fc: float) -> State:  # noqa: N803
+    """The state of torque F, clamped to +-Fc; relaxed where that has no meaning."""
+    ratio = F / Fc if Fc > 0 and F == F else 0.0
+    return State(round(max(-1.0, min(1.0, ratio)) * 2.0**62))
 
 
 def counts_between(before: int, now: int, counts_per_turn: int = 0) -> int:

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What the bitwise batches share, private: a tick by counts and its torque, for processors with fast doubles and 64-bit
+ * words. The bits are those of gap.h and torque.h, whose functions do the work.
+ */
+#ifndef DAHL_BATCH_H
+#define DAHL_BATCH_H
+
+#include <stddef.h>
+#include "gap.h"
+#include "torque.h"
+
+/* Moves of -8 .. 8 counts: as dahl_forward or dahl_backward, with a mask (all ones: backward) in place of the branch. */
+static inline uint64_t dahl_batch_near(uint64_t w, dahl_q64_t g, uint32_t backward)
+{
+    uint32_t z = DAHL_ONE_Q30 - ((dahl_q30(w) ^ backward) - backward);
+    uint64_t mask = (uint64_t)0 - (backward & 1u);
+    return w + ((dahl_part(z, g) ^ mask) - mask);
+}
+
+static inline uint32_t dahl_batch_size(int32_t dcounts, uint32_t backward)
+{
+    return ((uint32_t)dcounts ^ backward) - backward;
+}
+
+static inline void dahl_batch_move(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    uint32_t backward = (uint32_t)0 - (uint32_t)(dcounts < 0);
+    uint32_t size = dahl_batch_size(dcounts, backward);
+    if (DAHL_LIKELY(size <= DAHL_DENSE)) {
+        state->w = (int64_t)dahl_batch_near((uint64_t)state->w, plan->g[size], backward);
+    } else {
+        (void)dahl_move_digits(plan, state, dcounts);
+    }
+}
+
+typedef union {
+    double value;
+    uint64_t bits;
+} dahl_double_t;
+
+/* Fc 2^-62, exactly: the torque of w = 1 in Q62. */
+static inline double dahl_batch_unit(const dahl_plan_t *plan)
+{
+    dahl_double_t power;
+    power.bits = (uint64_t)(1023 - 62 + dahl_exponent_of_Fc(plan)) << 52;
+    return (double)plan->Fc_mantissa * power.value;
+}
+
+/* As dahl_torque_of, by doubles: their product errs by less than 4 units in its last place, so rounding it to a float
+ * gives the right bits unless it lies that close to the middle between two floats; there the integers decide. */
+static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
+{
+    dahl_double_t torque;
+    torque.value = (double)w * unit;
+    if (DAHL_LIKELY(((torque.bits + 4u) & 0x1fffffffu) - 0x10000000u > 8u)) {
+        return (float)torque.value;
+    }
+    return dahl_torque_of(plan, w);
+}
+
+#endif

@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * One source, several instruction sets, private: DAHL_VARIANTS(name, type, run) defines name(const type *) as run, compiled
+ * for what every processor of the family has and for those with wider vectors, chosen at each call. `run` and all that it
+ * calls is DAHL_INLINE. Where the compiler cannot do that, the one form is all there is.
+ */
+#ifndef DAHL_BATCH_TARGETS_H
+#define DAHL_BATCH_TARGETS_H
+
+#if defined(__GNUC__) && defined(__x86_64__)
+
+#define DAHL_INLINE static inline __attribute__((always_inline))
+#define DAHL_AVX2 __attribute__((target("avx2,fma")))
+#define DAHL_AVX512 __attribute__((target("avx2,fma,avx512f,avx512bw,avx512dq,avx512vl")))
+#define DAHL_HAS_AVX2 (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+#define DAHL_HAS_AVX512 (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+
+#define DAHL_VARIANTS(name, type, run)                                                  \
+    DAHL_AVX512 static void name##_avx512(const type *job) { run(job); }                \
+    DAHL_AVX2 static void name##_avx2(const type *job) { run(job); }                    \
+    static void name##_plain(const type *job) { run(job); }                             \
+    static void name(const type *job)                                                   \
+    {                                                                                   \
+        int wide = DAHL_HAS_AVX512 ? 2 : DAHL_HAS_AVX2;                                 \
+        (wide == 2 ? name##_avx512 : wide == 1 ? name##_avx2 : name##_plain)(job);      \
+    }
+
+#elif defined(__GNUC__)
+
+#define DAHL_INLINE static inline __attribute__((always_inline))
+#define DAHL_VARIANTS(name, type, run) \
+    static void name(const type *job) { run(job); }
+
+#else
+
+#define DAHL_INLINE static inline
+#define DAHL_VARIANTS(name, type, run) \
+    static void name(const type *job) { run(job); }
+
+#endif
+
+#endif

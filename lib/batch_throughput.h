@@ -1,0 +1,90 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The throughput forms, private: the recurrence in double, many ticks or channels at a time. Not the bits of the bitwise
+ * forms, the same bound, for any motion:
+ *   kernel   g(u) = u P(u), relative error 2.1e-10 (batch_kernel.py): at most twice that in F/Fc, for ever
+ *   block    within a block of ticks only d = w - w0 is computed, w0 the state at its start: d, and what its rounding loses,
+ *            is small where travel is small, at most 2^-53 (ticks of a block) u for each tick of travel u
+ *   carry    from block to block the state is w in Q62: what rounding to 2^-62 loses sums up to 2^-32 at worst, for a block
+ *            of travel 2^-30
+ */
+#ifndef DAHL_BATCH_THROUGHPUT_H
+#define DAHL_BATCH_THROUGHPUT_H
+
+#include "batch_targets.h"
+#include "dahl.h"
+
+#define DAHL_ALL 64.0 /* travel that leaves nothing of the gap; also where an infinite one is cut */
+#define DAHL_LN2 0x1.62e42fefa39efp-1
+#define DAHL_LOG2E 0x1.71547652b82fep+0
+
+typedef union {
+    double value;
+    uint64_t bits;
+} dahl_double_t;
+
+typedef double (*dahl_g_t)(double u);
+
+/* 1 - exp(-x) for 0 <= x <= ln 2. */
+DAHL_INLINE double dahl_g_small(double x)
+{
+    double p = 0x1.338b5a271ae80p-13;
+    p = p * x - 0x1.5fb71abddd792p-10;
+    p = p * x + 0x1.10587edb2864ap-7;
+    p = p * x - 0x1.554a20f68fa7bp-5;
+    p = p * x + 0x1.5555018e47e72p-3;
+    p = p * x - 0x1.fffffe257b105p-2;
+    p = p * x + 0x1.fffffffe43b48p-1;
+    return p * x;
+}
+
+/* u = k ln 2 + x: g = 1 - 2^-k + 2^-k (1 - exp(-x)), 0 <= u <= DAHL_ALL. */
+DAHL_INLINE double dahl_g_any(double u)
+{
+    dahl_double_t power;
+    int32_t k = (int32_t)(u * DAHL_LOG2E);
+    power.bits = (uint64_t)(int64_t)(1023 - k) << 52;
+    return (1.0 - power.value) + power.value * dahl_g_small(u - (double)k * DAHL_LN2);
+}
+
+/* a x with the sign of x, cut at +-DAHL_ALL; 0 for NaN. */
+DAHL_INLINE double dahl_travel(double a, double x)
+{
+    double v = a * x;
+    v = v == v ? v : 0.0;
+    v = v < DAHL_ALL ? v : DAHL_ALL;
+    return v > -DAHL_ALL ? v : -DAHL_ALL;
+}
+
+DAHL_INLINE int dahl_is_above_ln2(double travel)
+{
+    return (travel > DAHL_LN2) | (travel < -DAHL_LN2);
+}
+
+DAHL_INLINE double dahl_direction(double travel)
+{
+    return travel < 0.0 ? -1.0 : 1.0;
+}
+
+DAHL_INLINE double dahl_w_of(const dahl_state_t *state)
+{
+    return (double)state->w * 0x1p-62;
+}
+
+/* w += d, |d| <= 2, kept within +-1. */
+DAHL_INLINE void dahl_carry(dahl_state_t *state, double d)
+{
+    const int64_t one = (int64_t)1 << 62;
+    int64_t w = state->w + 2 * (int64_t)(d * 0x1p61);
+    state->w = w > one ? one : w < -one ? -one : w;
+}
+
+/* What a call was given, checked: travel of one unit of the input, and Fc. */
+typedef struct {
+    double a;
+    double Fc;
+} dahl_throughput_scale_t;
+
+dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_counts, dahl_throughput_scale_t *scale);
+
+#endif
