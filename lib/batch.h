@@ -49,11 +49,22 @@ static inline double dahl_batch_unit(const dahl_plan_t *plan)
 
 /* As dahl_torque_of, by doubles: their product errs by less than 4 units in its last place, so rounding it to a float
  * gives the right bits unless it lies that close to the middle between two floats; there the integers decide. */
-static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
+static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
 {
     dahl_double_t torque;
     torque.value = (double)w * unit;
-    if (DAHL_LIKELY(((torque.bits + 4u) & 0x1fffffffu) - 0x10000000u > 8u)) {
+    return torque;
+}
+
+static inline int dahl_batch_is_close(dahl_double_t torque)
+{
+    return ((torque.bits + 4u) & 0x1fffffffu) - 0x10000000u <= 8u;
+}
+
+static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
+{
+    dahl_double_t torque = dahl_batch_product(w, unit);
+    if (DAHL_LIKELY(!dahl_batch_is_close(torque))) {
         return (float)torque.value;
     }
     return dahl_torque_of(plan, w);

@@ -7,6 +7,15 @@
 #ifndef DAHL_BATCH_TARGETS_H
 #define DAHL_BATCH_TARGETS_H
 
+/* Before a short inner loop: vectors, not a long row of single steps. */
+#if defined(__GNUC__) && !defined(__clang__)
+#define DAHL_AS_VECTORS _Pragma("GCC unroll 1") _Pragma("GCC ivdep")
+#define DAHL_UNROLL_8 _Pragma("GCC unroll 8")
+#else
+#define DAHL_AS_VECTORS
+#define DAHL_UNROLL_8
+#endif
+
 #if defined(__GNUC__) && defined(__x86_64__)
 
 #define DAHL_INLINE static inline __attribute__((always_inline))

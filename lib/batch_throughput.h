@@ -11,7 +11,11 @@
 #ifndef DAHL_BATCH_THROUGHPUT_H
 #define DAHL_BATCH_THROUGHPUT_H
 
+#include <math.h> /* fabs and copysign, which compilers do in line */
+#include <stddef.h>
+
 #include "batch_targets.h"
+#include "bits.h"
 #include "dahl.h"
 
 #define DAHL_ALL 64.0 /* travel that leaves nothing of the gap; also where an infinite one is cut */
@@ -23,10 +27,11 @@ typedef union {
     uint64_t bits;
 } dahl_double_t;
 
-typedef double (*dahl_g_t)(double u);
+/* x signed travel: g(|x|) with the sign of x. */
+typedef double (*dahl_g_t)(double x);
 
-/* 1 - exp(-x) for 0 <= x <= ln 2. */
-DAHL_INLINE double dahl_g_small(double x)
+/* (1 - exp(-x))/x for 0 <= x <= ln 2. Coefficients: batch_kernel.py. */
+DAHL_INLINE double dahl_slope(double x)
 {
     double p = 0x1.338b5a271ae80p-13;
     p = p * x - 0x1.5fb71abddd792p-10;
@@ -34,36 +39,49 @@ DAHL_INLINE double dahl_g_small(double x)
     p = p * x - 0x1.554a20f68fa7bp-5;
     p = p * x + 0x1.5555018e47e72p-3;
     p = p * x - 0x1.fffffe257b105p-2;
-    p = p * x + 0x1.fffffffe43b48p-1;
-    return p * x;
+    return p * x + 0x1.fffffffe43b48p-1;
 }
 
-/* u = k ln 2 + x: g = 1 - 2^-k + 2^-k (1 - exp(-x)), 0 <= u <= DAHL_ALL. */
-DAHL_INLINE double dahl_g_any(double u)
+DAHL_INLINE double dahl_g_small(double x)
+{
+    return x * dahl_slope(fabs(x));
+}
+
+/* |x| = u = k ln 2 + r: g = 1 - 2^-k + 2^-k (1 - exp(-r)). Cut where nothing is left of the gap. */
+DAHL_INLINE double dahl_g_any(double x)
 {
     dahl_double_t power;
+    double u = fabs(x) < DAHL_ALL ? fabs(x) : DAHL_ALL;
     int32_t k = (int32_t)(u * DAHL_LOG2E);
+    double r = u - (double)k * DAHL_LN2;
     power.bits = (uint64_t)(int64_t)(1023 - k) << 52;
-    return (1.0 - power.value) + power.value * dahl_g_small(u - (double)k * DAHL_LN2);
+    return copysign((1.0 - power.value) + power.value * (r * dahl_slope(r)), x);
 }
 
-/* a x with the sign of x, cut at +-DAHL_ALL; 0 for NaN. */
-DAHL_INLINE double dahl_travel(double a, double x)
+/* A move as the input has it: its value, 0 for NaN, and a measure of its size that NaN makes largest. */
+typedef double (*dahl_value_t)(const void *moves, size_t i);
+typedef uint32_t (*dahl_measure_t)(const void *moves, size_t i);
+
+DAHL_INLINE double dahl_value_of_count(const void *moves, size_t i)
 {
-    double v = a * x;
-    v = v == v ? v : 0.0;
-    v = v < DAHL_ALL ? v : DAHL_ALL;
-    return v > -DAHL_ALL ? v : -DAHL_ALL;
+    return (double)((const int32_t *)moves)[i];
 }
 
-DAHL_INLINE int dahl_is_above_ln2(double travel)
+DAHL_INLINE uint32_t dahl_measure_of_count(const void *moves, size_t i)
 {
-    return (travel > DAHL_LN2) | (travel < -DAHL_LN2);
+    int32_t n = ((const int32_t *)moves)[i];
+    return n < 0 ? 0u - (uint32_t)n : (uint32_t)n;
 }
 
-DAHL_INLINE double dahl_direction(double travel)
+DAHL_INLINE double dahl_value_of_angle(const void *moves, size_t i)
 {
-    return travel < 0.0 ? -1.0 : 1.0;
+    float x = ((const float *)moves)[i];
+    return (double)(x == x ? x : 0.0f);
+}
+
+DAHL_INLINE uint32_t dahl_measure_of_angle(const void *moves, size_t i)
+{
+    return dahl_bits_of(((const float *)moves)[i]) & 0x7fffffffu;
 }
 
 DAHL_INLINE double dahl_w_of(const dahl_state_t *state)
@@ -83,6 +101,7 @@ DAHL_INLINE void dahl_carry(dahl_state_t *state, double d)
 typedef struct {
     double a;
     double Fc;
+    uint32_t small; /* the measure up to which the travel is at most ln 2 */
 } dahl_throughput_scale_t;
 
 dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_counts, dahl_throughput_scale_t *scale);

@@ -12,6 +12,7 @@
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], d[CHUNK];
+    uint32_t small; /* the least of all channels */
 } chunk_t;
 
 typedef struct {
@@ -23,92 +24,84 @@ typedef struct {
     int by_counts;
 } job_t;
 
-/* Move number i as a double. */
-typedef double (*read_t)(const void *moves, size_t i);
-
-DAHL_INLINE double read_count(const void *moves, size_t i)
+/* Whether a move of these ticks may be above ln 2 for some channel. Rows without a gap between them are one long row. */
+DAHL_INLINE int is_above(const chunk_t *chunk, const job_t *job, size_t first, size_t last, dahl_measure_t measure)
 {
-    return (double)((const int32_t *)moves)[i];
-}
-
-DAHL_INLINE double read_angle(const void *moves, size_t i)
-{
-    return (double)((const float *)moves)[i];
-}
-
-DAHL_INLINE int is_above_ln2(const chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t ticks, read_t read)
-{
-    int above = 0;
-    for (size_t t = first; t < first + ticks; t++) {
-        for (size_t c = 0; c < count; c++) {
-            above |= dahl_is_above_ln2(dahl_travel(chunk->a[c], read(job->moves, t * job->stride + c)));
+    size_t rows = last - first, width = job->count, start = first * job->stride;
+    uint32_t most = 0;
+    if (job->stride == width) {
+        width *= rows;
+        rows = 1;
+    }
+    for (size_t t = 0; t < rows; t++) {
+        for (size_t c = 0; c < width; c++) {
+            uint32_t size = measure(job->moves, start + t * job->stride + c);
+            most = size > most ? size : most;
         }
     }
-    return above;
+    return most > chunk->small;
 }
 
-DAHL_INLINE void run_ticks(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t ticks, read_t read, dahl_g_t g_of)
+DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value, dahl_g_t g_of)
 {
-    for (size_t t = first; t < first + ticks; t++) {
+    for (size_t t = first; t < last; t++) {
         float *F = job->F + t * job->stride;
+        DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
-            double v = dahl_travel(chunk->a[c], read(job->moves, t * job->stride + c)), s = dahl_direction(v);
-            double gap = (s - chunk->w0[c]) - chunk->d[c];
-            chunk->d[c] += gap * g_of(v * s);
-            F[c] = (float)(chunk->Fc[c] * (chunk->w0[c] + chunk->d[c]));
+            double g = g_of(chunk->a[c] * value(job->moves, t * job->stride + c));
+            double w = chunk->w0[c] + chunk->d[c];
+            double d = chunk->d[c] + (g - w * fabs(g));
+            chunk->d[c] = d;
+            F[c] = (float)(chunk->Fc[c] * (chunk->w0[c] + d));
         }
     }
 }
 
-DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t ticks, read_t read)
+DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value,
+                           dahl_measure_t measure)
 {
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
         chunk->d[c] = 0.0;
     }
-    if (is_above_ln2(chunk, job, count, first, ticks, read)) {
-        run_ticks(chunk, job, count, first, ticks, read, dahl_g_any);
+    if (is_above(chunk, job, first, last, measure)) {
+        step(chunk, job, count, first, last, value, dahl_g_any);
     } else {
-        run_ticks(chunk, job, count, first, ticks, read, dahl_g_small);
+        step(chunk, job, count, first, last, value, dahl_g_small);
     }
     for (size_t c = 0; c < count; c++) {
         dahl_carry(&job->states[c], chunk->d[c]);
     }
 }
 
-DAHL_INLINE void run(const job_t *job, size_t count, read_t read)
+DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_measure_t measure)
 {
     chunk_t chunk;
+    chunk.small = UINT32_MAX;
     for (size_t c = 0; c < count; c++) {
         dahl_throughput_scale_t scale;
         (void)dahl_throughput_check(&job->params[c], job->by_counts, &scale);
         chunk.a[c] = scale.a;
         chunk.Fc[c] = scale.Fc;
+        chunk.small = scale.small < chunk.small ? scale.small : chunk.small;
     }
     for (size_t t = 0; t < job->n; t += BLOCK) {
-        run_block(&chunk, job, count, t, job->n - t < BLOCK ? job->n - t : BLOCK, read);
+        run_block(&chunk, job, count, t, job->n - t < BLOCK ? job->n : t + BLOCK, value, measure);
     }
 }
 
 /* A whole chunk has a number of channels that the compiler knows. */
-DAHL_INLINE void run_counts(const job_t *job)
+DAHL_INLINE void run_known(const job_t *job, dahl_value_t value, dahl_measure_t measure)
 {
     if (job->count == CHUNK) {
-        run(job, CHUNK, read_count);
+        run(job, CHUNK, value, measure);
     } else {
-        run(job, job->count, read_count);
+        run(job, job->count, value, measure);
     }
 }
 
-DAHL_INLINE void run_angles(const job_t *job)
-{
-    if (job->count == CHUNK) {
-        run(job, CHUNK, read_angle);
-    } else {
-        run(job, job->count, read_angle);
-    }
-}
-
+DAHL_INLINE void run_counts(const job_t *job) { run_known(job, dahl_value_of_count, dahl_measure_of_count); }
+DAHL_INLINE void run_angles(const job_t *job) { run_known(job, dahl_value_of_angle, dahl_measure_of_angle); }
 DAHL_VARIANTS(counts, job_t, run_counts)
 DAHL_VARIANTS(angles, job_t, run_angles)
 
@@ -136,7 +129,7 @@ static job_t chunk_of(const job_t *all, size_t first)
 static dahl_err_t run_all(const job_t *all, void (*run_chunk)(const job_t *))
 {
     dahl_err_t err = check_all(all->params, all->count, all->by_counts);
-    for (size_t first = 0; first < all->count && err == DAHL_OK; first += CHUNK) {
+    for (size_t first = 0; first < all->count && all->n != 0 && err == DAHL_OK; first += CHUNK) {
         job_t job = chunk_of(all, first);
         run_chunk(&job);
     }

@@ -12,16 +12,32 @@ static int is_in(double x, double least, double most)
     return x >= least && x < most;
 }
 
+static int is_torque(double x)
+{
+    return is_in(x, (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
+}
+
+/* ln 2 as counts, or as the bits of a float: rounding up by 2^-24 is within the kernel's range. */
+static uint32_t small_of(double a, int by_counts)
+{
+    double most = DAHL_LN2 / a;
+    if (by_counts) {
+        return most < 4294967295.0 ? (uint32_t)most : UINT32_MAX;
+    }
+    return dahl_bits_of(most < 3e38 ? (float)most : 3e38f);
+}
+
 dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_counts, dahl_throughput_scale_t *scale)
 {
     double theta = by_counts ? params->theta_per_count : 1.0;
     if (!is_positive(params->sigma0) || !is_positive(params->Fc) || !is_positive(theta)) {
         return DAHL_ERR_PARAM;
     }
-    if (!is_in(params->sigma0, DAHL_TORQUE_MIN, DAHL_TORQUE_MAX) || !is_in(params->Fc, DAHL_TORQUE_MIN, DAHL_TORQUE_MAX)) {
+    if (!is_torque(params->sigma0) || !is_torque(params->Fc)) {
         return DAHL_ERR_RANGE;
     }
     scale->Fc = params->Fc;
     scale->a = params->sigma0 / params->Fc * theta;
+    scale->small = small_of(scale->a, by_counts);
     return !by_counts || is_in(scale->a, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
 }

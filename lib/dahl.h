@@ -176,7 +176,7 @@ void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t 
  * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:
  * DAHL_ULP_COUNTS ulp of Fc by counts and, while each |u| >= 2^-30 or 0, by angle; without end. Parameters are double and
  * need no plan; limits and codes are those of dahl_prepare, and on a code nothing is touched. NaN moves by angle are no
- * motion, infinite ones saturate. The state is that of the bitwise form. Temporaries: 14 KiB of stack.
+ * motion, infinite ones saturate. The state is that of the bitwise form. Temporaries: 16 KiB of stack.
  */
 typedef struct {
     double sigma0;          /* N m/rad */

@@ -1,0 +1,317 @@
+/* SPDX-License-Identifier: MIT */
+/* Batches: the bitwise forms against single steps, bit for bit; the throughput forms against long double. */
+#include <string.h>
+
+#include "motions.h"
+#include "plans.h"
+
+#ifndef TEST_TICKS
+#define TEST_TICKS 300000
+#endif
+#define MANY 37 /* channels: two whole chunks and a rest */
+#define ROWS 3000
+
+static const double travels[] = {1e-8, 1e-6, 1e-4, 1e-2, 0.3, 1.0, 20.0};
+#define TRAVELS (sizeof travels / sizeof travels[0])
+
+static int32_t moves[TEST_TICKS];
+static float angles[TEST_TICKS], F[TEST_TICKS], G[TEST_TICKS];
+
+static void fill(motion_fn next, float theta_per_count)
+{
+    motion_t motion = MOTION_START;
+    for (int t = 0; t < TEST_TICKS; t++) {
+        moves[t] = next(&motion);
+        angles[t] = (float)moves[t] * theta_per_count;
+    }
+}
+
+static dahl_throughput_params_t in_double(const dahl_params_t *p)
+{
+    dahl_throughput_params_t q = {(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count};
+    return q;
+}
+
+static void assert_same(const float *got, const float *wanted, size_t n)
+{
+    TEST_ASSERT_EQUAL_MEMORY(wanted, got, n * sizeof(float));
+}
+
+/* Runs a check on every motion and travel. */
+static void on_all(void (*check)(const dahl_params_t *), float Fc)
+{
+    for (size_t m = 0; m < MOTIONS; m++) {
+        for (size_t i = 0; i < TRAVELS; i++) {
+            dahl_params_t p = params_for(travels[i], Fc);
+            fill(motions[m].next, p.theta_per_count);
+            check(&p);
+        }
+    }
+}
+
+static void check_counts_bits(const dahl_params_t *p)
+{
+    dahl_plan_t plan = plan_for(p);
+    dahl_state_t one = {0}, batch = {0};
+    for (int t = 0; t < TEST_TICKS; t++) {
+        F[t] = dahl_step_counts(&plan, &one, moves[t]);
+    }
+    dahl_batch_counts(&plan, &batch, moves, G, TEST_TICKS);
+    assert_same(G, F, TEST_TICKS);
+    TEST_ASSERT_TRUE(one.w == batch.w);
+}
+
+static void check_angle_bits(const dahl_params_t *p)
+{
+    dahl_plan_t plan = plan_for(p);
+    dahl_state_t one = {0}, batch = {0};
+    for (int t = 0; t < TEST_TICKS; t++) {
+        F[t] = dahl_step(&plan, &one, angles[t]);
+    }
+    dahl_batch(&plan, &batch, angles, G, TEST_TICKS);
+    assert_same(G, F, TEST_TICKS);
+    TEST_ASSERT_TRUE(one.w == batch.w);
+}
+
+static void test_counts_are_the_bits_of_single_steps(void)
+{
+    on_all(check_counts_bits, 2.739f);
+    on_all(check_counts_bits, 0x1.fffffep+0f);
+}
+
+static void test_angles_are_the_bits_of_single_steps(void)
+{
+    on_all(check_angle_bits, 2.739f);
+}
+
+/* The middle between two floats, and every neighbour of it that a double can mistake for it. */
+static void test_torques_next_to_a_tie(void)
+{
+    dahl_params_t p = params_for(1e-3, 0x1.000002p+0f);
+    dahl_plan_t plan = plan_for(&p);
+    const int32_t still = 0;
+    for (int64_t w = -200000; w <= 200000; w++) {
+        dahl_state_t one = {(((int64_t)1 << 61) + ((int64_t)1 << 37) - ((int64_t)1 << 38) + w * 37)}, batch = one;
+        float wanted = dahl_step_counts(&plan, &one, still), got;
+        dahl_batch_counts(&plan, &batch, &still, &got, 1);
+        TEST_ASSERT_EQUAL_MEMORY(&wanted, &got, 4);
+    }
+}
+
+typedef struct {
+    dahl_params_t params[MANY];
+    dahl_throughput_params_t in_double[MANY];
+    dahl_plan_t plans[MANY];
+    dahl_state_t one[MANY], batch[MANY];
+} channels_t;
+
+static channels_t channels;
+
+static void set_channels(void)
+{
+    memset(&channels, 0, sizeof channels);
+    for (size_t c = 0; c < MANY; c++) {
+        channels.params[c] = params_for(travels[c % TRAVELS] * (1.0 + 0.01 * (double)c), 0.5f + 0.37f * (float)c);
+        channels.in_double[c] = in_double(&channels.params[c]);
+        channels.plans[c] = plan_for(&channels.params[c]);
+    }
+}
+
+/* Each of 1 .. MANY channels, each motion: its own row of single steps. */
+static void test_channels_are_the_bits_of_single_steps(void)
+{
+    for (size_t count = 1; count <= MANY; count++) {
+        size_t rows = (size_t)ROWS / count;
+        set_channels();
+        fill(motions[count % MOTIONS].next, THETA);
+        for (size_t i = 0; i < rows * count; i++) {
+            F[i] = dahl_step_counts(&channels.plans[i % count], &channels.one[i % count], moves[i]);
+        }
+        dahl_batch_counts_channels(channels.plans, channels.batch, count, moves, G, rows);
+        assert_same(G, F, rows * count);
+        TEST_ASSERT_EQUAL_MEMORY(channels.one, channels.batch, sizeof channels.one);
+        for (size_t i = 0; i < rows * count; i++) {
+            F[i] = dahl_step(&channels.plans[i % count], &channels.one[i % count], angles[i]);
+        }
+        dahl_batch_channels(channels.plans, channels.batch, count, angles, G, rows);
+        assert_same(G, F, rows * count);
+    }
+}
+
+static void check_throughput_counts(const dahl_params_t *p)
+{
+    dahl_throughput_params_t q = in_double(p);
+    dahl_state_t state = {0};
+    reference_t exact = reference_by_counts(p);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, moves, F, TEST_TICKS));
+    for (int t = 0; t < TEST_TICKS; t++) {
+        assert_torque(reference_move(&exact, moves[t]), p, F[t], DAHL_ULP_COUNTS);
+    }
+}
+
+static void check_throughput_angles(const dahl_params_t *p)
+{
+    dahl_throughput_params_t q = in_double(p);
+    dahl_state_t state = {0};
+    reference_t exact = reference_by_angle(p);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, angles, F, TEST_TICKS));
+    for (int t = 0; t < TEST_TICKS; t++) {
+        assert_torque(reference_move(&exact, (long double)angles[t]), p, F[t], DAHL_ULP_COUNTS);
+    }
+}
+
+/* Fc just below a power of two: there an ulp is smallest beside Fc. */
+static void test_throughput_is_within_the_bound(void)
+{
+    on_all(check_throughput_counts, 0x1.fffffep+0f);
+    on_all(check_throughput_angles, 0x1.fffffep+0f);
+}
+
+static void test_throughput_channels_are_within_the_bound(void)
+{
+    for (size_t count = 1; count <= MANY; count += 4) {
+        size_t rows = (size_t)TEST_TICKS / MANY;
+        reference_t exact[MANY];
+        set_channels();
+        for (size_t c = 0; c < count; c++) {
+            exact[c] = reference_by_counts(&channels.params[c]);
+        }
+        fill(motions[count % MOTIONS].next, THETA);
+        TEST_ASSERT_EQUAL_INT(
+            DAHL_OK, dahl_throughput_counts_channels(channels.in_double, channels.batch, count, moves, F, rows));
+        for (size_t i = 0; i < rows * count; i++) {
+            assert_torque(reference_move(&exact[i % count], moves[i]), &channels.params[i % count], F[i], DAHL_ULP_COUNTS);
+        }
+    }
+}
+
+/* Channels by angle against one channel after the other. */
+static void test_throughput_channels_by_angle(void)
+{
+    enum { COUNT = 19, STEPS = 700 };
+    set_channels();
+    fill(motion_walk, THETA);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, COUNT, angles, F, STEPS));
+    for (size_t c = 0; c < COUNT; c++) {
+        reference_t exact = reference_by_angle(&channels.params[c]);
+        for (size_t t = 0; t < STEPS; t++) {
+            size_t i = t * COUNT + c;
+            assert_torque(reference_move(&exact, (long double)angles[i]), &channels.params[c], F[i], DAHL_ULP_COUNTS);
+        }
+    }
+}
+
+/* The state goes on from call to call, and from form to form, wherever a batch is cut. */
+static void test_any_cut_is_the_same_motion(void)
+{
+    dahl_params_t p = params_for(1e-2, 1.7f);
+    dahl_throughput_params_t q = in_double(&p);
+    reference_t exact = reference_by_counts(&p);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    size_t t = 0;
+    fill(motion_walk, THETA);
+    for (size_t n = 0; t + n < TEST_TICKS && n < 700; t += n, n++) {
+        if (n % 3 == 0) {
+            dahl_batch_counts(&plan, &state, moves + t, F + t, n);
+        } else {
+            TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, moves + t, F + t, n));
+        }
+    }
+    TEST_ASSERT_TRUE(t > 200000);
+    for (size_t i = 0; i < t; i++) {
+        assert_torque(reference_move(&exact, moves[i]), &p, F[i], DAHL_ULP_COUNTS);
+    }
+}
+
+static void test_nothing_to_do_touches_nothing(void)
+{
+    dahl_params_t p = params_for(1e-2, 1.0f);
+    dahl_throughput_params_t q = in_double(&p);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {12345};
+    dahl_batch_counts(&plan, &state, NULL, NULL, 0);
+    dahl_batch(&plan, &state, NULL, NULL, 0);
+    dahl_batch_counts_channels(&plan, &state, SIZE_MAX, NULL, NULL, 0);
+    dahl_batch_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX);
+    dahl_batch_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, NULL, NULL, 0));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, NULL, NULL, 0));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &state, 1, NULL, NULL, 0));
+    TEST_ASSERT_TRUE(state.w == 12345);
+}
+
+static void test_bad_angles_within_a_batch(void)
+{
+    static const float bad[] = {1e-3f, NAN, -NAN, -0.0f, 1e-40f, -1e-3f, NAN, INFINITY, 1e-3f, -INFINITY, NAN, 3e38f, 2e-3f};
+    enum { N = sizeof bad / sizeof bad[0] };
+    dahl_params_t p = params_for(1e-2, 2.5f);
+    dahl_throughput_params_t q = in_double(&p);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t one = {0}, batch = {0}, throughput = {0}, channel = {0};
+    for (int t = 0; t < N; t++) {
+        F[t] = dahl_step(&plan, &one, bad[t]);
+    }
+    dahl_batch(&plan, &batch, bad, G, N);
+    assert_same(G, F, N);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &throughput, bad, G, N));
+    for (int t = 0; t < N; t++) {
+        TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t]) <= 1.1L * ulp_of(p.Fc));
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &channel, 1, bad, G, N));
+    for (int t = 0; t < N; t++) {
+        TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t]) <= 1.1L * ulp_of(p.Fc));
+    }
+}
+
+static void refuses(double sigma0, double Fc, double theta, dahl_err_t by_counts, dahl_err_t by_angle)
+{
+    dahl_throughput_params_t params[2] = {{1.0, 1.0, 0.1}, {sigma0, Fc, theta}};
+    dahl_state_t states[2] = {{77}, {78}};
+    const int32_t counts[2] = {5, 6};
+    const float dtheta[2] = {0.5f, 0.6f};
+    float out[2] = {-3.0f, -3.0f};
+    TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, 1));
+    TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts(params + 1, states, counts, out, by_counts == DAHL_OK ? 0 : 2));
+    TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput(params + 1, states, dtheta, out, by_angle == DAHL_OK ? 0 : 2));
+    if (by_counts != DAHL_OK) {
+        TEST_ASSERT_TRUE(states[0].w == 77 && states[1].w == 78 && out[0] < -2.0f && out[1] < -2.0f);
+    }
+}
+
+static void test_bad_parameters_touch_nothing(void)
+{
+    const double nan = (double)NAN, inf = (double)INFINITY;
+    refuses(nan, 1, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
+    refuses(1, nan, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
+    refuses(1, 1, nan, DAHL_ERR_PARAM, DAHL_OK);
+    refuses(0, 1, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
+    refuses(1, -1, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
+    refuses(1, inf, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
+    refuses(1, 1, 0, DAHL_ERR_PARAM, DAHL_OK);
+    refuses(1, 1, -1, DAHL_ERR_PARAM, DAHL_OK);
+    refuses(1e30, 1, 1, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
+    refuses(1, 1e-30, 1, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
+    refuses(1, 1, 1e-10, DAHL_ERR_RANGE, DAHL_OK);
+    refuses(1, 1, 1048576, DAHL_ERR_RANGE, DAHL_OK);
+    refuses(1, 1, 1048575, DAHL_OK, DAHL_OK);
+    refuses(1e19, 1e-19, 1e-33, DAHL_OK, DAHL_OK);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_counts_are_the_bits_of_single_steps);
+    RUN_TEST(test_angles_are_the_bits_of_single_steps);
+    RUN_TEST(test_torques_next_to_a_tie);
+    RUN_TEST(test_channels_are_the_bits_of_single_steps);
+    RUN_TEST(test_throughput_is_within_the_bound);
+    RUN_TEST(test_throughput_channels_are_within_the_bound);
+    RUN_TEST(test_throughput_channels_by_angle);
+    RUN_TEST(test_any_cut_is_the_same_motion);
+    RUN_TEST(test_nothing_to_do_touches_nothing);
+    RUN_TEST(test_bad_angles_within_a_batch);
+    RUN_TEST(test_bad_parameters_touch_nothing);
+    return UNITY_END();
+}
