@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """What the library needs and keeps, from its symbol tables: no heap, no globals, no libm but in the
-float form, and that is linked only when called. The throughput forms ask which vectors there are.
+float form, and that is linked only when called. The batches ask which vectors there are.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from conftest import ROOT, built
 FLOAT_FORM = {"expm1f", "fminf"}  # libm's, for lib/float.c alone
 
 
-VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for lib/batch_throughput*.c on x86-64
+VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for lib/batch_*.c on x86-64
 COPIES = {"memcpy", "memset"}  # the compiler's own idea
 
 
@@ -44,8 +44,8 @@ def faults(objects: Path) -> dict[str, set[str]]:
 
 def test_the_library_needs_nothing_and_keeps_nothing() -> None:
     found = faults(built("lib", "libdahl.a"))
-    throughput = {name for name in found if name.startswith("batch_throughput")}
-    for name in throughput:
+    vectors = {name for name in found if name.startswith("batch_")}
+    for name in vectors:
         assert found.pop(name) <= VECTORS | COPIES
     assert found == {"float.c.o": FLOAT_FORM}
 
