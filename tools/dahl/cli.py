@@ -13,7 +13,7 @@ import os
 import sys
 
 from dahl import Error, RunError, __version__
-from dahl.commands import data, demo, monitor, plot, record
+from dahl.commands import data, demo, identify, monitor, plot, record
 
 
 class Parser(argparse.ArgumentParser):
@@ -23,7 +23,14 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"error: {message} (see {self.prog} --help)\n")
 
 
-COMMANDS = {"demo": demo, "monitor": monitor, "record": record, "plot": plot, "data": data}
+COMMANDS = {
+    "demo": demo,
+    "identify": identify,
+    "monitor": monitor,
+    "record": record,
+    "plot": plot,
+    "data": data,
+}
 
 
 def build_parser() -> argparse.ArgumentParser:

@@ -69,10 +69,16 @@ def _place(path: Path, header: list[str], name: str) -> int:
     """Index of a column, or an error with the name that was perhaps meant."""
     if name in header:
         return header.index(name)
-    lower = {known.lower(): known for known in header}
+    raise Error(f"{path}:1: no column '{name}'{meant(name, header)}")
+
+
+def meant(name: str, known: Sequence[str]) -> str:
+    """The rest of a complaint about an unknown name: the nearest known one, and all of them."""
+    lower = {word.lower(): word for word in known}
     near = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.4)
     hint = f"; did you mean '{lower[near[0]]}'?" if near else ""
-    raise Error(f"{path}:1: no column '{name}'{hint} (there are: {', '.join(header)})")
+    shown = ", ".join(known[:MANY]) + (f", and {len(known) - MANY} more" * (len(known) > MANY))
+    return f"{hint} (there are: {shown})"
 
 
 def _take_row(
@@ -105,6 +111,7 @@ def _check_time(place: str, time: str | None, values: dict[str, list]) -> None:
         )
 
 
+MANY = 30  # names that a complaint lists
 CANDUMP_LINE = re.compile(
     r"\(\d+\.\d+\) +\S+ +([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#"
     r"(R\d?|#[0-9A-Fa-f])?([0-9A-Fa-f]{2})*( [RT])?\s*"

@@ -56,7 +56,7 @@ def draw(
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         figure.suptitle(scene.title, fontsize=15, fontweight="bold", x=0.01, ha="left")
         loop.set_title(caption, loc="left", fontsize=10, color="#555555")
-        _save(figure, path)
+        save(figure, path)
 
 
 def _panel(
@@ -89,7 +89,8 @@ def _short(label: str) -> str:
     return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
 
 
-def _save(figure: plt.Figure, path: Path) -> None:
+def save(figure: plt.Figure, path: Path) -> None:
+    """Write a picture; the old one stays until the new one is whole."""
     part = path.with_suffix(".part.png")
     figure.savefig(part, dpi=130)
     plt.close(figure)

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: MIT
+"""What is wrong with a measured log: refused where it makes a fit meaningless, handled and named
+where it does not.
+
+Refused: constant angle or torque, clipped torque, units that cannot be. Handled: an angle that
+flickers or has spikes, torque rows that disagree with their neighbours, a flat zone of backlash,
+a torque that comes late.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import median_filter
+from scipy.signal import savgol_filter
+
+from dahl import Error
+from dahl.identify import path
+from dahl.identify.log import Log
+
+WINDOWS = (1, 5, 9, 15)  # rows of the running median of the angle that are tried
+FLICKER = 8  # rows that turn and turn back at once, beyond one for each true reversal
+CLIPPED = 0.02  # of all rows at one and the same extreme torque
+OUTLIER = 4.0  # robust standard errors beyond which a row weighs less (Huber)
+NEIGHBOURS = 9  # rows whose median says what a row should be like
+BAND, APART = 0.1, 0.25  # of Fc: half width of a band of torque, distance to the bands beside it
+FLAT = 2.5  # a band that takes so many times the travel of its neighbours is flat
+CUBICS = (81, 41, 21, 11)  # rows of the local cubics that are tried between counts
+MAX_DELAY = 20  # rows
+DELAY_ROWS = 100_000  # rows that are looked at for it
+MIN_ROWS = 30
+
+
+def refuse(log: Log, trust_units: bool = False) -> None:
+    """Raise dahl.Error for a log that no fit can use."""
+    if log.rows < MIN_ROWS:
+        raise Error(f"{log.name}: {log.rows} rows; at least {MIN_ROWS} were expected")
+    for name, values in (("angle", log.theta), ("torque", log.torque)):
+        if np.ptp(values) == 0:
+            raise Error(f"{log.name}: {name} is constant ({values[0]:g} in all {log.rows} rows)")
+    _refuse_clipped(log)
+    if not trust_units:
+        _refuse_units(log)
+
+
+def _refuse_clipped(log: Log) -> None:
+    """Many rows at the very same extreme, in a torque that elsewhere is noisy."""
+    noise = np.abs(np.diff(log.torque, 2))
+    if np.median(noise) < 1e-4 * np.ptp(log.torque):
+        return  # without noise a saturated friction is constant too
+    for extreme in (log.torque.max(), log.torque.min()):
+        there = np.flatnonzero(log.torque == extreme)
+        if len(there) > max(CLIPPED * log.rows, 20) and _sticks(log, there):
+            raise Error(
+                f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
+                f" ({len(there)} of {log.rows} rows, the first is row {there[0] + 1})"
+            )
+
+
+def _sticks(log: Log, there: np.ndarray) -> bool:
+    """Long runs at the extreme, not the last step of a coarse sensor."""
+    levels, counts = np.unique(log.torque, return_counts=True)
+    beside = counts[1:6] if levels[0] == log.torque[there[0]] else counts[-6:-1]
+    return bool(np.mean(np.diff(there) == 1) > 0.7 and len(there) > 10 * np.mean(beside))
+
+
+def _refuse_units(log: Log) -> None:
+    """Amplitudes and encoders that nobody has."""
+    span = float(np.ptp(log.theta))
+    low, high, unit = (1e-8, 1e2, "m") if log.linear else (1e-7, 1e4, "rad")
+    if not low <= span <= high:
+        raise Error(
+            f"{log.name}: the angle covers {span:g} {unit}, {low:g} to {high:g} was expected;"
+            " is the unit right (--angle-unit, or --trust-units)?"
+        )
+    if log.linear or log.resolution == 0:
+        return
+    named = {"rad": 2 * math.pi, "deg": 2 * math.pi / math.degrees(1)}
+    counts = {unit: turn / log.resolution for unit, turn in named.items()}
+    as_degrees = 360 / log.resolution
+    if counts["rad"] < 1500 and _power_of_two(as_degrees):
+        raise Error(
+            f"{log.name}: steps of {log.resolution:.6g} would be {counts['rad']:.1f} counts a turn in"
+            f" rad, but {as_degrees:.0f} in deg: is the angle in deg (--angle-unit, --trust-units)?"
+        )
+
+
+def _power_of_two(counts: float) -> bool:
+    bits = round(math.log2(counts))
+    return 8 <= bits <= 26 and abs(counts / 2**bits - 1) < 2e-3
+
+
+def flickers(log: Log) -> int:
+    """How often the angle goes one way and at once the other, beyond its true reversals."""
+    moves = log.moves
+    back = int(np.count_nonzero(moves[1:] * moves[:-1] < 0))
+    true = len(path.reversals(log.theta, max(3 * log.resolution, 0.02 * float(np.ptp(log.theta)))))
+    return max(back - true, 0)
+
+
+def median(log: Log, window: int) -> np.ndarray:
+    """The angle as the running median of `window` rows: (rows,) rad (m)."""
+    return log.theta if window == 1 else median_filter(log.theta, window, mode="nearest")
+
+
+def between_counts(log: Log) -> np.ndarray:
+    """The angle between the edges of counts, (rows,) rad (m): a spline through the edges passed,
+    then the widest local cubic that agrees with the readings, kept within half a count of them.
+
+    An encoder hides up to a count of travel at each turning point, in a periodic motion always the
+    same part; the torque knows better.
+    """
+    passed = np.flatnonzero(np.diff(log.theta))
+    if log.resolution == 0 or len(passed) < 4:
+        return log.theta
+    edges = (log.theta[passed] + log.theta[passed + 1]) / 2
+    rows = np.arange(log.rows, dtype=float)
+    inner = CubicSpline(passed + 0.5, edges)(np.clip(rows, passed[0] + 0.5, passed[-1] + 0.5))
+    inner = _within_count(inner, log)
+    for window in CUBICS:
+        if log.rows > window:
+            smooth = savgol_filter(inner, window, 3)
+            if np.mean(np.abs(smooth - log.theta) > 0.65 * log.resolution) < 0.01:
+                return _within_count(savgol_filter(_within_count(smooth, log), window, 3), log)
+    return inner
+
+
+def _within_count(theta: np.ndarray, log: Log) -> np.ndarray:
+    return np.clip(theta, log.theta - log.resolution / 2, log.theta + log.resolution / 2)
+
+
+def huber(residual: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+    """Weights 0 .. 1: less for rows that disagree with their neighbours, (rows,). `before` are the
+    weights of rows left out for another reason.
+    """
+    odd = np.abs(residual - median_filter(residual, NEIGHBOURS, mode="nearest"))
+    usual = 1.4826 * float(np.median(odd[odd > 0])) if (odd > 0).any() else 0.0
+    limit = max(OUTLIER * usual, 1e-6 * float(np.ptp(residual)))
+    weight = np.minimum(1.0, np.divide(limit, odd, out=np.ones_like(odd), where=odd > limit))
+    return weight if before is None else weight * before
+
+
+def backlash(log: Log, ratio: np.ndarray, turns: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """A flat zone between two reversals: its travel in rad (m), its centre in F/Fc, and moves
+    without it; 0 where there is none.
+
+    `ratio` is the measured F/Fc. A band of torque is flat when crossing it takes more than FLAT
+    times the travel that the bands beside it take; friction that bends gives 1.
+    """
+    ends = [0, *turns.tolist(), log.rows - 1]
+    parts = [(i, j) for i, j in zip(ends, ends[1:], strict=False) if j - i > 8]
+    centres = np.linspace(-0.4, 0.4, 17)
+    found = [_flatness(log, ratio, parts, centre) for centre in centres]
+    best = int(np.argmax([flatness for flatness, *_ in found]))
+    flatness, extra, crossed = found[best]
+    if flatness < FLAT or crossed < 3 or extra < 3 * log.resolution:
+        return 0.0, 0.0, log.moves
+    moves = log.moves.copy()
+    for i, j in parts:
+        inside = slice(*_crossing(ratio[i:j], centres[best], log.theta[j] > log.theta[i], i))
+        moves[inside] /= flatness
+    return extra, float(centres[best]), moves
+
+
+def _flatness(log: Log, ratio: np.ndarray, parts: list, centre: float) -> tuple[float, float, int]:
+    """Travel in the band over travel in its neighbours, extra travel, number of crossings."""
+    shares, extras = [], []
+    for i, j in parts:
+        forward = log.theta[j] > log.theta[i]
+        widths = [
+            _travel(log, _crossing(ratio[i:j], centre + beside, forward, i))
+            for beside in (-APART, 0, APART)
+        ]
+        if min(widths) > 0:
+            shares.append(widths[1] / (widths[0] + widths[2]) * 2)
+            extras.append(widths[1] - (widths[0] + widths[2]) / 2)
+    if len(shares) < max(len(parts) // 2, 1):
+        return 0.0, 0.0, 0
+    return float(np.median(shares)), float(np.median(extras)), len(shares)
+
+
+def _crossing(ratio: np.ndarray, centre: float, forward: bool, start: int) -> tuple[int, int]:
+    """Rows from entering the band centre +-BAND to leaving it, on the way from one reversal to the
+    next: the last row before it, the first row behind it.
+    """
+    way = ratio if forward else -ratio
+    centre = centre if forward else -centre
+    behind = np.flatnonzero(way > centre + BAND)
+    if len(behind) == 0:
+        return start, start
+    before = np.flatnonzero(way[: behind[0]] < centre - BAND)
+    if len(before) == 0:
+        return start, start
+    return start + int(before[-1]) + 1, start + int(behind[0])
+
+
+def _travel(log: Log, rows: tuple[int, int]) -> float:
+    return abs(float(log.theta[rows[1]] - log.theta[max(rows[0] - 1, 0)])) if rows[1] > rows[0] else 0.0
+
+
+def delay_of(columns: list[np.ndarray], torques: list[np.ndarray]) -> tuple[float, float]:
+    """How many rows the torque comes late, and by how much of its cost that helps.
+
+    Each of `columns` is (rows, k): what the model can draw with its linear parameters free.
+    """
+    shifts = np.arange(-MAX_DELAY, MAX_DELAY + 1)
+    keep = slice(MAX_DELAY, -MAX_DELAY)
+    inside = np.concatenate([part[:DELAY_ROWS][keep] for part in columns])
+    orthogonal = np.linalg.qr(inside)[0]
+    cost = []
+    for shift in shifts:
+        moved = np.concatenate([np.roll(y[:DELAY_ROWS], -shift)[keep] for y in torques])
+        cost.append(float(moved @ moved - np.sum((orthogonal.T @ moved) ** 2)))
+    cost = np.array(cost)
+    best = int(np.argmin(cost))
+    if best in (0, len(cost) - 1):
+        return 0.0, 0.0
+    y = cost[best - 1 : best + 2]
+    part = (y[0] - y[2]) / (2 * (y[0] - 2 * y[1] + y[2]))
+    return float(shifts[best] + part), float(1 - cost[best] / cost[MAX_DELAY])
+
+
+def shifted(torque: np.ndarray, rows: float) -> np.ndarray:
+    """The torque `rows` earlier."""
+    index = np.arange(len(torque), dtype=float)
+    return np.interp(index + rows, index, torque)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""One log in SI units, ready for a fit, and what was found in it on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass
+class Log:
+    """Arrays have shape (rows,). Linear motion has m for rad and N for N m."""
+
+    name: str
+    theta: np.ndarray  # rad (m), unwrapped
+    torque: np.ndarray  # N m (N), with the sign of the motion where it is friction
+    time: np.ndarray | None = None  # s
+    linear: bool = False
+    resolution: float = 0.0  # rad (m) per encoder count; 0: none was found
+    weight: np.ndarray | None = None  # 1 where a row counts, 0 where it does not, between: less
+    free_moves: np.ndarray | None = None  # rad (m) from row to row without the travel of backlash
+    zero: float = 0.0  # rad (m), the angle at which a spring is taken to be relaxed
+    notes: list[str] = field(default_factory=list)  # what was found and how it was handled
+
+    @property
+    def rows(self) -> int:
+        return len(self.theta)
+
+    @property
+    def moves(self) -> np.ndarray:
+        """rad (m) from row to row, 0 first."""
+        return np.diff(self.theta, prepend=self.theta[:1])
+
+    @property
+    def unit(self) -> str:
+        """Of the torque."""
+        return "N" if self.linear else "N m"
+
+    @property
+    def slope_unit(self) -> str:
+        """Of sigma0."""
+        return "N/m" if self.linear else "N m/rad"
+
+    @property
+    def angle_unit(self) -> str:
+        return "m" if self.linear else "rad"
+
+
+def resolution_of(theta: np.ndarray) -> float:
+    """The step of the grid on which all angles lie, rad (m); 0 where they lie on none.
+
+    The smallest gap between different angles is tried as the step: on a grid, the gaps up to 20
+    steps are whole numbers of it (printing with few digits may move them by a twentieth).
+    """
+    levels = np.unique(theta)
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-9 * np.ptp(theta)] if len(gaps) else gaps
+    if len(gaps) < 3:
+        return 0.0
+    step = float(np.median(gaps[gaps < 1.3 * gaps.min()]))
+    small = gaps[gaps < 20.5 * step] / step
+    off = np.abs(small - np.round(small))
+    return step if len(small) >= 3 and np.mean(off < 0.1) > 0.95 else 0.0

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: MIT
+"""What an identification leaves: numbers as JSON and as a table, a plan for flash, a scene that
+replays the log. No number stands anywhere without its verdict.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dahl import Error
+from dahl.identify import study
+from dahl.identify.log import Log
+from dahl.identify.study import Result
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+REPLAYED = 200_000  # rows of the first log that a scene replays
+MADE_UP = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
+
+
+def plain(value: float) -> float | None:
+    """JSON has no infinity."""
+    return float(value) if math.isfinite(value) else None
+
+
+def numbers(result: Result) -> dict[str, Any]:
+    """Everything, for machines. Units: N m and rad, or N and m where `linear` is true."""
+    estimate, models, log = result.estimate, result.models, result.logs[0]
+    return {
+        "logs": [one.name for one in result.logs],
+        "rows": sum(one.rows for one in result.logs),
+        "linear": log.linear,
+        "units": {"sigma0": log.slope_unit, "Fc": log.unit, "a": f"1/{log.angle_unit}"},
+        "sigma0": estimate.sigma0,
+        "Fc": estimate.Fc,
+        "a": estimate.a,
+        "ci95": {
+            name: [plain(one.low), plain(one.high)] for name, one in estimate.ci95.items()
+        },
+        "extra": estimate.terms,
+        "r2": result.r2,
+        "rmse": result.rmse,
+        "r2_coulomb": models.r2_coulomb,
+        "held_out": {
+            name: {"r2": models.r2[name], "rmse": models.rmse[name]} for name in models.r2
+        },
+        "coulomb_extra": models.terms["coulomb"],
+        "bilinear_sigma0": models.bilinear_sigma0,
+        "checks": result.checks,
+        "reversals": result.reversals,
+        "informs_sigma0": result.informs,
+        "delay_rows": result.delay,
+        "backlash": result.backlash,
+        "resolution": log.resolution,
+        "identifiable": result.verdict.identifiable,
+        "verdict": result.verdict.text,
+        "reasons": result.verdict.reasons,
+        "notes": result.notes,
+    }
+
+
+def as_json(result: Result) -> str:
+    return json.dumps(numbers(result), indent=2) + "\n"
+
+
+def table(result: Result) -> Table:
+    """For people."""
+    from rich.table import Table
+
+    estimate, models, log = result.estimate, result.models, result.logs[0]
+    shown = Table(show_header=False, title=", ".join(Path(one.name).name for one in result.logs))
+    shown.title_justify = "left"
+    shown.add_row("verdict", result.verdict.text)
+    for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
+        shown.add_row(name, f"{getattr(estimate, name):.5g} {unit}  {interval(result, name)}")
+    for name, value in estimate.terms.items():
+        shown.add_row(name, f"{value:.4g} {term_unit(name, log)}")
+    shown.add_row("R2, rms on the rows fitted", f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}")
+    for name, words in (("dahl", "Dahl"), ("coulomb", "Coulomb"), ("none", "no friction"),
+                        ("bilinear", "bilinear")):
+        shown.add_row(
+            f"held out: {words}", f"R2 {models.r2[name]:.4f}, rms {models.rmse[name]:.3g} {log.unit}"
+        )
+    for name, r2 in result.checks.items():
+        shown.add_row(f"check: {Path(name).name}", f"R2 {r2:.4f}, not fitted")
+    shown.add_row("reversals", str(result.reversals))
+    shown.add_row("motion that informs sigma0", f"{100 * result.informs:.0f} % of the moving rows")
+    for note in result.notes:
+        shown.add_row("note", note)
+    return shown
+
+
+def interval(result: Result, name: str) -> str:
+    one = result.estimate.ci95[name]
+    high = f"{one.high:.5g}" if math.isfinite(one.high) else "no end"
+    return f"95 %: {one.low:.5g} to {high}"
+
+
+def term_unit(name: str, log: Log) -> str:
+    unit, angle = log.unit, log.angle_unit
+    return {
+        "offset": unit,
+        "spring": f"{unit}/{angle}",
+        "viscous": f"{unit} s/{angle}",
+        "inertia": f"{unit} s2/{angle}",
+    }[name]
+
+
+def identifier(name: str) -> str:
+    """A name that C takes."""
+    plain_name = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
+    if not plain_name:
+        raise Error(f"--name {name}: letters, digits and _ were expected")
+    return plain_name
+
+
+def header(result: Result, name: str) -> str:
+    """dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() refuses."""
+    from dahl.core import Plan
+    from dahl.identify import header as printed
+
+    log = result.logs[0]
+    plan = Plan(result.estimate.sigma0, result.estimate.Fc, log.resolution)
+    comment = [
+        f"Friction identified from {', '.join(Path(one.name).name for one in result.logs)}:",
+        f"{result.verdict.text}.",
+        f"sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
+        f" Fc [{log.unit}] {interval(result, 'Fc')}; R2 held out {result.models.r2['dahl']:.4f}.",
+    ]
+    if not log.resolution:
+        comment.append("The log shows no encoder: this plan is for dahl_step() alone.")
+    return printed.text(name, plan, comment)
+
+
+def write_scene(result: Result, name: str, folder: Path) -> Path:
+    """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`."""
+    log, estimate = result.logs[0], result.estimate
+    rows = slice(0, REPLAYED)
+    kept = {term: value for term, value in estimate.terms.items() if term in ("offset", "spring")}
+    rest = {term: value for term, value in estimate.terms.items() if term not in kept}
+    torque = (log.torque - study.extra(log, rest))[rows]
+    theta = log.theta[rows] - log.theta[0]
+    angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
+    np.savetxt(
+        folder / f"{name}.csv",
+        np.column_stack((theta, torque)),
+        fmt="%.9g",
+        delimiter=",",
+        header=f"{angle},{force}",
+        comments="",
+    )
+    count = log.resolution or MADE_UP / estimate.a
+    travelled = np.cumsum(np.abs(log.moves[rows]))
+    settled = int(np.searchsorted(travelled, 5 / estimate.a))
+    lines = [
+        f"; written by dahl identify: {result.verdict.text}",
+        "[scene]",
+        f"title = {name}, identified",
+        "[friction]",
+        f"sigma0 = {estimate.sigma0!r} ; {log.slope_unit}",
+        f"Fc = {estimate.Fc!r} ; {log.unit}",
+        f"theta_per_count = {count!r} ; {log.angle_unit}",
+        "[motion]",
+        "kind = log",
+        f"file = {name}.csv",
+        f"angle = {angle}",
+        f"counts_per_unit = {1 / count!r}",
+        "[status]",
+        "period_ms = 100",
+        "[measured]",
+        f"torque = {force}",
+        "torque_scale = 1",
+        f"offset = {kept.get('offset', 0.0)!r}",
+        f"spring = {kept.get('spring', 0.0)!r}",
+        f"settle = {settled if settled < len(theta) // 2 else 0}",
+        f"label_angle = angle from the start [{log.angle_unit}]",
+        f"label_torque = friction [{log.unit}]",
+    ]
+    path = folder / f"{name}.ini"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def write_all(result: Result, name: str, folder: Path) -> list[Path]:
+    """Every file; a plan only where both parameters are identifiable."""
+    from dahl.identify import draw
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [folder / f"{name}.json", folder / f"{name}.png", write_scene(result, name, folder)]
+    written[0].write_text(as_json(result), encoding="utf-8")
+    draw.draw(written[1], result)
+    plan = folder / f"dahl_plan_{name}.h"
+    plan.unlink(missing_ok=True)
+    if all(result.verdict.identifiable.values()):
+        plan.write_text(header(result, name), encoding="utf-8")
+        written.append(plan)
+    return written

@@ -1,0 +1,423 @@
+# SPDX-License-Identifier: MIT
+"""Logs of any usual kind as one Log in SI units: tables (CSV, TSV, JSON, MAT, Parquet) and CAN logs
+(candump, ASC, BLF, TRC, MF4) with a DBC.
+
+The reading itself is left to pandas, scipy, python-can, cantools and asammdf; here columns are
+found, units applied, and whatever is wrong is said in one line that names file, row and column.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dahl import Error, logs
+from dahl.identify import units
+from dahl.identify.log import Log, resolution_of
+
+if TYPE_CHECKING:
+    import can
+    import cantools
+    import pandas
+
+CAN_LOGS = {".log", ".asc", ".blf", ".trc", ".mf4"}
+FULL_TURN = 360.0  # deg
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the command line says about the logs."""
+
+    angle: str = ""
+    torque: str = ""
+    time: str = ""
+    angle_unit: str = ""
+    torque_unit: str = ""
+    counts_per_turn: float = 0.0  # mm: per millimetre
+    dbc: Path | None = None
+    skip_gaps: bool = False
+
+
+def read(path: Path, source: Source) -> Log:
+    """One log. Raises dahl.Error."""
+    if not path.is_file():
+        raise Error(f"{path}: no such file")
+    if path.stat().st_size == 0:
+        raise Error(f"{path}: empty")
+    if path.suffix.lower() in CAN_LOGS:
+        names, values = _read_can(path, source)
+    else:
+        names, values = _read_table(path, source)
+    return _log(path, source, names, values)
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def _read_table(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+    """Names and values by role: angle, torque and, where there is one, time."""
+    frame, first = _frame(path)
+    known = [str(name) for name in frame.columns]
+    names = {
+        what: units.column(what, getattr(source, what), known, f"{path}")
+        for what in ("angle", "torque", "time")
+    }
+    names = {what: name for what, name in names.items() if name}
+    if names["angle"] == names["torque"]:
+        raise Error(f"{path}: column '{names['angle']}' cannot be both angle and torque")
+    places = {what: known.index(name) for what, name in names.items()}
+    values = {
+        what: _numbers(f"{path}", first, names[what], frame.iloc[:, place])
+        for what, place in places.items()
+    }
+    return names, _without_gaps(path, source, names, values, first)
+
+
+def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
+    """The table, and the number of its first row as an editor counts (0: rows have no lines)."""
+    kinds: dict[str, Callable[[Path], tuple[Any, int]]] = {
+        ".json": _from_json,
+        ".mat": _from_mat,
+        ".parquet": _from_parquet,
+    }
+    try:
+        return kinds.get(path.suffix.lower(), _from_text)(path)
+    except Error:
+        raise
+    except (OSError, ValueError, TypeError, KeyError, NotImplementedError) as error:
+        words = " ".join(str(error).split())[:160]
+        raise Error(f"{path}: cannot be read as {path.suffix or 'a table'}: {words}") from None
+
+
+def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
+    import pandas as pd
+
+    with path.open("rb") as file:
+        raw = file.read(65536)
+    try:
+        head = raw.decode("utf-8-sig", errors="strict" if len(raw) < 65536 else "ignore")
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a text file (byte {error.start})") from None
+    if "\0" in head:
+        raise Error(f"{path}: not a text file (byte {head.index(chr(0))})")
+    line = next((line for line in head.splitlines() if line.strip()), "")
+    if not line:
+        raise Error(f"{path}: empty; a first line with column names was expected")
+    separator = max("\t;,", key=line.count) if re.search("[\t;,]", line) else r"\s+"
+    fields = re.split(separator, line.strip())
+    headless = all(_is_number(field) for field in fields)
+    frame = pd.read_csv(
+        path,
+        sep=separator,
+        header=None if headless else 0,
+        skipinitialspace=True,
+        low_memory=False,
+        encoding="utf-8-sig",
+        index_col=False,
+    )
+    if headless:
+        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
+    frame.columns = [str(name).strip() for name in frame.columns]
+    if frame.empty:
+        raise Error(f"{path}:1: no rows after the column names")
+    return frame, 1 if headless else 2
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _from_json(path: Path) -> tuple[pandas.DataFrame, int]:
+    """A list of rows (objects or lists), an object of columns, or an object that holds one."""
+    import pandas as pd
+
+    try:
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a text file (byte {error.start})") from None
+    except json.JSONDecodeError as error:
+        raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
+    rows = _rows_in(content)
+    if rows is None:
+        raise Error(f"{path}: no list of rows and no columns of equal length in it")
+    frame = pd.DataFrame(rows)
+    if all(isinstance(name, int) for name in frame.columns):
+        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
+    return frame, 0
+
+
+def _rows_in(content: Any) -> Any:
+    if isinstance(content, list) and content and isinstance(content[0], (dict, list)):
+        return content
+    if not isinstance(content, dict):
+        return None
+    columns = {k: v for k, v in content.items() if isinstance(v, list) and v}
+    plain = {k: v for k, v in columns.items() if isinstance(v[0], (int, float))}
+    if len(plain) > 1 and len({len(v) for v in plain.values()}) == 1:
+        return plain
+    found = [_rows_in(v) for v in content.values() if isinstance(v, (list, dict))]
+    return next((rows for rows in found if rows is not None), None)
+
+
+def _from_mat(path: Path) -> tuple[pandas.DataFrame, int]:
+    import pandas as pd
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise Error(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
+    columns = dict(_vectors("", {k: v for k, v in content.items() if not k.startswith("__")}))
+    if not columns:
+        raise Error(f"{path}: no vectors in it")
+    longest = max(map(len, columns.values()))
+    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == longest}), 0
+
+
+def _vectors(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+    """Vectors by name, fields of structures as `structure.field`, columns of matrices by number."""
+    for name, value in content.items():
+        if hasattr(value, "_fieldnames"):
+            yield from _vectors(f"{prefix}{name}.", vars(value))
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+            columns = [value] if value.ndim == 1 else list(value.T) if value.ndim == 2 else []
+            for number, column in enumerate(columns):
+                yield f"{prefix}{name}" + (f".{number + 1}" if value.ndim == 2 else ""), column
+
+
+def _from_parquet(path: Path) -> tuple[pandas.DataFrame, int]:
+    import pandas as pd
+
+    return pd.read_parquet(path), 0
+
+
+def _numbers(path: str, first: int, name: str, column: pandas.Series) -> np.ndarray:
+    """A column as float64; NaN where a cell is empty. Raises dahl.Error for what is no number."""
+    import pandas as pd
+
+    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+    words = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
+    if len(words):
+        row = int(words[0])
+        place = f"{path}:{row + first}" if first else f"{path}: row {row + 1}"
+        raise Error(f"{place}: column '{name}': '{column.iloc[row]}' is not a number")
+    return values
+
+
+def _without_gaps(
+    path: Path, source: Source, names: dict[str, str], values: dict[str, np.ndarray], first: int
+) -> dict[str, np.ndarray]:
+    """All rows whole, or those that are where the user lets gaps be skipped."""
+    whole = np.all([np.isfinite(column) for column in values.values()], axis=0)
+    if whole.all():
+        return values
+    row = int(np.argmin(whole))
+    what = next(what for what, column in values.items() if not np.isfinite(column[row]))
+    if not source.skip_gaps or whole.sum() == 0:
+        place = f"{path}:{row + first}" if first else f"{path}: row {row + 1}"
+        raise Error(
+            f"{place}: column '{names[what]}': no finite number here and in"
+            f" {int((~whole).sum())} of {len(whole)} rows in all (--skip-gaps leaves them out)"
+        )
+    return {what: column[whole] for what, column in values.items()}
+
+
+# --- CAN logs -------------------------------------------------------------------------------------
+
+
+def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+    """The two signals at the times of the angle's frames; the torque is interpolated to them where
+    it comes in another message.
+    """
+    if source.dbc is None and path.suffix.lower() == ".mf4":
+        return _from_channels(path, source)
+    if source.dbc is None:
+        raise Error(f"{path}: a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
+    if not (source.angle and source.torque):
+        raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
+    names = {"angle": source.angle, "torque": source.torque, "time": "time"}
+    found = decoded(frames_of(path), database_of(source.dbc), names["angle"], names["torque"])
+    (angle_time, angle), (torque_time, torque) = (found[names[k]] for k in ("angle", "torque"))
+    for name in (names["angle"], names["torque"]):
+        if len(found[name][0]) < 2:
+            raise Error(f"{path}: signal '{name}' comes in {len(found[name][0])} valid frames")
+    _check_time(path, angle_time, 0)
+    shared = (angle_time >= torque_time[0]) & (angle_time <= torque_time[-1])
+    if shared.sum() < 2:
+        raise Error(f"{path}: '{names['angle']}' and '{names['torque']}' share no time")
+    torque = np.interp(angle_time[shared], torque_time, torque)
+    return names, {"angle": angle[shared], "torque": torque, "time": angle_time[shared]}
+
+
+def frames_of(path: Path) -> Iterator[can.Message]:
+    """The frames of a log, by python-can. Raises dahl.Error for a file that is not what its ending
+    says, or cut off.
+    """
+    import can
+
+    if path.suffix.lower() == ".log":
+        yield from logs.read_candump(path)
+        return
+    count = 0
+    try:
+        with can.LogReader(path) as reader:
+            for message in reader:
+                count += 1
+                yield message
+    except Exception as error:  # each reader of python-can has its own kinds
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        raise Error(f"{path}: broken or cut off after {count} frames ({words})") from None
+    if count == 0:
+        raise Error(f"{path}: no frames in it")
+
+
+def database_of(path: Path) -> cantools.database.Database:
+    """A DBC, without the free comments that cantools does not take. Raises dahl.Error."""
+    import cantools
+
+    try:
+        text = path.read_text(encoding="cp1252")
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    text = re.sub(r"^CM_ \d.*$", "", text, flags=re.MULTILINE)
+    try:
+        return cantools.database.load_string(text, database_format="dbc", strict=False)
+    except (cantools.Error, ValueError) as error:
+        words = " ".join(str(error).split())[:160]
+        raise Error(f"{path}: not a DBC ({words})") from None
+
+
+def decoded(
+    frames: Iterator[can.Message], database: cantools.database.Database, *signals: str
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Time and value of each signal, where the value is within the range that the DBC gives."""
+    take = {name: _message_with(database, name) for name in signals}
+    wanted: dict[int, list[str]] = {}
+    for name, message in take.items():
+        wanted.setdefault(message.frame_id, []).append(name)
+    found: dict[str, list[tuple[float, float]]] = {name: [] for name in signals}
+    for frame in frames:
+        names = wanted.get(frame.arbitration_id)
+        if names and not (frame.is_error_frame or frame.is_remote_frame):
+            for name, value in _values(take[names[0]], frame, names):
+                found[name].append((frame.timestamp, value))
+    return {
+        name: tuple(np.array(pairs, dtype=float).reshape(-1, 2).T) for name, pairs in found.items()
+    }
+
+
+def _values(
+    message: cantools.database.Message, frame: can.Message, names: list[str]
+) -> Iterator[tuple[str, float]]:
+    try:
+        values = message.decode(frame.data, decode_choices=False, allow_truncated=True)
+    except Exception:  # noqa: BLE001  (a frame of another kind under the same id)
+        return
+    for name in names:
+        signal = message.get_signal_by_name(name)
+        value = float(values.get(name, np.nan))
+        low = -np.inf if signal.minimum is None else signal.minimum
+        high = np.inf if signal.maximum is None else signal.maximum
+        if low == high or low <= value <= high:
+            yield name, value
+
+
+def _message_with(database: cantools.database.Database, signal: str) -> cantools.database.Message:
+    known: list[str] = []
+    for message in database.messages:
+        names = [one.name for one in message.signals]
+        if signal in names:
+            return message
+        known += names
+    raise Error(f"no signal '{signal}' in the DBC{logs.meant(signal, known)}")
+
+
+def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+    """An MF4 that holds measured channels in place of frames, by asammdf."""
+    import logging
+
+    from asammdf import MDF
+
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    try:
+        with MDF(path) as file:
+            known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
+            names = {
+                what: units.column(what, getattr(source, what), known, f"{path}")
+                for what in ("angle", "torque")
+            }
+            angle, torque = (file.get(names[what]) for what in ("angle", "torque"))
+    except Error:
+        raise
+    except Exception as error:  # asammdf has no root exception of its own
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
+    values = np.interp(angle.timestamps, torque.timestamps, torque.samples)
+    channels = {"angle": angle.samples, "torque": values, "time": angle.timestamps}
+    return {**names, "time": "time"}, {k: np.asarray(v, dtype=float) for k, v in channels.items()}
+
+
+# --- units ----------------------------------------------------------------------------------------
+
+
+def _log(path: Path, source: Source, names: dict[str, str], values: dict[str, np.ndarray]) -> Log:
+    """Units applied, wraps undone, time checked."""
+    unit = source.angle_unit or units.unit_in(names["angle"], units.ANGLES, "deg")
+    units.named(unit, units.ANGLES, "--angle-unit")
+    size, linear = units.ANGLES[unit]
+    torque_unit = source.torque_unit or units.unit_in(
+        names["torque"], units.TORQUES, "N" if linear else "Nm"
+    )
+    scale = units.TORQUES[units.named(torque_unit, units.TORQUES, "--torque-unit")]
+    time = values.get("time")
+    if time is not None:
+        _check_time(path, time, 2)
+        time = time * (1e-3 if re.search(r"\b(ms|msec)\b", names["time"].replace("_", " ")) else 1)
+    torque, notes = _signed(values["torque"])
+    notes += [] if source.angle_unit or unit in names["angle"] else [f"angle taken in {unit}"]
+    theta, counts = _unwrapped(values["angle"], unit, source.counts_per_turn)
+    if unit == "counts":
+        if not counts:
+            raise Error(f"{path}: an angle in counts needs --counts-per-turn")
+        size = 2 * np.pi / counts
+    log = Log(str(path), theta * size, torque * scale, time, linear, notes=notes)
+    given = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
+    log.resolution = given or resolution_of(log.theta)
+    return log
+
+
+def _check_time(path: Path, time: np.ndarray, first: int) -> None:
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise Error(
+            f"{path}: row {row + 1}: {time[row]:g} after {time[row - 1]:g}, the clock goes backward"
+        )
+
+
+def _signed(torque: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """A 16-bit number that was read without its sign, put right."""
+    whole = torque.min() >= 0 and 32768 <= torque.max() <= 65535 and (torque % 1 == 0).all()
+    if whole and not ((torque > 16384) & (torque < 49152)).any():
+        return np.where(torque > 32767, torque - 65536, torque), [
+            "torque is a signed 16-bit number read as unsigned: 65536 taken off above 32767"
+        ]
+    return torque, []
+
+
+def _unwrapped(angle: np.ndarray, unit: str, counts: float) -> tuple[np.ndarray, float]:
+    """An angle that jumps by a turn made continuous, in its own unit."""
+    turn = {"deg": FULL_TURN, "rad": 2 * np.pi, "mrad": 2e3 * np.pi, "turn": 1.0, "counts": counts}
+    period = turn.get(unit, 0.0)
+    wraps = period and np.ptp(angle) <= period and np.abs(np.diff(angle)).max() > 0.9 * period
+    return (np.unwrap(angle, period=period) if wraps else angle), counts

@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: MIT
+"""One identification from logs to a judged result: clean, fit, compare, judge.
+
+The order matters. The angle is cleaned first, since each false reversal counts as travel; then
+terms are chosen, delay and backlash looked for with that fit, odd rows given less weight, and at
+the end the intervals and the comparison with simpler models are taken from the same sweep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dahl import Error
+from dahl.identify import clean, fit, path, sweep, verdict
+from dahl.identify.fit import Estimate
+from dahl.identify.log import Log
+from dahl.identify.sweep import CORE, Fixed, Model, Sweep
+
+BLOCKS = 24  # of all logs together; at least 4 each
+LEAST_LOOP, MOST_STEPS = 2.0, 3.0  # a is sought from 2/range (tips at 0.76 Fc) to 3/resolution
+DELAY_PAYS = 0.05  # of the cost
+FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
+HIDDEN = 0.2  # of the change by going between the counts that may still be hidden
+TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user asked for."""
+
+    terms: tuple[str, ...] | None = None  # None: those that pay
+    delay: bool = True
+    median: int = 0  # rows; 0: what pays
+    trust_units: bool = False
+
+
+@dataclass
+class Models:
+    """Held-out R2 and RMSE of Dahl's model and of simpler ones, each with its own best terms."""
+
+    r2_coulomb: float  # on the rows fitted
+    r2: dict[str, float]
+    rmse: dict[str, float]
+    terms: dict[str, list[str]]
+    bilinear_sigma0: float
+
+
+@dataclass
+class Result:
+    """All that was found."""
+
+    logs: list[Log]
+    estimate: Estimate
+    models: Models
+    r2: float  # on the rows fitted
+    rmse: float
+    reversals: int
+    informs: float  # part of the rows in which sigma0 shows
+    delay: float  # rows
+    median: int  # rows of the running median that the angle went through
+    backlash: float  # rad (m)
+    predicted: list[np.ndarray]  # N m (N), (rows,) of each log
+    verdict: verdict.Verdict = field(default_factory=verdict.Verdict)
+    checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
+
+    @property
+    def notes(self) -> list[str]:
+        return [f"{log.name}: {note}" for log in self.logs for note in log.notes]
+
+
+class Study:
+    """Logs with the range of a in which to look, and the sweeps over them."""
+
+    def __init__(self, logs: Sequence[Log]) -> None:
+        self.logs = [replace(log, zero=float(logs[0].theta[0])) for log in logs]
+        moves = np.concatenate([np.abs(log.moves) for log in self.logs])
+        usual = float(np.median(moves[moves > 0]))
+        finest = max(log.resolution for log in self.logs) or usual / 3
+        self.low = LEAST_LOOP / max(float(np.ptp(log.theta)) for log in self.logs)
+        self.high = max(MOST_STEPS / finest, 100 * self.low)
+        self.timed = all(log.time is not None for log in self.logs)
+        self.prepare()
+
+    def prepare(self) -> None:
+        """After a change to a log."""
+        blocks = max(BLOCKS // len(self.logs), 4)
+        self.fixed: list[Fixed] = [sweep.fixed(log, blocks) for log in self.logs]
+
+    @property
+    def candidates(self) -> list[str]:
+        return [term for term in CORE if self.timed or term in ("offset", "spring")]
+
+    def at(self, nodes: np.ndarray) -> Sweep:
+        """Sweep Dahl's model."""
+        return sweep.sweep(self.fixed, nodes)
+
+    def search(self, wanted: Sequence[str] | None) -> tuple[Sweep, list[str]]:
+        """The sweep around the best a, and the terms."""
+        found = fit.search(self.at, self.low, self.high, wanted or ["offset"])
+        if wanted is not None:
+            return found, list(wanted)
+        terms = fit.choose_terms(found, self.candidates)
+        for _ in range(fit.ROUNDS):
+            found = fit.refine(found, self.at, terms)
+        return found, terms
+
+    def predicted(self, estimate: Estimate, index: int) -> np.ndarray:
+        """What the model says of the torque of one log: (rows,) N m (N)."""
+        one = self.fixed[index]
+        drawn = self.drawn(estimate, index)
+        rest = self.logs[index].torque - drawn
+        start = np.exp(-np.minimum(estimate.a * one.travelled, 700.0)) * one.root**2
+        power = float(start @ start)
+        return drawn + start * (float(start @ rest) / power if power else 0.0)
+
+    def drawn(self, estimate: Estimate, index: int) -> np.ndarray:
+        """The same from a relaxed start."""
+        one, log = self.fixed[index], self.logs[index]
+        drawn = estimate.Fc * path.dahl(one.moves, estimate.a)
+        return drawn + extra(log, estimate.terms)
+
+
+def extra(log: Log, terms: dict[str, float]) -> np.ndarray:
+    """The torque of the terms beside friction: (rows,) N m (N)."""
+    speed, change = sweep.speed_of(log)
+    columns = {
+        "offset": np.ones(log.rows),
+        "spring": log.theta - log.zero,
+        "viscous": speed,
+        "inertia": change,
+    }
+    return sum((value * columns[name] for name, value in terms.items()), np.zeros(log.rows))
+
+
+def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
+    """The whole of it. Raises dahl.Error for logs that no fit can use."""
+    logs = [replace(log, notes=list(log.notes)) for log in logs]
+    for log in logs:
+        clean.refuse(log, options.trust_units)
+    steadied, window = _steadied(_positive(logs, options), options)
+    hidden = 0.0
+    if window == 1 and not options.median:
+        steadied, hidden = _between_counts(steadied, options)
+    study = Study(steadied)
+    found, terms = study.search(options.terms)
+    delay = _undelay(study, fit.point(found, terms)) if options.delay and study.timed else 0.0
+    if delay:
+        found, terms = study.search(options.terms)
+    slack = _without_backlash(study, fit.point(found, terms))
+    if slack:
+        found, terms = study.search(options.terms)
+    if _weigh(study, fit.point(found, terms)):
+        found, terms = study.search(terms)
+    estimate = fit.estimate(found, terms, HIDDEN * hidden)
+    result = _judged(study, found, estimate, delay, slack)
+    return replace(result, median=window)
+
+
+def _positive(logs: list[Log], options: Options) -> list[Log]:
+    """Friction opposes the motion: where a first look says otherwise, the torque has the other
+    sign.
+    """
+    if _first(logs, options).Fc > 0:
+        return logs
+    words = "torque taken with the other sign: friction has the sign of the motion"
+    return [replace(log, torque=-log.torque, notes=[*log.notes, words]) for log in logs]
+
+
+def _steadied(logs: list[Log], options: Options) -> tuple[list[Log], int]:
+    """Take the running median of the angle that leaves least of the cost."""
+    windows = (options.median,) if options.median else clean.WINDOWS
+    shaky = [log for log in logs if options.median or clean.flickers(log) > clean.FLICKER]
+    if not shaky:
+        return logs, 1
+    chosen = {id(log) for log in shaky}
+    versions = {
+        window: [
+            replace(log, theta=clean.median(log, window)) if id(log) in chosen else log
+            for log in logs
+        ]
+        for window in windows
+    }
+    best = min(versions, key=lambda window: _first(versions[window], options).sse)
+    for log, steady in zip(logs, versions[best], strict=True):
+        if best > 1 and id(log) in chosen:
+            steady.notes.append(
+                f"angle turns back at once in {clean.flickers(log)} of {log.rows} rows (flicker or"
+                f" spikes): running median of {best} rows taken"
+            )
+    return versions[best], best
+
+
+def _first(logs: list[Log], options: Options) -> Estimate:
+    """A first look, without intervals."""
+    study = Study(logs)
+    return fit.point(*study.search(options.terms or ("offset",)))
+
+
+def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float]:
+    """Take the angle between the counts where the torque fits that better; returns by which part
+    sigma0 changed.
+    """
+    read = _first(logs, options)
+    if read.a * max(log.resolution for log in logs) < FINE:
+        return logs, 0.0
+    inner = [replace(log, theta=clean.between_counts(log)) for log in logs]
+    found = _first(inner, options)
+    if found.sse >= read.sse:
+        return logs, 0.0
+    for log in inner:
+        log.notes.append("angle taken between the counts of the encoder: the torque fits it better")
+    return inner, abs(found.sigma0 / read.sigma0 - 1)
+
+
+def _undelay(study: Study, estimate: Estimate) -> float:
+    """Shift the torque to the angle where that pays; returns the delay in rows.
+
+    A loop that bends otherwise than Dahl's looks late too; so the delay must also help a bilinear
+    element, which bends the other way, and the smaller of both is believed.
+    """
+    torques = [log.torque for log in study.logs]
+    both = [
+        clean.delay_of(_drawable(study, estimate, model), torques)
+        for model in (path.dahl, path.bilinear)
+    ]
+    delay = min((rows for rows, _ in both), key=abs)
+    if both[0][0] * both[1][0] <= 0 or abs(delay) < 0.3 or min(g for _, g in both) < DELAY_PAYS:
+        return 0.0
+    for log in study.logs:
+        log.torque = clean.shifted(log.torque, delay)
+        step = float(np.median(np.diff(log.time)))
+        who = "torque" if delay > 0 else "angle"
+        log.notes.append(f"{who} comes {abs(delay):.1f} rows ({abs(delay) * step:.3g} s) late")
+    study.prepare()
+    return delay
+
+
+def _drawable(study: Study, estimate: Estimate, model: Model) -> list[np.ndarray]:
+    """The columns that one model draws each torque with, the first DELAY_ROWS rows of each log."""
+    used = [CORE.index(term) for term in estimate.terms]
+    return [
+        np.column_stack((model(one.moves[:rows], estimate.a), one.columns[:rows, used]))
+        for one in study.fixed
+        for rows in (clean.DELAY_ROWS,)
+    ]
+
+
+def _without_backlash(study: Study, estimate: Estimate) -> float:
+    """Take the travel of flat zones out of the motion; returns the largest zone, rad (m)."""
+    largest = 0.0
+    for log in study.logs:
+        ratio = (log.torque - extra(log, estimate.terms)) / estimate.Fc
+        turns = path.reversals(log.theta, TURN / estimate.a)
+        slack, centre, moves = clean.backlash(log, ratio, turns)
+        if slack:
+            log.free_moves = moves
+            log.notes.append(
+                f"backlash: the torque rests near {centre * estimate.Fc:.3g} {log.unit} over"
+                f" {slack:.3g} {log.angle_unit} after each reversal; this travel is not counted"
+            )
+            largest = max(largest, slack)
+    if largest:
+        study.prepare()
+    return largest
+
+
+def _weigh(study: Study, estimate: Estimate) -> bool:
+    """Give odd rows less weight; True where there were any."""
+    odd = 0
+    for index, log in enumerate(study.logs):
+        residual = log.torque - study.predicted(estimate, index)
+        log.weight = clean.huber(residual, log.weight)
+        few = int(np.count_nonzero(log.weight < 0.5))
+        if few:
+            log.notes.append(f"{few} of {log.rows} torque rows disagree with their neighbours:"
+                             " they weigh less")
+        odd += int(np.count_nonzero(log.weight < 1))
+    if odd:
+        study.prepare()
+    return odd > 0
+
+
+def _judged(
+    study: Study, found: Sweep, estimate: Estimate, delay: float, slack: float
+) -> Result:
+    models = _models(study, found, estimate)
+    spread = fit.spread_of(found)
+    turns = sum(len(path.reversals(log.theta, TURN / estimate.a)) for log in study.logs)
+    result = Result(
+        study.logs,
+        estimate,
+        models,
+        r2=1 - estimate.sse / spread,
+        rmse=float(np.sqrt(estimate.sse / estimate.rows)),
+        reversals=turns,
+        informs=_informs(study, estimate),
+        delay=delay,
+        median=1,
+        backlash=slack,
+        predicted=[study.predicted(estimate, index) for index in range(len(study.logs))],
+    )
+    result.verdict = verdict.judge(result)
+    return result
+
+
+def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
+    """Dahl, Coulomb (the sign alone), none (the terms alone) and bilinear, held out."""
+    terms = list(estimate.terms)
+    sign = sweep.sweep(study.fixed, [study.high * 1e6], lambda moves, _: path.coulomb(moves))
+    nodes = estimate.a * np.geomspace(1 / 16, 8, 29)
+    bent = sweep.sweep(study.fixed, nodes, path.bilinear)
+    own = fit.choose_terms(sign, study.candidates)
+    best = fit.curve_of(bent.a, bent.total(), terms)
+    held = {
+        "dahl": fit.held_out(found, fit.columns_of(terms)),
+        "coulomb": min(
+            (fit.held_out(sign, fit.columns_of(t)) for t in (own, terms)), key=lambda h: h.sse
+        ),
+        "none": fit.held_out(sign, fit.columns_of(own)[1:] or fit.columns_of(["offset"])[1:]),
+        "bilinear": fit.held_out(bent, fit.columns_of(terms)),
+    }
+    plain = min(
+        fit.curve_of(sign.a, sign.total(), t).sse.min() for t in (own, terms)
+    )
+    return Models(
+        float(1 - plain / fit.spread_of(sign)),
+        {name: one.r2 for name, one in held.items()},
+        {name: float(np.sqrt(max(one.sse, 0.0) / estimate.rows)) for name, one in held.items()},
+        {"dahl": terms, "coulomb": own},
+        float(best.a[best.best] * best.coefficient[best.best, 0]),
+    )
+
+
+def _informs(study: Study, estimate: Estimate) -> float:
+    """Part of the rows that move where the curve is not yet flat: at least a tenth of sigma0."""
+    steep = moving = 0
+    for one in study.fixed:
+        ratio = path.dahl(one.moves, estimate.a)
+        there = one.moves != 0
+        steep += int(np.count_nonzero((1 - np.sign(one.moves) * ratio)[there] > 0.1))
+        moving += int(np.count_nonzero(there))
+    return steep / max(moving, 1)
+
+
+def check(result: Result, log: Log) -> float:
+    """R2 of the found parameters on a log that was not fitted, cleaned in the same way; the torque
+    at its first row is fitted, as nobody measured it.
+    """
+    clean.refuse(log, trust_units=True)
+    log = replace(log, theta=clean.median(log, result.median))
+    if result.delay:
+        log = replace(log, torque=clean.shifted(log.torque, result.delay))
+    study = Study([log])
+    study.logs[0].zero = result.logs[0].zero
+    residual = log.torque - study.predicted(result.estimate, 0)
+    return 1 - float(np.sum(residual**2) / np.sum((log.torque - log.torque.mean()) ** 2))
+
+
+__all__ = ["Error", "Options", "Result", "check", "identify"]

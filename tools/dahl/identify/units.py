@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""Units of angle and torque: what an option says, else what the name of a column says."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+from dahl import Error
+from dahl.logs import meant
+
+ANGLES = {  # rad or m per unit, linear or not
+    "deg": (math.pi / 180, False),
+    "rad": (1.0, False),
+    "mrad": (1e-3, False),
+    "turn": (2 * math.pi, False),
+    "counts": (0.0, False),  # by --counts-per-turn
+    "m": (1.0, True),
+    "mm": (1e-3, True),
+    "um": (1e-6, True),
+    "in": (0.0254, True),
+}
+TORQUES = {  # N m or N per unit
+    "Nm": 1.0,
+    "mNm": 1e-3,
+    "kNm": 1e3,
+    "lbin": 0.112984829,
+    "lbft": 1.3558179483,
+    "N": 1.0,
+    "mN": 1e-3,
+    "uN": 1e-6,
+    "kN": 1e3,
+    "lb": 4.4482216153,
+    "kip": 4448.2216153,
+}
+SAME = {"degree": "deg", "degrees": "deg", "°": "deg", "count": "counts", "µm": "um", "µN": "uN"}
+COLUMNS = {  # what a column is called when nobody says which one it is
+    "angle": r"angle|theta|position|deflection|displacement|\bpos\b|encoder|counts?\b",
+    "torque": r"torque|friction|force|\btrq|load|moment|\bN_?m\b",
+    "time": r"^(time|timestamp|t)\b|^time",
+}
+
+
+def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
+    """The unit in a column's name: in brackets, or the last of its words."""
+    bracket = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
+    words = [bracket[1]] if bracket else re.split(r"[\s_]+", name)[1:][::-1]
+    for word in words:
+        plain = SAME.get(word, word).replace(" ", "").replace("*", "").replace("-", "")
+        for unit in known:
+            if plain == unit or plain.lower() == unit.lower() != "n":
+                return unit
+    return default
+
+
+def named(value: str, known: Mapping[str, object], option: str) -> str:
+    """A unit that the user gave. Raises dahl.Error with the nearest one."""
+    if value not in known:
+        raise Error(f"{option} {value}: no such unit{meant(value, list(known))}")
+    return value
+
+
+def column(what: str, wanted: str, names: Sequence[str], place: str) -> str:
+    """The name of a column: the one wanted (by name, or by number from 1), else the only one whose
+    name says so. Raises dahl.Error.
+    """
+    if wanted:
+        if wanted in names:
+            return wanted
+        if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+            return names[int(wanted) - 1]
+        raise Error(f"{place}: no column '{wanted}'{meant(wanted, names)}")
+    fitting = [name for name in names if re.search(COLUMNS[what], name, re.IGNORECASE)]
+    if fitting or what == "time":
+        return fitting[0] if fitting else ""
+    raise Error(f"{place}: which column is the {what}? Name it with --{what}{meant(what, names)}")

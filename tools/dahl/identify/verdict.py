@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""Whether the numbers can be trusted, and if not, why: never a number without it.
+
+A parameter is identifiable when its 95 % interval has two ends and is at most WIDE of its value to
+either side, and, for sigma0, when Dahl's model beats Coulomb's on what was not fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dahl.identify.study import Result
+
+WIDE = 0.3  # half width of the interval over the value
+BETTER = 0.85  # of Coulomb's held-out cost, that Dahl's must be below
+BENDS = 0.7  # of Dahl's held-out cost, below which the bilinear element's says so
+FEW = 8  # reversals
+COARSE = 2.0  # counts in a presliding length 1/a
+POOR = 0.5  # R2 below which nothing is claimed
+
+
+@dataclass
+class Verdict:
+    """identifiable: by parameter; text: one line; reasons: what it rests on."""
+
+    sigma0: bool = False
+    Fc: bool = False
+    text: str = ""
+    reasons: list[str] = field(default_factory=list)
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        return {"sigma0": self.sigma0, "Fc": self.Fc}
+
+
+def judge(result: Result) -> Verdict:
+    """The verdict on a result."""
+    estimate, reasons = result.estimate, _reasons(result)
+    poor = result.models.r2["dahl"] < POOR
+    good = {
+        name: not poor
+        and estimate.ci95[name].bounded
+        and estimate.ci95[name].relative(getattr(estimate, name)) <= WIDE
+        for name in ("sigma0", "Fc")
+    }
+    if not beats_coulomb(result) or too_coarse(result):
+        good["sigma0"] = False
+    words = {
+        (True, True): "sigma0 and Fc identifiable",
+        (False, True): "sigma0 not identifiable, Fc is",
+        (True, False): "Fc not identifiable, sigma0 is",
+        (False, False): "neither sigma0 nor Fc identifiable",
+    }[good["sigma0"], good["Fc"]]
+    text = "; ".join([words, *reasons])
+    return Verdict(good["sigma0"], good["Fc"], text, reasons)
+
+
+def beats_coulomb(result: Result) -> bool:
+    lost = {name: 1 - r2 for name, r2 in result.models.r2.items()}
+    return lost["dahl"] < BETTER * lost["coulomb"]
+
+
+def too_coarse(result: Result) -> bool:
+    resolution = max(log.resolution for log in result.logs)
+    return result.estimate.a * resolution * COARSE > 1
+
+
+def _reasons(result: Result) -> list[str]:
+    """Everything that a reader should know beside the numbers."""
+    estimate, r2 = result.estimate, result.models.r2
+    wide = estimate.ci95["sigma0"].relative(estimate.sigma0)
+    found = {
+        f"the model explains {100 * r2['dahl']:.0f} % of what was not fitted": r2["dahl"] < POOR,
+        "Dahl no better than Coulomb here": not beats_coulomb(result),
+        "presliding below encoder resolution": too_coarse(result),
+        "friction never slips: the motion is shorter than presliding": not estimate.ci95[
+            "Fc"
+        ].bounded,
+        f"only {result.reversals} reversal{'s' * (result.reversals != 1)}": result.reversals < FEW,
+        f"sigma0 known within {100 * wide:.0f} % only": WIDE < wide < float("inf"),
+        "loop is bilinear: exponent 1 bends too early": 1 - r2["bilinear"]
+        < BENDS * (1 - r2["dahl"])
+        and r2["bilinear"] > POOR,
+        "backlash: flat zone after each reversal": result.backlash > 0,
+    }
+    return [words for words, holds in found.items() if holds]
