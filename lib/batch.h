@@ -10,12 +10,17 @@
 #include "gap.h"
 #include "torque.h"
 
-/* Moves of -8 .. 8 counts: as dahl_forward or dahl_backward, with a mask (all ones: backward) in place of the branch. */
+/* The gap z in the direction of travel, with a mask (all ones: backward) in place of the branch. */
+static inline uint32_t dahl_batch_gap(uint64_t w, uint32_t backward)
+{
+    return DAHL_ONE_Q30 - ((dahl_q30(w) ^ backward) - backward);
+}
+
+/* As dahl_forward or dahl_backward. */
 static inline uint64_t dahl_batch_near(uint64_t w, dahl_q64_t g, uint32_t backward)
 {
-    uint32_t z = DAHL_ONE_Q30 - ((dahl_q30(w) ^ backward) - backward);
     uint64_t mask = (uint64_t)0 - (backward & 1u);
-    return w + ((dahl_part(z, g) ^ mask) - mask);
+    return w + ((dahl_part(dahl_batch_gap(w, backward), g) ^ mask) - mask);
 }
 
 static inline uint32_t dahl_batch_size(int32_t dcounts, uint32_t backward)
@@ -23,15 +28,30 @@ static inline uint32_t dahl_batch_size(int32_t dcounts, uint32_t backward)
     return ((uint32_t)dcounts ^ backward) - backward;
 }
 
+/* As dahl_move_digits; where no gap is left, no further digit changes a bit. */
+static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint32_t size, uint32_t backward)
+{
+    uint32_t rest = size / DAHL_DENSE;
+    w = dahl_batch_near(w, plan->g[size % DAHL_DENSE], backward);
+    while (rest != 0 && dahl_batch_gap(w, backward) != 0) {
+        uint32_t digit = 31u - (uint32_t)dahl_leading_zeros(rest & (0u - rest));
+        w = dahl_batch_near(w, plan->g[DAHL_DENSE + digit], backward);
+        rest &= rest - 1u;
+    }
+    return w;
+}
+
 static inline void dahl_batch_move(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint32_t backward = (uint32_t)0 - (uint32_t)(dcounts < 0);
     uint32_t size = dahl_batch_size(dcounts, backward);
+    uint64_t w = (uint64_t)state->w;
     if (DAHL_LIKELY(size <= DAHL_DENSE)) {
-        state->w = (int64_t)dahl_batch_near((uint64_t)state->w, plan->g[size], backward);
+        w = dahl_batch_near(w, plan->g[size], backward);
     } else {
-        (void)dahl_move_digits(plan, state, dcounts);
+        w = dahl_batch_far(plan, w, size, backward);
     }
+    state->w = (int64_t)w;
 }
 
 typedef union {
