@@ -238,6 +238,19 @@ def rival_numbers(cases: dict[str, list[int]], libc: str) -> dict[str, int]:
     return result | {f"{key}_worst": max(cases[f"{case}_worst"]) for case, key in names.items()}
 
 
+MOTION = "motion:"
+
+
+def motion_numbers(cases: dict[str, list[int]]) -> dict[str, dict[str, float]]:
+    """Instructions of a tick on average: by hard motion, then by way."""
+    result: dict[str, dict[str, float]] = {}
+    for name, counts in cases.items():
+        if name.startswith(MOTION):
+            motion, way = name.removeprefix(MOTION).split(":")
+            result.setdefault(motion, {})[way] = round(sum(counts) / len(counts), 1)
+    return result
+
+
 def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     """All numbers of one core."""
     build(core, *(f"bench_{libc}" for libc in libcs))
@@ -249,7 +262,12 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     for libc in reversed(libcs):
         cases, numbers = read_cases(*emulate(core, core.build / "bench" / f"bench_{libc}"))
         result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
-        result["cases"] = {name: [min(counts), max(counts)] for name, counts in cases.items()}
+        result["cases"] = {
+            name: [min(counts), max(counts)]
+            for name, counts in cases.items()
+            if not name.startswith(MOTION)
+        }
+        result.setdefault("motions", {})[libc] = motion_numbers(cases)
     return result | measure_sizes(core)
 
 

@@ -21,5 +21,6 @@ uint32_t bench_depth(void);
 
 void bench_library(void);
 void bench_rivals(void);
+void bench_motions(void);
 
 #endif

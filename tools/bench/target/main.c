@@ -55,5 +55,6 @@ int main(void)
 {
     bench_library();
     bench_rivals();
+    bench_motions();
     return 0;
 }

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: MIT */
+/* Every way to compute the torque, under one contract: a run of moves in counts in, torques F/Fc out. */
+#ifndef WAYS_H
+#define WAYS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "dahl.h"
+#include "rivals.h"
+
+/* The parameters and the state of one run, for whichever way it is. */
+typedef struct {
+    dahl_params_t params;
+    dahl_plan_t plan;
+    dahl_state_t state;
+    rival_plan_t rival_plan;
+    rival_state_t rival_state;
+    double a, w; /* of the way in double */
+} run_t;
+
+typedef struct {
+    const char *name;
+    /* n moves; torques F/Fc in double, so that no rounding of the bench is added; angles are moves times theta per count */
+    void (*ratios)(run_t *run, const int32_t *dcounts, const float *angles, double *w, size_t n);
+    int by_angle;
+    /* as one would write it, torques in N m: what is timed */
+    void (*torques)(run_t *run, const int32_t *dcounts, const float *angles, float *F, size_t n);
+} way_t;
+
+extern const way_t ways[];
+extern const size_t ways_count;
+
+const way_t *way_named(const char *name);
+void start_run(run_t *run, const dahl_params_t *params, int32_t substeps);
+
+#endif
