@@ -27,7 +27,7 @@ from dahl.identify.sweep import CORE, FIRST_TERM, FRICTION, Sweep
 PAYS = 0.03  # of the held-out cost
 INFORMED = 0.1  # of a column's variance
 FOLDS = 5
-ROUNDS, STEPS = 3, 5  # of refining the grid around its best node
+ROUNDS, STEPS = 2, 9  # of refining the grid around its best node
 COARSE = 1.3  # ratio of neighbouring a in the first grid
 DENSE = 4001  # points at which a profile is read
 

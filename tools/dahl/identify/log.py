@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,6 +31,20 @@ class Log:
     def moves(self) -> np.ndarray:
         """rad (m) from row to row, 0 first."""
         return np.diff(self.theta, prepend=self.theta[:1])
+
+    def moves_of(self, rows: slice) -> np.ndarray:
+        """rad (m) from row to row for some rows, without the travel of backlash."""
+        if self.free_moves is not None:
+            return self.free_moves[rows]
+        start = rows.start or 0
+        return np.diff(self.theta[rows], prepend=self.theta[max(start - 1, 0)])
+
+    def head(self, rows: int) -> Log:
+        """The first rows, at most so many; itself where it is no longer."""
+        if self.rows <= rows:
+            return self
+        time = None if self.time is None else self.time[:rows]
+        return replace(self, theta=self.theta[:rows], torque=self.torque[:rows], time=time)
 
     @property
     def unit(self) -> str:

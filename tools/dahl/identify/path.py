@@ -1,50 +1,48 @@
 # SPDX-License-Identifier: MIT
-"""What each model makes of a path of angles: numbers F/Fc after each move, from a relaxed start.
+"""What each model makes of a path of angles: numbers F/Fc after each move. Time does not appear.
 
-All three models are chains of maps that close under composition (affine for Dahl, clipped shifts for
-the bilinear element), so a long path is cut into rows, all rows run side by side, and one short
-pass joins them: no loop over samples. Time does not appear.
+Dahl's model is the C library's. The bilinear element, with which it is compared, is a chain of
+clipped shifts; these close under composition, so a long path is cut into rows, all rows run side by
+side, and one short pass joins them.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-ROW = 512  # samples that run one after another; the rest run side by side
+from dahl.core import Throughput
+
+ROW = 64  # samples that run one after another; the rest run side by side
 
 
-def dahl(moves: np.ndarray, a: float) -> np.ndarray:
-    """F/Fc of Dahl's model (Eqs. 7, 18, 27) after each move: shape (n,), rad or m; a in 1/rad."""
-    travel = a * np.abs(moves)
-    keep, push = _rows(np.exp(-travel), 1.0), _rows(np.copysign(np.expm1(-travel), moves), 0.0)
-    for i in range(1, keep.shape[0]):  # composition of the row's maps so far
-        push[i] += push[i - 1] * keep[i]
-        keep[i] *= keep[i - 1]
-    start = np.zeros(keep.shape[1])
-    for j in range(1, keep.shape[1]):
-        start[j] = keep[-1, j - 1] * start[j - 1] + push[-1, j - 1]
-    return (keep * start + push).T.ravel()[: len(moves)]
+def dahl(moves: np.ndarray, a: float, start: float = 0.0) -> np.ndarray:
+    """F/Fc of Dahl's model after each move: shape (n,), rad or m; a in 1/rad; from F/Fc = start."""
+    return Throughput(a, 1.0, 0.0).run(moves, start)
 
 
-def bilinear(moves: np.ndarray, a: float) -> np.ndarray:
+def bilinear(moves: np.ndarray, a: float, start: float = 0.0) -> np.ndarray:
     """F/Fc of a spring that slips at once (exponent 0 in place of Dahl's 1), clipped at +-1."""
     total = _rows(a * moves, 0.0)
     low, high = np.full_like(total, -1.0), np.full_like(total, 1.0)
     for i in range(1, total.shape[0]):  # x -> min(high, max(low, x + total))
-        np.clip(low[i - 1] + total[i], -1, 1, out=low[i])
-        np.clip(high[i - 1] + total[i], -1, 1, out=high[i])
+        for edge in (low, high):
+            np.add(edge[i - 1], total[i], out=edge[i])
+            np.minimum(np.maximum(edge[i], -1, out=edge[i]), 1, out=edge[i])
         total[i] += total[i - 1]
-    start = np.zeros(total.shape[1])
-    for j in range(1, total.shape[1]):
-        start[j] = np.clip(start[j - 1] + total[-1, j - 1], low[-1, j - 1], high[-1, j - 1])
-    return np.clip(start + total, low, high).T.ravel()[: len(moves)]
+    before = np.empty(total.shape[1])
+    for j, (shift, least, most) in enumerate(
+        zip(total[-1].tolist(), low[-1].tolist(), high[-1].tolist(), strict=True)
+    ):
+        before[j] = start
+        start = min(max(start + shift, least), most)
+    return np.clip(before + total, low, high).T.ravel()[: len(moves)]
 
 
-def coulomb(moves: np.ndarray) -> np.ndarray:
-    """The sign of the last move that was one; 0 before the first."""
+def coulomb(moves: np.ndarray, _: float, start: float = 0.0) -> np.ndarray:
+    """The sign of the last move that was one, `start` before the first."""
     sign = np.sign(moves)
-    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
-    return sign[last]
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(1, len(sign) + 1), 0))
+    return np.concatenate(([start], sign))[last]
 
 
 def reversals(theta: np.ndarray, least: float) -> np.ndarray:

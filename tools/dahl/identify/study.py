@@ -17,11 +17,14 @@ from dahl import Error
 from dahl.identify import clean, fit, path, sweep, verdict
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
-from dahl.identify.sweep import CORE, Fixed, Model, Sweep
+from dahl.identify.sweep import CORE, Model, Sweep
 
 BLOCKS = 24  # of all logs together; at least 4 each
 LEAST_LOOP, MOST_STEPS = 2.0, 3.0  # a is sought from 2/range (tips at 0.76 Fc) to 3/resolution
 DELAY_PAYS = 0.05  # of the cost
+LOOKED_AT = 100_000  # rows that the first looks are taken at
+BENT = 13  # values of a at which the bilinear element is tried
+NEARBY = np.sinh(np.linspace(-2, 2, 13))  # log of a around a known best
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
 HIDDEN = 0.2  # of the change by going between the counts that may still be hidden
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
@@ -76,26 +79,20 @@ class Study:
 
     def __init__(self, logs: Sequence[Log]) -> None:
         self.logs = [replace(log, zero=float(logs[0].theta[0])) for log in logs]
-        moves = np.concatenate([np.abs(log.moves) for log in self.logs])
-        usual = float(np.median(moves[moves > 0]))
+        usual = max(_usual_move(log) for log in self.logs)
         finest = max(log.resolution for log in self.logs) or usual / 3
         self.low = LEAST_LOOP / max(float(np.ptp(log.theta)) for log in self.logs)
         self.high = max(MOST_STEPS / finest, 100 * self.low)
         self.timed = all(log.time is not None for log in self.logs)
-        self.prepare()
-
-    def prepare(self) -> None:
-        """After a change to a log."""
-        blocks = max(BLOCKS // len(self.logs), 4)
-        self.fixed: list[Fixed] = [sweep.fixed(log, blocks) for log in self.logs]
+        self.blocks = max(BLOCKS // len(self.logs), 4)
 
     @property
     def candidates(self) -> list[str]:
         return [term for term in CORE if self.timed or term in ("offset", "spring")]
 
-    def at(self, nodes: np.ndarray) -> Sweep:
-        """Sweep Dahl's model."""
-        return sweep.sweep(self.fixed, nodes)
+    def at(self, nodes: np.ndarray, model: Model = path.dahl) -> Sweep:
+        """Sweep a model."""
+        return sweep.sweep(self.logs, self.blocks, nodes, model)
 
     def search(self, wanted: Sequence[str] | None) -> tuple[Sweep, list[str]]:
         """The sweep around the best a, and the terms."""
@@ -107,20 +104,30 @@ class Study:
             found = fit.refine(found, self.at, terms)
         return found, terms
 
-    def predicted(self, estimate: Estimate, index: int) -> np.ndarray:
-        """What the model says of the torque of one log: (rows,) N m (N)."""
-        one = self.fixed[index]
-        drawn = self.drawn(estimate, index)
-        rest = self.logs[index].torque - drawn
-        start = np.exp(-np.minimum(estimate.a * one.travelled, 700.0)) * one.root**2
-        power = float(start @ start)
-        return drawn + start * (float(start @ rest) / power if power else 0.0)
+    def again(self, a: float, terms: Sequence[str]) -> Sweep:
+        """A sweep after a small change, close to where the best was before."""
+        nodes = np.unique(np.clip(a * np.exp(NEARBY), self.low, self.high))
+        found = self.at(nodes)
+        for _ in range(fit.ROUNDS):
+            found = fit.refine(found, self.at, terms)
+        return found
 
-    def drawn(self, estimate: Estimate, index: int) -> np.ndarray:
-        """The same from a relaxed start."""
-        one, log = self.fixed[index], self.logs[index]
-        drawn = estimate.Fc * path.dahl(one.moves, estimate.a)
-        return drawn + extra(log, estimate.terms)
+    def predicted(self, estimate: Estimate, index: int) -> np.ndarray:
+        """What the model says of the torque of one log, with the best torque at its first row:
+        (rows,) N m (N).
+        """
+        log = self.logs[index]
+        moves = log.moves_of(slice(0, log.rows))
+        drawn = estimate.Fc * path.dahl(moves, estimate.a) + extra(log, estimate.terms)
+        start = np.exp(-np.minimum(estimate.a * np.cumsum(np.abs(moves)), 700.0))
+        weighed = start if log.weight is None else start * log.weight
+        return drawn + start * float(weighed @ (log.torque - drawn) / (weighed @ start))
+
+
+def _usual_move(log: Log) -> float:
+    moves = np.abs(log.moves[:LOOKED_AT])
+    moves = moves[moves > 0]
+    return float(np.median(moves)) if len(moves) else float(np.ptp(log.theta))
 
 
 def extra(log: Log, terms: dict[str, float]) -> np.ndarray:
@@ -152,8 +159,9 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     slack = _without_backlash(study, fit.point(found, terms))
     if slack:
         found, terms = study.search(options.terms)
-    if _weigh(study, fit.point(found, terms)):
-        found, terms = study.search(terms)
+    first = fit.point(found, terms)
+    if _weigh(study, first):
+        found = study.again(first.a, terms)
     estimate = fit.estimate(found, terms, HIDDEN * hidden)
     result = _judged(study, found, estimate, delay, slack)
     return replace(result, median=window)
@@ -194,8 +202,8 @@ def _steadied(logs: list[Log], options: Options) -> tuple[list[Log], int]:
 
 
 def _first(logs: list[Log], options: Options) -> Estimate:
-    """A first look, without intervals."""
-    study = Study(logs)
+    """A first look at the first rows, without intervals."""
+    study = Study([log.head(LOOKED_AT) for log in logs])
     return fit.point(*study.search(options.terms or ("offset",)))
 
 
@@ -234,18 +242,17 @@ def _undelay(study: Study, estimate: Estimate) -> float:
         step = float(np.median(np.diff(log.time)))
         who = "torque" if delay > 0 else "angle"
         log.notes.append(f"{who} comes {abs(delay):.1f} rows ({abs(delay) * step:.3g} s) late")
-    study.prepare()
     return delay
 
 
 def _drawable(study: Study, estimate: Estimate, model: Model) -> list[np.ndarray]:
     """The columns that one model draws each torque with, the first DELAY_ROWS rows of each log."""
-    used = [CORE.index(term) for term in estimate.terms]
-    return [
-        np.column_stack((model(one.moves[:rows], estimate.a), one.columns[:rows, used]))
-        for one in study.fixed
-        for rows in (clean.DELAY_ROWS,)
-    ]
+    used, columns = [CORE.index(term) for term in estimate.terms], []
+    for log in study.logs:
+        rows = slice(0, min(clean.DELAY_ROWS, log.rows))
+        drawn = model(log.moves_of(rows), estimate.a)
+        columns.append(np.column_stack((drawn, sweep.columns_of(log, rows)[:, used])))
+    return columns
 
 
 def _without_backlash(study: Study, estimate: Estimate) -> float:
@@ -262,8 +269,6 @@ def _without_backlash(study: Study, estimate: Estimate) -> float:
                 f" {slack:.3g} {log.angle_unit} after each reversal; this travel is not counted"
             )
             largest = max(largest, slack)
-    if largest:
-        study.prepare()
     return largest
 
 
@@ -278,8 +283,6 @@ def _weigh(study: Study, estimate: Estimate) -> bool:
             log.notes.append(f"{few} of {log.rows} torque rows disagree with their neighbours:"
                              " they weigh less")
         odd += int(np.count_nonzero(log.weight < 1))
-    if odd:
-        study.prepare()
     return odd > 0
 
 
@@ -309,9 +312,8 @@ def _judged(
 def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
     """Dahl, Coulomb (the sign alone), none (the terms alone) and bilinear, held out."""
     terms = list(estimate.terms)
-    sign = sweep.sweep(study.fixed, [study.high * 1e6], lambda moves, _: path.coulomb(moves))
-    nodes = estimate.a * np.geomspace(1 / 16, 8, 29)
-    bent = sweep.sweep(study.fixed, nodes, path.bilinear)
+    sign = study.at([study.high * 1e6], path.coulomb)
+    bent = study.at(estimate.a * np.geomspace(1 / 8, 4, BENT), path.bilinear)
     own = fit.choose_terms(sign, study.candidates)
     best = fit.curve_of(bent.a, bent.total(), terms)
     held = {
@@ -337,10 +339,11 @@ def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
 def _informs(study: Study, estimate: Estimate) -> float:
     """Part of the rows that move where the curve is not yet flat: at least a tenth of sigma0."""
     steep = moving = 0
-    for one in study.fixed:
-        ratio = path.dahl(one.moves, estimate.a)
-        there = one.moves != 0
-        steep += int(np.count_nonzero((1 - np.sign(one.moves) * ratio)[there] > 0.1))
+    for log in study.logs:
+        moves = log.moves_of(slice(0, log.rows))
+        there = moves != 0
+        ratio = path.dahl(moves, estimate.a)
+        steep += int(np.count_nonzero((1 - np.sign(moves) * ratio)[there] > 0.1))
         moving += int(np.count_nonzero(there))
     return steep / max(moving, 1)
 

@@ -26,7 +26,9 @@ WIDTH = FIRST_TERM + len(CORE) + 1
 FORGOTTEN = 40.0  # travel in presliding lengths after which exp(-travel) is left out
 SMOOTH = 9  # rows over which speed and its change are taken
 
-Model = Callable[[np.ndarray, float], np.ndarray]
+PIECE = 32768  # rows looked at together
+
+Model = Callable[[np.ndarray, float, float], np.ndarray]  # moves, a, F/Fc before -> F/Fc after each
 
 
 @dataclass
@@ -64,83 +66,109 @@ def without_start(gram: np.ndarray) -> np.ndarray:
     return gram - np.divide(across, own, out=np.zeros_like(gram), where=own > 1e-9)
 
 
-@dataclass
-class Fixed:
-    """What does not depend on a, for one log."""
+@dataclass(frozen=True)
+class Piece:
+    """Consecutive rows of one log, few enough to stay in the cache."""
 
-    log: Log
-    columns: np.ndarray  # (rows, len(CORE) + 1): terms and torque, times the root of the weight
-    root: np.ndarray  # (rows,) root of the weight
-    moves: np.ndarray
-    travelled: np.ndarray  # rad (m) since the first row
-    length: int  # rows of a block
+    rows: slice
+    block: int  # index of the first block in it, within the log
+    length: int  # rows of a block; one block alone may be longer than the piece
 
 
-def fixed(log: Log, blocks: int) -> Fixed:
-    """Prepare one log for `blocks` blocks."""
-    moves = log.moves if log.free_moves is None else log.free_moves
-    root = np.ones(log.rows) if log.weight is None else np.sqrt(log.weight)
-    columns = np.empty((log.rows, len(CORE) + 1))
-    columns[:, 0] = 1
-    columns[:, 1] = log.theta - log.zero
-    columns[:, 2], columns[:, 3] = speed_of(log)
-    columns[:, 4] = log.torque
-    columns *= root[:, None]
+def pieces(rows: int, blocks: int) -> list[Piece]:
+    """Cut a log: whole blocks together while they are short, a long block into parts."""
+    length = max(-(-rows // blocks), 1)
+    if length <= PIECE:
+        step = PIECE // length * length
+        return [Piece(slice(i, min(i + step, rows)), i // length, length)
+                for i in range(0, rows, step)]
+    return [
+        Piece(slice(i, min(i + PIECE, end)), start // length, PIECE)
+        for start in range(0, rows, length)
+        for end in (min(start + length, rows),)
+        for i in range(start, end, PIECE)
+    ]
+
+
+def sweep(
+    logs: Sequence[Log], blocks: int, nodes: np.ndarray, model: Model = path.dahl
+) -> Sweep:
+    """The Gram matrices of all logs, cut into `blocks` each, at each a in `nodes` (1/rad)."""
+    nodes = np.sort(np.asarray(nodes, dtype=float))
+    parts = [_log_at(log, blocks, nodes, model) for log in logs]
+    owner = np.concatenate([np.full(part.shape[1], i) for i, part in enumerate(parts)])
+    return Sweep(nodes, np.concatenate(parts, axis=1), owner)
+
+
+def _log_at(log: Log, blocks: int, nodes: np.ndarray, model: Model) -> np.ndarray:
+    """(nodes, blocks, WIDTH, WIDTH) of one log."""
+    cut = pieces(log.rows, blocks)
     length = max(-(-log.rows // blocks), 1)
-    return Fixed(log, columns, root, moves, np.cumsum(np.abs(moves)), length)
+    gram = np.zeros((len(nodes), -(-log.rows // length), WIDTH, WIDTH))
+    ratio, travelled = np.zeros(len(nodes)), 0.0  # where the piece before ended
+    for piece in cut:
+        moves = log.moves_of(piece.rows)
+        root = 1.0 if log.weight is None else np.sqrt(log.weight[piece.rows])
+        fixed = _blocks((columns_of(log, piece.rows) * np.reshape(root, (-1, 1))), piece.length)
+        still, travel = _gram(fixed), travelled + np.cumsum(np.abs(moves))
+        here = slice(piece.block, piece.block + len(still))
+        for i, a in enumerate(nodes):
+            drawn = model(moves, a, ratio[i])
+            ratio[i] = drawn[-1]
+            moving = np.zeros((len(moves), 2))
+            moving[:, 0] = drawn * root
+            near = int(np.searchsorted(travel, FORGOTTEN / a, side="right"))
+            moving[:near, 1] = np.exp(-a * travel[:near])
+            moving[:, 1] *= root
+            _add(gram[i, here], _blocks(moving, piece.length), fixed, still)
+        travelled = travel[-1]
+    return gram
 
 
-def speed_of(log: Log) -> tuple[np.ndarray, np.ndarray]:
+def _add(gram: np.ndarray, moving: np.ndarray, fixed: np.ndarray, still: np.ndarray) -> None:
+    """Add the products of some rows to their blocks."""
+    gram[:, :FIRST_TERM, :FIRST_TERM] += _gram(moving)
+    gram[:, FIRST_TERM:, FIRST_TERM:] += still
+    across = np.swapaxes(moving, 1, 2) @ fixed
+    gram[:, :FIRST_TERM, FIRST_TERM:] += across
+    gram[:, FIRST_TERM:, :FIRST_TERM] += np.swapaxes(across, 1, 2)
+
+
+def columns_of(log: Log, rows: slice = slice(None)) -> np.ndarray:
+    """The terms and the torque: (rows, len(CORE) + 1)."""
+    torque = log.torque[rows]
+    columns = np.empty((len(torque), len(CORE) + 1))
+    columns[:, 0] = 1
+    columns[:, 1] = log.theta[rows] - log.zero
+    columns[:, 2], columns[:, 3] = speed_of(log, rows)
+    columns[:, 4] = torque
+    return columns
+
+
+def speed_of(log: Log, rows: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
     """Speed and its change, smoothed over SMOOTH rows; zeros where the log has no time."""
+    start, end, _ = rows.indices(log.rows)
     if log.time is None or log.rows < 3 * SMOOTH:
-        return np.zeros(log.rows), np.zeros(log.rows)
-    speed = _smooth(_slope(log.theta, log.time))
-    return speed, _smooth(_slope(speed, log.time))
+        return np.zeros(end - start), np.zeros(end - start)
+    first, last = max(start - 2 * SMOOTH, 0), min(end + 2 * SMOOTH, log.rows)
+    time = log.time[first:last]
+    speed = _smooth(_slope(log.theta[first:last], time))
+    change = _smooth(_slope(speed, time))
+    return speed[start - first : end - first], change[start - first : end - first]
 
 
 def _slope(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     """Central differences; rows with one and the same time borrow their neighbour's."""
-    ahead, behind = np.minimum(np.arange(len(time)) + 1, len(time) - 1), np.arange(len(time)) - 1
-    behind[0] = 0
+    rows = np.arange(len(time))
+    ahead, behind = np.minimum(rows + 1, len(time) - 1), np.maximum(rows - 1, 0)
     step = time[ahead] - time[behind]
-    least = np.median(step[step > 0]) * 1e-3 if (step > 0).any() else 1.0
+    least = 1e-3 * max(time[-1] - time[0], 1e-12) / len(time)
     return (values[ahead] - values[behind]) / np.maximum(step, least)
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
-    half = SMOOTH // 2
-    padded = np.pad(values, half, mode="edge")
-    total = np.cumsum(np.concatenate(([0.0], padded)))
-    return (total[SMOOTH:] - total[:-SMOOTH]) / SMOOTH
-
-
-def sweep(fixeds: Sequence[Fixed], nodes: np.ndarray, model: Model = path.dahl) -> Sweep:
-    """The Gram matrices of all logs at each a in `nodes` (1/rad)."""
-    still = [_gram(_blocks(one.columns, one.length)) for one in fixeds]
-    nodes = np.sort(np.asarray(nodes, dtype=float))
-    gram = np.array([_node(fixeds, still, a, model) for a in nodes])
-    owner = np.concatenate([np.full(len(part), i) for i, part in enumerate(still)])
-    return Sweep(nodes, gram, owner)
-
-
-def _node(fixeds: Sequence[Fixed], still: list, a: float, model: Model) -> np.ndarray:
-    return np.concatenate([_log_at(one, part, a, model) for one, part in zip(fixeds, still)])
-
-
-def _log_at(one: Fixed, still: np.ndarray, a: float, model: Model) -> np.ndarray:
-    """(blocks, WIDTH, WIDTH) of one log at one a."""
-    moving = np.zeros((len(one.moves), 2))
-    moving[:, 0] = model(one.moves, a) * one.root
-    near = int(np.searchsorted(one.travelled, FORGOTTEN / a, side="right"))
-    moving[:near, 1] = np.exp(-a * one.travelled[:near]) * one.root[:near]
-    moving, columns = _blocks(moving, one.length), _blocks(one.columns, one.length)
-    gram = np.empty((len(still), WIDTH, WIDTH))
-    gram[:, :FIRST_TERM, :FIRST_TERM] = _gram(moving)
-    gram[:, FIRST_TERM:, FIRST_TERM:] = still
-    across = np.swapaxes(moving, 1, 2) @ columns
-    gram[:, :FIRST_TERM, FIRST_TERM:] = across
-    gram[:, FIRST_TERM:, :FIRST_TERM] = np.swapaxes(across, 1, 2)
-    return gram
+    padded = np.pad(values, SMOOTH // 2, mode="edge")
+    return np.convolve(padded, np.full(SMOOTH, 1 / SMOOTH), mode="valid")
 
 
 def _gram(blocks: np.ndarray) -> np.ndarray:
@@ -151,5 +179,6 @@ def _blocks(columns: np.ndarray, length: int) -> np.ndarray:
     """(rows, k) -> (blocks, length, k), the last one filled up with zeros."""
     count = -(-len(columns) // length)
     if count * length != len(columns):
-        columns = np.concatenate((columns, np.zeros((count * length - len(columns), columns.shape[1]))))
+        missing = np.zeros((count * length - len(columns), columns.shape[1]))
+        columns = np.concatenate((columns, missing))
     return columns.reshape(count, length, -1)
