@@ -2,16 +2,42 @@
 /* node: see node.h. One function per row of its table; node_receive only decides which. */
 #include "node.h"
 
-void node_init(node_t *node, const dahl_plan_t *plan, uint8_t number)
+#include <stddef.h>
+
+static const float SIGMA0_STEP = 0x1p-10f;
+static const float FC_STEP = 0x1p-20f;
+static const float THETA_STEP = 0x1p-38f;
+
+/* As after power-on, with the parameters that there are. */
+static void restart(node_t *node)
 {
-    *node = (node_t){
-        .plan = plan,
-        .timeout_us = NODE_TIMEOUT_US,
-        .status_us = NODE_STATUS_US,
-        .number = number & 0x0F,
-        .state = FRAMES_INIT,
-        .start = FRAMES_INIT,
-    };
+    node->bearing = (dahl_state_t){0};
+    node->state = FRAMES_INIT;
+    node->start = FRAMES_INIT;
+    node->gain_now = node->ramp_us == 0 ? node->gain : 0;
+    node->errors = 0;
+    node->doubts = 0;
+    node->primed = false;
+    node->urgent = true;
+}
+
+dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
+{
+    dahl_plan_t plan;
+    dahl_err_t result = dahl_prepare(&plan, params);
+    if (result == DAHL_OK) {
+        *node = (node_t){
+            .plan = plan,
+            .params = *params,
+            .gain = NODE_ONE,
+            .limit = NODE_ONE,
+            .timeout_us = NODE_TIMEOUT_US,
+            .status_us = NODE_STATUS_US,
+            .number = number & 0x0F,
+        };
+        restart(node);
+    }
+    return result;
 }
 
 static void enter(node_t *node, frames_state_t state)
@@ -22,15 +48,42 @@ static void enter(node_t *node, frames_state_t state)
     }
 }
 
+/* The gain goes its way from one answer to the next. */
+static void ramp(node_t *node, uint32_t elapsed_us)
+{
+    uint32_t way = node->gain > node->gain_now ? node->gain - node->gain_now : node->gain_now - node->gain;
+    uint32_t step = NODE_ONE;
+    if (way == 0) {
+        return;
+    }
+    if (node->ramp_us > 0) {
+        step = NODE_ONE * (elapsed_us < NODE_ONE ? elapsed_us : NODE_ONE - 1) / node->ramp_us;
+    }
+    step = step < way ? step : way;
+    node->gain_now += node->gain > node->gain_now ? step : 0u - step;
+}
+
+/* What is answered for F/Fc in Q30. */
+static int32_t output(const node_t *node, int32_t torque_q30)
+{
+    int32_t part = (int32_t)((int64_t)torque_q30 * (int32_t)node->gain_now / (int32_t)NODE_ONE);
+    int32_t limit = (int32_t)(node->limit << 14);
+    if (part > limit) {
+        return limit;
+    }
+    return part < -limit ? -limit : part;
+}
+
 static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, int32_t torque_q30, can_frame_t *out)
 {
+    ramp(node, node->primed ? now_us - node->good_us : 0);
     node->count = (uint32_t)seen->count;
     node->counter = seen->counter;
     node->good_us = now_us;
     node->primed = true;
-    node->doubtful = false;
+    node->doubts = 0;
     friction_torque_t torque = {
-        .torque_q30 = torque_q30,
+        .torque_q30 = output(node, torque_q30),
         .counter = node->torque_counter,
         .state = node->state,
         .echo = seen->counter,
@@ -43,23 +96,60 @@ static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, i
 /* The count is a starting point: a move of 0 counts only reads the torque. */
 static bool prime(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
-    return answer(node, seen, now_us, dahl_step_counts_q30(node->plan, &node->bearing, 0), out);
+    return answer(node, seen, now_us, dahl_step_counts_q30(&node->plan, &node->bearing, 0), out);
+}
+
+static int32_t travel(const node_t *node, const encoder_state_t *seen)
+{
+    return dahl_counts_between(node->count, (uint32_t)seen->count, 0);
 }
 
 static bool move(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
-    int32_t travel = dahl_counts_between(node->count, (uint32_t)seen->count, 0);
-    return answer(node, seen, now_us, dahl_step_counts_q30(node->plan, &node->bearing, travel), out);
+    node->counts.ok++;
+    return answer(node, seen, now_us, dahl_step_counts_q30(&node->plan, &node->bearing, travel(node, seen)), out);
+}
+
+/* Could the shaft have come so far, in so many frames or in the time since? */
+static bool plausible(const node_t *node, const encoder_state_t *seen, uint32_t frames, uint32_t now_us)
+{
+    int32_t way = travel(node, seen);
+    uint32_t size = way < 0 ? 0u - (uint32_t)way : (uint32_t)way;
+    uint32_t elapsed = 1 + ((now_us - node->good_us) >> 10);
+    uint64_t most = (uint64_t)node->max_step * (elapsed > frames ? elapsed : frames);
+    return size <= most;
+}
+
+/* True: this is one of NODE_REARM frames in a row. */
+static bool sure(node_t *node, const encoder_state_t *seen)
+{
+    bool follows = node->doubts > 0 && seen->counter == ((node->candidate + 1) & 0x0F);
+    node->doubts = (uint8_t)(follows ? node->doubts + 1 : 1);
+    node->candidate = seen->counter;
+    return node->doubts >= NODE_REARM && seen->valid;
+}
+
+/* A frame that does not go on from the last one: where enough of them go on from each other, the encoder is there now. */
+static bool doubt(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+{
+    if (!sure(node, seen)) {
+        return false;
+    }
+    if (node->max_step > 0 && plausible(node, seen, 0, now_us)) {
+        enter(node, FRAMES_LOST);
+        return move(node, seen, now_us, out);
+    }
+    enter(node, FRAMES_WRONG_SEQUENCE);
+    return prime(node, seen, now_us, out);
 }
 
 static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
-    bool confirmed = node->doubtful && seen->counter == ((node->candidate + 1) & 0x0F);
-    node->counts.wrong_sequence++;
+    bool answered;
     enter(node, FRAMES_WRONG_SEQUENCE);
-    node->candidate = seen->counter;
-    node->doubtful = true;
-    return confirmed && seen->valid && prime(node, seen, now_us, out);
+    answered = doubt(node, seen, now_us, out);
+    node->counts.wrong_sequence += answered && node->state == FRAMES_LOST ? 0u : 1u;
+    return answered;
 }
 
 static bool repeated(node_t *node)
@@ -77,6 +167,14 @@ static bool invalid(node_t *node, uint8_t counter)
     return false;
 }
 
+static bool jump(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+{
+    node->counts.jump++;
+    node->errors |= FRAMES_ERROR_JUMP;
+    node->counter = seen->counter;
+    return doubt(node, seen, now_us, out);
+}
+
 static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step, uint32_t now_us, can_frame_t *out)
 {
     node->counts.lost += step - 1u;
@@ -84,17 +182,24 @@ static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step,
     if (!seen->valid) {
         return invalid(node, seen->counter);
     }
-    node->counts.ok++;
+    if (node->max_step > 0 && !plausible(node, seen, step, now_us)) {
+        return jump(node, seen, now_us, out);
+    }
     return move(node, seen, now_us, out);
 }
 
 static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
     if (!seen->valid) {
+        node->doubts = 0;
         return invalid(node, seen->counter);
     }
-    node->counts.ok++;
     node->state = node->start;
+    if (node->start == FRAMES_STALE && !sure(node, seen)) {
+        node->counts.rearm++;
+        return false;
+    }
+    node->counts.ok++;
     return prime(node, seen, now_us, out);
 }
 
@@ -107,7 +212,7 @@ static bool accept(node_t *node, const encoder_state_t *seen, uint32_t now_us, c
     if (step == 0) {
         return repeated(node);
     }
-    if (step > NODE_GAP_MAX) {
+    if (step > (node->max_step > 0 ? NODE_GAP_MAX_STEP : NODE_GAP_MAX)) {
         return out_of_sequence(node, seen, now_us, out);
     }
     return in_sequence(node, seen, step, now_us, out);
@@ -116,6 +221,9 @@ static bool accept(node_t *node, const encoder_state_t *seen, uint32_t now_us, c
 static bool reject(node_t *node, frames_check_t why)
 {
     enter(node, FRAMES_CRC);
+    if (!node->primed) {
+        node->doubts = 0;
+    }
     if (why == FRAMES_BAD_FORMAT) {
         node->counts.format++;
         node->errors |= FRAMES_ERROR_FORMAT;
@@ -131,18 +239,17 @@ static void check_age(node_t *node, uint32_t now_us)
     if (node->primed && age > 0 && (uint32_t)age > node->timeout_us) {
         node->counts.stale++;
         node->primed = false;
+        node->doubts = 0;
+        node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
         node->start = FRAMES_STALE;
+        node->urgent = true;
         enter(node, FRAMES_STALE);
     }
 }
 
-bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
+static bool on_encoder(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
 {
     encoder_state_t seen;
-    if (in->id != (FRAMES_ID_ENCODER | node->number)) {
-        node->counts.ignored++;
-        return false;
-    }
     frames_check_t result = frames_unpack_encoder(in, &seen);
     if (result != FRAMES_GOOD) {
         return reject(node, result);
@@ -151,12 +258,116 @@ bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_fram
     return accept(node, &seen, now_us, out);
 }
 
+/* --- parameters --------------------------------------------------------------------------------------------------- */
+
+/* Parameters that are a number of the node, as raw * scale. */
+typedef struct {
+    size_t offset;
+    uint32_t low, high, scale;
+} setting_t;
+
+static const setting_t settings[] = {
+    [FRAMES_PARAM_GAIN] = {offsetof(node_t, gain), 0, NODE_ONE, 1},
+    [FRAMES_PARAM_LIMIT] = {offsetof(node_t, limit), 0, NODE_ONE, 1},
+    [FRAMES_PARAM_RAMP] = {offsetof(node_t, ramp_us), 0, 60000, 1000},
+    [FRAMES_PARAM_TIMEOUT] = {offsetof(node_t, timeout_us), 1, 60000, 1000},
+    [FRAMES_PARAM_STEP] = {offsetof(node_t, max_step), 0, INT32_MAX, 1},
+    [FRAMES_PARAM_STATUS] = {offsetof(node_t, status_us), 0, 60000, 1000},
+};
+
+static uint32_t *setting_of(node_t *node, uint8_t param)
+{
+    return (uint32_t *)(void *)((char *)node + settings[param].offset);
+}
+
+static float *model_of(dahl_params_t *params, uint8_t param, float *step)
+{
+    switch (param) {
+    case FRAMES_PARAM_SIGMA0:
+        *step = SIGMA0_STEP;
+        return &params->sigma0;
+    case FRAMES_PARAM_FC:
+        *step = FC_STEP;
+        return &params->Fc;
+    default:
+        *step = THETA_STEP;
+        return &params->theta_per_count;
+    }
+}
+
+/* New parameters of the model, between two ticks; refused as dahl_prepare does. */
+static uint8_t write_model(node_t *node, const param_write_t *asked)
+{
+    dahl_params_t params = node->params;
+    dahl_plan_t plan;
+    float step;
+    float *value = model_of(&params, asked->param, &step);
+    *value = (float)asked->value * step;
+    if (asked->value == 0 || dahl_prepare(&plan, &params) != DAHL_OK) {
+        return FRAMES_PARAM_OUT_OF_RANGE;
+    }
+    dahl_change_plan(&node->plan, &plan, &node->bearing);
+    node->params = params;
+    node->plan = plan;
+    return FRAMES_PARAM_DONE;
+}
+
+static uint8_t write_setting(node_t *node, const param_write_t *asked)
+{
+    const setting_t *setting = &settings[asked->param];
+    if (asked->value < setting->low || asked->value > setting->high) {
+        return FRAMES_PARAM_OUT_OF_RANGE;
+    }
+    *setting_of(node, asked->param) = asked->value * setting->scale;
+    return FRAMES_PARAM_DONE;
+}
+
+static uint8_t write_param(node_t *node, const param_write_t *asked)
+{
+    if (asked->param > FRAMES_PARAM_STATUS) {
+        return FRAMES_PARAM_UNKNOWN;
+    }
+    if (!asked->write) {
+        return FRAMES_PARAM_DONE;
+    }
+    return asked->param <= FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
+}
+
+static uint32_t read_param(node_t *node, uint8_t param)
+{
+    float step;
+    if (param > FRAMES_PARAM_STATUS) {
+        return 0;
+    }
+    if (param > FRAMES_PARAM_THETA) {
+        return *setting_of(node, param) / settings[param].scale;
+    }
+    float raw = *model_of(&node->params, param, &step) / step + 0.5f;
+    return raw < 0x1p32f ? (uint32_t)raw : UINT32_MAX;
+}
+
+static bool on_param(node_t *node, const can_frame_t *in, can_frame_t *out)
+{
+    param_write_t asked;
+    frames_check_t result = frames_unpack_param_write(in, &asked);
+    if (result != FRAMES_GOOD) {
+        return reject(node, result);
+    }
+    param_reply_t reply = {.counter = asked.counter, .param = asked.param, .result = write_param(node, &asked)};
+    node->counts.params++;
+    reply.value = read_param(node, asked.param);
+    frames_pack_param_reply(out, node->number, &reply);
+    return true;
+}
+
+/* --- status and reset --------------------------------------------------------------------------------------------- */
+
 static uint8_t low_byte(uint32_t value)
 {
     return (uint8_t)(value & 0xFFu);
 }
 
-static void pack_status(node_t *node, can_frame_t *out)
+static void pack_status(node_t *node, uint32_t now_us, can_frame_t *out)
 {
     const node_counts_t *n = &node->counts;
     node_status_t status = {
@@ -165,22 +376,55 @@ static void pack_status(node_t *node, can_frame_t *out)
         .errors = node->errors,
         .lost = low_byte(n->lost),
         .corrupt = low_byte(n->crc + n->format),
-        .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->stale),
+        .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->jump + n->stale),
         .version_major = DAHL_VERSION_MAJOR,
         .version_minor = DAHL_VERSION_MINOR,
     };
     node->status_counter = (node->status_counter + 1) & 0x0F;
+    node->sent_us = now_us;
+    node->urgent = false;
     frames_pack_status(out, node->number, &status);
+}
+
+static bool on_reset(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
+{
+    node_reset_t asked;
+    frames_check_t result = frames_unpack_reset(in, &asked);
+    if (result != FRAMES_GOOD) {
+        return reject(node, result);
+    }
+    node->counts.resets++;
+    if (asked.what == FRAMES_RESET_ERRORS) {
+        node->counts = (node_counts_t){0};
+        node->errors = 0;
+    } else if (asked.what == FRAMES_RESET_RESTART) {
+        restart(node);
+    }
+    pack_status(node, now_us, out);
+    return true;
+}
+
+bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
+{
+    switch (in->id ^ node->number) {
+    case FRAMES_ID_ENCODER:
+        return on_encoder(node, in, now_us, out);
+    case FRAMES_ID_PARAM_WRITE:
+        return on_param(node, in, out);
+    case FRAMES_ID_RESET:
+        return on_reset(node, in, now_us, out);
+    default:
+        node->counts.ignored++;
+        return false;
+    }
 }
 
 bool node_tick(node_t *node, uint32_t now_us, can_frame_t *out)
 {
     check_age(node, now_us);
-    if (node->status_us == 0 || (node->greeted && now_us - node->sent_us < node->status_us)) {
+    if (node->status_us == 0 || (!node->urgent && now_us - node->sent_us < node->status_us)) {
         return false;
     }
-    node->greeted = true;
-    node->sent_us = now_us;
-    pack_status(node, out);
+    pack_status(node, now_us, out);
     return true;
 }

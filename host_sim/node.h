@@ -1,27 +1,44 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * node: the friction node, the very file that the firmware links. Frames in, frames out; no I/O, no heap, no OS, no float.
+ * node: the friction node, the very file that the firmware links. Frames in, frames out; no I/O, no heap, no OS; no float
+ * but where a parameter is read or written.
  *
  *   static node_t node;
- *   node_init(&node, &plan, 0);
+ *   if (node_init(&node, &params, 0) != DAHL_OK) { stop(); }
  *   on each frame:     if (node_receive(&node, &in, now_us, &out)) { send(&out); }
  *   every millisecond: if (node_tick(&node, now_us, &out)) { send(&out); }
  *
  * Every EncoderState that the node accepts is answered once, by a FrictionTorque with the torque after that count.
  * What it does with an EncoderState of its own number (the count is absolute, so travel needs no unbroken chain):
  *
- *   frame                                        state          torque                       answer
- *   first good one, or first after a timeout     INIT, STALE    kept: the count is the start yes
- *   counter + 1                                  OK             moved by the travel since    yes
- *   counter + 2, + 3 (one or two missing)        LOST           moved by the travel since    yes
- *   counter + 0                                  REPEATED       kept                         no
- *   any other counter                            WRONG_SEQUENCE kept                         no
- *     the second of two such in a row            WRONG_SEQUENCE kept: the count is the start yes
- *   not valid by its own flag                    unchanged      kept, sequence goes on       no
- *   wrong CRC, length, or not a classic frame    CRC            kept                         no
- *   nothing good for timeout_us                  STALE          kept                         -
+ *   | frame                                   | counted as       | state          | bristle | answer |
+ *   |-----------------------------------------|------------------|----------------|---------|--------|
+ *   | the first good one                      | ok               | INIT           | kept    | yes    |
+ *   | counter + 1                             | ok               | OK             | moved   | yes    |
+ *   | counter + 2 or + 3                      | ok, lost         | LOST           | moved   | yes    |
+ *   | counter + 4 to + 8, with a MaxStep      | ok, lost         | LOST           | moved   | yes    |
+ *   | counter + 0                             | repeated         | REPEATED       | kept    | no     |
+ *   | any other counter                       | wrong_sequence   | WRONG_SEQUENCE | kept    | no     |
+ *   | further away than MaxStep allows        | jump             | OK             | kept    | no     |
+ *   | the third of the last two in a row      | the same         | WRONG_SEQUENCE | kept    | yes    |
+ *   | the same, as near as MaxStep allows     | ok               | LOST           | moved   | yes    |
+ *   | not valid by its own flag               | invalid          | OK             | kept    | no     |
+ *   | wrong CRC                               | crc              | CRC            | kept    | no     |
+ *   | wrong length, extended, remote, FD      | format           | CRC            | kept    | no     |
+ *   | nothing good for the timeout of 100 ms  | stale            | STALE          | kept    | no     |
+ *   | after that: good ones 1 and 2 in a row  | rearm            | STALE          | kept    | no     |
+ *   | after that: the third in a row          | ok               | STALE          | kept    | yes    |
  *
- * Counts that passed unseen in a gap are never integrated blindly: a jump of the encoder cannot become a torque.
+ *   Timeout          100 ms; Status says STALE at once
+ *   Torque then      0: nothing is answered, and the gain begins anew from 0 where there is a ramp
+ *   Back again       with the third good frame in a row; its count is the new starting point
+ *
+ * Where the bristle is kept and yet an answer is given, the count is a new starting point: counts that passed unseen in a
+ * gap are never integrated blindly, a jump of the encoder cannot become a torque. A receiver that hears no
+ * FrictionTorque for 3 periods takes 0 by itself.
+ * A frame that is 8 to 15 periods late looks like one ahead; MaxStep is what bounds the damage.
+ *
+ * What is answered is gain * F/Fc, clamped to limit; at gain 1 and limit 1, as after node_init, the bits of the library.
  */
 #ifndef NODE_H
 #define NODE_H
@@ -39,9 +56,12 @@ extern "C" {
 
 #define NODE_TIMEOUT_US 100000u /* 100 frames; the 4-bit counter alone would see a gap only modulo 16 */
 #define NODE_STATUS_US 100000u
-#define NODE_GAP_MAX 3u /* largest counter step that is used: two frames missing */
+#define NODE_GAP_MAX 3u       /* largest counter step that is used where no MaxStep is known: two frames missing */
+#define NODE_GAP_MAX_STEP 8u  /* the same where it is; larger steps look like frames that are late */
+#define NODE_REARM 3u         /* good frames in a row that end a doubt or a timeout */
+#define NODE_ONE 65536u       /* gain and limit of 1 */
 
-/* Frames by what became of them; lost counts frames that never came. */
+/* Frames by what became of them; lost counts frames that never came in time. */
 typedef struct {
     uint32_t ok;
     uint32_t repeated;
@@ -50,34 +70,45 @@ typedef struct {
     uint32_t crc;
     uint32_t format;
     uint32_t invalid;
+    uint32_t jump;
     uint32_t stale;
+    uint32_t rearm;
     uint32_t ignored; /* other ids */
+    uint32_t params;  /* ParamWrite frames that were good */
+    uint32_t resets;
 } node_counts_t;
 
 typedef struct {
-    const dahl_plan_t *plan;
+    dahl_plan_t plan;
+    dahl_params_t params;
     dahl_state_t bearing;
     node_counts_t counts;
-    uint32_t timeout_us;   /* may be changed after node_init */
+    uint32_t gain;         /* of NODE_ONE; this and the next five may be changed after node_init */
+    uint32_t limit;        /* of NODE_ONE */
+    uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none */
+    uint32_t timeout_us;
+    uint32_t max_step;     /* counts per ms; 0: no limit known */
     uint32_t status_us;    /* period of Status; 0: none */
+    uint32_t gain_now;     /* on its way to gain */
     uint32_t count;        /* of the last EncoderState accepted */
     uint32_t good_us;      /* when that was */
     uint32_t sent_us;      /* when Status was last sent */
     uint8_t number;        /* node number, 0..15 */
     uint8_t state;         /* frames_state_t */
-    uint8_t start;         /* why the next good frame is a starting point: INIT or STALE */
+    uint8_t start;         /* why the next starting point is one: INIT or STALE */
     uint8_t errors;        /* sticky bits of Status */
     uint8_t counter;       /* of the last EncoderState in sequence */
-    uint8_t candidate;     /* counter of a frame out of sequence that the next one may confirm */
+    uint8_t doubts;        /* frames in a row that may be a new start */
+    uint8_t candidate;     /* counter of the last of them */
     uint8_t torque_counter;
     uint8_t status_counter;
     bool primed;           /* count and counter are a valid starting point */
-    bool doubtful;         /* candidate is set */
-    bool greeted;          /* the first Status was sent */
+    bool urgent;           /* Status is due now */
 } node_t;
 
-/* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. *plan must outlive the node. */
-void node_init(node_t *node, const dahl_plan_t *plan, uint8_t number);
+/* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. Fails as dahl_prepare does: then
+ * *node is untouched. */
+dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number);
 
 /* Take one frame, any frame. True: *out is the answer to send at once. now_us may wrap. */
 bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out);

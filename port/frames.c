@@ -138,3 +138,62 @@ frames_check_t frames_unpack_status(const can_frame_t *frame, node_status_t *out
     }
     return result;
 }
+
+void frames_pack_param_write(can_frame_t *frame, uint8_t node, const param_write_t *in)
+{
+    begin(frame, FRAMES_ID_PARAM_WRITE, node);
+    frame->data[1] = nibbles(in->counter, in->write ? 1u : 0u);
+    frame->data[2] = in->param;
+    put_i32(&frame->data[4], (int32_t)in->value);
+    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_PARAM_WRITE);
+}
+
+frames_check_t frames_unpack_param_write(const can_frame_t *frame, param_write_t *out)
+{
+    frames_check_t result = check(frame, FRAMES_KIND_PARAM_WRITE);
+    if (result == FRAMES_GOOD) {
+        out->counter = frame->data[1] & 0x0F;
+        out->write = (frame->data[1] & 0x10) != 0;
+        out->param = frame->data[2];
+        out->value = (uint32_t)get_i32(&frame->data[4]);
+    }
+    return result;
+}
+
+void frames_pack_param_reply(can_frame_t *frame, uint8_t node, const param_reply_t *in)
+{
+    begin(frame, FRAMES_ID_PARAM_REPLY, node);
+    frame->data[1] = nibbles(in->counter, in->result);
+    frame->data[2] = in->param;
+    put_i32(&frame->data[4], (int32_t)in->value);
+    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_PARAM_REPLY);
+}
+
+frames_check_t frames_unpack_param_reply(const can_frame_t *frame, param_reply_t *out)
+{
+    frames_check_t result = check(frame, FRAMES_KIND_PARAM_REPLY);
+    if (result == FRAMES_GOOD) {
+        out->counter = frame->data[1] & 0x0F;
+        out->result = frame->data[1] >> 4;
+        out->param = frame->data[2];
+        out->value = (uint32_t)get_i32(&frame->data[4]);
+    }
+    return result;
+}
+
+void frames_pack_reset(can_frame_t *frame, uint8_t node, const node_reset_t *in)
+{
+    begin(frame, FRAMES_ID_RESET, node);
+    frame->data[1] = nibbles(in->counter, in->what);
+    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_RESET);
+}
+
+frames_check_t frames_unpack_reset(const can_frame_t *frame, node_reset_t *out)
+{
+    frames_check_t result = check(frame, FRAMES_KIND_RESET);
+    if (result == FRAMES_GOOD) {
+        out->counter = frame->data[1] & 0x0F;
+        out->what = frame->data[1] >> 4;
+    }
+    return result;
+}

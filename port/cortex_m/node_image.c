@@ -26,7 +26,6 @@ static const param_page_t defaults = {
     PAGE_WRITTEN, {.sigma0 = 36500.0f, .Fc = 2.7f, .theta_per_count = 1e-7f}, 0, 0,
 };
 
-static dahl_plan_t plan;
 static node_t node;
 static serial_bus_t serial;
 
@@ -61,8 +60,7 @@ static void serve(bool ready)
 int main(void)
 {
     const param_page_t *page = find_params();
-    bool ready = dahl_prepare(&plan, &page->params) == DAHL_OK;
-    node_init(&node, &plan, (uint8_t)page->number);
+    bool ready = node_init(&node, &page->params, (uint8_t)page->number) == DAHL_OK;
     node.timeout_us = page->timeout_us != 0 ? page->timeout_us : NODE_TIMEOUT_US;
     uart_start();
     tick_start();

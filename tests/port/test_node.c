@@ -9,6 +9,7 @@
 
 enum { NUMBER = 3 };
 
+static const dahl_params_t params = {.sigma0 = 50.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};
 static dahl_plan_t plan;
 static node_t node;
 static uint32_t now_us;
@@ -16,9 +17,8 @@ static friction_torque_t answer;
 
 void setUp(void)
 {
-    dahl_params_t params = {.sigma0 = 50.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &params));
-    node_init(&node, &plan, NUMBER);
+    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &params, NUMBER));
     now_us = 0xFFFF0000u; /* the clock wraps in every longer test */
 }
 
@@ -133,7 +133,7 @@ static void test_one_frame_out_of_sequence_has_no_effect(void)
 {
     for (uint32_t step = NODE_GAP_MAX + 1; step < 16; step++) {
         dahl_state_t reference = {0};
-        node_init(&node, &plan, NUMBER);
+        node_init(&node, &params, NUMBER);
         feed(0, 0);
         TEST_ASSERT_FALSE(feed(step, 99999));
         TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, node.state);
@@ -157,16 +157,17 @@ static void test_a_good_frame_between_two_out_of_sequence_ends_the_doubt(void)
     TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_WRONG_SEQUENCE, status.errors);
 }
 
-static void test_two_in_a_row_are_a_new_start_without_travel(void)
+static void test_three_in_a_row_are_a_new_start_without_travel(void)
 {
     feed(0, 0);
     feed(1, 30);
     int64_t before = node.bearing.w;
     TEST_ASSERT_FALSE(feed(8, 5000));
-    TEST_ASSERT_TRUE(feed(9, 5010));
+    TEST_ASSERT_FALSE(feed(9, 5005));
+    TEST_ASSERT_TRUE(feed(10, 5010));
     TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
-    TEST_ASSERT_TRUE(feed(10, 5011));
+    TEST_ASSERT_TRUE(feed(11, 5011));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
     TEST_ASSERT_NOT_EQUAL(before, node.bearing.w);
 }
@@ -254,10 +255,13 @@ static void test_silence_makes_it_stale_once_and_the_next_frame_starts_anew(void
     }
     TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
     TEST_ASSERT_EQUAL(1, node.counts.stale);
-    TEST_ASSERT_TRUE(feed(2, 90000));
+    TEST_ASSERT_FALSE(feed(2, 90000));
+    TEST_ASSERT_FALSE(feed(3, 90100));
+    TEST_ASSERT_TRUE(feed(4, 90200));
     TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
-    TEST_ASSERT_TRUE(feed(3, 90000));
+    TEST_ASSERT_EQUAL(2, node.counts.rearm);
+    TEST_ASSERT_TRUE(feed(5, 90200));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
 }
 
@@ -265,7 +269,10 @@ static void test_age_is_seen_without_a_tick_too(void)
 {
     feed(0, 0);
     now_us += NODE_TIMEOUT_US;
-    TEST_ASSERT_TRUE(feed(1, 4000));
+    TEST_ASSERT_FALSE(feed(1, 4000));
+    TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
+    TEST_ASSERT_FALSE(feed(2, 4000));
+    TEST_ASSERT_TRUE(feed(3, 4000));
     TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
     TEST_ASSERT_EQUAL(0, node.bearing.w);
     TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_STALE, status_now().errors);
@@ -342,6 +349,265 @@ static void test_status_comes_every_100_ms(void)
     TEST_ASSERT_EQUAL(100, sent);
 }
 
+static bool params_of(uint8_t param, uint32_t value, bool write, param_reply_t *reply)
+{
+    can_frame_t frame;
+    can_frame_t out;
+    param_write_t asked = {.value = value, .counter = 5, .param = param, .write = write};
+    frames_pack_param_write(&frame, NUMBER, &asked);
+    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us, &out));
+    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_PARAM_REPLY | NUMBER, out.id);
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_param_reply(&out, reply));
+    TEST_ASSERT_EQUAL(5, reply->counter);
+    TEST_ASSERT_EQUAL(param, reply->param);
+    return reply->result == FRAMES_PARAM_DONE;
+}
+
+static bool set_param(uint8_t param, uint32_t value)
+{
+    param_reply_t reply;
+    bool done = params_of(param, value, true, &reply);
+    TEST_ASSERT_TRUE(!done || reply.value == value);
+    return done;
+}
+
+static uint32_t param_now(uint8_t param)
+{
+    param_reply_t reply;
+    TEST_ASSERT_TRUE(params_of(param, 0, false, &reply));
+    return reply.value;
+}
+
+static void reset(uint8_t what)
+{
+    can_frame_t frame;
+    can_frame_t out;
+    frames_pack_reset(&frame, NUMBER, &(node_reset_t){.what = what});
+    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us, &out));
+    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_STATUS | NUMBER, out.id);
+}
+
+static void test_with_a_step_limit_a_glitch_is_not_used(void)
+{
+    dahl_state_t reference = {0};
+    node.max_step = 100;
+    feed(0, 0);
+    TEST_ASSERT_FALSE(feed(1, 1000000));
+    TEST_ASSERT_EQUAL(1, node.counts.jump);
+    TEST_ASSERT_TRUE(feed(2, 180));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 180), answer.torque_q30);
+    TEST_ASSERT_FALSE(feed(3, 180 + 201));
+    TEST_ASSERT_EQUAL_HEX8(FRAMES_ERROR_JUMP, node.errors);
+}
+
+static void test_with_a_step_limit_longer_gaps_are_bridged(void)
+{
+    for (uint32_t step = 1; step <= NODE_GAP_MAX_STEP; step++) {
+        dahl_state_t reference = {0};
+        setUp();
+        node.max_step = 100;
+        feed(0, 0);
+        TEST_ASSERT_TRUE(feed(step, (int32_t)step * 100));
+        TEST_ASSERT_EQUAL(step == 1 ? FRAMES_OK : FRAMES_LOST, answer.state);
+        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, (int32_t)step * 100), answer.torque_q30);
+        TEST_ASSERT_EQUAL(step - 1, node.counts.lost);
+    }
+    TEST_ASSERT_FALSE(feed(2 * NODE_GAP_MAX_STEP + 1, 0));
+    TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
+}
+
+static void test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame(void)
+{
+    dahl_state_t reference = {0};
+    node.max_step = 100;
+    feed(0, 0);
+    now_us += 20000;
+    TEST_ASSERT_FALSE(feed(10, 900));
+    TEST_ASSERT_FALSE(feed(11, 950));
+    TEST_ASSERT_TRUE(feed(12, 1000));
+    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 1000), answer.torque_q30);
+    TEST_ASSERT_EQUAL(2, node.counts.wrong_sequence);
+}
+
+static void test_an_encoder_that_is_elsewhere_for_good_is_believed_without_travel(void)
+{
+    node.max_step = 100;
+    feed(0, 0);
+    feed(1, 60);
+    int64_t before = node.bearing.w;
+    TEST_ASSERT_FALSE(feed(2, 5000000));
+    TEST_ASSERT_FALSE(feed(3, 5000010));
+    TEST_ASSERT_TRUE(feed(4, 5000020));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(before, node.bearing.w);
+    TEST_ASSERT_TRUE(feed(5, 5000030));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+static void test_a_bad_frame_breaks_the_row_after_a_timeout(void)
+{
+    can_frame_t corrupt = encoder_frame(4, 0);
+    corrupt.data[3] ^= 1;
+    feed(0, 0);
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(feed(2, 0));
+    TEST_ASSERT_FALSE(feed(3, 0));
+    TEST_ASSERT_FALSE(give(&corrupt));
+    TEST_ASSERT_FALSE(feed(4, 0));
+    TEST_ASSERT_FALSE(feed(5, 0));
+    TEST_ASSERT_TRUE(feed(6, 0));
+    TEST_ASSERT_EQUAL(4, node.counts.rearm);
+}
+
+static void test_status_tells_of_a_timeout_at_once(void)
+{
+    can_frame_t out;
+    node_status_t status;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    feed(0, 0);
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(node.sent_us + NODE_STATUS_US == now_us);
+    node.sent_us = now_us;
+    TEST_ASSERT_FALSE(node_tick(&node, now_us, &out));
+    TEST_ASSERT_TRUE(node_tick(&node, now_us + 1, &out));
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
+    TEST_ASSERT_EQUAL(FRAMES_STALE, status.state);
+}
+
+static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
+{
+    dahl_state_t reference = {0};
+    int32_t full = 0;
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE / 2));
+    feed(0, 0);
+    for (uint32_t i = 1; i < 200; i++) {
+        TEST_ASSERT_TRUE(feed(i, i < 100 ? (int32_t)i : 200 - (int32_t)i));
+        full = dahl_step_counts_q30(&plan, &reference, i < 101 ? 1 : -1);
+        TEST_ASSERT_EQUAL(full / 2, answer.torque_q30);
+    }
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_LIMIT, NODE_ONE / 4));
+    feed(200, 2000);
+    TEST_ASSERT_EQUAL(1 << 28, answer.torque_q30);
+    feed(201, -2000);
+    TEST_ASSERT_EQUAL(-(1 << 28), answer.torque_q30);
+}
+
+static void test_the_gain_ramps_without_a_bump(void)
+{
+    int32_t before = 0;
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, 0));
+    feed(0, 0);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 100));
+    feed(1, 1000000);
+    TEST_ASSERT_EQUAL(0, answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE));
+    for (uint32_t i = 2; i < 110; i++) {
+        feed(i, 1000000);
+        TEST_ASSERT_INT_WITHIN((1 << 30) / 100, before, answer.torque_q30);
+        TEST_ASSERT_TRUE(answer.torque_q30 >= before);
+        before = answer.torque_q30;
+    }
+    TEST_ASSERT_EQUAL(1 << 30, before);
+    now_us += NODE_TIMEOUT_US;
+    feed(110, 1000000);
+    feed(111, 1000000);
+    TEST_ASSERT_TRUE(feed(112, 1000000));
+    TEST_ASSERT_EQUAL(0, answer.torque_q30);
+}
+
+static void test_parameters_are_checked_acknowledged_and_used(void)
+{
+    dahl_params_t other = params;
+    dahl_plan_t want;
+    dahl_state_t reference = {0};
+    other.sigma0 = 75.0f;
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&want, &other));
+    feed(0, 0);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, 75u << 10));
+    feed(1, 500);
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&want, &reference, 500), answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 3u << 19));
+    TEST_ASSERT_EQUAL_FLOAT(1.5f, node.params.Fc);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, 1u << 20));
+    TEST_ASSERT_EQUAL_FLOAT(0x1p-18f, node.params.theta_per_count);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_TIMEOUT, 60000));
+    TEST_ASSERT_EQUAL(60000000, node.timeout_us);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_STATUS, 0));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_STEP, INT32_MAX));
+}
+
+static void test_parameters_out_of_range_change_nothing(void)
+{
+    const struct {
+        uint8_t param;
+        uint32_t value;
+    } bad[] = {{FRAMES_PARAM_SIGMA0, 0},          {FRAMES_PARAM_FC, 0},         {FRAMES_PARAM_THETA, 0},
+               {FRAMES_PARAM_GAIN, NODE_ONE + 1}, {FRAMES_PARAM_LIMIT, 65537},  {FRAMES_PARAM_RAMP, 60001},
+               {FRAMES_PARAM_TIMEOUT, 0},         {FRAMES_PARAM_TIMEOUT, 60001}, {FRAMES_PARAM_STEP, 0x80000000u},
+               {FRAMES_PARAM_STATUS, 60001}};
+    param_reply_t reply;
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        uint32_t before = param_now(bad[i].param);
+        TEST_ASSERT_FALSE(params_of(bad[i].param, bad[i].value, true, &reply));
+        TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+        TEST_ASSERT_EQUAL(before, reply.value);
+        TEST_ASSERT_EQUAL(before, param_now(bad[i].param));
+    }
+    params_of(FRAMES_PARAM_STATUS + 1, 1, true, &reply);
+    TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
+    params_of(255, 1, false, &reply);
+    TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
+    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL(1u << 19, param_now(FRAMES_PARAM_FC));
+}
+
+static void test_a_travel_out_of_range_is_refused_as_a_whole(void)
+{
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, UINT32_MAX));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, UINT32_MAX));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
+    TEST_ASSERT_FALSE(set_param(FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_EQUAL(1u << 20, param_now(FRAMES_PARAM_FC));
+}
+
+static void test_a_restart_forgets_all_but_the_parameters(void)
+{
+    set_param(FRAMES_PARAM_GAIN, 1000);
+    feed(0, 0);
+    feed(2, 5000);
+    reset(FRAMES_RESET_RESTART);
+    TEST_ASSERT_EQUAL(0, node.bearing.w);
+    TEST_ASSERT_EQUAL(0, node.errors);
+    TEST_ASSERT_EQUAL(FRAMES_INIT, node.state);
+    TEST_ASSERT_EQUAL(1000, param_now(FRAMES_PARAM_GAIN));
+    TEST_ASSERT_TRUE(feed(9, 123));
+    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+}
+
+static void test_errors_are_sticky_until_they_are_reset(void)
+{
+    feed(0, 0);
+    feed(0, 0);
+    feed(1, 0);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED, node.errors);
+    reset(FRAMES_RESET_ERRORS);
+    TEST_ASSERT_EQUAL_HEX8(0, node.errors);
+    TEST_ASSERT_EQUAL(0, node.counts.repeated);
+    TEST_ASSERT_TRUE(feed(2, 10));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+static void test_a_refused_model_leaves_the_node_alone(void)
+{
+    const dahl_params_t bad = {.sigma0 = -1.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};
+    node_t before = node;
+    TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, node_init(&node, &bad, NUMBER));
+    TEST_ASSERT_EQUAL_MEMORY(&before, &node, sizeof node);
+}
+
 /* Whatever comes, from random frames to nearly good ones, the state stays in range and each frame has one fate. */
 static void test_random_input_breaks_nothing(void)
 {
@@ -360,7 +626,8 @@ static void test_random_input_breaks_nothing(void)
     }
     const node_counts_t *n = &node.counts;
     TEST_ASSERT_EQUAL(rounds,
-                      n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->ignored);
+                      n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->ignored + n->jump +
+                          n->rearm + n->params + n->resets);
 }
 
 int main(void)
@@ -373,7 +640,7 @@ int main(void)
     RUN_TEST(test_one_or_two_missing_frames_cost_nothing);
     RUN_TEST(test_one_frame_out_of_sequence_has_no_effect);
     RUN_TEST(test_a_good_frame_between_two_out_of_sequence_ends_the_doubt);
-    RUN_TEST(test_two_in_a_row_are_a_new_start_without_travel);
+    RUN_TEST(test_three_in_a_row_are_a_new_start_without_travel);
     RUN_TEST(test_wrong_crc_and_form_are_counted_and_not_used);
     RUN_TEST(test_other_ids_are_ignored);
     RUN_TEST(test_a_count_that_the_encoder_disowns_is_not_used);
@@ -385,6 +652,20 @@ int main(void)
     RUN_TEST(test_bad_and_repeated_frames_do_not_refresh_the_timeout);
     RUN_TEST(test_status_tells_what_happened);
     RUN_TEST(test_status_comes_every_100_ms);
+    RUN_TEST(test_with_a_step_limit_a_glitch_is_not_used);
+    RUN_TEST(test_with_a_step_limit_longer_gaps_are_bridged);
+    RUN_TEST(test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame);
+    RUN_TEST(test_an_encoder_that_is_elsewhere_for_good_is_believed_without_travel);
+    RUN_TEST(test_a_bad_frame_breaks_the_row_after_a_timeout);
+    RUN_TEST(test_status_tells_of_a_timeout_at_once);
+    RUN_TEST(test_gain_and_limit_scale_the_answer_and_not_the_bristle);
+    RUN_TEST(test_the_gain_ramps_without_a_bump);
+    RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
+    RUN_TEST(test_parameters_out_of_range_change_nothing);
+    RUN_TEST(test_a_travel_out_of_range_is_refused_as_a_whole);
+    RUN_TEST(test_a_restart_forgets_all_but_the_parameters);
+    RUN_TEST(test_errors_are_sticky_until_they_are_reset);
+    RUN_TEST(test_a_refused_model_leaves_the_node_alone);
     RUN_TEST(test_random_input_breaks_nothing);
     return UNITY_END();
 }

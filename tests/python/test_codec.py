@@ -4,6 +4,9 @@
 from __future__ import annotations
 
 import ctypes
+import functools
+import itertools
+import operator
 import random
 import re
 from pathlib import Path
@@ -19,6 +22,9 @@ KINDS = {
     "EncoderState": ("encoder", 0x3),
     "FrictionTorque": ("torque", 0xC),
     "Status": ("status", 0x5),
+    "ParamWrite": ("param_write", 0x6),
+    "ParamReply": ("param_reply", 0x9),
+    "Reset": ("reset", 0xA),
 }
 ROUNDS = 5000
 
@@ -52,8 +58,56 @@ class Status(ctypes.Structure):
     _fields_ = [(name, ctypes.c_uint8) for name in STATUS]
 
 
-STRUCTS = {"EncoderState": EncoderState, "FrictionTorque": FrictionTorque, "Status": Status}
-ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid")
+class ParamWrite(ctypes.Structure):
+    """param_write_t."""
+
+    _fields_ = [
+        ("value", ctypes.c_uint32),
+        ("counter", ctypes.c_uint8),
+        ("param", ctypes.c_uint8),
+        ("write", ctypes.c_bool),
+    ]
+
+
+class ParamReply(ctypes.Structure):
+    """param_reply_t."""
+
+    _fields_ = [
+        ("value", ctypes.c_uint32),
+        ("counter", ctypes.c_uint8),
+        ("param", ctypes.c_uint8),
+        ("result", ctypes.c_uint8),
+    ]
+
+
+class Reset(ctypes.Structure):
+    """node_reset_t."""
+
+    _fields_ = [("counter", ctypes.c_uint8), ("what", ctypes.c_uint8)]
+
+
+STRUCTS = {
+    "EncoderState": EncoderState,
+    "FrictionTorque": FrictionTorque,
+    "Status": Status,
+    "ParamWrite": ParamWrite,
+    "ParamReply": ParamReply,
+    "Reset": Reset,
+}
+ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
+# Signals whose range the meaning bounds, not the number of bits.
+BOUNDED = ("TorqueRatio", "Gain", "Limit", "Ramp", "Timeout", "MaxStep", "StatusPeriod", "Param")
+PARAMS = (
+    "Sigma0",
+    "Fc",
+    "ThetaPerCount",
+    "Gain",
+    "Limit",
+    "Ramp",
+    "Timeout",
+    "MaxStep",
+    "StatusPeriod",
+)
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +128,13 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
         return EncoderState(word, nibble(), rng.random() < 0.5)
     if kind == "FrictionTorque":
         return FrictionTorque(word, nibble(), nibble(), nibble())
+    if kind.startswith("Param"):
+        high = rng.random() < 0.5 if kind == "ParamWrite" else nibble()
+        return STRUCTS[kind](word & 0xFFFFFFFF, nibble(), rng.randrange(len(PARAMS)), high)
+    if kind == "Reset":
+        return Reset(nibble(), nibble())
     return Status(
-        nibble(), nibble(), rng.randrange(128), byte(), byte(), byte(), nibble(), nibble()
+        nibble(), nibble(), byte(), byte(), byte(), byte(), nibble(), nibble()
     )
 
 
@@ -91,6 +150,12 @@ def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
             "EchoCounter": s.echo,
             "TorqueRatio": s.torque_q30,
         }
+    if kind.startswith("Param"):
+        high = {"Write": int(s.write)} if kind == "ParamWrite" else {"Result": s.result}
+        value = {PARAMS[s.param]: s.value}
+        return {"Crc": crc, "Counter": s.counter, **high, "Param": s.param, **value}
+    if kind == "Reset":
+        return {"Crc": crc, "Counter": s.counter, "What": s.what}
     errors = {f"Error{name}": s.errors >> bit & 1 for bit, name in enumerate(ERRORS)}
     return {
         "Crc": crc,
@@ -185,6 +250,26 @@ def test_c_accepts_what_autosar_e2e_protects_and_nothing_else(codec, kind):
         assert unpack(codec, kind, frame, STRUCTS[kind]()) == -2
 
 
+def test_the_crc_shows_each_wrong_bit_and_pair_and_all_triples_but_48(codec):
+    """As frames.h says. The sum of a CRC is linear, so one frame stands for all."""
+    clean = bytes(pack(codec, "EncoderState", EncoderState()).data)
+    marks = []
+    for bit in range(64):
+        data = bytearray(clean)
+        data[bit // 8] ^= 1 << bit % 8
+        changed = codec.frames_crc((ctypes.c_uint8 * 8)(*data), 0x3) & 0xFF
+        marks.append(changed ^ data[0])
+    assert 0 not in marks
+    assert len(set(marks)) == 64
+    missed = [flips for flips in itertools.combinations(range(64), 3) if not xor(marks, flips)]
+    assert len(missed) == 48
+    assert all(any(8 <= bit < 12 for bit in flips) for flips in missed)
+
+
+def xor(marks: list[int], flips: tuple[int, ...]) -> int:
+    return functools.reduce(operator.xor, (marks[bit] for bit in flips))
+
+
 def test_node_number_is_the_low_half_of_the_id(codec, database):
     for kind in KINDS:
         base = database.get_message_by_name(kind).frame_id
@@ -218,15 +303,23 @@ def test_dbc_ranges_are_what_the_raw_values_can_hold(database):
             bits = signal.length - signal.is_signed
             top = (2**bits - 1) * signal.scale
             assert signal.maximum <= top or signal.name == "TorqueRatio", signal.name
-            if not signal.choices and signal.name != "TorqueRatio":
+            if not signal.choices and signal.name not in BOUNDED:
                 assert signal.maximum == top, signal.name
 
 
 def test_dbc_assigns_cycle_time_and_send_type_to_every_message(database):
     times = {message.name: message.cycle_time for message in database.messages}
-    assert times == {"EncoderState": 1, "FrictionTorque": 1, "Status": 100}
+    cyclic = {"EncoderState": 1, "FrictionTorque": 1, "Status": 100}
+    assert times == {name: cyclic.get(name) for name in KINDS}
     types = {message.name: message.send_type for message in database.messages}
-    assert types == {"EncoderState": "Cyclic", "FrictionTorque": "OnReception", "Status": "Cyclic"}
+    assert types == {
+        "EncoderState": "Cyclic",
+        "FrictionTorque": "OnReception",
+        "Status": "Cyclic",
+        "ParamWrite": "OnRequest",
+        "ParamReply": "OnReception",
+        "Reset": "OnRequest",
+    }
 
 
 def test_dbc_names_every_state(database, root):

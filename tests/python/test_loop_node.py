@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -53,7 +54,8 @@ class Encoder:
 
     def answer(self) -> dict | None:
         """The next FrictionTorque, decoded; None if there is none in time."""
-        while (message := self.bus.recv(2)) is not None:
+        until = time.monotonic() + 2
+        while (message := self.bus.recv(2)) is not None and time.monotonic() < until:
             if message.arbitration_id == 0x110:
                 return self.database.decode_message("FrictionTorque", message.data)
         return None
@@ -127,10 +129,11 @@ def test_lost_frames_cost_nothing_and_a_gap_is_a_new_start(tmp_path, dbc):
         encoder.good(5, 10, state="Lost")
         encoder.good(8, 60, state="Lost")
         encoder.bus.send(encoder.frame(15, 4000))
-        encoder.good(0, 4001, state="WrongSequence", used=False)
-        encoder.good(1, 3990)
+        encoder.bus.send(encoder.frame(0, 4000))
+        encoder.good(1, 4001, state="WrongSequence", used=False)
+        encoder.good(2, 3990)
     assert results[0]["node"]["lost"] == 3
-    assert results[0]["node"]["wrong_sequence"] == 2
+    assert results[0]["node"]["wrong_sequence"] == 3
 
 
 def test_silence_makes_it_stale_and_the_status_tells(tmp_path, dbc):
@@ -147,8 +150,10 @@ def test_silence_makes_it_stale_and_the_status_tells(tmp_path, dbc):
             "Seen",
             1,
         )
-        encoder.good(2, 7000, state="Stale", used=False)
-        encoder.good(3, 7010)
+        encoder.bus.send(encoder.frame(2, 6000))
+        encoder.bus.send(encoder.frame(3, 6500))
+        encoder.good(4, 7000, state="Stale", used=False)
+        encoder.good(5, 7010)
     assert results[0]["node"]["stale"] == 1
 
 

@@ -202,7 +202,9 @@ def test_silence_makes_it_stale(bus, database) -> None:
     ask(bus, encoder_frame(0, 0))
     moved = ask(bus, encoder_frame(4000, 1)).data[4:]
     time.sleep(1.0)
-    answer = ask(bus, encoder_frame(900000, 2)).data
+    bus.send(encoder_frame(900000, 2))
+    bus.send(encoder_frame(900000, 3))
+    answer = ask(bus, encoder_frame(900000, 4)).data
     assert answer[1] >> 4 == STALE
     assert answer[4:] == moved, "a jump while nobody looked became a torque"
 
