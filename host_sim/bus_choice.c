@@ -12,6 +12,7 @@
 #include "socketcan/socketcan.h"
 #include "socketcand/client.h"
 #include "socketcand/server.h"
+#include "wire.h"
 
 enum { PATIENCE_MS = 10000 };
 
@@ -91,13 +92,23 @@ static int open_socketcand(bus_choice_t *choice, const char *spec, const char *w
     return join(choice, spec, host, colon + 1, clock);
 }
 
-int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient)
+static int open_loopback(bus_choice_t *choice, can_clock_t clock, uint32_t bitrate)
 {
     static loopback_t loopback;
-    if (strcmp(spec, "loopback") == 0) {
+    static wire_t wire;
+    if (bitrate > 0) {
+        wire_open(&wire, bitrate, clock);
+    } else {
         loopback_open(&loopback, clock);
-        *choice = (bus_choice_t){.bus = &loopback.bus, .name = BUS_NAME};
-        return 0;
+    }
+    *choice = (bus_choice_t){.bus = bitrate > 0 ? &wire.bus : &loopback.bus, .name = BUS_NAME};
+    return 0;
+}
+
+int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient, uint32_t bitrate)
+{
+    if (strcmp(spec, "loopback") == 0) {
+        return open_loopback(choice, clock, bitrate);
     }
     if (strncmp(spec, "socketcan:", 10) == 0 && spec[10] != '\0') {
         return open_socketcan(choice, spec, spec + 10, clock);

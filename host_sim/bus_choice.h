@@ -14,8 +14,8 @@ typedef struct {
     const char *name; /* for the log */
 } bus_choice_t;
 
-/* patient: wait for slow clients instead of dropping them (virtual time). Only one bus can be open in a process.
+/* bitrate: of the loopback; 0: it takes no time. patient: wait for slow clients instead of dropping them (virtual time). Only one bus can be open in a process.
  * 0, or an exit code after one error line was printed: EXIT_BAD_INPUT for a bad spec, EXIT_RUNTIME for a bus not there. */
-int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient);
+int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient, uint32_t bitrate);
 
 #endif

@@ -38,6 +38,17 @@ static uint64_t steps(uint64_t from, uint8_t wanted)
     return (wanted - from) & 0x0F;
 }
 
+static void measure(encoder_t *encoder, uint64_t latency_ns)
+{
+    uint64_t change = latency_ns > encoder->last_ns ? latency_ns - encoder->last_ns : encoder->last_ns - latency_ns;
+    if (encoder->answered > 0) {
+        histogram_add(&encoder->jitter, change);
+    }
+    histogram_add(&encoder->latency, latency_ns);
+    encoder->late += latency_ns > ENCODER_PERIOD_NS ? 1u : 0u;
+    encoder->last_ns = latency_ns;
+}
+
 static void match(encoder_t *encoder, const friction_torque_t *torque, uint64_t now_ns)
 {
     uint64_t found = encoder->next + steps(encoder->next, torque->echo);
@@ -49,8 +60,10 @@ static void match(encoder_t *encoder, const friction_torque_t *torque, uint64_t 
         return;
     }
     encoder->next = found + 1;
+    measure(encoder, now_ns - encoder->sent_ns[found % ENCODER_WAITING]);
     encoder->answered++;
-    histogram_add(&encoder->latency, now_ns - encoder->sent_ns[found % ENCODER_WAITING]);
+    encoder->torque_q30 = torque->torque_q30;
+    encoder->torque_of = found + 1;
 }
 
 void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns)

@@ -12,9 +12,11 @@
 #include <stdint.h>
 
 #include "can_bus.h"
+#include "faults.h"
 #include "histogram.h"
 #include "motion.h"
 
+#define ENCODER_PERIOD_NS UINT64_C(1000000)
 #define ENCODER_WAITING 1024u /* frames that can wait for an answer; older ones are lost */
 
 typedef struct {
@@ -28,7 +30,13 @@ typedef struct {
     uint64_t unmatched; /* answers to nothing that waits: late, doubled or foreign */
     uint64_t corrupt;   /* answers with wrong CRC or form */
     uint64_t sent_ns[ENCODER_WAITING]; /* by sequence number */
+    uint64_t late;      /* answers that took longer than a period */
+    uint64_t last_ns;   /* latency of the last answer */
+    int32_t torque_q30; /* of the last answer */
+    uint64_t torque_of; /* sequence number of the frame that it answers, plus 1 */
+    faults_t *faults;   /* what meets its frames on their way; NULL: nothing */
     histogram_t latency;
+    histogram_t jitter; /* change of the latency from one answer to the next */
 } encoder_t;
 
 /* True: *out is to be sent now. False: the motion has ended or failed. */

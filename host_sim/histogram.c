@@ -2,8 +2,6 @@
 /* histogram: see histogram.h. Below 32 ns a bin is 1 ns wide; above, the 5 bits after the leading one choose the bin. */
 #include "histogram.h"
 
-#include <stddef.h>
-
 static size_t bin_of(uint64_t ns)
 {
     size_t octave = 0;
@@ -13,7 +11,7 @@ static size_t bin_of(uint64_t ns)
     return octave * 32 + (size_t)(ns >> octave);
 }
 
-static uint64_t upper_edge(size_t bin)
+uint64_t histogram_edge(size_t bin)
 {
     size_t octave = bin < 64 ? 0 : bin / 32 - 1;
     return ((uint64_t)(bin - octave * 32 + 1) << octave) - 1;
@@ -28,6 +26,15 @@ void histogram_add(histogram_t *histogram, uint64_t ns)
     }
 }
 
+void histogram_merge(histogram_t *histogram, const histogram_t *other)
+{
+    for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
+        histogram->bins[bin] += other->bins[bin];
+    }
+    histogram->count += other->count;
+    histogram->max = other->max > histogram->max ? other->max : histogram->max;
+}
+
 uint64_t histogram_quantile(const histogram_t *histogram, double quantile)
 {
     double wanted = quantile * (double)histogram->count;
@@ -35,7 +42,7 @@ uint64_t histogram_quantile(const histogram_t *histogram, double quantile)
     for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
         seen += histogram->bins[bin];
         if (seen > 0 && (double)seen >= wanted) {
-            uint64_t edge = upper_edge(bin);
+            uint64_t edge = histogram_edge(bin);
             return edge < histogram->max ? edge : histogram->max;
         }
     }

@@ -6,6 +6,7 @@
 #ifndef HISTOGRAM_H
 #define HISTOGRAM_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #define HISTOGRAM_BINS (60u * 32u)
@@ -18,6 +19,12 @@ typedef struct {
 } histogram_t;
 
 void histogram_add(histogram_t *histogram, uint64_t ns);
+
+/* Add what another one has counted. */
+void histogram_merge(histogram_t *histogram, const histogram_t *other);
+
+/* Upper edge of a bin, in ns. */
+uint64_t histogram_edge(size_t bin);
 
 /* Upper edge of the bin that holds the quantile, at most the maximum; 0 when empty. 0 <= quantile <= 1. */
 uint64_t histogram_quantile(const histogram_t *histogram, double quantile);

@@ -4,11 +4,15 @@
 #include "loop.h"
 
 #include <stddef.h>
+#include <stdio.h>
 #include <time.h>
 
 #include "complain.h"
+#include "wire.h"
 
-enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000, DRAIN_FRAMES = 1000 };
+enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000, DRAIN_FRAMES = 1000, SECOND_TICKS = 1000 };
+
+static const double LOAD_WARN = 0.7;
 
 #define STALL_NS UINT64_C(1000000000)
 
@@ -27,9 +31,11 @@ static uint64_t clock_now(void *context)
 
 static void clock_wait(void *context, uint32_t us)
 {
-    const sim_clock_t *clock = (const sim_clock_t *)context;
+    sim_clock_t *clock = (sim_clock_t *)context;
     struct timespec nap = {.tv_sec = (time_t)(us / 1000000u), .tv_nsec = (long)(us % 1000000u) * 1000};
-    if (!clock->is_virtual) {
+    if (clock->is_virtual) {
+        clock->virtual_ns += us * UINT64_C(1000);
+    } else {
         nanosleep(&nap, NULL);
     }
 }
@@ -55,28 +61,55 @@ static void transmit(loop_t *loop, const can_frame_t *frame)
 {
     can_result_t result = can_bus_send(loop->bus, frame);
     loop->send_failed += result == CAN_BUS_OK ? 0u : 1u;
+    loop->echoes += result == CAN_BUS_OK ? 1u : 0u;
     loop->gone |= result == CAN_BUS_GONE;
 }
 
-/* What the node itself sent is no input of it. */
-static bool is_for_node(const loop_t *loop, const can_frame_t *frame)
+/* What nodes themselves sent is no input of theirs; of several nodes each sees what has its number. */
+static bool is_for(const loop_t *loop, const node_t *node, const can_frame_t *frame)
 {
-    bool own_answer = (frame->flags & CAN_FRAME_OWN) != 0 && (frame->id & 0x7F0u) != FRAMES_ID_ENCODER;
-    return loop->node != NULL && !own_answer;
+    uint32_t kind = frame->id & 0x7F0u;
+    bool answer = kind == FRAMES_ID_TORQUE || kind == FRAMES_ID_STATUS || kind == FRAMES_ID_PARAM_REPLY;
+    bool own_answer = (frame->flags & (CAN_FRAME_OWN | CAN_FRAME_EXTENDED)) == CAN_FRAME_OWN && answer;
+    return !own_answer && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
 }
 
-static void dispatch(loop_t *loop, const can_frame_t *frame)
+static void to_nodes(loop_t *loop, const can_frame_t *frame)
 {
     can_frame_t answer;
+    for (uint32_t i = 0; i < loop->node_count; i++) {
+        node_t *node = &loop->nodes[i];
+        if (is_for(loop, node, frame) && node_receive(node, frame, node_time(loop), &answer)) {
+            transmit(loop, &answer);
+        }
+    }
+}
+
+static void weigh(loop_t *loop, const can_frame_t *frame)
+{
+    uint64_t bits = wire_bits(frame);
+    loop->bits += bits;
+    loop->second_bits += bits;
+}
+
+static void dispatch(loop_t *loop, can_frame_t *frame)
+{
+    uint64_t now = clock_now(loop->clock);
+    if (loop->clock->is_virtual) {
+        frame->time_us = now / 1000u;
+        loop->echoes -= (frame->flags & CAN_FRAME_OWN) != 0 && loop->echoes > 0 ? 1u : 0u;
+    }
     if (loop->log != NULL) {
         candump_write(loop->log, frame);
     }
-    if (loop->encoder != NULL) {
-        encoder_receive(loop->encoder, frame, clock_now(loop->clock));
+    loop->error_frames += (frame->flags & CAN_FRAME_ERROR) != 0 ? 1u : 0u;
+    if (loop->bitrate > 0) {
+        weigh(loop, frame);
     }
-    if (is_for_node(loop, frame) && node_receive(loop->node, frame, node_time(loop), &answer)) {
-        transmit(loop, &answer);
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        encoder_receive(&loop->encoders[i], frame, now);
     }
+    to_nodes(loop, frame);
 }
 
 static bool receive(loop_t *loop, uint32_t timeout_us)
@@ -90,19 +123,58 @@ static bool receive(loop_t *loop, uint32_t timeout_us)
     return result == CAN_BUS_OK;
 }
 
+/* Once a second of ticks: how full was the bus? */
+static void look_at_load(loop_t *loop)
+{
+    double load = (double)loop->second_bits / loop->bitrate;
+    if (load > LOAD_WARN && loop->peak_load <= LOAD_WARN) {
+        char text[100];
+        snprintf(text, sizeof text, "bus load %.0f %% at %u bit/s: above %.0f %%, frames will wait for each other",
+                 100 * load, (unsigned)loop->bitrate, 100 * LOAD_WARN);
+        remark(text);
+    }
+    loop->peak_load = load > loop->peak_load ? load : loop->peak_load;
+    loop->second_bits = 0;
+    loop->second_end = loop->ticks + SECOND_TICKS;
+}
+
+static void send_angle(loop_t *loop, encoder_t *encoder, const can_frame_t *angle)
+{
+    can_frame_t frames[FAULTS_OUT] = {*angle};
+    size_t count = encoder->faults != NULL ? faults_pass(encoder->faults, angle, frames) : 1;
+    for (size_t i = 0; i < count; i++) {
+        transmit(loop, &frames[i]);
+    }
+}
+
+static void send_status(loop_t *loop)
+{
+    can_frame_t status;
+    for (uint32_t i = 0; i < loop->node_count; i++) {
+        if (node_tick(&loop->nodes[i], node_time(loop), &status)) {
+            transmit(loop, &status);
+        }
+    }
+}
+
+/* The first encoder decides when the motion has ended. */
 static void tick(loop_t *loop)
 {
-    can_frame_t angle;
-    can_frame_t status;
-    if (loop->encoder != NULL && !encoder_tick(loop->encoder, clock_now(loop->clock), &angle)) {
+    can_frame_t angles[FRAMES_NODES];
+    uint32_t ready = 0;
+    while (ready < loop->encoder_count && encoder_tick(&loop->encoders[ready], clock_now(loop->clock), &angles[ready])) {
+        ready++;
+    }
+    if (loop->encoder_count > 0 && ready == 0) {
         return;
     }
     loop->ticks++;
-    if (loop->node != NULL && node_tick(loop->node, node_time(loop), &status)) {
-        transmit(loop, &status);
+    send_status(loop);
+    for (uint32_t i = 0; i < ready; i++) {
+        send_angle(loop, &loop->encoders[i], &angles[i]);
     }
-    if (loop->encoder != NULL) {
-        transmit(loop, &angle);
+    if (loop->bitrate > 0 && loop->ticks >= loop->second_end) {
+        look_at_load(loop);
     }
 }
 
@@ -115,7 +187,7 @@ static bool is_idle(loop_t *loop)
 
 static bool is_done(loop_t *loop)
 {
-    bool ended = loop->encoder != NULL && loop->encoder->ended;
+    bool ended = loop->encoder_count > 0 && loop->encoders[0].ended;
     return *loop->stop || loop->gone || ended || loop->ticks >= loop->max_ticks || is_idle(loop);
 }
 
@@ -126,22 +198,46 @@ static void wait_for_clients(loop_t *loop)
     }
 }
 
+/* Take all that comes before `end_ns`: on a bus without a bit rate all that was sent, which takes no time. */
+static void run_until(loop_t *loop, uint64_t end_ns)
+{
+    bool more = true;
+    while (more && !loop->gone) {
+        uint32_t left_us = (uint32_t)((end_ns - loop->clock->virtual_ns) / 1000u);
+        more = receive(loop, loop->paced ? left_us : loop->echoes > 0 ? WAIT_US : 0);
+    }
+    loop->echoes = 0;
+}
+
 static void run_virtual(loop_t *loop)
 {
+    uint64_t end_ns = 0;
     while (!is_done(loop)) {
         tick(loop);
-        while (receive(loop, 0)) {
-        }
-        loop->clock->virtual_ns += LOOP_PERIOD_NS;
+        end_ns += LOOP_PERIOD_NS;
+        run_until(loop, end_ns);
+        loop->clock->virtual_ns = end_ns;
     }
+    for (uint64_t ticks = 0; loop->paced && ticks < ALONE_TICKS; ticks++) {
+        run_until(loop, end_ns += LOOP_PERIOD_NS);
+    }
+}
+
+static bool some_wait(const loop_t *loop)
+{
+    bool waits = false;
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        waits |= encoder_waits(&loop->encoders[i]);
+    }
+    return waits;
 }
 
 /* Give the last answers time to come, longer if there is somebody who answers. */
 static void settle(loop_t *loop)
 {
-    uint64_t ticks = loop->encoder->answered > 0 ? SETTLE_TICKS : ALONE_TICKS;
+    uint64_t ticks = loop->encoders[0].answered > 0 ? SETTLE_TICKS : ALONE_TICKS;
     uint64_t give_up = read_clock(CLOCK_MONOTONIC) + ticks * LOOP_PERIOD_NS;
-    while (encoder_waits(loop->encoder) && !loop->gone && read_clock(CLOCK_MONOTONIC) < give_up) {
+    while (some_wait(loop) && !loop->gone && read_clock(CLOCK_MONOTONIC) < give_up) {
         receive(loop, 1000);
     }
 }
@@ -168,13 +264,15 @@ static uint64_t beat(loop_t *loop, uint64_t now)
 /* In lockstep: is an answer still to come, and may it? */
 static bool must_wait(loop_t *loop, uint64_t now)
 {
-    if (!loop->lockstep || loop->encoder == NULL || !encoder_waits(loop->encoder)) {
+    if (!loop->lockstep || !some_wait(loop)) {
         return false;
     }
     if (now - loop->ticked_ns < LOOP_PATIENCE_NS) {
         return true;
     }
-    encoder_give_up(loop->encoder);
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        encoder_give_up(&loop->encoders[i]);
+    }
     remark("an angle had no answer for 2 s; it is counted as lost");
     return false;
 }
@@ -192,7 +290,7 @@ static void run_real(loop_t *loop)
         }
         receive(loop, next > now ? (uint32_t)((next - now) / 1000u) : waits ? WAIT_US : 0);
     }
-    if (loop->encoder != NULL) {
+    if (loop->encoder_count > 0) {
         settle(loop);
     }
     drain(loop);
@@ -200,6 +298,7 @@ static void run_real(loop_t *loop)
 
 void loop_run(loop_t *loop)
 {
+    loop->second_end = SECOND_TICKS;
     wait_for_clients(loop);
     uint64_t start = read_clock(CLOCK_MONOTONIC);
     if (loop->clock->is_virtual) {

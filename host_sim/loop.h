@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * loop: the beat. Once per millisecond each part gets its tick; in between, frames go to the parts that want them, and
- * every frame of the bus goes to the log. A part that is NULL is not run.
+ * every frame of the bus goes to the log. A part that is not there is not run. Up to 16 nodes and encoders share the bus.
  *
  * Real time: ticks are kept by the monotonic clock. After a stall of the machine the ticks come a third faster until the
  * beat is caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
  * In lockstep a tick also waits for the answer to the one before it, so that a slow node outside loses nothing.
- * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between.
+ * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between, but for the
+ * time that frames take on a bus with a bit rate.
  */
 #ifndef LOOP_H
 #define LOOP_H
@@ -21,7 +22,7 @@
 #include "histogram.h"
 #include "node.h"
 
-#define LOOP_PERIOD_NS UINT64_C(1000000)
+#define LOOP_PERIOD_NS ENCODER_PERIOD_NS
 #define LOOP_PATIENCE_NS UINT64_C(2000000000)
 
 /* The clock of a run; can_clock_t of the bus points to it. */
@@ -34,10 +35,14 @@ typedef struct {
 typedef struct {
     sim_clock_t *clock;
     can_bus_t *bus;
-    node_t *node;
-    encoder_t *encoder;
+    node_t *nodes;
+    uint32_t node_count;
+    encoder_t *encoders;
+    uint32_t encoder_count;
     candump_t *log;
     volatile sig_atomic_t *stop; /* set by a signal handler: end early, but whole */
+    uint32_t bitrate;            /* for the load of the bus; 0: not looked at */
+    bool paced;                  /* frames take time on the bus */
     uint64_t max_ticks;          /* UINT64_MAX: no limit */
     uint32_t wait_clients;       /* start when so many are on the bus */
     bool until_idle;             /* end when all clients have left */
@@ -49,6 +54,12 @@ typedef struct {
     uint64_t ticked_ns;   /* when the last one came; real time */
     uint64_t wall_ns;     /* time that the run took */
     uint64_t send_failed; /* frames that the bus did not take */
+    uint64_t error_frames;
+    uint64_t echoes;      /* own frames that have not come back yet; virtual time */
+    uint64_t bits;        /* that the frames seen took on the bus */
+    uint64_t second_bits; /* in the present second */
+    uint64_t second_end;  /* tick */
+    double peak_load;     /* of the fullest second */
     histogram_t late;     /* of ticks, real time */
 } loop_t;
 

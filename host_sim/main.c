@@ -13,6 +13,7 @@
 #include "complain.h"
 #include "loop.h"
 #include "options.h"
+#include "plant.h"
 #include "scene.h"
 #include "summary.h"
 
@@ -22,10 +23,11 @@ typedef struct {
     options_t options;
     scene_t scene;
     char log_path[1024];
-    dahl_plan_t plan;
-    node_t node;
-    motion_t motion;
-    encoder_t encoder;
+    node_t nodes[FRAMES_NODES];
+    motion_t motions[FRAMES_NODES];
+    encoder_t encoders[FRAMES_NODES];
+    faults_t faults[FRAMES_NODES];
+    plant_t plant;
     candump_t log;
     sim_clock_t clock;
     loop_t loop;
@@ -69,34 +71,95 @@ static int find_log(program_t *p)
     return length < (int)sizeof p->log_path ? 0 : complain("%s: path too long", file);
 }
 
-static int prepare_node(program_t *p)
+static uint32_t to_us(double ms)
+{
+    return (uint32_t)lround(ms * 1000);
+}
+
+static uint32_t timeout_us(const program_t *p)
+{
+    double given = p->scene.friction.timeout_ms;
+    return to_us(given > 0 ? given : DESK_TIMEOUT_MS);
+}
+
+static int prepare_node(program_t *p, node_t *node, uint8_t number)
 {
     const scene_friction_t *f = &p->scene.friction;
     dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    dahl_err_t result = dahl_prepare(&p->plan, &params);
+    dahl_err_t result = node_init(node, &params, number);
     if (result != DAHL_OK) {
         return complain("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
                         p->options.scene, f->sigma0, f->Fc, f->theta_per_count, (int)result);
     }
-    node_init(&p->node, &p->plan, (uint8_t)f->node);
-    p->node.status_us = p->scene.has_status ? (uint32_t)lround(p->scene.status_period_ms * 1000) : 0;
-    p->node.timeout_us = (uint32_t)lround((f->timeout_ms > 0 ? f->timeout_ms : DESK_TIMEOUT_MS) * 1000);
-    p->loop.node = &p->node;
+    node->status_us = p->scene.has_status ? to_us(p->scene.status_period_ms) : 0;
+    node->timeout_us = timeout_us(p);
+    node->gain = (uint32_t)lround(f->gain * NODE_ONE);
+    node->limit = (uint32_t)lround(f->limit * NODE_ONE);
+    node->ramp_us = to_us(f->ramp_ms);
+    node->max_step = (uint32_t)lround(f->max_step);
+    node->gain_now = node->ramp_us == 0 ? node->gain : 0;
     return 0;
 }
 
-static int prepare_encoder(program_t *p)
+static uint8_t number_of(const program_t *p, uint32_t i)
 {
-    if (p->scene.motion.kind == MOTION_LOG && find_log(p) != 0) {
-        return -1;
+    return (uint8_t)((uint32_t)p->scene.friction.node + i);
+}
+
+static int prepare_nodes(program_t *p)
+{
+    p->loop.nodes = p->nodes;
+    p->loop.node_count = p->options.nodes;
+    for (uint32_t i = 0; i < p->options.nodes; i++) {
+        if (prepare_node(p, &p->nodes[i], number_of(p, i)) != 0) {
+            return -1;
+        }
     }
-    if (!motion_open(&p->motion, &p->scene.motion, p->log_path, p->options.seed)) {
-        return -1;
-    }
-    p->encoder.motion = &p->motion;
-    p->encoder.node = (uint8_t)p->scene.friction.node;
-    p->loop.encoder = &p->encoder;
     return 0;
+}
+
+static int prepare_plant(program_t *p)
+{
+    motion_t *reference = p->scene.has_control ? &p->motions[0] : NULL;
+    if (!plant_open(&p->plant, &p->scene, reference, &p->encoders[0])) {
+        return -1;
+    }
+    if (p->options.trace != NULL && !plant_trace(&p->plant, p->options.trace)) {
+        return complain("--trace %s: %s", p->options.trace, strerror(errno));
+    }
+    p->encoders[0].motion = &p->plant.motion;
+    return 0;
+}
+
+static int prepare_encoder(program_t *p, uint32_t i)
+{
+    encoder_t *encoder = &p->encoders[i];
+    uint64_t seed = p->options.seed + i;
+    encoder->motion = &p->motions[i];
+    encoder->node = number_of(p, i);
+    if (p->scene.has_motion && !motion_open(&p->motions[i], &p->scene.motion, p->log_path, seed)) {
+        return -1;
+    }
+    if (p->scene.has_faults) {
+        faults_open(&p->faults[i], p->scene.faults, ~seed, timeout_us(p));
+        encoder->faults = &p->faults[i];
+    }
+    return 0;
+}
+
+static int prepare_encoders(program_t *p)
+{
+    if (p->scene.has_motion && p->scene.motion.kind == MOTION_LOG && find_log(p) != 0) {
+        return -1;
+    }
+    p->loop.encoders = p->encoders;
+    p->loop.encoder_count = p->options.nodes;
+    for (uint32_t i = 0; i < p->options.nodes; i++) {
+        if (prepare_encoder(p, i) != 0) {
+            return -1;
+        }
+    }
+    return p->scene.has_rotor ? prepare_plant(p) : 0;
 }
 
 static int check_parts(const program_t *p, bool node, bool encoder)
@@ -104,6 +167,16 @@ static int check_parts(const program_t *p, bool node, bool encoder)
     if (!node && !encoder) {
         return complain("%s: names no [%s], so there is nothing to run for this --role", p->options.scene,
                         p->options.run_node ? "friction" : "motion");
+    }
+    if (number_of(p, p->options.nodes - 1) >= FRAMES_NODES) {
+        return complain("--nodes %u: with the scene's first node %u, numbers would pass 15", (unsigned)p->options.nodes,
+                        (unsigned)p->scene.friction.node);
+    }
+    if (p->options.trace != NULL && !p->scene.has_rotor) {
+        return complain("--trace %s: %s has no [rotor] to trace", p->options.trace, p->options.scene);
+    }
+    if (p->options.nodes > 1 && p->scene.has_rotor) {
+        return complain("--nodes %u: a scene with a [rotor] has one", (unsigned)p->options.nodes);
     }
     if (!encoder && p->options.is_virtual && !(p->options.seconds > 0)) {
         return complain("--virtual without an encoder never ends: give --seconds");
@@ -114,13 +187,13 @@ static int check_parts(const program_t *p, bool node, bool encoder)
 static int prepare_parts(program_t *p)
 {
     bool node = p->options.run_node && p->scene.has_friction;
-    bool encoder = p->options.run_encoder && p->scene.has_motion;
+    bool encoder = p->options.run_encoder && (p->scene.has_motion || p->scene.has_motor);
     int result = check_parts(p, node, encoder);
     if (result == 0 && node) {
-        result = prepare_node(p);
+        result = prepare_nodes(p);
     }
     if (result == 0 && encoder) {
-        result = prepare_encoder(p);
+        result = prepare_encoders(p);
     }
     return result;
 }
@@ -129,7 +202,8 @@ static int open_bus(program_t *p)
 {
     bus_choice_t choice;
     sim_clock_start(&p->clock, p->options.is_virtual);
-    int code = bus_choose(&choice, p->options.bus, sim_clock_seam(&p->clock), p->options.is_virtual);
+    int code = bus_choose(&choice, p->options.bus, sim_clock_seam(&p->clock), p->options.is_virtual,
+                          p->options.bitrate);
     if (code != 0) {
         return code;
     }
@@ -151,6 +225,8 @@ static void set_up_loop(program_t *p)
     p->loop.wait_clients = options->wait_clients;
     p->loop.until_idle = options->until_idle;
     p->loop.lockstep = options->lockstep;
+    p->loop.bitrate = options->bitrate;
+    p->loop.paced = options->bitrate > 0 && strcmp(options->bus, "loopback") == 0;
 }
 
 static int write_results(program_t *p)
@@ -160,7 +236,12 @@ static int write_results(program_t *p)
         complain("--log %s: %s", p->options.log, strerror(errno));
         code = EXIT_RUNTIME;
     }
-    if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop)) {
+    if (!plant_close(&p->plant)) {
+        complain("--trace %s: it could not be written whole", p->options.trace);
+        code = EXIT_RUNTIME;
+    }
+    if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop,
+                                                       p->scene.has_control ? &p->plant : NULL)) {
         complain("--summary %s: %s", p->options.summary, strerror(errno));
         code = EXIT_RUNTIME;
     }
@@ -173,7 +254,7 @@ static int outcome(const program_t *p)
         complain("--bus %s: the bus is gone after %llu ticks", p->options.bus, (unsigned long long)p->loop.ticks);
         return EXIT_RUNTIME;
     }
-    return p->encoder.failed ? EXIT_BAD_INPUT : 0;
+    return p->encoders[0].failed ? EXIT_BAD_INPUT : 0;
 }
 
 static int run(program_t *p)
@@ -197,11 +278,13 @@ int main(int argc, char **argv)
     if (answered != 0) {
         return answered < 0 ? EXIT_BAD_INPUT : 0;
     }
-    if (!scene_read(&program.scene, program.options.scene)) {
+    if (!scene_read(&program.scene, program.options.scene, program.options.sets, program.options.set_count)) {
         return EXIT_BAD_INPUT;
     }
     catch_signals();
     int code = prepare_parts(&program) != 0 ? EXIT_BAD_INPUT : run(&program);
-    motion_close(&program.motion);
+    for (size_t i = 0; i < FRAMES_NODES; i++) {
+        motion_close(&program.motions[i]);
+    }
     return code;
 }

@@ -4,6 +4,8 @@
 
 #include <math.h>
 
+#include "splitmix.h"
+
 #define TICKS_PER_SECOND 1000.0
 
 static uint64_t to_ticks(double seconds)
@@ -11,19 +13,9 @@ static uint64_t to_ticks(double seconds)
     return (uint64_t)llround(seconds * TICKS_PER_SECOND);
 }
 
-/* splitmix64; 0 <= result < 1. */
-static double random_unit(motion_t *self)
-{
-    uint64_t z = self->random += UINT64_C(0x9E3779B97F4A7C15);
-    z = (z ^ (z >> 30)) * UINT64_C(0xBF58476D1CE4E5B9);
-    z = (z ^ (z >> 27)) * UINT64_C(0x94D049BB133111EB);
-    z ^= z >> 31;
-    return (double)(z >> 11) / 9007199254740992.0;
-}
-
 static double random_between(motion_t *self, double low, double high)
 {
-    return low + (high - low) * random_unit(self);
+    return low + (high - low) * splitmix_unit(&self->random);
 }
 
 static double leg_end(const motion_t *self, int leg)

@@ -22,12 +22,17 @@ static const char help[] =
     "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"
     "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port\n"
     "                     socketcand:HOST:PORT    join such a server\n"
+    "  --bitrate N        bit/s: frames take time and wait for each other by id (loopback); bus load, and a warning\n"
+    "                     above 70 %\n"
+    "  --nodes N          N encoders and N nodes, 1 to 16, numbered on from the scene's; each its own seed\n"
+    "  --set S.KEY=VALUE  instead of what the scene says, e.g. --set friction.gain=0.9\n"
     "  --role ROLE        both (default), encoder or node: the part of the scene that this process runs\n"
     "  --virtual          virtual time: as fast as possible, same seed, same log byte for byte\n"
     "  --lockstep         send an angle only once the one before it is answered, or 2 s have passed: for slow nodes\n"
     "  --seconds S        end after S seconds of ticks\n"
     "  --seed N           seed of random motions (default 1)\n"
     "  --log FILE         write every frame of the bus as candump -L does\n"
+    "  --trace FILE       write angle, velocity and torques of [rotor] as CSV, a row per tick\n"
     "  --summary FILE     write counts and latencies as JSON; - for stdout\n"
     "  --wait-clients N   start when N clients are on the served bus\n"
     "  --until-idle       end when all clients of the served bus have left\n"
@@ -38,7 +43,8 @@ static const char help[] =
     "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n"
     "Example: dahl-loop --scene host_sim/scenes/steering.ini --virtual --log run.log --summary -\n";
 
-enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, LOCKSTEP, HELP,
+enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, LOCKSTEP, TRACE,
+       SET, NODES, BITRATE, HELP,
        VERSION };
 
 static const struct option long_options[] = {
@@ -49,6 +55,8 @@ static const struct option long_options[] = {
     {"wait-clients", required_argument, NULL, WAIT}, {"until-idle", no_argument, NULL, IDLE},
     {"data", required_argument, NULL, DATA},         {"log-file", required_argument, NULL, LOG_FILE},
     {"lockstep", no_argument, NULL, LOCKSTEP},       {"help", no_argument, NULL, HELP},
+    {"trace", required_argument, NULL, TRACE},       {"set", required_argument, NULL, SET},
+    {"nodes", required_argument, NULL, NODES},       {"bitrate", required_argument, NULL, BITRATE},
     {"version", no_argument, NULL, VERSION},         {NULL, 0, NULL, 0},
 };
 
@@ -73,23 +81,33 @@ static int take_seconds(options_t *options, const char *text)
     return 0;
 }
 
-static int take_integer(const char *name, const char *text, uint64_t limit, uint64_t *to)
+static int take_integer(const char *name, const char *text, uint64_t low, uint64_t high, uint64_t *to)
 {
     char *end;
     errno = 0;
     *to = strtoull(text, &end, 10);
-    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to > limit) {
-        return complain("--%s %s: not an integer from 0 to %llu", name, text, (unsigned long long)limit);
+    if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to < low || *to > high) {
+        return complain("--%s %s: not an integer from %llu to %llu", name, text, (unsigned long long)low,
+                        (unsigned long long)high);
     }
     return 0;
 }
 
-static int take_wait(options_t *options, const char *text)
+static int take_small(const char *name, const char *text, uint32_t low, uint32_t high, uint32_t *to)
 {
-    uint64_t clients;
-    int result = take_integer("wait-clients", text, 16, &clients);
-    options->wait_clients = (uint32_t)clients;
+    uint64_t value = 0;
+    int result = take_integer(name, text, low, high, &value);
+    *to = (uint32_t)value;
     return result;
+}
+
+static int take_set(options_t *options, const char *text)
+{
+    if (options->set_count == OPTIONS_SETS) {
+        return complain("--set %s: more than %d of them", text, OPTIONS_SETS);
+    }
+    options->sets[options->set_count++] = text;
+    return 0;
 }
 
 static int take_flag(options_t *options, int which)
@@ -123,9 +141,15 @@ static int take_value(options_t *options, int which, const char *value)
     case SECONDS:
         return take_seconds(options, value);
     case SEED:
-        return take_integer("seed", value, UINT64_MAX, &options->seed);
+        return take_integer("seed", value, 0, UINT64_MAX, &options->seed);
     case WAIT:
-        return take_wait(options, value);
+        return take_small("wait-clients", value, 0, 16, &options->wait_clients);
+    case NODES:
+        return take_small("nodes", value, 1, 16, &options->nodes);
+    case BITRATE:
+        return take_small("bitrate", value, 10000, 1000000, &options->bitrate);
+    case SET:
+        return take_set(options, value);
     default:
         return take_flag(options, which);
     }
@@ -147,6 +171,8 @@ static const char **text_of(options_t *options, int which)
         return &options->data;
     case LOG_FILE:
         return &options->log_file;
+    case TRACE:
+        return &options->trace;
     default:
         return NULL;
     }
@@ -181,9 +207,12 @@ static int check(const options_t *options)
     if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
         return complain("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
     }
-    if (options->is_virtual && strcmp(options->bus, "loopback") != 0 && !serves(options)) {
-        return complain("--virtual needs a bus that this process keeps, loopback or socketcand:PORT, not %s",
-                        options->bus);
+    if (options->is_virtual && options->lockstep) {
+        return complain("--lockstep is for real time; --virtual always waits for its answers");
+    }
+    if (options->is_virtual && strncmp(options->bus, "socketcand:", 11) == 0 && !serves(options)) {
+        return complain("--virtual needs a bus whose order this process sees: loopback, socketcan:IF or socketcand:PORT,"
+                        " not %s", options->bus);
     }
     return 0;
 }
@@ -191,7 +220,7 @@ static int check(const options_t *options)
 int options_read(options_t *options, int argc, char **argv)
 {
     int which;
-    *options = (options_t){.bus = "loopback", .run_encoder = true, .run_node = true, .seed = 1};
+    *options = (options_t){.bus = "loopback", .run_encoder = true, .run_node = true, .seed = 1, .nodes = 1};
     opterr = 0;
     while ((which = getopt_long(argc, argv, ":", long_options, NULL)) != -1) {
         int result = take(options, which, argv);

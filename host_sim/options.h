@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#define OPTIONS_SETS 32
+
 typedef struct {
     const char *scene;
     const char *bus;      /* "loopback" when not given */
@@ -13,6 +15,9 @@ typedef struct {
     const char *summary;  /* NULL: none; "-": stdout */
     const char *data;     /* directory for log files of scenes; NULL: that of the scene file */
     const char *log_file; /* instead of the scene's [motion] file; NULL: that one */
+    const char *trace;    /* NULL: none */
+    const char *sets[OPTIONS_SETS]; /* "section.key=value" */
+    int set_count;
     bool run_encoder, run_node;
     bool is_virtual;
     bool until_idle;
@@ -20,6 +25,8 @@ typedef struct {
     double seconds; /* 0: no limit */
     uint64_t seed;
     uint32_t wait_clients;
+    uint32_t nodes;
+    uint32_t bitrate; /* 0: the bus takes no time */
 } options_t;
 
 /* 0: go on. 1: --help or --version was answered. -1: one error line was printed. */

@@ -14,7 +14,7 @@
 #include "complain.h"
 #include "dahl.h"
 
-enum { ANY_KIND = 7, OPTIONAL = 8, MAX_SECTIONS = 5 };
+enum { ANY_KIND = 7, OPTIONAL = 8 };
 
 typedef struct {
     const char *section;
@@ -36,6 +36,10 @@ static const scene_key_t keys[] = {
     {"friction", "theta_per_count", AT(friction.theta_per_count), false, 1e-37, 1e37, ANY_KIND},
     {"friction", "node", AT(friction.node), false, 0, 15, ANY_KIND | OPTIONAL},
     {"friction", "timeout_ms", AT(friction.timeout_ms), false, 1, 60000, ANY_KIND | OPTIONAL},
+    {"friction", "gain", AT(friction.gain), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"friction", "limit", AT(friction.limit), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"friction", "ramp_ms", AT(friction.ramp_ms), false, 0, 60000, ANY_KIND | OPTIONAL},
+    {"friction", "max_step", AT(friction.max_step), false, 1, COUNTS, ANY_KIND | OPTIONAL},
     {"motion", "kind", AT(motion.kind_name), true, 0, 0, ANY_KIND},
     {"motion", "start_count", AT(motion.start_count), false, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
     {"motion", "theta1", AT(motion.theta1), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
@@ -52,12 +56,39 @@ static const scene_key_t keys[] = {
     {"motion", "angle", AT(motion.angle), true, 0, 0, MOTION_LOG},
     {"motion", "time", AT(motion.time), true, 0, 0, MOTION_LOG | OPTIONAL},
     {"motion", "counts_per_unit", AT(motion.counts_per_unit), false, -1e15, 1e15, MOTION_LOG},
+    {"rotor", "inertia", AT(rotor.inertia), false, TINY, 1e6, ANY_KIND},
+    {"rotor", "viscous", AT(rotor.viscous), false, 0, 1e6, ANY_KIND | OPTIONAL},
+    {"rotor", "sigma0", AT(rotor.sigma0), false, TINY, 1e12, ANY_KIND},
+    {"rotor", "Fc", AT(rotor.Fc), false, TINY, 1e12, ANY_KIND},
+    {"motor", "bias", AT(motor.bias), false, -1e12, 1e12, ANY_KIND | OPTIONAL},
+    {"motor", "amplitude", AT(motor.amplitude), false, 0, 1e12, ANY_KIND | OPTIONAL},
+    {"motor", "frequency", AT(motor.frequency), false, 0, 100, ANY_KIND | OPTIONAL},
+    {"motor", "seconds", AT(motor.seconds), false, 0.001, 1e9, ANY_KIND},
+    {"control", "kp", AT(control.kp), false, 0, 1e12, ANY_KIND},
+    {"control", "kd", AT(control.kd), false, 0, 1e12, ANY_KIND},
+    {"control", "torque_limit", AT(control.torque_limit), false, 0, 1e12, ANY_KIND},
+    {"faults", "drop", AT(faults[FAULT_DROP]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "duplicate", AT(faults[FAULT_DUPLICATE]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "reorder", AT(faults[FAULT_REORDER]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "delay", AT(faults[FAULT_DELAY]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "corrupt", AT(faults[FAULT_CORRUPT]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "length", AT(faults[FAULT_LENGTH]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "id", AT(faults[FAULT_ID]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "extended", AT(faults[FAULT_EXTENDED]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "invalid", AT(faults[FAULT_INVALID]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "glitch", AT(faults[FAULT_GLITCH]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "babble", AT(faults[FAULT_BABBLE]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "restart", AT(faults[FAULT_RESTART]), false, 0, 1, ANY_KIND | OPTIONAL},
     {"status", "period_ms", AT(status_period_ms), false, 1, 60000, ANY_KIND},
 };
 
 enum { KEYS = sizeof keys / sizeof keys[0] };
 
-static const char *const sections[MAX_SECTIONS] = {"scene", "friction", "motion", "status", "measured"};
+static const char *const sections[] = {"scene", "friction", "motion", "rotor", "motor", "control", "faults", "status",
+                                       "measured"};
+
+enum { MAX_SECTIONS = sizeof sections / sizeof sections[0] };
 
 typedef struct {
     scene_t *scene;
@@ -270,12 +301,79 @@ static bool check_travel(const reader_t *r)
     return true;
 }
 
+static bool has(const reader_t *r, const char *section)
+{
+    return r->section_line[find_section(section)] != 0;
+}
+
+static bool needs(const reader_t *r, const char *section, const char *other)
+{
+    if (has(r, section) && !has(r, other)) {
+        complain("%s:%d: [%s] needs [%s]", r->path, r->section_line[find_section(section)], section, other);
+        return false;
+    }
+    return true;
+}
+
+static bool check_rotor(const reader_t *r)
+{
+    if (has(r, "rotor") && has(r, "motor") == has(r, "control")) {
+        complain("%s:%d: [rotor] needs one of [motor] and [control]", r->path, r->section_line[find_section("rotor")]);
+        return false;
+    }
+    if (has(r, "motor") && has(r, "motion")) {
+        complain("%s:%d: [motor] moves the shaft, so [motion] has no meaning", r->path,
+                 r->section_line[find_section("motion")]);
+        return false;
+    }
+    return needs(r, "rotor", "friction") && needs(r, "motor", "rotor") && needs(r, "control", "rotor") &&
+           needs(r, "control", "motion");
+}
+
+static bool check_faults(const reader_t *r)
+{
+    double sum = 0;
+    for (int i = 0; i < FAULT_KINDS; i++) {
+        sum += r->scene->faults[i];
+    }
+    if (sum > 1) {
+        complain("%s:%d: [faults] rates add up to %.9g: above 1", r->path, r->section_line[find_section("faults")], sum);
+        return false;
+    }
+    if (has(r, "faults") && !(r->scene->friction.max_step > 0)) {
+        complain("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch", r->path,
+                 r->section_line[find_section("faults")]);
+        return false;
+    }
+    return true;
+}
+
+static void note_sections(const reader_t *r)
+{
+    scene_t *scene = r->scene;
+    scene->has_friction = has(r, "friction");
+    scene->has_motion = has(r, "motion");
+    scene->has_status = has(r, "status");
+    scene->has_rotor = has(r, "rotor");
+    scene->has_motor = has(r, "motor");
+    scene->has_control = has(r, "control");
+    scene->has_faults = has(r, "faults");
+}
+
+static bool check_keys(const reader_t *r)
+{
+    for (int i = 0; i < KEYS; i++) {
+        if (!check_key(r, i)) {
+            return false;
+        }
+    }
+    return true;
+}
+
 static bool check(reader_t *r)
 {
     scene_t *scene = r->scene;
-    scene->has_friction = r->section_line[find_section("friction")] != 0;
-    scene->has_motion = r->section_line[find_section("motion")] != 0;
-    scene->has_status = r->section_line[find_section("status")] != 0;
+    note_sections(r);
     if (!scene->has_friction && !scene->has_motion) {
         complain("%s: names neither [friction] nor [motion]: nothing to run", r->path);
         return false;
@@ -283,24 +381,51 @@ static bool check(reader_t *r)
     if (scene->has_motion && !take_kind(r)) {
         return false;
     }
-    for (int i = 0; i < KEYS; i++) {
-        if (!check_key(r, i)) {
-            return false;
-        }
-    }
-    return !scene->has_friction || check_travel(r);
+    return check_keys(r) && check_rotor(r) && check_faults(r) && (!scene->has_friction || check_travel(r));
 }
 
-bool scene_read(scene_t *scene, const char *path)
+/* "section.key=value", as if it stood in the file instead of what does. */
+static bool set(reader_t *r, const char *text)
+{
+    char section[SCENE_TEXT];
+    char name[SCENE_TEXT];
+    int used = 0;
+    if (sscanf(text, "%31[a-z].%31[A-Za-z0-9_]=%n", section, name, &used) != 2 || used == 0) {
+        complain("--set %s: not section.key=value", text);
+        return false;
+    }
+    int i = find_key(section, name);
+    if (i >= 0) {
+        r->key_line[i] = 0;
+    }
+    if (find_section(section) >= 0 && !has(r, section)) {
+        r->section_line[find_section(section)] = r->line;
+    }
+    return on_key(r, section, name, text + used) == 1;
+}
+
+static bool apply(reader_t *r, const char *const *sets, int count)
+{
+    const char *path = r->path;
+    bool good = true;
+    r->path = "--set";
+    for (r->line = 1; good && r->line <= count; r->line++) {
+        good = set(r, sets[r->line - 1]);
+    }
+    r->path = path;
+    return good;
+}
+
+bool scene_read(scene_t *scene, const char *path, const char *const *sets, int count)
 {
     reader_t reader = {.scene = scene, .path = path};
-    *scene = (scene_t){0};
+    *scene = (scene_t){.friction = {.gain = 1, .limit = 1}};
     reader.file = fopen(path, "r");
     if (reader.file == NULL) {
         complain("%s: %s", path, strerror(errno));
         return false;
     }
-    bool good = parse(&reader) && check(&reader);
+    bool good = parse(&reader) && apply(&reader, sets, count) && check(&reader);
     fclose(reader.file);
     return good;
 }

@@ -5,11 +5,16 @@
  *
  *   [scene]    title
  *   [friction] the node: sigma0 [N m/rad], Fc [N m], theta_per_count [rad/count], node (0..15),
- *              timeout_ms (default 1000: a desk computer may stall; NODE_TIMEOUT_US of firmware is shorter)
+ *              timeout_ms (default 1000: a desk computer may stall; NODE_TIMEOUT_US of firmware is shorter),
+ *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in node.h
  *   [motion]   the encoder: kind = segments | steering | log, start_count, and
  *              segments: theta1 theta2 theta3 [counts], speed [counts/s], hold_s
  *              steering: amplitude [counts], sweep_s, hold_s, tremor [counts], tremor_s, seconds
  *              log:      file, angle (column), time (column), counts_per_unit
+ *   [rotor]    a shaft that reacts: inertia [kg m^2], viscous [N m s/rad], its true sigma0 and Fc; driven by one of
+ *   [motor]    a torque over time: bias, amplitude [N m], frequency [Hz], seconds
+ *   [control]  that follows [motion] with the node's help: kp [N m/rad], kd [N m s/rad], torque_limit [N m]
+ *   [faults]   what happens to the encoder's frames, as parts of all of them: drop, duplicate, ... (faults.h)
  *   [status]   Status frames of the node: period_ms
  *   [measured] for the plots only; nothing in it is looked at here
  */
@@ -19,13 +24,28 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "faults.h"
+
 #define SCENE_TEXT 160u
 
 typedef enum { MOTION_SEGMENTS = 1, MOTION_STEERING = 2, MOTION_LOG = 4 } motion_kind_t;
 
 typedef struct {
     double sigma0, Fc, theta_per_count, node, timeout_ms;
+    double gain, limit, ramp_ms, max_step;
 } scene_friction_t;
+
+typedef struct {
+    double inertia, viscous, sigma0, Fc;
+} scene_rotor_t;
+
+typedef struct {
+    double bias, amplitude, frequency, seconds;
+} scene_motor_t;
+
+typedef struct {
+    double kp, kd, torque_limit;
+} scene_control_t;
 
 typedef struct {
     motion_kind_t kind;
@@ -39,14 +59,19 @@ typedef struct {
 } scene_motion_t;
 
 typedef struct {
-    bool has_friction, has_motion, has_status;
+    bool has_friction, has_motion, has_status, has_rotor, has_motor, has_control, has_faults;
     char title[SCENE_TEXT];
     scene_friction_t friction;
     scene_motion_t motion;
+    scene_rotor_t rotor;
+    scene_motor_t motor;
+    scene_control_t control;
+    double faults[FAULT_KINDS]; /* rates */
     double status_period_ms;
 } scene_t;
 
-/* False: one error line was printed, naming file, line and key. */
-bool scene_read(scene_t *scene, const char *path);
+/* sets: count texts "section.key=value" that stand above the file. False: one error line was printed, naming file, line
+ * and key. */
+bool scene_read(scene_t *scene, const char *path, const char *const *sets, int count);
 
 #endif

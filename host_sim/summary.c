@@ -4,6 +4,7 @@
 
 #include <cjson/cJSON.h>
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -25,6 +26,18 @@ static void add_histogram(cJSON *to, const char *name, const histogram_t *histog
     add(object, "max", (double)histogram->max / 1000.0);
 }
 
+/* Pairs of upper edge in us and count, for bins that are not empty. */
+static void add_bins(cJSON *to, const char *name, const histogram_t *histogram)
+{
+    cJSON *list = cJSON_AddArrayToObject(to, name);
+    for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
+        if (histogram->bins[bin] > 0) {
+            const double pair[2] = {(double)histogram_edge(bin) / 1000.0, (double)histogram->bins[bin]};
+            cJSON_AddItemToArray(list, cJSON_CreateDoubleArray(pair, 2));
+        }
+    }
+}
+
 static void add_run(cJSON *to, const options_t *options, const scene_t *scene, const loop_t *loop)
 {
     cJSON_AddStringToObject(to, "bus", options->bus);
@@ -35,35 +48,119 @@ static void add_run(cJSON *to, const options_t *options, const scene_t *scene, c
     add_count(to, "ticks", loop->ticks);
 }
 
-static void add_encoder(cJSON *to, const loop_t *loop)
+typedef struct {
+    uint64_t sent, answered, unmatched, corrupt, late;
+    histogram_t latency, jitter;
+} encoders_t;
+
+static void add_up(encoders_t *all, const loop_t *loop)
 {
-    const encoder_t *encoder = loop->encoder;
-    add_count(to, "frames_sent", encoder->sent);
-    add_count(to, "frames_answered", encoder->answered);
-    add_count(to, "frames_lost", encoder->sent - encoder->answered);
-    add_count(to, "answers_unmatched", encoder->unmatched);
-    add_count(to, "answers_corrupt", encoder->corrupt);
-    add_histogram(to, "latency_us", &encoder->latency);
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        const encoder_t *encoder = &loop->encoders[i];
+        all->sent += encoder->sent;
+        all->answered += encoder->answered;
+        all->unmatched += encoder->unmatched;
+        all->corrupt += encoder->corrupt;
+        all->late += encoder->late;
+        histogram_merge(&all->latency, &encoder->latency);
+        histogram_merge(&all->jitter, &encoder->jitter);
+    }
 }
 
-static void add_node(cJSON *to, const node_counts_t *counts)
+static void add_encoders(cJSON *to, const loop_t *loop)
+{
+    static encoders_t all; /* large */
+    all = (encoders_t){0};
+    add_up(&all, loop);
+    add_count(to, "frames_sent", all.sent);
+    add_count(to, "frames_answered", all.answered);
+    add_count(to, "frames_lost", all.sent - all.answered);
+    add_count(to, "answers_unmatched", all.unmatched);
+    add_count(to, "answers_corrupt", all.corrupt);
+    add_count(to, "deadline_misses", all.late);
+    add_histogram(to, "latency_us", &all.latency);
+    add_histogram(to, "jitter_us", &all.jitter);
+    add_bins(to, "latency_histogram", &all.latency);
+}
+
+/* Names of node_counts_t, in its order. */
+static const char *const count_names[] = {"ok",    "repeated", "lost",  "wrong_sequence", "crc",    "format", "invalid",
+                                          "jump",  "stale",    "rearm", "ignored",        "params", "resets"};
+
+enum { COUNTS = sizeof count_names / sizeof count_names[0] };
+
+typedef char counts_are_named[sizeof(node_counts_t) == COUNTS * sizeof(uint32_t) ? 1 : -1];
+
+static uint32_t count_of(const node_counts_t *counts, size_t i)
+{
+    uint32_t values[COUNTS];
+    memcpy(values, counts, sizeof values);
+    return values[i];
+}
+
+static void add_nodes(cJSON *to, const loop_t *loop)
 {
     cJSON *node = cJSON_AddObjectToObject(to, "node");
-    add_count(node, "ok", counts->ok);
-    add_count(node, "repeated", counts->repeated);
-    add_count(node, "lost", counts->lost);
-    add_count(node, "wrong_sequence", counts->wrong_sequence);
-    add_count(node, "crc", counts->crc);
-    add_count(node, "format", counts->format);
-    add_count(node, "invalid", counts->invalid);
-    add_count(node, "stale", counts->stale);
-    add_count(node, "ignored", counts->ignored);
+    add_count(to, "nodes", loop->node_count);
+    for (size_t i = 0; i < COUNTS; i++) {
+        uint64_t sum = 0;
+        for (uint32_t n = 0; n < loop->node_count; n++) {
+            sum += count_of(&loop->nodes[n].counts, i);
+        }
+        add_count(node, count_names[i], sum);
+    }
+}
+
+static void add_injected(cJSON *to, const loop_t *loop)
+{
+    cJSON *injected = cJSON_AddObjectToObject(to, "injected");
+    for (size_t fault = 0; fault < FAULT_KINDS; fault++) {
+        uint64_t sum = 0;
+        for (uint32_t i = 0; i < loop->encoder_count; i++) {
+            sum += loop->encoders[i].faults->injected[fault];
+        }
+        add_count(injected, fault_names[fault], sum);
+    }
+}
+
+/* What nodes have to have counted, after these faults. */
+static void add_faults(cJSON *to, const loop_t *loop)
+{
+    cJSON *faults = cJSON_AddObjectToObject(to, "faults");
+    add_injected(faults, loop);
+    cJSON *expected = cJSON_AddObjectToObject(faults, "expected");
+    for (size_t i = 0; i < COUNTS; i++) {
+        uint64_t sum = 0;
+        for (uint32_t n = 0; n < loop->encoder_count; n++) {
+            sum += count_of(&loop->encoders[n].faults->expected, i);
+        }
+        add_count(expected, count_names[i], sum);
+    }
+}
+
+static void add_plant(cJSON *to, const plant_t *plant)
+{
+    cJSON *control = cJSON_AddObjectToObject(to, "control");
+    double ticks = (double)(plant->ticks > 0 ? plant->ticks : 1);
+    add(control, "rms_error_rad", sqrt(plant->sum_square / ticks));
+    add(control, "max_error_rad", plant->max_error);
+    add_count(control, "torque_alternations", plant->alternations);
+    add_count(control, "reference_reversals", plant->reversals);
+}
+
+static void add_load(cJSON *to, const loop_t *loop)
+{
+    double seconds = (double)(loop->ticks > 0 ? loop->ticks : 1) / 1000.0;
+    add_count(to, "bitrate", loop->bitrate);
+    add(to, "bus_load", (double)loop->bits / loop->bitrate / seconds);
+    add(to, "bus_load_peak", loop->peak_load);
 }
 
 static void add_bus(cJSON *to, const loop_t *loop)
 {
     cJSON *bus = cJSON_AddObjectToObject(to, "bus_counts");
     add_count(bus, "send_failed", loop->send_failed);
+    add_count(bus, "error_frames", loop->error_frames);
     add_count(bus, "dropped", loop->bus->counts.dropped);
     add_count(bus, "garbage", loop->bus->counts.garbage);
     add_count(bus, "retries", loop->bus->counts.retries);
@@ -94,15 +191,24 @@ static void add_cost(cJSON *to, const loop_t *loop)
     add(to, "max_rss_kib", peak_memory_kib());
 }
 
-static cJSON *collect(const options_t *options, const scene_t *scene, const loop_t *loop)
+static cJSON *collect(const options_t *options, const scene_t *scene, const loop_t *loop, const plant_t *plant)
 {
     cJSON *root = cJSON_CreateObject();
     add_run(root, options, scene, loop);
-    if (loop->encoder != NULL) {
-        add_encoder(root, loop);
+    if (loop->encoder_count > 0) {
+        add_encoders(root, loop);
     }
-    if (loop->node != NULL) {
-        add_node(root, &loop->node->counts);
+    if (loop->node_count > 0) {
+        add_nodes(root, loop);
+    }
+    if (loop->encoder_count > 0 && loop->encoders[0].faults != NULL) {
+        add_faults(root, loop);
+    }
+    if (plant != NULL) {
+        add_plant(root, plant);
+    }
+    if (loop->bitrate > 0) {
+        add_load(root, loop);
     }
     if (!options->is_virtual) {
         add_histogram(root, "beat_late_us", &loop->late);
@@ -118,13 +224,14 @@ static bool print_to(FILE *file, const char *text)
     return (file == stdout ? fflush(file) == 0 : fclose(file) == 0) && good;
 }
 
-bool summary_write(const char *path, const options_t *options, const scene_t *scene, const loop_t *loop)
+bool summary_write(const char *path, const options_t *options, const scene_t *scene, const loop_t *loop,
+                   const plant_t *plant)
 {
     FILE *file = strcmp(path, "-") == 0 ? stdout : fopen(path, "w");
     if (file == NULL) {
         return false;
     }
-    cJSON *root = collect(options, scene, loop);
+    cJSON *root = collect(options, scene, loop, plant);
     char *text = cJSON_Print(root);
     errno = ENOMEM;
     bool good = text != NULL && print_to(file, text);

@@ -7,9 +7,11 @@
 
 #include "loop.h"
 #include "options.h"
+#include "plant.h"
 #include "scene.h"
 
-/* Write to a file, or "-" for stdout. False: errno says why. */
-bool summary_write(const char *path, const options_t *options, const scene_t *scene, const loop_t *loop);
+/* Write to a file, or "-" for stdout. plant: NULL where nothing was controlled. False: errno says why. */
+bool summary_write(const char *path, const options_t *options, const scene_t *scene, const loop_t *loop,
+                   const plant_t *plant);
 
 #endif

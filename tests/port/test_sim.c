@@ -181,18 +181,16 @@ static void test_what_came_before_the_end_is_answered_and_logged(void)
     candump_t log = {.file = tmpfile(), .bus_name = "vcan0"};
     sim_clock_t clock;
     loopback_t bus;
-    dahl_plan_t plan;
     node_t node;
     can_frame_t angle;
     char text[256] = "";
-    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &(dahl_params_t){50.0f, 0.5f, 1e-4f}));
     sim_clock_start(&clock, false);
     loopback_open(&bus, sim_clock_seam(&clock));
-    node_init(&node, &plan, 0);
+    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &(dahl_params_t){50.0f, 0.5f, 1e-4f}, 0));
     frames_pack_encoder(&angle, 0, &(encoder_state_t){.count = 7, .valid = true});
     TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&bus.bus, &angle));
     static loop_t loop;
-    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .node = &node, .log = &log, .stop = &stop, .max_ticks = 9};
+    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .nodes = &node, .node_count = 1, .log = &log, .stop = &stop, .max_ticks = 9};
     loop_run(&loop);
     rewind(log.file);
     TEST_ASSERT_TRUE(fread(text, 1, sizeof text - 1, log.file) > 0);
@@ -212,7 +210,7 @@ static void write_summary(const loop_t *loop)
     int fd = mkstemp(path);
     TEST_ASSERT_TRUE(fd >= 0);
     memset(summary, 0, sizeof summary);
-    TEST_ASSERT_TRUE(summary_write(path, &options, &scene, loop));
+    TEST_ASSERT_TRUE(summary_write(path, &options, &scene, loop, NULL));
     TEST_ASSERT_TRUE(read(fd, summary, sizeof summary - 1) > 0);
     close(fd);
     unlink(path);
@@ -239,7 +237,7 @@ static void test_the_summary_says_what_was_counted(void)
         answer(i, FRAMES_OK, i * UINT64_C(1000000) + (i + 1) * UINT64_C(1000));
     }
     send(1);
-    loop = (loop_t){.bus = &bus.bus, .encoder = &encoder, .ticks = 100, .wall_ns = 50000000};
+    loop = (loop_t){.bus = &bus.bus, .encoders = &encoder, .encoder_count = 1, .ticks = 100, .wall_ns = 50000000};
     write_summary(&loop);
     TEST_ASSERT_EQUAL_DOUBLE(100, said("frames_sent"));
     TEST_ASSERT_EQUAL_DOUBLE(99, said("frames_answered"));

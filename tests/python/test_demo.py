@@ -305,7 +305,7 @@ def test_bad_arguments_are_one_line(own_log, run_dahl, tmp_path, change, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--scene", "none"], "no scene 'none' (shipped: cycloidal, segments"),
+        (["--scene", "none"], "no scene 'none' (shipped: creep, cycloidal"),
         (["--angle", "x"], "go with a LOG of your own"),
         (["none.csv", *OWN], "none.csv: no such file"),
     ],

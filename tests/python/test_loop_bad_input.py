@@ -44,6 +44,9 @@ def test_the_good_scene_is_good(tmp_path):
     assert result.summary["frames_answered"] == 3
 
 
+ROTOR = "[rotor]\ninertia = 0.1\nviscous = 0\nsigma0 = 50\nFc = 0.5\n"
+MOTOR = "[motor]\nseconds = 1\n"
+CONTROL = "[control]\nkp = 1\nkd = 1\ntorque_limit = 1\n"
 SCENE_ERRORS = [
     (
         with_("friction", "[friction]\nFc = 0.5\ntheta_per_count = 1e-4"),
@@ -109,6 +112,22 @@ SCENE_ERRORS = [
     ),
     (with_("motion", GOOD["motion"] + "\nfile ="), ":13: [motion] file given twice"),
     (with_("status", "[status]\nperiod_ms = 0"), ":14: [status] period_ms = 0: outside"),
+    (with_("status", "[faults]\ndrop = 0.5"), ":13: [faults] needs [friction] max_step"),
+    (with_("status", "[faults]\ndrop = 1.5"), ":14: [faults] drop = 1.5: outside 0 to 1"),
+    (with_("status", "[faults]\ndrop = 10 %"), ":14: [faults] drop = 10 %: not a finite number"),
+    (with_("status", "[faults]\nloss = 0.1"), ':14: unknown key "loss" in [faults]'),
+    (
+        with_("status", "[faults]\ndrop = 0.6\nid = 0.6"),
+        ":13: [faults] rates add up to 1.2: above 1",
+    ),
+    (with_("status", ROTOR), ":13: [rotor] needs one of [motor] and [control]"),
+    (with_("status", ROTOR + MOTOR), ":7: [motor] moves the shaft, so [motion] has no meaning"),
+    (with_("status", MOTOR), ":7: [motor] moves the shaft"),
+    (with_("status", ROTOR + MOTOR + CONTROL), ":13: [rotor] needs one of [motor] and [control]"),
+    (with_("status", CONTROL), ":13: [control] needs [rotor]"),
+    (with_("motion", ROTOR + CONTROL), ":12: [control] needs [motion]"),
+    (with_("status", "[rotor]\ninertia = 0"), ":14: [rotor] inertia = 0: outside"),
+    (with_("status", "[rotor]\ninertia = 1"), ':13: [rotor] has no key "sigma0"'),
     ("[scene]\ntitle = empty", "names neither [friction] nor [motion]"),
     ("", "names neither [friction] nor [motion]"),
     ("sigma0 = 1\n[friction]", ':1: unknown key "sigma0" in []'),
@@ -175,6 +194,7 @@ def test_a_scene_that_is_not_there(tmp_path):
 
 
 STEERING = ["--scene", str(SCENES / "steering.ini")]
+CREEP = ["--scene", str(SCENES / "creep.ini")]
 OPTION_ERRORS = [
     ([], "no --scene FILE"),
     ([*STEERING, "--frobnicate"], "unknown option --frobnicate"),
@@ -194,9 +214,22 @@ OPTION_ERRORS = [
     ),
     ([*STEERING, "--wait-clients", "1"], "need --bus socketcand:PORT, not loopback"),
     (
-        [*STEERING, "--virtual", "--bus", "socketcan:vcan0"],
-        "--virtual needs a bus that this process keeps",
+        [*STEERING, "--virtual", "--bus", "socketcand:127.0.0.1:5"],
+        "--virtual needs a bus whose order this process sees",
     ),
+    ([*STEERING, "--virtual", "--lockstep"], "--lockstep is for real time"),
+    ([*STEERING, "--nodes", "17"], "--nodes 17: not an integer from 1 to 16"),
+    ([*STEERING, "--nodes", "2", "--set", "friction.node=15"], "numbers would pass 15"),
+    ([*STEERING, "--bitrate", "9999"], "--bitrate 9999: not an integer from 10000 to 1000000"),
+    ([*STEERING, "--trace", "x.csv"], "has no [rotor] to trace"),
+    ([*STEERING, "--set", "friction"], "--set friction: not section.key=value"),
+    ([*STEERING, "--set", "friction.gain=2"], "--set:1: [friction] gain = 2: outside 0 to 1"),
+    ([*STEERING, "--set", "friction.gian=1"], '--set:1: unknown key "gian" in [friction]'),
+    (
+        [*STEERING, "--set", "friction.gain=1", "--set", "bonus.x=1"],
+        '--set:2: unknown key "x" in [bonus]',
+    ),
+    ([*CREEP, "--nodes", "2"], "a scene with a [rotor] has one"),
     ([*STEERING, "--virtual", "--role", "node"], "--virtual without an encoder never ends"),
 ]
 

@@ -42,7 +42,7 @@ def check_whole(result, seconds: float) -> None:
     assert summary["frames_sent"] == summary["ticks"] == seconds * RATE
     assert summary["frames_lost"] == 0
     assert summary["node"]["ok"] == summary["frames_sent"]
-    assert summary["bus_counts"] == {"send_failed": 0, "dropped": 0, "garbage": 0, "retries": 0}
+    assert set(summary["bus_counts"].values()) == {0}
     assert summary["max_rss_kib"] < 16 * 1024
     assert summary["realtime_factor"] > 0.9
 

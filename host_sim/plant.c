@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: MIT */
+/* plant: see plant.h. */
+#include "plant.h"
+
+#include <math.h>
+
+#include "complain.h"
+
+enum { FRESH_TICKS = 3 };
+
+static const double TICK_S = 0.001;
+static const double RATE_FILTER = 0.2; /* about 35 Hz: a step of one count is no jerk */
+static const double TURN = 6.283185307179586;
+
+static double clamp(double value, double limit)
+{
+    return fmax(-limit, fmin(limit, value));
+}
+
+static int sign_of(double value)
+{
+    return (value > 0) - (value < 0);
+}
+
+static double theta_per_count(const plant_t *p)
+{
+    return (double)(float)p->scene->friction.theta_per_count;
+}
+
+static int64_t measured(const plant_t *p)
+{
+    return llround(p->rotor.theta / theta_per_count(p));
+}
+
+/* The torque that the node last answered, N m. */
+static double answered(const plant_t *p)
+{
+    const encoder_t *e = p->encoder;
+    bool fresh = e->torque_of > 0 && e->sent - e->torque_of < FRESH_TICKS;
+    return fresh ? ldexp(e->torque_q30, -30) * (double)(float)p->scene->friction.Fc : 0;
+}
+
+static double control(plant_t *p)
+{
+    const scene_control_t *c = &p->scene->control;
+    double error = (double)(p->place - measured(p));
+    p->rate += RATE_FILTER * (error - p->last_error - p->rate);
+    p->last_error = error;
+    p->compensation = answered(p);
+    double feedback = theta_per_count(p) * (c->kp * error + c->kd * p->rate / TICK_S);
+    return clamp(feedback + p->compensation, c->torque_limit);
+}
+
+static double drive(const plant_t *p)
+{
+    const scene_motor_t *m = &p->scene->motor;
+    return m->bias + m->amplitude * sin(TURN * m->frequency * TICK_S * (double)p->ticks);
+}
+
+static void look_at_reference(plant_t *p, int64_t place)
+{
+    int direction = (place > p->place) - (place < p->place);
+    if (direction != 0) {
+        p->reversals += direction == -p->direction ? 1u : 0u;
+        p->direction = direction;
+    }
+    p->place = place;
+}
+
+static void look_at_error(plant_t *p)
+{
+    double error = (double)p->place * theta_per_count(p) - p->rotor.theta;
+    p->sum_square += error * error;
+    p->max_error = fmax(p->max_error, fabs(error));
+}
+
+static void write_row(const plant_t *p, double angle, double omega)
+{
+    if (p->trace != NULL) {
+        fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", (double)p->ticks * TICK_S,
+                (double)p->place * theta_per_count(p), angle, omega, p->torque, p->rotor.friction, p->compensation);
+    }
+}
+
+static void advance(plant_t *p, double torque)
+{
+    if (sign_of(torque) == -sign_of(p->torque) && torque != 0) {
+        p->alternations++;
+    }
+    p->torque = torque != 0 ? torque : p->torque;
+    write_row(p, p->rotor.theta, p->rotor.omega);
+    rotor_advance(&p->rotor, torque);
+    p->ticks++;
+}
+
+static int next_controlled(motion_t *self, int64_t *place)
+{
+    plant_t *p = (plant_t *)(void *)self;
+    int result = p->reference->next(p->reference, place);
+    if (result == 1) {
+        look_at_reference(p, *place);
+        look_at_error(p);
+        advance(p, control(p));
+    }
+    return result;
+}
+
+static int next_driven(motion_t *self, int64_t *place)
+{
+    plant_t *p = (plant_t *)(void *)self;
+    *place = measured(p);
+    p->place = *place;
+    advance(p, drive(p));
+    return (double)p->ticks * TICK_S <= p->scene->motor.seconds ? 1 : 0;
+}
+
+bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const encoder_t *encoder)
+{
+    const scene_rotor_t *r = &scene->rotor;
+    *plant = (plant_t){.scene = scene, .reference = reference, .encoder = encoder};
+    plant->motion = (motion_t){.next = reference != NULL ? next_controlled : next_driven, .scene = &scene->motion};
+    if (rotor_open(&plant->rotor, r->inertia, r->viscous, r->sigma0, r->Fc) != DAHL_OK) {
+        complain("[rotor] sigma0 = %.9g, Fc = %.9g: dahl_prepare refuses", r->sigma0, r->Fc);
+        return false;
+    }
+    return true;
+}
+
+bool plant_trace(plant_t *plant, const char *path)
+{
+    plant->trace = fopen(path, "w");
+    if (plant->trace == NULL) {
+        return false;
+    }
+    fputs("time_s,reference_rad,angle_rad,velocity_rad_s,motor_Nm,friction_Nm,compensation_Nm\n", plant->trace);
+    return true;
+}
+
+bool plant_close(plant_t *plant)
+{
+    if (plant->trace == NULL) {
+        return true;
+    }
+    bool failed = ferror(plant->trace) != 0;
+    return fclose(plant->trace) == 0 && !failed;
+}

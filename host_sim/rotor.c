@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: MIT */
+/* rotor: see rotor.h. */
+#include "rotor.h"
+
+enum { STEPS = 50 };
+
+static const double STEP_S = 0.001 / STEPS;
+
+dahl_err_t rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc)
+{
+    dahl_params_t params = {.sigma0 = (float)sigma0, .Fc = (float)Fc};
+    *rotor = (rotor_t){.inertia = inertia, .viscous = viscous};
+    return dahl_prepare(&rotor->plan, &params);
+}
+
+static void accelerate(rotor_t *rotor, double torque, double seconds)
+{
+    rotor->omega += seconds * (torque - rotor->viscous * rotor->omega - rotor->friction) / rotor->inertia;
+}
+
+static void step(rotor_t *rotor, double torque)
+{
+    accelerate(rotor, torque, STEP_S / 2);
+    float moved = (float)(rotor->omega * STEP_S); /* what the friction is told, and no more, is where the shaft goes */
+    rotor->theta += (double)moved;
+    rotor->friction = (double)dahl_step(&rotor->plan, &rotor->bristle, moved);
+    accelerate(rotor, torque, STEP_S / 2);
+}
+
+void rotor_advance(rotor_t *rotor, double torque)
+{
+    for (int i = 0; i < STEPS; i++) {
+        step(rotor, torque);
+    }
+}

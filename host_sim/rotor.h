@@ -1,0 +1,28 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * rotor: inertia, viscous drag and Dahl friction under a motor torque T that is held over each call:
+ *   J domega/dt = T - b omega - F,    dF/dtheta = sigma0 (1 - F/Fc sgn(omega))
+ * Half steps in speed around an exact step of the friction, which is second order in the 20 us that one takes.
+ */
+#ifndef ROTOR_H
+#define ROTOR_H
+
+#include "dahl.h"
+
+typedef struct {
+    double inertia; /* kg m^2 */
+    double viscous; /* N m s/rad */
+    double theta;   /* rad */
+    double omega;   /* rad/s */
+    double friction; /* N m, with the sign of the motion */
+    dahl_plan_t plan;
+    dahl_state_t bristle;
+} rotor_t;
+
+/* At rest, relaxed. Fails as dahl_prepare does. */
+dahl_err_t rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc);
+
+/* One millisecond under `torque` N m. */
+void rotor_advance(rotor_t *rotor, double torque);
+
+#endif

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: MIT
+"""The closed loop: a rotor against an ODE solver, and what friction compensation is worth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from loop_tools import SCENES, read_log, run, torques_of
+from scipy.integrate import solve_ivp
+
+SIGMA0, FC = 120.0, 1.8
+INERTIA = 0.02
+COLUMNS = ("time", "reference", "angle", "velocity", "motor", "friction", "compensation")
+
+
+def traced(folder: Path, scene: str, *sets: str) -> tuple[dict[str, np.ndarray], dict]:
+    """Columns of --trace, each of shape (ticks,), and the summary."""
+    words = [word for text in sets for word in ("--set", text)]
+    folder.mkdir(exist_ok=True)
+    trace = folder / "trace.csv"
+    result = run(folder, SCENES / f"{scene}.ini", "--virtual", "--trace", str(trace), *words)
+    assert result.code == 0, result.err
+    table = np.loadtxt(trace, delimiter=",", skiprows=1)
+    return dict(zip(COLUMNS, table.T, strict=True)), result.summary
+
+
+def solved(motor: np.ndarray, viscous: float, start: int, state: np.ndarray) -> np.ndarray:
+    """(angle, velocity, friction) at each tick from `start` on, by an ODE solver.
+
+    Each tick is solved by itself, since the motor's torque leaps between two.
+    """
+
+    def slope(_: float, y: np.ndarray, torque: float) -> tuple[float, float, float]:
+        _, omega, friction = y
+        bristle = SIGMA0 * (omega - abs(omega) * friction / FC)
+        return omega, (torque - viscous * omega - friction) / INERTIA, bristle
+
+    states = [state]
+    for torque in motor[start:]:
+        done = solve_ivp(
+            slope, (0, 0.001), states[-1], args=(torque,), method="DOP853", rtol=1e-11, atol=1e-13
+        )
+        states.append(done.y[:, -1])
+    return np.array(states[:-1])
+
+
+@pytest.mark.parametrize(
+    ("scene", "viscous", "ticks", "angle_limit"),
+    [("creep", 0.5, 1500, 3e-6), ("slow-reversal", 0.02, 4000, 1e-5), ("parking", 0.05, 4000, 1e-5)],
+)
+def test_the_rotor_does_what_an_ode_solver_says(tmp_path, scene, viscous, ticks, angle_limit):
+    """With the motor torque that the loop applied, from rest: angle in rad and friction in Fc."""
+    trace, _ = traced(tmp_path, scene)
+    motor = trace["motor"][:ticks]
+    angle, velocity, friction = solved(motor, viscous, 0, np.zeros(3)).T
+    assert np.abs(angle).max() > 100 * angle_limit
+    assert np.abs(trace["angle"][:ticks] - angle).max() < angle_limit
+    assert np.abs(trace["velocity"][:ticks] - velocity).max() < 1e-3
+    assert np.abs(trace["friction"][:ticks] - friction).max() < 1e-3 * FC
+
+
+def test_presliding_creep(tmp_path):
+    """The torque never reaches Fc. A steady one moves the shaft once; a vibration lets it creep."""
+    steady, _ = traced(tmp_path / "a", "creep", "motor.amplitude=0")
+    held = steady["angle"][-1]
+    assert steady["friction"][-1] == pytest.approx(0.9, rel=1e-6)
+    assert steady["angle"][-10000] == pytest.approx(held, abs=1e-7)
+    shaken, _ = traced(tmp_path / "b", "creep")
+    assert np.abs(shaken["motor"]).max() < 0.75 * FC
+    cycles = shaken["angle"][::500]
+    assert (np.diff(cycles)[1:] > 0).all()
+    assert cycles[-1] > 2 * held
+
+
+@pytest.mark.parametrize("scene", ["slow-reversal", "parking"])
+def test_compensation_is_worth_a_factor_of_five(tmp_path, scene):
+    _, without = traced(tmp_path / "a", scene, "friction.gain=0")
+    trace, with_it = traced(tmp_path / "b", scene)
+    assert np.abs(trace["compensation"]).max() <= 0.95 * FC * (1 + 1e-6)
+    ratio = without["control"]["rms_error_rad"] / with_it["control"]["rms_error_rad"]
+    assert ratio >= 5
+
+
+@pytest.mark.parametrize("scene", ["slow-reversal", "parking"])
+def test_no_chatter(tmp_path, scene):
+    """The motor's torque changes its sign once for each reversal of the motion, and no more."""
+    trace, summary = traced(tmp_path, scene)
+    control = summary["control"]
+    assert control["reference_reversals"] >= 2
+    assert control["torque_alternations"] <= control["reference_reversals"]
+    for name in ("motor", "compensation"):
+        signs = np.sign(trace[name])
+        signs = signs[signs != 0]
+        assert np.count_nonzero(np.diff(signs)) <= control["reference_reversals"], name
+    steps = np.sign(np.diff(trace["reference"]))
+    assert np.count_nonzero(np.diff(steps[steps != 0])) == control["reference_reversals"]
+
+
+def test_enabling_the_compensation_is_no_bump(tmp_path):
+    """With a ramp of 200 ms no tick changes it by more than a tick's part of Fc, and the motion."""
+    trace, _ = traced(tmp_path / "a", "slow-reversal")
+    ramp = np.abs(np.diff(trace["compensation"][:200])).max()
+    assert ramp < 0.02 * FC
+    assert trace["compensation"][1000] == pytest.approx(0.9 * FC, rel=1e-3)
+
+
+def test_too_much_compensation_runs_ahead(tmp_path):
+    """A third too much: while it slides the shaft is ahead of its reference, not behind."""
+    behind, _ = traced(tmp_path / "a", "slow-reversal")
+    ahead, summary = traced(tmp_path / "b", "over-compensation")
+    at = slice(1000, 1600)
+    lag = behind["reference"][at] - behind["angle"][at]
+    lead = ahead["angle"][at] - ahead["reference"][at]
+    assert (lag > 0).all()
+    assert (lead > 0).all()
+    assert lead.mean() == pytest.approx((2.4 - FC) / 60, rel=0.1)
+    assert summary["control"]["rms_error_rad"] > 2 * np.sqrt(np.mean(lag**2))
+
+
+def test_the_loop_survives_a_storm(tmp_path):
+    """The same manoeuvre with a tenth of the frames spoiled: the tracking is hardly worse."""
+    storm = [f"faults.{kind}=0.02" for kind in ("drop", "corrupt", "delay", "duplicate", "glitch")]
+    _, calm = traced(tmp_path / "a", "parking")
+    _, rough = traced(tmp_path / "b", "parking", "friction.max_step=100000", *storm)
+    assert rough["node"]["crc"] > 100
+    assert rough["faults"]["expected"]["ok"] == rough["node"]["ok"]
+    assert rough["control"]["rms_error_rad"] < 1.3 * calm["control"]["rms_error_rad"]
+
+
+def test_the_same_in_two_runs_and_only_what_is_named(tmp_path):
+    """Byte for byte; and a scene without a rotor has none."""
+    logs = [run(tmp_path / name, SCENES / "parking.ini", "--virtual") for name in "ab"]
+    assert logs[0].log.read_bytes() == logs[1].log.read_bytes()
+    assert "control" in logs[0].summary
+    plain = run(tmp_path / "c", SCENES / "segments.ini", "--virtual")
+    assert not {"control", "faults", "bus_load"} & plain.summary.keys()
+    assert len(torques_of(read_log(logs[0].log))) == 30000
