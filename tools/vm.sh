@@ -1,0 +1,109 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: MIT
+# Usage: tools/vm.sh FOLDER COMMAND [ARGUMENT...]
+#
+# Runs a command on a Linux kernel that has CAN, in QEMU, for machines whose own kernel has none: there are vcan0 and
+# vcan1, this machine's files read-only, and FOLDER (an absolute path) to write to. Prints what the command prints and
+# ends with its exit code; 77 and a reason where no virtual machine can be had. tools/setup.sh fetches the kernel.
+# Example: tools/vm.sh /tmp/out sh -c 'cangen -n 3 vcan0 & candump -n 3 vcan0 >/tmp/out/log'
+#
+# Environment: DAHL_VM_SECONDS  limit for all of it (default: 240)
+set -euo pipefail
+# shellcheck source=tools/common.sh
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+KERNEL=$BUILD/deps/kernel
+MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw)
+
+absent() { say "no virtual machine here: $*"; exit 77; }
+
+check() {
+    local tool
+    for tool in qemu-system-x86_64 busybox cpio ip modprobe; do
+        command -v "$tool" >/dev/null || [ -x "/usr/sbin/$tool" ] || absent "$tool is not installed"
+    done
+    [ -s "$KERNEL/vmlinuz" ] || absent "no kernel in build/deps/kernel (tools/setup.sh fetches it)"
+}
+
+# The modules above and what they need, in the order of loading.
+module_files() {
+    local name version
+    version=$(ls "$KERNEL/lib/modules")
+    for name in "${MODULES[@]}"; do
+        /usr/sbin/modprobe -d "$KERNEL" -S "$version" --show-depends "$name" | sed -n 's/^insmod \([^ ]*\).*/\1/p'
+    done | awk '!seen[$0]++'
+}
+
+write_init() { # FOLDER: the first program of the machine
+    cat >"$1/init" <<'INIT'
+#!/bin/busybox sh
+b=/bin/busybox
+$b mount -t proc proc /proc
+$b mount -t devtmpfs dev /dev
+for module in $($b cat /modules); do $b insmod "/lib/$module" || echo "vm: $module did not load"; done
+$b mount -t 9p -o trans=virtio,version=9p2000.L,ro,msize=262144,cache=loose root /root || echo "vm: no root"
+for place in proc sys dev tmp run; do $b mount -o bind /$place /root/$place 2>/dev/null; done
+$b mount -t sysfs sys /root/sys
+$b mount -t tmpfs tmp /root/tmp
+work=$($b cat /where)
+$b mkdir -p "/root$work"
+$b mount -t 9p -o trans=virtio,version=9p2000.L,msize=262144 work "/root$work" || echo "vm: no work"
+$b chroot /root /bin/bash "$work/.vm/command" >"/root$work/.vm/output" 2>&1
+echo $? >"/root$work/.vm/code"
+$b sync
+$b poweroff -f
+INIT
+    chmod +x "$1/init"
+}
+
+make_initramfs() { # FOLDER
+    local root=$1/.vm/root file
+    mkdir -p "$root"/{bin,lib,proc,sys,dev,tmp,run,root}
+    cp "$(command -v busybox)" "$root/bin/busybox"
+    echo "$1" >"$root/where"
+    for file in $(module_files); do
+        cp "$file" "$root/lib/"
+        basename "$file"
+    done >"$root/modules"
+    write_init "$root"
+    (cd "$root" && find . | cpio --quiet -o -H newc) >"$1/.vm/initramfs"
+    rm -rf "$root"
+}
+
+write_command() { # FOLDER COMMAND...
+    local folder=$1
+    shift
+    {
+        echo 'export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp'
+        echo 'for bus in vcan0 vcan1; do ip link add dev $bus type vcan && ip link set $bus up; done'
+        printf 'cd %q\n' "$folder"
+        printf '%q ' "$@"
+        echo
+    } >"$folder/.vm/command"
+}
+
+boot() { # FOLDER
+    timeout "${DAHL_VM_SECONDS:-240}" qemu-system-x86_64 -accel tcg -cpu max -m 512 -smp 2 -no-reboot -display none \
+        -monitor none -serial "file:$1/.vm/console" -kernel "$KERNEL/vmlinuz" -initrd "$1/.vm/initramfs" \
+        -append "console=ttyS0 quiet panic=-1 mitigations=off" \
+        -virtfs local,path=/,mount_tag=root,security_model=none,readonly=on,multidevs=remap \
+        -virtfs "local,path=$1,mount_tag=work,security_model=none,multidevs=remap" </dev/null >"$1/.vm/qemu" 2>&1
+}
+
+main() {
+    case "${1:-}" in -h | --help) usage; exit 0 ;; esac
+    [ $# -ge 2 ] && [ "${1:0:1}" = / ] || die "vm.sh wants an absolute folder and a command (see --help)"
+    local folder=$1
+    shift
+    check
+    rm -rf "$folder/.vm"
+    mkdir -p "$folder/.vm"
+    make_initramfs "$folder"
+    write_command "$folder" "$@"
+    boot "$folder" || say "QEMU ended with code $?"
+    cat "$folder/.vm/output" 2>/dev/null || true
+    [ -s "$folder/.vm/code" ] || { tail -n 5 "$folder/.vm/console" "$folder/.vm/qemu" >&2; die "the machine did not run"; }
+    return "$(cat "$folder/.vm/code")"
+}
+
+main "$@"
