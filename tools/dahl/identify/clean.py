@@ -29,7 +29,7 @@ BAND, APART = 0.1, 0.25  # of Fc: half width of a band of torque, distance to th
 FLAT = 2.5  # a band that takes so many times the travel of its neighbours is flat
 CUBICS = (81, 41, 21, 11)  # rows of the local cubics that are tried between counts
 MAX_DELAY = 20  # rows
-DELAY_ROWS = 100_000  # rows that are looked at for it
+DELAY_ROWS = 50_000  # rows that are looked at for it
 MIN_ROWS = 30
 
 
@@ -47,8 +47,9 @@ def refuse(log: Log, trust_units: bool = False) -> None:
 
 def _refuse_clipped(log: Log) -> None:
     """Many rows at the very same extreme, in a torque that elsewhere is noisy."""
-    noise = np.abs(np.diff(log.torque, 2))
-    if np.median(noise) < 1e-4 * np.ptp(log.torque):
+    inside = (log.torque < log.torque.max()) & (log.torque > log.torque.min())
+    noise = np.abs(np.diff(log.torque, 2))[inside[1:-1]]
+    if len(noise) and np.median(noise) < 1e-4 * np.ptp(log.torque):
         return  # without noise a saturated friction is constant too
     for extreme in (log.torque.max(), log.torque.min()):
         there = np.flatnonzero(log.torque == extreme)
@@ -96,7 +97,8 @@ def flickers(log: Log) -> int:
     """How often the angle goes one way and at once the other, beyond its true reversals."""
     moves = log.moves
     back = int(np.count_nonzero(moves[1:] * moves[:-1] < 0))
-    true = len(path.reversals(log.theta, max(3 * log.resolution, 0.02 * float(np.ptp(log.theta)))))
+    steady = median(log, WINDOWS[-1])
+    true = len(path.reversals(steady, max(3 * log.resolution, 0.02 * float(np.ptp(steady)))))
     return max(back - true, 0)
 
 
@@ -200,26 +202,35 @@ def _travel(log: Log, rows: tuple[int, int]) -> float:
     return abs(float(log.theta[rows[1]] - log.theta[max(rows[0] - 1, 0)])) if rows[1] > rows[0] else 0.0
 
 
-def delay_of(columns: list[np.ndarray], torques: list[np.ndarray]) -> tuple[float, float]:
-    """How many rows the torque comes late, and by how much of its cost that helps.
+def delay_of(
+    drawable: list[list[np.ndarray]], torques: list[np.ndarray]
+) -> tuple[float, float, float]:
+    """The cost with the best delay, how many rows that is (the torque comes late where it is above
+    0), and the part of the cost that it saves.
 
-    Each of `columns` is (rows, k): what the model can draw with its linear parameters free.
+    Each entry of `drawable` is for one a: what the model can then draw with its linear parameters
+    free, (rows, k) for each log. The a that is best with a delay is not the best without.
     """
-    shifts = np.arange(-MAX_DELAY, MAX_DELAY + 1)
-    keep = slice(MAX_DELAY, -MAX_DELAY)
-    inside = np.concatenate([part[:DELAY_ROWS][keep] for part in columns])
-    orthogonal = np.linalg.qr(inside)[0]
-    cost = []
-    for shift in shifts:
-        moved = np.concatenate([np.roll(y[:DELAY_ROWS], -shift)[keep] for y in torques])
-        cost.append(float(moved @ moved - np.sum((orthogonal.T @ moved) ** 2)))
-    cost = np.array(cost)
-    best = int(np.argmin(cost))
-    if best in (0, len(cost) - 1):
-        return 0.0, 0.0
-    y = cost[best - 1 : best + 2]
+    costs = np.array([_costs(columns, torques) for columns in drawable]).min(axis=0)
+    best = int(np.argmin(costs))
+    if best in (0, len(costs) - 1):
+        return float(costs[best]), 0.0, 0.0
+    y = costs[best - 1 : best + 2]
     part = (y[0] - y[2]) / (2 * (y[0] - 2 * y[1] + y[2]))
-    return float(shifts[best] + part), float(1 - cost[best] / cost[MAX_DELAY])
+    rows, saved = best - MAX_DELAY + part, 1 - costs[best] / costs[MAX_DELAY]
+    return float(costs[best]), float(rows), float(saved)
+
+
+def _costs(columns: list[np.ndarray], torques: list[np.ndarray]) -> list[float]:
+    """The cost for each shift from -MAX_DELAY to MAX_DELAY rows."""
+    keep = slice(MAX_DELAY, -MAX_DELAY)
+    orthogonal = np.linalg.qr(np.concatenate([part[keep] for part in columns]))[0]
+    costs = []
+    for shift in range(-MAX_DELAY, MAX_DELAY + 1):
+        parts = zip(torques, columns, strict=True)
+        moved = np.concatenate([np.roll(y[: len(x)], -shift)[keep] for y, x in parts])
+        costs.append(float(moved @ moved - np.sum((orthogonal.T @ moved) ** 2)))
+    return costs
 
 
 def shifted(torque: np.ndarray, rows: float) -> np.ndarray:

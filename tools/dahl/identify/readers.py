@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -274,6 +275,8 @@ def frames_of(path: Path) -> Iterator[can.Message]:
             for message in reader:
                 count += 1
                 yield message
+            if getattr(reader, "file_size", 0) > path.stat().st_size:  # BLF says how long it is
+                raise Error("the file is shorter than it says")
     except Exception as error:  # each reader of python-can has its own kinds
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken or cut off after {count} frames ({words})") from None
@@ -360,6 +363,7 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
+        sys.unraisablehook = lambda _: None  # its half-opened files complain again when collected
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
     values = np.interp(angle.timestamps, torque.timestamps, torque.samples)

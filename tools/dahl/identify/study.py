@@ -8,7 +8,7 @@ the end the intervals and the comparison with simpler models are taken from the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,10 +21,12 @@ from dahl.identify.sweep import CORE, Model, Sweep
 
 BLOCKS = 24  # of all logs together; at least 4 each
 LEAST_LOOP, MOST_STEPS = 2.0, 3.0  # a is sought from 2/range (tips at 0.76 Fc) to 3/resolution
-DELAY_PAYS = 0.05  # of the cost
+DELAY_AT = np.geomspace(0.4, 1.3, 9)  # of a: where a delay is tried
+DELAY_PAYS, LEAST_DELAY = 0.05, 0.3  # of the cost; rows
 LOOKED_AT = 100_000  # rows that the first looks are taken at
 BENT = 13  # values of a at which the bilinear element is tried
 NEARBY = np.sinh(np.linspace(-2, 2, 13))  # log of a around a known best
+POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other way round
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
 HIDDEN = 0.2  # of the change by going between the counts that may still be hidden
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
@@ -153,18 +155,34 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
         steadied, hidden = _between_counts(steadied, options)
     study = Study(steadied)
     found, terms = study.search(options.terms)
-    delay = _undelay(study, fit.point(found, terms)) if options.delay and study.timed else 0.0
-    if delay:
-        found, terms = study.search(options.terms)
     slack = _without_backlash(study, fit.point(found, terms))
     if slack:
+        found, terms = study.search(options.terms)
+    delay = _undelay(study, fit.point(found, terms)) if options.delay and study.timed else 0.0
+    if delay:
         found, terms = study.search(options.terms)
     first = fit.point(found, terms)
     if _weigh(study, first):
         found = study.again(first.a, terms)
     estimate = fit.estimate(found, terms, HIDDEN * hidden)
+    _refuse_swapped(logs, found, estimate, options)
     result = _judged(study, found, estimate, delay, slack)
     return replace(result, median=window)
+
+
+def _refuse_swapped(logs: list[Log], found: Sweep, estimate: Estimate, options: Options) -> None:
+    """Raise dahl.Error where the other way round draws a loop that this way does not."""
+    left = estimate.sse / fit.spread_of(found)
+    if left < POOR or options.trust_units:
+        return
+    turned = [replace(log, theta=log.torque, torque=log.theta, resolution=0.0) for log in logs]
+    study = Study([log.head(LOOKED_AT) for log in turned])
+    other, terms = study.search(("offset",))
+    if fit.point(other, terms).sse / fit.spread_of(other) < SWAPPED * left:
+        raise Error(
+            f"{logs[0].name}: angle and torque look swapped: {100 * (1 - left):.0f} % are explained"
+            " this way, much more the other way round (--trust-units says they are not)"
+        )
 
 
 def _positive(logs: list[Log], options: Options) -> list[Log]:
@@ -226,16 +244,17 @@ def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float
 def _undelay(study: Study, estimate: Estimate) -> float:
     """Shift the torque to the angle where that pays; returns the delay in rows.
 
-    A loop that bends otherwise than Dahl's looks late too; so the delay must also help a bilinear
-    element, which bends the other way, and the smaller of both is believed.
+    A loop that bends otherwise than Dahl's looks late too; so a bilinear element, which bends the
+    other way, is asked as well, and the one that fits better is believed.
     """
     torques = [log.torque for log in study.logs]
-    both = [
-        clean.delay_of(_drawable(study, estimate, model), torques)
+    _, delay, saved = min(
+        clean.delay_of(
+            [_drawable(study, a, estimate.terms, model) for a in estimate.a * DELAY_AT], torques
+        )
         for model in (path.dahl, path.bilinear)
-    ]
-    delay = min((rows for rows, _ in both), key=abs)
-    if both[0][0] * both[1][0] <= 0 or abs(delay) < 0.3 or min(g for _, g in both) < DELAY_PAYS:
+    )
+    if abs(delay) < LEAST_DELAY or saved < DELAY_PAYS:
         return 0.0
     for log in study.logs:
         log.torque = clean.shifted(log.torque, delay)
@@ -245,12 +264,14 @@ def _undelay(study: Study, estimate: Estimate) -> float:
     return delay
 
 
-def _drawable(study: Study, estimate: Estimate, model: Model) -> list[np.ndarray]:
+def _drawable(
+    study: Study, a: float, terms: Iterable[str], model: Model
+) -> list[np.ndarray]:
     """The columns that one model draws each torque with, the first DELAY_ROWS rows of each log."""
-    used, columns = [CORE.index(term) for term in estimate.terms], []
+    used, columns = [CORE.index(term) for term in terms], []
     for log in study.logs:
         rows = slice(0, min(clean.DELAY_ROWS, log.rows))
-        drawn = model(log.moves_of(rows), estimate.a)
+        drawn = model(log.moves_of(rows), a)
         columns.append(np.column_stack((drawn, sweep.columns_of(log, rows)[:, used])))
     return columns
 
@@ -258,8 +279,9 @@ def _drawable(study: Study, estimate: Estimate, model: Model) -> list[np.ndarray
 def _without_backlash(study: Study, estimate: Estimate) -> float:
     """Take the travel of flat zones out of the motion; returns the largest zone, rad (m)."""
     largest = 0.0
+    resting = {name: v for name, v in estimate.terms.items() if name in ("offset", "spring")}
     for log in study.logs:
-        ratio = (log.torque - extra(log, estimate.terms)) / estimate.Fc
+        ratio = (log.torque - extra(log, resting)) / estimate.Fc
         turns = path.reversals(log.theta, TURN / estimate.a)
         slack, centre, moves = clean.backlash(log, ratio, turns)
         if slack:
@@ -321,7 +343,7 @@ def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
         "coulomb": min(
             (fit.held_out(sign, fit.columns_of(t)) for t in (own, terms)), key=lambda h: h.sse
         ),
-        "none": fit.held_out(sign, fit.columns_of(own)[1:] or fit.columns_of(["offset"])[1:]),
+        "none": fit.held_out(sign, fit.columns_of(terms or ["offset"])[1:]),
         "bilinear": fit.held_out(bent, fit.columns_of(terms)),
     }
     plain = min(

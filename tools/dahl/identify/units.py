@@ -36,16 +36,17 @@ TORQUES = {  # N m or N per unit
 }
 SAME = {"degree": "deg", "degrees": "deg", "°": "deg", "count": "counts", "µm": "um", "µN": "uN"}
 COLUMNS = {  # what a column is called when nobody says which one it is
-    "angle": r"angle|theta|position|deflection|displacement|\bpos\b|encoder|counts?\b",
-    "torque": r"torque|friction|force|\btrq|load|moment|\bN_?m\b",
-    "time": r"^(time|timestamp|t)\b|^time",
+    "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|(?<![a-z])pos(?![a-z])",
+    "torque": r"torque|friction|force|trq|load|moment|(?<![a-z])N_?m(?![a-z])",
+    "time": r"^time|^t(?![a-z])",
 }
 
 
 def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
     """The unit in a column's name: in brackets, or the last of its words."""
     bracket = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
-    words = [bracket[1]] if bracket else re.split(r"[\s_]+", name)[1:][::-1]
+    first, *rest = re.split(r"[\s_]+", name)
+    words = [bracket[1]] if bracket else [*rest[::-1], *([first] if len(first) > 2 else [])]
     for word in words:
         plain = SAME.get(word, word).replace(" ", "").replace("*", "").replace("-", "")
         for unit in known:

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: MIT
+"""Synthetic logs for the tests of identification. The torque comes from the closed form of Eq. 1
+between reversals, with no code of the package in it; the encoder rounds a motion that is smooth.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from dahl.identify.log import Log
+
+SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
+COUNT = 2 * np.pi / 2**14  # rad
+
+
+def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC) -> np.ndarray:  # noqa: N803
+    """Torque on a path that turns at its rows: anchored at each reversal, from rest."""
+    moves = np.diff(theta, prepend=theta[0])
+    a, ratio = sigma0 / Fc, np.zeros(len(theta))
+    moving = np.flatnonzero(moves)
+    turns = moving[1:][np.diff(np.sign(moves[moving])) != 0]  # the first row of each new direction
+    for start, end in zip([0, *turns], [*turns, len(theta)], strict=True):
+        before = ratio[start - 1] if start else 0.0
+        side = np.sign(moves[start:end].sum())
+        travel = np.cumsum(np.abs(moves[start:end]))
+        ratio[start:end] = side - (side - before) * np.exp(-a * travel)
+    return Fc * ratio
+
+
+def sine(seed: int = 0, rows: int = 10_000, cycles: float = 10, amplitude: float = 0.05) -> np.ndarray:
+    """A smooth motion, rad."""
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi)
+    return amplitude * np.sin(2 * np.pi * cycles * np.arange(rows) / rows + phase)
+
+
+def noise_of(seed: int, rows: int, shared: float = 0.0) -> np.ndarray:
+    """Unit variance; `shared` correlates neighbouring rows."""
+    from scipy.signal import lfilter
+
+    white = np.random.default_rng([seed, 1]).normal(size=rows)
+    return lfilter([np.sqrt(1 - shared**2)], [1, -shared], white) if shared else white
+
+
+def synthetic(seed: int = 0, part: float = 0.05, shared: float = 0.0, **motion: float) -> Log:
+    """14 bits, noise of `part` of Fc, 1 kHz."""
+    theta = sine(seed, **motion)
+    offset = np.random.default_rng([seed, 2]).uniform()
+    read = np.floor(theta / COUNT + offset) * COUNT
+    torque = dahl_torque(theta) + part * FC * noise_of(seed, len(theta), shared)
+    return Log(f"seed {seed}", read, torque, np.arange(len(theta)) * 1e-3, resolution=COUNT)
+
+
+def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"):
+    """A log as a file: time in s at 1 kHz, angle in deg."""
+    table = np.column_stack((np.arange(len(theta)) * 1e-3, np.degrees(theta), torque))
+    np.savetxt(path, table, fmt="%.9g", delimiter=",", header=header, comments="")
+    return path

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: MIT
+"""Identification on logs whose truth is known: error, cover of the intervals, and each thing that is
+to be found and named, planted one at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dahl.identify import clean, fit, path, study, sweep
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
+from scipy.integrate import solve_ivp
+
+pytestmark = pytest.mark.usefixtures("library")
+
+SEEDS = 40  # of the short form; 200 in the long one
+
+
+def errors_and_cover(seeds: int, **kind: float) -> tuple[np.ndarray, np.ndarray]:
+    """Relative errors of sigma0 and Fc, and whether their intervals hold the truth: (seeds, 2)."""
+    errors, held = [], []
+    for seed in range(seeds):
+        found = study.identify([synthetic(seed, **kind)]).estimate
+        errors.append((found.sigma0 / SIGMA0 - 1, found.Fc / FC - 1))
+        pairs = ((found.ci95["sigma0"], SIGMA0), (found.ci95["Fc"], FC))
+        held.append([one.low <= truth <= one.high for one, truth in pairs])
+    return np.array(errors), np.array(held)
+
+
+def test_the_reference_solves_the_equation():
+    """The tests' own torque against an ODE solver, on a path with reversals."""
+    theta = sine(3, rows=400, cycles=2)
+    smooth = lambda x: np.interp(x, np.arange(400), theta)  # noqa: E731
+
+    def slope(x: float, F: np.ndarray) -> np.ndarray:  # noqa: N803
+        rate = smooth(min(int(x) + 1, 399)) - smooth(int(x))
+        return SIGMA0 * (1 - F / FC * np.sign(rate)) * rate
+
+    truth = [0.0]
+    for row in range(399):
+        truth.append(solve_ivp(slope, (row, row + 1), [truth[-1]], rtol=1e-9, atol=1e-12).y[0, -1])
+    assert np.abs(dahl_torque(theta) - truth).max() < 1e-5 * FC
+
+
+@pytest.mark.parametrize("shared", [0.0, 0.9])
+def test_error_and_cover(shared):
+    errors, held = errors_and_cover(SEEDS, shared=shared)
+    if shared == 0:
+        sigma0, Fc = np.median(np.abs(errors), axis=0)  # noqa: N806
+        assert sigma0 < 0.005
+        assert Fc < 0.001
+    assert (held.mean(axis=0) >= 0.85).all()  # 40 seeds: 90 % and two standard errors less
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shared", [0.0, 0.9])
+def test_error_and_cover_of_200_seeds(shared):
+    errors, held = errors_and_cover(200, shared=shared)
+    if shared == 0:
+        assert np.median(np.abs(errors[:100]), axis=0)[0] < 0.005
+        assert np.median(np.abs(errors[:100]), axis=0)[1] < 0.001
+    assert (held.mean(axis=0) >= 0.90).all()
+    assert (held.mean(axis=0) <= 0.99).all()
+
+
+def test_a_good_log_is_identifiable_without_further_terms():
+    result = study.identify([synthetic(5)])
+    assert result.verdict.identifiable == {"sigma0": True, "Fc": True}
+    assert result.verdict.text == "sigma0 and Fc identifiable"
+    assert result.estimate.terms == {}
+    assert result.delay == result.backlash == 0
+    assert result.reversals == 20
+    assert result.models.r2["none"] < 0.1 < result.models.r2["coulomb"] < result.models.r2["dahl"]
+
+
+@pytest.mark.parametrize(
+    ("term", "size"), [("offset", 0.3), ("spring", 4.0), ("viscous", 0.5), ("inertia", 0.02)]
+)
+def test_a_term_that_is_there_is_found(term, size):
+    log = sweeping(7)
+    columns = {"offset": 0, "spring": 1, "viscous": 2, "inertia": 3}
+    log.zero = float(log.theta[0])
+    log.torque = log.torque + size * sweep.columns_of(log)[:, columns[term]]
+    found = study.identify([log]).estimate
+    assert term in found.terms
+    assert found.terms[term] == pytest.approx(size, rel=0.1)
+    assert found.Fc == pytest.approx(FC, rel=0.03)
+
+
+def sweeping(seed: int):
+    """A log with many speeds: a sine whose frequency grows."""
+    x = np.linspace(0, 1, 12_000)
+    theta = 0.15 * np.sin(2 * np.pi * (4 * x + 10 * x**2))
+    torque = dahl_torque(theta) + 0.02 * FC * noise_of(seed, len(theta))
+    return replace(synthetic(seed), theta=theta, torque=torque,
+                   time=np.arange(len(x)) * 1e-3, resolution=0.0)
+
+
+def test_terms_that_are_asked_for_are_fitted_and_no_others():
+    result = study.identify([synthetic(1)], study.Options(terms=("offset", "viscous")))
+    assert list(result.estimate.terms) == ["offset", "viscous"]
+    assert abs(result.estimate.terms["offset"]) < 0.01 * FC
+
+
+def test_the_state_at_the_first_row_is_estimated():
+    log = synthetic(2)
+    late = replace(log, theta=log.theta[700:], torque=log.torque[700:], time=log.time[700:])
+    found = study.identify([late]).estimate
+    assert found.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+
+
+def test_torque_spikes_weigh_less():
+    log = synthetic(3)
+    hit = np.random.default_rng(0).choice(log.rows, 100, replace=False)
+    log.torque[hit] += 20 * FC
+    result = study.identify([log])
+    assert result.estimate.Fc == pytest.approx(FC, rel=0.005)
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+    assert any("disagree with their neighbours" in note for note in result.notes)
+
+
+def test_angle_spikes_are_named_and_taken_out():
+    log = synthetic(4)
+    hit = np.random.default_rng(0).choice(log.rows, 60, replace=False)
+    log.theta[hit] += 0.02
+    raw = study.identify([log], study.Options(median=1)).estimate
+    result = study.identify([log])
+    assert result.median > 1
+    assert any("turns back at once" in note for note in result.notes)
+    assert abs(result.estimate.sigma0 / SIGMA0 - 1) < 0.05 < abs(raw.sigma0 / SIGMA0 - 1)
+
+
+@pytest.mark.parametrize("rows", [-6.0, 4.5])
+def test_a_delay_is_found(rows):
+    log = synthetic(5)
+    log.torque = clean.shifted(log.torque, -rows)
+    result = study.identify([log])
+    assert result.delay == pytest.approx(rows, abs=0.6)
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.03)
+
+
+def test_no_delay_is_made_up():
+    assert study.identify([synthetic(6)]).delay == 0
+
+
+def test_backlash_is_named_and_its_travel_not_counted():
+    theta, gap = sine(1, amplitude=0.08), 0.01
+    torque = with_play(theta, gap) + 0.02 * FC * noise_of(1, len(theta))
+    log = replace(synthetic(1), theta=theta, torque=torque, resolution=0.0)
+    result = study.identify([log])
+    assert result.backlash == pytest.approx(gap, rel=0.35)
+    assert "backlash" in result.verdict.text
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.15)
+
+
+def with_play(theta: np.ndarray, gap: float) -> np.ndarray:
+    """Torque of Dahl's model that is 0 over `gap` rad each time it passes 0 after a reversal."""
+    ratio, left, out = 0.0, 0.0, []
+    for move in np.diff(theta, prepend=theta[0]):
+        side = np.sign(move)
+        if left > 0:
+            used = min(left, abs(move))
+            left, move = left - used, side * (abs(move) - used)
+        after = ratio + (side - ratio) * -np.expm1(-SIGMA0 / FC * abs(move))
+        if ratio * after < 0:
+            left, after = gap, 0.0
+        ratio = after
+        out.append(FC * ratio)
+    return np.array(out)
+
+
+def test_a_bilinear_loop_is_called_so():
+    theta = sine(2)
+    ratio, drawn = 0.0, []
+    for move in np.diff(theta, prepend=theta[0]):
+        ratio = min(max(ratio + SIGMA0 / FC * move, -1), 1)
+        drawn.append(FC * ratio)
+    log = replace(synthetic(2), torque=np.array(drawn) + 0.02 * FC * noise_of(2, len(theta)))
+    assert "loop is bilinear" in study.identify([log]).verdict.text
+    assert "bilinear" not in study.identify([synthetic(2)]).verdict.text
+
+
+def test_presliding_below_the_encoder_resolution():
+    theta = sine(3, amplitude=0.5)
+    torque = dahl_torque(theta, sigma0=8000.0) + 0.05 * FC * noise_of(3, len(theta))
+    log = replace(synthetic(3), theta=np.round(theta / COUNT) * COUNT, torque=torque)
+    verdict = study.identify([log]).verdict
+    assert not verdict.sigma0
+    assert verdict.Fc
+    assert "presliding below encoder resolution" in verdict.text
+
+
+def test_friction_that_never_slips():
+    theta = sine(3, amplitude=0.0004)
+    torque = dahl_torque(theta) + 0.01 * FC * noise_of(3, len(theta))
+    verdict = study.identify([replace(synthetic(3), theta=theta, torque=torque, resolution=0.0)]).verdict
+    assert not verdict.Fc
+    assert "never slips" in verdict.text
+
+
+def test_few_reversals_are_named():
+    result = study.identify([synthetic(1, cycles=2.5)])
+    assert "only 5 reversals" in result.verdict.text
+
+
+def test_noise_alone_is_nothing():
+    log = replace(synthetic(1), torque=noise_of(1, 10_000))
+    verdict = study.identify([log]).verdict
+    assert verdict.identifiable == {"sigma0": False, "Fc": False}
+
+
+def test_the_other_sign_is_put_right_and_said():
+    log = synthetic(1)
+    result = study.identify([replace(log, torque=-log.torque)])
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+    assert any("other sign" in note for note in result.notes)
+
+
+def test_several_logs_in_one_fit():
+    logs = [synthetic(seed, rows=4000, cycles=4) for seed in range(3)]
+    together, alone = study.identify(logs).estimate, study.identify(logs[:1]).estimate
+    assert together.sigma0 == pytest.approx(SIGMA0, rel=0.01)
+    assert together.ci95["sigma0"].relative(1) < alone.ci95["sigma0"].relative(1)
+
+
+def test_a_log_not_fitted_is_predicted():
+    result = study.identify([synthetic(0)])
+    assert study.check(result, synthetic(1)) > 0.99
+    other = replace(synthetic(1), torque=2 * synthetic(1).torque)
+    assert study.check(result, other) < 0.9
+
+
+def test_pieces_and_blocks_add_up(monkeypatch):
+    """The same Gram matrices whatever the size of a piece, and the same as by hand."""
+    log = replace(synthetic(1, rows=3000), weight=np.random.default_rng(0).uniform(size=3000))
+    whole = sweep.sweep([log], 7, [150.0])
+    monkeypatch.setattr(sweep, "PIECE", 100)
+    parts = sweep.sweep([log], 7, [150.0])
+    assert np.allclose(whole.gram, parts.gram, rtol=1e-6, atol=1e-9)
+    columns = sweep.columns_of(log)
+    drawn = path.dahl(log.moves, 150.0).astype(float)
+    start = np.exp(-150.0 * np.cumsum(np.abs(log.moves)))
+    every = np.column_stack((drawn, start, columns)) * np.sqrt(log.weight)[:, None]
+    assert np.allclose(whole.gram[0].sum(axis=0), every.T @ every, rtol=1e-5, atol=1e-6)
+
+
+def test_the_fit_is_the_least_squares_one():
+    """Variable projection against a search over all parameters with every residual computed."""
+    from scipy.optimize import least_squares
+
+    log = synthetic(8, rows=3000, cycles=6)
+    found = fit.point(*study.Study([log]).search(["offset"]))
+
+    def residual(p: np.ndarray) -> np.ndarray:
+        drawn = dahl_torque(log.theta, p[0], p[1]) + p[2]
+        return drawn + p[3] * np.exp(-p[0] / p[1] * np.cumsum(np.abs(log.moves))) - log.torque
+
+    start = [found.sigma0 * 1.03, found.Fc * 0.98, 0.0, 0.0]
+    direct = least_squares(residual, start, x_scale=[1, 0.01, 0.01, 0.01], diff_step=1e-5)
+    assert found.sigma0 == pytest.approx(direct.x[0], rel=1e-4)
+    assert found.Fc == pytest.approx(direct.x[1], rel=1e-4)
+
+
+def test_bilinear_against_its_definition():
+    moves = np.random.default_rng(1).normal(size=3000)
+    ratio, drawn = 0.2, []
+    for move in moves:
+        ratio = min(max(ratio + 0.7 * move, -1), 1)
+        drawn.append(ratio)
+    assert np.allclose(path.bilinear(moves, 0.7, 0.2), drawn, atol=1e-12)
+
+
+def test_reversals_are_those_larger_than_asked():
+    theta = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0.95, 5), np.linspace(0.95, 2, 50),
+                            np.linspace(2, 0, 80), np.linspace(0, 1, 20)])
+    assert len(path.reversals(theta, 0.1)) == 2
+    assert len(path.reversals(theta, 0.01)) == 4

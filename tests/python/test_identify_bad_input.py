@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: MIT
+"""Each bad log is refused in one line that names what is wrong and where, with exit code 2; and each
+kind of file is read to the same numbers.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from dahl import Error
+from dahl.identify import readers, study
+from identify_tools import COUNT, FC, dahl_torque, noise_of, sine, synthetic, write_csv
+
+pytestmark = pytest.mark.usefixtures("library")
+
+ROWS = 1200
+THETA = np.floor(sine(1, rows=ROWS, cycles=4) / COUNT) * COUNT
+TORQUE = dahl_torque(THETA) + 0.02 * FC * noise_of(1, ROWS)
+TIME = np.arange(ROWS) * 1e-3
+DBC = """VERSION ""
+NS_ :
+BS_:
+BU_: A
+BO_ 256 Shaft: 8 A
+ SG_ Angle : 0|32@1- (0.0001,0) [-1000|1000] "deg" A
+BO_ 257 Load: 8 A
+ SG_ Torque : 0|32@1- (0.0001,0) [-100|100] "Nm" A
+"""
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Write a CSV with changes to its lines."""
+
+    def write(change=lambda lines: lines, header="t,angle_deg,torque_Nm", **columns):
+        path = write_csv(tmp_path / "log.csv", columns.get("theta", THETA),
+                         columns.get("torque", TORQUE), header)
+        path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+        return path
+
+    return write
+
+
+def refused(run_dahl, *words) -> str:
+    """The one line of complaint."""
+    done = run_dahl("identify", *words, "--no-files")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert re.fullmatch(r"error: [^\n]+\n", done.stderr)
+    assert done.stdout == ""
+    return done.stderr
+
+
+def with_field(row: int, column: int, text: str):
+    def change(lines: list[str]) -> list[str]:
+        fields = lines[row].split(",")
+        fields[column] = text
+        return [*lines[:row], ",".join(fields), *lines[row + 1 :]]
+
+    return change
+
+
+def test_missing_column_with_a_suggestion(run_dahl, log):
+    said = refused(run_dahl, log(), "--angle", "angel_deg")
+    assert "no column 'angel_deg'; did you mean 'angle_deg'?" in said
+    said = refused(run_dahl, log(header="t,x,y"))
+    assert "which column is the angle? Name it with --angle" in said
+
+
+def test_unknown_unit_and_term_with_a_suggestion(run_dahl, log):
+    assert "did you mean 'deg'" in refused(run_dahl, log(), "--angle-unit", "degs")
+    assert "did you mean 'viscous'" in refused(run_dahl, log(), "--terms", "viscus")
+
+
+def test_gaps_are_named_or_skipped(run_dahl, log):
+    path = log(with_field(500, 2, "nan"))
+    said = refused(run_dahl, path)
+    assert "log.csv:501: column 'torque_Nm': no finite number here and in 1 of 1200 rows" in said
+    kept = readers.read(path, readers.Source(skip_gaps=True))
+    assert kept.rows == ROWS - 1
+
+
+@pytest.mark.parametrize("text", ["abc", "1.2.3"])
+def test_what_is_no_number(run_dahl, log, text):
+    said = refused(run_dahl, log(with_field(7, 1, text)))
+    assert f"log.csv:8: column 'angle_deg': '{text}' is not a number" in said
+
+
+def test_constant_angle_and_torque(run_dahl, log):
+    assert "angle is constant" in refused(run_dahl, log(theta=np.full(ROWS, 0.1)))
+    assert "torque is constant" in refused(run_dahl, log(torque=np.full(ROWS, 0.1)))
+
+
+def test_clipped_torque(run_dahl, log):
+    said = refused(run_dahl, log(torque=np.clip(TORQUE, -0.35, 0.35)))
+    assert "torque is clipped at" in said
+    study.identify([synthetic(1)])  # a torque that is not clipped passes
+
+
+def test_swapped_columns(run_dahl, log):
+    said = refused(run_dahl, log(), "--angle", "torque_Nm", "--torque", "angle_deg")
+    assert "swapped" in said
+
+
+def test_wrong_units(run_dahl, log):
+    said = refused(run_dahl, log(), "--angle-unit", "rad")
+    assert "is the angle in deg" in said
+    said = refused(run_dahl, log(theta=THETA * 1e7))
+    assert "is the unit right" in said
+
+
+def test_clock_going_backward(run_dahl, log):
+    said = refused(run_dahl, log(with_field(600, 0, "0.1")))
+    assert "row 600: 0.1 after 0.598, the clock goes backward" in said
+
+
+def test_empty_and_truncated_and_absent_files(run_dahl, log, tmp_path):
+    (tmp_path / "none.csv").write_text("")
+    assert "none.csv: empty" in refused(run_dahl, tmp_path / "none.csv")
+    assert "no such file" in refused(run_dahl, tmp_path / "absent.csv")
+    assert "no rows" in refused(run_dahl, log(lambda lines: lines[:1]))
+    assert "10 rows; at least 30" in refused(run_dahl, log(lambda lines: lines[:11]))
+    said = refused(run_dahl, log(lambda lines: [*lines[:-1], "1.199,0"]))
+    assert "log.csv:1201: column 'torque_Nm': no finite number" in said
+    (tmp_path / "noise.csv").write_bytes(bytes(range(256)) * 4)
+    assert "not a text file" in refused(run_dahl, tmp_path / "noise.csv")
+
+
+@pytest.mark.parametrize("kind", ["json", "mat", "parquet", "blf", "asc", "trc", "log", "mf4"])
+def test_truncated_binary_and_structured_files(run_dahl, files, kind, tmp_path):
+    whole = files[kind].read_bytes()
+    cut = tmp_path / f"cut.{kind}"
+    cut.write_bytes(whole[: len(whole) // 7] + (b"\x00(1 junk" if kind in ("log", "asc", "trc") else b""))
+    said = refused(run_dahl, cut, *options_for(kind, files))
+    assert f"cut.{kind}" in said
+
+
+def test_no_log_and_bad_numbers(run_dahl, log):
+    assert "no LOG given" in refused(run_dahl)
+    assert "--counts-per-turn -1" in refused(run_dahl, log(), "--counts-per-turn", "-1")
+    assert "not an integer" in refused(run_dahl, log(), "--median", "x")
+    said = refused(run_dahl, log(), "--angle", "angle_deg", "--torque", "angle_deg")
+    assert "cannot be both" in said
+
+
+# --- every kind of file holds the same log --------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """One log as a file of each kind."""
+    import can
+    import cantools
+    from asammdf import MDF, Signal
+    from scipy.io import savemat
+
+    folder = tmp_path_factory.mktemp("kinds")
+    made = {kind: folder / f"log.{kind}" for kind in
+            ("csv", "tsv", "json", "mat", "parquet", "blf", "asc", "trc", "log", "mf4", "dbc")}
+    degrees = np.degrees(THETA)
+    frame = pd.DataFrame({"t": TIME, "angle_deg": degrees, "torque_Nm": TORQUE})
+    frame.to_csv(made["csv"], index=False)
+    frame.to_csv(made["tsv"], index=False, sep="\t")
+    made["json"].write_text(json.dumps({"entries": frame.to_dict("records")}))
+    savemat(made["mat"], {name: frame[name].to_numpy() for name in frame})
+    frame.to_parquet(made["parquet"])
+    made["dbc"].write_text(DBC)
+    database = cantools.database.load_string(DBC)
+    with MDF() as measured:
+        measured.append([Signal(degrees, TIME, name="angle_deg"),
+                         Signal(TORQUE, TIME, name="torque_Nm")])
+        measured.save(made["mf4"], overwrite=True)
+    for kind in ("blf", "asc", "trc", "log"):
+        with can.Logger(made[kind]) as logger:
+            for now, angle, torque in zip(TIME, degrees, TORQUE, strict=True):
+                for name, value, key in (("Shaft", angle, "Angle"), ("Load", torque, "Torque")):
+                    message = database.get_message_by_name(name)
+                    logger.on_message_received(can.Message(
+                        timestamp=1000 + now, arbitration_id=message.frame_id, is_extended_id=False,
+                        data=message.encode({key: float(value)}), channel=1))
+    return made
+
+
+def options_for(kind: str, files) -> tuple:
+    if kind in ("blf", "asc", "trc", "log"):
+        return ("--dbc", files["dbc"], "--angle", "Angle", "--torque", "Torque")
+    return ()
+
+
+def source_for(kind: str, files) -> readers.Source:
+    if options_for(kind, files):
+        return readers.Source(angle="Angle", torque="Torque", dbc=files["dbc"])
+    return readers.Source()
+
+
+@pytest.mark.parametrize(
+    "kind", ["csv", "tsv", "json", "mat", "parquet", "blf", "asc", "trc", "log", "mf4"]
+)
+def test_every_kind_of_file(files, kind):
+    read = readers.read(files[kind], source_for(kind, files))
+    assert read.rows == ROWS
+    assert np.allclose(read.theta - read.theta[0], THETA - THETA[0], atol=np.radians(1e-4))
+    assert np.allclose(read.torque, TORQUE, atol=1e-4)
+    assert np.allclose(np.diff(read.time), 1e-3, atol=2e-4)
+
+
+def test_unknown_signal_with_a_suggestion(run_dahl, files):
+    said = refused(run_dahl, files["blf"], "--dbc", files["dbc"], "--angle", "Angel",
+                   "--torque", "Torque")
+    assert "no signal 'Angel' in the DBC; did you mean 'Angle'?" in said
+    assert "needs --dbc" in refused(run_dahl, files["blf"])
+    said = refused(run_dahl, files["blf"], "--dbc", files["csv"], "--angle", "A", "--torque", "T")
+    assert "log.csv: not a DBC" in said
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "size", "linear"),
+    [("angle_deg", "", np.pi / 180, False), ("theta [rad]", "", 1, False), ("pos_mm", "", 1e-3, True),
+     ("Position [um]", "", 1e-6, True), ("angle", "", np.pi / 180, False), ("pos", "in", 0.0254, True)],
+)
+def test_units_of_the_angle(tmp_path, name, unit, size, linear):
+    values = np.linspace(0, 3, 40)
+    path = tmp_path / "units.csv"
+    pd.DataFrame({name: values, "torque": values}).to_csv(path, index=False)
+    read = readers.read(path, readers.Source(angle_unit=unit))
+    assert np.ptp(read.theta) == pytest.approx(3 * size)
+    assert read.linear == linear
+    assert read.unit == ("N" if linear else "N m")
+
+
+def test_counts_wrap_and_need_their_number(tmp_path):
+    counts = (np.arange(300) * 100) % 4096
+    path = tmp_path / "counts.csv"
+    pd.DataFrame({"counts": counts, "torque": counts}).to_csv(path, index=False)
+    with pytest.raises(Error, match="needs --counts-per-turn"):
+        readers.read(path, readers.Source())
+    read = readers.read(path, readers.Source(counts_per_turn=4096))
+    assert np.allclose(np.diff(read.theta), 100 * 2 * np.pi / 4096)
+    assert read.resolution == pytest.approx(2 * np.pi / 4096)
+
+
+def test_torque_units_are_applied(tmp_path):
+    path = tmp_path / "units.csv"
+    pd.DataFrame({"angle": np.arange(9.0), "Friction [uN]": np.arange(9.0)}).to_csv(path, index=False)
+    assert readers.read(path, readers.Source()).torque[-1] == pytest.approx(8e-6)
+    assert readers.read(path, readers.Source(torque_unit="mNm")).torque[-1] == pytest.approx(8e-3)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""`dahl identify` on each measured set gives the verdict that the set deserves."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+pytestmark = pytest.mark.usefixtures("library")
+
+PNEUMATIC = ("--time", "1", "--angle", "5", "--torque", "7", "--angle-unit", "mm")
+SERVO = ("--angle", "position", "--torque", "load", "--angle-unit", "rad")
+DAMPER = ("--time", "1", "--angle", "2", "--torque", "3", "--angle-unit", "in",
+          "--torque-unit", "kip")
+NAMES = ("sigma0", "Fc", "ci95", "extra", "r2", "r2_coulomb", "reversals", "identifiable", "verdict")
+
+
+@pytest.fixture
+def identified(run_dahl):
+    """Run the command on files, return its JSON."""
+
+    def run(*words) -> dict:
+        done = run_dahl("identify", *words, "--json", "-", "--no-files")
+        assert done.returncode == 0, done.stderr
+        found = json.loads(done.stdout)
+        assert all(name in found for name in NAMES)
+        return found
+
+    return run
+
+
+def test_tribometer(identified, measured_file):
+    found = identified(measured_file("tribometer", "reciprocating.tsv"))
+    assert 36e3 <= found["sigma0"] <= 40e3  # N/m
+    assert 2.6 <= found["Fc"] <= 2.75
+    assert found["r2"] >= 0.98
+    assert found["identifiable"] == {"sigma0": True, "Fc": True}
+    assert found["reversals"] == 60
+    assert "loop is bilinear" in found["verdict"]
+
+
+@pytest.mark.parametrize("left_out", ["1", "3"])
+def test_cycloidal_play_on_a_repetition_not_fitted(identified, measured_file, left_out):
+    files = {n: measured_file("cycloidal", f"play_test{n}.csv") for n in "123"}
+    check = files.pop(left_out)
+    found = identified(*files.values(), "--check", check)
+    assert found["checks"][str(check)] >= 0.92
+    assert found["r2"] > 0.92 > 0.8 > found["r2_coulomb"]
+    assert found["held_out"]["dahl"]["r2"] > found["held_out"]["coulomb"]["r2"] + 0.3
+    assert found["identifiable"] == {"sigma0": True, "Fc": True}
+    assert any("turns back at once" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize("tests", ["1", "2", "12"])
+def test_cycloidal_stiffness(identified, measured_file, tests):
+    found = identified(*[measured_file("cycloidal", f"stiffness_test{n}.csv") for n in tests])
+    assert found["identifiable"] == {"sigma0": False, "Fc": True}
+    assert found["verdict"].startswith("sigma0 not identifiable")
+    assert found["extra"]["spring"] == pytest.approx(240, rel=0.05)  # N m/rad
+
+
+@pytest.mark.parametrize("file", ["2026-01-15_10h28m10.json", "2026-01-15_10h29m04.json"])
+def test_servo_pendulum(identified, measured_file, file):
+    found = identified(measured_file("servo_pendulum", file), *SERVO)
+    assert "Dahl no better than Coulomb" in found["verdict"]
+    assert not found["identifiable"]["sigma0"]
+    assert any("signed 16-bit" in note for note in found["notes"])
+
+
+def test_pneumatic_with_its_spikes(identified, measured_file):
+    found = identified(measured_file("pneumatic", "Circle_5bar.csv"), *PNEUMATIC)
+    assert found["Fc"] == pytest.approx(8.7, rel=0.05)
+    assert found["identifiable"]["Fc"]
+    assert any("spikes" in note for note in found["notes"])
+    assert found["extra"]["offset"] == pytest.approx(5 * 49.5, rel=0.02)  # N, the pressure's load
+
+
+@pytest.mark.parametrize(
+    "file", ["dataset-1_0.5Hz80lbtension.json", "dataset-3_0.5Hz30lbtension0.5amplitude.json"]
+)
+def test_friction_damper(identified, measured_file, file):
+    found = identified(measured_file("friction_damper", file), *DAMPER)
+    assert "backlash" in found["verdict"]
+    assert 1.5e-3 < found["backlash"] < 3.5e-3  # m
+    assert any("backlash" in note for note in found["notes"])
+
+
+def test_nested_loops(identified, measured_file):
+    found = identified(measured_file("nested_loops", "damper1.csv"), "--angle", "1", "--torque",
+                       "2", "--angle-unit", "mm")
+    assert found["identifiable"] == {"sigma0": True, "Fc": True}
+    assert found["r2"] > 0.98
+
+
+def test_can_logs_of_a_parked_car_are_read_alike_and_claim_nothing(identified, measured_file):
+    dbc = measured_file("can_steering", "opendbc_hyundai_can.dbc")
+    signals = ("--dbc", dbc, "--angle", "SAS_Angle", "--torque", "CR_Mdps_StrColTq")
+    found = [
+        identified(measured_file("can_steering", f"kona_ccan_steering_subset.{kind}"), *signals)
+        for kind in ("log", "asc", "blf")
+    ]
+    assert len({one["rows"] for one in found}) == 1
+    for one in found:
+        assert one["identifiable"] == {"sigma0": False, "Fc": False}
+        assert one["sigma0"] == pytest.approx(found[0]["sigma0"], rel=0.01)
