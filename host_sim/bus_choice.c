@@ -36,11 +36,14 @@ static int not_there(const char *spec, const char *hint)
     return EXIT_RUNTIME;
 }
 
-static int open_socketcan(bus_choice_t *choice, const char *spec, const char *interface, can_clock_t clock)
+static int open_socketcan(bus_choice_t *choice, const bus_wish_t *wish, const char *interface)
 {
     static socketcan_t socketcan;
-    if (socketcan_open(&socketcan, interface, clock) != CAN_BUS_OK) {
-        return not_there(spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
+    if (socketcan_open(&socketcan, interface, wish->clock) != CAN_BUS_OK) {
+        return not_there(wish->spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
+    }
+    if (wish->ids != NULL && socketcan_filter(&socketcan, wish->ids, wish->id_count) != CAN_BUS_OK) {
+        return not_there(wish->spec, " (its filters)");
     }
     *choice = (bus_choice_t){.bus = &socketcan.bus, .name = interface};
     return 0;
@@ -105,16 +108,17 @@ static int open_loopback(bus_choice_t *choice, can_clock_t clock, uint32_t bitra
     return 0;
 }
 
-int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient, uint32_t bitrate)
+int bus_choose(bus_choice_t *choice, const bus_wish_t *wish)
 {
+    const char *spec = wish->spec;
     if (strcmp(spec, "loopback") == 0) {
-        return open_loopback(choice, clock, bitrate);
+        return open_loopback(choice, wish->clock, wish->bitrate);
     }
     if (strncmp(spec, "socketcan:", 10) == 0 && spec[10] != '\0') {
-        return open_socketcan(choice, spec, spec + 10, clock);
+        return open_socketcan(choice, wish, spec + 10);
     }
     if (strncmp(spec, "socketcand:", 11) == 0) {
-        return open_socketcand(choice, spec, spec + 11, clock, patient);
+        return open_socketcand(choice, spec, spec + 11, wish->clock, wish->patient);
     }
     return bad_spec(spec);
 }

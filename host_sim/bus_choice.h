@@ -4,6 +4,7 @@
 #define BUS_CHOICE_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #include "can_bus.h"
 
@@ -14,8 +15,17 @@ typedef struct {
     const char *name; /* for the log */
 } bus_choice_t;
 
-/* bitrate: of the loopback; 0: it takes no time. patient: wait for slow clients instead of dropping them (virtual time). Only one bus can be open in a process.
+typedef struct {
+    const char *spec;
+    can_clock_t clock;
+    bool patient;        /* wait for slow clients instead of dropping them (virtual time) */
+    uint32_t bitrate;    /* of the loopback; 0: it takes no time */
+    const uint32_t *ids; /* all that is listened to, where a kernel can filter; NULL: everything */
+    size_t id_count;
+} bus_wish_t;
+
+/* Only one bus can be open in a process.
  * 0, or an exit code after one error line was printed: EXIT_BAD_INPUT for a bad spec, EXIT_RUNTIME for a bus not there. */
-int bus_choose(bus_choice_t *choice, const char *spec, can_clock_t clock, bool patient, uint32_t bitrate);
+int bus_choose(bus_choice_t *choice, const bus_wish_t *wish);
 
 #endif

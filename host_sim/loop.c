@@ -71,7 +71,8 @@ static bool is_for(const loop_t *loop, const node_t *node, const can_frame_t *fr
     uint32_t kind = frame->id & 0x7F0u;
     bool answer = kind == FRAMES_ID_TORQUE || kind == FRAMES_ID_STATUS || kind == FRAMES_ID_PARAM_REPLY;
     bool own_answer = (frame->flags & (CAN_FRAME_OWN | CAN_FRAME_EXTENDED)) == CAN_FRAME_OWN && answer;
-    return !own_answer && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
+    bool of_controller = (frame->flags & CAN_FRAME_ERROR) != 0;
+    return !own_answer && !of_controller && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
 }
 
 static void to_nodes(loop_t *loop, const can_frame_t *frame)

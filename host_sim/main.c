@@ -198,12 +198,38 @@ static int prepare_parts(program_t *p)
     return result;
 }
 
+/* All that these parts listen to. */
+static size_t list_ids(const program_t *p, uint32_t ids[4 * FRAMES_NODES])
+{
+    size_t count = 0;
+    for (uint32_t i = 0; i < p->options.nodes; i++) {
+        if (p->loop.node_count > 0) {
+            ids[count++] = FRAMES_ID_ENCODER | number_of(p, i);
+            ids[count++] = FRAMES_ID_PARAM_WRITE | number_of(p, i);
+            ids[count++] = FRAMES_ID_RESET | number_of(p, i);
+        }
+        if (p->loop.encoder_count > 0) {
+            ids[count++] = FRAMES_ID_TORQUE | number_of(p, i);
+        }
+    }
+    return count;
+}
+
 static int open_bus(program_t *p)
 {
     bus_choice_t choice;
+    uint32_t ids[4 * FRAMES_NODES];
     sim_clock_start(&p->clock, p->options.is_virtual);
-    int code = bus_choose(&choice, p->options.bus, sim_clock_seam(&p->clock), p->options.is_virtual,
-                          p->options.bitrate);
+    bool all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
+    bus_wish_t wish = {
+        .spec = p->options.bus,
+        .clock = sim_clock_seam(&p->clock),
+        .patient = p->options.is_virtual,
+        .bitrate = p->options.bitrate,
+        .ids = all ? NULL : ids,
+        .id_count = list_ids(p, ids),
+    };
+    int code = bus_choose(&choice, &wish);
     if (code != 0) {
         return code;
     }

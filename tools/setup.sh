@@ -5,7 +5,8 @@
 # Gets what the build, the tests and the demo need, and nothing that is already there:
 #   1. Debian packages (compilers, CMake, three small parser libraries), with apt-get; as root, else by sudo
 #   2. Unity, the test framework, into build/deps/unity: from $DAHL_UNITY_DIR if given, else from Debian's own sources
-#   3. a Python environment in build/venv with the pinned packages of tools/requirements.txt and the command `dahl`
+#   3. where this kernel has no CAN: Debian's kernel, a few files of it, into build/deps/kernel, for tools/vm.sh
+#   4. a Python environment in build/venv with the pinned packages of tools/requirements.txt and the command `dahl`
 # A second run finds all in place and says so within a second or two. Safe to interrupt and to run twice at once.
 #
 # Environment: DAHL_PYTHON   a Python 3.11 or later to use (default: python3, then /usr/bin/python3)
@@ -21,6 +22,8 @@ EXTRAS=(clang libclang-rt-14-dev can-utils gcc-multilib g++-multilib)
 # Small cores, emulated (tests/python/test_target*.py, tools/bench.sh, tools/demo.sh --target).
 EXTRAS+=(gcc-arm-none-eabi libnewlib-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm
     gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc)
+# A virtual machine with CAN (tools/vm.sh), and a browser for the page of `dahl report`.
+EXTRAS+=(qemu-system-x86 busybox-static kmod cpio iproute2 chromium)
 UNITY_FILES=(unity.c unity.h unity_internals.h)
 UNITY_TRIED=2e3a0610268455520a5796345b503d00c34a47fe97ed3750349cbd4b2b1990f3 # sha256 of unity.c 2.5.1
 
@@ -173,7 +176,43 @@ setup_unity() {
     say "Unity: in place (build/deps/unity)"
 }
 
-# --- 3. Python ----------------------------------------------------------------------------------------------------
+# --- 3. A kernel with CAN -----------------------------------------------------------------------------------------
+
+KERNEL_PARTS=(net/can net/9p net/sched/sch_tbf fs/9p fs/netfs fs/fscache drivers/virtio drivers/net/can/vcan
+    drivers/net/can/dev)
+
+kernel_has_can() {
+    python3 -c 'import socket; socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)' 2>/dev/null
+}
+
+unpack_kernel() { # PACKAGE FOLDER
+    local part parts=('./boot/vmlinuz-*' './lib/modules/*/modules.*')
+    for part in "${KERNEL_PARTS[@]}"; do parts+=("./lib/modules/*/kernel/$part*"); done
+    dpkg-deb --fsys-tarfile "$1" | tar -x -C "$2" --wildcards "${parts[@]}" || return 1
+    mv "$2"/boot/vmlinuz-* "$2/vmlinuz" && /usr/sbin/depmod -b "$2" "$(ls "$2/lib/modules")"
+}
+
+fetch_kernel() {
+    local package work=$BUILD/deps/kernel.part
+    rm -rf "$work"
+    mkdir -p "$work"
+    package=$(apt-cache depends linux-image-amd64 2>/dev/null | sed -n 's/^ *Depends: \(linux-image-[0-9].*\)/\1/p')
+    [ -n "$package" ] && (cd "$work" && quietly setup apt-get -q download "$package" &&
+        quietly setup unpack_kernel ./*.deb "$work" && rm -f ./*.deb) || return 1
+    rm -rf "$BUILD/deps/kernel"
+    mv "$work" "$BUILD/deps/kernel"
+}
+
+setup_kernel() {
+    if kernel_has_can || [ "$(uname -m)" != x86_64 ]; then return; fi
+    if [ ! -s "$BUILD/deps/kernel/vmlinuz" ]; then
+        say "fetching Debian's kernel, for a virtual machine with CAN: this kernel has none"
+        fetch_kernel || { say "could not; tests on a real vcan will be skipped"; return; }
+    fi
+    say "kernel with CAN: in place (build/deps/kernel)"
+}
+
+# --- 4. Python ----------------------------------------------------------------------------------------------------
 
 good_python() {
     "$1" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1
@@ -239,6 +278,7 @@ main() {
     : >"$BUILD/setup.log"
     if has_apt; then setup_packages; else check_without_apt; fi
     setup_unity
+    if has_apt; then setup_kernel; fi
     setup_venv
     say "done in $SECONDS s"
 }

@@ -13,7 +13,7 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 KERNEL=$BUILD/deps/kernel
-MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw)
+MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw sch_tbf)
 
 absent() { say "no virtual machine here: $*"; exit 77; }
 

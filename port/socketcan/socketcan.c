@@ -6,6 +6,7 @@
 
 #include <errno.h>
 #include <linux/can.h>
+#include <linux/can/error.h>
 #include <linux/can/raw.h>
 #include <net/if.h>
 #include <poll.h>
@@ -16,7 +17,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { SEND_TRIES = 5, RETRY_NS = 100000 };
+enum { SEND_TRIES = 5, RETRY_NS = 100000, FILTERS_MAX = 64 };
 
 typedef union {
     struct cmsghdr aligned;
@@ -147,7 +148,9 @@ static can_result_t bind_to(int fd, const char *interface)
     if (address.can_ifindex == 0) {
         return CAN_BUS_ERROR;
     }
+    const can_err_mask_t errors = CAN_ERR_MASK;
     if (setsockopt(fd, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on) != 0 ||
+        setsockopt(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) != 0 ||
         setsockopt(fd, SOL_SOCKET, SO_TIMESTAMP, &on, sizeof on) != 0) {
         return CAN_BUS_ERROR;
     }
@@ -168,4 +171,15 @@ can_result_t socketcan_open(socketcan_t *self, const char *interface, can_clock_
         errno = why;
     }
     return result;
+}
+
+can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t count)
+{
+    struct can_filter filters[FILTERS_MAX];
+    size_t used = count < FILTERS_MAX ? count : FILTERS_MAX;
+    for (size_t i = 0; i < used; i++) {
+        filters[i] = (struct can_filter){.can_id = ids[i], .can_mask = CAN_SFF_MASK};
+    }
+    socklen_t size = (socklen_t)(used * sizeof filters[0]);
+    return setsockopt(self->fd, SOL_CAN_RAW, CAN_RAW_FILTER, filters, size) == 0 ? CAN_BUS_OK : CAN_BUS_ERROR;
 }

@@ -6,6 +6,8 @@
 #ifndef SOCKETCAN_H
 #define SOCKETCAN_H
 
+#include <stddef.h>
+
 #include "../can_bus.h"
 
 #ifdef __cplusplus
@@ -19,6 +21,9 @@ typedef struct {
 
 /* CAN_BUS_ERROR: no such interface, or the kernel has no CAN; errno says why. */
 can_result_t socketcan_open(socketcan_t *self, const char *interface, can_clock_t clock);
+
+/* Let the kernel pass only frames whose low 11 bits are one of these ids (extended ones too), and error frames. */
+can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t count);
 
 #ifdef __cplusplus
 }

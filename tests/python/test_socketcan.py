@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: MIT
+"""dahl-loop on a real SocketCAN, with can-utils as foreign clients.
+
+On this kernel where it has a vcan0 that is up, else in a virtual machine (tools/vm.sh); one boot
+runs all cases (tests/socketcan/run.sh), each test looks at what one of them left.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, built
+from dahl import bus
+from loop_tools import LINE, SCENES, counts_of, read_log, run, torques_of
+
+SCENE = SCENES / "steering.ini"
+ABSENT = 77  # vm.sh's code for what cannot be had here
+
+
+@dataclass
+class Case:
+    """Files of one case."""
+
+    folder: Path
+
+    def summary(self, name: str) -> dict:
+        return json.loads((self.folder / f"{name}.json").read_text())
+
+    def code(self, name: str) -> int:
+        return int((self.folder / f"{name}.code").read_text())
+
+    def errors(self, name: str) -> str:
+        return (self.folder / f"{name}.err").read_text()
+
+    def frames(self, name: str) -> list[tuple[str, str]]:
+        """(time, id#data) of each line of a log."""
+        lines = (self.folder / f"{name}.log").read_text().splitlines()
+        return [(line.split()[0], line.split()[2]) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    """Run all cases; gives a function from a case's name to its files."""
+    if not shutil.which("candump"):
+        pytest.skip("can-utils are not installed (tools/setup.sh installs them where it can)")
+    folder = tmp_path_factory.mktemp("socketcan")
+    words = [ROOT / "tests/socketcan/run.sh", built("host_sim", "dahl-loop"), SCENE, folder]
+    if not (bus.has_socketcan() and bus.vcan_is_up()):
+        words = [ROOT / "tools/vm.sh", folder, *words]
+    done = subprocess.run(
+        [str(word) for word in words], capture_output=True, text=True, timeout=280, check=False
+    )
+    if done.returncode == ABSENT:
+        pytest.skip(done.stdout.strip())
+    print(done.stdout, done.stderr)
+    return lambda name: Case(folder / name)
+
+
+def test_virtual_time_is_the_same_byte_for_byte(machine, tmp_path):
+    """The same seed on vcan0 and in this process."""
+    here = run(tmp_path, SCENE, "--virtual", "--seconds", "2")
+    case = machine("virtual")
+    assert case.code("both") == 0, case.errors("both")
+    assert (case.folder / "run.log").read_bytes() == here.log.read_bytes()
+
+
+def test_candump_sees_what_the_loop_logs(machine):
+    """candump's lines are the loop's, but for the time, which is virtual in the loop's own."""
+    case = machine("virtual")
+    assert len(case.frames("run")) == 4020
+    assert [words for _, words in case.frames("candump")] == [
+        words for _, words in case.frames("run")
+    ]
+
+
+def test_time_stamps_are_the_kernels(machine):
+    """In real time both have the kernel's stamp of each frame, to the microsecond."""
+    case = machine("noise")
+    assert case.code("both") == 0, case.errors("both")
+    assert len(case.frames("run")) > 6400
+    assert sorted(case.frames("run")) == sorted(case.frames("candump"))
+
+
+def test_two_processes_behind_kernel_filters(machine):
+    """The node sees no frame that is not for it: the kernel keeps the answers and status away."""
+    case = machine("two")
+    node, encoder = case.summary("node"), case.summary("encoder")
+    assert (case.code("node"), case.code("encoder")) == (0, 0)
+    assert (encoder["frames_sent"], encoder["frames_lost"]) == (2000, 0)
+    assert (node["node"]["ok"], node["node"]["ignored"]) == (2000, 0)
+    assert {LINE.fullmatch(line)[3] for line in lines(case)} == {"100", "110", "120"}
+    same = read_log(case.folder / "candump.log")
+    alone = read_log(machine("virtual").folder / "run.log")
+    assert counts_of(same) == counts_of(alone)
+    assert torques_of(same) == torques_of(alone)
+
+
+def lines(case: Case) -> list[str]:
+    return (case.folder / "candump.log").read_text().splitlines()
+
+
+def test_canplayer_replays_a_log_to_the_same_torques(machine):
+    case = machine("replay")
+    assert case.summary("node")["node"]["ok"] == 2000
+    assert torques_of(read_log(case.folder / "candump.log")) == torques_of(
+        read_log(machine("virtual").folder / "run.log")
+    )
+
+
+def test_cansend_disturbs_nothing_and_is_counted(machine):
+    """A wrong CRC; a short, an extended, a remote frame; FD is dropped; 7FF is filtered out."""
+    summary = machine("disturb").summary("node")
+    seen = {name: count for name, count in summary["node"].items() if count}
+    assert seen == {"crc": 1, "format": 3}
+    assert summary["bus_counts"]["error_frames"] == 1
+
+
+def test_cangen_on_the_encoders_own_id_loses_no_answer(machine):
+    case = machine("noise")
+    summary = case.summary("both")
+    assert (summary["frames_sent"], summary["frames_lost"]) == (3000, 0)
+    seen = {name: count for name, count in summary["node"].items() if count}
+    assert seen == {"ok": 3000, "crc": 150, "format": 150, "ignored": 100}
+
+
+def test_a_full_queue_stops_nothing(machine):
+    """ENOBUFS: tried again, dropped and counted, and the beat goes on."""
+    case = machine("full")
+    if not (case.folder / "both.json").exists():
+        pytest.skip(f"no queue to fill: {(case.folder / 'tc.err').read_text().strip()}")
+    summary = case.summary("both")
+    assert case.code("both") == 0, case.errors("both")
+    assert summary["ticks"] == 1000
+    assert summary["bus_counts"]["dropped"] > 500
+    assert summary["bus_counts"]["retries"] > summary["bus_counts"]["dropped"]
+
+
+def test_an_interface_that_goes_down_is_said_once(machine):
+    case = machine("down")
+    assert case.code("both") == 1
+    assert case.errors("both").startswith("error: --bus socketcan:vcan0: the bus is gone after ")
+    assert case.errors("both").count("\n") == 1
+    log = read_log(case.folder / "run.log")
+    summary = case.summary("both")
+    assert len(counts_of(log)) <= summary["frames_sent"] <= summary["ticks"]
+    assert summary["ticks"] > 100
+    assert case.code("absent") == 1
+    assert case.errors("absent").count("\n") == 1
