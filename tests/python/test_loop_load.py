@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: MIT
+"""A bus that takes time: lengths of frames, arbitration by id, load, latency; up to 16 nodes."""
+
+from __future__ import annotations
+
+import pytest
+from loop_tools import SCENES, read_log, run
+
+STEERING = SCENES / "steering.ini"
+
+
+def bits(identifier: int, data: bytes) -> int:
+    """Bits of a classic frame with 11-bit id, from the standard: stuffed up to the CRC, then 13."""
+    body = f"0{identifier:011b}000{len(data):04b}" + "".join(f"{byte:08b}" for byte in data)
+    crc = 0
+    for bit in body:
+        crc = crc << 1 ^ (0x4599 if (crc >> 14 & 1) != int(bit) else 0)
+        crc &= 0x7FFF
+    body += f"{crc:015b}"
+    count, run_of, last = 0, 0, ""
+    for bit in body:
+        run_of = run_of + 1 if bit == last else 1
+        last, count = bit, count + 1
+        if run_of == 5:
+            last, run_of, count = str(1 - int(bit)), 1, count + 1
+    return count + 13
+
+
+def test_frames_take_their_bits_and_follow_each_other(tmp_path):
+    """Each line of the log ends a frame. With one node the bus is free when its encoder sends."""
+    rate = 1_000_000
+    log = read_log(run(tmp_path, STEERING, "--virtual", "--seconds", "2", "--bitrate", rate).log)
+    free = total = 0
+    for frame in log:
+        length = bits(frame.id, frame.data)
+        assert 111 <= length <= 135
+        tick = round(frame.time * 1e6) // 1000 * 1000
+        free = max(free, tick) + length
+        assert round(frame.time * 1e6) == free, frame
+        total += length
+    summary = run(tmp_path, STEERING, "--virtual", "--seconds", "2", "--bitrate", rate).summary
+    assert summary["bus_load"] == pytest.approx(total / 2 / rate, rel=1e-9)
+    assert 0.22 <= summary["bus_load"] <= 0.27
+    assert summary["frames_lost"] == summary["deadline_misses"] == 0
+    assert 220 <= summary["latency_us"]["p50"] <= 270
+
+
+def test_the_lowest_id_goes_first(tmp_path):
+    """Four encoders ask at once; answers (0x110..) wait for all of them (0x100..)."""
+    options = ("--virtual", "--nodes", "4", "--bitrate", "1000000", "--set", "status.period_ms=60000")
+    log = read_log(run(tmp_path, STEERING, *options, "--seconds", "1").log)[4:]
+    per_tick = {}
+    for frame in log:
+        per_tick.setdefault(int(frame.time * 1000), []).append(frame.id)
+    angles = [[i for i in ids if i < 0x110] for ids in per_tick.values()]
+    assert angles.count([0x100, 0x101, 0x102, 0x103]) > 990
+    firsts = [ids[:4] for ids in per_tick.values()]
+    assert firsts.count([0x100, 0x101, 0x102, 0x103]) > 990
+
+
+@pytest.mark.parametrize(("nodes", "rate", "warned"), [(2, 1000000, False), (2, 500000, True)])
+def test_a_load_above_70_percent_is_said_once(tmp_path, nodes, rate, warned):
+    options = ("--virtual", "--nodes", nodes, "--bitrate", rate, "--seconds", "3")
+    result = run(tmp_path, STEERING, *options)
+    assert result.code == 0
+    assert (result.summary["bus_load_peak"] > 0.7) == warned
+    assert result.err.count("note: bus load") == int(warned)
+    assert result.err.count("\n") == int(warned)
+    assert result.summary["frames_lost"] == 0
+
+
+def test_a_bus_that_is_too_slow_loses_frames_and_says_so(tmp_path):
+    options = ("--virtual", "--nodes", "4", "--bitrate", "500000", "--seconds", "2")
+    summary = run(tmp_path, STEERING, *options).summary
+    assert summary["bus_load_peak"] > 0.99
+    assert summary["deadline_misses"] > 0
+    assert summary["frames_lost"] > 0
+    assert summary["bus_counts"]["dropped"] > 0
+
+
+def test_the_histogram_is_the_latencies(tmp_path):
+    options = ("--virtual", "--nodes", "3", "--bitrate", "1000000", "--seconds", "5")
+    summary = run(tmp_path, STEERING, *options).summary
+    edges, counts = zip(*summary["latency_histogram"], strict=True)
+    assert list(edges) == sorted(edges)
+    assert sum(counts) == summary["frames_answered"] == 15000
+    assert edges[-1] >= summary["latency_us"]["max"] > (edges[-2] if len(edges) > 1 else 0)
+    late = sum(count for edge, count in summary["latency_histogram"] if edge > 1032)
+    assert late <= summary["deadline_misses"]
+    assert summary["jitter_us"]["max"] <= summary["latency_us"]["max"]
+
+
+def test_sixteen_nodes_in_virtual_time(tmp_path):
+    """At least 20 times real time; every node has its own encoder and its own torque."""
+    result = run(tmp_path, STEERING, "--virtual", "--nodes", "16", "--seconds", "20")
+    summary = result.summary
+    assert summary["frames_sent"] == summary["frames_answered"] == summary["node"]["ok"] == 320_000
+    assert summary["realtime_factor"] >= 20
+    assert summary["max_rss_kib"] < 16 * 1024
+    assert summary["node"]["ignored"] == 0
+    ids = {frame.id for frame in read_log(result.log)}
+    assert ids == {kind + node for kind in (0x100, 0x110, 0x120) for node in range(16)}
+
+
+def test_one_node_of_many_is_the_one_that_runs_alone(tmp_path):
+    """The first encoder's seed is the run's, so its frames are those of a run with one node."""
+    log = read_log(run(tmp_path / "a", STEERING, "--virtual", "--nodes", "5", "--seconds", "2").log)
+    alone = read_log(run(tmp_path / "b", STEERING, "--virtual", "--seconds", "2").log)
+    assert [frame for frame in log if frame.id & 15 == 0] == alone
+
+
+@pytest.mark.parametrize("seconds", [5, pytest.param(600, marks=pytest.mark.long)])
+@pytest.mark.timeout(700)
+def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
+    """Real time, on the bus that is the default here: nothing lost, p99 below one period."""
+    options = ("--bus", "socketcand:0", "--nodes", "4", "--seconds", str(seconds))
+    path = tmp_path / "scene.ini"
+    path.write_text(STEERING.read_text().replace("seconds = 30", f"seconds = {seconds}"))
+    result = run(tmp_path / "run", path, *options, timeout=680)
+    summary = result.summary
+    assert result.code == 0, result.err
+    assert summary["frames_sent"] == summary["frames_answered"] == 4000 * seconds
+    assert summary["latency_us"]["p99"] < 1000
+
+
+def test_lengths_of_random_frames(tmp_path):
+    """Babblers send random data of nobody's ids: their lengths too are the standard's."""
+    sets = ("faults.babble=0.2", "faults.drop=0")
+    words = [word for text in sets for word in ("--set", text)]
+    rate = 125_000
+    options = ("--virtual", "--bitrate", rate, "--seconds", "1", "--set", "friction.max_step=2000")
+    log = read_log(run(tmp_path, STEERING, *options, *words).log)
+    seen = 0
+    for before, frame in zip(log, log[1:], strict=False):
+        gap = round((frame.time - before.time) * rate)
+        free = bits(frame.id, frame.data)
+        assert gap >= free
+        seen += frame.id & ~15 == 0x0F0 and gap == free
+    assert seen > 300
