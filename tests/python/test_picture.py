@@ -15,7 +15,7 @@ from dahl.scene import Measured, Recorded, Scene
 def drawn(monkeypatch, tmp_path):
     """The figure of a short run with a measurement, and what went into it."""
     figures = []
-    monkeypatch.setattr(picture, "_save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(picture, "save", lambda figure, path: figures.append(figure))
     measured = Measured("T", offset=0.25, angle_scale=1000.0, label_angle="way [mm]")
     scene = Scene(Path("x.ini"), "x", 50.0, 0.5, 1e-4, measured=measured)
     count, rows = np.arange(100, 400), np.arange(300) * 2

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""What `dahl identify` leaves: a plan whose words are dahl_prepare()'s, a scene that replays the log,
+JSON, picture, and the command's own manners.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import matplotlib.image
+import numpy as np
+import pytest
+from conftest import built
+from dahl import core, places, scene
+from dahl.identify import header, output, study
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic, write_csv
+
+pytestmark = pytest.mark.usefixtures("library")
+
+PROGRAM = """#include <stdio.h>
+#include <string.h>
+#include "dahl_plan_shaft.h"
+int main(void)
+{
+    static const dahl_params_t params = {.sigma0 = %sf, .Fc = %sf, .theta_per_count = %sf};
+    dahl_plan_t plan;
+    memset(&plan, 0, sizeof plan);
+    if (dahl_prepare(&plan, &params) != DAHL_OK) { return 2; }
+    return memcmp(&plan, &dahl_plan_shaft, sizeof plan) != 0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def found():
+    return study.identify([synthetic(1)])
+
+
+def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
+    """Build a program that compares dahl_plan_shaft.h with dahl_prepare(), and run it."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    assert compiler, "no C compiler"
+    texts = [f"{np.float32(one):.9e}" for one in params]
+    (folder / "main.c").write_text(PROGRAM % tuple(texts))
+    command = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-I", folder, "-I",
+               root / "lib", folder / "main.c", built("lib", "libdahl.a"), "-lm", "-o",
+               folder / "same"]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=60)
+    return subprocess.run([folder / "same"], check=False, timeout=10)
+
+
+@pytest.mark.parametrize(
+    "params", [(SIGMA0, FC, COUNT), (36449.1, 2.69, 1e-7), (3.0, 7.5, 0.0), (1.0, 2e3, 1e-3)]
+)
+def test_the_plan_is_that_of_dahl_prepare(tmp_path, root, params):
+    text = header.text("shaft", core.Plan(*params), ["for a test"])
+    (tmp_path / "dahl_plan_shaft.h").write_text(text)
+    assert compiled(tmp_path, root, *params).returncode == 0
+    (tmp_path / "dahl_plan_shaft.h").write_text(text.replace("_mantissa = ", "_mantissa = 1u + "))
+    assert compiled(tmp_path, root, *params).returncode == 1  # the comparison can fail
+
+
+def test_the_plan_says_what_it_rests_on(found):
+    text = output.header(found, "shaft")
+    assert found.verdict.text in text
+    assert "95 %" in text
+    assert all(len(line) <= 160 for line in text.splitlines())
+
+
+def test_all_files(found, tmp_path):
+    files = output.write_all(found, "shaft", tmp_path)
+    assert [path.name for path in files] == [
+        "shaft.json", "shaft.png", "shaft.ini", "dahl_plan_shaft.h"]
+    kept = json.loads((tmp_path / "shaft.json").read_text())
+    assert kept["verdict"] == found.verdict.text
+    assert kept["ci95"]["sigma0"][0] < kept["sigma0"] < kept["ci95"]["sigma0"][1]
+    assert matplotlib.image.imread(tmp_path / "shaft.png").std() > 0.05
+
+
+def test_no_plan_where_it_cannot_be_trusted(tmp_path):
+    log = synthetic(1)
+    log.torque = noise_of(1, log.rows)
+    (tmp_path / "dahl_plan_noise.h").write_text("an old one")
+    files = output.write_all(study.identify([log]), "noise", tmp_path)
+    assert all(path.suffix != ".h" for path in files)
+    assert not (tmp_path / "dahl_plan_noise.h").exists()
+
+
+def test_json_has_no_infinity(tmp_path):
+    log = synthetic(1)
+    log.torque = noise_of(1, log.rows)
+    text = output.as_json(study.identify([log]))
+    assert json.loads(text, parse_constant=lambda name: pytest.fail(name))
+
+
+def test_the_scene_replays_the_log(found, tmp_path, run_dahl, dahl_loop):
+    output.write_all(found, "shaft", tmp_path)
+    played = scene.read(tmp_path / "shaft.ini")
+    assert (played.sigma0, played.Fc) == (found.estimate.sigma0, found.estimate.Fc)
+    run = subprocess.run(
+        [dahl_loop, "--scene", tmp_path / "shaft.ini", "--virtual", "--seconds", "3",
+         "--log", tmp_path / "run.log"],
+        capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 0, run.stderr
+    from dahl import logs, report
+
+    trace = report.trace_of(logs.read_candump(tmp_path / "run.log"))
+    recorded = scene.read_log(played, tmp_path / "shaft.csv")
+    assert report.fit(played, trace, recorded)["r2_measured"] > 0.99
+
+
+def test_the_command(run_dahl, tmp_path):
+    theta = np.floor(sine(1) / COUNT) * COUNT
+    path = write_csv(tmp_path / "my shaft.csv", theta,
+                     dahl_torque(theta) + 0.03 * FC * noise_of(1, len(theta)))
+    done = run_dahl("identify", path, "--counts-per-turn", "16384", "-o", tmp_path / "out",
+                    "--json", tmp_path / "numbers.json")
+    assert done.returncode == 0, done.stderr
+    assert "sigma0 and Fc identifiable" in done.stdout
+    found = json.loads((tmp_path / "numbers.json").read_text())
+    assert found["resolution"] == pytest.approx(COUNT)
+    assert (tmp_path / "out" / "dahl_plan_my_shaft.h").is_file()
+    assert "-Werror" not in done.stdout
+    check = run_dahl("identify", path, "--check", path, "--json", "-", "--no-files")
+    assert json.loads(check.stdout)["checks"][str(path)] > 0.98
+
+
+def test_help_is_quick_to_import(run_dahl):
+    """The heavy packages are not imported for --help."""
+    done = run_dahl("identify", "--help")
+    assert done.returncode == 0
+    assert "examples:" in done.stdout
+    code = ("import sys; from dahl.cli import build_parser; build_parser();"
+            "print([m for m in ('scipy', 'pandas', 'asammdf', 'dask', 'joblib', 'can')"
+            " if m in sys.modules])")
+    import os
+    import sys
+
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
+                            check=True, cwd=places.ROOT, env=os.environ)
+    assert loaded.stdout.strip() == "[]"
