@@ -1,24 +1,56 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Usage: tools/bench.sh target [--quick] [CORE...]
-#        tools/bench.sh readme [--check]
+# Usage: tools/bench.sh [--quick]
+#        tools/bench.sh target [--quick] [CORE...] | host [--quick] | report | readme [--check]
 #
+#   (none)   all of it: target, host, report and, but for --quick, the tables and pictures of README.md.
+#            10 minutes on two cores, 1 with --quick
 #   target   counts instructions, bytes and stack on m0 m3 m4f m7 m33 rv32 (or those named) in QEMU, beside what else one
 #            could write; prints a table and writes build/bench/target.json. --quick leaves picolibc out.
-#   readme   puts the table of build/bench/target.json into README.md; --check only says whether it would change
+#   host     errors of every way against long double, speed on this machine, and rivals from outside (MuJoCo, Newton, SciPy,
+#            in a Python environment of their own); writes build/bench/host.json. --quick takes shorter motions.
+#   report   from these two files: build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg
+#   readme   report, and README.md; --check only says whether its tables would change
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-command=${1:-}
-[ $# -eq 0 ] || shift
-case "$command" in
+case "${1:-}" in
     -h | --help) usage; exit 0 ;;
-    target | readme) ;;
-    *) die "bench.sh knows target and readme, not '$command' (see --help)" ;;
+    '' | --quick) command=all ;;
+    target | host | report | readme) command=$1; shift ;;
+    *) die "bench.sh knows target, host, report and readme, not '$1' (see --help)" ;;
 esac
+
+python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
+
+# An environment that cannot be made is no reason to stop: host.py names the rivals that are missing.
+rivals_from_outside() {
+    local venv=$BUILD/bench/venv pins=$ROOT/tools/bench/requirements.txt key
+    key=$(sha256sum <"$pins")
+    [ "$(cat "$venv/.complete" 2>/dev/null)" != "$key" ] || return 0
+    say "installing rivals into build/bench/venv (tools/bench/requirements.txt)"
+    mkdir -p "$BUILD/bench"
+    rm -rf "$venv"
+    if "$VENV/bin/python" -m venv "$venv" >"$venv.log" 2>&1 && "$venv/bin/python" -m pip --disable-pip-version-check install \
+        --quiet --progress-bar off --retries 5 --timeout 60 -r "$pins" >>"$venv.log" 2>&1; then
+        echo "$key" >"$venv/.complete"
+    else
+        say "could not; see build/bench/venv.log"
+    fi
+}
+
 "$ROOT/tools/setup.sh" >/dev/null
 case "$command" in
-    target) exec "$VENV/bin/python" "$ROOT/tools/bench/target.py" "$@" ;;
-    readme) exec "$VENV/bin/python" "$ROOT/tools/bench/table.py" "$@" ;;
+    target) python target "$@" ;;
+    host) rivals_from_outside; python host "$@" ;;
+    report) python report "$@" ;;
+    readme) if [ "${1:-}" = --check ]; then python report --check; else python report --readme; fi ;;
+    all)
+        say "counting instructions on six cores"
+        python target >"$BUILD/bench-target.log"
+        rivals_from_outside
+        python host "$@"
+        if [ $# -eq 0 ]; then python report --readme; else python report; fi
+        ;;
 esac

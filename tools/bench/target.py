@@ -91,17 +91,17 @@ FORBIDDEN = re.compile(
 )
 
 
-def run(*command: object, **options) -> str:
+def run(*command: object, timeout: float = 300, **options) -> str:
     """Run a command; its standard output, or one line that says what failed."""
     words = [str(word) for word in command]
     try:
         done = subprocess.run(
-            words, capture_output=True, text=True, check=False, timeout=300, **options
+            words, capture_output=True, text=True, check=False, timeout=timeout, **options
         )
     except FileNotFoundError as error:
         raise BenchError(f"{words[0]} is not installed; tools/setup.sh installs it") from error
     except subprocess.TimeoutExpired as error:
-        raise BenchError(f"{words[0]} did not end within 300 s") from error
+        raise BenchError(f"{words[0]} did not end within {timeout:g} s") from error
     if done.returncode != 0:
         tail = (done.stderr.strip() or done.stdout.strip()).splitlines()[-12:]
         raise BenchError(f"{' '.join(words[:4])} failed:\n" + "\n".join(tail))
@@ -271,10 +271,18 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     return result | measure_sizes(core)
 
 
+def write(path: Path, result: dict[str, object]) -> None:
+    """Whole or not at all."""
+    part = path.with_suffix(f".{os.getpid()}")
+    try:
+        part.write_text(json.dumps(result, indent=1) + "\n")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def write_result(result: dict[str, object]) -> None:
-    part = RESULT.with_suffix(f".{os.getpid()}")
-    part.write_text(json.dumps(result, indent=1) + "\n")
-    part.replace(RESULT)
+    write(RESULT, result)
 
 
 def measure_all(names: list[str], quick: bool) -> dict[str, dict]:

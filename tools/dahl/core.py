@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dahl import Error, places
+from dahl import Error, arrays, places
+from dahl.arrays import INT32_MAX, INT32_MIN
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
-INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 PLAN_ROOM = (
     128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
 )
@@ -80,7 +81,7 @@ def _int32(name: str, value: int) -> int:
     return int(value)
 
 
-def _refusal(plan: Plan) -> str:
+def _refusal(plan: Plan | Throughput) -> str:
     """Which parameter dahl_prepare() did not like, and its limit."""
     for name in ("sigma0", "Fc"):
         value = getattr(plan, name)
@@ -186,10 +187,14 @@ class Friction:
 
         A C-contiguous int32 array is read in place, anything else of whole numbers is copied first.
         """
-        moves = _moves("moves", moves, np.int32, 1)
-        out = _out(out, moves)
+        moves = arrays.moves(moves, np.int32)
+        out = arrays.out(out, moves)
         library().dahl_batch_counts(
-            self.plan._words, ctypes.byref(self.state), _data(moves), _data(out), moves.size
+            self.plan._words,
+            ctypes.byref(self.state),
+            arrays.data(moves),
+            arrays.data(out),
+            moves.size,
         )
         return out
 
@@ -199,61 +204,16 @@ class Friction:
 
         A C-contiguous float32 array is read in place, anything else is rounded to float first.
         """
-        moves = _moves("moves", moves, np.float32, 1)
-        out = _out(out, moves)
+        moves = arrays.moves(moves, np.float32)
+        out = arrays.out(out, moves)
         library().dahl_batch(
-            self.plan._words, ctypes.byref(self.state), _data(moves), _data(out), moves.size
+            self.plan._words,
+            ctypes.byref(self.state),
+            arrays.data(moves),
+            arrays.data(out),
+            moves.size,
         )
         return out
-
-
-def _data(array: np.ndarray) -> int:
-    return array.ctypes.data
-
-
-def _moves(name: str, values: ArrayLike, dtype: type, dimensions: int) -> np.ndarray:
-    """values as C wants them; the very array where it is one already."""
-    array = np.asarray(values)
-    if array.ndim != dimensions:
-        raise Error(f"{name} has {array.ndim} dimensions, not {dimensions}")
-    if array.dtype == dtype or array.size == 0:
-        return np.ascontiguousarray(array, dtype=dtype)
-    if dtype is np.int32:
-        return _whole(name, array)
-    if array.dtype.kind not in "fiu":
-        raise Error(f"{name} has type {array.dtype}, not float32")
-    with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
-        return np.ascontiguousarray(array, dtype=dtype)
-
-
-def _whole(name: str, array: np.ndarray) -> np.ndarray:
-    """Any numbers as int32, if that is what they are."""
-    if array.dtype.kind not in "fiu":
-        raise Error(f"{name} has type {array.dtype}, not int32")
-    with np.errstate(invalid="ignore"):
-        wrong = ~((array >= INT32_MIN) & (array <= INT32_MAX) & (array == np.trunc(array)))
-    if wrong.any():
-        place = tuple(int(i) for i in np.argwhere(wrong)[0])
-        value = array[place].item()
-        raise Error(
-            f"{name}[{', '.join(map(str, place))}] = {value!r}"
-            f" is not a whole number from {INT32_MIN} to {INT32_MAX}"
-        )
-    return np.ascontiguousarray(array, dtype=np.int32)
-
-
-def _out(out: np.ndarray | None, moves: np.ndarray) -> np.ndarray:
-    """Where the torques go: a new array, or `out` if C can write it."""
-    if out is None:
-        return np.empty(moves.shape, np.float32)
-    if not isinstance(out, np.ndarray) or out.dtype != np.float32 or out.shape != moves.shape:
-        kind = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise Error(f"out is {kind}, not a float32 array of shape {moves.shape}")
-    if not (out.flags.c_contiguous and out.flags.writeable):
-        raise Error("out is not C-contiguous and writable")
-    if np.may_share_memory(out, moves):
-        raise Error("out and moves share memory")
-    return out
 
 
 class Throughput(ctypes.Structure):
@@ -273,25 +233,78 @@ class Throughput(ctypes.Structure):
         ("theta_per_count", ctypes.c_double),
     ]
 
-    def run_counts(self, moves: ArrayLike, F: float = 0.0, out: np.ndarray | None = None):  # noqa: N803
+    def run_counts(
+        self,
+        moves: ArrayLike,
+        F: float = 0.0,  # noqa: N803
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Moves in counts (int32), shape (n,) -> torques in N m after each, shape (n,), float32."""
-        return self._run("dahl_throughput_counts", _moves("moves", moves, np.int32, 1), F, out)
+        return self._run("dahl_throughput_counts", arrays.moves(moves, np.int32), F, out)
 
-    def run(self, moves: ArrayLike, F: float = 0.0, out: np.ndarray | None = None) -> np.ndarray:  # noqa: N803
+    def run(
+        self,
+        moves: ArrayLike,
+        F: float = 0.0,  # noqa: N803
+        out: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Moves in rad (float32), shape (n,) -> torques in N m after each, shape (n,), float32."""
-        return self._run("dahl_throughput", _moves("moves", moves, np.float32, 1), F, out)
+        return self._run("dahl_throughput", arrays.moves(moves, np.float32), F, out)
 
     def _run(self, name: str, moves: np.ndarray, F: float, out: np.ndarray | None) -> np.ndarray:  # noqa: N803
-        out = _out(out, moves)
+        out = arrays.out(out, moves)
         state = _state_of(F, self.Fc)
         code = getattr(library(), name)(
-            ctypes.byref(self), ctypes.byref(state), _data(moves), _data(out), moves.size
+            ctypes.byref(self),
+            ctypes.byref(state),
+            arrays.data(moves),
+            arrays.data(out),
+            moves.size,
         )
         if code != 0:
             raise Error(_refusal(self))
         return out
 
+    @staticmethod
+    def run_counts_channels(
+        params: Sequence[Throughput], moves: ArrayLike, out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Moves in counts, shape (n, channels), a Throughput for each channel -> torques in N m,
+        same shape, float32; all channels start relaxed.
+        """
+        moves = arrays.moves(moves, np.int32, len(params))
+        return Throughput._run_channels("dahl_throughput_counts_channels", params, moves, out)
+
+    @staticmethod
+    def run_channels(
+        params: Sequence[Throughput], moves: ArrayLike, out: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Moves in rad, shape (n, channels) -> torques in N m, same shape, float32."""
+        moves = arrays.moves(moves, np.float32, len(params))
+        return Throughput._run_channels("dahl_throughput_channels", params, moves, out)
+
+    @staticmethod
+    def _run_channels(
+        name: str, params: Sequence[Throughput], moves: np.ndarray, out: np.ndarray | None
+    ) -> np.ndarray:
+        out, count = arrays.out(out, moves), len(params)
+        states, together = (State * count)(), (Throughput * count)(*params)
+        code = getattr(library(), name)(
+            together, states, count, arrays.data(moves), arrays.data(out), len(moves)
+        )
+        if code != 0:
+            raise Error(next(filter(None, map(_throughput_fault, params)), "parameters refused"))
+        return out
+
     travel_per_count = Plan.travel_per_count
+
+
+def _throughput_fault(params: Throughput) -> str:
+    """What is wrong with one of many, or nothing."""
+    sound = all(TORQUE_MIN <= v < TORQUE_MAX for v in (params.sigma0, params.Fc))
+    if sound and TRAVEL_MIN <= params.travel_per_count < TRAVEL_MAX:
+        return ""
+    return _refusal(params)
 
 
 def _state_of(F: float, Fc: float) -> State:  # noqa: N803

@@ -102,15 +102,15 @@ static void errors_on(const scenario_t *s, uint64_t ticks)
     fflush(stdout);
 }
 
-/* Position in counts of a 24-bit encoder on the sine. */
+/* Position in counts of a 14-bit encoder on the sine. */
 static int32_t sampled(uint32_t k, double rate)
 {
-    return (int32_t)lround(16777216.0 / 6.283185307179586 * 0.1 * sin(6.283185307179586 * k / rate));
+    return (int32_t)lround(16384.0 / 6.283185307179586 * 0.1 * sin(6.283185307179586 * k / rate));
 }
 
 static double sine_error(const way_t *way, double rate, int32_t parts)
 {
-    dahl_params_t p = {SCENARIO_SIGMA0, SCENARIO_FC, (float)(6.283185307179586 / 16777216.0)};
+    dahl_params_t p = {SCENARIO_SIGMA0, SCENARIO_FC, (float)(6.283185307179586 / 16384.0)};
     run_t run;
     tally_t e = {0, 0, 0};
     reference_t reference = reference_by_counts(&p);

@@ -163,7 +163,7 @@ float rival_trapezoid_parts(const rival_plan_t *plan, rival_state_t *state, int3
 
 float rival_floor(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts)
 {
-    (void)dcounts;
-    state->w *= plan->Fc;
-    return state->w;
+    (void)plan;
+    state->counts *= (uint32_t)dcounts;
+    return 0.0f;
 }

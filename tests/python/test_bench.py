@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: MIT
+"""Speed against error: the README's table is what the commands count and measure, the judgement of
+results.py on points made up for it, and the pictures.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools" / "bench"))
+
+import figures  # noqa: E402
+import host  # noqa: E402
+import report  # noqa: E402
+import results  # noqa: E402
+import target  # noqa: E402
+
+README = ROOT / "README.md"
+
+
+@pytest.fixture(scope="module")
+def counted() -> dict:
+    """The three cores of the chart, counted now."""
+    for name in results.CORES:
+        core = target.CORES[name]
+        for program in (core.tool("gcc"), core.tools[1]):
+            if not shutil.which(program):
+                pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
+    return target.measure_all(list(results.CORES), quick=True)
+
+
+@pytest.fixture(scope="module")
+def measured() -> dict:
+    """What is the same on every machine: errors, and parts that solvers need."""
+    host.build()
+    errors = host.measure_errors(host.QUICK)
+    parts = host.measure_parts(host.QUICK, list(errors))
+    return {"errors": errors, "parts": parts}
+
+
+def block(marks: tuple[str, str]) -> str:
+    text = README.read_text()
+    return text[text.index(marks[0]) : text.index(marks[1]) + len(marks[1])]
+
+
+def test_the_readme_has_the_table(counted, measured) -> None:
+    assert block(report.WAYS_MARKS) == report.ways_table(counted, measured), "run tools/bench.sh"
+
+
+def test_a_changed_number_is_seen(counted, measured) -> None:
+    measured = json.loads(json.dumps(measured))
+    measured["errors"]["walk_20"]["counts_q30"][0] *= 10
+    assert block(report.WAYS_MARKS) != report.ways_table(counted, measured)
+
+
+def test_no_rival_is_cheaper_and_better_on_any_core(counted, measured) -> None:
+    for core in results.CORES:
+        assert results.beaten(results.core_points(counted, measured, core), core) == []
+
+
+def test_ours_is_within_its_bound_on_every_motion(measured) -> None:
+    ulp = 2.0**-23  # of Fc = 0.5, over Fc
+    for motion, ways in measured["errors"].items():
+        assert ways["counts_q30"][0] <= 9.4e-10, motion
+        for way in ("counts", "batch_counts", "throughput_counts", "throughput_angle"):
+            assert ways[way][0] <= 0.52 * ulp, (motion, way)
+
+
+def test_a_tick_costs_at_most_one_and_a_half_of_euler(counted) -> None:
+    motions = results.motions_of(counted, "m4f")
+    assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
+
+
+def test_the_pictures_are_those_of_the_readme() -> None:
+    text = README.read_text()
+    for name in report.PICTURES:
+        assert f".readme/{name}" in text and (ROOT / ".readme" / name).stat().st_size > 20_000
+
+
+# --- what results.py says of points made up for it -----------------------------------------------
+
+
+def point(key: str, ours: bool, cost: float, error: float, motion: str = "walk") -> results.Point:
+    return results.Point(key, key, ours, {motion: cost}, {motion: error})
+
+
+def test_beaten_in_both_axes_alone() -> None:
+    ours = point("ours", True, 20, 1e-9)
+    rivals = [
+        point("cheaper", False, 10, 1e-3),
+        point("better", False, 40, 1e-12),
+        point("as good", False, 10, 0.97e-9),
+    ]
+    assert results.beaten([ours, *rivals], "m4f") == []
+    found = results.beaten([ours, *rivals, point("both", False, 19, 9e-10)], "m4f")
+    assert found == [{"core": "m4f", "motion": "walk", "ours": "ours", "rival": "both"}]
+
+
+def test_one_motion_is_enough_to_be_beaten() -> None:
+    ours = results.Point("o", "o", True, {"a": 10, "b": 10}, {"a": 1e-8, "b": 1e-8})
+    rival = results.Point("r", "r", False, {"a": 99, "b": 9}, {"a": 1e-9, "b": 1e-9})
+    assert [found["motion"] for found in results.beaten([ours, rival], "m0")] == ["b"]
+
+
+def test_closest_names_the_nearest_on_each_side() -> None:
+    points = [
+        point("ours", True, 10, 1e-8),
+        point("rough", False, 5, 1e-2),
+        point("rougher", False, 6, 1e-1),
+        point("slow", False, 40, 1e-9),
+        point("slower", False, 80, 1e-12),
+    ]
+    assert results.closest(points) == {
+        "as cheap": {"way": "rough", "times the error": pytest.approx(1e6)},
+        "as exact": {"way": "slow", "times the cost": pytest.approx(4)},
+    }
+
+
+def test_front_keeps_what_nothing_beats() -> None:
+    points = [point(k, False, c, e) for k, c, e in (("a", 1, 1), ("b", 2, 2), ("c", 3, 0.1))]
+    assert [p.key for p in figures.front(points)] == ["a", "c"]
+
+
+def test_parts_lie_on_the_line_through_two_counts() -> None:
+    counted = {"euler_parts_9": 76.0, "euler_parts_17": 124.0}
+    assert results.parts_cost(counted, "euler", 17) == 124
+    assert results.parts_cost(counted, "euler", 1) == 28
+
+
+# --- a whole report from a small made-up run ------------------------------------------------------
+
+
+@pytest.fixture
+def small(counted, measured) -> tuple[dict, dict]:
+    ways = {name for motion in measured["errors"].values() for name in motion}
+    extra = ("batch_counts_16", "throughput_counts_16", "throughput_angle_16")
+    times = dict.fromkeys((*ways, *extra), 2.0) | {"expm1f": 8.0, "copy": 0.5}
+    grown = [
+        {"scenario": "walk_20", "way": way, "ticks": ticks, "worst": 1e-8}
+        for way in figures.GROWTH_TITLES
+        for ticks in (100, 1000)
+    ]
+    rates = [
+        {"rate": rate, "way": way, "parts": 2} for rate in (100, 1000) for way in host.SOLVERS
+    ]
+    made_up = {
+        "quick": True,
+        "cpu": "a processor",
+        "compiler": "a compiler",
+        "ticks": {},
+        "speed": dict.fromkeys(measured["errors"], times),
+        "growth": grown,
+        "rates": rates,
+        "outside": {"mujoco": {"missing": "not for this machine"}},
+        "python": {"throughput_ns": 1.0, "batch_ns": 3.0, "step_ns": 900.0},
+    }
+    return counted, measured | made_up
+
+
+def test_ratios_and_missing_rivals(small) -> None:
+    result = results.combine(*small)
+    for name in ("bitwise_counts", "bitwise_channels16", "throughput_angle", "throughput_counts"):
+        assert result["host"][f"{name}_x"] == 4.0
+    assert result["host"]["copy_x"] == 4.0
+    assert result["missing"] == {"mujoco": "not for this machine"}
+    assert "mujoco_x" not in result["host"]
+    assert "not compared here: mujoco (not for this machine)" in report.host_block(result)
+    json.loads(json.dumps(result, allow_nan=False))
+
+
+def test_pictures_hold_every_way(small, tmp_path) -> None:
+    figures.save(figures.pareto(*small), tmp_path / "pareto.svg")
+    figures.save(figures.growth(*small), tmp_path / "growth.png")
+    drawn = ElementTree.parse(tmp_path / "pareto.svg").getroot()
+    assert drawn.tag.endswith("svg")
+    texts = (tmp_path / "pareto.svg").read_text()
+    for way in results.WAYS:
+        assert way.title.replace("`", "") in texts
+    assert (tmp_path / "growth.png").read_bytes()[:4] == b"\x89PNG"
+    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
+
+
+def test_a_quick_run_leaves_the_readme_alone(small) -> None:
+    with pytest.raises(target.BenchError, match="quick run"):
+        report.write_readme(*small)
+
+
+def test_results_are_written_whole_or_not_at_all(tmp_path) -> None:
+    path = tmp_path / "results.json"
+    target.write(path, {"a": 1})
+    with pytest.raises(TypeError):
+        target.write(path, {"a": object()})
+    assert json.loads(path.read_text()) == {"a": 1} and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["paint"], "knows target, host, report and readme"), (["target", "m9"], "unknown core m9")],
+)
+def test_bad_arguments(arguments: list[str], words: str) -> None:
+    done = subprocess.run(
+        [ROOT / "tools/bench.sh", *arguments], capture_output=True, text=True, check=False
+    )
+    assert done.returncode != 0 and words in done.stderr
+
+
+def test_host_bench_says_what_it_takes(measured) -> None:
+    for arguments in (["nothing"], ["growth", "no_such_motion", "100"], []):
+        done = subprocess.run(
+            [host.PROGRAM, *arguments], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 2 and re.match("error: ", done.stderr)

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: MIT
+"""Batches from Python: bitwise ones against single calls, throughput against the exact reference in
+100 bits, and arrays that C cannot take.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+import dahl
+import numpy as np
+import pytest
+from dahl import reference
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytestmark = pytest.mark.usefixtures("library")
+
+ULP_COUNTS = 0.52
+torques = st.floats(2.0**-20, 2.0**20, width=32)
+travels = st.floats(-29, 4.3).map(lambda exponent: 2.0**exponent)
+any_move = st.one_of(st.integers(-9, 9), st.integers(-(2**31), 2**31 - 1))
+moves = st.lists(any_move, max_size=60)
+angles = st.lists(st.floats(width=32), max_size=60)
+
+
+@given(torques, travels, moves)
+def test_counts_have_the_bits_of_single_calls(Fc, travel, path):  # noqa: N803
+    plan = dahl.Plan(Fc, Fc, travel)
+    one, batch = dahl.Friction(plan), dahl.Friction(plan)
+    single = np.array([one.step_counts(move) for move in path], np.float32)
+    assert np.array_equal(batch.run_counts(path).view(np.uint32), single.view(np.uint32))
+    assert one.state.w == batch.state.w
+
+
+@given(torques, angles)
+def test_angles_have_the_bits_of_single_calls(Fc, path):  # noqa: N803
+    """NaN, infinities and subnormal angles among them."""
+    one, batch = dahl.Friction(dahl.Plan(Fc, Fc)), dahl.Friction(dahl.Plan(Fc, Fc))
+    single = np.array([one.step(move) for move in path], np.float32)
+    assert np.array_equal(batch.run(path).view(np.uint32), single.view(np.uint32))
+    assert one.state.w == batch.state.w
+
+
+@given(torques, travels, moves)
+def test_throughput_is_within_the_bound(Fc, travel, path):  # noqa: N803
+    exact = reference.exact_ratios(path, reference.travel_per_count(Fc, Fc, travel))
+    params = dahl.Plan(Fc, Fc, travel)
+    got = dahl.Throughput(params.sigma0, params.Fc, params.theta_per_count).run_counts(path)
+    assert len(got) == 0 or reference.error_in_ulp(got, exact, Fc).max() <= ULP_COUNTS
+
+
+@settings(max_examples=25)
+@given(st.integers(1, 40), st.integers(0, 150), st.integers(0, 2**32 - 1))
+def test_channels_are_as_one_by_one(channels, ticks, seed):
+    random = np.random.default_rng(seed)
+    path = random.integers(-300, 301, (ticks, channels)).astype(np.int32)
+    params = [
+        dahl.Throughput(random.uniform(1, 9), random.uniform(1, 9), 0.01) for _ in range(channels)
+    ]
+    got = dahl.Throughput.run_counts_channels(params, path)
+    by_angle = dahl.Throughput.run_channels(params, path * 0.01)
+    for c, one in enumerate(params):
+        ulp = np.spacing(np.float32(one.Fc))
+        alone = one.run_counts(path[:, c]).astype(float)
+        assert (np.abs(got[:, c] - alone) <= 1.1 * ulp).all()
+        assert (np.abs(by_angle[:, c] - alone) <= 2.1 * ulp).all()
+
+
+def test_throughput_goes_on_from_a_torque():
+    params = dahl.Throughput(100.0, 0.5, 1e-4)
+    whole = params.run_counts([5] * 2000)
+    rest = params.run_counts([5] * 1000, F=float(whole[999]))
+    assert rest == pytest.approx(whole[1000:], abs=1e-7)
+    assert params.run_counts([0], F=9.0)[0] == np.float32(0.5)
+    assert params.run_counts([0], F=math.nan)[0] == 0
+
+
+def test_arrays_of_the_right_kind_are_not_copied():
+    path, out = np.ones(1000, np.int32), np.full(1000, -1, np.float32)
+    bearing = dahl.Friction(dahl.Plan(1.0, 1.0, 0.1))
+    assert bearing.run_counts(path, out) is out and out[-1] == 1
+    assert dahl.Throughput(1, 1, 0.1).run_counts(path, out=out) is out
+    assert dahl.arrays.moves(path, np.int32) is path
+
+
+@pytest.mark.parametrize("dtype", ["i1", "u2", ">i4", "i8", "f8"])
+@pytest.mark.parametrize("stride", [1, 3, -1])
+def test_other_types_and_strides_give_the_same(dtype, stride):
+    wide = np.array([1, 0, 3, 2, 7, 120, 5, 0, 9] * 3)
+    plan = dahl.Plan(1.0, 1.0, 0.01)
+    wanted = dahl.Friction(plan).run_counts(wide[::stride].astype(np.int32))
+    assert np.array_equal(dahl.Friction(plan).run_counts(wide.astype(dtype)[::stride]), wanted)
+
+
+def test_nothing_in_nothing_out():
+    params = dahl.Throughput(1, 1, 0.1)
+    for got in (params.run_counts([]), params.run([]), dahl.Friction(dahl.Plan(1, 1)).run([])):
+        assert got.dtype == np.float32 and got.shape == (0,)
+    assert dahl.Throughput.run_counts_channels([params], np.empty((0, 1))).shape == (0, 1)
+
+
+COUNTS = np.ones(4, np.int32)
+
+
+@pytest.mark.parametrize(
+    ("moves", "out", "words"),
+    [
+        ([0.5], None, "moves[0] = 0.5 is not a whole number"),
+        ([1, 2**31], None, "moves[1] = 2147483648 is not"),
+        ([1, math.nan], None, "moves[1] = nan is not"),
+        (np.array([2**63], "u8"), None, "moves[0] = 9223372036854775808 is not"),
+        (["one"], None, "moves has type <U3, not int32"),
+        ([True], None, "moves has type bool, not int32"),
+        ([None], None, "moves has type object, not int32"),
+        ([[1, 2]], None, "moves has shape (1, 2), not (n,)"),
+        (3, None, "moves has shape (), not (n,)"),
+        (COUNTS, np.empty(4), "out is float64 (4,), not float32 (4,)"),
+        (COUNTS, np.empty(5, np.float32), "out is float32 (5,), not float32 (4,)"),
+        (COUNTS, np.empty(8, np.float32)[::2], "out is not C-contiguous"),
+        (COUNTS, [0.0] * 4, "out is a list"),
+        (COUNTS, COUNTS.view(np.float32), "out and moves share memory"),
+    ],
+)
+def test_bad_arrays_are_named(moves, out, words):
+    bearing = dahl.Friction(dahl.Plan(1.0, 1.0, 0.1))
+    for run in (bearing.run_counts, lambda m, o: dahl.Throughput(1, 1, 0.1).run_counts(m, out=o)):
+        with pytest.raises(dahl.Error, match=re.escape(words)):
+            run(moves, out)
+    assert bearing.state.w == 0
+
+
+def test_an_out_that_is_read_only_is_refused():
+    out = np.empty(4, np.float32)
+    out.flags.writeable = False
+    with pytest.raises(dahl.Error, match="out is not C-contiguous and writable"):
+        dahl.Friction(dahl.Plan(1.0, 1.0, 0.1)).run_counts(COUNTS, out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((0, 1, 1), "sigma0 = 0 is outside"),
+        ((1, math.nan, 1), "Fc = nan is outside"),
+        ((1, 1, -1), "theta_per_count = -1"),
+        ((1, 1, 1e-12), "outside 2^-30 <= travel"),
+    ],
+)
+def test_bad_parameters_are_named(arguments, words):
+    bad = dahl.Throughput(*arguments)
+    with pytest.raises(dahl.Error, match=re.escape(words)):
+        bad.run_counts([1])
+    with pytest.raises(dahl.Error, match=re.escape(words)):
+        dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1), bad], [[1, 2]])
+
+
+def test_channels_of_another_number_are_refused():
+    with pytest.raises(dahl.Error, match=re.escape("moves has shape (1, 3), not (n, 2)")):
+        dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]])

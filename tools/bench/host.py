@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: MIT
+"""Errors and speed of every way on this host; writes build/bench/host.json.
+
+Errors against long double are the same on every machine with the same libm; nanoseconds are not,
+and count as ratios within one run only. `--quick` takes shorter motions.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from target import OUT, ROOT, BenchError, run
+from target import write as write_json
+
+PROGRAM = ROOT / "build/host/tools/bench/host/host_bench"
+RESULT = OUT / "host.json"
+VENV = OUT / "venv"
+SIGMA0, FC = 100.0, 0.5
+TURN = float(np.float32(6.2831853))
+OUTSIDE = ("sweep_12", "two_one_24", "sine_12", "creep_18", "leap_14")
+GROWN = ("drift_30", "sweep_24", "dither_16", "walk_20", "leap_14")
+SOLVERS = ("euler_parts", "rk4_parts", "backward_parts", "trapezoid_parts")
+RATES = (100, 300, 1000, 3000, 10000, 30000, 100000)
+PARTS_MOST = 4096
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Ticks of each kind of run; those of the README's tables are the same in both."""
+
+    errors: int
+    parts: int
+    growth: int
+    speed: int
+    outside: int
+
+
+QUICK = Sizes(errors=200_000, parts=200_000, growth=1_000_000, speed=200_000, outside=5_000)
+WHOLE = Sizes(errors=200_000, parts=200_000, growth=1_000_000_000, speed=500_000, outside=20_000)
+
+
+def say(text: str) -> None:
+    print(f"bench: {text}", flush=True)
+
+
+def build() -> None:
+    say("building")
+    run("cmake", "--preset", "host", cwd=ROOT)
+    run("cmake", "--build", ROOT / "build/host", "--target", "host_bench", "dahl_shared", cwd=ROOT)
+
+
+def rows(*arguments: object, timeout: float = 1500) -> list[dict]:
+    """What host_bench prints, line by line."""
+    text = run(PROGRAM, *arguments, timeout=timeout)
+    return [json.loads(line) for line in text.splitlines()]
+
+
+DIVERGED = 1e99  # stands for infinite and NaN, which JSON does not have
+
+
+def number(text: object) -> float:
+    value = float(str(text))
+    return value if value < DIVERGED else DIVERGED
+
+
+def measure_errors(sizes: Sizes) -> dict[str, dict[str, list[float]]]:
+    """Scenario -> way -> worst, RMS error of F/Fc."""
+    say(f"errors: {sizes.errors:,} ticks of each motion, every way")
+    result: dict[str, dict[str, list[float]]] = {}
+    for row in rows("errors", sizes.errors):
+        pair = [number(row["worst"]), number(row["rms"])]
+        result.setdefault(row["scenario"], {})[row["way"]] = pair
+    return result
+
+
+def solver_error(way: str, parts: int, scenario: str, ticks: int) -> float:
+    return number(rows("parts-error", way, parts, scenario, ticks)[0]["worst"])
+
+
+def fewest_parts(way: str, limit: float, ticks: int = 20_000) -> int:
+    """Parts of a tick, a power of 2, with which a solver meets the limit on sine_12; 0: none."""
+    parts = 1
+    while parts <= PARTS_MOST:
+        if solver_error(way, parts, "sine_12", ticks) <= limit:
+            return parts
+        parts *= 2
+    return 0
+
+
+def measure_parts(sizes: Sizes, scenarios: list[str]) -> list[dict]:
+    """Each solver with the parts that 1e-3 and 1e-6 take, and its errors with these."""
+    say("solvers with sub-steps for 1e-3 and 1e-6")
+    result = []
+    for way in SOLVERS:
+        for limit in (1e-3, 1e-6):
+            parts = fewest_parts(way, limit)
+            entry = {"way": way, "limit": limit, "parts": parts}
+            if parts:
+                entry["worst"] = {s: solver_error(way, parts, s, sizes.parts) for s in scenarios}
+            result.append(entry)
+    return result
+
+
+def measure_rates() -> list[dict]:
+    say("parts that 1e-3 takes at each sampling rate")
+    return [row for rate in RATES for row in rows("parts", rate, 1e-3)]
+
+
+def measure_growth(sizes: Sizes) -> list[dict]:
+    say(f"growth of the error to {sizes.growth:,} ticks, {len(GROWN)} motions")
+    with ThreadPoolExecutor(2) as pool:
+        found = pool.map(lambda name: rows("growth", name, sizes.growth), GROWN)
+    return [{**row, "worst": number(row["worst"])} for part in found for row in part]
+
+
+def measure_speed(sizes: Sizes) -> dict[str, dict[str, float]]:
+    """Scenario -> way -> ns a tick; nothing else may run meanwhile."""
+    say("speed")
+    result: dict[str, dict[str, float]] = {}
+    for row in rows("speed", sizes.speed):
+        result.setdefault(row["scenario"], {})[row["way"]] = row["ns"]
+    return result
+
+
+def outside_task(sizes: Sizes) -> dict:
+    scenarios = {}
+    for name in OUTSIDE:
+        lines = run(PROGRAM, "moves", name, sizes.outside).splitlines()
+        pairs = [line.split() for line in lines]
+        scenarios[name] = {
+            "theta": TURN / 2 ** int(name.split("_")[-1]),
+            "moves": [int(move) for move, _ in pairs],
+            "exact": [float(w) for _, w in pairs],
+        }
+    return {"scenarios": scenarios, "sigma0": SIGMA0, "Fc": FC, "solved": 300}
+
+
+def measure_outside(sizes: Sizes) -> dict[str, dict]:
+    """MuJoCo, Newton, SciPy; each with its errors and ns a tick, or why it is missing."""
+    say("rivals from outside: MuJoCo, Newton, SciPy")
+    python = VENV / "bin" / "python"
+    if not (VENV / ".complete").exists():
+        reason = "build/bench/venv could not be made; see build/bench/venv.log"
+        return {name: {"missing": reason} for name in ("mujoco", "newton", "scipy")}
+    text = run(
+        python,
+        ROOT / "tools/bench/outside.py",
+        input=json.dumps(outside_task(sizes)),
+        cwd=OUT,
+        timeout=600,
+    )
+    result = json.loads(text.splitlines()[-1])
+    for name, entry in result.items():
+        if "missing" in entry:
+            say(f"not compared: {name}: {entry['missing']}")
+    return result
+
+
+def best_time(work, rounds: int = 7) -> float:
+    times = []
+    for _ in range(rounds):
+        start = perf_counter()
+        work()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def measure_python() -> dict[str, float]:
+    """ns a tick from Python: one call a tick, and one call for all."""
+    import dahl
+
+    moves = np.random.default_rng(1).integers(-8, 9, 1_000_000).astype(np.int32)
+    out = np.empty(len(moves), np.float32)
+    theta = TURN / 2**14
+    bearing = dahl.Friction(dahl.Plan(SIGMA0, FC, theta))
+    throughput = dahl.Throughput(SIGMA0, FC, theta)
+    few = moves[:20_000].tolist()
+    return {
+        "step_ns": best_time(lambda: [bearing.step_counts(m) for m in few]) / len(few) * 1e9,
+        "batch_ns": best_time(lambda: bearing.run_counts(moves, out)) / len(moves) * 1e9,
+        "throughput_ns": best_time(lambda: throughput.run_counts(moves, out=out))
+        / len(moves)
+        * 1e9,
+        "empty_batch_ns": best_time(lambda: bearing.run_counts(moves[:0], out[:0]), 200) * 1e9,
+    }
+
+
+def cpu() -> str:
+    names = [
+        line.split(":", 1)[1].strip()
+        for line in Path("/proc/cpuinfo").read_text().splitlines()
+        if line.startswith("model name")
+    ]
+    return names[0] if names else "unknown"
+
+
+def measure(quick: bool) -> dict:
+    sizes = QUICK if quick else WHOLE
+    build()
+    errors = measure_errors(sizes)
+    return {
+        "quick": quick,
+        "cpu": cpu(),
+        "compiler": run("cc", "--version").splitlines()[0],
+        "ticks": vars(sizes),
+        "errors": errors,
+        "parts": measure_parts(sizes, list(errors)),
+        "rates": measure_rates(),
+        "speed": measure_speed(sizes),
+        "python": measure_python(),
+        "outside": measure_outside(sizes),
+        "growth": measure_growth(sizes),
+    }
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="tools/bench.sh host", description=__doc__.split("\n\n")[0]
+    )
+    parser.add_argument("--quick", action="store_true", help="shorter motions: under 2 minutes")
+    start = perf_counter()
+    write_json(RESULT, measure(parser.parse_args(arguments).quick))
+    say(f"build/bench/host.json written, {perf_counter() - start:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except (BenchError, subprocess.SubprocessError) as problem:
+        print(f"error: {problem}", file=sys.stderr)
+        sys.exit(1)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+"""Rivals from outside, run by the Python of build/bench/venv.
+
+Reads {"scenarios": {name: {"theta": rad per count, "moves": [...], "exact": [...]}}, "sigma0", "Fc",
+"solved": ticks for solvers} on standard input; the last line that it prints is {rival: {"scenarios":
+{name: [worst, rms]}, "ns": per tick, "ticks"} or {"missing": why}}.
+
+Each rival is used as its documentation has it: one step a tick, from Python where it is a Python
+package.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+
+SAMPLE = 0.001  # s between ticks, for rivals that know time; the model does not
+
+
+def mujoco_way(task: dict) -> Callable[[dict], list[float]]:
+    """dcmotor with lugre="sigma0 0 Fc Fc 1": exact under zero-order hold of the speed, in double."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco>
+        <option timestep="{SAMPLE}" gravity="0 0 0"><flag constraint="disable"/></option>
+        <worldbody><body>
+        <joint name="shaft" type="hinge"/><geom size="0.1" mass="1"/>
+        </body></worldbody>
+        <actuator><dcmotor joint="shaft" motorconst="1 1" resistance="1" input="none"
+        lugre="{task["sigma0"]} 0 {task["Fc"]} {task["Fc"]} 1"/></actuator>
+        </mujoco>"""
+    )
+    data = mujoco.MjData(model)
+
+    def run(scenario: dict) -> list[float]:
+        mujoco.mj_resetData(model, data)
+        scale, result = scenario["theta"] / SAMPLE, []
+        stiffness = task["sigma0"] / task["Fc"]
+        for move in scenario["moves"]:
+            data.qvel[0] = move * scale
+            mujoco.mj_step(model, data)
+            result.append(data.act[0] * stiffness)
+        return result
+
+    return run
+
+
+def newton_way(task: dict) -> Callable[[dict], list[float]]:
+    """_advance_dahl_axis of the rod solver, a tick after the other in one kernel on the CPU."""
+    import numpy as np
+    import warp as wp
+    from outside_newton import advance
+
+    def run(scenario: dict) -> list[float]:
+        angles = (np.array(scenario["moves"]) * scenario["theta"]).astype(np.float32)
+        moves = wp.array(angles, dtype=float, device="cpu")
+        out = wp.empty(len(angles), dtype=float, device="cpu")
+        inputs = [moves, out, task["Fc"], task["Fc"] / task["sigma0"]]
+        wp.launch(advance, dim=1, inputs=inputs, device="cpu")
+        return (out.numpy().astype(float) / task["Fc"]).tolist()
+
+    return run
+
+
+def scipy_way(task: dict) -> Callable[[dict], list[float]]:
+    """solve_ivp on Eq. 1, a tick at a time, tolerances 1e-9; travel is cut at 40, or it would not
+    end.
+    """
+    from scipy.integrate import solve_ivp
+
+    a = task["sigma0"] / task["Fc"]
+
+    def run(scenario: dict) -> list[float]:
+        w, result = 0.0, []
+        for move in scenario["moves"][: task["solved"]]:
+            s, u = (1.0 if move > 0 else -1.0), min(a * abs(move) * scenario["theta"], 40.0)
+            if u > 0:
+                w = solve_ivp(lambda _, w, s=s: s - w, (0, u), [w], rtol=1e-9, atol=1e-9).y[0, -1]
+            result.append(float(w))
+        return result
+
+    return run
+
+
+WAYS = {"mujoco": mujoco_way, "newton": newton_way, "scipy": scipy_way}
+
+
+def errors(got: list[float], exact: list[float]) -> list[float]:
+    differences = [abs(x - y) for x, y in zip(got, exact, strict=False)]
+    return [max(differences), (sum(d * d for d in differences) / len(differences)) ** 0.5]
+
+
+def measure(make: Callable[[dict], Callable[[dict], list[float]]], task: dict) -> dict:
+    run = make(task)
+    result, ticks, took = {}, 0, 0.0
+    first = next(iter(task["scenarios"].values()))
+    run({**first, "moves": first["moves"][:10]})  # what is compiled at first use is not timed
+    for name, scenario in task["scenarios"].items():
+        start = time.perf_counter()
+        got = run(scenario)
+        took, ticks = took + time.perf_counter() - start, ticks + len(got)
+        result[name] = errors(got, scenario["exact"])
+    return {"scenarios": result, "ns": took / ticks * 1e9, "ticks": ticks}
+
+
+def main() -> int:
+    task = json.load(sys.stdin)
+    result = {}
+    for name, make in WAYS.items():
+        print(f"outside: {name}", file=sys.stderr, flush=True)
+        try:
+            result[name] = measure(make, task)
+        except Exception as error:  # whatever a package does on this machine, it is named
+            result[name] = {"missing": f"{type(error).__name__}: {error}".splitlines()[0]}
+    print(json.dumps(result))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: MIT
+"""Newton's Dahl axis as a kernel; a module of its own, because warp reads a kernel's names from its
+module.
+"""
+
+import warp as wp
+from newton._src.solvers.vbd.rigid_vbd_kernels import _advance_dahl_axis
+
+wp.config.quiet = True
+
+
+@wp.kernel
+def advance(
+    moves: wp.array(dtype=float),
+    out: wp.array(dtype=float),
+    Fc: float,  # noqa: N803
+    tau: float,
+):
+    """One thread, a tick after the other: moves in rad, torques in N m."""
+    torque = float(0.0)
+    before = float(0.0)
+    for i in range(moves.shape[0]):
+        torque, before = _advance_dahl_axis(moves[i], before, torque, Fc, tau)
+        out[i] = torque

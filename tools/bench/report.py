@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: MIT
+"""Joins build/bench/target.json and host.json: writes results.json, pareto.png, .svg, growth.png,
+.svg beside them and says on the terminal what came out. `--readme` also puts tables and pictures into
+README.md and .readme/; `--check` only says whether that would change a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import figures
+import host as host_bench
+import results
+import table
+import target as target_bench
+from results import CORES
+from target import OUT, ROOT, BenchError
+
+RESULT = OUT / "results.json"
+PICTURES = ("pareto.png", "growth.png")  # of the README; their .svg stay beside them
+WAYS_MARKS = ("<!-- bench:ways -->", "<!-- /bench:ways -->")
+HOST_MARKS = ("<!-- bench:host -->", "<!-- /bench:host -->")
+
+
+def load(path: Path, command: str) -> dict:
+    if not path.exists():
+        raise BenchError(f"no build/bench/{path.name}; run tools/bench.sh {command} first")
+    return json.loads(path.read_text())
+
+
+def shown_error(value: float) -> str:
+    return "diverges" if value > figures.TOP else f"{value:.0e}"
+
+
+def shown_cost(value: float) -> str:
+    return f"{value:.0f}"
+
+
+def ways_table(target: dict, host: dict) -> str:
+    """Error and instructions of every way, as the block of the README; alike on every machine."""
+    cores = [core for core in CORES if core in target]
+    by_core = {core: results.core_points(target, host, core) for core in cores}
+    head = [
+        "way to compute a tick",
+        "worst error of F/Fc",
+        "on giant jumps",
+        *(target[core]["core"] for core in cores),
+    ]
+    lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
+    for rank, point in enumerate(by_core[cores[0]]):
+        costs = [shown_cost(by_core[core][rank].mean_cost()) for core in cores]
+        errors = [shown_error(point.worst()), shown_error(point.error[results.JUMPS])]
+        title = f"**{point.title}**" if point.ours else point.title
+        lines.append("| " + " | ".join([title, *errors, *costs]) + " |")
+    return "\n".join([WAYS_MARKS[0], *lines, *unreached(host), WAYS_MARKS[1]])
+
+
+def unreached(host: dict) -> list[str]:
+    """Solvers that no number of parts takes to a limit."""
+    names = [
+        f"{results.SOLVERS[entry['way'].removesuffix('_parts')]} {entry['limit']:.0e}"
+        for entry in host["parts"]
+        if entry["parts"] == 0
+    ]
+    most = host_bench.PARTS_MOST
+    return ["", f"Not reached with {most} parts a tick: {', '.join(names)}."] if names else []
+
+
+def host_block(result: dict) -> str:
+    """What the host measured, in words; of the machine that ran it."""
+    x = result["host"]
+    lines = [
+        f"- `dahl_batch_counts`: {x['bitwise_counts_x']:.1f} times as fast as the `expm1f` loop of"
+        f" glibc (least: {x['bitwise_counts_x_least']:.1f}, giant jumps);"
+        f" 16 channels {x['bitwise_channels16_x']:.1f} ({x['bitwise_channels16_x_least']:.1f})",
+        f"- `dahl_throughput_counts`: {x['throughput_counts_x']:.1f}"
+        f" ({x['throughput_counts_x_least']:.1f}); by angle {x['throughput_angle_x']:.1f}"
+        f" ({x['throughput_angle_x_least']:.1f}); 16 channels {x['throughput_channels16_x']:.1f}"
+        f" ({x['throughput_channels16_x_least']:.1f})",
+        f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as `dahl_throughput_counts`,"
+        f" {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
+    ]
+    if "mujoco_x" in x:
+        lines.append(
+            f"- from Python, a tick of `Throughput.run_counts` is {x['mujoco_x']:.0f} times,"
+            f" of `Friction.run_counts` {x['mujoco_batch_x']:.0f} times as fast as MuJoCo's"
+            f" `mj_step`; one `Friction.step_counts` a call {x['mujoco_step_x']:.1f} times"
+        )
+    lines += [f"- not compared here: {name} ({why})" for name, why in result["missing"].items()]
+    note = f"{result['machine']['cpu']}, {result['machine']['compiler']}; ratios within one run,"
+    note += " geometric mean over the hard motions, in brackets the least."
+    return "\n".join([HOST_MARKS[0], *lines, "", note, HOST_MARKS[1]])
+
+
+def show(result: dict) -> None:
+    """The numbers on the terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    for core, points in result["points"].items():
+        unit = "ns a tick" if core == "host" else "instructions a tick"
+        printed = Table(title=f"{figures.TITLES[core]}: {unit}, worst error of F/Fc")
+        for column in ("way", unit, "worst"):
+            printed.add_column(column, justify="left" if column == "way" else "right")
+        for key, point in sorted(points.items(), key=lambda item: item[1]["cost"]):
+            style = "bold" if point["ours"] else None
+            worst = shown_error(point["worst"])
+            printed.add_row(key, f"{point['cost']:.4g}", worst, style=style)
+        console.print(printed)
+    for key, value in result["host"].items():
+        console.print(f"{key:32} {value:10.2f}")
+    for entry in result["dominated"]:
+        console.print(f"beaten: {entry}")
+    console.print(f"of our points, {len(result['dominated'])} are beaten in both axes")
+
+
+def replaced(text: str, marks: tuple[str, str], block: str) -> str:
+    start, end = text.find(marks[0]), text.find(marks[1])
+    if start < 0 or end < 0:
+        raise BenchError(f"README.md lacks the lines {marks[0]} and {marks[1]}")
+    return text[:start] + block + text[end + len(marks[1]) :]
+
+
+def with_tables(text: str, target: dict, host: dict, measured: bool) -> str:
+    """The README's text with its tables as counted now; and what the host measured, if asked."""
+    text = table.replaced(text, table.markdown(target))
+    text = replaced(text, WAYS_MARKS, ways_table(target, host))
+    if measured:
+        text = replaced(text, HOST_MARKS, host_block(results.combine(target, host)))
+    return text
+
+
+def draw(target: dict, host: dict) -> None:
+    for name, figure in (
+        ("pareto", figures.pareto(target, host)),
+        ("growth", figures.growth(target, host)),
+    ):
+        for kind in ("png", "svg"):
+            figures.save(figure, OUT / f"{name}.{kind}")
+
+
+def write_readme(target: dict, host: dict) -> None:
+    if host["quick"]:
+        raise BenchError("build/bench/host.json is of a quick run; the README wants a whole one")
+    text = with_tables(table.README.read_text(), target, host, measured=True)
+    for name in PICTURES:
+        shutil.copy(OUT / name, ROOT / ".readme" / name)
+    table.README.write_text(text)
+    print("bench: README.md and .readme/ written")
+
+
+def check(target: dict, host: dict) -> int:
+    text = table.README.read_text()
+    same = with_tables(text, target, host, measured=False) == text
+    print("README.md is up to date" if same else "README.md differs: run tools/bench.sh")
+    return int(not same)
+
+
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="tools/bench.sh report", description=__doc__.split("\n\n")[0]
+    )
+    parser.add_argument("--readme", action="store_true", help="write README.md and .readme/ too")
+    parser.add_argument("--check", action="store_true", help="only compare the README's tables")
+    options = parser.parse_args(arguments)
+    target = load(target_bench.RESULT, "target")
+    host = load(host_bench.RESULT, "host")
+    if options.check:
+        return check(target, host)
+    result = results.combine(target, host)
+    draw(target, host)
+    target_bench.write(RESULT, result)
+    show(result)
+    print("bench: build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg written")
+    if options.readme:
+        write_readme(target, host)
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except BenchError as problem:
+        print(f"error: {problem}", file=sys.stderr)
+        sys.exit(2)

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: MIT
+"""From what was counted (target.json) and measured (host.json) to results.json: a cost and an error
+for every way, on every core and hard motion; which of ours a rival beats; the ratios.
+
+Pure functions of the two files. Cost on a core is instructions a tick, on the host nanoseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import prod
+
+JUMPS = "leap_14"  # giant jumps: a solver of Eq. 1 cannot follow, so it is judged apart
+CORES = ("m0", "m3", "m4f")
+SAME = 0.95  # an error within 5 % of another is as good: both are the rounding of the result
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way to compute the torque: its names in the two files, and in words."""
+
+    key: str
+    title: str
+    ours: bool = False
+    on_target: bool = True
+    on_host: bool = True
+
+
+WAYS = (
+    Way("counts_q30", "`dahl_step_counts_q30`", ours=True, on_host=False),
+    Way("counts", "`dahl_step_counts`", ours=True, on_host=False),
+    Way("angle", "`dahl_step`", ours=True, on_host=False),
+    Way("batch_counts", "`dahl_batch_counts`", ours=True, on_target=False),
+    Way("throughput_counts", "`dahl_throughput_counts`", ours=True, on_target=False),
+    Way("throughput_angle", "`dahl_throughput`", ours=True, on_target=False),
+    Way("expm1f", "`expm1f` step"),
+    Way("expf", "`1 - expf` step"),
+    Way("exp_double", "`1 - exp` (double) step"),
+    Way("expm1_double", "`expm1` (double) step"),
+    Way("double_state", "`expm1` step, state in double", on_target=False),
+    Way("anchored", "Eq. 18, anchored at each reversal"),
+    Way("direct", "Eqs. 7, 18, 27, one running exponent"),
+    Way("table", "table of g(u), interpolated"),
+    Way("table_counts", "table of g by counts, float state"),
+    Way("euler", "forward Euler"),
+    Way("rk4", "RK4"),
+    Way("backward", "backward Euler"),
+    Way("trapezoid", "trapezoid"),
+)
+HOST_KEY = {"backward": "backward_parts", "trapezoid": "trapezoid_parts"}
+SOLVERS = {"euler": "forward Euler", "rk4": "RK4", "backward": "backward Euler"}
+SOLVERS["trapezoid"] = "trapezoid"
+
+
+@dataclass(frozen=True)
+class Point:
+    """One way on one core: cost and error by hard motion."""
+
+    key: str
+    title: str
+    ours: bool
+    cost: dict[str, float]
+    error: dict[str, float]
+
+    def mean_cost(self) -> float:
+        return mean([self.cost[name] for name in self.cost if name != JUMPS])
+
+    def worst(self) -> float:
+        return max(self.error[name] for name in self.error if name != JUMPS)
+
+
+def mean(values: list[float]) -> float:
+    return sum(values) / len(values)
+
+
+def errors_of(host: dict, key: str) -> dict[str, float]:
+    name = HOST_KEY.get(key, key)
+    return {scenario: ways[name][0] for scenario, ways in host["errors"].items()}
+
+
+def motions_of(target: dict, core: str) -> dict[str, dict[str, float]]:
+    """Instructions by motion and way, with newlib where it was counted."""
+    counted = target[core]["motions"]
+    return counted.get("newlib") or counted["picolibc"]
+
+
+def parts_cost(counted: dict[str, float], solver: str, parts: int) -> float:
+    """Instructions with so many parts, on the line through what 9 and 17 take."""
+    nine, seventeen = (counted[f"{solver}_parts_{n}"] for n in (9, 17))
+    return nine + (parts - 9) * (seventeen - nine) / 8
+
+
+def solver_points(target: dict, host: dict, core: str) -> list[Point]:
+    points = []
+    for entry in host["parts"]:
+        solver = entry["way"].removesuffix("_parts")
+        if entry["parts"] > 1:
+            cost = {
+                name: parts_cost(counted, solver, entry["parts"])
+                for name, counted in motions_of(target, core).items()
+            }
+            title = f"{SOLVERS[solver]}, {entry['parts']} parts"
+            points.append(Point(f"{solver}_{entry['parts']}", title, False, cost, entry["worst"]))
+    return points
+
+
+def core_points(target: dict, host: dict, core: str) -> list[Point]:
+    counted = motions_of(target, core)
+    points = [
+        Point(
+            way.key,
+            way.title,
+            way.ours,
+            {name: ways[way.key] for name, ways in counted.items()},
+            errors_of(host, way.key),
+        )
+        for way in WAYS
+        if way.on_target
+    ]
+    return points + solver_points(target, host, core)
+
+
+def host_points(host: dict) -> list[Point]:
+    points = []
+    for way in WAYS:
+        if way.on_host:
+            name = HOST_KEY.get(way.key, way.key)
+            cost = {scenario: ways[name] for scenario, ways in host["speed"].items()}
+            points.append(Point(way.key, way.title, way.ours, cost, errors_of(host, way.key)))
+    for name, entry in host["outside"].items():
+        if "missing" not in entry:
+            error = {scenario: pair[0] for scenario, pair in entry["scenarios"].items()}
+            cost = dict.fromkeys(error, entry["ns"])
+            points.append(Point(name, OUTSIDE[name], False, cost, error))
+    return points
+
+
+OUTSIDE = {
+    "mujoco": "MuJoCo `dcmotor`",
+    "newton": "Newton's Dahl axis",
+    "scipy": "SciPy `solve_ivp`",
+}
+
+
+def beaten(points: list[Point], core: str) -> list[dict]:
+    """Each of our points that a rival beats in cost and error, by motion."""
+    found = []
+    for our in (p for p in points if p.ours):
+        for rival in (p for p in points if not p.ours):
+            for motion in sorted(our.cost.keys() & rival.cost.keys() & rival.error.keys()):
+                cheaper = rival.cost[motion] < our.cost[motion]
+                if cheaper and rival.error[motion] < SAME * our.error[motion]:
+                    found.append(
+                        {"core": core, "motion": motion, "ours": our.key, "rival": rival.key}
+                    )
+    return found
+
+
+def closest(points: list[Point]) -> dict:
+    """The rival that is nearest to our best point: least error among those not dearer, or least
+    cost among those as good.
+    """
+    ours = [p for p in points if p.ours]
+    best = min(ours, key=Point.mean_cost)
+    cheaper = [p for p in points if not p.ours and p.mean_cost() <= best.mean_cost()]
+    good = [p for p in points if not p.ours and p.worst() <= best.worst() / SAME]
+    result: dict[str, dict] = {}
+    if cheaper:
+        rival = min(cheaper, key=Point.worst)
+        result["as cheap"] = {"way": rival.key, "times the error": rival.worst() / best.worst()}
+    if good:
+        rival = min(good, key=Point.mean_cost)
+        times = rival.mean_cost() / best.mean_cost()
+        result["as exact"] = {"way": rival.key, "times the cost": times}
+    return result
+
+
+def ratios(host: dict) -> dict[str, float]:
+    """Times faster a tick than the expm1f loop: geometric mean over the hard motions."""
+    speed = host["speed"]
+
+    def over(way: str, least: bool = False) -> float:
+        each = [ways["expm1f"] / ways[way] for ways in speed.values()]
+        return min(each) if least else prod(each) ** (1 / len(each))
+
+    names = {
+        "bitwise_counts_x": "batch_counts",
+        "bitwise_channels16_x": "batch_counts_16",
+        "throughput_angle_x": "throughput_angle",
+        "throughput_counts_x": "throughput_counts",
+        "throughput_channels16_x": "throughput_counts_16",
+        "throughput_angle_channels16_x": "throughput_angle_16",
+    }
+    result = {key: over(way) for key, way in names.items()}
+    result |= {f"{key}_least": over(way, least=True) for key, way in names.items()}
+    result["copy_x"] = mean([w["throughput_counts"] / w["copy"] for w in speed.values()])
+    result["copy_channels16_x"] = mean(
+        [w["throughput_counts_16"] / w["copy"] for w in speed.values()]
+    )
+    if "ns" in host["outside"].get("mujoco", {}):
+        result["mujoco_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["throughput_ns"]
+        result["mujoco_batch_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["batch_ns"]
+        result["mujoco_step_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["step_ns"]
+    return {key: round(value, 2) for key, value in result.items()}
+
+
+def combine(target: dict, host: dict) -> dict:
+    """results.json."""
+    points = {core: core_points(target, host, core) for core in CORES if core in target}
+    points["host"] = host_points(host)
+    listed = {
+        core: {
+            p.key: {"ours": p.ours, "cost": round(p.mean_cost(), 2), "worst": p.worst()} for p in ps
+        }
+        for core, ps in points.items()
+    }
+    return {
+        "host": ratios(host),
+        "dominated": [d for core, ps in points.items() for d in beaten(ps, core)],
+        "closest": {core: closest(ps) for core, ps in points.items()},
+        "missing": {k: e["missing"] for k, e in host["outside"].items() if "missing" in e},
+        "points": listed,
+        "python": host["python"],
+        "machine": {key: host[key] for key in ("cpu", "compiler", "quick", "ticks")},
+    }

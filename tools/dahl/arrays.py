@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""numpy arrays as the C library takes them: read and written in place where type and stride allow,
+copied or refused, by name, where not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dahl import Error
+
+INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
+
+
+def data(array: np.ndarray) -> int:
+    return array.ctypes.data
+
+
+def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
+    """Moves as C wants them, shape (n,) or (n, channels); the very array where it is one."""
+    array = np.asarray(values)
+    wanted = "(n,)" if channels is None else f"(n, {channels})"
+    if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
+        raise Error(f"moves has shape {array.shape}, not {wanted}")
+    if array.dtype == dtype or array.size == 0:
+        return np.ascontiguousarray(array, dtype=dtype)
+    if dtype is np.int32:
+        return _whole(array)
+    if array.dtype.kind not in "fiu":
+        raise Error(f"moves has type {array.dtype}, not float32")
+    with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
+        return np.ascontiguousarray(array, dtype=dtype)
+
+
+def _whole(array: np.ndarray) -> np.ndarray:
+    """Any numbers as int32, if that is what they are."""
+    if array.dtype.kind not in "fiu":
+        raise Error(f"moves has type {array.dtype}, not int32")
+    with np.errstate(invalid="ignore"):
+        wrong = ~((array >= INT32_MIN) & (array <= INT32_MAX) & (array == np.trunc(array)))
+    if wrong.any():
+        place = tuple(int(i) for i in np.argwhere(wrong)[0])
+        value = array[place].item()
+        raise Error(
+            f"moves[{', '.join(map(str, place))}] = {value!r}"
+            f" is not a whole number from {INT32_MIN} to {INT32_MAX}"
+        )
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def out(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
+    """Where the torques go: a new array, or `out` if C can write it."""
+    if given is None:
+        return np.empty(wanted.shape, np.float32)
+    if not isinstance(given, np.ndarray):
+        raise Error(f"out is a {type(given).__name__}, not a float32 array")
+    if given.dtype != np.float32 or given.shape != wanted.shape:
+        raise Error(f"out is {given.dtype} {given.shape}, not float32 {wanted.shape}")
+    if not (given.flags.c_contiguous and given.flags.writeable):
+        raise Error("out is not C-contiguous and writable")
+    if np.may_share_memory(given, wanted):
+        raise Error("out and moves share memory")
+    return given
