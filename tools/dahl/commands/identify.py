@@ -4,7 +4,7 @@ Find sigma0 and Fc from measured logs, with intervals, and say whether they can 
 
 LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
 --dbc. Columns and units are taken from the names of the columns where no option says otherwise. All
-LOGs are fitted together. Leaves a picture, JSON, a scene that replays the log, and, where both
+LOGs are fitted together; --each takes those of a folder one by one, --follow a live bus. Leaves a picture, JSON, a scene that replays the log, and, where both
 parameters are identifiable, a header with a const plan.
 """
 
@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dahl import Error, places
-from dahl.arguments import whole
+from dahl.arguments import add_limits, whole
+from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
     from dahl.identify.readers import Source
@@ -26,7 +27,9 @@ HELP = "from a measured log to sigma0 and Fc"
 EXAMPLE = """examples:
   dahl identify shaft.csv --angle angle_deg --torque torque_Nm --counts-per-turn 16384
   dahl identify run1.csv run2.csv --check run3.csv --json -
-  dahl identify drive.blf --dbc car.dbc --angle SteeringAngle --torque ColumnTorque"""
+  dahl identify drive.blf --dbc car.dbc --angle SteeringAngle --torque ColumnTorque
+  dahl identify --each logs/ --jobs 4
+  dahl identify --follow -i socketcan -c can0 --dbc car.dbc --angle A --torque T --within 2"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -62,6 +65,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--check", type=Path, action="append", default=[], metavar="LOG",
         help="a log that is not fitted but predicted",
     )
+    each = parser.add_argument_group("many logs, each by itself")
+    each.add_argument("--each", type=Path, metavar="DIR", help="all logs of a folder; resumable")
+    each.add_argument("--jobs", type=whole(-1, 1024), default=-1, metavar="N", help="-1: all cores")
+    each.add_argument("--dask", metavar="ADDRESS", help="on a Dask cluster, as tcp://HOST:PORT")
+    live = parser.add_argument_group("a live bus")
+    live.add_argument("--follow", action="store_true", help="a running estimate from -i and -c")
+    live.add_argument(
+        "--within", type=percent, default=0.02, metavar="PERCENT",
+        help="end when both intervals are at most so wide to either side (default 2)",
+    )
+    add_bus_arguments(live)
+    add_limits(live)
     out = parser.add_argument_group("what to leave")
     out.add_argument("--json", metavar="FILE", help="numbers as JSON; - prints them alone")
     out.add_argument("--name", default="", help="of files and plan (default: the first log's)")
@@ -70,6 +85,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="where files go",
     )
     out.add_argument("--no-files", action="store_true", help="leave none")
+
+
+def percent(text: str) -> float:
+    """A type for argparse: a part, given in percent."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.001 <= value <= 100:
+        raise argparse.ArgumentTypeError(f"{text}: not a number from 0.001 to 100 (percent)")
+    return value / 100
 
 
 def source_of(args: argparse.Namespace) -> Source:
@@ -96,16 +122,109 @@ def options_of(args: argparse.Namespace) -> Options:
     return Options(terms, not args.no_delay, args.median, args.trust_units)
 
 
-def run(args: argparse.Namespace) -> None:
+def run(args: argparse.Namespace) -> int:
     from dahl.identify import output, readers, study
 
-    if not args.logs:
-        raise Error("no LOG given (see dahl identify --help)")
+    if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
+        raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
+    if args.each:
+        return _each(args)
+    if args.follow:
+        return _follow(args)
     source, options = source_of(args), options_of(args)
-    result = study.identify([readers.read(path, source) for path in args.logs], options)
+    logs, broken = _readable(args, source, options)
+    result = study.identify(logs, options)
     for path in args.check:
         result.checks[str(path)] = study.check(result, readers.read(path, source))
     _report(args, result, output.identifier(args.name or args.logs[0].stem))
+    return 2 if broken else 0
+
+
+def _readable(args: argparse.Namespace, source: Source, options: Options) -> tuple[list, list]:
+    """The logs that a fit can use; each other one is a line on stderr. Raises dahl.Error when none
+    is left.
+    """
+    from dahl.identify import clean, readers
+
+    logs, broken = [], []
+    for path in args.logs:
+        try:
+            log = readers.read(path, source)
+            clean.refuse(log, options.trust_units)
+            logs.append(log)
+        except Error as error:
+            broken.append(error)
+    if not logs:
+        *first, last = broken
+        _complain(first)
+        raise last
+    _complain(broken)
+    return logs, broken
+
+
+def _complain(errors: list[Error]) -> None:
+    for error in errors:
+        print(f"error: {error}", file=sys.stderr)
+
+
+def _each(args: argparse.Namespace) -> int:
+    """One table of all logs of a folder; exit code 2 where one was broken."""
+    from rich.console import Console
+    from rich.progress import Progress
+    from rich.table import Table
+
+    from dahl.identify import many
+
+    paths = many.logs_in(args.each)
+    kept = many.Kept(args.output / "each", source_of(args), options_of(args))
+    rows, earlier = {}, 0
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task("identify", total=len(paths))
+        for path, numbers, known in many.run(paths, kept, args.jobs, args.dask):
+            rows[path.name] = numbers
+            earlier += known
+            progress.advance(task)
+    many.write_table(args.output / "each.csv", rows)
+    table = Table("log", "sigma0", "Fc", "R2", "verdict")
+    for name, row in sorted(rows.items()):
+        numbers = [f"{row[key]:.5g}" for key in ("sigma0", "Fc", "r2")] if "r2" in row else [""] * 3
+        table.add_row(name, *numbers, row.get("verdict", "broken"))
+    console = Console(highlight=False)
+    console.print(table)
+    console.print(f"table   {args.output / 'each.csv'}; {earlier} of {len(rows)} from earlier runs",
+                  soft_wrap=True)
+    broken = [Error(row["error"]) for row in rows.values() if "error" in row]
+    _complain(broken)
+    return 2 if broken else 0
+
+
+def _follow(args: argparse.Namespace) -> int:
+    """Identify what comes over a bus until it is known well enough."""
+    from dahl.bus import open_from, received
+    from dahl.identify import follow, output
+    from dahl.loop import Stop
+
+    if not (args.dbc and args.angle and args.torque):
+        raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
+    with open_from(args) as bus, Stop() as stop:
+        frames = received(bus, stop, args.seconds, args.frames)
+        result = follow.follow(frames, source_of(args), options_of(args), args.within, _shown)
+    _report(args, result, output.identifier(args.name or "bus"))
+    return 0
+
+
+def _shown(rows: int, result: Result | None, why: str) -> None:
+    """One line for each look at a live bus."""
+    numbers = ""
+    if result is not None:
+        one = result.estimate
+        parts = [
+            f"{name} {getattr(one, name):.5g} (within"
+            f" {100 * one.ci95[name].relative(getattr(one, name)):.2g} %)"
+            for name in ("sigma0", "Fc")
+        ]
+        numbers = ", ".join(parts) + "; "
+    print(f"{rows} rows: {numbers}{why}", file=sys.stderr, flush=True)
 
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:

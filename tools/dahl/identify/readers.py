@@ -237,27 +237,17 @@ def _without_gaps(
 
 
 def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
-    """The two signals at the times of the angle's frames; the torque is interpolated to them where
-    it comes in another message.
-    """
+    """Names and values by role, out of frames or out of the channels of an MF4."""
     if source.dbc is None and path.suffix.lower() == ".mf4":
         return _from_channels(path, source)
     if source.dbc is None:
         raise Error(f"{path}: a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
     if not (source.angle and source.torque):
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
-    names = {"angle": source.angle, "torque": source.torque, "time": "time"}
-    found = decoded(frames_of(path), database_of(source.dbc), names["angle"], names["torque"])
-    (angle_time, angle), (torque_time, torque) = (found[names[k]] for k in ("angle", "torque"))
-    for name in (names["angle"], names["torque"]):
-        if len(found[name][0]) < 2:
-            raise Error(f"{path}: signal '{name}' comes in {len(found[name][0])} valid frames")
-    _check_time(path, angle_time, 0)
-    shared = (angle_time >= torque_time[0]) & (angle_time <= torque_time[-1])
-    if shared.sum() < 2:
-        raise Error(f"{path}: '{names['angle']}' and '{names['torque']}' share no time")
-    torque = np.interp(angle_time[shared], torque_time, torque)
-    return names, {"angle": angle[shared], "torque": torque, "time": angle_time[shared]}
+    signals = Signals(source.dbc, source.angle, source.torque)
+    for frame in frames_of(path):
+        signals.feed(frame)
+    return signals.names, signals.values(path)
 
 
 def frames_of(path: Path) -> Iterator[can.Message]:
@@ -300,23 +290,50 @@ def database_of(path: Path) -> cantools.database.Database:
         raise Error(f"{path}: not a DBC ({words})") from None
 
 
-def decoded(
-    frames: Iterator[can.Message], database: cantools.database.Database, *signals: str
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Time and value of each signal, where the value is within the range that the DBC gives."""
-    take = {name: _message_with(database, name) for name in signals}
-    wanted: dict[int, list[str]] = {}
-    for name, message in take.items():
-        wanted.setdefault(message.frame_id, []).append(name)
-    found: dict[str, list[tuple[float, float]]] = {name: [] for name in signals}
-    for frame in frames:
-        names = wanted.get(frame.arbitration_id)
+class Signals:
+    """Two signals of a bus, frame by frame: each with the times of its own frames."""
+
+    def __init__(self, dbc: Path, angle: str, torque: str) -> None:
+        database = database_of(dbc)
+        self.names = {"angle": angle, "torque": torque, "time": "time"}
+        self.take = {name: _message_with(database, name) for name in (angle, torque)}
+        self.wanted: dict[int, list[str]] = {}
+        for name, message in self.take.items():
+            self.wanted.setdefault(message.frame_id, []).append(name)
+        self.found: dict[str, list[tuple[float, float]]] = {name: [] for name in self.take}
+
+    def feed(self, frame: can.Message) -> None:
+        """Keep what a frame says of the signals, where that is within the range the DBC gives."""
+        names = self.wanted.get(frame.arbitration_id)
         if names and not (frame.is_error_frame or frame.is_remote_frame):
-            for name, value in _values(take[names[0]], frame, names):
-                found[name].append((frame.timestamp, value))
-    return {
-        name: tuple(np.array(pairs, dtype=float).reshape(-1, 2).T) for name, pairs in found.items()
-    }
+            for name, value in _values(self.take[names[0]], frame, names):
+                self.found[name].append((frame.timestamp, value))
+
+    def values(self, place: Path | str) -> dict[str, np.ndarray]:
+        """Angle, torque and time at the frames of the angle; the torque is interpolated to them
+        where it comes in another message. Raises dahl.Error.
+        """
+        series = {}
+        for role in ("angle", "torque"):
+            pairs = self.found[self.names[role]]
+            if len(pairs) < 2:
+                raise Error(
+                    f"{place}: signal '{self.names[role]}' comes in {len(pairs)} valid frames"
+                )
+            series[role] = np.array(pairs).T
+        (angle_time, angle), (torque_time, torque) = series["angle"], series["torque"]
+        for time in (angle_time, torque_time):
+            _check_time(place, time)
+        shared = (angle_time >= torque_time[0]) & (angle_time <= torque_time[-1])
+        if shared.sum() < 2:
+            raise Error(f"{place}: '{self.names['angle']}' and '{self.names['torque']}'"
+                        " share no time")
+        time = angle_time[shared]
+        return {"angle": angle[shared], "torque": np.interp(time, torque_time, torque), "time": time}
+
+    def log(self, place: Path | str, source: Source) -> Log:
+        """All until now as a log."""
+        return _log(place, source, self.names, self.values(place))
 
 
 def _values(
@@ -374,7 +391,7 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
 # --- units ----------------------------------------------------------------------------------------
 
 
-def _log(path: Path, source: Source, names: dict[str, str], values: dict[str, np.ndarray]) -> Log:
+def _log(path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]) -> Log:
     """Units applied, wraps undone, time checked."""
     unit = source.angle_unit or units.unit_in(names["angle"], units.ANGLES, "deg")
     units.named(unit, units.ANGLES, "--angle-unit")
@@ -385,7 +402,7 @@ def _log(path: Path, source: Source, names: dict[str, str], values: dict[str, np
     scale = units.TORQUES[units.named(torque_unit, units.TORQUES, "--torque-unit")]
     time = values.get("time")
     if time is not None:
-        _check_time(path, time, 2)
+        _check_time(path, time)
         time = time * (1e-3 if re.search(r"\b(ms|msec)\b", names["time"].replace("_", " ")) else 1)
     torque, notes = _signed(values["torque"])
     notes += [] if source.angle_unit or unit in names["angle"] else [f"angle taken in {unit}"]
@@ -400,7 +417,8 @@ def _log(path: Path, source: Source, names: dict[str, str], values: dict[str, np
     return log
 
 
-def _check_time(path: Path, time: np.ndarray, first: int) -> None:
+def _check_time(path: Path | str, time: np.ndarray) -> None:
+    """Raise dahl.Error where the time goes backward."""
     back = np.flatnonzero(np.diff(time) < 0)
     if len(back):
         row = int(back[0]) + 1

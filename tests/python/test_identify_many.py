@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: MIT
+"""Many logs side by side, taken up again, on a Dask cluster; and a live bus."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+
+import can
+import cantools
+import numpy as np
+import pytest
+from dahl import RunError
+from dahl.identify import follow, many, readers, study
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
+from test_identify_bad_input import DBC
+
+pytestmark = pytest.mark.usefixtures("library")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Three good logs, one broken, one that is no log."""
+    place = tmp_path / "logs"
+    place.mkdir()
+    for seed in range(3):
+        theta = np.floor(sine(seed, rows=3000, cycles=5) / COUNT) * COUNT
+        torque = dahl_torque(theta) + 0.03 * FC * noise_of(seed, 3000)
+        write_csv(place / f"run{seed}.csv", theta, torque)
+    (place / "broken.csv").write_text("t,angle_deg,torque_Nm\n0,1\n")
+    (place / "notes.md").write_text("no log")
+    return place
+
+
+def all_of(folder, kept, jobs=1, dask=None) -> tuple[dict, int]:
+    rows, earlier = {}, 0
+    for path, numbers, known in many.run(many.logs_in(folder), kept, jobs, dask):
+        rows[path.name] = numbers
+        earlier += known
+    return rows, earlier
+
+
+def kept_in(place) -> many.Kept:
+    return many.Kept(place, readers.Source(), study.Options())
+
+
+def test_a_broken_log_stops_nothing_and_what_is_done_is_not_done_again(folder, tmp_path):
+    rows, earlier = all_of(folder, kept_in(tmp_path / "kept"), jobs=2)
+    assert earlier == 0
+    assert sorted(rows) == ["broken.csv", "run0.csv", "run1.csv", "run2.csv"]
+    assert "broken.csv:2" in rows["broken.csv"]["error"]
+    for seed in range(3):
+        assert rows[f"run{seed}.csv"]["sigma0"] == pytest.approx(SIGMA0, rel=0.03)
+    again, earlier = all_of(folder, kept_in(tmp_path / "kept"))
+    assert (again, earlier) == (rows, 4)
+
+
+def test_a_run_that_was_interrupted_is_taken_up_again(folder, tmp_path):
+    running = many.run(many.logs_in(folder), kept_in(tmp_path / "kept"), 1, None)
+    first, _, _ = next(running)
+    running.close()
+    _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
+    assert earlier >= 1
+    assert (tmp_path / "kept" / f"{first.name}.json").is_file()
+
+
+def test_a_changed_log_or_option_is_done_again(folder, tmp_path):
+    all_of(folder, kept_in(tmp_path / "kept"))
+    with (folder / "run1.csv").open("a") as file:
+        file.write("3.0,0.1,0.1\n")
+    _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
+    assert earlier == 3
+    other = many.Kept(tmp_path / "kept", readers.Source(), study.Options(terms=("offset",)))
+    assert all_of(folder, other)[1] == 0
+
+
+def test_a_dask_cluster_gives_the_same(folder, tmp_path):
+    from dask.distributed import LocalCluster
+
+    here, _ = all_of(folder, kept_in(tmp_path / "here"))
+    with LocalCluster(
+        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None
+    ) as cluster:
+        there, earlier = all_of(folder, kept_in(tmp_path / "there"), 2, cluster.scheduler_address)
+    assert earlier == 0
+    assert there == here
+
+
+def test_no_cluster(folder, tmp_path, monkeypatch):
+    with pytest.raises(RunError, match="no cluster answers"):
+        all_of(folder, kept_in(tmp_path / "kept"), 1, "tcp://127.0.0.1:9")
+
+
+def test_the_command(folder, tmp_path, run_dahl):
+    done = run_dahl("identify", "--each", folder, "-o", tmp_path / "out", "--jobs", "2")
+    assert done.returncode == 2
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert "broken.csv:2" in errors[0]
+    table = (tmp_path / "out" / "each.csv").read_text().splitlines()
+    assert len(table) == 5
+    assert table[2].startswith("run0.csv,")
+    assert run_dahl("identify", "--each", tmp_path / "none").returncode == 2
+    (folder / "broken.csv").unlink()
+    assert run_dahl("identify", "--each", folder, "-o", tmp_path / "out").returncode == 0
+
+
+def test_one_broken_log_of_a_joint_fit_is_left_out(folder, run_dahl):
+    done = run_dahl("identify", folder / "run0.csv", folder / "broken.csv", folder / "run1.csv",
+                    "--json", "-", "--no-files")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+    assert len(json.loads(done.stdout)["logs"]) == 2
+
+
+# --- a live bus -----------------------------------------------------------------------------------
+
+
+def frames(rows: int, noise: float):
+    """A log as frames of two messages, the torque 0.3 ms after the angle."""
+    database = cantools.database.load_string(DBC)
+    theta = np.floor(sine(1, rows=rows, cycles=rows / 1000) / COUNT) * COUNT
+    torque = dahl_torque(theta) + noise * FC * noise_of(1, rows)
+    for row in range(rows):
+        for name, key, value, late in (("Shaft", "Angle", np.degrees(theta[row]), 0.0),
+                                       ("Load", "Torque", torque[row], 3e-4)):
+            message = database.get_message_by_name(name)
+            yield can.Message(timestamp=row * 1e-3 + late, arbitration_id=message.frame_id,
+                              is_extended_id=False, data=message.encode({key: float(value)}))
+
+
+@pytest.fixture
+def source(tmp_path):
+    (tmp_path / "bus.dbc").write_text(DBC)
+    return readers.Source(angle="Angle", torque="Torque", dbc=tmp_path / "bus.dbc")
+
+
+def test_following_stops_when_the_interval_is_small_enough(source):
+    looks = []
+    result = follow.follow(frames(20_000, 0.03), source, study.Options(), 0.01,
+                           lambda rows, found, why: looks.append((rows, found, why)))
+    assert 1000 < looks[-1][0] < 15_000  # long before the end
+    assert [rows for rows, _, _ in looks] == sorted(rows for rows, _, _ in looks)
+    assert follow.small_enough(result, 0.01)
+    assert not any(follow.small_enough(found, 0.01) for _, found, _ in looks[:-1] if found)
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+
+
+def test_following_ends_with_the_frames(source):
+    result = follow.follow(frames(1500, 0.1), source, study.Options(), 1e-4, lambda *_: None)
+    assert result.logs[0].rows > 1400
+
+
+def test_following_a_bus_with_python_can(source, monkeypatch):
+    from dahl.bus import open_bus, received
+    from dahl.loop import Stop
+
+    def send() -> None:
+        with can.Bus(interface="virtual", channel="follow", preserve_timestamps=True) as bus:
+            for frame in frames(1200, 0.03):
+                bus.send(frame)
+                time.sleep(0)
+
+    with open_bus(interface="virtual", channel="follow") as bus:
+        sender = threading.Thread(target=send)
+        sender.start()
+        result = follow.follow(received(bus, Stop(), None, 2400), source, study.Options(), 1e-4,
+                               lambda *_: None)
+        sender.join()
+    assert result.logs[0].rows > 1100
+
+
+def test_following_needs_signals(run_dahl):
+    done = run_dahl("identify", "--follow", "-i", "virtual", "-c", "x")
+    assert done.returncode == 2
+    assert "--follow needs --dbc" in done.stderr
+    assert run_dahl("identify", "x.csv", "--follow").returncode == 2

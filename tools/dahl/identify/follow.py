@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""A running estimate on a live bus: all that came so far is identified again each time it has grown
+by a part, until the intervals are small enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+from dahl import Error
+from dahl.identify import study, verdict
+from dahl.identify.readers import Signals, Source
+from dahl.identify.study import Options, Result
+
+if TYPE_CHECKING:
+    import can
+
+FIRST, GROWTH = 500, 1.25  # rows of the first look; how much more for each further one
+
+
+def follow(
+    frames: Iterable[can.Message | None],
+    source: Source,
+    options: Options,
+    within: float,
+    show: Callable[[int, Result | None, str], None],
+) -> Result:
+    """Look again and again; ends when the frames do, or when both parameters are identifiable and
+    known to `within` of their value. Raises dahl.Error when nothing could be identified.
+    """
+    signals, due, rows = Signals(source.dbc, source.angle, source.torque), FIRST, signals_rows
+    for frame in frames:
+        if frame is not None:
+            signals.feed(frame)
+        if rows(signals) >= due:
+            due = int(rows(signals) * GROWTH)
+            result, why = _look(signals, source, options)
+            show(rows(signals), result, why)
+            if result is not None and small_enough(result, within):
+                return result
+    return study.identify([signals.log("bus", source)], options)
+
+
+def signals_rows(signals: Signals) -> int:
+    """Frames of the rarer signal."""
+    return min(map(len, signals.found.values()))
+
+
+def _look(signals: Signals, source: Source, options: Options) -> tuple[Result | None, str]:
+    try:
+        result = study.identify([signals.log("bus", source)], options)
+    except Error as error:  # too little motion as yet
+        return None, str(error)
+    return result, result.verdict.text
+
+
+def small_enough(result: Result, within: float) -> bool:
+    """Both intervals, after enough reversals, and the verdict agrees."""
+    best = result.estimate
+    widths = [best.ci95[name].relative(getattr(best, name)) for name in ("sigma0", "Fc")]
+    enough = result.reversals >= verdict.FEW and all(result.verdict.identifiable.values())
+    return enough and max(widths) <= within
