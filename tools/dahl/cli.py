@@ -13,7 +13,7 @@ import os
 import sys
 
 from dahl import Error, RunError, __version__
-from dahl.commands import data, demo, identify, monitor, plot, record
+from dahl.commands import data, demo, excite, identify, monitor, plot, record
 
 
 class Parser(argparse.ArgumentParser):
@@ -26,6 +26,7 @@ class Parser(argparse.ArgumentParser):
 COMMANDS = {
     "demo": demo,
     "identify": identify,
+    "excite": excite,
     "monitor": monitor,
     "record": record,
     "plot": plot,

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: MIT
+"""`dahl excite`: the proposed motion, simulated and identified, gives the interval that was asked
+for.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dahl import Error, scene
+from dahl.identify import design, study
+from dahl.identify.log import Log
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque
+
+pytestmark = pytest.mark.usefixtures("library")
+
+WANTED = design.Wanted(SIGMA0, FC, COUNT)
+
+
+def measured(motion: design.Motion, seed: int, noise: float = 0.05) -> Log:
+    """What a rig would log of the motion."""
+    random = np.random.default_rng(seed)
+    theta = motion.theta()
+    torque = dahl_torque(theta) + noise * FC * random.normal(size=len(theta))
+    read = np.floor(theta / COUNT + random.uniform()) * COUNT
+    time = np.arange(len(theta)) / motion.rate
+    return Log(f"seed {seed}", read, torque, time, resolution=COUNT)
+
+
+@pytest.mark.parametrize("within", [0.02, 0.005])
+def test_the_interval_asked_for_is_reached(within):
+    motion = design.propose(replace(WANTED, within=within))
+    errors, widths = [], []
+    for seed in range(12):
+        result = study.identify([measured(motion, seed)])
+        errors.append(abs(result.estimate.sigma0 / SIGMA0 - 1))
+        widths.append(result.estimate.ci95["sigma0"].relative(SIGMA0))
+    assert np.median(errors) < within
+    assert np.median(widths) < 2 * within
+    assert motion.within["sigma0"] <= within
+
+
+def test_a_quarter_of_the_motion_is_not_enough():
+    motion = design.propose(replace(WANTED, within=0.003))
+    part = replace(motion, cycles=max(motion.cycles // 4, 1))
+    widths = [
+        np.median([study.identify([measured(one, seed)]).estimate.ci95["sigma0"].relative(SIGMA0)
+                   for seed in range(5)])
+        for one in (part, motion)
+    ]
+    assert widths[0] > 1.5 * 0.003
+    assert widths[1] < 1.5 * 0.003
+
+
+def test_speed_and_reversals_are_kept():
+    motion = design.propose(replace(WANTED, speed=0.02))
+    assert np.abs(np.diff(motion.theta())).max() * motion.rate <= 0.02 * 1.001
+    assert motion.reversals >= 10
+    assert motion.seconds == pytest.approx(len(motion.theta()) / motion.rate, rel=0.01)
+
+
+def test_an_encoder_that_is_too_coarse():
+    with pytest.raises(Error, match="presliding is 1.3 counts of this encoder long"):
+        design.propose(replace(WANTED, theta_per_count=COUNT * 10))
+
+
+def test_the_command(run_dahl, tmp_path, dahl_loop):
+    known = tmp_path / "known.json"
+    known.write_text(json.dumps({"sigma0": SIGMA0, "Fc": FC}))
+    done = run_dahl("excite", "--from", known, "--counts-per-turn", "16384", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "cycles" in done.stdout
+    assert "expected   sigma0 within" in done.stdout
+    table = np.loadtxt(tmp_path / "excite.csv", delimiter=",", skiprows=1)
+    assert np.allclose(table[:, 1], table[:, 2] * COUNT, atol=COUNT)
+    assert scene.read(tmp_path / "excite.ini").sigma0 == SIGMA0
+    run = subprocess.run([dahl_loop, "--scene", tmp_path / "excite.ini", "--virtual"],
+                         capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--sigma0", "100"), "a guess is needed"),
+        (("--sigma0", "-1", "--fc", "1"), "-1: not a number above 0"),
+        (("--from", "absent.json"), "absent.json: No such file"),
+        (("--sigma0", "1e9", "--fc", "0.5"), "presliding is"),
+        (("--sigma0", "100", "--fc", "0.5", "--within", "0.0001"), "this needs"),
+    ],
+)
+def test_bad_input(run_dahl, words, said):
+    done = run_dahl("excite", "--counts-per-turn", "16384", *words)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: MIT
+"""
+Propose the motion that finds sigma0 and Fc within a wanted interval, for a given encoder.
+
+Needs a guess of both parameters: from a first log (--from FILE.json, as dahl identify leaves it) or
+given. Leaves the motion as CSV (time, angle, counts) and as a scene that dahl-loop plays.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dahl import Error, places
+
+if TYPE_CHECKING:
+    from dahl.identify.design import Motion, Wanted
+
+HELP = "the motion for an identification"
+EXAMPLE = """examples:
+  dahl excite --sigma0 100 --fc 0.5 --counts-per-turn 16384 --within 1
+  dahl excite --from build/identify/shaft.json --counts-per-turn 16384 --within 0.5 --speed 2"""
+
+ROWS = 5_000_000  # of a CSV that is still of use
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    guess = parser.add_argument_group("guess")
+    guess.add_argument("--from", dest="known", type=Path, metavar="JSON", help="an identification")
+    guess.add_argument("--sigma0", type=positive, metavar="X", help="N m/rad (linear: N/m)")
+    guess.add_argument("--fc", type=positive, metavar="Y", help="N m (linear: N)")
+    guess.add_argument(
+        "--noise", type=positive, default=0.05, metavar="PART",
+        help="standard deviation of the torque sensor, in Fc (default 0.05)",
+    )
+    parser.add_argument(
+        "--counts-per-turn", type=positive, required=True, metavar="N", help="of the encoder"
+    )
+    parser.add_argument("--mm", action="store_true", help="linear: counts per millimetre, N/m, N")
+    parser.add_argument(
+        "--within", type=positive, default=1.0, metavar="PERCENT",
+        help="wanted half width of the 95 %% interval of sigma0 (default 1)",
+    )
+    parser.add_argument(
+        "--rate", type=positive, default=1000.0, metavar="HZ", help="rows per s (default 1000)"
+    )
+    parser.add_argument(
+        "--speed", type=positive, default=math.inf, metavar="V", help="highest, rad/s (m/s)"
+    )
+    parser.add_argument("--name", default="excite", help="of the files")
+    parser.add_argument(
+        "-o", "--output", type=Path, default=places.ROOT / "build" / "identify", metavar="FOLDER",
+        help="where files go",
+    )
+
+
+def positive(text: str) -> float:
+    """A type for argparse: a finite number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < 1e30:
+        raise argparse.ArgumentTypeError(f"{text}: not a number above 0")
+    return value
+
+
+def run(args: argparse.Namespace) -> None:
+    from dahl.identify import design, output
+
+    wanted, name = _wanted(args), output.identifier(args.name)
+    motion = design.propose(wanted)
+    rows = motion.cycles * motion.rows_per_cycle
+    if rows > ROWS:
+        raise Error(
+            f"--within {args.within:g}: this needs {motion.cycles} cycles in {motion.seconds:.0f} s;"
+            " ask for less, or use a quieter torque sensor"
+        )
+    args.output.mkdir(parents=True, exist_ok=True)
+    written = [_write_csv(args.output / f"{name}.csv", wanted, motion)]
+    written.append(_write_scene(args.output / f"{name}.ini", name, wanted, motion))
+    unit = "m" if args.mm else "rad"
+    print(f"motion     sine of {motion.amplitude:.4g} {unit}, {motion.cycles} cycles of"
+          f" {motion.rows_per_cycle / motion.rate:.4g} s")
+    print(f"reversals  {motion.reversals} in {motion.seconds:.4g} s, {rows} rows")
+    for name, part in motion.within.items():
+        print(f"expected   {name} within {100 * part:.2g} % (95 %), at best")
+    print("files      " + ", ".join(map(str, written)))
+
+
+def _wanted(args: argparse.Namespace) -> Wanted:
+    from dahl.identify.design import Wanted
+
+    if args.known:
+        args.sigma0, args.fc = _known(args.known)
+    if args.sigma0 is None or args.fc is None:
+        raise Error("a guess is needed: --sigma0 and --fc, or --from JSON")
+    turn = 1e-3 if args.mm else 2 * math.pi
+    count = turn / args.counts_per_turn
+    part = args.within / 100
+    return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed)
+
+
+def _known(path: Path) -> tuple[float, float]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        return positive(str(found["sigma0"])), positive(str(found["Fc"]))
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, argparse.ArgumentTypeError):
+        raise Error(f"{path}: not what dahl identify leaves (sigma0 and Fc)") from None
+
+
+def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
+    import numpy as np
+
+    theta = motion.theta()
+    counts = np.round(theta / wanted.theta_per_count)
+    table = np.column_stack((np.arange(len(theta)) / motion.rate, theta, counts))
+    np.savetxt(
+        path, table, fmt=["%.6f", "%.9g", "%d"], delimiter=",", header="time_s,theta,counts",
+        comments="",
+    )
+    return path
+
+
+def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
+    lines = [
+        f"; written by dahl excite: sigma0 expected within {100 * motion.within['sigma0']:.2g} %",
+        "[scene]",
+        f"title = {name}: a motion for identification",
+        "[friction]",
+        f"sigma0 = {wanted.sigma0!r}",
+        f"Fc = {wanted.Fc!r}",
+        f"theta_per_count = {wanted.theta_per_count!r}",
+        "[motion]",
+        "kind = log",
+        f"file = {path.with_suffix('.csv').name}",
+        "angle = counts",
+        "counts_per_unit = 1",
+        "[status]",
+        "period_ms = 100",
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path

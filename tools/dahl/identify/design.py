@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: MIT
+"""Which motion tells sigma0 and Fc best: the design of the experiment behind `dahl excite`.
+
+For guessed parameters the sensitivities of the torque to sigma0, Fc and an offset are known along
+any motion; their products, summed over the rows, give the interval that a fit can reach (the
+Cramer-Rao bound). A sine is proposed: its amplitude gives most about sigma0 per second, its number
+of cycles is what the wanted interval needs. The encoder adds noise of its own (a uniform error of
+one count, times the slope) and sets a lower limit: presliding must be several counts long.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dahl import Error
+from dahl.identify import path, verdict
+
+AMPLITUDES = np.geomspace(3, 30, 12)  # in presliding lengths 1/a; 3, as the guess may be off
+ROWS_PER_LENGTH = 8.0  # rows in a presliding length at the highest speed, at least
+MARGIN = 1.5  # cycles beyond what the bound asks for, as real noise is not independent
+LEAST_COUNTS = 4.0  # counts in a presliding length
+QUANTILE = 1.96
+EDGE = 0.01  # of a parameter, for its sensitivity: seen in a float, and still straight
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is guessed and what is wanted. N m and rad, or N and m."""
+
+    sigma0: float
+    Fc: float
+    theta_per_count: float
+    noise: float = 0.05  # of the torque sensor, in Fc, standard deviation
+    within: float = 0.01  # half width of the 95 % interval of sigma0, in sigma0
+    rate: float = 1000.0  # rows per s
+    speed: float = math.inf  # rad/s (m/s), highest
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A sine from its middle: amplitude in rad (m), cycles, rows per cycle."""
+
+    amplitude: float
+    cycles: int
+    rows_per_cycle: int
+    rate: float
+    within: dict[str, float]  # expected half width of the 95 % interval, in the parameter
+
+    @property
+    def seconds(self) -> float:
+        return self.cycles * self.rows_per_cycle / self.rate
+
+    @property
+    def reversals(self) -> int:
+        return 2 * self.cycles
+
+    def theta(self) -> np.ndarray:
+        """rad (m), one row per tick; shape (rows,)."""
+        rows = np.arange(self.cycles * self.rows_per_cycle + 1)
+        return self.amplitude * np.sin(2 * np.pi * rows / self.rows_per_cycle)
+
+
+def propose(wanted: Wanted) -> Motion:
+    """The motion. Raises dahl.Error where the encoder or the speed cannot do it."""
+    a = wanted.sigma0 / wanted.Fc
+    counts = 1 / (a * wanted.theta_per_count)
+    if counts < LEAST_COUNTS:
+        raise Error(
+            f"presliding is {counts:.2g} counts of this encoder long (Fc/sigma0 = {1 / a:.3g});"
+            f" at least {LEAST_COUNTS:g} are needed to see sigma0"
+        )
+    plans = [_sine(wanted, length / a) for length in AMPLITUDES]
+    return min(plans, key=lambda motion: motion.seconds)
+
+
+def _sine(wanted: Wanted, amplitude: float) -> Motion:
+    """As many cycles of one amplitude as the interval needs."""
+    a = wanted.sigma0 / wanted.Fc
+    speed = min(wanted.speed, wanted.rate / (a * ROWS_PER_LENGTH))
+    rows = max(int(np.ceil(2 * np.pi * amplitude / speed * wanted.rate)), 16)
+    information = _information(wanted, amplitude, rows)
+    error = np.sqrt(np.diag(np.linalg.inv(information)))[:2] / (wanted.sigma0, wanted.Fc)
+    cycles = MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
+    cycles = max(math.ceil(cycles), verdict.FEW // 2 + 1)
+    reached = QUANTILE * error / math.sqrt(cycles)
+    named = dict(zip(("sigma0", "Fc"), map(float, reached), strict=True))
+    return Motion(amplitude, cycles, rows, wanted.rate, named)
+
+
+def _information(wanted: Wanted, amplitude: float, rows: int) -> np.ndarray:
+    """Of one cycle in the steady loop, about sigma0, Fc and an offset: (3, 3)."""
+    theta = amplitude * np.sin(2 * np.pi * np.arange(3 * rows) / rows)
+    moves = np.diff(theta, prepend=0.0)
+
+    def torque(sigma0: float, Fc: float) -> np.ndarray:  # noqa: N803
+        return Fc * path.dahl(moves, sigma0 / Fc).astype(float)
+
+    step = EDGE
+    columns = [
+        (torque(wanted.sigma0 * (1 + step), wanted.Fc)
+         - torque(wanted.sigma0 * (1 - step), wanted.Fc)) / (2 * step * wanted.sigma0),
+        (torque(wanted.sigma0, wanted.Fc * (1 + step))
+         - torque(wanted.sigma0, wanted.Fc * (1 - step))) / (2 * step * wanted.Fc),
+        np.ones(len(theta)),
+    ]
+    ratio = torque(wanted.sigma0, wanted.Fc) / wanted.Fc
+    slope = wanted.sigma0 * (1 - np.sign(moves) * ratio)
+    variance = (wanted.noise * wanted.Fc) ** 2 + (slope * wanted.theta_per_count) ** 2 / 12
+    steady = slice(2 * rows, 3 * rows)
+    drawn = np.column_stack(columns)[steady] / np.sqrt(variance[steady])[:, None]
+    return drawn.T @ drawn
