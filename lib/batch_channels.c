@@ -1,17 +1,23 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Many channels side by side, bit for bit as single steps. A row of short moves is a gathering of table entries and then
- * one tick for a vector of channels; a row with a long move goes channel by channel.
+ * Many channels side by side, bit for bit as single steps. For a few rows of ticks all table entries are gathered first: that
+ * of the low digit, and one for each further binary digit that the longest move has; a digit that is not set takes entry 0,
+ * which changes nothing. Then the rows go one after the other, each a vector of channels. Rows with moves of more digits than
+ * there is room for go channel by channel.
  */
 #include "batch.h"
 #include "batch_targets.h"
 
 #define CHUNK 16 /* channels at a time */
 
+#define ROWS 8
+#define DIGITS 5 /* moves below 128 counts */
+
 typedef struct {
     int64_t w[CHUNK];
-    uint32_t size[CHUNK], backward[CHUNK], hi[CHUNK], lo[CHUNK];
     double unit[CHUNK];
+    uint32_t size[ROWS][CHUNK], backward[ROWS][CHUNK];
+    dahl_q64_t g[DIGITS][ROWS][CHUNK];
 } chunk_t;
 
 typedef struct {
@@ -22,37 +28,71 @@ typedef struct {
     size_t count, stride, n;
 } job_t;
 
-/* Takes the moves of a row apart; returns whether all are short. */
-DAHL_INLINE int take_row(chunk_t *chunk, size_t count, const int32_t *dcounts)
+/* Takes the moves of some rows apart; returns how many digits the longest has. */
+DAHL_INLINE int take_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
 {
-    uint32_t most = 0;
-    DAHL_AS_VECTORS
-    for (size_t c = 0; c < count; c++) {
-        chunk->backward[c] = (uint32_t)0 - (uint32_t)(dcounts[c] < 0);
-        chunk->size[c] = dahl_batch_size(dcounts[c], chunk->backward[c]);
-        most = chunk->size[c] > most ? chunk->size[c] : most;
+    uint32_t bits = 0, over = 0; /* or, not maximum: vectors have it at half the cost */
+    int digits = 1;
+    for (size_t t = 0; t < rows; t++) {
+        const int32_t *dcounts = job->dcounts + (first + t) * job->stride;
+        DAHL_AS_VECTORS
+        for (size_t c = 0; c < count; c++) {
+            uint32_t backward = (uint32_t)0 - (uint32_t)(dcounts[c] < 0), size = dahl_batch_size(dcounts[c], backward);
+            chunk->backward[t][c] = backward;
+            chunk->size[t][c] = size;
+            bits |= size;
+            over |= (size + DAHL_DENSE - 1u) / (2u * DAHL_DENSE); /* 0 up to 8 counts */
+        }
     }
-    return most <= DAHL_DENSE;
+    for (bits = over != 0 ? bits / DAHL_DENSE : 0u; bits != 0; bits >>= 1) {
+        digits++;
+    }
+    return digits;
 }
 
-DAHL_INLINE void near_row(chunk_t *chunk, size_t count, const dahl_plan_t *plans)
+DAHL_INLINE uint32_t entry_of(uint32_t size, int digit)
 {
-    for (size_t c = 0; c < count; c++) {
-        chunk->hi[c] = plans[c].g[chunk->size[c]].hi;
-        chunk->lo[c] = plans[c].g[chunk->size[c]].lo;
+    if (digit == 0) {
+        return size > DAHL_DENSE ? size % DAHL_DENSE : size;
     }
-    DAHL_AS_VECTORS
-    for (size_t c = 0; c < count; c++) {
-        dahl_q64_t g = {chunk->hi[c], chunk->lo[c]};
-        chunk->w[c] = (int64_t)dahl_batch_near((uint64_t)chunk->w[c], g, chunk->backward[c]);
+    return size > DAHL_DENSE && (size / DAHL_DENSE >> (digit - 1) & 1u) ? DAHL_DENSE + (uint32_t)digit - 1u : 0u;
+}
+
+DAHL_INLINE void gather_short(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
+{
+    for (size_t t = 0; t < rows; t++) {
+        for (size_t c = 0; c < count; c++) {
+            chunk->g[0][t][c] = plans[c].g[chunk->size[t][c]];
+        }
     }
 }
 
-DAHL_INLINE void far_row(chunk_t *chunk, size_t count, const dahl_plan_t *plans, const int32_t *dcounts)
+DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows, int digits)
+{
+    for (int k = 0; k < digits; k++) {
+        for (size_t t = 0; t < rows; t++) {
+            for (size_t c = 0; c < count; c++) {
+                chunk->g[k][t][c] = plans[c].g[entry_of(chunk->size[t][c], k)];
+            }
+        }
+    }
+}
+
+DAHL_INLINE void near_row(chunk_t *chunk, size_t count, size_t t, int digits)
+{
+    for (int k = 0; k < digits; k++) {
+        DAHL_AS_VECTORS
+        for (size_t c = 0; c < count; c++) {
+            chunk->w[c] = (int64_t)dahl_batch_near((uint64_t)chunk->w[c], chunk->g[k][t][c], chunk->backward[t][c]);
+        }
+    }
+}
+
+DAHL_INLINE void far_row(chunk_t *chunk, const job_t *job, size_t count, size_t t)
 {
     for (size_t c = 0; c < count; c++) {
         dahl_state_t state = {chunk->w[c]};
-        dahl_batch_move(&plans[c], &state, dcounts[c]);
+        dahl_batch_move(&job->plans[c], &state, job->dcounts[t * job->stride + c]);
         chunk->w[c] = state.w;
     }
 }
@@ -71,6 +111,24 @@ DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_
     }
 }
 
+DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
+{
+    int digits = take_rows(chunk, job, count, first, rows);
+    if (digits == 1) {
+        gather_short(chunk, job->plans, count, rows);
+    } else if (digits <= DIGITS) {
+        gather(chunk, job->plans, count, rows, digits);
+    }
+    for (size_t t = 0; t < rows; t++) {
+        if (digits <= DIGITS) {
+            near_row(chunk, count, t, digits);
+        } else {
+            far_row(chunk, job, count, first + t);
+        }
+        torque_row(chunk, count, job->plans, job->F + (first + t) * job->stride);
+    }
+}
+
 DAHL_INLINE void run_count(const job_t *job, size_t count)
 {
     chunk_t chunk;
@@ -78,14 +136,8 @@ DAHL_INLINE void run_count(const job_t *job, size_t count)
         chunk.unit[c] = dahl_batch_unit(&job->plans[c]);
         chunk.w[c] = job->states[c].w;
     }
-    for (size_t t = 0; t < job->n; t++) {
-        const int32_t *dcounts = job->dcounts + t * job->stride;
-        if (take_row(&chunk, count, dcounts)) {
-            near_row(&chunk, count, job->plans);
-        } else {
-            far_row(&chunk, count, job->plans, dcounts);
-        }
-        torque_row(&chunk, count, job->plans, job->F + t * job->stride);
+    for (size_t t = 0; t < job->n; t += ROWS) {
+        run_rows(&chunk, job, count, t, job->n - t < ROWS ? job->n - t : ROWS);
     }
     for (size_t c = 0; c < count; c++) {
         job->states[c].w = chunk.w[c];
