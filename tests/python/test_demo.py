@@ -426,3 +426,25 @@ def test_the_tribometer_is_met(measured_file, run_dahl, tmp_path):
     assert numbers["r2_measured"] >= 0.98
     assert numbers["max_error_ulp_Fc"] <= 0.52
     assert numbers["frames_not_recorded"] == 0
+
+
+def test_the_fault_storm_is_counted_and_exact(run_dahl, library, dahl_loop, tmp_path):
+    """What an outsider records of it is exact, and the node has counted every fault."""
+    done = run_dahl("demo", "--scene", "fault-storm", "--seconds", "10", "--output", tmp_path)
+    assert done.returncode == 0, done.stderr
+    numbers = json.loads((tmp_path / "summary.json").read_text())
+    assert numbers["max_error_ulp_Fc"] <= 0.52
+    assert sum(numbers["faults"]["injected"].values()) > 800
+    expected = numbers["faults"]["expected"]
+    assert {name: numbers["node"][name] for name in expected} == expected
+    assert "all, to the last one" in done.stdout
+    assert "bus_off 1" in " ".join(done.stdout.split())
+
+
+def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tmp_path):
+    done = run_dahl("demo", "--scene", "slow-reversal", "--output", tmp_path)
+    assert done.returncode == 0, done.stderr
+    numbers = json.loads((tmp_path / "summary.json").read_text())
+    assert numbers["max_error_ulp_Fc"] is None
+    assert f"rms {numbers['control']['rms_error_rad']:.3g} rad" in done.stdout
+    assert (tmp_path / "trace.csv").stat().st_size > 100000

@@ -9,11 +9,13 @@ import can
 import cantools
 import numpy as np
 import pytest
+from crccheck.crc import Crc8Autosar
 from dahl import Friction, Plan, report
 from dahl.scene import Measured, Recorded, Scene
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
 SCENE = Scene(None, "test", SIGMA0, FC, THETA)
+KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Reset": 0xA}
 BOUND = 0.52  # ulp of Fc
 
 
@@ -28,7 +30,8 @@ class Run:
 
     def add(self, name: str, **signals) -> None:
         message = self.database.get_message_by_name(name)
-        data = message.encode({"Crc": 0, **signals}, scaling=False, strict=False)
+        data = bytearray(message.encode({"Crc": 0, **signals}, scaling=False, strict=False))
+        data[0] = Crc8Autosar.calc(data[1:] + bytes([KINDS[name] << 4 | data[1] & 15]))
         self.frames.append(
             can.Message(
                 timestamp=len(self.frames) / 2000,

@@ -13,7 +13,7 @@ import os
 import sys
 
 from dahl import Error, RunError, __version__
-from dahl.commands import data, demo, excite, identify, monitor, plot, record
+from dahl.commands import data, demo, excite, identify, monitor, plot, record, report
 
 
 class Parser(argparse.ArgumentParser):
@@ -30,6 +30,7 @@ COMMANDS = {
     "monitor": monitor,
     "record": record,
     "plot": plot,
+    "report": report,
     "data": data,
 }
 

@@ -67,6 +67,8 @@ class Setup:
     seed: int | None = None
     node_scene: Path | None = None  # of the serving node, where another one computes the torque
     attach: Callable[[int], AbstractContextManager] | None = None  # brings that one to a port
+    alone: bool = False  # one process in virtual time: faults and rotors, the same on each machine
+    trace: bool = False  # angle, velocity and torques of a rotor into folder/trace.csv
     lockstep: bool = False  # each angle waits for the answer to the one before it
 
 
@@ -91,6 +93,14 @@ class Program:
 
     def ended(self) -> bool:
         return self.process.poll() is not None
+
+    def ends(self) -> bool:
+        """Wait for its own end."""
+        try:
+            self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
 
     def end(self) -> None:
         """Ask it to end in order, and make sure that it does."""
@@ -163,6 +173,8 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
 
     progress is called about ten times a second with the number of frames recorded so far.
     """
+    if setup.alone:
+        return _run_alone(setup, stop, progress)
     serves = setup.bus.startswith("socketcand")
     node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
     served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
@@ -189,6 +201,26 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         "node": node.numbers().get("node", {}),
         "interrupted": stop.asked,
     }
+
+
+def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
+    """As run(), with one process that waits for the recorder."""
+    extra = ["--virtual", "--wait-clients", "1"]
+    extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
+    program = Program(setup, "both", "socketcand:0", *extra)
+    try:
+        with (
+            open_bus(PATIENCE, **_ends("socketcand:0", program)[1]) as bus,
+            (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log,
+        ):
+            _record(bus, log, program, program, stop, progress)
+    except RunError:
+        if not program.ends():  # its end closes the bus: that is no failure
+            raise
+    finally:
+        program.end()
+        program.check()
+    return {**program.numbers(), "interrupted": stop.asked}
 
 
 def _record(

@@ -5,7 +5,9 @@ throughout.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -33,7 +35,12 @@ WINDOW = 0.08  # part of the run that the last panel shows enlarged
 
 
 def draw(
-    path: Path, scene: Scene, trace: report.Trace, recorded: Recorded | None, caption: str = ""
+    path: Path,
+    scene: Scene,
+    trace: report.Trace,
+    recorded: Recorded | None,
+    caption: str = "",
+    numbers: dict[str, Any] | None = None,
 ) -> None:
     """Write the picture; the old one stays until the new one is whole."""
     measured = (
@@ -41,9 +48,11 @@ def draw(
     )
     computed = report.modelled(scene, trace)
     time, time_label = _time(trace, recorded)
+    more = _more_panels(numbers or {}, path.parent / "trace.csv")
     with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(11, 11), layout="constrained")
-        loop, whole, part = figure.subplots(3, 1, height_ratios=(2.6, 1, 1))
+        figure = plt.figure(figsize=(11, 11 + 3 * len(more)), layout="constrained")
+        panels = figure.subplots(3 + len(more), 1, height_ratios=(2.6, 1, 1, *(1 for _ in more)))
+        loop, whole, part = panels[:3]
         _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed)
         loop.set(xlabel=scene.measured.label_angle, ylabel=scene.measured.label_torque)
         loop.legend(loc="upper left")
@@ -54,9 +63,53 @@ def draw(
             axes.set(xlabel=time_label, ylabel=_short(scene.measured.label_torque))
             axes.margins(x=0.01)
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
+        for axes, panel in zip(panels[3:], more, strict=True):
+            panel(axes)
         figure.suptitle(scene.title, fontsize=15, fontweight="bold", x=0.01, ha="left")
         loop.set_title(caption, loc="left", fontsize=10, color="#555555")
         save(figure, path)
+
+
+def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[plt.Axes], None]]:
+    """What only some runs have: latencies, faults, a tracking error."""
+    panels = []
+    if numbers.get("latency_us", {}).get("max", 0) > 0:
+        panels.append(lambda axes: _latencies(axes, numbers))
+    if "faults" in numbers:
+        panels.append(lambda axes: _faults(axes, numbers))
+    if "control" in numbers and trace.is_file():
+        panels.append(lambda axes: _tracking(axes, trace))
+    return panels
+
+
+def _latencies(axes: plt.Axes, numbers: dict[str, Any]) -> None:
+    edges, counts = np.array(numbers["latency_histogram"]).T
+    axes.bar(edges, counts, width=-edges / 33, align="edge", color=COMPUTED)
+    axes.axvline(1000, color=MEASURED, linewidth=1)
+    axes.set(xlabel="latency of an answer [us]; the line is one period", ylabel="answers")
+    axes.set(xscale="log", yscale="log")
+    quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]
+    words = f"p50 {quantiles['p50']:.0f} us, p99 {quantiles['p99']:.0f} us, jitter p99"
+    words += f" {jitter['p99']:.0f} us, {numbers['deadline_misses']} later than a period"
+    axes.set_title(words, loc="left", fontsize=10, color="#555555")
+
+
+def _faults(axes: plt.Axes, numbers: dict[str, Any]) -> None:
+    injected = numbers["faults"]["injected"]
+    bars = axes.bar(list(injected), list(injected.values()), color=COMPUTED)
+    axes.bar_label(bars, fontsize=9)
+    axes.set(ylabel="faults injected", yscale="symlog")
+    axes.tick_params(axis="x", labelsize=9)
+    wrong = report.disagreements(numbers)
+    words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
+    axes.set_title(words, loc="left", fontsize=10, color="#555555")
+
+
+def _tracking(axes: plt.Axes, trace: Path) -> None:
+    time, reference, angle = np.loadtxt(trace, delimiter=",", skiprows=1, usecols=(0, 1, 2)).T
+    axes.plot(time, reference - angle, color=COMPUTED, linewidth=1.2)
+    axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
+    axes.margins(x=0.01)
 
 
 def _panel(

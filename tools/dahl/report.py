@@ -14,15 +14,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl import Error, RunError, places, reference
+from dahl import Error, RunError, places, protection, reference
 from dahl.scene import Measured, Recorded, Scene
 
 if TYPE_CHECKING:
     import can
     import cantools
 
+LATE = 8  # counter steps from which on a frame looks late, not ahead (NODE_GAP_MAX_STEP)
+TOGETHER = 0.005  # s between two frames; after more a counter that went back is a gap
 COUNTERS = 16  # EncoderState.Counter runs 0..15
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
+RESTART = 2  # Reset.What
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
 
@@ -35,6 +38,8 @@ class Trace:
     count: np.ndarray  # encoder counts, unwrapped, int
     ratio: np.ndarray  # F/Fc in Q30, int
     fresh: np.ndarray  # True where the node started anew at this count
+    relaxed: np.ndarray  # True where a Reset had relaxed the bristle just before
+    states: dict[str, int]  # answers by the state that they say
     recorded: int  # EncoderState frames in the log
     missing: int  # EncoderState frames that the counter says are not in the log
 
@@ -64,6 +69,14 @@ def database() -> cantools.database.Database:
         raise RunError(f"{places.DBC}: {error.strerror}") from None
 
 
+def state_counts(states: np.ndarray) -> dict[str, int]:
+    """How often each state of FrictionTorque was said, by its name in the DBC."""
+    choices = database().get_message_by_name("FrictionTorque").get_signal_by_name("State").choices
+    values, counts = np.unique(states, return_counts=True)
+    named = ((str(choices.get(int(v), v)), int(n)) for v, n in zip(values, counts, strict=True))
+    return dict(named)
+
+
 def new_start_states() -> set[int]:
     """NEW_START as raw values."""
     choices = database().get_message_by_name("FrictionTorque").get_signal_by_name("State").choices
@@ -79,30 +92,40 @@ class Pairing:
     """
 
     def __init__(self, node: int = 0) -> None:
-        names = ("EncoderState", "FrictionTorque")
+        names = ("EncoderState", "FrictionTorque", "Reset")
         self.messages = {
             database().get_message_by_name(name).frame_id + node: name for name in names
         }
         self.ticks: list[tuple[int, float, int]] = []  # row, time, count
         self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
         self.waiting: deque[tuple[int, int]] = deque()  # counter, index in ticks; not yet passed
+        self.relaxed: set[int] = set()  # indices in answers' order of ticks
+        self.restarted = False
         self.new_start = new_start_states()
         self.row = -1
 
     def feed(self, frame: can.Message) -> None:
         """Take one frame; others than the two messages pass by."""
         name = self.messages.get(frame.arbitration_id)
-        if name is None or frame.dlc != 8 or frame.is_error_frame or frame.is_extended_id:
+        if name is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
+            return
+        if not protection.is_whole(frame.arbitration_id, frame.data):
             return
         signals = database().decode_message(name, frame.data, decode_choices=False, scaling=False)
         if name == "FrictionTorque":
             self._answer(signals)
+        elif name == "Reset":
+            self.restarted |= signals["What"] == RESTART
         elif signals["Valid"]:
             self._tick(signals, frame.timestamp)
 
     def _tick(self, signals: dict[str, Any], time: float) -> None:
         counter = signals["Counter"]
-        self.row += 1 if self.row < 0 else (counter - self._counter) % COUNTERS or COUNTERS
+        step = (counter - self._counter) % COUNTERS if self.ticks else 1
+        together = bool(self.ticks) and time - self.ticks[-1][1] < TOGETHER
+        if together and (step == 0 or step > LATE):  # repeated, or late: no node uses it
+            return
+        self.row += step or COUNTERS
         self._counter = counter
         self.waiting.append((counter, len(self.ticks)))
         self.ticks.append((self.row, time, signals["Count"]))
@@ -114,6 +137,9 @@ class Pairing:
         while self.waiting and self.waiting[0][1] <= index:
             self.waiting.popleft()
         self.answers[index] = (signals["TorqueRatio"], signals["State"])
+        if self.restarted:
+            self.relaxed.add(index)
+            self.restarted = False
 
     def _echoed(self, counter: int, starts: bool) -> int | None:
         """Index of the frame with this counter among the 16 first waiting, or the 16 newest."""
@@ -138,6 +164,8 @@ class Pairing:
             _unwrap(count),
             ratio,
             np.isin(state, list(self.new_start)),
+            np.isin(answered, list(self.relaxed)),
+            state_counts(state),
             len(self.ticks),
             self.row + 1 - len(self.ticks),
         )
@@ -157,11 +185,24 @@ def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
     return pairing.trace()
 
 
-def max_error_ulp(scene: Scene, trace: Trace) -> float:
-    """Largest error of the received torque against the exact solution, in ulp of Fc."""
+def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
+    """Largest error of the received torque against the exact solution, in ulp of Fc.
+
+    None where the node was told to answer a part of the torque only.
+    """
+    if scene.compensates:
+        return None
     travel = reference.travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
-    exact = reference.exact_ratios(trace.moves(), travel)
+    parts = np.split(trace.moves(), np.flatnonzero(trace.relaxed))
+    exact = [ratio for part in parts for ratio in reference.exact_ratios(part, travel)]
     return float(reference.error_in_ulp(trace.torque(scene), exact, scene.Fc).max())
+
+
+def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
+    """Counters of the node that are not what the faults injected must have made: (counted, due)."""
+    expected, counted = numbers["faults"]["expected"], numbers.get("node", {})
+    pairs = {name: (counted.get(name, 0), due) for name, due in expected.items()}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def modelled(scene: Scene, trace: Trace) -> np.ndarray:
@@ -198,6 +239,7 @@ def summary(
         "title": scene.title,
         "frames_recorded": trace.recorded,
         "frames_not_recorded": trace.missing,
+        "answers_by_state": trace.states,
         "max_error_ulp_Fc": max_error_ulp(scene, trace),
         **fit(scene, trace, recorded),
         "compared_from_row": scene.measured.settle,

@@ -2,7 +2,7 @@
 """Scene files, as far as Python needs them: what the node's parameters are and what was measured
 beside the angle.
 
-dahl-loop reads and checks [friction], [motion] and [status]; only [measured] is read here alone. A
+dahl-loop reads and checks all sections; only [measured] is read here alone. A
 user's own log becomes a scene too, so that there is one way to run anything.
 """
 
@@ -18,7 +18,17 @@ import numpy as np
 
 from dahl import Error, logs, places
 
-SECTIONS = ("scene", "friction", "motion", "status", "measured")
+SECTIONS = (
+    "scene",
+    "friction",
+    "motion",
+    "rotor",
+    "motor",
+    "control",
+    "faults",
+    "status",
+    "measured",
+)
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
     "rad": (1.0, "N m"),
@@ -56,6 +66,8 @@ class Scene:
     theta_per_count: float = 0.0
     motion: dict[str, str] = field(default_factory=dict)
     measured: Measured = field(default_factory=Measured)
+    parts: tuple[str, ...] = ()  # sections that the file has
+    compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
 
     @property
     def name(self) -> str:
@@ -95,6 +107,10 @@ def read(path: Path) -> Scene:
         setattr(scene, key, _number(path, parser, "friction", key, 0.0))
     scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
     scene.measured = _measured(path, parser)
+    scene.parts = tuple(parser.sections())
+    scene.compensates = any(
+        parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
+    )
     return scene
 
 

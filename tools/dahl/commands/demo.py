@@ -172,10 +172,14 @@ def _play(
     from dahl import bus, logs, loop, places, report
 
     places.loop_program()  # built?
-    chosen, why = bus.choose(args.bus or ("socketcand" if args.target else None))
+    alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
+    chosen, why = bus.choose(args.bus or ("socketcand" if args.target or alone else None))
+    if alone:
+        why = "virtual time, so that faults and rotor are the same on every machine"
     console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
     console.print(f"bus     {chosen.split(':')[0]}: {why}")
     setup = loop.Setup(scene.path, chosen, args.output, log, args.seconds, args.seed)
+    setup.alone, setup.trace = alone, alone and "rotor" in scene.parts
     if args.target:
         _use_target(args, scene, setup, console)
     ticks = _expected(args, recorded)
@@ -235,7 +239,7 @@ def _keep(
     caption += f"{len(trace.row)} ticks over {numbers['bus']}"
     if numbers["r2_measured"] is not None:
         caption += f", R² = {numbers['r2_measured']:.4f}"
-    picture.draw(folder / "loop.png", scene, trace, recorded, caption)
+    picture.draw(folder / "loop.png", scene, trace, recorded, caption, numbers)
     console.print(_table(numbers, scene))
     console.print(
         "files   "
@@ -243,7 +247,7 @@ def _keep(
     )
     if numbers["interrupted"]:
         console.print("ended early, as asked; the files hold all that was recorded until then")
-    elif numbers.get("frames_lost"):
+    elif numbers.get("frames_lost") and "faults" not in numbers:
         console.print(
             f"note    {numbers['frames_lost']} frames had no answer in time: is this machine busy?"
         )
@@ -253,12 +257,15 @@ def _table(numbers: dict, scene: Scene) -> Any:
     from rich.table import Table
 
     latency = numbers.get("latency_us") or {}
+    error = numbers["max_error_ulp_Fc"]
     rows = {
         "bus": numbers["bus"],
         "ticks": numbers.get("ticks"),
         "frames sent, lost": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
         "latency": ", ".join(f"{key} {value:.0f} us" for key, value in latency.items()),
-        "error against the exact torque": f"{numbers['max_error_ulp_Fc']:.3f} ulp of Fc at most",
+        "error against the exact torque": "not compared: the node answers a part of the torque"
+        if error is None
+        else f"{error:.3f} ulp of Fc at most",
         "error against the measurement": "no measurement here",
     }
     if numbers["r2_measured"] is not None:
@@ -266,7 +273,30 @@ def _table(numbers: dict, scene: Scene) -> Any:
             f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"
             f" R² {numbers['r2_measured']:.4f} (from row {numbers['compared_from_row']} on)"
         )
+    rows |= _special(numbers)
     table = Table(show_header=False, title=scene.title, title_justify="left")
     for name, value in rows.items():
         table.add_row(name, str(value))
     return table
+
+
+def _special(numbers: dict) -> dict[str, str]:
+    """Rows of scenes with faults or a rotor."""
+    from dahl import report
+
+    rows = {}
+    if "faults" in numbers:
+        injected = numbers["faults"]["injected"]
+        rows["faults"] = ", ".join(f"{name} {count}" for name, count in injected.items() if count)
+        wrong = report.disagreements(numbers)
+        rows["faults counted by the node"] = "all, to the last one" if not wrong else str(wrong)
+    if "control" in numbers:
+        control = numbers["control"]
+        rows["tracking error"] = (
+            f"rms {control['rms_error_rad']:.3g} rad, max {control['max_error_rad']:.3g} rad"
+        )
+        rows["sign of the torque"] = (
+            f"changed {control['torque_alternations']} times,"
+            f" the motion {control['reference_reversals']} times"
+        )
+    return rows

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: MIT
+"""The page of `dahl report`, as a browser shows it: whole, by itself, with the run's numbers."""
+
+from __future__ import annotations
+
+import html.parser
+import json
+import re
+import shutil
+import subprocess
+
+import pytest
+
+PROBE = """<script>window.onload = () => {
+  const picture = document.getElementById("picture");
+  const seen = {wide: picture.naturalWidth, tall: picture.naturalHeight,
+    sections: [...document.querySelectorAll("section")].map(s => s.id),
+    cells: [...document.querySelectorAll("#faults td")].map(c => c.innerText),
+    bars: [...document.querySelectorAll("#histogram rect")].filter(b => b.getBBox().height > 0).length,
+    wrong: document.querySelectorAll(".wrong").length, width: document.body.scrollWidth,
+    loaded: performance.getEntriesByType("resource").map(r => r.name)};
+  document.title = JSON.stringify(seen);
+};</script>"""
+
+
+@pytest.fixture(scope="module")
+def storm(tmp_path_factory, dahl_loop, library, root):
+    """A demo of the fault storm, in virtual time."""
+    return demo(tmp_path_factory.mktemp("storm"), root, "--scene", "fault-storm", "--seconds", "8")
+
+
+def demo(folder, root, *words):
+    import sys
+
+    command = [sys.executable, "-m", "dahl", "demo", "--output", str(folder), *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def shown(page, folder) -> dict:
+    """What a headless browser finds in a page."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if not browser:
+        pytest.skip("chromium is not installed (tools/setup.sh installs it where it can)")
+    probed = folder / "probed.html"
+    probed.write_text(page.read_text(encoding="utf-8").replace("</body>", PROBE + "</body>"))
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
+    command += ["--virtual-time-budget=5000", f"--user-data-dir={folder}/profile", "--dump-dom"]
+    done = subprocess.run(
+        [*command, probed.as_uri()], capture_output=True, text=True, timeout=120, check=False
+    )
+    title = re.search(r"<title>(\{.*?\})</title>", done.stdout)
+    assert title, done.stdout[-500:] + done.stderr[-500:]
+    return json.loads(html.unescape(title[1]))
+
+
+def test_a_storm_as_a_browser_shows_it(storm, run_dahl, tmp_path):
+    done = run_dahl("report", storm)
+    assert done.returncode == 0, done.stderr
+    seen = shown(storm / "report.html", tmp_path)
+    assert seen["wide"] > 1000
+    assert seen["tall"] > 1000
+    assert seen["sections"] == ["numbers", "faults", "states", "counters"]
+    assert seen["wrong"] == 0
+    assert not [name for name in seen["loaded"] if not name.startswith("data:")]
+    numbers = json.loads((storm / "summary.json").read_text())
+    cells = seen["cells"]
+    for name, count in numbers["faults"]["injected"].items():
+        assert cells[cells.index(name.replace("_", " ")) + 1] == str(count)
+    at = len(numbers["faults"]["injected"]) * 2
+    for i, (name, due) in enumerate(numbers["faults"]["expected"].items()):
+        want = [name.replace("_", " "), str(due), str(numbers["node"][name])]
+        assert cells[at + 3 * i : at + 3 * i + 3] == want
+
+
+def test_a_counter_that_is_wrong_is_shown(storm, run_dahl, tmp_path):
+    numbers = json.loads((storm / "summary.json").read_text())
+    numbers["node"]["crc"] += 1
+    (tmp_path / "summary.json").write_text(json.dumps(numbers))
+    shutil.copy(storm / "loop.png", tmp_path)
+    assert run_dahl("report", tmp_path, "-o", tmp_path / "page.html").returncode == 0
+    assert "Not every fault was counted" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert shown(tmp_path / "page.html", tmp_path)["wrong"] == 1
+
+
+def test_latencies_of_a_run_in_real_time(run_dahl, tmp_path, root, dahl_loop, library):
+    folder = demo(tmp_path / "run", root, "--scene", "steering", "--seconds", "2")
+    assert run_dahl("report", folder).returncode == 0
+    seen = shown(folder / "report.html", tmp_path)
+    assert seen["sections"] == ["numbers", "histogram", "states", "counters"]
+    numbers = json.loads((folder / "summary.json").read_text())
+    assert seen["bars"] == len(numbers["latency_histogram"]) > 3
+
+
+class Links(html.parser.HTMLParser):
+    """Everything that a page would fetch."""
+
+    found: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        self.found += [value for name, value in attrs if name in ("src", "href")]
+
+
+def test_the_page_needs_nothing_else(storm, run_dahl, tmp_path):
+    assert run_dahl("report", storm, "-o", tmp_path / "page.html").returncode == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    links = Links()
+    links.feed(text)
+    assert [link[:22] for link in links.found] == ["data:image/png;base64,"]
+    assert "<script" not in text
+    assert "url(" not in text
+
+
+@pytest.mark.parametrize(
+    ("files", "words"),
+    [
+        ({}, "summary.json: no such file"),
+        ({"summary.json": "{"}, "summary.json: not JSON"),
+        ({"summary.json": "[]"}, "not the summary of a demo"),
+        ({"summary.json": '{"scene_file": "x"}'}, "loop.png: no such file"),
+    ],
+)
+def test_a_folder_that_is_no_run_is_one_line(run_dahl, tmp_path, files, words):
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    done = run_dahl("report", tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("error: ")
+    assert words in done.stderr
