@@ -93,7 +93,8 @@ DAHL_INLINE double dahl_w_of(const dahl_state_t *state)
 DAHL_INLINE void dahl_carry(dahl_state_t *state, double d)
 {
     const int64_t one = (int64_t)1 << 62;
-    int64_t w = state->w + 2 * (int64_t)(d * 0x1p61);
+    int64_t half = (int64_t)(d * 0x1p61); /* added twice: from -1 to 1 the whole would not fit */
+    int64_t w = state->w + half + half;
     state->w = w > one ? one : w < -one ? -one : w;
 }
 
