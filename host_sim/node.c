@@ -124,7 +124,10 @@ static bool plausible(const node_t *node, const encoder_state_t *seen, uint32_t 
 static bool sure(node_t *node, const encoder_state_t *seen)
 {
     bool follows = node->doubts > 0 && seen->counter == ((node->candidate + 1) & 0x0F);
-    node->doubts = (uint8_t)(follows ? node->doubts + 1 : 1);
+    if (!follows) {
+        node->doubts = 0;
+    }
+    node->doubts = (uint8_t)(node->doubts < NODE_REARM ? node->doubts + 1 : NODE_REARM);
     node->candidate = seen->counter;
     return node->doubts >= NODE_REARM && seen->valid;
 }

@@ -20,7 +20,15 @@ def drawn(monkeypatch, tmp_path):
     scene = Scene(Path("x.ini"), "x", 50.0, 0.5, 1e-4, measured=measured)
     count, rows = np.arange(100, 400), np.arange(300) * 2
     trace = report.Trace(
-        rows, rows / 1000, count, count * 2**20, np.zeros(300, bool), recorded=300, missing=0
+        rows,
+        rows / 1000,
+        count,
+        count * 2**20,
+        fresh=np.zeros(300, bool),
+        relaxed=np.zeros(300, bool),
+        states={},
+        recorded=300,
+        missing=0,
     )
     recorded = Recorded(np.sin(np.arange(600)), np.arange(600) * 0.005, 600)
     picture.draw(tmp_path / "x.png", scene, trace, recorded)
