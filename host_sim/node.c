@@ -127,7 +127,7 @@ static bool sure(node_t *node, const encoder_state_t *seen)
     if (!follows) {
         node->doubts = 0;
     }
-    node->doubts = (uint8_t)(node->doubts < NODE_REARM ? node->doubts + 1 : NODE_REARM);
+    node->doubts = (uint8_t)(node->doubts + (node->doubts < NODE_REARM ? 1u : 0u));
     node->candidate = seen->counter;
     return node->doubts >= NODE_REARM && seen->valid;
 }
