@@ -28,7 +28,7 @@ BENT = 13  # values of a at which the bilinear element is tried
 NEARBY = np.sinh(np.linspace(-2, 2, 13))  # log of a around a known best
 POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other way round
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
-HIDDEN = 0.2  # of the change by going between the counts that may still be hidden
+HIDDEN = 0.1  # of the change by going between the counts that may still be hidden
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
 
 
