@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The node: each row of the table in node.h. */
 #include <limits.h>
+#include <stdio.h>
 #include <string.h>
 #include <unity.h>
 
@@ -608,6 +609,220 @@ static void test_a_refused_model_leaves_the_node_alone(void)
     TEST_ASSERT_EQUAL_MEMORY(&before, &node, sizeof node);
 }
 
+/* --- the table of node.h, row by row ------------------------------------------------------------------------------ */
+
+typedef struct {
+    const char *frame;     /* as the table says it */
+    can_frame_t (*make)(void); /* brings the node there; the frame that the row is about, or none with id 0 */
+} row_t;
+
+static can_frame_t row_first(void)
+{
+    return encoder_frame(7, 70);
+}
+
+static can_frame_t row_next(void)
+{
+    feed(0, 0);
+    return encoder_frame(1, 70);
+}
+
+static can_frame_t row_gap(void)
+{
+    feed(0, 0);
+    return encoder_frame(3, 70);
+}
+
+static can_frame_t row_long_gap(void)
+{
+    node.max_step = 100;
+    feed(0, 0);
+    return encoder_frame(8, 70);
+}
+
+static can_frame_t row_again(void)
+{
+    feed(0, 0);
+    return encoder_frame(0, 70);
+}
+
+static can_frame_t row_other(void)
+{
+    feed(0, 0);
+    return encoder_frame(9, 70);
+}
+
+static can_frame_t row_far(void)
+{
+    node.max_step = 10;
+    feed(0, 0);
+    return encoder_frame(1, 70000);
+}
+
+static can_frame_t row_third(void)
+{
+    feed(0, 0);
+    feed(9, 60);
+    feed(10, 65);
+    return encoder_frame(11, 70);
+}
+
+static can_frame_t row_third_near(void)
+{
+    node.max_step = 100;
+    return row_third();
+}
+
+static can_frame_t row_invalid(void)
+{
+    can_frame_t frame;
+    feed(0, 0);
+    frames_pack_encoder(&frame, NUMBER, &(encoder_state_t){.count = 70, .counter = 1, .valid = false});
+    return frame;
+}
+
+static can_frame_t row_crc(void)
+{
+    can_frame_t frame = row_next();
+    frame.data[2] ^= 1;
+    return frame;
+}
+
+static can_frame_t row_form(void)
+{
+    can_frame_t frame = row_next();
+    frame.flags = CAN_FRAME_REMOTE;
+    return frame;
+}
+
+static can_frame_t row_silence(void)
+{
+    feed(0, 0);
+    now_us += 100001;
+    return (can_frame_t){.id = 0};
+}
+
+static can_frame_t row_back_two(void)
+{
+    row_silence();
+    feed(1, 60);
+    return encoder_frame(2, 65);
+}
+
+static can_frame_t row_back_three(void)
+{
+    row_silence();
+    feed(1, 60);
+    feed(2, 65);
+    return encoder_frame(3, 70);
+}
+
+static const row_t rows[] = {
+    {"the first good one", row_first},
+    {"counter + 1", row_next},
+    {"counter + 2 or + 3", row_gap},
+    {"counter + 4 to + 8, with a MaxStep", row_long_gap},
+    {"counter + 0", row_again},
+    {"any other counter", row_other},
+    {"further away than MaxStep allows", row_far},
+    {"the third of the last two in a row", row_third},
+    {"the same, as near as MaxStep allows", row_third_near},
+    {"not valid by its own flag", row_invalid},
+    {"wrong CRC", row_crc},
+    {"wrong length, extended, remote, FD", row_form},
+    {"nothing good for the timeout of 100 ms", row_silence},
+    {"after that: good ones 1 and 2 in a row", row_back_two},
+    {"after that: the third in a row", row_back_three},
+};
+
+enum { ROWS = sizeof rows / sizeof rows[0], COLUMNS = 5 };
+
+/* Names of the counters that grew, as the table has them. */
+static void grown(const node_counts_t *before, char *text)
+{
+    const node_counts_t *n = &node.counts;
+    const struct {
+        const char *name;
+        uint32_t by;
+    } counters[] = {{"ok", n->ok - before->ok},
+                    {"repeated", n->repeated - before->repeated},
+                    {"lost", n->lost - before->lost},
+                    {"wrong_sequence", n->wrong_sequence - before->wrong_sequence},
+                    {"crc", n->crc - before->crc},
+                    {"format", n->format - before->format},
+                    {"invalid", n->invalid - before->invalid},
+                    {"jump", n->jump - before->jump},
+                    {"stale", n->stale - before->stale},
+                    {"rearm", n->rearm - before->rearm}};
+    text[0] = '\0';
+    for (size_t i = 0; i < sizeof counters / sizeof counters[0]; i++) {
+        if (counters[i].by > 0) {
+            strcat(strcat(text, text[0] != '\0' ? ", " : ""), counters[i].name);
+        }
+    }
+}
+
+static const char *name_of(uint8_t state)
+{
+    static const char *const names[] = {"OK", "REPEATED", "LOST", "WRONG_SEQUENCE", "CRC", "STALE", "INIT"};
+    return names[state];
+}
+
+static void check_row(char cells[COLUMNS][64], const row_t *row)
+{
+    char counted[128];
+    setUp();
+    can_frame_t frame = row->make();
+    can_frame_t out;
+    node_t before = node;
+    node.sent_us = now_us;
+    node.urgent = false;
+    bool answered = frame.id != 0 ? give(&frame) : node_tick(&node, now_us, &out) && node.state != FRAMES_STALE;
+    grown(&before.counts, counted);
+    const char *due = strcmp(cells[1], "the same") == 0 ? "wrong_sequence" : cells[1];
+    TEST_ASSERT_EQUAL_STRING_MESSAGE(due, counted, row->frame);
+    TEST_ASSERT_EQUAL_STRING_MESSAGE(cells[2], name_of(node.state), row->frame);
+    TEST_ASSERT_EQUAL_STRING_MESSAGE(cells[3], before.bearing.w == node.bearing.w ? "kept" : "moved", row->frame);
+    TEST_ASSERT_EQUAL_STRING_MESSAGE(cells[4], answered ? "yes" : "no", row->frame);
+}
+
+/* Cells of " *   | a | b | ...", without the blanks around them. */
+static bool read_cells(char *line, char cells[COLUMNS][64])
+{
+    char *at = strchr(line, '|');
+    if (at == NULL || strncmp(line, " *   |", 6) != 0 || line[7] == '-') {
+        return false;
+    }
+    for (size_t i = 0; i < COLUMNS; i++) {
+        char *end = strchr(at + 1, '|');
+        TEST_ASSERT_NOT_NULL(end);
+        sscanf(at + 1, " %63[^|]", cells[i]);
+        for (size_t last = strlen(cells[i]); last > 0 && cells[i][last - 1] == ' '; last--) {
+            cells[i][last - 1] = '\0';
+        }
+        at = end;
+    }
+    return strcmp(cells[0], "frame") != 0;
+}
+
+static void test_each_row_of_the_table_in_node_h(void)
+{
+    char line[256];
+    char cells[COLUMNS][64];
+    size_t seen = 0;
+    FILE *header = fopen(TABLE_FILE, "r");
+    TEST_ASSERT_NOT_NULL(header);
+    while (fgets(line, sizeof line, header) != NULL) {
+        if (read_cells(line, cells)) {
+            TEST_ASSERT_TRUE_MESSAGE(seen < ROWS, cells[0]);
+            TEST_ASSERT_EQUAL_STRING(rows[seen].frame, cells[0]);
+            check_row(cells, &rows[seen++]);
+        }
+    }
+    fclose(header);
+    TEST_ASSERT_EQUAL(ROWS, seen);
+}
+
 /* Whatever comes, from random frames to nearly good ones, the state stays in range and each frame has one fate. */
 static void test_random_input_breaks_nothing(void)
 {
@@ -666,6 +881,7 @@ int main(void)
     RUN_TEST(test_a_restart_forgets_all_but_the_parameters);
     RUN_TEST(test_errors_are_sticky_until_they_are_reset);
     RUN_TEST(test_a_refused_model_leaves_the_node_alone);
+    RUN_TEST(test_each_row_of_the_table_in_node_h);
     RUN_TEST(test_random_input_breaks_nothing);
     return UNITY_END();
 }

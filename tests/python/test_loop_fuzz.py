@@ -13,8 +13,14 @@ CHECKS = "address,undefined,float-divide-by-zero,float-cast-overflow"
 COMPILERS = {"gcc": CHECKS, "clang": CHECKS + ",implicit-conversion"}
 
 
-@pytest.mark.parametrize("frames", [300_000, pytest.param(10_000_000, marks=pytest.mark.long)])
-@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize(
+    ("compiler", "frames"),
+    [
+        ("clang", 1_000_000),
+        pytest.param("gcc", 10_000_000, marks=pytest.mark.long),
+        pytest.param("clang", 10_000_000, marks=pytest.mark.long),
+    ],
+)
 def test_random_frames_with_sanitizers(tmp_path, compiler, frames):
     if not shutil.which(compiler):
         pytest.skip(f"{compiler} is not installed (tools/setup.sh installs it where it can)")
