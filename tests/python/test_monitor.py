@@ -14,8 +14,11 @@ import sys
 import time
 
 import pytest
+from crccheck.crc import Crc8Autosar
 from dahl import logs, report
 from dahl.view import View
+
+KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5}
 
 
 class Served:
@@ -50,16 +53,15 @@ def served(dahl_loop, root):
 
 
 def frames(dbc, *messages):
-    """python-can messages of (name, time, signals), encoded by cantools; the CRC is not the
-    monitor's business.
-    """
+    """python-can messages of (name, time, signals), encoded by cantools, protected by crccheck."""
     import can
     import cantools
 
     database = cantools.database.load_file(dbc)
     for name, moment, signals in messages:
         message = database.get_message_by_name(name)
-        data = message.encode({"Crc": 0, **signals}, strict=False)
+        data = bytearray(message.encode({"Crc": 0, **signals}, strict=False))
+        data[0] = Crc8Autosar.calc(data[1:] + bytes([KINDS[name] << 4 | data[1] & 15]))
         yield can.Message(
             timestamp=moment, arbitration_id=message.frame_id, data=data, is_extended_id=False
         )
@@ -87,6 +89,7 @@ def test_view_counts_what_it_sees(dbc):
     ):
         view.feed(frame)
     view.feed(can.Message(arbitration_id=0x100, data=b"\x01", is_extended_id=False))
+    view.feed(can.Message(arbitration_id=0x110, data=bytes(8), is_extended_id=False))
     view.feed(can.Message(arbitration_id=0x100, data=bytes(8), is_extended_id=True))
     view.feed(can.Message(arbitration_id=0x7DF, data=bytes(8), is_extended_id=False))
     encoder = view.names["EncoderState"]
@@ -95,8 +98,9 @@ def test_view_counts_what_it_sees(dbc):
         1,
         1,
         2,
-        7,
+        8,
     )
+    assert view.names["FrictionTorque"].wrong == 1
     assert list(view.count) == [-7, 8]
     assert list(view.ratio) == pytest.approx([0.5, 0.5])
     shown = text_of(view)
@@ -215,3 +219,21 @@ def test_a_server_that_goes_away_is_one_line_and_the_file_is_whole(
     assert done.returncode == 1
     assert done.stderr == "error: the bus has gone: its server has closed the connection\n"
     assert len(logs.read_candump(tmp_path / "run.log")) >= 600
+
+
+def test_the_monitor_shows_a_storm(dahl_loop, root, run_dahl):
+    """States of the answers, counters of the node as its Status has them, and what was spoiled."""
+    scene = root / "host_sim" / "scenes" / "fault-storm.ini"
+    kept = ("--set", "faults.restart=0")  # a restart would clear the sticky errors
+    loop = Served(dahl_loop, scene, "--virtual", "--seconds", "20", *kept)
+    done = run_dahl("monitor", *loop.arguments, "--frames", "30000")
+    loop.process.terminate()
+    loop.process.communicate(timeout=10)
+    assert done.returncode == 0, done.stderr
+    states = re.search(r"node states +(.*)", done.stdout)[1]
+    assert re.match(r"OK \d{4,}, Lost \d{3,}", states), states
+    bad = re.search(r"^ *EncoderState +\d+ +\d+ +\d+ +(\d+) ", done.stdout, re.MULTILINE)
+    assert int(bad[1]) > 200
+    shown = " ".join(done.stdout.split())
+    for word in ("ErrorCrc Seen", "ErrorJump Seen", "ErrorLost Seen", "Corrupt", "OutOfStep"):
+        assert word in shown

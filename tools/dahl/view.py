@@ -14,7 +14,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderResult
 from rich.table import Table
 from rich.text import Text
 
-from dahl import Error, places
+from dahl import Error, places, protection
 
 if TYPE_CHECKING:
     import can
@@ -30,7 +30,7 @@ class Seen:
     message: Message
     frames: int = 0
     missing: int = 0
-    wrong: int = 0  # length or contents that the DBC does not allow
+    wrong: int = 0  # CRC, length or contents that are not as they should be
     last: dict[str, Any] | None = None
     first_time: float = 0.0
     time: float = 0.0
@@ -58,6 +58,8 @@ class View:
             self.others += 1
             return
         try:
+            if not protection.is_whole(frame.arbitration_id, frame.data):
+                raise ValueError("a wrong CRC or length")
             signals = seen.message.decode(frame.data)
         except Exception:  # cantools has several for frames that are too short
             seen.wrong += 1
