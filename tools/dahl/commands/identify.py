@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error, places
+from dahl import Error, RunError, places
 from dahl.arguments import add_limits, whole
 from dahl.bus import add_bus_arguments
 
@@ -133,7 +133,11 @@ def run(args: argparse.Namespace) -> int:
         return _follow(args)
     source, options = source_of(args), options_of(args)
     logs, broken = _readable(args, source, options)
-    result = study.identify(logs, options)
+    try:
+        result = study.identify(logs, options)
+    except MemoryError:
+        rows = sum(log.rows for log in logs)
+        raise RunError(f"{rows} rows do not fit into memory (100 bytes a row)") from None
     for path in args.check:
         result.checks[str(path)] = study.check(result, readers.read(path, source))
     _report(args, result, output.identifier(args.name or args.logs[0].stem))
