@@ -139,12 +139,21 @@ static void look_at_load(loop_t *loop)
     loop->second_end = loop->ticks + SECOND_TICKS;
 }
 
-static void send_angle(loop_t *loop, encoder_t *encoder, const can_frame_t *angle)
+static void send_spoiled(loop_t *loop, faults_t *faults, const can_frame_t *angle)
 {
-    can_frame_t frames[FAULTS_OUT] = {*angle};
-    size_t count = encoder->faults != NULL ? faults_pass(encoder->faults, angle, frames) : 1;
+    can_frame_t frames[FAULTS_OUT];
+    size_t count = faults_pass(faults, angle, frames);
     for (size_t i = 0; i < count; i++) {
         transmit(loop, &frames[i]);
+    }
+}
+
+static void send_angle(loop_t *loop, const encoder_t *encoder, const can_frame_t *angle)
+{
+    if (encoder->faults != NULL) {
+        send_spoiled(loop, encoder->faults, angle);
+    } else {
+        transmit(loop, angle);
     }
 }
 
