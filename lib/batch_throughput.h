@@ -73,15 +73,15 @@ DAHL_INLINE uint32_t dahl_measure_of_count(const void *moves, size_t i)
     return n < 0 ? 0u - (uint32_t)n : (uint32_t)n;
 }
 
-DAHL_INLINE double dahl_value_of_angle(const void *moves, size_t i)
-{
-    float x = ((const float *)moves)[i];
-    return (double)(x == x ? x : 0.0f);
-}
-
 DAHL_INLINE uint32_t dahl_measure_of_angle(const void *moves, size_t i)
 {
     return dahl_bits_of(((const float *)moves)[i]) & 0x7fffffffu;
+}
+
+/* NaN is seen by its bits, so that -ffast-math does not lose it. */
+DAHL_INLINE double dahl_value_of_angle(const void *moves, size_t i)
+{
+    return dahl_measure_of_angle(moves, i) > 0x7f800000u ? 0.0 : (double)((const float *)moves)[i];
 }
 
 DAHL_INLINE double dahl_w_of(const dahl_state_t *state)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import re
+import subprocess
 
 import dahl
 import numpy as np
@@ -158,3 +159,21 @@ def test_bad_parameters_are_named(arguments, words):
 def test_channels_of_another_number_are_refused():
     with pytest.raises(dahl.Error, match=re.escape("moves has shape (1, 3), not (n, 2)")):
         dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize(
+    "command", ["gcc -O0", "gcc -m32 -O2", "gcc -O3 -ffast-math", "clang -O3 -ffast-math"]
+)
+def test_the_c_tests_hold_with_other_compilers_and_flags(command, root, tmp_path):
+    """Bits of single steps, bounds and bad input, without the flags that the build gives to these
+    files.
+    """
+    unity, program = root / "build/deps/unity", tmp_path / "test_batch"
+    if not (unity / "unity.c").exists():
+        pytest.skip("no build/deps/unity (tools/setup.sh fetches it)")
+    words = [*command.split(), "-std=c99", f"-I{root}/lib", f"-I{root}/tests/lib", f"-I{unity}"]
+    words += ["-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000", root / "tests/lib/test_batch.c"]
+    words += [unity / "unity.c", *sorted((root / "lib").glob("*.c")), "-lm", "-o", program]
+    subprocess.run(words, check=True)
+    done = subprocess.run([program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
