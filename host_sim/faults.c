@@ -49,8 +49,18 @@ static void good(faults_t *f, const can_frame_t *frame, sink_t *sink)
     put(sink, frame);
 }
 
-static void hold(faults_t *f, const can_frame_t *frame, uint32_t wait)
+static void drop(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
 {
+    (void)frame;
+    (void)fault;
+    (void)sink;
+    f->missing++;
+}
+
+static void hold(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+{
+    uint32_t wait = fault == FAULT_REORDER ? 1 : LATE_MIN + splitmix_below(&f->random, LATE_MAX - LATE_MIN + 1);
+    (void)sink;
     f->late[f->late_count++] = (fault_late_t){*frame, wait};
     f->missing++;
     f->clean = 1;
@@ -67,10 +77,11 @@ static void flip_bits(faults_t *f, can_frame_t *frame)
     }
 }
 
-static void corrupt(faults_t *f, const can_frame_t *frame, sink_t *sink)
+static void corrupt(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     encoder_state_t unused;
     can_frame_t spoiled;
+    (void)fault;
     do {
         spoiled = *frame;
         flip_bits(f, &spoiled);
@@ -80,8 +91,9 @@ static void corrupt(faults_t *f, const can_frame_t *frame, sink_t *sink)
     put(sink, &spoiled);
 }
 
-static void spoil_form(faults_t *f, can_frame_t frame, fault_t fault, sink_t *sink)
+static void spoil_form(faults_t *f, const can_frame_t *in, fault_t fault, sink_t *sink)
 {
+    can_frame_t frame = *in;
     if (fault == FAULT_ID) {
         frame.id = NOBODY + splitmix_below(&f->random, 0xFF);
         f->expected.ignored++;
@@ -95,8 +107,9 @@ static void spoil_form(faults_t *f, can_frame_t frame, fault_t fault, sink_t *si
 }
 
 /* Another content, with its CRC in order. */
-static void spoil_count(faults_t *f, can_frame_t frame, fault_t fault, sink_t *sink)
+static void spoil_count(faults_t *f, const can_frame_t *in, fault_t fault, sink_t *sink)
 {
+    can_frame_t frame = *in;
     encoder_state_t state;
     frames_unpack_encoder(&frame, &state);
     if (fault == FAULT_INVALID) {
@@ -132,8 +145,11 @@ static void restart(faults_t *f, const can_frame_t *frame, sink_t *sink)
     put(sink, &reset);
 }
 
-static void bus_off(faults_t *f)
+static void bus_off(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
 {
+    (void)frame;
+    (void)fault;
+    (void)sink;
     f->silent++;
     f->off = f->off_ticks - 1;
     f->rearm = NODE_REARM - 1;
@@ -165,40 +181,14 @@ static fault_t choose(faults_t *f)
     return fault < FAULT_KINDS && may(f, fault) ? fault : FAULT_KINDS;
 }
 
-/* Faults after which this very frame does not come as it is. */
-static bool spoil(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
-{
-    switch (fault) {
-    case FAULT_DROP:
-        f->missing++;
-        return true;
-    case FAULT_REORDER:
-        hold(f, frame, 1);
-        return true;
-    case FAULT_DELAY:
-        hold(f, frame, LATE_MIN + splitmix_below(&f->random, LATE_MAX - LATE_MIN + 1));
-        return true;
-    case FAULT_CORRUPT:
-        corrupt(f, frame, sink);
-        return true;
-    case FAULT_LENGTH:
-    case FAULT_ID:
-    case FAULT_EXTENDED:
-        spoil_form(f, *frame, fault, sink);
-        return true;
-    case FAULT_INVALID:
-    case FAULT_GLITCH:
-        spoil_count(f, *frame, fault, sink);
-        return true;
-    case FAULT_BUS_OFF:
-        bus_off(f);
-        return true;
-    default:
-        return false;
-    }
-}
+/* Faults after which this very frame does not come as it is; the others come beside it. */
+static void (*const spoilers[FAULT_KINDS + 1])(faults_t *, const can_frame_t *, fault_t, sink_t *) = {
+    [FAULT_DROP] = drop,           [FAULT_REORDER] = hold,       [FAULT_DELAY] = hold,
+    [FAULT_CORRUPT] = corrupt,     [FAULT_LENGTH] = spoil_form,  [FAULT_ID] = spoil_form,
+    [FAULT_EXTENDED] = spoil_form, [FAULT_INVALID] = spoil_count, [FAULT_GLITCH] = spoil_count,
+    [FAULT_BUS_OFF] = bus_off,
+};
 
-/* Faults beside a frame that comes as it is. */
 static void pass_good(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     if (fault == FAULT_BABBLE) {
@@ -241,7 +231,9 @@ size_t faults_pass(faults_t *f, const can_frame_t *in, can_frame_t out[FAULTS_OU
     if (fault < FAULT_KINDS) {
         f->injected[fault]++;
     }
-    if (!spoil(f, in, fault, &sink)) {
+    if (spoilers[fault] != NULL) {
+        spoilers[fault](f, in, fault, &sink);
+    } else {
         pass_good(f, in, fault, &sink);
     }
     release(f, &sink);

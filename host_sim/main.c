@@ -162,26 +162,32 @@ static int prepare_encoders(program_t *p)
     return p->scene.has_rotor ? prepare_plant(p) : 0;
 }
 
+static int check_numbers(const program_t *p)
+{
+    unsigned nodes = p->options.nodes;
+    if (number_of(p, nodes - 1) >= FRAMES_NODES) {
+        return complain("--nodes %u: with the scene's first node %u, numbers would pass 15", nodes,
+                        (unsigned)p->scene.friction.node);
+    }
+    if (nodes > 1 && p->scene.has_rotor) {
+        return complain("--nodes %u: a scene with a [rotor] has one", nodes);
+    }
+    if (p->options.trace != NULL && !p->scene.has_rotor) {
+        return complain("--trace %s: %s has no [rotor] to trace", p->options.trace, p->options.scene);
+    }
+    return 0;
+}
+
 static int check_parts(const program_t *p, bool node, bool encoder)
 {
     if (!node && !encoder) {
         return complain("%s: names no [%s], so there is nothing to run for this --role", p->options.scene,
                         p->options.run_node ? "friction" : "motion");
     }
-    if (number_of(p, p->options.nodes - 1) >= FRAMES_NODES) {
-        return complain("--nodes %u: with the scene's first node %u, numbers would pass 15", (unsigned)p->options.nodes,
-                        (unsigned)p->scene.friction.node);
-    }
-    if (p->options.trace != NULL && !p->scene.has_rotor) {
-        return complain("--trace %s: %s has no [rotor] to trace", p->options.trace, p->options.scene);
-    }
-    if (p->options.nodes > 1 && p->scene.has_rotor) {
-        return complain("--nodes %u: a scene with a [rotor] has one", (unsigned)p->options.nodes);
-    }
     if (!encoder && p->options.is_virtual && !(p->options.seconds > 0)) {
         return complain("--virtual without an encoder never ends: give --seconds");
     }
-    return 0;
+    return check_numbers(p);
 }
 
 static int prepare_parts(program_t *p)

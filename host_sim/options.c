@@ -199,14 +199,8 @@ static bool serves(const options_t *options)
     return strncmp(options->bus, "socketcand:", 11) == 0 && strchr(options->bus + 11, ':') == NULL;
 }
 
-static int check(const options_t *options)
+static int check_virtual(const options_t *options)
 {
-    if (options->scene == NULL) {
-        return complain("no --scene FILE; see dahl-loop --help");
-    }
-    if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
-        return complain("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
-    }
     if (options->is_virtual && options->lockstep) {
         return complain("--lockstep is for real time; --virtual always waits for its answers");
     }
@@ -215,6 +209,17 @@ static int check(const options_t *options)
                         " not %s", options->bus);
     }
     return 0;
+}
+
+static int check(const options_t *options)
+{
+    if (options->scene == NULL) {
+        return complain("no --scene FILE; see dahl-loop --help");
+    }
+    if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
+        return complain("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
+    }
+    return check_virtual(options);
 }
 
 int options_read(options_t *options, int argc, char **argv)

@@ -28,6 +28,7 @@ from conftest import built
 from dahl import bus as buses
 from dahl import firmware
 from dahl.core import Friction, Plan
+from e2e import p02
 
 SIGMA0, FC, THETA = 120.0, 1.8, 2.396844981071314e-05
 TIMEOUT_US = 600000  # more than a busy host holds a frame back
@@ -216,6 +217,41 @@ def test_status_every_100_ms(bus, database) -> None:
         counters.append(heard(bus, STATUS, 1.0).data[1] & 15)
     assert 0.3 < time.monotonic() - start < 0.9
     assert [(b - a) % 16 for a, b in zip(counters, counters[1:], strict=False)] == [1] * 4
+
+
+def protected(database, name: str, **signals: object) -> can.Message:
+    """A frame of the DBC with the CRC that autosar-e2e gives it."""
+    message = database.get_message_by_name(name)
+    data = bytearray(message.encode({"Crc": 0, "Counter": 4, **signals}))
+    kind = {"ParamWrite": 0x6, "Reset": 0xA}[name]
+    p02.e2e_p02_protect(data, bytes(kind << 4 | counter for counter in range(16)))
+    return can.Message(arbitration_id=message.frame_id, data=data, is_extended_id=False)
+
+
+def test_parameters_and_reset(bus, database) -> None:
+    """Written, read back, refused out of range, used, and kept over a restart."""
+
+    def asked(**signals: object) -> dict:
+        bus.send(protected(database, "ParamWrite", **signals))
+        return database.decode_message("ParamReply", heard(bus, 0x140, 2.0).data)
+
+    assert asked(Write=0, Param="Fc", Fc=1.0)["Fc"] == pytest.approx(FC, abs=2**-20)
+    done = asked(Write=1, Param="Gain", Gain=0.25)
+    assert (str(done["Result"]), done["Gain"], done["Counter"]) == ("Done", 0.25, 5)
+    refused = protected(database, "ParamWrite", Write=1, Param="Timeout", Timeout=60000)
+    refused.data[4:8] = (60001).to_bytes(4, "little")
+    p02.e2e_p02_protect(refused.data, bytes(0x60 | counter for counter in range(16)))
+    bus.send(refused)
+    reply = database.decode_message("ParamReply", heard(bus, 0x140, 2.0).data)
+    assert str(reply["Result"]) == "OutOfRange"
+    ask(bus, encoder_frame(0, 0))
+    answer = database.decode_message(TORQUE, ask(bus, encoder_frame(2**24, 1)).data)
+    assert answer["TorqueRatio"] == pytest.approx(0.25, abs=1e-6)
+    bus.send(protected(database, "Reset", What="Restart"))
+    assert heard(bus, STATUS, 2.0)
+    answer = database.decode_message(TORQUE, ask(bus, encoder_frame(7, 9)).data)
+    assert (str(answer["State"]), answer["TorqueRatio"]) == ("Init", 0)
+    assert asked(Write=0, Param="Gain", Gain=0)["Gain"] == 0.25
 
 
 def test_other_ids_are_not_its_business(bus) -> None:
