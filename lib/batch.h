@@ -20,7 +20,8 @@ static inline uint32_t dahl_batch_gap(uint64_t w, uint32_t backward)
 static inline uint64_t dahl_batch_near(uint64_t w, dahl_q64_t g, uint32_t backward)
 {
     uint64_t mask = (uint64_t)0 - (backward & 1u);
-    return w + ((dahl_part(dahl_batch_gap(w, backward), g) ^ mask) - mask);
+    uint32_t z = dahl_batch_gap(w, backward);
+    return w + (((dahl_mul(z, g.hi) + dahl_mulhi(z, g.lo)) ^ mask) - mask);
 }
 
 static inline uint32_t dahl_batch_size(int32_t dcounts, uint32_t backward)
@@ -34,7 +35,7 @@ static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint3
     uint32_t rest = size / DAHL_DENSE;
     w = dahl_batch_near(w, plan->g[size % DAHL_DENSE], backward);
     while (rest != 0 && dahl_batch_gap(w, backward) != 0) {
-        uint32_t digit = 31u - (uint32_t)dahl_leading_zeros(rest & (0u - rest));
+        uint32_t digit = 31u - dahl_leading_zeros(rest & (0u - rest));
         w = dahl_batch_near(w, plan->g[DAHL_DENSE + digit], backward);
         rest &= rest - 1u;
     }
@@ -67,12 +68,19 @@ static inline double dahl_batch_unit(const dahl_plan_t *plan)
     return (double)plan->Fc_mantissa * power.value;
 }
 
-/* As dahl_torque_of, by doubles: their product errs by less than 4 units in its last place, so rounding it to a float
- * gives the right bits unless it lies that close to the middle between two floats; there the integers decide. */
+/* As dahl_torque_of, by doubles: 32 bits of w from its first one on, times the same mantissa. The product errs by less than
+ * 4 units in its last place, so rounding it to a float gives the right bits unless it lies that close to the middle between
+ * two floats; there the integers decide. Where w has more than 53 bits, those that the 32 leave out anyway go first: so the
+ * conversion to double never rounds. */
 static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
 {
     dahl_double_t torque;
-    torque.value = (double)w * unit;
+    uint64_t sign = (uint64_t)w >> 63, size = ((uint64_t)w ^ (0u - sign)) + sign;
+    size &= ~(size >> 53 != 0 ? (uint64_t)1023 : 0u);
+    torque.value = (double)(int64_t)size;
+    torque.bits &= ~(uint64_t)0x1fffff;
+    torque.value *= unit;
+    torque.bits |= sign << 63;
     return torque;
 }
 
@@ -87,7 +95,7 @@ static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double
     if (DAHL_LIKELY(!dahl_batch_is_close(torque))) {
         return (float)torque.value;
     }
-    return dahl_torque_of(plan, w);
+    return dahl_torque_of(plan, (uint64_t)w);
 }
 
 #endif

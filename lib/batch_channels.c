@@ -107,7 +107,7 @@ DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_
         close |= (uint64_t)dahl_batch_is_close(torque);
     }
     for (size_t c = 0; c < count && close != 0; c++) {
-        F[c] = dahl_torque_of(&plans[c], chunk->w[c]);
+        F[c] = dahl_torque_of(&plans[c], (uint64_t)chunk->w[c]);
     }
 }
 

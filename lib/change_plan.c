@@ -15,7 +15,7 @@ typedef struct {
 static factor_t factor_of(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
 {
     factor_t f;
-    f.mantissa = dahl_quotient_q38(n, d) << 25;
+    f.mantissa = dahl_quotient_q63(n, d);
     f.exponent = n_exponent - d_exponent;
     if (!(f.mantissa >> 63)) {
         f.mantissa <<= 1;
@@ -33,7 +33,7 @@ static factor_t smaller(factor_t x, factor_t y)
 /* size times f in Q62, clamped to 1; size <= 1 too, but for the 2^31 that a step may pass it by. */
 static uint64_t scaled(uint64_t size, factor_t f)
 {
-    uint64_t product = dahl_mulhi64(size << 1, f.mantissa, 0);
+    uint64_t product = dahl_mulhi64(size << 1, f.mantissa);
     int32_t shift = f.exponent;
     if (shift <= -64) {
         return 0;
@@ -48,7 +48,7 @@ static uint64_t scaled(uint64_t size, factor_t f)
 
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state)
 {
-    factor_t keep_F = factor_of(from->Fc_mantissa, dahl_exponent_of_Fc(from), to->Fc_mantissa, dahl_exponent_of_Fc(to));
+    factor_t keep_F = factor_of(dahl_mantissa_of_Fc(from), dahl_exponent_of_Fc(from), dahl_mantissa_of_Fc(to), dahl_exponent_of_Fc(to));
     factor_t keep_deflection = factor_of(to->a_mantissa, dahl_exponent_of_a(to), from->a_mantissa, dahl_exponent_of_a(from));
     uint64_t size = state->w < 0 ? 0u - (uint64_t)state->w : (uint64_t)state->w;
     uint64_t w = size ? scaled(size, smaller(keep_F, keep_deflection)) : 0;

@@ -51,7 +51,7 @@
 #define DAHL_Q30 9.313225746154785e-10 /* 2^-30: F/Fc = DAHL_Q30 * result of dahl_step_counts_q30 */
 
 /* What dahl_prepare accepts. */
-#define DAHL_TORQUE_MIN 5.421010862427522e-20f  /* 2^-64 N m, for Fc; and 2^-64 N m/rad for sigma0 */
+#define DAHL_TORQUE_MIN 5.421010862427522e-20f  /* 2^-64 N m, for Fc; and N m/rad for sigma0, rad for theta_per_count */
 #define DAHL_TORQUE_MAX 1.844674407370955e19f   /* 2^64, not included */
 #define DAHL_TRAVEL_MIN 9.313225746154785e-10   /* 2^-30 <= sigma0/Fc * theta_per_count, travel of one count */
 #define DAHL_TRAVEL_MAX 1048576.0               /* < 2^20 */
@@ -63,7 +63,7 @@ extern "C" {
 typedef struct {
     float sigma0;          /* N m/rad, stiffness at rest, 2^-64 <= sigma0 < 2^64 */
     float Fc;              /* N m, Coulomb torque, 2^-64 <= Fc < 2^64 */
-    float theta_per_count; /* rad/count, > 0; 0: no encoder counts, dahl_step only */
+    float theta_per_count; /* rad/count, 2^-64 <= theta_per_count < 2^64; 0: no encoder counts, dahl_step only */
 } dahl_params_t;
 
 typedef enum {
@@ -80,12 +80,11 @@ typedef struct {
 
 /* Everything that parameters decide, prepared once. Integers only: bits equal everywhere, fit for `const` in flash. */
 typedef struct {
-    dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
-    uint32_t a_mantissa;  /* a = a_mantissa 2^(94 - a_shift) [1/rad], top bit set */
+    uint32_t a_mantissa;  /* a/ln 2 = a_mantissa 2^(94 - a_shift) [1/rad], top bit set */
     int32_t a_shift;
-    uint32_t near;        /* dahl_step is not saturated by dtheta whose bits are less than this past the smallest float */
-    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^((Fc_scale >> 24) - 159) [N m], top bit set */
+    uint32_t Fc_mantissa; /* Fc = (Fc_mantissa - 1) 2^((Fc_scale >> 24) - 159) [N m], top bit set; the 1 is for the rounding */
     uint32_t Fc_scale;
+    dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
 } dahl_plan_t;
 
 /* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by 2^-31 of it, which no returned value shows). 0: relaxed. */
@@ -94,23 +93,23 @@ typedef struct {
 } dahl_state_t;
 
 /* Prepare a plan. Fails iff a parameter is outside its range: then the code says why and *plan is untouched.
- * Any plan and params pointers must be valid. Cost: 4600 instructions on Cortex-M3; call it at start. */
+ * Any plan and params pointers must be valid. Cost: 3500 instructions on Cortex-M3; call it at start. */
 dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
 
 /* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
  * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc. Tiny motions keep their relative accuracy: n ticks
- * from rest with a total travel of U presliding lengths err by at most half an ulp of F and Fc (2^-31 U + 2^-62 n).
- * Cost on Cortex-M3, M4 (README has all): 40 instructions up to 8 counts, and about 20 for each further binary digit. */
+ * from rest with a total travel of U presliding lengths err by at most 0.52 ulp of F and Fc (2^-31 U + 2^-62 n).
+ * Cost on Cortex-M3, M4 (README has all): 40 instructions up to 8 counts, and about 15 for each further binary digit. */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function.
- * Cost on Cortex-M3, M4: 20 instructions for -8 .. 8 counts, the same for each. */
+ * Cost on Cortex-M3, M4: 20 instructions for -8 .. 8 counts, the same for each within one. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,
  * +-0 leaves the state bit-identical. Error: DAHL_ULP_ANGLE ulp of Fc for the floats fed, for ever if each |u| >= 2^-30,
  * else for 2^31 ticks; a subnormal dtheta and travel u below 2^-64 count as none.
- * Cost on Cortex-M3, M4: 100 instructions; g(u) is one polynomial of degree 6, no libm. */
+ * Cost on Cortex-M3, M4: 90 instructions; g(u) is a polynomial and a table of 16 words, no libm. */
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 
 /* The torque F in N m without motion, -Fc .. Fc. */
@@ -122,7 +121,7 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
 /* Go on with other parameters, from plan `from` to plan `to`, between two ticks. The torque is kept while the bristle
  * can carry it: clamped to the new Fc, and scaled by sigma0_to/sigma0_from where that is below 1 (the bristle keeps its
- * deflection), so that the stored energy F^2/(2 sigma0) never grows; F is what this says within 2^-31. */
+ * deflection), so that the stored energy F^2/(2 sigma0) never grows; F is what this says within 2^-30. */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
 /* Shortest signed way from one reading of an absolute encoder to the next, in counts: -n/2 <= result < n/2 for

@@ -1,25 +1,30 @@
 /* SPDX-License-Identifier: MIT */
-/* A move of many counts is the moves of its digits, one after the other: the low three bits, 8 counts, 16, 32 ... */
+/*
+ * A move of many counts is the moves of its digits, one after the other: the low three bits, 8 counts, 16, 32 ...
+ * Backward it is the forward move of the complement: gap.h rounds ~w to just the opposite of what it rounds w to.
+ */
 #include "gap.h"
 
-uint64_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+DAHL_SMALL int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
-    uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
-    uint32_t rest = n / DAHL_DENSE, digit;
-    const dahl_q64_t *g = &plan->g[n % DAHL_DENSE], *place = &plan->g[DAHL_DENSE - 1];
     uint64_t w = (uint64_t)state->w;
-    for (;;) {
-        w = dcounts < 0 ? dahl_backward(w, *g) : dahl_forward(w, *g);
-        if (rest == 0) {
+    uint32_t n = (uint32_t)dcounts, digit = 1;
+    if (dcounts < 0) {
+        w = ~w;
+        n = 0u - n;
+    }
+    const dahl_q64_t *g = &plan->g[n % DAHL_DENSE], *place = &plan->g[DAHL_DENSE - 1];
+    for (n /= DAHL_DENSE;; n >>= 1) {
+        if (digit != 0) {
+            w = dahl_forward(w, *g);
+        }
+        if (n == 0) {
             break;
         }
-        do {
-            place++;
-            digit = rest & 1u;
-            rest >>= 1;
-        } while (digit == 0);
-        g = place;
+        g = ++place;
+        digit = n & 1u;
     }
+    w = dcounts < 0 ? ~w : w;
     state->w = (int64_t)w;
-    return w;
+    return (int32_t)dahl_q30(w);
 }

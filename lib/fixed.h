@@ -36,12 +36,17 @@ static inline uint32_t dahl_scale_of(int32_t exponent)
     return (uint32_t)(exponent + DAHL_FC_BIAS) << 24 | 1u;
 }
 
+static inline uint32_t dahl_mantissa_of_Fc(const dahl_plan_t *plan)
+{
+    return plan->Fc_mantissa - 1u;
+}
+
 static inline int32_t dahl_exponent_of_Fc(const dahl_plan_t *plan)
 {
     return (int32_t)(plan->Fc_scale >> 24) - DAHL_FC_BIAS;
 }
 
-/* And that of a so that a_shift less the exponent field of dtheta is the shift of u = a |dtheta| (kernel.h). */
+/* And that of a so that a_shift less the exponent field of dtheta is the shift of the travel (kernel.h). */
 #define DAHL_A_BIAS 94
 
 static inline int32_t dahl_exponent_of_a(const dahl_plan_t *plan)
@@ -56,10 +61,10 @@ static inline int32_t dahl_exponent_of_a(const dahl_plan_t *plan)
 
 /* Out of line (wide.c): for what is prepared, not for a tick. */
 
-/* Upper half of a 64 x 64 bit product; rounding 0 truncates, DAHL_TOP_BIT rounds to nearest. */
-uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding);
+/* Upper half of a 64 x 64 bit product, truncated. */
+uint64_t dahl_mulhi64(uint64_t a, uint64_t b);
 
-/* numerator/denominator in Q38, truncated, for mantissas with the top bit set: in (2^37, 2^39). */
-uint64_t dahl_quotient_q38(uint32_t numerator, uint32_t denominator);
+/* numerator/denominator in Q63, truncated, for mantissas with the top bit set: in (2^62, 2^64). */
+uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator);
 
 #endif

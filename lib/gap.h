@@ -10,11 +10,13 @@
  * Odd symmetry: backward mirrors forward bit for bit, except where w is a tie (its low word 2^31), which rounds up on both
  * sides. A rounding that mirrors there too costs an instruction a tick.
  * Error: z errs by 2^-31 of Fc at most. A step adds that times g and shrinks what was there by 1 - g, so over any motion
- * the sum stays below that, plus 2^-62/g for the truncated low product. The plan holds g + 2^-63 (prepare.c): at
- * w = 0, where z = 2^30, that makes the truncation a rounding to nearest, which is what keeps tiny torques accurate.
+ * the sum stays below that, plus 2^-62/g for the truncated low product. By angle, where g may be tiny, it comes as
+ * g + 2^-63 (kernel.h): at w = 0, where z = 2^30, that makes the truncation a rounding to nearest.
  */
 #ifndef DAHL_GAP_H
 #define DAHL_GAP_H
+
+#include <stddef.h>
 
 #include "fixed.h"
 
@@ -24,36 +26,33 @@
 /* w in Q30, a half rounded up. */
 static inline uint32_t dahl_q30(uint64_t w)
 {
-    return (uint32_t)((w + DAHL_TOP_BIT) >> 32);
+    return (uint32_t)(w >> 32) + ((uint32_t)w >> 31);
 }
 
-/* z times g in Q62. */
-static inline uint64_t dahl_part(uint32_t z, dahl_q64_t g)
+/* Entry n of the table, for plan + n entries. The address leaves the place of the table in the plan to the load, which has it
+ * for nothing. */
+static inline dahl_q64_t dahl_entry(const char *place)
 {
-    return dahl_mul(z, g.hi) + dahl_mulhi(z, g.lo);
+    DAHL_KEEP(place);
+    return *(const dahl_q64_t *)(const void *)(place + offsetof(dahl_plan_t, g));
 }
 
-/* The low product first, by words: it leaves the sum where a multiply-accumulate takes it. */
+#define DAHL_ENTRY ((int32_t)sizeof(dahl_q64_t))
+
 static inline uint64_t dahl_forward(uint64_t w, dahl_q64_t g)
 {
-    uint32_t z = DAHL_ONE_Q30 - dahl_q30(w);
-    uint32_t low = (uint32_t)w + dahl_mulhi(z, g.lo);
-    uint32_t high = (uint32_t)(w >> 32) + (low < (uint32_t)w);
-    return ((uint64_t)high << 32 | low) + dahl_mul(z, g.hi);
+    return dahl_add_product(w, DAHL_ONE_Q30 - dahl_q30(w), g.hi, g.lo);
 }
 
-/* Signed, so that the compiler keeps the product in one piece; z <= 2^31 and g < 1 keep it below 2^63. */
 static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
 {
-    uint32_t z = DAHL_ONE_Q30 + dahl_q30(w);
-    return (uint64_t)((int64_t)w - (int64_t)dahl_part(z, g));
+    return dahl_subtract_product(w, DAHL_ONE_Q30 + dahl_q30(w), g.hi, g.lo);
 }
 
 /* What dahl_step leaves to others, by the bits of dtheta (far_angle.c). */
 float dahl_step_far(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits);
 
-/* A move beyond the dense entries, out of line to keep the tick short. Moves the state and returns its w. */
-uint64_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
-float dahl_step_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts); /* and its torque */
+/* A move beyond the dense entries, out of line to keep the tick short. Returns F/Fc in Q30. */
+int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 #endif

@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The kernel g(u) = 1 - exp(-u), private, integers only. u comes and g goes as mantissa 2^(-32 - shift), the mantissa's top
- * bit set, so that small travel keeps all its bits. g has shift 0 from u = 1/2 on, and the shift of u below.
+ * The kernel, private, integers only: g(u) = 1 - exp(-u) for u = a |dtheta|. The plan holds a/ln 2, so that the product
+ * is v = u/ln 2 and g = 1 - 2^-v. v is mantissa 2^(-32 - shift), the mantissa's top bit set: small travel keeps all its bits.
  *
- *   u = k ln 2 + x, 0 <= x < ln 2     g = 1 - 2^-k (1 - h),   h = 1 - exp(-x) = x - x (x R(x))
+ *   v < 2^-30        g = v ln 2
+ *   v < 1/4          g = v P(4 v), P of degree 4
+ *   v < 32           v = k + j/16 + y:   2^-v = 2^-k 2^(-j/16) 2^-y, 2^(-j/16) from a table, 1 - 2^-y = y P(16 y), degree 3
+ *   beyond           1 - g is below 2^-32: g = 1
  *
- * R is a polynomial of degree 5 with coefficients in Q32 from kernel.sollya (relative error of h: below 2^-31.6, certified
- * there). For k = 0 the last product runs on the mantissa of u itself.
+ * Coefficients from kernel.sollya, in Q32 (relative error of the polynomials: below 2^-30.6, certified there). The last
+ * coefficient has few bits and is multiplied by the top half of Y alone.
  *
- * DAHL_KERNEL_ERROR bounds the relative error of g over every u that an angle of type float can give.
+ * DAHL_KERNEL_ERROR bounds the relative error of g for every angle, the product with a included.
  */
 #ifndef DAHL_KERNEL_H
 #define DAHL_KERNEL_H
@@ -22,47 +25,75 @@ typedef struct {
     int32_t shift;
 } dahl_scaled_t;
 
-#define DAHL_LOG2E_Q31 3098164009u
-#define DAHL_LN2_Q32 2977044472u
-
-/* x R(x) in Q32 for x in Q32, x <= ln 2. */
-static inline uint32_t dahl_kernel_tail(uint32_t x)
+/* v = |dtheta| a/ln 2 for a normal float's bits; the product is truncated. */
+static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnitude)
 {
-    uint32_t r = 632363u;
-    r = 5768195u - dahl_mulhi(x, r);
-    r = 35701855u - dahl_mulhi(x, r);
-    r = 178936099u - dahl_mulhi(x, r);
-    r = 715825623u - dahl_mulhi(x, r);
-    r = 2147483566u - dahl_mulhi(x, r);
-    return dahl_mulhi(x, r);
-}
-
-/* u < ln 2: g on the mantissa of u, same shift. */
-static inline uint32_t dahl_kernel_small(uint32_t mantissa, uint32_t x)
-{
-    return mantissa - dahl_mulhi(mantissa, dahl_kernel_tail(x));
-}
-
-/* 1/2 <= u < 22.1 = 31.9 ln 2: 0 <= left <= 5. Returns g in Q32. */
-static inline uint32_t dahl_kernel_large(uint32_t mantissa, int32_t left)
-{
-    uint32_t k = dahl_mulhi(mantissa, DAHL_LOG2E_Q31) >> (31 - left);
-    uint32_t x = (mantissa << left) - k * DAHL_LN2_Q32; /* modulo 1, so the bits of u above 1 may go */
-    DAHL_KEEP_32(x);
-    return ~(~dahl_kernel_small(x, x) >> k);
-}
-
-/* g(u) for u < 22.1; beyond, 1 - g is below 2^-31.8 and dahl_step takes 1. */
-static inline dahl_scaled_t dahl_kernel(dahl_scaled_t u)
-{
-    dahl_scaled_t g = u;
-    if (u.shift <= 0) {
-        g.mantissa = dahl_kernel_large(u.mantissa, -u.shift);
-        g.shift = 0;
-    } else if (u.shift < 29) { /* below 2^-29, g is u within 2^-30 of itself */
-        g.mantissa = dahl_kernel_small(u.mantissa, u.mantissa >> u.shift);
+    uint64_t product = dahl_mul(DAHL_TOP_BIT | magnitude << 8, plan->a_mantissa);
+    dahl_scaled_t v = {(uint32_t)(product >> 32), plan->a_shift - (int32_t)(magnitude >> 23)};
+    if (!(v.mantissa & DAHL_TOP_BIT)) {
+        v.mantissa = (uint32_t)(product >> 31);
+        v.shift++;
     }
-    return g;
+    return v;
+}
+
+/* c - Y r, in Q32. */
+static inline uint32_t dahl_horner(uint32_t c, dahl_factor_t Y, uint32_t r)
+{
+    return c - dahl_times(Y, r);
+}
+
+/* 2 <= shift < 32. The 2 units are the rounding that gap.h wants; an or adds them, but where g < 2^-31. */
+static inline dahl_q64_t dahl_kernel_small(dahl_scaled_t v)
+{
+    uint32_t Y = v.mantissa >> (v.shift - 2);
+    dahl_factor_t factor = dahl_split(Y);
+    uint32_t r = 644112u - (((Y >> 16) * 20813u) >> 16);
+    r = dahl_horner(14898789u, factor, r);
+    r = dahl_horner(257941187u, factor, r);
+    r = dahl_horner(2977044471u, factor, r);
+    uint32_t g = dahl_mulhi(v.mantissa, r);
+    dahl_q64_t q = {g >> v.shift, g << (32 - v.shift) | 2u};
+    return q;
+}
+
+/* v < 2^-30; nothing is left of it below 2^-64. */
+static inline dahl_q64_t dahl_kernel_tiny(dahl_scaled_t v)
+{
+    dahl_q64_t q = {0, 0};
+    if (v.shift < 64) {
+        q.lo = (dahl_mulhi(v.mantissa, 2977044471u) >> (v.shift - 32)) + 2u;
+    }
+    return q;
+}
+
+/* 1 - 2^(-j/16) in Q33, rounded up: what follows is truncated. */
+static const uint32_t dahl_kernel_table[16] = {
+    0, 364185046u, 712929841u, 1046889000u, 1366689387u, 1672931286u, 1966189534u, 2247014594u,
+    2515933593u, 2773451308u, 3020051117u, 3256195903u, 3482328925u, 3698874649u, 3906239545u, 4104812849u,
+};
+
+/* 1/4 <= v < 32: -5 <= shift < 2. */
+static inline dahl_q64_t dahl_kernel_large(dahl_scaled_t v)
+{
+    uint32_t whole = v.mantissa >> (28 + v.shift), Y = v.mantissa << (4 - v.shift);
+    uint32_t k = whole >> 4, h = dahl_kernel_table[whole & 15u];
+    dahl_factor_t factor = dahl_split(Y);
+    uint32_t r = 931096u - (((Y >> 16) * 9912u) >> 16);
+    r = dahl_horner(64485290u, factor, r);
+    r = dahl_horner(2977044471u, factor, r);
+    uint32_t g = h + (dahl_mulhi(~(h >> 1), dahl_times(factor, r)) >> 3);
+    dahl_q64_t q = {~(~(g >> 1) >> k), 0};
+    return q;
+}
+
+static inline dahl_q64_t dahl_kernel(dahl_scaled_t v)
+{
+    if (v.shift < 2) {
+        dahl_q64_t all = {UINT32_MAX, UINT32_MAX};
+        return v.shift < -5 ? all : dahl_kernel_large(v);
+    }
+    return v.shift < 32 ? dahl_kernel_small(v) : dahl_kernel_tiny(v);
 }
 
 #endif

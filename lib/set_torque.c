@@ -5,18 +5,15 @@
 /* F/Fc in Q62 for normal F < Fc, rounded. */
 static uint64_t ratio_q62(dahl_real_t F, const dahl_plan_t *plan)
 {
-    uint64_t quotient = dahl_quotient_q38(F.mantissa, plan->Fc_mantissa);
-    int32_t shift = dahl_exponent_of_Fc(plan) - F.exponent - 24;
-    if (shift <= 0) {
-        return quotient << -shift;
-    }
-    return shift > 40 ? 0u : (quotient + ((uint64_t)1 << (shift - 1))) >> shift;
+    uint64_t quotient = dahl_quotient_q63(F.mantissa, dahl_mantissa_of_Fc(plan));
+    int32_t shift = dahl_exponent_of_Fc(plan) - F.exponent;
+    return shift > 63 ? 0u : ((quotient >> shift) + 1) >> 1;
 }
 
 static int is_below_Fc(dahl_real_t F, const dahl_plan_t *plan)
 {
     int32_t exponent = dahl_exponent_of_Fc(plan);
-    return F.exponent < exponent || (F.exponent == exponent && F.mantissa < plan->Fc_mantissa);
+    return F.exponent < exponent || (F.exponent == exponent && F.mantissa < dahl_mantissa_of_Fc(plan));
 }
 
 void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)

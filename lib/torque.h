@@ -1,48 +1,48 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * From the state to N m with one rounding, private: the product of the mantissa of Fc and of w in integers, rounded to
- * the 24 bits of a float at the end. (w to float and then times Fc would round twice.) All 62 bits of w take part, so
- * small torques keep their relative accuracy. Error: half an ulp of the result. Fc >= 2^-64 and |w| >= 2^-62 keep the
- * result a normal float.
+ * From the state to N m, private: the 32 bits of w from its first one on, times the mantissa of Fc in integers, rounded to
+ * the 24 bits of a float at the end. (w to float and then times Fc would round twice to 24 bits.) So small torques keep
+ * their relative accuracy. Two truncations cost less than 2 units of 2^-31 of the result; the plan's mantissa of Fc has half
+ * a unit too much, to centre them: in all half an ulp of the result and 0.012 of one.
+ * Fc >= 2^-64 and |w| >= 2^-62 keep the result a normal float.
  */
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
 
 #include "fixed.h"
 
-/* The words (top, next), 0 < top < 2^31, as a float's bits, rounded. The scale is an exponent times 2^24, and 1 for the
- * rounding; a carry out of the mantissa raises the exponent by itself. */
-static inline uint32_t dahl_pack(uint32_t top, uint32_t next, uint32_t scale)
+/* s 2^-zeros times Fc, s with its top bit set, as a float's bits. Fc_scale is an exponent times 2^24, and 1 for the rounding;
+ * a carry out of the mantissa raises the exponent by itself. */
+static inline uint32_t dahl_pack(const dahl_plan_t *plan, uint32_t s, uint32_t zeros)
 {
-    uint32_t zeros = (uint32_t)dahl_leading_zeros(top);
-    uint32_t mantissa = top << zeros | next >> (32 - zeros);
-    return (scale - (zeros << 24) + (mantissa >> 7)) >> 1;
+    uint32_t product = dahl_mulhi(s, plan->Fc_mantissa);
+    uint32_t missing = dahl_leading_zero(product);
+    product <<= missing;
+    return (plan->Fc_scale - ((zeros + missing) << 24) + (product >> 7)) >> 1;
 }
 
-/* The same for torques below 2^-30 Fc or so, from a product below 2^64 (small_torque.c). */
-float dahl_small_torque(uint64_t product, uint32_t scale, uint32_t sign);
-
-/* Fc_mantissa < 2^32 and |w| <= 2^62 (1 + 2^-30): the product has three words, and the top one is below 2^31. */
-static inline float dahl_torque_of(const dahl_plan_t *plan, int64_t w)
+static inline float dahl_torque_here(const dahl_plan_t *plan, uint64_t w)
 {
-    uint32_t sign = w < 0 ? DAHL_BITS_SIGN : 0u;
-    uint64_t size = (uint64_t)w;
-    if (DAHL_LIKELY(w < 0)) { /* as likely as not; so the negation stays in line, not a jump away */
-        size = 0u - size;
+    uint32_t sign = (uint32_t)(w >> 32) & DAHL_BITS_SIGN;
+    DAHL_KEEP(sign);
+    if (DAHL_LIKELY(sign != 0)) { /* as likely as not; so the negation stays in line, not a jump away */
+        w = 0u - w;
     }
-    uint64_t low = dahl_mul(plan->Fc_mantissa, (uint32_t)size);
-    uint64_t high = dahl_mul(plan->Fc_mantissa, (uint32_t)(size >> 32)) + (low >> 32);
-    if (high >> 32 == 0) {
-        return dahl_small_torque(high << 32 | (uint32_t)low, plan->Fc_scale, sign);
+    uint32_t top = (uint32_t)(w >> 32), next = (uint32_t)w, zeros;
+    if (top != 0) {
+        zeros = dahl_leading_zeros(top);
+        top = top << zeros | next >> (32 - zeros);
+    } else if (next != 0) { /* below 2^-30 Fc */
+        zeros = dahl_leading_zeros(next);
+        top = next << zeros;
+        zeros += 32;
+    } else {
+        return 0.0f;
     }
-    return dahl_float_of(sign | dahl_pack((uint32_t)(high >> 32), (uint32_t)high, plan->Fc_scale));
+    return dahl_float_of(sign | dahl_pack(plan, top, zeros));
 }
 
-/* Written out in both branches of a step: joining them first costs more instructions than it saves bytes. */
-static inline float dahl_keep(const dahl_plan_t *plan, dahl_state_t *state, uint64_t w)
-{
-    state->w = (int64_t)w;
-    return dahl_torque_of(plan, (int64_t)w);
-}
+/* The same by a call (torque.c): one copy for all that need not be quick. */
+float dahl_torque_of(const dahl_plan_t *plan, uint64_t w);
 
 #endif

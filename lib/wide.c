@@ -2,26 +2,28 @@
 /* The two wide operations of what is prepared, made from narrow ones: a call to the compiler's own would be larger. */
 #include "fixed.h"
 
-uint64_t dahl_mulhi64(uint64_t a, uint64_t b, uint32_t rounding)
+DAHL_SMALL uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
 {
     uint32_t a1 = (uint32_t)(a >> 32), a0 = (uint32_t)a;
     uint32_t b1 = (uint32_t)(b >> 32), b0 = (uint32_t)b;
     uint64_t middle = dahl_mul(a1, b0) + dahl_mulhi(a0, b0);
-    uint64_t other = dahl_mul(a0, b1) + (uint32_t)middle + rounding;
+    uint64_t other = dahl_mul(a0, b1) + (uint32_t)middle;
     return dahl_mul(a1, b1) + (middle >> 32) + (other >> 32);
 }
 
-/* One bit a turn: a 64-bit division would be a library call on small cores. */
-uint64_t dahl_quotient_q38(uint32_t numerator, uint32_t denominator)
+/* One bit a turn: a 64-bit division would be a library call on small cores. The lowest bit of both is not used. */
+DAHL_SMALL uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator)
 {
-    uint64_t rest = numerator, quotient = 0;
-    for (int bit = 0; bit <= 38; bit++) {
-        quotient <<= 1;
+    uint32_t rest = numerator >> 1, high = 0, low = 0;
+    denominator >>= 1;
+    for (int bit = 0; bit < 64; bit++) {
+        high = high << 1 | low >> 31;
+        low <<= 1;
         if (rest >= denominator) {
             rest -= denominator;
-            quotient |= 1;
+            low++;
         }
         rest <<= 1;
     }
-    return quotient;
+    return (uint64_t)high << 32 | low;
 }

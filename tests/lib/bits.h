@@ -49,8 +49,7 @@ static inline uint64_t bits_fold_plan(uint64_t hash, const dahl_plan_t *plan)
         hash = bits_fold(hash, (uint64_t)plan->g[n].hi << 32 | plan->g[n].lo);
     }
     hash = bits_fold(hash, (uint64_t)plan->a_mantissa << 32 | plan->Fc_mantissa);
-    hash = bits_fold(hash, (uint64_t)(uint32_t)plan->a_shift << 32 | plan->Fc_scale);
-    return bits_fold(hash, plan->near);
+    return bits_fold(hash, (uint64_t)(uint32_t)plan->a_shift << 32 | plan->Fc_scale);
 }
 
 static inline uint64_t bits_by_counts(uint64_t hash, const dahl_plan_t *plan, motion_fn next)

@@ -49,10 +49,12 @@ static void test_motions(void)
 
 static void test_kernel_bound(void)
 {
-    kernel_worst_t worst = kernel_check(0, 0x7f800000u, TEST_KERNEL_STRIDE);
+    kernel_worst_t worst = {0, 0, 0, 0};
+    kernel_check(&worst, 0, 0x7f800000u, TEST_KERNEL_STRIDE);
     printf("kernel: worst relative error 2^%.2f at %a\n", log2(worst.error), (double)worst.u);
     TEST_ASSERT_TRUE(worst.error <= DAHL_KERNEL_ERROR);
     TEST_ASSERT_TRUE(worst.error > 0x1p-33); /* something was measured */
+    TEST_ASSERT_EQUAL_INT(0, worst.falls); /* monotone */
 }
 
 int main(void)

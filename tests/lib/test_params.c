@@ -46,8 +46,7 @@ static void test_range_of_travel(void)
     TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1.0f, 1.0f, most));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, try(1.0f, 1.0f, nextafterf(most, 0.0f)));
     TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1.0f, 1.0f, 1e-40f));
-    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e12f, 1e-12f, 0.0f)); /* a >= 2^63 */
-    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e-12f, 1e12f, 0.0f)); /* a < 2^-63 */
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e-19f, 1e19f, 1e20f));
 }
 
 /* A travel whose mantissa is all ones (1 - 2^-38 or so) rounds up in dahl_prepare without a carry out. */
@@ -102,7 +101,7 @@ static void check_change(float s1, float Fc1, float s2, float Fc2, float F)
     expected = fmaxl(-Fc2, fminl(Fc2, expected));
     dahl_change_plan(&from, &to, &state);
     long double w = state.w * 0x1p-62L, F1 = w * Fc2;
-    TEST_ASSERT_TRUE(fabsl(w) <= 1 && fabsl(F1 - expected) <= 0x1p-31L * fabsl(expected) + 1e-18L * Fc2);
+    TEST_ASSERT_TRUE(fabsl(w) <= 1 && fabsl(F1 - expected) <= 0x1p-30L * fabsl(expected) + 1e-18L * Fc2);
     TEST_ASSERT_TRUE(F1 * F1 / s2 <= F0 * F0 / s1 * (1 + 1e-18L)); /* stored energy; the factor is long double's own */
 }
 
