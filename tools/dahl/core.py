@@ -89,6 +89,13 @@ def _refusal(plan: Plan | Throughput) -> str:
             return f"{name} = {value:g} is outside 2^-64 <= {name} < 2^64"
     if not 0 <= plan.theta_per_count < math.inf:
         return f"theta_per_count = {plan.theta_per_count:g} is not a finite number >= 0 (rad/count)"
+    if isinstance(plan, Plan) and plan.theta_per_count and not (
+        TORQUE_MIN <= plan.theta_per_count < TORQUE_MAX
+    ):
+        return (
+            f"theta_per_count = {plan.theta_per_count:g} is neither 0 nor in"
+            " 2^-64 <= theta_per_count < 2^64 (rad/count)"
+        )
     return (
         f"travel of one count sigma0/Fc*theta_per_count = {plan.travel_per_count:g}"
         f" is outside 2^-30 <= travel < 2^20 (sigma0 = {plan.sigma0:g}, Fc = {plan.Fc:g},"
