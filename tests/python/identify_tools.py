@@ -5,14 +5,18 @@ between reversals, with no code of the package in it; the encoder rounds a motio
 
 from __future__ import annotations
 
+import subprocess
+from collections.abc import Callable
+
 import numpy as np
+import pytest
 from dahl.identify.log import Log
 
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad
 
 
-def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC) -> np.ndarray:  # noqa: N803
+def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC):  # noqa: N803
     """Torque on a path that turns at its rows: anchored at each reversal, from rest."""
     moves = np.diff(theta, prepend=theta[0])
     a, ratio = sigma0 / Fc, np.zeros(len(theta))
@@ -26,7 +30,9 @@ def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC) -> np
     return Fc * ratio
 
 
-def sine(seed: int = 0, rows: int = 10_000, cycles: float = 10, amplitude: float = 0.05) -> np.ndarray:
+def sine(
+    seed: int = 0, rows: int = 10_000, cycles: float = 10, amplitude: float = 0.05
+) -> np.ndarray:
     """A smooth motion, rad."""
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi)
     return amplitude * np.sin(2 * np.pi * cycles * np.arange(rows) / rows + phase)
@@ -47,6 +53,23 @@ def synthetic(seed: int = 0, part: float = 0.05, shared: float = 0.0, **motion: 
     read = np.floor(theta / COUNT + offset) * COUNT
     torque = dahl_torque(theta) + part * FC * noise_of(seed, len(theta), shared)
     return Log(f"seed {seed}", read, torque, np.arange(len(theta)) * 1e-3, resolution=COUNT)
+
+
+def caller(capsys: pytest.CaptureFixture) -> Callable[..., subprocess.CompletedProcess]:
+    """The command `dahl` in this process, which has its imports behind it: as run_dahl of conftest,
+    several times as quick.
+    """
+    from dahl.cli import main
+
+    def run(*words: object, **_: object) -> subprocess.CompletedProcess:
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as end:  # argparse's way
+            code = end.code
+        out, err = capsys.readouterr()
+        return subprocess.CompletedProcess(words, code, out, err)
+
+    return run
 
 
 def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Identification on logs whose truth is known: error, cover of the intervals, and each thing that is
-to be found and named, planted one at a time.
+"""Identification on logs whose truth is known: error, cover of the intervals, and each thing that
+is to be found and named, planted one at a time.
 """
 
 from __future__ import annotations
@@ -94,8 +94,9 @@ def sweeping(seed: int):
     x = np.linspace(0, 1, 12_000)
     theta = 0.15 * np.sin(2 * np.pi * (4 * x + 10 * x**2))
     torque = dahl_torque(theta) + 0.02 * FC * noise_of(seed, len(theta))
-    return replace(synthetic(seed), theta=theta, torque=torque,
-                   time=np.arange(len(x)) * 1e-3, resolution=0.0)
+    return replace(
+        synthetic(seed), theta=theta, torque=torque, time=np.arange(len(x)) * 1e-3, resolution=0.0
+    )
 
 
 def test_terms_that_are_asked_for_are_fitted_and_no_others():
@@ -159,11 +160,11 @@ def with_play(theta: np.ndarray, gap: float) -> np.ndarray:
     """Torque of Dahl's model that is 0 over `gap` rad each time it passes 0 after a reversal."""
     ratio, left, out = 0.0, 0.0, []
     for move in np.diff(theta, prepend=theta[0]):
-        side = np.sign(move)
+        side, travel = np.sign(move), abs(move)
         if left > 0:
-            used = min(left, abs(move))
-            left, move = left - used, side * (abs(move) - used)
-        after = ratio + (side - ratio) * -np.expm1(-SIGMA0 / FC * abs(move))
+            free = min(left, travel)
+            left, travel = left - free, travel - free
+        after = ratio + (side - ratio) * -np.expm1(-SIGMA0 / FC * travel)
         if ratio * after < 0:
             left, after = gap, 0.0
         ratio = after
@@ -195,7 +196,9 @@ def test_presliding_below_the_encoder_resolution():
 def test_friction_that_never_slips():
     theta = sine(3, amplitude=0.0004)
     torque = dahl_torque(theta) + 0.01 * FC * noise_of(3, len(theta))
-    verdict = study.identify([replace(synthetic(3), theta=theta, torque=torque, resolution=0.0)]).verdict
+    verdict = study.identify(
+        [replace(synthetic(3), theta=theta, torque=torque, resolution=0.0)]
+    ).verdict
     assert not verdict.Fc
     assert "never slips" in verdict.text
 
@@ -273,7 +276,14 @@ def test_bilinear_against_its_definition():
 
 
 def test_reversals_are_those_larger_than_asked():
-    theta = np.concatenate([np.linspace(0, 1, 50), np.linspace(1, 0.95, 5), np.linspace(0.95, 2, 50),
-                            np.linspace(2, 0, 80), np.linspace(0, 1, 20)])
+    theta = np.concatenate(
+        [
+            np.linspace(0, 1, 50),
+            np.linspace(1, 0.95, 5),
+            np.linspace(0.95, 2, 50),
+            np.linspace(2, 0, 80),
+            np.linspace(0, 1, 20),
+        ]
+    )
     assert len(path.reversals(theta, 0.1)) == 2
     assert len(path.reversals(theta, 0.01)) == 4

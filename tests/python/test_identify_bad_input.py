@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Each bad log is refused in one line that names what is wrong and where, with exit code 2; and each
-kind of file is read to the same numbers.
+"""Each bad log is refused in one line that names what is wrong and where, with exit code 2; and
+each kind of file is read to the same numbers.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 from dahl import Error
 from dahl.identify import readers, study
-from identify_tools import COUNT, FC, dahl_torque, noise_of, sine, synthetic, write_csv
+from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, synthetic, write_csv
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -33,12 +33,18 @@ BO_ 257 Load: 8 A
 
 
 @pytest.fixture
+def run_dahl(capsys):
+    return caller(capsys)
+
+
+@pytest.fixture
 def log(tmp_path):
     """Write a CSV with changes to its lines."""
 
     def write(change=lambda lines: lines, header="t,angle_deg,torque_Nm", **columns):
-        path = write_csv(tmp_path / "log.csv", columns.get("theta", THETA),
-                         columns.get("torque", TORQUE), header)
+        path = write_csv(
+            tmp_path / "log.csv", columns.get("theta", THETA), columns.get("torque", TORQUE), header
+        )
         path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
         return path
 
@@ -133,13 +139,15 @@ def test_empty_and_truncated_and_absent_files(run_dahl, log, tmp_path):
 def test_truncated_binary_and_structured_files(run_dahl, files, kind, tmp_path):
     whole = files[kind].read_bytes()
     cut = tmp_path / f"cut.{kind}"
-    cut.write_bytes(whole[: len(whole) // 7] + (b"\x00(1 junk" if kind in ("log", "asc", "trc") else b""))
+    cut.write_bytes(
+        whole[: len(whole) // 7] + (b"\x00(1 junk" if kind in ("log", "asc", "trc") else b"")
+    )
     said = refused(run_dahl, cut, *options_for(kind, files))
     assert f"cut.{kind}" in said
 
 
 def test_no_log_and_bad_numbers(run_dahl, log):
-    assert "no LOG given" in refused(run_dahl)
+    assert "give LOGs, or --each DIR" in refused(run_dahl)
     assert "--counts-per-turn -1" in refused(run_dahl, log(), "--counts-per-turn", "-1")
     assert "not an integer" in refused(run_dahl, log(), "--median", "x")
     said = refused(run_dahl, log(), "--angle", "angle_deg", "--torque", "angle_deg")
@@ -158,8 +166,22 @@ def files(tmp_path_factory):
     from scipy.io import savemat
 
     folder = tmp_path_factory.mktemp("kinds")
-    made = {kind: folder / f"log.{kind}" for kind in
-            ("csv", "tsv", "json", "mat", "parquet", "blf", "asc", "trc", "log", "mf4", "dbc")}
+    made = {
+        kind: folder / f"log.{kind}"
+        for kind in (
+            "csv",
+            "tsv",
+            "json",
+            "mat",
+            "parquet",
+            "blf",
+            "asc",
+            "trc",
+            "log",
+            "mf4",
+            "dbc",
+        )
+    }
     degrees = np.degrees(THETA)
     frame = pd.DataFrame({"t": TIME, "angle_deg": degrees, "torque_Nm": TORQUE})
     frame.to_csv(made["csv"], index=False)
@@ -170,17 +192,24 @@ def files(tmp_path_factory):
     made["dbc"].write_text(DBC)
     database = cantools.database.load_string(DBC)
     with MDF() as measured:
-        measured.append([Signal(degrees, TIME, name="angle_deg"),
-                         Signal(TORQUE, TIME, name="torque_Nm")])
+        measured.append(
+            [Signal(degrees, TIME, name="angle_deg"), Signal(TORQUE, TIME, name="torque_Nm")]
+        )
         measured.save(made["mf4"], overwrite=True)
     for kind in ("blf", "asc", "trc", "log"):
         with can.Logger(made[kind]) as logger:
             for now, angle, torque in zip(TIME, degrees, TORQUE, strict=True):
                 for name, value, key in (("Shaft", angle, "Angle"), ("Load", torque, "Torque")):
                     message = database.get_message_by_name(name)
-                    logger.on_message_received(can.Message(
-                        timestamp=1000 + now, arbitration_id=message.frame_id, is_extended_id=False,
-                        data=message.encode({key: float(value)}), channel=1))
+                    logger.on_message_received(
+                        can.Message(
+                            timestamp=1000 + now,
+                            arbitration_id=message.frame_id,
+                            is_extended_id=False,
+                            data=message.encode({key: float(value)}),
+                            channel=1,
+                        )
+                    )
     return made
 
 
@@ -208,8 +237,9 @@ def test_every_kind_of_file(files, kind):
 
 
 def test_unknown_signal_with_a_suggestion(run_dahl, files):
-    said = refused(run_dahl, files["blf"], "--dbc", files["dbc"], "--angle", "Angel",
-                   "--torque", "Torque")
+    said = refused(
+        run_dahl, files["blf"], "--dbc", files["dbc"], "--angle", "Angel", "--torque", "Torque"
+    )
     assert "no signal 'Angel' in the DBC; did you mean 'Angle'?" in said
     assert "needs --dbc" in refused(run_dahl, files["blf"])
     said = refused(run_dahl, files["blf"], "--dbc", files["csv"], "--angle", "A", "--torque", "T")
@@ -218,8 +248,14 @@ def test_unknown_signal_with_a_suggestion(run_dahl, files):
 
 @pytest.mark.parametrize(
     ("name", "unit", "size", "linear"),
-    [("angle_deg", "", np.pi / 180, False), ("theta [rad]", "", 1, False), ("pos_mm", "", 1e-3, True),
-     ("Position [um]", "", 1e-6, True), ("angle", "", np.pi / 180, False), ("pos", "in", 0.0254, True)],
+    [
+        ("angle_deg", "", np.pi / 180, False),
+        ("theta [rad]", "", 1, False),
+        ("pos_mm", "", 1e-3, True),
+        ("Position [um]", "", 1e-6, True),
+        ("angle", "", np.pi / 180, False),
+        ("pos", "in", 0.0254, True),
+    ],
 )
 def test_units_of_the_angle(tmp_path, name, unit, size, linear):
     values = np.linspace(0, 3, 40)
@@ -244,6 +280,8 @@ def test_counts_wrap_and_need_their_number(tmp_path):
 
 def test_torque_units_are_applied(tmp_path):
     path = tmp_path / "units.csv"
-    pd.DataFrame({"angle": np.arange(9.0), "Friction [uN]": np.arange(9.0)}).to_csv(path, index=False)
+    pd.DataFrame({"angle": np.arange(9.0), "Friction [uN]": np.arange(9.0)}).to_csv(
+        path, index=False
+    )
     assert readers.read(path, readers.Source()).torque[-1] == pytest.approx(8e-6)
     assert readers.read(path, readers.Source(torque_unit="mNm")).torque[-1] == pytest.approx(8e-3)

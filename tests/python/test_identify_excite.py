@@ -14,11 +14,16 @@ import pytest
 from dahl import Error, scene
 from dahl.identify import design, study
 from dahl.identify.log import Log
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque
+from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque
 
 pytestmark = pytest.mark.usefixtures("library")
 
 WANTED = design.Wanted(SIGMA0, FC, COUNT)
+
+
+@pytest.fixture
+def run_dahl(capsys):
+    return caller(capsys)
 
 
 def measured(motion: design.Motion, seed: int, noise: float = 0.05) -> Log:
@@ -48,8 +53,12 @@ def test_a_quarter_of_the_motion_is_not_enough():
     motion = design.propose(replace(WANTED, within=0.003))
     part = replace(motion, cycles=max(motion.cycles // 4, 1))
     widths = [
-        np.median([study.identify([measured(one, seed)]).estimate.ci95["sigma0"].relative(SIGMA0)
-                   for seed in range(5)])
+        np.median(
+            [
+                study.identify([measured(one, seed)]).estimate.ci95["sigma0"].relative(SIGMA0)
+                for seed in range(5)
+            ]
+        )
         for one in (part, motion)
     ]
     assert widths[0] > 1.5 * 0.003
@@ -78,8 +87,13 @@ def test_the_command(run_dahl, tmp_path, dahl_loop):
     table = np.loadtxt(tmp_path / "excite.csv", delimiter=",", skiprows=1)
     assert np.allclose(table[:, 1], table[:, 2] * COUNT, atol=COUNT)
     assert scene.read(tmp_path / "excite.ini").sigma0 == SIGMA0
-    run = subprocess.run([dahl_loop, "--scene", tmp_path / "excite.ini", "--virtual"],
-                         capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run(
+        [dahl_loop, "--scene", tmp_path / "excite.ini", "--virtual"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert run.returncode == 0, run.stderr
 
 
@@ -87,7 +101,7 @@ def test_the_command(run_dahl, tmp_path, dahl_loop):
     ("words", "said"),
     [
         (("--sigma0", "100"), "a guess is needed"),
-        (("--sigma0", "-1", "--fc", "1"), "-1: not a number above 0"),
+        (("--sigma0", "-1", "--fc", "1"), "-1: not a number from 1e-30 to 1e+30"),
         (("--from", "absent.json"), "absent.json: No such file"),
         (("--sigma0", "1e9", "--fc", "0.5"), "presliding is"),
         (("--sigma0", "100", "--fc", "0.5", "--within", "0.0001"), "this needs"),

@@ -13,10 +13,15 @@ import numpy as np
 import pytest
 from dahl import RunError
 from dahl.identify import follow, many, readers, study
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
+from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, write_csv
 from test_identify_bad_input import DBC
 
 pytestmark = pytest.mark.usefixtures("library")
+
+
+@pytest.fixture
+def run_dahl(capsys):
+    return caller(capsys)
 
 
 @pytest.fixture
@@ -88,6 +93,7 @@ def test_a_dask_cluster_gives_the_same(folder, tmp_path):
 
 
 def test_no_cluster(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(many, "PATIENCE", 1.0)
     with pytest.raises(RunError, match="no cluster answers"):
         all_of(folder, kept_in(tmp_path / "kept"), 1, "tcp://127.0.0.1:9")
 
@@ -107,8 +113,15 @@ def test_the_command(folder, tmp_path, run_dahl):
 
 
 def test_one_broken_log_of_a_joint_fit_is_left_out(folder, run_dahl):
-    done = run_dahl("identify", folder / "run0.csv", folder / "broken.csv", folder / "run1.csv",
-                    "--json", "-", "--no-files")
+    done = run_dahl(
+        "identify",
+        folder / "run0.csv",
+        folder / "broken.csv",
+        folder / "run1.csv",
+        "--json",
+        "-",
+        "--no-files",
+    )
     assert done.returncode == 2
     assert done.stderr.startswith("error: ")
     assert done.stderr.count("\n") == 1
@@ -124,11 +137,17 @@ def frames(rows: int, noise: float):
     theta = np.floor(sine(1, rows=rows, cycles=rows / 1000) / COUNT) * COUNT
     torque = dahl_torque(theta) + noise * FC * noise_of(1, rows)
     for row in range(rows):
-        for name, key, value, late in (("Shaft", "Angle", np.degrees(theta[row]), 0.0),
-                                       ("Load", "Torque", torque[row], 3e-4)):
+        for name, key, value, late in (
+            ("Shaft", "Angle", np.degrees(theta[row]), 0.0),
+            ("Load", "Torque", torque[row], 3e-4),
+        ):
             message = database.get_message_by_name(name)
-            yield can.Message(timestamp=row * 1e-3 + late, arbitration_id=message.frame_id,
-                              is_extended_id=False, data=message.encode({key: float(value)}))
+            yield can.Message(
+                timestamp=row * 1e-3 + late,
+                arbitration_id=message.frame_id,
+                is_extended_id=False,
+                data=message.encode({key: float(value)}),
+            )
 
 
 @pytest.fixture
@@ -139,8 +158,13 @@ def source(tmp_path):
 
 def test_following_stops_when_the_interval_is_small_enough(source):
     looks = []
-    result = follow.follow(frames(20_000, 0.03), source, study.Options(), 0.01,
-                           lambda rows, found, why: looks.append((rows, found, why)))
+    result = follow.follow(
+        frames(20_000, 0.03),
+        source,
+        study.Options(),
+        0.01,
+        lambda rows, found, why: looks.append((rows, found, why)),
+    )
     assert 1000 < looks[-1][0] < 15_000  # long before the end
     assert [rows for rows, _, _ in looks] == sorted(rows for rows, _, _ in looks)
     assert follow.small_enough(result, 0.01)
@@ -166,8 +190,9 @@ def test_following_a_bus_with_python_can(source, monkeypatch):
     with open_bus(interface="virtual", channel="follow") as bus:
         sender = threading.Thread(target=send)
         sender.start()
-        result = follow.follow(received(bus, Stop(), None, 2400), source, study.Options(), 1e-4,
-                               lambda *_: None)
+        result = follow.follow(
+            received(bus, Stop(), None, 2400), source, study.Options(), 1e-4, lambda *_: None
+        )
         sender.join()
     assert result.logs[0].rows > 1100
 

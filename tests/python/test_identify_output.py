@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What `dahl identify` leaves: a plan whose words are dahl_prepare()'s, a scene that replays the log,
-JSON, picture, and the command's own manners.
+"""What `dahl identify` leaves: a plan whose words are dahl_prepare()'s, a scene that replays the
+log, JSON, picture, and the command's own manners.
 """
 
 from __future__ import annotations
@@ -44,9 +44,23 @@ def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
     assert compiler, "no C compiler"
     texts = [f"{np.float32(one):.9e}" for one in params]
     (folder / "main.c").write_text(PROGRAM % tuple(texts))
-    command = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-I", folder, "-I",
-               root / "lib", folder / "main.c", built("lib", "libdahl.a"), "-lm", "-o",
-               folder / "same"]
+    command = [
+        compiler,
+        "-std=c99",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-pedantic",
+        "-I",
+        folder,
+        "-I",
+        root / "lib",
+        folder / "main.c",
+        built("lib", "libdahl.a"),
+        "-lm",
+        "-o",
+        folder / "same",
+    ]
     subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=60)
     return subprocess.run([folder / "same"], check=False, timeout=10)
 
@@ -72,7 +86,11 @@ def test_the_plan_says_what_it_rests_on(found):
 def test_all_files(found, tmp_path):
     files = output.write_all(found, "shaft", tmp_path)
     assert [path.name for path in files] == [
-        "shaft.json", "shaft.png", "shaft.ini", "dahl_plan_shaft.h"]
+        "shaft.json",
+        "shaft.png",
+        "shaft.ini",
+        "dahl_plan_shaft.h",
+    ]
     kept = json.loads((tmp_path / "shaft.json").read_text())
     assert kept["verdict"] == found.verdict.text
     assert kept["ci95"]["sigma0"][0] < kept["sigma0"] < kept["ci95"]["sigma0"][1]
@@ -92,7 +110,7 @@ def test_json_has_no_infinity(tmp_path):
     log = synthetic(1)
     log.torque = noise_of(1, log.rows)
     text = output.as_json(study.identify([log]))
-    assert json.loads(text, parse_constant=lambda name: pytest.fail(name))
+    assert json.loads(text, parse_constant=pytest.fail)
 
 
 def test_the_scene_replays_the_log(found, tmp_path, run_dahl, dahl_loop):
@@ -100,9 +118,21 @@ def test_the_scene_replays_the_log(found, tmp_path, run_dahl, dahl_loop):
     played = scene.read(tmp_path / "shaft.ini")
     assert (played.sigma0, played.Fc) == (found.estimate.sigma0, found.estimate.Fc)
     run = subprocess.run(
-        [dahl_loop, "--scene", tmp_path / "shaft.ini", "--virtual", "--seconds", "3",
-         "--log", tmp_path / "run.log"],
-        capture_output=True, text=True, timeout=60, check=False)
+        [
+            dahl_loop,
+            "--scene",
+            tmp_path / "shaft.ini",
+            "--virtual",
+            "--seconds",
+            "3",
+            "--log",
+            tmp_path / "run.log",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert run.returncode == 0, run.stderr
     from dahl import logs, report
 
@@ -113,10 +143,19 @@ def test_the_scene_replays_the_log(found, tmp_path, run_dahl, dahl_loop):
 
 def test_the_command(run_dahl, tmp_path):
     theta = np.floor(sine(1) / COUNT) * COUNT
-    path = write_csv(tmp_path / "my shaft.csv", theta,
-                     dahl_torque(theta) + 0.03 * FC * noise_of(1, len(theta)))
-    done = run_dahl("identify", path, "--counts-per-turn", "16384", "-o", tmp_path / "out",
-                    "--json", tmp_path / "numbers.json")
+    path = write_csv(
+        tmp_path / "my shaft.csv", theta, dahl_torque(theta) + 0.03 * FC * noise_of(1, len(theta))
+    )
+    done = run_dahl(
+        "identify",
+        path,
+        "--counts-per-turn",
+        "16384",
+        "-o",
+        tmp_path / "out",
+        "--json",
+        tmp_path / "numbers.json",
+    )
     assert done.returncode == 0, done.stderr
     assert "sigma0 and Fc identifiable" in done.stdout
     found = json.loads((tmp_path / "numbers.json").read_text())
@@ -132,12 +171,21 @@ def test_help_is_quick_to_import(run_dahl):
     done = run_dahl("identify", "--help")
     assert done.returncode == 0
     assert "examples:" in done.stdout
-    code = ("import sys; from dahl.cli import build_parser; build_parser();"
-            "print([m for m in ('scipy', 'pandas', 'asammdf', 'dask', 'joblib', 'can')"
-            " if m in sys.modules])")
+    code = (
+        "import sys; from dahl.cli import build_parser; build_parser();"
+        "print([m for m in ('scipy', 'pandas', 'asammdf', 'dask', 'joblib', 'can')"
+        " if m in sys.modules])"
+    )
     import os
     import sys
 
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60,
-                            check=True, cwd=places.ROOT, env=os.environ)
+    loaded = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+        cwd=places.ROOT,
+        env=os.environ,
+    )
     assert loaded.stdout.strip() == "[]"

@@ -53,7 +53,11 @@ def by_solve_ivp(log: Log) -> tuple[float, float, int]:
                 continue
             done = solve_ivp(
                 lambda _, y: side * p[0] * (1 - side * y / p[1]),  # noqa: B023
-                (0, at[-1]), [F], t_eval=at[1:], rtol=1e-6, atol=1e-9,
+                (0, at[-1]),
+                [F],
+                t_eval=at[1:],
+                rtol=1e-6,
+                atol=1e-9,
             )
             calls += done.nfev
             drawn.append(done.y[0])
@@ -81,16 +85,22 @@ def main() -> None:
     study.identify([short], options)  # everything is loaded
     ours, result = timed(lambda: study.identify([short], options))
     theirs, (sigma0, Fc, calls) = timed(lambda: by_solve_ivp(short))  # noqa: N806
-    print(f"{args.short} rows: identify {ours:.3f} s, sigma0 {result.estimate.sigma0:.3f},"
-          f" Fc {result.estimate.Fc:.4f}, with intervals and comparison")
-    print(f"{args.short} rows: solve_ivp {theirs:.3f} s, sigma0 {sigma0:.3f}, Fc {Fc:.4f},"
-          f" {calls} right-hand sides; ratio {theirs / ours:.0f}")
+    print(
+        f"{args.short} rows: identify {ours:.3f} s, sigma0 {result.estimate.sigma0:.3f},"
+        f" Fc {result.estimate.Fc:.4f}, with intervals and comparison"
+    )
+    print(
+        f"{args.short} rows: solve_ivp {theirs:.3f} s, sigma0 {sigma0:.3f}, Fc {Fc:.4f},"
+        f" {calls} right-hand sides; ratio {theirs / ours:.0f}"
+    )
     long = synthetic(args.rows, args.rows / 5000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     whole, result = timed(lambda: study.identify([long]))
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-    print(f"{args.rows} rows: identify {whole:.2f} s, everything tried,"
-          f" {1024 * more / args.rows:.0f} bytes per row beside the log; {result.verdict.text}")
+    print(
+        f"{args.rows} rows: identify {whole:.2f} s, everything tried,"
+        f" {1024 * more / args.rows:.0f} bytes per row beside the log; {result.verdict.text}"
+    )
 
 
 if __name__ == "__main__":

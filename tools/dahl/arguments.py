@@ -4,7 +4,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable
+from pathlib import Path
+
+from dahl import places
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
@@ -20,13 +24,30 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 
 def seconds(text: str) -> float:
     """A type for argparse: a duration."""
+    return _number(text, 0.001, 1e9)
+
+
+def positive(text: str) -> float:
+    """A type for argparse: a number above 0."""
+    return _number(text, 1e-30, 1e30)
+
+
+def _number(text: str, low: float, high: float) -> float:
     try:
         value = float(text)
     except ValueError:
-        value = 0.0
-    if not 0.001 <= value <= 1e9:
-        raise argparse.ArgumentTypeError(f"{text}: not a number from 0.001 to 1e9")
+        value = math.nan
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text}: not a number from {low:g} to {high:g}")
     return value
+
+
+def add_output(parser: argparse._ActionsContainer) -> None:
+    """-o, the folder that identification leaves its files in."""
+    folder = places.ROOT / "build" / "identify"
+    parser.add_argument(
+        "-o", "--output", type=Path, default=folder, metavar="FOLDER", help="where files go"
+    )
 
 
 def add_limits(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error, places
+from dahl import Error
+from dahl.arguments import add_output, positive
 
 if TYPE_CHECKING:
     from dahl.identify.design import Motion, Wanted
@@ -33,7 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     guess.add_argument("--sigma0", type=positive, metavar="X", help="N m/rad (linear: N/m)")
     guess.add_argument("--fc", type=positive, metavar="Y", help="N m (linear: N)")
     guess.add_argument(
-        "--noise", type=positive, default=0.05, metavar="PART",
+        "--noise",
+        type=positive,
+        default=0.05,
+        metavar="PART",
         help="standard deviation of the torque sensor, in Fc (default 0.05)",
     )
     parser.add_argument(
@@ -41,7 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--mm", action="store_true", help="linear: counts per millimetre, N/m, N")
     parser.add_argument(
-        "--within", type=positive, default=1.0, metavar="PERCENT",
+        "--within",
+        type=positive,
+        default=1.0,
+        metavar="PERCENT",
         help="wanted half width of the 95 %% interval of sigma0 (default 1)",
     )
     parser.add_argument(
@@ -51,21 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=positive, default=math.inf, metavar="V", help="highest, rad/s (m/s)"
     )
     parser.add_argument("--name", default="excite", help="of the files")
-    parser.add_argument(
-        "-o", "--output", type=Path, default=places.ROOT / "build" / "identify", metavar="FOLDER",
-        help="where files go",
-    )
-
-
-def positive(text: str) -> float:
-    """A type for argparse: a finite number above 0."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < 1e30:
-        raise argparse.ArgumentTypeError(f"{text}: not a number above 0")
-    return value
+    add_output(parser)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -76,15 +69,18 @@ def run(args: argparse.Namespace) -> None:
     rows = motion.cycles * motion.rows_per_cycle
     if rows > ROWS:
         raise Error(
-            f"--within {args.within:g}: this needs {motion.cycles} cycles in {motion.seconds:.0f} s;"
+            f"--within {args.within:g}: this needs {motion.cycles} cycles,"
+            f" {motion.seconds:.0f} s;"
             " ask for less, or use a quieter torque sensor"
         )
     args.output.mkdir(parents=True, exist_ok=True)
     written = [_write_csv(args.output / f"{name}.csv", wanted, motion)]
     written.append(_write_scene(args.output / f"{name}.ini", name, wanted, motion))
     unit = "m" if args.mm else "rad"
-    print(f"motion     sine of {motion.amplitude:.4g} {unit}, {motion.cycles} cycles of"
-          f" {motion.rows_per_cycle / motion.rate:.4g} s")
+    print(
+        f"motion     sine of {motion.amplitude:.4g} {unit}, {motion.cycles} cycles of"
+        f" {motion.rows_per_cycle / motion.rate:.4g} s"
+    )
     print(f"reversals  {motion.reversals} in {motion.seconds:.4g} s, {rows} rows")
     for name, part in motion.within.items():
         print(f"expected   {name} within {100 * part:.2g} % (95 %), at best")
@@ -121,7 +117,11 @@ def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
     counts = np.round(theta / wanted.theta_per_count)
     table = np.column_stack((np.arange(len(theta)) / motion.rate, theta, counts))
     np.savetxt(
-        path, table, fmt=["%.6f", "%.9g", "%d"], delimiter=",", header="time_s,theta,counts",
+        path,
+        table,
+        fmt=["%.6f", "%.9g", "%d"],
+        delimiter=",",
+        header="time_s,theta,counts",
         comments="",
     )
     return path

@@ -4,8 +4,10 @@ Find sigma0 and Fc from measured logs, with intervals, and say whether they can 
 
 LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
 --dbc. Columns and units are taken from the names of the columns where no option says otherwise. All
-LOGs are fitted together; --each takes those of a folder one by one, --follow a live bus. Leaves a picture, JSON, a scene that replays the log, and, where both
-parameters are identifiable, a header with a const plan.
+LOGs are fitted together; --each takes those of a folder one by one, --follow a live bus.
+
+Leaves a picture, JSON, a scene that replays the log, and, where both parameters are identifiable, a
+header with a const plan. A log is held in memory, about 100 bytes a row.
 """
 
 from __future__ import annotations
@@ -15,8 +17,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error, RunError, places
-from dahl.arguments import add_limits, whole
+from dahl import Error, RunError
+from dahl.arguments import add_limits, add_output, positive, whole
 from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
@@ -39,32 +41,64 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--torque", default="", metavar="NAME", help="the same for the torque")
     what.add_argument("--time", default="", metavar="NAME", help="the same for the time in s")
     what.add_argument(
-        "--angle-unit", default="", metavar="UNIT", help="deg, rad, mrad, turn, counts, m, mm, um, in"
+        "--angle-unit",
+        default="",
+        metavar="UNIT",
+        help="deg, rad, mrad, turn, counts, m, mm, um, in",
     )
     what.add_argument(
-        "--torque-unit", default="", metavar="UNIT", help="Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ..."
+        "--torque-unit",
+        default="",
+        metavar="UNIT",
+        help="Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...",
     )
     what.add_argument(
-        "--counts-per-turn", type=float, default=0.0, metavar="N",
+        "--counts-per-turn",
+        type=float,
+        default=0.0,
+        metavar="N",
         help="of the encoder (linear motion: per millimetre); else seen from the log",
     )
     what.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
     what.add_argument("--skip-gaps", action="store_true", help="leave out rows without a number")
-    what.add_argument("--trust-units", action="store_true", help="do not check whether units can be")
+    what.add_argument(
+        "--trust-units", action="store_true", help="do not check whether units can be"
+    )
+    _add_fit(parser)
+    _add_many_and_live(parser)
+    out = parser.add_argument_group("what to leave")
+    out.add_argument("--json", metavar="FILE", help="numbers as JSON; - prints them alone")
+    out.add_argument("--name", default="", help="of files and plan (default: the first log's)")
+    add_output(out)
+    out.add_argument("--no-files", action="store_true", help="leave none")
+
+
+def _add_fit(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("how to fit")
     how.add_argument(
-        "--terms", metavar="LIST",
+        "--terms",
+        metavar="LIST",
         help="offset,spring,viscous,inertia or none beside friction (default: those that pay)",
     )
     how.add_argument("--no-delay", action="store_true", help="torque and angle are in time")
     how.add_argument(
-        "--median", type=whole(0, 99), default=0, metavar="ROWS",
+        "--median",
+        type=whole(0, 99),
+        default=0,
+        metavar="ROWS",
         help="running median of the angle, 1: none (default: what fits best)",
     )
     how.add_argument(
-        "--check", type=Path, action="append", default=[], metavar="LOG",
+        "--check",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="LOG",
         help="a log that is not fitted but predicted",
     )
+
+
+def _add_many_and_live(parser: argparse.ArgumentParser) -> None:
     each = parser.add_argument_group("many logs, each by itself")
     each.add_argument("--each", type=Path, metavar="DIR", help="all logs of a folder; resumable")
     each.add_argument("--jobs", type=whole(-1, 1024), default=-1, metavar="N", help="-1: all cores")
@@ -72,30 +106,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     live = parser.add_argument_group("a live bus")
     live.add_argument("--follow", action="store_true", help="a running estimate from -i and -c")
     live.add_argument(
-        "--within", type=percent, default=0.02, metavar="PERCENT",
+        "--within",
+        type=positive,
+        default=2.0,
+        metavar="PERCENT",
         help="end when both intervals are at most so wide to either side (default 2)",
     )
     add_bus_arguments(live)
     add_limits(live)
-    out = parser.add_argument_group("what to leave")
-    out.add_argument("--json", metavar="FILE", help="numbers as JSON; - prints them alone")
-    out.add_argument("--name", default="", help="of files and plan (default: the first log's)")
-    out.add_argument(
-        "-o", "--output", type=Path, default=places.ROOT / "build" / "identify", metavar="FOLDER",
-        help="where files go",
-    )
-    out.add_argument("--no-files", action="store_true", help="leave none")
-
-
-def percent(text: str) -> float:
-    """A type for argparse: a part, given in percent."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.001 <= value <= 100:
-        raise argparse.ArgumentTypeError(f"{text}: not a number from 0.001 to 100 (percent)")
-    return value / 100
 
 
 def source_of(args: argparse.Namespace) -> Source:
@@ -195,8 +213,10 @@ def _each(args: argparse.Namespace) -> int:
         table.add_row(name, *numbers, row.get("verdict", "broken"))
     console = Console(highlight=False)
     console.print(table)
-    console.print(f"table   {args.output / 'each.csv'}; {earlier} of {len(rows)} from earlier runs",
-                  soft_wrap=True)
+    console.print(
+        f"table   {args.output / 'each.csv'}; {earlier} of {len(rows)} from earlier runs",
+        soft_wrap=True,
+    )
     broken = [Error(row["error"]) for row in rows.values() if "error" in row]
     _complain(broken)
     return 2 if broken else 0
@@ -212,7 +232,7 @@ def _follow(args: argparse.Namespace) -> int:
         raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
     with open_from(args) as bus, Stop() as stop:
         frames = received(bus, stop, args.seconds, args.frames)
-        result = follow.follow(frames, source_of(args), options_of(args), args.within, _shown)
+        result = follow.follow(frames, source_of(args), options_of(args), args.within / 100, _shown)
     _report(args, result, output.identifier(args.name or "bus"))
     return 0
 

@@ -83,8 +83,9 @@ def _refuse_units(log: Log) -> None:
     as_degrees = 360 / log.resolution
     if counts["rad"] < 1500 and _power_of_two(as_degrees):
         raise Error(
-            f"{log.name}: steps of {log.resolution:.6g} would be {counts['rad']:.1f} counts a turn in"
-            f" rad, but {as_degrees:.0f} in deg: is the angle in deg (--angle-unit, --trust-units)?"
+            f"{log.name}: steps of {log.resolution:.6g} would be {counts['rad']:.1f} counts a"
+            f" turn in rad, but {as_degrees:.0f} in deg:"
+            " is the angle in deg (--angle-unit, --trust-units)?"
         )
 
 
@@ -199,7 +200,11 @@ def _crossing(ratio: np.ndarray, centre: float, forward: bool, start: int) -> tu
 
 
 def _travel(log: Log, rows: tuple[int, int]) -> float:
-    return abs(float(log.theta[rows[1]] - log.theta[max(rows[0] - 1, 0)])) if rows[1] > rows[0] else 0.0
+    return (
+        abs(float(log.theta[rows[1]] - log.theta[max(rows[0] - 1, 0)]))
+        if rows[1] > rows[0]
+        else 0.0
+    )
 
 
 def delay_of(

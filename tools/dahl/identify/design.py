@@ -100,10 +100,16 @@ def _information(wanted: Wanted, amplitude: float, rows: int) -> np.ndarray:
 
     step = EDGE
     columns = [
-        (torque(wanted.sigma0 * (1 + step), wanted.Fc)
-         - torque(wanted.sigma0 * (1 - step), wanted.Fc)) / (2 * step * wanted.sigma0),
-        (torque(wanted.sigma0, wanted.Fc * (1 + step))
-         - torque(wanted.sigma0, wanted.Fc * (1 - step))) / (2 * step * wanted.Fc),
+        (
+            torque(wanted.sigma0 * (1 + step), wanted.Fc)
+            - torque(wanted.sigma0 * (1 - step), wanted.Fc)
+        )
+        / (2 * step * wanted.sigma0),
+        (
+            torque(wanted.sigma0, wanted.Fc * (1 + step))
+            - torque(wanted.sigma0, wanted.Fc * (1 - step))
+        )
+        / (2 * step * wanted.Fc),
         np.ones(len(theta)),
     ]
     ratio = torque(wanted.sigma0, wanted.Fc) / wanted.Fc

@@ -36,7 +36,9 @@ def draw(path: Path, result: Result) -> None:
         rest.set(xlabel="row" if log.time is None else "time [s]", ylabel=f"residual [{log.unit}]")
         _profile(cost, result)
         loop.set_title(result.verdict.text, loc="left", fontsize=10, color="#555555")
-        title = f"sigma0 = {estimate.sigma0:.4g} {log.slope_unit}, Fc = {estimate.Fc:.4g} {log.unit}"
+        title = (
+            f"sigma0 = {estimate.sigma0:.4g} {log.slope_unit}, Fc = {estimate.Fc:.4g} {log.unit}"
+        )
         figure.suptitle(title, fontsize=15, fontweight="bold", x=0.01, ha="left")
         picture.save(figure, path)
 

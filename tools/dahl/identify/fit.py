@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From Gram matrices to parameters: variable projection, choice of terms, intervals, held-out error.
+"""From Gram matrices to parameters: variable projection, terms, intervals, held-out error.
 
 INTERVALS  The cost is known for every (a, Fc): J(a, Fc) = sse(a) + stiff(a) (Fc - Fc(a))^2. The
 profile likelihood of Fc, sigma0 and a follows from it, also where it is skew or has no end. Its

@@ -63,7 +63,7 @@ def _fields(value: ctypes.Structure) -> list[str]:
 
 
 def text(name: str, plan: Plan, comment: list[str]) -> str:
-    """The header: `static const dahl_plan_t dahl_plan_NAME`, its words equal to dahl_prepare()'s."""
+    """The header: `static const dahl_plan_t dahl_plan_NAME`, the words of dahl_prepare()."""
     words = plan_type().from_buffer_copy(plan._words)
     guard = f"DAHL_PLAN_{name.upper()}_H"
     lines = [

@@ -19,6 +19,7 @@ from dahl.identify.readers import Source
 from dahl.identify.study import Options
 
 ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | readers.CAN_LOGS
+PATIENCE = 10.0  # s for a cluster to answer
 SHOWN = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 
 
@@ -112,7 +113,7 @@ def _cluster(address: str | None) -> Iterator[None]:
     from dask.distributed import Client
 
     try:
-        client = Client(address, timeout=10)
+        client = Client(address, timeout=PATIENCE)
     except (OSError, ValueError) as error:
         words = " ".join(str(error).split())[:120]
         raise RunError(f"--dask {address}: no cluster answers ({words})") from None
@@ -130,4 +131,6 @@ def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
         writer.writerow(["log", *SHOWN, *limits, "error"])
         for name, row in sorted(rows.items()):
             ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else [""] * 4
-            writer.writerow([name, *(row.get(key, "") for key in SHOWN), *ends, row.get("error", "")])
+            writer.writerow(
+                [name, *(row.get(key, "") for key in SHOWN), *ends, row.get("error", "")]
+            )

@@ -41,9 +41,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "sigma0": estimate.sigma0,
         "Fc": estimate.Fc,
         "a": estimate.a,
-        "ci95": {
-            name: [plain(one.low), plain(one.high)] for name, one in estimate.ci95.items()
-        },
+        "ci95": {name: [plain(one.low), plain(one.high)] for name, one in estimate.ci95.items()},
         "extra": estimate.terms,
         "r2": result.r2,
         "rmse": result.rmse,
@@ -83,10 +81,15 @@ def table(result: Result) -> Table:
     for name, value in estimate.terms.items():
         shown.add_row(name, f"{value:.4g} {term_unit(name, log)}")
     shown.add_row("R2, rms on the rows fitted", f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}")
-    for name, words in (("dahl", "Dahl"), ("coulomb", "Coulomb"), ("none", "no friction"),
-                        ("bilinear", "bilinear")):
+    for name, words in (
+        ("dahl", "Dahl"),
+        ("coulomb", "Coulomb"),
+        ("none", "no friction"),
+        ("bilinear", "bilinear"),
+    ):
         shown.add_row(
-            f"held out: {words}", f"R2 {models.r2[name]:.4f}, rms {models.rmse[name]:.3g} {log.unit}"
+            f"held out: {words}",
+            f"R2 {models.r2[name]:.4f}, rms {models.rmse[name]:.3g} {log.unit}",
         )
     for name, r2 in result.checks.items():
         shown.add_row(f"check: {Path(name).name}", f"R2 {r2:.4f}, not fitted")
@@ -143,8 +146,8 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
     """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`."""
     log, estimate = result.logs[0], result.estimate
     rows = slice(0, REPLAYED)
-    kept = {term: value for term, value in estimate.terms.items() if term in ("offset", "spring")}
-    rest = {term: value for term, value in estimate.terms.items() if term not in kept}
+    drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
+    rest = {term: value for term, value in estimate.terms.items() if term not in drawn}
     torque = (log.torque - study.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
@@ -156,8 +159,17 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
         header=f"{angle},{force}",
         comments="",
     )
+    path = folder / f"{name}.ini"
+    path.write_text(_scene(result, name, angle, force), encoding="utf-8")
+    return path
+
+
+def _scene(result: Result, name: str, angle: str, force: str) -> str:
+    """The scene that replays NAME.csv."""
+    log, estimate = result.logs[0], result.estimate
     count = log.resolution or MADE_UP / estimate.a
-    travelled = np.cumsum(np.abs(log.moves[rows]))
+    rows = min(log.rows, REPLAYED)
+    travelled = np.cumsum(np.abs(log.moves[:rows]))
     settled = int(np.searchsorted(travelled, 5 / estimate.a))
     lines = [
         f"; written by dahl identify: {result.verdict.text}",
@@ -177,15 +189,13 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
         "[measured]",
         f"torque = {force}",
         "torque_scale = 1",
-        f"offset = {kept.get('offset', 0.0)!r}",
-        f"spring = {kept.get('spring', 0.0)!r}",
-        f"settle = {settled if settled < len(theta) // 2 else 0}",
+        f"offset = {estimate.terms.get('offset', 0.0)!r}",
+        f"spring = {estimate.terms.get('spring', 0.0)!r}",
+        f"settle = {settled if settled < rows // 2 else 0}",
         f"label_angle = angle from the start [{log.angle_unit}]",
         f"label_torque = friction [{log.unit}]",
     ]
-    path = folder / f"{name}.ini"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
+    return "\n".join(lines) + "\n"
 
 
 def write_all(result: Result, name: str, folder: Path) -> list[Path]:

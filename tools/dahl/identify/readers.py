@@ -326,10 +326,15 @@ class Signals:
             _check_time(place, time)
         shared = (angle_time >= torque_time[0]) & (angle_time <= torque_time[-1])
         if shared.sum() < 2:
-            raise Error(f"{place}: '{self.names['angle']}' and '{self.names['torque']}'"
-                        " share no time")
+            raise Error(
+                f"{place}: '{self.names['angle']}' and '{self.names['torque']}' share no time"
+            )
         time = angle_time[shared]
-        return {"angle": angle[shared], "torque": np.interp(time, torque_time, torque), "time": time}
+        return {
+            "angle": angle[shared],
+            "torque": np.interp(time, torque_time, torque),
+            "time": time,
+        }
 
     def log(self, place: Path | str, source: Source) -> Log:
         """All until now as a log."""
@@ -391,7 +396,9 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
 # --- units ----------------------------------------------------------------------------------------
 
 
-def _log(path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]) -> Log:
+def _log(
+    path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]
+) -> Log:
     """Units applied, wraps undone, time checked."""
     unit = source.angle_unit or units.unit_in(names["angle"], units.ANGLES, "deg")
     units.named(unit, units.ANGLES, "--angle-unit")

@@ -264,9 +264,7 @@ def _undelay(study: Study, estimate: Estimate) -> float:
     return delay
 
 
-def _drawable(
-    study: Study, a: float, terms: Iterable[str], model: Model
-) -> list[np.ndarray]:
+def _drawable(study: Study, a: float, terms: Iterable[str], model: Model) -> list[np.ndarray]:
     """The columns that one model draws each torque with, the first DELAY_ROWS rows of each log."""
     used, columns = [CORE.index(term) for term in terms], []
     for log in study.logs:
@@ -302,15 +300,14 @@ def _weigh(study: Study, estimate: Estimate) -> bool:
         log.weight = clean.huber(residual, log.weight)
         few = int(np.count_nonzero(log.weight < 0.5))
         if few:
-            log.notes.append(f"{few} of {log.rows} torque rows disagree with their neighbours:"
-                             " they weigh less")
+            log.notes.append(
+                f"{few} of {log.rows} torque rows disagree with their neighbours: they weigh less"
+            )
         odd += int(np.count_nonzero(log.weight < 1))
     return odd > 0
 
 
-def _judged(
-    study: Study, found: Sweep, estimate: Estimate, delay: float, slack: float
-) -> Result:
+def _judged(study: Study, found: Sweep, estimate: Estimate, delay: float, slack: float) -> Result:
     models = _models(study, found, estimate)
     spread = fit.spread_of(found)
     turns = sum(len(path.reversals(log.theta, TURN / estimate.a)) for log in study.logs)
@@ -346,9 +343,7 @@ def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
         "none": fit.held_out(sign, fit.columns_of(terms or ["offset"])[1:]),
         "bilinear": fit.held_out(bent, fit.columns_of(terms)),
     }
-    plain = min(
-        fit.curve_of(sign.a, sign.total(), t).sse.min() for t in (own, terms)
-    )
+    plain = min(fit.curve_of(sign.a, sign.total(), t).sse.min() for t in (own, terms))
     return Models(
         float(1 - plain / fit.spread_of(sign)),
         {name: one.r2 for name, one in held.items()},

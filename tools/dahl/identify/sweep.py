@@ -80,8 +80,9 @@ def pieces(rows: int, blocks: int) -> list[Piece]:
     length = max(-(-rows // blocks), 1)
     if length <= PIECE:
         step = PIECE // length * length
-        return [Piece(slice(i, min(i + step, rows)), i // length, length)
-                for i in range(0, rows, step)]
+        return [
+            Piece(slice(i, min(i + step, rows)), i // length, length) for i in range(0, rows, step)
+        ]
     return [
         Piece(slice(i, min(i + PIECE, end)), start // length, PIECE)
         for start in range(0, rows, length)
@@ -90,9 +91,7 @@ def pieces(rows: int, blocks: int) -> list[Piece]:
     ]
 
 
-def sweep(
-    logs: Sequence[Log], blocks: int, nodes: np.ndarray, model: Model = path.dahl
-) -> Sweep:
+def sweep(logs: Sequence[Log], blocks: int, nodes: np.ndarray, model: Model = path.dahl) -> Sweep:
     """The Gram matrices of all logs, cut into `blocks` each, at each a in `nodes` (1/rad)."""
     nodes = np.sort(np.asarray(nodes, dtype=float))
     parts = [_log_at(log, blocks, nodes, model) for log in logs]

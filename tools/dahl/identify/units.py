@@ -36,7 +36,8 @@ TORQUES = {  # N m or N per unit
 }
 SAME = {"degree": "deg", "degrees": "deg", "°": "deg", "count": "counts", "µm": "um", "µN": "uN"}
 COLUMNS = {  # what a column is called when nobody says which one it is
-    "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|(?<![a-z])pos(?![a-z])",
+    "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$"
+    r"|(?<![a-z])pos(?![a-z])",
     "torque": r"torque|friction|force|trq|load|moment|(?<![a-z])N_?m(?![a-z])",
     "time": r"^time|^t(?![a-z])",
 }
