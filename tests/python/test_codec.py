@@ -133,9 +133,7 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
         return STRUCTS[kind](word & 0xFFFFFFFF, nibble(), rng.randrange(len(PARAMS)), high)
     if kind == "Reset":
         return Reset(nibble(), nibble())
-    return Status(
-        nibble(), nibble(), byte(), byte(), byte(), byte(), nibble(), nibble()
-    )
+    return Status(nibble(), nibble(), byte(), byte(), byte(), byte(), nibble(), nibble())
 
 
 def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:

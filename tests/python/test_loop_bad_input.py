@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 
 import pytest
@@ -289,3 +290,19 @@ def test_help_and_version():
         )
         assert (result.returncode, result.stderr) == (0, "")
         assert result.stdout.startswith(words)
+
+
+def test_a_folder_that_one_may_not_write_to_is_told(tmp_path):
+    """As another user where this one may do everything."""
+    (tmp_path / "shut").mkdir(mode=0o500)
+    other = {"user": 65534} if os.geteuid() == 0 else {}
+    done = subprocess.run(
+        [program(), *STEERING, "--seconds", "0.1", "--log", tmp_path / "shut" / "run.log"],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+        **other,
+    )
+    assert done.returncode == 1
+    assert done.stderr == f"error: --log {tmp_path}/shut/run.log: Permission denied\n"

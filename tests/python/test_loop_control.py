@@ -48,10 +48,14 @@ def solved(motor: np.ndarray, viscous: float, start: int, state: np.ndarray) -> 
 
 @pytest.mark.parametrize(
     ("scene", "viscous", "ticks", "angle_limit"),
-    [("creep", 0.5, 1500, 3e-6), ("slow-reversal", 0.02, 4000, 1e-5), ("parking", 0.05, 4000, 1e-5)],
+    [
+        ("creep", 0.5, 1500, 3e-6),
+        ("slow-reversal", 0.02, 4000, 1e-5),
+        ("parking", 0.05, 4000, 1e-5),
+    ],
 )
 def test_the_rotor_does_what_an_ode_solver_says(tmp_path, scene, viscous, ticks, angle_limit):
-    """With the motor torque that the loop applied, from rest: angle in rad and friction in Fc."""
+    """With the motor torque that the loop applied, from rest."""
     trace, _ = traced(tmp_path, scene)
     motor = trace["motor"][:ticks]
     angle, velocity, friction = solved(motor, viscous, 0, np.zeros(3)).T

@@ -68,7 +68,7 @@ def sums(injected: dict) -> dict:
 
 
 def test_a_tenth_of_all_frames_spoiled_and_every_one_counted(tmp_path):
-    """By the faults' own book, and by the plain sums; at the end a few may still be on their way."""
+    """By the faults' own book, and by plain sums; at the end a few may be on their way."""
     summary = storm(tmp_path, "--set", "motion.seconds=100").summary
     agreement(summary)
     injected = summary["faults"]["injected"]
@@ -233,3 +233,16 @@ def test_the_shipped_scene_spoils_a_tenth():
     parser.read(STORM)
     assert sum(map(float, parser["faults"].values())) == pytest.approx(0.1)
     assert tuple(parser["faults"]) == KINDS
+
+
+def test_a_storm_while_the_count_wraps(tmp_path):
+    """The counter of frames wraps every 16 ms anyway; here the 32-bit angle does too."""
+    result = storm(tmp_path, "--set", "motion.start_count=2147483600")
+    agreement(result.summary)
+    good_counts = {
+        word(frame.data, 2) > 0
+        for frame in read_log(result.log)
+        if frame.id == 0x100 and good(frame, 0x3)
+    }
+    assert good_counts == {True, False}
+    assert result.summary["node"]["jump"] == result.summary["faults"]["injected"]["glitch"]

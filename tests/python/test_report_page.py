@@ -16,7 +16,8 @@ PROBE = """<script>window.onload = () => {
   const seen = {wide: picture.naturalWidth, tall: picture.naturalHeight,
     sections: [...document.querySelectorAll("section")].map(s => s.id),
     cells: [...document.querySelectorAll("#faults td")].map(c => c.innerText),
-    bars: [...document.querySelectorAll("#histogram rect")].filter(b => b.getBBox().height > 0).length,
+    bars: [...document.querySelectorAll("#histogram rect")]
+      .filter(b => b.getBBox().height > 0).length,
     wrong: document.querySelectorAll(".wrong").length, width: document.body.scrollWidth,
     loaded: performance.getEntriesByType("resource").map(r => r.name)};
   document.title = JSON.stringify(seen);

@@ -24,7 +24,6 @@ import cantools
 import pytest
 from codec_tools import EncoderState, Frame
 from conftest import built
-
 from dahl import bus as buses
 from dahl import firmware
 from dahl.core import Friction, Plan

@@ -46,9 +46,10 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         _section("counters", "What the node counted", _plain(numbers.get("node", {}))),
     ]
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{title}</title>\n'
-        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
-        f'<img id="picture" alt="torque over angle, and over time" src="data:image/png;base64,{image}">\n'
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
+        '<img id="picture" alt="torque over angle, and over time"'
+        f' src="data:image/png;base64,{image}">\n'
         + "".join(parts)
         + "</body>\n</html>\n"
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """
-Write one self-contained page about a recorded run: the loop, the traces, latencies, faults, counters.
+Write one self-contained page about a recorded run: loop, traces, latencies, faults, counters.
 
-RUN is a folder that `dahl demo` left. The page holds its picture and needs no other file, no network
-and no script. It goes into the folder as report.html, or where -o says.
+RUN is a folder that `dahl demo` left. The page holds its picture and needs no other file, no
+network and no script. It goes into the folder as report.html, or where -o says.
 """
 
 from __future__ import annotations
