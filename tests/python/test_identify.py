@@ -106,10 +106,22 @@ def test_terms_that_are_asked_for_are_fitted_and_no_others():
 
 
 def test_the_state_at_the_first_row_is_estimated():
-    log = synthetic(2)
-    late = replace(log, theta=log.theta[700:], torque=log.torque[700:], time=log.time[700:])
-    found = study.identify([late]).estimate
-    assert found.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+    """A log that begins in full friction, and has little else to tell."""
+    whole = synthetic(2, rows=4000, cycles=2)
+    start = int(np.argmin(np.abs(whole.theta[:2000]))) + 1
+    rows = slice(start, start + 1800)
+    late = replace(whole, theta=whole.theta[rows], torque=whole.torque[rows], time=whole.time[rows])
+    assert abs(late.torque[:50].mean()) > 0.9 * FC
+    result = study.identify([late])
+    assert result.delay == 0
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.04)
+    first = np.abs(late.torque - result.predicted[0])[:50]
+    assert first.mean() < 0.1 * FC
+
+
+def test_coulomb_keeps_the_last_sign():
+    moves = np.array([0, 0, 2.0, 0, -0.1, 0])
+    assert path.coulomb(moves, 1.0, -1.0).tolist() == [-1, -1, 1, 1, -1, -1]
 
 
 def test_torque_spikes_weigh_less():

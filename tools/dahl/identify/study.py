@@ -151,7 +151,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
         clean.refuse(log, options.trust_units)
     steadied, window = _steadied(_positive(logs, options), options)
     hidden = 0.0
-    if window == 1 and not options.median:
+    if not options.median:
         steadied, hidden = _between_counts(steadied, options)
     study = Study(steadied)
     found, terms = study.search(options.terms)
@@ -269,8 +269,10 @@ def _drawable(study: Study, a: float, terms: Iterable[str], model: Model) -> lis
     used, columns = [CORE.index(term) for term in terms], []
     for log in study.logs:
         rows = slice(0, min(clean.DELAY_ROWS, log.rows))
-        drawn = model(log.moves_of(rows), a)
-        columns.append(np.column_stack((drawn, sweep.columns_of(log, rows)[:, used])))
+        moves = log.moves_of(rows)
+        start = np.exp(-np.minimum(a * np.cumsum(np.abs(moves)), 700.0))
+        others = sweep.columns_of(log, rows)[:, used]
+        columns.append(np.column_stack((model(moves, a), start, others)))
     return columns
 
 
