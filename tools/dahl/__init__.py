@@ -14,7 +14,7 @@ The mathematics is the C library's; this package calls it and never does it agai
 >>> round(bearing.step_counts(3), 6)   # N m
 0.102772
 
-The command `dahl` (see `dahl --help`) holds the tools: demo, monitor, record, plot, data.
+The command `dahl` (see `dahl --help`) holds the tools: demo, identify, excite, monitor, ...
 """
 
 from __future__ import annotations

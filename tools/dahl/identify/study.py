@@ -379,6 +379,3 @@ def check(result: Result, log: Log) -> float:
     study.logs[0].zero = result.logs[0].zero
     residual = log.torque - study.predicted(result.estimate, 0)
     return 1 - float(np.sum(residual**2) / np.sum((log.torque - log.torque.mean()) ** 2))
-
-
-__all__ = ["Error", "Options", "Result", "check", "identify"]
