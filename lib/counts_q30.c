@@ -8,7 +8,7 @@
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w;
-    if (DAHL_LIKELY(dcounts <= 0)) {
+    if (dcounts <= 0) {
         if (dcounts < -DAHL_DENSE) {
             return dahl_move_digits(plan, state, dcounts);
         }

@@ -38,6 +38,7 @@ static inline uint64_t dahl_add_product(uint64_t w, uint32_t z, uint32_t g_high,
 {
     uint32_t low = (uint32_t)w + dahl_mulhi(z, g_low);
     uint32_t high = (uint32_t)(w >> 32) + (low < (uint32_t)w);
+    DAHL_KEEP(high);
     return ((uint64_t)high << 32 | low) + dahl_mul(z, g_high);
 }
 

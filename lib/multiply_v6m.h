@@ -82,6 +82,7 @@ static inline uint32_t dahl_times(dahl_factor_t f, uint32_t b)
 
 static inline uint64_t dahl_add_product(uint64_t w, uint32_t z, uint32_t g_high, uint32_t g_low)
 {
+    DAHL_KEEP(z); /* made in a low register */
     uint32_t low = (uint32_t)w, high = (uint32_t)(w >> 32), part = dahl_mulhi(z, g_low);
     DAHL_ACCUMULATE("adds", "adcs", low, high, z, g_high, part);
     return (uint64_t)high << 32 | low;
@@ -89,7 +90,6 @@ static inline uint64_t dahl_add_product(uint64_t w, uint32_t z, uint32_t g_high,
 
 static inline uint64_t dahl_subtract_product(uint64_t w, uint32_t z, uint32_t g_high, uint32_t g_low)
 {
-    DAHL_KEEP(z); /* made in a low register */
     uint32_t low = (uint32_t)w, high = (uint32_t)(w >> 32), part = dahl_mulhi(z, g_low);
     DAHL_ACCUMULATE("subs", "sbcs", low, high, z, g_high, part);
     return (uint64_t)high << 32 | low;
