@@ -8,12 +8,12 @@
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {
     double unit = dahl_batch_unit(plan);
-    dahl_state_t local = *state;
+    uint64_t w = (uint64_t)state->w;
     for (size_t i = 0; i < n; i++) {
-        dahl_batch_move(plan, &local, dcounts[i]);
-        F[i] = dahl_batch_torque(plan, local.w, unit);
+        w = dahl_batch_move(plan, w, dcounts[i]);
+        F[i] = dahl_batch_torque(plan, (int64_t)w, unit);
     }
-    *state = local;
+    state->w = (int64_t)w;
 }
 
 void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n)

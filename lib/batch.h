@@ -10,49 +10,56 @@
 #include "gap.h"
 #include "torque.h"
 
-/* The gap z in the direction of travel, with a mask (all ones: backward) in place of the branch. */
-static inline uint32_t dahl_batch_gap(uint64_t w, uint32_t backward)
+/* Backward is forward on the complement (digits.c), so the direction is a mask, all ones or none, and no branch. */
+static inline uint64_t dahl_batch_backward(int32_t dcounts)
 {
-    return DAHL_ONE_Q30 - ((dahl_q30(w) ^ backward) - backward);
+    return (uint64_t)0 - (uint64_t)(dcounts < 0);
 }
 
-/* As dahl_forward or dahl_backward. */
-static inline uint64_t dahl_batch_near(uint64_t w, dahl_q64_t g, uint32_t backward)
+static inline uint32_t dahl_batch_size(int32_t dcounts)
 {
-    uint64_t mask = (uint64_t)0 - (backward & 1u);
-    uint32_t z = dahl_batch_gap(w, backward);
-    return w + (((dahl_mul(z, g.hi) + dahl_mulhi(z, g.lo)) ^ mask) - mask);
+    return dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
 }
 
-static inline uint32_t dahl_batch_size(int32_t dcounts, uint32_t backward)
+/* 2^32 times the gap z, and less than a unit of z: as 1 - dahl_q30(w), in one subtraction. */
+static inline uint64_t dahl_batch_gap(uint64_t w)
 {
-    return ((uint32_t)dcounts ^ backward) - backward;
+    return DAHL_ONE_Q62 + 0x7fffffffu - w;
 }
+
+#if defined(__SIZEOF_INT128__)
+__extension__ typedef unsigned __int128 dahl_product_t;
+
+/* As dahl_forward, in the least time from w to w. */
+static inline uint64_t dahl_batch_forward(uint64_t w, dahl_q64_t g)
+{
+    uint64_t z = dahl_batch_gap(w) & ~(uint64_t)UINT32_MAX;
+    return w + (uint64_t)((dahl_product_t)z * ((uint64_t)g.hi << 32 | g.lo) >> 64);
+}
+#else
+#define dahl_batch_forward dahl_forward
+#endif
 
 /* As dahl_move_digits; where no gap is left, no further digit changes a bit. */
-static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint32_t size, uint32_t backward)
+static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint32_t size)
 {
     uint32_t rest = size / DAHL_DENSE;
-    w = dahl_batch_near(w, plan->g[size % DAHL_DENSE], backward);
-    while (rest != 0 && dahl_batch_gap(w, backward) != 0) {
+    w = dahl_batch_forward(w, plan->g[size % DAHL_DENSE]);
+    while (rest != 0 && dahl_batch_gap(w) >> 32 != 0) {
         uint32_t digit = 31u - dahl_leading_zeros(rest & (0u - rest));
-        w = dahl_batch_near(w, plan->g[DAHL_DENSE + digit], backward);
+        w = dahl_batch_forward(w, plan->g[DAHL_DENSE + digit]);
         rest &= rest - 1u;
     }
     return w;
 }
 
-static inline void dahl_batch_move(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+static inline uint64_t dahl_batch_move(const dahl_plan_t *plan, uint64_t w, int32_t dcounts)
 {
-    uint32_t backward = (uint32_t)0 - (uint32_t)(dcounts < 0);
-    uint32_t size = dahl_batch_size(dcounts, backward);
-    uint64_t w = (uint64_t)state->w;
-    if (DAHL_LIKELY(size <= DAHL_DENSE)) {
-        w = dahl_batch_near(w, plan->g[size], backward);
-    } else {
-        w = dahl_batch_far(plan, w, size, backward);
-    }
-    state->w = (int64_t)w;
+    uint64_t backward = dahl_batch_backward(dcounts);
+    uint32_t size = dahl_batch_size(dcounts);
+    w ^= backward;
+    w = DAHL_LIKELY(size <= DAHL_DENSE) ? dahl_batch_forward(w, plan->g[size]) : dahl_batch_far(plan, w, size);
+    return w ^ backward;
 }
 
 typedef union {
@@ -75,24 +82,25 @@ static inline double dahl_batch_unit(const dahl_plan_t *plan)
 static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
 {
     dahl_double_t torque;
-    uint64_t sign = (uint64_t)w >> 63, size = ((uint64_t)w ^ (0u - sign)) + sign;
-    size &= ~(size >> 53 != 0 ? (uint64_t)1023 : 0u);
+    uint64_t size = w < 0 ? 0u - (uint64_t)w : (uint64_t)w;
+    size = size >> 53 != 0 ? size & ~(uint64_t)1023 : size;
     torque.value = (double)(int64_t)size;
     torque.bits &= ~(uint64_t)0x1fffff;
     torque.value *= unit;
-    torque.bits |= sign << 63;
+    torque.bits |= (uint64_t)w & (uint64_t)1 << 63;
     return torque;
 }
 
-static inline int dahl_batch_is_close(dahl_double_t torque)
+/* Its top bit says so: vectors have no cheaper form. */
+static inline uint64_t dahl_batch_close(dahl_double_t torque)
 {
-    return ((torque.bits + 4u) & 0x1fffffffu) - 0x10000000u <= 8u;
+    return ((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9u;
 }
 
 static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
 {
     dahl_double_t torque = dahl_batch_product(w, unit);
-    if (DAHL_LIKELY(!dahl_batch_is_close(torque))) {
+    if (DAHL_LIKELY(dahl_batch_close(torque) >> 63 == 0)) {
         return (float)torque.value;
     }
     return dahl_torque_of(plan, (uint64_t)w);

@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Many channels side by side, bit for bit as single steps. For a few rows of ticks all table entries are gathered first: that
- * of the low digit, and one for each further binary digit that the longest move has; a digit that is not set takes entry 0,
- * which changes nothing. Then the rows go one after the other, each a vector of channels. Rows with moves of more digits than
- * there is room for go channel by channel.
+ * Many channels side by side, bit for bit as single steps. For a few rows of ticks the table entries of the low digits are
+ * gathered first; those of the further binary digits lie channel by channel from the start. Then the rows go one after the
+ * other, each a vector of channels, digit by digit: one that is not set takes g = 0, which changes nothing.
  */
 #include "batch.h"
 #include "batch_targets.h"
 
 #define CHUNK 16 /* channels at a time */
-
-#define ROWS 8
-#define DIGITS 5 /* moves below 128 counts */
+#define ROWS 16
+#define DIGITS 29 /* of a move, in eights */
+#define FEW 3     /* digits between looks at which of the rest change a bit */
 
 typedef struct {
     int64_t w[CHUNK];
     double unit[CHUNK];
-    uint32_t size[ROWS][CHUNK], backward[ROWS][CHUNK];
-    dahl_q64_t g[DIGITS][ROWS][CHUNK];
+    uint64_t digit[DIGITS][CHUNK]; /* entries as in pair() */
+    uint64_t backward[ROWS][CHUNK], g[ROWS][CHUNK];
+    uint32_t low[ROWS][CHUNK], eights[ROWS][CHUNK];
 } chunk_t;
 
 typedef struct {
@@ -28,72 +28,86 @@ typedef struct {
     size_t count, stride, n;
 } job_t;
 
-/* Takes the moves of some rows apart; returns how many digits the longest has. */
-DAHL_INLINE int take_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
+/* Takes the moves of some rows apart; returns the digits above the low one that any of them has. */
+DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
 {
-    uint32_t bits = 0, over = 0; /* or, not maximum: vectors have it at half the cost */
-    int digits = 1;
+    uint32_t digits = 0;
     for (size_t t = 0; t < rows; t++) {
         const int32_t *dcounts = job->dcounts + (first + t) * job->stride;
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
-            uint32_t backward = (uint32_t)0 - (uint32_t)(dcounts[c] < 0), size = dahl_batch_size(dcounts[c], backward);
-            chunk->backward[t][c] = backward;
-            chunk->size[t][c] = size;
-            bits |= size;
-            over |= (size + DAHL_DENSE - 1u) / (2u * DAHL_DENSE); /* 0 up to 8 counts */
+            uint32_t size = dahl_batch_size(dcounts[c]);
+            uint32_t eights = size > DAHL_DENSE ? size / DAHL_DENSE : 0u;
+            chunk->backward[t][c] = dahl_batch_backward(dcounts[c]);
+            chunk->low[t][c] = size > DAHL_DENSE ? size % DAHL_DENSE : size;
+            chunk->eights[t][c] = eights;
+            digits |= eights;
         }
-    }
-    for (bits = over != 0 ? bits / DAHL_DENSE : 0u; bits != 0; bits >>= 1) {
-        digits++;
     }
     return digits;
 }
 
-DAHL_INLINE uint32_t entry_of(uint32_t size, int digit)
+/* An entry in one word; this way round it is a plain load where the low byte comes first. */
+DAHL_INLINE uint64_t pair(dahl_q64_t g)
 {
-    if (digit == 0) {
-        return size > DAHL_DENSE ? size % DAHL_DENSE : size;
-    }
-    return size > DAHL_DENSE && (size / DAHL_DENSE >> (digit - 1) & 1u) ? DAHL_DENSE + (uint32_t)digit - 1u : 0u;
+    return (uint64_t)g.lo << 32 | g.hi;
 }
 
-DAHL_INLINE void gather_short(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
+DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
 {
     for (size_t t = 0; t < rows; t++) {
         for (size_t c = 0; c < count; c++) {
-            chunk->g[0][t][c] = plans[c].g[chunk->size[t][c]];
+            chunk->g[t][c] = pair(plans[c].g[chunk->low[t][c]]);
         }
     }
 }
 
-DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows, int digits)
+/* As dahl_forward, by what vectors have. */
+DAHL_INLINE int64_t step(int64_t w, uint64_t backward, uint64_t g)
 {
-    for (int k = 0; k < digits; k++) {
-        for (size_t t = 0; t < rows; t++) {
-            for (size_t c = 0; c < count; c++) {
-                chunk->g[k][t][c] = plans[c].g[entry_of(chunk->size[t][c], k)];
-            }
-        }
-    }
+    uint64_t v = (uint64_t)w ^ backward, z = dahl_batch_gap(v) >> 32;
+    return (int64_t)((v + (z * (g & UINT32_MAX) + (z * (g >> 32) >> 32))) ^ backward);
 }
 
-DAHL_INLINE void near_row(chunk_t *chunk, size_t count, size_t t, int digits)
+DAHL_INLINE void low_row(chunk_t *chunk, size_t count, size_t t)
 {
-    for (int k = 0; k < digits; k++) {
-        DAHL_AS_VECTORS
-        for (size_t c = 0; c < count; c++) {
-            chunk->w[c] = (int64_t)dahl_batch_near((uint64_t)chunk->w[c], chunk->g[k][t][c], chunk->backward[t][c]);
-        }
-    }
-}
-
-DAHL_INLINE void far_row(chunk_t *chunk, const job_t *job, size_t count, size_t t)
-{
+    DAHL_AS_VECTORS
     for (size_t c = 0; c < count; c++) {
-        dahl_state_t state = {chunk->w[c]};
-        dahl_batch_move(&job->plans[c], &state, job->dcounts[t * job->stride + c]);
-        chunk->w[c] = state.w;
+        chunk->w[c] = step(chunk->w[c], chunk->backward[t][c], chunk->g[t][c]);
+    }
+}
+
+DAHL_INLINE void digit_row(chunk_t *chunk, size_t count, size_t t, uint32_t digit)
+{
+    const uint64_t *entries = chunk->digit[31u - dahl_leading_zeros(digit)];
+    DAHL_AS_VECTORS
+    for (size_t c = 0; c < count; c++) {
+        uint64_t g = (chunk->eights[t][c] & digit) != 0 ? entries[c] : 0u;
+        chunk->w[c] = step(chunk->w[c], chunk->backward[t][c], g);
+    }
+}
+
+/* The digits that can change a bit: those of channels where some gap is left. */
+DAHL_INLINE uint32_t open_digits(const chunk_t *chunk, size_t count, size_t t)
+{
+    uint64_t open = 0;
+    DAHL_AS_VECTORS
+    for (size_t c = 0; c < count; c++) {
+        uint64_t gap = dahl_batch_gap((uint64_t)chunk->w[c] ^ chunk->backward[t][c]) >> 32;
+        open |= gap != 0 ? chunk->eights[t][c] : 0u;
+    }
+    return (uint32_t)open;
+}
+
+DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digits)
+{
+    low_row(chunk, count, t);
+    for (int k = 1; digits != 0; k++) {
+        digit_row(chunk, count, t, digits & (0u - digits));
+        digits &= digits - 1u;
+        if (digits != 0 && k % FEW == 0) {
+            digits &= open_digits(chunk, count, t);
+        }
     }
 }
 
@@ -104,38 +118,38 @@ DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_
     for (size_t c = 0; c < count; c++) {
         dahl_double_t torque = dahl_batch_product(chunk->w[c], chunk->unit[c]);
         F[c] = (float)torque.value;
-        close |= (uint64_t)dahl_batch_is_close(torque);
+        close |= dahl_batch_close(torque);
     }
-    for (size_t c = 0; c < count && close != 0; c++) {
+    for (size_t c = 0; c < count && close >> 63 != 0; c++) {
         F[c] = dahl_torque_of(&plans[c], (uint64_t)chunk->w[c]);
     }
 }
 
 DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
 {
-    int digits = take_rows(chunk, job, count, first, rows);
-    if (digits == 1) {
-        gather_short(chunk, job->plans, count, rows);
-    } else if (digits <= DIGITS) {
-        gather(chunk, job->plans, count, rows, digits);
-    }
+    uint32_t digits = take_rows(chunk, job, count, first, rows);
+    gather(chunk, job->plans, count, rows);
     for (size_t t = 0; t < rows; t++) {
-        if (digits <= DIGITS) {
-            near_row(chunk, count, t, digits);
-        } else {
-            far_row(chunk, job, count, first + t);
-        }
+        move_row(chunk, count, t, digits);
         torque_row(chunk, count, job->plans, job->F + (first + t) * job->stride);
+    }
+}
+
+DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
+{
+    for (size_t c = 0; c < count; c++) {
+        chunk->unit[c] = dahl_batch_unit(&job->plans[c]);
+        chunk->w[c] = job->states[c].w;
+        for (int k = 0; k < DIGITS; k++) {
+            chunk->digit[k][c] = pair(job->plans[c].g[DAHL_DENSE + k]);
+        }
     }
 }
 
 DAHL_INLINE void run_count(const job_t *job, size_t count)
 {
     chunk_t chunk;
-    for (size_t c = 0; c < count; c++) {
-        chunk.unit[c] = dahl_batch_unit(&job->plans[c]);
-        chunk.w[c] = job->states[c].w;
-    }
+    start(&chunk, job, count);
     for (size_t t = 0; t < job->n; t += ROWS) {
         run_rows(&chunk, job, count, t, job->n - t < ROWS ? job->n - t : ROWS);
     }
