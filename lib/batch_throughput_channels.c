@@ -11,7 +11,7 @@
 #define BLOCK 64 /* ticks before d is carried */
 
 typedef struct {
-    double a[CHUNK], Fc[CHUNK], w0[CHUNK], d[CHUNK];
+    double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
     uint32_t small; /* the least of all channels */
 } chunk_t;
 
@@ -52,7 +52,7 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
             double w = chunk->w0[c] + chunk->d[c];
             double d = chunk->d[c] + (g - w * fabs(g));
             chunk->d[c] = d;
-            F[c] = (float)(chunk->Fc[c] * (chunk->w0[c] + d));
+            F[c] = (float)(chunk->Fc[c] * d + chunk->F0[c]);
         }
     }
 }
@@ -62,6 +62,7 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
 {
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
+        chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
         chunk->d[c] = 0.0;
     }
     if (is_above(chunk, job, first, last, measure)) {
