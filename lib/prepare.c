@@ -75,7 +75,9 @@ static DAHL_APART DAHL_SMALL dahl_err_t set_scales(dahl_plan_t *plan, const dahl
     int32_t a_shift = real_of(params->Fc).exponent - real_of(params->sigma0).exponent + 63;
     int32_t u_shift = a_shift - real_of(params->theta_per_count).exponent;
     uint64_t u = product(a, real_of(params->theta_per_count).mantissa, &u_shift);
-    if (has_counts && (uint32_t)(63 + 30 - u_shift) >= 50) { /* not 2^-30 <= u < 2^20 */
+    if (!has_counts) {
+        u_shift = 255; /* none, whatever a is */
+    } else if ((uint32_t)(63 + 30 - u_shift) >= 50) { /* not 2^-30 <= u < 2^20 */
         return DAHL_ERR_RANGE;
     }
     write_entry(&plan->g[1], u);

@@ -49,7 +49,22 @@ static void test_range_of_travel(void)
     TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(1e-19f, 1e19f, 1e20f));
 }
 
-/* A travel whose mantissa is all ones (1 - 2^-38 or so) rounds up in dahl_prepare without a carry out. */
+/* Without counts the table is zero, the stiffest bristle's too: counts move nothing. */
+static void test_no_counts(void)
+{
+    for (int k = -63; k < 64; k++) {
+        dahl_params_t p = {ldexpf(1.0f, k), ldexpf(1.0f, -k), k % 2 ? 0.0f : -0.0f};
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {1};
+        for (size_t n = 0; n < sizeof plan.g / sizeof plan.g[0]; n++) {
+            TEST_ASSERT_TRUE(plan.g[n].hi == 0 && plan.g[n].lo == 0);
+        }
+        (void)dahl_step_counts_q30(&plan, &state, INT32_MIN);
+        TEST_ASSERT_TRUE(state.w == 1);
+    }
+}
+
+/* Travels just off a power of two, which truncation in dahl_prepare may bring below it. */
 static void test_travel_just_below_a_power_of_two(void)
 {
     for (int k = -29; k < 20; k++) {
@@ -148,6 +163,7 @@ int main(void)
     RUN_TEST(test_not_a_number_zero_negative);
     RUN_TEST(test_range_of_torque);
     RUN_TEST(test_range_of_travel);
+    RUN_TEST(test_no_counts);
     RUN_TEST(test_travel_just_below_a_power_of_two);
     RUN_TEST(test_set_torque);
     RUN_TEST(test_p15_change_of_parameters);
