@@ -39,8 +39,8 @@ def test_a_changed_constant_is_seen(tmp_path: Path) -> None:
     planted = tmp_path / "lib"
     shutil.copytree(ROOT / "lib", planted)
     kernel = (planted / "kernel.h").read_text()
-    assert "632363u" in kernel
-    (planted / "kernel.h").write_text(kernel.replace("632363u", "632364u"))
+    assert "644112u" in kernel
+    (planted / "kernel.h").write_text(kernel.replace("644112u", "644113u"))
     sources = [str(planted / Path(s).name) for s in SOURCES]
     program = tmp_path / "bits"
     subprocess.run(

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""The library against 50 digits: every entry of a plan, single moves, long mixed motions, the kernel's polynomial."""
+"""The library against 50 digits: every entry of a plan, single moves, long mixed motions, the kernel's constants."""
 
 from __future__ import annotations
 
 import math
 import re
+import shutil
+import subprocess
 from fractions import Fraction
 from pathlib import Path
 
@@ -19,6 +21,7 @@ from dahl.core import Friction, Plan
 ROOT = Path(__file__).resolve().parents[2]
 HEADER = (ROOT / "lib/dahl.h").read_text()
 KERNEL = (ROOT / "lib/kernel.h").read_text()
+PREPARE = (ROOT / "lib/prepare.c").read_text()
 mp.dps = 50
 
 
@@ -59,7 +62,7 @@ moves = st.lists(
 @given(plans)
 def test_every_entry_of_a_plan(plan: Plan) -> None:
     """g of 1 .. 8, 16 .. 2^31 counts in Q64: relative error below 2^-32, as prepare.c states."""
-    words = np.frombuffer(plan._words, dtype=np.uint32)[: 2 * 37].astype(object)
+    words = np.frombuffer(plan._words, dtype=np.uint32)[4 : 4 + 2 * 37].astype(object)  # after a and Fc
     counts = [*range(9), *(2**k for k in range(4, 32))]
     u = exact_travel(plan)
     assert words[0] == words[1] == 0
@@ -88,24 +91,52 @@ def test_by_angle(plan: Plan, moves: list[float]) -> None:
 
 
 
-def test_kernel_polynomial() -> None:
-    """R of kernel.h, read from the file: relative error of x - x^2 R(x) on [0, ln 2] as the file states, 2^-31.6."""
-    body = re.search(r"dahl_kernel_tail.*?\n}", KERNEL, re.S)[0]
-    c = [mpf(int(n)) / 2**32 for n in re.findall(r"(\d+)u", body)][::-1]
-    assert len(c) == 6 and "below 2^-31.6" in KERNEL
-
-    def error(x: mpf) -> mpf:
-        r = mpf(0)
-        for coefficient in reversed(c):
-            r = coefficient - x * r
-        return abs((x - x * x * r) / -mp.expm1(-x) - 1)
-
-    worst = max(error(mp.log(2) * k / 4000) for k in range(1, 4001))
-    assert mpf(2) ** -32.5 < worst < mpf(2) ** -31.6
+def numbers(name: str) -> list[int]:
+    """The unsigned constants of a function or table of kernel.h, in order, zeros too."""
+    body = re.search(rf"{name}(?:\(|\[16\]).*?\n}}", KERNEL, re.S)[0]
+    return [int(n) for n in re.findall(r"\b(0(?=,)|\d{4,})u?\b", body)]
 
 
 @pytest.mark.parametrize(
-    "name, value", [("LOG2E_Q31", mp.floor(2**31 / mp.log(2))), ("LN2_Q32", mp.nint(mp.log(2) * 2**32))]
+    "name, steps, degree", [("dahl_kernel_small", 4, 4), ("dahl_kernel_large", 16, 3)]
 )
-def test_kernel_constants(name: str, value: mpf) -> None:
-    assert int(re.search(rf"{name} (\d+)u", KERNEL)[1]) == int(value)
+def test_kernel_polynomial(name: str, steps: int, degree: int) -> None:
+    """1 - 2^-v = v P(Y), Y = v steps, P read from kernel.h: relative error as the file states."""
+    first, last, *others = numbers(name)
+    c = [mpf(n) / 2**32 for n in [*others[::-1], first, last]]
+    assert len(c) == degree + 1 and "below 2^-30.6" in KERNEL
+
+    def error(Y: mpf) -> mpf:  # noqa: N803 (the file's name)
+        v = Y / steps
+        P = sum((-Y) ** k * c[k] for k in range(degree + 1))  # noqa: N806
+        return abs(v * P / -mp.expm1(-v * mp.log(2)) - 1)
+
+    worst = max(error(mpf(k) / 4000) for k in range(1, 4001))
+    assert mpf(2) ** -32.5 < worst < mpf(2) ** -30.6
+
+
+def test_kernel_table() -> None:
+    """1 - 2^(-j/16) in Q33, rounded up."""
+    exact = [(1 - mpf(2) ** (-mpf(j) / 16)) * 2**33 for j in range(16)]
+    assert numbers("dahl_kernel_table") == [int(mp.ceil(h)) for h in exact]
+
+
+def test_kernel_constants() -> None:
+    """ln 2 in Q32, below as above 2^-30; log2(e) in Q31, rounded up."""
+    ln2 = int(mp.floor(mp.log(2) * 2**32))
+    assert numbers("dahl_kernel_tiny")[-1] == ln2 == numbers("dahl_kernel_small")[-1]
+    assert f"LOG2_E_Q31 {int(mp.ceil(2**31 / mp.log(2)))}u" in PREPARE
+
+
+@pytest.mark.skipif(shutil.which("sollya") is None, reason="sollya is absent")
+def test_kernel_constants_are_those_of_the_script() -> None:
+    command = ["sollya", str(ROOT / "lib/kernel.sollya")]
+    printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)
+    values = {
+        label: [int(n) for n in re.findall(rf"^{label} \d+ = (\d+) u", printed.stdout, re.M)]
+        for label in ("small", "part", "H")
+    }
+    for name, label in (("small", "small"), ("large", "part")):
+        *head, almost, last = values[label]
+        assert numbers(f"dahl_kernel_{name}") == [almost, last, *head[::-1]]
+    assert numbers("dahl_kernel_table") == values["H"]
