@@ -3,7 +3,7 @@
  * New parameters between two ticks. Keeping F means w *= Fc_from/Fc_to; keeping the deflection F/sigma0 of the bristle
  * means w *= a_to/a_from. Their ratio is sigma0_to/sigma0_from, so the smaller of the two keeps F unless the bristle got
  * softer; neither lets the stored energy F^2/(2 sigma0) grow. Rounding does not either: the first factor is truncated, so
- * F never grows, and the second errs by 2^-31 where float values of sigma0 differ by 2^-24 or not at all.
+ * F never grows, and the second errs by 2^-30 where float values of sigma0 differ by 2^-24 or not at all.
  */
 #include "fixed.h"
 

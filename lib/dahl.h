@@ -72,7 +72,7 @@ typedef enum {
     DAHL_ERR_RANGE = -2  /* a parameter, or the travel of one count, is outside the range above */
 } dahl_err_t;
 
-/* A fraction in Q64, as two words so that a step needs 32 x 32 -> 64 bit products only. 1 is stored as 2^64 - 1. */
+/* A fraction in Q64, as two words so that a step needs 32 x 32 -> 64 bit products only. 1 is 2^64 - 1 or one less. */
 typedef struct {
     uint32_t hi;
     uint32_t lo;
@@ -108,7 +108,7 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
 
 /* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,
  * +-0 leaves the state bit-identical. Error: DAHL_ULP_ANGLE ulp of Fc for the floats fed, for ever if each |u| >= 2^-30,
- * else for 2^31 ticks; a subnormal dtheta and travel u below 2^-64 count as none.
+ * else for 2^31 ticks; a subnormal dtheta and travel u below 2^-65 count as none.
  * Cost on Cortex-M3, M4: 90 instructions; g(u) is a polynomial and a table of 16 words, no libm. */
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 

@@ -105,6 +105,25 @@ static void test_set_torque(void)
     TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == 0.0f);
 }
 
+/* Torque of any state: half an ulp of itself and 0.012, as torque.h says; where Q30 says +-1 it is +-Fc. */
+static void test_torque_of_any_state(void)
+{
+    motion_t m = MOTION_START;
+    for (int i = 0; i < 100000; i++) {
+        dahl_params_t p = {1.0f, ldexpf((float)(motion_random(&m) >> 8 | 0x800000u), i % 128 - 87), 0};
+        dahl_plan_t plan = plan_for(&p);
+        uint64_t bits = (uint64_t)motion_random(&m) << 32 | motion_random(&m);
+        dahl_state_t state = {(int64_t)((bits >> 2 | 1) >> i % 61)}, mirrored;
+        state.w += state.w == 0;
+        mirrored.w = -state.w;
+        float F = dahl_torque(&plan, &state);
+        TEST_ASSERT_TRUE(fabsl(F - ldexpl(state.w, -62) * p.Fc) <= 0.512L * ulp_of(F));
+        TEST_ASSERT_TRUE(dahl_torque(&plan, &mirrored) == -F);
+        state.w = ((int64_t)1 << 62) + (int64_t)(bits >> 31 & 0xffffffffu) - ((int64_t)1 << 31);
+        TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == p.Fc);
+    }
+}
+
 /* P15: what dahl_change_plan keeps. F is expected clamped to the new Fc, scaled where the bristle got softer. */
 static void check_change(float s1, float Fc1, float s2, float Fc2, float F)
 {
@@ -166,6 +185,7 @@ int main(void)
     RUN_TEST(test_no_counts);
     RUN_TEST(test_travel_just_below_a_power_of_two);
     RUN_TEST(test_set_torque);
+    RUN_TEST(test_torque_of_any_state);
     RUN_TEST(test_p15_change_of_parameters);
     RUN_TEST(test_p15_no_energy_from_changes);
     return UNITY_END();
