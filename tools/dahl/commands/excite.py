@@ -113,21 +113,18 @@ def _known(path: Path) -> tuple[float, float]:
 def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
     import numpy as np
 
+    from dahl.identify import output
+
     theta = motion.theta()
     counts = np.round(theta / wanted.theta_per_count)
     table = np.column_stack((np.arange(len(theta)) / motion.rate, theta, counts))
-    np.savetxt(
-        path,
-        table,
-        fmt=["%.6f", "%.9g", "%d"],
-        delimiter=",",
-        header="time_s,theta,counts",
-        comments="",
-    )
+    output.keep_table(path, table, "time_s,theta,counts", ["%.6f", "%.9g", "%d"])
     return path
 
 
 def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
+    from dahl.identify import output
+
     lines = [
         f"; written by dahl excite: sigma0 expected within {100 * motion.within['sigma0']:.2g} %",
         "[scene]",
@@ -144,5 +141,5 @@ def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
         "[status]",
         "period_ms = 100",
     ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    output.keep(path, "\n".join(lines) + "\n")
     return path

@@ -3,8 +3,9 @@
 Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
 
 LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
---dbc. Columns and units are taken from the names of the columns where no option says otherwise. All
-LOGs are fitted together; --each takes those of a folder one by one, --follow a live bus.
+--dbc; an MF4 of measured channels needs none. Columns and units are taken from the names of the
+columns where no option says otherwise. All LOGs are fitted together; --each takes those of a folder
+one by one, --follow a live bus.
 
 Leaves a picture, JSON, a scene that replays the log, and, where both parameters are identifiable, a
 header with a const plan. A log is held in memory, about 100 bytes a row.

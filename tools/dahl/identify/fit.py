@@ -198,6 +198,10 @@ class Interval:
         """Half its width over the value."""
         return (self.high - self.low) / 2 / value if value > 0 else np.inf
 
+    def around(self, value: float) -> Interval:
+        """With the estimate in it, which the grid of a profile misses where there is no noise."""
+        return Interval(min(self.low, value), max(self.high, value))
+
     @property
     def bounded(self) -> bool:
         return bool(np.isfinite(self.high) and self.low > 0)
@@ -246,7 +250,10 @@ def estimate(found: Sweep, terms: Sequence[str], hidden: float = 0.0) -> Estimat
     naive = {name: _naive(dense, name, freedom) for name in ("a", "Fc", "sigma0")}
     inflation = {name: max(true[name] / naive[name], 1.0) if naive[name] else 1.0 for name in naive}
     quantile = float(student.ppf(0.975, best.blocks - 1)) ** 2 / freedom
-    ci95 = {name: _profile(dense, name, 1 + quantile * inflation[name]) for name in naive}
+    ci95 = {
+        name: _profile(dense, name, 1 + quantile * inflation[name]).around(getattr(best, name))
+        for name in naive
+    }
     return replace(best, ci95=ci95, inflation=inflation)
 
 

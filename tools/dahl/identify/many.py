@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -69,10 +70,8 @@ class Kept:
 
     def put(self, path: Path, numbers: dict[str, Any]) -> None:
         """Keep a result; the file is whole at any moment."""
-        part = self.place(path).with_suffix(".part")
         known = {"key": key_of(path, self.source, self.options), **numbers}
-        part.write_text(json.dumps(known, indent=2) + "\n", encoding="utf-8")
-        part.replace(self.place(path))
+        output.keep(self.place(path), json.dumps(known, indent=2) + "\n")
 
 
 def _indexed(index: int, path: Path, source: Source, options: Options) -> tuple[int, dict]:
@@ -125,12 +124,11 @@ def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
     """One line per log."""
     import csv
 
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        limits = ("sigma0_low", "sigma0_high", "Fc_low", "Fc_high")
-        writer.writerow(["log", *SHOWN, *limits, "error"])
-        for name, row in sorted(rows.items()):
-            ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else [""] * 4
-            writer.writerow(
-                [name, *(row.get(key, "") for key in SHOWN), *ends, row.get("error", "")]
-            )
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    limits = ("sigma0_low", "sigma0_high", "Fc_low", "Fc_high")
+    writer.writerow(["log", *SHOWN, *limits, "error"])
+    for name, row in sorted(rows.items()):
+        ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else [""] * 4
+        writer.writerow([name, *(row.get(key, "") for key in SHOWN), *ends, row.get("error", "")])
+    output.keep(path, text.getvalue())

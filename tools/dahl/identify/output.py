@@ -5,6 +5,7 @@ replays the log. No number stands anywhere without its verdict.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import re
@@ -23,6 +24,20 @@ if TYPE_CHECKING:
 
 REPLAYED = 200_000  # rows of the first log that a scene replays
 MADE_UP = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
+
+
+def keep(path: Path, text: str) -> None:
+    """Write a file; the old one stays until the new one is whole."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(path)
+
+
+def keep_table(path: Path, columns: np.ndarray, names: str, form: str | list[str]) -> None:
+    """Write a CSV in the same way."""
+    text = io.StringIO()
+    np.savetxt(text, columns, fmt=form, delimiter=",", header=names, comments="")
+    keep(path, text.getvalue())
 
 
 def plain(value: float) -> float | None:
@@ -151,16 +166,10 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
     torque = (log.torque - study.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
-    np.savetxt(
-        folder / f"{name}.csv",
-        np.column_stack((theta, torque)),
-        fmt="%.9g",
-        delimiter=",",
-        header=f"{angle},{force}",
-        comments="",
-    )
+    columns = np.column_stack((theta, torque))
+    keep_table(folder / f"{name}.csv", columns, f"{angle},{force}", "%.9g")
     path = folder / f"{name}.ini"
-    path.write_text(_scene(result, name, angle, force), encoding="utf-8")
+    keep(path, _scene(result, name, angle, force))
     return path
 
 
@@ -199,16 +208,18 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
 
 
 def write_all(result: Result, name: str, folder: Path) -> list[Path]:
-    """Every file; a plan only where both parameters are identifiable."""
+    """Every file; a plan only where both parameters are identifiable, and last, so that none of an
+    earlier run stays beside new numbers.
+    """
     from dahl.identify import draw
 
     folder.mkdir(parents=True, exist_ok=True)
-    written = [folder / f"{name}.json", folder / f"{name}.png", write_scene(result, name, folder)]
-    written[0].write_text(as_json(result), encoding="utf-8")
-    draw.draw(written[1], result)
     plan = folder / f"dahl_plan_{name}.h"
     plan.unlink(missing_ok=True)
+    written = [folder / f"{name}.json", folder / f"{name}.png", write_scene(result, name, folder)]
+    keep(written[0], as_json(result))
+    draw.draw(written[1], result)
     if all(result.verdict.identifiable.values()):
-        plan.write_text(header(result, name), encoding="utf-8")
+        keep(plan, header(result, name))
         written.append(plan)
     return written

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 CAN_LOGS = {".log", ".asc", ".blf", ".trc", ".mf4"}
 FULL_TURN = 360.0  # deg
+NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class Source:
 
 def read(path: Path, source: Source) -> Log:
     """One log. Raises dahl.Error."""
+    if path.is_dir():
+        raise Error(f"{path}: a folder; --each takes the logs in it")
     if not path.is_file():
         raise Error(f"{path}: no such file")
     if path.stat().st_size == 0:
@@ -241,7 +244,7 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
     if source.dbc is None and path.suffix.lower() == ".mf4":
         return _from_channels(path, source)
     if source.dbc is None:
-        raise Error(f"{path}: a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
+        raise Error(f"{path}: {NEEDS_DBC}")
     if not (source.angle and source.torque):
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.angle, source.torque)
@@ -377,6 +380,8 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
     try:
         with MDF(path) as file:
             known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
+            if "CAN_DataFrame" in known:  # raw frames, named as ASAM's bus logging does
+                raise Error(f"{path}: {NEEDS_DBC}")
             names = {
                 what: units.column(what, getattr(source, what), known, f"{path}")
                 for what in ("angle", "torque")

@@ -67,6 +67,8 @@ class Result:
     delay: float  # rows
     median: int  # rows of the running median that the angle went through
     backlash: float  # rad (m)
+    sign: float = field(default=1.0, kw_only=True)  # -1: the torque was taken with the other one
+    inner: bool = field(default=False, kw_only=True)  # the angle was taken between the counts
     predicted: list[np.ndarray]  # N m (N), (rows,) of each log
     verdict: verdict.Verdict = field(default_factory=verdict.Verdict)
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
@@ -149,10 +151,11 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     logs = [replace(log, notes=list(log.notes)) for log in logs]
     for log in logs:
         clean.refuse(log, options.trust_units)
-    steadied, window = _steadied(_positive(logs, options), options)
-    hidden = 0.0
+    turned, sign = _positive(logs, options)
+    steadied, window = _steadied(turned, options)
+    hidden, inner = 0.0, False
     if not options.median:
-        steadied, hidden = _between_counts(steadied, options)
+        steadied, hidden, inner = _between_counts(steadied, options)
     study = Study(steadied)
     found, terms = study.search(options.terms)
     slack = _without_backlash(study, fit.point(found, terms))
@@ -167,7 +170,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     estimate = fit.estimate(found, terms, HIDDEN * hidden)
     _refuse_swapped(logs, found, estimate, options)
     result = _judged(study, found, estimate, delay, slack)
-    return replace(result, median=window)
+    return replace(result, median=window, sign=sign, inner=inner)
 
 
 def _refuse_swapped(logs: list[Log], found: Sweep, estimate: Estimate, options: Options) -> None:
@@ -185,14 +188,14 @@ def _refuse_swapped(logs: list[Log], found: Sweep, estimate: Estimate, options: 
         )
 
 
-def _positive(logs: list[Log], options: Options) -> list[Log]:
+def _positive(logs: list[Log], options: Options) -> tuple[list[Log], float]:
     """Friction opposes the motion: where a first look says otherwise, the torque has the other
-    sign.
+    sign; returns the sign too.
     """
     if _first(logs, options).Fc > 0:
-        return logs
+        return logs, 1.0
     words = "torque taken with the other sign: friction has the sign of the motion"
-    return [replace(log, torque=-log.torque, notes=[*log.notes, words]) for log in logs]
+    return [replace(log, torque=-log.torque, notes=[*log.notes, words]) for log in logs], -1.0
 
 
 def _steadied(logs: list[Log], options: Options) -> tuple[list[Log], int]:
@@ -225,20 +228,20 @@ def _first(logs: list[Log], options: Options) -> Estimate:
     return fit.point(*study.search(options.terms or ("offset",)))
 
 
-def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float]:
+def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float, bool]:
     """Take the angle between the counts where the torque fits that better; returns by which part
-    sigma0 changed.
+    sigma0 changed, and whether it was taken.
     """
     read = _first(logs, options)
     if read.a * max(log.resolution for log in logs) < FINE:
-        return logs, 0.0
+        return logs, 0.0, False
     inner = [replace(log, theta=clean.between_counts(log)) for log in logs]
     found = _first(inner, options)
     if found.sse >= read.sse:
-        return logs, 0.0
+        return logs, 0.0, False
     for log in inner:
         log.notes.append("angle taken between the counts of the encoder: the torque fits it better")
-    return inner, abs(found.sigma0 / read.sigma0 - 1)
+    return inner, abs(found.sigma0 / read.sigma0 - 1), True
 
 
 def _undelay(study: Study, estimate: Estimate) -> float:
@@ -372,10 +375,14 @@ def check(result: Result, log: Log) -> float:
     at its first row is fitted, as nobody measured it.
     """
     clean.refuse(log, trust_units=True)
-    log = replace(log, theta=clean.median(log, result.median))
+    log = replace(log, theta=clean.median(log, result.median), torque=result.sign * log.torque)
+    if result.inner:
+        log = replace(log, theta=clean.between_counts(log))
     if result.delay:
         log = replace(log, torque=clean.shifted(log.torque, result.delay))
     study = Study([log])
     study.logs[0].zero = result.logs[0].zero
+    if result.backlash:
+        _without_backlash(study, result.estimate)
     residual = log.torque - study.predicted(result.estimate, 0)
     return 1 - float(np.sum(residual**2) / np.sum((log.torque - log.torque.mean()) ** 2))
