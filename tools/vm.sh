@@ -42,10 +42,13 @@ $b mount -t proc proc /proc
 $b mount -t devtmpfs dev /dev
 for module in $($b cat /modules); do $b insmod "/lib/$module" || echo "vm: $module did not load"; done
 $b mount -t 9p -o trans=virtio,version=9p2000.L,ro,msize=262144,cache=loose root /root || echo "vm: no root"
+$b mount -o bind /root /host
 for place in proc sys dev tmp run; do $b mount -o bind /$place /root/$place 2>/dev/null; done
 $b mount -t sysfs sys /root/sys
 $b mount -t tmpfs tmp /root/tmp
-work=$($b cat /where)
+work=$($b cat /where) project=$($b cat /project)
+$b mkdir -p "/root$project"
+$b mount -o bind "/host$project" "/root$project" # a project under /tmp is seen there too
 $b mkdir -p "/root$work"
 $b mount -t 9p -o trans=virtio,version=9p2000.L,msize=262144 work "/root$work" || echo "vm: no work"
 $b chroot /root /bin/bash "$work/.vm/command" >"/root$work/.vm/output" 2>&1
@@ -58,9 +61,10 @@ INIT
 
 make_initramfs() { # FOLDER
     local root=$1/.vm/root file
-    mkdir -p "$root"/{bin,lib,proc,sys,dev,tmp,run,root}
+    mkdir -p "$root"/{bin,lib,proc,sys,dev,tmp,run,root,host}
     cp "$(command -v busybox)" "$root/bin/busybox"
     echo "$1" >"$root/where"
+    echo "$ROOT" >"$root/project"
     for file in $(module_files); do
         cp "$file" "$root/lib/"
         basename "$file"
