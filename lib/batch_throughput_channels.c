@@ -8,7 +8,7 @@
 #include "batch_throughput.h"
 
 #define CHUNK 16 /* channels at a time */
-#define BLOCK 64 /* ticks before d is carried */
+#define BLOCK 128 /* ticks before d is carried */
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
