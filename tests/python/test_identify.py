@@ -12,6 +12,7 @@ import pytest
 from dahl.identify import clean, fit, path, study, sweep
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
 from scipy.integrate import solve_ivp
+from scipy.stats import t as student
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -240,11 +241,55 @@ def test_several_logs_in_one_fit():
     assert together.ci95["sigma0"].relative(1) < alone.ci95["sigma0"].relative(1)
 
 
+def test_what_the_encoder_hides_widens_the_interval():
+    """A shared error adds its variance: along a chord of the profile, Student's t times it."""
+    found, terms = study.Study([synthetic(1)]).search(())
+    bare, some, more = (fit.estimate(found, terms, hidden) for hidden in (0.0, 0.01, 0.02))
+    t = student.ppf(0.975, bare.blocks - 1)
+    for name in ("sigma0", "a"):
+        half = [one.ci95[name].relative(getattr(one, name)) for one in (bare, some, more)]
+        assert half[1] > 0.95 * np.hypot(half[0], 0.01 * t)
+        assert half[2] > 0.95 * np.hypot(half[0], 0.02 * t)
+        grown = [one.inflation[name] - bare.inflation[name] for one in (some, more)]
+        assert grown[1] == pytest.approx(4 * grown[0], rel=0.01)
+    assert some.ci95["Fc"] == bare.ci95["Fc"]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_an_interval_holds_its_own_estimate(noise):
+    theta = sine(1, rows=3000, cycles=5)
+    torque = dahl_torque(theta) + noise * FC * noise_of(1, len(theta))
+    log = replace(synthetic(1), theta=theta, torque=torque, time=None, resolution=0.0)
+    found = study.identify([log]).estimate
+    for name, one in found.ci95.items():
+        assert one.low <= getattr(found, name) <= one.high
+        assert one.relative(getattr(found, name)) < 1e-3
+
+
+def test_what_the_encoder_hides_reaches_the_answer(monkeypatch):
+    whole = study.identify([synthetic(1)])
+    assert whole.inner
+    monkeypatch.setattr(study, "HIDDEN", 0.0)
+    bare = study.identify([synthetic(1)])
+    widths = [one.estimate.ci95["sigma0"].relative(1) for one in (whole, bare)]
+    assert widths[0] > 1.01 * widths[1]
+
+
 def test_a_log_not_fitted_is_predicted():
     result = study.identify([synthetic(0)])
     assert study.check(result, synthetic(1)) > 0.99
     other = replace(synthetic(1), torque=2 * synthetic(1).torque)
     assert study.check(result, other) < 0.9
+
+
+def test_a_log_not_fitted_is_cleaned_as_those_that_were():
+    turned = [replace(synthetic(seed), torque=-synthetic(seed).torque) for seed in (0, 1)]
+    assert study.check(study.identify(turned[:1]), turned[1]) > 0.99
+    theta = sine(1, amplitude=0.08)
+    torque = with_play(theta, 0.01) + 0.02 * FC * noise_of(1, len(theta))
+    loose = replace(synthetic(1), theta=theta, torque=torque, resolution=0.0)
+    result = study.identify([loose])
+    assert study.check(result, loose) > 0.98  # 0.945 with the flat zone counted as travel
 
 
 def test_pieces_and_blocks_add_up(monkeypatch):

@@ -18,6 +18,7 @@ from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, synth
 pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 1200
+FRAMES = ("blf", "asc", "trc", "log", "raw.mf4")  # kinds that need the DBC
 THETA = np.floor(sine(1, rows=ROWS, cycles=4) / COUNT) * COUNT
 TORQUE = dahl_torque(THETA) + 0.02 * FC * noise_of(1, ROWS)
 TIME = np.arange(ROWS) * 1e-3
@@ -135,7 +136,7 @@ def test_empty_and_truncated_and_absent_files(run_dahl, log, tmp_path):
     assert "not a text file" in refused(run_dahl, tmp_path / "noise.csv")
 
 
-@pytest.mark.parametrize("kind", ["json", "mat", "parquet", "blf", "asc", "trc", "log", "mf4"])
+@pytest.mark.parametrize("kind", ["json", "mat", "parquet", "mf4", *FRAMES])
 def test_truncated_binary_and_structured_files(run_dahl, files, kind, tmp_path):
     whole = files[kind].read_bytes()
     cut = tmp_path / f"cut.{kind}"
@@ -148,6 +149,7 @@ def test_truncated_binary_and_structured_files(run_dahl, files, kind, tmp_path):
 
 def test_no_log_and_bad_numbers(run_dahl, log):
     assert "give LOGs, or --each DIR" in refused(run_dahl)
+    assert "a folder; --each takes" in refused(run_dahl, log().parent)
     assert "--counts-per-turn -1" in refused(run_dahl, log(), "--counts-per-turn", "-1")
     assert "not an integer" in refused(run_dahl, log(), "--median", "x")
     said = refused(run_dahl, log(), "--angle", "angle_deg", "--torque", "angle_deg")
@@ -179,6 +181,7 @@ def files(tmp_path_factory):
             "trc",
             "log",
             "mf4",
+            "raw.mf4",
             "dbc",
         )
     }
@@ -196,7 +199,7 @@ def files(tmp_path_factory):
             [Signal(degrees, TIME, name="angle_deg"), Signal(TORQUE, TIME, name="torque_Nm")]
         )
         measured.save(made["mf4"], overwrite=True)
-    for kind in ("blf", "asc", "trc", "log"):
+    for kind in FRAMES:
         with can.Logger(made[kind]) as logger:
             for now, angle, torque in zip(TIME, degrees, TORQUE, strict=True):
                 for name, value, key in (("Shaft", angle, "Angle"), ("Load", torque, "Torque")):
@@ -214,7 +217,7 @@ def files(tmp_path_factory):
 
 
 def options_for(kind: str, files) -> tuple:
-    if kind in ("blf", "asc", "trc", "log"):
+    if kind in FRAMES:
         return ("--dbc", files["dbc"], "--angle", "Angle", "--torque", "Torque")
     return ()
 
@@ -226,7 +229,7 @@ def source_for(kind: str, files) -> readers.Source:
 
 
 @pytest.mark.parametrize(
-    "kind", ["csv", "tsv", "json", "mat", "parquet", "blf", "asc", "trc", "log", "mf4"]
+    "kind", ["csv", "tsv", "json", "mat", "parquet", "mf4", *FRAMES]
 )
 def test_every_kind_of_file(files, kind):
     read = readers.read(files[kind], source_for(kind, files))
@@ -242,6 +245,7 @@ def test_unknown_signal_with_a_suggestion(run_dahl, files):
     )
     assert "no signal 'Angel' in the DBC; did you mean 'Angle'?" in said
     assert "needs --dbc" in refused(run_dahl, files["blf"])
+    assert "needs --dbc" in refused(run_dahl, files["raw.mf4"])
     said = refused(run_dahl, files["blf"], "--dbc", files["csv"], "--angle", "A", "--torque", "T")
     assert "log.csv: not a DBC" in said
 

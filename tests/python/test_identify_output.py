@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -104,6 +105,27 @@ def test_no_plan_where_it_cannot_be_trusted(tmp_path):
     files = output.write_all(study.identify([log]), "noise", tmp_path)
     assert all(path.suffix != ".h" for path in files)
     assert not (tmp_path / "dahl_plan_noise.h").exists()
+
+
+def test_an_interrupted_run_leaves_whole_files(found, tmp_path, monkeypatch):
+    """Cut off while each file in turn is put in its place: the old one is there, or the new one."""
+    output.write_all(found, "shaft", tmp_path)
+    whole = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    put = Path.replace
+    for last in ("shaft.json", "shaft.csv", "shaft.ini", "dahl_plan_shaft.h"):
+
+        def cut(part, target, last=last):
+            if target.name == last:
+                raise KeyboardInterrupt
+            return put(part, target)
+
+        monkeypatch.setattr(Path, "replace", cut)
+        with pytest.raises(KeyboardInterrupt):
+            output.write_all(found, "shaft", tmp_path)
+        for name, content in whole.items():
+            if name.endswith((".json", ".csv", ".ini")):
+                assert (tmp_path / name).read_bytes() == content
+        assert not (tmp_path / "dahl_plan_shaft.h").exists()
 
 
 def test_json_has_no_infinity(tmp_path):
