@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import shutil
 import sys
 from pathlib import Path
 
@@ -149,8 +148,8 @@ def write_readme(target: dict, host: dict) -> None:
         raise BenchError("build/bench/host.json is of a quick run; the README wants a whole one")
     text = with_tables(table.README.read_text(), target, host, measured=True)
     for name in PICTURES:
-        shutil.copy(OUT / name, ROOT / ".readme" / name)
-    table.README.write_text(text)
+        target_bench.put(ROOT / ".readme" / name, (OUT / name).read_bytes())
+    target_bench.put(table.README, text.encode())
     print("bench: README.md and .readme/ written")
 
 

@@ -271,14 +271,18 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     return result | measure_sizes(core)
 
 
-def write(path: Path, result: dict[str, object]) -> None:
+def put(path: Path, content: bytes) -> None:
     """Whole or not at all."""
-    part = path.with_suffix(f".{os.getpid()}")
+    part = path.with_name(f".{os.getpid()}{path.name}")
     try:
-        part.write_text(json.dumps(result, indent=1) + "\n")
+        part.write_bytes(content)
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write(path: Path, result: dict[str, object]) -> None:
+    put(path, (json.dumps(result, indent=1) + "\n").encode())
 
 
 def write_result(result: dict[str, object]) -> None:
