@@ -102,17 +102,7 @@ def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
 def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
     import pandas as pd
 
-    with path.open("rb") as file:
-        raw = file.read(65536)
-    try:
-        head = raw.decode("utf-8-sig", errors="strict" if len(raw) < 65536 else "ignore")
-    except UnicodeDecodeError as error:
-        raise Error(f"{path}: not a text file (byte {error.start})") from None
-    if "\0" in head:
-        raise Error(f"{path}: not a text file (byte {head.index(chr(0))})")
-    line = next((line for line in head.splitlines() if line.strip()), "")
-    if not line:
-        raise Error(f"{path}: empty; a first line with column names was expected")
+    line = _first_line(path)
     separator = max("\t;,", key=line.count) if re.search("[\t;,]", line) else r"\s+"
     fields = re.split(separator, line.strip())
     headless = all(_is_number(field) for field in fields)
@@ -131,6 +121,22 @@ def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
     if frame.empty:
         raise Error(f"{path}:1: no rows after the column names")
     return frame, 1 if headless else 2
+
+
+def _first_line(path: Path) -> str:
+    """The first line that is not blank. Raises dahl.Error."""
+    with path.open("rb") as file:
+        raw = file.read(65536)
+    try:
+        head = raw.decode("utf-8-sig", errors="strict" if len(raw) < 65536 else "ignore")
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a text file (byte {error.start})") from None
+    if "\0" in head:
+        raise Error(f"{path}: not a text file (byte {head.index(chr(0))})")
+    line = next((line for line in head.splitlines() if line.strip()), "")
+    if not line:
+        raise Error(f"{path}: empty; a first line with column names was expected")
+    return line
 
 
 def _is_number(text: str) -> bool:
@@ -169,7 +175,7 @@ def _rows_in(content: Any) -> Any:
     plain = {k: v for k, v in columns.items() if isinstance(v[0], (int, float))}
     if len(plain) > 1 and len({len(v) for v in plain.values()}) == 1:
         return plain
-    found = [_rows_in(v) for v in content.values() if isinstance(v, (list, dict))]
+    found = map(_rows_in, content.values())
     return next((rows for rows in found if rows is not None), None)
 
 
