@@ -5,6 +5,8 @@
 #include <errno.h>
 #include <string.h>
 
+static const uint32_t ERROR_BIT = 0x20000000u; /* as candump writes error frames */
+
 static char *put_decimal(char *at, uint64_t value, size_t digits)
 {
     for (size_t i = digits; i-- > 0;) {
@@ -61,7 +63,8 @@ void candump_write(candump_t *log, const can_frame_t *frame)
     at = put_text(at, ") ");
     at = put_text(at, log->bus_name);
     *at++ = ' ';
-    at = put_hex(at, frame->id, (frame->flags & CAN_FRAME_EXTENDED) != 0 ? 8 : 3);
+    bool error = (frame->flags & CAN_FRAME_ERROR) != 0;
+    at = put_hex(at, frame->id | (error ? ERROR_BIT : 0), (frame->flags & CAN_FRAME_EXTENDED) != 0 || error ? 8 : 3);
     *at++ = '#';
     at = put_data(at, frame);
     *at++ = '\n';

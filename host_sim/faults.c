@@ -4,14 +4,14 @@
 
 #include "splitmix.h"
 
-enum { RUN_MAX = 6, LATE_MIN = 2, LATE_MAX = 7, BABBLE = 8, OFF_EXTRA = 10, NOBODY = 0x700, BABBLER = 0x0F0 };
+enum { RUN_MAX = 6, LATE_MIN = 2, LATE_MAX = 7, BABBLE = 8, OFF_EXTRA = 10, OFF_TOLD = 5, NOBODY = 0x700, BABBLER = 0x0F0 };
 
 const char *const fault_names[FAULT_KINDS] = {
     [FAULT_DROP] = "drop",         [FAULT_DUPLICATE] = "duplicate", [FAULT_REORDER] = "reorder",
     [FAULT_DELAY] = "delay",       [FAULT_CORRUPT] = "corrupt",     [FAULT_LENGTH] = "length",
     [FAULT_ID] = "id",             [FAULT_EXTENDED] = "extended",   [FAULT_INVALID] = "invalid",
-    [FAULT_GLITCH] = "glitch",     [FAULT_BABBLE] = "babble",       [FAULT_BUS_OFF] = "bus_off",
-    [FAULT_RESTART] = "restart",
+    [FAULT_GLITCH] = "glitch",     [FAULT_BABBLE] = "babble",       [FAULT_SILENCE] = "silence",
+    [FAULT_BUS_OFF] = "bus_off",   [FAULT_RESTART] = "restart",
 };
 
 typedef struct {
@@ -145,21 +145,21 @@ static void restart(faults_t *f, const can_frame_t *frame, sink_t *sink)
     put(sink, &reset);
 }
 
-static void bus_off(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+static void silence(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     (void)frame;
-    (void)fault;
     (void)sink;
+    f->told = fault == FAULT_BUS_OFF;
     f->silent++;
     f->off = f->off_ticks - 1;
     f->rearm = NODE_REARM - 1;
     f->clean = NODE_REARM;
 }
 
-/* Bus_off and restart break the sequence, so nothing may be on its way or missing then. */
+/* Silence, bus_off and restart break the sequence, so nothing may be on its way or missing then. */
 static bool may(const faults_t *f, fault_t fault)
 {
-    bool breaks = fault == FAULT_BUS_OFF || fault == FAULT_RESTART;
+    bool breaks = fault == FAULT_SILENCE || fault == FAULT_BUS_OFF || fault == FAULT_RESTART;
     bool late = fault == FAULT_REORDER || fault == FAULT_DELAY;
     if (breaks && (f->late_count > 0 || f->missing > 0)) {
         return false;
@@ -186,7 +186,7 @@ static void (*const spoilers[FAULT_KINDS + 1])(faults_t *, const can_frame_t *, 
     [FAULT_DROP] = drop,           [FAULT_REORDER] = hold,       [FAULT_DELAY] = hold,
     [FAULT_CORRUPT] = corrupt,     [FAULT_LENGTH] = spoil_form,  [FAULT_ID] = spoil_form,
     [FAULT_EXTENDED] = spoil_form, [FAULT_INVALID] = spoil_count, [FAULT_GLITCH] = spoil_count,
-    [FAULT_BUS_OFF] = bus_off,
+    [FAULT_SILENCE] = silence,     [FAULT_BUS_OFF] = silence,
 };
 
 static void pass_good(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
@@ -218,14 +218,24 @@ static void release(faults_t *f, sink_t *sink)
     f->late_count = kept;
 }
 
+/* Bus-off is told when what was on its way on a slow bus has come; the timeout has passed before the silence ends. */
+static void stay_silent(faults_t *f, sink_t *sink)
+{
+    f->off--;
+    f->silent++;
+    if (f->told && f->off == f->off_ticks - OFF_TOLD) {
+        put(sink, &(can_frame_t){.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8});
+        f->expected.bus_off++;
+    }
+    f->expected.stale += !f->told && f->off == OFF_EXTRA - 1 ? 1u : 0u; /* the timeout has just passed */
+}
+
 size_t faults_pass(faults_t *f, const can_frame_t *in, can_frame_t out[FAULTS_OUT])
 {
     sink_t sink = {out, 0};
     if (f->off > 0) {
-        f->off--;
-        f->silent++;
-        f->expected.stale += f->off == OFF_EXTRA - 1 ? 1u : 0u; /* the timeout has just passed */
-        return 0;
+        stay_silent(f, &sink);
+        return sink.count;
     }
     fault_t fault = choose(f);
     if (fault < FAULT_KINDS) {

@@ -17,11 +17,13 @@
  *   | invalid   | the encoder disowns its count                                     | invalid                 |
  *   | glitch    | its count is 2^28 counts and more away                            | jump                    |
  *   | babble    | 8 frames of nobody with high priority before it                   | ignored                 |
- *   | bus_off   | nothing is sent for longer than the node's timeout                | stale, rearm            |
+ *   | silence   | nothing is sent for longer than the node's timeout                | stale, rearm            |
+ *   | bus_off   | the same, and the node's controller soon says that it is bus-off  | bus_off, rearm          |
  *   | restart   | the node starts anew, in the middle of the stream                 | resets                  |
  *
  * So that no fault hides another one: at most 6 frames in a row go missing; a frame that will come late, a glitch and a
- * new start are each followed by a good one; bus_off and restart follow a good one.
+ * new start are each followed by a good one; silence, bus_off and restart follow a good one. That a controller is off is
+ * an event of its own and no frame: a node that runs elsewhere only hears the silence.
  */
 #ifndef FAULTS_H
 #define FAULTS_H
@@ -44,6 +46,7 @@ typedef enum {
     FAULT_INVALID,
     FAULT_GLITCH,
     FAULT_BABBLE,
+    FAULT_SILENCE,
     FAULT_BUS_OFF,
     FAULT_RESTART,
     FAULT_KINDS
@@ -62,11 +65,12 @@ typedef struct {
 typedef struct {
     const double *rates; /* part of all frames, by fault_t */
     uint64_t random;
-    uint32_t off_ticks; /* how long bus_off lasts */
+    uint32_t off_ticks; /* how long silence and bus_off last */
     uint64_t injected[FAULT_KINDS];
-    uint64_t silent;       /* frames that bus_off swallowed */
+    uint64_t silent;       /* frames that silence and bus_off swallowed */
     node_counts_t expected; /* of the node, after all that was sent so far */
     uint32_t off;          /* frames still to swallow */
+    bool told;             /* of this silence the node knows */
     uint32_t rearm;        /* good frames that the node still wants before it starts again */
     uint32_t clean;        /* frames still to leave alone */
     uint32_t missing;      /* frames in a row that the node has not seen */
@@ -77,7 +81,8 @@ typedef struct {
 /* timeout_us: of the node. *rates must outlive the faults. */
 void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t seed, uint32_t timeout_us);
 
-/* What becomes of an EncoderState: the number of frames written to out, in the order of sending. */
+/* What becomes of an EncoderState: the number of frames written to out, in the order of sending; an error frame is for
+ * the controller of its node alone. */
 size_t faults_pass(faults_t *faults, const can_frame_t *in, can_frame_t out[FAULTS_OUT]);
 
 #endif

@@ -71,8 +71,10 @@ static bool is_for(const loop_t *loop, const node_t *node, const can_frame_t *fr
     uint32_t kind = frame->id & 0x7F0u;
     bool answer = kind == FRAMES_ID_TORQUE || kind == FRAMES_ID_STATUS || kind == FRAMES_ID_PARAM_REPLY;
     bool own_answer = (frame->flags & (CAN_FRAME_OWN | CAN_FRAME_EXTENDED)) == CAN_FRAME_OWN && answer;
-    bool of_controller = (frame->flags & CAN_FRAME_ERROR) != 0;
-    return !own_answer && !of_controller && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
+    if ((frame->flags & CAN_FRAME_ERROR) != 0) {
+        return can_is_bus_off(frame);
+    }
+    return !own_answer && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
 }
 
 static void to_nodes(loop_t *loop, const can_frame_t *frame)
@@ -139,19 +141,39 @@ static void look_at_load(loop_t *loop)
     loop->second_end = loop->ticks + SECOND_TICKS;
 }
 
-static void send_spoiled(loop_t *loop, faults_t *faults, const can_frame_t *angle)
+/* An event of one node's controller; the others' do not see it. */
+static void strike(loop_t *loop, uint32_t number, can_frame_t *event)
+{
+    can_frame_t unused;
+    event->time_us = clock_now(loop->clock) / 1000u;
+    if (loop->log != NULL) {
+        candump_write(loop->log, event);
+    }
+    loop->error_frames++;
+    for (uint32_t i = 0; i < loop->node_count; i++) {
+        if (loop->nodes[i].number == number) {
+            node_receive(&loop->nodes[i], event, node_time(loop), &unused);
+        }
+    }
+}
+
+static void send_spoiled(loop_t *loop, const encoder_t *encoder, const can_frame_t *angle)
 {
     can_frame_t frames[FAULTS_OUT];
-    size_t count = faults_pass(faults, angle, frames);
+    size_t count = faults_pass(encoder->faults, angle, frames);
     for (size_t i = 0; i < count; i++) {
-        transmit(loop, &frames[i]);
+        if ((frames[i].flags & CAN_FRAME_ERROR) != 0) {
+            strike(loop, encoder->node, &frames[i]);
+        } else {
+            transmit(loop, &frames[i]);
+        }
     }
 }
 
 static void send_angle(loop_t *loop, const encoder_t *encoder, const can_frame_t *angle)
 {
     if (encoder->faults != NULL) {
-        send_spoiled(loop, encoder->faults, angle);
+        send_spoiled(loop, encoder, angle);
     } else {
         transmit(loop, angle);
     }

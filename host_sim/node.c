@@ -17,6 +17,7 @@ static void restart(node_t *node)
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
     node->errors = 0;
     node->doubts = 0;
+    node->offs = 0;
     node->primed = false;
     node->urgent = true;
 }
@@ -82,6 +83,7 @@ static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, i
     node->good_us = now_us;
     node->primed = true;
     node->doubts = 0;
+    node->offs = 0;
     friction_torque_t torque = {
         .torque_q30 = output(node, torque_q30),
         .counter = node->torque_counter,
@@ -191,6 +193,12 @@ static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step,
     return move(node, seen, now_us, out);
 }
 
+/* Too soon after a bus-off, or once too often? */
+static bool is_held(const node_t *node, uint32_t now_us)
+{
+    return node->offs >= NODE_OFF_MAX || (node->offs > 0 && now_us - node->off_us < node->timeout_us);
+}
+
 static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
     if (!seen->valid) {
@@ -198,7 +206,7 @@ static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, ca
         return invalid(node, seen->counter);
     }
     node->state = node->start;
-    if (node->start == FRAMES_STALE && !sure(node, seen)) {
+    if (node->start == FRAMES_STALE && (is_held(node, now_us) || !sure(node, seen))) {
         node->counts.rearm++;
         return false;
     }
@@ -236,17 +244,31 @@ static bool reject(node_t *node, frames_check_t why)
     return false;
 }
 
+/* No torque from now on, until enough good frames have come. */
+static void fall_silent(node_t *node)
+{
+    node->primed = false;
+    node->doubts = 0;
+    node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
+    node->start = FRAMES_STALE;
+    node->urgent = true;
+    enter(node, FRAMES_STALE);
+}
+
+void node_bus_off(node_t *node, uint32_t now_us)
+{
+    node->counts.bus_off++;
+    node->offs = (uint8_t)(node->offs + (node->offs < NODE_OFF_MAX ? 1u : 0u));
+    node->off_us = now_us;
+    fall_silent(node);
+}
+
 static void check_age(node_t *node, uint32_t now_us)
 {
     int32_t age = (int32_t)(now_us - node->good_us); /* below 0 where the clock went back: not old */
     if (node->primed && age > 0 && (uint32_t)age > node->timeout_us) {
         node->counts.stale++;
-        node->primed = false;
-        node->doubts = 0;
-        node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
-        node->start = FRAMES_STALE;
-        node->urgent = true;
-        enter(node, FRAMES_STALE);
+        fall_silent(node);
     }
 }
 
@@ -379,7 +401,7 @@ static void pack_status(node_t *node, uint32_t now_us, can_frame_t *out)
         .errors = node->errors,
         .lost = low_byte(n->lost),
         .corrupt = low_byte(n->crc + n->format),
-        .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->jump + n->stale),
+        .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->jump + n->stale + n->bus_off),
         .version_major = DAHL_VERSION_MAJOR,
         .version_minor = DAHL_VERSION_MINOR,
     };
@@ -409,6 +431,10 @@ static bool on_reset(node_t *node, const can_frame_t *in, uint32_t now_us, can_f
 
 bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
 {
+    if (can_is_bus_off(in)) {
+        node_bus_off(node, now_us);
+        return false;
+    }
     switch (in->id ^ node->number) {
     case FRAMES_ID_ENCODER:
         return on_encoder(node, in, now_us, out);

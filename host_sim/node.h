@@ -28,10 +28,15 @@
  *   | nothing good for the timeout of 100 ms  | stale            | STALE          | kept    | no     |
  *   | after that: good ones 1 and 2 in a row  | rearm            | STALE          | kept    | no     |
  *   | after that: the third in a row          | ok               | STALE          | kept    | yes    |
+ *   | the controller goes bus-off             | bus_off          | STALE          | kept    | no     |
+ *   | good ones in the 100 ms after that      | rearm            | STALE          | kept    | no     |
+ *   | good ones after four bus-offs in a row  | rearm            | STALE          | kept    | no     |
  *
- *   Timeout          100 ms; Status says STALE at once
+ *   Timeout          100 ms; Status says STALE at once, on bus-off without waiting for the timeout
  *   Torque then      0: nothing is answered, and the gain begins anew from 0 where there is a ramp
- *   Back again       with the third good frame in a row; its count is the new starting point
+ *   Back again       with the third good frame in a row; its count is the new starting point. After a bus-off these are
+ *                    waited for only when a timeout has passed; the fourth bus-off without an answer in between is
+ *                    latched until a Reset with Restart
  *
  * Where the bristle is kept and yet an answer is given, the count is a new starting point: counts that passed unseen in a
  * gap are never integrated blindly, a jump of the encoder cannot become a torque. A receiver that hears no
@@ -59,6 +64,7 @@ extern "C" {
 #define NODE_GAP_MAX 3u       /* largest counter step that is used where no MaxStep is known: two frames missing */
 #define NODE_GAP_MAX_STEP 8u  /* the same where it is; larger steps look like frames that are late */
 #define NODE_REARM 3u         /* good frames in a row that end a doubt or a timeout */
+#define NODE_OFF_MAX 4u       /* bus-offs without an answer in between that are one too many */
 #define NODE_ONE 65536u       /* gain and limit of 1 */
 
 /* Frames by what became of them; lost counts frames that never came in time. */
@@ -76,6 +82,7 @@ typedef struct {
     uint32_t ignored; /* other ids */
     uint32_t params;  /* ParamWrite frames that were good */
     uint32_t resets;
+    uint32_t bus_off;
 } node_counts_t;
 
 typedef struct {
@@ -93,6 +100,7 @@ typedef struct {
     uint32_t count;        /* of the last EncoderState accepted */
     uint32_t good_us;      /* when that was */
     uint32_t sent_us;      /* when Status was last sent */
+    uint32_t off_us;       /* when the last bus-off was */
     uint8_t number;        /* node number, 0..15 */
     uint8_t state;         /* frames_state_t */
     uint8_t start;         /* why the next starting point is one: INIT or STALE */
@@ -100,6 +108,7 @@ typedef struct {
     uint8_t counter;       /* of the last EncoderState in sequence */
     uint8_t doubts;        /* frames in a row that may be a new start */
     uint8_t candidate;     /* counter of the last of them */
+    uint8_t offs;          /* bus-offs since the last answer */
     uint8_t torque_counter;
     uint8_t status_counter;
     bool primed;           /* count and counter are a valid starting point */
@@ -109,6 +118,9 @@ typedef struct {
 /* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. Fails as dahl_prepare does: then
  * *node is untouched. */
 dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number);
+
+/* The controller went off the bus, where that is not told by an error frame: node_receive takes those. */
+void node_bus_off(node_t *node, uint32_t now_us);
 
 /* Take one frame, any frame. True: *out is the answer to send at once. now_us may wrap. */
 bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out);

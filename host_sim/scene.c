@@ -78,6 +78,7 @@ static const scene_key_t keys[] = {
     {"faults", "invalid", AT(faults[FAULT_INVALID]), false, 0, 1, ANY_KIND | OPTIONAL},
     {"faults", "glitch", AT(faults[FAULT_GLITCH]), false, 0, 1, ANY_KIND | OPTIONAL},
     {"faults", "babble", AT(faults[FAULT_BABBLE]), false, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "silence", AT(faults[FAULT_SILENCE]), false, 0, 1, ANY_KIND | OPTIONAL},
     {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), false, 0, 1, ANY_KIND | OPTIONAL},
     {"faults", "restart", AT(faults[FAULT_RESTART]), false, 0, 1, ANY_KIND | OPTIONAL},
     {"status", "period_ms", AT(status_period_ms), false, 1, 60000, ANY_KIND},

@@ -85,7 +85,8 @@ static void add_encoders(cJSON *to, const loop_t *loop)
 
 /* Names of node_counts_t, in its order. */
 static const char *const count_names[] = {"ok",    "repeated", "lost",  "wrong_sequence", "crc",    "format", "invalid",
-                                          "jump",  "stale",    "rearm", "ignored",        "params", "resets"};
+                                          "jump",  "stale",    "rearm", "ignored",        "params", "resets",
+                                          "bus_off"};
 
 enum { COUNTS = sizeof count_names / sizeof count_names[0] };
 

@@ -9,6 +9,7 @@
 #ifndef CAN_BUS_H
 #define CAN_BUS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -22,6 +23,9 @@ enum {
     CAN_FRAME_FD = 8,       /* CAN FD; only its first 8 bytes are kept */
     CAN_FRAME_OWN = 16      /* sent by this process, seen on its way back */
 };
+
+/* Id bit of an error frame, as in Linux: the controller is off the bus. Other error frames say nothing of that. */
+#define CAN_ERROR_BUS_OFF 0x40u
 
 /* Flags that make a frame something other than a classic data frame with an 11-bit id. */
 #define CAN_FRAME_FOREIGN (CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)
@@ -69,6 +73,12 @@ struct can_bus {
     can_clock_t clock;
     can_bus_counts_t counts;
 };
+
+/* Not a frame that somebody sent, but an event of the own controller. */
+static inline bool can_is_bus_off(const can_frame_t *frame)
+{
+    return (frame->flags & CAN_FRAME_ERROR) != 0 && (frame->id & CAN_ERROR_BUS_OFF) != 0;
+}
 
 static inline uint64_t can_clock_now_us(const can_clock_t *clock)
 {

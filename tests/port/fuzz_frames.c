@@ -66,7 +66,7 @@ static void check_answer(const can_frame_t *out, uint64_t frame)
 static uint64_t fates(const node_counts_t *n)
 {
     return (uint64_t)n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->jump + n->rearm +
-           n->ignored + n->params + n->resets;
+           n->ignored + n->params + n->resets + n->bus_off;
 }
 
 /* A Reset of the errors clears the counts; then it is itself not among them. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The node: each row of the table in node.h. */
 #include <limits.h>
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <unity.h>
@@ -609,6 +610,108 @@ static void test_a_refused_model_leaves_the_node_alone(void)
     TEST_ASSERT_EQUAL_MEMORY(&before, &node, sizeof node);
 }
 
+/* --- bus-off ------------------------------------------------------------------------------------------------------ */
+
+/* True: the third good frame, sent now, is answered. */
+static bool comes_back(void)
+{
+    bool early = feed(4, 500) || feed(5, 510);
+    return feed(6, 520) && !early;
+}
+
+static void test_bus_off_is_told_at_once_and_over_after_the_timeout(void)
+{
+    can_frame_t out;
+    feed(0, 0);
+    feed(1, 300);
+    int64_t bristle = node.bearing.w;
+    node_tick(&node, now_us, &out);
+    node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out)); /* Status, without waiting for its period */
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_STALE, node.errors);
+    now_us += NODE_TIMEOUT_US - 4000;
+    TEST_ASSERT_FALSE(comes_back()); /* the last of the three 1 ms before the time */
+    TEST_ASSERT_TRUE(comes_back());
+    TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL(bristle, node.bearing.w);
+    TEST_ASSERT_EQUAL(1, node.counts.bus_off);
+    TEST_ASSERT_EQUAL(0, node.counts.stale);
+    TEST_ASSERT_EQUAL(5, node.counts.rearm);
+}
+
+static void test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart(void)
+{
+    for (uint32_t i = 0; i < 10; i++) { /* an answer in between forgives */
+        node_bus_off(&node, now_us);
+        now_us += NODE_TIMEOUT_US;
+        TEST_ASSERT_TRUE(comes_back());
+    }
+    for (uint32_t i = 0; i < NODE_OFF_MAX - 1; i++) {
+        node_bus_off(&node, now_us);
+    }
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_TRUE(comes_back());
+    for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
+        node_bus_off(&node, now_us);
+    }
+    now_us += 10 * NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(comes_back());
+    reset(FRAMES_RESET_ERRORS);
+    TEST_ASSERT_FALSE(comes_back());
+    reset(FRAMES_RESET_RESTART);
+    TEST_ASSERT_TRUE(feed(7, 530));
+}
+
+static void test_other_error_frames_are_no_bus_off(void)
+{
+    feed(0, 0);
+    can_frame_t frame = {.id = 0x04, .flags = CAN_FRAME_ERROR, .length = 8};
+    TEST_ASSERT_FALSE(give(&frame));
+    TEST_ASSERT_TRUE(feed(1, 10));
+    TEST_ASSERT_EQUAL(0, node.counts.bus_off);
+}
+
+/* --- frames that never came, without a MaxStep --------------------------------------------------------------------- */
+
+/* The exact torque after one move, in parts of Fc. */
+static double follow(double ratio, int32_t travel)
+{
+    double sign = (travel > 0) - (travel < 0);
+    return sign - (sign - ratio) * exp(-50.0 / 0.5 * (double)params.theta_per_count * fabs((double)travel));
+}
+
+/* Largest error against the path without losses, where two of three frames are. */
+static double worst_with_losses(int32_t turn_after)
+{
+    double ratio = 0;
+    double worst = 0;
+    int32_t count = 0;
+    feed(0, 0);
+    for (int32_t i = 1; i < 300; i++) {
+        int32_t travel = ((i - 1) / turn_after) % 2 == 0 ? 7 : -7;
+        count += travel;
+        ratio = follow(ratio, travel);
+        if (i % 3 != 0) {
+            now_us += 1000;
+            continue;
+        }
+        TEST_ASSERT_TRUE(feed((uint32_t)i, count));
+        worst = fmax(worst, fabs(ldexp(answer.torque_q30, -30) - ratio));
+    }
+    TEST_ASSERT_EQUAL(198, node.counts.lost);
+    return worst;
+}
+
+static void test_two_of_three_frames_lost_cost_nothing(void)
+{
+    TEST_ASSERT_TRUE(worst_with_losses(30) < 1e-8); /* reversals where a frame came */
+}
+
+static void test_a_reversal_that_a_loss_hides_costs_something(void)
+{
+    TEST_ASSERT_TRUE(worst_with_losses(31) > 1e-3);
+}
+
 /* --- the table of node.h, row by row ------------------------------------------------------------------------------ */
 
 typedef struct {
@@ -717,6 +820,38 @@ static can_frame_t row_back_three(void)
     return encoder_frame(3, 70);
 }
 
+static can_frame_t bus_off_frame(void)
+{
+    return (can_frame_t){.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8};
+}
+
+static can_frame_t row_bus_off(void)
+{
+    feed(0, 0);
+    return bus_off_frame();
+}
+
+static can_frame_t row_held(void)
+{
+    can_frame_t off = row_bus_off();
+    give(&off);
+    feed(1, 60);
+    feed(2, 65);
+    return encoder_frame(3, 70);
+}
+
+static can_frame_t row_latched(void)
+{
+    can_frame_t off = row_bus_off();
+    for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
+        give(&off);
+    }
+    now_us += 1000000;
+    feed(1, 60);
+    feed(2, 65);
+    return encoder_frame(3, 70);
+}
+
 static const row_t rows[] = {
     {"the first good one", row_first},
     {"counter + 1", row_next},
@@ -733,6 +868,9 @@ static const row_t rows[] = {
     {"nothing good for the timeout of 100 ms", row_silence},
     {"after that: good ones 1 and 2 in a row", row_back_two},
     {"after that: the third in a row", row_back_three},
+    {"the controller goes bus-off", row_bus_off},
+    {"good ones in the 100 ms after that", row_held},
+    {"good ones after four bus-offs in a row", row_latched},
 };
 
 enum { ROWS = sizeof rows / sizeof rows[0], COLUMNS = 5 };
@@ -753,7 +891,8 @@ static void grown(const node_counts_t *before, char *text)
                     {"invalid", n->invalid - before->invalid},
                     {"jump", n->jump - before->jump},
                     {"stale", n->stale - before->stale},
-                    {"rearm", n->rearm - before->rearm}};
+                    {"rearm", n->rearm - before->rearm},
+                    {"bus_off", n->bus_off - before->bus_off}};
     text[0] = '\0';
     for (size_t i = 0; i < sizeof counters / sizeof counters[0]; i++) {
         if (counters[i].by > 0) {
@@ -842,7 +981,7 @@ static void test_random_input_breaks_nothing(void)
     const node_counts_t *n = &node.counts;
     TEST_ASSERT_EQUAL(rounds,
                       n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->ignored + n->jump +
-                          n->rearm + n->params + n->resets);
+                          n->rearm + n->params + n->resets + n->bus_off);
 }
 
 int main(void)
@@ -881,6 +1020,11 @@ int main(void)
     RUN_TEST(test_a_restart_forgets_all_but_the_parameters);
     RUN_TEST(test_errors_are_sticky_until_they_are_reset);
     RUN_TEST(test_a_refused_model_leaves_the_node_alone);
+    RUN_TEST(test_bus_off_is_told_at_once_and_over_after_the_timeout);
+    RUN_TEST(test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart);
+    RUN_TEST(test_other_error_frames_are_no_bus_off);
+    RUN_TEST(test_two_of_three_frames_lost_cost_nothing);
+    RUN_TEST(test_a_reversal_that_a_loss_hides_costs_something);
     RUN_TEST(test_each_row_of_the_table_in_node_h);
     RUN_TEST(test_random_input_breaks_nothing);
     return UNITY_END();

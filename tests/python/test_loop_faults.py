@@ -26,6 +26,7 @@ KINDS = (
     "invalid",
     "glitch",
     "babble",
+    "silence",
     "bus_off",
     "restart",
 )
@@ -61,8 +62,9 @@ def sums(injected: dict) -> dict:
         "ignored": injected["id"] + 8 * injected["babble"],
         "invalid": injected["invalid"],
         "jump": injected["glitch"],
-        "stale": injected["bus_off"],
-        "rearm": 2 * injected["bus_off"],
+        "stale": injected["silence"],
+        "rearm": 2 * (injected["silence"] + injected["bus_off"]),
+        "bus_off": injected["bus_off"],
         "resets": injected["restart"],
     }
 
@@ -246,3 +248,21 @@ def test_a_storm_while_the_count_wraps(tmp_path):
     }
     assert good_counts == {True, False}
     assert result.summary["node"]["jump"] == result.summary["faults"]["injected"]["glitch"]
+
+
+@pytest.mark.parametrize("rate", ["500000", "1000000"])
+def test_a_storm_on_a_bus_that_takes_time(tmp_path, rate):
+    agreement(storm(tmp_path, "--bitrate", rate).summary)
+
+
+def test_the_log_shows_each_bus_off(tmp_path):
+    """As candump writes an error frame; after it no answer for as long as the timeout."""
+    result = storm(tmp_path, bus_off=0.001)
+    log = read_log(result.log)
+    events = [i for i, frame in enumerate(log) if frame.id == 0x20000040]
+    assert len(events) == result.summary["faults"]["expected"]["bus_off"] > 10
+    answers = np.array([frame.time for frame in log if frame.id == 0x110])
+    status = np.array([frame.time for frame in log if frame.id == 0x120])
+    for event in (log[i].time for i in events):
+        assert not ((answers > event) & (answers < event + 0.1)).any()
+        assert ((status >= event) & (status <= event + 0.0011)).any()

@@ -116,7 +116,7 @@ def test_cansend_disturbs_nothing_and_is_counted(machine):
     """A wrong CRC; a short, an extended, a remote frame; FD is dropped; 7FF is filtered out."""
     summary = machine("disturb").summary("node")
     seen = {name: count for name, count in summary["node"].items() if count}
-    assert seen == {"crc": 1, "format": 3}
+    assert seen == {"crc": 1, "format": 3, "bus_off": 1}
     assert summary["bus_counts"]["error_frames"] == 1
 
 
@@ -126,6 +126,39 @@ def test_cangen_on_the_encoders_own_id_loses_no_answer(machine):
     assert (summary["frames_sent"], summary["frames_lost"]) == (3000, 0)
     seen = {name: count for name, count in summary["node"].items() if count}
     assert seen == {"ok": 3000, "crc": 150, "format": 150, "ignored": 100}
+
+
+def test_bus_off_takes_the_torque_away_at_once_and_gives_it_back(machine):
+    """After the kernel's error frame no answer, then the third good frame of those that count."""
+    case = machine("off")
+    assert case.code("both") == 0, case.errors("both")
+    summary = case.summary("both")
+    node = summary["node"]
+    assert (node["bus_off"], node["stale"], summary["bus_counts"]["error_frames"]) == (1, 0, 2)
+    assert node["rearm"] > 2  # two would be enough if the node did not wait for the timeout
+    assert node["ok"] + node["rearm"] == summary["frames_sent"]
+    log = read_log(case.folder / "run.log")
+    at = [frame.id for frame in log].index(0x20000040)
+    back = next(frame for frame in log[at:] if frame.id == 0x110)
+    unanswered = sum(frame.id == 0x100 for frame in log[at : log.index(back)])
+    assert node["rearm"] <= unanswered - 1 <= node["rearm"] + 1
+    assert back.data[1] >> 4 == 5  # STALE: a new start
+    assert log[at - 1].id != 0x20000040
+    assert 0x20000004 in {frame.id for frame in log[:at]}
+
+
+def test_the_fourth_bus_off_in_a_row_is_latched(machine):
+    case = machine("off")
+    assert case.code("latched") == 0, case.errors("latched")
+    summary = case.summary("latched")
+    assert summary["node"]["bus_off"] == 4
+    assert summary["node"]["ok"] + summary["node"]["rearm"] == summary["frames_sent"]
+    log = read_log(case.folder / "latched.log")
+    last = max(i for i, frame in enumerate(log) if frame.id == 0x20000040)
+    after = [frame.id for frame in log[last:]]
+    assert after.count(0x100) > 1500  # longer than the timeout
+    assert 0x110 not in after
+    assert 0x120 in after
 
 
 def test_a_full_queue_stops_nothing(machine):

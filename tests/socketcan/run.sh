@@ -106,6 +106,21 @@ noise() { # frames on the encoder's own id, and random extended ones, beside a r
     end_witness
 }
 
+bus_off() { # the controller says so, in the middle of a stream; then four times without an answer in between
+    begin off
+    loop both --seconds 3 --log "$HERE/run.log" --set friction.timeout_ms=100 &
+    local running=$!
+    sleep 1
+    cansend vcan0 20000004#0000000000000000
+    cansend vcan0 20000040#0000000000000000
+    wait "$running"
+    loop latched --seconds 5 --set friction.timeout_ms=1000 --log "$HERE/latched.log" &
+    running=$!
+    sleep 1
+    for _ in 1 2 3 4; do cansend vcan0 20000040#0000000000000000; done
+    wait "$running"
+}
+
 full_queue() { # a queue that lets 2 kbit/s through, behind an encoder that wants more: ENOBUFS
     begin full
     if tc qdisc add dev vcan0 root tbf rate 2kbit burst 40 limit 64 2>"$HERE/tc.err"; then
@@ -125,4 +140,4 @@ going_down() {
     ip link set vcan0 up
 }
 
-for case in virtual_time two_processes replay disturb noise full_queue going_down; do $case; done
+for case in virtual_time two_processes replay disturb bus_off noise full_queue going_down; do $case; done
