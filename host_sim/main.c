@@ -268,7 +268,7 @@ static int write_results(program_t *p)
         complain("--log %s: %s", p->options.log, strerror(errno));
         code = EXIT_RUNTIME;
     }
-    if (!plant_close(&p->plant)) {
+    if (p->plant.trace != NULL && !plant_close(&p->plant)) {
         complain("--trace %s: it could not be written whole", p->options.trace);
         code = EXIT_RUNTIME;
     }

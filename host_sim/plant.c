@@ -138,9 +138,6 @@ bool plant_trace(plant_t *plant, const char *path)
 
 bool plant_close(plant_t *plant)
 {
-    if (plant->trace == NULL) {
-        return true;
-    }
     bool failed = ferror(plant->trace) != 0;
     return fclose(plant->trace) == 0 && !failed;
 }

@@ -43,7 +43,7 @@ bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const
 /* Write time, reference, angle, velocity, motor, friction, compensation of each tick as CSV. False: errno says why. */
 bool plant_trace(plant_t *plant, const char *path);
 
-/* False: the trace could not be written whole. */
+/* Close the trace that was asked for. False: it could not be written whole. */
 bool plant_close(plant_t *plant);
 
 #endif

@@ -18,7 +18,7 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 PACKAGES=(gcc g++ libc6-dev cmake ninja-build pkg-config python3 python3-venv libinih-dev libcsv-dev libcjson-dev
     git ca-certificates dpkg-dev xz-utils)
 # Only some tests need these: another compiler, 32 bits, CAN tools. Without one of them those tests say so and are skipped.
-EXTRAS=(clang libclang-rt-14-dev can-utils gcc-multilib g++-multilib)
+EXTRAS=(clang libclang-rt-14-dev can-utils gcc-multilib g++-multilib valgrind sollya)
 # Small cores, emulated (tests/python/test_target*.py, tools/bench.sh, tools/demo.sh --target).
 EXTRAS+=(gcc-arm-none-eabi libnewlib-arm-none-eabi picolibc-arm-none-eabi qemu-system-arm
     gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc)

@@ -268,6 +268,48 @@ def test_a_bus_that_is_not_there(bus, words):
     assert words in result.stderr
 
 
+PLANTED = """
+#include <errno.h>
+#include <sys/socket.h>
+int socket(int domain, int type, int protocol)
+{
+    (void)domain, (void)type, (void)protocol;
+    errno = PLANT;
+    return -1;
+}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("EPERM", "Operation not permitted"),
+        ("EACCES", "Permission denied"),
+        ("EAFNOSUPPORT", "Address family not supported by protocol (this kernel has no CAN)"),
+    ],
+)
+def test_a_kernel_that_refuses_a_socket_is_told(tmp_path, name, words):
+    """No permission, no CAN: what the kernel would say, said by a socket() of our own."""
+    planted = tmp_path / "planted.so"
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", f"-DPLANT={name}", "-x", "c", "-", "-o", str(planted)],
+        input=PLANTED,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    done = subprocess.run(
+        [program(), "--scene", str(SCENES / "steering.ini"), "--bus", "socketcan:vcan0"],
+        env={**os.environ, "LD_PRELOAD": str(planted)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"error: --bus socketcan:vcan0: {words}\n"
+
+
 def test_an_unwritable_log_is_told(tmp_path):
     result = run(tmp_path, SCENES / "segments.ini", "--virtual", "--log", "/dev/full")
     assert result.code == 1
