@@ -98,6 +98,17 @@ def test_the_command(run_dahl, tmp_path, dahl_loop):
 
 
 @pytest.mark.parametrize(
+    ("linear", "mm", "said"), [(1, (), "give --mm"), (0, ("--mm",), "leave out")]
+)
+def test_newtons_are_not_taken_for_newton_metres(run_dahl, tmp_path, linear, mm, said):
+    known = tmp_path / "known.json"
+    known.write_text(json.dumps({"sigma0": 3e4, "Fc": 2.7, "linear": bool(linear)}))
+    done = run_dahl("excite", "--from", known, "--counts-per-turn", "10000", *mm, "-o", tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+
+
+@pytest.mark.parametrize(
     ("words", "said"),
     [
         (("--sigma0", "100"), "a guess is needed"),

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 HELP = "the motion for an identification"
 EXAMPLE = """examples:
   dahl excite --sigma0 100 --fc 0.5 --counts-per-turn 16384 --within 1
-  dahl excite --from build/identify/shaft.json --counts-per-turn 16384 --within 0.5 --speed 2"""
+  dahl excite --from build/identify/rig.json --mm --counts-per-turn 10000 --within 0.5"""
 
 ROWS = 5_000_000  # of a CSV that is still of use
 
@@ -91,7 +91,7 @@ def _wanted(args: argparse.Namespace) -> Wanted:
     from dahl.identify.design import Wanted
 
     if args.known:
-        args.sigma0, args.fc = _known(args.known)
+        args.sigma0, args.fc = _known(args.known, args.mm)
     if args.sigma0 is None or args.fc is None:
         raise Error("a guess is needed: --sigma0 and --fc, or --from JSON")
     turn = 1e-3 if args.mm else 2 * math.pi
@@ -100,13 +100,15 @@ def _wanted(args: argparse.Namespace) -> Wanted:
     return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed)
 
 
-def _known(path: Path) -> tuple[float, float]:
+def _known(path: Path, linear: bool) -> tuple[float, float]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
+        if found.get("linear", linear) != linear:
+            raise Error(f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm")
         return positive(str(found["sigma0"])), positive(str(found["Fc"]))
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError, argparse.ArgumentTypeError):
+    except (ValueError, KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
         raise Error(f"{path}: not what dahl identify leaves (sigma0 and Fc)") from None
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 HELP = "from a measured log to sigma0 and Fc"
 EXAMPLE = """examples:
+  dahl identify "$(dahl data tribometer)/reciprocating.tsv" --name rig
   dahl identify shaft.csv --angle angle_deg --torque torque_Nm --counts-per-turn 16384
   dahl identify run1.csv run2.csv --check run3.csv --json -
   dahl identify drive.blf --dbc car.dbc --angle SteeringAngle --torque ColumnTorque
