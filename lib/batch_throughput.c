@@ -29,14 +29,14 @@ typedef struct {
     size_t n;
 } job_t;
 
-DAHL_INLINE int is_above(const void *moves, size_t n, uint32_t small, dahl_measure_t measure)
+DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure)
 {
     uint32_t most = 0;
     for (size_t i = n; i < n + BLOCK; i++) {
         uint32_t size = measure(moves, i);
         most = size > most ? size : most;
     }
-    return most > small;
+    return most;
 }
 
 DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, double w0, dahl_value_t value, dahl_g_t g_of)
@@ -81,53 +81,57 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
 }
 
 DAHL_INLINE void run_block(scan_t *scan, const job_t *job, const void *moves, size_t n, float *F, dahl_value_t value,
-                           dahl_measure_t measure)
+                           dahl_value_t number, dahl_measure_t measure)
 {
     double w0 = dahl_w_of(job->state), a = job->scale.a;
-    if (is_above(moves, n, job->scale.small, measure)) {
+    uint32_t most = largest(moves, n, measure);
+    if (most > job->scale.small) {
         make_maps(scan, moves, n, a, w0, value, dahl_g_any);
+    } else if (most <= job->scale.tiny) {
+        make_maps(scan, moves, n, a, w0, number, dahl_g_tiny);
     } else {
-        make_maps(scan, moves, n, a, w0, value, dahl_g_small);
+        make_maps(scan, moves, n, a, w0, number, dahl_g_small);
     }
     dahl_carry(job->state, join_groups(scan));
     write_torques(scan, w0, job->scale.Fc, F + n);
 }
 
 /* The last ticks, filled up to a block with ticks that do not move. */
-DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_value_t value, dahl_measure_t measure)
+DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_value_t value,
+                          dahl_value_t number, dahl_measure_t measure)
 {
     uint32_t moves[BLOCK] = {0};
     float F[BLOCK];
     for (size_t i = 0; done + i < job->n; i++) {
         dahl_copy_word(&moves[i], (const uint32_t *)job->moves + done + i);
     }
-    run_block(scan, job, moves, 0, F, value, measure);
+    run_block(scan, job, moves, 0, F, value, number, measure);
     for (size_t i = 0; done + i < job->n; i++) {
         job->F[done + i] = F[i];
     }
 }
 
-DAHL_INLINE void run(const job_t *job, dahl_value_t value, dahl_measure_t measure)
+DAHL_INLINE void run(const job_t *job, dahl_value_t value, dahl_value_t number, dahl_measure_t measure)
 {
     scan_t scan;
     size_t done = 0;
     for (; job->n - done >= BLOCK; done += BLOCK) {
-        run_block(&scan, job, job->moves, done, job->F, value, measure);
+        run_block(&scan, job, job->moves, done, job->F, value, number, measure);
     }
     if (done < job->n) {
-        run_rest(&scan, job, done, value, measure);
+        run_rest(&scan, job, done, value, number, measure);
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job) { run(job, dahl_value_of_count, dahl_measure_of_count); }
-DAHL_INLINE void run_angles(const job_t *job) { run(job, dahl_value_of_angle, dahl_measure_of_angle); }
+DAHL_INLINE void run_counts(const job_t *job) { run(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count); }
+DAHL_INLINE void run_angles(const job_t *job) { run(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle); }
 DAHL_VARIANTS(counts, job_t, run_counts)
 DAHL_VARIANTS(angles, job_t, run_angles)
 
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
                                   size_t n)
 {
-    job_t job = {{0, 0, 0}, state, dcounts, F, n};
+    job_t job = {{0, 0, 0, 0}, state, dcounts, F, n};
     dahl_err_t err = dahl_throughput_check(params, 1, &job.scale);
     if (err == DAHL_OK) {
         counts(&job);
@@ -137,7 +141,7 @@ dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_s
 
 dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t *state, const float *dtheta, float *F, size_t n)
 {
-    job_t job = {{0, 0, 0}, state, dtheta, F, n};
+    job_t job = {{0, 0, 0, 0}, state, dtheta, F, n};
     dahl_err_t err = dahl_throughput_check(params, 0, &job.scale);
     if (err == DAHL_OK) {
         angles(&job);

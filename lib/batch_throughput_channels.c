@@ -12,7 +12,7 @@
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
-    uint32_t small; /* the least of all channels */
+    uint32_t small, tiny; /* the least of all channels */
 } chunk_t;
 
 typedef struct {
@@ -24,8 +24,8 @@ typedef struct {
     int by_counts;
 } job_t;
 
-/* Whether a move of these ticks may be above ln 2 for some channel. Rows without a gap between them are one long row. */
-DAHL_INLINE int is_above(const chunk_t *chunk, const job_t *job, size_t first, size_t last, dahl_measure_t measure)
+/* The largest measure of these ticks. Rows without a gap between them are one long row. */
+DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_measure_t measure)
 {
     size_t rows = last - first, width = job->count, start = first * job->stride;
     uint32_t most = 0;
@@ -39,7 +39,7 @@ DAHL_INLINE int is_above(const chunk_t *chunk, const job_t *job, size_t first, s
             most = size > most ? size : most;
         }
     }
-    return most > chunk->small;
+    return most;
 }
 
 DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value, dahl_g_t g_of)
@@ -58,51 +58,57 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
 }
 
 DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value,
-                           dahl_measure_t measure)
+                           dahl_value_t number, dahl_measure_t measure)
 {
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
         chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
         chunk->d[c] = 0.0;
     }
-    if (is_above(chunk, job, first, last, measure)) {
+    uint32_t most = largest(job, first, last, measure);
+    if (most > chunk->small) {
         step(chunk, job, count, first, last, value, dahl_g_any);
+    } else if (most <= chunk->tiny) {
+        step(chunk, job, count, first, last, number, dahl_g_tiny);
     } else {
-        step(chunk, job, count, first, last, value, dahl_g_small);
+        step(chunk, job, count, first, last, number, dahl_g_small);
     }
     for (size_t c = 0; c < count; c++) {
         dahl_carry(&job->states[c], chunk->d[c]);
     }
 }
 
-DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_measure_t measure)
+DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_value_t number,
+                     dahl_measure_t measure)
 {
     chunk_t chunk;
-    chunk.small = UINT32_MAX;
+    chunk.small = chunk.tiny = UINT32_MAX;
     for (size_t c = 0; c < count; c++) {
         dahl_throughput_scale_t scale;
         (void)dahl_throughput_check(&job->params[c], job->by_counts, &scale);
         chunk.a[c] = scale.a;
         chunk.Fc[c] = scale.Fc;
         chunk.small = scale.small < chunk.small ? scale.small : chunk.small;
+        chunk.tiny = scale.tiny < chunk.tiny ? scale.tiny : chunk.tiny;
     }
     for (size_t t = 0; t < job->n; t += BLOCK) {
-        run_block(&chunk, job, count, t, job->n - t < BLOCK ? job->n : t + BLOCK, value, measure);
+        run_block(&chunk, job, count, t, job->n - t < BLOCK ? job->n : t + BLOCK, value, number, measure);
     }
 }
 
 /* A whole chunk has a number of channels that the compiler knows. */
-DAHL_INLINE void run_known(const job_t *job, dahl_value_t value, dahl_measure_t measure)
+DAHL_INLINE void run_known(const job_t *job, dahl_value_t value, dahl_value_t number,
+                           dahl_measure_t measure)
 {
     if (job->count == CHUNK) {
-        run(job, CHUNK, value, measure);
+        run(job, CHUNK, value, number, measure);
     } else {
-        run(job, job->count, value, measure);
+        run(job, job->count, value, number, measure);
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job) { run_known(job, dahl_value_of_count, dahl_measure_of_count); }
-DAHL_INLINE void run_angles(const job_t *job) { run_known(job, dahl_value_of_angle, dahl_measure_of_angle); }
+DAHL_INLINE void run_counts(const job_t *job) { run_known(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count); }
+DAHL_INLINE void run_angles(const job_t *job) { run_known(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle); }
 DAHL_VARIANTS(counts, job_t, run_counts)
 DAHL_VARIANTS(angles, job_t, run_angles)
 

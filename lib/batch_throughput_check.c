@@ -20,10 +20,10 @@ static int is_torque(double x)
     return is_in(x, (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
 }
 
-/* ln 2 as counts, or as the bits of a float: rounding up by 2^-24 is within the kernel's range. */
-static uint32_t small_of(double a, int by_counts)
+/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. */
+static uint32_t measure_of(double travel, double a, int by_counts)
 {
-    double most = DAHL_LN2 / a;
+    double most = travel / a;
     if (by_counts) {
         return most < 4294967295.0 ? (uint32_t)most : UINT32_MAX;
     }
@@ -41,6 +41,7 @@ dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_
     }
     scale->Fc = params->Fc;
     scale->a = params->sigma0 / params->Fc * theta;
-    scale->small = small_of(scale->a, by_counts);
+    scale->small = measure_of(DAHL_LN2, scale->a, by_counts);
+    scale->tiny = measure_of(DAHL_LN2 / 128, scale->a, by_counts);
     return !by_counts || is_in(scale->a, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
 }
