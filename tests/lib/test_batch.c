@@ -2,6 +2,7 @@
 /* Batches: the bitwise forms against single steps, bit for bit; the throughput forms against long double. */
 #include <string.h>
 
+#include "../../lib/batch_throughput.h"
 #include "motions.h"
 #include "plans.h"
 
@@ -299,9 +300,30 @@ static void test_bad_parameters_touch_nothing(void)
     refuses(1e19, 1e-19, 1e-33, DAHL_OK, DAHL_OK);
 }
 
+/* The relative error of a kernel of the throughput forms over travel least .. most, against expm1l. */
+static double kernel_error(dahl_g_t g_of, double least, double most)
+{
+    long double worst = 0;
+    for (double u = least; u <= most; u *= 1.00001) {
+        long double exact = -expm1l(-(long double)u), error = fabsl(g_of(u) / exact - 1);
+        worst = error > worst ? error : worst;
+        TEST_ASSERT_TRUE(g_of(-u) == -g_of(u));
+    }
+    return (double)worst;
+}
+
+static void test_throughput_kernels(void)
+{
+    TEST_ASSERT_TRUE(kernel_error(dahl_g_tiny, 1e-9, DAHL_LN2 / 128) <= DAHL_G_ERROR_TINY);
+    TEST_ASSERT_TRUE(kernel_error(dahl_g_small, 1e-9, DAHL_LN2) <= DAHL_G_ERROR);
+    TEST_ASSERT_TRUE(kernel_error(dahl_g_any, 1e-6, 100) <= DAHL_G_ERROR);
+    TEST_ASSERT_TRUE(kernel_error(dahl_g_tiny, 1e-9, DAHL_LN2) > DAHL_G_ERROR); /* it is for short travel only */
+}
+
 int main(void)
 {
     UNITY_BEGIN();
+    RUN_TEST(test_throughput_kernels);
     RUN_TEST(test_counts_are_the_bits_of_single_steps);
     RUN_TEST(test_angles_are_the_bits_of_single_steps);
     RUN_TEST(test_torques_next_to_a_tie);
