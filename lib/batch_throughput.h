@@ -59,7 +59,7 @@ DAHL_INLINE double dahl_g_tiny(double x)
     return x * (p * u + 1.0);
 }
 
-/* |x| = u = k ln 2 + r: g = 1 - 2^-k + 2^-k (1 - exp(-r)). Cut where nothing is left of the gap. */
+/* |x| = u = k ln 2 + r: g = 1 - 2^-k exp(-r). Cut where nothing is left of the gap. */
 DAHL_INLINE double dahl_g_any(double x)
 {
     dahl_double_t power;
@@ -67,7 +67,8 @@ DAHL_INLINE double dahl_g_any(double x)
     int32_t k = (int32_t)(u * DAHL_LOG2E);
     double r = u - (double)k * DAHL_LN2;
     power.bits = (uint64_t)(int64_t)(1023 - k) << 52;
-    return copysign((1.0 - power.value) + power.value * (r * dahl_slope(r)), x);
+    double g = r * dahl_slope(r);
+    return copysign(k == 0 ? g : 1.0 - power.value * (1.0 - g), x); /* no difference where it could cancel */
 }
 
 /* A move as the input has it: its value, 0 for NaN, and a measure of its size that NaN makes largest. */
