@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the Python tests share: where the build is, measured data, and the mark `long`.
+"""What all tests in Python share: where the build is, measured data, the marks `long` and `soak`.
 
 A missing build is a failure, not a skip: nothing is proved without it. Measured data out of reach
 is a skip with its reason, since a clone need not have it.
@@ -21,21 +21,29 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("dahl")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="also run the tests marked long")
+    parser.addoption("--full", action="store_true", help="the same, and write the ledger")
+    parser.addoption("--soak", action="store_true", help="run the tests marked soak, no others")
+
+
+def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
+    """Whether the chosen mode runs this test: by default neither those marked long nor soak."""
+    if config.getoption("--soak") or item.get_closest_marker("soak"):
+        return bool(config.getoption("--soak") and item.get_closest_marker("soak"))
+    long = config.getoption("--long") or config.getoption("--full")
+    return bool(long or not item.get_closest_marker("long"))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave the long tests out (they are deselected, not reported as skipped) unless asked for."""
-    if config.getoption("--long"):
-        return
-    long = [item for item in items if item.get_closest_marker("long")]
-    items[:] = [item for item in items if item not in long]
-    config.hook.pytest_deselected(items=long)
+    """Leave out what the mode does not run (deselected, not reported as skipped)."""
+    left_out = [item for item in items if not is_wanted(config, item)]
+    items[:] = [item for item in items if is_wanted(config, item)]
+    config.hook.pytest_deselected(items=left_out)
 
 
 @pytest.fixture(scope="session")
