@@ -8,6 +8,7 @@ is a skip with its reason, since a clone need not have it.
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -44,6 +45,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     left_out = [item for item in items if not is_wanted(config, item)]
     items[:] = [item for item in items if is_wanted(config, item)]
     config.hook.pytest_deselected(items=left_out)
+
+
+def need(tool: str, claim: str) -> str:
+    """Path of a tool. Without it the claim is not shown: the ledger reads that out of the skip."""
+    path = shutil.which(tool) or next(iter(BUILD.parent.glob(f"deps/{tool}/bin/{tool}")), None)
+    if path is None:
+        pytest.skip(f"unproven: {claim}: {tool} is not here, and tools/setup.sh could not get it")
+    return str(path)
 
 
 @pytest.fixture(scope="session")
