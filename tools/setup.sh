@@ -26,7 +26,9 @@ EXTRAS+=(gcc-arm-none-eabi libnewlib-arm-none-eabi picolibc-arm-none-eabi qemu-s
 EXTRAS+=(qemu-system-x86 busybox-static kmod cpio iproute2 chromium)
 # Checkers: proofs, certified bounds, coverage, fuzzers, static analysis, a big-endian core (tests/{proof,fuzz,mutants,static}).
 EXTRAS+=(clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck frama-c-base why3 z3 gappa libmpfr-dev
-    qemu-user-static gcc-s390x-linux-gnu libc6-dev-s390x-cross)
+    qemu-user-static)
+# Big-endian programs by clang: Debian's own cross compiler cannot stand beside gcc-multilib.
+EXTRAS+=(binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross)
 UNITY_FILES=(unity.c unity.h unity_internals.h)
 UNITY_TRIED=2e3a0610268455520a5796345b503d00c34a47fe97ed3750349cbd4b2b1990f3 # sha256 of unity.c 2.5.1
 
