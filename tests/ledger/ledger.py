@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""The ledger: each claim of README.md and lib/dahl.h, the tests that show it, the last result.
+
+`write()` puts it all into tests/VERIFICATION.md; tools/test.sh --full does, at its end.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import versions
+from results import GREEN, RED, UNPROVEN, Result
+from sentences import ROOT
+
+PAGE = ROOT / "tests" / "VERIFICATION.md"
+CLAIMS = ROOT / "tests" / "ledger" / "claims.toml"
+MARK = "<!-- ledger:{} -->"
+NOT_RUN = "not run"
+MODES = ("", "--full", "--soak")  # which call of tools/test.sh runs a test
+MODE_OF_MARK = {"long": "--full", "soak": "--soak"}
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim of claims.toml."""
+
+    id: str
+    claim: str
+    checks: list[str]
+    says: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Book:
+    """All of claims.toml."""
+
+    claims: list[Claim]
+    plain: list[str]
+    measured: list[dict]
+
+    @staticmethod
+    def read(path: Path = CLAIMS) -> Book:
+        book = tomllib.loads(path.read_text())
+        return Book([Claim(**c) for c in book["claim"]], book["plain"], book["measured"])
+
+    def sentences(self) -> list[str]:
+        """Every sentence that the book accounts for; one that stands twice is there twice."""
+        said = [s for claim in self.claims for s in claim.says]
+        return said + self.plain + [s for entry in self.measured for s in entry["says"]]
+
+
+def matches(check: str, test: str) -> bool:
+    """Whether a test (module::name) is meant by a check; a module alone means all of it."""
+    return fnmatchcase(test, check if "::" in check else f"{check}::*")
+
+
+def _pytest_names(mode: str) -> list[str]:
+    command = [sys.executable, "-m", "pytest", "-c", "tests/pytest.ini", "tests", "--collect-only"]
+    options = [mode] if mode else []
+    said = subprocess.run(
+        [*command, "-q", *options], cwd=ROOT, capture_output=True, text=True, check=False
+    ).stdout
+    lines = (line for line in said.splitlines() if "::" in line and ".py" in line)
+    return [line.rpartition("/")[2].replace(".py", "", 1) for line in lines]
+
+
+def _ctest_names(mode: str) -> list[str]:
+    """Programs, and Unity's single tests as their source names them."""
+    said = subprocess.run(
+        ["ctest", "--test-dir", "build/host", "--show-only=json-v1"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    found = []
+    for test in json.loads(said)["tests"]:
+        labels = {p["name"]: p["value"] for p in test["properties"]}.get("LABELS", [])
+        if mode == next((m for label, m in MODE_OF_MARK.items() if label in labels), ""):
+            name = test["name"]
+            sources = (ROOT / "tests").glob(f"*/{name}.c")
+            cases = [c for s in sources for c in versions.unity_cases(s.read_text())]
+            found += [f"{name}::{case}" for case in cases or [name]]
+    return found
+
+
+def all_tests() -> dict[str, str]:
+    """Every test that there is, and the mode of tools/test.sh that it takes."""
+    found: dict[str, str] = {}
+    for mode in MODES:
+        for name in [*_pytest_names(mode), *_ctest_names(mode)]:
+            found.setdefault(name, mode)
+    return found
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is known of one claim."""
+
+    claim: Claim
+    commands: list[str]
+    tools: list[str]
+    tests: int
+    seconds: float
+    result: str
+
+
+def _word(module: str) -> str:
+    return module.removeprefix("test_")
+
+
+def _commands(tests: dict[str, str]) -> list[str]:
+    """The calls of tools/test.sh that run these tests: one a module, in the mode for all of it."""
+    modes: dict[str, str] = {}
+    for name, mode in tests.items():
+        module = name.partition("::")[0]
+        modes[module] = max(modes.get(module, ""), mode if mode != "--soak" else "")
+    return [
+        f"tools/test.sh {m} -k {_word(module)}".replace("  ", " ") for module, m in modes.items()
+    ]
+
+
+def _verdict(results: list[Result]) -> str:
+    states = {result.state for result in results}
+    if RED in states:
+        return RED
+    if UNPROVEN in states:
+        return next(result.why for result in results if result.state == UNPROVEN)
+    return GREEN if GREEN in states else NOT_RUN
+
+
+def row_of(claim: Claim, known: dict[str, str], results: dict[str, Result]) -> Row:
+    """One line of the ledger. Soak runs count where there is a result, and are not waited for."""
+    tests = {n: m for n, m in known.items() if any(matches(c, n) for c in claim.checks)}
+    ran = [results[name] for name in tests if name in results]
+    missing = [n for n, m in tests.items() if n not in results and m != "--soak"]
+    missing += [c for c in claim.checks if not any(matches(c, n) for n in tests)]
+    verdict = _verdict(ran)
+    if verdict == GREEN and missing:
+        verdict = f"{NOT_RUN}: {missing[0]}"
+    modules = dict.fromkeys(name.partition("::")[0] for name in tests)
+    return Row(
+        claim,
+        _commands(tests),
+        versions.of(modules),
+        len(ran),
+        sum(result.seconds for result in ran),
+        verdict,
+    )
+
+
+def _table(rows: list[Row]) -> str:
+    lines = [
+        "| claim | command | tools | tests | seconds | last result |",
+        "|---|---|---|---:|---:|---|",
+    ]
+    for row in rows:
+        commands = ", ".join(f"`{command}`" for command in row.commands)
+        lines.append(
+            f"| {row.claim.claim} | {commands} | {', '.join(row.tools)} | {row.tests} "
+            f"| {row.seconds:.1f} | {row.result} |"
+        )
+    return "\n".join(lines)
+
+
+def _planted(results: dict[str, Result]) -> str:
+    """Each planted fault, and the check that caught it."""
+    found = [r for r in results.values() if is_planted(r.name)]
+    lines = [f"{len(found)} faults planted.", "", "| planted | in | caught |", "|---|---|---|"]
+    for result in sorted(found, key=lambda r: r.name):
+        module, _, name = result.name.partition("::")
+        what = name.removeprefix("test_planted_").replace("_", " ").replace("|", "or")
+        lines.append(
+            f"| {what} | {_word(module)} | {'yes' if result.state == GREEN else result.state} |"
+        )
+    return "\n".join(lines)
+
+
+def is_planted(name: str) -> bool:
+    return "::test_planted_" in name
+
+
+def _between(page: str, name: str, text: str) -> str:
+    start, end = MARK.format(name), MARK.format("/" + name)
+    head, _, rest = page.partition(start)
+    _, found, tail = rest.partition(end)
+    if not found:
+        raise ValueError(f"{PAGE.name} lacks the marks of {name}")
+    return f"{head}{start}\n{text}\n{end}{tail}"
+
+
+def write(rows: list[Row], results: dict[str, Result], page: Path = PAGE) -> None:
+    """Put rows, planted faults and versions into the page, whole or not at all."""
+    text = _between(page.read_text(), "claims", _table(rows))
+    text = _between(text, "planted", _planted(results))
+    text = _between(text, "tools", versions.table())
+    new = page.with_suffix(".new")
+    new.write_text(text)
+    new.replace(page)
+
+
+def recorded(page: Path = PAGE) -> dict[str, str]:
+    """The last result of each claim that stands in the page."""
+    table = (
+        page.read_text().partition(MARK.format("claims"))[2].partition(MARK.format("/claims"))[0]
+    )
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    return {row[0]: row[-1] for row in rows[1:]}  # but the head

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: MIT
+"""Every claim has a command, and the command was green; every sentence belongs to a claim.
+
+Runs last, so that it sees what this run's tests said. With --full all of them have run: then the
+ledger is written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import ledger
+import pytest
+import results
+import sentences
+import versions
+from conftest import ROOT
+
+LEAST_PLANTED = 30
+FILES = [ROOT / "build" / f"{name}.xml" for name in ("ctest", "python", "checks")]
+
+
+@pytest.fixture(scope="module")
+def book() -> ledger.Book:
+    return ledger.Book.read()
+
+
+@pytest.fixture(scope="module")
+def known() -> dict[str, str]:
+    return ledger.all_tests()
+
+
+@pytest.fixture(scope="module")
+def ran() -> dict[str, results.Result]:
+    return results.read(FILES)
+
+
+@pytest.fixture(scope="module")
+def rows(book, known, ran) -> list[ledger.Row]:
+    return [ledger.row_of(claim, known, ran) for claim in book.claims]
+
+
+def unaccounted(book: ledger.Book, said: list[str]) -> list[str]:
+    return [s for s in said if s not in set(book.sentences())]
+
+
+def without_test(book: ledger.Book, known: dict[str, str]) -> list[str]:
+    return [
+        f"{claim.id}: {check}"
+        for claim in book.claims
+        for check in claim.checks
+        if not any(ledger.matches(check, name) for name in known)
+    ]
+
+
+def not_green(states: dict[str, str]) -> dict[str, str]:
+    return {claim: state for claim, state in states.items() if state != results.GREEN}
+
+
+def test_every_sentence_is_accounted_for(book):
+    said = list(sentences.all_sentences())
+    assert len(said) > 150
+    assert unaccounted(book, said) == []
+
+
+def test_nothing_is_accounted_for_that_nobody_says(book):
+    said = book.sentences()
+    assert [s for s in said if s not in sentences.all_sentences()] == []
+    assert len(said) == len(set(said))
+
+
+def test_every_check_names_a_test(book, known):
+    assert without_test(book, known) == []
+
+
+def test_the_command_of_a_row_runs_its_tests(rows):
+    for row in rows:
+        assert row.commands, row.claim.id
+
+
+def test_nothing_that_ran_now_speaks_against_a_claim(rows):
+    assert [row.claim.id for row in rows if row.result == results.RED] == []
+
+
+@pytest.mark.long
+def test_full_run_shows_every_claim(rows, ran):
+    """The page is written first, so that it shows what is red, too."""
+    ledger.write(rows, ran)
+    assert not_green({row.claim.id: row.result for row in rows}) == {}
+
+
+def test_the_page_says_green_for_every_claim(book):
+    recorded = ledger.recorded()
+    wanted = {claim.claim: recorded.get(claim.claim, "no row") for claim in book.claims}
+    assert not_green(wanted) == {}
+
+
+def test_enough_faults_are_planted(known):
+    assert len([name for name in known if ledger.is_planted(name)]) >= LEAST_PLANTED
+
+
+def test_planted_sentence_that_no_claim_covers(book):
+    said = [*sentences.all_sentences(), "It is faster than light."]
+    assert unaccounted(book, said) == ["It is faster than light."]
+
+
+def test_planted_claim_without_a_test(book, known):
+    claim = dataclasses.replace(book.claims[0], checks=["test_that_is_not_there"])
+    lone = dataclasses.replace(book, claims=[claim])
+    assert without_test(lone, known) == [f"{claim.id}: test_that_is_not_there"]
+
+
+@pytest.mark.parametrize("state", [results.RED, results.UNPROVEN, results.SKIPPED])
+def test_planted_result_that_is_not_green(book, known, ran, state):
+    claim = dataclasses.replace(book.claims[0], checks=["test_accuracy"])
+    names = [name for name in known if ledger.matches("test_accuracy", name)]
+    bad = {n: results.Result(n, results.GREEN, 1.0) for n in names}
+    assert ledger.row_of(claim, known, bad).result == results.GREEN
+    bad = {n: results.Result(n, state, 1.0, f"{state}: why") for n in names}
+    assert ledger.row_of(claim, known, bad).result != results.GREEN
+
+
+def test_planted_test_that_did_not_run(book, known):
+    claim = dataclasses.replace(book.claims[0], checks=["test_accuracy"])
+    names = [name for name in known if ledger.matches("test_accuracy", name)]
+    some = {n: results.Result(n, results.GREEN, 1.0) for n in names[1:]}
+    assert ledger.row_of(claim, known, some).result == f"{ledger.NOT_RUN}: {names[0]}"
+
+
+def test_planted_red_row_of_the_page(tmp_path, rows):
+    page = tmp_path / "page.md"
+    page.write_text(ledger.PAGE.read_text())
+    two = [dataclasses.replace(row, result=results.GREEN) for row in rows[:2]]
+    ledger.write(two, {}, page)
+    assert not_green(ledger.recorded(page)) == {}
+    page.write_text(page.read_text().replace("| passed |", "| unproven: no tool |", 1))
+    assert not_green(ledger.recorded(page)) == {two[0].claim.claim: "unproven: no tool"}
+
+
+def test_versions_are_found_and_absence_is_said():
+    assert versions.version("pytest")[0].isdigit()
+    assert versions.version("cc")[0].isdigit()
+    assert versions.version("no-such-tool") == "absent"
