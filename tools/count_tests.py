@@ -46,9 +46,9 @@ def count_unity(count: Count, name: str, output: str, ended_well: bool) -> None:
     count.skipped += skipped
 
 
-def why_skipped(case: ElementTree.Element, output: str) -> str:
+def why_skipped(skipped: ElementTree.Element, output: str) -> str:
     """pytest says it in the message; a CTest program in its last line of output."""
-    message = case.find("skipped").get("message", "")
+    message = skipped.get("message", "")
     lines = output.strip().splitlines()
     return lines[-1] if lines and "SKIP" in message else message
 
@@ -58,10 +58,11 @@ def count_case(count: Count, case: ElementTree.Element) -> None:
     name = f"{case.get('classname', '')}.{case.get('name')}".lstrip(".")
     output = case.findtext("system-out") or ""
     bad = case.find("failure") is not None or case.find("error") is not None
-    if case.find("skipped") is not None:
-        count.skipped.append(f"{name}: {why_skipped(case, output)}")
+    skipped = case.find("skipped")
+    if skipped is not None:
+        count.skipped.append(f"{name}: {why_skipped(skipped, output)}")
     elif UNITY_TOTAL.search(output):
-        count_unity(count, case.get("name"), output, not bad)
+        count_unity(count, case.get("name", ""), output, not bad)
     elif bad:
         count.failed.append(name)
     else:

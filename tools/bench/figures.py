@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -15,6 +16,8 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
 from dahl.picture import STYLE  # noqa: E402
+from matplotlib.axes import Axes  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
 from results import CORES, Point, core_points, host_points, motions_of  # noqa: E402
 
 OURS, RIVAL, FRONT = "#d1495b", "#5b6b7c", "#e9a3ac"
@@ -61,7 +64,7 @@ def clusters(points: list[Point]) -> list[list[Point]]:
     return groups
 
 
-def label(axes: plt.Axes, group: list[Point], numbers: dict[str, int]) -> None:
+def label(axes: Axes, group: list[Point], numbers: dict[str, int]) -> None:
     first = group[0]
     below = -13 if first.ours or first.worst() < 1e-7 else 6
     axes.annotate(
@@ -75,9 +78,9 @@ def label(axes: plt.Axes, group: list[Point], numbers: dict[str, int]) -> None:
     )
 
 
-def key(figure: plt.Figure, titles: dict[str, bool]) -> None:
+def key(figure: Figure, titles: dict[str, bool]) -> None:
     """Number and name of every way, ours in red, below the panels."""
-    import matplotlib.patches as patches
+    from matplotlib import patches
 
     handles = [
         patches.Patch(color="none", label=f"{number}  {plain(title)}")
@@ -91,7 +94,7 @@ def key(figure: plt.Figure, titles: dict[str, bool]) -> None:
 
 
 def panel(
-    axes: plt.Axes, points: list[Point], title: str, floor: float, numbers: dict[str, int]
+    axes: Axes, points: list[Point], title: str, floor: float, numbers: dict[str, int]
 ) -> None:
     """Cost against error; red is ours."""
     line = front(points)
@@ -117,7 +120,7 @@ def panel(
     axes.set_title(title, loc="left", fontsize=12, fontweight="bold")
 
 
-def pareto(target: dict, host: dict) -> plt.Figure:
+def pareto(target: dict[str, Any], host: dict[str, Any]) -> Figure:
     cores = [core for core in CORES if core in target]
     points = {core: core_points(target, host, core) for core in cores} | {"host": host_points(host)}
     titles = {point.title: point.ours for group in points.values() for point in group}
@@ -150,7 +153,7 @@ GROWTH_TITLES = {
 }
 
 
-def growth_panel(axes: plt.Axes, host: dict) -> None:
+def growth_panel(axes: Axes, host: dict[str, Any]) -> None:
     for colour, way in zip(COLOURS, GROWTH_TITLES, strict=True):
         rows = [r for r in host["growth"] if r["way"] == way]
         ticks = sorted({r["ticks"] for r in rows})
@@ -164,7 +167,9 @@ def growth_panel(axes: plt.Axes, host: dict) -> None:
     axes.legend(fontsize=8.5, loc="upper left", bbox_to_anchor=(0.0, 0.86))
 
 
-def sampling_panel(axes: plt.Axes, target: dict, host: dict, core: str = "m4f") -> None:
+def sampling_panel(
+    axes: Axes, target: dict[str, Any], host: dict[str, Any], core: str = "m4f"
+) -> None:
     """Instructions a second that an error of 1e-3 takes, against the sampling rate."""
     from results import SOLVERS, parts_cost
 
@@ -194,7 +199,7 @@ def sampling_panel(axes: plt.Axes, target: dict, host: dict, core: str = "m4f") 
     axes.legend(fontsize=8.5)
 
 
-def growth(target: dict, host: dict) -> plt.Figure:
+def growth(target: dict[str, Any], host: dict[str, Any]) -> Figure:
     with plt.rc_context(STYLE):
         figure, (left, right) = plt.subplots(1, 2, figsize=(15, 5.5), layout="constrained")
         growth_panel(left, host)
@@ -203,7 +208,7 @@ def growth(target: dict, host: dict) -> plt.Figure:
     return figure
 
 
-def save(figure: plt.Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """The old picture stays until the new one is whole."""
     part = path.with_name(f".{os.getpid()}{path.name}")
     try:

@@ -11,10 +11,12 @@ import argparse
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from target import OUT, ROOT, BenchError, run
@@ -57,7 +59,7 @@ def build() -> None:
     run("cmake", "--build", ROOT / "build/host", "--target", "host_bench", "dahl_shared", cwd=ROOT)
 
 
-def rows(*arguments: object, timeout: float = 1500) -> list[dict]:
+def rows(*arguments: object, timeout: float = 1500) -> list[dict[str, Any]]:
     """What host_bench prints, line by line."""
     text = run(PROGRAM, *arguments, timeout=timeout)
     return [json.loads(line) for line in text.splitlines()]
@@ -95,7 +97,7 @@ def fewest_parts(way: str, limit: float, ticks: int = 20_000) -> int:
     return 0
 
 
-def measure_parts(sizes: Sizes, scenarios: list[str]) -> list[dict]:
+def measure_parts(sizes: Sizes, scenarios: list[str]) -> list[dict[str, Any]]:
     """Each solver with the parts that 1e-3 and 1e-6 take, and its errors with these."""
     say("solvers with sub-steps for 1e-3 and 1e-6")
     result = []
@@ -109,12 +111,12 @@ def measure_parts(sizes: Sizes, scenarios: list[str]) -> list[dict]:
     return result
 
 
-def measure_rates() -> list[dict]:
+def measure_rates() -> list[dict[str, Any]]:
     say("parts that 1e-3 takes at each sampling rate")
     return [row for rate in RATES for row in rows("parts", rate, 1e-3)]
 
 
-def measure_growth(sizes: Sizes) -> list[dict]:
+def measure_growth(sizes: Sizes) -> list[dict[str, Any]]:
     say(f"growth of the error to {sizes.growth:,} ticks, {len(GROWN)} motions")
     with ThreadPoolExecutor(2) as pool:
         found = pool.map(lambda name: rows("growth", name, sizes.growth), GROWN)
@@ -130,7 +132,7 @@ def measure_speed(sizes: Sizes) -> dict[str, dict[str, float]]:
     return result
 
 
-def outside_task(sizes: Sizes) -> dict:
+def outside_task(sizes: Sizes) -> dict[str, Any]:
     scenarios = {}
     for name in OUTSIDE:
         lines = run(PROGRAM, "moves", name, sizes.outside).splitlines()
@@ -143,7 +145,7 @@ def outside_task(sizes: Sizes) -> dict:
     return {"scenarios": scenarios, "sigma0": SIGMA0, "Fc": FC, "solved": 300}
 
 
-def measure_outside(sizes: Sizes) -> dict[str, dict]:
+def measure_outside(sizes: Sizes) -> dict[str, dict[str, Any]]:
     """MuJoCo, Newton, SciPy; each with its errors and ns a tick, or why it is missing."""
     say("rivals from outside: MuJoCo, Newton, SciPy")
     python = VENV / "bin" / "python"
@@ -157,14 +159,14 @@ def measure_outside(sizes: Sizes) -> dict[str, dict]:
         cwd=OUT,
         timeout=600,
     )
-    result = json.loads(text.splitlines()[-1])
+    result: dict[str, dict[str, Any]] = json.loads(text.splitlines()[-1])
     for name, entry in result.items():
         if "missing" in entry:
             say(f"not compared: {name}: {entry['missing']}")
     return result
 
 
-def best_time(work, rounds: int = 7) -> float:
+def best_time(work: Callable[[], object], rounds: int = 7) -> float:
     times = []
     for _ in range(rounds):
         start = perf_counter()
@@ -202,7 +204,7 @@ def cpu() -> str:
     return names[0] if names else "unknown"
 
 
-def measure(quick: bool) -> dict:
+def measure(quick: bool) -> dict[str, Any]:
     sizes = QUICK if quick else WHOLE
     build()
     errors = measure_errors(sizes)

@@ -16,6 +16,8 @@ import argparse
 import os
 import resource
 import time
+from collections.abc import Callable
+from typing import TypeVar
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -65,11 +67,18 @@ def by_solve_ivp(log: Log) -> tuple[float, float, int]:
         return np.concatenate(drawn)
 
     start = [1.2 * SIGMA0, 0.8 * FC, 0.0]
-    found = least_squares(lambda p: torque(p) - log.torque, start, x_scale=[10, 0.1, 0.1])
+
+    def residual(p: np.ndarray) -> np.ndarray:
+        return np.asarray(torque(p) - log.torque)
+
+    found = least_squares(residual, start, x_scale=[10, 0.1, 0.1])
     return found.x[0], found.x[1], calls
 
 
-def timed(call):
+T = TypeVar("T")
+
+
+def timed(call: Callable[[], T]) -> tuple[float, T]:
     start = time.process_time()
     result = call()
     return time.process_time() - start, result

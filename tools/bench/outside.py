@@ -16,11 +16,13 @@ import sys
 import time
 from collections.abc import Callable
 from statistics import median
+from typing import Any
 
+Task = dict[str, Any]  # parsed JSON, see above
 SAMPLE = 0.001  # s between ticks, for rivals that know time; the model does not
 
 
-def mujoco_way(task: dict) -> Callable[[dict], list[float]]:
+def mujoco_way(task: Task) -> Callable[[Task], list[float]]:
     """dcmotor with lugre="sigma0 0 Fc Fc 1": exact for a speed held over a step, in double."""
     import mujoco
 
@@ -36,7 +38,7 @@ def mujoco_way(task: dict) -> Callable[[dict], list[float]]:
     )
     data = mujoco.MjData(model)
 
-    def run(scenario: dict) -> list[float]:
+    def run(scenario: Task) -> list[float]:
         mujoco.mj_resetData(model, data)
         scale, result = scenario["theta"] / SAMPLE, []
         stiffness = task["sigma0"] / task["Fc"]
@@ -49,24 +51,25 @@ def mujoco_way(task: dict) -> Callable[[dict], list[float]]:
     return run
 
 
-def newton_way(task: dict) -> Callable[[dict], list[float]]:
+def newton_way(task: Task) -> Callable[[Task], list[float]]:
     """_advance_dahl_axis of the rod solver, a tick after the other in one kernel on the CPU."""
     import numpy as np
     import warp as wp
     from outside_newton import advance
 
-    def run(scenario: dict) -> list[float]:
+    def run(scenario: Task) -> list[float]:
         angles = (np.array(scenario["moves"]) * scenario["theta"]).astype(np.float32)
         moves = wp.array(angles, dtype=float, device="cpu")
         out = wp.empty(len(angles), dtype=float, device="cpu")
         inputs = [moves, out, task["Fc"], task["Fc"] / task["sigma0"]]
         wp.launch(advance, dim=1, inputs=inputs, device="cpu")
-        return (out.numpy().astype(float) / task["Fc"]).tolist()
+        ratios: list[float] = (out.numpy().astype(float) / task["Fc"]).tolist()
+        return ratios
 
     return run
 
 
-def scipy_way(task: dict) -> Callable[[dict], list[float]]:
+def scipy_way(task: Task) -> Callable[[Task], list[float]]:
     """solve_ivp on Eq. 1, a tick at a time, tolerances 1e-9; travel is cut at 40, or it would not
     end.
     """
@@ -74,12 +77,16 @@ def scipy_way(task: dict) -> Callable[[dict], list[float]]:
 
     a = task["sigma0"] / task["Fc"]
 
-    def run(scenario: dict) -> list[float]:
+    def run(scenario: Task) -> list[float]:
         w, result = 0.0, []
         for move in scenario["moves"][: task["solved"]]:
             s, u = (1.0 if move > 0 else -1.0), min(a * abs(move) * scenario["theta"], 40.0)
+
+            def slope(_: float, w: Any, s: float = s) -> Any:
+                return s - w
+
             if u > 0:
-                w = solve_ivp(lambda _, w, s=s: s - w, (0, u), [w], rtol=1e-9, atol=1e-9).y[0, -1]
+                w = solve_ivp(slope, (0, u), [w], rtol=1e-9, atol=1e-9).y[0, -1]
             result.append(float(w))
         return result
 
@@ -94,7 +101,7 @@ def errors(got: list[float], exact: list[float]) -> list[float]:
     return [max(differences), (sum(d * d for d in differences) / len(differences)) ** 0.5]
 
 
-def measure(make: Callable[[dict], Callable[[dict], list[float]]], task: dict) -> dict:
+def measure(make: Callable[[Task], Callable[[Task], list[float]]], task: Task) -> dict[str, Any]:
     run = make(task)
     result, ticks, times = {}, 0, []
     first = next(iter(task["scenarios"].values()))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Joins build/bench/target.json and host.json: writes results.json, pareto.png, .svg, growth.png,
-.svg beside them and says on the terminal what came out. `--readme` also puts tables and pictures into
-README.md and .readme/; `--check` only says whether that would change a table.
+.svg beside them and says on the terminal what came out. `--readme` also puts tables and pictures
+into README.md and .readme/; `--check` only says whether that would change a table.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import figures
 import host as host_bench
@@ -25,10 +26,11 @@ WAYS_MARKS = ("<!-- bench:ways -->", "<!-- /bench:ways -->")
 HOST_MARKS = ("<!-- bench:host -->", "<!-- /bench:host -->")
 
 
-def load(path: Path, command: str) -> dict:
+def load(path: Path, command: str) -> dict[str, Any]:
     if not path.exists():
         raise BenchError(f"no build/bench/{path.name}; run tools/bench.sh {command} first")
-    return json.loads(path.read_text())
+    found: dict[str, Any] = json.loads(path.read_text())
+    return found
 
 
 def shown_error(value: float) -> str:
@@ -39,7 +41,7 @@ def shown_cost(value: float) -> str:
     return f"{value:.0f}"
 
 
-def ways_table(target: dict, host: dict) -> str:
+def ways_table(target: dict[str, Any], host: dict[str, Any]) -> str:
     """Error and instructions of every way, as the block of the README; alike on every machine."""
     cores = [core for core in CORES if core in target]
     by_core = {core: results.core_points(target, host, core) for core in cores}
@@ -58,7 +60,7 @@ def ways_table(target: dict, host: dict) -> str:
     return "\n".join([WAYS_MARKS[0], *lines, *unreached(host), WAYS_MARKS[1]])
 
 
-def unreached(host: dict) -> list[str]:
+def unreached(host: dict[str, Any]) -> list[str]:
     """Solvers that no number of parts takes to a limit."""
     names = [
         f"{results.SOLVERS[entry['way'].removesuffix('_parts')]} {entry['limit']:.0e}"
@@ -69,7 +71,7 @@ def unreached(host: dict) -> list[str]:
     return ["", f"Not reached with {most} parts a tick: {', '.join(names)}."] if names else []
 
 
-def host_block(result: dict) -> str:
+def host_block(result: dict[str, Any]) -> str:
     """What the host measured, in words; of the machine that ran it."""
     x = result["host"]
     lines = [
@@ -80,8 +82,8 @@ def host_block(result: dict) -> str:
         f" ({x['throughput_counts_x_least']:.1f}); by angle {x['throughput_angle_x']:.1f}"
         f" ({x['throughput_angle_x_least']:.1f}); 16 channels {x['throughput_channels16_x']:.1f}"
         f" ({x['throughput_channels16_x_least']:.1f})",
-        f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as `dahl_throughput_counts`,"
-        f" {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
+        f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as"
+        f" `dahl_throughput_counts`, {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
     ]
     if "mujoco_x" in x:
         lines.append(
@@ -95,7 +97,7 @@ def host_block(result: dict) -> str:
     return "\n".join([HOST_MARKS[0], *lines, "", note, HOST_MARKS[1]])
 
 
-def show(result: dict) -> None:
+def show(result: dict[str, Any]) -> None:
     """The numbers on the terminal."""
     from rich.console import Console
     from rich.table import Table
@@ -125,7 +127,7 @@ def replaced(text: str, marks: tuple[str, str], block: str) -> str:
     return text[:start] + block + text[end + len(marks[1]) :]
 
 
-def with_tables(text: str, target: dict, host: dict, measured: bool) -> str:
+def with_tables(text: str, target: dict[str, Any], host: dict[str, Any], measured: bool) -> str:
     """The README's text with its tables as counted now; and what the host measured, if asked."""
     text = table.replaced(text, table.markdown(target))
     text = replaced(text, WAYS_MARKS, ways_table(target, host))
@@ -134,7 +136,7 @@ def with_tables(text: str, target: dict, host: dict, measured: bool) -> str:
     return text
 
 
-def draw(target: dict, host: dict) -> None:
+def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
     for name, figure in (
         ("pareto", figures.pareto(target, host)),
         ("growth", figures.growth(target, host)),
@@ -143,7 +145,7 @@ def draw(target: dict, host: dict) -> None:
             figures.save(figure, OUT / f"{name}.{kind}")
 
 
-def write_readme(target: dict, host: dict) -> None:
+def write_readme(target: dict[str, Any], host: dict[str, Any]) -> None:
     if host["quick"]:
         raise BenchError("build/bench/host.json is of a quick run; the README wants a whole one")
     text = with_tables(table.README.read_text(), target, host, measured=True)
@@ -153,7 +155,7 @@ def write_readme(target: dict, host: dict) -> None:
     print("bench: README.md and .readme/ written")
 
 
-def check(target: dict, host: dict) -> int:
+def check(target: dict[str, Any], host: dict[str, Any]) -> int:
     text = table.README.read_text()
     same = with_tables(text, target, host, measured=False) == text
     print("README.md is up to date" if same else "README.md differs: run tools/bench.sh")

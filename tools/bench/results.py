@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import prod
+from typing import Any
 
 JUMPS = "leap_14"  # giant jumps: a solver of Eq. 1 cannot follow, so it is judged apart
 CORES = ("m0", "m3", "m4f")
@@ -73,15 +74,16 @@ def mean(values: list[float]) -> float:
     return sum(values) / len(values)
 
 
-def errors_of(host: dict, key: str) -> dict[str, float]:
+def errors_of(host: dict[str, Any], key: str) -> dict[str, float]:
     name = HOST_KEY.get(key, key)
     return {scenario: ways[name][0] for scenario, ways in host["errors"].items()}
 
 
-def motions_of(target: dict, core: str) -> dict[str, dict[str, float]]:
+def motions_of(target: dict[str, Any], core: str) -> dict[str, dict[str, float]]:
     """Instructions by motion and way, with newlib where it was counted."""
     counted = target[core]["motions"]
-    return counted.get("newlib") or counted["picolibc"]
+    found: dict[str, dict[str, float]] = counted.get("newlib") or counted["picolibc"]
+    return found
 
 
 def parts_cost(counted: dict[str, float], solver: str, parts: int) -> float:
@@ -90,7 +92,7 @@ def parts_cost(counted: dict[str, float], solver: str, parts: int) -> float:
     return nine + (parts - 9) * (seventeen - nine) / 8
 
 
-def solver_points(target: dict, host: dict, core: str) -> list[Point]:
+def solver_points(target: dict[str, Any], host: dict[str, Any], core: str) -> list[Point]:
     points = []
     for entry in host["parts"]:
         solver = entry["way"].removesuffix("_parts")
@@ -104,7 +106,7 @@ def solver_points(target: dict, host: dict, core: str) -> list[Point]:
     return points
 
 
-def core_points(target: dict, host: dict, core: str) -> list[Point]:
+def core_points(target: dict[str, Any], host: dict[str, Any], core: str) -> list[Point]:
     counted = motions_of(target, core)
     points = [
         Point(
@@ -120,7 +122,7 @@ def core_points(target: dict, host: dict, core: str) -> list[Point]:
     return points + solver_points(target, host, core)
 
 
-def host_points(host: dict) -> list[Point]:
+def host_points(host: dict[str, Any]) -> list[Point]:
     points = []
     for way in WAYS:
         if way.on_host:
@@ -142,7 +144,7 @@ OUTSIDE = {
 }
 
 
-def beaten(points: list[Point], core: str) -> list[dict]:
+def beaten(points: list[Point], core: str) -> list[dict[str, Any]]:
     """Each of our points that a rival beats in cost and error, by motion."""
     found = []
     for our in (p for p in points if p.ours):
@@ -156,7 +158,7 @@ def beaten(points: list[Point], core: str) -> list[dict]:
     return found
 
 
-def closest(points: list[Point]) -> dict:
+def closest(points: list[Point]) -> dict[str, Any]:
     """The rival that is nearest to our best point: least error among those not dearer, or least
     cost among those as good.
     """
@@ -164,7 +166,7 @@ def closest(points: list[Point]) -> dict:
     best = min(ours, key=Point.mean_cost)
     cheaper = [p for p in points if not p.ours and p.mean_cost() <= best.mean_cost()]
     good = [p for p in points if not p.ours and p.worst() <= best.worst() / SAME]
-    result: dict[str, dict] = {}
+    result: dict[str, dict[str, Any]] = {}
     if cheaper:
         rival = min(cheaper, key=Point.worst)
         result["as cheap"] = {"way": rival.key, "times the error": rival.worst() / best.worst()}
@@ -175,12 +177,12 @@ def closest(points: list[Point]) -> dict:
     return result
 
 
-def ratios(host: dict) -> dict[str, float]:
+def ratios(host: dict[str, Any]) -> dict[str, float]:
     """Times faster a tick than the expm1f loop: geometric mean over the hard motions."""
     speed = host["speed"]
 
     def over(way: str, least: bool = False) -> float:
-        each = [ways["expm1f"] / ways[way] for ways in speed.values()]
+        each: list[float] = [ways["expm1f"] / ways[way] for ways in speed.values()]
         return min(each) if least else prod(each) ** (1 / len(each))
 
     names = {
@@ -204,7 +206,7 @@ def ratios(host: dict) -> dict[str, float]:
     return {key: round(value, 2) for key, value in result.items()}
 
 
-def combine(target: dict, host: dict) -> dict:
+def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
     """results.json."""
     points = {core: core_points(target, host, core) for core in CORES if core in target}
     points["host"] = host_points(host)

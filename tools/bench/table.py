@@ -12,6 +12,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -48,11 +49,11 @@ ROWS = [
 ]
 
 
-def cells(result: dict[str, dict], key: str) -> list[str]:
+def cells(result: dict[str, dict[str, Any]], key: str) -> list[str]:
     return [str(core[key]) if key in core else "-" for core in result.values()]
 
 
-def show(result: dict[str, dict]) -> None:
+def show(result: dict[str, dict[str, Any]]) -> None:
     """A table on the terminal."""
     from rich.console import Console
     from rich.table import Table
@@ -66,7 +67,7 @@ def show(result: dict[str, dict]) -> None:
     Console(width=None if sys.stdout.isatty() else 110).print(table)
 
 
-def markdown(result: dict[str, dict]) -> str:
+def markdown(result: dict[str, dict[str, Any]]) -> str:
     """The same as the block of the README, marks included."""
     head = ["instructions per call, entry to return", *(core["core"] for core in result.values())]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(result)]

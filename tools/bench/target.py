@@ -16,8 +16,10 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "bench"
@@ -91,7 +93,7 @@ FORBIDDEN = re.compile(
 )
 
 
-def run(*command: object, timeout: float = 300, **options) -> str:
+def run(*command: object, timeout: float = 300, **options: Any) -> str:
     """Run a command; its standard output, or one line that says what failed."""
     words = [str(word) for word in command]
     try:
@@ -105,7 +107,7 @@ def run(*command: object, timeout: float = 300, **options) -> str:
     if done.returncode != 0:
         tail = (done.stderr.strip() or done.stdout.strip()).splitlines()[-12:]
         raise BenchError(f"{' '.join(words[:4])} failed:\n" + "\n".join(tail))
-    return done.stdout
+    return str(done.stdout)
 
 
 def build(core: Core, *targets: str) -> None:
@@ -202,7 +204,7 @@ def forbidden(core: Core, image: Path) -> list[str]:
 
 
 def measure_sizes(core: Core) -> dict[str, int]:
-    result = {}
+    result: dict[str, int] = {}
     for name in PATHS:
         size = sizes(core, link_path(core, name))
         suffix = "" if name == "q30" else f"_{name}"
@@ -254,7 +256,7 @@ def motion_numbers(cases: dict[str, list[int]]) -> dict[str, dict[str, float]]:
 def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     """All numbers of one core."""
     build(core, *(f"bench_{libc}" for libc in libcs))
-    result: dict[str, object] = {
+    result: dict[str, Any] = {
         "core": core.title,
         "board": core.machine,
         "compiler": run(core.tool("gcc"), "--version").splitlines()[0],
@@ -281,15 +283,15 @@ def put(path: Path, content: bytes) -> None:
         part.unlink(missing_ok=True)
 
 
-def write(path: Path, result: dict[str, object]) -> None:
+def write(path: Path, result: Mapping[str, object]) -> None:
     put(path, (json.dumps(result, indent=1) + "\n").encode())
 
 
-def write_result(result: dict[str, object]) -> None:
+def write_result(result: Mapping[str, object]) -> None:
     write(RESULT, result)
 
 
-def measure_all(names: list[str], quick: bool) -> dict[str, dict]:
+def measure_all(names: list[str], quick: bool) -> dict[str, dict[str, Any]]:
     build_plugin()
     result = {}
     for name in names:

@@ -50,7 +50,7 @@ def add_output(parser: argparse._ActionsContainer) -> None:
     )
 
 
-def add_limits(parser: argparse.ArgumentParser) -> None:
+def add_limits(parser: argparse._ActionsContainer) -> None:
     """--frames and --seconds, after which a client of a bus ends."""
     count = whole(1, 2**63)
     parser.add_argument("--frames", type=count, metavar="N", help="end after N frames")

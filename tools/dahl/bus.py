@@ -14,7 +14,7 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dahl import Error, RunError
 
@@ -28,7 +28,7 @@ WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 QUIET = 0.05  # s without a frame, after which the caller has its turn
 
 
-def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
+def add_bus_arguments(parser: argparse._ActionsContainer) -> None:
     """-i, -c and what some interfaces want beside them; python-can's own settings (~/.canrc) hold
     where none is given.
     """
@@ -49,7 +49,7 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     return open_bus(**{key: value for key, value in settings.items() if value is not None})
 
 
-def open_bus(patience: float = 0.0, **settings: object) -> can.BusABC:
+def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line
     whatever the interface.
     """

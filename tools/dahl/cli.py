@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from typing import NoReturn
 
 from dahl import Error, RunError, __version__
 from dahl.commands import data, demo, excite, identify, monitor, plot, record, report
@@ -19,7 +20,7 @@ from dahl.commands import data, demo, excite, identify, monitor, plot, record, r
 class Parser(argparse.ArgumentParser):
     """Complains in one line, as everything here does, and names where the options are told."""
 
-    def error(self, message: str) -> None:
+    def error(self, message: str) -> NoReturn:
         self.exit(2, f"error: {message} (see {self.prog} --help)\n")
 
 
@@ -48,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(
             name,
             help=module.HELP,
-            description=module.__doc__.partition("\n")[2].strip(),
+            description=(module.__doc__ or "").partition("\n")[2].strip(),
             epilog=module.EXAMPLE,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )

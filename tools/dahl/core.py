@@ -89,8 +89,10 @@ def _refusal(plan: Plan | Throughput) -> str:
             return f"{name} = {value:g} is outside 2^-64 <= {name} < 2^64"
     if not 0 <= plan.theta_per_count < math.inf:
         return f"theta_per_count = {plan.theta_per_count:g} is not a finite number >= 0 (rad/count)"
-    if isinstance(plan, Plan) and plan.theta_per_count and not (
-        TORQUE_MIN <= plan.theta_per_count < TORQUE_MAX
+    if (
+        isinstance(plan, Plan)
+        and plan.theta_per_count
+        and not (TORQUE_MIN <= plan.theta_per_count < TORQUE_MAX)
     ):
         return (
             f"theta_per_count = {plan.theta_per_count:g} is neither 0 nor in"
@@ -101,6 +103,12 @@ def _refusal(plan: Plan | Throughput) -> str:
         f" is outside 2^-30 <= travel < 2^20 (sigma0 = {plan.sigma0:g}, Fc = {plan.Fc:g},"
         f" theta_per_count = {plan.theta_per_count:g})"
     )
+
+
+def _travel(plan: Plan | Throughput) -> float:
+    """sigma0/Fc*theta_per_count, in a Python float."""
+    travel: float = plan.sigma0 / plan.Fc * plan.theta_per_count
+    return travel
 
 
 class Plan:
@@ -127,7 +135,7 @@ class Plan:
     @property
     def travel_per_count(self) -> float:
         """a*theta_per_count, the travel of one count in presliding lengths Fc/sigma0."""
-        return self.sigma0 / self.Fc * self.theta_per_count
+        return _travel(self)
 
     @property
     def ulp(self) -> float:
@@ -152,28 +160,32 @@ class Friction:
         """Move by dcounts (int32), return F in N m: within 0.52 ulp of Fc of the exact value (Eqs.
         7, 18, 27).
         """
-        return library().dahl_step_counts(
+        torque: float = library().dahl_step_counts(
             self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts)
         )
+        return torque
 
     def step_counts_q30(self, dcounts: int) -> int:
         """The same move; returns F/Fc in Q30, -2^30 .. 2^30: what goes over the bus."""
-        return library().dahl_step_counts_q30(
+        ratio: int = library().dahl_step_counts_q30(
             self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts)
         )
+        return ratio
 
     def step(self, dtheta: float) -> float:
         """Move by dtheta rad (any float; NaN is ignored, Inf saturates), return F in N m within 0.6
         ulp of Fc.
         """
-        return library().dahl_step(
+        torque: float = library().dahl_step(
             self.plan._words, ctypes.byref(self.state), _float32("dtheta", dtheta)
         )
+        return torque
 
     @property
     def torque(self) -> float:
         """F in N m, without motion."""
-        return library().dahl_torque(self.plan._words, ctypes.byref(self.state))
+        torque: float = library().dahl_torque(self.plan._words, ctypes.byref(self.state))
+        return torque
 
     @torque.setter
     def torque(self, value: float) -> None:
@@ -303,7 +315,10 @@ class Throughput(ctypes.Structure):
             raise Error(next(filter(None, map(_throughput_fault, params)), "parameters refused"))
         return out
 
-    travel_per_count = Plan.travel_per_count
+    @property
+    def travel_per_count(self) -> float:
+        """As that of a Plan."""
+        return _travel(self)
 
 
 def _throughput_fault(params: Throughput) -> str:
@@ -316,7 +331,7 @@ def _throughput_fault(params: Throughput) -> str:
 
 def _state_of(F: float, Fc: float) -> State:  # noqa: N803
     """The state of torque F, clamped to +-Fc; relaxed where that has no meaning."""
-    ratio = F / Fc if Fc > 0 and F == F else 0.0
+    ratio = F / Fc if Fc > 0 and not math.isnan(F) else 0.0
     return State(round(max(-1.0, min(1.0, ratio)) * 2.0**62))
 
 
@@ -324,4 +339,6 @@ def counts_between(before: int, now: int, counts_per_turn: int = 0) -> int:
     """Shortest signed way from one encoder reading to the next; 0 counts per turn is a full 32-bit
     counter.
     """
-    return library().dahl_counts_between(before & 0xFFFFFFFF, now & 0xFFFFFFFF, counts_per_turn)
+    readings = before & 0xFFFFFFFF, now & 0xFFFFFFFF
+    moved: int = library().dahl_counts_between(*readings, counts_per_turn)
+    return moved

@@ -151,9 +151,12 @@ def cache_folder() -> Path:
 def local_folder(name: str) -> Path | None:
     """The folder of a set that is already on this machine, else None."""
     named(name)
-    roots = [os.environ.get("DAHL_DATA"), places.ROOT.parent / "shared" / "data"]
-    for root in filter(None, roots):
-        if (Path(root) / name).is_dir():
+    roots: list[str | Path | None] = [
+        os.environ.get("DAHL_DATA"),
+        places.ROOT.parent / "shared" / "data",
+    ]
+    for root in roots:
+        if root and (Path(root) / name).is_dir():
             return Path(root) / name
     kept = cache_folder() / name
     return kept if _is_whole(kept, SETS[name]) else None

@@ -65,7 +65,8 @@ def build(core: str) -> Path:
 def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        port: int = probe.getsockname()[1]
+        return port
 
 
 class Firmware:
@@ -170,21 +171,19 @@ def attached(
     """Firmware as node 0 of the bus that is served on `port`."""
     with Firmware(core, params, folder, 0, STALL_US) as node:
         command = [sys.executable, "-m", "dahl.bridge", str(node.port), str(port)]
-        bridge = subprocess.Popen(
+        with subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             text=True,
             start_new_session=True,
-        )
-        try:
-            if bridge.stdout.readline() != "ready\n":
-                raise RunError("the bridge from slcan to the bus did not open")
-            yield
-        finally:
-            bridge.terminate()
-            bridge.wait()
-            bridge.stdout.close()
+        ) as bridge:
+            try:
+                if bridge.stdout is None or bridge.stdout.readline() != "ready\n":
+                    raise RunError("the bridge from slcan to the bus did not open")
+                yield
+            finally:
+                bridge.terminate()
 
 
 def _listening() -> str:

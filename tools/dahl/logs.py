@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import csv
 import difflib
+import io
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,7 +41,7 @@ def read_table(
     header = [name.strip() for name in next(rows)]
     wanted = list(dict.fromkeys([*columns, *([time] if time else [])]))
     places = {name: _place(path, header, name) for name in wanted}
-    values = {name: [] for name in wanted}
+    values: dict[str, list[float]] = {name: [] for name in wanted}
     for row in rows:
         if any(field.strip() for field in row):
             _take_row(f"{path}:{rows.line_num}", row, header, places, values)
@@ -82,7 +83,11 @@ def meant(name: str, known: Sequence[str]) -> str:
 
 
 def _take_row(
-    place: str, row: list[str], header: list[str], places: dict[str, int], values: dict[str, list]
+    place: str,
+    row: list[str],
+    header: list[str],
+    places: dict[str, int],
+    values: dict[str, list[float]],
 ) -> None:
     if len(row) < len(header):
         raise Error(
@@ -103,7 +108,7 @@ def _number(place: str, text: str) -> float:
     return value
 
 
-def _check_time(place: str, time: str | None, values: dict[str, list]) -> None:
+def _check_time(place: str, time: str | None, values: dict[str, list[float]]) -> None:
     if time and len(values[time]) > 1 and values[time][-1] < values[time][-2]:
         raise Error(
             f"{place}: column '{time}': {values[time][-1]:g} after {values[time][-2]:g},"
@@ -118,26 +123,19 @@ CANDUMP_LINE = re.compile(
 )
 
 
-class _Counted:
+class _Counted(io.StringIO):
     """Lines of a text, each of the right form or an error, with the number of the last one; a file
     for python-can.
     """
 
-    def __init__(self, text: str) -> None:
-        self.lines, self.number = text.splitlines(keepends=True), 0
+    number = 0
 
-    def __iter__(self) -> Iterator[str]:
-        for line in self.lines:
-            self.number += 1
-            if line.strip() and not CANDUMP_LINE.fullmatch(line):
-                raise ValueError(f"'{line.strip()[:60]}'")
-            yield line
-
-    def read(self) -> str:
-        return "".join(self.lines)
-
-    def close(self) -> None:
-        """Nothing is open."""
+    def __next__(self) -> str:  # type: ignore[override]  # of bytes, says typeshed of IOBase
+        line = super().__next__()
+        self.number += 1
+        if line.strip() and not CANDUMP_LINE.fullmatch(line):
+            raise ValueError(f"'{line.strip()[:60]}'")
+        return line
 
 
 def read_candump(path: Path | str) -> list[can.Message]:

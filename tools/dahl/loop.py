@@ -66,7 +66,9 @@ class Setup:
     seconds: float | None = None
     seed: int | None = None
     node_scene: Path | None = None  # of the serving node, where another one computes the torque
-    attach: Callable[[int], AbstractContextManager] | None = None  # brings that one to a port
+    attach: Callable[[int], AbstractContextManager[object]] | None = (
+        None  # brings that one to a port
+    )
     alone: bool = False  # one process in virtual time: faults and rotors, the same on each machine
     trace: bool = False  # angle, velocity and torques of a rotor into folder/trace.csv
     lockstep: bool = False  # each angle waits for the answer to the one before it
@@ -140,9 +142,10 @@ class Program:
     def numbers(self) -> dict[str, Any]:
         """Its summary, {} where it left none."""
         try:
-            return json.loads(self.summary.read_text(encoding="utf-8"))
+            known: dict[str, Any] = json.loads(self.summary.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return {}
+        return known
 
 
 def _options(setup: Setup, role: str) -> list[str]:

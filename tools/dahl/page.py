@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import base64
 import math
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -49,9 +50,7 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{title}</h1>\n"
         '<img id="picture" alt="torque over angle, and over time"'
-        f' src="data:image/png;base64,{image}">\n'
-        + "".join(parts)
-        + "</body>\n</html>\n"
+        f' src="data:image/png;base64,{image}">\n' + "".join(parts) + "</body>\n</html>\n"
     )
 
 
@@ -59,7 +58,7 @@ def _section(name: str, title: str, body: str) -> str:
     return f'<section id="{name}">\n<h2>{title}</h2>\n{body}\n</section>\n' if body else ""
 
 
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     """Cells are HTML."""
     lines = ["<tr>" + "".join(f"<th>{word}</th>" for word in head) + "</tr>"] if head else []
     lines += ["<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows]

@@ -15,12 +15,14 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
 import numpy as np  # noqa: E402
+from matplotlib.axes import Axes  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
 
 from dahl import report  # noqa: E402
 from dahl.scene import Recorded, Scene  # noqa: E402
 
 MEASURED, COMPUTED = "#7c8b9c", "#d1495b"
-STYLE = {
+STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() takes
     "font.size": 11,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -70,7 +72,7 @@ def draw(
         save(figure, path)
 
 
-def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[plt.Axes], None]]:
+def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[Axes], None]]:
     """What only some runs have: latencies, faults, a tracking error."""
     panels = []
     if numbers.get("latency_us", {}).get("max", 0) > 0:
@@ -82,7 +84,7 @@ def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[plt.Axe
     return panels
 
 
-def _latencies(axes: plt.Axes, numbers: dict[str, Any]) -> None:
+def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
     edges, counts = np.array(numbers["latency_histogram"]).T
     axes.bar(edges, counts, width=-edges / 33, align="edge", color=COMPUTED)
     axes.axvline(1000, color=MEASURED, linewidth=1)
@@ -94,7 +96,7 @@ def _latencies(axes: plt.Axes, numbers: dict[str, Any]) -> None:
     axes.set_title(words, loc="left", fontsize=10, color="#555555")
 
 
-def _faults(axes: plt.Axes, numbers: dict[str, Any]) -> None:
+def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
     bars = axes.bar(list(injected), list(injected.values()), color=COMPUTED)
     axes.bar_label(bars, fontsize=9)
@@ -105,16 +107,14 @@ def _faults(axes: plt.Axes, numbers: dict[str, Any]) -> None:
     axes.set_title(words, loc="left", fontsize=10, color="#555555")
 
 
-def _tracking(axes: plt.Axes, trace: Path) -> None:
+def _tracking(axes: Axes, trace: Path) -> None:
     time, reference, angle = np.loadtxt(trace, delimiter=",", skiprows=1, usecols=(0, 1, 2)).T
     axes.plot(time, reference - angle, color=COMPUTED, linewidth=1.2)
     axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
     axes.margins(x=0.01)
 
 
-def _panel(
-    axes: plt.Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray
-) -> None:
+def _panel(axes: Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray) -> None:
     if measured is not None:
         axes.plot(x, measured, color=MEASURED, linewidth=1.1, label="measured")
     axes.plot(
@@ -142,7 +142,7 @@ def _short(label: str) -> str:
     return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
 
 
-def save(figure: plt.Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write a picture; the old one stays until the new one is whole."""
     part = path.with_suffix(".part.png")
     figure.savefig(part, dpi=130)

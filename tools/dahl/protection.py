@@ -16,7 +16,7 @@ def _byte(crc: int) -> int:
 TABLE = [_byte(byte) for byte in range(256)]
 
 
-def checksum(identifier: int, data: bytes) -> int:
+def checksum(identifier: int, data: bytes | bytearray) -> int:
     """CRC-8H2F over bytes 1 to 7 and the data id that message and counter choose."""
     crc = 0xFF
     for byte in (*data[1:8], KINDS[identifier & ~15] << 4 | data[1] & 15):
@@ -24,6 +24,6 @@ def checksum(identifier: int, data: bytes) -> int:
     return crc ^ 0xFF
 
 
-def is_whole(identifier: int, data: bytes) -> bool:
+def is_whole(identifier: int, data: bytes | bytearray) -> bool:
     """True for 8 bytes of one of the messages, with the CRC that they need."""
     return len(data) == 8 and identifier & ~15 in KINDS and checksum(identifier, data) == data[0]

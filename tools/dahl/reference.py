@@ -24,10 +24,10 @@ PRECISION = 100  # bits
 
 def travel_per_count(sigma0: float, Fc: float, theta_per_count: float) -> Fraction:  # noqa: N803
     """a*theta_per_count, exactly, for parameters that are rounded to float first as in C."""
-    sigma0, Fc, theta = (
+    stiffness, most, theta = (
         Fraction(float(np.float32(value))) for value in (sigma0, Fc, theta_per_count)
     )
-    return sigma0 * theta / Fc
+    return stiffness * theta / most
 
 
 def exact_ratios(moves: Iterable[int], travel: Fraction) -> list[mpmath.mpf]:
@@ -54,12 +54,11 @@ def _anchored(moves: Iterable[int], a: mpmath.mpf) -> Iterable[mpmath.mpf]:
 
 def error_in_ulp(torque: np.ndarray, exact: list[mpmath.mpf], Fc: float) -> np.ndarray:  # noqa: N803
     """abs(torque - exact*Fc) in ulp of Fc: shape (n,) float32 N m, n numbers F/Fc -> shape (n,)."""
-    Fc = np.float32(Fc)
-    ulp = float(np.spacing(Fc))
+    most = float(np.float32(Fc))
+    ulp = float(np.spacing(np.float32(Fc)))
     with mpmath.workprec(PRECISION):
         errors = [
-            abs(float(got) - want * float(Fc)) / ulp
-            for got, want in zip(torque, exact, strict=True)
+            abs(float(got) - want * most) / ulp for got, want in zip(torque, exact, strict=True)
         ]
         return np.array([float(error) for error in errors])
 

@@ -6,11 +6,11 @@ summary.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -45,11 +45,12 @@ class Trace:
 
     def angle(self, scene: Scene) -> np.ndarray:
         """rad (m) from the start, shape (n,)."""
-        return (self.count - self.count[0]) * float(np.float32(scene.theta_per_count))
+        angle: np.ndarray = (self.count - self.count[0]) * float(np.float32(scene.theta_per_count))
+        return angle
 
     def moves(self) -> np.ndarray:
         """Counts that the node integrated at each tick, shape (n,)."""
-        moves = np.diff(self.count, prepend=self.count[:1])
+        moves: np.ndarray = np.diff(self.count, prepend=self.count[:1])
         moves[self.fresh] = 0
         return moves
 
@@ -64,14 +65,20 @@ def database() -> cantools.database.Database:
     import cantools
 
     try:
-        return cantools.database.load_file(places.DBC)
+        return cast("cantools.database.Database", cantools.database.load_file(places.DBC))
     except OSError as error:
         raise RunError(f"{places.DBC}: {error.strerror}") from None
 
 
+def _states() -> Mapping[int, object]:
+    """Names of the states of FrictionTorque."""
+    message = database().get_message_by_name("FrictionTorque")
+    return message.get_signal_by_name("State").choices or {}
+
+
 def state_counts(states: np.ndarray) -> dict[str, int]:
     """How often each state of FrictionTorque was said, by its name in the DBC."""
-    choices = database().get_message_by_name("FrictionTorque").get_signal_by_name("State").choices
+    choices = _states()
     values, counts = np.unique(states, return_counts=True)
     named = ((str(choices.get(int(v), v)), int(n)) for v, n in zip(values, counts, strict=True))
     return dict(named)
@@ -79,8 +86,7 @@ def state_counts(states: np.ndarray) -> dict[str, int]:
 
 def new_start_states() -> set[int]:
     """NEW_START as raw values."""
-    choices = database().get_message_by_name("FrictionTorque").get_signal_by_name("State").choices
-    return {value for value, name in choices.items() if str(name) in NEW_START}
+    return {value for value, name in _states().items() if str(name) in NEW_START}
 
 
 class Pairing:
@@ -102,7 +108,7 @@ class Pairing:
         self.relaxed: set[int] = set()  # indices in answers' order of ticks
         self.restarted = False
         self.new_start = new_start_states()
-        self.row = -1
+        self.row, self._counter = -1, 0
 
     def feed(self, frame: can.Message) -> None:
         """Take one frame; others than the two messages pass by."""
@@ -111,7 +117,8 @@ class Pairing:
             return
         if not protection.is_whole(frame.arbitration_id, frame.data):
             return
-        signals = database().decode_message(name, frame.data, decode_choices=False, scaling=False)
+        message = database().get_message_by_name(name)
+        signals = message.decode_simple(bytes(frame.data), decode_choices=False, scaling=False)
         if name == "FrictionTorque":
             self._answer(signals)
         elif name == "Reset":
@@ -173,8 +180,10 @@ class Pairing:
 
 def _unwrap(count: np.ndarray) -> np.ndarray:
     """32-bit readings -> a path without leaps."""
-    steps = np.diff(count.astype(np.int64), prepend=np.int64(count[0]))
-    return count[0] + np.cumsum((steps + 2**31) % 2**32 - 2**31)
+    whole: np.ndarray = count.astype(np.int64)
+    steps: np.ndarray = np.diff(whole, prepend=whole[:1])
+    path: np.ndarray = count[0] + np.cumsum((steps + 2**31) % 2**32 - 2**31)
+    return path
 
 
 def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:

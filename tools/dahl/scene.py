@@ -91,10 +91,15 @@ def find(name: str) -> Path:
     raise Error(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
 
 
+class _Parser(configparser.ConfigParser):
+    def optionxform(self, optionstr: str) -> str:
+        """Keys as they are written: Fc is not fc."""
+        return optionstr
+
+
 def read(path: Path) -> Scene:
     """Read a scene file. Raises dahl.Error naming file and key."""
-    parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)
-    parser.optionxform = str
+    parser = _Parser(inline_comment_prefixes=(";",), interpolation=None)
     try:
         parser.read_string(path.read_text(encoding="utf-8"), source=str(path))
     except (OSError, UnicodeDecodeError, configparser.Error) as error:

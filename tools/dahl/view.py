@@ -47,8 +47,11 @@ class View:
         messages = _database(dbc).messages
         self.seen = {message.frame_id + node: Seen(message) for message in messages}
         self.names = {seen.message.name: seen for seen in self.seen.values()}
-        self.time, self.count, self.ratio = (deque(maxlen=window) for _ in range(3))
-        self.frames, self.others, self.states = 0, 0, Counter()
+        self.time: deque[float] = deque(maxlen=window)
+        self.count: deque[int] = deque(maxlen=window)
+        self.ratio: deque[float] = deque(maxlen=window)
+        self.frames, self.others = 0, 0
+        self.states: Counter[str] = Counter()
 
     def feed(self, frame: can.Message) -> None:
         """Take one frame, whatever it is."""
@@ -60,7 +63,7 @@ class View:
         try:
             if not protection.is_whole(frame.arbitration_id, frame.data):
                 raise ValueError("a wrong CRC or length")
-            signals = seen.message.decode(frame.data)
+            signals = seen.message.decode_simple(bytes(frame.data))
         except Exception:  # cantools has several for frames that are too short
             seen.wrong += 1
             return
@@ -160,5 +163,5 @@ def _database(dbc: Path | None) -> Any:
         return cantools.database.load_file(path)
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
-    except cantools.database.Error as error:
+    except cantools.Error as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None

@@ -165,7 +165,7 @@ def _play(
     log: Path | None,
     recorded: Recorded | None,
     console: Any,
-) -> tuple:
+) -> tuple[dict[str, Any], Trace]:
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -224,7 +224,12 @@ def _expected(args: argparse.Namespace, recorded: Recorded | None) -> int | None
 
 
 def _keep(
-    folder: Path, scene: Scene, trace: Trace, recorded: Recorded | None, numbers: dict, console: Any
+    folder: Path,
+    scene: Scene,
+    trace: Trace,
+    recorded: Recorded | None,
+    numbers: dict[str, Any],
+    console: Any,
 ) -> None:
     """Summary, picture and table; each file is replaced only once its successor is whole."""
     from dahl import picture, report
@@ -253,7 +258,7 @@ def _keep(
         )
 
 
-def _table(numbers: dict, scene: Scene) -> Any:
+def _table(numbers: dict[str, Any], scene: Scene) -> Any:
     from rich.table import Table
 
     latency = numbers.get("latency_us") or {}
@@ -280,7 +285,7 @@ def _table(numbers: dict, scene: Scene) -> Any:
     return table
 
 
-def _special(numbers: dict) -> dict[str, str]:
+def _special(numbers: dict[str, Any]) -> dict[str, str]:
     """Rows of scenes with faults or a rotor."""
     from dahl import report
 

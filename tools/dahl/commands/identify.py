@@ -23,6 +23,7 @@ from dahl.arguments import add_limits, add_output, positive, whole
 from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
+    from dahl.identify.log import Log
     from dahl.identify.readers import Source
     from dahl.identify.study import Options, Result
 
@@ -164,7 +165,9 @@ def run(args: argparse.Namespace) -> int:
     return 2 if broken else 0
 
 
-def _readable(args: argparse.Namespace, source: Source, options: Options) -> tuple[list, list]:
+def _readable(
+    args: argparse.Namespace, source: Source, options: Options
+) -> tuple[list[Log], list[Error]]:
     """The logs that a fit can use; each other one is a line on stderr. Raises dahl.Error when none
     is left.
     """
@@ -211,8 +214,8 @@ def _each(args: argparse.Namespace) -> int:
     many.write_table(args.output / "each.csv", rows)
     table = Table("log", "sigma0", "Fc", "R2", "verdict")
     for name, row in sorted(rows.items()):
-        numbers = [f"{row[key]:.5g}" for key in ("sigma0", "Fc", "r2")] if "r2" in row else [""] * 3
-        table.add_row(name, *numbers, row.get("verdict", "broken"))
+        shown = [f"{row[key]:.5g}" for key in ("sigma0", "Fc", "r2")] if "r2" in row else [""] * 3
+        table.add_row(name, *shown, row.get("verdict", "broken"))
     console = Console(highlight=False)
     console.print(table)
     console.print(
@@ -230,11 +233,11 @@ def _follow(args: argparse.Namespace) -> int:
     from dahl.identify import follow, output
     from dahl.loop import Stop
 
-    if not (args.dbc and args.angle and args.torque):
-        raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
+    source = source_of(args)
+    follow.signals_of(source)  # a bad DBC is named before any bus is opened
     with open_from(args) as bus, Stop() as stop:
         frames = received(bus, stop, args.seconds, args.frames)
-        result = follow.follow(frames, source_of(args), options_of(args), args.within / 100, _shown)
+        result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
     _report(args, result, output.identifier(args.name or "bus"))
     return 0
 

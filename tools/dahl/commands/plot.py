@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dahl import Error
 
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> None:
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
-def _summary(folder: Path) -> dict:
+def _summary(folder: Path) -> dict[str, Any]:
     path = folder / "summary.json"
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
@@ -60,13 +60,13 @@ def _summary(folder: Path) -> dict:
     return known
 
 
-def _scene_of(known: dict, log: Path) -> str:
+def _scene_of(known: dict[str, Any], log: Path) -> str:
     if "scene_file" not in known:
         raise Error(f"{log}: which parameters did this run have? Name its scene with --scene")
-    return known["scene_file"]
+    return str(known["scene_file"])
 
 
-def _recorded(played: Scene, known: dict) -> Recorded | None:
+def _recorded(played: Scene, known: dict[str, Any]) -> Recorded | None:
     from dahl import data, scene
 
     if not played.log:

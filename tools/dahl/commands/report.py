@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
+from typing import Any
 
 from dahl import Error
 
@@ -37,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
     print(f"{output}: {len(text) // 1024} KiB")
 
 
-def _summary(path: Path) -> dict:
+def _summary(path: Path) -> dict[str, Any]:
     try:
         known = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:

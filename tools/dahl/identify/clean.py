@@ -131,7 +131,9 @@ def between_counts(log: Log) -> np.ndarray:
 
 
 def _within_count(theta: np.ndarray, log: Log) -> np.ndarray:
-    return np.clip(theta, log.theta - log.resolution / 2, log.theta + log.resolution / 2)
+    half = log.resolution / 2
+    kept: np.ndarray = np.clip(theta, log.theta - half, log.theta + half)
+    return kept
 
 
 def huber(residual: np.ndarray, before: np.ndarray | None) -> np.ndarray:
@@ -141,7 +143,9 @@ def huber(residual: np.ndarray, before: np.ndarray | None) -> np.ndarray:
     odd = np.abs(residual - median_filter(residual, NEIGHBOURS, mode="nearest"))
     usual = 1.4826 * float(np.median(odd[odd > 0])) if (odd > 0).any() else 0.0
     limit = max(OUTLIER * usual, 1e-6 * float(np.ptp(residual)))
-    weight = np.minimum(1.0, np.divide(limit, odd, out=np.ones_like(odd), where=odd > limit))
+    weight: np.ndarray = np.minimum(
+        1.0, np.divide(limit, odd, out=np.ones_like(odd), where=odd > limit)
+    )
     return weight if before is None else weight * before
 
 
@@ -167,7 +171,9 @@ def backlash(log: Log, ratio: np.ndarray, turns: np.ndarray) -> tuple[float, flo
     return extra, float(centres[best]), moves
 
 
-def _flatness(log: Log, ratio: np.ndarray, parts: list, centre: float) -> tuple[float, float, int]:
+def _flatness(
+    log: Log, ratio: np.ndarray, parts: list[tuple[int, int]], centre: float
+) -> tuple[float, float, int]:
     """Travel in the band over travel in its neighbours, extra travel, number of crossings."""
     shares, extras = [], []
     for i, j in parts:
@@ -241,4 +247,5 @@ def _costs(columns: list[np.ndarray], torques: list[np.ndarray]) -> list[float]:
 def shifted(torque: np.ndarray, rows: float) -> np.ndarray:
     """The torque `rows` earlier."""
     index = np.arange(len(torque), dtype=float)
-    return np.interp(index + rows, index, torque)
+    earlier: np.ndarray = np.interp(index + rows, index, torque)
+    return earlier

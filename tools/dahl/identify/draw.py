@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 
 from dahl import picture
 from dahl.identify.fit import dense_of, profile_of
 from dahl.identify.study import Result
-from dahl.picture import COMPUTED, MEASURED, plt
+from dahl.picture import COMPUTED, MEASURED
 
 POINTS = 20_000  # drawn of a long log
 
@@ -43,7 +45,7 @@ def draw(path: Path, result: Result) -> None:
         picture.save(figure, path)
 
 
-def _profile(axes: plt.Axes, result: Result) -> None:
+def _profile(axes: Axes, result: Result) -> None:
     """Least cost for each sigma0 over the least of all, with the 95 % interval."""
     estimate, log = result.estimate, result.logs[0]
     interval = estimate.ci95["sigma0"]

@@ -73,7 +73,8 @@ def cost_of(gram: np.ndarray, columns: list[int], coefficient: np.ndarray) -> np
     """Sum of squares on the rows of `gram` with coefficients found elsewhere: (nodes,)."""
     matrix, right, power = gram[:, columns][:, :, columns], gram[:, columns, -1], gram[:, -1, -1]
     squares = np.einsum("ki,kij,kj->k", coefficient, matrix, coefficient)
-    return power - 2 * np.einsum("ki,ki->k", coefficient, right) + squares
+    cost: np.ndarray = power - 2 * np.einsum("ki,ki->k", coefficient, right) + squares
+    return cost
 
 
 def search(
@@ -158,7 +159,7 @@ def choose_terms(found: Sweep, candidates: Sequence[str]) -> list[str]:
         for kept in combinations(candidates, count)
         if "spring" not in kept or "offset" in kept  # where it is relaxed is not known
     }
-    for kept in sorted(costs, key=costs.get):
+    for kept in sorted(costs, key=costs.__getitem__):
         if all(fits_in(found, [other for other in kept if other != term], term) for term in kept):
             return sorted(kept, key=CORE.index)
     return []
@@ -172,10 +173,10 @@ def fits_in(found: Sweep, kept: Sequence[str], term: str) -> bool:
         return True
     own = FIRST_TERM + CORE.index(term)
     for node in (curve.best, len(found.a) - 1):  # beside Dahl's curve, and beside a bare sign
-        left = _left_beside(total[node], own, columns_of(dict.fromkeys(["offset", *kept])))
+        left = _left_beside(total[node], own, columns_of(list(dict.fromkeys(["offset", *kept]))))
         if left < INFORMED:
             return False
-    return curve.coefficient[curve.best, -1] > 0
+    return bool(curve.coefficient[curve.best, -1] > 0)
 
 
 def _left_beside(gram: np.ndarray, own: int, others: list[int]) -> float:
@@ -265,7 +266,8 @@ def dense_of(best: Estimate) -> Curve:
 def profile_of(dense: Curve, sigma0: np.ndarray) -> np.ndarray:
     """Least cost for each sigma0 over the least of all: (n,) -> (n,)."""
     off = sigma0[:, None] / dense.a - dense.coefficient[:, 0]
-    return np.min(dense.sse + dense.stiff * off**2, axis=1) / dense.sse.min()
+    least: np.ndarray = np.min(dense.sse + dense.stiff * off**2, axis=1) / dense.sse.min()
+    return least
 
 
 def _spline(a: np.ndarray, values: np.ndarray) -> CubicSpline:

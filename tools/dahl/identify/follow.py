@@ -29,7 +29,7 @@ def follow(
     """Look again and again; ends when the frames do, or when both parameters are identifiable and
     known to `within` of their value. Raises dahl.Error when nothing could be identified.
     """
-    signals, due, rows = Signals(source.dbc, source.angle, source.torque), FIRST, signals_rows
+    signals, due, rows = signals_of(source), FIRST, signals_rows
     for frame in frames:
         if frame is not None:
             signals.feed(frame)
@@ -40,6 +40,13 @@ def follow(
             if result is not None and small_enough(result, within):
                 return result
     return study.identify([signals.log("bus", source)], options)
+
+
+def signals_of(source: Source) -> Signals:
+    """What is looked for on the bus. Raises dahl.Error."""
+    if source.dbc is None or not (source.angle and source.torque):
+        raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
+    return Signals(source.dbc, source.angle, source.torque)
 
 
 def signals_rows(signals: Signals) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import re
 from functools import cache
+from typing import Any
 
 from dahl import RunError, places
 from dahl.core import Plan
@@ -48,7 +49,7 @@ def _structure(text: str, name: str) -> type[ctypes.Structure]:
     return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
-def _initialiser(value: object, kind: type) -> str:
+def _initialiser(value: Any, kind: Any) -> str:
     if issubclass(kind, ctypes.Array):
         return "{" + ", ".join(_initialiser(one, kind._type_) for one in value) + "}"
     if issubclass(kind, ctypes.Structure):
@@ -58,7 +59,7 @@ def _initialiser(value: object, kind: type) -> str:
 
 def _fields(value: ctypes.Structure) -> list[str]:
     return [
-        f".{name} = {_initialiser(getattr(value, name), kind)}" for name, kind in value._fields_
+        f".{name} = {_initialiser(getattr(value, name), kind)}" for name, kind, *_ in value._fields_
     ]
 
 

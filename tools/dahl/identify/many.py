@@ -74,7 +74,9 @@ class Kept:
         output.keep(self.place(path), json.dumps(known, indent=2) + "\n")
 
 
-def _indexed(index: int, path: Path, source: Source, options: Options) -> tuple[int, dict]:
+def _indexed(
+    index: int, path: Path, source: Source, options: Options
+) -> tuple[int, dict[str, Any]]:
     return index, one(path, source, options)
 
 
@@ -112,7 +114,7 @@ def _cluster(address: str | None) -> Iterator[None]:
     from dask.distributed import Client
 
     try:
-        client = Client(address, timeout=PATIENCE)
+        client = Client(address, timeout=PATIENCE)  # type: ignore[no-untyped-call]  # dask has types in parts
     except (OSError, ValueError) as error:
         words = " ".join(str(error).split())[:120]
         raise RunError(f"--dask {address}: no cluster answers ({words})") from None

@@ -35,14 +35,16 @@ def bilinear(moves: np.ndarray, a: float, start: float = 0.0) -> np.ndarray:
     ):
         before[j] = start
         start = min(max(start + shift, least), most)
-    return np.clip(before + total, low, high).T.ravel()[: len(moves)]
+    ratios: np.ndarray = np.clip(before + total, low, high).T.ravel()
+    return ratios[: len(moves)]
 
 
 def coulomb(moves: np.ndarray, _: float, start: float = 0.0) -> np.ndarray:
     """The sign of the last move that was one, `start` before the first."""
     sign = np.sign(moves)
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(1, len(sign) + 1), 0))
-    return np.concatenate(([start], sign))[last]
+    signs: np.ndarray = np.concatenate(([start], sign))
+    return signs[last]
 
 
 def reversals(theta: np.ndarray, least: float) -> np.ndarray:

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -293,7 +293,8 @@ def database_of(path: Path) -> cantools.database.Database:
         raise Error(f"{path}: {error.strerror}") from None
     text = re.sub(r"^CM_ \d.*$", "", text, flags=re.MULTILINE)
     try:
-        return cantools.database.load_string(text, database_format="dbc", strict=False)
+        found = cantools.database.load_string(text, database_format="dbc", strict=False)
+        return cast("cantools.database.Database", found)
     except (cantools.Error, ValueError) as error:
         words = " ".join(str(error).split())[:160]
         raise Error(f"{path}: not a DBC ({words})") from None
@@ -354,7 +355,9 @@ def _values(
     message: cantools.database.Message, frame: can.Message, names: list[str]
 ) -> Iterator[tuple[str, float]]:
     try:
-        values = message.decode(frame.data, decode_choices=False, allow_truncated=True)
+        values: dict[str, Any] = message.decode_simple(
+            bytes(frame.data), decode_choices=False, allow_truncated=True
+        )
     except Exception:  # noqa: BLE001  (a frame of another kind under the same id)
         return
     for name in names:

@@ -125,7 +125,9 @@ class Study:
         drawn = estimate.Fc * path.dahl(moves, estimate.a) + extra(log, estimate.terms)
         start = np.exp(-np.minimum(estimate.a * np.cumsum(np.abs(moves)), 700.0))
         weighed = start if log.weight is None else start * log.weight
-        return drawn + start * float(weighed @ (log.torque - drawn) / (weighed @ start))
+        first = float(weighed @ (log.torque - drawn) / (weighed @ start))
+        torque: np.ndarray = drawn + start * first
+        return torque
 
 
 def _usual_move(log: Log) -> float:
@@ -261,6 +263,7 @@ def _undelay(study: Study, estimate: Estimate) -> float:
         return 0.0
     for log in study.logs:
         log.torque = clean.shifted(log.torque, delay)
+        assert log.time is not None  # a delay is sought only where every log has its time
         step = float(np.median(np.diff(log.time)))
         who = "torque" if delay > 0 else "angle"
         log.notes.append(f"{who} comes {abs(delay):.1f} rows ({abs(delay) * step:.3g} s) late")
@@ -275,7 +278,7 @@ def _drawable(study: Study, a: float, terms: Iterable[str], model: Model) -> lis
         moves = log.moves_of(rows)
         start = np.exp(-np.minimum(a * np.cumsum(np.abs(moves)), 700.0))
         others = sweep.columns_of(log, rows)[:, used]
-        columns.append(np.column_stack((model(moves, a), start, others)))
+        columns.append(np.column_stack((model(moves, a, 0.0), start, others)))
     return columns
 
 
@@ -336,7 +339,7 @@ def _judged(study: Study, found: Sweep, estimate: Estimate, delay: float, slack:
 def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
     """Dahl, Coulomb (the sign alone), none (the terms alone) and bilinear, held out."""
     terms = list(estimate.terms)
-    sign = study.at([study.high * 1e6], path.coulomb)
+    sign = study.at(np.array([study.high * 1e6]), path.coulomb)
     bent = study.at(estimate.a * np.geomspace(1 / 8, 4, BENT), path.bilinear)
     own = fit.choose_terms(sign, study.candidates)
     best = fit.curve_of(bent.a, bent.total(), terms)

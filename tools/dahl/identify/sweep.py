@@ -54,7 +54,8 @@ class Sweep:
             without_start(self.gram[:, use & (self.owner == log)].sum(axis=1))
             for log in np.unique(self.owner)
         ]
-        return np.sum(parts, axis=0)
+        summed: np.ndarray = np.sum(parts, axis=0)
+        return summed
 
 
 def without_start(gram: np.ndarray) -> np.ndarray:
@@ -63,7 +64,9 @@ def without_start(gram: np.ndarray) -> np.ndarray:
     """
     own = gram[..., START, START][..., None, None]
     across = gram[..., :, START, None] * gram[..., None, START, :]
-    return gram - np.divide(across, own, out=np.zeros_like(gram), where=own > 1e-9)
+    drawn = np.divide(across, own, out=np.zeros_like(gram), where=own > 1e-9)
+    rest: np.ndarray = gram - drawn
+    return rest
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,8 @@ def _slope(values: np.ndarray, time: np.ndarray) -> np.ndarray:
     ahead, behind = np.minimum(rows + 1, len(time) - 1), np.maximum(rows - 1, 0)
     step = time[ahead] - time[behind]
     least = 1e-3 * max(time[-1] - time[0], 1e-12) / len(time)
-    return (values[ahead] - values[behind]) / np.maximum(step, least)
+    slope: np.ndarray = (values[ahead] - values[behind]) / np.maximum(step, least)
+    return slope
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
@@ -171,7 +175,8 @@ def _smooth(values: np.ndarray) -> np.ndarray:
 
 
 def _gram(blocks: np.ndarray) -> np.ndarray:
-    return np.swapaxes(blocks, 1, 2) @ blocks
+    gram: np.ndarray = np.swapaxes(blocks, 1, 2) @ blocks
+    return gram
 
 
 def _blocks(columns: np.ndarray, length: int) -> np.ndarray:
