@@ -149,9 +149,7 @@ def small(counted, measured) -> tuple[dict, dict]:
         for way in figures.GROWTH_TITLES
         for ticks in (100, 1000)
     ]
-    rates = [
-        {"rate": rate, "way": way, "parts": 2} for rate in (100, 1000) for way in host.SOLVERS
-    ]
+    rates = [{"rate": rate, "way": way, "parts": 2} for rate in (100, 1000) for way in host.SOLVERS]
     made_up = {
         "quick": True,
         "cpu": "a processor",

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The library against 50 digits: every entry of a plan, single moves, long mixed motions, the kernel's constants."""
+"""The library against 50 digits: every entry of a plan, single moves, long mixed motions, the
+kernel's constants.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dahl.core import Friction, Plan
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
-
-from dahl.core import Friction, Plan
 
 ROOT = Path(__file__).resolve().parents[2]
 HEADER = (ROOT / "lib/dahl.h").read_text()
@@ -55,14 +56,16 @@ plans = st.builds(
     float32(1e-7, 1e-1),
 )
 moves = st.lists(
-    st.one_of(st.integers(-9, 9), st.integers(-5000, 5000), st.integers(-(2**31), 2**31 - 1)), max_size=40
+    st.one_of(st.integers(-9, 9), st.integers(-5000, 5000), st.integers(-(2**31), 2**31 - 1)),
+    max_size=40,
 )
 
 
 @given(plans)
 def test_every_entry_of_a_plan(plan: Plan) -> None:
     """g of 1 .. 8, 16 .. 2^31 counts in Q64: relative error below 2^-32, as prepare.c states."""
-    words = np.frombuffer(plan._words, dtype=np.uint32)[4 : 4 + 2 * 37].astype(object)  # after a and Fc
+    after_a_and_Fc = slice(4, 4 + 2 * 37)
+    words = np.frombuffer(plan._words, dtype=np.uint32)[after_a_and_Fc].astype(object)
     counts = [*range(9), *(2**k for k in range(4, 32))]
     u = exact_travel(plan)
     assert words[0] == words[1] == 0
@@ -90,7 +93,6 @@ def test_by_angle(plan: Plan, moves: list[float]) -> None:
         assert abs(bearing.step(dtheta) - w * plan.Fc) <= ULP_ANGLE * plan.ulp
 
 
-
 def numbers(name: str) -> list[int]:
     """The unsigned constants of a function or table of kernel.h, in order, zeros too."""
     body = re.search(rf"{name}(?:\(|\[16\]).*?\n}}", KERNEL, re.S)[0]
@@ -108,7 +110,7 @@ def test_kernel_polynomial(name: str, steps: int, degree: int) -> None:
 
     def error(Y: mpf) -> mpf:  # noqa: N803 (the file's name)
         v = Y / steps
-        P = sum((-Y) ** k * c[k] for k in range(degree + 1))  # noqa: N806
+        P = sum((-Y) ** k * c[k] for k in range(degree + 1))
         return abs(v * P / -mp.expm1(-v * mp.log(2)) - 1)
 
     worst = max(error(mpf(k) / 4000) for k in range(1, 4001))

@@ -228,9 +228,7 @@ def source_for(kind: str, files) -> readers.Source:
     return readers.Source()
 
 
-@pytest.mark.parametrize(
-    "kind", ["csv", "tsv", "json", "mat", "parquet", "mf4", *FRAMES]
-)
+@pytest.mark.parametrize("kind", ["csv", "tsv", "json", "mat", "parquet", "mf4", *FRAMES])
 def test_every_kind_of_file(files, kind):
     read = readers.read(files[kind], source_for(kind, files))
     assert read.rows == ROWS

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The README says what the commands print: its table of forms, the frames, the bounds, and only commands that exist."""
+"""The README says what the commands print: its table of forms, the frames, the bounds, and only
+commands that exist.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +22,21 @@ def block(name: str) -> str:
 
 
 def test_table_of_forms() -> None:
-    printed = subprocess.run([built("tests", "lib", "forms")], capture_output=True, text=True, check=True).stdout
-    assert block("forms") == printed, "paste the output of build/host/tests/lib/forms between the marks"
+    forms = built("tests", "lib", "forms")
+    printed = subprocess.run([forms], capture_output=True, text=True, check=True).stdout
+    assert block("forms") == printed, (
+        "paste what build/host/tests/lib/forms prints between the marks"
+    )
 
 
 def test_bounds_are_those_of_the_header() -> None:
     header = (ROOT / "lib/dahl.h").read_text()
-    for name, said in (("DAHL_ULP_COUNTS", "0.52 ulp"), ("DAHL_ULP_ANGLE", "0.6 ulp"), ("DAHL_FLOAT_ERROR", "3e-7 Fc")):
+    bounds = {
+        "DAHL_ULP_COUNTS": "0.52 ulp",
+        "DAHL_ULP_ANGLE": "0.6 ulp",
+        "DAHL_FLOAT_ERROR": "3e-7 Fc",
+    }
+    for name, said in bounds.items():
         assert re.search(rf"#define {name} {said.split()[0]}\s", header) and said in README
 
 
@@ -43,7 +53,10 @@ def test_each_test_command_selects_something(word: str) -> None:
     assert any(word in name for name in names), f"no test file is selected by -k {word}"
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"(?:lib|port|tests|tools|host_sim|\.readme)/[\w./-]+\w", README))))
+NAMED = re.findall(r"(?:lib|port|tests|tools|host_sim|\.readme)/[\w./-]+\w", README)
+
+
+@pytest.mark.parametrize("path", sorted(set(NAMED)))
 def test_named_files_exist(path: str) -> None:
     built = ROOT / "build/host" / path
     assert (ROOT / path).exists() or built.exists(), path
