@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT
+"""What the numeric proofs share: numbers out of the headers, programs built from a copy of lib/.
+
+A planted fault is an edit of that copy: the check run on it must fail.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+from conftest import ROOT
+
+LIB = ROOT / "lib"
+
+
+def header_number(name: str, file: Path) -> float:
+    """The value of a `#define name value` in a header."""
+    found = re.search(rf"^#define {name} (\S+)", file.read_text(), re.M)
+    assert found, f"{name} is not defined in {file.name}"
+    text = found[1].rstrip("f")
+    return float.fromhex(text) if text.startswith("0x") else float(text)
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    """Plant a fault: replace the one place where `old` stands."""
+    text = file.read_text()
+    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {file.name}"
+    file.write_text(text.replace(old, new))
+
+
+def copy_of_lib(tmp_path: Path) -> Path:
+    """lib/ and the C tests in a folder of their own, the same way from one to the other."""
+    for part in ("lib", "tests/lib", "tests/proof"):
+        shutil.copytree(ROOT / part, tmp_path / part, dirs_exist_ok=True)
+    return tmp_path
+
+
+def build(top: Path, program: str, *words: str) -> Path:
+    """One C program of a (copied) tree, with the core of its lib/."""
+    core = [top / "lib" / f"{name}.c" for name in CORE]
+    target = top / Path(program).stem
+    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
+    command += [f"-I{top / 'lib'}", str(top / program), *map(str, core), "-o", str(target)]
+    subprocess.run([*command, *words, "-lm"], check=True, timeout=120)
+    return target
+
+
+CORE = (
+    *("prepare", "wide", "angle", "far_angle", "torque", "set_torque"),
+    *("counts", "counts_q30", "digits", "change_plan"),
+)
