@@ -110,12 +110,12 @@ size_t text_from_send(char *out, const can_frame_t *frame)
 
 static bool to_number(const char *word, int base, uint64_t limit, uint64_t *value)
 {
-    char *end;
-    if (word[0] == '-' || word[0] == '+') {
+    size_t digits = strspn(word, base == 16 ? "0123456789abcdefABCDEF" : "0123456789");
+    if (digits == 0 || word[digits] != '\0') {
         return false;
     }
-    *value = strtoull(word, &end, base);
-    return *end == '\0' && *value <= limit;
+    *value = strtoull(word, NULL, base); /* the largest of all where it is too large */
+    return *value <= limit;
 }
 
 static bool hex_word(const char **cursor, uint64_t limit, uint64_t *value)
@@ -190,11 +190,11 @@ static bool time_word(const char **cursor, can_frame_t *frame)
 
 static bool data_word(const char **cursor, can_frame_t *frame)
 {
-    char word[18];
+    char word[17]; /* 8 bytes */
     if (at_end(*cursor)) {
         return true;
     }
-    if (!text_word(cursor, word, sizeof word) || strlen(word) % 2 != 0 || strlen(word) > 16) {
+    if (!text_word(cursor, word, sizeof word) || strlen(word) % 2 != 0) {
         return false;
     }
     frame->length = (uint8_t)(strlen(word) / 2);

@@ -63,6 +63,43 @@ static void test_an_empty_loopback_waits_by_the_clock(void)
     TEST_ASSERT_EQUAL(700, waited_us);
 }
 
+/* A clock without a wait, as a firmware's: then there is none. Nobody else is there, and closing keeps what was sent. */
+static void test_a_loopback_without_a_wait_and_without_others(void)
+{
+    can_frame_t in = {.id = 5, .length = 1, .data = {9}};
+    can_frame_t out;
+    loopback_open(&loopback, (can_clock_t){.now_ns = now});
+    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 700));
+    TEST_ASSERT_EQUAL(0, waited_us);
+    TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
+    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&loopback.bus, &in));
+    loopback.bus.ops->close(&loopback.bus);
+    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(5, out.id);
+    TEST_ASSERT_EQUAL(9, out.data[0]);
+    loopback_open(&loopback, loopback.bus.clock);
+    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 0));
+}
+
+/* The ring goes on where its free-running numbers wrap. */
+static void test_a_queue_goes_on_where_its_numbers_wrap(void)
+{
+    can_frame_t in = {.length = 8};
+    can_frame_t out;
+    loopback.queue.head = loopback.queue.tail = UINT32_MAX - 3;
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        in.id = i;
+        TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE - i, frame_queue_room(&loopback.queue));
+        TEST_ASSERT_TRUE(frame_queue_put(&loopback.queue, &in));
+    }
+    TEST_ASSERT_FALSE(frame_queue_put(&loopback.queue, &in));
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_TRUE(frame_queue_take(&loopback.queue, &out));
+        TEST_ASSERT_EQUAL(i, out.id);
+    }
+    TEST_ASSERT_FALSE(frame_queue_take(&loopback.queue, &out));
+}
+
 static void test_a_full_loopback_refuses_and_counts(void)
 {
     can_frame_t in = {.length = 8};
@@ -149,15 +186,27 @@ static void test_bad_elements_are_refused(void)
         "", " ", " send", " send ", " send 123", " send 123 8", " send 123 1", " send 123 9 1 2 3 4 5 6 7 8 9",
         " send 123 c 0 0 0 0 0 0 0 0 0 0 0 0", " send 800 0", " send 20000000 0", " send 123456789 0", " send xyz 0",
         " send 123 1 100", " send 123 1 1 1", " send 123 -1", " send +12 0", " send 123 1 0x1g", " frame 123 0",
-        " sendd 123 0", " send 123 1 ", " send 12 1 \xff"};
+        " sendd 123 0", " send 123 1 ", " send 12 1 \xff", " send 123 1 0x1", " send 0x1 0", " send 123 1 \t1",
+        " sendsend 123 0", " send 7FFFFFFFF 0"};
+    static const char *const bad_frames[] = {
+        " frame", " frame 123", " frame xyz 1.000000 00", " frame 123 1000000 00", " frame 123 1.5 00", " frame 123 x.000000 00",
+        " frame 123 .000000 00", " frame 123 -1.000000 00", " frame 123 1.-00001 00", " frame 123 1.00000x 00",
+        " frame 123 1.0000000 00", " frame 123 9223372036855.000000 00", " frame 123 99999999999999999999.000000 00",
+        " frame 123 123456789012345678901234.000000 00", " frame 123 1.000000 0", " frame 123 1.000000 0g",
+        " frame 123 1.000000 0x", " frame 123 1.000000 001122334455667", " frame 123 1.000000 00112233445566778",
+        " frame 123 1.000000 001122334455667788", " frame 123 1.000000 00 11", " send 123 1.000000 00", " framed 123 1.000000 00"};
     can_frame_t frame;
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         TEST_ASSERT_FALSE_MESSAGE(text_to_send(bad[i], &frame), bad[i]);
     }
-    TEST_ASSERT_FALSE(text_to_frame(" frame 123 1.5 00 ", &frame));
-    TEST_ASSERT_FALSE(text_to_frame(" frame 123 1.000000 0 ", &frame));
-    TEST_ASSERT_FALSE(text_to_frame(" frame 123 1.000000 001122334455667788 ", &frame));
-    TEST_ASSERT_FALSE(text_to_frame(" frame 123 x.000000 00 ", &frame));
+    for (size_t i = 0; i < sizeof bad_frames / sizeof bad_frames[0]; i++) {
+        TEST_ASSERT_FALSE_MESSAGE(text_to_frame(bad_frames[i], &frame), bad_frames[i]);
+    }
+    TEST_ASSERT_TRUE(text_to_frame(" frame 7fF 9223372036854.999999 0011223344556677", &frame)); /* the most there can be */
+    TEST_ASSERT_EQUAL_HEX32(0x7FF, frame.id);
+    TEST_ASSERT_EQUAL(8, frame.length);
+    TEST_ASSERT_EQUAL_HEX8(0x77, frame.data[7]);
+    TEST_ASSERT_TRUE(frame.time_us == UINT64_C(9223372036854999999));
 }
 
 static uint32_t elements_in(text_splitter_t *splitter, const char *text)
@@ -232,6 +281,8 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(test_loopback_gives_back_in_order_with_its_own_time);
     RUN_TEST(test_an_empty_loopback_waits_by_the_clock);
+    RUN_TEST(test_a_loopback_without_a_wait_and_without_others);
+    RUN_TEST(test_a_queue_goes_on_where_its_numbers_wrap);
     RUN_TEST(test_a_full_loopback_refuses_and_counts);
     RUN_TEST(test_frames_survive_the_text_both_ways);
     RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);
