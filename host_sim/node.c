@@ -44,7 +44,7 @@ dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
 static void enter(node_t *node, frames_state_t state)
 {
     node->state = (uint8_t)state;
-    if (state != FRAMES_OK && state != FRAMES_INIT) {
+    if (state != FRAMES_OK) {
         node->errors = (uint8_t)(node->errors | (1u << state));
     }
 }

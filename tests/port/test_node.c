@@ -174,6 +174,27 @@ static void test_three_in_a_row_are_a_new_start_without_travel(void)
     TEST_ASSERT_NOT_EQUAL(before, node.bearing.w);
 }
 
+/* The row is three long, but its third count is one that the encoder disowns: the fourth is the new start. */
+static void test_a_disowned_count_is_no_new_start_but_does_not_break_the_row(void)
+{
+    encoder_state_t state = {.count = 703, .counter = 7, .valid = false};
+    can_frame_t frame;
+    frames_pack_encoder(&frame, NUMBER, &state);
+    feed(0, 0);
+    feed(1, 40);
+    int32_t before = answer.torque_q30;
+    TEST_ASSERT_FALSE(feed(5, 701));
+    TEST_ASSERT_FALSE(feed(6, 702));
+    TEST_ASSERT_FALSE(give(&frame));
+    TEST_ASSERT_TRUE(feed(8, 704));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(before, answer.torque_q30);
+    TEST_ASSERT_EQUAL(4, node.counts.wrong_sequence);
+    dahl_state_t reference = node.bearing;
+    TEST_ASSERT_TRUE(feed(9, 714));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 10), answer.torque_q30);
+}
+
 static void test_wrong_crc_and_form_are_counted_and_not_used(void)
 {
     feed(0, 0);
@@ -403,6 +424,21 @@ static void test_with_a_step_limit_a_glitch_is_not_used(void)
     TEST_ASSERT_EQUAL_HEX8(FRAMES_ERROR_JUMP, node.errors);
 }
 
+static void test_the_step_limit_holds_backward_too(void)
+{
+    dahl_state_t reference = {0};
+    node.max_step = 100;
+    feed(0, 0);
+    TEST_ASSERT_TRUE(feed(1, -100));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -100), answer.torque_q30);
+    TEST_ASSERT_FALSE(feed(2, -100 - 101));
+    TEST_ASSERT_EQUAL(1, node.counts.jump);
+    TEST_ASSERT_FALSE(feed(3, INT32_MIN));
+    TEST_ASSERT_EQUAL(2, node.counts.jump);
+    TEST_ASSERT_TRUE(feed(4, -150));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -50), answer.torque_q30);
+}
+
 static void test_with_a_step_limit_longer_gaps_are_bridged(void)
 {
     for (uint32_t step = 1; step <= NODE_GAP_MAX_STEP; step++) {
@@ -520,6 +556,57 @@ static void test_the_gain_ramps_without_a_bump(void)
     TEST_ASSERT_EQUAL(0, answer.torque_q30);
 }
 
+/* After frames 70 ms apart, as after any above 65 ms, the gain has gone 65535/65536 of what 65.536 ms are worth: never more
+ * than time allows, and no product passes 32 bits. */
+static void test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms(void)
+{
+    const uint32_t ramps_ms[] = {100, 1000, 60000};
+    for (size_t i = 0; i < 3; i++) {
+        uint32_t step = NODE_ONE * (NODE_ONE - 1) / (1000 * ramps_ms[i]);
+        setUp();
+        node.gain_now = 0;
+        node.timeout_us = 60000000;
+        node.ramp_us = 1000 * ramps_ms[i];
+        feed(0, 0);
+        feed(1, 1000000);
+        uint32_t at = node.gain_now;
+        for (uint32_t k = 2; k < 5; k++) {
+            now_us += k == 4 ? 50000000 : 69000;
+            feed(k, 1000000);
+            at = at + step < NODE_ONE ? at + step : NODE_ONE;
+            TEST_ASSERT_EQUAL(at, node.gain_now);
+            TEST_ASSERT_EQUAL(((int64_t)at << 30) / NODE_ONE, answer.torque_q30);
+        }
+    }
+}
+
+static void test_the_gain_ramps_down_and_stops_where_it_should(void)
+{
+    node.ramp_us = 100000;
+    feed(0, 0);
+    feed(1, 1000000);
+    TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE / 2));
+    for (uint32_t i = 2; i < 80; i++) {
+        uint32_t gone = (i - 1) * 655; /* 1 ms of 100 */
+        uint32_t gain = gone < NODE_ONE / 2 ? NODE_ONE - gone : NODE_ONE / 2;
+        feed(i, 1000000);
+        TEST_ASSERT_EQUAL(((int64_t)gain << 30) / NODE_ONE, answer.torque_q30);
+    }
+}
+
+static void test_after_a_restart_the_ramp_begins_anew(void)
+{
+    feed(0, 0);
+    feed(1, 1000000);
+    TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 100));
+    reset(FRAMES_RESET_RESTART);
+    TEST_ASSERT_TRUE(feed(2, 0));
+    TEST_ASSERT_TRUE(feed(3, 1000000));
+    TEST_ASSERT_EQUAL(655 << 14, answer.torque_q30);
+}
+
 static void test_parameters_are_checked_acknowledged_and_used(void)
 {
     dahl_params_t other = params;
@@ -566,6 +653,17 @@ static void test_parameters_out_of_range_change_nothing(void)
     TEST_ASSERT_EQUAL(1u << 19, param_now(FRAMES_PARAM_FC));
 }
 
+/* The answer to an unknown parameter has no value of another one. */
+static void test_an_unknown_parameter_reads_as_0(void)
+{
+    param_reply_t reply;
+    for (uint32_t param = FRAMES_PARAM_STATUS + 1; param < 256; param++) {
+        TEST_ASSERT_FALSE(params_of((uint8_t)param, 77, param % 2 != 0, &reply));
+        TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
+        TEST_ASSERT_EQUAL(0, reply.value);
+    }
+}
+
 static void test_a_travel_out_of_range_is_refused_as_a_whole(void)
 {
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, UINT32_MAX));
@@ -599,6 +697,51 @@ static void test_errors_are_sticky_until_they_are_reset(void)
     TEST_ASSERT_EQUAL_HEX8(0, node.errors);
     TEST_ASSERT_EQUAL(0, node.counts.repeated);
     TEST_ASSERT_TRUE(feed(2, 10));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+/* Neither ParamWrite nor Reset with a wrong CRC or form does anything but count, and gets no answer. */
+static void test_a_bad_param_write_or_reset_is_only_counted(void)
+{
+    can_frame_t frames[2];
+    can_frame_t out;
+    frames_pack_param_write(&frames[0], NUMBER, &(param_write_t){.value = 5, .param = FRAMES_PARAM_GAIN, .write = true});
+    frames_pack_reset(&frames[1], NUMBER, &(node_reset_t){.what = FRAMES_RESET_RESTART});
+    feed(0, 0);
+    feed(1, 300);
+    int64_t bristle = node.bearing.w;
+    for (uint32_t i = 0; i < 2; i++) {
+        frames[i].data[7] ^= 0x20;
+        TEST_ASSERT_FALSE(node_receive(&node, &frames[i], now_us, &out));
+        TEST_ASSERT_EQUAL(i + 1, node.counts.crc);
+        frames[i].length = 6;
+        TEST_ASSERT_FALSE(node_receive(&node, &frames[i], now_us, &out));
+        TEST_ASSERT_EQUAL(i + 1, node.counts.format);
+    }
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_CRC | FRAMES_ERROR_FORMAT, node.errors);
+    TEST_ASSERT_EQUAL(0, node.counts.params + node.counts.resets);
+    TEST_ASSERT_EQUAL(NODE_ONE, node.gain);
+    TEST_ASSERT_EQUAL(bristle, node.bearing.w);
+    TEST_ASSERT_TRUE(feed(2, 310));
+}
+
+/* What no version knows yet: answered by Status, as every Reset, and nothing is lost. */
+static void test_a_reset_of_nothing_only_asks_for_status(void)
+{
+    feed(0, 0);
+    feed(0, 0);
+    feed(1, 300);
+    int64_t bristle = node.bearing.w;
+    for (uint8_t what = 0; what < 16; what++) {
+        if (what != FRAMES_RESET_ERRORS && what != FRAMES_RESET_RESTART) {
+            reset(what);
+        }
+    }
+    TEST_ASSERT_EQUAL(14, node.counts.resets);
+    TEST_ASSERT_EQUAL(1, node.counts.repeated);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED, node.errors);
+    TEST_ASSERT_EQUAL(bristle, node.bearing.w);
+    TEST_ASSERT_TRUE(feed(2, 310));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
 }
 
@@ -995,6 +1138,7 @@ int main(void)
     RUN_TEST(test_one_frame_out_of_sequence_has_no_effect);
     RUN_TEST(test_a_good_frame_between_two_out_of_sequence_ends_the_doubt);
     RUN_TEST(test_three_in_a_row_are_a_new_start_without_travel);
+    RUN_TEST(test_a_disowned_count_is_no_new_start_but_does_not_break_the_row);
     RUN_TEST(test_wrong_crc_and_form_are_counted_and_not_used);
     RUN_TEST(test_other_ids_are_ignored);
     RUN_TEST(test_a_count_that_the_encoder_disowns_is_not_used);
@@ -1007,6 +1151,7 @@ int main(void)
     RUN_TEST(test_status_tells_what_happened);
     RUN_TEST(test_status_comes_every_100_ms);
     RUN_TEST(test_with_a_step_limit_a_glitch_is_not_used);
+    RUN_TEST(test_the_step_limit_holds_backward_too);
     RUN_TEST(test_with_a_step_limit_longer_gaps_are_bridged);
     RUN_TEST(test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame);
     RUN_TEST(test_an_encoder_that_is_elsewhere_for_good_is_believed_without_travel);
@@ -1014,11 +1159,17 @@ int main(void)
     RUN_TEST(test_status_tells_of_a_timeout_at_once);
     RUN_TEST(test_gain_and_limit_scale_the_answer_and_not_the_bristle);
     RUN_TEST(test_the_gain_ramps_without_a_bump);
+    RUN_TEST(test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms);
+    RUN_TEST(test_the_gain_ramps_down_and_stops_where_it_should);
+    RUN_TEST(test_after_a_restart_the_ramp_begins_anew);
     RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
     RUN_TEST(test_parameters_out_of_range_change_nothing);
+    RUN_TEST(test_an_unknown_parameter_reads_as_0);
     RUN_TEST(test_a_travel_out_of_range_is_refused_as_a_whole);
     RUN_TEST(test_a_restart_forgets_all_but_the_parameters);
     RUN_TEST(test_errors_are_sticky_until_they_are_reset);
+    RUN_TEST(test_a_bad_param_write_or_reset_is_only_counted);
+    RUN_TEST(test_a_reset_of_nothing_only_asks_for_status);
     RUN_TEST(test_a_refused_model_leaves_the_node_alone);
     RUN_TEST(test_bus_off_is_told_at_once_and_over_after_the_timeout);
     RUN_TEST(test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart);
