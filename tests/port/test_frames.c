@@ -118,6 +118,70 @@ static void test_status_comes_back(void)
     }
 }
 
+static void test_param_write_comes_back(void)
+{
+    uint64_t seed = 10;
+    for (int i = 0; i < ROUNDS; i++) {
+        param_write_t in = {random_u32(&seed), random_u32(&seed) & 0x0F, (uint8_t)random_u32(&seed), (random_u32(&seed) & 1u) != 0};
+        param_write_t out = {.value = ~in.value, .write = !in.write};
+        can_frame_t frame;
+        frames_pack_param_write(&frame, 9, &in);
+        TEST_ASSERT_EQUAL_HEX32(0x139, frame.id);
+        TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_param_write(&frame, &out));
+        TEST_ASSERT_EQUAL_HEX32(in.value, out.value);
+        TEST_ASSERT_EQUAL(in.counter, out.counter);
+        TEST_ASSERT_EQUAL(in.param, out.param);
+        TEST_ASSERT_EQUAL(in.write, out.write);
+    }
+}
+
+static void test_param_reply_comes_back(void)
+{
+    uint64_t seed = 11;
+    for (int i = 0; i < ROUNDS; i++) {
+        param_reply_t in = {random_u32(&seed), random_u32(&seed) & 0x0F, (uint8_t)random_u32(&seed), random_u32(&seed) & 0x0F};
+        param_reply_t out = {.value = ~in.value};
+        can_frame_t frame;
+        frames_pack_param_reply(&frame, 1, &in);
+        TEST_ASSERT_EQUAL_HEX32(0x141, frame.id);
+        TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_param_reply(&frame, &out));
+        TEST_ASSERT_EQUAL_HEX32(in.value, out.value);
+        TEST_ASSERT_EQUAL(in.counter, out.counter);
+        TEST_ASSERT_EQUAL(in.param, out.param);
+        TEST_ASSERT_EQUAL(in.result, out.result);
+    }
+}
+
+static void test_reset_comes_back(void)
+{
+    for (uint32_t i = 0; i < 256; i++) {
+        node_reset_t in = {.counter = i & 0x0F, .what = (uint8_t)(i >> 4)};
+        node_reset_t out = {0xA5, 0xA5};
+        can_frame_t frame;
+        frames_pack_reset(&frame, 2, &in);
+        TEST_ASSERT_EQUAL_HEX32(0x152, frame.id);
+        TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_reset(&frame, &out));
+        TEST_ASSERT_EQUAL(in.counter, out.counter);
+        TEST_ASSERT_EQUAL(in.what, out.what);
+    }
+}
+
+/* All bytes of a frame are written: none is left from what the memory held before. Node numbers are cut to 4 bits. */
+static void test_packing_writes_every_byte(void)
+{
+    can_frame_t frame;
+    memset(&frame, 0xA5, sizeof frame);
+    frames_pack_reset(&frame, 0xF2, &(node_reset_t){.what = FRAMES_RESET_RESTART, .counter = 3});
+    TEST_ASSERT_EQUAL_HEX32(0x152, frame.id);
+    TEST_ASSERT_EQUAL(0, frame.flags);
+    TEST_ASSERT_EQUAL(8, frame.length);
+    TEST_ASSERT_TRUE(frame.time_us == 0);
+    TEST_ASSERT_EQUAL_HEX8(0x23, frame.data[1]);
+    for (size_t i = 2; i < 8; i++) {
+        TEST_ASSERT_EQUAL_HEX8(0, frame.data[i]);
+    }
+}
+
 /* Later versions may use them: whatever stands there, an older node reads the rest. */
 static void test_unused_bits_of_an_encoder_state_mean_nothing(void)
 {
@@ -229,6 +293,36 @@ static void test_a_bad_form_is_refused_before_anything_is_read(void)
     TEST_ASSERT_EQUAL(untouched.counter, out.counter);
 }
 
+/* Of each kind: a frame of wrong CRC, and one of wrong length, leave what was there. */
+#define ASSERT_UNTOUCHED(unpack, type)                            \
+    do {                                                          \
+        type out_, before_;                                       \
+        memset(&out_, 0x5A, sizeof out_);                         \
+        memcpy(&before_, &out_, sizeof out_);                     \
+        TEST_ASSERT_EQUAL(FRAMES_BAD_CRC, unpack(&wrong, &out_)); \
+        TEST_ASSERT_EQUAL(FRAMES_BAD_FORMAT, unpack(&shorter, &out_)); \
+        TEST_ASSERT_EQUAL_MEMORY(&before_, &out_, sizeof out_);   \
+    } while (0)
+
+static void test_a_bad_frame_of_any_kind_touches_nothing(void)
+{
+    can_frame_t wrong = {.id = 0x100, .length = 8, .data = {0, 1, 2, 3, 4, 5, 6, 7}};
+    can_frame_t shorter = wrong;
+    shorter.length = 7;
+    for (int kind = 0; kind < 16; kind++) { /* a CRC that is right for no kind */
+        if (wrong.data[0] == frames_crc(wrong.data, (uint8_t)kind)) {
+            wrong.data[0]++;
+            kind = -1;
+        }
+    }
+    ASSERT_UNTOUCHED(frames_unpack_encoder, encoder_state_t);
+    ASSERT_UNTOUCHED(frames_unpack_torque, friction_torque_t);
+    ASSERT_UNTOUCHED(frames_unpack_status, node_status_t);
+    ASSERT_UNTOUCHED(frames_unpack_param_write, param_write_t);
+    ASSERT_UNTOUCHED(frames_unpack_param_reply, param_reply_t);
+    ASSERT_UNTOUCHED(frames_unpack_reset, node_reset_t);
+}
+
 static void test_reserved_bits_do_not_matter_to_a_receiver(void)
 {
     uint64_t seed = 9;
@@ -248,10 +342,15 @@ int main(void)
     RUN_TEST(test_unused_bits_of_an_encoder_state_mean_nothing);
     RUN_TEST(test_friction_torque_comes_back);
     RUN_TEST(test_status_comes_back);
+    RUN_TEST(test_param_write_comes_back);
+    RUN_TEST(test_param_reply_comes_back);
+    RUN_TEST(test_reset_comes_back);
+    RUN_TEST(test_packing_writes_every_byte);
     RUN_TEST(test_no_one_or_two_flipped_bits_pass);
     RUN_TEST(test_no_three_flipped_bits_beside_the_counter_pass);
     RUN_TEST(test_a_frame_of_one_kind_is_no_other);
     RUN_TEST(test_a_bad_form_is_refused_before_anything_is_read);
+    RUN_TEST(test_a_bad_frame_of_any_kind_touches_nothing);
     RUN_TEST(test_reserved_bits_do_not_matter_to_a_receiver);
     return UNITY_END();
 }

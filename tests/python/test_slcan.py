@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The slcan line reader of port/slcan, byte by byte: what it accepts, what it refuses and how it
-counts that.
+"""The slcan line reader of port/slcan under any bytes, and beside python-can. What it accepts, what
+it refuses and how it counts that, line by line: tests/port/test_slcan.c.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 ROOT = Path(__file__).resolve().parents[2]
 COUNTS = ("too_long", "cut", "not_hex", "wrong_length", "unknown", "closed")
 LINE_MAX = 26
-EXTENDED, REMOTE, FD = 1, 2, 8
+EXTENDED, REMOTE = 1, 2
 
 
 class Frame(codec_tools.Frame):
@@ -61,11 +61,10 @@ def reader(tmp_path_factory) -> ctypes.CDLL:
 class Line:
     """An adapter, fed with text."""
 
-    def __init__(self, reader: ctypes.CDLL, *, opened: bool = True) -> None:
+    def __init__(self, reader: ctypes.CDLL) -> None:
         self.reader, self.state = reader, Slcan()
         self.state.guard[:] = [0xA5] * 8
-        if opened:
-            assert self.feed(b"O\r") == (b"\r", [])
+        assert self.feed(b"O\r") == (b"\r", [])
 
     def feed(self, data: bytes) -> tuple[bytes, list[Frame]]:
         """All answers, and all frames."""
@@ -82,67 +81,6 @@ class Line:
 
     def counts(self) -> dict[str, int]:
         return {name: getattr(self.state, name) for name in COUNTS if getattr(self.state, name)}
-
-
-def test_takes_the_four_kinds(reader) -> None:
-    said, frames = Line(reader).feed(
-        b"t1002AB12\rT1ABCDEF08" + b"0123456789abcdef\rr7FF4\rR000000018\r"
-    )
-    assert said == b"\r\r\r\r"
-    assert [frame.key() for frame in frames] == [
-        (0x100, 0, b"\xab\x12"),
-        (0x1ABCDEF0, EXTENDED, bytes.fromhex("0123456789abcdef")),
-        (0x7FF, REMOTE, bytes(4)),
-        (1, EXTENDED | REMOTE, bytes(8)),
-    ]
-
-
-@pytest.mark.parametrize(
-    "line, why",
-    [
-        (b"t1008" + b"0" * 22, "too_long"),
-        (b"x" * 1000, "too_long"),
-        (b"t", "cut"),
-        (b"t10", "cut"),
-        (b"t100", "cut"),
-        (b"t1002AB", "cut"),
-        (b"t1002AB1", "cut"),
-        (b"T1ABCDEF", "cut"),
-        (b"t1x02AB12", "not_hex"),
-        (b"t100gAB12", "not_hex"),
-        (b"t1002AB1/", "not_hex"),
-        (b"t1002AB:2", "not_hex"),
-        (b"t1002AB\x002", "not_hex"),
-        (b"t1002AB\xff2", "not_hex"),
-        (b"t1009" + b"00" * 8, "wrong_length"),
-        (b"t100F", "wrong_length"),
-        (b"t1002AB1234", "wrong_length"),
-        (b"t1000AB", "wrong_length"),
-        (b"r1002AB12", "wrong_length"),
-        (b"t8002AB12", "wrong_length"),
-        (b"TFABCDEF02AB12", "wrong_length"),
-        (b"q", "unknown"),
-        (b"OO", "unknown"),
-        (b"\x00", "unknown"),
-        (b"Z1", "unknown"),
-    ],
-)
-def test_refuses_and_counts(reader, line: bytes, why: str) -> None:
-    adapter = Line(reader)
-    assert adapter.feed(line + b"\r") == (b"\a", [])
-    assert adapter.counts() == {why: 1}
-    said, frames = adapter.feed(b"t1002AB12\r")
-    assert said == b"\r" and frames[0].key() == (0x100, 0, b"\xab\x12"), (
-        "the next good line is lost"
-    )
-    assert adapter.feed(b"F\rF\r")[0] == b"F80\rF00\r"
-
-
-def test_closed_takes_no_frame(reader) -> None:
-    adapter = Line(reader, opened=False)
-    assert adapter.feed(b"t1002AB12\r") == (b"\a", [])
-    assert adapter.counts() == {"closed": 1}
-    assert adapter.feed(b"S6\rs031C\r\rO\rC\rt1000\r")[0] == b"\r\r\r\r\r\a"
 
 
 @given(st.binary(max_size=400))
@@ -194,12 +132,6 @@ def test_writes_what_it_reads(
     assert length == len(text.value) <= LINE_MAX + 1
     said, frames = Line(reader).feed(text.value)
     assert said == b"\r" and frames[0].key() == frame.key()
-
-
-def test_cannot_write_fd(reader) -> None:
-    text = ctypes.create_string_buffer(LINE_MAX + 2)
-    assert reader.slcan_write(ctypes.byref(Frame(id=1, flags=FD)), text) == 0
-    assert reader.slcan_write(ctypes.byref(Frame(id=1, length=9)), text) == 0
 
 
 def test_python_can_agrees(reader) -> None:

@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: MIT */
+/* slcan, line by line: what it takes, what it refuses and under which name. Random bytes and python-can's own lines come
+ * from Python. */
+#include <stddef.h>
+#include <string.h>
+#include <unity.h>
+
+#include "slcan/slcan.h"
+
+static slcan_t adapter;
+static can_frame_t frame;
+static char text[SLCAN_TEXT_MAX];
+
+void setUp(void)
+{
+    memset(&adapter, 0, sizeof adapter);
+    memset(&frame, 0xA5, sizeof frame);
+}
+
+void tearDown(void)
+{
+}
+
+/* All of a line; only its last byte, CR, has an event. */
+static slcan_event_t feed_bytes(const char *line, size_t length)
+{
+    for (size_t i = 0; i < length; i++) {
+        TEST_ASSERT_EQUAL(SLCAN_NOTHING, slcan_take(&adapter, (uint8_t)line[i], &frame, text));
+    }
+    return slcan_take(&adapter, '\r', &frame, text);
+}
+
+static slcan_event_t feed(const char *line)
+{
+    return feed_bytes(line, strlen(line));
+}
+
+static void expect_answer(const char *line, const char *wanted)
+{
+    TEST_ASSERT_EQUAL_MESSAGE(SLCAN_ANSWER, feed(line), line);
+    TEST_ASSERT_EQUAL_STRING_MESSAGE(wanted, text, line);
+}
+
+static void expect_frame(const char *line, const can_frame_t *wanted)
+{
+    memset(&frame, 0xA5, sizeof frame);
+    TEST_ASSERT_EQUAL_MESSAGE(SLCAN_FRAME, feed(line), line);
+    TEST_ASSERT_EQUAL_STRING("\r", text);
+    TEST_ASSERT_EQUAL_HEX32(wanted->id, frame.id);
+    TEST_ASSERT_EQUAL(wanted->flags, frame.flags);
+    TEST_ASSERT_EQUAL(wanted->length, frame.length);
+    TEST_ASSERT_EQUAL_MEMORY(wanted->data, frame.data, 8);
+    TEST_ASSERT_TRUE(frame.time_us == 0);
+}
+
+static const can_frame_t small = {.id = 0x100, .length = 2, .data = {0xAB, 0x12}};
+
+static void test_each_kind_of_frame_is_taken_and_written(void)
+{
+    static const struct {
+        const char *line;
+        can_frame_t frame;
+    } kinds[] = {
+        {"t1002AB12", {.id = 0x100, .length = 2, .data = {0xAB, 0x12}}},
+        {"t0000", {.id = 0}},
+        {"t7FF80123456789ABCDEF", {.id = 0x7FF, .length = 8, .data = {1, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF}}},
+        {"T1ABCDEF0109", {.id = 0x1ABCDEF0, .flags = CAN_FRAME_EXTENDED, .length = 1, .data = {9}}},
+        {"T1FFFFFFF0", {.id = 0x1FFFFFFF, .flags = CAN_FRAME_EXTENDED}},
+        {"r7FF4", {.id = 0x7FF, .flags = CAN_FRAME_REMOTE, .length = 4}},
+        {"R000000018", {.id = 1, .flags = CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE, .length = 8}},
+    };
+    TEST_ASSERT_EQUAL(SLCAN_ANSWER, feed("O"));
+    for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
+        size_t length = strlen(kinds[i].line);
+        expect_frame(kinds[i].line, &kinds[i].frame);
+        TEST_ASSERT_EQUAL(length + 1, slcan_write(&kinds[i].frame, text));
+        TEST_ASSERT_EQUAL_STRING_LEN(kinds[i].line, text, length);
+        TEST_ASSERT_EQUAL_STRING("\r", text + length);
+    }
+}
+
+static void test_digits_are_large_or_small_and_line_feeds_nothing(void)
+{
+    const can_frame_t all = {.id = 0x1ABCDEF9, .flags = CAN_FRAME_EXTENDED, .length = 2, .data = {0xAF, 0x09}};
+    feed("L");
+    expect_frame("T1abcdef92aF09", &all);
+    expect_frame("T1AbCdEf92Af09", &all);
+    expect_frame("\nt10\n02AB12\n", &small);
+}
+
+/* A line is refused by one count, with BEL; the frame before it stays as it was, and the next line is read. */
+static void expect_refused(const char *line, size_t length, ptrdiff_t count)
+{
+    setUp();
+    feed("O");
+    can_frame_t before = frame;
+    slcan_counts_t wanted = {0};
+    uint32_t *why = (uint32_t *)(void *)((char *)&wanted + count);
+    *why = 1;
+    TEST_ASSERT_EQUAL_MESSAGE(SLCAN_ANSWER, feed_bytes(line, length), line);
+    TEST_ASSERT_EQUAL_STRING_MESSAGE("\a", text, line);
+    TEST_ASSERT_EQUAL_MEMORY_MESSAGE(&wanted, &adapter.counts, sizeof wanted, line);
+    TEST_ASSERT_EQUAL_MEMORY(&before, &frame, sizeof frame);
+    expect_frame("t1002AB12", &small);
+    expect_answer("F", "F80\r");
+    expect_answer("F", "F00\r");
+}
+
+#define REFUSED(line, why) expect_refused(line, sizeof(line) - 1, offsetof(slcan_counts_t, why))
+
+static void test_lines_that_end_too_early_or_too_late(void)
+{
+    REFUSED("t", cut);
+    REFUSED("t10", cut);
+    REFUSED("t100", cut);
+    REFUSED("t1002AB", cut);
+    REFUSED("t1002AB1", cut);
+    REFUSED("T1ABCDEF", cut);
+    REFUSED("T1ABCDEF0", cut);
+    REFUSED("r123", cut);
+    REFUSED("t10080000000000000000000000", too_long);
+    REFUSED("T1ABCDEF080123456789ABCDEF0", too_long);
+    REFUSED("xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx", too_long);
+    REFUSED("xxxxxxxxxxxxxxxxxxxxxxxxxx", unknown); /* as long as a line can be */
+}
+
+static void test_characters_that_are_no_digits(void)
+{
+    REFUSED("t1x02AB12", not_hex);
+    REFUSED("t100gAB12", not_hex);
+    REFUSED("t100GAB12", not_hex);
+    REFUSED("t1002AB1/", not_hex);
+    REFUSED("t1002AB:2", not_hex);
+    REFUSED("t1002AB@2", not_hex);
+    REFUSED("t1002AB`2", not_hex);
+    REFUSED("t1002AB\0002", not_hex);
+    REFUSED("t1002AB\3772", not_hex);
+    REFUSED("t1002g", not_hex); /* the first thing that is wrong is what counts */
+}
+
+static void test_lengths_and_ids_out_of_range(void)
+{
+    REFUSED("t10090000000000000000", wrong_length);
+    REFUSED("t100F", wrong_length);
+    REFUSED("r1009", wrong_length);
+    REFUSED("t1002AB1234", wrong_length);
+    REFUSED("t1000AB", wrong_length);
+    REFUSED("t10000", wrong_length);
+    REFUSED("r1002AB12", wrong_length);
+    REFUSED("t8002AB12", wrong_length);
+    REFUSED("T200000002AB12", wrong_length);
+    REFUSED("TFFFFFFFF0", wrong_length);
+}
+
+static void test_unknown_commands(void)
+{
+    REFUSED("q", unknown);
+    REFUSED("OO", unknown);
+    REFUSED("CC", unknown);
+    REFUSED("\000", unknown);
+    REFUSED("Z1", unknown);
+    REFUSED("V1", unknown);
+    REFUSED("o", unknown);
+}
+
+static void test_commands_have_their_answers(void)
+{
+    expect_answer("", "\r");
+    expect_answer("V", "V0101\r");
+    expect_answer("v", "v0101\r");
+    expect_answer("N", "NDAHL\r");
+    expect_answer("S8", "\r");
+    expect_answer("s031C", "\r");
+    expect_answer("F", "F00\r");
+    TEST_ASSERT_FALSE(adapter.open);
+}
+
+static void test_closed_it_takes_no_frame(void)
+{
+    expect_answer("t1002AB12", "\a");
+    TEST_ASSERT_EQUAL(1, adapter.counts.closed);
+    expect_answer("t1x02AB12", "\a"); /* wrong by itself */
+    TEST_ASSERT_EQUAL(1, adapter.counts.not_hex);
+    TEST_ASSERT_EQUAL(1, adapter.counts.closed);
+    expect_answer("O", "\r");
+    expect_frame("t1002AB12", &small);
+    expect_answer("C", "\r");
+    expect_answer("t1002AB12", "\a");
+    TEST_ASSERT_EQUAL(2, adapter.counts.closed);
+    expect_answer("L", "\r");
+    expect_frame("t1002AB12", &small);
+}
+
+static void test_frames_that_no_line_can_carry(void)
+{
+    const can_frame_t bad[] = {
+        {.id = 1, .flags = CAN_FRAME_FD}, {.id = 1, .flags = CAN_FRAME_ERROR}, {.id = 1, .length = 9}};
+    strcpy(text, "same");
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        TEST_ASSERT_EQUAL(0, slcan_write(&bad[i], text));
+        TEST_ASSERT_EQUAL_STRING("same", text);
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_each_kind_of_frame_is_taken_and_written);
+    RUN_TEST(test_digits_are_large_or_small_and_line_feeds_nothing);
+    RUN_TEST(test_lines_that_end_too_early_or_too_late);
+    RUN_TEST(test_characters_that_are_no_digits);
+    RUN_TEST(test_lengths_and_ids_out_of_range);
+    RUN_TEST(test_unknown_commands);
+    RUN_TEST(test_commands_have_their_answers);
+    RUN_TEST(test_closed_it_takes_no_frame);
+    RUN_TEST(test_frames_that_no_line_can_carry);
+    return UNITY_END();
+}
