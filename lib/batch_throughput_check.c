@@ -20,14 +20,15 @@ static int is_torque(double x)
     return is_in(x, (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
 }
 
-/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. */
+/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By angle a > 2^-128, so
+ * that a travel of ln 2 is no more than a float can say. */
 static uint32_t measure_of(double travel, double a, int by_counts)
 {
     double most = travel / a;
     if (by_counts) {
         return most < 4294967295.0 ? (uint32_t)most : UINT32_MAX;
     }
-    return dahl_bits_of(most < 3e38 ? (float)most : 3e38f);
+    return dahl_bits_of((float)most);
 }
 
 dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_counts, dahl_throughput_scale_t *scale)
@@ -36,7 +37,7 @@ dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_
     if (!is_positive(params->sigma0) || !is_positive(params->Fc) || !is_positive(theta)) {
         return DAHL_ERR_PARAM;
     }
-    if (!is_torque(params->sigma0) || !is_torque(params->Fc)) {
+    if (!is_torque(params->sigma0) || !is_torque(params->Fc) || !is_torque(theta)) {
         return DAHL_ERR_RANGE;
     }
     scale->Fc = params->Fc;

@@ -105,6 +105,31 @@ static void test_set_torque(void)
     TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == 0.0f);
 }
 
+/* F/Fc in Q62, rounded, over all the range that both can have: nothing is left below 2^-63. */
+static void test_set_torque_far_below_Fc(void)
+{
+    motion_t m = MOTION_START;
+    for (int i = 0; i < 100000; i++) {
+        float of_one = 1.0f + (float)(motion_random(&m) >> 9) * 0x1p-23f;
+        dahl_params_t p = {1.0f, ldexpf(1.0f + (float)(motion_random(&m) >> 9) * 0x1p-23f, i % 128 - 64), 0};
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {12345};
+        float F = ldexpf(of_one, -126 + i % 190);
+        if (F < p.Fc) {
+            long double exact = ldexpl((long double)F / p.Fc, 62);
+            dahl_set_torque(&plan, &state, F);
+            TEST_ASSERT_TRUE(fabsl(state.w - exact) <= 0.5L + exact * 0x1p-63L);
+        }
+    }
+    dahl_params_t p = {1.0f, 1.0f, 0};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state;
+    for (int k = 62; k < 126; k++) { /* a half goes up, less than that to none */
+        dahl_set_torque(&plan, &state, ldexpf(-1.0f, -k));
+        TEST_ASSERT_TRUE(state.w == (k <= 63 ? -1 : 0));
+    }
+}
+
 /* Torque of any state: half an ulp of itself and 0.012, as torque.h says; where Q30 says +-1 it is +-Fc. */
 static void test_torque_of_any_state(void)
 {
@@ -160,6 +185,22 @@ static void test_p15_change_of_parameters(void)
     }
 }
 
+/* The smallest w against any growth that parameters allow: 2^k of it, never more than 1; and the way back. */
+static void test_p15_growth_of_the_smallest_torque(void)
+{
+    for (int k = 0; k <= 124; k++) {
+        dahl_params_t p1 = {1, 0x1p62f, 0}, p2 = {1, ldexpf(0x1p62f, -k), 0};
+        dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
+        for (int64_t w = -1; w <= 1; w += 2) {
+            dahl_state_t state = {w};
+            dahl_change_plan(&from, &to, &state);
+            TEST_ASSERT_TRUE(state.w == w * ((int64_t)1 << (k < 62 ? k : 62)));
+            dahl_change_plan(&to, &from, &state);
+            TEST_ASSERT_TRUE(state.w == (k <= 62 ? w : 0));
+        }
+    }
+}
+
 /* The same plan leaves the torque, and never adds to the stored energy however often it is changed. */
 static void test_p15_no_energy_from_changes(void)
 {
@@ -185,8 +226,10 @@ int main(void)
     RUN_TEST(test_no_counts);
     RUN_TEST(test_travel_just_below_a_power_of_two);
     RUN_TEST(test_set_torque);
+    RUN_TEST(test_set_torque_far_below_Fc);
     RUN_TEST(test_torque_of_any_state);
     RUN_TEST(test_p15_change_of_parameters);
+    RUN_TEST(test_p15_growth_of_the_smallest_torque);
     RUN_TEST(test_p15_no_energy_from_changes);
     return UNITY_END();
 }
