@@ -131,7 +131,7 @@ int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_t
 
 /*
  * The literal form: float exponential and a branch where the motion changes sign (Eq. 1 solved anchored at the last
- * reversal, Eqs. 7, 18, 27). Needs libm (expm1f, fminf) and float hardware to be quick, gives other bits on other libms, and
+ * reversal, Eqs. 7, 18, 27). Needs libm (expm1f) and float hardware to be quick, gives other bits on other libms, and
  * adds an error at each reversal; it is here to read, to teach and to cross-check. Linked only when called.
  * Error of F: DAHL_FLOAT_ERROR of Fc, once for now and once for each reversal that the bristle still remembers:
  * E (1 + sum over past reversals of exp(-travel u since)). Sweeps: 1 E or 2 E; 2 counts forward 1 back at u = 1e-6 a

@@ -22,30 +22,31 @@ dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *para
     return err;
 }
 
-/* g(a_travel) towards the direction of motion, from the last reversal (Eq. 18, anchored). */
+/* g(a travel) towards the direction of motion, from the last reversal (Eq. 18, anchored). */
 static float w_now(const dahl_float_plan_t *plan, const dahl_float_state_t *state)
 {
     float u = plan->a_per_count * (float)state->counts + plan->a * state->travel;
     return state->w_reversal - ((float)state->direction - state->w_reversal) * expm1f(-u);
 }
 
-/* The branch where the motion changes sign: what was reached becomes the start. */
-static void turn(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t direction)
+/* What was reached becomes the start: where the motion changes sign, and where the travel would pass what its number holds. */
+static void start_anew(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t direction)
 {
-    if (state->direction != direction) {
-        state->w_reversal = w_now(plan, state);
-        state->travel = 0.0f;
-        state->counts = 0;
-        state->direction = direction;
-    }
+    state->w_reversal = w_now(plan, state);
+    state->travel = 0.0f;
+    state->counts = 0;
+    state->direction = direction;
 }
 
 float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t dcounts)
 {
     uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
+    int32_t direction = dcounts > 0 ? 1 : -1;
     if (n != 0) {
-        turn(plan, state, dcounts > 0 ? 1 : -1);
-        state->counts = state->counts + n < n ? UINT32_MAX : state->counts + n;
+        if (state->direction != direction || state->counts > UINT32_MAX - n) {
+            start_anew(plan, state, direction);
+        }
+        state->counts += n;
     }
     return plan->Fc * w_now(plan, state);
 }
@@ -53,9 +54,12 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
 {
     float travel = fabsf(dtheta);
+    int32_t direction = dtheta > 0.0f ? 1 : -1;
     if (travel > 0.0f) {
-        turn(plan, state, dtheta > 0.0f ? 1 : -1);
-        state->travel = fminf(state->travel + travel, FLT_MAX);
+        if (state->direction != direction || state->travel > FLT_MAX - travel) {
+            start_anew(plan, state, direction);
+        }
+        state->travel += travel;
     }
     return plan->Fc * w_now(plan, state);
 }

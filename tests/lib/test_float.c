@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The literal float form: the same laws with its own bound, and as a cross-check of the core. */
+#include <float.h>
 #include <stdio.h>
 
 #include "motions.h"
@@ -96,6 +97,23 @@ static void test_bad_input(void)
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, 1) > -1.0f);
 }
 
+/* One direction for longer than a counter or a float holds, where a presliding length is that long. */
+static void test_travel_beyond_its_number(void)
+{
+    dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
+    dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
+    dahl_float_state_t state = {0}, counted = {0};
+    float F = dahl_float_step(&plan, &state, FLT_MAX); /* just one presliding length */
+    TEST_ASSERT_TRUE(F < 0.65f * p.Fc);
+    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, FLT_MAX) > 1.3f * F);
+    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, HUGE_VALF) == p.Fc && dahl_float_step(&plan, &state, 1.0f) == p.Fc);
+    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, -HUGE_VALF) == -p.Fc);
+    for (int t = 1; t <= 16; t++) {
+        double exact = -expm1(-2.0 * t);
+        TEST_ASSERT_TRUE(fabs((double)dahl_float_step_counts(&slow_plan, &counted, INT32_MIN) + exact) <= 3 * DAHL_FLOAT_ERROR);
+    }
+}
+
 /* The cross-check of the core: two forms that share no code agree within the sum of their bounds. */
 static void test_agrees_with_core(void)
 {
@@ -119,6 +137,7 @@ int main(void)
     RUN_TEST(test_laws);
     RUN_TEST(test_angle);
     RUN_TEST(test_bad_input);
+    RUN_TEST(test_travel_beyond_its_number);
     RUN_TEST(test_agrees_with_core);
     return UNITY_END();
 }

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, built
 
-FLOAT_FORM = {"expm1f", "fminf"}  # libm's, for lib/float.c alone
+FLOAT_FORM = {"expm1f"}  # libm's, for lib/float.c alone
 
 
 VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for lib/batch_*.c on x86-64
