@@ -97,13 +97,13 @@ static void compare(tally_t *t, uint32_t bits, double value, double want)
     }
 }
 
-/* Ones for all travel from some float on, and for none where the exact value is not above 1 - 2^-32. */
+/* Ones for all travel from some float on, and for none where the exact value is not above 1 - 2^-32, within its own rounding of v. */
 static void count_ones(tally_t *t, uint32_t bits, uint64_t g, double want)
 {
     if (g == UINT64_MAX && t->first_one == 0) {
         t->first_one = bits;
     }
-    t->overflows += (g == UINT64_MAX) != (t->first_one != 0) || (g == UINT64_MAX && want <= 1 - 0x1p-32);
+    t->overflows += (g == UINT64_MAX) != (t->first_one != 0) || (g == UINT64_MAX && want <= 1 - 0x1.00001p-32);
 }
 
 static void check_normal(tally_t *t, uint32_t first, uint32_t last, uint32_t stride)

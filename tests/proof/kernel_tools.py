@@ -18,7 +18,7 @@ LIB = ROOT / "lib"
 
 def header_number(name: str, file: Path) -> float:
     """The value of a `#define name value` in a header."""
-    found = re.search(rf"^#define {name} (\S+)", file.read_text(), re.M)
+    found = re.search(rf"^#define {name} (\S+)", file.read_text(), re.MULTILINE)
     assert found, f"{name} is not defined in {file.name}"
     text = found[1].rstrip("f")
     return float.fromhex(text) if text.startswith("0x") else float(text)

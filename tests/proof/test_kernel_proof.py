@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import dahl
+import kernel_certificate as cert
 import kernel_tools as tools
+import numpy as np
 import pytest
-from conftest import built
+from conftest import built, need
 
 KERNEL = tools.LIB / "kernel.h"
 ALL = 0x8000_0000  # bit patterns of the non-negative floats, NaN included
@@ -85,3 +90,117 @@ def test_planted_faults_in_the_kernel(fault: str, tmp_path: Path) -> None:
     program = tools.build(top, "tests/lib/kernel_all.c", "-lmpfr")
     code, _ = all_floats(program, 0, ALL, 40009)
     assert code == 1, f"{fault}: not noticed"
+
+
+@pytest.fixture(scope="module")
+def solvers() -> tuple[str, str]:
+    claim = "relative error of the kernel for every a and every angle"
+    return need("sollya", claim), need("gappa", claim)
+
+
+@pytest.fixture(scope="module")
+def pieces(solvers: tuple[str, str]) -> list[cert.Piece]:
+    return cert.certificate(tools.LIB, *solvers)
+
+
+def differences(lib: Path, sollya: str) -> list[str]:
+    """Where kernel.h, prepare.c and kernel.sollya disagree."""
+    done = subprocess.run(
+        [sollya, str(lib / "kernel.sollya")], capture_output=True, text=True, timeout=60, check=True
+    )
+    numbers = re.findall(r"(small|part|H) (\d+) = (\d+) u", done.stdout)
+    bounds = [float(text) for text in re.findall(r"polynomial: 2\^ (-[\d.]+)", done.stdout)]
+    said = re.search(r"relative error of the polynomials: below 2\^(-[\d.]+)", KERNEL.read_text())
+    c = cert.read_constants(lib)
+    have = {"small": c.small, "part": c.part, "H": c.table}
+    wrong = [f"{n} {i}" for n, i, value in numbers if have[n][int(i)] != int(value)]
+    if [len(numbers), len(bounds), c.tiny] != [5 + 4 + 16, 2, c.small[0]]:
+        wrong.append("numbers of another kernel")
+    if said is None or max(bounds) > float(said[1]):
+        wrong.append(f"polynomials err by 2^{bounds}")
+    return wrong
+
+
+def test_constants_are_those_of_sollya(solvers: tuple[str, str]) -> None:
+    """Coefficients, table and the certified error of the polynomials, as kernel.h says them."""
+    assert differences(tools.LIB, solvers[0]) == []
+
+
+def test_certificate_for_every_a(pieces: list[cert.Piece]) -> None:
+    """No gap between the pieces, and no piece beyond the bound of kernel.h."""
+    ends = sorted((piece.low, piece.high) for piece in pieces)
+    reached = ends[0][0]
+    for low, high in ends:
+        assert low <= reached
+        reached = max(reached, high)
+    assert reached == cert.mp.inf
+    worst = cert.worst(pieces)
+    print(f"{len(pieces)} pieces, worst {worst.name}: {worst.error}")
+    limit = tools.header_number("DAHL_KERNEL_ERROR", KERNEL)
+    assert -limit <= worst.error.a
+    assert worst.error.b <= limit
+
+
+def random_errors(samples: int) -> Iterator[tuple[float, float, float]]:
+    """v, the relative error of g at it, and what rounding of the state leaves uncertain of that.
+
+    The kernel as dahl_step runs it from rest: the state is g, cut to Q62.
+    """
+    random = np.random.default_rng(1)
+    for _ in range(samples):
+        sigma0, Fc, mantissa = (1 + random.random(3)).astype(np.float32)
+        exponent = int(random.choice([random.integers(-20, 6), random.integers(-4, 0)]))
+        angle = np.float32(math.ldexp(mantissa, exponent))
+        bearing = dahl.Friction(dahl.Plan(float(sigma0), float(Fc)))
+        bearing.step(float(angle))
+        u = cert.mpf(float(sigma0)) / cert.mpf(float(Fc)) * cert.mpf(float(angle))
+        g = -cert.mp.expm1(-u)
+        error = (cert.mpf(bearing.state.w) / 2**62 - g) / g
+        yield float(u / cert.mp.ln2), float(error), float(8 / g / 2**64)
+
+
+@pytest.mark.usefixtures("library")
+def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
+    """What is measured for random a and angles lies in the certified ranges, and nearly fills
+    them.
+    """
+    lowest = 0.0
+    ranges = [
+        (float(p.low), float(p.high), float(p.error.a), float(p.error.b)) for p in pieces
+    ]
+    for v, error, rounding in random_errors(3000):
+        here = [(least, most) for low, high, least, most in ranges if low <= v <= high]
+        assert min(least for least, _ in here) - rounding <= error
+        assert error <= max(most for _, most in here) + rounding
+        lowest = min(lowest, error)
+    assert lowest < 0.7 * cert.worst(pieces).error.a
+
+
+def test_planted_coefficient_off_by_one(solvers: tuple[str, str], tmp_path: Path) -> None:
+    top = tools.copy_of_lib(tmp_path)
+    tools.edit(top / "lib" / "kernel.h", "257941187u", "257941186u")
+    assert differences(top / "lib", solvers[0]) == ["small 1"]
+
+
+def test_planted_table_word_off_by_one(solvers: tuple[str, str], tmp_path: Path) -> None:
+    top = tools.copy_of_lib(tmp_path)
+    tools.edit(top / "lib" / "kernel.h", "3698874649u", "3698874648u")
+    assert differences(top / "lib", solvers[0]) == ["H 13"]
+
+
+@pytest.mark.parametrize("fault", ["shift", "one too early", "half of a factor lost"])
+def test_planted_change_is_not_what_is_certified(fault: str, tmp_path: Path) -> None:
+    top = tools.copy_of_lib(tmp_path)
+    tools.edit(top / "lib" / "kernel.h", *FAULTS[fault])
+    with pytest.raises(cert.CertificateError, match="not the function that is certified"):
+        cert.read_constants(top / "lib")
+
+
+def test_planted_coefficient_breaks_the_certificate(
+    solvers: tuple[str, str], tmp_path: Path
+) -> None:
+    top = tools.copy_of_lib(tmp_path)
+    tools.edit(top / "lib" / "kernel.h", "dahl_horner(64485290u", "dahl_horner(64484778u")
+    found = cert.large_pieces(cert.read_constants(top / "lib"), *solvers)
+    limit = tools.header_number("DAHL_KERNEL_ERROR", KERNEL)
+    assert any(-piece.error.a > limit or piece.error.b > limit for piece in found)
