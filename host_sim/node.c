@@ -367,8 +367,12 @@ static uint32_t read_param(node_t *node, uint8_t param)
     if (param > FRAMES_PARAM_THETA) {
         return *setting_of(node, param) / settings[param].scale;
     }
-    float raw = *model_of(&node->params, param, &step) / step + 0.5f;
-    return raw < 0x1p32f ? (uint32_t)raw : UINT32_MAX;
+    float raw = *model_of(&node->params, param, &step) / step;
+    if (raw >= 0x1p32f) {
+        return UINT32_MAX;
+    }
+    uint32_t whole = (uint32_t)raw; /* adding a half would round twice: from 2^23 on a float has no halves */
+    return whole + (raw - (float)whole >= 0.5f ? 1u : 0u);
 }
 
 static bool on_param(node_t *node, const can_frame_t *in, can_frame_t *out)

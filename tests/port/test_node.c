@@ -628,6 +628,19 @@ static void test_parameters_are_checked_acknowledged_and_used(void)
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_STEP, INT32_MAX));
 }
 
+/* A float has no halves from 2^23 on: rounding must not add one there. */
+static void test_parameters_read_back_as_written_up_to_24_bits(void)
+{
+    for (uint32_t value = (1u << 24) - 9; value <= 1u << 24; value++) {
+        TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, value) && param_now(FRAMES_PARAM_SIGMA0) == value);
+    }
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, (1u << 23) + 1) && param_now(FRAMES_PARAM_SIGMA0) == (1u << 23) + 1);
+    node.params.sigma0 = 0x1.7ffffep-11f; /* just below three quarters of a step */
+    TEST_ASSERT_EQUAL(1, param_now(FRAMES_PARAM_SIGMA0));
+    node.params.sigma0 = 0x1.fffffep-12f; /* and just below half of one */
+    TEST_ASSERT_EQUAL(0, param_now(FRAMES_PARAM_SIGMA0));
+}
+
 static void test_parameters_out_of_range_change_nothing(void)
 {
     const struct {
@@ -1163,6 +1176,7 @@ int main(void)
     RUN_TEST(test_the_gain_ramps_down_and_stops_where_it_should);
     RUN_TEST(test_after_a_restart_the_ramp_begins_anew);
     RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
+    RUN_TEST(test_parameters_read_back_as_written_up_to_24_bits);
     RUN_TEST(test_parameters_out_of_range_change_nothing);
     RUN_TEST(test_an_unknown_parameter_reads_as_0);
     RUN_TEST(test_a_travel_out_of_range_is_refused_as_a_whole);
