@@ -12,7 +12,7 @@ wp.config.quiet = True
 @wp.kernel  # type: ignore[untyped-decorator]  # warp has no types
 def advance(
     moves: wp.array(dtype=float),  # type: ignore[valid-type]  # warp reads its own kind of types
-    out: wp.array(dtype=float),  # type: ignore[valid-type]
+    out: wp.array(dtype=float),  # type: ignore[valid-type]  # as above
     Fc: float,  # noqa: N803
     tau: float,
 ) -> None:

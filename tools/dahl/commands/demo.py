@@ -19,6 +19,7 @@ from dahl import Error, places
 from dahl.arguments import seconds, whole
 
 if TYPE_CHECKING:
+    from dahl.loop import Setup
     from dahl.report import Trace
     from dahl.scene import Recorded, Scene
 
@@ -40,7 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOG",
         help="your own log: CSV or TSV with a header line",
     )
-    own = parser.add_argument_group("your own log")
+    _add_own(parser.add_argument_group("your own log"))
+    _add_run(parser)
+
+
+def _add_own(own: argparse._ActionsContainer) -> None:
+    """What a user's own log is and what compares it with the model."""
     own.add_argument("--angle", metavar="COLUMN", help="column that holds the angle")
     own.add_argument(
         "--torque", metavar="COLUMN", default="", help="column that holds the measured torque"
@@ -74,6 +80,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     own.add_argument(
         "--spring", type=float, default=0.0, metavar="K", help="N m/rad times the angle, added too"
     )
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scene", metavar="NAME", help="a shipped scene, or the path of a scene file"
     )
@@ -169,19 +178,9 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from dahl import bus, logs, loop, places, report
+    from dahl import logs, loop, report
 
-    places.loop_program()  # built?
-    alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
-    chosen, why = bus.choose(args.bus or ("socketcand" if args.target or alone else None))
-    if alone:
-        why = "virtual time, so that faults and rotor are the same on every machine"
-    console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
-    console.print(f"bus     {chosen.split(':')[0]}: {why}")
-    setup = loop.Setup(scene.path, chosen, args.output, log, args.seconds, args.seed)
-    setup.alone, setup.trace = alone, alone and "rotor" in scene.parts
-    if args.target:
-        _use_target(args, scene, setup, console)
+    setup = _setup(args, scene, log, console)
     ticks = _expected(args, recorded)
     columns = (
         TextColumn("run    "),
@@ -196,10 +195,28 @@ def _play(
             stop,
             lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
         )
-    numbers |= {"bus": chosen, "log": str(log.resolve()) if log else None}
+    numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
+
+
+def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
+    """Which bus, which node and which clock, said before anything is started."""
+    from dahl import bus, loop
+
+    places.loop_program()  # built?
+    alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
+    chosen, why = bus.choose(args.bus or ("socketcand" if args.target or alone else None))
+    if alone:
+        why = "virtual time, so that faults and rotor are the same on every machine"
+    console.print(f"scene   {scene.title} ({scene.path.name})" + (f", log {log}" if log else ""))
+    console.print(f"bus     {chosen.split(':')[0]}: {why}")
+    setup = loop.Setup(scene.path, chosen, args.output, log, args.seconds, args.seed)
+    setup.alone, setup.trace = alone, alone and "rotor" in scene.parts
+    if args.target:
+        _use_target(args, scene, setup, console)
+    return setup
 
 
 def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
