@@ -5,32 +5,23 @@ each kind of file is read to the same numbers.
 
 from __future__ import annotations
 
-import json
 import re
 
+import log_writers
 import numpy as np
 import pandas as pd
 import pytest
 from dahl import Error
 from dahl.identify import readers, study
 from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, synthetic, write_csv
+from log_writers import DBC, FRAMES
 
 pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 1200
-FRAMES = ("blf", "asc", "trc", "log", "raw.mf4")  # kinds that need the DBC
 THETA = np.floor(sine(1, rows=ROWS, cycles=4) / COUNT) * COUNT
 TORQUE = dahl_torque(THETA) + 0.02 * FC * noise_of(1, ROWS)
 TIME = np.arange(ROWS) * 1e-3
-DBC = """VERSION ""
-NS_ :
-BS_:
-BU_: A
-BO_ 256 Shaft: 8 A
- SG_ Angle : 0|32@1- (0.0001,0) [-1000|1000] "deg" A
-BO_ 257 Load: 8 A
- SG_ Torque : 0|32@1- (0.0001,0) [-100|100] "Nm" A
-"""
 
 
 @pytest.fixture
@@ -147,6 +138,58 @@ def test_truncated_binary_and_structured_files(run_dahl, files, kind, tmp_path):
     assert f"cut.{kind}" in said
 
 
+def test_truncated_anywhere(files, tmp_path):
+    """Each library has its own way of meeting the end of a file too early."""
+    for kind in (*WRITERS, *FRAMES):
+        whole, cut = files[kind].read_bytes(), tmp_path / f"short.{kind}"
+        for part in (1, 10, 130, len(whole) // 2, len(whole) - 1):
+            cut.write_bytes(whole[:part])
+            try:
+                assert readers.read(cut, source_for(kind, files)).rows
+            except Error as error:
+                assert re.fullmatch(rf"[^\n]*short\.{kind}[^\n]*", str(error))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("deep.json", "[" * 200_000, "cannot be read as .json"),
+        ("one.json", '[{"angle": 1, "torque": 2}]', "1 rows; a log has more than one"),
+        ("one.csv", "angle,torque\n1,2\n", "1 rows; a log has more than one"),
+        (
+            "big.json",
+            '{"angle": [1e999, 1], "torque": [1, 2]}'.replace("1e999", "9" * 400),
+            "column 'angle': a number",
+        ),
+        ("wide.csv", "angle,torque\n1,2,3\n1,2,4\n", "wide.csv:1: fewer names than"),
+        ("mixed.json", '[{"angle": 1, "torque": 2}, 5]', "cannot be read as .json"),
+    ],
+)
+def test_files_that_a_library_did_not_expect(run_dahl, tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    said = refused(run_dahl, tmp_path / name)
+    assert name in said
+    assert words in said
+
+
+def test_a_table_without_rows(run_dahl, tmp_path):
+    empty = {"angle": np.array([]), "torque": np.array([])}
+    log_writers.parquet(tmp_path / "empty.parquet", empty)
+    assert "0 rows" in refused(run_dahl, tmp_path / "empty.parquet")
+
+
+def test_values_of_the_same_time_stay_apart(tmp_path):
+    """Interpolation would give each of them the last one's torque."""
+    table = {"t": np.zeros(3), "x_m": np.arange(3.0), "force_N": np.array([5.0, 7.0, 6.0])}
+    log_writers.channels(tmp_path / "burst.mf4", table)
+    source = readers.Source("x_m", "force_N")
+    assert readers.read(tmp_path / "burst.mf4", source).torque.tolist() == [5, 7, 6]
+    (tmp_path / "bus.dbc").write_text(DBC)
+    signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
+    signals.found = {"Angle": [(1.0, 0.0), (1.0, 1.0)], "Torque": [(1.0, 5.0), (1.0, 7.0)]}
+    assert signals.values("bus")["torque"].tolist() == [5, 7]
+
+
 def test_no_log_and_bad_numbers(run_dahl, log):
     assert "give LOGs, or --each DIR" in refused(run_dahl)
     assert "a folder; --each takes" in refused(run_dahl, log().parent)
@@ -159,60 +202,28 @@ def test_no_log_and_bad_numbers(run_dahl, log):
 # --- every kind of file holds the same log --------------------------------------------------------
 
 
+WRITERS = {
+    "csv": log_writers.text(","),
+    "tsv": log_writers.text("\t"),
+    "json": log_writers.json_records,
+    "mat": log_writers.mat,
+    "parquet": log_writers.parquet,
+    "mf4": log_writers.channels,
+}
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """One log as a file of each kind."""
-    import can
-    import cantools
-    from asammdf import MDF, Signal
-    from scipy.io import savemat
-
     folder = tmp_path_factory.mktemp("kinds")
-    made = {
-        kind: folder / f"log.{kind}"
-        for kind in (
-            "csv",
-            "tsv",
-            "json",
-            "mat",
-            "parquet",
-            "blf",
-            "asc",
-            "trc",
-            "log",
-            "mf4",
-            "raw.mf4",
-            "dbc",
-        )
-    }
+    made = {kind: folder / f"log.{kind}" for kind in (*WRITERS, *FRAMES, "dbc")}
     degrees = np.degrees(THETA)
-    frame = pd.DataFrame({"t": TIME, "angle_deg": degrees, "torque_Nm": TORQUE})
-    frame.to_csv(made["csv"], index=False)
-    frame.to_csv(made["tsv"], index=False, sep="\t")
-    made["json"].write_text(json.dumps({"entries": frame.to_dict("records")}))
-    savemat(made["mat"], {name: frame[name].to_numpy() for name in frame})
-    frame.to_parquet(made["parquet"])
+    for kind, write in WRITERS.items():
+        write(made[kind], {"t": TIME, "angle_deg": degrees, "torque_Nm": TORQUE})
     made["dbc"].write_text(DBC)
-    database = cantools.database.load_string(DBC)
-    with MDF() as measured:
-        measured.append(
-            [Signal(degrees, TIME, name="angle_deg"), Signal(TORQUE, TIME, name="torque_Nm")]
-        )
-        measured.save(made["mf4"], overwrite=True)
+    bits = [np.round(values / log_writers.STEP).astype(int) for values in (degrees, TORQUE)]
     for kind in FRAMES:
-        with can.Logger(made[kind]) as logger:
-            for now, angle, torque in zip(TIME, degrees, TORQUE, strict=True):
-                for name, value, key in (("Shaft", angle, "Angle"), ("Load", torque, "Torque")):
-                    message = database.get_message_by_name(name)
-                    logger.on_message_received(
-                        can.Message(
-                            timestamp=1000 + now,
-                            arbitration_id=message.frame_id,
-                            is_extended_id=False,
-                            data=message.encode({key: float(value)}),
-                            channel=1,
-                        )
-                    )
+        log_writers.frames(made[kind], 1000 + TIME, *bits)
     return made
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -94,8 +95,8 @@ def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
         return kinds.get(path.suffix.lower(), _from_text)(path)
     except Error:
         raise
-    except (OSError, ValueError, TypeError, KeyError, NotImplementedError) as error:
-        words = " ".join(str(error).split())[:160]
+    except Exception as error:  # for a damaged file each library has kinds beyond its own
+        words = " ".join(str(error).split())[:160] or type(error).__name__
         raise Error(f"{path}: cannot be read as {path.suffix or 'a table'}: {words}") from None
 
 
@@ -106,15 +107,20 @@ def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
     separator = max("\t;,", key=line.count) if re.search("[\t;,]", line) else r"\s+"
     fields = re.split(separator, line.strip())
     headless = all(_is_number(field) for field in fields)
-    frame = pd.read_csv(
-        path,
-        sep=separator,
-        header=None if headless else 0,
-        skipinitialspace=True,
-        low_memory=False,
-        encoding="utf-8-sig",
-        index_col=False,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            frame = pd.read_csv(
+                path,
+                sep=separator,
+                header=None if headless else 0,
+                skipinitialspace=True,
+                low_memory=False,
+                encoding="utf-8-sig",
+                index_col=False,
+            )
+        except pd.errors.ParserWarning:
+            raise Error(f"{path}:1: fewer names than a row has columns") from None
     if headless:
         frame.columns = [str(i + 1) for i in range(frame.shape[1])]
     frame.columns = [str(name).strip() for name in frame.columns]
@@ -167,16 +173,20 @@ def _from_json(path: Path) -> tuple[pandas.DataFrame, int]:
 
 
 def _rows_in(content: Any) -> Any:
-    if isinstance(content, list) and content and isinstance(content[0], (dict, list)):
-        return content
+    """The first list of rows, or object of columns of one length, in nested objects; else None."""
+    if isinstance(content, list):
+        return content if content and isinstance(content[0], (dict, list)) else None
     if not isinstance(content, dict):
         return None
-    columns = {k: v for k, v in content.items() if isinstance(v, list) and v}
-    plain = {k: v for k, v in columns.items() if isinstance(v[0], (int, float))}
-    if len(plain) > 1 and len({len(v) for v in plain.values()}) == 1:
-        return plain
+    columns = {k: v for k, v in content.items() if _is_column(v)}
+    if len(columns) > 1 and len(set(map(len, columns.values()))) == 1:
+        return columns
     found = map(_rows_in, content.values())
     return next((rows for rows in found if rows is not None), None)
+
+
+def _is_column(value: Any) -> bool:
+    return isinstance(value, list) and bool(value) and isinstance(value[0], (int, float))
 
 
 def _from_mat(path: Path) -> tuple[pandas.DataFrame, int]:
@@ -215,7 +225,10 @@ def _numbers(path: str, first: int, name: str, column: pandas.Series) -> np.ndar
     """A column as float64; NaN where a cell is empty. Raises dahl.Error for what is no number."""
     import pandas as pd
 
-    values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+    try:
+        values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+    except OverflowError:
+        raise Error(f"{path}: column '{name}': a number is beyond 1e308") from None
     words = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
     if len(words):
         row = int(words[0])
@@ -334,6 +347,8 @@ class Signals:
         (angle_time, angle), (torque_time, torque) = series["angle"], series["torque"]
         for time in (angle_time, torque_time):
             _check_time(place, time)
+        if np.array_equal(angle_time, torque_time):
+            return {"angle": angle, "torque": torque, "time": angle_time}
         shared = (angle_time >= torque_time[0]) & (angle_time <= torque_time[-1])
         if shared.sum() < 2:
             raise Error(
@@ -402,7 +417,9 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
         sys.unraisablehook = lambda _: None  # its half-opened files complain again when collected
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
-    values = np.interp(angle.timestamps, torque.timestamps, torque.samples)
+    values = torque.samples
+    if not np.array_equal(angle.timestamps, torque.timestamps):
+        values = np.interp(angle.timestamps, torque.timestamps, torque.samples)
     channels = {"angle": angle.samples, "torque": values, "time": angle.timestamps}
     return {**names, "time": "time"}, {k: np.asarray(v, dtype=float) for k, v in channels.items()}
 
@@ -414,6 +431,8 @@ def _log(
     path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]
 ) -> Log:
     """Units applied, wraps undone, time checked."""
+    if len(values["angle"]) < 2:
+        raise Error(f"{path}: {len(values['angle'])} rows; a log has more than one")
     unit = source.angle_unit or units.unit_in(names["angle"], units.ANGLES, "deg")
     units.named(unit, units.ANGLES, "--angle-unit")
     size, linear = units.ANGLES[unit]
@@ -421,10 +440,7 @@ def _log(
         names["torque"], units.TORQUES, "N" if linear else "Nm"
     )
     scale = units.TORQUES[units.named(torque_unit, units.TORQUES, "--torque-unit")]
-    time = values.get("time")
-    if time is not None:
-        _check_time(path, time)
-        time = time * (1e-3 if re.search(r"\b(ms|msec)\b", names["time"].replace("_", " ")) else 1)
+    time = _seconds(path, names, values)
     torque, notes = _signed(values["torque"])
     notes += [] if source.angle_unit or unit in names["angle"] else [f"angle taken in {unit}"]
     theta, counts = _unwrapped(values["angle"], unit, source.counts_per_turn)
@@ -436,6 +452,17 @@ def _log(
     given = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
     log.resolution = given or resolution_of(log.theta)
     return log
+
+
+def _seconds(
+    path: Path | str, names: dict[str, str], values: dict[str, np.ndarray]
+) -> np.ndarray | None:
+    """The time column, where there is one."""
+    if "time" not in values:
+        return None
+    _check_time(path, values["time"])
+    in_ms = re.search(r"\b(ms|msec)\b", names["time"].replace("_", " "))
+    return values["time"] * (1e-3 if in_ms else 1.0)
 
 
 def _check_time(path: Path | str, time: np.ndarray) -> None:

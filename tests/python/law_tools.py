@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: MIT
+"""How a law is tried: on some inputs by default, on many with --long, found by hypothesis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import hypothesis
+import pytest
+from hypothesis import HealthCheck, Phase
+from hypothesis.strategies import SearchStrategy
+
+PHASES = (Phase.explicit, Phase.generate, Phase.shrink)
+SLOW = (HealthCheck.too_slow, HealthCheck.filter_too_much)  # where two cores are busy
+
+
+def modes(short: int, long: int) -> pytest.MarkDecorator:
+    """The parameter `examples`: so many by default, so many with --long."""
+    many = pytest.param(long, id="long", marks=pytest.mark.long)
+    return pytest.mark.parametrize("examples", [pytest.param(short, id="short"), many])
+
+
+def holds(law: Callable[..., None], examples: int, *inputs: SearchStrategy) -> None:
+    """Raise where the law does not hold, on the smallest input that shows it."""
+    settings = hypothesis.settings(
+        max_examples=examples, phases=PHASES, report_multiple_bugs=False, suppress_health_check=SLOW
+    )
+    settings(hypothesis.given(*inputs)(law))()
