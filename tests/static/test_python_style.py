@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: MIT
+"""The Python of the project in one style: ruff's rules (complexity at most 8 among them), ruff's
+format, functions of at most 40 lines. The rules stand in tools/pyproject.toml.
+"""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, need
+
+CONFIG = ROOT / "tools" / "pyproject.toml"
+LONGEST = 40  # lines of a function, from its def to its end
+CLAIM = "the Python side has no finding of ruff"
+
+
+def sources() -> list[Path]:
+    """Every Python file of the project."""
+    return sorted(path for part in ("tools", "tests") for path in (ROOT / part).rglob("*.py"))
+
+
+def ruff(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [need("ruff", CLAIM), *map(str, words), "--no-cache", "--config", str(CONFIG)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+
+def too_long(path: Path) -> list[str]:
+    """Functions of more than LONGEST lines."""
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
+    found = (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, kinds))
+    lengths = ((node, (node.end_lineno or 0) - node.lineno + 1) for node in found)
+    return [f"{path}:{node.lineno}: {n} lines" for node, n in lengths if n > LONGEST]
+
+
+def test_rules() -> None:
+    done = ruff("check", "--output-format", "concise", *sources())
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_format() -> None:
+    done = ruff("format", "--check", *sources())
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_no_function_is_long() -> None:
+    assert [place for path in sources() for place in too_long(path)] == []
+
+
+def test_each_file_says_its_licence_and_its_idea() -> None:
+    for path in sources():
+        text = path.read_text()
+        assert text.startswith("# SPDX-License-Identifier: MIT\n"), path
+        assert ast.get_docstring(ast.parse(text)) or path.name == "__init__.py", path
+
+
+@pytest.mark.parametrize(
+    ("rule", "fault"),
+    [
+        ("F401", "import os\n"),
+        ("F841", "def f() -> None:\n    x = 1\n"),
+        ("E722", "try:\n    pass\nexcept:\n    pass\n"),
+        ("C901", "def f(x):\n" + "".join(f"    if x == {n}:\n        return\n" for n in range(9))),
+    ],
+)
+def test_planted_fault_is_found(tmp_path: Path, rule: str, fault: str) -> None:
+    planted = tmp_path / "protection.py"
+    shutil.copy(ROOT / "tools" / "dahl" / "protection.py", planted)
+    assert ruff("check", planted).returncode == 0
+    planted.write_text(planted.read_text() + "\n\n" + fault)
+    done = ruff("check", "--output-format", "concise", planted)
+    assert done.returncode == 1
+    assert rule in done.stdout
+
+
+def test_planted_layout_is_found(tmp_path: Path) -> None:
+    planted = tmp_path / "logs.py"
+    planted.write_text((ROOT / "tools" / "dahl" / "logs.py").read_text().replace(" = ", "=", 1))
+    assert ruff("format", "--check", planted).returncode == 1
+
+
+def test_planted_long_function_is_found(tmp_path: Path) -> None:
+    planted = tmp_path / "long.py"
+    planted.write_text("def f():\n" + "    f()\n" * LONGEST)
+    assert too_long(planted) == [f"{planted}:1: {LONGEST + 1} lines"]
+    planted.write_text("def f():\n" + "    f()\n" * (LONGEST - 1))
+    assert too_long(planted) == []

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""The Python of tools/ as mypy --strict sees it: no finding, and no blanket ignore. The settings
+stand in tools/pyproject.toml, each package without types with its reason.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import BUILD, ROOT, need
+
+TOOLS = ROOT / "tools"
+CLAIM = "the Python side has no finding of mypy --strict"
+REASONED = re.compile(r"# type: ignore\[[a-z, -]+\]  # \S+")  # a code, then why
+
+
+def mypy(*files: Path) -> subprocess.CompletedProcess[str]:
+    """Run it; what it learned of the libraries is kept in the build."""
+    need("mypy", CLAIM)
+    command = [sys.executable, "-m", "mypy", "--config-file", TOOLS / "pyproject.toml"]
+    command += ["--cache-dir", BUILD.parent / "mypy", "--no-error-summary", *files]
+    return subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, check=False, timeout=240
+    )
+
+
+def test_strict() -> None:
+    assert "\nstrict = true\n" in (TOOLS / "pyproject.toml").read_text()
+    done = mypy(TOOLS / "dahl", TOOLS / "bench", *TOOLS.glob("*.py"))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_each_ignored_finding_is_named_and_has_a_reason() -> None:
+    ignored = [
+        f"{path}: {line.strip()}"
+        for path in TOOLS.rglob("*.py")
+        for line in path.read_text().splitlines()
+        if "type: ignore" in line and not REASONED.search(line)
+    ]
+    assert ignored == []
+
+
+@pytest.mark.parametrize(
+    ("sound", "fault", "code"),
+    [
+        ("        return int(text)\n", "        return text\n", "return-value"),
+        ("    return value\n", "    return value.partition('.')\n", "attr-defined"),
+        ("def seconds(text: str) -> float:", "def seconds(text):", "no-untyped-def"),
+    ],
+)
+def test_planted_type_is_found(tmp_path: Path, sound: str, fault: str, code: str) -> None:
+    shutil.copytree(TOOLS / "dahl", tmp_path / "dahl")
+    planted = tmp_path / "dahl" / "arguments.py"
+    text = planted.read_text()
+    assert text.count(sound) == 1
+    planted.write_text(text.replace(sound, fault))
+    done = mypy(planted)
+    assert done.returncode == 1
+    assert f"[{code}]" in done.stdout
