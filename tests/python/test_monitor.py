@@ -15,7 +15,7 @@ import time
 
 import pytest
 from crccheck.crc import Crc8Autosar
-from dahl import logs, report
+from dahl import Error, logs, report
 from dahl.view import View
 
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5}
@@ -198,6 +198,29 @@ def test_no_bus_named_is_one_line(run_dahl, tmp_path):
     done = run_dahl("monitor", env={**environment, "HOME": str(tmp_path)})
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert done.stderr.startswith("error: which bus? Name it with -i and -c")
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ("FrictionTorque", "no signal 'State' in a message 'FrictionTorque'"),
+        ("TorqueRatio", "no signal 'TorqueRatio' in a message 'FrictionTorque'"),
+        ("Count ", "no signal 'Count' in a message 'EncoderState'"),
+    ],
+)
+def test_a_dbc_without_what_is_shown_is_refused(dbc, tmp_path, changed, words):
+    (tmp_path / "other.dbc").write_text(dbc.read_text().replace(changed, "Other "))
+    with pytest.raises(Error, match=words):
+        View(dbc=tmp_path / "other.dbc")
+
+
+def test_frames_without_a_counter_are_shown(dbc, tmp_path):
+    (tmp_path / "other.dbc").write_text(dbc.read_text().replace(" SG_ Counter", " SG_ Tick"))
+    view = View(dbc=tmp_path / "other.dbc")
+    signals = {"Counter": 3, "Valid": 1, "Count": 5}
+    for frame in frames(dbc, *[("EncoderState", 0.001 * n, signals) for n in range(3)]):
+        view.feed(frame)
+    assert (view.names["EncoderState"].frames, view.names["EncoderState"].missing) == (3, 0)
 
 
 def test_a_bad_dbc_is_one_line(run_dahl, tmp_path):

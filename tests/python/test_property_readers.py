@@ -16,6 +16,7 @@ import pytest
 from dahl import Error, logs
 from dahl.identify import readers, units
 from dahl.identify.log import Log
+from dahl.view import View
 from hypothesis import assume
 from hypothesis import strategies as st
 from law_tools import holds, modes
@@ -280,14 +281,16 @@ def test_read_table_and_read_candump_take_anything(folder, examples):
 @modes(short=60, long=2000)
 def test_any_dbc_is_taken_or_refused_in_one_line(folder, examples):
     path = folder / "any.dbc"
-    lines = [*log_writers.DBC.splitlines(), "BO_", "CM_ 1", "SG_ x", "VAL_ 256 Angle 1 2 ;", "\xff"]
+    lines = [*log_writers.DBC.encode().splitlines(), b"BO_", b"CM_ 1", b"SG_ x", b"\xff", b"\x81"]
+    lines += [b"VAL_ 256 Angle 1 2 ;", b"BO_ 256 Shaft: 2 A", b" SG_ Angle m0 : 0|8@1+ (1,0) A"]
 
-    def law(chosen: list[str]) -> None:
-        path.write_text("\n".join(chosen) + "\n", encoding="cp1252")
-        try:
-            readers.Signals(path, "Angle", "Torque")
-        except Error as error:
-            assert re.fullmatch(r"[^\r\n]+", str(error)), repr(str(error))
+    def law(chosen: list[bytes]) -> None:
+        path.write_bytes(b"\n".join(chosen) + b"\n")
+        for take in (lambda: readers.Signals(path, "Angle", "Torque"), lambda: View(dbc=path)):
+            try:
+                take()
+            except Error as error:
+                assert re.fullmatch(r"[^\r\n]+", str(error)), repr(str(error))
 
     holds(law, examples, st.lists(st.sampled_from(lines), max_size=14))
 

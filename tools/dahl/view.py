@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cantools.database.can import Message
 
 COUNTERS = 16
+SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
 
 @dataclass
@@ -44,8 +45,7 @@ class View:
     """Feed it frames; rich draws it, in the width and height that it is given."""
 
     def __init__(self, node: int = 0, window: int = 4000, dbc: Path | None = None) -> None:
-        messages = _database(dbc).messages
-        self.seen = {message.frame_id + node: Seen(message) for message in messages}
+        self.seen = {one.frame_id + node: Seen(one) for one in _messages(dbc)}
         self.names = {seen.message.name: seen for seen in self.seen.values()}
         self.time: deque[float] = deque(maxlen=window)
         self.count: deque[int] = deque(maxlen=window)
@@ -74,7 +74,7 @@ class View:
     def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
         if seen.last is None:
             seen.first_time = now
-        else:
+        elif "Counter" in signals:
             seen.missing += (signals["Counter"] - seen.last["Counter"] - 1) % COUNTERS
         seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
 
@@ -155,13 +155,21 @@ def _words(signals: dict[str, Any] | None) -> str:
     return "  ".join(shown)
 
 
-def _database(dbc: Path | None) -> Any:
+def _messages(dbc: Path | None) -> list[Message]:
+    """Those of a bus description that has what is shown. Raises dahl.Error."""
     import cantools
 
     path = dbc or places.DBC
     try:
-        return cantools.database.load_file(path)
+        database = cantools.database.load_file(path)
+        found: list[Message] = list(getattr(database, "messages", []))
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
-    except cantools.Error as error:
+    except (cantools.Error, ValueError) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
+    known = {message.name: {signal.name for signal in message.signals} for message in found}
+    for name, signals in SHOWN.items():
+        missing = sorted(signals - known.get(name, set()))
+        if missing:
+            raise Error(f"{path}: no signal '{missing[0]}' in a message '{name}'")
+    return found

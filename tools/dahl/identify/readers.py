@@ -304,6 +304,8 @@ def database_of(path: Path) -> cantools.database.Database:
         text = path.read_text(encoding="cp1252")
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a DBC (byte {error.start} is no text)") from None
     text = re.sub(r"^CM_ \d.*$", "", text, flags=re.MULTILINE)
     try:
         found = cantools.database.load_string(text, database_format="dbc", strict=False)
