@@ -14,8 +14,8 @@ import pytest
 from dahl import RunError, places
 from dahl.identify import follow, many, readers, study
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, write_csv
+from log_writers import DBC
 from loop_tools import serving
-from test_identify_bad_input import DBC
 
 pytestmark = pytest.mark.usefixtures("library")
 
