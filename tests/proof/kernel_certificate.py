@@ -112,7 +112,9 @@ class Piece:
 
 def body_numbers(text: str, name: str, body: str) -> list[int]:
     """The numbers in a function of kernel.h whose text is otherwise as expected."""
-    found = re.search(rf"^static inline \w+ {name}\([^)]*\)\n{{(\n.*?\n)}}$", text, re.DOTALL | re.MULTILINE)
+    found = re.search(
+        rf"^static inline \w+ {name}\([^)]*\)\n{{(\n.*?\n)}}$", text, re.DOTALL | re.MULTILINE
+    )
     pattern = re.escape(body).replace(re.escape(r"(\d+)"), r"(\d+)")
     matched = found and re.fullmatch(pattern, found[1])
     if not matched:
@@ -366,9 +368,7 @@ def large_piece(
         half = iv.mpf(2) ** -k
         total = half * (lost + drift) + iv.mpf([-UNIT, 0]) * (1 - half)
         error = total / g_of(iv.mpf([k + low, k + high]))
-        yield Piece(
-            f"large {k} {j}", k + low, k + high, with_travel(c, error, k + low, mpf(1) / 2)
-        )
+        yield Piece(f"large {k} {j}", k + low, k + high, with_travel(c, error, k + low, mpf(1) / 2))
 
 
 def beyond_piece(c: Constants) -> Piece:

@@ -165,9 +165,7 @@ def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
     them.
     """
     lowest = 0.0
-    ranges = [
-        (float(p.low), float(p.high), float(p.error.a), float(p.error.b)) for p in pieces
-    ]
+    ranges = [(float(p.low), float(p.high), float(p.error.a), float(p.error.b)) for p in pieces]
     for v, error, rounding in random_errors(3000):
         here = [(least, most) for low, high, least, most in ranges if low <= v <= high]
         assert min(least for least, _ in here) - rounding <= error

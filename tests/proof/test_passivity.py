@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: MIT
+"""No motion makes energy: one step, by enumeration in short words; random closed cycles."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import kernel_tools as tools
+import pytest
+
+HEADER = Path(__file__).parent / "passivity.h"
+ROUNDING = {
+    "counts": tools.header_number("PASSIVITY_COUNTS", HEADER),
+    "angle": tools.header_number("PASSIVITY_ANGLE", HEADER),
+}
+TORQUE_BEFORE = "-DPASSIVITY_LOSS=passivity_loss_before"
+
+
+@pytest.fixture(scope="module")
+def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tools.copy_of_lib(tmp_path_factory.mktemp("passivity"))
+
+
+@pytest.fixture(scope="module")
+def words(tree: Path) -> Path:
+    return tools.build(tree, "tests/proof/passivity_words.c")
+
+
+@pytest.fixture(scope="module")
+def cycles(tree: Path) -> Path:
+    return tools.build(tree, "tests/proof/passivity.c")
+
+
+def run(program: Path, *arguments: object) -> tuple[int, str]:
+    done = subprocess.run(
+        [program, *map(str, arguments)], capture_output=True, text=True, timeout=1800, check=False
+    )
+    assert done.returncode in (0, 1), done.stderr
+    return done.returncode, done.stdout
+
+
+def number(name: str, text: str) -> float:
+    found = re.search(rf"{name} (-?[\d.e+-]+)", text)
+    assert found, f"no {name!r} in {text!r}"
+    return float(found[1])
+
+
+@pytest.mark.parametrize("bits", [3, 4, 5, 6, pytest.param(7, marks=pytest.mark.long)])
+def test_each_step_in_short_words(words: Path, bits: int) -> None:
+    """Every state, every g, both directions: the loss is never below that of its rounding."""
+    code, text = run(words, bits)
+    assert code == 0, text
+    states, fractions = 2 * (2 ** (2 * bits - 2) + 2 ** (bits - 1)) - 1, 2 ** (2 * bits)
+    assert number("bits:", text) == 2 * states * fractions
+    assert -1 < number("=", text) < -0.3  # in T: the rounding is there, and below its bound
+
+
+def test_short_words_step_as_the_library_does(words: Path) -> None:
+    code, text = run(words, 32)
+    assert code == 0, text
+
+
+def assert_passive(program: Path, way: str, count: int) -> None:
+    code, text = run(program, way, count)
+    print(text)
+    assert code == 0, text
+    assert number("cycles", text) == count
+    assert number("least loss of a tick", text) >= -ROUNDING[way]
+    assert number("least work from rest", text) >= -17 * ROUNDING[way]
+
+
+@pytest.mark.parametrize("way", ["counts", "angle"])
+def test_closed_cycles(cycles: Path, way: str) -> None:
+    assert_passive(cycles, way, 1_000_000)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("way", ["counts", "angle"])
+def test_many_closed_cycles(cycles: Path, way: str) -> None:
+    assert_passive(cycles, way, 100_000_000)
+
+
+def test_planted_torque_before_the_step_in_short_words(tree: Path) -> None:
+    code, text = run(tools.build(tree, "tests/proof/passivity_words.c", TORQUE_BEFORE), 4)
+    assert code == 1, text
+
+
+def test_planted_torque_before_the_step_in_cycles(tree: Path) -> None:
+    code, text = run(tools.build(tree, "tests/proof/passivity.c", TORQUE_BEFORE), "counts", 1000)
+    assert code == 1, text
+
+
+FAULTS = {
+    "no reflection": ("gap.h", "DAHL_ONE_Q30 + dahl_q30(w)", "DAHL_ONE_Q30 - dahl_q30(w)"),
+    "one entry too far": ("gap.h", "offsetof(dahl_plan_t, g)", "offsetof(dahl_plan_t, g[1])"),
+    "digit lost": ("digits.c", "digit = n & 1u", "digit = n & 2u"),
+    "travel doubled": ("kernel.h", "        v.shift++;\n", ""),
+    "g of twice the travel": ("prepare.c", "= (uint32_t)u_shift;", "= (uint32_t)u_shift - 1u;"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_in_the_step(fault: str, tmp_path: Path) -> None:
+    top = tools.copy_of_lib(tmp_path)
+    file, old, new = FAULTS[fault]
+    tools.edit(top / "lib" / file, old, new)
+    way = "angle" if file == "kernel.h" else "counts"
+    code, text = run(tools.build(top, "tests/proof/passivity.c"), way, 20_000)
+    assert code == 1, f"{fault}: {text}"
+
+
+def test_planted_rounding_in_short_words(tmp_path: Path) -> None:
+    """The gap rounded by a whole unit, not half of one."""
+    top = tools.copy_of_lib(tmp_path)
+    tools.edit(top / "tests/proof/passivity_words.c", "(w + half) >> n", "(w + 2 * half) >> n")
+    program = tools.build(top, "tests/proof/passivity_words.c", "-Wno-unused")
+    assert run(program, 5)[0] == 1
+    assert run(program, 32)[0] == 1
+
+
+def test_bad_arguments_are_refused(words: Path, cycles: Path) -> None:
+    for command in ([words, "9"], [words], [cycles, "counts", "0"], [cycles, "torque", "5"]):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        assert done.returncode == 2
+        assert done.stderr.startswith("error: use:")
