@@ -5,14 +5,25 @@
 #include <stdarg.h>
 #include <stdio.h>
 
+/* What a file says may hold anything: a message is one line all the same. */
+static void without_controls(char *text)
+{
+    for (; *text != '\0'; text++) {
+        if ((*text > 0 && *text < ' ') || *text == 0x7F) {
+            *text = '?';
+        }
+    }
+}
+
 int complain(const char *format, ...)
 {
+    char text[2048];
     va_list arguments;
     va_start(arguments, format);
-    fputs("error: ", stderr);
-    vfprintf(stderr, format, arguments);
-    fputc('\n', stderr);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
+    without_controls(text);
+    fprintf(stderr, "error: %s\n", text);
     return -1;
 }
 

@@ -164,6 +164,7 @@ TABLE_ERRORS = [
         'column "angle": the row has 4 fields, the header 3',
     ),
     ("t,angle,note\n0,1,a\n1,1e9,b\n", ":3: ", 'column "angle": 1e+09 is 9.99999999e+09 counts'),
+    ('t,angle,note\n0,"1\n\a",a\n', ":3: ", 'column "angle": "1??" is not a finite number'),
     ('t,angle,note\n0,1,"a\n1,2,b\n', ":4: ", "column 3: a quote inside a field or never closed"),
     ('t,angle,note\n0,1,"' + "a" * 200000, ":2: ", "column 3: a field without end"),
     (b"\x00\x01\x02\xff\xfe", ":1: ", 'no column "angle"'),
