@@ -172,6 +172,15 @@ def test_files_that_a_library_did_not_expect(run_dahl, tmp_path, name, text, wor
     assert words in said
 
 
+def test_a_file_on_which_its_library_crashes_is_one_line(files, run_dahl, tmp_path):
+    """The type of a MAT element is 8, which is none: scipy looks it up and dereferences NULL."""
+    whole = bytearray(files["mat"].read_bytes())
+    place = whole.index((9).to_bytes(4, "little"), 128)  # the first column of doubles
+    whole[place] = 8
+    (tmp_path / "crash.mat").write_bytes(whole)
+    assert "crash.mat: broken: reading it crashes" in refused(run_dahl, tmp_path / "crash.mat")
+
+
 def test_a_table_without_rows(run_dahl, tmp_path):
     empty = {"angle": np.array([]), "torque": np.array([])}
     log_writers.parquet(tmp_path / "empty.parquet", empty)

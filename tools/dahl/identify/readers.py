@@ -8,7 +8,10 @@ found, units applied, and whatever is wrong is said in one line that names file,
 
 from __future__ import annotations
 
+import contextlib
+import faulthandler
 import json
+import os
 import re
 import sys
 import warnings
@@ -193,6 +196,8 @@ def _from_mat(path: Path) -> tuple[pandas.DataFrame, int]:
     import pandas as pd
     from scipy.io import loadmat
 
+    if not _survives(lambda: loadmat(path)):
+        raise Error(f"{path}: broken: reading it crashes")
     try:
         content = loadmat(path, squeeze_me=True, struct_as_record=False)
     except NotImplementedError:
@@ -202,6 +207,20 @@ def _from_mat(path: Path) -> tuple[pandas.DataFrame, int]:
         raise Error(f"{path}: no vectors in it")
     longest = max(map(len, columns.values()))
     return pd.DataFrame({k: v for k, v in columns.items() if len(v) == longest}), 0
+
+
+def _survives(read: Callable[[], object]) -> bool:
+    """Try in a process of its own: scipy takes the types in a MAT file as they come, and with a
+    damaged one the whole program ends (scipy pull request 25349).
+    """
+    child = os.fork()
+    if child == 0:
+        faulthandler.disable()  # nobody waits for the child's words
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        with contextlib.suppress(Exception):  # of these the second reading tells
+            read()
+        os._exit(0)
+    return not os.WIFSIGNALED(os.waitpid(child, 0)[1])
 
 
 def _vectors(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
