@@ -6,7 +6,8 @@
 #   1. Debian packages (compilers, CMake, three small parser libraries), with apt-get; as root, else by sudo
 #   2. Unity, the test framework, into build/deps/unity: from $DAHL_UNITY_DIR if given, else from Debian's own sources
 #   3. where this kernel has no CAN: Debian's kernel, a few files of it, into build/deps/kernel, for tools/vm.sh
-#   4. a Python environment in build/venv with the pinned packages of tools/requirements.txt and the command `dahl`
+#   4. CBMC, for some of the proofs, into build/deps/cbmc: Debian 13's package with the C library that it wants
+#   5. a Python environment in build/venv with the pinned packages of tools/requirements.txt and the command `dahl`
 # A second run finds all in place and says so within a second or two. Safe to interrupt and to run twice at once.
 #
 # Environment: DAHL_PYTHON   a Python 3.11 or later to use (default: python3, then /usr/bin/python3)
@@ -30,6 +31,7 @@ EXTRAS+=(clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck frama-c-base
 # Big-endian programs by clang: Debian's own cross compiler cannot stand beside gcc-multilib.
 EXTRAS+=(binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross)
 UNITY_FILES=(unity.c unity.h unity_internals.h)
+CBMC_SUITE=trixie # has CBMC 6.6; Debian 12 has none
 UNITY_TRIED=2e3a0610268455520a5796345b503d00c34a47fe97ed3750349cbd4b2b1990f3 # sha256 of unity.c 2.5.1
 
 # --- 1. Debian packages -------------------------------------------------------------------------------------------
@@ -71,6 +73,15 @@ write_debian_sources() {
     cat /etc/apt/sources.list /etc/apt/sources.list.d/*.list 2>/dev/null |
         sed -En "s/^deb( +\[[^]]*\])?( +[^ ]+ +$codename(-updates|-security)? .*\<main\>.*)/$1\1\2/p" \
             >"$2/debian.list" || true
+}
+
+# The same of another suite of Debian ($3), where the machine's own mirror has it.
+write_other_sources() {
+    local codename
+    write_debian_sources "$1" "$2"
+    codename=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
+    sed -Ei "/^Suites:/{/[ \t]$codename([ \t]|\$)/!s/.*/Enabled: no/;s/^Suites:.*/Suites: $3/}" "$2/debian.sources"
+    sed -Ein "s/ $codename +/ $3 /p" "$2/debian.list"
 }
 
 debian_only() { printf '%s\n' -o Dir::Etc::sourcelist=/dev/null -o "Dir::Etc::sourceparts=$1"; }
@@ -217,7 +228,55 @@ setup_kernel() {
     say "kernel with CAN: in place (build/deps/kernel)"
 }
 
-# --- 4. Python ----------------------------------------------------------------------------------------------------
+# --- 4. CBMC ------------------------------------------------------------------------------------------------------
+
+# Another Debian's program runs here on its own C library, which nothing else gets to see.
+make_cbmc_commands() { # FOLDER
+    local name
+    mkdir "$1/bin"
+    cat >"$1/bin/cbmc" <<'EOF'
+#!/bin/sh
+top=$(cd "$(dirname "$0")/../usr" && pwd)
+for loader in "$top"/lib/*/ld-linux*.so.*; do
+    exec "$loader" --library-path "$(dirname "$loader"):$top/lib" "$top/bin/$(basename "$0")" "$@"
+done
+EOF
+    chmod +x "$1/bin/cbmc"
+    for name in goto-cc goto-instrument; do ln -s cbmc "$1/bin/$name"; done
+    "$1/bin/cbmc" --version
+}
+
+fetch_cbmc() {
+    local work=$BUILD/deps/cbmc.part options package
+    rm -rf "$work"
+    mkdir -p "$work"/apt/{lists/partial,cache/archives/partial,files}
+    write_other_sources deb "$work/apt/parts" "$CBMC_SUITE"
+    mapfile -t options < <(debian_only "$work/apt/parts")
+    options+=(-o "Dir::State::lists=$work/apt/lists" -o "Dir::Cache=$work/apt/cache" -o APT::Sandbox::User=
+        -o Acquire::Retries=2 -o Acquire::http::Timeout=60 -o Acquire::Languages=none)
+    quietly setup apt-get -q "${options[@]}" update || return 1
+    (cd "$work/apt/files" &&
+        quietly setup apt-get -q "${options[@]}" download cbmc minisat libc6 libgcc-s1 libstdc++6) || return 1
+    for package in "$work"/apt/files/*.deb; do dpkg-deb -x "$package" "$work" || return 1; done
+    rm -rf "$work"/{apt,etc,usr/share,usr/lib/*/gconv}
+    quietly setup make_cbmc_commands "$work" || return 1
+    rm -rf "$BUILD/deps/cbmc"
+    mv "$work" "$BUILD/deps/cbmc"
+}
+
+# Tried once: what this machine cannot have must not slow down every later run.
+setup_cbmc() {
+    local tried=$BUILD/deps/cbmc.tried
+    if command -v cbmc >/dev/null || [ -x "$BUILD/deps/cbmc/bin/cbmc" ]; then say "CBMC: in place"; return; fi
+    if [ ! -e "$tried" ]; then
+        say "fetching CBMC (a model checker for C) out of Debian's $CBMC_SUITE"
+        if fetch_cbmc; then say "CBMC: in place (build/deps/cbmc)"; return; fi
+        touch "$tried"
+    fi
+    say "CBMC is not to be had here, so its proofs will be skipped (remove build/deps/cbmc.tried to try again)"
+}
+
+# --- 5. Python ----------------------------------------------------------------------------------------------------
 
 good_python() {
     "$1" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1
@@ -283,7 +342,7 @@ main() {
     : >"$BUILD/setup.log"
     if has_apt; then setup_packages; else check_without_apt; fi
     setup_unity
-    if has_apt; then setup_kernel; fi
+    if has_apt; then setup_kernel; setup_cbmc; fi
     setup_venv
     say "done in $SECONDS s"
 }

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: MIT */
+/* What is any state, any plan and any product for the proofs by CBMC. A variable without a value may have every value. */
+#ifndef CBMC_RANGES_H
+#define CBMC_RANGES_H
+
+#include <string.h>
+#define __builtin_memcpy memcpy /* which CBMC knows */
+
+#include "gap.h"
+#include "products.h"
+
+/* The theorem: a step from here ends here. The upper end is not reached: -(2^62 + 2^31) <= w < 2^62 + 2^31. */
+#define STATE_END (((int64_t)1 << 62) + ((int64_t)1 << 31))
+
+static int is_state(int64_t w)
+{
+    return -STATE_END <= w && w < STATE_END;
+}
+
+/* What dahl_prepare makes (cbmc_prepare.c); of the table nothing is asked. */
+static int is_plan(const dahl_plan_t *plan)
+{
+    uint32_t exponent = plan->Fc_scale >> 24;
+    return plan->a_mantissa >> 31 != 0 && -3 <= plan->a_shift && plan->a_shift <= 253 && plan->Fc_mantissa >> 31 != 0 &&
+           (plan->Fc_mantissa & 1u) != 0 && 64 <= exponent && exponent < 192 && (plan->Fc_scale & 0xffffffu) == 1u;
+}
+
+/* In the place of dahl_mul and dahl_mulhi (test_cbmc.py puts them there). */
+uint64_t any_product(uint32_t factor_a, uint32_t factor_b)
+{
+    uint64_t a = factor_a, b = factor_b, r;
+    __CPROVER_assume(IS_LIKE_PRODUCT(r, a, b));
+    return r;
+}
+
+uint32_t any_upper_half(uint32_t a, uint32_t b)
+{
+    return (uint32_t)(any_product(a, b) >> 32);
+}
+
+/* In the place of dahl_forward and dahl_backward, where check_update has proven them. */
+static uint64_t any_update(uint64_t w)
+{
+    int64_t to;
+    __CPROVER_assert(is_state((int64_t)w), "an update begins in range");
+    __CPROVER_assume(is_state(to));
+    return (uint64_t)to;
+}
+
+uint64_t any_forward(uint64_t w, dahl_q64_t g)
+{
+    (void)g;
+    return any_update(w);
+}
+
+uint64_t any_backward(uint64_t w, dahl_q64_t g)
+{
+    (void)g;
+    return any_update(w);
+}
+
+/* A state between guards, and a plan with a copy: what a call must leave as it is. */
+typedef struct {
+    uint64_t before;
+    dahl_state_t state;
+    uint64_t after;
+} guarded_t;
+
+typedef union {
+    dahl_plan_t plan;
+    uint32_t words[sizeof(dahl_plan_t) / 4];
+} words_t;
+
+#endif
