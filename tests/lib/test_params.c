@@ -5,14 +5,16 @@
 #include "motions.h"
 #include "plans.h"
 
+/* The plan is untouched on an error, and what lies behind it always. */
 static dahl_err_t try(float sigma0, float Fc, float theta_per_count)
 {
     dahl_params_t p = {sigma0, Fc, theta_per_count};
-    dahl_plan_t plan, untouched;
-    memset(&plan, 0x5a, sizeof plan);
-    untouched = plan;
-    dahl_err_t err = dahl_prepare(&plan, &p);
-    TEST_ASSERT_TRUE(err == DAHL_OK || memcmp(&plan, &untouched, sizeof plan) == 0);
+    dahl_plan_t plan[2], untouched[2];
+    memset(plan, 0x5a, sizeof plan);
+    memcpy(untouched, plan, sizeof plan);
+    dahl_err_t err = dahl_prepare(plan, &p);
+    TEST_ASSERT_TRUE(err == DAHL_OK || memcmp(plan, untouched, sizeof plan[0]) == 0);
+    TEST_ASSERT_EQUAL_MEMORY(&untouched[1], &plan[1], sizeof plan[1]);
     return err;
 }
 
@@ -24,6 +26,23 @@ static void test_not_a_number_zero_negative(void)
         TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(1.0f, bad[i], 1e-3f));
         TEST_ASSERT_EQUAL_INT(i < 2 ? DAHL_OK : DAHL_ERR_PARAM, try(1.0f, 1.0f, bad[i]));
     }
+}
+
+/* Of two bad parameters the graver one names the error; two alike do not cancel. */
+static void test_two_bad_parameters(void)
+{
+    const float below = nextafterf(DAHL_TORQUE_MIN, 0.0f);
+    static const float none[] = {0.0f, -1.0f, NAN};
+    for (size_t i = 0; i < sizeof none / sizeof none[0]; i++) {
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], none[i], 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], below, 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(below, none[i], 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], none[i], none[i]));
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, below, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, below, below));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(below, below, NAN));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(1.0f, NAN, NAN));
 }
 
 static void test_range_of_torque(void)
@@ -61,6 +80,17 @@ static void test_no_counts(void)
         }
         (void)dahl_step_counts_q30(&plan, &state, INT32_MIN);
         TEST_ASSERT_TRUE(state.w == 1);
+    }
+}
+
+/* Every theta_per_count but 0 is one, the powers of two too, whose bits are few. */
+static void test_counts_of_any_power_of_two(void)
+{
+    for (int k = -63; k < 64; k++) {
+        dahl_params_t p = {ldexpf(1.0f, k < 0 ? -k : 0), ldexpf(1.0f, k < 0 ? 0 : k), ldexpf(1.0f, k)};
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0};
+        assert_torque(-expm1l(-1), &p, dahl_step_counts(&plan, &state, 1), DAHL_ULP_COUNTS);
     }
 }
 
@@ -221,9 +251,11 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_not_a_number_zero_negative);
+    RUN_TEST(test_two_bad_parameters);
     RUN_TEST(test_range_of_torque);
     RUN_TEST(test_range_of_travel);
     RUN_TEST(test_no_counts);
+    RUN_TEST(test_counts_of_any_power_of_two);
     RUN_TEST(test_travel_just_below_a_power_of_two);
     RUN_TEST(test_set_torque);
     RUN_TEST(test_set_torque_far_below_Fc);
