@@ -28,7 +28,7 @@ exclude_also =
 PARTS = ("bench_batch", "bridge", "core", "data", "demo", "exact", "logs", "loop_bad_input")
 PARTS += ("identify", "identify_bad_input", "identify_excite", "identify_many", "identify_output")
 PARTS += ("loop_virtual", "monitor", "picture", "property_identify", "property_readers")
-PARTS += ("report", "report_page", "target_demo", "tools")  # tests/python/test_PART.py
+PARTS += ("report", "report_page", "target_demo", "edges")  # tests/python/test_PART.py
 
 
 def measured(folder: Path, package: str, tests: list[Path], where: Path) -> dict[str, Any]:
