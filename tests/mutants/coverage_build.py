@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: MIT
+"""Builds that count what the C tests execute, each in a folder of its own under build/coverage.
+
+The sources are those of CMakeLists.txt as they stand, with the flags that it gives them; only the
+instrumentation comes on top, and fewer ticks. Two forms of each file:
+  native   as this machine builds it. batch_targets.h asks the processor for vectors; here the
+           environment answers (coverage_cpu.h), so that each road is taken, on this machine.
+  plain    as a compiler without extensions builds it (coverage_plain.h): the other side of each
+           #if of bits.h, batch.h and batch_targets.h, and one variant of each batch.
+What neither compiles is multiply_v6m.h, assembly for ARMv6-M: tests/target runs it on a Cortex-M0.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+
+LIB_TESTS = ("accuracy", "laws", "paper", "hard_cases", "angle", "params", "float", "batch")
+PORT_TESTS = ("frames", "buses", "slcan", "node")
+
+# The codec and the receiver; what drives sockets, serial ports and boards is tested from outside.
+PORT_SOURCES = (
+    "port/can_bus.h",
+    "port/frame_queue.h",
+    "port/frames.c",
+    "port/frames.h",
+    "port/loopback/loopback.c",
+    "port/loopback/loopback.h",
+    "port/slcan/slcan.c",
+    "port/slcan/slcan.h",
+    "port/socketcand/text.c",
+    "port/socketcand/text.h",
+    "host_sim/node.c",
+    "host_sim/node.h",
+)
+
+COMPILER = HERE / "coverage_compiler.sh"
+LLVM_FLAGS = "-O0 -g -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc"
+GCOV_FLAGS = "-O0 -g --coverage"
+FEW_TICKS = (
+    "-DTEST_TICKS=20000 -DTEST_ZERO_TICKS=100000 -DTEST_KERNEL_STRIDE=65537 -DTEST_FINEST_BITS=20"
+)
+
+
+def lib_sources(root: Path = ROOT) -> list[Path]:
+    """All of lib/."""
+    return sorted(root.glob("lib/*.[ch]"))
+
+
+def all_sources(root: Path = ROOT) -> list[Path]:
+    """All of lib/, the codec and the receiver."""
+    return lib_sources(root) + [root / name for name in PORT_SOURCES]
+
+
+@dataclass(frozen=True)
+class Build:
+    """One configuration of the project."""
+
+    folder: Path
+    compiler: str
+    flags: str
+    is_plain: bool
+
+    @property
+    def programs(self) -> list[Path]:
+        """Its test programs."""
+        names = [f"lib/test_{name}" for name in LIB_TESTS]
+        names += [] if self.is_plain else [f"port/test_{name}" for name in PORT_TESTS]
+        return [self.folder / "tests" / name for name in names]
+
+    def make(self) -> None:
+        """Configure and build; what was built before and has not changed is kept."""
+        header = HERE / ("coverage_plain.h" if self.is_plain else "coverage_cpu.h")
+        options = [
+            f"-DCMAKE_C_COMPILER={self.compiler}",
+            f"-DCMAKE_C_COMPILER_LAUNCHER=sh;{COMPILER}",
+            f"-DCMAKE_C_FLAGS=-include {header} {self.flags} {FEW_TICKS}",
+            "-DCMAKE_BUILD_TYPE=Debug",
+            f"-DDAHL_BUILD_PORT={'OFF' if self.is_plain else 'ON'}",
+            f"-DDAHL_BUILD_SIM={'OFF' if self.is_plain else 'ON'}",
+        ]
+        call(["cmake", "-G", "Ninja", "-S", str(ROOT), "-B", str(self.folder), *options])
+        call(["ninja", "-C", str(self.folder), *(program.name for program in self.programs)])
+
+
+def call(command: Sequence[str], **environment: str) -> None:
+    """Run a command; its output is in the error, where it fails."""
+    done = subprocess.run(
+        command,
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=280,
+        env=os.environ | environment,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)}\n{done.stdout}\n{done.stderr}")
+
+
+def run_llvm(program: Path, profile: Path, cpu: Sequence[str] = ()) -> Path:
+    """Run a test program, which must pass; returns its profile."""
+    profile.parent.mkdir(parents=True, exist_ok=True)
+    profile.unlink(missing_ok=True)
+    call([str(program)], LLVM_PROFILE_FILE=str(profile), DAHL_CPU=",".join(cpu))
+    return profile
+
+
+def run_gcov(build: Build) -> None:
+    """Run all its test programs, which count into the build's folder."""
+    for old in build.folder.rglob("*.gcda"):
+        old.unlink()
+    for program in build.programs:
+        call([str(program)], DAHL_CPU="")
+
+
+def link_alone(folder: Path, sources: Sequence[Path], build: Build) -> Path:
+    """One small program out of some sources, and for the rest the libraries of a build."""
+    unity = ROOT / "build/deps/unity"
+    program = folder / "program"
+    words = ["sh", str(COMPILER), build.compiler, "-std=c99", "-Werror", *build.flags.split()]
+    words += [f"-I{ROOT / name}" for name in ("lib", "port", "host_sim", "tests/lib", "tests/port")]
+    words += [f"-I{unity}", "-DUNITY_INCLUDE_DOUBLE", *FEW_TICKS.split()]
+    words += [f'-DTABLE_FILE="{ROOT}/host_sim/node.h"', "-o", str(program)]
+    libraries = ("libdahl_unity.a", "port/libdahl_port.a", "lib/libdahl.a")
+    call([*words, *map(str, sources), *(str(build.folder / name) for name in libraries), "-lm"])
+    return program

@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: MIT
+"""Every line, every side of every branch and every condition (MC/DC) of lib/, of the codecs of
+port/ and of the receiver is exercised by the C tests of tests/lib and tests/port.
+
+Two tools: clang's source coverage for lines, branches and MC/DC, gcc's for branches (gcovr). No
+line is excluded, in the sources or here. A hole is named by file:line:column.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import coverage_build
+import coverage_llvm
+import pytest
+from conftest import need
+
+ROOT = coverage_build.ROOT
+FOLDER = ROOT / "build/coverage"
+NATIVE = coverage_build.Build(FOLDER / "native", "clang-19", coverage_build.LLVM_FLAGS, False)
+PLAIN = coverage_build.Build(FOLDER / "plain", "clang-19", coverage_build.LLVM_FLAGS, True)
+GCC_NATIVE = coverage_build.Build(FOLDER / "gcc", "gcc", coverage_build.GCOV_FLAGS, False)
+GCC_PLAIN = coverage_build.Build(FOLDER / "gcc_plain", "gcc", coverage_build.GCOV_FLAGS, True)
+
+# Features that batch_targets.h asks for, one more in each row; with these rows each of its
+# conditions decides once.
+CPUS = [(), ("avx2",), ("avx2", "fma")]
+CPUS += [(*CPUS[2], "avx512bw"), (*CPUS[2], "avx512bw", "avx512dq")]
+CPUS += [(*CPUS[4], "avx512vl")]
+VECTORS = {"none": CPUS[0], "AVX2": CPUS[2], "AVX-512": CPUS[5]}
+CLAIM = "100 % of lines, branches and MC/DC"
+
+# The files whose text gcc copies for each set of vectors: it counts each copy apart, those that
+# can't happen too. GCC_PLAIN has them once.
+COPIED = re.compile(r"lib/batch")
+
+
+def has(cpu: tuple[str, ...]) -> bool:
+    """Whether this machine's processor has these features."""
+    try:
+        words = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
+    except OSError:
+        words = []
+    return set(cpu) <= set(words)
+
+
+def name_of(cpu: tuple[str, ...]) -> str:
+    return "_".join(cpu) or "none"
+
+
+def tools() -> None:
+    for tool in ("clang-19", "llvm-profdata-19", "llvm-cov-19", "cmake", "ninja"):
+        need(tool, CLAIM)
+
+
+@pytest.fixture(scope="session")
+def native() -> list[Path]:
+    """Profiles of all programs but test_batch, which runs once for each processor."""
+    tools()
+    NATIVE.make()
+    profiles = FOLDER / "profiles"
+    runs = [
+        coverage_build.run_llvm(program, profiles / f"{program.name}.profraw")
+        for program in NATIVE.programs
+        if program.name != "test_batch"
+    ]
+    batch = next(program for program in NATIVE.programs if program.name == "test_batch")
+    return runs + [
+        coverage_build.run_llvm(batch, profiles / f"batch_{name_of(cpu)}.profraw", cpu)
+        for cpu in CPUS
+        if has(cpu)
+    ]
+
+
+def report(files: dict[Path, coverage_llvm.FileCoverage]) -> None:
+    """A line for each file, for the reader of -rP."""
+    for path, coverage in sorted(files.items()):
+        numbers = (f"{kind} {n}/{all_}" for kind, (n, all_) in coverage.totals().items())
+        print(f"{str(path.relative_to(ROOT)):36}", *numbers)
+
+
+def unseen(files: dict[Path, coverage_llvm.FileCoverage]) -> list[str]:
+    """Sources without one counted line: no program links them."""
+    return [
+        f"{path.relative_to(ROOT)}:1:1: in no program"
+        for path, coverage in files.items()
+        if path.suffix == ".c" and not coverage.lines
+    ]
+
+
+def expect_none(holes: list[str], of: str) -> None:
+    assert not holes, f"{len(holes)} holes in the coverage of {of}:\n" + "\n".join(holes)
+
+
+def test_lines_branches_and_conditions(native: list[Path], tmp_path: Path) -> None:
+    """As this machine builds it, each road of batch_targets.h taken."""
+    profile = coverage_llvm.merge(native, tmp_path / "all.profdata")
+    files = coverage_llvm.measure(profile, NATIVE.programs, coverage_build.all_sources())
+    report(files)
+    holes = unseen(files) + coverage_llvm.holes_of(files, ROOT)
+    if not all(map(has, CPUS)):
+        holes = [hole for hole in holes if "batch_targets.h" not in hole]
+    expect_none(holes, "lib, codec and receiver")
+
+
+@pytest.mark.parametrize("vectors", VECTORS)
+def test_batches_with_each_set_of_vectors(native: list[Path], vectors: str, tmp_path: Path) -> None:
+    """The variants share their source, so each is counted by a run of its own."""
+    if not has(VECTORS[vectors]):
+        pytest.skip(f"unproven: {CLAIM} of the {vectors} batches: this processor has none")
+    runs = [path for path in native if path.stem == f"batch_{name_of(VECTORS[vectors])}"]
+    profile = coverage_llvm.merge(runs, tmp_path / "batch.profdata")
+    names = ("batch_channels.c", "batch_throughput.c", "batch_throughput_channels.c")
+    sources = [ROOT / "lib" / name for name in (*names, "batch_throughput.h")]
+    programs = [program for program in NATIVE.programs if program.name == "test_batch"]
+    files = coverage_llvm.measure(profile, programs, sources)
+    report(files)
+    expect_none(coverage_llvm.holes_of(files, ROOT), f"the batches with vectors: {vectors}")
+
+
+def test_lines_branches_and_conditions_without_extensions(tmp_path: Path) -> None:
+    """As a plain C99 compiler builds lib/."""
+    tools()
+    PLAIN.make()
+    runs = [
+        coverage_build.run_llvm(program, FOLDER / "profiles" / f"plain_{program.name}.profraw")
+        for program in PLAIN.programs
+    ]
+    profile = coverage_llvm.merge(runs, tmp_path / "all.profdata")
+    files = coverage_llvm.measure(profile, PLAIN.programs, coverage_build.lib_sources())
+    report(files)
+    holes = unseen(files) + coverage_llvm.holes_of(files, ROOT)
+    expect_none(holes, "lib without extensions of the compiler")
+
+
+def gcov_holes(folder: Path, base: Path, sources: list[Path]) -> list[str]:
+    """Branches that gcc counted no execution of."""
+    command = [sys.executable, "-m", "gcovr", "--root", str(base), "--json", "-", str(folder)]
+    command += [word for path in sources for word in ("--filter", re.escape(str(path)) + "$")]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)
+    files = json.loads(done.stdout)["files"]
+    assert files, "gcovr saw no file"
+    return [
+        f"{file['file']}:{line['line_number']}: branch {i} of {len(line['branches'])} never taken"
+        for file in files
+        for line in file["lines"]
+        for i, branch in enumerate(line.get("branches", []), 1)
+        if branch["count"] == 0
+    ] + [
+        f"{file['file']}:{line['line_number']}: line not executed"
+        for file in files
+        for line in file["lines"]
+        if line["count"] == 0
+    ]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("build", [GCC_NATIVE, GCC_PLAIN], ids=["native", "plain"])
+def test_branches_by_a_second_tool(build: coverage_build.Build) -> None:
+    need("gcc", "100 % of branches by gcov")
+    build.make()
+    coverage_build.run_gcov(build)
+    if build.is_plain:
+        sources = coverage_build.lib_sources()
+    else:
+        sources = [
+            path
+            for path in coverage_build.all_sources()
+            if not COPIED.match(str(path.relative_to(ROOT)))
+        ]
+    expect_none(gcov_holes(build.folder, ROOT, sources), f"{build.folder.name} by gcov")
+
+
+# --- planted faults: the check sees what it is there to see ---------------------------------------
+
+
+@pytest.fixture
+def planted(native: list[Path], tmp_path: Path) -> Callable[..., list[str]]:
+    """Holes of a source after a change to it or to its test, the other as it is."""
+    assert native
+
+    def plant(source: str, test: str, before: str, after: str) -> list[str]:
+        copies = [tmp_path / Path(name).name for name in (source, test)]
+        changes = 0
+        for name, copy in zip((source, test), copies, strict=True):
+            text = (ROOT / name).read_text(encoding="utf-8")
+            changes += text.count(before)
+            copy.write_text(text.replace(before, after), encoding="utf-8")
+        assert changes == 1, f"{before!r} stands in {changes} places"
+        program = coverage_build.link_alone(tmp_path, copies, NATIVE)
+        run = coverage_build.run_llvm(program, tmp_path / "run.profraw")
+        profile = coverage_llvm.merge([run], tmp_path / "run.profdata")
+        files = coverage_llvm.measure(profile, [program], [copies[0]])
+        return coverage_llvm.holes_of(files, tmp_path)
+
+    return plant
+
+
+NODE = "host_sim/node.c", "tests/port/test_node.c"
+
+
+def test_planted_nothing_has_no_hole(planted: Callable[..., list[str]]) -> None:
+    """The planted changes below are all that is to be seen."""
+    assert planted(*NODE, "int main(void)", "int main(void) ") == []
+
+
+def test_planted_source_in_no_program(native: list[Path], tmp_path: Path) -> None:
+    """One that the build forgot is a hole, not an empty success."""
+    profile = coverage_llvm.merge(native, tmp_path / "all.profdata")
+    sources = [ROOT / "lib/wide.c", ROOT / "port/socketcan/socketcan.c"]
+    files = coverage_llvm.measure(profile, NATIVE.programs, sources)
+    assert unseen(files) == ["port/socketcan/socketcan.c:1:1: in no program"]
+
+
+def test_planted_dead_branch(planted: Callable[..., list[str]]) -> None:
+    holes = planted(
+        *NODE,
+        "    switch (in->id ^ node->number) {",
+        "    if (node->number > 15) { return false; }\n    switch (in->id ^ node->number) {",
+    )
+    assert len(holes) == 1 and re.match(r"node\.c:\d+:9: branch never true", holes[0])
+
+
+def test_planted_conditions_that_never_decide(planted: Callable[..., list[str]]) -> None:
+    """Two conditions that say the same: each is true and false in the tests, so that the branches
+    are complete, but neither ever decides.
+    """
+    holes = planted(
+        *NODE,
+        "node->doubts > 0 && seen->counter == ((node->candidate + 1) & 0x0F)",
+        "(!node->doubts || seen->counter == ((node->candidate + 1) & 0x0F)) && node->doubts > 0",
+    )
+    assert [hole.split(": ")[1] for hole in holes] == [
+        "condition 1 of 3 never shown to decide (MC/DC)",
+        "condition 3 of 3 never shown to decide (MC/DC)",
+    ]
+
+
+def test_planted_loss_of_a_test(planted: Callable[..., list[str]]) -> None:
+    test = "test_a_disowned_count_is_no_new_start_but_does_not_break_the_row"
+    holes = planted(*NODE, f"    RUN_TEST({test});\n", f"    (void){test};\n")
+    lines = (ROOT / NODE[0]).read_text(encoding="utf-8").splitlines()
+    at = 1 + lines.index("    return node->doubts >= NODE_REARM && seen->valid;")
+    assert any(
+        hole.startswith(f"node.c:{at}:42: ") and "condition 2 of 2" in hole for hole in holes
+    )
+
+
+def test_planted_use_of_a_macro(planted: Callable[..., list[str]]) -> None:
+    """A macro that other places exercise, in a place that none does."""
+    holes = planted(
+        "lib/counts.c",
+        "tests/lib/test_laws.c",
+        "    uint64_t w = (uint64_t)state->w;\n",
+        "    uint64_t w = (uint64_t)state->w;\n"
+        "    w += DAHL_LIKELY(dcounts < 0) ? 0u : 0u;\n"
+        "    w += DAHL_LIKELY(plan == NULL) ? 0u : 0u;\n",
+    )
+    assert [hole for hole in holes if hole.startswith("counts.c:10:")]
+    assert not [hole for hole in holes if hole.startswith("counts.c:9:")]
+
+
+def test_planted_nested_decision(planted: Callable[..., list[str]]) -> None:
+    """One that clang leaves out of MC/DC: the build itself refuses it."""
+    with pytest.raises(RuntimeError, match="unsupported MC/DC"):
+        planted(
+            *NODE,
+            "    if (asked->value == 0 || dahl_prepare(",
+            "    if (asked->value == (asked->param > 9 || node->number > 15) || dahl_prepare(",
+        )
+
+
+def test_planted_failing_test(planted: Callable[..., list[str]]) -> None:
+    """Coverage by a test that fails is none."""
+    with pytest.raises(RuntimeError, match="1 Failures"):
+        planted(
+            *NODE,
+            "    TEST_ASSERT_EQUAL(9, answer.echo);",
+            "    TEST_ASSERT_EQUAL(8, answer.echo);",
+        )
+
+
+def test_planted_machine_without_vectors(native: list[Path], tmp_path: Path) -> None:
+    """Where the runs with vectors are left out, the roads to them are holes, each by its name."""
+    runs = [path for path in native if not path.stem.startswith("batch_avx")]
+    profile = coverage_llvm.merge(runs, tmp_path / "all.profdata")
+    sources = [ROOT / "lib/batch_targets.h"]
+    holes = coverage_llvm.holes_of(coverage_llvm.measure(profile, NATIVE.programs, sources), ROOT)
+    for function in ("run_chunk", "counts", "angles"):
+        for vectors in ("avx2", "avx512"):
+            assert [hole for hole in holes if f"function {function}_{vectors} never" in hole]
+    assert not [hole for hole in holes if "_plain never" in hole]
+
+
+def test_planted_dead_branch_by_a_second_tool(tmp_path: Path) -> None:
+    need("gcc", "100 % of branches by gcov")
+    source = tmp_path / "encoder.c"
+    text = (ROOT / "lib/encoder.c").read_text(encoding="utf-8")
+    source.write_text(
+        text.replace("    now %= counts", "    if (before > 1000u) { now++; }\n    now %= counts")
+    )
+    main = tmp_path / "main.c"
+    main.write_text(
+        '#include "dahl.h"\nint main(void) { return dahl_counts_between(7, 5, 10) != -2; }\n'
+    )
+    program = tmp_path / "program"
+    words = ["gcc", "-O0", "--coverage", f"-I{ROOT / 'lib'}", "-o", str(program)]
+    coverage_build.call([*words, str(source), str(main)], PWD=str(tmp_path))
+    coverage_build.call([str(program)])
+    holes = gcov_holes(tmp_path, tmp_path, [source])
+    assert [hole for hole in holes if re.match(r"encoder\.c:11: branch \d of 2 never taken", hole)]
