@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What the fuzzers share. Each is one LLVMFuzzerTestOneInput (libFuzzer): bytes in, laws checked, nothing kept, so that an
+ * input alone repeats what it found. Bytes that have run out read as 0, so that every input means something.
+ */
+#ifndef FUZZ_H
+#define FUZZ_H
+
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+typedef struct {
+    const uint8_t *at;
+    size_t left;
+} fuzz_bytes_t;
+
+static inline uint8_t fuzz_u8(fuzz_bytes_t *bytes)
+{
+    if (bytes->left == 0) {
+        return 0;
+    }
+    bytes->left--;
+    return *bytes->at++;
+}
+
+static inline uint32_t fuzz_u32(fuzz_bytes_t *bytes)
+{
+    uint32_t value = 0;
+    for (int i = 0; i < 4; i++) {
+        value |= (uint32_t)fuzz_u8(bytes) << (8 * i);
+    }
+    return value;
+}
+
+static inline uint64_t fuzz_u64(fuzz_bytes_t *bytes)
+{
+    uint64_t low = fuzz_u32(bytes);
+    return (uint64_t)fuzz_u32(bytes) << 32 | low;
+}
+
+static inline float fuzz_float_of(uint32_t bits)
+{
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+static inline void fuzz_broken(const char *law, const char *file, int line)
+{
+    dprintf(2, "%s:%d: law broken: %s\n", file, line, law);
+    abort();
+}
+
+/* What must hold, in words. */
+#define LAW(condition, words) ((condition) ? (void)0 : fuzz_broken(words, __FILE__, __LINE__))
+
+#endif

@@ -1,0 +1,109 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Scenes, any bytes: refused with one line, or whole, and then run for some ticks: node, motion and rotor as dahl-loop makes
+ * them. The first byte chooses whether settings of the command line stand above the file, taken from its first lines.
+ */
+#include "scene.h"
+
+#include <math.h>
+
+#include "motion.h"
+#include "node.h"
+#include "plant.h"
+#include "streams.h"
+
+enum { TICKS = 40, SETS = 2, SET_LENGTH = 80 };
+
+static void check_numbers(const scene_t *scene)
+{
+    const scene_friction_t *f = &scene->friction;
+    LAW(scene->has_friction || scene->has_motion, "a scene runs something");
+    if (scene->has_friction) {
+        double u = f->sigma0 / f->Fc * f->theta_per_count;
+        LAW(f->sigma0 > 0 && f->Fc > 0 && u >= DAHL_TRAVEL_MIN && u < DAHL_TRAVEL_MAX, "friction is in range");
+        LAW(f->node >= 0 && f->node <= 15 && f->gain >= 0 && f->gain <= 1 && f->limit >= 0 && f->limit <= 1, "node is in range");
+        LAW(f->ramp_ms >= 0 && f->ramp_ms <= 60000 && f->timeout_ms >= 0 && f->timeout_ms <= 60000, "times are in range");
+    }
+    for (int i = 0; i < FAULT_KINDS; i++) {
+        LAW(scene->faults[i] >= 0 && scene->faults[i] <= 1, "rates are parts of 1");
+    }
+    LAW(!scene->has_control || (scene->has_rotor && scene->has_motion), "a control has a shaft and a way");
+    LAW(!scene->has_motor || (scene->has_rotor && !scene->has_motion), "a motor has a shaft and no way");
+}
+
+/* What main.c says in its own words when the parameters, rounded to float, are refused. */
+static int start_node(const scene_t *scene, node_t *node)
+{
+    const scene_friction_t *f = &scene->friction;
+    const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
+    return node_init(node, &params, (uint8_t)f->node) == DAHL_OK;
+}
+
+static void run_rotor(const scene_t *scene, motion_t *reference)
+{
+    static plant_t plant;
+    static encoder_t encoder;
+    int32_t count;
+    if (plant_open(&plant, scene, scene->has_control ? reference : NULL, &encoder)) {
+        for (int i = 0; i < TICKS && motion_next(&plant.motion, &count) == 1; i++) {
+        }
+    }
+}
+
+static void run(const scene_t *scene)
+{
+    static motion_t motion;
+    static node_t node;
+    int32_t count;
+    int moves = scene->has_motion && scene->motion.kind != MOTION_LOG;
+    if (scene->has_friction && !start_node(scene, &node)) {
+        return;
+    }
+    if (moves) {
+        LAW(motion_open(&motion, &scene->motion, "", 1), "a scene that is taken can be moved");
+        for (int i = 0; i < TICKS && motion_next(&motion, &count) == 1; i++) {
+        }
+    }
+    if (scene->has_rotor && (moves || scene->has_motor)) {
+        run_rotor(scene, &motion);
+    }
+}
+
+/* Cuts lines off the input; they become settings. */
+static int take_sets(const uint8_t **data, size_t *size, char sets[SETS][SET_LENGTH])
+{
+    int count = 0;
+    for (; count < SETS; count++) {
+        const uint8_t *end = memchr(*data, '\n', *size);
+        size_t length = end == NULL ? 0 : (size_t)(end - *data);
+        if (end == NULL || length >= SET_LENGTH) {
+            break;
+        }
+        memcpy(sets[count], *data, length);
+        sets[count][length] = '\0';
+        *data = end + 1;
+        *size -= length + 1;
+    }
+    return count;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    static scene_t scene;
+    char sets[SETS][SET_LENGTH];
+    const char *texts[SETS] = {sets[0], sets[1]};
+    int count = 0;
+    if (size > 0 && data[0] == '@') {
+        data++;
+        size--;
+        count = take_sets(&data, &size, sets);
+    }
+    streams_begin(data, size);
+    int good = scene_read(&scene, "scene.ini", texts, count);
+    streams_check(good);
+    if (good) {
+        check_numbers(&scene);
+        run(&scene);
+    }
+    return 0;
+}

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Bytes from a serial line, as they come. Every line is judged a second time by a reader that sees it whole: what it is,
+ * what is answered, which count goes up, and which frame it holds. Frames that come are written again and read back.
+ */
+#include "fuzz.h"
+#include "slcan/slcan.h"
+
+typedef struct {
+    slcan_event_t event;
+    const char *answer;
+    can_frame_t frame;
+    int open; /* -1: as it is */
+} verdict_t;
+
+static int hex_of(char c)
+{
+    const char *digits = "0123456789abcdef0123456789ABCDEF", *at = c == '\0' ? NULL : strchr(digits, c);
+    return at == NULL ? -1 : (int)((at - digits) % 16);
+}
+
+/* Value of digits, all of which must be there; -1: they are not. */
+static int64_t number(const char *text, size_t length, size_t from, size_t digits)
+{
+    int64_t value = 0;
+    for (size_t i = from; i < from + digits; i++) {
+        if (i >= length || hex_of(text[i]) < 0) {
+            return -1;
+        }
+        value = value * 16 + hex_of(text[i]);
+    }
+    return value;
+}
+
+static int read_frame(const char *line, size_t length, can_frame_t *frame)
+{
+    int extended = line[0] == 'T' || line[0] == 'R', remote = line[0] == 'r' || line[0] == 'R';
+    size_t digits = extended ? 8 : 3;
+    int64_t id = number(line, length, 1, digits), count = number(line, length, 1 + digits, 1);
+    if (id < 0 || id > (extended ? 0x1FFFFFFF : 0x7FF) || count < 0 || count > 8 ||
+        length != 2 + digits + (remote ? 0 : 2 * (size_t)count)) {
+        return 0;
+    }
+    *frame = (can_frame_t){.id = (uint32_t)id, .length = (uint8_t)count};
+    frame->flags = (uint8_t)((extended ? CAN_FRAME_EXTENDED : 0) | (remote ? CAN_FRAME_REMOTE : 0));
+    for (int64_t i = 0; !remote && i < count; i++) {
+        int64_t byte = number(line, length, 2 + digits + 2 * (size_t)i, 2);
+        if (byte < 0) {
+            return 0;
+        }
+        frame->data[i] = (uint8_t)byte;
+    }
+    return 1;
+}
+
+static verdict_t judge(const char *line, size_t length, const slcan_t *now)
+{
+    verdict_t v = {SLCAN_ANSWER, "\a", {0}, -1};
+    static const struct {
+        char letter;
+        const char *answer;
+        int open;
+    } letters[] = {{'O', "\r", 1}, {'L', "\r", 1}, {'C', "\r", 0}, {'V', "V0101\r", -1}, {'v', "v0101\r", -1}, {'N', "NDAHL\r", -1}};
+    if (length == 0 || (length <= SLCAN_LINE_MAX && (line[0] == 'S' || line[0] == 's'))) {
+        v.answer = "\r";
+    } else if (length == 1 && line[0] == 'F') {
+        v.answer = now->refused ? "F80\r" : "F00\r";
+    } else if (length <= SLCAN_LINE_MAX && memchr("tTrR", line[0], 4) != NULL && now->open && read_frame(line, length, &v.frame)) {
+        v.answer = "\r";
+        v.event = SLCAN_FRAME;
+    }
+    for (size_t i = 0; length == 1 && i < sizeof letters / sizeof letters[0]; i++) {
+        if (letters[i].letter == line[0]) {
+            v.answer = letters[i].answer;
+            v.open = letters[i].open;
+        }
+    }
+    return v;
+}
+
+static uint64_t refusals(const slcan_counts_t *n)
+{
+    return (uint64_t)n->too_long + n->cut + n->not_hex + n->wrong_length + n->unknown + n->closed;
+}
+
+static int is_same(const can_frame_t *a, const can_frame_t *b)
+{
+    return a->id == b->id && a->flags == b->flags && a->length == b->length && memcmp(a->data, b->data, 8) == 0;
+}
+
+static void check_written(const can_frame_t *frame)
+{
+    slcan_t reader = {.open = true};
+    char line[SLCAN_TEXT_MAX], answer[SLCAN_TEXT_MAX];
+    can_frame_t back;
+    uint32_t length = slcan_write(frame, line);
+    LAW(length > 0 && length < SLCAN_TEXT_MAX && line[length] == '\0', "a frame has a line");
+    for (uint32_t i = 0; i < length; i++) {
+        slcan_event_t event = slcan_take(&reader, (uint8_t)line[i], &back, answer);
+        LAW(event == (i + 1 < length ? SLCAN_NOTHING : SLCAN_FRAME), "what was written is one line");
+    }
+    LAW(is_same(&back, frame), "what was written is read back");
+}
+
+static void check_line(const slcan_t *before, const slcan_t *after, const verdict_t *v, slcan_event_t event, const char *text,
+                       const can_frame_t *frame)
+{
+    LAW(event == v->event && strcmp(text, v->answer) == 0, "a line has the answer of the table");
+    LAW(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, nothing else does");
+    LAW(refusals(&after->counts) == refusals(&before->counts) + (v->answer[0] == '\a'), "what is refused is counted once");
+    LAW(after->length == 0, "a line ends with its CR");
+    if (event == SLCAN_FRAME) {
+        LAW(is_same(frame, &v->frame), "the frame is what the line says");
+        check_written(frame);
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    slcan_t self = {0};
+    char line[64];
+    size_t length = 0;
+    for (size_t i = 0; i < size; i++) {
+        char text[SLCAN_TEXT_MAX];
+        can_frame_t frame;
+        const slcan_t before = self;
+        slcan_event_t event = slcan_take(&self, data[i], &frame, text);
+        if (data[i] == '\r') {
+            verdict_t v = judge(line, length, &before);
+            check_line(&before, &self, &v, event, text, &frame);
+            length = 0;
+            continue;
+        }
+        LAW(event == SLCAN_NOTHING, "nothing is answered before the end of a line");
+        if (data[i] != '\n' && length < sizeof line) {
+            line[length++] = (char)data[i];
+        }
+    }
+    return 0;
+}

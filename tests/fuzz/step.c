@@ -1,0 +1,299 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Ticks of every form on any plan and any state, with new torques and new plans between them. The laws are those of
+ * lib/dahl.h and lib/gap.h; the exact solution is expm1l.
+ */
+#include "plans.h"
+
+#define ONE ((int64_t)1 << 62)
+#define PAST ((int64_t)1 << 31) /* a step can pass 1 by less than this */
+
+enum { COUNTS, ANGLE, REST, SET, CHANGE, PLACE, BETWEEN, TRAVELS, KINDS };
+enum { STEPS_MAX = 12 };
+
+/* The step under test, and beside it the literal form with the errors that it may have gathered, in its own unit. */
+typedef struct {
+    const fuzz_plan_t *plan, *other;
+    dahl_state_t state;
+    dahl_float_plan_t float_plan;
+    dahl_float_state_t float_state;
+    double float_errors;
+    int moves;
+    int32_t dcounts[STEPS_MAX];
+    float F[STEPS_MAX];
+    dahl_state_t before_moves;
+} walk_t;
+
+static uint32_t bits_of(float x)
+{
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+static int is_in_range(int64_t w)
+{
+    return w < ONE + PAST && w > -ONE - PAST;
+}
+
+static int32_t rounded_q30(int64_t w)
+{
+    return (int32_t)((w >> 32) + (w >> 31 & 1));
+}
+
+static long double value_of(int64_t w)
+{
+    return (long double)w * 0x1p-62L;
+}
+
+/* Half an ulp of itself and 0.012, and never beyond Fc. */
+static void check_torque(const walk_t *walk, int64_t w, float F)
+{
+    float Fc = walk->plan->params.Fc;
+    long double exact = value_of(w) * (long double)Fc;
+    LAW(F <= Fc && F >= -Fc, "|F| <= Fc");
+    LAW(bits_of(F) == bits_of(dahl_torque(&walk->plan->plan, &(dahl_state_t){w})), "a step returns the torque of its state");
+    if (w >= ONE || w <= -ONE) {
+        LAW(F == (w > 0 ? Fc : -Fc), "saturation is exact");
+        return;
+    }
+    long double ulp = w == 0 ? 0 : ldexpl(1.0L, ilogbl(exact) - 23);
+    LAW(fabsl((long double)F - exact) <= 0.5121L * ulp, "torque within 0.512 ulp of itself");
+}
+
+/* From w to the exact solution: the gap is rounded to Q30, g has a relative error. */
+static void check_solution(int64_t w, int64_t now, long double u, int forward, long double g_error)
+{
+    long double g = -expm1l(-u), target = forward ? 1.0L : -1.0L;
+    long double exact = value_of(w) + (target - value_of(w)) * g;
+    LAW(fabsl(value_of(now) - exact) <= g * (0x1p-31L + 2.0L * g_error) + 0x1p-56L, "a step is Eq. 1 solved");
+}
+
+static void check_direction(int64_t w, int64_t now, int forward)
+{
+    LAW(is_in_range(now), "the state stays in range");
+    LAW(forward ? now >= w : now <= w, "never away from the target");
+}
+
+static void start_float(walk_t *walk)
+{
+    walk->float_state = (dahl_float_state_t){.w_reversal = (float)value_of(walk->state.w)};
+    walk->float_errors = 1;
+}
+
+/* The literal form beside it: an error for each reversal, and for each addition to its travel. */
+static void check_float(walk_t *walk, float F, float literal)
+{
+    float Fc = walk->plan->params.Fc;
+    walk->float_errors += 2;
+    LAW(fabs((double)literal - (double)F) <= (double)Fc * DAHL_FLOAT_ERROR * walk->float_errors,
+        "the literal form agrees within its error");
+}
+
+static void move_counts(walk_t *walk, int32_t dcounts, int exact)
+{
+    const dahl_plan_t *plan = &walk->plan->plan;
+    int64_t w = walk->state.w;
+    dahl_state_t q30_state = walk->state, mirror = {~w};
+    float F = dahl_step_counts(plan, &walk->state, dcounts);
+    int32_t q30 = dahl_step_counts_q30(plan, &q30_state, dcounts);
+    LAW(q30_state.w == walk->state.w, "Q30 and torque forms leave the same state");
+    LAW(q30 == rounded_q30(walk->state.w) && q30 <= 1 << 30 && q30 >= -(1 << 30), "Q30 is the state, rounded; |F| <= Fc");
+    check_direction(w, walk->state.w, dcounts >= 0);
+    check_torque(walk, walk->state.w, F);
+    if (dcounts != INT32_MIN) {
+        dahl_step_counts_q30(plan, &mirror, -dcounts);
+        LAW(mirror.w == ~walk->state.w, "backward is forward on the complement");
+    }
+    if (exact) {
+        long double travel = (long double)dcounts * (long double)walk->plan->params.theta_per_count;
+        check_solution(w, walk->state.w, fuzz_travel(&walk->plan->params, travel), dcounts > 0, 0x1p-32L);
+    }
+    check_float(walk, F, dahl_float_step_counts(&walk->float_plan, &walk->float_state, dcounts));
+    walk->dcounts[walk->moves] = dcounts;
+    walk->F[walk->moves++] = F;
+}
+
+/* The same counts in one call. */
+static void check_batch(walk_t *walk)
+{
+    float F[STEPS_MAX];
+    dahl_state_t state = walk->before_moves;
+    dahl_batch_counts(&walk->plan->plan, &state, walk->dcounts, F, (size_t)walk->moves);
+    LAW(state.w == walk->state.w || walk->moves == 0, "a batch leaves the state of single steps");
+    LAW(memcmp(F, walk->F, (size_t)walk->moves * sizeof F[0]) == 0, "a batch returns the bits of single steps");
+}
+
+static void begin_batch(walk_t *walk)
+{
+    walk->before_moves = walk->state;
+    walk->moves = 0;
+}
+
+/* Sizes of moves: within the table, some digits, any. */
+static int32_t any_counts(fuzz_bytes_t *bytes, uint32_t size)
+{
+    uint32_t value = fuzz_u32(bytes);
+    return size == 0 ? (int32_t)(value % 17u) - 8 : (int32_t)value >> (size == 1 ? 18 : 0);
+}
+
+/* Any float, or one whose travel is 2^-72 to 2^7 presliding lengths. */
+static float any_angle(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
+{
+    uint32_t value = fuzz_u32(bytes);
+    const dahl_params_t *params = &walk->plan->params;
+    int exponent = (int)((value >> 23 & 255u) % 80u) - 72 - ilogbf(params->sigma0) + ilogbf(params->Fc);
+    float scaled = fuzz_scaled(value, exponent);
+    return size == 0 ? fuzz_float_of(value) : value >> 31 ? -scaled : scaled;
+}
+
+/* A subnormal move counts as none. */
+static int is_none(float dtheta)
+{
+    return fabsf(dtheta) < 0x1p-126f;
+}
+
+static void check_angle(const walk_t *walk, int64_t w, float dtheta)
+{
+    long double u = fuzz_travel(&walk->plan->params, (long double)dtheta);
+    if (u >= 0x1p-63L && !is_none(dtheta)) {
+        check_solution(w, walk->state.w, u, dtheta > 0, 0x1p-29L);
+    }
+}
+
+static void move_angle(walk_t *walk, float dtheta, int exact)
+{
+    const dahl_plan_t *plan = &walk->plan->plan;
+    int64_t w = walk->state.w;
+    dahl_state_t mirror = {~w};
+    float F = dahl_step(plan, &walk->state, dtheta);
+    check_torque(walk, walk->state.w, F);
+    if (isnan(dtheta) || dtheta == 0) {
+        LAW(walk->state.w == w, "no motion is the identity");
+    } else if (isinf(dtheta)) {
+        LAW(walk->state.w == (dtheta > 0 ? ONE : -ONE), "infinity saturates");
+    } else {
+        check_direction(w, walk->state.w, dtheta > 0);
+        dahl_step(plan, &mirror, -dtheta);
+        LAW(mirror.w == ~walk->state.w, "backward is forward on the complement");
+    }
+    if (exact && isfinite(dtheta) && dtheta != 0) {
+        check_angle(walk, w, dtheta);
+    }
+    check_float(walk, F, dahl_float_step(&walk->float_plan, &walk->float_state, is_none(dtheta) ? 0.0f : dtheta));
+    begin_batch(walk);
+}
+
+static void rest(walk_t *walk)
+{
+    const dahl_plan_t *plan = &walk->plan->plan;
+    int64_t w = walk->state.w;
+    dahl_float_state_t literal = walk->float_state;
+    dahl_step_counts(plan, &walk->state, 0);
+    dahl_step_counts_q30(plan, &walk->state, 0);
+    dahl_step(plan, &walk->state, -0.0f);
+    dahl_step(plan, &walk->state, fuzz_float_of(0xffc00001u));
+    dahl_set_torque(plan, &walk->state, fuzz_float_of(0x7f800001u));
+    dahl_float_step_counts(&walk->float_plan, &walk->float_state, 0);
+    dahl_float_step(&walk->float_plan, &walk->float_state, fuzz_float_of(0x7fc00000u));
+    LAW(walk->state.w == w, "no motion is the identity, NaN is none");
+    LAW(memcmp(&literal, &walk->float_state, sizeof literal) == 0, "no motion is the identity in the literal form");
+}
+
+static void set(walk_t *walk, float F)
+{
+    float Fc = walk->plan->params.Fc;
+    dahl_set_torque(&walk->plan->plan, &walk->state, F);
+    if (!isnan(F)) {
+        float wanted = fminf(fmaxf(F, -Fc), Fc);
+        float got = dahl_torque(&walk->plan->plan, &walk->state);
+        LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "a torque that is set is clamped");
+        LAW(fabsf(wanted) < 0x1p-36f * Fc || got == wanted, "a torque that is set is read back");
+    }
+    start_float(walk);
+    begin_batch(walk);
+}
+
+/* Clamped to the new Fc, and scaled where the bristle got softer. */
+static void change(walk_t *walk)
+{
+    const dahl_params_t *from = &walk->plan->params, *to = &walk->other->params;
+    const fuzz_plan_t *left = walk->plan;
+    long double softer = (long double)to->sigma0 / (long double)from->sigma0, F = value_of(walk->state.w) * (long double)from->Fc;
+    dahl_change_plan(&walk->plan->plan, &walk->other->plan, &walk->state);
+    long double now = value_of(walk->state.w) * (long double)to->Fc, most = (long double)to->Fc;
+    long double wanted = fmaxl(fminl(F * fminl(softer, 1.0L), most), -most);
+    LAW(walk->state.w <= ONE && walk->state.w >= -ONE, "|F| is within the new Fc at once");
+    LAW(fabsl(now - wanted) <= 0x1p-30L * fabsl(wanted) + 0x1p-61L * ((long double)from->Fc + most), "F is kept, or scaled with sigma0");
+    LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "stored energy never grows");
+    walk->plan = walk->other;
+    walk->other = left;
+    dahl_float_prepare(&walk->float_plan, to);
+    start_float(walk);
+    begin_batch(walk);
+}
+
+static void place(walk_t *walk, uint64_t value, uint32_t size)
+{
+    int64_t w = (int64_t)(value % (uint64_t)(ONE + PAST));
+    w = size == 0 ? w : w >> (value >> 58); /* small ones as often */
+    walk->state.w = value >> 63 ? -w : w;
+    start_float(walk);
+    begin_batch(walk);
+}
+
+static void between(fuzz_bytes_t *bytes)
+{
+    uint32_t before = fuzz_u32(bytes), now = fuzz_u32(bytes), n = fuzz_u32(bytes);
+    int64_t turn = n == 0 ? (int64_t)1 << 32 : n;
+    int64_t way = dahl_counts_between(before, now, n);
+    LAW(2 * way >= -turn && 2 * way < turn, "the shortest way, half a turn is negative");
+    LAW((before % turn + way - now % turn) % turn == 0, "the way leads there");
+}
+
+/* More travel leaves more torque, by angle bit for bit. */
+static void travels(const walk_t *walk, float one, float two)
+{
+    dahl_state_t x = walk->state, y = walk->state;
+    if (isfinite(one) && isfinite(two)) {
+        dahl_step(&walk->plan->plan, &x, fminf(one, two));
+        dahl_step(&walk->plan->plan, &y, fmaxf(one, two));
+        LAW(x.w <= y.w, "monotone in travel");
+    }
+}
+
+static void act(walk_t *walk, fuzz_bytes_t *bytes)
+{
+    uint8_t what = fuzz_u8(bytes);
+    uint32_t size = (what >> 4) % 3u;
+    float one;
+    switch (what % KINDS) {
+    case COUNTS: move_counts(walk, any_counts(bytes, size), what >> 7); break;
+    case ANGLE: move_angle(walk, any_angle(walk, bytes, size), what >> 7); break;
+    case REST: rest(walk); break;
+    case SET: set(walk, size == 0 ? fuzz_float_of(fuzz_u32(bytes)) : walk->plan->params.Fc * fuzz_scaled(fuzz_u32(bytes), -2)); break;
+    case CHANGE: change(walk); break;
+    case PLACE: place(walk, fuzz_u64(bytes), size); break;
+    case BETWEEN: between(bytes); break;
+    default:
+        one = any_angle(walk, bytes, 1);
+        travels(walk, one, size == 0 ? nextafterf(one, INFINITY) : any_angle(walk, bytes, size));
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    static fuzz_plan_t first, second;
+    fuzz_bytes_t bytes = {data, size};
+    walk_t walk = {.plan = fuzz_plan(&bytes, &first), .other = fuzz_plan(&bytes, &second)};
+    if (!first.good || !second.good) {
+        return 0;
+    }
+    dahl_float_prepare(&walk.float_plan, &first.params);
+    start_float(&walk);
+    for (int i = 0; i < STEPS_MAX && bytes.left > 0; i++) {
+        act(&walk, &bytes);
+    }
+    check_batch(&walk);
+    return 0;
+}

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: MIT
+"""Coverage-guided fuzzers of everything that takes input, each a minute; every seed at once; and
+1e9 executions of each where asked to (--soak). Their laws stand in tests/fuzz/*.c and readers.py.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import pytest
+from fuzzers import FUZZERS, Run, complaint, fuzz, home, program_of, replay, soak
+
+SECONDS = int(os.environ.get("DAHL_FUZZ_SECONDS", "60"))
+SOAK_SECONDS = 120  # what an interruption can cost
+
+
+def run_for_a_minute(name: str) -> Run:
+    return fuzz(name, program_of(name), home(name), SECONDS)
+
+
+@pytest.fixture(scope="module")
+def minutes(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Run]]]:
+    """The runs of all fuzzers that are asked for, two beside each other, more where there are more
+    cores.
+    """
+    wanted = [
+        item.callspec.params["name"]
+        for item in request.session.items
+        if getattr(item, "originalname", "") == "test_fuzz_for_a_minute"
+    ]
+    for name in wanted:
+        program_of(name)
+    pool = ThreadPoolExecutor(max(2, (os.cpu_count() or 1) - 1))
+    yield {name: pool.submit(run_for_a_minute, name) for name in wanted}
+    pool.shutdown(wait=False, cancel_futures=True)
+
+
+@pytest.mark.parametrize("name", FUZZERS)
+def test_fuzz_every_seed(name: str) -> None:
+    run = replay(name)
+    assert run.crash is None, complaint(name, run)
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("name", FUZZERS)
+def test_fuzz_for_a_minute(name: str, minutes: dict[str, Future[Run]]) -> None:
+    run = minutes[name].result()
+    print(f"{name}: {run.executions} executions in {SECONDS} s, {run.edges} edges covered")
+    assert run.crash is None, complaint(name, run)
+    assert run.executions > FUZZERS[name].floor * SECONDS // 60, run.text[-2000:]
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize("name", FUZZERS)
+def test_fuzz_soak(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    def told(line: str) -> None:
+        with capsys.disabled():
+            print(line, flush=True)
+
+    goal = FUZZERS[name].soak
+    assert soak(name, home(name), goal, SOAK_SECONDS, told) >= goal
+
+
+def test_fuzz_soak_goes_on_where_it_stopped(tmp_path) -> None:
+    lines: list[str] = []
+    first = soak("codec", tmp_path, 10**9, 1, lines.append, chunks=1)
+    second = soak("codec", tmp_path, 10**9, 1, lines.append, chunks=1)
+    assert 0 < first < second
+    assert "of 1e+09 executions" in lines[0]
+    assert soak("codec", tmp_path, second, 1, lines.append) == second
+    assert len(lines) == 2
