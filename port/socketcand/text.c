@@ -33,7 +33,7 @@ bool text_feed(text_splitter_t *s, char c)
     if (c == '>') {
         return finish(s);
     }
-    if (c == '<' || s->length == TEXT_ELEMENT_MAX) {
+    if (c == '<' || c == '\0' || s->length == TEXT_ELEMENT_MAX) { /* a 0 would hide what stands after it */
         s->garbage++;
         s->inside = c == '<';
         s->length = 0;

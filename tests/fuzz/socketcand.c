@@ -107,7 +107,7 @@ static void check_written(const can_frame_t *frame)
     LAW(text_to_send(element, &back) && is_same(&back, frame), "send: written, read back");
 }
 
-/* Elements begin with <, end with > and are at most TEXT_ELEMENT_MAX long. */
+/* Elements begin with <, end with >, hold no 0 and are at most TEXT_ELEMENT_MAX long. */
 static void check_text(const uint8_t *data, size_t size)
 {
     text_splitter_t splitter = {0};
@@ -127,7 +127,7 @@ static void check_text(const uint8_t *data, size_t size)
                 check_written(&frame);
             }
         }
-        begin = data[i] == '<' ? i + 1 : whole || !inside ? 0 : begin;
+        begin = data[i] == '<' ? i + 1 : whole || !inside || data[i] == 0 ? 0 : begin;
     }
 }
 

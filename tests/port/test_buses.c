@@ -243,6 +243,17 @@ static void test_an_endless_element_is_dropped(void)
     TEST_ASSERT_EQUAL(1, elements_in(&splitter, "< good >"));
 }
 
+/* As a string it would be " hi ". */
+static void test_a_0_makes_garbage_of_an_element(void)
+{
+    static const char hidden[] = "< hi \0x>";
+    text_splitter_t splitter = {0};
+    for (size_t i = 0; i < sizeof hidden - 1; i++) {
+        TEST_ASSERT_FALSE(text_feed(&splitter, hidden[i]));
+    }
+    TEST_ASSERT_EQUAL(3, splitter.garbage); /* the element, x, > */
+}
+
 static void test_random_bytes_break_nothing(void)
 {
     uint64_t seed = 3;
@@ -290,6 +301,7 @@ int main(void)
     RUN_TEST(test_bad_elements_are_refused);
     RUN_TEST(test_the_splitter_finds_elements_in_pieces_and_garbage);
     RUN_TEST(test_an_endless_element_is_dropped);
+    RUN_TEST(test_a_0_makes_garbage_of_an_element);
     RUN_TEST(test_random_bytes_break_nothing);
     RUN_TEST(test_an_outbox_takes_all_or_nothing);
     return UNITY_END();
