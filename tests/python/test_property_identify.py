@@ -48,7 +48,7 @@ def agree(one: study.Result, other: study.Result, sigma0: float, Fc: float, with
 # --- the whole of an identification ---------------------------------------------------------------
 
 
-@modes(short=4, long=60)
+@modes(short=4, long=25)
 def test_torque_in_another_unit_scales_both_parameters(examples):
     def law(seed: int, factor: float) -> None:
         log = short(seed)
@@ -58,7 +58,7 @@ def test_torque_in_another_unit_scales_both_parameters(examples):
     holds(law, examples, seeds, factors)
 
 
-@modes(short=4, long=60)
+@modes(short=4, long=25)
 def test_angle_in_another_unit_scales_sigma0_the_other_way(examples):
     def law(seed: int, factor: float) -> None:
         log = short(seed)
@@ -68,7 +68,7 @@ def test_angle_in_another_unit_scales_sigma0_the_other_way(examples):
     holds(law, examples, seeds, factors)
 
 
-@modes(short=4, long=60)
+@modes(short=4, long=25)
 def test_another_origin_changes_nothing(examples):
     """Neither of the angle nor, but for the offset, of the torque, nor of the clock."""
 
@@ -87,7 +87,7 @@ def test_another_origin_changes_nothing(examples):
     holds(law, examples, seeds, st.integers(-50, 50), st.integers(-9999, 9999), st.floats(0, 1e4))
 
 
-@modes(short=4, long=60)
+@modes(short=4, long=25)
 def test_the_mirrored_log_has_the_same_friction(examples):
     def law(seed: int) -> None:
         log = short(seed)
@@ -97,7 +97,7 @@ def test_the_mirrored_log_has_the_same_friction(examples):
     holds(law, examples, seeds)
 
 
-@modes(short=4, long=60)
+@modes(short=4, long=25)
 def test_friction_knows_no_time(examples):
     """A slower clock changes neither parameter, with all terms of time allowed."""
 
@@ -109,7 +109,7 @@ def test_friction_knows_no_time(examples):
     holds(law, examples, seeds, factors)
 
 
-@modes(short=3, long=40)
+@modes(short=3, long=12)
 def test_the_order_of_the_logs_does_not_matter(examples):
     def law(seed: int) -> None:
         logs = [short(seed), short(seed + 1)]
@@ -118,7 +118,7 @@ def test_the_order_of_the_logs_does_not_matter(examples):
     holds(law, examples, seeds)
 
 
-@modes(short=5, long=80)
+@modes(short=5, long=30)
 def test_the_wrong_sign_of_the_torque_is_seen(examples):
     def law(seed: int) -> None:
         log = short(seed)
@@ -130,7 +130,7 @@ def test_the_wrong_sign_of_the_torque_is_seen(examples):
     holds(law, examples, seeds)
 
 
-@modes(short=5, long=80)
+@modes(short=5, long=30)
 def test_coulomb_alone_says_nothing_about_sigma0(examples):
     """A torque that is a bare sign: Fc is found, sigma0 never claimed."""
 
@@ -148,7 +148,7 @@ def test_coulomb_alone_says_nothing_about_sigma0(examples):
 # --- its parts ------------------------------------------------------------------------------------
 
 
-@modes(short=100, long=3000)
+@modes(short=100, long=1000)
 def test_a_path_may_be_walked_in_pieces(examples):
     """From where the first piece ended; every model stays within +-1."""
 
@@ -164,7 +164,7 @@ def test_a_path_may_be_walked_in_pieces(examples):
     holds(law, examples, paths, steepness, st.floats(0, 1))
 
 
-@modes(short=100, long=3000)
+@modes(short=100, long=1000)
 def test_a_path_and_its_mirror_image(examples):
     def law(moves: np.ndarray, a: float) -> None:
         for model in (path.dahl, path.bilinear, path.coulomb):
@@ -192,7 +192,7 @@ def test_dahl_and_bilinear_are_what_they_are_defined_as(examples):
     holds(law, examples, paths, steepness)
 
 
-@modes(short=80, long=3000)
+@modes(short=80, long=1000)
 def test_reversals_are_of_the_path_not_of_its_unit(examples):
     def law(moves: np.ndarray, factor: int, least: float) -> None:
         theta = np.round(np.cumsum(moves) * 64) / 64  # in binary, so that a factor rounds nothing
@@ -209,7 +209,7 @@ def test_reversals_are_of_the_path_not_of_its_unit(examples):
     holds(law, examples, paths, st.integers(-20, 20), st.floats(0.02, 1))
 
 
-@modes(short=100, long=3000)
+@modes(short=100, long=1000)
 def test_pieces_cover_each_row_once_and_keep_to_blocks(examples):
     def law(rows: int, blocks: int) -> None:
         cut = sweep.pieces(rows, blocks)
@@ -243,7 +243,7 @@ def test_gram_matrices_add_up_over_blocks_and_order(examples):
     holds(law, examples, seeds, st.integers(2, 30))
 
 
-@modes(short=100, long=3000)
+@modes(short=100, long=1000)
 def test_folds_are_contiguous_parts_of_each_log(examples):
     def law(sizes: list[int]) -> None:
         owner = np.repeat(np.arange(len(sizes)), sizes)
@@ -256,7 +256,7 @@ def test_folds_are_contiguous_parts_of_each_log(examples):
     holds(law, examples, st.lists(st.integers(1, 40), min_size=1, max_size=5))
 
 
-@modes(short=100, long=3000)
+@modes(short=100, long=1000)
 def test_the_step_of_an_encoder_is_found_in_any_unit(examples):
     def law(counts: list[int], step: float) -> None:
         theta = np.cumsum(counts) * step

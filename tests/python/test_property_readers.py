@@ -56,7 +56,7 @@ def source_of(kind: str, folder: Path) -> readers.Source:
 
 
 @pytest.mark.parametrize("kind", log_writers.TABLES)
-@modes(short=12, long=400)
+@modes(short=12, long=120)
 def test_a_table_comes_back_as_it_was_written(folder, kind, examples):
     path = folder / kind
     prefix = "rig." if kind == "structure.mat" else ""
@@ -75,7 +75,7 @@ def test_a_table_comes_back_as_it_was_written(folder, kind, examples):
 
 
 @pytest.mark.parametrize("kind", log_writers.FRAMES)
-@modes(short=12, long=400)
+@modes(short=12, long=120)
 def test_frames_come_back_as_they_were_sent(folder, kind, examples):
     path = folder / f"sent.{kind}"
     bits = st.integers(-900_000, 900_000)
@@ -203,7 +203,7 @@ def answered(path: Path, source: readers.Source) -> None:
 
 
 @pytest.mark.parametrize("ending", [*ENDINGS, ".mf4", ".raw.mf4"])
-@modes(short=15, long=600)
+@modes(short=15, long=200)
 def test_any_bytes_are_a_log_or_one_line(folder, ending, examples):
     path = folder / f"bytes{ending}"
     starts = [b"", b"t,angle,torque\n", b"MATLAB 5.0 MAT-file", b"PAR1", b"LOGG", b"MDF     4.10"]
@@ -224,7 +224,7 @@ PIECES = st.sampled_from([*WORDS, *DIGITS, *SIGNS, *FRAME])
 
 
 @pytest.mark.parametrize("ending", [".csv", ".txt", ".json", ".log", ".asc", ".trc"])
-@modes(short=30, long=2000)
+@modes(short=30, long=800)
 def test_any_text_is_a_log_or_one_line(folder, ending, examples):
     path = folder / f"text{ending}"
 
@@ -248,7 +248,7 @@ def whole(folder: Path, kind: str) -> bytes:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@modes(short=15, long=1000)
+@modes(short=15, long=300)
 def test_a_damaged_file_is_a_log_or_one_line(folder, kind, examples):
     sound, path = whole(folder, kind), folder / f"damaged.{kind}"
     places = st.integers(0, len(sound))
