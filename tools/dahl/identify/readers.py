@@ -104,16 +104,25 @@ def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
 
 
 def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
-    import pandas as pd
-
     line = _first_line(path)
     separator = max("\t;,", key=line.count) if re.search("[\t;,]", line) else r"\s+"
-    fields = re.split(separator, line.strip())
-    headless = all(_is_number(field) for field in fields)
+    headless = all(map(_is_number, re.split(separator, line.strip())))
+    frame = _parsed(path, separator, headless)
+    if headless:
+        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
+    frame.columns = [str(name).strip() for name in frame.columns]
+    if frame.empty:
+        raise Error(f"{path}:1: no rows after the column names")
+    return frame, 1 if headless else 2
+
+
+def _parsed(path: Path, separator: str, headless: bool) -> pandas.DataFrame:
+    import pandas as pd
+
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
-            frame = pd.read_csv(
+            return pd.read_csv(
                 path,
                 sep=separator,
                 header=None if headless else 0,
@@ -124,12 +133,6 @@ def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
             )
         except pd.errors.ParserWarning:
             raise Error(f"{path}:1: fewer names than a row has columns") from None
-    if headless:
-        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
-    frame.columns = [str(name).strip() for name in frame.columns]
-    if frame.empty:
-        raise Error(f"{path}:1: no rows after the column names")
-    return frame, 1 if headless else 2
 
 
 def _first_line(path: Path) -> str:

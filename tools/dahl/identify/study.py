@@ -203,25 +203,26 @@ def _positive(logs: list[Log], options: Options) -> tuple[list[Log], float]:
 def _steadied(logs: list[Log], options: Options) -> tuple[list[Log], int]:
     """Take the running median of the angle that leaves least of the cost."""
     windows = (options.median,) if options.median else clean.WINDOWS
-    shaky = [log for log in logs if options.median or clean.flickers(log) > clean.FLICKER]
-    if not shaky:
+    turns = [clean.flickers(log) for log in logs]
+    shaky = [bool(options.median) or count > clean.FLICKER for count in turns]
+    if not any(shaky):
         return logs, 1
-    chosen = {id(log) for log in shaky}
-    versions = {
-        window: [
-            replace(log, theta=clean.median(log, window)) if id(log) in chosen else log
-            for log in logs
-        ]
-        for window in windows
-    }
+    versions = {window: _through_median(logs, shaky, window) for window in windows}
     best = min(versions, key=lambda window: _first(versions[window], options).sse)
-    for log, steady in zip(logs, versions[best], strict=True):
-        if best > 1 and id(log) in chosen:
-            steady.notes.append(
-                f"angle turns back at once in {clean.flickers(log)} of {log.rows} rows (flicker or"
+    for log, count, is_shaky in zip(versions[best], turns, shaky, strict=True):
+        if is_shaky and best > 1:
+            log.notes.append(
+                f"angle turns back at once in {count} of {log.rows} rows (flicker or"
                 f" spikes): running median of {best} rows taken"
             )
     return versions[best], best
+
+
+def _through_median(logs: list[Log], shaky: list[bool], window: int) -> list[Log]:
+    return [
+        replace(log, theta=clean.median(log, window)) if is_shaky else log
+        for log, is_shaky in zip(logs, shaky, strict=True)
+    ]
 
 
 def _first(logs: list[Log], options: Options) -> Estimate:

@@ -68,12 +68,16 @@ def column(what: str, wanted: str, names: Sequence[str], place: str) -> str:
     name says so. Raises dahl.Error.
     """
     if wanted:
-        if wanted in names:
-            return wanted
-        if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
-            return names[int(wanted) - 1]
-        raise Error(f"{place}: no column '{wanted}'{meant(wanted, names)}")
+        return _wanted(wanted, names, place)
     fitting = [name for name in names if re.search(COLUMNS[what], name, re.IGNORECASE)]
     if fitting or what == "time":
         return fitting[0] if fitting else ""
     raise Error(f"{place}: which column is the {what}? Name it with --{what}{meant(what, names)}")
+
+
+def _wanted(wanted: str, names: Sequence[str], place: str) -> str:
+    if wanted in names:
+        return wanted
+    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
+        return names[int(wanted) - 1]
+    raise Error(f"{place}: no column '{wanted}'{meant(wanted, names)}")
