@@ -3,7 +3,7 @@
  * From the state to N m, private: the 32 bits of w from its first one on, times the mantissa of Fc in integers, rounded to
  * the 24 bits of a float at the end. (w to float and then times Fc would round twice to 24 bits.) So small torques keep
  * their relative accuracy. Two truncations cost less than 2 units of 2^-31 of the result; the plan's mantissa of Fc has half
- * a unit too much, to centre them: in all half an ulp of the result and 0.012 of one.
+ * a unit too much, to centre them: in all half an ulp of the result and 0.008 of one.
  * Fc >= 2^-64 and |w| >= 2^-62 keep the result a normal float.
  */
 #ifndef DAHL_TORQUE_H

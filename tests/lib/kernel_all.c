@@ -97,7 +97,7 @@ static void compare(tally_t *t, uint32_t bits, double value, double want)
     }
 }
 
-/* Ones for all travel from some float on, and for none where the exact value is not above 1 - 2^-32, within its own rounding of v. */
+/* Ones for all travel from some float on, and none where the exact value is not above 1 - 2^-32, but for the rounding of v. */
 static void count_ones(tally_t *t, uint32_t bits, uint64_t g, double want)
 {
     if (g == UINT64_MAX && t->first_one == 0) {

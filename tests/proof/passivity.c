@@ -134,6 +134,7 @@ int main(int argc, char **argv)
     printf("cycles %llu, ticks %llu\n", (unsigned long long)total.cycles, (unsigned long long)total.ticks);
     printf("least loss of a tick %.5Le\n", total.least_tick);
     printf("least work from rest %.5Le, with what was stored %.5Le\n", total.least_from_rest, total.least_with_stored);
-    printf("ticks that make energy %llu, cycles %llu\n", (unsigned long long)total.bad_ticks, (unsigned long long)total.bad_cycles);
+    printf("ticks that make energy %llu, cycles %llu\n", (unsigned long long)total.bad_ticks,
+           (unsigned long long)total.bad_cycles);
     return total.bad_ticks + total.bad_cycles != 0;
 }
