@@ -40,9 +40,9 @@ NODE = [
     *("host_sim/node.c", "port/frames.c", "lib/prepare.c", "lib/wide.c", "lib/counts_q30.c"),
     *("lib/digits.c", "lib/change_plan.c", "lib/encoder.c"),
 ]
-SOCKETS = [
-    f"port/socketcand/{name}.c" for name in ("server", "client", "outbox", "text")
-] + [f"{HERE}/sockets.c"]
+SOCKETS = [f"port/socketcand/{name}.c" for name in ("server", "client", "outbox", "text")] + [
+    f"{HERE}/sockets.c"
+]
 STREAMS = [f"{HERE}/streams.c", "host_sim/complain.c"]
 SCENE = [f"host_sim/{name}.c" for name in ("scene", "motion", "plant", "rotor", "recording")]
 CALLS = [  # of the kernel, played by sockets.c
@@ -142,12 +142,25 @@ def compile_c(fuzzer: Fuzzer, program: Path, root: Path = ROOT) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def python_command(name: str, folder: Path, root: Path = ROOT) -> list[str]:
+    """The command of a fuzzer in Python, of the tree at root."""
+    (folder / "file").mkdir(exist_ok=True)
+    return [sys.executable, str(root / HERE / "readers.py"), name, str(folder / "file")]
+
+
+def program_in(name: str, root: Path) -> list[str]:
+    """The command of a fuzzer made of a copy of the tree."""
+    if FUZZERS[name].is_python:
+        return python_command(name, root, root)
+    compile_c(FUZZERS[name], root / "program", root)
+    return [str(root / "program")]
+
+
 def program_of(name: str) -> list[str]:
     """The command of a fuzzer, built where its sources have changed."""
     fuzzer, folder = FUZZERS[name], home(name)
     if fuzzer.is_python:
-        (folder / "file").mkdir(exist_ok=True)
-        return [sys.executable, str(ROOT / HERE / "readers.py"), name, str(folder / "file")]
+        return python_command(name, folder)
     stamp, sums = folder / "program.sha256", digest(fuzzer)
     if not stamp.exists() or stamp.read_text(encoding="utf-8") != sums:
         compile_c(fuzzer, folder / "program")
@@ -160,6 +173,8 @@ def options_of(name: str, folder: Path) -> list[str]:
     fuzzer = FUZZERS[name]
     words = ROOT / HERE / f"{name}.dict"
     found = [f"-dict={words}"] if words.exists() else []
+    if fuzzer.is_python:  # the reader of MAT files tries them in a process that may crash
+        found += ["-handle_segv=0", "-handle_bus=0", "-handle_fpe=0", "-handle_abrt=0"]
     return [
         *found,
         f"-max_len={fuzzer.length}",
@@ -222,7 +237,9 @@ def replay(name: str) -> Run:
     """Every seed once, and every input that once broke a law; what passes now is forgotten."""
     folder = home(name)
     old = sorted(folder.glob("crash-*"))
-    run = call([*program_of(name), *options_of(name, folder), "-runs=0", *map(str, seeds_of(name))], 200)
+    run = call(
+        [*program_of(name), *options_of(name, folder), "-runs=0", *map(str, seeds_of(name))], 200
+    )
     if run.crash is None:
         for path in old:
             again = call([*program_of(name), *options_of(name, folder), str(path)], 100)
@@ -259,7 +276,8 @@ def soak(
         total += now
         state.write_text(json.dumps({"sources": sums, "executions": total}), encoding="utf-8")
         hours = max(goal - total, 0) / max(now, 1) * seconds / 3600
-        told(f"{name}: {total:.3g} of {goal:.0e} executions, {now / seconds:.3g}/s, {hours:.1f} h to go")
+        speed = f"{now / seconds:.3g}/s, {hours:.1f} h to go"
+        told(f"{name}: {total:.3g} of {goal:.0e} executions, {speed}")
         chunks -= 1
         if chunks == 0:
             break
