@@ -83,6 +83,6 @@ void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t see
 
 /* What becomes of an EncoderState: the number of frames written to out, in the order of sending; an error frame is for
  * the controller of its node alone. */
-size_t faults_pass(faults_t *faults, const can_frame_t *in, can_frame_t out[FAULTS_OUT]);
+size_t faults_pass(faults_t *f, const can_frame_t *in, can_frame_t out[FAULTS_OUT]);
 
 #endif

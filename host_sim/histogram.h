@@ -9,7 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define HISTOGRAM_BINS (60u * 32u)
+#define HISTOGRAM_BINS ((size_t)60 * 32)
 
 /* All zeros: empty. */
 typedef struct {

@@ -309,6 +309,12 @@ static bool must_wait(loop_t *loop, uint64_t now)
     return false;
 }
 
+static uint32_t us_until(uint64_t next)
+{
+    uint64_t now = read_clock(CLOCK_MONOTONIC);
+    return next > now ? (uint32_t)((next - now) / 1000u) : 0;
+}
+
 static void run_real(loop_t *loop)
 {
     uint64_t next = read_clock(CLOCK_MONOTONIC);
@@ -318,9 +324,8 @@ static void run_real(loop_t *loop)
         bool waits = must_wait(loop, now);
         if (now >= next && !waits) {
             next = beat(loop, now);
-            now = read_clock(CLOCK_MONOTONIC);
         }
-        receive(loop, next > now ? (uint32_t)((next - now) / 1000u) : waits ? WAIT_US : 0);
+        receive(loop, now >= next && waits ? WAIT_US : us_until(next));
     }
     if (loop->encoder_count > 0) {
         settle(loop);

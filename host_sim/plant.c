@@ -84,10 +84,11 @@ static void write_row(const plant_t *p, double angle, double omega)
 
 static void advance(plant_t *p, double torque)
 {
-    if (sign_of(torque) == -sign_of(p->torque) && torque != 0) {
+    int sign = sign_of(torque);
+    if (sign != 0 && sign == -sign_of(p->torque)) {
         p->alternations++;
     }
-    p->torque = torque != 0 ? torque : p->torque;
+    p->torque = sign != 0 ? torque : p->torque;
     write_row(p, p->rotor.theta, p->rotor.omega);
     rotor_advance(&p->rotor, torque);
     p->ticks++;

@@ -2,7 +2,7 @@
 /* rotor: see rotor.h. */
 #include "rotor.h"
 
-enum { STEPS = 50 };
+#define STEPS 50
 
 static const double STEP_S = 0.001 / STEPS;
 

@@ -14,7 +14,8 @@
 #include "complain.h"
 #include "dahl.h"
 
-enum { ANY_KIND = 7, OPTIONAL = 8 };
+#define ANY_KIND 7
+#define OPTIONAL 8
 
 typedef struct {
     const char *section;
@@ -388,8 +389,8 @@ static bool check(reader_t *r)
 /* "section.key=value", as if it stood in the file instead of what does. */
 static bool set(reader_t *r, const char *text)
 {
-    char section[SCENE_TEXT];
-    char name[SCENE_TEXT];
+    char section[32];
+    char name[32];
     int used = 0;
     if (sscanf(text, "%31[a-z].%31[A-Za-z0-9_]=%n", section, name, &used) != 2 || used == 0) {
         complain("--set %s: not section.key=value", text);

@@ -18,12 +18,17 @@ static void add_count(cJSON *to, const char *name, uint64_t value)
     add(to, name, (double)value);
 }
 
+static double to_us(uint64_t ns)
+{
+    return (double)ns / 1000.0;
+}
+
 static void add_histogram(cJSON *to, const char *name, const histogram_t *histogram)
 {
     cJSON *object = cJSON_AddObjectToObject(to, name);
-    add(object, "p50", (double)histogram_quantile(histogram, 0.5) / 1000.0);
-    add(object, "p99", (double)histogram_quantile(histogram, 0.99) / 1000.0);
-    add(object, "max", (double)histogram->max / 1000.0);
+    add(object, "p50", to_us(histogram_quantile(histogram, 0.5)));
+    add(object, "p99", to_us(histogram_quantile(histogram, 0.99)));
+    add(object, "max", to_us(histogram->max));
 }
 
 /* Pairs of upper edge in us and count, for bins that are not empty. */
@@ -32,7 +37,7 @@ static void add_bins(cJSON *to, const char *name, const histogram_t *histogram)
     cJSON *list = cJSON_AddArrayToObject(to, name);
     for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
         if (histogram->bins[bin] > 0) {
-            const double pair[2] = {(double)histogram_edge(bin) / 1000.0, (double)histogram->bins[bin]};
+            const double pair[2] = {to_us(histogram_edge(bin)), (double)histogram->bins[bin]};
             cJSON_AddItemToArray(list, cJSON_CreateDoubleArray(pair, 2));
         }
     }
@@ -219,9 +224,10 @@ static cJSON *collect(const options_t *options, const scene_t *scene, const loop
     return root;
 }
 
+/* No text: there was no memory for it. */
 static bool print_to(FILE *file, const char *text)
 {
-    bool good = fprintf(file, "%s\n", text) > 0;
+    bool good = text != NULL && fprintf(file, "%s\n", text) > 0;
     return (file == stdout ? fflush(file) == 0 : fclose(file) == 0) && good;
 }
 
@@ -235,7 +241,7 @@ bool summary_write(const char *path, const options_t *options, const scene_t *sc
     cJSON *root = collect(options, scene, loop, plant);
     char *text = cJSON_Print(root);
     errno = ENOMEM;
-    bool good = text != NULL && print_to(file, text);
+    bool good = print_to(file, text);
     cJSON_free(text);
     cJSON_Delete(root);
     return good;

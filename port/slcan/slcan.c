@@ -73,7 +73,7 @@ static void read_data(reader_t *reader, can_frame_t *frame)
 
 static slcan_event_t answer(char *text, const char *words)
 {
-    strcpy(text, words);
+    (void)strcpy(text, words);
     return SLCAN_ANSWER;
 }
 
@@ -97,7 +97,7 @@ static slcan_event_t take_frame(slcan_t *self, uint8_t flags, can_frame_t *frame
         return refuse(self, reader.error, text);
     }
     *frame = read;
-    answer(text, "\r");
+    (void)answer(text, "\r");
     return SLCAN_FRAME;
 }
 

@@ -151,7 +151,7 @@ static void on_rawmode(socketcand_server_t *self, socketcand_client_t *client)
     put_word(self, client, "< ok >");
     if (client->stage == SOCKETCAND_OPENED) {
         client->stage = SOCKETCAND_RAW;
-        client->quiet_until_ns = real_ns() + QUIET_MS * 1000000u;
+        client->quiet_until_ns = real_ns() + (uint64_t)QUIET_MS * 1000000u;
     }
 }
 

@@ -31,7 +31,7 @@ typedef struct {
 } text_splitter_t;
 
 /* Feed one character. True: element holds the words of a complete element, without < and >. */
-bool text_feed(text_splitter_t *splitter, char c);
+bool text_feed(text_splitter_t *s, char c);
 
 /* Length of the text written to out, at most TEXT_FRAME_MAX; 0: the protocol has no words for such a frame. */
 size_t text_from_frame(char *out, const can_frame_t *frame);
