@@ -8,7 +8,7 @@
 # that counts single tests of all of them, after naming each failed and each skipped one. Exit code 0 only when none failed.
 #   --long     also the tests marked long (all 2^31 floats, ten minutes of four nodes, all mutants)
 #   --full     the same, and writes what each claim's command said into tests/VERIFICATION.md
-#   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer; hours
+#   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer (1e6 in Python); hours to days
 #   -k WORD    only tests whose name has WORD, in C and in Python
 # Examples:  tools/test.sh                 all but the long ones, under 15 minutes on two cores
 #            tools/test.sh -k codec -x     those about the codec, pytest stopping at the first failure
