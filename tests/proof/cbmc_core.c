@@ -184,10 +184,19 @@ void check_prepare(dahl_params_t params)
     dahl_err_t err = dahl_prepare(&plan.plan, &params);
     if (err == DAHL_OK) {
         __CPROVER_assert(is_plan(&plan.plan), "what is prepared is a plan");
+        __CPROVER_assert(0x1p-64f <= params.sigma0 && params.sigma0 < 0x1p64f, "sigma0 of the range");
+        __CPROVER_assert(0x1p-64f <= params.Fc && params.Fc < 0x1p64f, "Fc of the range");
+        __CPROVER_assert(0 <= params.theta_per_count && params.theta_per_count < 0x1p64f, "angle of the range");
         plan = plan_before;
     }
     __CPROVER_assert(err == DAHL_OK || err == DAHL_ERR_PARAM || err == DAHL_ERR_RANGE, "a code of the header");
     end();
+}
+
+/* The two halves of dahl_two_words are the whole. */
+void check_two_words(uint64_t x)
+{
+    __CPROVER_assert(dahl_two_words(x) == x, "the same number");
 }
 
 void check_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_turn)

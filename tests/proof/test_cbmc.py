@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -66,6 +66,7 @@ PROOFS = [
     Proof("check_fill_table_ends", 175, PRODUCTS | {"dahl_mulhi64": "any_word"}),
     Proof("check_fill_table", 175, PRODUCTS | {"dahl_mulhi64": "any_word"}, long=True),
     Proof("check_prepare", 65, PRODUCTS | {"fill_table": "any_table"}),
+    Proof("check_two_words"),
     Proof("check_counts_between"),
     *(
         Proof(f"check_{message}", 33, harness="cbmc_frames.c", long=True)
@@ -237,3 +238,14 @@ def test_planted_fault_is_seen(fault, tmp_path):
     proof = next(each for each in PROOFS if each.function == f"check_{fault.check}")
     wrong = failures(proof, planted(fault, tmp_path), tmp_path)
     assert any(fault.says in line for line in wrong), wrong
+
+
+def test_planted_range_one_too_wide_is_seen(tmp_path):
+    """The range is tight: from its upper end, which no call reaches, an update would overflow."""
+    shutil.copytree(ROOT / "lib", tmp_path / "lib")
+    for file in ("cbmc_core.c", "cbmc_ranges.h", "products.h"):
+        text = (HERE / file).read_text()
+        (tmp_path / file).write_text(text.replace("w < STATE_END;", "w <= STATE_END;"))
+    proof = next(each for each in PROOFS if each.function == "check_update")
+    wide = replace(proof, harness=str(tmp_path / "cbmc_core.c"))
+    assert any("overflow on signed -" in line for line in failures(wide, tmp_path, tmp_path))

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A node that hears any frames without end, for the Eva plug-in of Frama-C: the receiver of host_sim/ and the frames of
+ * port/, frames of any form and content, true ones among them, parameters written and read, any clock. The calls of the
+ * library are taken by contracts, which cbmc_core.c shows.
+ */
+#include <stdint.h>
+#include "__fc_builtin.h"
+#include "dahl.h"
+
+#define IN_RANGE(x) (0x1p-64 <= (x) <= 0x1p64)
+
+/*@ assigns \result, *plan \from *params;
+    ensures \result == DAHL_OK || \result == DAHL_ERR_PARAM || \result == DAHL_ERR_RANGE;
+    ensures \result != DAHL_OK || (\is_finite(params->sigma0) && \is_finite(params->Fc) && \is_finite(params->theta_per_count));
+    ensures \result != DAHL_OK || (IN_RANGE(params->sigma0) && IN_RANGE(params->Fc) && 0 <= params->theta_per_count <= 0x1p64); */
+dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
+
+/*@ assigns *state \from *state, *from, *to; */
+void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
+
+/*@ assigns \result, *state \from *state, *plan, dcounts;
+    ensures -(1 << 30) <= \result <= 1 << 30; */
+int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+
+#include "encoder.c"
+#include "frames.c"
+#include "node.c"
+
+volatile uint32_t word;
+volatile uint8_t byte;
+volatile int choice;
+
+/* Any frame but for its byte 2, from low to high. Eva does not know what the CRC is and takes it for right and for wrong. */
+static can_frame_t any_frame(int low, int high)
+{
+    can_frame_t frame = {.id = word, .flags = byte, .length = byte};
+    for (int i = 0; i < 8; i++) {
+        frame.data[i] = byte;
+    }
+    frame.data[2] = (uint8_t)Frama_C_interval(low, high);
+    return frame;
+}
+
+static void hear(node_t *node, int low, int high)
+{
+    can_frame_t in = any_frame(low, high), out;
+    (void)node_receive(node, &in, word, &out);
+}
+
+/* Byte 2 is the number of a parameter: each by itself, so that Eva keeps their limits apart. */
+static void hear_any(node_t *node)
+{
+    switch (choice) {
+    case 0: hear(node, 0, 2); break;
+    case 3: hear(node, 3, 3); break;
+    case 4: hear(node, 4, 4); break;
+    case 5: hear(node, 5, 5); break;
+    case 6: hear(node, 6, 6); break;
+    case 7: hear(node, 7, 7); break;
+    case 8: hear(node, 8, 8); break;
+    default: hear(node, 9, 255); break;
+    }
+}
+
+static void other_frames(void)
+{
+    can_frame_t frame = any_frame(0, 255);
+    friction_torque_t torque;
+    node_status_t status;
+    param_reply_t reply;
+    (void)frames_unpack_torque(&frame, &torque);
+    (void)frames_unpack_status(&frame, &status);
+    (void)frames_unpack_param_reply(&frame, &reply);
+}
+
+static void send_any(void)
+{
+    can_frame_t frame;
+    encoder_state_t encoder = {(int32_t)word, byte, choice != 0};
+    param_write_t param = {word, byte, byte, choice != 0};
+    node_reset_t reset = {byte, byte};
+    frames_pack_encoder(&frame, byte, &encoder);
+    frames_pack_param_write(&frame, byte, &param);
+    frames_pack_reset(&frame, byte, &reset);
+}
+
+int main(void)
+{
+    node_t node;
+    dahl_params_t params = {1.0f, 1.0f, 1.0f};
+    can_frame_t out;
+    if (node_init(&node, &params, byte) != DAHL_OK) {
+        return 0;
+    }
+    while (choice) {
+        hear_any(&node);
+        (void)node_tick(&node, word, &out);
+        other_frames();
+        send_any();
+    }
+    return 0;
+}

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: MIT
+"""Frama-C over the real sources: ticks and frames without end, and what a product of words is.
+
+    tools/test.sh -k frama
+
+Eva follows an endless loop of any calls by intervals; 0 alarms means that no undefined behaviour
+can come of it, ever. WP proves by Z3, over the integers, what the checks by CBMC take for known
+of a product. Planted faults are run on changed copies of the sources.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, need
+
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Run:
+    """An endless loop, and how Eva goes about it."""
+
+    file: str
+    main: str
+    options: tuple[str, ...]
+    contracts: tuple[str, ...] = ()
+
+
+UPDATES = ("dahl_forward", "dahl_backward", "dahl_set_torque")
+APART = ("dahl_move_digits", "dahl_change_plan", "dahl_two_words")
+TICKS = Run("frama_ticks.c", "main", ("-eva-slevel", "200"), UPDATES + APART)
+FAR = Run("frama_ticks.c", "apart", ("-eva-slevel", "200", "-eva-min-loop-unroll", "33"), UPDATES)
+NODE = Run("frama_node.c", "main", ("-eva-split-return", "auto"))
+PRECISION = {"frama_ticks.c": "3", "frama_node.c": "1"}
+
+
+def preprocessor(frama_c: str, sources: Path) -> str:
+    """Plain C, without what is particular to GNU: no assembler."""
+    share = frama(frama_c, "-print-share-path").strip()
+    folders = [*(sources / name for name in ("lib", "port", "host_sim")), HERE, Path(share, "libc")]
+    return "-cpp-extra-args=" + " ".join(["-U__GNUC__", *(f"-I{folder}" for folder in folders)])
+
+
+def frama(*command: str) -> str:
+    done = subprocess.run(
+        list(command),
+        capture_output=True,
+        text=True,
+        timeout=590,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+def alarms(run: Run, claim: str, sources: Path) -> list[str]:
+    """What Eva cannot exclude, in its own words, one line each."""
+    frama_c = need("frama-c", claim)
+    options = [*run.options, "-eva-precision", PRECISION[run.file], "-main", run.main]
+    if run.contracts:
+        options += ["-eva-use-spec", ",".join(run.contracts)]
+    flags = [preprocessor(frama_c, sources), "-warn-special-float", "none", "-eva"]
+    said = frama(frama_c, *flags, *options, str(HERE / run.file))
+    assert "functions analyzed" in said
+    found = re.findall(r"^\[eva:alarm\] (.*(?:\n  .*)*)", said, re.MULTILINE)
+    return [" ".join(each.split()) for each in found if "postcondition got status" not in each]
+
+
+def test_ticks_without_end(root):
+    """Postconditions are left to CBMC; everything else, preconditions too, is valid."""
+    assert alarms(TICKS, "no undefined behaviour in any number of ticks", root) == []
+
+
+def test_moves_of_many_counts_and_new_plans_without_end(root):
+    assert alarms(FAR, "no undefined behaviour in any number of large moves", root) == []
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+def test_frames_without_end(root):
+    assert alarms(NODE, "no undefined behaviour in a node that hears any frames", root) == []
+
+
+def wp_goals(sources: Path, folder: Path) -> str:
+    claim = "what the checks by CBMC take for known of a product"
+    frama_c, why3 = need("frama-c", claim), need("why3", claim)
+    need("z3", claim)
+    config = folder / "why3.conf"
+    subprocess.run(
+        [why3, "config", "detect", "-C", str(config)], capture_output=True, check=True, timeout=60
+    )
+    command = [
+        frama_c,
+        preprocessor(frama_c, sources),
+        *("-wp", "-wp-rte", "-wp-fct", "dahl_mul", "-wp-cache", "none"),
+        *("-wp-prover", "z3", "-wp-timeout", "10", str(HERE / "frama_products.c")),
+    ]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=200,
+        env={**os.environ, "WHY3CONFIG": str(config)},
+    )
+    found = re.search(r"Proved goals:\s+(\d+) / (\d+)", done.stdout)
+    assert found is not None and int(found[2]) >= 3, done.stdout
+    return "all" if found[1] == found[2] else f"{found[1]} of {found[2]}"
+
+
+def test_frama_c_knows_what_a_product_is(root, tmp_path):
+    assert wp_goals(root, tmp_path) == "all"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of one place of the sources, the loop that shows it, and what Eva says."""
+
+    file: str
+    old: str
+    new: str
+    run: Run
+    says: str
+
+
+FAULTS = {
+    "shift_by_32": Fault("lib/kernel.h", "v.shift < 2)", "v.shift < 0)", TICKS, "shift"),
+    "entry_beyond_the_table": Fault(
+        "lib/gap.h", "#define DAHL_DENSE 8", "#define DAHL_DENSE 64", FAR, "out of bounds"
+    ),
+    "exponent_unbounded": Fault(
+        "lib/change_plan.c", "if (shift <= -64)", "if (shift <= -65)", FAR, "shift"
+    ),
+    "state_out_of_range": Fault(
+        "lib/far_angle.c",
+        "DAHL_ONE_Q62 : DAHL_ONE_Q62",
+        "DAHL_ONE_Q62 * 2u : DAHL_ONE_Q62 * 2u",
+        TICKS,
+        "shift",
+    ),
+    "no_far_moves": Fault(
+        "lib/counts.c", "dcounts < -DAHL_DENSE", "dcounts < -64", TICKS, "out of bounds"
+    ),
+    "table_of_the_crc": Fault(
+        "port/frames.c", "crc_table[crc ^ byte]", "crc_table[crc + byte]", NODE, "out of bounds"
+    ),
+    "settings_unchecked": Fault(
+        "host_sim/node.c",
+        "asked->param > FRAMES_PARAM_STATUS",
+        "asked->param > FRAMES_PARAM_STATUS + 1",
+        NODE,
+        "settings",
+    ),
+}
+QUICK = ("shift_by_32",)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        pytest.param(fault, id=name, marks=[] if name in QUICK else [pytest.mark.long])
+        for name, fault in FAULTS.items()
+    ],
+)
+@pytest.mark.timeout(600)
+def test_planted_fault_is_seen_by_frama_c(fault, tmp_path):
+    for name in ("lib", "port", "host_sim"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    path = tmp_path / fault.file
+    text = path.read_text()
+    assert text.count(fault.old) == 1, "the place of the fault has changed"
+    path.write_text(text.replace(fault.old, fault.new))
+    found = alarms(fault.run, "that faults are seen", tmp_path)
+    assert any(fault.says in line for line in found), found
+
+
+@pytest.mark.long
+def test_planted_wrong_product_is_not_proven_by_frama_c(tmp_path):
+    shutil.copytree(ROOT / "lib", tmp_path / "lib")
+    path = tmp_path / "lib" / "multiply.h"
+    text = path.read_text()
+    assert text.count("(uint64_t)a * b;") == 1
+    path.write_text(text.replace("(uint64_t)a * b;", "(uint64_t)a * b + 1u;"))
+    assert wp_goals(tmp_path, tmp_path) != "all"
