@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: MIT
+"""What the static checks share: which files are the product, how they are compiled, and the list of
+deviations (deviations.toml), which says for each rule and file how many findings are meant.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import tomllib
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from conftest import ROOT
+
+LIB = sorted(ROOT.glob("lib/*.c"))
+CODEC = [ROOT / "port/frames.c", ROOT / "port/slcan/slcan.c"]
+NODE = [ROOT / "host_sim/node.c"]
+FIRMWARE = LIB + CODEC + NODE  # what a microcontroller links, but for its start-up
+START_UP = sorted([*ROOT.glob("port/cortex_m/*.c"), *ROOT.glob("port/riscv/*.c")])
+DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *START_UP})
+HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
+
+INCLUDES = [f"-I{ROOT / part}" for part in ("lib", "port", "host_sim")]
+PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES]
+
+# For all of the product's C. What is left out: -Wswitch-enum, since -Wswitch-default asks for the
+# branch that stands for all other cases.
+BOTH = """
+    -pedantic -Wall -Wextra -Wconversion -Wsign-conversion -Wdouble-promotion -Wfloat-conversion
+    -Wfloat-equal -Wundef -Wshadow -Wcast-qual -Wmissing-prototypes -Wstrict-prototypes
+    -Wold-style-definition -Wformat=2 -Wswitch-default -Wpointer-arith -Wwrite-strings
+    -Wredundant-decls -Wnested-externs -Wbad-function-cast -Wunused-macros -Wdate-time -Wvla
+    -Wnull-dereference -Wimplicit-fallthrough -Wmissing-declarations -Wmissing-field-initializers
+    """.split()
+GCC = (
+    [*PLAIN, "-Werror", *BOTH]
+    + """
+    -Warith-conversion -Wcast-align=strict -Wformat-signedness -Wlogical-op -Wduplicated-cond
+    -Wduplicated-branches -Wjump-misses-init -Walloca -Walloc-zero -Wunused-const-variable=2
+    -Wtrampolines -Wstack-protector -Wshift-overflow=2 -Wstringop-overflow=4 -Warray-bounds=2
+    -Wattribute-alias=2 -Wenum-conversion -Woverride-init -Wmaybe-uninitialized
+    -Wstrict-overflow=2 -Wimplicit-fallthrough=5
+    """.split()
+)
+
+# Every warning that clang has, but these.
+NOT_MEANT = {
+    "padded": "a struct's order follows its meaning; no struct goes over a wire as it lies",
+    "unsafe-buffer-usage": "speaks of C++: in C an array is reached by a pointer",
+    "declaration-after-statement": "C99 has it, and a name is best where its value is",
+    "switch-enum": "-Wswitch-default asks for the branch that stands for all other cases",
+    "disabled-macro-expansion": "sa_handler of <signal.h> is such a macro",
+}
+CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEANT)]
+
+
+def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tuple[int, str]:
+    """Exit code, and all that a command says."""
+    done = subprocess.run(
+        [str(word) for word in command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        cwd=cwd,
+        timeout=timeout,
+        check=False,
+    )
+    return done.returncode, done.stdout
+
+
+def clean(*command: object, cwd: Path | None = None) -> None:
+    """A command must end well and say nothing."""
+    status, text = call(*command, cwd=cwd)
+    assert (status, text) == (0, ""), text
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One place where a tool objects."""
+
+    rule: str
+    file: str  # from the project's folder on
+    line: int
+    column: int
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}: {self.rule}"
+
+
+def name_of(path: str, root: Path = ROOT) -> str:
+    """A file's name from the project's folder on, or as it is."""
+    place = Path(path)
+    return str(place.relative_to(root)) if place.is_relative_to(root) else path
+
+
+def deviations(tool: str) -> dict[tuple[str, str], int]:
+    """How many findings of a tool are meant, by rule and file."""
+    listed = tomllib.loads((Path(__file__).parent / "deviations.toml").read_text())[tool]
+    return {
+        (rule, file): count for rule, entry in listed.items() for file, count in entry["in"].items()
+    }
+
+
+def differences(
+    findings: Iterable[Finding], listed: dict[tuple[str, str], int], files: Iterable[Path]
+) -> list[str]:
+    """What was found but is not meant, and what is listed for these files but was not found."""
+    places = set(findings)
+    found = Counter((place.rule, place.file) for place in places)
+    scope = {name_of(str(file)) for file in files}
+    meant = {key: count for key, count in listed.items() if key[1] in scope}
+    said = []
+    for rule, file in sorted(found.keys() | meant.keys()):
+        seen, allowed = found[rule, file], meant.get((rule, file), 0)
+        if seen != allowed:
+            lines = sorted(p.line for p in places if (p.rule, p.file) == (rule, file))
+            said.append(f"{file}: rule {rule}: {allowed} listed, {seen} found, in lines {lines}")
+    return said

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: MIT
+"""Each header by itself, in every language that a user may have: it includes what it needs, may be
+included twice and in two translation units that are linked, and warns of nothing.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import static_tools as static
+from conftest import ROOT, need
+
+CLAIM = "each header compiles by itself, in C99 to C17 and in C++11 to C++20"
+WARNINGS = (
+    "-Wall -Wextra -Wpedantic -Werror -Wundef -Wshadow -Wconversion -Wsign-conversion".split()
+)
+C = ["c99", "c11", "c17"]
+CPP = ["c++11", "c++17", "c++20"]
+# Of a user: those that say extern "C". The others are the project's own, for C alone.
+PUBLIC = [path for path in static.HEADERS if 'extern "C"' in path.read_text()]
+# For one core, and for the compiler of that core (test_static_warnings.py reads them there).
+OF_A_CORE = {"multiply_v6m.h", "cortex_m.h", "semihosting.h"}
+OWN = [path for path in static.HEADERS if path not in PUBLIC and path.name not in OF_A_CORE]
+
+
+def compilers(standard: str) -> list[str]:
+    names = ["g++", "clang++-19"] if "++" in standard else ["gcc", "clang-19"]
+    return [need(name, CLAIM) for name in names]
+
+
+def alone(headers: list[Path], standard: str, folder: Path) -> str:
+    """What the compilers say of files that each include one header, twice, and nothing else."""
+    said = ""
+    suffix = ".cpp" if "++" in standard else ".c"
+    files = []
+    for number, header in enumerate(headers):
+        files.append(folder / f"alone_{number}_{header.stem}{suffix}")
+        used = f"int dahl_use_{number}(void);\nint dahl_use_{number}(void) {{ return 0; }}\n"
+        files[-1].write_text(f'#include "{header}"\n#include "{header}"\n{used}')
+    for compiler in compilers(standard):
+        posix = "-D_POSIX_C_SOURCE=200809L"
+        words = [f"-std={standard}", posix, *WARNINGS, *static.INCLUDES, "-fsyntax-only"]
+        said += static.call(compiler, *words, *files, cwd=folder)[1]
+    return said
+
+
+def test_the_public_headers_are_these() -> None:
+    names = {static.name_of(str(path)) for path in PUBLIC}
+    assert {"lib/dahl.h", "port/can_bus.h", "port/frames.h", "host_sim/node.h"} <= names
+
+
+@pytest.mark.parametrize("standard", [*C, *CPP])
+def test_public_header_alone(standard: str, tmp_path: Path) -> None:
+    assert alone(PUBLIC, standard, tmp_path) == ""
+
+
+def test_private_header_alone(tmp_path: Path) -> None:
+    assert alone(OWN, "c99", tmp_path) == ""
+
+
+@pytest.mark.parametrize("standard", ["c99", "c++11"])
+def test_headers_in_two_linked_files(standard: str, tmp_path: Path) -> None:
+    """No header defines what two translation units could not both have."""
+    suffix = ".cpp" if "++" in standard else ".c"
+    lines = "".join(f'#include "{path}"\n' for path in PUBLIC)
+    other, main = tmp_path / f"other{suffix}", tmp_path / f"main{suffix}"
+    other.write_text(f"{lines}int other(void);\nint other(void) {{ return 3; }}\n")
+    main.write_text(f"{lines}int other(void);\nint main(void) {{ return other(); }}\n")
+    for compiler in compilers(standard):
+        words = [f"-std={standard}", *WARNINGS, *static.INCLUDES]
+        static.clean(compiler, *words, other, main, "-o", tmp_path / "program")
+        assert static.call(tmp_path / "program") == (3, "")
+
+
+# --- each fault is seen --------------------------------------------------------------------------
+
+FAULTS = {  # text of dahl.h or node.h, what it becomes, and a word of the complaint
+    "lacks an include": ("lib/dahl.h", "#include <stdint.h>\n", "", "c99", "uint32_t"),
+    "no guard": ("lib/dahl.h", "#ifndef DAHL_H\n", "#if 1\n", "c99", "redefinition"),
+    "not for C++": ("lib/dahl.h", "float sigma0;", "float class;", "c++11", "class"),
+    "not for C99": ("lib/dahl.h", "float sigma0;", "struct { float a; };", "c99", "anonymous"),
+    "undefined macro": (
+        "lib/dahl.h", "#ifndef DAHL_H\n", "#if DAHL_X\n#endif\n#ifndef DAHL_H\n", "c99", "DAHL_X"
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_fault_of_a_header_is_seen(fault: str, tmp_path: Path) -> None:
+    file, old, new, standard, word = FAULTS[fault]
+    text = (ROOT / file).read_text()
+    assert old in text
+    header = tmp_path / "planted.h"
+    header.write_text(text.replace(old, new).replace("#include <stddef.h>\n", ""))
+    assert word in alone([header], standard, tmp_path)
+
+
+def test_planted_definition_in_a_header_does_not_link(tmp_path: Path) -> None:
+    (tmp_path / "planted.h").write_text(
+        "int dahl_twice(void);\nint dahl_twice(void) { return 1; }\n"
+    )
+    for name, rest in (("a", ""), ("b", "int main(void) { return 0; }\n")):
+        (tmp_path / f"{name}.c").write_text(f'#include "planted.h"\n{rest}')
+    status, text = static.call(compilers("c99")[0], "a.c", "b.c", cwd=tmp_path)
+    assert status != 0 and "multiple definition" in text

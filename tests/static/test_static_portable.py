@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: MIT
+"""Other machines: the golden bits and the C tests of library, codec and receiver on a big-endian
+core (s390x, under qemu-user), and from a compiler without GNU's extensions; the batches also in 32
+bits and without 128-bit words. (tests/python/test_bits.py has the golden bits in 32 bits.)
+
+Accuracy against long double is not repeated there: the bits are the same, so are their errors.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import static_tools as static
+from conftest import BUILD, ROOT, need
+
+CLAIM = "the same bits on a big-endian core, in 32 bits, and without GNU extensions"
+GOLDEN = ROOT / "tests/lib/golden_bits.txt"
+UNITY = BUILD.parent / "deps" / "unity"
+INTEGER = [file for file in static.LIB if file.name != "float.c"]  # which has libm's bits
+UNITS = ["lib/test_laws", "lib/test_paper", "lib/test_params", "port/test_frames", "port/test_node"]
+WORDS = ["-std=c99", "-O1", "-DUNITY_INCLUDE_DOUBLE", f"-I{UNITY}", *static.INCLUDES]
+WORDS += [f"-I{ROOT}/tests/lib", f"-I{ROOT}/tests/port"]
+WORDS += [f'-DTABLE_FILE="{ROOT}/host_sim/node.h"']  # which test_node reads
+
+
+@dataclass(frozen=True)
+class Machine:
+    """How programs are made for a machine, and what runs them here."""
+
+    compiler: str
+    words: tuple[str, ...] = ()
+    runner: str = ""
+
+    def build(self, folder: Path, main: Path, sources: list[Path]) -> Path:
+        made = folder / main.stem
+        tool = need(self.compiler, CLAIM)
+        command = [tool, *self.words, *WORDS, "-o", made, main, *sources, "-lm"]
+        status, text = static.call(*command, cwd=folder)
+        assert status == 0, text
+        return made
+
+    def run(self, program: Path, *words: str) -> tuple[int, str]:
+        runner = [need(self.runner, CLAIM)] if self.runner else []
+        return static.call(*runner, program, *words)
+
+
+S390X = Machine("clang-19", ("--target=s390x-linux-gnu", "-static"), "qemu-s390x-static")
+MACHINES = {
+    "big-endian": S390X,
+    "32 bits": Machine("gcc", ("-m32",)),
+    "no GNU C": Machine("clang-19", ("-U__GNUC__",)),
+    "no 128-bit words": Machine("gcc", ("-U__SIZEOF_INT128__",)),
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def s390x_is_here() -> None:
+    """The linker and C library for it are packages of their own."""
+    need("s390x-linux-gnu-ld", CLAIM)
+
+
+@pytest.mark.parametrize("name", ["big-endian", "no GNU C"])
+def test_golden_bits(name: str, tmp_path: Path) -> None:
+    machine = MACHINES[name]
+    program = machine.build(tmp_path, ROOT / "tests/lib/bits.c", INTEGER)
+    assert machine.run(program) == (0, GOLDEN.read_text())
+
+
+def unit(machine: Machine, test: str, folder: Path, sources: list[Path]) -> tuple[int, str]:
+    main = ROOT / f"tests/{test}.c"
+    return machine.run(machine.build(folder, main, [*sources, UNITY / "unity.c"]))
+
+
+@pytest.fixture(scope="module")
+def big_endian(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """What firmware links, compiled once."""
+    folder = tmp_path_factory.mktemp("s390x")
+    words = [*S390X.words, *WORDS]
+    static.clean(need(S390X.compiler, CLAIM), *words, "-c", *static.FIRMWARE, cwd=folder)
+    return sorted(folder.glob("*.o"))
+
+
+@pytest.mark.parametrize("test", UNITS)
+def test_units_on_a_big_endian_core(test: str, tmp_path: Path, big_endian: list[Path]) -> None:
+    status, text = unit(S390X, test, tmp_path, big_endian)
+    assert status == 0 and " 0 Failures " in text, text
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", MACHINES)
+def test_batches_elsewhere(name: str, tmp_path: Path) -> None:
+    status, text = unit(MACHINES[name], "lib/test_batch", tmp_path, static.FIRMWARE)
+    assert status == 0 and " 0 Failures " in text, text
+
+
+@pytest.mark.long
+def test_any_frames_on_a_big_endian_core(tmp_path: Path) -> None:
+    program = S390X.build(tmp_path, ROOT / "tests/port/fuzz_frames.c", static.FIRMWARE)
+    status, text = S390X.run(program, "100000")
+    assert status == 0, text
+
+
+# --- each fault is seen --------------------------------------------------------------------------
+
+Change = Callable[[str], str]
+
+
+def in_place(old: str, new: str) -> Change:
+    def change(text: str) -> str:
+        assert old in text
+        return text.replace(old, new)
+
+    return change
+
+
+# A codec, receiver or library that asks for the processor's order: what sees it, and the change.
+ENDIAN = {
+    "port/frames.c": (
+        "port/test_frames",
+        "    to[0] = (uint8_t)bits;\n",
+        "    *(uint32_t *)(void *)to = bits;\n    return;\n",
+    ),
+    "host_sim/node.c": (
+        "port/test_node",
+        "return (uint8_t)(value & 0xFFu);",
+        "return *(const uint8_t *)&value;",
+    ),
+    "lib/prepare.c": (
+        "",
+        "    entry->hi = (uint32_t)(g >> 32);\n    entry->lo = (uint32_t)g;\n",
+        "    __builtin_memcpy(&entry->lo, &g, 4);\n"
+        "    __builtin_memcpy(&entry->hi, (char *)&g + 4, 4);\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("file", ENDIAN)
+@pytest.mark.parametrize("name", ["big-endian", pytest.param("here", marks=pytest.mark.long)])
+def test_planted_byte_order_is_seen(file: str, name: str, tmp_path: Path) -> None:
+    """It fails on the big-endian core, and nothing is seen on this one: so that core is needed."""
+    test, old, new = ENDIAN[file]
+    for part in ("lib", "port", "host_sim"):
+        shutil.copytree(ROOT / part, tmp_path / part)
+    planted = tmp_path / file
+    planted.write_text(in_place(old, new)(planted.read_text()))
+    machine = S390X if name == "big-endian" else Machine("gcc", ("-fno-strict-aliasing",))
+    sources = [tmp_path / path.relative_to(ROOT) for path in static.FIRMWARE]
+    if test:
+        good = unit(machine, test, tmp_path, sources)[0] == 0
+    else:
+        integer = [path for path in sources if path.parent.name == "lib" and path.name != "float.c"]
+        program = machine.build(tmp_path, ROOT / "tests/lib/bits.c", integer)
+        good = machine.run(program) == (0, GOLDEN.read_text())
+    assert good == (name == "here")
+
+
+def test_planted_branch_of_another_compiler_is_seen(tmp_path: Path) -> None:
+    """A wrong constant in what only a compiler without GNU's extensions reads."""
+    shutil.copytree(ROOT / "lib", tmp_path / "lib")
+    bits = tmp_path / "lib/bits.h"
+    bits.write_text(in_place("zeros += 8;", "zeros += 7;")(bits.read_text()))
+    sources = [tmp_path / "lib" / path.name for path in INTEGER]
+    for name, same in (("no 128-bit words", True), ("no GNU C", False)):
+        program = MACHINES[name].build(tmp_path, ROOT / "tests/lib/bits.c", sources)
+        assert (MACHINES[name].run(program)[1] == GOLDEN.read_text()) == same
