@@ -16,7 +16,6 @@ static void restart(node_t *node)
     node->start = FRAMES_INIT;
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
     node->errors = 0;
-    node->doubts = 0;
     node->offs = 0;
     node->primed = false;
     node->urgent = true;

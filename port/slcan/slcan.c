@@ -15,12 +15,13 @@ typedef struct {
     uint32_t *error;
 } reader_t;
 
+/* Above 15: none. */
 static uint32_t digit_of(char c)
 {
-    if (c >= '0' && c <= '9') {
-        return (uint32_t)(c - '0');
+    uint32_t number = (uint32_t)c - (uint32_t)'0', letter = (uint32_t)(c | 0x20) - (uint32_t)'a';
+    if (number < 10u) {
+        return number;
     }
-    uint32_t letter = (uint32_t)(c | 0x20) - (uint32_t)'a';
     return letter < 6u ? letter + 10u : 16u;
 }
 
@@ -31,18 +32,20 @@ static void fail(reader_t *reader, uint32_t *why)
     }
 }
 
+/* What follows an error is read on, and means nothing. */
 static uint32_t read_hex(reader_t *reader, uint32_t digits)
 {
     uint32_t value = 0;
-    for (; digits > 0 && reader->error == NULL; digits--) {
-        uint32_t digit = reader->at < reader->end ? digit_of(*reader->at) : 0u;
+    for (; digits > 0; digits--) {
         if (reader->at == reader->end) {
             fail(reader, &reader->counts->cut);
-        } else if (digit > 15u) {
+            return 0;
+        }
+        uint32_t digit = digit_of(*reader->at++);
+        if (digit > 15u) {
             fail(reader, &reader->counts->not_hex);
         }
-        value = value << 4 | digit;
-        reader->at++;
+        value = 16u * value + digit;
     }
     return value;
 }
@@ -61,9 +64,10 @@ static void read_data(reader_t *reader, can_frame_t *frame)
     uint32_t length = read_hex(reader, 1);
     if (length > 8u) {
         fail(reader, &reader->counts->wrong_length);
+        return;
     }
     frame->length = (uint8_t)length;
-    for (uint32_t i = 0; i < length && reader->error == NULL && !(frame->flags & CAN_FRAME_REMOTE); i++) {
+    for (uint32_t i = 0; i < length && !(frame->flags & CAN_FRAME_REMOTE); i++) {
         frame->data[i] = (uint8_t)read_hex(reader, 2);
     }
     if (reader->at < reader->end) {

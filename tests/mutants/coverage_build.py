@@ -21,8 +21,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
-LIB_TESTS = ("accuracy", "laws", "paper", "hard_cases", "angle", "params", "float", "batch")
-PORT_TESTS = ("frames", "buses", "slcan", "node")
+SIMULATION = "test_sim"  # of the loop around the node
 
 # The codec and the receiver; what drives sockets, serial ports and boards is tested from outside.
 PORT_SOURCES = (
@@ -70,9 +69,10 @@ class Build:
     @property
     def programs(self) -> list[Path]:
         """Its test programs."""
-        names = [f"lib/test_{name}" for name in LIB_TESTS]
-        names += [] if self.is_plain else [f"port/test_{name}" for name in PORT_TESTS]
-        return [self.folder / "tests" / name for name in names]
+        parts = ("lib",) if self.is_plain else ("lib", "port")
+        paths = [path for part in parts for path in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
+        names = [path.relative_to(ROOT).with_suffix("") for path in paths]
+        return [self.folder / name for name in names if name.name != SIMULATION]
 
     def make(self) -> None:
         """Configure and build; what was built before and has not changed is kept."""

@@ -184,7 +184,7 @@ def measure(
     """Coverage of each of the sources, absolute paths; a source without code has no lines."""
     wanted = set(map(str, sources))
     data = json.loads(export(profile, programs, sources, "text"))["data"][0]
-    functions = [f for f in data["functions"] if wanted.intersection(f["filenames"])]
+    functions = [f for f in data["functions"] if start_of(f)[0] in wanted]
     names: dict[tuple[str, Span], set[str]] = defaultdict(set)
     for function in functions:
         names[start_of(function)].add(bare(function))

@@ -231,6 +231,63 @@ static void test_the_splitter_finds_elements_in_pieces_and_garbage(void)
     TEST_ASSERT_EQUAL(4, splitter.garbage);
 }
 
+/* Each element by itself, as long as it may be; nothing of the one before it, nothing of one too long. */
+static void test_the_splitter_keeps_elements_apart(void)
+{
+    text_splitter_t splitter = {0};
+    char longest[TEXT_ELEMENT_MAX + 4] = "<";
+    memset(longest + 1, 'x', TEXT_ELEMENT_MAX + 1);
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, "< first of them >"));
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, "<b>"));
+    TEST_ASSERT_EQUAL_STRING("b", splitter.element);
+    longest[TEXT_ELEMENT_MAX + 1] = '>';
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, longest));
+    TEST_ASSERT_EQUAL(TEXT_ELEMENT_MAX, strlen(splitter.element));
+    TEST_ASSERT_EQUAL(0, splitter.garbage);
+    for (size_t i = 0; i < 2; i++) { /* one too long, ending in a character before or behind < in the alphabet */
+        splitter.garbage = 0;
+        longest[TEXT_ELEMENT_MAX + 1] = "1z"[i];
+        TEST_ASSERT_EQUAL(0, elements_in(&splitter, longest));
+        TEST_ASSERT_EQUAL(1, splitter.garbage);
+        TEST_ASSERT_EQUAL(0, elements_in(&splitter, "ab>"));
+        TEST_ASSERT_EQUAL(4, splitter.garbage);
+    }
+    TEST_ASSERT_EQUAL(1, elements_in(&splitter, "<c>"));
+    TEST_ASSERT_EQUAL_STRING("c", splitter.element);
+}
+
+static void test_all_but_blanks_between_elements_is_garbage(void)
+{
+    for (int c = 1; c < 256; c++) {
+        text_splitter_t splitter = {0};
+        const char text[] = {(char)c, '\0'};
+        bool silent = c == ' ' || c == '\n' || c == '\r' || c == '<';
+        TEST_ASSERT_EQUAL(0, elements_in(&splitter, text));
+        TEST_ASSERT_EQUAL(silent ? 0 : 1, splitter.garbage);
+    }
+}
+
+static void test_words_are_what_stands_between_blanks(void)
+{
+    char word[4] = "old";
+    const char *cursor = "one  two three 4  ";
+    TEST_ASSERT_TRUE(text_word(&cursor, word, sizeof word));
+    TEST_ASSERT_EQUAL_STRING("one", word);
+    TEST_ASSERT_TRUE(text_word(&cursor, word, sizeof word));
+    TEST_ASSERT_EQUAL_STRING("two", word);
+    TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word)); /* too long: skipped, the word as it was */
+    TEST_ASSERT_EQUAL_STRING("two", word);
+    TEST_ASSERT_TRUE(text_word(&cursor, word, sizeof word));
+    TEST_ASSERT_EQUAL_STRING("4", word);
+    TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
+    TEST_ASSERT_EQUAL_STRING("4", word);
+    TEST_ASSERT_EQUAL('\0', *cursor);
+    can_frame_t frame;
+    TEST_ASSERT_TRUE(text_to_send("send   12345678  2 a   b", &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x12345678, frame.id);
+    TEST_ASSERT_EQUAL_HEX8(0xB, frame.data[1]);
+}
+
 static void test_an_endless_element_is_dropped(void)
 {
     text_splitter_t splitter = {0};
@@ -300,6 +357,9 @@ int main(void)
     RUN_TEST(test_there_are_no_words_for_other_frames);
     RUN_TEST(test_bad_elements_are_refused);
     RUN_TEST(test_the_splitter_finds_elements_in_pieces_and_garbage);
+    RUN_TEST(test_the_splitter_keeps_elements_apart);
+    RUN_TEST(test_all_but_blanks_between_elements_is_garbage);
+    RUN_TEST(test_words_are_what_stands_between_blanks);
     RUN_TEST(test_an_endless_element_is_dropped);
     RUN_TEST(test_a_0_makes_garbage_of_an_element);
     RUN_TEST(test_random_bytes_break_nothing);

@@ -180,6 +180,21 @@ static void test_packing_writes_every_byte(void)
     for (size_t i = 2; i < 8; i++) {
         TEST_ASSERT_EQUAL_HEX8(0, frame.data[i]);
     }
+    memset(&frame, 0xA5, sizeof frame);
+    frames_pack_torque(&frame, 1, &(friction_torque_t){.torque_q30 = -1, .counter = 4, .state = FRAMES_LOST, .echo = 7});
+    TEST_ASSERT_EQUAL_HEX8(0x24, frame.data[1]);
+    TEST_ASSERT_EQUAL_HEX8(0x07, frame.data[2]);
+    TEST_ASSERT_EQUAL_HEX8(0, frame.data[3]);
+    memset(&frame, 0xA5, sizeof frame);
+    frames_pack_param_write(&frame, 1, &(param_write_t){.value = UINT32_MAX, .counter = 4, .param = 8, .write = true});
+    TEST_ASSERT_EQUAL_HEX8(0x14, frame.data[1]);
+    TEST_ASSERT_EQUAL_HEX8(0x08, frame.data[2]);
+    TEST_ASSERT_EQUAL_HEX8(0, frame.data[3]);
+    memset(&frame, 0xA5, sizeof frame);
+    frames_pack_encoder(&frame, 1, &(encoder_state_t){.count = -1, .counter = 4, .valid = true});
+    TEST_ASSERT_EQUAL_HEX8(0x14, frame.data[1]);
+    TEST_ASSERT_EQUAL_HEX8(0, frame.data[6]);
+    TEST_ASSERT_EQUAL_HEX8(0, frame.data[7]);
 }
 
 /* Later versions may use them: whatever stands there, an older node reads the rest. */
@@ -282,6 +297,11 @@ static void test_a_bad_form_is_refused_before_anything_is_read(void)
     for (uint8_t length = 0; length < 8; length++) {
         can_frame_t frame = sample(&seed);
         frame.length = length;
+        TEST_ASSERT_EQUAL(FRAMES_BAD_FORMAT, frames_unpack_encoder(&frame, &out));
+    }
+    for (uint32_t length = 9; length < 256; length++) { /* what no classic frame has, but the field can say */
+        can_frame_t frame = sample(&seed);
+        frame.length = (uint8_t)length;
         TEST_ASSERT_EQUAL(FRAMES_BAD_FORMAT, frames_unpack_encoder(&frame, &out));
     }
     for (size_t i = 0; i < sizeof flags; i++) {

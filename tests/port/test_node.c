@@ -818,6 +818,20 @@ static void test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart
     TEST_ASSERT_TRUE(feed(7, 530));
 }
 
+/* A restart forgives all of them: as many may follow as after power-on, with no answer in between. */
+static void test_after_a_restart_bus_offs_are_counted_anew(void)
+{
+    for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
+        node_bus_off(&node, now_us);
+    }
+    reset(FRAMES_RESET_RESTART);
+    for (uint32_t i = 0; i < NODE_OFF_MAX - 1; i++) {
+        node_bus_off(&node, now_us);
+    }
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_TRUE(comes_back());
+}
+
 static void test_other_error_frames_are_no_bus_off(void)
 {
     feed(0, 0);
@@ -1187,6 +1201,7 @@ int main(void)
     RUN_TEST(test_a_refused_model_leaves_the_node_alone);
     RUN_TEST(test_bus_off_is_told_at_once_and_over_after_the_timeout);
     RUN_TEST(test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart);
+    RUN_TEST(test_after_a_restart_bus_offs_are_counted_anew);
     RUN_TEST(test_other_error_frames_are_no_bus_off);
     RUN_TEST(test_two_of_three_frames_lost_cost_nothing);
     RUN_TEST(test_a_reversal_that_a_loss_hides_costs_something);

@@ -7,18 +7,27 @@
 
 #include "slcan/slcan.h"
 
-static slcan_t adapter;
+static struct {
+    slcan_t adapter;
+    uint8_t guard[8]; /* right behind the line */
+} guarded;
+#define adapter (guarded.adapter)
 static can_frame_t frame;
 static char text[SLCAN_TEXT_MAX];
 
 void setUp(void)
 {
     memset(&adapter, 0, sizeof adapter);
+    memset(guarded.guard, 0xA5, sizeof guarded.guard);
     memset(&frame, 0xA5, sizeof frame);
 }
 
 void tearDown(void)
 {
+    TEST_ASSERT_EQUAL_PTR(guarded.guard, adapter.line + SLCAN_LINE_MAX);
+    for (size_t i = 0; i < sizeof guarded.guard; i++) {
+        TEST_ASSERT_EQUAL_HEX8(0xA5, guarded.guard[i]);
+    }
 }
 
 /* All of a line; only its last byte, CR, has an event. */
@@ -91,6 +100,7 @@ static void test_digits_are_large_or_small_and_line_feeds_nothing(void)
 /* A line is refused by one count, with BEL; the frame before it stays as it was, and the next line is read. */
 static void expect_refused(const char *line, size_t length, ptrdiff_t count)
 {
+    tearDown();
     setUp();
     feed("O");
     can_frame_t before = frame;
@@ -135,6 +145,8 @@ static void test_characters_that_are_no_digits(void)
     REFUSED("t1002AB`2", not_hex);
     REFUSED("t1002AB\0002", not_hex);
     REFUSED("t1002AB\3772", not_hex);
+    REFUSED("t100GAB1", not_hex);
+    REFUSED("tgggggggggggg", not_hex);
     REFUSED("t1002g", not_hex); /* the first thing that is wrong is what counts */
 }
 
