@@ -32,16 +32,21 @@ static int compare_travel(const dahl_params_t *p, long double limit)
     return (left > right) - (left < right);
 }
 
+/* Of all parameters that there are. */
+static int do_all(int (*test)(float), const dahl_params_t *p)
+{
+    return test(p->sigma0) && test(p->Fc) && (p->theta_per_count == 0 || test(p->theta_per_count));
+}
+
 static verdict_t judge(const dahl_params_t *p)
 {
-    int counted = p->theta_per_count != 0;
-    if (!is_positive(p->sigma0) || !is_positive(p->Fc) || (counted && !is_positive(p->theta_per_count))) {
+    if (!do_all(is_positive, p)) {
         return (verdict_t){DAHL_ERR_PARAM, 0};
     }
-    if (!is_in_limits(p->sigma0) || !is_in_limits(p->Fc) || (counted && !is_in_limits(p->theta_per_count))) {
+    if (!do_all(is_in_limits, p)) {
         return (verdict_t){DAHL_ERR_RANGE, 0};
     }
-    if (!counted) {
+    if (p->theta_per_count == 0) {
         return (verdict_t){DAHL_OK, 0};
     }
     int least = compare_travel(p, DAHL_TRAVEL_MIN), most = compare_travel(p, DAHL_TRAVEL_MAX);

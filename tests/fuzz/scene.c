@@ -14,18 +14,27 @@
 
 enum { TICKS = 40, SETS = 2, SET_LENGTH = 80 };
 
+static int is_between(double value, double least, double most)
+{
+    return value >= least && value <= most;
+}
+
+static void check_friction(const scene_friction_t *f)
+{
+    double u = f->sigma0 / f->Fc * f->theta_per_count;
+    LAW(f->sigma0 > 0 && f->Fc > 0 && is_between(u, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX), "friction is in range");
+    LAW(is_between(f->node, 0, 15) && is_between(f->gain, 0, 1) && is_between(f->limit, 0, 1), "node is in range");
+    LAW(is_between(f->ramp_ms, 0, 60000) && is_between(f->timeout_ms, 0, 60000), "times are in range");
+}
+
 static void check_numbers(const scene_t *scene)
 {
-    const scene_friction_t *f = &scene->friction;
     LAW(scene->has_friction || scene->has_motion, "a scene runs something");
     if (scene->has_friction) {
-        double u = f->sigma0 / f->Fc * f->theta_per_count;
-        LAW(f->sigma0 > 0 && f->Fc > 0 && u >= DAHL_TRAVEL_MIN && u < DAHL_TRAVEL_MAX, "friction is in range");
-        LAW(f->node >= 0 && f->node <= 15 && f->gain >= 0 && f->gain <= 1 && f->limit >= 0 && f->limit <= 1, "node is in range");
-        LAW(f->ramp_ms >= 0 && f->ramp_ms <= 60000 && f->timeout_ms >= 0 && f->timeout_ms <= 60000, "times are in range");
+        check_friction(&scene->friction);
     }
     for (int i = 0; i < FAULT_KINDS; i++) {
-        LAW(scene->faults[i] >= 0 && scene->faults[i] <= 1, "rates are parts of 1");
+        LAW(is_between(scene->faults[i], 0, 1), "rates are parts of 1");
     }
     LAW(!scene->has_control || (scene->has_rotor && scene->has_motion), "a control has a shaft and a way");
     LAW(!scene->has_motor || (scene->has_rotor && !scene->has_motion), "a motor has a shaft and no way");
@@ -50,19 +59,24 @@ static void run_rotor(const scene_t *scene, motion_t *reference)
     }
 }
 
+static void run_motion(const scene_t *scene, motion_t *motion)
+{
+    int32_t count;
+    LAW(motion_open(motion, &scene->motion, "", 1), "a scene that is taken can be moved");
+    for (int i = 0; i < TICKS && motion_next(motion, &count) == 1; i++) {
+    }
+}
+
 static void run(const scene_t *scene)
 {
     static motion_t motion;
     static node_t node;
-    int32_t count;
     int moves = scene->has_motion && scene->motion.kind != MOTION_LOG;
     if (scene->has_friction && !start_node(scene, &node)) {
         return;
     }
     if (moves) {
-        LAW(motion_open(&motion, &scene->motion, "", 1), "a scene that is taken can be moved");
-        for (int i = 0; i < TICKS && motion_next(&motion, &count) == 1; i++) {
-        }
+        run_motion(scene, &motion);
     }
     if (scene->has_rotor && (moves || scene->has_motor)) {
         run_rotor(scene, &motion);

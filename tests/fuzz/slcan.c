@@ -32,48 +32,65 @@ static int64_t number(const char *text, size_t length, size_t from, size_t digit
     return value;
 }
 
-static int read_frame(const char *line, size_t length, can_frame_t *frame)
+static int read_data(const char *line, size_t length, size_t from, can_frame_t *frame)
 {
-    int extended = line[0] == 'T' || line[0] == 'R', remote = line[0] == 'r' || line[0] == 'R';
-    size_t digits = extended ? 8 : 3;
-    int64_t id = number(line, length, 1, digits), count = number(line, length, 1 + digits, 1);
-    if (id < 0 || id > (extended ? 0x1FFFFFFF : 0x7FF) || count < 0 || count > 8 ||
-        length != 2 + digits + (remote ? 0 : 2 * (size_t)count)) {
-        return 0;
-    }
-    *frame = (can_frame_t){.id = (uint32_t)id, .length = (uint8_t)count};
-    frame->flags = (uint8_t)((extended ? CAN_FRAME_EXTENDED : 0) | (remote ? CAN_FRAME_REMOTE : 0));
-    for (int64_t i = 0; !remote && i < count; i++) {
-        int64_t byte = number(line, length, 2 + digits + 2 * (size_t)i, 2);
+    for (size_t i = 0; i < frame->length; i++) {
+        int64_t byte = number(line, length, from + 2 * i, 2);
         if (byte < 0) {
             return 0;
         }
         frame->data[i] = (uint8_t)byte;
     }
-    return 1;
+    return length == from + 2 * (size_t)frame->length;
+}
+
+static int is_between(int64_t value, int64_t least, int64_t most)
+{
+    return value >= least && value <= most;
+}
+
+static int read_frame(const char *line, size_t length, can_frame_t *frame)
+{
+    int extended = memchr("TR", line[0], 2) != NULL, remote = memchr("rR", line[0], 2) != NULL;
+    size_t digits = extended ? 8 : 3;
+    int64_t id = number(line, length, 1, digits), count = number(line, length, 1 + digits, 1);
+    if (!is_between(id, 0, extended ? 0x1FFFFFFF : 0x7FF) || !is_between(count, 0, 8)) {
+        return 0;
+    }
+    *frame = (can_frame_t){.id = (uint32_t)id, .length = (uint8_t)count};
+    frame->flags = (uint8_t)((extended ? CAN_FRAME_EXTENDED : 0) | (remote ? CAN_FRAME_REMOTE : 0));
+    return remote ? length == 2 + digits : read_data(line, length, 2 + digits, frame);
+}
+
+/* A line that is one letter. */
+static verdict_t judge_letter(char letter, int refused)
+{
+    const struct {
+        char letter;
+        const char *answer;
+        int open;
+    } letters[] = {{'O', "\r", 1},       {'L', "\r", 1},       {'C', "\r", 0},      {'V', "V0101\r", -1},
+                   {'v', "v0101\r", -1}, {'N', "NDAHL\r", -1}, {'S', "\r", -1},     {'s', "\r", -1},
+                   {'F', refused ? "F80\r" : "F00\r", -1}};
+    for (size_t i = 0; i < sizeof letters / sizeof letters[0]; i++) {
+        if (letters[i].letter == letter) {
+            return (verdict_t){SLCAN_ANSWER, letters[i].answer, {0}, letters[i].open};
+        }
+    }
+    return (verdict_t){SLCAN_ANSWER, "\a", {0}, -1};
 }
 
 static verdict_t judge(const char *line, size_t length, const slcan_t *now)
 {
     verdict_t v = {SLCAN_ANSWER, "\a", {0}, -1};
-    static const struct {
-        char letter;
-        const char *answer;
-        int open;
-    } letters[] = {{'O', "\r", 1}, {'L', "\r", 1}, {'C', "\r", 0}, {'V', "V0101\r", -1}, {'v', "v0101\r", -1}, {'N', "NDAHL\r", -1}};
-    if (length == 0 || (length <= SLCAN_LINE_MAX && (line[0] == 'S' || line[0] == 's'))) {
+    if (length == 1) {
+        return judge_letter(line[0], now->refused);
+    }
+    if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
         v.answer = "\r";
-    } else if (length == 1 && line[0] == 'F') {
-        v.answer = now->refused ? "F80\r" : "F00\r";
-    } else if (length <= SLCAN_LINE_MAX && memchr("tTrR", line[0], 4) != NULL && now->open && read_frame(line, length, &v.frame)) {
+    } else if (now->open && memchr("tTrR", line[0], 4) != NULL && read_frame(line, length, &v.frame)) {
         v.answer = "\r";
         v.event = SLCAN_FRAME;
-    }
-    for (size_t i = 0; length == 1 && i < sizeof letters / sizeof letters[0]; i++) {
-        if (letters[i].letter == line[0]) {
-            v.answer = letters[i].answer;
-            v.open = letters[i].open;
-        }
     }
     return v;
 }

@@ -68,27 +68,26 @@ static int read_id(const char *word, can_frame_t *frame)
     return frame->id <= (extended ? 0x1FFFFFFFu : 0x7FFu);
 }
 
+static int read_byte(const char *word, unsigned long most, uint8_t *byte)
+{
+    unsigned long value = strtoul(word, NULL, 16);
+    *byte = (uint8_t)(value & 255u);
+    return is_digits(word, 1, 8, 1) && value <= most;
+}
+
 static int read_send(const char *element, can_frame_t *frame)
 {
     char words[12][32];
     int count = words_of(element, words);
     *frame = (can_frame_t){0};
-    if (count < 3 || strcmp(words[0], "send") != 0 || !read_id(words[1], frame) || !is_digits(words[2], 1, 8, 1)) {
+    if (count < 3 || strcmp(words[0], "send") != 0 || !read_id(words[1], frame)) {
         return 0;
     }
-    unsigned long length = strtoul(words[2], NULL, 16);
-    if (length > 8 || count != 3 + (int)length) {
-        return 0;
+    int good = read_byte(words[2], 8, &frame->length) && count == 3 + frame->length;
+    for (int i = 0; good && i < frame->length; i++) {
+        good = read_byte(words[3 + i], 255, &frame->data[i]);
     }
-    frame->length = (uint8_t)length;
-    for (unsigned long i = 0; i < length; i++) {
-        unsigned long byte = strtoul(words[3 + i], NULL, 16);
-        if (!is_digits(words[3 + i], 1, 8, 1) || byte > 255) {
-            return 0;
-        }
-        frame->data[i] = (uint8_t)byte;
-    }
-    return 1;
+    return good;
 }
 
 static void check_written(const can_frame_t *frame)
@@ -107,25 +106,30 @@ static void check_written(const can_frame_t *frame)
     LAW(text_to_send(element, &back) && is_same(&back, frame), "send: written, read back");
 }
 
+static void check_words(const char *element)
+{
+    can_frame_t frame, other;
+    int good = text_to_send(element, &frame);
+    LAW(good == read_send(element, &other), "a send is taken iff it is one");
+    LAW(!good || is_same(&frame, &other), "the frame is what the words say");
+    if (good || text_to_frame(element, &frame)) {
+        LAW(is_frame(&frame), "what comes out is a frame");
+        check_written(&frame);
+    }
+}
+
 /* Elements begin with <, end with >, hold no 0 and are at most TEXT_ELEMENT_MAX long. */
 static void check_text(const uint8_t *data, size_t size)
 {
     text_splitter_t splitter = {0};
     size_t begin = 0; /* after the last < ; 0: none */
     for (size_t i = 0; i < size; i++) {
-        can_frame_t frame, other;
         int inside = begin > 0 && i - begin < TEXT_ELEMENT_MAX + (data[i] == '>' ? 1u : 0u);
         int whole = text_feed(&splitter, (char)data[i]);
         LAW(whole == (inside && data[i] == '>'), "an element ends with > and nothing else");
         if (whole) {
             LAW(memcmp(splitter.element, data + begin, i - begin) == 0, "an element is what stands between < and >");
-            int good = text_to_send(splitter.element, &frame);
-            LAW(good == read_send(splitter.element, &other), "a send is taken iff it is one");
-            LAW(!good || (is_same(&frame, &other) && is_frame(&frame)), "the frame is what the words say");
-            if (good || text_to_frame(splitter.element, &frame)) {
-                LAW(is_frame(&frame), "what comes out is a frame");
-                check_written(&frame);
-            }
+            check_words(splitter.element);
         }
         begin = data[i] == '<' ? i + 1 : whole || !inside || data[i] == 0 ? 0 : begin;
     }

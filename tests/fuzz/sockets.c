@@ -15,7 +15,8 @@ play_t play;
 
 static play_peer_t *peer_of(int fd)
 {
-    LAW(fd >= PLAY_FD && fd < PLAY_FD + PLAY_PEERS && play.peers[fd - PLAY_FD].is_connected, "a descriptor is used only while it is open");
+    LAW(fd >= PLAY_FD && fd < PLAY_FD + PLAY_PEERS && play.peers[fd - PLAY_FD].is_connected,
+        "a descriptor is used only while it is open");
     return &play.peers[fd - PLAY_FD];
 }
 

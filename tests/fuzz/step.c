@@ -219,7 +219,8 @@ static void change(walk_t *walk)
 {
     const dahl_params_t *from = &walk->plan->params, *to = &walk->other->params;
     const fuzz_plan_t *left = walk->plan;
-    long double softer = (long double)to->sigma0 / (long double)from->sigma0, F = value_of(walk->state.w) * (long double)from->Fc;
+    long double softer = (long double)to->sigma0 / (long double)from->sigma0;
+    long double F = value_of(walk->state.w) * (long double)from->Fc;
     dahl_change_plan(&walk->plan->plan, &walk->other->plan, &walk->state);
     long double now = value_of(walk->state.w) * (long double)to->Fc, most = (long double)to->Fc;
     long double wanted = fmaxl(fminl(F * fminl(softer, 1.0L), most), -most);
@@ -262,6 +263,13 @@ static void travels(const walk_t *walk, float one, float two)
     }
 }
 
+/* Any float, or a quarter of Fc to half of it. */
+static float any_torque(const walk_t *walk, fuzz_bytes_t *bytes, uint32_t size)
+{
+    uint32_t value = fuzz_u32(bytes);
+    return size == 0 ? fuzz_float_of(value) : walk->plan->params.Fc * fuzz_scaled(value, -2);
+}
+
 static void act(walk_t *walk, fuzz_bytes_t *bytes)
 {
     uint8_t what = fuzz_u8(bytes);
@@ -271,7 +279,7 @@ static void act(walk_t *walk, fuzz_bytes_t *bytes)
     case COUNTS: move_counts(walk, any_counts(bytes, size), what >> 7); break;
     case ANGLE: move_angle(walk, any_angle(walk, bytes, size), what >> 7); break;
     case REST: rest(walk); break;
-    case SET: set(walk, size == 0 ? fuzz_float_of(fuzz_u32(bytes)) : walk->plan->params.Fc * fuzz_scaled(fuzz_u32(bytes), -2)); break;
+    case SET: set(walk, any_torque(walk, bytes, size)); break;
     case CHANGE: change(walk); break;
     case PLACE: place(walk, fuzz_u64(bytes), size); break;
     case BETWEEN: between(bytes); break;
