@@ -73,6 +73,7 @@ PROOFS = [
         for message in ("encoder", "torque", "status", "param_write", "param_reply", "reset")
     ),
     Proof("check_crc", 33, harness="cbmc_frames.c"),
+    Proof("check_text_feed", harness="cbmc_text.c"),
     Proof("check_slcan_take", 30, harness="cbmc_slcan.c", long=True),
     Proof("check_slcan_write", 30, harness="cbmc_slcan.c", long=True),
 ]
@@ -209,6 +210,13 @@ FAULTS = {
         "if (self->length <= SLCAN_LINE_MAX)",
         "slcan_take",
         "bound",
+    ),
+    "element_too_long": Fault(
+        "port/socketcand/text.c",
+        "s->length == TEXT_ELEMENT_MAX",
+        "s->length > TEXT_ELEMENT_MAX",
+        "text_feed",
+        "room for its end",
     ),
     "nine_bytes_of_data": Fault(
         "port/slcan/slcan.c", "if (length > 8u)", "if (length > 9u)", "slcan_take", "bound"

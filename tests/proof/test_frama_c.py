@@ -156,7 +156,7 @@ FAULTS = {
         "asked->param > FRAMES_PARAM_STATUS",
         "asked->param > FRAMES_PARAM_STATUS + 1",
         NODE,
-        "settings",
+        "out of bounds read",
     ),
 }
 QUICK = ("shift_by_32",)
