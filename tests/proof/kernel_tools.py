@@ -39,11 +39,12 @@ def copy_of_lib(tmp_path: Path) -> Path:
 
 
 def build(top: Path, program: str, *words: str) -> Path:
-    """One C program of a (copied) tree, with the core of its lib/."""
-    core = [top / "lib" / f"{name}.c" for name in CORE]
+    """One C program of a (copied) tree, with the core of its lib/ in one piece: half the time."""
+    core = top / "core.c"
+    core.write_text("".join(f'#include "{name}.c"\n' for name in CORE))
     target = top / Path(program).stem
     command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
-    command += [f"-I{top / 'lib'}", str(top / program), *map(str, core), "-o", str(target)]
+    command += [f"-I{top / 'lib'}", str(top / program), str(core), "-o", str(target)]
     subprocess.run([*command, *words, "-lm"], check=True, timeout=120)
     return target
 

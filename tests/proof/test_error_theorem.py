@@ -117,7 +117,7 @@ def check_steps(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
 def travel_error(k: dict[str, mpf], u: mpf) -> mpf:
     """The k of the theorem."""
     least = k["first_entry_units"] * mpf(2) ** -64 / u + k["series"] * u * u
-    return least * (1 + mpf(2) ** -19)
+    return least * (1 + mpf(2) ** -15)
 
 
 def check_fine_table(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
@@ -205,8 +205,8 @@ def error(k: dict[str, mpf], u: mpf) -> mpf:
     if u < mpf(2) ** -20:
         cut = k["cut"] / u * (1 + mpf(2) ** -18)
         return k["gap_rounding"] * (1 + mpf(2) ** -32) + cut + k["sensitivity"] * travel_error(k, u)
-    coarse = 2 * k["coarse_entry"] * (1 + mpf(2) ** -32)
-    return k["gap_rounding"] + k["cut"] / -mp.expm1(-u) + coarse
+    always = (k["gap_rounding"] + 2 * k["coarse_entry"]) * (1 + mpf(2) ** -32)
+    return always - k["cut"] / mp.expm1(-u)
 
 
 def error_by_angle(k: dict[str, mpf], ticks: float) -> mpf:
