@@ -8,14 +8,14 @@ from __future__ import annotations
 import ast
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT, need
+from conftest import ROOT
 
 CONFIG = ROOT / "tools" / "pyproject.toml"
 LONGEST = 40  # lines of a function, from its def to its end
-CLAIM = "the Python side has no finding of ruff"
 
 
 def sources() -> list[Path]:
@@ -24,7 +24,15 @@ def sources() -> list[Path]:
 
 
 def ruff(*words: object) -> subprocess.CompletedProcess[str]:
-    command = [need("ruff", CLAIM), *map(str, words), "--no-cache", "--config", str(CONFIG)]
+    command = [
+        sys.executable,
+        "-m",
+        "ruff",
+        *map(str, words),
+        "--no-cache",
+        "--config",
+        str(CONFIG),
+    ]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
 
 
