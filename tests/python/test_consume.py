@@ -56,16 +56,6 @@ def test_an_installed_tree_names_no_place_of_this_machine(prefix: Path) -> None:
             assert str(ROOT) not in file.read_text() and str(prefix) not in file.read_text(), file
 
 
-@pytest.mark.parametrize(
-    "compiler",
-    ["gcc -std=c99", "gcc -std=c11", "clang -std=c99", "g++ -std=c++11", "clang++ -std=c++17"],
-)
-def test_header_alone(compiler: str, tmp_path: Path) -> None:
-    language = "c++" if "++" in compiler else "c"
-    flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wundef", "-fsyntax-only", "-x", language]
-    run(*compiler.split(), *flags, ROOT / "lib/dahl.h")
-
-
 def test_readme_snippet(tmp_path: Path) -> None:
     """The first C block of the README is a whole file for a firmware; it compiles for the strictest
     reader, and is short.

@@ -158,6 +158,7 @@ def test_planted_byte_order_is_seen(file: str, name: str, tmp_path: Path) -> Non
     assert good == (name == "here")
 
 
+@pytest.mark.long
 def test_planted_branch_of_another_compiler_is_seen(tmp_path: Path) -> None:
     """A wrong constant in what only a compiler without GNU's extensions reads."""
     shutil.copytree(ROOT / "lib", tmp_path / "lib")

@@ -43,9 +43,8 @@ def test_clang_has_no_warning(tmp_path: Path) -> None:
     static.clean(tool, *static.CLANG, "-fsyntax-only", *HOST, cwd=tmp_path)
 
 
-@pytest.mark.parametrize(
-    "core", [core if core == "m0" else pytest.param(core, marks=pytest.mark.long) for core in CORES]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("core", CORES)
 def test_small_core_has_no_warning(core: str, tmp_path: Path) -> None:
     compiler, *words = CORES[core]
     own = ROOT / "port" / ("riscv" if core == "rv32" else "cortex_m")
@@ -56,6 +55,7 @@ def test_small_core_has_no_warning(core: str, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.long
 def test_analyzer_of_gcc_finds_nothing(tmp_path: Path) -> None:
     compile_all(tmp_path, static.LIB, need("gcc", CLAIM.format("gcc")), *static.GCC, "-fanalyzer")
 
