@@ -124,8 +124,7 @@ static bool plausible(const node_t *node, const encoder_state_t *seen, uint32_t 
 /* True: this is one of NODE_REARM frames in a row. */
 static bool sure(node_t *node, const encoder_state_t *seen)
 {
-    bool follows = node->doubts > 0 && seen->counter == ((node->candidate + 1) & 0x0F);
-    if (!follows) {
+    if (seen->counter != ((node->candidate + 1) & 0x0F)) {
         node->doubts = 0;
     }
     node->doubts = (uint8_t)(node->doubts + (node->doubts < NODE_REARM ? 1u : 0u));

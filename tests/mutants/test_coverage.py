@@ -232,8 +232,8 @@ def test_planted_conditions_that_never_decide(planted: Callable[..., list[str]])
     """
     holes = planted(
         *NODE,
-        "node->doubts > 0 && seen->counter == ((node->candidate + 1) & 0x0F)",
-        "(!node->doubts || seen->counter == ((node->candidate + 1) & 0x0F)) && node->doubts > 0",
+        "node->max_step > 0 && !plausible(node, seen, step, now_us)",
+        "(!node->max_step || !plausible(node, seen, step, now_us)) && node->max_step > 0",
     )
     assert [hole.split(": ")[1] for hole in holes] == [
         "condition 1 of 3 never shown to decide (MC/DC)",

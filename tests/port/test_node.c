@@ -174,6 +174,39 @@ static void test_three_in_a_row_are_a_new_start_without_travel(void)
     TEST_ASSERT_NOT_EQUAL(before, node.bearing.w);
 }
 
+/* Up, down or with a gap: only each counter plus 1 makes a row, and three make it long enough. */
+static void test_frames_that_do_not_follow_each_other_are_no_new_start(void)
+{
+    feed(0, 0);
+    TEST_ASSERT_FALSE(feed(4, 900));
+    TEST_ASSERT_FALSE(feed(8, 900));
+    TEST_ASSERT_FALSE(feed(14, 900));
+    TEST_ASSERT_FALSE(feed(9, 900));
+    TEST_ASSERT_FALSE(feed(8, 900));
+    TEST_ASSERT_FALSE(feed(7, 900));
+    TEST_ASSERT_FALSE(feed(8, 900));
+    TEST_ASSERT_FALSE(feed(10, 900));
+    TEST_ASSERT_FALSE(feed(11, 900));
+    TEST_ASSERT_TRUE(feed(12, 900));
+    TEST_ASSERT_EQUAL(10, node.counts.wrong_sequence);
+}
+
+/* What one row has used up does not count for the next: late frames that go on where it ended are not believed at once. */
+static void test_after_a_new_start_doubt_begins_anew(void)
+{
+    feed(0, 0);
+    TEST_ASSERT_FALSE(feed(5, 900));
+    TEST_ASSERT_FALSE(feed(6, 900));
+    TEST_ASSERT_TRUE(feed(7, 900));
+    for (uint32_t counter = 8; counter < 13; counter++) {
+        TEST_ASSERT_TRUE(feed(counter, 900));
+    }
+    TEST_ASSERT_FALSE(feed(8, 5));
+    TEST_ASSERT_FALSE(feed(9, 5));
+    TEST_ASSERT_TRUE(feed(10, 5));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+}
+
 /* The row is three long, but its third count is one that the encoder disowns: the fourth is the new start. */
 static void test_a_disowned_count_is_no_new_start_but_does_not_break_the_row(void)
 {
@@ -437,6 +470,20 @@ static void test_the_step_limit_holds_backward_too(void)
     TEST_ASSERT_EQUAL(2, node.counts.jump);
     TEST_ASSERT_TRUE(feed(4, -150));
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -50), answer.torque_q30);
+    TEST_ASSERT_TRUE(feed(5, -151));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -1), answer.torque_q30);
+}
+
+/* The largest limit times three frames is more than 32 bits hold. */
+static void test_the_largest_step_limit_allows_every_way_of_two_frames(void)
+{
+    node.max_step = INT32_MAX;
+    feed(0, 0);
+    TEST_ASSERT_FALSE(feed(1, INT32_MIN));
+    TEST_ASSERT_TRUE(feed(2, 0));
+    TEST_ASSERT_TRUE(feed(5, INT32_MIN));
+    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(1, node.counts.jump);
 }
 
 static void test_with_a_step_limit_longer_gaps_are_bridged(void)
@@ -592,6 +639,23 @@ static void test_the_gain_ramps_down_and_stops_where_it_should(void)
         uint32_t gain = gone < NODE_ONE / 2 ? NODE_ONE - gone : NODE_ONE / 2;
         feed(i, 1000000);
         TEST_ASSERT_EQUAL(((int64_t)gain << 30) / NODE_ONE, answer.torque_q30);
+    }
+}
+
+/* No time has passed for a starting point, whatever the ramp; and 65,536 us are as many as 65,535. */
+static void test_the_ramp_of_a_starting_point_and_of_65536_us(void)
+{
+    const uint32_t ramps_us[] = {1, 1000, 100000};
+    for (size_t i = 0; i < 3; i++) {
+        setUp();
+        node.ramp_us = ramps_us[i];
+        reset(FRAMES_RESET_RESTART);
+        now_us += 50000;
+        TEST_ASSERT_TRUE(feed(0, 0));
+        TEST_ASSERT_EQUAL(0, node.gain_now);
+        now_us += 65536 - 1000;
+        TEST_ASSERT_TRUE(feed(1, 0));
+        TEST_ASSERT_EQUAL(i < 2 ? NODE_ONE : 65536u * 65535u / 100000u, node.gain_now);
     }
 }
 
@@ -1165,6 +1229,8 @@ int main(void)
     RUN_TEST(test_one_frame_out_of_sequence_has_no_effect);
     RUN_TEST(test_a_good_frame_between_two_out_of_sequence_ends_the_doubt);
     RUN_TEST(test_three_in_a_row_are_a_new_start_without_travel);
+    RUN_TEST(test_frames_that_do_not_follow_each_other_are_no_new_start);
+    RUN_TEST(test_after_a_new_start_doubt_begins_anew);
     RUN_TEST(test_a_disowned_count_is_no_new_start_but_does_not_break_the_row);
     RUN_TEST(test_wrong_crc_and_form_are_counted_and_not_used);
     RUN_TEST(test_other_ids_are_ignored);
@@ -1178,6 +1244,7 @@ int main(void)
     RUN_TEST(test_status_tells_what_happened);
     RUN_TEST(test_status_comes_every_100_ms);
     RUN_TEST(test_with_a_step_limit_a_glitch_is_not_used);
+    RUN_TEST(test_the_largest_step_limit_allows_every_way_of_two_frames);
     RUN_TEST(test_the_step_limit_holds_backward_too);
     RUN_TEST(test_with_a_step_limit_longer_gaps_are_bridged);
     RUN_TEST(test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame);
@@ -1188,6 +1255,7 @@ int main(void)
     RUN_TEST(test_the_gain_ramps_without_a_bump);
     RUN_TEST(test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms);
     RUN_TEST(test_the_gain_ramps_down_and_stops_where_it_should);
+    RUN_TEST(test_the_ramp_of_a_starting_point_and_of_65536_us);
     RUN_TEST(test_after_a_restart_the_ramp_begins_anew);
     RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
     RUN_TEST(test_parameters_read_back_as_written_up_to_24_bits);
