@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /* Cases P1 to P8, P11 to P14, P16 and P17 of the design: each is somebody's real failure. P9 is fact 7 in test_laws.c, P10
  * in test_accuracy.c (P13 too), P14 for parameters and P15 in test_params.c. */
-#include "motions.h"
+#include "bits.h"
 #include "plans.h"
+
+#define BITS_OF_TINY_MOTION 0xd2d1c3121159a13u
 
 #ifndef TEST_ZERO_TICKS
 #define TEST_ZERO_TICKS 1000000000
@@ -135,6 +137,22 @@ static void test_p06_tiny_motion_by_counts(void)
     }
 }
 
+/* The bits of travel from 2^-29 down to what counts as none: golden_bits.txt does not go so low. */
+static void test_p06_bits_of_tiny_motion(void)
+{
+    dahl_params_t p = {1.3f, 1.0f, 0.0f};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    motion_t m = MOTION_START;
+    uint64_t hash = 14695981039346656037u;
+    for (int t = 0; t < 20000; t++) {
+        float size = ldexpf((float)(motion_random(&m) >> 8 | 0x800000u), -53 - t % 40);
+        hash = bits_fold(hash, bits_of_float(dahl_step(&plan, &state, t % 3 == 0 ? -size : size)));
+        hash = bits_fold(hash, (uint64_t)state.w);
+    }
+    TEST_ASSERT_TRUE(hash == BITS_OF_TINY_MOTION);
+}
+
 /* No dead band: every count that reverses moves the state towards the new side, at every torque. */
 static void test_p07_no_dead_band(void)
 {
@@ -237,7 +255,8 @@ static void test_p14_bad_angles(void)
     TEST_ASSERT_TRUE(dahl_step_counts(&plan, &state, 12345) == F); /* theta_per_count 0: counts are unused */
     TEST_ASSERT_TRUE(state.w == before);
     TEST_ASSERT_TRUE(dahl_step(&plan, &state, 1e30f) == 1.0f && dahl_step(&plan, &state, -1e30f) == -1.0f);
-    TEST_ASSERT_TRUE(dahl_step(&plan, &state, HUGE_VALF) == 1.0f && dahl_step(&plan, &state, -HUGE_VALF) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_step(&plan, &state, HUGE_VALF) == 1.0f && state.w == (int64_t)1 << 62);
+    TEST_ASSERT_TRUE(dahl_step(&plan, &state, -HUGE_VALF) == -1.0f && state.w == -((int64_t)1 << 62));
     TEST_ASSERT_TRUE(dahl_step(&plan, &state, 0.01f) < 1.0f);
 }
 
@@ -287,6 +306,7 @@ int main(void)
     RUN_TEST(test_p05_fine_encoders);
     RUN_TEST(test_p06_tiny_motion);
     RUN_TEST(test_p06_tiny_motion_by_counts);
+    RUN_TEST(test_p06_bits_of_tiny_motion);
     RUN_TEST(test_p07_no_dead_band);
     RUN_TEST(test_p08_zero_motion);
     RUN_TEST(test_p11_hidden_reversal);

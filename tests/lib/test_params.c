@@ -160,6 +160,23 @@ static void test_set_torque_far_below_Fc(void)
     }
 }
 
+/* The least torque beside the least Fc: the smallest normal float is one unit of w, a subnormal one is none. */
+static void test_set_least_torques(void)
+{
+    dahl_params_t p = {1.0f, DAHL_TORQUE_MIN, 0};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {12345};
+    dahl_set_torque(&plan, &state, 0x1p-126f);
+    TEST_ASSERT_TRUE(state.w == 1);
+    dahl_set_torque(&plan, &state, -0x1p-126f);
+    TEST_ASSERT_TRUE(state.w == -1);
+    dahl_set_torque(&plan, &state, 0x1.fffffcp-127f);
+    TEST_ASSERT_TRUE(state.w == 0);
+    state.w = 12345;
+    dahl_set_torque(&plan, &state, -0x1p-149f);
+    TEST_ASSERT_TRUE(state.w == 0);
+}
+
 /* Torque of any state: half an ulp of itself and 0.012, as torque.h says; where Q30 says +-1 it is +-Fc. */
 static void test_torque_of_any_state(void)
 {
@@ -215,6 +232,20 @@ static void test_p15_change_of_parameters(void)
     }
 }
 
+/* No torque stays none, however much Fc shrinks. */
+static void test_p15_relaxed_stays_relaxed(void)
+{
+    for (int k = 0; k <= 124; k++) {
+        dahl_params_t p1 = {1, 0x1p62f, 0}, p2 = {1, ldexpf(0x1p62f, -k), 0};
+        dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
+        dahl_state_t state = {0};
+        dahl_change_plan(&from, &to, &state);
+        TEST_ASSERT_TRUE(state.w == 0);
+        dahl_change_plan(&to, &from, &state);
+        TEST_ASSERT_TRUE(state.w == 0);
+    }
+}
+
 /* The smallest w against any growth that parameters allow: 2^k of it, never more than 1; and the way back. */
 static void test_p15_growth_of_the_smallest_torque(void)
 {
@@ -259,8 +290,10 @@ int main(void)
     RUN_TEST(test_travel_just_below_a_power_of_two);
     RUN_TEST(test_set_torque);
     RUN_TEST(test_set_torque_far_below_Fc);
+    RUN_TEST(test_set_least_torques);
     RUN_TEST(test_torque_of_any_state);
     RUN_TEST(test_p15_change_of_parameters);
+    RUN_TEST(test_p15_relaxed_stays_relaxed);
     RUN_TEST(test_p15_growth_of_the_smallest_torque);
     RUN_TEST(test_p15_no_energy_from_changes);
     return UNITY_END();

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""Each mutant of library, codec, line readers and receiver is noticed by a test or means the same.
+
+By default a sample, and the list of equivalents as a text; with --long all of them, and each entry
+of the list is proven again. `build/mutants.json` then holds every fate.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import equivalence
+import pytest
+import run_mutants
+from mutate import Mutant
+from workshop import PROGRAMS, Fate
+
+LIST = Path(__file__).with_name("equivalent.toml")
+SAMPLE = 24
+SAMPLED = ("lib/wide.c", "lib/set_torque.c", "lib/angle.c", "lib/gap.h", "port/frames.c")
+LEAST_DISTINCT = 500
+PROOFS = ("solver",)
+
+
+Entry = dict[str, Any]  # of equivalent.toml
+
+
+def equivalents() -> list[Entry]:
+    return tomllib.loads(LIST.read_text()).get("mutant", [])
+
+
+def complaints(entries: list[Entry], mutants: list[Mutant]) -> list[str]:
+    """What is wrong with the list as it stands."""
+    known, ids = {mutant.id for mutant in mutants}, [entry.get("id", "") for entry in entries]
+    found = [f"no such mutant: {name}" for name in ids if name not in known]
+    found += [f"listed twice: {name}" for name in ids if ids.count(name) > 1]
+    for entry in entries:
+        if entry.get("proof") not in PROOFS or not entry.get("reason", "").strip():
+            found.append(f"no proof or no reason: {entry.get('id')}")
+    return found
+
+
+def unexplained(fates: list[Fate], entries: list[Entry]) -> list[str]:
+    """Mutants alive that the list does not have, and listed ones that a test does notice."""
+    listed = {entry["id"] for entry in entries}
+    found = [f"alive: {f.id}" for f in fates if f.kind == "alive" and f.id not in listed]
+    for fate in fates:
+        if fate.id in listed and fate.kind == "killed":
+            found.append(f"listed as equivalent, but {fate.killer} notices it: {fate.id}")
+    return found
+
+
+@pytest.fixture(scope="module")
+def mutants() -> list[Mutant]:
+    return run_mutants.all_mutants()
+
+
+def named(mutants: list[Mutant], name: str) -> Mutant:
+    return next(mutant for mutant in mutants if mutant.id == name)
+
+
+def test_list_names_mutants_and_reasons(mutants: list[Mutant]) -> None:
+    assert complaints(equivalents(), mutants) == []
+
+
+def test_sample_of_mutants_is_noticed(mutants: list[Mutant]) -> None:
+    """The same few of the small files each time."""
+    chosen = [mutant for mutant in mutants if mutant.file in SAMPLED]
+    chosen.sort(key=lambda mutant: hashlib.sha256(mutant.id.encode()).hexdigest())
+    fates = run_mutants.run(chosen[:SAMPLE])
+    assert unexplained(fates, equivalents()) == []
+    assert sum(fate.kind == "killed" for fate in fates) > SAMPLE // 2
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_every_mutant_is_noticed_or_equivalent(mutants: list[Mutant]) -> None:
+    start = time.monotonic()
+    jobs = int(os.environ.get("DAHL_MUTANT_JOBS", "0")) or os.cpu_count() or 1
+    fates = run_mutants.run(mutants, jobs)
+    result = run_mutants.report(mutants, fates, time.monotonic() - start)
+    run_mutants.RESULT.write_text(json.dumps(result, indent=1))
+    print({key: value for key, value in result.items() if key not in ("fates", "alive")})
+    assert unexplained(fates, equivalents()) == []
+    assert result["distinct"] >= LEAST_DISTINCT
+
+
+@pytest.mark.long
+@pytest.mark.timeout(1800)
+def test_equivalents_are_proven(mutants: list[Mutant]) -> None:
+    """Each entry again, so that the list cannot hide a mutant that differs."""
+    open_ = []
+    for entry in equivalents():
+        at = {int(place): value for place, value in entry.get("at", {}).items()}
+        answer = equivalence.prove_equivalent(named(mutants, entry["id"]), at=at)
+        if not answer.proven:
+            open_.append((entry["id"], answer.said))
+    assert open_ == []
+
+
+# ---------------------------------------------------------------- the check itself
+
+SURVIVES_WITHOUT_GOLDEN = "lib/gap.h dahl_q30 constant: 31 -> 30"
+DIFFERS = "lib/counts_q30.c dahl_step_counts_q30 relational: dcounts > DAHL_DENSE"
+DIFFERS += " -> dcounts <= DAHL_DENSE"
+
+
+def test_planted_weak_tests_leave_a_survivor(mutants: list[Mutant]) -> None:
+    """Without the golden bits a wrong rounding lives, and is reported."""
+    weak = [program for program in PROGRAMS if program.name == "lib/test_paper"]
+    fates = run_mutants.run([named(mutants, SURVIVES_WITHOUT_GOLDEN)], programs=weak)
+    assert unexplained(fates, equivalents()) == [f"alive: {SURVIVES_WITHOUT_GOLDEN}"]
+
+
+def test_planted_wrong_equivalence_is_reported(mutants: list[Mutant]) -> None:
+    """A mutant that differs, listed as equivalent: seen by the tests and by the solver."""
+    entry = {"id": DIFFERS, "proof": "solver", "reason": "planted"}
+    golden = [program for program in PROGRAMS if program.name == "golden"]
+    fates = run_mutants.run([named(mutants, DIFFERS)], programs=golden)
+    assert unexplained(fates, [entry]) == [
+        f"listed as equivalent, but golden notices it: {DIFFERS}"
+    ]
+
+
+def test_planted_difference_is_refuted_by_the_solver(mutants: list[Mutant]) -> None:
+    differs = named(mutants, "lib/far_angle.c dahl_step_far constant: 31 -> 30")
+    answer = equivalence.prove_equivalent(differs, seconds=60)
+    assert not answer.proven
+    assert any("fails for" in said for said in answer.said)
+
+
+def test_planted_stale_entry_is_reported(mutants: list[Mutant]) -> None:
+    stale = {"id": "lib/gap.h gone constant: 1 -> 2", "proof": "solver", "reason": "was there"}
+    bare = {"id": DIFFERS, "proof": "solver", "reason": ""}
+    assert complaints([stale], mutants) == ["no such mutant: lib/gap.h gone constant: 1 -> 2"]
+    assert complaints([bare], mutants) == [f"no proof or no reason: {DIFFERS}"]

@@ -1,0 +1,403 @@
+# SPDX-License-Identifier: MIT
+"""Where mutants are compiled and the tests run on them: a copy of the sources, one shared library
+of all that is mutated, and test programs linked to it once, so that only the library is exchanged.
+
+A program counts as a test of a mutant if it reaches, by calls, an object that the mutant changed,
+or includes the mutated header (then it is rebuilt with it). It has as much processor time as four
+runs on the original; more is an endless loop, and that kills as a failed check and a crash do.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import resource
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mutate import Mutant
+
+ROOT = Path(__file__).resolve().parents[2]
+COPIED = ("lib", "port", "host_sim", "tests/lib", "tests/port", "tests/mutants")
+CORE = ("prepare", "wide", "counts", "counts_q30", "digits", "angle", "far_angle", "torque")
+CORE += ("set_torque", "change_plan", "encoder")
+VECTORS = ("batch_channels", "batch_throughput", "batch_throughput_channels")
+REST = ("float", "batch", *VECTORS, "batch_throughput_check")
+PORT = ("port/frames", "port/slcan/slcan", "port/socketcand/text", "host_sim/node")
+UNITS = tuple(f"lib/{name}.c" for name in CORE + REST) + tuple(f"{name}.c" for name in PORT)
+CORE_UNITS = frozenset(f"lib/{name}.c" for name in CORE)
+WHOLE_CORE = "core.c"  # all of CORE in one, for mutants of headers
+
+FLAGS = ("-std=c99", "-fPIC", "-w", "-Ilib", "-Iport", "-Ihost_sim")
+FLAGS += ("-ftrivial-auto-var-init=pattern",)  # what is read unset is the same at each run
+UNITY_STOPS = ("-include", "stdlib.h", "-DTEST_PROTECT()=1", "-DTEST_ABORT()=exit(1)")
+UNITY_STOPS += ("-DUNITY_INCLUDE_DOUBLE",)
+TOO_LONG = 4  # times what the original takes, and
+GRACE = 0.3  # seconds more
+
+
+class WorkshopError(Exception):
+    """The workshop itself does not work: the original does not compile or fails a test."""
+
+
+@dataclass(frozen=True)
+class Form:
+    """One way to compile the sources. `hints` are what compilers are told that changes no value."""
+
+    name: str
+    compiler: str
+    flags: tuple[str, ...]
+    vector_compiler: str
+    vector_flags: tuple[str, ...] = ()
+
+    def command(self, unit: str) -> tuple[str, ...]:
+        if Path(unit).stem in VECTORS:
+            return (self.vector_compiler, *self.flags, *self.vector_flags)
+        return (self.compiler, *self.flags)
+
+
+# Many objects: the vector files in one form only (no variants for each set of instructions).
+ONE_FORM = ("-U__x86_64__", "-ffp-contract=fast", "-fno-math-errno", "-fno-signed-zeros")
+AS_BUILT = Form("as built", "gcc", ("-O2",), "clang-19", ONE_FORM)
+# Without what the compiler can do better than plain C: neither its functions nor its hints.
+PLAIN = Form("plain", "gcc", ("-O2", "-include", "no_gnu.h"), "gcc")
+# Where tests notice nothing, another compiler may show that the mutant means the same.
+OTHERS = (
+    Form("clang", "clang-19", ("-O2",), "gcc", ("-U__x86_64__", "-O2")),
+    Form("gcc -O3", "gcc", ("-O3",), "clang-19", ("-U__x86_64__",)),
+)
+
+
+@dataclass(frozen=True)
+class Program:
+    """A test program: sources, macros, arguments."""
+
+    name: str
+    sources: tuple[str, ...]
+    macros: tuple[str, ...] = ()
+    arguments: tuple[str, ...] = ()
+    quick: bool = False  # tried before the question whether other compilers make the same of it
+
+
+def unity_test(name: str, *macros: str, quick: bool = False) -> Program:
+    return Program(name, (f"tests/{name}.c",), macros, quick=quick)
+
+
+BUSES = tuple(
+    f"port/{n}.c"
+    for n in ("loopback/loopback", "socketcan/socketcan", "socketcand/client")
+    + ("socketcand/outbox", "socketcand/server")
+)
+# Quick ones first; the first that fails ends it.
+PROGRAMS = (
+    Program("golden", ("tests/mutants/golden.c",), arguments=("tests/lib/golden_bits.txt",),
+            quick=True),
+    unity_test("port/test_frames", quick=True),
+    unity_test("port/test_node", 'TABLE_FILE="host_sim/node.h"', quick=True),
+    unity_test("port/test_slcan", quick=True),
+    unity_test("lib/test_params", quick=True),
+    unity_test("lib/test_short_ticks", quick=True),
+    unity_test("lib/test_paper"),
+    unity_test("lib/test_laws"),
+    Program("port/fuzz_frames", ("tests/port/fuzz_frames.c",), arguments=("50000",)),
+    unity_test("lib/test_float", "TEST_TICKS=20000"),
+    unity_test("lib/test_hard_cases", "TEST_ZERO_TICKS=1000000", "TEST_TICKS=20000",
+               "TEST_FINEST_BITS=20"),
+    unity_test("lib/test_batch", "TEST_TICKS=120000"),
+    unity_test("lib/test_angle", "TEST_TICKS=20000", "TEST_KERNEL_STRIDE=20011u"),
+    unity_test("lib/test_accuracy", "TEST_TICKS=50000"),
+    Program("port/test_buses", ("tests/port/test_buses.c", *BUSES), ("_POSIX_C_SOURCE=200809L",)),
+)
+
+def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(part) for part in command], cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def must(*command: str | Path, cwd: Path) -> str:
+    done = run(*command, cwd=cwd)
+    if done.returncode != 0:
+        raise WorkshopError(f"{' '.join(map(str, command))}: {done.stderr.strip()[:2000]}")
+    return done.stdout
+
+
+def digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:20]
+
+
+def limit_processor(seconds: float) -> None:
+    """For the child: SIGPROF ends it after so much processor time."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
+@dataclass
+class Built:
+    """Objects of one mutant in one form, by unit; `differs` from the original's."""
+
+    objects: dict[str, Path] = field(default_factory=dict)
+    hashes: dict[str, str] = field(default_factory=dict)
+    differs: set[str] = field(default_factory=set)
+
+    def key(self) -> str:
+        """The same for mutants of which the compiler made the same."""
+        return " ".join(f"{unit}:{self.hashes[unit]}" for unit in sorted(self.differs))
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What became of a mutant: uncompiled, equal (to the original, says the compiler), killed or
+    alive."""
+
+    id: str
+    kind: str
+    form: str = ""
+    key: str = ""
+    killer: str = ""
+
+
+class Workshop:
+    """One worker's own copy of the sources, its objects and programs."""
+
+    def __init__(self, folder: Path, unity: Path, programs: Iterable[Program] = PROGRAMS) -> None:
+        self.folder = folder
+        self.unity = unity
+        self.programs = list(programs)
+        self.quick = [program for program in self.programs if program.quick]
+        self.original: dict[tuple[str, str], tuple[Path, str]] = {}
+        self.limits: dict[str, float] = {}
+        self.includes: dict[str, set[str]] = {}
+        self.reached: dict[str, set[str]] = {}
+        self.prepare()
+
+    # ------------------------------------------------------------- at the start
+
+    def prepare(self) -> None:
+        """Two copies of the sources, one of which stays as it is."""
+        lines = "".join(f'#include "lib/{name}.c"\n' for name in CORE)
+        for folder in (self.folder, self.folder / "pristine"):
+            for part in COPIED:
+                shutil.copytree(ROOT / part, folder / part, dirs_exist_ok=True)
+            (folder / WHOLE_CORE).write_text(lines)
+            (folder / "no_gnu.h").write_text("#include <math.h>\n#undef __GNUC__\n")
+        for unit in (*UNITS, WHOLE_CORE):
+            self.includes[unit] = self.read_includes([unit], ())
+        self.link(AS_BUILT, Built())
+        must("gcc", "-O2", *UNITY_STOPS, "-c", self.unity / "unity.c", cwd=self.folder)
+        must("ar", "rc", "libunity.a", "unity.o", cwd=self.folder)
+
+    def make_ready(self, program: Program) -> None:
+        """Builds a program when it is first needed, and sees how long the original takes."""
+        self.includes[program.name] = self.read_includes(program.sources, program.macros)
+        complaint = self.build_program(program, f"programs/{program.name}", pristine=True)
+        if complaint:
+            raise WorkshopError(f"{program.name}: {complaint}")
+        self.reached[program.name] = self.units_reached(program)
+        self.link(AS_BUILT, Built())
+        self.limits[program.name] = self.measure(program)
+
+    def read_includes(self, sources: Iterable[str], macros: Iterable[str]) -> set[str]:
+        defines = [f"-D{macro}" for macro in macros]
+        text = must("gcc", *FLAGS, *defines, f"-I{self.unity}", *UNITY_STOPS, "-MM", *sources,
+                    cwd=self.folder)
+        words = text.replace("\\\n", " ").split()
+        return {os.path.normpath(word) for word in words if not word.endswith(":")}
+
+    def measure(self, program: Program) -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        if not self.passes(program, f"programs/{program.name}", 600):
+            raise WorkshopError(f"{program.name} fails on the original")
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        return TOO_LONG * used + GRACE
+
+    # ------------------------------------------------------------- compiling
+
+    def compile_command(self, form: Form, unit: str, to: Path) -> list[str | Path]:
+        return [*form.command(unit), *FLAGS, "-c", unit, "-o", to]
+
+    def units_of(self, file: str) -> list[str]:
+        """What has to be compiled anew when this file changes."""
+        units = [unit for unit in UNITS if file in self.includes[unit]]
+        if file.endswith(".h") and CORE_UNITS & set(units):
+            units = [WHOLE_CORE] + [unit for unit in units if unit not in CORE_UNITS]
+        return units
+
+    def compile(self, form: Form, unit: str, built: Built) -> bool:
+        """False: it does not compile."""
+        path = self.folder / f"{form.name}-{Path(unit).stem}.o"
+        if run(*self.compile_command(form, unit, path), cwd=self.folder).returncode != 0:
+            return False
+        built.objects[unit], built.hashes[unit] = path, digest(path)
+        if built.hashes[unit] != self.original_of(form, unit)[1]:
+            built.differs.add(unit)
+        return True
+
+    def original_of(self, form: Form, unit: str) -> tuple[Path, str]:
+        """Object of the original and its hash, compiled once."""
+        if (form.name, unit) not in self.original:
+            path = self.folder / "original" / form.name / unit.replace("/", "-").replace(".c", ".o")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            must(*self.compile_command(form, unit, path), cwd=self.folder / "pristine")
+            self.original[form.name, unit] = path, digest(path)
+        return self.original[form.name, unit]
+
+    def link(self, form: Form, built: Built) -> None:
+        left_out = CORE_UNITS if WHOLE_CORE in built.objects else set[str]()
+        used = [
+            built.objects.get(unit) or self.original_of(form, unit)[0]
+            for unit in UNITS
+            if unit not in left_out
+        ]
+        used += [built.objects[WHOLE_CORE]] if WHOLE_CORE in built.objects else []
+        must("ld", "-shared", "-o", "libmutant.so", *used, cwd=self.folder)
+
+    @contextlib.contextmanager
+    def mutated(self, mutant: Mutant):
+        """The sources with one mutant in them."""
+        path = self.folder / mutant.file
+        source = path.read_bytes()
+        path.write_bytes(mutant.apply(source))
+        try:
+            yield
+        finally:
+            path.write_bytes(source)
+
+    # ------------------------------------------------------------- programs
+
+    def build_program(self, program: Program, to: str, pristine: bool = False) -> str:
+        """What the compiler complains of; empty where it does not."""
+        defines = [f"-D{macro}" for macro in program.macros]
+        target = self.folder / to
+        target.parent.mkdir(parents=True, exist_ok=True)
+        done = run("gcc", "-O2", *FLAGS, *defines, f"-I{self.unity}", *UNITY_STOPS,
+                   *program.sources, f"-L{self.folder}", "-lunity", "-lmutant", "-lm", "-o", target,
+                   cwd=self.folder / "pristine" if pristine else self.folder)
+        return done.stderr.strip() if done.returncode != 0 else ""
+
+    def passes(self, program: Program, path: str, seconds: float) -> bool:
+        try:
+            done = subprocess.run(
+                [path, *program.arguments],
+                cwd=self.folder,
+                env={"LD_LIBRARY_PATH": str(self.folder), "PATH": os.defpath},
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                check=False,
+                timeout=20 * seconds + 20,  # only where it waits for something that never comes
+                preexec_fn=functools.partial(limit_processor, seconds),
+            )
+        except subprocess.TimeoutExpired:
+            return False
+        return done.returncode == 0
+
+    def kills(self, program: Program, mutant: Mutant) -> bool:
+        """Whether the program notices the mutant, whose library is linked."""
+        path = f"programs/{program.name}"
+        if mutant.file in self.includes[program.name]:
+            path = "programs/rebuilt"
+            if self.build_program(program, path):
+                return True
+        return not self.passes(program, path, self.limits[program.name])
+
+    @functools.cached_property
+    def calls(self) -> tuple[dict[str, str], dict[str, set[str]]]:
+        """The unit that defines each name, and the names that each unit calls."""
+        defined: dict[str, str] = {}
+        calls: dict[str, set[str]] = {}
+        for unit in UNITS:
+            path = self.original_of(AS_BUILT, unit)[0]
+            defined |= dict.fromkeys(self.symbols(path, "--defined-only"), unit)
+            calls[unit] = self.symbols(path, "--undefined-only")
+        return defined, calls
+
+    def units_reached(self, program: Program) -> set[str]:
+        """Units that a program reaches by calls."""
+        defined, calls = self.calls
+        names = self.symbols(self.folder / "programs" / program.name, "--undefined-only")
+        units: set[str] = set()
+        while names:
+            new = {defined[name] for name in names if name in defined} - units
+            units |= new
+            names = set().union(*(calls[unit] for unit in new))
+        return units | ({WHOLE_CORE} if units & CORE_UNITS else set())
+
+    def symbols(self, path: Path, which: str) -> set[str]:
+        lines = must("nm", which, path, cwd=self.folder).splitlines()
+        return {line.split()[-1].split("@")[0] for line in lines if line.strip()}
+
+    # ------------------------------------------------------------- judging
+
+    def stages(self, file: str) -> list[list[str]]:
+        """Units to compile, the small ones of the core first: most mutants die there."""
+        units = self.units_of(file)
+        core = [unit for unit in units if unit in CORE_UNITS or unit == WHOLE_CORE]
+        return [stage for stage in (core, [u for u in units if u not in core]) if stage]
+
+    def judge(self, mutant: Mutant) -> Fate:
+        with self.mutated(mutant):
+            fate = self.judge_form(mutant, AS_BUILT)
+            if fate.kind == "equal" and mutant.hinted:
+                fate = self.judge_form(mutant, PLAIN)
+        return fate
+
+    def judge_form(self, mutant: Mutant, form: Form) -> Fate:
+        """Compiled and tried in stages; before the slow programs, what other compilers say."""
+        built, tried = Built(), set[str]()
+        stages = self.stages(mutant.file)
+        for number, stage in enumerate(stages):
+            if not all(self.compile(form, unit, built) for unit in stage):
+                return Fate(mutant.id, "uncompiled")
+            later = {unit for left in stages[number + 1 :] for unit in left}
+            killer = self.killer(mutant, form, built, self.quick, later, tried)
+            if killer:
+                return Fate(mutant.id, "killed", form.name, built.key(), killer)
+        if not built.differs or (form is AS_BUILT and self.is_equal_elsewhere(mutant, built)):
+            return Fate(mutant.id, "equal", form.name)
+        killer = self.killer(mutant, form, built, self.programs, set(), tried)
+        kind = "killed" if killer else "alive"
+        return Fate(mutant.id, kind, form.name, built.key(), killer or "")
+
+    def is_equal_elsewhere(self, mutant: Mutant, built: Built) -> bool:
+        """Whether each changed object is the same again by another compiler, or without hints (but
+        not where the mutant stands in what only a compiler with hints sees)."""
+        open_units = set(built.differs)
+        for form in (*OTHERS, *(() if mutant.hinted else (PLAIN,))):
+            other = Built()
+            for unit in open_units:
+                self.compile(form, unit, other)
+            open_units &= other.differs
+        return not open_units
+
+    def killer(
+        self,
+        mutant: Mutant,
+        form: Form,
+        built: Built,
+        programs: Iterable[Program],
+        later: set[str],
+        tried: set[str],
+    ) -> str | None:
+        """The first program that fails, of those that reach nothing that is compiled later."""
+        if not built.differs:
+            return None
+        self.link(form, built)
+        for program in programs:
+            if program.name not in self.limits:
+                self.make_ready(program)
+                self.link(form, built)
+            reached = self.reached[program.name]
+            concerned = reached & built.differs or mutant.file in self.includes[program.name]
+            if program.name in tried or reached & later or not concerned:
+                continue
+            tried.add(program.name)
+            if self.kills(program, mutant):
+                return program.name
+        return None
