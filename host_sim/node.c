@@ -148,10 +148,9 @@ static bool doubt(node_t *node, const encoder_state_t *seen, uint32_t now_us, ca
 
 static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
-    bool answered;
     enter(node, FRAMES_WRONG_SEQUENCE);
-    answered = doubt(node, seen, now_us, out);
-    node->counts.wrong_sequence += answered && node->state == FRAMES_LOST ? 0u : 1u;
+    bool answered = doubt(node, seen, now_us, out);
+    node->counts.wrong_sequence += node->state == FRAMES_LOST ? 0u : 1u;
     return answered;
 }
 

@@ -486,6 +486,64 @@ static void test_the_largest_step_limit_allows_every_way_of_two_frames(void)
     TEST_ASSERT_EQUAL(1, node.counts.jump);
 }
 
+/* A row that has begun while the node was primed: a corrupt frame does not break it, silence does. */
+static void test_what_breaks_a_row(void)
+{
+    can_frame_t corrupt = encoder_frame(7, 0);
+    corrupt.data[3] ^= 1;
+    feed(0, 0);
+    TEST_ASSERT_FALSE(feed(5, 900));
+    TEST_ASSERT_FALSE(feed(6, 900));
+    TEST_ASSERT_FALSE(give(&corrupt));
+    TEST_ASSERT_TRUE(feed(7, 900));
+    TEST_ASSERT_FALSE(feed(12, 900));
+    TEST_ASSERT_FALSE(feed(13, 900));
+    node_bus_off(&node, now_us);
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(feed(14, 900));
+    TEST_ASSERT_FALSE(feed(15, 900));
+    TEST_ASSERT_TRUE(feed(0, 900));
+}
+
+/* The gain begins anew where there was a ramp when silence began; one that is set meanwhile is for the next time. */
+static void test_a_ramp_that_is_set_in_silence_is_for_the_next_one(void)
+{
+    feed(0, 0);
+    feed(1, 1000000);
+    node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 100));
+    now_us += NODE_TIMEOUT_US;
+    (void)feed(4, 0);
+    (void)feed(5, 0);
+    TEST_ASSERT_TRUE(feed(6, 0));
+    TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
+    node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 0));
+    TEST_ASSERT_EQUAL(0, node.gain_now);
+}
+
+/* A limit of one count is a limit; without one, not even the same count makes a new start a move. */
+static void test_a_step_limit_of_one_and_of_none(void)
+{
+    node.max_step = 1;
+    feed(11, 0);
+    TEST_ASSERT_TRUE(feed(0, 0)); /* a gap of 5 */
+    TEST_ASSERT_FALSE(feed(1, 2));
+    TEST_ASSERT_EQUAL(1, node.counts.jump);
+    TEST_ASSERT_TRUE(feed(2, 1));
+    for (uint32_t counter = 12; counter < 15; counter++) {
+        (void)feed(counter, 2);
+    }
+    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(2, node.counts.wrong_sequence);
+    node.max_step = 0;
+    for (uint32_t counter = 7; counter < 10; counter++) {
+        (void)feed(counter, 2);
+    }
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(5, node.counts.wrong_sequence);
+}
+
 static void test_with_a_step_limit_longer_gaps_are_bridged(void)
 {
     for (uint32_t step = 1; step <= NODE_GAP_MAX_STEP; step++) {
@@ -544,6 +602,56 @@ static void test_a_bad_frame_breaks_the_row_after_a_timeout(void)
     TEST_ASSERT_FALSE(feed(5, 0));
     TEST_ASSERT_TRUE(feed(6, 0));
     TEST_ASSERT_EQUAL(4, node.counts.rearm);
+}
+
+static void test_a_disowned_count_breaks_the_row_after_a_timeout(void)
+{
+    encoder_state_t state = {.count = 0, .counter = 9, .valid = false};
+    can_frame_t frame;
+    frames_pack_encoder(&frame, NUMBER, &state);
+    feed(0, 0);
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(feed(2, 0));
+    TEST_ASSERT_FALSE(feed(3, 0));
+    TEST_ASSERT_FALSE(give(&frame));
+    TEST_ASSERT_FALSE(feed(4, 0));
+    TEST_ASSERT_FALSE(feed(5, 0));
+    TEST_ASSERT_TRUE(feed(6, 0));
+}
+
+/* A good frame says again why the node waits, where a corrupt one has said something else. */
+static void test_after_a_corrupt_frame_the_state_is_that_of_the_start(void)
+{
+    can_frame_t corrupt = encoder_frame(4, 0);
+    corrupt.data[3] ^= 1;
+    give(&corrupt);
+    TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
+    TEST_ASSERT_TRUE(feed(0, 0));
+    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+    node_bus_off(&node, now_us);
+    now_us += NODE_TIMEOUT_US;
+    give(&corrupt);
+    TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
+    TEST_ASSERT_FALSE(feed(1, 0));
+    TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
+}
+
+static void test_each_error_leaves_the_others(void)
+{
+    encoder_state_t state = {.count = 0, .counter = 1, .valid = false};
+    can_frame_t frame;
+    frames_pack_encoder(&frame, NUMBER, &state);
+    feed(0, 0);
+    feed(0, 0);
+    give(&frame);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | FRAMES_ERROR_INVALID, node.errors);
+    node.max_step = 5;
+    feed(2, 1000);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | FRAMES_ERROR_INVALID | FRAMES_ERROR_JUMP, node.errors);
+    frame.length = 3;
+    give(&frame);
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | 1u << FRAMES_CRC | FRAMES_ERROR_INVALID | FRAMES_ERROR_JUMP | FRAMES_ERROR_FORMAT,
+                           node.errors);
 }
 
 static void test_status_tells_of_a_timeout_at_once(void)
@@ -1246,10 +1354,16 @@ int main(void)
     RUN_TEST(test_with_a_step_limit_a_glitch_is_not_used);
     RUN_TEST(test_the_largest_step_limit_allows_every_way_of_two_frames);
     RUN_TEST(test_the_step_limit_holds_backward_too);
+    RUN_TEST(test_what_breaks_a_row);
+    RUN_TEST(test_a_ramp_that_is_set_in_silence_is_for_the_next_one);
+    RUN_TEST(test_a_step_limit_of_one_and_of_none);
     RUN_TEST(test_with_a_step_limit_longer_gaps_are_bridged);
     RUN_TEST(test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame);
     RUN_TEST(test_an_encoder_that_is_elsewhere_for_good_is_believed_without_travel);
     RUN_TEST(test_a_bad_frame_breaks_the_row_after_a_timeout);
+    RUN_TEST(test_a_disowned_count_breaks_the_row_after_a_timeout);
+    RUN_TEST(test_after_a_corrupt_frame_the_state_is_that_of_the_start);
+    RUN_TEST(test_each_error_leaves_the_others);
     RUN_TEST(test_status_tells_of_a_timeout_at_once);
     RUN_TEST(test_gain_and_limit_scale_the_answer_and_not_the_bristle);
     RUN_TEST(test_the_gain_ramps_without_a_bump);
