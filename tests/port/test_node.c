@@ -813,6 +813,40 @@ static void test_parameters_read_back_as_written_up_to_24_bits(void)
     TEST_ASSERT_EQUAL(0, param_now(FRAMES_PARAM_SIGMA0));
 }
 
+/* New parameters keep the torque in N m, as dahl_change_plan does: a bristle at its end is half way with twice the Fc. */
+static void test_a_new_model_keeps_the_torque(void)
+{
+    feed(0, 0);
+    feed(1, 1000000);
+    TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20)); /* 0.5 to 1 N m */
+    TEST_ASSERT_TRUE(feed(2, 1000000));
+    TEST_ASSERT_INT_WITHIN(2, 1 << 29, answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, 25u << 10)); /* half as stiff: the deflection stays */
+    TEST_ASSERT_TRUE(feed(3, 1000000));
+    TEST_ASSERT_INT_WITHIN(2, 1 << 28, answer.torque_q30);
+}
+
+/* Least and most of each, as the node then has them, in its own units. */
+static void test_parameters_at_the_ends_of_their_range(void)
+{
+    const struct {
+        uint8_t param;
+        uint32_t least, most, unit;
+        const uint32_t *held;
+    } ends[] = {{FRAMES_PARAM_GAIN, 0, NODE_ONE, 1, &node.gain},          {FRAMES_PARAM_LIMIT, 0, NODE_ONE, 1, &node.limit},
+                {FRAMES_PARAM_RAMP, 0, 60000, 1000, &node.ramp_us},       {FRAMES_PARAM_TIMEOUT, 1, 60000, 1000, &node.timeout_us},
+                {FRAMES_PARAM_STEP, 0, INT32_MAX, 1, &node.max_step},     {FRAMES_PARAM_STATUS, 0, 60000, 1000, &node.status_us}};
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+        TEST_ASSERT_TRUE(set_param(ends[i].param, ends[i].most));
+        TEST_ASSERT_EQUAL(ends[i].most * ends[i].unit, *ends[i].held);
+        TEST_ASSERT_TRUE(set_param(ends[i].param, ends[i].least));
+        TEST_ASSERT_EQUAL(ends[i].least * ends[i].unit, *ends[i].held);
+        TEST_ASSERT_TRUE(set_param(ends[i].param, 5));
+        TEST_ASSERT_EQUAL(5 * ends[i].unit, *ends[i].held);
+    }
+}
+
 static void test_parameters_out_of_range_change_nothing(void)
 {
     const struct {
@@ -1002,6 +1036,18 @@ static void test_after_a_restart_bus_offs_are_counted_anew(void)
     }
     now_us += NODE_TIMEOUT_US;
     TEST_ASSERT_TRUE(comes_back());
+}
+
+static void test_any_number_of_bus_offs_stays_latched(void)
+{
+    for (uint32_t i = 1; i <= 300; i++) {
+        node_bus_off(&node, now_us);
+        if (i >= NODE_OFF_MAX) {
+            now_us += NODE_TIMEOUT_US;
+            TEST_ASSERT_FALSE(comes_back());
+        }
+    }
+    TEST_ASSERT_EQUAL(300, node.counts.bus_off);
 }
 
 static void test_other_error_frames_are_no_bus_off(void)
@@ -1373,6 +1419,8 @@ int main(void)
     RUN_TEST(test_after_a_restart_the_ramp_begins_anew);
     RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
     RUN_TEST(test_parameters_read_back_as_written_up_to_24_bits);
+    RUN_TEST(test_a_new_model_keeps_the_torque);
+    RUN_TEST(test_parameters_at_the_ends_of_their_range);
     RUN_TEST(test_parameters_out_of_range_change_nothing);
     RUN_TEST(test_an_unknown_parameter_reads_as_0);
     RUN_TEST(test_a_travel_out_of_range_is_refused_as_a_whole);
@@ -1384,6 +1432,7 @@ int main(void)
     RUN_TEST(test_bus_off_is_told_at_once_and_over_after_the_timeout);
     RUN_TEST(test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart);
     RUN_TEST(test_after_a_restart_bus_offs_are_counted_anew);
+    RUN_TEST(test_any_number_of_bus_offs_stays_latched);
     RUN_TEST(test_other_error_frames_are_no_bus_off);
     RUN_TEST(test_two_of_three_frames_lost_cost_nothing);
     RUN_TEST(test_a_reversal_that_a_loss_hides_costs_something);
