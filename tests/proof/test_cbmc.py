@@ -17,6 +17,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
+from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
 
 HERE = Path(__file__).parent
@@ -111,17 +112,17 @@ def failures(proof: Proof, sources: Path, folder: Path) -> list[str]:
     return wrong
 
 
-def marked(proof: Proof):
+def marked(proof: Proof) -> ParameterSet:
     marks = [pytest.mark.long] if proof.long else []
     return pytest.param(proof, id=proof.function.removeprefix("check_"), marks=marks)
 
 
 @pytest.mark.parametrize("proof", [marked(proof) for proof in PROOFS])
-def test_no_input_does_harm(proof, tmp_path):
+def test_no_input_does_harm(proof: Proof, tmp_path: Path) -> None:
     assert failures(proof, ROOT, tmp_path) == []
 
 
-def test_every_check_is_run():
+def test_every_check_is_run() -> None:
     """A function that nobody asks for would prove nothing."""
     asked = {(proof.harness, proof.function) for proof in PROOFS}
     for harness in HERE.glob("cbmc_*.c"):
@@ -219,7 +220,7 @@ FAULTS = {
         "room for its end",
     ),
     "nine_bytes_of_data": Fault(
-        "port/slcan/slcan.c", "if (length > 8u)", "if (length > 9u)", "slcan_take", "bound"
+        "port/slcan/slcan.c", "if (length > 8u)", "if (length > 9u)", "slcan_take", "a bus carries"
     ),
 }
 
@@ -242,13 +243,13 @@ def planted(fault: Fault, folder: Path) -> Path:
         for name, fault in FAULTS.items()
     ],
 )
-def test_planted_fault_is_seen(fault, tmp_path):
+def test_planted_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
     proof = next(each for each in PROOFS if each.function == f"check_{fault.check}")
     wrong = failures(proof, planted(fault, tmp_path), tmp_path)
     assert any(fault.says in line for line in wrong), wrong
 
 
-def test_planted_range_one_too_wide_is_seen(tmp_path):
+def test_planted_range_one_too_wide_is_seen(tmp_path: Path) -> None:
     """The range is tight: from its upper end, which no call reaches, an update would overflow."""
     shutil.copytree(ROOT / "lib", tmp_path / "lib")
     for file in ("cbmc_core.c", "cbmc_ranges.h", "products.h"):

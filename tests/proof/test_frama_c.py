@@ -73,18 +73,18 @@ def alarms(run: Run, claim: str, sources: Path) -> list[str]:
     return [" ".join(each.split()) for each in found if "postcondition got status" not in each]
 
 
-def test_ticks_without_end(root):
+def test_ticks_without_end(root: Path) -> None:
     """Postconditions are left to CBMC; everything else, preconditions too, is valid."""
     assert alarms(TICKS, "no undefined behaviour in any number of ticks", root) == []
 
 
-def test_moves_of_many_counts_and_new_plans_without_end(root):
+def test_moves_of_many_counts_and_new_plans_without_end(root: Path) -> None:
     assert alarms(FAR, "no undefined behaviour in any number of large moves", root) == []
 
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-def test_frames_without_end(root):
+def test_frames_without_end(root: Path) -> None:
     assert alarms(NODE, "no undefined behaviour in a node that hears any frames", root) == []
 
 
@@ -115,7 +115,7 @@ def wp_goals(sources: Path, folder: Path) -> str:
     return "all" if found[1] == found[2] else f"{found[1]} of {found[2]}"
 
 
-def test_frama_c_knows_what_a_product_is(root, tmp_path):
+def test_frama_c_knows_what_a_product_is(root: Path, tmp_path: Path) -> None:
     assert wp_goals(root, tmp_path) == "all"
 
 
@@ -170,7 +170,7 @@ QUICK = ("shift_by_32",)
     ],
 )
 @pytest.mark.timeout(600)
-def test_planted_fault_is_seen_by_frama_c(fault, tmp_path):
+def test_planted_fault_is_seen_by_frama_c(fault: Fault, tmp_path: Path) -> None:
     for name in ("lib", "port", "host_sim"):
         shutil.copytree(ROOT / name, tmp_path / name)
     path = tmp_path / fault.file
@@ -182,7 +182,7 @@ def test_planted_fault_is_seen_by_frama_c(fault, tmp_path):
 
 
 @pytest.mark.long
-def test_planted_wrong_product_is_not_proven_by_frama_c(tmp_path):
+def test_planted_wrong_product_is_not_proven_by_frama_c(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "lib", tmp_path / "lib")
     path = tmp_path / "lib" / "multiply.h"
     text = path.read_text()
