@@ -214,6 +214,8 @@ static void test_p12_wraps(void)
     TEST_ASSERT_EQUAL_INT32(INT32_MIN, dahl_counts_between(0, 0x80000000u, 0));
     TEST_ASSERT_EQUAL_INT32(-1, dahl_counts_between(0, 4294967294u, 4294967295u));
     TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(5 * 4096 + 4095, 0, 4096)); /* readings modulo a turn */
+    TEST_ASSERT_EQUAL_INT32(3, dahl_counts_between(0, 5 * 4096 + 3, 4096));
+    TEST_ASSERT_EQUAL_INT32(-2, dahl_counts_between(4096, 0xffffffffu - 1, 4096));
     for (uint32_t n = 1; n < 40; n++) {
         for (uint32_t b = 0; b < n; b++) {
             for (uint32_t c = 0; c < n; c++) {
@@ -258,6 +260,22 @@ static void test_p14_bad_angles(void)
     TEST_ASSERT_TRUE(dahl_step(&plan, &state, HUGE_VALF) == 1.0f && state.w == (int64_t)1 << 62);
     TEST_ASSERT_TRUE(dahl_step(&plan, &state, -HUGE_VALF) == -1.0f && state.w == -((int64_t)1 << 62));
     TEST_ASSERT_TRUE(dahl_step(&plan, &state, 0.01f) < 1.0f);
+    TEST_ASSERT_TRUE(dahl_step(&plan, &state, 3.4e38f) == 1.0f && dahl_step(&plan, &state, -3.4e38f) == -1.0f);
+}
+
+/* The stiffest bristle would feel a subnormal angle; it counts as none for every bristle. */
+static void test_p14_subnormal_angles_for_the_stiffest_bristle(void)
+{
+    dahl_params_t p = {0x1p63f, DAHL_TORQUE_MIN, 0.0f};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {4711};
+    for (float d = 0x1.fffffcp-127f; d > 0; d /= 2) {
+        (void)dahl_step(&plan, &state, d);
+        (void)dahl_step(&plan, &state, -d);
+        TEST_ASSERT_TRUE(state.w == 4711);
+    }
+    (void)dahl_step(&plan, &state, 0x1p-126f);
+    TEST_ASSERT_TRUE(state.w > 4711);
 }
 
 /* Passive: work put in is never less than what is stored, F^2/(2 sigma0), after any random motion; so no closed cycle gives
@@ -313,6 +331,7 @@ int main(void)
     RUN_TEST(test_p12_wraps);
     RUN_TEST(test_p13_no_stall);
     RUN_TEST(test_p14_bad_angles);
+    RUN_TEST(test_p14_subnormal_angles_for_the_stiffest_bristle);
     RUN_TEST(test_p16_passive);
     RUN_TEST(test_p17_int32_min);
     return UNITY_END();
