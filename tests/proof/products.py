@@ -6,9 +6,11 @@ laws are known (a, b, c < 2^32, so that p in 64 bits is the product itself):
 
     bounded     p(a, b) + a <= 2^32 a
     ordered     b < c:  p(a, b) + a <= p(a, c)
+    half        a >= 2^31:  p(a, b) >= 2^31 b
     known       p(K, b) = K b for some numbers K, near a half and near 1
 
-and that it commutes; of a remainder that it is below the divisor. `lemmas` are the laws as statements about whole numbers, for z3 to prove.
+and that it commutes; of a remainder that it is below the divisor. `lemmas` are the laws as
+statements about whole numbers, for z3 to prove.
 """
 
 from __future__ import annotations
@@ -18,7 +20,6 @@ from itertools import product as pairs_of
 from typing import Any
 
 import z3
-
 from bitvectors import inner_first
 
 LIMIT = 1 << 32
@@ -31,6 +32,7 @@ def lemmas() -> Iterator[tuple[str, Any, Sequence[Any]]]:
     yield "one word of 64 bits", z3.And(0 <= a * b, a * b < LIMIT * LIMIT), words
     yield "commutes", a * b == b * a, words
     yield "bounded", a * b + a <= LIMIT * a, words
+    yield "half", a * b >= LIMIT // 2 * b, [*words, a >= LIMIT // 2]
     yield "ordered", a * b + a <= a * c, [*words, b < c]
 
 
@@ -41,6 +43,7 @@ def without_remainders(terms: Sequence[Any]) -> list[Any]:
     """The terms, with each remainder as any number that is below the divisor (or that is 0)."""
     kinds = (z3.Z3_OP_BUREM, z3.Z3_OP_BUREM_I)
     found = [t for t in inner_first(terms) if any(z3.is_app_of(t, k) for k in kinds)]
+    found = [t for t in found if not z3.is_bv_value(t.arg(1))]
     claim, *given = terms
     for x in found:
         rest = z3.Function("rest", *3 * [x.sort()])(x.arg(0), x.arg(1))
@@ -62,7 +65,8 @@ def facts(terms: Sequence[Any]) -> list[Any]:
 
 
 def small_law(a: Any, b: Any, p: Any) -> Any:
-    """Bounded and known."""
+    """Bounded, half and known."""
+    half = z3.Implies(z3.UGE(a, 1 << 31), z3.UGE(p, b << 31))
     known = [z3.Implies(a == k, p == k * b) for k in KNOWN]
     small = z3.And(z3.ULT(a, LIMIT), z3.ULT(b, LIMIT))
-    return z3.Implies(small, z3.And(z3.ULE(p, (a << 32) - a), *known))
+    return z3.Implies(small, z3.And(z3.ULE(p, (a << 32) - a), half, *known))
