@@ -102,6 +102,8 @@ def compiled(proof: Proof, bin_folder: Path, sources: Path, folder: Path) -> str
 def failures(proof: Proof, sources: Path, folder: Path) -> list[str]:
     """The statements that do not hold; there is at least one statement."""
     cbmc = need("cbmc", proof.claim)
+    if proof.solver:
+        need("z3", proof.claim)
     ready = compiled(proof, Path(cbmc).parent, sources, folder)
     limits = ["--unwind", str(proof.unwind), *proof.solver]
     said = run([cbmc, ready, "--function", proof.function, *CHECKS, *limits], allowed=(0, 10))
