@@ -393,6 +393,17 @@ static void test_status_tells_what_happened(void)
     TEST_ASSERT_EQUAL(DAHL_VERSION_MINOR, status.version_minor);
 }
 
+/* Each count in the sum where it belongs, modulo 256. */
+static void test_status_adds_up_what_belongs_together(void)
+{
+    node.counts = (node_counts_t){.ok = 1000, .repeated = 1, .lost = 256 + 77, .wrong_sequence = 2, .crc = 300, .format = 3,
+                                  .invalid = 5000, .jump = 4, .stale = 8, .rearm = 9000, .ignored = 7000, .bus_off = 16};
+    node_status_t status = status_now();
+    TEST_ASSERT_EQUAL(77, status.lost);
+    TEST_ASSERT_EQUAL(303 - 256, status.corrupt);
+    TEST_ASSERT_EQUAL(1 + 2 + 4 + 8 + 16, status.out_of_step);
+}
+
 static void test_status_comes_every_100_ms(void)
 {
     can_frame_t out;
@@ -813,6 +824,20 @@ static void test_parameters_read_back_as_written_up_to_24_bits(void)
     TEST_ASSERT_EQUAL(0, param_now(FRAMES_PARAM_SIGMA0));
 }
 
+/* What a raw value cannot say is the nearest that it can: a half goes up, what is too large is the largest. */
+static void test_parameters_between_and_beyond_raw_values(void)
+{
+    const dahl_params_t fine = {.sigma0 = 3.5f * 0x1p-10f, .Fc = 2.25f * 0x1p-20f, .theta_per_count = 1e-4f};
+    const dahl_params_t large = {.sigma0 = 1e10f, .Fc = 1e10f, .theta_per_count = 1.0f};
+    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &fine, NUMBER));
+    TEST_ASSERT_EQUAL(4, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL(2, param_now(FRAMES_PARAM_FC));
+    TEST_ASSERT_EQUAL(2, node.counts.params);
+    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &large, NUMBER));
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(FRAMES_PARAM_THETA));
+}
+
 /* New parameters keep the torque in N m, as dahl_change_plan does: a bristle at its end is half way with twice the Fc. */
 static void test_a_new_model_keeps_the_torque(void)
 {
@@ -914,7 +939,8 @@ static void test_errors_are_sticky_until_they_are_reset(void)
     TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED, node.errors);
     reset(FRAMES_RESET_ERRORS);
     TEST_ASSERT_EQUAL_HEX8(0, node.errors);
-    TEST_ASSERT_EQUAL(0, node.counts.repeated);
+    const node_counts_t none = {0};
+    TEST_ASSERT_EQUAL_MEMORY(&none, &node.counts, sizeof none);
     TEST_ASSERT_TRUE(feed(2, 10));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
 }
@@ -1396,6 +1422,7 @@ int main(void)
     RUN_TEST(test_a_clock_that_goes_back_is_not_stale);
     RUN_TEST(test_bad_and_repeated_frames_do_not_refresh_the_timeout);
     RUN_TEST(test_status_tells_what_happened);
+    RUN_TEST(test_status_adds_up_what_belongs_together);
     RUN_TEST(test_status_comes_every_100_ms);
     RUN_TEST(test_with_a_step_limit_a_glitch_is_not_used);
     RUN_TEST(test_the_largest_step_limit_allows_every_way_of_two_frames);
@@ -1419,6 +1446,7 @@ int main(void)
     RUN_TEST(test_after_a_restart_the_ramp_begins_anew);
     RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
     RUN_TEST(test_parameters_read_back_as_written_up_to_24_bits);
+    RUN_TEST(test_parameters_between_and_beyond_raw_values);
     RUN_TEST(test_a_new_model_keeps_the_torque);
     RUN_TEST(test_parameters_at_the_ends_of_their_range);
     RUN_TEST(test_parameters_out_of_range_change_nothing);
