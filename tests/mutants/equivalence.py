@@ -189,9 +189,7 @@ def contract_of(name: str, arguments: Sequence[Any]) -> list[Any]:
     return terms
 
 
-def same(
-    one: Any, other: Any, name: str, seconds: float, at: dict[int, int]
-) -> bitvectors.Verdict:
+def same(one: Any, other: Any, name: str, seconds: float, at: dict[int, int]) -> bitvectors.Verdict:
     """Whether both functions do the same within the contract; `at` sets arguments to numbers."""
     arguments = one.symbols()
     for place, value in at.items():

@@ -179,7 +179,10 @@ def of_call(node: Node, place: Place) -> Iterator[Change]:
             base = arguments.start_byte
             middle = raw[one.end_byte - base : two.start_byte - base]
             swapped = (
-                raw[: one.start_byte - base] + text_of(two) + middle + text_of(one)
+                raw[: one.start_byte - base]
+                + text_of(two)
+                + middle
+                + text_of(one)
                 + raw[two.end_byte - base :]
             )
             yield changed(arguments, place, "arguments", swapped, of=node)
@@ -340,7 +343,5 @@ def mutants_of(file: str, source: bytes) -> list[Mutant]:
         if seen[name] > 1:
             name += f" #{seen[name]}"
         line = source.count(b"\n", 0, change.start) + 1
-        found.append(
-            Mutant(name, file, line, change.start, change.end, change.text, change.hinted)
-        )
+        found.append(Mutant(name, file, line, change.start, change.end, change.text, change.hinted))
     return found
