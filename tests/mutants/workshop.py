@@ -67,6 +67,10 @@ ONE_FORM = ("-U__x86_64__", "-ffp-contract=fast", "-fno-math-errno", "-fno-signe
 AS_BUILT = Form("as built", "gcc", ("-O2",), "clang-19", ONE_FORM)
 # Without what the compiler can do better than plain C: neither its functions nor its hints.
 PLAIN = Form("plain", "gcc", ("-O2", "-include", "no_gnu.h"), "gcc")
+# Undefined behaviour stops the program, as in the tests with sanitizers: what a shift too far does
+# by chance on this processor does not count.
+TRAPS = ("-O1", "-fsanitize=undefined,float-cast-overflow", "-fsanitize-undefined-trap-on-error")
+CHECKED = Form("checked", "gcc", TRAPS, "gcc", ("-U__x86_64__",))
 # Where tests notice nothing, another compiler may show that the mutant means the same.
 OTHERS = (
     Form("clang", "clang-19", ("-O2",), "gcc", ("-U__x86_64__", "-O2")),
@@ -346,6 +350,9 @@ class Workshop:
             fate = self.judge_form(mutant, AS_BUILT)
             if fate.kind == "equal" and mutant.hinted:
                 fate = self.judge_form(mutant, PLAIN)
+            if fate.kind == "alive":
+                checked = self.judge_form(mutant, CHECKED)
+                fate = checked if checked.kind == "killed" else fate
         return fate
 
     def judge_form(self, mutant: Mutant, form: Form) -> Fate:
