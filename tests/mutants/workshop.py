@@ -100,8 +100,9 @@ BUSES = tuple(
 )
 # Quick ones first; the first that fails ends it.
 PROGRAMS = (
-    Program("golden", ("tests/mutants/golden.c",), arguments=("tests/lib/golden_bits.txt",),
-            quick=True),
+    Program(
+        "golden", ("tests/mutants/golden.c",), arguments=("tests/lib/golden_bits.txt",), quick=True
+    ),
     unity_test("port/test_frames", quick=True),
     unity_test("port/test_node", 'TABLE_FILE="host_sim/node.h"', quick=True),
     unity_test("port/test_slcan", quick=True),
@@ -111,13 +112,15 @@ PROGRAMS = (
     unity_test("lib/test_laws"),
     Program("port/fuzz_frames", ("tests/port/fuzz_frames.c",), arguments=("50000",)),
     unity_test("lib/test_float", "TEST_TICKS=20000"),
-    unity_test("lib/test_hard_cases", "TEST_ZERO_TICKS=1000000", "TEST_TICKS=20000",
-               "TEST_FINEST_BITS=20"),
+    unity_test(
+        "lib/test_hard_cases", "TEST_ZERO_TICKS=1000000", "TEST_TICKS=20000", "TEST_FINEST_BITS=20"
+    ),
     unity_test("lib/test_batch", "TEST_TICKS=120000"),
     unity_test("lib/test_angle", "TEST_TICKS=20000", "TEST_KERNEL_STRIDE=20011u"),
     unity_test("lib/test_accuracy", "TEST_TICKS=50000"),
     Program("port/test_buses", ("tests/port/test_buses.c", *BUSES), ("_POSIX_C_SOURCE=200809L",)),
 )
+
 
 def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
@@ -209,8 +212,16 @@ class Workshop:
 
     def read_includes(self, sources: Iterable[str], macros: Iterable[str]) -> set[str]:
         defines = [f"-D{macro}" for macro in macros]
-        text = must("gcc", *FLAGS, *defines, f"-I{self.unity}", *UNITY_STOPS, "-MM", *sources,
-                    cwd=self.folder)
+        text = must(
+            "gcc",
+            *FLAGS,
+            *defines,
+            f"-I{self.unity}",
+            *UNITY_STOPS,
+            "-MM",
+            *sources,
+            cwd=self.folder,
+        )
         words = text.replace("\\\n", " ").split()
         return {os.path.normpath(word) for word in words if not word.endswith(":")}
 
@@ -281,9 +292,22 @@ class Workshop:
         defines = [f"-D{macro}" for macro in program.macros]
         target = self.folder / to
         target.parent.mkdir(parents=True, exist_ok=True)
-        done = run("gcc", "-O2", *FLAGS, *defines, f"-I{self.unity}", *UNITY_STOPS,
-                   *program.sources, f"-L{self.folder}", "-lunity", "-lmutant", "-lm", "-o", target,
-                   cwd=self.folder / "pristine" if pristine else self.folder)
+        done = run(
+            "gcc",
+            "-O2",
+            *FLAGS,
+            *defines,
+            f"-I{self.unity}",
+            *UNITY_STOPS,
+            *program.sources,
+            f"-L{self.folder}",
+            "-lunity",
+            "-lmutant",
+            "-lm",
+            "-o",
+            target,
+            cwd=self.folder / "pristine" if pristine else self.folder,
+        )
         return done.stderr.strip() if done.returncode != 0 else ""
 
     def passes(self, program: Program, path: str, seconds: float) -> bool:
