@@ -70,3 +70,14 @@ def small_law(a: Any, b: Any, p: Any) -> Any:
     known = [z3.Implies(a == k, p == k * b) for k in KNOWN]
     small = z3.And(z3.ULT(a, LIMIT), z3.ULT(b, LIMIT))
     return z3.Implies(small, z3.And(z3.ULE(p, (a << 32) - a), half, *known))
+
+
+def bounded_by(factor: Any, terms: Sequence[Any]) -> list[Any]:
+    """The terms, each product as any number that is bounded by the words of one factor."""
+    found = [t for t in inner_first(terms) if t.decl().name() == "product64"]
+    pairs, laws = [], []
+    for k, p in enumerate(found):
+        part = p.arg(0) if any(t.eq(factor) for t in inner_first([p.arg(0)])) else p.arg(1)
+        pairs.append((p, z3.BitVec(f"product!{k}", 64)))
+        laws.append(z3.ULE(pairs[-1][1], (part << 32) - part))
+    return [*(z3.substitute(t, *pairs) for t in terms), *laws]

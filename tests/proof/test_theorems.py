@@ -60,6 +60,7 @@ THEOREMS: dict[str, Callable[[Steps], Statement]] = {}
 LONG = {
     *("no_overflow_backward", "odd_complement", "odd_negative"),
     *("whole_travel_forward", "whole_travel_backward", "way_forward", "counts_between"),
+    *("join_x", "join_y"),
 }
 EXACT = {"identity", "whole_travel_forward", "whole_travel_backward", "check"}
 
@@ -194,6 +195,21 @@ def way_backward(steps: Steps) -> Statement:
     return claim, IN_RANGE
 
 
+c_x, c_y = z3.BitVecs("c_x c_y", 64)
+
+
+@theorem
+def join_x(steps: Steps) -> Statement:
+    c = steps("joined", c_x, c_y).value
+    return z3.And(z3.UGE(c, 1), z3.ULE(c, c_x)), [c_x != 0]
+
+
+@theorem
+def join_y(steps: Steps) -> Statement:
+    c = steps("joined", c_x, c_y).value
+    return z3.And(z3.UGE(c, 1), z3.ULE(c, c_y)), [c_y != 0]
+
+
 @theorem
 def check(steps: Steps) -> Statement:
     """The codes of dahl.h, by the solver's own floating point."""
@@ -259,6 +275,9 @@ def settle(name: str, steps: Steps, seconds: float, solver: str = "bitwuzla") ->
     if name in EXACT:
         return prove(claim, given, seconds, solver)
     terms, commutes = without_products(products.without_remainders([claim, *given]))
+    if name.startswith("join"):
+        terms = products.bounded_by(c_x if name == "join_x" else c_y, terms)
+        return prove(terms[0], terms[1:], seconds, solver)
     return prove(terms[0], [*terms[1:], *commutes, *products.facts(terms)], seconds, solver)
 
 
@@ -314,6 +333,8 @@ PLANTED = [
     ("monotone_low", "multiply.h", "(uint32_t)w + dahl_mulhi", "(uint32_t)w - dahl_mulhi"),
     ("way_forward", "gap.h", "_q30(w), g.hi, g.lo", "_q30(w), g.lo, g.hi"),
     ("way_backward", "gap.h", "ONE_Q30 + dahl_q30(w)", "ONE_Q30 - dahl_q30(w)"),
+    ("join_x", "prepare.c", "dahl_mulhi64(c_x, c_y) + 1", "dahl_mulhi64(c_x, c_y)"),
+    ("join_y", "prepare.c", "dahl_mulhi64(c_x, c_y) + 1", "dahl_mulhi64(c_x, c_y) + 2"),
     ("check", "prepare.c", "field - least < most - least", "field - least <= most - least"),
     ("check", "prepare.c", "bits != 0 && field", "field"),
     ("counts_between", "encoder.c", "forward < backward", "forward <= backward"),
