@@ -66,8 +66,8 @@ def _pytest_names(mode: str) -> list[str]:
     said = subprocess.run(
         [*command, "-q", *options], cwd=ROOT, capture_output=True, text=True, check=False
     ).stdout
-    lines = (line for line in said.splitlines() if "::" in line and ".py" in line)
-    return [line.rpartition("/")[2].replace(".py", "", 1) for line in lines]
+    found = (line.partition(".py::") for line in said.splitlines())
+    return [f"{file.rpartition('/')[2]}::{name}" for file, mark, name in found if mark]
 
 
 def _ctest_names(mode: str) -> list[str]:
