@@ -15,7 +15,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import versions
-from results import GREEN, RED, UNPROVEN, Result
+from outcomes import GREEN, RED, UNPROVEN, Result
 from sentences import ROOT
 
 PAGE = ROOT / "tests" / "VERIFICATION.md"

@@ -10,8 +10,8 @@ from __future__ import annotations
 import dataclasses
 
 import ledger
+import outcomes
 import pytest
-import results
 import sentences
 import versions
 from conftest import ROOT
@@ -31,8 +31,8 @@ def known() -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def ran() -> dict[str, results.Result]:
-    return results.read(FILES)
+def ran() -> dict[str, outcomes.Result]:
+    return outcomes.read(FILES)
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def without_test(book: ledger.Book, known: dict[str, str]) -> list[str]:
 
 
 def not_green(states: dict[str, str]) -> dict[str, str]:
-    return {claim: state for claim, state in states.items() if state != results.GREEN}
+    return {claim: state for claim, state in states.items() if state != outcomes.GREEN}
 
 
 def test_every_sentence_is_accounted_for(book):
@@ -79,7 +79,7 @@ def test_the_command_of_a_row_runs_its_tests(rows):
 
 
 def test_nothing_that_ran_now_speaks_against_a_claim(rows):
-    assert [row.claim.id for row in rows if row.result == results.RED] == []
+    assert [row.claim.id for row in rows if row.result == outcomes.RED] == []
 
 
 @pytest.mark.long
@@ -110,27 +110,27 @@ def test_planted_claim_without_a_test(book, known):
     assert without_test(lone, known) == [f"{claim.id}: test_that_is_not_there"]
 
 
-@pytest.mark.parametrize("state", [results.RED, results.UNPROVEN, results.SKIPPED])
+@pytest.mark.parametrize("state", [outcomes.RED, outcomes.UNPROVEN, outcomes.SKIPPED])
 def test_planted_result_that_is_not_green(book, known, ran, state):
     claim = dataclasses.replace(book.claims[0], checks=["test_accuracy"])
     names = [name for name in known if ledger.matches("test_accuracy", name)]
-    bad = {n: results.Result(n, results.GREEN, 1.0) for n in names}
-    assert ledger.row_of(claim, known, bad).result == results.GREEN
-    bad = {n: results.Result(n, state, 1.0, f"{state}: why") for n in names}
-    assert ledger.row_of(claim, known, bad).result != results.GREEN
+    bad = {n: outcomes.Result(n, outcomes.GREEN, 1.0) for n in names}
+    assert ledger.row_of(claim, known, bad).result == outcomes.GREEN
+    bad = {n: outcomes.Result(n, state, 1.0, f"{state}: why") for n in names}
+    assert ledger.row_of(claim, known, bad).result != outcomes.GREEN
 
 
 def test_planted_test_that_did_not_run(book, known):
     claim = dataclasses.replace(book.claims[0], checks=["test_accuracy"])
     names = [name for name in known if ledger.matches("test_accuracy", name)]
-    some = {n: results.Result(n, results.GREEN, 1.0) for n in names[1:]}
+    some = {n: outcomes.Result(n, outcomes.GREEN, 1.0) for n in names[1:]}
     assert ledger.row_of(claim, known, some).result == f"{ledger.NOT_RUN}: {names[0]}"
 
 
 def test_planted_red_row_of_the_page(tmp_path, rows):
     page = tmp_path / "page.md"
     page.write_text(ledger.PAGE.read_text())
-    two = [dataclasses.replace(row, result=results.GREEN) for row in rows[:2]]
+    two = [dataclasses.replace(row, result=outcomes.GREEN) for row in rows[:2]]
     ledger.write(two, {}, page)
     assert not_green(ledger.recorded(page)) == {}
     page.write_text(page.read_text().replace("| passed |", "| unproven: no tool |", 1))
