@@ -87,8 +87,8 @@ typedef struct {
     dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
 } dahl_plan_t;
 
-/* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by 2^-31 of it, which no returned value shows; a w beyond that is
- * none). 0: relaxed. */
+/* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by at most 2^-31 of it, which no returned value shows; a w beyond
+ * that is none). 0: relaxed. */
 typedef struct {
     int64_t w;
 } dahl_state_t;

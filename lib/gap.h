@@ -5,8 +5,8 @@
  * branch is one product:
  *     q = w in Q30, rounded        z = 1 - s q        w += s z g      z g is a 32 x 64 bit product, kept in Q62
  * q is what a Q30 tick returns, so z is the gap that its user sees.
- * Range: z passes the gap by half a unit of Q30 at most and g < 1, so |w| <= 2^62 + 2^31: there q is +-2^30, the next z
- * is 0, and it stays: saturation shows as +-2^30 and as +-Fc, exactly.
+ * Range: z passes the gap by half a unit of Q30 at most and g < 1, so -2^62 - 2^31 <= w < 2^62 + 2^31: at both ends q is
+ * +-2^30, the next z is 0, and it stays: saturation shows as +-2^30 and as +-Fc, exactly.
  * Odd symmetry: backward mirrors forward bit for bit, except where w is a tie (its low word 2^31), which rounds up on both
  * sides. A rounding that mirrors there too costs an instruction a tick.
  * Error: z errs by 2^-31 of Fc at most. A step adds that times g and shrinks what was there by 1 - g, so over any motion
