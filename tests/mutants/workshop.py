@@ -108,6 +108,13 @@ PROGRAMS = (
     unity_test("port/test_slcan", quick=True),
     unity_test("lib/test_params", quick=True),
     unity_test("lib/test_short_ticks", quick=True),
+    Program(
+        "as before",
+        ("tests/mutants/as_before.c",),
+        ("_GNU_SOURCE",),
+        ("programs/before.txt",),  # which its run on the original writes
+        quick=True,
+    ),
     unity_test("lib/test_paper"),
     unity_test("lib/test_laws"),
     Program("port/fuzz_frames", ("tests/port/fuzz_frames.c",), arguments=("50000",)),
