@@ -105,12 +105,45 @@ static void test_travel_beyond_its_number(void)
     dahl_float_state_t state = {0}, counted = {0};
     float F = dahl_float_step(&plan, &state, FLT_MAX); /* just one presliding length */
     TEST_ASSERT_TRUE(F < 0.65f * p.Fc);
-    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, FLT_MAX) > 1.3f * F);
+    double two = -expm1(-2 * (double)FLT_MAX * (double)p.sigma0 / (double)p.Fc);
+    TEST_ASSERT_TRUE(fabs((double)dahl_float_step(&plan, &state, FLT_MAX) / (double)p.Fc - two) <= 2 * DAHL_FLOAT_ERROR);
     TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, HUGE_VALF) == p.Fc && dahl_float_step(&plan, &state, 1.0f) == p.Fc);
     TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, -HUGE_VALF) == -p.Fc);
     for (int t = 1; t <= 16; t++) {
         double exact = -expm1(-2.0 * t);
         TEST_ASSERT_TRUE(fabs((double)dahl_float_step_counts(&slow_plan, &counted, INT32_MIN) + exact) <= 3 * DAHL_FLOAT_ERROR);
+    }
+}
+
+/* A number is used up to its end before what was reached becomes a new start. */
+static void test_travel_fills_its_number(void)
+{
+    dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
+    dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
+    dahl_float_state_t by_angle = {0}, by_counts = {0.25f, 0.0f, UINT32_MAX - 5u, 1};
+    (void)dahl_float_step(&plan, &by_angle, FLT_MAX / 2);
+    (void)dahl_float_step(&plan, &by_angle, FLT_MAX / 2);
+    TEST_ASSERT_TRUE(by_angle.travel == FLT_MAX && by_angle.w_reversal == 0.0f);
+    (void)dahl_float_step_counts(&slow_plan, &by_counts, 5);
+    TEST_ASSERT_TRUE(by_counts.counts == UINT32_MAX && by_counts.w_reversal == 0.25f);
+    (void)dahl_float_step_counts(&slow_plan, &by_counts, 1);
+    TEST_ASSERT_TRUE(by_counts.counts == 1 && by_counts.w_reversal > 0.25f);
+}
+
+/* No motion leaves every bit: also of the one before the first. */
+static void test_no_motion_leaves_the_state(void)
+{
+    dahl_params_t p = {100.0f, 1.0f, 1e-4f};
+    dahl_float_plan_t plan = float_plan_for(&p);
+    for (int32_t d = -1; d <= 1; d++) {
+        dahl_float_state_t state = {0}, start = {0};
+        (void)dahl_float_step_counts(&plan, &state, d);
+        start = state;
+        (void)dahl_float_step_counts(&plan, &state, 0);
+        (void)dahl_float_step(&plan, &state, 0.0f);
+        (void)dahl_float_step(&plan, &state, -0.0f);
+        (void)dahl_float_step(&plan, &state, NAN);
+        TEST_ASSERT_EQUAL_MEMORY(&start, &state, sizeof start);
     }
 }
 
@@ -138,6 +171,8 @@ int main(void)
     RUN_TEST(test_angle);
     RUN_TEST(test_bad_input);
     RUN_TEST(test_travel_beyond_its_number);
+    RUN_TEST(test_travel_fills_its_number);
+    RUN_TEST(test_no_motion_leaves_the_state);
     RUN_TEST(test_agrees_with_core);
     return UNITY_END();
 }
