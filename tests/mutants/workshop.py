@@ -409,9 +409,8 @@ class Workshop:
         open_units = set(built.differs)
         for form in (*OTHERS, *(() if mutant.hinted else (PLAIN,))):
             other = Built()
-            for unit in open_units:
-                self.compile(form, unit, other)
-            open_units &= other.differs
+            failed = {unit for unit in open_units if not self.compile(form, unit, other)}
+            open_units &= other.differs | failed
         return not open_units
 
     def killer(
