@@ -106,6 +106,12 @@ PROGRAMS = (
     unity_test("port/test_frames", quick=True),
     unity_test("port/test_node", 'TABLE_FILE="host_sim/node.h"', quick=True),
     unity_test("port/test_slcan", quick=True),
+    Program(
+        "port/test_buses",
+        ("tests/port/test_buses.c", *BUSES),
+        ("_POSIX_C_SOURCE=200809L",),
+        quick=True,
+    ),
     unity_test("lib/test_params", quick=True),
     unity_test("lib/test_short_ticks", quick=True),
     Program(
@@ -125,7 +131,6 @@ PROGRAMS = (
     unity_test("lib/test_batch", "TEST_TICKS=120000"),
     unity_test("lib/test_angle", "TEST_TICKS=20000", "TEST_KERNEL_STRIDE=20011u"),
     unity_test("lib/test_accuracy", "TEST_TICKS=50000"),
-    Program("port/test_buses", ("tests/port/test_buses.c", *BUSES), ("_POSIX_C_SOURCE=200809L",)),
 )
 
 
