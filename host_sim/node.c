@@ -13,7 +13,7 @@ static void restart(node_t *node)
 {
     node->bearing = (dahl_state_t){0};
     node->state = FRAMES_INIT;
-    node->start = FRAMES_INIT;
+    node->silenced = false;
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
     node->errors = 0;
     node->offs = 0;
@@ -25,7 +25,8 @@ dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
 {
     dahl_plan_t plan;
     dahl_err_t result = dahl_prepare(&plan, params);
-    if (result == DAHL_OK) {
+    switch (result) {
+    case DAHL_OK:
         *node = (node_t){
             .plan = plan,
             .params = *params,
@@ -36,6 +37,9 @@ dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
             .number = number & 0x0F,
         };
         restart(node);
+        break;
+    default:
+        break;
     }
     return result;
 }
@@ -48,30 +52,31 @@ static void enter(node_t *node, frames_state_t state)
     }
 }
 
+static uint32_t least(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
+}
+
 /* The gain goes its way from one answer to the next. */
 static void ramp(node_t *node, uint32_t elapsed_us)
 {
-    uint32_t way = node->gain > node->gain_now ? node->gain - node->gain_now : node->gain_now - node->gain;
+    uint32_t rise = node->gain > node->gain_now ? node->gain - node->gain_now : 0;
+    uint32_t fall = node->gain_now > node->gain ? node->gain_now - node->gain : 0;
     uint32_t step = NODE_ONE;
-    if (way == 0) {
-        return;
-    }
     if (node->ramp_us > 0) {
         step = NODE_ONE * (elapsed_us < NODE_ONE ? elapsed_us : NODE_ONE - 1) / node->ramp_us;
     }
-    step = step < way ? step : way;
-    node->gain_now += node->gain > node->gain_now ? step : 0u - step;
+    node->gain_now += least(step, rise) - least(step, fall);
 }
 
 /* What is answered for F/Fc in Q30. */
 static int32_t output(const node_t *node, int32_t torque_q30)
 {
-    int32_t part = (int32_t)((int64_t)torque_q30 * (int32_t)node->gain_now / (int32_t)NODE_ONE);
+    int32_t gain = (int32_t)node->gain_now;
+    int32_t part = (int32_t)((int64_t)torque_q30 * gain / (int32_t)NODE_ONE);
     int32_t limit = (int32_t)(node->limit << 14);
-    if (part > limit) {
-        return limit;
-    }
-    return part < -limit ? -limit : part;
+    part = part < limit ? part : limit;
+    return part > -limit ? part : -limit;
 }
 
 static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, int32_t torque_q30, can_frame_t *out)
@@ -127,31 +132,25 @@ static bool sure(node_t *node, const encoder_state_t *seen)
     if (seen->counter != ((node->candidate + 1) & 0x0F)) {
         node->doubts = 0;
     }
-    node->doubts = (uint8_t)(node->doubts + (node->doubts < NODE_REARM ? 1u : 0u));
+    node->doubts = (uint8_t)(node->doubts + (node->doubts < UINT8_MAX ? 1u : 0u));
     node->candidate = seen->counter;
     return node->doubts >= NODE_REARM && seen->valid;
 }
 
 /* A frame that does not go on from the last one: where enough of them go on from each other, the encoder is there now. */
-static bool doubt(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
-    if (!sure(node, seen)) {
-        return false;
-    }
-    if (node->max_step > 0 && plausible(node, seen, 0, now_us)) {
+    bool known = sure(node, seen);
+    enter(node, FRAMES_WRONG_SEQUENCE);
+    if (known && node->max_step > 0 && plausible(node, seen, 0, now_us)) {
         enter(node, FRAMES_LOST);
         return move(node, seen, now_us, out);
     }
-    enter(node, FRAMES_WRONG_SEQUENCE);
+    node->counts.wrong_sequence++;
+    if (!known) {
+        return false;
+    }
     return prime(node, seen, now_us, out);
-}
-
-static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
-{
-    enter(node, FRAMES_WRONG_SEQUENCE);
-    bool answered = doubt(node, seen, now_us, out);
-    node->counts.wrong_sequence += node->state == FRAMES_LOST ? 0u : 1u;
-    return answered;
 }
 
 static bool repeated(node_t *node)
@@ -174,7 +173,11 @@ static bool jump(node_t *node, const encoder_state_t *seen, uint32_t now_us, can
     node->counts.jump++;
     node->errors |= FRAMES_ERROR_JUMP;
     node->counter = seen->counter;
-    return doubt(node, seen, now_us, out);
+    if (!sure(node, seen)) {
+        return false;
+    }
+    enter(node, FRAMES_WRONG_SEQUENCE);
+    return prime(node, seen, now_us, out);
 }
 
 static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step, uint32_t now_us, can_frame_t *out)
@@ -202,8 +205,8 @@ static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, ca
         node->doubts = 0;
         return invalid(node, seen->counter);
     }
-    node->state = node->start;
-    if (node->start == FRAMES_STALE && (is_held(node, now_us) || !sure(node, seen))) {
+    node->state = node->silenced ? FRAMES_STALE : FRAMES_INIT;
+    if (node->silenced && (is_held(node, now_us) || !sure(node, seen))) {
         node->counts.rearm++;
         return false;
     }
@@ -226,17 +229,23 @@ static bool accept(node_t *node, const encoder_state_t *seen, uint32_t now_us, c
     return in_sequence(node, seen, step, now_us, out);
 }
 
-static bool reject(node_t *node, frames_check_t why)
+/* False: counted, and not to be used. */
+static bool is_good(node_t *node, frames_check_t check)
 {
+    switch (check) {
+    case FRAMES_GOOD:
+        return true;
+    case FRAMES_BAD_FORMAT:
+        node->counts.format++;
+        node->errors |= FRAMES_ERROR_FORMAT;
+        break;
+    default:
+        node->counts.crc++;
+        break;
+    }
     enter(node, FRAMES_CRC);
     if (!node->primed) {
         node->doubts = 0;
-    }
-    if (why == FRAMES_BAD_FORMAT) {
-        node->counts.format++;
-        node->errors |= FRAMES_ERROR_FORMAT;
-    } else {
-        node->counts.crc++;
     }
     return false;
 }
@@ -247,7 +256,7 @@ static void fall_silent(node_t *node)
     node->primed = false;
     node->doubts = 0;
     node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
-    node->start = FRAMES_STALE;
+    node->silenced = true;
     node->urgent = true;
     enter(node, FRAMES_STALE);
 }
@@ -255,7 +264,7 @@ static void fall_silent(node_t *node)
 void node_bus_off(node_t *node, uint32_t now_us)
 {
     node->counts.bus_off++;
-    node->offs = (uint8_t)(node->offs + (node->offs < NODE_OFF_MAX ? 1u : 0u));
+    node->offs = (uint8_t)(node->offs + (node->offs < UINT8_MAX ? 1u : 0u));
     node->off_us = now_us;
     fall_silent(node);
 }
@@ -263,7 +272,7 @@ void node_bus_off(node_t *node, uint32_t now_us)
 static void check_age(node_t *node, uint32_t now_us)
 {
     int32_t age = (int32_t)(now_us - node->good_us); /* below 0 where the clock went back: not old */
-    if (node->primed && age > 0 && (uint32_t)age > node->timeout_us) {
+    if (node->primed && age > (int64_t)node->timeout_us) {
         node->counts.stale++;
         fall_silent(node);
     }
@@ -272,9 +281,8 @@ static void check_age(node_t *node, uint32_t now_us)
 static bool on_encoder(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
 {
     encoder_state_t seen;
-    frames_check_t result = frames_unpack_encoder(in, &seen);
-    if (result != FRAMES_GOOD) {
-        return reject(node, result);
+    if (!is_good(node, frames_unpack_encoder(in, &seen))) {
+        return false;
     }
     check_age(node, now_us);
     return accept(node, &seen, now_us, out);
@@ -325,13 +333,18 @@ static uint8_t write_model(node_t *node, const param_write_t *asked)
     float step;
     float *value = model_of(&params, asked->param, &step);
     *value = (float)asked->value * step;
-    if (asked->value == 0 || dahl_prepare(&plan, &params) != DAHL_OK) {
+    if (asked->value == 0) {
         return FRAMES_PARAM_OUT_OF_RANGE;
     }
-    dahl_change_plan(&node->plan, &plan, &node->bearing);
-    node->params = params;
-    node->plan = plan;
-    return FRAMES_PARAM_DONE;
+    switch (dahl_prepare(&plan, &params)) {
+    case DAHL_OK:
+        dahl_change_plan(&node->plan, &plan, &node->bearing);
+        node->params = params;
+        node->plan = plan;
+        return FRAMES_PARAM_DONE;
+    default:
+        return FRAMES_PARAM_OUT_OF_RANGE;
+    }
 }
 
 static uint8_t write_setting(node_t *node, const param_write_t *asked)
@@ -375,9 +388,8 @@ static uint32_t read_param(node_t *node, uint8_t param)
 static bool on_param(node_t *node, const can_frame_t *in, can_frame_t *out)
 {
     param_write_t asked;
-    frames_check_t result = frames_unpack_param_write(in, &asked);
-    if (result != FRAMES_GOOD) {
-        return reject(node, result);
+    if (!is_good(node, frames_unpack_param_write(in, &asked))) {
+        return false;
     }
     param_reply_t reply = {.counter = asked.counter, .param = asked.param, .result = write_param(node, &asked)};
     node->counts.params++;
@@ -415,9 +427,8 @@ static void pack_status(node_t *node, uint32_t now_us, can_frame_t *out)
 static bool on_reset(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
 {
     node_reset_t asked;
-    frames_check_t result = frames_unpack_reset(in, &asked);
-    if (result != FRAMES_GOOD) {
-        return reject(node, result);
+    if (!is_good(node, frames_unpack_reset(in, &asked))) {
+        return false;
     }
     node->counts.resets++;
     if (asked.what == FRAMES_RESET_ERRORS) {

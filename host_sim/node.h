@@ -103,7 +103,6 @@ typedef struct {
     uint32_t off_us;       /* when the last bus-off was */
     uint8_t number;        /* node number, 0..15 */
     uint8_t state;         /* frames_state_t */
-    uint8_t start;         /* why the next starting point is one: INIT or STALE */
     uint8_t errors;        /* sticky bits of Status */
     uint8_t counter;       /* of the last EncoderState in sequence */
     uint8_t doubts;        /* frames in a row that may be a new start */
@@ -112,6 +111,7 @@ typedef struct {
     uint8_t torque_counter;
     uint8_t status_counter;
     bool primed;           /* count and counter are a valid starting point */
+    bool silenced;         /* the next starting point ends a silence: it is waited for */
     bool urgent;           /* Status is due now */
 } node_t;
 

@@ -10,20 +10,10 @@
 /* A line while it is read. error points to the count of what is wrong, NULL while nothing is. */
 typedef struct {
     const char *at;
-    const char *end;
+    uint32_t left; /* characters from there on */
     slcan_counts_t *counts;
     uint32_t *error;
 } reader_t;
-
-/* Above 15: none. */
-static uint32_t digit_of(char c)
-{
-    uint32_t number = (uint32_t)c - (uint32_t)'0', letter = (uint32_t)(c | 0x20) - (uint32_t)'a';
-    if (number < 10u) {
-        return number;
-    }
-    return letter < 6u ? letter + 10u : 16u;
-}
 
 static void fail(reader_t *reader, uint32_t *why)
 {
@@ -32,20 +22,30 @@ static void fail(reader_t *reader, uint32_t *why)
     }
 }
 
+static uint32_t read_digit(reader_t *reader)
+{
+    char c = *reader->at++;
+    uint32_t number = (uint32_t)c - (uint32_t)'0', letter = (uint32_t)(c | 0x20) - (uint32_t)'a';
+    reader->left--;
+    if (number < 10u) {
+        return number;
+    }
+    if (letter >= 6u) {
+        fail(reader, &reader->counts->not_hex);
+    }
+    return letter + 10u;
+}
+
 /* What follows an error is read on, and means nothing. */
 static uint32_t read_hex(reader_t *reader, uint32_t digits)
 {
     uint32_t value = 0;
     for (; digits > 0; digits--) {
-        if (reader->at == reader->end) {
+        if (reader->left == 0u) {
             fail(reader, &reader->counts->cut);
-            return 0;
+        } else {
+            value = 16u * value + read_digit(reader);
         }
-        uint32_t digit = digit_of(*reader->at++);
-        if (digit > 15u) {
-            fail(reader, &reader->counts->not_hex);
-        }
-        value = 16u * value + digit;
     }
     return value;
 }
@@ -70,7 +70,7 @@ static void read_data(reader_t *reader, can_frame_t *frame)
     for (uint32_t i = 0; i < length && !(frame->flags & CAN_FRAME_REMOTE); i++) {
         frame->data[i] = (uint8_t)read_hex(reader, 2);
     }
-    if (reader->at < reader->end) {
+    if (reader->left > 0u) {
         fail(reader, &reader->counts->wrong_length);
     }
 }
@@ -90,7 +90,7 @@ static slcan_event_t refuse(slcan_t *self, uint32_t *why, char *text)
 
 static slcan_event_t take_frame(slcan_t *self, uint8_t flags, can_frame_t *frame, char *text)
 {
-    reader_t reader = {self->line + 1, self->line + self->length, &self->counts, NULL};
+    reader_t reader = {self->line + 1, self->length - 1u, &self->counts, NULL};
     can_frame_t read = {.flags = flags};
     read_id(&reader, &read);
     read_data(&reader, &read);
@@ -178,6 +178,7 @@ static char *write_hex(char *text, uint32_t value, uint32_t digits)
 uint32_t slcan_write(const can_frame_t *frame, char *text)
 {
     bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0, remote = (frame->flags & CAN_FRAME_REMOTE) != 0;
+    uint32_t bytes = remote ? 0u : frame->length;
     char *end = text;
     if ((frame->flags & (CAN_FRAME_FD | CAN_FRAME_ERROR)) || frame->length > 8) {
         return 0;
@@ -185,7 +186,7 @@ uint32_t slcan_write(const can_frame_t *frame, char *text)
     *end++ = (remote ? "rR" : "tT")[extended];
     end = write_hex(end, frame->id, extended ? 8u : 3u);
     end = write_hex(end, frame->length, 1);
-    for (uint32_t i = 0; i < frame->length && !remote; i++) {
+    for (uint32_t i = 0; i < bytes; i++) {
         end = write_hex(end, frame->data[i], 2);
     }
     *end++ = CR;

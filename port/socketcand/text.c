@@ -84,7 +84,7 @@ size_t text_from_frame(char *out, const can_frame_t *frame)
     char *at = out + 8;
     at += put_id(at, frame);
     at += snprintf(at, 32, " %" PRIu64 ".%06" PRIu64 " ", frame->time_us / 1000000u, frame->time_us % 1000000u);
-    for (size_t i = 0; i < frame->length; i++) {
+    for (size_t i = 0, length = frame->length; i < length; i++) {
         at = put_byte(at, frame->data[i]);
     }
     memcpy(at, " >", 2);
@@ -100,7 +100,7 @@ size_t text_from_send(char *out, const can_frame_t *frame)
     char *at = out + 7;
     at += put_id(at, frame);
     at += snprintf(at, 4, " %X", frame->length & 0x0Fu);
-    for (size_t i = 0; i < frame->length; i++) {
+    for (size_t i = 0, length = frame->length; i < length; i++) {
         *at++ = ' ';
         at = put_byte(at, frame->data[i]);
     }
@@ -159,7 +159,7 @@ bool text_to_send(const char *element, can_frame_t *frame)
         return false;
     }
     frame->length = (uint8_t)value;
-    for (size_t i = 0; i < frame->length; i++) {
+    for (size_t i = 0, length = frame->length; i < length; i++) {
         if (!hex_word(&element, 0xFF, &value)) {
             return false;
         }
@@ -198,7 +198,7 @@ static bool data_word(const char **cursor, can_frame_t *frame)
         return false;
     }
     frame->length = (uint8_t)(strlen(word) / 2);
-    for (size_t i = 0; i < frame->length; i++) {
+    for (size_t i = 0, length = frame->length; i < length; i++) {
         char pair[3] = {word[2 * i], word[2 * i + 1], '\0'};
         uint64_t value;
         if (!to_number(pair, 16, 0xFF, &value)) {

@@ -168,12 +168,12 @@ static void check_node(receiver_t *r, const node_t *before)
 {
     uint64_t now = fates(&r->node.counts);
     LAW(now == fates(&before->counts) + 1 || now == 0, "a frame has one fate");
-    LAW(r->node.gain_now <= NODE_ONE && r->node.doubts <= NODE_REARM && r->node.offs <= NODE_OFF_MAX, "the state is in range");
+    LAW(r->node.gain_now <= NODE_ONE, "the state is in range");
     LAW(r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= FRAMES_INIT, "the state is in range");
     int64_t w = r->node.bearing.w, most = ((int64_t)1 << 62) + ((int64_t)1 << 31);
     LAW(w <= most && w >= -most, "the bristle stays in range");
     if (before->primed && !r->node.primed) {
-        r->is_silent = r->node.start == FRAMES_STALE;
+        r->is_silent = r->node.silenced;
     }
     r->is_silent = r->node.primed ? 0 : r->is_silent;
 }

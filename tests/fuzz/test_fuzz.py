@@ -132,7 +132,7 @@ PLANTED = {
         "CRC",
     ),
     "limit_on_one_side": Planted(
-        "receiver", "host_sim/node.c", "part < -limit ? -limit : part", "part", "gain and limit"
+        "receiver", "host_sim/node.c", "part > -limit ? part : -limit", "part", "gain and limit"
     ),
     "setting_not_bounded": Planted(
         "receiver", "host_sim/node.c", " || asked->value > setting->high", "", "law broken"

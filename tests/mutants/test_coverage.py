@@ -242,12 +242,13 @@ def test_planted_conditions_that_never_decide(planted: Callable[..., list[str]])
 
 
 def test_planted_loss_of_a_test(planted: Callable[..., list[str]]) -> None:
-    test = "test_a_disowned_count_is_no_new_start_but_does_not_break_the_row"
+    test = "test_a_row_out_of_sequence_and_elsewhere_is_believed_without_travel"
     holes = planted(*NODE, f"    RUN_TEST({test});\n", f"    (void){test};\n")
     lines = (ROOT / NODE[0]).read_text(encoding="utf-8").splitlines()
-    at = 1 + lines.index("    return node->doubts >= NODE_REARM && seen->valid;")
+    decision = "    if (known && node->max_step > 0 && plausible(node, seen, 0, now_us)) {"
+    at = 1 + lines.index(decision)
     assert any(
-        hole.startswith(f"node.c:{at}:42: ") and "condition 2 of 2" in hole for hole in holes
+        hole.startswith(f"node.c:{at}:40: ") and "condition 3 of 3" in hole for hole in holes
     )
 
 
@@ -270,8 +271,8 @@ def test_planted_nested_decision(planted: Callable[..., list[str]]) -> None:
     with pytest.raises(RuntimeError, match="unsupported MC/DC"):
         planted(
             *NODE,
-            "    if (asked->value == 0 || dahl_prepare(",
-            "    if (asked->value == (asked->param > 9 || node->number > 15) || dahl_prepare(",
+            "    if (known && node->max_step > 0 && plausible(",
+            "    if (known && node->max_step > (now_us > 9 || node->number > 15) && plausible(",
         )
 
 

@@ -76,7 +76,7 @@ static void check_fate(const node_t *node, uint64_t before, uint64_t frame)
     if (now != before + 1 && now != 0) {
         fail("a frame with no fate, or with two", frame);
     }
-    if (node->gain_now > NODE_ONE || node->doubts > NODE_REARM) {
+    if (node->gain_now > NODE_ONE) {
         fail("a state out of range", frame);
     }
 }

@@ -228,6 +228,29 @@ static void test_a_disowned_count_is_no_new_start_but_does_not_break_the_row(voi
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 10), answer.torque_q30);
 }
 
+/* A row of disowned counts, as long as a late frame between them makes it, is a row still: the next good count is believed. */
+static void test_a_row_of_any_length_is_one(void)
+{
+    uint32_t next = 15;
+    TEST_ASSERT_TRUE(feed(0, 0));
+    for (uint32_t i = 0; i < 300; i++) { /* one behind, which goes on from the last one behind; then one ahead */
+        encoder_state_t state = {.count = 900, .counter = next & 0x0F, .valid = false};
+        can_frame_t frame;
+        frames_pack_encoder(&frame, NUMBER, &state);
+        TEST_ASSERT_FALSE(give(&frame));
+        TEST_ASSERT_EQUAL(i + 1, node.counts.wrong_sequence);
+        now_us = node.good_us;
+        state.counter = (next + 2) & 0x0F;
+        frames_pack_encoder(&frame, NUMBER, &state);
+        TEST_ASSERT_FALSE(give(&frame));
+        TEST_ASSERT_EQUAL(i + 1, node.counts.invalid);
+        now_us = node.good_us;
+        next++;
+    }
+    TEST_ASSERT_TRUE(feed(next, 900));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+}
+
 static void test_wrong_crc_and_form_are_counted_and_not_used(void)
 {
     feed(0, 0);
@@ -597,6 +620,23 @@ static void test_an_encoder_that_is_elsewhere_for_good_is_believed_without_trave
     TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_TRUE(feed(5, 5000030));
+    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+}
+
+static void test_a_row_out_of_sequence_and_elsewhere_is_believed_without_travel(void)
+{
+    node.max_step = 100;
+    feed(0, 0);
+    feed(1, 60);
+    int64_t before = node.bearing.w;
+    TEST_ASSERT_FALSE(feed(12, 5000000));
+    TEST_ASSERT_FALSE(feed(13, 5000010));
+    TEST_ASSERT_TRUE(feed(14, 5000020));
+    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(before, node.bearing.w);
+    TEST_ASSERT_EQUAL(3, node.counts.wrong_sequence);
+    TEST_ASSERT_EQUAL(2, node.counts.ok);
+    TEST_ASSERT_TRUE(feed(15, 5000030));
     TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
 }
 
@@ -1412,6 +1452,7 @@ int main(void)
     RUN_TEST(test_frames_that_do_not_follow_each_other_are_no_new_start);
     RUN_TEST(test_after_a_new_start_doubt_begins_anew);
     RUN_TEST(test_a_disowned_count_is_no_new_start_but_does_not_break_the_row);
+    RUN_TEST(test_a_row_of_any_length_is_one);
     RUN_TEST(test_wrong_crc_and_form_are_counted_and_not_used);
     RUN_TEST(test_other_ids_are_ignored);
     RUN_TEST(test_a_count_that_the_encoder_disowns_is_not_used);
@@ -1433,6 +1474,7 @@ int main(void)
     RUN_TEST(test_with_a_step_limit_longer_gaps_are_bridged);
     RUN_TEST(test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame);
     RUN_TEST(test_an_encoder_that_is_elsewhere_for_good_is_believed_without_travel);
+    RUN_TEST(test_a_row_out_of_sequence_and_elsewhere_is_believed_without_travel);
     RUN_TEST(test_a_bad_frame_breaks_the_row_after_a_timeout);
     RUN_TEST(test_a_disowned_count_breaks_the_row_after_a_timeout);
     RUN_TEST(test_after_a_corrupt_frame_the_state_is_that_of_the_start);
