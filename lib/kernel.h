@@ -69,7 +69,7 @@ static inline dahl_q64_t dahl_kernel_tiny(dahl_scaled_t v)
 }
 
 /* 1 - 2^(-j/16) in Q33, rounded up: what follows is truncated. */
-static const uint32_t dahl_kernel_table[16] = {
+static const uint32_t dahl_kernel_table[] = {
     0, 364185046u, 712929841u, 1046889000u, 1366689387u, 1672931286u, 1966189534u, 2247014594u,
     2515933593u, 2773451308u, 3020051117u, 3256195903u, 3482328925u, 3698874649u, 3906239545u, 4104812849u,
 };

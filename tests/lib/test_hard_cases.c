@@ -171,6 +171,21 @@ static void test_p07_no_dead_band(void)
     }
 }
 
+/* The least travel that counts, v = 2^-64 (kernel.h), is felt where the gap is widest, and half of it nowhere. */
+static void test_p07_least_travel_by_angle(void)
+{
+    dahl_params_t p = {1.0f, 1.0f, 0.0f};
+    dahl_plan_t plan = plan_for(&p);
+    const int64_t one = (int64_t)1 << 62;
+    dahl_state_t low = {-one}, high = {one};
+    (void)dahl_step(&plan, &low, 0x1.6p-65f); /* v = 0.99 2^-64 */
+    (void)dahl_step(&plan, &high, -0x1.6p-65f);
+    TEST_ASSERT_TRUE(low.w == -one && high.w == one);
+    (void)dahl_step(&plan, &low, 0x1.64p-65f); /* v = 1.003 2^-64 */
+    (void)dahl_step(&plan, &high, -0x1.64p-65f);
+    TEST_ASSERT_TRUE(low.w == 1 - one && high.w == one - 1);
+}
+
 static void test_p08_zero_motion(void)
 {
     dahl_params_t p = params_for(0.01, 1.0f);
@@ -326,6 +341,7 @@ int main(void)
     RUN_TEST(test_p06_tiny_motion_by_counts);
     RUN_TEST(test_p06_bits_of_tiny_motion);
     RUN_TEST(test_p07_no_dead_band);
+    RUN_TEST(test_p07_least_travel_by_angle);
     RUN_TEST(test_p08_zero_motion);
     RUN_TEST(test_p11_hidden_reversal);
     RUN_TEST(test_p12_wraps);

@@ -106,6 +106,15 @@ static void test_travel_just_below_a_power_of_two(void)
     }
 }
 
+/* A travel whose last bits are all ones is truncated: one unit more would carry into every entry. */
+static void test_bits_of_a_travel_of_ones(void)
+{
+    dahl_params_t p = {0x1.51d492p-3f, 0x1.37d6eep+0f, 0x1.dffdaap-1f};
+    dahl_plan_t plan = plan_for(&p);
+    TEST_ASSERT_EQUAL_HEX32(0x1e857baeu, plan.g[1].hi);
+    TEST_ASSERT_EQUAL_HEX32(0x94cc33d1u, plan.g[1].lo);
+}
+
 /* Torque in, torque out: the same float while |F| >= 2^-36 Fc; clamped; NaN ignored. */
 static void test_set_torque(void)
 {
@@ -288,6 +297,7 @@ int main(void)
     RUN_TEST(test_no_counts);
     RUN_TEST(test_counts_of_any_power_of_two);
     RUN_TEST(test_travel_just_below_a_power_of_two);
+    RUN_TEST(test_bits_of_a_travel_of_ones);
     RUN_TEST(test_set_torque);
     RUN_TEST(test_set_torque_far_below_Fc);
     RUN_TEST(test_set_least_torques);
