@@ -37,7 +37,7 @@ UPDATES = ("dahl_forward", "dahl_backward", "dahl_set_torque")
 APART = ("dahl_move_digits", "dahl_change_plan", "dahl_two_words")
 TICKS = Run("frama_ticks.c", "main", ("-eva-slevel", "200"), UPDATES + APART)
 FAR = Run("frama_ticks.c", "apart", ("-eva-slevel", "200", "-eva-min-loop-unroll", "33"), UPDATES)
-NODE = Run("frama_node.c", "main", ("-eva-split-return", "auto"))
+NODE = Run("frama_node.c", "main", ("-eva-split-return", "full"))
 PRECISION = {"frama_ticks.c": "3", "frama_node.c": "1"}
 
 
