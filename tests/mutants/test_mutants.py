@@ -23,9 +23,14 @@ from workshop import PROGRAMS, Fate
 
 LIST = Path(__file__).with_name("equivalent.toml")
 SAMPLE = 24
-SAMPLED = ("lib/wide.c", "lib/set_torque.c", "lib/angle.c", "lib/gap.h", "port/frames.c")
+SAMPLED = (
+    "lib/wide.c",
+    "lib/set_torque.c",
+    "lib/angle.c",
+    "lib/gap.h",
+    "port/frames.c",
+)
 LEAST_DISTINCT = 500
-PROOFS = ("solver",)
 
 
 Entry = dict[str, Any]  # of equivalent.toml
@@ -37,11 +42,17 @@ def equivalents() -> list[Entry]:
 
 def complaints(entries: list[Entry], mutants: list[Mutant]) -> list[str]:
     """What is wrong with the list as it stands."""
-    known, ids = {mutant.id for mutant in mutants}, [entry.get("id", "") for entry in entries]
+    known, ids = (
+        {mutant.id for mutant in mutants},
+        [entry.get("id", "") for entry in entries],
+    )
     found = [f"no such mutant: {name}" for name in ids if name not in known]
     found += [f"listed twice: {name}" for name in ids if ids.count(name) > 1]
     for entry in entries:
-        if entry.get("proof") not in PROOFS or not entry.get("reason", "").strip():
+        if (
+            entry.get("proof") not in equivalence.PROOFS
+            or not entry.get("reason", "").strip()
+        ):
             found.append(f"no proof or no reason: {entry.get('id')}")
     return found
 
@@ -49,10 +60,14 @@ def complaints(entries: list[Entry], mutants: list[Mutant]) -> list[str]:
 def unexplained(fates: list[Fate], entries: list[Entry]) -> list[str]:
     """Mutants alive that the list does not have, and listed ones that a test does notice."""
     listed = {entry["id"] for entry in entries}
-    found = [f"alive: {f.id}" for f in fates if f.kind == "alive" and f.id not in listed]
+    found = [
+        f"alive: {f.id}" for f in fates if f.kind == "alive" and f.id not in listed
+    ]
     for fate in fates:
         if fate.id in listed and fate.kind == "killed":
-            found.append(f"listed as equivalent, but {fate.killer} notices it: {fate.id}")
+            found.append(
+                f"listed as equivalent, but {fate.killer} notices it: {fate.id}"
+            )
     return found
 
 
@@ -86,7 +101,9 @@ def test_every_mutant_is_noticed_or_equivalent(mutants: list[Mutant]) -> None:
     fates = run_mutants.run(mutants, jobs)
     result = run_mutants.report(mutants, fates, time.monotonic() - start)
     run_mutants.RESULT.write_text(json.dumps(result, indent=1))
-    print({key: value for key, value in result.items() if key not in ("fates", "alive")})
+    print(
+        {key: value for key, value in result.items() if key not in ("fates", "alive")}
+    )
     assert unexplained(fates, equivalents()) == []
     assert result["distinct"] >= LEAST_DISTINCT
 
@@ -98,10 +115,17 @@ def test_equivalents_are_proven(mutants: list[Mutant]) -> None:
     open_ = []
     for entry in equivalents():
         at = {int(place): value for place, value in entry.get("at", {}).items()}
-        answer = equivalence.prove_equivalent(named(mutants, entry["id"]), at=at)
+        mutant = named(mutants, entry["id"])
+        answer = equivalence.prove_equivalent(mutant, at=at, proof=entry["proof"])
         if not answer.proven:
             open_.append((entry["id"], answer.said))
     assert open_ == []
+
+
+def test_lemmas_are_proven() -> None:
+    """What the proofs take for granted of the two wide functions."""
+    verdicts = equivalence.prove_lemmas()
+    assert {name: str(v) for name, v in verdicts.items() if not v.proven} == {}
 
 
 # ---------------------------------------------------------------- the check itself
@@ -135,8 +159,35 @@ def test_planted_difference_is_refuted_by_the_solver(mutants: list[Mutant]) -> N
     assert any("fails for" in said for said in answer.said)
 
 
+def test_planted_at_of_another_value_is_refused(mutants: list[Mutant]) -> None:
+    """`at` has to be where the comparison differs, and all of that."""
+    mutant = named(mutants, "lib/digits.c dahl_move_digits constant: 0 -> -1")
+    assert equivalence.differs_only_at(mutant, {2: -1})
+    assert not equivalence.differs_only_at(mutant, {2: 0})
+    assert not equivalence.differs_only_at(mutant, {1: -1})
+    negated = named(
+        mutants, "lib/digits.c dahl_move_digits relational: dcounts < 0 -> dcounts != 0"
+    )
+    assert not equivalence.differs_only_at(negated, {2: 0})
+
+
+def test_planted_wrong_symmetry_is_refuted(mutants: list[Mutant]) -> None:
+    swap = "lib/wide.c dahl_mulhi64 arguments: dahl_mulhi(a0, b0) -> dahl_mulhi(b0, a0)"
+    assert equivalence.prove_equivalent(named(mutants, swap), proof="symmetry").proven
+    wrong = next(
+        m for m in mutants if " arguments: dahl_quotient_q63(F.mantissa" in m.id
+    )
+    assert not equivalence.prove_equivalent(wrong, proof="symmetry").proven
+
+
 def test_planted_stale_entry_is_reported(mutants: list[Mutant]) -> None:
-    stale = {"id": "lib/gap.h gone constant: 1 -> 2", "proof": "solver", "reason": "was there"}
+    stale = {
+        "id": "lib/gap.h gone constant: 1 -> 2",
+        "proof": "solver",
+        "reason": "was there",
+    }
     bare = {"id": DIFFERS, "proof": "solver", "reason": ""}
-    assert complaints([stale], mutants) == ["no such mutant: lib/gap.h gone constant: 1 -> 2"]
+    assert complaints([stale], mutants) == [
+        "no such mutant: lib/gap.h gone constant: 1 -> 2"
+    ]
     assert complaints([bare], mutants) == [f"no proof or no reason: {DIFFERS}"]
