@@ -27,13 +27,14 @@ static bool finish(text_splitter_t *s)
 
 bool text_feed(text_splitter_t *s, char c)
 {
+    size_t room = TEXT_ELEMENT_MAX - s->length;
     if (!s->inside) {
         return outside(s, c);
     }
     if (c == '>') {
         return finish(s);
     }
-    if (c == '<' || c == '\0' || s->length == TEXT_ELEMENT_MAX) { /* a 0 would hide what stands after it */
+    if (c == '<' || c == '\0' || room == 0) { /* a 0 would hide what stands after it */
         s->garbage++;
         s->inside = c == '<';
         s->length = 0;
@@ -56,10 +57,9 @@ bool text_word(const char **cursor, char *word, size_t size)
     return true;
 }
 
-static size_t put_id(char *out, const can_frame_t *frame)
+static int id_digits(const can_frame_t *frame)
 {
-    bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0;
-    return (size_t)snprintf(out, 9, extended ? "%08" PRIX32 : "%03" PRIX32, frame->id & 0x1FFFFFFFu);
+    return (frame->flags & CAN_FRAME_EXTENDED) != 0 ? 8 : 3;
 }
 
 static bool has_words(const can_frame_t *frame)
@@ -80,10 +80,10 @@ size_t text_from_frame(char *out, const can_frame_t *frame)
     if (!has_words(frame)) {
         return 0;
     }
-    memcpy(out, "< frame ", 8);
-    char *at = out + 8;
-    at += put_id(at, frame);
-    at += snprintf(at, 32, " %" PRIu64 ".%06" PRIu64 " ", frame->time_us / 1000000u, frame->time_us % 1000000u);
+    uint32_t id = frame->id & 0x1FFFFFFFu;
+    uint64_t time_us = frame->time_us;
+    char *at = out + snprintf(out, TEXT_FRAME_MAX, "< frame %0*" PRIX32 " %" PRIu64 ".%06" PRIu64 " ", id_digits(frame), id,
+                              time_us / 1000000u, time_us % 1000000u);
     for (size_t i = 0, length = frame->length; i < length; i++) {
         at = put_byte(at, frame->data[i]);
     }
@@ -96,10 +96,8 @@ size_t text_from_send(char *out, const can_frame_t *frame)
     if (!has_words(frame)) {
         return 0;
     }
-    memcpy(out, "< send ", 7);
-    char *at = out + 7;
-    at += put_id(at, frame);
-    at += snprintf(at, 4, " %X", frame->length & 0x0Fu);
+    uint32_t id = frame->id & 0x1FFFFFFFu;
+    char *at = out + snprintf(out, TEXT_FRAME_MAX, "< send %0*" PRIX32 " %X", id_digits(frame), id, frame->length & 0x0Fu);
     for (size_t i = 0, length = frame->length; i < length; i++) {
         *at++ = ' ';
         at = put_byte(at, frame->data[i]);
@@ -131,7 +129,7 @@ static bool id_word(const char **cursor, can_frame_t *frame)
     if (!text_word(cursor, word, sizeof word)) {
         return false;
     }
-    bool extended = strlen(word) == 8;
+    bool extended = strlen(word) > 7;
     if (!to_number(word, 16, extended ? 0x1FFFFFFFu : 0x7FFu, &id)) {
         return false;
     }
@@ -142,7 +140,7 @@ static bool id_word(const char **cursor, can_frame_t *frame)
 
 static bool begins_with(const char **cursor, const char *verb)
 {
-    char word[8];
+    char word[sizeof "frame"];
     return text_word(cursor, word, sizeof word) && strcmp(word, verb) == 0;
 }
 
@@ -181,7 +179,7 @@ static bool time_word(const char **cursor, can_frame_t *frame)
         return false;
     }
     *point = '\0';
-    if (!to_number(word, 10, UINT64_MAX / 2000000u, &seconds) || !to_number(point + 1, 10, 999999, &micros)) {
+    if (!to_number(word, 10, UINT64_MAX / 2000000u, &seconds) || !to_number(point + 1, 10, UINT64_MAX, &micros)) {
         return false;
     }
     frame->time_us = seconds * 1000000u + micros;
@@ -190,7 +188,7 @@ static bool time_word(const char **cursor, can_frame_t *frame)
 
 static bool data_word(const char **cursor, can_frame_t *frame)
 {
-    char word[17]; /* 8 bytes */
+    char word[sizeof "0011223344556677"];
     if (at_end(*cursor)) {
         return true;
     }
@@ -199,9 +197,9 @@ static bool data_word(const char **cursor, can_frame_t *frame)
     }
     frame->length = (uint8_t)(strlen(word) / 2);
     for (size_t i = 0, length = frame->length; i < length; i++) {
-        char pair[3] = {word[2 * i], word[2 * i + 1], '\0'};
+        char pair[] = {word[2 * i], word[2 * i + 1], '\0'};
         uint64_t value;
-        if (!to_number(pair, 16, 0xFF, &value)) {
+        if (!to_number(pair, 16, UINT8_MAX, &value)) {
             return false;
         }
         frame->data[i] = (uint8_t)value;

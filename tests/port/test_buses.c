@@ -175,9 +175,26 @@ static void test_the_text_is_what_python_can_reads_and_writes(void)
 static void test_there_are_no_words_for_other_frames(void)
 {
     char text[TEXT_FRAME_MAX];
-    can_frame_t remote = {.flags = CAN_FRAME_REMOTE};
-    TEST_ASSERT_EQUAL(0, text_from_frame(text, &remote));
-    TEST_ASSERT_EQUAL(0, text_from_send(text, &remote));
+    for (unsigned flags = 0; flags < 32; flags++) {
+        can_frame_t frame = {.flags = (uint8_t)flags};
+        bool plain = (flags & (CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)) == 0;
+        TEST_ASSERT_EQUAL(plain, text_from_frame(text, &frame) != 0);
+        TEST_ASSERT_EQUAL(plain, text_from_send(text, &frame) != 0);
+    }
+}
+
+/* The longest that there are, and not a character behind the last one. */
+static void test_the_text_ends_where_its_length_says(void)
+{
+    char text[TEXT_FRAME_MAX];
+    const can_frame_t frame = {
+        .id = 0x1FFFFFFF, .flags = CAN_FRAME_EXTENDED, .length = 8, .data = {1, 2, 3}, .time_us = UINT64_MAX};
+    memset(text, '#', sizeof text);
+    size_t length = text_from_frame(text, &frame);
+    TEST_ASSERT_EQUAL_STRING_LEN("< frame 1FFFFFFF 18446744073709.551615 0102030000000000 >#", text, length + 1);
+    memset(text, '#', sizeof text);
+    length = text_from_send(text, &frame);
+    TEST_ASSERT_EQUAL_STRING_LEN("< send 1FFFFFFF 8 01 02 03 00 00 00 00 00 >#", text, length + 1);
 }
 
 static void test_bad_elements_are_refused(void)
@@ -187,10 +204,13 @@ static void test_bad_elements_are_refused(void)
         " send 123 c 0 0 0 0 0 0 0 0 0 0 0 0", " send 800 0", " send 20000000 0", " send 123456789 0", " send xyz 0",
         " send 123 1 100", " send 123 1 1 1", " send 123 -1", " send +12 0", " send 123 1 0x1g", " frame 123 0",
         " sendd 123 0", " send 123 1 ", " send 12 1 \xff", " send 123 1 0x1", " send 0x1 0", " send 123 1 \t1",
-        " sendsend 123 0", " send 7FFFFFFFF 0"};
+        " sendsend 123 0", " send 7FFFFFFFF 0", " send 123 1 1\xff", " send 123 0 \xff",
+        " send 123 1 000000001", " send 000000123 0"};
     static const char *const bad_frames[] = {
         " frame", " frame 123", " frame xyz 1.000000 00", " frame 123 1000000 00", " frame 123 1.5 00", " frame 123 x.000000 00",
         " frame 123 .000000 00", " frame 123 -1.000000 00", " frame 123 1.-00001 00", " frame 123 1.00000x 00",
+        " frame 123 1a.000000 00", " frame 123 1.000000 \xff",
+        " frame 123 0000000000000000000000001.000000 00", " frame 123 1.00000a 00",
         " frame 123 1.0000000 00", " frame 123 9223372036855.000000 00", " frame 123 99999999999999999999.000000 00",
         " frame 123 123456789012345678901234.000000 00", " frame 123 1.000000 0", " frame 123 1.000000 0g",
         " frame 123 1.000000 0x", " frame 123 1.000000 001122334455667", " frame 123 1.000000 00112233445566778",
@@ -207,6 +227,38 @@ static void test_bad_elements_are_refused(void)
     TEST_ASSERT_EQUAL(8, frame.length);
     TEST_ASSERT_EQUAL_HEX8(0x77, frame.data[7]);
     TEST_ASSERT_TRUE(frame.time_us == UINT64_C(9223372036854999999));
+}
+
+/* Zeros before a number are part of it, as long as the word may be. */
+static void test_words_as_long_as_they_may_be(void)
+{
+    can_frame_t frame;
+    TEST_ASSERT_TRUE(text_to_send(" send 0000123 00000001 000000FF", &frame)); /* 7 digits: not extended */
+    TEST_ASSERT_EQUAL_HEX32(0x123, frame.id);
+    TEST_ASSERT_EQUAL(0, frame.flags);
+    TEST_ASSERT_EQUAL(1, frame.length);
+    TEST_ASSERT_EQUAL_HEX8(0xFF, frame.data[0]);
+    TEST_ASSERT_TRUE(text_to_send(" send 1FFFFFFF 0", &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x1FFFFFFF, frame.id);
+    TEST_ASSERT_EQUAL(CAN_FRAME_EXTENDED, frame.flags);
+    TEST_ASSERT_TRUE(text_to_frame(" frame 123 000000000000000000000010.000000", &frame));
+    TEST_ASSERT_TRUE(frame.time_us == 10000000);
+}
+
+/* Nothing of the frame before it. */
+static void test_what_an_element_does_not_say_is_0(void)
+{
+    const uint8_t none[8] = {0};
+    can_frame_t frame;
+    memset(&frame, 0xA5, sizeof frame);
+    TEST_ASSERT_TRUE(text_to_frame(" frame 123 10.000000", &frame));
+    TEST_ASSERT_EQUAL(0, frame.flags);
+    TEST_ASSERT_EQUAL(0, frame.length);
+    TEST_ASSERT_EQUAL_MEMORY(none, frame.data, 8);
+    memset(&frame, 0xA5, sizeof frame);
+    TEST_ASSERT_TRUE(text_to_send(" send 123 0", &frame));
+    TEST_ASSERT_EQUAL_MEMORY(none, frame.data, 8);
+    TEST_ASSERT_TRUE(frame.time_us == 0);
 }
 
 static uint32_t elements_in(text_splitter_t *splitter, const char *text)
@@ -256,6 +308,18 @@ static void test_the_splitter_keeps_elements_apart(void)
     TEST_ASSERT_EQUAL_STRING("c", splitter.element);
 }
 
+static void test_any_character_but_three_may_stand_in_an_element(void)
+{
+    for (int c = 1; c < 256; c++) {
+        text_splitter_t splitter = {0};
+        const char text[] = {'<', (char)c, '>', '\0'};
+        const char wanted[] = {(char)c, '\0'};
+        TEST_ASSERT_EQUAL(1, elements_in(&splitter, text));
+        TEST_ASSERT_EQUAL_STRING(c == '<' || c == '>' ? "" : wanted, splitter.element);
+        TEST_ASSERT_EQUAL(c == '<' || c == '>' ? 1 : 0, splitter.garbage);
+    }
+}
+
 static void test_all_but_blanks_between_elements_is_garbage(void)
 {
     for (int c = 1; c < 256; c++) {
@@ -282,6 +346,9 @@ static void test_words_are_what_stands_between_blanks(void)
     TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
     TEST_ASSERT_EQUAL_STRING("4", word);
     TEST_ASSERT_EQUAL('\0', *cursor);
+    cursor = "four 5"; /* with its end it has no room */
+    TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
+    TEST_ASSERT_EQUAL_STRING("4", word);
     can_frame_t frame;
     TEST_ASSERT_TRUE(text_to_send("send   12345678  2 a   b", &frame));
     TEST_ASSERT_EQUAL_HEX32(0x12345678, frame.id);
@@ -355,9 +422,13 @@ int main(void)
     RUN_TEST(test_frames_survive_the_text_both_ways);
     RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);
     RUN_TEST(test_there_are_no_words_for_other_frames);
+    RUN_TEST(test_the_text_ends_where_its_length_says);
     RUN_TEST(test_bad_elements_are_refused);
+    RUN_TEST(test_words_as_long_as_they_may_be);
+    RUN_TEST(test_what_an_element_does_not_say_is_0);
     RUN_TEST(test_the_splitter_finds_elements_in_pieces_and_garbage);
     RUN_TEST(test_the_splitter_keeps_elements_apart);
+    RUN_TEST(test_any_character_but_three_may_stand_in_an_element);
     RUN_TEST(test_all_but_blanks_between_elements_is_garbage);
     RUN_TEST(test_words_are_what_stands_between_blanks);
     RUN_TEST(test_an_endless_element_is_dropped);

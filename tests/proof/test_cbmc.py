@@ -216,8 +216,8 @@ FAULTS = {
     ),
     "element_too_long": Fault(
         "port/socketcand/text.c",
-        "s->length == TEXT_ELEMENT_MAX",
-        "s->length > TEXT_ELEMENT_MAX",
+        "TEXT_ELEMENT_MAX - s->length",
+        "TEXT_ELEMENT_MAX + 1 - s->length",
         "text_feed",
         "room for its end",
     ),
