@@ -13,7 +13,7 @@
 /* Backward is forward on the complement (digits.c), so the direction is a mask, all ones or none, and no branch. */
 static inline uint64_t dahl_batch_backward(int32_t dcounts)
 {
-    return (uint64_t)0 - (uint64_t)(dcounts < 0);
+    return 0u - (uint64_t)((uint32_t)dcounts >> 31);
 }
 
 static inline uint32_t dahl_batch_size(int32_t dcounts)
@@ -34,21 +34,19 @@ __extension__ typedef unsigned __int128 dahl_product_t;
 static inline uint64_t dahl_batch_forward(uint64_t w, dahl_q64_t g)
 {
     uint64_t z = dahl_batch_gap(w) & ~(uint64_t)UINT32_MAX;
-    return w + (uint64_t)((dahl_product_t)z * ((uint64_t)g.hi << 32 | g.lo) >> 64);
+    return w + (uint64_t)((dahl_product_t)z * (((uint64_t)g.hi << 32) + g.lo) >> 64);
 }
 #else
 #define dahl_batch_forward dahl_forward
 #endif
 
-/* As dahl_move_digits; where no gap is left, no further digit changes a bit. */
+/* As dahl_move_digits. */
 static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint32_t size)
 {
-    uint32_t rest = size / DAHL_DENSE;
     w = dahl_batch_forward(w, plan->g[size % DAHL_DENSE]);
-    while (rest != 0 && dahl_batch_gap(w) >> 32 != 0) {
+    for (uint32_t rest = size / DAHL_DENSE; rest != 0; rest &= rest - 1u) {
         uint32_t digit = 31u - dahl_leading_zeros(rest & (0u - rest));
         w = dahl_batch_forward(w, plan->g[DAHL_DENSE + digit]);
-        rest &= rest - 1u;
     }
     return w;
 }
@@ -91,16 +89,16 @@ static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
     return torque;
 }
 
-/* Its top bit says so: vectors have no cheaper form. */
-static inline uint64_t dahl_batch_close(dahl_double_t torque)
+/* By its sign: vectors have no cheaper form. */
+static inline uint32_t dahl_batch_is_close(dahl_double_t torque)
 {
-    return ((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9u;
+    return (uint32_t)((int64_t)((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9 < 0);
 }
 
 static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
 {
     dahl_double_t torque = dahl_batch_product(w, unit);
-    if (DAHL_LIKELY(dahl_batch_close(torque) >> 63 == 0)) {
+    if (DAHL_LIKELY(dahl_batch_is_close(torque) == 0)) {
         return (float)torque.value;
     }
     return dahl_torque_of(plan, (uint64_t)w);

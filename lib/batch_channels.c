@@ -7,18 +7,18 @@
 #include "batch.h"
 #include "batch_targets.h"
 
-#define CHUNK 16 /* channels at a time */
-#define ROWS 16
+#define CHUNK 16  /* channels at a time, and ticks */
 #define DIGITS 29 /* of a move, in eights */
-#define FEW 3     /* digits between looks at which of the rest change a bit */
 
 typedef struct {
     int64_t w[CHUNK];
     double unit[CHUNK];
     uint64_t digit[DIGITS][CHUNK]; /* entries as in pair() */
-    uint64_t backward[ROWS][CHUNK], g[ROWS][CHUNK];
-    uint32_t low[ROWS][CHUNK], eights[ROWS][CHUNK];
+    uint64_t backward[CHUNK][CHUNK], g[CHUNK][CHUNK];
+    uint32_t low[CHUNK][CHUNK], eights[CHUNK][CHUNK];
 } chunk_t;
+
+typedef char chunk_is_whole_vectors[CHUNK % 16 == 0 ? 1 : -1]; /* of floats, the widest that there are */
 
 typedef struct {
     const dahl_plan_t *plans;
@@ -37,9 +37,9 @@ DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, s
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
             uint32_t size = dahl_batch_size(dcounts[c]);
-            uint32_t eights = size > DAHL_DENSE ? size / DAHL_DENSE : 0u;
+            uint32_t eights = (size - (size == DAHL_DENSE)) / DAHL_DENSE; /* 8 itself has its entry */
             chunk->backward[t][c] = dahl_batch_backward(dcounts[c]);
-            chunk->low[t][c] = size > DAHL_DENSE ? size % DAHL_DENSE : size;
+            chunk->low[t][c] = size - eights * DAHL_DENSE;
             chunk->eights[t][c] = eights;
             digits |= eights;
         }
@@ -50,7 +50,7 @@ DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, s
 /* An entry in one word; this way round it is a plain load where the low byte comes first. */
 DAHL_INLINE uint64_t pair(dahl_q64_t g)
 {
-    return (uint64_t)g.lo << 32 | g.hi;
+    return ((uint64_t)g.lo << 32) + g.hi;
 }
 
 DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
@@ -87,40 +87,24 @@ DAHL_INLINE void digit_row(chunk_t *chunk, size_t count, size_t t, uint32_t digi
     }
 }
 
-/* The digits that can change a bit: those of channels where some gap is left. */
-DAHL_INLINE uint32_t open_digits(const chunk_t *chunk, size_t count, size_t t)
-{
-    uint64_t open = 0;
-    DAHL_AS_VECTORS
-    for (size_t c = 0; c < count; c++) {
-        uint64_t gap = dahl_batch_gap((uint64_t)chunk->w[c] ^ chunk->backward[t][c]) >> 32;
-        open |= gap != 0 ? chunk->eights[t][c] : 0u;
-    }
-    return (uint32_t)open;
-}
-
 DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digits)
 {
     low_row(chunk, count, t);
-    for (int k = 1; digits != 0; k++) {
+    for (; digits != 0; digits &= digits - 1u) {
         digit_row(chunk, count, t, digits & (0u - digits));
-        digits &= digits - 1u;
-        if (digits != 0 && k % FEW == 0) {
-            digits &= open_digits(chunk, count, t);
-        }
     }
 }
 
 DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_t *plans, float *F)
 {
-    uint64_t close = 0;
+    uint32_t is_close = 0;
     DAHL_AS_VECTORS
     for (size_t c = 0; c < count; c++) {
         dahl_double_t torque = dahl_batch_product(chunk->w[c], chunk->unit[c]);
         F[c] = (float)torque.value;
-        close |= dahl_batch_close(torque);
+        is_close |= dahl_batch_is_close(torque);
     }
-    for (size_t c = 0; c < count && close >> 63 != 0; c++) {
+    for (size_t c = 0; c < count && is_close != 0; c++) {
         F[c] = dahl_torque_of(&plans[c], (uint64_t)chunk->w[c]);
     }
 }
@@ -150,8 +134,9 @@ DAHL_INLINE void run_count(const job_t *job, size_t count)
 {
     chunk_t chunk;
     start(&chunk, job, count);
-    for (size_t t = 0; t < job->n; t += ROWS) {
-        run_rows(&chunk, job, count, t, job->n - t < ROWS ? job->n - t : ROWS);
+    for (size_t t = 0, rows; t < job->n; t += rows) {
+        rows = job->n - t < CHUNK ? job->n - t : CHUNK;
+        run_rows(&chunk, job, count, t, rows);
     }
     for (size_t c = 0; c < count; c++) {
         job->states[c].w = chunk.w[c];

@@ -31,9 +31,9 @@ typedef struct {
 
 DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure)
 {
-    uint32_t most = 0;
-    for (size_t i = n; i < n + BLOCK; i++) {
-        uint32_t size = measure(moves, i);
+    uint32_t most = measure(moves, n);
+    for (size_t i = 0; i < BLOCK; i++) {
+        uint32_t size = measure(moves, n + i);
         most = size > most ? size : most;
     }
     return most;
@@ -42,7 +42,7 @@ DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure
 DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, double w0, dahl_value_t value, dahl_g_t g_of)
 {
     for (size_t i = 0; i < GROUPS; i++) {
-        double group_e = 1.0, group_c = 0.0;
+        double group_e = 1.0, group_c = (double)0;
         DAHL_UNROLL_8
         for (size_t k = 0; k < GROUP; k++) {
             double g = g_of(a * value(moves, n + GROUP * i + k));
@@ -60,7 +60,7 @@ DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, 
 /* Returns d at the end of the block. */
 DAHL_INLINE double join_groups(scan_t *scan)
 {
-    double d = 0.0;
+    double d = (double)0;
     for (int i = 0; i < GROUPS; i++) {
         scan->d[i] = d;
         d = scan->group_e[i] * d + scan->group_c[i];
@@ -100,10 +100,13 @@ DAHL_INLINE void run_block(scan_t *scan, const job_t *job, const void *moves, si
 DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_value_t value,
                           dahl_value_t number, dahl_measure_t measure)
 {
-    uint32_t moves[BLOCK] = {0};
+    uint32_t moves[BLOCK];
     float F[BLOCK];
-    for (size_t i = 0; done + i < job->n; i++) {
-        dahl_copy_word(&moves[i], (const uint32_t *)job->moves + done + i);
+    for (size_t i = 0; i < BLOCK; i++) {
+        moves[i] = 0;
+        if (done + i < job->n) {
+            dahl_copy_word(&moves[i], (const uint32_t *)job->moves + done + i);
+        }
     }
     run_block(scan, job, moves, 0, F, value, number, measure);
     for (size_t i = 0; done + i < job->n; i++) {
@@ -131,9 +134,10 @@ DAHL_VARIANTS(angles, job_t, run_angles)
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
                                   size_t n)
 {
-    job_t job = {{0, 0, 0, 0}, state, dcounts, F, n};
-    dahl_err_t err = dahl_throughput_check(params, 1, &job.scale);
+    dahl_throughput_scale_t scale;
+    dahl_err_t err = dahl_throughput_check(params, true, &scale);
     if (err == DAHL_OK) {
+        job_t job = {scale, state, dcounts, F, n};
         counts(&job);
     }
     return err;
@@ -141,9 +145,10 @@ dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_s
 
 dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t *state, const float *dtheta, float *F, size_t n)
 {
-    job_t job = {{0, 0, 0, 0}, state, dtheta, F, n};
-    dahl_err_t err = dahl_throughput_check(params, 0, &job.scale);
+    dahl_throughput_scale_t scale;
+    dahl_err_t err = dahl_throughput_check(params, false, &scale);
     if (err == DAHL_OK) {
+        job_t job = {scale, state, dtheta, F, n};
         angles(&job);
     }
     return err;

@@ -12,6 +12,7 @@
 #define DAHL_BATCH_THROUGHPUT_H
 
 #include <math.h> /* fabs and copysign, which compilers do in line */
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "batch_targets.h"
@@ -125,6 +126,6 @@ typedef struct {
     uint32_t tiny;  /* and ln 2/128 */
 } dahl_throughput_scale_t;
 
-dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_counts, dahl_throughput_scale_t *scale);
+dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, bool by_counts, dahl_throughput_scale_t *scale);
 
 #endif

@@ -21,14 +21,14 @@ typedef struct {
     const void *moves; /* int32_t or float, of the first channel of the chunk */
     float *F;
     size_t count, stride, n;
-    int by_counts;
+    bool by_counts;
 } job_t;
 
 /* The largest measure of these ticks. Rows without a gap between them are one long row. */
 DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_measure_t measure)
 {
     size_t rows = last - first, width = job->count, start = first * job->stride;
-    uint32_t most = 0;
+    uint32_t most = measure(job->moves, start);
     if (job->stride == width) {
         width *= rows;
         rows = 1;
@@ -112,7 +112,7 @@ DAHL_INLINE void run_angles(const job_t *job) { run_known(job, dahl_value_of_ang
 DAHL_VARIANTS(counts, job_t, run_counts)
 DAHL_VARIANTS(angles, job_t, run_angles)
 
-static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, int by_counts)
+static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)
 {
     dahl_throughput_scale_t scale;
     dahl_err_t err = DAHL_OK;
@@ -146,13 +146,13 @@ static dahl_err_t run_all(const job_t *all, void (*run_chunk)(const job_t *))
 dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                            const int32_t *dcounts, float *F, size_t n)
 {
-    job_t all = {params, states, dcounts, F, channels, channels, n, 1};
+    job_t all = {params, states, dcounts, F, channels, channels, n, true};
     return run_all(&all, counts);
 }
 
 dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                     const float *dtheta, float *F, size_t n)
 {
-    job_t all = {params, states, dtheta, F, channels, channels, n, 0};
+    job_t all = {params, states, dtheta, F, channels, channels, n, false};
     return run_all(&all, angles);
 }

@@ -20,29 +20,27 @@ static int is_torque(double x)
     return is_in(x, (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
 }
 
-/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By angle a > 2^-128, so
- * that a travel of ln 2 is no more than a float can say. */
-static uint32_t measure_of(double travel, double a, int by_counts)
+/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By counts a >= 2^-30, by
+ * angle a > 2^-128, so that a travel of ln 2 is no more than either can say. */
+static uint32_t measure_of(double travel, double a, bool by_counts)
 {
-    double most = travel / a;
-    if (by_counts) {
-        return most < 4294967295.0 ? (uint32_t)most : UINT32_MAX;
-    }
-    return dahl_bits_of((float)most);
+    return by_counts ? (uint32_t)(travel / a) : dahl_bits_of((float)(travel / a));
 }
 
-dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, int by_counts, dahl_throughput_scale_t *scale)
+dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, bool by_counts, dahl_throughput_scale_t *scale)
 {
     double theta = by_counts ? params->theta_per_count : 1.0;
     if (!is_positive(params->sigma0) || !is_positive(params->Fc) || !is_positive(theta)) {
         return DAHL_ERR_PARAM;
     }
-    if (!is_torque(params->sigma0) || !is_torque(params->Fc) || !is_torque(theta)) {
+    double a = params->sigma0 / params->Fc * theta;
+    if (!is_torque(params->sigma0) || !is_torque(params->Fc) || !is_torque(theta)
+        || (by_counts && !is_in(a, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX))) {
         return DAHL_ERR_RANGE;
     }
+    scale->a = a;
     scale->Fc = params->Fc;
-    scale->a = params->sigma0 / params->Fc * theta;
-    scale->small = measure_of(DAHL_LN2, scale->a, by_counts);
-    scale->tiny = measure_of(DAHL_LN2 / 128, scale->a, by_counts);
-    return !by_counts || is_in(scale->a, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX) ? DAHL_OK : DAHL_ERR_RANGE;
+    scale->small = measure_of(DAHL_LN2, a, by_counts);
+    scale->tiny = measure_of(DAHL_LN2 / 128, a, by_counts);
+    return DAHL_OK;
 }

@@ -41,7 +41,7 @@ static void start_anew(const dahl_float_plan_t *plan, dahl_float_state_t *state,
 float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t dcounts)
 {
     uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
-    int32_t direction = (dcounts > 0) - (dcounts < 0);
+    int32_t direction = dcounts > 0 ? 1 : dcounts < 0 ? -1 : 0;
     if (direction != 0) {
         if (state->direction != direction || state->counts > UINT32_MAX - n) {
             start_anew(plan, state, direction);
@@ -54,7 +54,7 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
 {
     float travel = fabsf(dtheta);
-    int32_t direction = (dtheta > 0.0f) - (dtheta < 0.0f); /* 0 for NaN too */
+    int32_t direction = dtheta > 0.0f ? 1 : dtheta < 0.0f ? -1 : 0; /* 0 for NaN too */
     if (direction != 0) {
         if (state->direction != direction || state->travel > FLT_MAX - travel) {
             start_anew(plan, state, direction);
