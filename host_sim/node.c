@@ -132,7 +132,9 @@ static bool sure(node_t *node, const encoder_state_t *seen)
     if (seen->counter != ((node->candidate + 1) & 0x0F)) {
         node->doubts = 0;
     }
-    node->doubts = (uint8_t)(node->doubts + (node->doubts < UINT8_MAX ? 1u : 0u));
+    if (node->doubts < UINT8_MAX) {
+        node->doubts++;
+    }
     node->candidate = seen->counter;
     return node->doubts >= NODE_REARM && seen->valid;
 }
@@ -264,7 +266,9 @@ static void fall_silent(node_t *node)
 void node_bus_off(node_t *node, uint32_t now_us)
 {
     node->counts.bus_off++;
-    node->offs = (uint8_t)(node->offs + (node->offs < UINT8_MAX ? 1u : 0u));
+    if (node->offs < UINT8_MAX) {
+        node->offs++;
+    }
     node->off_us = now_us;
     fall_silent(node);
 }
