@@ -11,7 +11,9 @@
 #include "dahl.h"
 #include "motions.h"
 
+#ifndef BITS_TICKS /* of golden_bits.txt */
 #define BITS_TICKS 100000
+#endif
 
 /* sigma0, Fc, theta_per_count: travel of one count near 1e-8, 1e-4, 0.3, 20. */
 static const dahl_params_t bits_params[] = {

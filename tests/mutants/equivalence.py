@@ -186,9 +186,7 @@ def core_in(folder: Path) -> bitvectors.Module:
         *bitvectors.PLAIN,
         "-fno-inline",
     )  # so that only what is mutated reads differently
-    return bitvectors.compile_c(
-        *sources, flags=flags, include=(folder / "lib",), unroll=UNROLL
-    )
+    return bitvectors.compile_c(*sources, flags=flags, include=(folder / "lib",), unroll=UNROLL)
 
 
 @functools.cache
@@ -214,9 +212,7 @@ def contract_of(name: str, arguments: Sequence[Any]) -> list[Any]:
 
 # ---------------------------------------------------------------- functions known by lemmas
 
-Lemma = tuple[
-    tuple[Any, Any], list[Any]
-]  # arguments that give the same; facts about the result
+Lemma = tuple[tuple[Any, Any], list[Any]]  # arguments that give the same; facts about the result
 
 
 def of_high_product(r: Any, a: Any, b: Any) -> Lemma:
@@ -288,9 +284,7 @@ def called(
         function.code, values, bitvectors.State(bitvectors.TRUE, {}, dict(memory))
     )
     fault = bitvectors.any_of(run.fault, value.poison)
-    outcome = bitvectors.Outcome(
-        value.term, fault, run.beyond, state.memory, list(arguments)
-    )
+    outcome = bitvectors.Outcome(value.term, fault, run.beyond, state.memory, list(arguments))
     return outcome, run.facts
 
 
@@ -317,14 +311,10 @@ def same(
     name, arguments = one.code.name, one.symbols()
     for place, value in at.items():
         arguments[place] = z3.BitVecVal(value, arguments[place].size())
-    (a, facts), (b, more) = (
-        called(function, arguments, known) for function in (one, other)
-    )
+    (a, facts), (b, more) = (called(function, arguments, known) for function in (one, other))
     place = z3.BitVec("place", bitvectors.WORD)
     objects = [object_ for object_ in arguments if isinstance(object_, str)]
-    equal = [
-        z3.Select(a.memory[o], place) == z3.Select(b.memory[o], place) for o in objects
-    ]
+    equal = [z3.Select(a.memory[o], place) == z3.Select(b.memory[o], place) for o in objects]
     if z3.is_bv(a.value):
         equal.append(a.value == b.value)
     products = Products()
@@ -364,9 +354,7 @@ def comparison(text: str) -> tuple[str, Any] | None:
     found = re.fullmatch(r"(\w+) (<|<=|>|>=|==|!=) (-?\d+)", text)
     if not found:
         return None
-    return found[1], COMPARISONS[found[2]](
-        z3.BitVec("x", 32), z3.BitVecVal(int(found[3]), 32)
-    )
+    return found[1], COMPARISONS[found[2]](z3.BitVec("x", 32), z3.BitVecVal(int(found[3]), 32))
 
 
 def keeps(function: Node, name: str) -> int | None:
@@ -377,9 +365,7 @@ def keeps(function: Node, name: str) -> int | None:
     parameters = declarator.child_by_field_name("parameters") if declarator else None
     texts = [text_of(p) for p in parameters.named_children] if parameters else []
     body = text_of(function.child_by_field_name("body"))
-    changes = (
-        rf"&{name}\b|(\+\+|--){name}\b|\b{name}(\+\+|--| (<<|>>|[-+*/%&|^])?=(?!=))"
-    )
+    changes = rf"&{name}\b|(\+\+|--){name}\b|\b{name}(\+\+|--| (<<|>>|[-+*/%&|^])?=(?!=))"
     if f"int32_t {name}" not in texts or re.search(changes, body):
         return None
     return texts.index(f"int32_t {name}")
@@ -413,39 +399,25 @@ def differs_only_at(mutant: Mutant, at: dict[int, int]) -> bool:
 
 def callers(module: bitvectors.Module, name: str) -> set[str]:
     return {
-        f
-        for f, code in module.functions.items()
-        if re.search(rf"call[^\n]*@{name}\(", str(code))
+        f for f, code in module.functions.items() if re.search(rf"call[^\n]*@{name}\(", str(code))
     }
 
 
-def by_functions(
-    mutant: Mutant, seconds: float = 60, at: dict[int, int] | None = None
-) -> Answer:
+def by_functions(mutant: Mutant, seconds: float = 60, at: dict[int, int] | None = None) -> Answer:
     """Compares all functions of the core that read differently with the mutant in; where one of a
     single file differs, its callers. `at` proves it only for some arguments, which is enough where
     the mutant differs only there."""
     if at and not differs_only_at(mutant, at):
-        return Answer(
-            False, ("`at` is for a comparison that changes for that value only",)
-        )
+        return Answer(False, ("`at` is for a comparison that changes for that value only",))
     one, other = original(), with_mutant(mutant)
-    waiting = {
-        n
-        for n, code in one.functions.items()
-        if str(code) != str(other.functions.get(n))
-    }
+    waiting = {n for n, code in one.functions.items() if str(code) != str(other.functions.get(n))}
     known = {name for name in LEMMAS if not callees(one, name) & waiting}
     said, done = [], set[str]()
     while waiting:
         name = waiting.pop()
         done.add(name)
         verdict = same(one[name], other[name], seconds, at or {}, known)
-        if (
-            not verdict.proven
-            and known
-            and (at or "internal" not in str(one.functions[name]))
-        ):
+        if not verdict.proven and known and (at or "internal" not in str(one.functions[name])):
             verdict = same(one[name], other[name], seconds, at or {}, set())
         said.append(f"{name}: {str(verdict)[:200]}")
         if not verdict.proven and (at or "internal" not in str(one.functions[name])):
@@ -486,22 +458,14 @@ def by_counts(mutant: Mutant, seconds: float = 60) -> Answer:
     """As by_functions for those of a plan, a state and a count: for each count of the table alone,
     and for all beyond together."""
     one, other = original(), with_mutant(mutant)
-    changed = [
-        n
-        for n, code in one.functions.items()
-        if str(code) != str(other.functions.get(n))
-    ]
+    changed = [n for n, code in one.functions.items() if str(code) != str(other.functions.get(n))]
     for name in changed:
         if name not in ("dahl_step_counts", "dahl_step_counts_q30"):
             return Answer(False, (f"{name} reads differently",))
-        ask = functools.partial(
-            same, one[name], other[name], seconds, known=set(LEMMAS)
-        )
+        ask = functools.partial(same, one[name], other[name], seconds, known=set(LEMMAS))
         verdicts = [ask(at={2: n}) for n in range(-8, 9)] + [ask(at={}, far=True)]
         if not all(verdict.proven for verdict in verdicts):
-            return Answer(
-                False, (f"{name}: {[str(v) for v in verdicts if not v.proven]}",)
-            )
+            return Answer(False, (f"{name}: {[str(v) for v in verdicts if not v.proven]}",))
     return Answer(True, (f"{', '.join(changed)}: the same for each count",))
 
 
@@ -527,16 +491,12 @@ def by_tables(mutant: Mutant, seconds: float = 60) -> Answer:
         pairs = [(table_for(original(), 255), table_for(original(), int(mutant.text)))]
     elif " fill_table " in mutant.id:
         other = with_mutant(mutant)
-        pairs = [
-            (table_for(original(), shift), table_for(other, shift)) for shift in SHIFTS
-        ]
+        pairs = [(table_for(original(), shift), table_for(other, shift)) for shift in SHIFTS]
     else:
         return Answer(False, ("not of the table",))
     places = [z3.BitVecVal(k, bitvectors.WORD) for k in range(37 * 8)]
     for a, b in pairs:
-        claim = z3.And(
-            *(z3.Select(a, place) == z3.Select(b, place) for place in places)
-        )
+        claim = z3.And(*(z3.Select(a, place) == z3.Select(b, place) for place in places))
         products = Products()
         claim = products.away(z3.simplify(claim))
         verdict = bitvectors.prove(claim, products.facts, seconds)
@@ -557,12 +517,7 @@ def by_codes(mutant: Mutant, seconds: float = 60) -> Answer:
     text, shift = text_of(nodes[-1]), nodes[-1].start_byte
     after = text[: mutant.start - shift] + mutant.text + text[mutant.end - shift :]
     terms = [comparison(t.replace("DAHL_OK", "0")) for t in (text, after)]
-    if (
-        terms[0] is None
-        or terms[1] is None
-        or terms[0][0] != "err"
-        or terms[1][0] != "err"
-    ):
+    if terms[0] is None or terms[1] is None or terms[0][0] != "err" or terms[1][0] != "err":
         return Answer(False, ("not a comparison of a code",))
     x, claims = (
         z3.BitVec("x", 32),
@@ -572,9 +527,7 @@ def by_codes(mutant: Mutant, seconds: float = 60) -> Answer:
         function = original()[name]
         value = called(function, function.symbols(), set(LEMMAS))[0].value
         claims.append(z3.Or(*(value == code for code in CODES)))
-    claims.append(
-        z3.Implies(z3.Or(*(x == code for code in CODES)), terms[0][1] == terms[1][1])
-    )
+    claims.append(z3.Implies(z3.Or(*(x == code for code in CODES)), terms[0][1] == terms[1][1]))
     products = Products()
     verdict = bitvectors.prove(products.away(z3.And(*claims)), products.facts, seconds)
     return Answer(verdict.proven, (f"{text}: {verdict}",))

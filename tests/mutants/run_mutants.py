@@ -13,8 +13,9 @@ import os
 import sys
 import tempfile
 import time
+import tomllib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -25,6 +26,7 @@ from workshop import PORT, PROGRAMS, ROOT, Fate, Program, Workshop
 
 BUILD = ROOT / "build"
 RESULT = BUILD / "mutants.json"
+LIST = Path(__file__).with_name("equivalent.toml")
 
 
 def files() -> list[str]:
@@ -47,16 +49,19 @@ def start_worker(folder: str, programs: list[Program]) -> None:
     _worker = Workshop(own, BUILD / "deps" / "unity", programs)
 
 
-def work(mutant: Mutant) -> Fate:
-    return _worker.judge(mutant)
+def work(task: tuple[Mutant, bool]) -> Fate:
+    return _worker.judge(*task)
 
 
-def fates_of(mutants: list[Mutant], jobs: int, programs: list[Program]) -> Iterator[Fate]:
+def fates_of(
+    mutants: list[Mutant], jobs: int, programs: list[Program], listed: Container[str]
+) -> Iterator[Fate]:
     with (
         tempfile.TemporaryDirectory(prefix="dahl-mutants-") as folder,
         ProcessPoolExecutor(jobs, initializer=start_worker, initargs=(folder, programs)) as pool,
     ):
-        yield from pool.map(work, mutants, chunksize=4)
+        tasks = [(mutant, mutant.id in listed) for mutant in mutants]
+        yield from pool.map(work, tasks, chunksize=8)
 
 
 def without_duplicates(fates: Iterable[Fate]) -> list[Fate]:
@@ -64,7 +69,7 @@ def without_duplicates(fates: Iterable[Fate]) -> list[Fate]:
     seen: set[str] = set()
     found = []
     for fate in fates:
-        known = bool(fate.key) and fate.form + fate.key in seen
+        known = bool(fate.key) and fate.form + fate.key in seen and fate.kind != "proven"
         found.append(replace(fate, kind="duplicate") if known else fate)
         seen.add(fate.form + fate.key)
     return found
@@ -75,10 +80,12 @@ def run(
     jobs: int = 1,
     programs: Iterable[Program] = PROGRAMS,
     log: TextIO | None = None,
+    listed: Container[str] = (),
 ) -> list[Fate]:
-    """The fate of each, with a line of progress every ten seconds; `log` takes each at once."""
+    """The fate of each, with a line of progress every ten seconds; `log` takes each at once. Those
+    `listed` have a proof and meet the quick programs only."""
     fates, counts, said = [], Counter[str](), time.monotonic()
-    for fate in fates_of(mutants, jobs, list(programs)):
+    for fate in fates_of(mutants, jobs, list(programs), listed):
         fates.append(fate)
         if log:
             print(json.dumps(asdict(fate)), file=log, flush=True)
@@ -89,16 +96,24 @@ def run(
     return without_duplicates(fates)
 
 
-def report(mutants: list[Mutant], fates: list[Fate], seconds: float) -> dict[str, object]:
+def counts_of(fates: Iterable[Fate]) -> dict[str, int]:
+    """Of the mutants that compile, the distinct ones are neither the original nor each other."""
     kinds = Counter(fate.kind for fate in fates)
-    compiled = len(fates) - kinds["uncompiled"]
+    compiled = kinds.total() - kinds["uncompiled"]
+    distinct = compiled - kinds["equal"] - kinds["duplicate"]
+    names = ("equal", "duplicate", "killed", "proven", "alive")
+    counts = {"generated": kinds.total(), "compiled": compiled, "distinct": distinct}
+    return counts | {name: kinds[name] for name in names}
+
+
+def report(mutants: list[Mutant], fates: list[Fate], seconds: float) -> dict[str, object]:
+    of_file = {mutant.id: mutant.file for mutant in mutants}
+    by_file: dict[str, list[Fate]] = {}
+    for fate in fates:
+        by_file.setdefault(of_file[fate.id], []).append(fate)
     return {
-        "generated": len(mutants),
-        "compiled": compiled,
-        "equal": kinds["equal"],
-        "duplicate": kinds["duplicate"],
-        "distinct": compiled - kinds["equal"] - kinds["duplicate"],
-        "killed": kinds["killed"],
+        **counts_of(fates),
+        "files": {file: counts_of(own) for file, own in by_file.items()},
         "killed_by": dict(Counter(fate.killer for fate in fates if fate.killer).most_common()),
         "alive": [fate.id for fate in fates if fate.kind == "alive"],
         "seconds": round(seconds, 1),
@@ -112,6 +127,9 @@ def main() -> int:
     parser.add_argument("--id", action="append", help="only mutants whose id contains this")
     parser.add_argument("--alive", type=Path, help="only those alive in an earlier result")
     parser.add_argument("--program", action="append", help="only these programs")
+    parser.add_argument(
+        "--all-tests", action="store_true", help="listed ones meet all programs too"
+    )
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--to", type=Path, default=RESULT)
     chosen = parser.parse_args()
@@ -125,7 +143,8 @@ def main() -> int:
     start = time.monotonic()
     with chosen.to.with_suffix(".log").open("w") as log:
         programs = [p for p in PROGRAMS if not chosen.program or p.name in chosen.program]
-        fates = run(mutants, chosen.jobs, programs, log=log)
+        listed = {entry["id"] for entry in tomllib.loads(LIST.read_text())["mutant"]}
+        fates = run(mutants, chosen.jobs, programs, log, set() if chosen.all_tests else listed)
     result = report(mutants, fates, time.monotonic() - start)
     chosen.to.write_text(json.dumps(result, indent=1))
     print(json.dumps({k: v for k, v in result.items() if k != "fates"}, indent=1))

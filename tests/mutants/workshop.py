@@ -5,6 +5,8 @@ of all that is mutated, and test programs linked to it once, so that only the li
 A program counts as a test of a mutant if it reaches, by calls, an object that the mutant changed,
 or includes the mutated header (then it is rebuilt with it). It has as much processor time as four
 runs on the original; more is an endless loop, and that kills as a failed check and a crash do.
+
+What only a Cortex-M0 compiles is judged by an image for one, in QEMU (`judge_small_core`).
 """
 
 from __future__ import annotations
@@ -18,13 +20,13 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from mutate import Mutant
 
 ROOT = Path(__file__).resolve().parents[2]
-COPIED = ("lib", "port", "host_sim", "tests/lib", "tests/port", "tests/mutants")
+COPIED = ("lib", "port", "host_sim", "tests/lib", "tests/port", "tests/mutants", "tests/target")
 CORE = ("prepare", "wide", "counts", "counts_q30", "digits", "angle", "far_angle", "torque")
 CORE += ("set_torque", "change_plan", "encoder")
 VECTORS = ("batch_channels", "batch_throughput", "batch_throughput_channels")
@@ -76,6 +78,24 @@ OTHERS = (
     Form("clang", "clang-19", ("-O2",), "gcc", ("-U__x86_64__", "-O2")),
     Form("gcc -O3", "gcc", ("-O3",), "clang-19", ("-U__x86_64__",)),
 )
+
+
+SMALL_CORE = "lib/multiply_v6m.h"  # only compiled for
+CORTEX_M0 = (
+    "-mthumb",
+    "-mcpu=cortex-m0",
+    "-O2",
+    "-std=c99",
+    "-w",
+    "-Ilib",
+    "-Iport/cortex_m",
+    "-Iport",
+)
+BARE = ("newlib", "semihosting", "exit_semihosting", "no_tick", "startup", "fpu_none")
+LAYOUT = ("-nostartfiles", "-Wl,--no-warn-rwx-segments", "-Lport/cortex_m", "-Tmicrobit.ld")
+QEMU = ("-M", "microbit", "-nographic", "-monitor", "none", "-serial", "none")
+QEMU += ("-semihosting-config", "enable=on,target=native", "-kernel")
+IMAGE_SECONDS = {1000: 2, 100_000: 30}  # for so many ticks of each motion, of processor time
 
 
 @dataclass(frozen=True)
@@ -172,8 +192,8 @@ class Built:
 
 @dataclass(frozen=True)
 class Fate:
-    """What became of a mutant: uncompiled, equal (to the original, says the compiler), killed or
-    alive."""
+    """What became of a mutant: uncompiled, equal (to the original, says the compiler), killed,
+    alive, or proven (alive, and listed as equivalent)."""
 
     id: str
     kind: str
@@ -194,6 +214,7 @@ class Workshop:
         self.limits: dict[str, float] = {}
         self.includes: dict[str, set[str]] = {}
         self.reached: dict[str, set[str]] = {}
+        self.judged: dict[str, Fate] = {}
         self.prepare()
 
     # ------------------------------------------------------------- at the start
@@ -381,32 +402,115 @@ class Workshop:
         core = [unit for unit in units if unit in CORE_UNITS or unit == WHOLE_CORE]
         return [stage for stage in (core, [u for u in units if u not in core]) if stage]
 
-    def judge(self, mutant: Mutant) -> Fate:
+    def judge(self, mutant: Mutant, listed: bool = False) -> Fate:
+        """Of one `listed` as equivalent only the quick programs are asked."""
         with self.mutated(mutant):
-            fate = self.judge_form(mutant, AS_BUILT)
-            if fate.kind == "equal" and mutant.hinted:
-                fate = self.judge_form(mutant, PLAIN)
-            if fate.kind == "alive":
-                checked = self.judge_form(mutant, CHECKED)
-                fate = checked if checked.kind == "killed" else fate
+            fate = self.judge_forms(mutant, listed)
+        if fate.kind == "alive" and listed:
+            fate = replace(fate, kind="proven")
         return fate
 
-    def judge_form(self, mutant: Mutant, form: Form) -> Fate:
+    def judge_forms(self, mutant: Mutant, listed: bool) -> Fate:
+        if mutant.file == SMALL_CORE:
+            return self.judge_small_core(mutant)
+        if mutant.hinted:
+            fate = self.judge_form(mutant, PLAIN, listed)
+            if fate.kind in ("killed", "alive"):
+                return fate
+        fate = self.judge_form(mutant, AS_BUILT, listed)
+        if fate.kind == "alive" and not listed:
+            checked = self.judge_form(mutant, CHECKED, listed)
+            fate = checked if checked.kind == "killed" else fate
+        return fate
+
+    def judge_form(self, mutant: Mutant, form: Form, listed: bool) -> Fate:
+        """What is known of the same objects holds again, where no program includes the mutant."""
+        built = Built()
+        known: list[Fate] = []
+        fate = self.judge_stages(mutant, form, built, listed, known)
+        if known:
+            return replace(known[0], id=mutant.id)
+        if fate.key and mutant.file.endswith(".c"):
+            self.judged[form.name + fate.key] = fate
+        return fate
+
+    def judge_stages(
+        self, mutant: Mutant, form: Form, built: Built, listed: bool, known: list[Fate]
+    ) -> Fate:
         """Compiled and tried in stages; before the slow programs, what other compilers say."""
-        built, tried = Built(), set[str]()
+        tried = set[str]()
         stages = self.stages(mutant.file)
         for number, stage in enumerate(stages):
             if not all(self.compile(form, unit, built) for unit in stage):
                 return Fate(mutant.id, "uncompiled")
+            if form.name + built.key() in self.judged:
+                known.append(self.judged[form.name + built.key()])
+                return known[0]
             later = {unit for left in stages[number + 1 :] for unit in left}
             killer = self.killer(mutant, form, built, self.quick, later, tried)
             if killer:
                 return Fate(mutant.id, "killed", form.name, built.key(), killer)
         if not built.differs or (form is AS_BUILT and self.is_equal_elsewhere(mutant, built)):
             return Fate(mutant.id, "equal", form.name)
-        killer = self.killer(mutant, form, built, self.programs, set(), tried)
+        programs = self.quick if listed else self.programs
+        killer = self.killer(mutant, form, built, programs, set(), tried)
         kind = "killed" if killer else "alive"
         return Fate(mutant.id, kind, form.name, built.key(), killer or "")
+
+    def judge_small_core(self, mutant: Mutant) -> Fate:
+        """By the hashes of golden_bits.txt's motions, against those of the original's image."""
+        if self.compile_small_core("mutant-m0.o") is False:
+            return Fate(mutant.id, "uncompiled")
+        key = digest(self.folder / "mutant-m0.o")
+        if key == digest(self.small_original / "core.o"):
+            return Fate(mutant.id, "equal", "cortex-m0")
+        for ticks in IMAGE_SECONDS:
+            if self.image_says("mutant-m0.o", ticks) != self.small_bits(ticks):
+                return Fate(mutant.id, "killed", "cortex-m0", key, "target/bits")
+        return Fate(mutant.id, "alive", "cortex-m0", key)
+
+    def compile_small_core(self, to: str | Path, pristine: bool = False) -> bool:
+        cwd = self.folder / "pristine" if pristine else self.folder
+        command = ("arm-none-eabi-gcc", *CORTEX_M0, "-c", WHOLE_CORE, "-o", to)
+        return run(*command, cwd=cwd).returncode == 0
+
+    @functools.cached_property
+    def small_original(self) -> Path:
+        """Objects of what does not change: the original core, the start-up and the programs."""
+        folder, compiler = self.folder / "small", ("arm-none-eabi-gcc", *CORTEX_M0)
+        folder.mkdir()
+        self.compile_small_core(folder / "core.o", pristine=True)
+        for name in BARE:
+            unit = f"port/cortex_m/{name}.c"
+            must(*compiler, "-c", unit, "-o", folder / f"{name}.o", cwd=self.folder / "pristine")
+        for ticks in IMAGE_SECONDS:
+            to, define = folder / f"bits-{ticks}.o", f"-DBITS_TICKS={ticks}"
+            unit = "tests/target/bits.c"
+            must(*compiler, define, "-c", unit, "-o", to, cwd=self.folder / "pristine")
+        return folder
+
+    @functools.cache  # noqa: B019  (one workshop a process)
+    def small_bits(self, ticks: int) -> str:
+        said = self.image_says(self.small_original / "core.o", ticks)
+        if ticks == max(IMAGE_SECONDS):
+            golden = (self.folder / "tests/lib/golden_bits.txt").read_text()
+            if said != golden:
+                raise WorkshopError("the original's image does not print golden_bits.txt")
+        return said
+
+    def image_says(self, core: str | Path, ticks: int) -> str:
+        parts = [self.small_original / f"{name}.o" for name in (*BARE, f"bits-{ticks}")]
+        command = ("arm-none-eabi-gcc", *CORTEX_M0, *LAYOUT, *parts, core, "-lm", "-o", "image")
+        must(*command, cwd=self.folder)
+        done = subprocess.run(
+            ["qemu-system-arm", *QEMU, "image"],
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+            check=False,
+            preexec_fn=functools.partial(limit_processor, IMAGE_SECONDS[ticks]),
+        )
+        return done.stdout
 
     def is_equal_elsewhere(self, mutant: Mutant, built: Built) -> bool:
         """Whether each changed object is the same again by another compiler, or without hints (but
