@@ -953,7 +953,9 @@ static void test_a_travel_out_of_range_is_refused_as_a_whole(void)
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, UINT32_MAX));
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, UINT32_MAX));
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
-    TEST_ASSERT_FALSE(set_param(FRAMES_PARAM_FC, 1));
+    param_reply_t reply;
+    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_FC, 1, true, &reply));
+    TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
     TEST_ASSERT_EQUAL(1u << 20, param_now(FRAMES_PARAM_FC));
 }
 
