@@ -11,14 +11,12 @@
 #define DIGITS 29 /* of a move, in eights */
 
 typedef struct {
-    int64_t w[CHUNK];
+    int64_t w[CHUNK % 16 == 0 ? CHUNK : -1]; /* whole vectors of floats, the widest that there are */
     double unit[CHUNK];
     uint64_t digit[DIGITS][CHUNK]; /* entries as in pair() */
     uint64_t backward[CHUNK][CHUNK], g[CHUNK][CHUNK];
     uint32_t low[CHUNK][CHUNK], eights[CHUNK][CHUNK];
 } chunk_t;
-
-typedef char chunk_is_whole_vectors[CHUNK % 16 == 0 ? 1 : -1]; /* of floats, the widest that there are */
 
 typedef struct {
     const dahl_plan_t *plans;
@@ -134,7 +132,8 @@ DAHL_INLINE void run_count(const job_t *job, size_t count)
 {
     chunk_t chunk;
     start(&chunk, job, count);
-    for (size_t t = 0, rows; t < job->n; t += rows) {
+    size_t rows;
+    for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < CHUNK ? job->n - t : CHUNK;
         run_rows(&chunk, job, count, t, rows);
     }

@@ -22,7 +22,7 @@ typedef struct {
 } scan_t;
 
 typedef struct {
-    dahl_throughput_scale_t scale;
+    const dahl_throughput_scale_t *scale;
     dahl_state_t *state;
     const void *moves; /* int32_t or float */
     float *F;
@@ -32,8 +32,8 @@ typedef struct {
 DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure)
 {
     uint32_t most = measure(moves, n);
-    for (size_t i = 0; i < BLOCK; i++) {
-        uint32_t size = measure(moves, n + i);
+    for (size_t left = BLOCK; left != 0; left--) {
+        uint32_t size = measure(moves, n + BLOCK - left);
         most = size > most ? size : most;
     }
     return most;
@@ -83,17 +83,17 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
 DAHL_INLINE void run_block(scan_t *scan, const job_t *job, const void *moves, size_t n, float *F, dahl_value_t value,
                            dahl_value_t number, dahl_measure_t measure)
 {
-    double w0 = dahl_w_of(job->state), a = job->scale.a;
+    double w0 = dahl_w_of(job->state), a = job->scale->a;
     uint32_t most = largest(moves, n, measure);
-    if (most > job->scale.small) {
+    if (most > job->scale->small) {
         make_maps(scan, moves, n, a, w0, value, dahl_g_any);
-    } else if (most <= job->scale.tiny) {
+    } else if (most <= job->scale->tiny) {
         make_maps(scan, moves, n, a, w0, number, dahl_g_tiny);
     } else {
         make_maps(scan, moves, n, a, w0, number, dahl_g_small);
     }
     dahl_carry(job->state, join_groups(scan));
-    write_torques(scan, w0, job->scale.Fc, F + n);
+    write_torques(scan, w0, job->scale->Fc, F + n);
 }
 
 /* The last ticks, filled up to a block with ticks that do not move. */
@@ -137,7 +137,7 @@ dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_s
     dahl_throughput_scale_t scale;
     dahl_err_t err = dahl_throughput_check(params, true, &scale);
     if (err == DAHL_OK) {
-        job_t job = {scale, state, dcounts, F, n};
+        job_t job = {&scale, state, dcounts, F, n};
         counts(&job);
     }
     return err;
@@ -148,7 +148,7 @@ dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t 
     dahl_throughput_scale_t scale;
     dahl_err_t err = dahl_throughput_check(params, false, &scale);
     if (err == DAHL_OK) {
-        job_t job = {scale, state, dtheta, F, n};
+        job_t job = {&scale, state, dtheta, F, n};
         angles(&job);
     }
     return err;

@@ -24,7 +24,8 @@ static int is_torque(double x)
  * angle a > 2^-128, so that a travel of ln 2 is no more than either can say. */
 static uint32_t measure_of(double travel, double a, bool by_counts)
 {
-    return by_counts ? (uint32_t)(travel / a) : dahl_bits_of((float)(travel / a));
+    double most = travel / a;
+    return by_counts ? (uint32_t)most : dahl_bits_of((float)most);
 }
 
 dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, bool by_counts, dahl_throughput_scale_t *scale)
