@@ -454,6 +454,72 @@ def by_symmetry(mutant: Mutant, seconds: float = 60) -> Answer:
     return Answer(verdict.proven, (f"{name}: {verdict}",))
 
 
+SIMPLE: dict[str, Callable[[Any, Any], Any]] = {
+    "lsrs": z3.LShR,
+    "lsls": lambda x, y: x << y,
+    "uxth": lambda _, y: y & 0xFFFF,
+    "movs": lambda _, y: y,
+    "muls": lambda x, y: x * y,
+}
+
+
+def run_assembly(begin: str, end: str, registers: dict[str, Any], macros: dict[str, str]) -> None:
+    """Runs the strings between two marks of multiply_v6m.h, instruction by instruction."""
+    text = (ROOT / "lib" / "multiply_v6m.h").read_text()
+    text = text[text.index(begin) :]
+    text = text[: text.index(end)]
+    for name, operation in macros.items():
+        text = re.sub(rf'\b{name} "', f'"{operation}', text)
+    strings = re.findall(r'"((?:[^"\\]|\\.)*)"', text)
+    carry = z3.BitVecVal(0, 33)
+    for line in "".join(strings).replace("\\t", "").split("\\n"):
+        operation, *names = re.findall(r"\w+", line)
+        if operation == "syntax":
+            continue
+        values = [z3.BitVecVal(int(n), 32) if n.isdigit() else registers.get(n) for n in names]
+        x, y = values[-2:]
+        if operation in SIMPLE:
+            registers[names[0]] = SIMPLE[operation](x, y)
+            continue
+        y = y if operation.startswith("ad") else ~y
+        first = z3.BitVecVal(0 if operation == "adds" else 1, 33)
+        whole = z3.ZeroExt(1, x) + z3.ZeroExt(1, y)
+        whole += first if operation in ("adds", "subs") else carry
+        carry, registers[names[0]] = z3.LShR(whole, 32), z3.Extract(31, 0, whole)
+
+
+def product_of_m0(a: Any, b: Any) -> Any:
+    """What dahl_mul of multiply_v6m.h makes of two words."""
+    registers = {"a": a, "b": b}
+    run_assembly("#define DAHL_MULTIPLY_SPLIT", ": [a]", registers, {})
+    return z3.Concat(registers["b1"], registers["x"])
+
+
+def sum_of_m0(z: Any, g: Any, add: str, add_carry: str) -> Any:
+    """What DAHL_ACCUMULATE makes of any low, high and part."""
+    low, high, part = z3.BitVecs("low high part", 32)
+    registers = {"z0": z, "g0": g, "low": low, "high": high, "x": part}
+    macros = {"add": add, "add_carry": add_carry}
+    run_assembly("#define DAHL_ACCUMULATE", ": [low]", registers, macros)
+    return z3.Concat(registers["high"], registers["low"])
+
+
+def by_assembly(mutant: Mutant, seconds: float = 60) -> Answer:
+    """That the products of a Cortex-M0 are the same when their factors are swapped."""
+    swaps = r" arguments: .*-> (dahl_mul\(b, a\)|dahl_mulhi\(g_low, z\)|.* high, g_high, z, part\))"
+    swap = re.search(swaps, mutant.id)
+    if mutant.file != "lib/multiply_v6m.h" or not swap:
+        return Answer(False, ("not a swap of two factors",))
+    a, b = z3.BitVecs("a b", 32)
+    pairs = [(product_of_m0(a, b), product_of_m0(b, a))]
+    for signs in (("adds", "adcs"), ("subs", "sbcs")):
+        pairs.append((sum_of_m0(a, b, *signs), sum_of_m0(b, a, *signs)))
+    products = Products()
+    claim = products.away(z3.And(*(one == other for one, other in pairs)))
+    verdict = bitvectors.prove(claim, products.facts, seconds)
+    return Answer(verdict.proven, (f"products in assembly: {verdict}",))
+
+
 def by_counts(mutant: Mutant, seconds: float = 60) -> Answer:
     """As by_functions for those of a plan, a state and a count: for each count of the table alone,
     and for all beyond together."""
@@ -536,6 +602,7 @@ def by_codes(mutant: Mutant, seconds: float = 60) -> Answer:
 PROOFS: dict[str, Callable[..., Answer]] = {
     "solver": by_functions,
     "symmetry": by_symmetry,
+    "assembly": by_assembly,
     "counts": by_counts,
     "tables": by_tables,
     "codes": by_codes,

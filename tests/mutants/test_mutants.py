@@ -17,6 +17,7 @@ from typing import Any
 import equivalence
 import pytest
 import run_mutants
+import z3
 from mutate import Mutant
 from workshop import PROGRAMS, Fate
 
@@ -116,6 +117,18 @@ def test_lemmas_are_proven() -> None:
     """What the proofs take for granted of the two wide functions."""
     verdicts = equivalence.prove_lemmas()
     assert {name: str(v) for name, v in verdicts.items() if not v.proven} == {}
+
+
+def test_assembly_is_read_as_it_multiplies() -> None:
+    """The model that the proof `assembly` takes, on some numbers."""
+    for a, b in ((0xFEDCBA98, 0x89ABCDEF), (2**32 - 1, 2**32 - 1), (0x10000, 0xFFFF), (0, 5)):
+        words = [z3.BitVecVal(x, 32) for x in (a, b)]
+        assert z3.simplify(equivalence.product_of_m0(*words)).as_long() == a * b
+        for (add, carry), sign in ((("adds", "adcs"), 1), (("subs", "sbcs"), -1)):
+            start = [(z3.BitVec(n, 32), z3.BitVecVal(7, 32)) for n in ("low", "high", "part")]
+            term = z3.substitute(equivalence.sum_of_m0(*words, add, carry), *start)
+            expected = (7 << 32) + 7 + sign * (7 + a * b)
+            assert z3.simplify(term).as_long() == expected % 2**64
 
 
 # ---------------------------------------------------------------- the check itself
