@@ -30,7 +30,8 @@ typedef struct {
 DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
 {
     uint32_t digits = 0;
-    for (size_t t = 0; t < rows; t++) {
+    for (size_t left = rows; left != 0; left--) {
+        size_t t = left - 1;
         const int32_t *dcounts = job->dcounts + (first + t) * job->stride;
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {

@@ -117,12 +117,12 @@ DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_valu
 DAHL_INLINE void run(const job_t *job, dahl_value_t value, dahl_value_t number, dahl_measure_t measure)
 {
     scan_t scan;
-    size_t done = 0;
-    for (; job->n - done >= BLOCK; done += BLOCK) {
-        run_block(&scan, job, job->moves, done, job->F, value, number, measure);
+    size_t left = job->n;
+    for (; left / BLOCK != 0; left -= BLOCK) {
+        run_block(&scan, job, job->moves, job->n - left, job->F, value, number, measure);
     }
-    if (done < job->n) {
-        run_rest(&scan, job, done, value, number, measure);
+    if (left != 0) {
+        run_rest(&scan, job, job->n - left, value, number, measure);
     }
 }
 
