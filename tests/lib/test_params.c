@@ -5,6 +5,23 @@
 #include "motions.h"
 #include "plans.h"
 
+#define TEXT_OF(x) #x
+#define VERSION_OF(major, minor, patch) TEXT_OF(major) "." TEXT_OF(minor) "." TEXT_OF(patch)
+
+static void test_version(void)
+{
+    TEST_ASSERT_EQUAL_STRING(DAHL_VERSION, VERSION_OF(DAHL_VERSION_MAJOR, DAHL_VERSION_MINOR, DAHL_VERSION_PATCH));
+}
+
+/* The other tests see a bound that is too small; one that grows would only make them lenient. */
+static void test_bounds_are_no_wider_than_promised(void)
+{
+    TEST_ASSERT_TRUE(DAHL_ULP_COUNTS <= 0.52 && DAHL_ULP_ANGLE <= 0.6);
+    TEST_ASSERT_TRUE(DAHL_ERROR_Q30 <= 1.21e-9 && DAHL_Q30 == 0x1p-30);
+    TEST_ASSERT_TRUE(DAHL_FLOAT_ERROR <= 3e-7 && (double)DAHL_TORQUE_MIN == 0x1p-64 && (double)DAHL_TORQUE_MAX == 0x1p64);
+    TEST_ASSERT_TRUE(DAHL_TRAVEL_MIN == 0x1p-30 && DAHL_TRAVEL_MAX == 0x1p20);
+}
+
 /* The plan is untouched on an error, and what lies behind it always. */
 static dahl_err_t try(float sigma0, float Fc, float theta_per_count)
 {
@@ -290,6 +307,8 @@ static void test_p15_no_energy_from_changes(void)
 int main(void)
 {
     UNITY_BEGIN();
+    RUN_TEST(test_version);
+    RUN_TEST(test_bounds_are_no_wider_than_promised);
     RUN_TEST(test_not_a_number_zero_negative);
     RUN_TEST(test_two_bad_parameters);
     RUN_TEST(test_range_of_torque);
