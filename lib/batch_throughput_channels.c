@@ -29,7 +29,7 @@ DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_m
 {
     size_t rows = last - first, width = job->count, start = first * job->stride;
     uint32_t most = measure(job->moves, start);
-    if (job->stride == width) {
+    if (job->stride - width == 0) {
         width *= rows;
         rows = 1;
     }
@@ -44,7 +44,8 @@ DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_m
 
 DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value, dahl_g_t g_of)
 {
-    for (size_t t = first; t < last; t++) {
+    for (size_t left = last - first; left != 0; left--) {
+        size_t t = last - left;
         float *F = job->F + t * job->stride;
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
@@ -63,7 +64,7 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
         chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
-        chunk->d[c] = 0.0;
+        chunk->d[c] = (double)0;
     }
     uint32_t most = largest(job, first, last, measure);
     if (most > chunk->small) {
@@ -91,8 +92,10 @@ DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_va
         chunk.small = scale.small < chunk.small ? scale.small : chunk.small;
         chunk.tiny = scale.tiny < chunk.tiny ? scale.tiny : chunk.tiny;
     }
-    for (size_t t = 0; t < job->n; t += BLOCK) {
-        run_block(&chunk, job, count, t, job->n - t < BLOCK ? job->n : t + BLOCK, value, number, measure);
+    size_t rows;
+    for (size_t t = 0; t < job->n; t += rows) {
+        rows = job->n - t < BLOCK ? job->n - t : BLOCK;
+        run_block(&chunk, job, count, t, t + rows, value, number, measure);
     }
 }
 
@@ -116,8 +119,8 @@ static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t chann
 {
     dahl_throughput_scale_t scale;
     dahl_err_t err = DAHL_OK;
-    for (size_t c = 0; c < channels && err == DAHL_OK; c++) {
-        err = dahl_throughput_check(&params[c], by_counts, &scale);
+    for (size_t left = channels; left != 0 && err == DAHL_OK; left--) {
+        err = dahl_throughput_check(&params[channels - left], by_counts, &scale);
     }
     return err;
 }
