@@ -283,6 +283,8 @@ static void test_nothing_to_do_touches_nothing(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, NULL, NULL, 0));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &state, 1, NULL, NULL, 0));
+    set_channels(); /* more than one chunk of them: no place within an array that is not there */
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, MANY, NULL, NULL, 0));
     TEST_ASSERT_TRUE(state.w == 12345);
 }
 
