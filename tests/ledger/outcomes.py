@@ -67,3 +67,8 @@ def read(paths: list[Path]) -> dict[str, Result]:
             for case in ElementTree.parse(path).getroot().iter("testcase"):
                 found.update({result.name: result for result in _of_case(case)})
     return found
+
+
+def last_run(build: Path) -> dict[str, Result]:
+    """What tools/test.sh said last: C tests, Python tests, checks."""
+    return read([build / f"{name}.xml" for name in ("ctest", "python", "checks")])
