@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Parameters, torques and plans that are set from outside: cases P14 and P15, and the limits that dahl.h states. */
+#include <float.h>
 #include <string.h>
 
 #include "motions.h"
@@ -174,7 +175,7 @@ static void test_set_torque_far_below_Fc(void)
         if (F < p.Fc) {
             long double exact = ldexpl((long double)F / p.Fc, 62);
             dahl_set_torque(&plan, &state, F);
-            TEST_ASSERT_TRUE(fabsl(state.w - exact) <= 0.5L + exact * 0x1p-63L);
+            TEST_ASSERT_TRUE(fabsl((long double)state.w - exact) <= 0.5L + exact * LDBL_EPSILON);
         }
     }
     dahl_params_t p = {1.0f, 1.0f, 0};

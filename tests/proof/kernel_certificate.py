@@ -126,7 +126,7 @@ def read_constants(lib: Path) -> Constants:
     """Out of the sources of a library."""
     text = (lib / "kernel.h").read_text()
     numbers = {name: body_numbers(text, name, body) for name, body in BODIES.items()}
-    table = re.search(r"dahl_kernel_table\[16\] = {\s*(.*?),?\s*}", text, re.DOTALL)
+    table = re.search(r"dahl_kernel_table\[\] = {\s*(.*?),?\s*}", text, re.DOTALL)
     log2_e = re.search(r"#define LOG2_E_Q31 (\d+)u", (lib / "prepare.c").read_text())
     if table is None or log2_e is None:
         raise CertificateError("the table of kernel.h or LOG2_E_Q31 of prepare.c is gone")

@@ -95,7 +95,7 @@ def test_by_angle(plan: Plan, moves: list[float]) -> None:
 
 def numbers(name: str) -> list[int]:
     """The unsigned constants of a function or table of kernel.h, in order, zeros too."""
-    body = re.search(rf"{name}(?:\(|\[16\]).*?\n}}", KERNEL, re.S)[0]
+    body = re.search(rf"{name}(?:\(|\[\]).*?\n}}", KERNEL, re.S)[0]
     return [int(n) for n in re.findall(r"\b(0(?=,)|\d{4,})u?\b", body)]
 
 
