@@ -300,6 +300,14 @@ def test_counts_wrap_and_need_their_number(tmp_path):
     assert read.resolution == pytest.approx(2 * np.pi / 4096)
 
 
+def test_names_of_columns_do_not_break_the_line(tmp_path):
+    path = tmp_path / "names.csv"
+    path.write_text('"an\ngle","tor\x1bque\x07",t\n1,2,3\n4,5,6\n')
+    with pytest.raises(Error) as caught:
+        readers.read(path, readers.Source())
+    assert str(caught.value).isprintable() and "an gle" in str(caught.value)
+
+
 def test_torque_units_are_applied(tmp_path):
     path = tmp_path / "units.csv"
     pd.DataFrame({"angle": np.arange(9.0), "Friction [uN]": np.arange(9.0)}).to_csv(

@@ -27,7 +27,13 @@ __all__ = ["Error", "Friction", "Plan", "State", "Throughput", "counts_between"]
 
 
 class Error(Exception):
-    """Something that a user can put right: one line that names value, limit and place."""
+    """Something that a user can put right: one line that names value, limit and place, whatever
+    the names in a file are made of.
+    """
+
+    def __str__(self) -> str:
+        said = super().__str__()
+        return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in said)
 
 
 class RunError(Error):
