@@ -6,14 +6,13 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+import planting
 import pytest
-from conftest import ROOT
 from fuzzers import (
     FUZZERS,
     PARTS,
@@ -205,12 +204,8 @@ PLANTED_SLOW = {
 )
 def test_planted_fault_is_found_by_its_fuzzer(fault: str, tmp_path: Path) -> None:
     planted = PLANTED[fault]
-    for part in (*PARTS, "tools/dahl"):
-        shutil.copytree(ROOT / part, tmp_path / part)
-    file = tmp_path / planted.file
-    text = file.read_text(encoding="utf-8")
-    assert text.count(planted.right) == 1, "the place of the fault has moved"
-    file.write_text(text.replace(planted.right, planted.wrong), encoding="utf-8")
+    planting.copy(tmp_path, (*PARTS, "tools/dahl"))
+    planting.edit(tmp_path / planted.file, planted.right, planted.wrong)
     run = fuzz(planted.fuzzer, program_in(planted.fuzzer, tmp_path), tmp_path, PLANTED_SECONDS)
     assert run.crash is not None, f"not found in {run.executions} executions"
     assert planted.word in run.text, run.text[-3000:]

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""What the numeric proofs share: numbers out of the headers, programs built from a copy of lib/.
-
-A planted fault is an edit of that copy: the check run on it must fail.
-"""
+"""What the numeric proofs share: numbers out of the headers, programs built from a copy of lib/."""
 
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
+import planting
 from conftest import ROOT
 
 LIB = ROOT / "lib"
@@ -24,18 +21,9 @@ def header_number(name: str, file: Path) -> float:
     return float.fromhex(text) if text.startswith("0x") else float(text)
 
 
-def edit(file: Path, old: str, new: str) -> None:
-    """Plant a fault: replace the one place where `old` stands."""
-    text = file.read_text()
-    assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in {file.name}"
-    file.write_text(text.replace(old, new))
-
-
 def copy_of_lib(tmp_path: Path) -> Path:
-    """lib/ and the C tests in a folder of their own, the same way from one to the other."""
-    for part in ("lib", "tests/lib", "tests/proof"):
-        shutil.copytree(ROOT / part, tmp_path / part, dirs_exist_ok=True)
-    return tmp_path
+    """lib/ and the C tests, to plant a fault in."""
+    return planting.copy(tmp_path, ("lib", "tests/lib", "tests/proof"))
 
 
 def build(top: Path, program: str, *words: str) -> Path:

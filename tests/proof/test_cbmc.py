@@ -11,11 +11,11 @@ The planted faults are run on changed copies of the sources: each must be seen.
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import planting
 import pytest
 from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
@@ -229,12 +229,7 @@ FAULTS = {
 
 def planted(fault: Fault, folder: Path) -> Path:
     """A copy of the sources with the fault."""
-    for name in ("lib", "port", "host_sim"):
-        shutil.copytree(ROOT / name, folder / name)
-    path = folder / fault.file
-    text = path.read_text()
-    assert text.count(fault.old) == 1, "the place of the fault has changed"
-    path.write_text(text.replace(fault.old, fault.new))
+    planting.edit(planting.copy(folder) / fault.file, fault.old, fault.new)
     return folder
 
 
@@ -253,7 +248,7 @@ def test_planted_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
 
 def test_planted_range_one_too_wide_is_seen(tmp_path: Path) -> None:
     """The range is tight: from its upper end, which no call reaches, an update would overflow."""
-    shutil.copytree(ROOT / "lib", tmp_path / "lib")
+    planting.copy(tmp_path, ["lib"])
     for file in ("cbmc_core.c", "cbmc_ranges.h", "products.h"):
         text = (HERE / file).read_text()
         (tmp_path / file).write_text(text.replace("w < STATE_END;", "w <= STATE_END;"))

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import kernel_tools as tools
 import numpy as np
+import planting
 import pytest
 from conftest import ROOT
 from mpmath import mp, mpf
@@ -301,7 +302,7 @@ FAULTS = {
 def test_planted_faults_in_the_core(fault: str, tmp_path: Path, constants: dict[str, mpf]) -> None:
     check, file, old, new = FAULTS[fault]
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "lib" / file, old, new)
+    planting.edit(top / "lib" / file, old, new)
     (top / "none.c").write_text("")
     faulty = tools.build(top, "none.c", "-shared", "-fPIC", "-Wno-error", "-w")
     with pytest.raises(AssertionError):

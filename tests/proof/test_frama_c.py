@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
+import planting
 import pytest
-from conftest import ROOT, need
+from conftest import need
 
 HERE = Path(__file__).parent
 
@@ -171,21 +171,13 @@ QUICK = ("shift_by_32",)
 )
 @pytest.mark.timeout(600)
 def test_planted_fault_is_seen_by_frama_c(fault: Fault, tmp_path: Path) -> None:
-    for name in ("lib", "port", "host_sim"):
-        shutil.copytree(ROOT / name, tmp_path / name)
-    path = tmp_path / fault.file
-    text = path.read_text()
-    assert text.count(fault.old) == 1, "the place of the fault has changed"
-    path.write_text(text.replace(fault.old, fault.new))
+    planting.edit(planting.copy(tmp_path) / fault.file, fault.old, fault.new)
     found = alarms(fault.run, "that faults are seen", tmp_path)
     assert any(fault.says in line for line in found), found
 
 
 @pytest.mark.long
 def test_planted_wrong_product_is_not_proven_by_frama_c(tmp_path: Path) -> None:
-    shutil.copytree(ROOT / "lib", tmp_path / "lib")
-    path = tmp_path / "lib" / "multiply.h"
-    text = path.read_text()
-    assert text.count("(uint64_t)a * b;") == 1
-    path.write_text(text.replace("(uint64_t)a * b;", "(uint64_t)a * b + 1u;"))
+    copy = planting.copy(tmp_path, ["lib"])
+    planting.edit(copy / "lib/multiply.h", "(uint64_t)a * b;", "(uint64_t)a * b + 1u;")
     assert wp_goals(tmp_path, tmp_path) != "all"

@@ -14,6 +14,7 @@ import dahl
 import kernel_certificate as cert
 import kernel_tools as tools
 import numpy as np
+import planting
 import pytest
 from conftest import built, need
 
@@ -86,7 +87,7 @@ FAULTS = {
 def test_planted_faults_in_the_kernel(fault: str, tmp_path: Path) -> None:
     all_floats(built("tests", "lib", "kernel_all"), 0, 16, 1)  # unproven without MPFR
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "lib" / "kernel.h", *FAULTS[fault])
+    planting.edit(top / "lib" / "kernel.h", *FAULTS[fault])
     program = tools.build(top, "tests/lib/kernel_all.c", "-lmpfr")
     code, _ = all_floats(program, 0, ALL, 40009)
     assert code == 1, f"{fault}: not noticed"
@@ -183,20 +184,20 @@ def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
 
 def test_planted_coefficient_off_by_one(solvers: tuple[str, str], tmp_path: Path) -> None:
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "lib" / "kernel.h", "257941187u", "257941186u")
+    planting.edit(top / "lib" / "kernel.h", "257941187u", "257941186u")
     assert differences(top / "lib", solvers[0]) == ["small 1"]
 
 
 def test_planted_table_word_off_by_one(solvers: tuple[str, str], tmp_path: Path) -> None:
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "lib" / "kernel.h", "3698874649u", "3698874648u")
+    planting.edit(top / "lib" / "kernel.h", "3698874649u", "3698874648u")
     assert differences(top / "lib", solvers[0]) == ["H 13"]
 
 
 @pytest.mark.parametrize("fault", ["shift", "one too early", "half of a factor lost"])
 def test_planted_change_is_not_what_is_certified(fault: str, tmp_path: Path) -> None:
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "lib" / "kernel.h", *FAULTS[fault])
+    planting.edit(top / "lib" / "kernel.h", *FAULTS[fault])
     with pytest.raises(cert.CertificateError, match="not the function that is certified"):
         cert.read_constants(top / "lib")
 
@@ -205,7 +206,7 @@ def test_planted_coefficient_breaks_the_certificate(
     solvers: tuple[str, str], tmp_path: Path
 ) -> None:
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "lib" / "kernel.h", "dahl_horner(64485290u", "dahl_horner(64484778u")
+    planting.edit(top / "lib" / "kernel.h", "dahl_horner(64485290u", "dahl_horner(64484778u")
     found = cert.large_pieces(cert.read_constants(top / "lib"), *solvers)
     limit = tools.header_number("DAHL_KERNEL_ERROR", KERNEL)
     assert any(-piece.error.a > limit or piece.error.b > limit for piece in found)

@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 import kernel_tools as tools
+import planting
 import pytest
 
 HEADER = Path(__file__).parent / "passivity.h"
@@ -106,7 +107,7 @@ FAULTS = {
 def test_planted_faults_in_the_step(fault: str, tmp_path: Path) -> None:
     top = tools.copy_of_lib(tmp_path)
     file, old, new = FAULTS[fault]
-    tools.edit(top / "lib" / file, old, new)
+    planting.edit(top / "lib" / file, old, new)
     way = "angle" if file == "kernel.h" else "counts"
     code, text = run(tools.build(top, "tests/proof/passivity.c"), way, 20_000)
     assert code == 1, f"{fault}: {text}"
@@ -115,7 +116,7 @@ def test_planted_faults_in_the_step(fault: str, tmp_path: Path) -> None:
 def test_planted_rounding_in_short_words(tmp_path: Path) -> None:
     """The gap rounded by a whole unit, not half of one."""
     top = tools.copy_of_lib(tmp_path)
-    tools.edit(top / "tests/proof/passivity_words.c", "(w + half) >> n", "(w + 2 * half) >> n")
+    planting.edit(top / "tests/proof/passivity_words.c", "(w + half) >> n", "(w + 2 * half) >> n")
     program = tools.build(top, "tests/proof/passivity_words.c", "-Wno-unused")
     assert run(program, 5)[0] == 1
     assert run(program, 32)[0] == 1

@@ -9,20 +9,19 @@ values for which the compiled C itself gives what the solver says.
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import planting
 import products
 import pytest
 import z3
 from bitvectors import (
     CHECKED,
     PLAIN,
-    ROOT,
     Module,
     Outcome,
     Verdict,
@@ -347,10 +346,8 @@ PLANTED = [
 
 def library_with(folder: Path, file: str, old: str, new: str) -> Path:
     """A copy of the library with a bug."""
-    copy = Path(shutil.copytree(ROOT / "lib", folder / "lib"))
-    text = (copy / file).read_text()
-    assert old in text, f"{file} no longer has: {old}"
-    (copy / file).write_text(text.replace(old, new))
+    copy = planting.copy(folder, ["lib"]) / "lib"
+    planting.edit(copy / file, old, new)
     return copy
 
 

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import planting
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,11 +41,8 @@ def test_same_bits(compiler: str, flags: list[str], tmp_path: Path) -> None:
 
 def test_a_changed_constant_is_seen(tmp_path: Path) -> None:
     """The check bites: one unit in one coefficient of the kernel changes the hashes."""
-    planted = tmp_path / "lib"
-    shutil.copytree(ROOT / "lib", planted)
-    kernel = (planted / "kernel.h").read_text()
-    assert "644112u" in kernel
-    (planted / "kernel.h").write_text(kernel.replace("644112u", "644113u"))
+    planted = planting.copy(tmp_path, ["lib"]) / "lib"
+    planting.edit(planted / "kernel.h", "644112u", "644113u")
     sources = [str(planted / Path(s).name) for s in SOURCES]
     program = tmp_path / "bits"
     options = ["-std=c99", "-O1", f"-I{planted}", "-o", str(program)]

@@ -6,11 +6,11 @@ stand in tools/pyproject.toml, each package without types with its reason.
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import planting
 import pytest
 from conftest import BUILD, ROOT
 
@@ -52,11 +52,8 @@ def test_each_ignored_finding_is_named_and_has_a_reason() -> None:
     ],
 )
 def test_planted_type_is_found(tmp_path: Path, sound: str, fault: str, code: str) -> None:
-    shutil.copytree(TOOLS / "dahl", tmp_path / "dahl")
-    planted = tmp_path / "dahl" / "arguments.py"
-    text = planted.read_text()
-    assert text.count(sound) == 1
-    planted.write_text(text.replace(sound, fault))
+    planted = planting.copy(tmp_path, ["tools/dahl"]) / "tools/dahl/arguments.py"
+    planting.edit(planted, sound, fault)
     done = mypy(planted)
     assert done.returncode == 1
     assert f"[{code}]" in done.stdout

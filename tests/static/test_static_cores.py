@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from graphlib import CycleError
 from pathlib import Path
 
+import planting
 import pytest
 import small_cores
 import static_tools as static
@@ -138,8 +138,7 @@ def test_receiver_links_no_heap_and_no_printing(name: str, firmware: Make) -> No
 
 def planted(tmp_path: Path, source: str) -> tuple[Firmware, Path]:
     """A copy of lib/torque.c with more functions at its end, compiled for Cortex-M0."""
-    file = tmp_path / "lib/torque.c"
-    shutil.copytree(ROOT / "lib", file.parent)
+    file = planting.copy(tmp_path, ["lib"]) / "lib/torque.c"
     file.write_text(f"{file.read_text()}{source}\n")
     return compiled("m0", [file], tmp_path), file
 

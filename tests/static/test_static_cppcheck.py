@@ -8,10 +8,10 @@ and so does one that is listed and no longer there. MISRA's texts are not ours: 
 from __future__ import annotations
 
 import re
-import shutil
 import tomllib
 from pathlib import Path
 
+import planting
 import pytest
 import static_tools as static
 from conftest import ROOT, need
@@ -87,12 +87,6 @@ def test_each_deviation_has_its_reason() -> None:
 # --- each fault is seen --------------------------------------------------------------------------
 
 
-def copy_of(tmp_path: Path) -> Path:
-    for part in ("lib", "port"):
-        shutil.copytree(ROOT / part, tmp_path / part)
-    return tmp_path
-
-
 # In functions with a prototype: without one the addon says so (8.4) and looks no further.
 PLANTED = {
     "goto": ("15.1", "if (x > 0) { goto end; }\nend:"),
@@ -108,7 +102,7 @@ def test_planted_misra_finding_is_not_listed(fault: str, tmp_path: Path) -> None
     rule, body = PLANTED[fault]
     head = "int32_t dahl_x(int32_t x)"
     source = f"{head};\n{head} {{ {body} return x; }}"
-    root = copy_of(tmp_path)
+    root = planting.copy(tmp_path, ("lib", "port"))
     torque = root / "lib/torque.c"
     torque.write_text(f"{torque.read_text()}{source}\n")
     found = misra([torque], root)
@@ -138,6 +132,6 @@ CPPCHECK_PLANTED = {
 
 @pytest.mark.parametrize("fault", CPPCHECK_PLANTED)
 def test_planted_fault_is_seen_by_cppcheck(fault: str, tmp_path: Path) -> None:
-    torque = copy_of(tmp_path) / "lib/torque.c"
+    torque = planting.copy(tmp_path, ("lib", "port")) / "lib/torque.c"
     torque.write_text(f"{torque.read_text()}{CPPCHECK_PLANTED[fault]}\n")
     assert fault in {place.rule for place in findings([torque], root=tmp_path)}

@@ -9,11 +9,10 @@ batches run briefly on the big-endian core: their own test takes minutes under e
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import planting
 import pytest
 import static_tools as static
 from conftest import BUILD, ROOT, need
@@ -112,16 +111,6 @@ def test_any_frames_on_a_big_endian_core(tmp_path: Path) -> None:
 
 # --- each fault is seen --------------------------------------------------------------------------
 
-Change = Callable[[str], str]
-
-
-def in_place(old: str, new: str) -> Change:
-    def change(text: str) -> str:
-        assert old in text
-        return text.replace(old, new)
-
-    return change
-
 
 # A codec, receiver or library that asks for the processor's order: what sees it, and the change.
 ENDIAN = {
@@ -149,10 +138,7 @@ ENDIAN = {
 def test_planted_byte_order_is_seen(file: str, name: str, tmp_path: Path) -> None:
     """It fails on the big-endian core, and nothing is seen on this one: so that core is needed."""
     test, old, new = ENDIAN[file]
-    for part in ("lib", "port", "host_sim"):
-        shutil.copytree(ROOT / part, tmp_path / part)
-    planted = tmp_path / file
-    planted.write_text(in_place(old, new)(planted.read_text()))
+    planting.edit(planting.copy(tmp_path) / file, old, new)
     machine = S390X if name == "big-endian" else Machine("gcc", ("-fno-strict-aliasing",))
     sources = [tmp_path / path.relative_to(ROOT) for path in static.FIRMWARE]
     if test:
@@ -167,9 +153,7 @@ def test_planted_byte_order_is_seen(file: str, name: str, tmp_path: Path) -> Non
 @pytest.mark.long
 def test_planted_branch_of_another_compiler_is_seen(tmp_path: Path) -> None:
     """A wrong constant in what only a compiler without GNU's extensions reads."""
-    shutil.copytree(ROOT / "lib", tmp_path / "lib")
-    bits = tmp_path / "lib/bits.h"
-    bits.write_text(in_place("zeros += 8;", "zeros += 7;")(bits.read_text()))
+    planting.edit(planting.copy(tmp_path, ["lib"]) / "lib/bits.h", "zeros += 8;", "zeros += 7;")
     sources = [tmp_path / "lib" / path.name for path in INTEGER]
     for name, same in (("no 128-bit words", True), ("no GNU C", False)):
         program = MACHINES[name].build(tmp_path, ROOT / "tests/lib/bits.c", sources)
