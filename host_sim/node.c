@@ -24,9 +24,8 @@ static void restart(node_t *node)
 dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
 {
     dahl_plan_t plan;
-    dahl_err_t result = dahl_prepare(&plan, params);
-    switch (result) {
-    case DAHL_OK:
+    dahl_err_t err = dahl_prepare(&plan, params);
+    if (err == DAHL_OK) {
         *node = (node_t){
             .plan = plan,
             .params = *params,
@@ -37,11 +36,8 @@ dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
             .number = number & 0x0F,
         };
         restart(node);
-        break;
-    default:
-        break;
     }
-    return result;
+    return err;
 }
 
 static void enter(node_t *node, frames_state_t state)
@@ -201,6 +197,16 @@ static bool is_held(const node_t *node, uint32_t now_us)
     return node->offs >= NODE_OFF_MAX || (node->offs > 0 && now_us - node->off_us < node->timeout_us);
 }
 
+/* After a silence: enough good frames in a row, none of them in the time that a bus-off costs. */
+static bool is_back(node_t *node, const encoder_state_t *seen, uint32_t now_us)
+{
+    if (is_held(node, now_us)) {
+        node->doubts = 0;
+        return false;
+    }
+    return sure(node, seen);
+}
+
 static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
     if (!seen->valid) {
@@ -208,7 +214,7 @@ static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, ca
         return invalid(node, seen->counter);
     }
     node->state = node->silenced ? FRAMES_STALE : FRAMES_INIT;
-    if (node->silenced && (is_held(node, now_us) || !sure(node, seen))) {
+    if (node->silenced && !is_back(node, seen, now_us)) {
         node->counts.rearm++;
         return false;
     }
@@ -337,18 +343,14 @@ static uint8_t write_model(node_t *node, const param_write_t *asked)
     float step;
     float *value = model_of(&params, asked->param, &step);
     *value = (float)asked->value * step;
-    if (asked->value == 0) {
+    dahl_err_t err = asked->value == 0 ? DAHL_ERR_PARAM : dahl_prepare(&plan, &params);
+    if (err != DAHL_OK) {
         return FRAMES_PARAM_OUT_OF_RANGE;
     }
-    switch (dahl_prepare(&plan, &params)) {
-    case DAHL_OK:
-        dahl_change_plan(&node->plan, &plan, &node->bearing);
-        node->params = params;
-        node->plan = plan;
-        return FRAMES_PARAM_DONE;
-    default:
-        return FRAMES_PARAM_OUT_OF_RANGE;
-    }
+    dahl_change_plan(&node->plan, &plan, &node->bearing);
+    node->params = params;
+    node->plan = plan;
+    return FRAMES_PARAM_DONE;
 }
 
 static uint8_t write_setting(node_t *node, const param_write_t *asked)

@@ -1069,6 +1069,20 @@ static void test_bus_off_is_told_at_once_and_over_after_the_timeout(void)
     TEST_ASSERT_EQUAL(5, node.counts.rearm);
 }
 
+/* The wait grows with the timeout. A frame that it holds is none of the three in a row; found by the fuzzer. */
+static void test_a_longer_timeout_holds_again_and_the_row_begins_anew(void)
+{
+    feed(0, 0);
+    node_bus_off(&node, now_us);
+    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(feed(4, 500) || feed(5, 510));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_TIMEOUT, 60000));
+    TEST_ASSERT_FALSE(feed(6, 520));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_TIMEOUT, 100));
+    TEST_ASSERT_FALSE(feed(6, 520) || feed(7, 530));
+    TEST_ASSERT_TRUE(feed(8, 540));
+}
+
 static void test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart(void)
 {
     for (uint32_t i = 0; i < 10; i++) { /* an answer in between forgives */
@@ -1502,6 +1516,7 @@ int main(void)
     RUN_TEST(test_a_reset_of_nothing_only_asks_for_status);
     RUN_TEST(test_a_refused_model_leaves_the_node_alone);
     RUN_TEST(test_bus_off_is_told_at_once_and_over_after_the_timeout);
+    RUN_TEST(test_a_longer_timeout_holds_again_and_the_row_begins_anew);
     RUN_TEST(test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart);
     RUN_TEST(test_after_a_restart_bus_offs_are_counted_anew);
     RUN_TEST(test_any_number_of_bus_offs_stays_latched);
