@@ -30,13 +30,12 @@ typedef struct {
 DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
 {
     uint32_t digits = 0;
-    for (size_t left = rows; left != 0; left--) {
-        size_t t = left - 1;
+    for (size_t t = 0; t < rows; t++) {
         const int32_t *dcounts = job->dcounts + (first + t) * job->stride;
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
             uint32_t size = dahl_batch_size(dcounts[c]);
-            uint32_t eights = (size - (size == DAHL_DENSE)) / DAHL_DENSE; /* 8 itself has its entry */
+            uint32_t eights = size / DAHL_DENSE;
             chunk->backward[t][c] = dahl_batch_backward(dcounts[c]);
             chunk->low[t][c] = size - eights * DAHL_DENSE;
             chunk->eights[t][c] = eights;

@@ -42,7 +42,7 @@ DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure
 DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, double w0, dahl_value_t value, dahl_g_t g_of)
 {
     for (size_t i = 0; i < GROUPS; i++) {
-        double group_e = 1.0, group_c = (double)0;
+        double group_e = 1.0, group_c = 0.0;
         DAHL_UNROLL_8
         for (size_t k = 0; k < GROUP; k++) {
             double g = g_of(a * value(moves, n + GROUP * i + k));
@@ -60,7 +60,7 @@ DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, 
 /* Returns d at the end of the block. */
 DAHL_INLINE double join_groups(scan_t *scan)
 {
-    double d = (double)0;
+    double d = 0.0;
     for (int i = 0; i < GROUPS; i++) {
         scan->d[i] = d;
         d = scan->group_e[i] * d + scan->group_c[i];
@@ -102,14 +102,15 @@ DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_valu
 {
     uint32_t moves[BLOCK];
     float F[BLOCK];
+    size_t rest = job->n - done;
     for (size_t i = 0; i < BLOCK; i++) {
         moves[i] = 0;
-        if (done + i < job->n) {
+        if (i < rest) {
             dahl_copy_word(&moves[i], (const uint32_t *)job->moves + done + i);
         }
     }
     run_block(scan, job, moves, 0, F, value, number, measure);
-    for (size_t i = 0; done + i < job->n; i++) {
+    for (size_t i = 0; i < rest; i++) {
         job->F[done + i] = F[i];
     }
 }

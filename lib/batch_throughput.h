@@ -19,7 +19,7 @@
 #include "bits.h"
 #include "dahl.h"
 
-#define DAHL_ALL 64.0 /* travel that leaves nothing of the gap; also where an infinite one is cut */
+#define DAHL_ALL 709.5 /* travel that leaves nothing of the gap: its 2^-k is 0 as a double; an infinite one is cut here */
 #define DAHL_LN2 0x1.62e42fefa39efp-1
 #define DAHL_LOG2E 0x1.71547652b82fep+0
 
@@ -69,7 +69,7 @@ DAHL_INLINE double dahl_g_any(double x)
     double r = u - (double)k * DAHL_LN2;
     power.bits = (uint64_t)(int64_t)(1023 - k) << 52;
     double g = r * dahl_slope(r);
-    return copysign(k == 0 ? g : 1.0 - power.value * (1.0 - g), x); /* no difference where it could cancel */
+    return copysign((uint32_t)k == 0 ? g : 1.0 - power.value * (1.0 - g), x); /* no difference where it could cancel */
 }
 
 /* A move as the input has it: its value, 0 for NaN, and a measure of its size that NaN makes largest. */

@@ -29,7 +29,7 @@ DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_m
 {
     size_t rows = last - first, width = job->count, start = first * job->stride;
     uint32_t most = measure(job->moves, start);
-    if (job->stride - width == 0) {
+    if (job->stride == width) {
         width *= rows;
         rows = 1;
     }
@@ -64,7 +64,7 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
         chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
-        chunk->d[c] = (double)0;
+        chunk->d[c] = 0.0;
     }
     uint32_t most = largest(job, first, last, measure);
     if (most > chunk->small) {

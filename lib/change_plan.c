@@ -35,11 +35,8 @@ static uint64_t scaled(uint64_t size, factor_t f)
 {
     uint64_t product = dahl_mulhi64(size << 1, f.mantissa);
     int32_t shift = f.exponent;
-    if (shift <= -64) {
-        return 0;
-    }
     if (shift <= 0) {
-        product >>= -shift;
+        product >>= shift < -63 ? 63 : -shift; /* below 2^63: f.mantissa < 2^64 - 2^32 */
     } else {
         product = shift > 62 || product > (DAHL_ONE_Q62 >> shift) ? DAHL_ONE_Q62 : product << shift;
     }

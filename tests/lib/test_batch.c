@@ -161,9 +161,10 @@ static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
     for (int64_t beside = -near; beside <= near; beside++) {
         uint64_t t = ((half + (uint64_t)beside) * inverse) & mask;
         if (t >> 31 == 1) {
-            check_still(plan, (int64_t)(t << 30));
-            check_still(plan, (int64_t)(t << 3));
-            check_still(plan, (int64_t)t);
+            for (int more = 0; more <= 30; more++) { /* bits that are left out: none of them set, and all */
+                check_still(plan, (int64_t)(t << more));
+                check_still(plan, (int64_t)(((t + 1) << more) - 1));
+            }
             found++;
         }
     }
@@ -179,6 +180,7 @@ static void test_torques_next_to_a_tie(void)
         uint32_t found = check_ties(&plan, (uint64_t)1 << 38, 10000); /* products below 2^63 */
         found += check_ties(&plan, (uint64_t)1 << 39, 20000);
         TEST_ASSERT_TRUE(found > 10);
+        check_still(&plan, 1);
     }
 }
 
@@ -241,6 +243,32 @@ static void test_throughput_channels_by_angle(void)
         for (size_t t = 0; t < STEPS; t++) {
             size_t i = t * COUNT + c;
             assert_torque(reference_move(&exact, (long double)angles[i]), &channels.params[c], F[i], DAHL_ULP_COUNTS);
+        }
+    }
+}
+
+/* The kernel is that for the largest move of a block, wherever it stands. */
+static void test_one_long_move_among_short_ones(void)
+{
+    enum { COUNT = 17, STEPS = 128, ALL = COUNT * STEPS };
+    static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
+    dahl_params_t p = params_for(1e-7, 1.0f);
+    dahl_throughput_params_t q[COUNT];
+    for (size_t c = 0; c < COUNT; c++) {
+        q[c] = in_double(&p);
+    }
+    for (size_t k = 0; k < sizeof places / sizeof places[0]; k++) {
+        dahl_state_t states[COUNT] = {{0}}, state = {0};
+        reference_t exact[COUNT], one = reference_by_counts(&p);
+        for (size_t i = 0; i < ALL; i++) {
+            moves[i] = i == places[k] ? 20000000 : 1;
+            exact[i % COUNT] = i < COUNT ? one : exact[i % COUNT];
+        }
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(q, states, COUNT, moves, F, STEPS));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(q, &state, moves, G, ALL));
+        for (size_t i = 0; i < ALL; i++) {
+            assert_torque(reference_move(&exact[i % COUNT], moves[i]), &p, F[i], DAHL_ULP_COUNTS);
+            assert_torque(reference_move(&one, moves[i]), &p, G[i], DAHL_ULP_COUNTS);
         }
     }
 }
@@ -380,6 +408,7 @@ int main(void)
     RUN_TEST(test_throughput_is_within_the_bound);
     RUN_TEST(test_throughput_channels_are_within_the_bound);
     RUN_TEST(test_throughput_channels_by_angle);
+    RUN_TEST(test_one_long_move_among_short_ones);
     RUN_TEST(test_any_cut_is_the_same_motion);
     RUN_TEST(test_nothing_to_do_touches_nothing);
     RUN_TEST(test_bad_angles_within_a_batch);

@@ -289,6 +289,21 @@ static void test_p15_growth_of_the_smallest_torque(void)
     }
 }
 
+/* Softer by just below 2^-62, where the travels of both bristles have mantissas that are neighbours: nothing is left, also of
+ * the 2^31 that a step may pass 1 by. */
+static void test_p15_the_least_that_is_left(void)
+{
+    dahl_params_t p1 = {16777214.0f * 0x1p20f, 8388699.0f, 0}, p2 = {16777032.0f * 0x1p-42f, 8388608.0f, 0};
+    dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
+    TEST_ASSERT_EQUAL_UINT32(from.a_mantissa / 2 - 1, to.a_mantissa / 2);
+    const int64_t most = ((int64_t)1 << 62) + ((int64_t)1 << 31) - 1;
+    dahl_state_t states[2] = {{most}, {-most}};
+    for (int i = 0; i < 2; i++) {
+        dahl_change_plan(&from, &to, &states[i]);
+        TEST_ASSERT_TRUE(states[i].w == 0);
+    }
+}
+
 /* The same plan leaves the torque, and never adds to the stored energy however often it is changed. */
 static void test_p15_no_energy_from_changes(void)
 {
@@ -325,6 +340,7 @@ int main(void)
     RUN_TEST(test_p15_change_of_parameters);
     RUN_TEST(test_p15_relaxed_stays_relaxed);
     RUN_TEST(test_p15_growth_of_the_smallest_torque);
+    RUN_TEST(test_p15_the_least_that_is_left);
     RUN_TEST(test_p15_no_energy_from_changes);
     return UNITY_END();
 }
