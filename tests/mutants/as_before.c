@@ -312,11 +312,12 @@ static void ties(uint32_t k)
         inverse *= 2u - mantissa * inverse;
     }
     memset(counts_for(3), 0, 3 * sizeof(int32_t));
-    for (int i = 0; i < 400; i++) {
-        uint64_t t = (half + any(24001) - 12000u) * inverse & (2 * half - 1);
+    for (uint32_t i = 0; i <= 28000; i++) {
+        uint64_t t = (half + i - 14000u) * inverse & (2 * half - 1);
         if (t >> 31 == 1) {
             states[0].w = states[1].w = any_w();
-            states[2].w = (int64_t)(t << (any(2) ? 30 : any(31)));
+            uint32_t more = any(3) ? any(31) : 21 + any(2) * 9; /* 53 and 62 bits in all */
+            states[2].w = (int64_t)(any(2) ? t << more : ((t + 1) << more) - 1);
             float *F = F_for(3);
             dahl_batch_counts(plans, states + 2, counts_for(1), F + 2, 1);
             fold_F(F, 3);

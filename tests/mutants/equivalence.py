@@ -5,7 +5,8 @@ Both are compiled with the whole core, and every function that then reads differ
 the same value and leave the same bytes, for all arguments and all memory that its contract allows
 (`CONTRACTS`). Products of two unknown words are slow for a solver; here they are any function of
 both that is 0 where one is 0, has the bounds of a product, and takes its factors in any order. What
-holds for all such functions holds for the product.
+holds for all such functions holds for the product. So is what doubles do; only a whole number as a
+double is bit by bit what it is.
 """
 
 from __future__ import annotations
@@ -73,6 +74,12 @@ def is_state(state: Any) -> list[Any]:
     return [w <= most, w >= -most]
 
 
+def is_w(w: Any) -> list[Any]:
+    """As is_state, of the number itself."""
+    most = (1 << 62) + (1 << 31)
+    return [w <= most, w >= -most]
+
+
 def is_far(dcounts: Any) -> list[Any]:
     """Beyond the entries for single counts."""
     return [z3.Or(dcounts > 8, dcounts < -8)]
@@ -104,8 +111,11 @@ CONTRACTS: dict[str, tuple[Contract, ...]] = {
     "dahl_step": (is_plan, is_state),
     "dahl_move_digits": (is_plan, is_state, is_far),
     "dahl_step_far": (is_plan, is_state),
+    "dahl_batch_product": (is_w,),
+    "dahl_batch_move": (is_plan,),
     "dahl_torque": (is_plan, is_state),
-    "dahl_torque_of": (is_plan,),
+    "dahl_torque_of": (is_plan, is_w),
+    "dahl_torque_here": (is_plan, is_w),
     "dahl_set_torque": (is_plan, is_state),
     "dahl_change_plan": (is_plan, is_plan, is_state),
     "scaled": (is_size, is_q63),
@@ -180,8 +190,17 @@ class Products:
 # ---------------------------------------------------------------- proofs
 
 
-def core_in(folder: Path) -> bitvectors.Module:
-    sources = [folder / "lib" / f"{name}.c" for name in CORE]
+SHARED = ("lib/bits.h", "lib/gap.h", "lib/torque.h", "lib/fixed.h", "lib/multiply.h")
+
+
+def units_for(file: str) -> list[tuple[str, ...]]:
+    """What is compiled, each as one, to see what a mutant of this file changes."""
+    core = [] if file.startswith("lib/batch") else [CORE]
+    return [*core, ("batch",)] if not core or file in SHARED else core
+
+
+def code_in(folder: Path, units: Sequence[str]) -> bitvectors.Module:
+    sources = [folder / "lib" / f"{name}.c" for name in units]
     flags = (
         *bitvectors.PLAIN,
         "-fno-inline",
@@ -190,17 +209,17 @@ def core_in(folder: Path) -> bitvectors.Module:
 
 
 @functools.cache
-def original() -> bitvectors.Module:
-    return core_in(ROOT)
+def original(units: tuple[str, ...] = CORE) -> bitvectors.Module:
+    return code_in(ROOT, units)
 
 
-def with_mutant(mutant: Mutant) -> bitvectors.Module:
+def with_mutant(mutant: Mutant, units: tuple[str, ...] = CORE) -> bitvectors.Module:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(ROOT / "lib", folder / "lib")
         path = folder / mutant.file
         path.write_bytes(mutant.apply(path.read_bytes()))
-        return core_in(folder)
+        return code_in(folder, units)
 
 
 def contract_of(name: str, arguments: Sequence[Any]) -> list[Any]:
@@ -271,6 +290,36 @@ class KnownByLemmas(bitvectors.Run):
         poison = bitvectors.any_of(*(argument.poison for argument in arguments))
         return bitvectors.Value(result, poison), state
 
+    def instruction(self, i: Any, kind: str, state: Any) -> Any:
+        """Doubles: of a whole number its bits, else an unknown function of the operands."""
+        if kind not in (*DOUBLES, "sitofp", "uitofp"):
+            return super().instruction(i, kind, state)
+        given = [self.value(operand, state) for operand in i.operands]
+        terms = [value.term for value in given]
+        if kind in DOUBLES:
+            size = z3.BitVecSort(bitvectors.bits_of(str(i.type)))
+            name = f"{kind}{size.size()}"
+            term = z3.Function(name, *(t.sort() for t in terms), size)(*terms)
+        else:
+            term = double_of(terms[0], kind == "sitofp")
+        return bitvectors.Value(term, bitvectors.any_of(*(value.poison for value in given)))
+
+
+DOUBLES = ("fmul", "fadd", "fsub", "fptrunc", "fpext")
+
+
+def double_of(x: Any, signed: bool) -> Any:
+    """The bits of a whole number as a double, rounded to the nearest, half to even."""
+    x = z3.SignExt(64 - x.size(), x) if signed else z3.ZeroExt(64 - x.size(), x)
+    negative = z3.And(signed, x < 0)
+    size = z3.If(negative, -x, x)
+    zeros = bitvectors.leading_zeros(size)
+    top = size << zeros
+    mantissa, rest = z3.LShR(top, 11), top & 0x7FF
+    up = z3.Or(z3.UGT(rest, 0x400), z3.And(rest == 0x400, mantissa & 1 == 1))
+    bits = (1023 + 62 - zeros << 52) + mantissa + z3.If(up, z3.BitVecVal(1, 64), 0)
+    return z3.If(x == 0, z3.BitVecVal(0, 64), bits | z3.If(negative, z3.BitVecVal(1 << 63, 64), 0))
+
 
 def called(
     function: bitvectors.Function, arguments: Sequence[Any], known: set[str]
@@ -283,8 +332,11 @@ def called(
     value, state = run.call(
         function.code, values, bitvectors.State(bitvectors.TRUE, {}, dict(memory))
     )
-    fault = bitvectors.any_of(run.fault, value.poison)
-    outcome = bitvectors.Outcome(value.term, fault, run.beyond, state.memory, list(arguments))
+    parts = value.parts if isinstance(value, bitvectors.Group) else (value,)
+    fault = bitvectors.any_of(run.fault, *(part.poison for part in parts))
+    terms = [part.term for part in parts]
+    term = z3.Concat(*terms) if len(terms) > 1 else terms[0]
+    outcome = bitvectors.Outcome(term, fault, run.beyond, state.memory, list(arguments))
     return outcome, run.facts
 
 
@@ -357,6 +409,12 @@ def comparison(text: str) -> tuple[str, Any] | None:
     return found[1], COMPARISONS[found[2]](z3.BitVec("x", 32), z3.BitVecVal(int(found[3]), 32))
 
 
+def is_left_alone(name: str, body: str) -> bool:
+    """Whether nothing in the text changes what has that name."""
+    changes = rf"&{name}\b|(\+\+|--){name}\b|\b{name}(\+\+|--| (<<|>>|[-+*/%&|^])?=(?!=))"
+    return not re.search(changes, body)
+
+
 def keeps(function: Node, name: str) -> int | None:
     """Which parameter of type int32_t has that name, if nothing in the function changes it."""
     declarator = function.child_by_field_name("declarator")
@@ -365,8 +423,7 @@ def keeps(function: Node, name: str) -> int | None:
     parameters = declarator.child_by_field_name("parameters") if declarator else None
     texts = [text_of(p) for p in parameters.named_children] if parameters else []
     body = text_of(function.child_by_field_name("body"))
-    changes = rf"&{name}\b|(\+\+|--){name}\b|\b{name}(\+\+|--| (<<|>>|[-+*/%&|^])?=(?!=))"
-    if f"int32_t {name}" not in texts or re.search(changes, body):
+    if f"int32_t {name}" not in texts or not is_left_alone(name, body):
         return None
     return texts.index(f"int32_t {name}")
 
@@ -409,9 +466,18 @@ def by_functions(mutant: Mutant, seconds: float = 60, at: dict[int, int] | None 
     the mutant differs only there."""
     if at and not differs_only_at(mutant, at):
         return Answer(False, ("`at` is for a comparison that changes for that value only",))
-    one, other = original(), with_mutant(mutant)
+    answers = [in_units(mutant, units, seconds, at) for units in units_for(mutant.file)]
+    said = tuple(line for answer in answers for line in answer.said)
+    return Answer(all(answer.proven for answer in answers), said)
+
+
+def in_units(
+    mutant: Mutant, units: tuple[str, ...], seconds: float, at: dict[int, int] | None
+) -> Answer:
+    one, other = original(units), with_mutant(mutant, units)
     waiting = {n for n, code in one.functions.items() if str(code) != str(other.functions.get(n))}
-    known = {name for name in LEMMAS if not callees(one, name) & waiting}
+    lemmas = [name for name in LEMMAS if name in one.functions]
+    known = {name for name in lemmas if not callees(one, name) & waiting}
     said, done = [], set[str]()
     while waiting:
         name = waiting.pop()
@@ -535,6 +601,176 @@ def by_counts(mutant: Mutant, seconds: float = 60) -> Answer:
     return Answer(True, (f"{', '.join(changed)}: the same for each count",))
 
 
+# ---------------------------------------------------------------- loops and shortcuts
+
+
+def around_mutant(mutant: Mutant, kind: str) -> tuple[str, str, Node] | None:
+    """The innermost node of a kind around the mutant: as it reads, mutated, and itself."""
+    nodes = [node for node in nodes_at(mutant) if node.type == kind]
+    if not nodes:
+        return None
+    text, shift = text_of(nodes[-1]), nodes[-1].start_byte
+    return text, text[: mutant.start - shift] + mutant.text + text[mutant.end - shift :], nodes[-1]
+
+
+LOOP = r"for \(size_t (\w+) = 0; \1 < ([\w>-]+); \1(\+\+| \+= (\w+))\)"
+
+
+def by_loop(mutant: Mutant, seconds: float = 60) -> Answer:
+    """Of `for (size_t i = 0; i < n; i++)`, or by steps of at most what is left: that `i < n` is
+    `i != n` at each turn. By induction: 0 <= n, and i < n gives i + step <= n without wrapping."""
+    loop = around_mutant(mutant, "for_statement")
+    found = re.match(LOOP, loop[0]) if loop else None
+    if not loop or not found:
+        return Answer(False, ("not a loop of that form",))
+    i, n, _, rows = found.groups()
+    head, body = found[0], loop[0][found.end() :]
+    if not loop[1].startswith(head.replace(f"{i} < {n}", f"{i} != {n}")):
+        return Answer(False, ("not its end",))
+    fixed = [name for name in (i, n) if not is_left_alone(name, body)]
+    x, end, step = z3.BitVecs("x end step", 64)
+    is_step = step == 1
+    if rows:
+        least = re.search(rf"{rows} = {n} - {i} < (\w+) \? {n} - {i} : \1;", body)
+        if not least or not is_left_alone(rows, body.replace(least[0], "")):
+            return Answer(False, ("steps that are not known",))
+        most = z3.BitVec("most", 64)
+        is_step = step == z3.If(z3.ULT(end - x, most), end - x, most)
+    goes_on = z3.And(z3.ULE(x, end), x != end)
+    claim = z3.And(
+        z3.Implies(z3.ULE(x, end), (x != end) == z3.ULT(x, end)),
+        z3.Implies(z3.And(goes_on, is_step), z3.And(z3.ULE(x + step, end), z3.ULE(x, x + step))),
+    )
+    verdict = bitvectors.prove(claim, (), seconds)
+    return Answer(verdict.proven and not fixed, (f"{head}: {verdict}", *fixed))
+
+
+class Unsigned:
+    """A C expression of unsigned words, as a term."""
+
+    def __init__(self, term: Any) -> None:
+        self.term = z3.BitVecVal(term, 64) if isinstance(term, int) else term
+
+    def __add__(self, other: Any) -> Unsigned:
+        return Unsigned(self.term + as_unsigned(other))
+
+    def __sub__(self, other: Any) -> Unsigned:
+        return Unsigned(self.term - as_unsigned(other))
+
+    def __lt__(self, other: Any) -> Any:
+        return z3.ULT(self.term, as_unsigned(other))
+
+    def __le__(self, other: Any) -> Any:
+        return z3.ULE(self.term, as_unsigned(other))
+
+    def __gt__(self, other: Any) -> Any:
+        return z3.UGT(self.term, as_unsigned(other))
+
+    def __ge__(self, other: Any) -> Any:
+        return z3.UGE(self.term, as_unsigned(other))
+
+    def __eq__(self, other: object) -> Any:  # type: ignore[override]
+        return self.term == as_unsigned(other)
+
+    def __ne__(self, other: object) -> Any:  # type: ignore[override]
+        return self.term != as_unsigned(other)
+
+    __hash__ = object.__hash__
+
+
+def as_unsigned(value: Any) -> Any:
+    return value.term if isinstance(value, Unsigned) else z3.BitVecVal(value, 64)
+
+
+def condition_of(text: str) -> Any:
+    """A condition of names and numbers as a term; the macros by their numbers in lib/."""
+    names = {"DAHL_LIKELY": lambda c: c}
+    for name in re.findall(r"[A-Za-z_]\w*", text.replace("job->", "")):
+        names.setdefault(name, Unsigned(z3.BitVec(name, 64)))
+    for name, file in (("CHUNK", "batch_channels.c"), ("DAHL_DENSE", "gap.h")):
+        found = re.search(rf"#define {name} (\d+)", (ROOT / "lib" / file).read_text())
+        names[name] = Unsigned(int(found[1]) if found else -1)
+    value = eval(text.replace("job->", ""), {"__builtins__": {}}, names)  # noqa: S307
+    return value if z3.is_bool(value) else z3.BoolVal(bool(value))
+
+
+def rows_are_one(_: Mutant, seconds: float) -> bitvectors.Verdict:
+    """Rows of `width` without a gap between them, taken one by one or as one: the same places."""
+    rows, width, t, c, i = z3.Ints("rows width t c i")
+    given = [rows > 0, width > 0]
+    within = z3.And(t >= 0, t < rows, c >= 0, c < width)
+    place = t * width + c
+    to = z3.Implies(within, z3.And(place >= 0, place < rows * width))
+    back = z3.Implies(
+        z3.And(i >= 0, i < rows * width, t == i / width, c == i % width), z3.And(within, place == i)
+    )
+    verdicts = [bitvectors.prove(claim, given, seconds, "z3") for claim in (to, back)]
+    return next((v for v in verdicts if not v.proven), verdicts[0])
+
+
+def branches_are_one(mutant: Mutant, _: float) -> bitvectors.Verdict:
+    """Both branches are the same call, where one side of the condition `a == b` stands for b."""
+    found = around_mutant(mutant, "if_statement")
+    text = " ".join(found[0].split()) if found else ""
+    sides = re.fullmatch(r"if \((\S+) == (\S+)\) \{ (.*?) \} else \{ (.*?) \}", text)
+    same = bool(sides) and sides[3].replace(sides[2], sides[1]) == sides[4]
+    return bitvectors.Verdict(same, None, 0.0, "as text")
+
+
+def short_moves_are_far(mutant: Mutant, seconds: float) -> bitvectors.Verdict:
+    """Of each count that has an entry, the move is the same with the mutant in."""
+    one, other = original(("batch",)), with_mutant(mutant, ("batch",))
+    ask = functools.partial(same, one["dahl_batch_move"], other["dahl_batch_move"], seconds)
+    verdicts = [ask(at={2: n}, known=set()) for n in range(-8, 9)]
+    return next((v for v in verdicts if not v.proven), verdicts[0])
+
+
+# By file and function: what holds wherever the condition does, so that the longer way does as well.
+SHORTCUTS: dict[tuple[str, str], Callable[[Mutant, float], bitvectors.Verdict]] = {
+    ("lib/batch.h", "dahl_batch_move"): short_moves_are_far,
+    ("lib/batch_channels.c", "run"): branches_are_one,
+    ("lib/batch_throughput_channels.c", "run_known"): branches_are_one,
+    ("lib/batch_throughput_channels.c", "largest"): rows_are_one,
+}
+
+
+def by_shortcut(mutant: Mutant, seconds: float = 60) -> Answer:
+    """That the shortcut is taken less often: the mutated condition implies the original one; and
+    that the way round gives the same. `width` is never more than `stride`."""
+    lemma = SHORTCUTS.get((mutant.file, mutant.id.split()[1]))
+    found = around_mutant(mutant, "if_statement") or around_mutant(mutant, "conditional_expression")
+    if not lemma or not found:
+        return Answer(False, ("no shortcut that is known",))
+    condition = found[2].child_by_field_name("condition")
+    start, end = condition.start_byte, condition.end_byte
+    if not (start <= mutant.start and mutant.end <= end):
+        return Answer(False, ("not its condition",))
+    source = (ROOT / mutant.file).read_bytes()
+    before = source[start:end].decode()
+    mutated = source[start : mutant.start] + mutant.text.encode() + source[mutant.end : end]
+    width, stride = z3.BitVecs("width stride", 64)
+    claim = z3.Implies(condition_of(mutated.decode()), condition_of(before))
+    implied = bitvectors.prove(claim, [z3.ULE(width, stride)], seconds)
+    right = lemma(mutant, seconds)
+    said = f"{before}: {implied}", f"{mutant.id.split()[1]}: {right}"
+    return Answer(implied.proven and right.proven, said)
+
+
+def by_idle_digit(mutant: Mutant, seconds: float = 60) -> Answer:
+    """That a digit more than any channel has changes nothing: a step by g = 0 keeps every state."""
+    if mutant.id != "lib/batch_channels.c take_rows constant: 0 -> 1":
+        return Answer(False, ("not a digit more",))
+    wrapper = "int64_t idle(int64_t w, uint64_t backward) { return step(w, backward, 0u); }\n"
+    with tempfile.TemporaryDirectory() as name:
+        unit = Path(name) / "idle.c"
+        unit.write_text(f'#include "{ROOT}/lib/batch_channels.c"\n{wrapper}')
+        idle = bitvectors.compile_c(unit, flags=(*bitvectors.PLAIN, "-w"))["idle"]
+    w, backward = idle.symbols()
+    given = [z3.Or(backward == 0, backward == -1)]
+    verdict = bitvectors.prove(idle(w, backward).value == w, given, seconds)
+    return Answer(verdict.proven, (f"a step by nothing: {verdict}",))
+
+
 SHIFTS = (*range(44, 94), 255)  # of travel that dahl_prepare takes, and of none
 
 
@@ -574,7 +810,7 @@ def by_tables(mutant: Mutant, seconds: float = 60) -> Answer:
 CODES = (0, -1, -2)
 THROUGHPUT_CHECK = ROOT / "lib" / "batch_throughput_check.c"
 CALLERS = ("prepare", "float", "batch_throughput", "batch_throughput_channels")
-CALLERS = tuple(f"lib/{name}.c" for name in CALLERS)
+CALLERS = (*(f"lib/{name}.c" for name in CALLERS), "host_sim/node.c")
 
 
 def names_codes(file: Path) -> bool:
@@ -617,6 +853,9 @@ PROOFS: dict[str, Callable[..., Answer]] = {
     "counts": by_counts,
     "tables": by_tables,
     "codes": by_codes,
+    "loop": by_loop,
+    "shortcut": by_shortcut,
+    "idle": by_idle_digit,
 }
 
 

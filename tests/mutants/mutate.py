@@ -237,7 +237,7 @@ def of_number(node: Node, place: Place) -> Iterator[Change]:
         return
     if not re.fullmatch(r"0[.]0f?", text):
         yield changed(node, place, "constant", "0.0")
-    yield changed(node, place, "constant", f"(-{text})")
+        yield changed(node, place, "constant", f"(-{text})")
     yield changed(node, place, "constant", f"({text} + 1.0)")
 
 
@@ -246,7 +246,9 @@ def of_character(node: Node, place: Place) -> Iterator[Change]:
 
 
 def of_string(node: Node, place: Place) -> Iterator[Change]:
-    if text_of(node) != '""':
+    """Not of a pragma: those of the library unroll loops, and change no value."""
+    call = node.parent.parent if node.parent else None
+    if text_of(node) != '""' and not (call and text_of(call).startswith("_Pragma(")):
         yield changed(node, place, "constant", '""')
 
 

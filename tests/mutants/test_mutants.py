@@ -19,7 +19,7 @@ import pytest
 import run_mutants
 import z3
 from mutate import Mutant
-from workshop import PROGRAMS, Fate
+from workshop import PROGRAMS, TARGETS, Fate, takes_every_road
 
 SAMPLE = 20
 SAMPLED = (
@@ -95,8 +95,13 @@ def test_every_mutant_is_noticed_or_equivalent(mutants: list[Mutant]) -> None:
     result = run_mutants.report(mutants, fates, time.monotonic() - start)
     run_mutants.RESULT.write_text(json.dumps(result, indent=1))
     print(json.dumps({key: value for key, value in result.items() if key != "fates"}, indent=1))
-    assert unexplained(fates, equivalents()) == []
+    open_ = unexplained(fates, equivalents())
+    if not takes_every_road():
+        open_ = [complaint for complaint in open_ if f"alive: {TARGETS} " not in complaint]
+    assert open_ == []
     assert result["distinct"] >= LEAST_DISTINCT
+    if not takes_every_road():
+        pytest.skip(f"unproven: mutants of {TARGETS} are noticed: this processor lacks AVX-512")
 
 
 @pytest.mark.long
@@ -179,6 +184,31 @@ def test_planted_wrong_symmetry_is_refuted(mutants: list[Mutant]) -> None:
     assert equivalence.prove_equivalent(named(mutants, swap), proof="symmetry").proven
     wrong = next(m for m in mutants if " arguments: dahl_quotient_q63(F.mantissa" in m.id)
     assert not equivalence.prove_equivalent(wrong, proof="symmetry").proven
+
+
+@pytest.mark.parametrize(
+    ("proof", "name"),
+    [
+        ("shortcut", "largest relational: job->stride == width -> job->stride >= width"),
+        ("shortcut", "largest relational: job->stride == width -> job->stride != width"),
+        ("loop", "run relational: t < job->n -> t <= job->n"),
+        ("loop", "run relational: t < job->n -> t == job->n"),
+    ],
+)
+def test_planted_wrong_shortcut_or_loop_is_refuted(
+    mutants: list[Mutant], proof: str, name: str
+) -> None:
+    mutant = named(mutants, f"lib/batch_throughput_channels.c {name}")
+    assert not equivalence.prove_equivalent(mutant, proof=proof).proven
+
+
+def test_planted_rounding_of_a_double_is_refuted(mutants: list[Mutant]) -> None:
+    """One bit less cleared, where a double has no room for it."""
+    mutant = named(mutants, "lib/batch.h dahl_batch_product condition: size >> 53 != 0 -> 0")
+    code = equivalence.original(("batch",)), equivalence.with_mutant(mutant, ("batch",))
+    functions = [module["dahl_batch_product"] for module in code]
+    verdict = equivalence.same(functions[0], functions[1], 60, {}, set())
+    assert verdict.refuted
 
 
 def test_planted_stale_entry_is_reported(mutants: list[Mutant]) -> None:

@@ -6,7 +6,8 @@ A program counts as a test of a mutant if it reaches, by calls, an object that t
 or includes the mutated header (then it is rebuilt with it). It has as much processor time as four
 runs on the original; more is an endless loop, and that kills as a failed check and a crash do.
 
-What only a Cortex-M0 compiles is judged by an image for one, in QEMU (`judge_small_core`).
+What only a Cortex-M0 compiles is judged by an image for one, in QEMU (`judge_small_core`); what
+chooses between sets of instructions by the form that is taken for each (`judge_targets`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import contextlib
 import functools
 import hashlib
 import os
+import re
 import resource
 import shutil
 import signal
@@ -71,8 +73,12 @@ AS_BUILT = Form("as built", "gcc", ("-O2",), "clang-19", ONE_FORM)
 PLAIN = Form("plain", "gcc", ("-O2", "-include", "no_gnu.h"), "gcc")
 # Undefined behaviour stops the program, as in the tests with sanitizers: what a shift too far does
 # by chance on this processor does not count.
-TRAPS = ("-O1", "-fsanitize=undefined,float-cast-overflow", "-fsanitize-undefined-trap-on-error")
-CHECKED = Form("checked", "gcc", TRAPS, "gcc", ("-U__x86_64__",))
+# What is read unset is another value than in the form as built.
+TRAPS = ("-O1", "-fsanitize=undefined,float-cast-overflow", "-ftrivial-auto-var-init=zero")
+CLANG_TRAPS = (*TRAPS, "-fsanitize-trap=all")
+CHECKED = Form("checked", "clang-19", CLANG_TRAPS, "clang-19", ("-U__x86_64__",))
+GCC_TRAPS = (*TRAPS, "-O2", "-fsanitize-undefined-trap-on-error", "-include", "no_gnu.h")
+PLAIN_CHECKED = Form("plain, checked", "gcc", GCC_TRAPS, "gcc")
 # Where tests notice nothing, another compiler may show that the mutant means the same.
 OTHERS = (
     Form("clang", "clang-19", ("-O2",), "gcc", ("-U__x86_64__", "-O2")),
@@ -96,6 +102,23 @@ LAYOUT = ("-nostartfiles", "-Wl,--no-warn-rwx-segments", "-Lport/cortex_m", "-Tm
 QEMU = ("-M", "microbit", "-nographic", "-monitor", "none", "-serial", "none")
 QEMU += ("-semihosting-config", "enable=on,target=native", "-kernel")
 IMAGE_SECONDS = {1000: 2, 100_000: 30}  # for so many ticks of each motion, of processor time
+
+
+TARGETS = "lib/batch_targets.h"  # compiled as built, with variants
+VARIANTS = ("gcc", "-std=c99", "-w", "-Ilib", "-O2", "-ffp-contract=fast", "-no-pie", "-include")
+VARIANTS += ("tests/mutants/coverage_cpu.h", "-finstrument-functions", "-c")
+ROADS = "tests/mutants/roads.c"
+
+
+@functools.cache
+def features() -> str:
+    """Of this processor."""
+    info = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    return next((line for line in info.splitlines() if line.startswith("flags")), "")
+
+
+def takes_every_road() -> bool:
+    return {"avx2", "fma", "avx512bw", "avx512dq", "avx512vl"} <= set(features().split())
 
 
 @dataclass(frozen=True)
@@ -269,7 +292,8 @@ class Workshop:
     # ------------------------------------------------------------- compiling
 
     def compile_command(self, form: Form, unit: str, to: Path) -> list[str | Path]:
-        return [*form.command(unit), *FLAGS, "-c", unit, "-o", to]
+        compiler, *flags = form.command(unit)
+        return [compiler, *FLAGS, *flags, "-c", unit, "-o", to]
 
     def units_of(self, file: str) -> list[str]:
         """What has to be compiled anew when this file changes."""
@@ -413,14 +437,20 @@ class Workshop:
     def judge_forms(self, mutant: Mutant, listed: bool) -> Fate:
         if mutant.file == SMALL_CORE:
             return self.judge_small_core(mutant)
+        if mutant.file == TARGETS:
+            return self.judge_targets(mutant)
         if mutant.hinted:
-            fate = self.judge_form(mutant, PLAIN, listed)
+            fate = self.judge_forms_of(mutant, PLAIN, PLAIN_CHECKED, listed)
             if fate.kind in ("killed", "alive"):
                 return fate
-        fate = self.judge_form(mutant, AS_BUILT, listed)
+        return self.judge_forms_of(mutant, AS_BUILT, CHECKED, listed)
+
+    def judge_forms_of(self, mutant: Mutant, form: Form, checked: Form, listed: bool) -> Fate:
+        """One that is alive is tried again where undefined behaviour stops it."""
+        fate = self.judge_form(mutant, form, listed)
         if fate.kind == "alive" and not listed:
-            checked = self.judge_form(mutant, CHECKED, listed)
-            fate = checked if checked.kind == "killed" else fate
+            again = self.judge_form(mutant, checked, listed)
+            fate = again if again.kind == "killed" else fate
         return fate
 
     def judge_form(self, mutant: Mutant, form: Form, listed: bool) -> Fate:
@@ -525,6 +555,49 @@ class Workshop:
             preexec_fn=functools.partial(limit_processor, IMAGE_SECONDS[ticks]),
         )
         return done.stdout
+
+    def judge_targets(self, mutant: Mutant) -> Fate:
+        """By which variant is taken for which features, and what it gives."""
+        objects = self.variants(self.folder, "mutant")
+        if not objects:
+            return Fate(mutant.id, "uncompiled")
+        key = " ".join(map(digest, objects))
+        if key == " ".join(map(digest, self.variants_original)):
+            return Fate(mutant.id, "equal", "variants")
+        killed = self.roads(objects) != self.roads_original
+        return Fate(mutant.id, "killed" if killed else "alive", "variants", key, "roads" * killed)
+
+    def variants(self, cwd: Path, to: str) -> list[Path]:
+        """Objects of the files with variants; none where one does not compile."""
+        paths = [self.folder / f"{to}-{name}.o" for name in VECTORS]
+        commands = [(*VARIANTS, f"lib/{p.stem.removeprefix(f'{to}-')}.c", "-o", p) for p in paths]
+        return paths if all(run(*c, cwd=cwd).returncode == 0 for c in commands) else []
+
+    @functools.cached_property
+    def variants_original(self) -> list[Path]:
+        return self.variants(self.folder / "pristine", "original")
+
+    @functools.cached_property
+    def roads_original(self) -> str:
+        said = self.roads(self.variants_original)
+        if len(set(re.findall(r"_(avx2|avx512|plain)\b", said))) != 1 + 2 * takes_every_road():
+            raise WorkshopError("not every variant is taken")
+        return said
+
+    def roads(self, objects: list[Path]) -> str:
+        """What roads.c says, with names of variants for their addresses."""
+        rest = [f"lib/{name}.c" for name in (*CORE, "batch_throughput_check")]
+        command = ("gcc", "-std=c99", "-w", "-Ilib", "-O2", "-no-pie", ROADS, *rest, *objects)
+        must(*command, "-lm", "-o", self.folder / "roads", cwd=self.folder / "pristine")
+        names = {}
+        for line in must("nm", self.folder / "roads", cwd=self.folder).splitlines():
+            place, _, name = line.rpartition(" ")
+            if re.search(r"_(avx2|avx512|plain)\b", name):
+                names[f"{int(place.split()[0], 16):x}"] = name
+        done = run(self.folder / "roads", features(), cwd=self.folder)
+        words = (names.get(word, word) for word in done.stdout.split(" "))
+        known = (word for word in words if not re.fullmatch("[0-9a-f]{6,8}", word))
+        return f"{done.returncode} {' '.join(known)}"
 
     def is_equal_elsewhere(self, mutant: Mutant, built: Built) -> bool:
         """Whether each changed object is the same again by another compiler, or without hints (but
