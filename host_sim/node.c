@@ -343,8 +343,7 @@ static uint8_t write_model(node_t *node, const param_write_t *asked)
     float step;
     float *value = model_of(&params, asked->param, &step);
     *value = (float)asked->value * step;
-    dahl_err_t err = asked->value == 0 ? DAHL_ERR_PARAM : dahl_prepare(&plan, &params);
-    if (err != DAHL_OK) {
+    if (asked->value == 0 || dahl_prepare(&plan, &params) != DAHL_OK) {
         return FRAMES_PARAM_OUT_OF_RANGE;
     }
     dahl_change_plan(&node->plan, &plan, &node->bearing);

@@ -69,7 +69,7 @@ DAHL_INLINE double dahl_g_any(double x)
     double r = u - (double)k * DAHL_LN2;
     power.bits = (uint64_t)(int64_t)(1023 - k) << 52;
     double g = r * dahl_slope(r);
-    return copysign((uint32_t)k == 0 ? g : 1.0 - power.value * (1.0 - g), x); /* no difference where it could cancel */
+    return copysign((uint32_t)k == 0u ? g : 1.0 - power.value * (1.0 - g), x); /* no difference where it could cancel */
 }
 
 /* A move as the input has it: its value, 0 for NaN, and a measure of its size that NaN makes largest. */

@@ -829,7 +829,8 @@ def by_codes(mutant: Mutant, seconds: float = 60) -> Answer:
         return Answer(False, ("not a comparison of a code",))
     text, shift = text_of(nodes[-1]), nodes[-1].start_byte
     after = text[: mutant.start - shift] + mutant.text + text[mutant.end - shift :]
-    terms = [comparison(t.replace("DAHL_OK", "0")) for t in (text, after)]
+    calls = re.compile(r"\bdahl_prepare\([^()]*\)")
+    terms = [comparison(calls.sub("err", t.replace("DAHL_OK", "0"))) for t in (text, after)]
     if terms[0] is None or terms[1] is None or terms[0][0] != "err" or terms[1][0] != "err":
         return Answer(False, ("not a comparison of a code",))
     x, claims = (
