@@ -181,7 +181,7 @@ FAULTS = {
         "state in range",
     ),
     "shift_of_64": Fault(
-        "lib/change_plan.c", "shift <= -64", "shift <= -65", "change_plan", "shift"
+        "lib/change_plan.c", "shift < -63 ?", "shift < -64 ?", "change_plan", "shift"
     ),
     "no_limit_of_F": Fault(
         "lib/set_torque.c", "shift > 63 ?", "shift > 64 ?", "set_torque", "shift"

@@ -136,7 +136,7 @@ FAULTS = {
         "lib/gap.h", "#define DAHL_DENSE 8", "#define DAHL_DENSE 64", FAR, "out of bounds"
     ),
     "exponent_unbounded": Fault(
-        "lib/change_plan.c", "if (shift <= -64)", "if (shift <= -65)", FAR, "shift"
+        "lib/change_plan.c", "shift < -63 ?", "shift < -64 ?", FAR, "shift"
     ),
     "state_out_of_range": Fault(
         "lib/far_angle.c",
