@@ -382,7 +382,8 @@ static uint32_t read_param(node_t *node, uint8_t param)
     if (param > FRAMES_PARAM_THETA) {
         return *setting_of(node, param) / settings[param].scale;
     }
-    float raw = *model_of(&node->params, param, &step) / step;
+    float raw = *model_of(&node->params, param, &step);
+    raw /= step;
     if (raw >= 0x1p32f) {
         return UINT32_MAX;
     }
