@@ -192,7 +192,7 @@ def test_planted_wrong_symmetry_is_refuted(mutants: list[Mutant]) -> None:
         ("shortcut", "largest relational: job->stride == width -> job->stride >= width"),
         ("shortcut", "largest relational: job->stride == width -> job->stride != width"),
         ("loop", "run relational: t < job->n -> t <= job->n"),
-        ("loop", "run relational: t < job->n -> t == job->n"),
+        ("loop", "run relational: t < job->n -> t >= job->n"),
     ],
 )
 def test_planted_wrong_shortcut_or_loop_is_refuted(
