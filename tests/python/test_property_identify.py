@@ -319,7 +319,7 @@ def test_more_noise_or_a_narrower_interval_takes_longer(examples):
         usual = design.propose(wish)
         assert design.propose(replace(wish, noise=2 * wish.noise)).seconds >= usual.seconds
         assert design.propose(replace(wish, within=wish.within / 2)).seconds >= usual.seconds
-        # with a limit of speed the search goes over other lengths of a cycle: whole ones, in whole rows
+        # with a limit of speed the search goes over other cycles: whole ones, in whole rows
         slow = design.propose(replace(wish, speed=0.5))
         cycle = max(usual.rows_per_cycle, slow.rows_per_cycle) / wish.rate
         assert slow.seconds >= 0.99 * usual.seconds - cycle
