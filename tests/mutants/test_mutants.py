@@ -12,6 +12,7 @@ import json
 import os
 import time
 import tomllib
+from dataclasses import replace
 from typing import Any
 
 import equivalence
@@ -19,7 +20,7 @@ import pytest
 import run_mutants
 import z3
 from mutate import Mutant
-from workshop import PROGRAMS, TARGETS, Fate, takes_every_road
+from workshop import PROGRAMS, ROOT, TARGETS, Fate, takes_every_road
 
 SAMPLE = 20
 SAMPLED = (
@@ -209,6 +210,20 @@ def test_planted_rounding_of_a_double_is_refuted(mutants: list[Mutant]) -> None:
     functions = [module["dahl_batch_product"] for module in code]
     verdict = equivalence.same(functions[0], functions[1], 60, {}, set())
     assert verdict.refuted
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not takes_every_road(), reason="unproven: this processor lacks AVX-512")
+def test_planted_road_is_noticed_and_a_hint_is_not(mutants: list[Mutant]) -> None:
+    """What chooses between sets of instructions: a wrong choice is seen; how a loop is unrolled is
+    not, though the code differs.
+    """
+    wrong = next(m for m in mutants if m.file == TARGETS and " DAHL_HAS_AVX2 logical: " in m.id)
+    hint = b'"GCC unroll 8"'
+    start = (ROOT / TARGETS).read_bytes().index(hint)
+    unrolled = replace(wrong, id="a hint", start=start, end=start + len(hint), text='""')
+    fates = run_mutants.run([wrong, unrolled])
+    assert [(fate.kind, fate.killer) for fate in fates] == [("killed", "roads"), ("alive", "")]
 
 
 def test_planted_stale_entry_is_reported(mutants: list[Mutant]) -> None:
