@@ -160,3 +160,23 @@ def test_versions_are_found_and_absence_is_said():
     assert versions.version("pytest")[0].isdigit()
     assert versions.version("cc")[0].isdigit()
     assert versions.version("no-such-tool") == "absent"
+
+
+@pytest.mark.parametrize(
+    ("inside", "state"),
+    [
+        ("", outcomes.GREEN),
+        ("<failure/>", outcomes.RED),
+        ("<error/>", outcomes.RED),
+        ('<skipped message="no bus here"/>', outcomes.SKIPPED),
+        ('<skipped message="unproven: no tool"/>', outcomes.UNPROVEN),
+        ("<system-out>x.c:7:test_a:PASS\nx.c:8:test_b:FAIL: why</system-out><failure/>", None),
+    ],
+)
+def test_planted_result_is_read_as_it_is(tmp_path, inside, state):
+    """From JUnit; of a Unity program each test by itself."""
+    file = tmp_path / "run.xml"
+    file.write_text(f'<s><testcase classname="m" name="x" time="1">{inside}</testcase></s>')
+    found = {name: result.state for name, result in outcomes.read([file]).items()}
+    of_unity = {"m::test_a": outcomes.GREEN, "m::test_b": outcomes.RED}
+    assert found == ({"m::x": state} if state else of_unity)
