@@ -203,6 +203,13 @@ def test_planted_wrong_shortcut_or_loop_is_refuted(
     assert not equivalence.prove_equivalent(mutant, proof=proof).proven
 
 
+def test_planted_change_of_a_name_is_seen() -> None:
+    """What the proof of a loop asks of its body."""
+    assert equivalence.is_left_alone("n", "x = n - 1; y[n] = n == 2;")
+    for change in ("n -= 1;", "n = 2;", "n++;", "--n;", "f(&n);", "n <<= 1;"):
+        assert not equivalence.is_left_alone("n", change)
+
+
 def test_planted_rounding_of_a_double_is_refuted(mutants: list[Mutant]) -> None:
     """One bit less cleared, where a double has no room for it."""
     mutant = named(mutants, "lib/batch.h dahl_batch_product condition: size >> 53 != 0 -> 0")
