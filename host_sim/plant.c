@@ -11,6 +11,7 @@ enum { FRESH_TICKS = 3 };
 static const double TICK_S = 0.001;
 static const double RATE_FILTER = 0.2; /* about 35 Hz: a step of one count is no jerk */
 static const double TURN = 6.283185307179586;
+static const double COUNTS_MOST = 9007199254740992; /* 2^53: beyond, a double leaves counts out */
 
 static double clamp(double value, double limit)
 {
@@ -30,6 +31,18 @@ static double theta_per_count(const plant_t *p)
 static int64_t measured(const plant_t *p)
 {
     return llround(p->rotor.theta / theta_per_count(p));
+}
+
+/* False: one error line was printed. */
+static bool is_measured(const plant_t *p)
+{
+    double counts = p->rotor.theta / theta_per_count(p);
+    if (fabs(counts) <= COUNTS_MOST) {
+        return true;
+    }
+    complain("[rotor] after %.3f s: the shaft is at %.9g rad, %.9g counts: outside +-2^53", (double)p->ticks * TICK_S,
+             p->rotor.theta, counts);
+    return false;
 }
 
 /* The torque that the node last answered, N m. */
@@ -97,6 +110,9 @@ static void advance(plant_t *p, double torque)
 static int next_controlled(motion_t *self, int64_t *place)
 {
     plant_t *p = (plant_t *)(void *)self;
+    if (!is_measured(p)) {
+        return -1;
+    }
     int result = p->reference->next(p->reference, place);
     if (result == 1) {
         look_at_reference(p, *place);
@@ -109,6 +125,9 @@ static int next_controlled(motion_t *self, int64_t *place)
 static int next_driven(motion_t *self, int64_t *place)
 {
     plant_t *p = (plant_t *)(void *)self;
+    if (!is_measured(p)) {
+        return -1;
+    }
     *place = measured(p);
     p->place = *place;
     advance(p, drive(p));

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -141,3 +142,20 @@ def test_the_same_in_two_runs_and_only_what_is_named(tmp_path):
     plain = run(tmp_path / "c", SCENES / "segments.ini", "--virtual")
     assert not {"control", "faults", "bus_load"} & plain.summary.keys()
     assert len(torques_of(read_log(logs[0].log))) == 30000
+
+
+@pytest.mark.parametrize(
+    ("scene", "sets"),
+    [
+        ("creep", ["motor.bias=1e12", "rotor.inertia=1e-9"]),
+        ("slow-reversal", ["control.kp=1e12", "control.torque_limit=1e12", "rotor.inertia=1e-9"]),
+    ],
+)
+def test_a_shaft_that_runs_away_is_told(tmp_path, scene, sets):
+    """Beyond 2^53 counts: an error, and what was sent before is in the log."""
+    words = [word for text in sets for word in ("--set", text)]
+    result = run(tmp_path, SCENES / f"{scene}.ini", "--virtual", *words)
+    assert result.code == 2
+    start = r"error: \[rotor\] after 0\.\d+ s: the shaft is at \S+ rad, "
+    assert re.fullmatch(start + r"\S+ counts: outside \+-2\^53\n", result.err)
+    assert len(list(read_log(result.log))) > result.summary["ticks"] > 0
