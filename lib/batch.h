@@ -40,11 +40,11 @@ static inline uint64_t dahl_batch_forward(uint64_t w, dahl_q64_t g)
 #define dahl_batch_forward dahl_forward
 #endif
 
-/* As dahl_move_digits. */
+/* As dahl_move_digits; where no gap is left, no further digit changes a bit. */
 static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint32_t size)
 {
     w = dahl_batch_forward(w, plan->g[size % DAHL_DENSE]);
-    for (uint32_t rest = size / DAHL_DENSE; rest != 0; rest &= rest - 1u) {
+    for (uint32_t rest = size / DAHL_DENSE; rest != 0 && dahl_batch_gap(w) >> 32 != 0; rest &= rest - 1u) {
         uint32_t digit = 31u - dahl_leading_zeros(rest & (0u - rest));
         w = dahl_batch_forward(w, plan->g[DAHL_DENSE + digit]);
     }
@@ -89,16 +89,16 @@ static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
     return torque;
 }
 
-/* By its sign: vectors have no cheaper form. */
-static inline uint32_t dahl_batch_is_close(dahl_double_t torque)
+/* Its top bit says so: vectors have no cheaper form. */
+static inline uint64_t dahl_batch_close(dahl_double_t torque)
 {
-    return (uint32_t)((int64_t)((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9 < 0);
+    return ((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9u;
 }
 
 static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
 {
     dahl_double_t torque = dahl_batch_product(w, unit);
-    if (DAHL_LIKELY(dahl_batch_is_close(torque) == 0)) {
+    if (DAHL_LIKELY(dahl_batch_close(torque) >> 63 == 0)) {
         return (float)torque.value;
     }
     return dahl_torque_of(plan, (uint64_t)w);

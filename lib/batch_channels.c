@@ -85,24 +85,42 @@ DAHL_INLINE void digit_row(chunk_t *chunk, size_t count, size_t t, uint32_t digi
     }
 }
 
+/* The digits that can change a bit: those of channels where some gap is left. */
+DAHL_INLINE uint32_t open_digits(const chunk_t *chunk, size_t count, size_t t)
+{
+    uint64_t open = 0;
+    DAHL_AS_VECTORS
+    for (size_t c = 0; c < count; c++) {
+        uint64_t gap = dahl_batch_gap((uint64_t)chunk->w[c] ^ chunk->backward[t][c]) >> 32;
+        open |= gap != 0 ? chunk->eights[t][c] : 0u;
+    }
+    return (uint32_t)open;
+}
+
+/* Every third digit it looks which of those above can change a bit. */
 DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digits)
 {
     low_row(chunk, count, t);
-    for (; digits != 0; digits &= digits - 1u) {
-        digit_row(chunk, count, t, digits & (0u - digits));
+    while (digits != 0) {
+        uint32_t digit = digits & (0u - digits);
+        digit_row(chunk, count, t, digit);
+        digits &= digits - 1u;
+        if ((digit & 0x24924924u) != 0) {
+            digits &= open_digits(chunk, count, t);
+        }
     }
 }
 
 DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_t *plans, float *F)
 {
-    uint32_t is_close = 0;
+    uint64_t close = 0;
     DAHL_AS_VECTORS
     for (size_t c = 0; c < count; c++) {
         dahl_double_t torque = dahl_batch_product(chunk->w[c], chunk->unit[c]);
         F[c] = (float)torque.value;
-        is_close |= dahl_batch_is_close(torque);
+        close |= dahl_batch_close(torque);
     }
-    for (size_t c = 0; c < count && is_close != 0; c++) {
+    for (size_t c = 0; c < count && close >> 63 != 0; c++) {
         F[c] = dahl_torque_of(&plans[c], (uint64_t)chunk->w[c]);
     }
 }

@@ -17,7 +17,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -756,19 +756,162 @@ def by_shortcut(mutant: Mutant, seconds: float = 60) -> Answer:
     return Answer(implied.proven and right.proven, said)
 
 
-def by_idle_digit(mutant: Mutant, seconds: float = 60) -> Answer:
-    """That a digit more than any channel has changes nothing: a step by g = 0 keeps every state."""
-    if mutant.id != "lib/batch_channels.c take_rows constant: 0 -> 1":
-        return Answer(False, ("not a digit more",))
-    wrapper = "int64_t idle(int64_t w, uint64_t backward) { return step(w, backward, 0u); }\n"
+def with_wrappers(source: bytes, wrappers: str) -> bitvectors.Module:
+    """A file of lib/ as `source` has it, with functions for the solver after it."""
     with tempfile.TemporaryDirectory() as name:
-        unit = Path(name) / "idle.c"
-        unit.write_text(f'#include "{ROOT}/lib/batch_channels.c"\n{wrapper}')
-        idle = bitvectors.compile_c(unit, flags=(*bitvectors.PLAIN, "-w"))["idle"]
-    w, backward = idle.symbols()
-    given = [z3.Or(backward == 0, backward == -1)]
-    verdict = bitvectors.prove(idle(w, backward).value == w, given, seconds)
+        unit = Path(name) / "unit.c"
+        unit.write_bytes(source + wrappers.encode())
+        return bitvectors.compile_c(unit, flags=(*bitvectors.PLAIN, "-w"))
+
+
+CHANNELS = "lib/batch_channels.c"
+A_STEP = "int64_t a_step(int64_t w, uint64_t to, uint64_t g) { return step(w, to, g); }\n"
+OF_TWO = """
+uint32_t of_two(int64_t w, uint64_t to, uint32_t eights, int64_t w1, uint64_t to1, uint32_t eights1)
+{
+    chunk_t chunk;
+    chunk.w[0] = w, chunk.backward[0][0] = to, chunk.eights[0][0] = eights;
+    chunk.w[1] = w1, chunk.backward[0][1] = to1, chunk.eights[0][1] = eights1;
+    return open_digits(&chunk, 2, 0);
+}
+"""
+FAR = """
+int goes_on(uint64_t w, uint32_t rest) { return ORIGINAL; }
+int goes_on_mutated(uint64_t w, uint32_t rest) { return MUTATED; }
+uint64_t a_step(uint64_t w, uint32_t hi, uint32_t lo)
+{
+    dahl_q64_t g = {.hi = hi, .lo = lo};
+    return dahl_batch_forward(w, g);
+}
+"""
+
+
+def a_channel(of: str) -> tuple[list[Any], list[Any]]:
+    """State, direction and digits of one, and what is known of them."""
+    w, to, eights = z3.BitVecs(f"w{of} to{of}", 64) + z3.BitVecs(f"eights{of}", 32)
+    return [w, to, eights], [*is_w(w), z3.Or(to == 0, to == -1)]
+
+
+def digits_are_idle(mutant: Mutant, seconds: float) -> bitvectors.Verdict:
+    """Of two channels, which stand for any: a digit that open_digits with the mutant in leaves out
+    is a step that keeps the state, whatever the table; so is one by g = 0."""
+    source = (ROOT / CHANNELS).read_bytes()
+    a_step = with_wrappers(source, A_STEP)["a_step"]
+    of_two = with_wrappers(mutant.apply(source), OF_TWO)["of_two"]
+    (one, given), (other, more) = a_channel("0"), a_channel("1")
+    g, kept, claims = z3.BitVec("g", 64), of_two(*one, *other).value, []
+    for w, to, eights in (one, other):
+        claims.append(z3.Or(eights & ~kept == 0, a_step(w, to, g).value == w))
+        claims.append(a_step(w, to, z3.BitVecVal(0, 64)).value == w)
+    products = Products()
+    claim = products.away(z3.And(*claims))
+    return bitvectors.prove(claim, [*given, *more, *products.facts], seconds)
+
+
+def is_digit_more(mutant: Mutant) -> bool:
+    """The first digits of take_rows: 1, or all, of which open_digits is asked before there is none
+    in the table."""
+    text = (ROOT / CHANNELS).read_text()
+    found = re.search(r"if \(\(digit & (0x[0-9a-f]+)u\) != 0\) \{\s+digits &= open_digits", text)
+    size = re.search(r"#define DIGITS (\d+)", text)
+    looks = int(found[1], 16) if found else 0
+    asked = looks & -looks < 1 << int(size[1] if size else 0)
+    return mutant.id.endswith("take_rows constant: 0 -> 1") or (
+        asked and looks != 0 and mutant.id.endswith("take_rows constant: 0 -> -1")
+    )
+
+
+def is_where_it_looks(mutant: Mutant) -> bool:
+    """Of move_row: whether open_digits is asked after a digit, which nothing else hangs on."""
+    found = around_mutant(mutant, "if_statement")
+    condition = found[2].child_by_field_name("condition") if found else None
+    if (
+        not found
+        or not condition
+        or not found[0].endswith("digits &= open_digits(chunk, count, t);\n        }")
+    ):
+        return False
+    return (
+        condition.start_byte <= mutant.start
+        and mutant.end <= condition.end_byte
+        and not re.search(r"\w\(|\+\+|--|[^=!<>]=[^=]", found[1].partition("{")[0])
+    )
+
+
+def far_digits_are_idle(mutant: Mutant, seconds: float) -> bitvectors.Verdict:
+    """Of a far move's loop: the mutant goes on wherever the original does; where it goes on though
+    the original does not, a digit is left and the step keeps the state, whatever the table."""
+    source = (ROOT / mutant.file).read_bytes()
+    found = around_mutant(mutant, "for_statement")
+    head = found[2].child_by_field_name("condition") if found else None
+    if not head or not (head.start_byte <= mutant.start and mutant.end <= head.end_byte):
+        return bitvectors.Verdict(False, None, 0.0, "not its condition")
+    texts = [
+        source[head.start_byte : head.end_byte],
+        source[head.start_byte : mutant.start]
+        + mutant.text.encode()
+        + source[mutant.end : head.end_byte],
+    ]
+    wrappers = FAR.replace("ORIGINAL", texts[0].decode()).replace("MUTATED", texts[1].decode())
+    module = with_wrappers(source, wrappers)
+    w, rest, hi, lo = [z3.BitVec("w", 64), *z3.BitVecs("rest hi lo", 32)]
+    before, after = (module[name](w, rest).value != 0 for name in ("goes_on", "goes_on_mutated"))
+    kept = module["a_step"](w, hi, lo).value == w
+    claim = z3.And(
+        z3.Implies(before, after),
+        z3.Implies(z3.And(after, z3.Not(before)), z3.And(rest != 0, kept)),
+    )
+    products = Products()
+    claim = products.away(claim)
+    return bitvectors.prove(claim, [*is_w(w), *products.facts], seconds)
+
+
+def by_idle_digit(mutant: Mutant, seconds: float = 60) -> Answer:
+    """That digits more change nothing: their steps keep every state."""
+    if mutant.id.startswith("lib/batch.h dahl_batch_far "):
+        verdict = far_digits_are_idle(mutant, seconds)
+    elif mutant.id.startswith(f"{CHANNELS} open_digits "):
+        verdict = digits_are_idle(mutant, seconds)
+    elif is_where_it_looks(mutant) or is_digit_more(mutant):
+        verdict = digits_are_idle(replace(mutant, end=mutant.start, text=""), seconds)
+    else:
+        return Answer(False, ("not a digit more",))
     return Answer(verdict.proven, (f"a step by nothing: {verdict}",))
+
+
+LOOKED_AT = {  # a mutant, and all that its file says of such words
+    "lib/batch_channels.c torque_row constant": (
+        r"\bclose\b[^;]*;",
+        ["close = 0;", "close |= dahl_batch_close(torque);", "close >> 63 != 0;"],
+    ),
+    "lib/batch.h dahl_batch_torque constant": (
+        r"\bdahl_batch_close\(torque\)[^{]*",
+        ["dahl_batch_close(torque) >> 63 == 0)) "],
+    ),
+}
+
+
+def by_sign(mutant: Mutant, seconds: float = 60) -> Answer:
+    """Of the words that say by their top bit that a torque is close: that the other bits looked at
+    say the same, in each and so in all of them or-ed together; or that the first has none of them.
+    """
+    place, _, change = mutant.id.partition(": ")
+    uses, known = LOOKED_AT.get(place, ("", []))
+    source = (ROOT / mutant.file).read_bytes()
+    shift, first = (int(mutant.text), 0) if change.startswith("63 -> ") else (63, 1)
+    looked = shift < 63 or (change == "0 -> 1" and known[0:1] == ["close = 0;"])
+    if not looked or re.findall(uses, source.decode()) != known:
+        return Answer(False, ("not such a word",))
+    wrapper = "uint64_t word(dahl_double_t of) { return dahl_batch_close(of); }\n"
+    so_far, bits = z3.BitVecs("so_far bits", 64)
+    words = (
+        z3.BitVecVal(first, 64),
+        so_far,
+        so_far | with_wrappers(source, wrapper)["word"](bits).value,
+    )
+    begin, one, other = ((x >> shift == 0) == (x >= 0) for x in words)
+    verdict = bitvectors.prove(z3.And(begin, z3.Implies(one, other)), (), seconds)
+    return Answer(verdict.proven, (f"the bits above: {verdict}",))
 
 
 SHIFTS = (*range(44, 94), 255)  # of travel that dahl_prepare takes, and of none
@@ -857,6 +1000,7 @@ PROOFS: dict[str, Callable[..., Answer]] = {
     "loop": by_loop,
     "shortcut": by_shortcut,
     "idle": by_idle_digit,
+    "sign": by_sign,
 }
 
 

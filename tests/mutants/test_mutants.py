@@ -203,6 +203,31 @@ def test_planted_wrong_shortcut_or_loop_is_refuted(
     assert not equivalence.prove_equivalent(mutant, proof=proof).proven
 
 
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("batch_channels.c", "open_digits constant: 32 -> 33"),
+        ("batch_channels.c", "open_digits relational: gap != 0 -> gap == 0"),
+        ("batch_channels.c", "open_digits assignment: open |= {0} -> open = {0}"),
+        ("batch_channels.c", "move_row bitwise: digits & (0u - digits) -> digits | (0u - digits)"),
+        ("batch.h", "dahl_batch_far constant: 32 -> 33"),
+        ("batch.h", "dahl_batch_far logical: {1} && {2} -> {1} || {2}"),
+    ],
+)
+def test_planted_digit_less_is_refuted(mutants: list[Mutant], file: str, name: str) -> None:
+    """A digit left out that would change a bit, and a loop that goes on where none is left."""
+    terms = "gap != 0 ? chunk->eights[t][c] : 0u", "rest != 0", "dahl_batch_gap(w) >> 32 != 0"
+    mutant = named(mutants, f"lib/{file} {name.format(*terms)}")
+    assert not equivalence.prove_equivalent(mutant, proof="idle").proven
+
+
+def test_planted_bit_beside_the_sign_is_refuted(mutants: list[Mutant]) -> None:
+    right = named(mutants, "lib/batch_channels.c torque_row constant: 63 -> 62")
+    wrong = replace(right, id=right.id.replace("62", "28"), text="28")
+    proofs = [equivalence.prove_equivalent(m, proof="sign").proven for m in (right, wrong)]
+    assert proofs == [True, False]
+
+
 def test_planted_change_of_a_name_is_seen() -> None:
     """What the proof of a loop asks of its body."""
     assert equivalence.is_left_alone("n", "x = n - 1; y[n] = n == 2;")
