@@ -101,12 +101,12 @@ DAHL_INLINE uint32_t open_digits(const chunk_t *chunk, size_t count, size_t t)
 DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digits)
 {
     low_row(chunk, count, t);
-    while (digits != 0) {
-        uint32_t digit = digits & (0u - digits);
+    for (uint32_t rest = digits; rest != 0;) {
+        uint32_t digit = rest & (0u - rest);
         digit_row(chunk, count, t, digit);
-        digits &= digits - 1u;
+        rest &= rest - 1u;
         if ((digit & 0x24924924u) != 0) {
-            digits &= open_digits(chunk, count, t);
+            rest &= open_digits(chunk, count, t);
         }
     }
 }

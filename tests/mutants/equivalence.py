@@ -812,7 +812,7 @@ def is_digit_more(mutant: Mutant) -> bool:
     """The first digits of take_rows: 1, or all, of which open_digits is asked before there is none
     in the table."""
     text = (ROOT / CHANNELS).read_text()
-    found = re.search(r"if \(\(digit & (0x[0-9a-f]+)u\) != 0\) \{\s+digits &= open_digits", text)
+    found = re.search(r"if \(\(digit & (0x[0-9a-f]+)u\) != 0\) \{\s+rest &= open_digits", text)
     size = re.search(r"#define DIGITS (\d+)", text)
     looks = int(found[1], 16) if found else 0
     asked = looks & -looks < 1 << int(size[1] if size else 0)
@@ -828,7 +828,7 @@ def is_where_it_looks(mutant: Mutant) -> bool:
     if (
         not found
         or not condition
-        or not found[0].endswith("digits &= open_digits(chunk, count, t);\n        }")
+        or not found[0].endswith("rest &= open_digits(chunk, count, t);\n        }")
     ):
         return False
     return (

@@ -209,7 +209,7 @@ def test_planted_wrong_shortcut_or_loop_is_refuted(
         ("batch_channels.c", "open_digits constant: 32 -> 33"),
         ("batch_channels.c", "open_digits relational: gap != 0 -> gap == 0"),
         ("batch_channels.c", "open_digits assignment: open |= {0} -> open = {0}"),
-        ("batch_channels.c", "move_row bitwise: digits & (0u - digits) -> digits | (0u - digits)"),
+        ("batch_channels.c", "move_row bitwise: rest & (0u - rest) -> rest | (0u - rest)"),
         ("batch.h", "dahl_batch_far constant: 32 -> 33"),
         ("batch.h", "dahl_batch_far logical: {1} && {2} -> {1} || {2}"),
     ],
