@@ -8,13 +8,16 @@ tools/test.sh --full puts it into tests/VERIFICATION.md at its end; after anothe
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+import names
 import versions
 from outcomes import GREEN, RED, UNPROVEN, Result, last_run
 from sentences import ROOT
@@ -64,18 +67,27 @@ def matches(check: str, test: str) -> bool:
     return fnmatchcase(test, check if "::" in check else f"{check}::*")
 
 
-def _pytest_names(mode: str) -> list[str]:
+def _mode_of(marks: Iterable[str]) -> str:
+    return next((mode for mark, mode in MODE_OF_MARK.items() if mark in marks), "")
+
+
+def _pytest_names() -> list[tuple[str, str]]:
+    """Mode and name of each test in Python."""
     command = [sys.executable, "-m", "pytest", "-c", "tests/pytest.ini", "tests", "--collect-only"]
-    options = [mode] if mode else []
     said = subprocess.run(
-        [*command, "-q", *options], cwd=ROOT, capture_output=True, text=True, check=False
+        [*command, "-q", "-p", "names"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT / "tests" / "ledger")},
     ).stdout
-    found = (line.partition(".py::") for line in said.splitlines())
-    return [f"{file.rpartition('/')[2]}::{name}" for file, mark, name in found if mark]
+    lines = (line.split("|", 2) for line in said.splitlines() if line.startswith(names.MARK))
+    return [(_mode_of(marks.split(",")), name) for _, marks, name in lines]
 
 
-def _ctest_names(mode: str) -> list[str]:
-    """Programs, and Unity's single tests as their source names them."""
+def _ctest_names() -> list[tuple[str, str]]:
+    """Mode and name of programs, and of Unity's single tests as their source names them."""
     said = subprocess.run(
         ["ctest", "--test-dir", "build/host", "--show-only=json-v1"],
         cwd=ROOT,
@@ -86,21 +98,18 @@ def _ctest_names(mode: str) -> list[str]:
     found = []
     for test in json.loads(said)["tests"]:
         labels = {p["name"]: p["value"] for p in test["properties"]}.get("LABELS", [])
-        if mode == next((m for label, m in MODE_OF_MARK.items() if label in labels), ""):
-            name = test["name"]
-            sources = (ROOT / "tests").glob(f"*/{name}.c")
-            cases = [c for s in sources for c in versions.unity_cases(s.read_text())]
-            found += [f"{name}::{case}" for case in cases or [name]]
+        sources = (ROOT / "tests").glob(f"*/{test['name']}.c")
+        cases = [c for s in sources for c in versions.unity_cases(s.read_text())]
+        found += [(_mode_of(labels), f"{test['name']}::{c}") for c in cases or [test["name"]]]
     return found
 
 
 def all_tests() -> dict[str, str]:
-    """Every test that there is, and the mode of tools/test.sh that it takes."""
-    found: dict[str, str] = {}
-    for mode in MODES:
-        for name in [*_pytest_names(mode), *_ctest_names(mode)]:
-            found.setdefault(name, mode)
-    return found
+    """Every test that there is, and the mode of tools/test.sh that it takes: the least of those
+    that have one of its name."""
+    every = [*_pytest_names(), *_ctest_names()]
+    every.sort(key=lambda one: MODES.index(one[0]), reverse=True)
+    return {name: mode for mode, name in every}
 
 
 @dataclass(frozen=True)

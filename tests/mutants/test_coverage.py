@@ -123,6 +123,7 @@ def test_batches_with_each_set_of_vectors(native: list[Path], vectors: str, tmp_
     expect_none(coverage_llvm.holes_of(files, ROOT), f"the batches with vectors: {vectors}")
 
 
+@pytest.mark.long
 def test_lines_branches_and_conditions_without_extensions(tmp_path: Path) -> None:
     """As a plain C99 compiler builds lib/."""
     tools()
