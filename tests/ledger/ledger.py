@@ -29,7 +29,7 @@ NOT_RUN = "not run"
 SHORT = "passed, short form"  # what tools/test.sh runs by itself did; --full runs the rest
 OPEN = "open: "
 MODES = ("", "--full", "--soak")  # which call of tools/test.sh runs a test
-MODE_OF_MARK = {"long": "--full", "soak": "--soak"}
+MODE_OF_MARK = {"soak": "--soak", "long": "--full"}
 
 
 @dataclass(frozen=True)
@@ -74,13 +74,14 @@ def _mode_of(marks: Iterable[str]) -> str:
 def _pytest_names() -> list[tuple[str, str]]:
     """Mode and name of each test in Python."""
     command = [sys.executable, "-m", "pytest", "-c", "tests/pytest.ini", "tests", "--collect-only"]
+    path = [str(ROOT / "tests" / "ledger"), *filter(None, [os.environ.get("PYTHONPATH")])]
     said = subprocess.run(
         [*command, "-q", "-p", "names"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PYTHONPATH": str(ROOT / "tests" / "ledger")},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
     ).stdout
     lines = (line.split("|", 2) for line in said.splitlines() if line.startswith(names.MARK))
     return [(_mode_of(marks.split(",")), name) for _, marks, name in lines]
@@ -107,9 +108,12 @@ def _ctest_names() -> list[tuple[str, str]]:
 def all_tests() -> dict[str, str]:
     """Every test that there is, and the mode of tools/test.sh that it takes: the least of those
     that have one of its name."""
-    every = [*_pytest_names(), *_ctest_names()]
-    every.sort(key=lambda one: MODES.index(one[0]), reverse=True)
-    return {name: mode for mode, name in every}
+    found: dict[str, str] = {}
+    for mode, name in sorted(
+        [*_pytest_names(), *_ctest_names()], key=lambda one: MODES.index(one[0])
+    ):
+        found.setdefault(name, mode)
+    return found
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -776,8 +776,8 @@ uint32_t of_two(int64_t w, uint64_t to, uint32_t eights, int64_t w1, uint64_t to
 }
 """
 FAR = """
-int goes_on(uint64_t w, uint32_t rest) { return ORIGINAL; }
-int goes_on_mutated(uint64_t w, uint32_t rest) { return MUTATED; }
+int goes_on(uint64_t w, uint32_t rest) { return (ORIGINAL) ? 1 : 0; }
+int mutated(uint64_t w, uint32_t rest) { return (MUTATED) ? 1 : 0; }
 uint64_t a_step(uint64_t w, uint32_t hi, uint32_t lo)
 {
     dahl_q64_t g = {.hi = hi, .lo = lo};
@@ -792,99 +792,113 @@ def a_channel(of: str) -> tuple[list[Any], list[Any]]:
     return [w, to, eights], [*is_w(w), z3.Or(to == 0, to == -1)]
 
 
-def digits_are_idle(mutant: Mutant, seconds: float) -> bitvectors.Verdict:
-    """Of two channels, which stand for any: a digit that open_digits with the mutant in leaves out
-    is a step that keeps the state, whatever the table; so is one by g = 0."""
-    source = (ROOT / CHANNELS).read_bytes()
-    a_step = with_wrappers(source, A_STEP)["a_step"]
-    of_two = with_wrappers(mutant.apply(source), OF_TWO)["of_two"]
+class Asked:
+    """Calls of functions, all of which must neither trap nor go on for ever."""
+
+    def __init__(self) -> None:
+        self.claims: list[Any] = []
+
+    def value(self, function: bitvectors.Function, *arguments: Any) -> Any:
+        outcome = function(*arguments)
+        self.claims += [z3.Not(outcome.fault), z3.Not(outcome.beyond)]
+        return outcome.value
+
+    def verdict(self, given: Sequence[Any], seconds: float) -> bitvectors.Verdict:
+        products = Products()
+        claim = products.away(bitvectors.all_of(*self.claims))
+        return bitvectors.prove(claim, [*given, *products.facts], seconds)
+
+
+def digits_are_idle(source: bytes, seconds: float) -> bitvectors.Verdict:
+    """Of two channels, which stand for any where the loop over them is the original's: a digit that
+    open_digits of that source leaves out is a step that keeps the state, whatever the table; so is
+    one by g = 0."""
+    a_step = with_wrappers((ROOT / CHANNELS).read_bytes(), A_STEP)["a_step"]
+    of_two = with_wrappers(source, OF_TWO)["of_two"]
     (one, given), (other, more) = a_channel("0"), a_channel("1")
-    g, kept, claims = z3.BitVec("g", 64), of_two(*one, *other).value, []
+    asked, g, none = Asked(), z3.BitVec("g", 64), z3.BitVecVal(0, 64)
+    kept = asked.value(of_two, *one, *other)
     for w, to, eights in (one, other):
-        claims.append(z3.Or(eights & ~kept == 0, a_step(w, to, g).value == w))
-        claims.append(a_step(w, to, z3.BitVecVal(0, 64)).value == w)
-    products = Products()
-    claim = products.away(z3.And(*claims))
-    return bitvectors.prove(claim, [*given, *more, *products.facts], seconds)
+        asked.claims.append(z3.Or(eights & ~kept == 0, asked.value(a_step, w, to, g) == w))
+        asked.claims.append(asked.value(a_step, w, to, none) == w)
+    return asked.verdict([*given, *more], seconds)
 
 
-def is_digit_more(mutant: Mutant) -> bool:
+LOOKS = r"if \(\(digit & (0x[0-9a-f]+)u\) != 0\) \{\s+rest &= open_digits\(chunk, count, t\);\s+\}"
+
+
+def is_digit_more(mutant: Mutant, source: str) -> bool:
     """The first digits of take_rows: 1, or all, of which open_digits is asked before there is none
     in the table."""
-    text = (ROOT / CHANNELS).read_text()
-    found = re.search(r"if \(\(digit & (0x[0-9a-f]+)u\) != 0\) \{\s+rest &= open_digits", text)
-    size = re.search(r"#define DIGITS (\d+)", text)
-    looks = int(found[1], 16) if found else 0
-    asked = looks & -looks < 1 << int(size[1] if size else 0)
-    return mutant.id.endswith("take_rows constant: 0 -> 1") or (
-        asked and looks != 0 and mutant.id.endswith("take_rows constant: 0 -> -1")
-    )
+    looks, size = re.search(LOOKS, source), re.search(r"#define DIGITS (\d+)", source)
+    mask = int(looks[1], 16) if looks else 0
+    asked = 0 < mask & -mask < 1 << int(size[1] if size else 0)
+    first = source[: mutant.start].endswith("    uint32_t digits = ")
+    return first and (mutant.text == "1" or (mutant.text == "-1" and asked))
 
 
 def is_where_it_looks(mutant: Mutant) -> bool:
     """Of move_row: whether open_digits is asked after a digit, which nothing else hangs on."""
     found = around_mutant(mutant, "if_statement")
     condition = found[2].child_by_field_name("condition") if found else None
-    if (
-        not found
-        or not condition
-        or not found[0].endswith("rest &= open_digits(chunk, count, t);\n        }")
-    ):
+    if not found or not condition or not re.fullmatch(LOOKS, found[0]):
         return False
-    return (
-        condition.start_byte <= mutant.start
-        and mutant.end <= condition.end_byte
-        and not re.search(r"\w\(|\+\+|--|[^=!<>]=[^=]", found[1].partition("{")[0])
-    )
+    within = condition.start_byte <= mutant.start and mutant.end <= condition.end_byte
+    effect = r"[A-Za-z_]\w*\s*\(|\+\+|--|(<<|>>|[^=!<>])=[^=]"
+    return within and not re.search(effect, found[1].partition("{")[0].removeprefix("if ("))
 
 
-def far_digits_are_idle(mutant: Mutant, seconds: float) -> bitvectors.Verdict:
+def in_head(mutant: Mutant) -> bool:
+    """Of a loop."""
+    found = around_mutant(mutant, "for_statement")
+    return found is not None and mutant.start < found[2].child_by_field_name("body").start_byte
+
+
+def far_digits_are_idle(mutant: Mutant, source: bytes, seconds: float) -> bitvectors.Verdict:
     """Of a far move's loop: the mutant goes on wherever the original does; where it goes on though
-    the original does not, a digit is left and the step keeps the state, whatever the table."""
-    source = (ROOT / mutant.file).read_bytes()
+    the original does not, a digit is left, the step keeps the state, whatever the table, and the
+    original does not go on with the digits after it either."""
     found = around_mutant(mutant, "for_statement")
     head = found[2].child_by_field_name("condition") if found else None
     if not head or not (head.start_byte <= mutant.start and mutant.end <= head.end_byte):
         return bitvectors.Verdict(False, None, 0.0, "not its condition")
-    texts = [
-        source[head.start_byte : head.end_byte],
-        source[head.start_byte : mutant.start]
-        + mutant.text.encode()
-        + source[mutant.end : head.end_byte],
-    ]
-    wrappers = FAR.replace("ORIGINAL", texts[0].decode()).replace("MUTATED", texts[1].decode())
-    module = with_wrappers(source, wrappers)
-    w, rest, hi, lo = [z3.BitVec("w", 64), *z3.BitVecs("rest hi lo", 32)]
-    before, after = (module[name](w, rest).value != 0 for name in ("goes_on", "goes_on_mutated"))
-    kept = module["a_step"](w, hi, lo).value == w
-    claim = z3.And(
-        z3.Implies(before, after),
-        z3.Implies(z3.And(after, z3.Not(before)), z3.And(rest != 0, kept)),
+    start, end = head.start_byte, head.end_byte
+    mutated = source[start : mutant.start] + mutant.text.encode() + source[mutant.end : end]
+    wrappers = FAR.replace("ORIGINAL", source[start:end].decode())
+    module = with_wrappers(source, wrappers.replace("MUTATED", mutated.decode()))
+    asked, w, (rest, hi, lo) = Asked(), z3.BitVec("w", 64), z3.BitVecs("rest hi lo", 32)
+    before, next_, after = (
+        asked.value(module[name], w, of) != 0
+        for name, of in (("goes_on", rest), ("goes_on", rest & (rest - 1)), ("mutated", rest))
     )
-    products = Products()
-    claim = products.away(claim)
-    return bitvectors.prove(claim, [*is_w(w), *products.facts], seconds)
+    kept = asked.value(module["a_step"], w, hi, lo) == w
+    more = z3.And(after, z3.Not(before))
+    asked.claims += [z3.Implies(before, after), z3.Implies(more, z3.And(rest != 0, kept))]
+    asked.claims.append(z3.Implies(z3.Not(before), z3.Not(next_)))
+    return asked.verdict(is_w(w), seconds)
 
 
 def by_idle_digit(mutant: Mutant, seconds: float = 60) -> Answer:
     """That digits more change nothing: their steps keep every state."""
+    source = (ROOT / mutant.file).read_bytes()
+    verdict = bitvectors.Verdict(False, None, 0.0, "not a digit more")
     if mutant.id.startswith("lib/batch.h dahl_batch_far "):
-        verdict = far_digits_are_idle(mutant, seconds)
-    elif mutant.id.startswith(f"{CHANNELS} open_digits "):
-        verdict = digits_are_idle(mutant, seconds)
-    elif is_where_it_looks(mutant) or is_digit_more(mutant):
-        verdict = digits_are_idle(replace(mutant, end=mutant.start, text=""), seconds)
-    else:
-        return Answer(False, ("not a digit more",))
+        verdict = far_digits_are_idle(mutant, source, seconds)
+    elif mutant.file == CHANNELS and " open_digits " in mutant.id and not in_head(mutant):
+        verdict = digits_are_idle(mutant.apply(source), seconds)
+    elif mutant.file == CHANNELS and (
+        is_where_it_looks(mutant) or is_digit_more(mutant, source.decode("latin-1"))
+    ):
+        verdict = digits_are_idle(source, seconds)
     return Answer(verdict.proven, (f"a step by nothing: {verdict}",))
 
 
-LOOKED_AT = {  # a mutant, and all that its file says of such words
-    "lib/batch_channels.c torque_row constant": (
+SIGNS = {  # all that a file says of the words whose top bit says that a torque is close
+    "lib/batch_channels.c": (
         r"\bclose\b[^;]*;",
         ["close = 0;", "close |= dahl_batch_close(torque);", "close >> 63 != 0;"],
     ),
-    "lib/batch.h dahl_batch_torque constant": (
+    "lib/batch.h": (
         r"\bdahl_batch_close\(torque\)[^{]*",
         ["dahl_batch_close(torque) >> 63 == 0)) "],
     ),
@@ -895,22 +909,26 @@ def by_sign(mutant: Mutant, seconds: float = 60) -> Answer:
     """Of the words that say by their top bit that a torque is close: that the other bits looked at
     say the same, in each and so in all of them or-ed together; or that the first has none of them.
     """
-    place, _, change = mutant.id.partition(": ")
-    uses, known = LOOKED_AT.get(place, ("", []))
     source = (ROOT / mutant.file).read_bytes()
-    shift, first = (int(mutant.text), 0) if change.startswith("63 -> ") else (63, 1)
-    looked = shift < 63 or (change == "0 -> 1" and known[0:1] == ["close = 0;"])
-    if not looked or re.findall(uses, source.decode()) != known:
+    uses, known = SIGNS.get(mutant.file, ("", ["none"]))
+    before = source[: mutant.start]
+    looked = before.endswith((b"close >> ", b"dahl_batch_close(torque) >> "))
+    first = before.endswith(b" close = ")
+    if not (looked or first) or re.findall(uses, source.decode()) != known:
         return Answer(False, ("not such a word",))
+    shift = int(mutant.text) if looked else 63
     wrapper = "uint64_t word(dahl_double_t of) { return dahl_batch_close(of); }\n"
-    so_far, bits = z3.BitVecs("so_far bits", 64)
-    words = (
-        z3.BitVecVal(first, 64),
-        so_far,
-        so_far | with_wrappers(source, wrapper)["word"](bits).value,
+    asked, (so_far, bits) = Asked(), z3.BitVecs("so_far bits", 64)
+    begin, one, other = (
+        z3.And(shift < 64, (z3.LShR(x, shift) == 0) == (z3.LShR(x, 63) == 0))
+        for x in (
+            z3.BitVecVal(0 if looked else int(mutant.text), 64),
+            so_far,
+            so_far | asked.value(with_wrappers(source, wrapper)["word"], bits),
+        )
     )
-    begin, one, other = ((x >> shift == 0) == (x >= 0) for x in words)
-    verdict = bitvectors.prove(z3.And(begin, z3.Implies(one, other)), (), seconds)
+    asked.claims += [begin, z3.Implies(one, other)]
+    verdict = asked.verdict((), seconds)
     return Answer(verdict.proven, (f"the bits above: {verdict}",))
 
 

@@ -208,6 +208,7 @@ def test_planted_wrong_shortcut_or_loop_is_refuted(
     [
         ("batch_channels.c", "open_digits constant: 32 -> 33"),
         ("batch_channels.c", "open_digits relational: gap != 0 -> gap == 0"),
+        ("batch_channels.c", "open_digits relational: c < count -> c <= count"),
         ("batch_channels.c", "open_digits assignment: open |= {0} -> open = {0}"),
         ("batch_channels.c", "move_row bitwise: rest & (0u - rest) -> rest | (0u - rest)"),
         ("batch.h", "dahl_batch_far constant: 32 -> 33"),
@@ -215,7 +216,7 @@ def test_planted_wrong_shortcut_or_loop_is_refuted(
     ],
 )
 def test_planted_digit_less_is_refuted(mutants: list[Mutant], file: str, name: str) -> None:
-    """A digit left out that would change a bit, and a loop that goes on where none is left."""
+    """A digit left out that changes a bit, a channel that is not there, a loop without an end."""
     terms = "gap != 0 ? chunk->eights[t][c] : 0u", "rest != 0", "dahl_batch_gap(w) >> 32 != 0"
     mutant = named(mutants, f"lib/{file} {name.format(*terms)}")
     assert not equivalence.prove_equivalent(mutant, proof="idle").proven
