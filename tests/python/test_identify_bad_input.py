@@ -5,7 +5,10 @@ each kind of file is read to the same numbers.
 
 from __future__ import annotations
 
+import contextlib
 import re
+import shutil
+import tempfile
 
 import log_writers
 import numpy as np
@@ -185,6 +188,24 @@ def test_a_table_without_rows(run_dahl, tmp_path):
     empty = {"angle": np.array([]), "torque": np.array([])}
     log_writers.parquet(tmp_path / "empty.parquet", empty)
     assert "0 rows" in refused(run_dahl, tmp_path / "empty.parquet")
+
+
+@pytest.mark.parametrize("kind", ["mf4", "raw.mf4"])
+def test_an_mf4_not_closed_leaves_no_copy(files, kind, tmp_path, monkeypatch):
+    """asammdf works on a copy of such a file; of a broken one it is left to us."""
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    whole, open_ = bytearray(files[kind].read_bytes()), tmp_path / f"open.{kind}"
+    whole[60] = 1  # "some counts are not right yet"
+    copies = []
+    copy = shutil.copy
+    monkeypatch.setattr(shutil, "copy", lambda *two: copies.append(copy(*two)))
+    for part in (len(whole), len(whole) // 3):
+        open_.write_bytes(whole[:part])
+        with contextlib.suppress(Error):
+            readers.read(open_, source_for(kind, files))
+    assert len(copies) == 2
+    assert list((tmp_path / "temporary").iterdir()) == []
 
 
 def test_values_of_the_same_time_stay_apart(tmp_path):

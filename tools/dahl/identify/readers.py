@@ -14,6 +14,7 @@ import json
 import os
 import re
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -294,6 +295,24 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
     return signals.names, signals.values(path)
 
 
+@contextlib.contextmanager
+def _copies_of_its_own(path: Path) -> Iterator[None]:
+    """asammdf copies an MF4 that was not closed well, and leaves the copy where it cannot read it:
+    so in a folder that goes.
+    """
+    if path.suffix.lower() != ".mf4":
+        yield
+        return
+    import asammdf
+
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        asammdf.set_global_option("temporary_folder", folder)
+        try:
+            yield
+        finally:
+            asammdf.set_global_option("temporary_folder", None)
+
+
 def frames_of(path: Path) -> Iterator[can.Message]:
     """The frames of a log, by python-can. Raises dahl.Error for a file that is not what its ending
     says, or cut off.
@@ -305,7 +324,7 @@ def frames_of(path: Path) -> Iterator[can.Message]:
         return
     count = 0
     try:
-        with can.LogReader(path) as reader:
+        with _copies_of_its_own(path), can.LogReader(path) as reader:
             for message in reader:
                 count += 1
                 yield message
@@ -426,7 +445,7 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
-        with MDF(path) as file:
+        with _copies_of_its_own(path), MDF(path) as file:
             known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
             if "CAN_DataFrame" in known:  # raw frames, named as ASAM's bus logging does
                 raise Error(f"{path}: {NEEDS_DBC}")
