@@ -159,3 +159,11 @@ def test_a_shaft_that_runs_away_is_told(tmp_path, scene, sets):
     start = r"error: \[rotor\] after 0\.\d+ s: the shaft is at \S+ rad, "
     assert re.fullmatch(start + r"\S+ counts: outside \+-2\^53\n", result.err)
     assert len(list(read_log(result.log))) > result.summary["ticks"] > 0
+
+
+def test_a_shaft_may_go_as_far_as_its_limit(tmp_path):
+    """At a thousandth of the way a tick, the one that is told is just beyond."""
+    sets = ["--set", "motor.bias=2e9"]  # against the viscous friction: 4e9 rad/s
+    result = run(tmp_path, SCENES / "creep.ini", "--virtual", *sets)
+    counts = float(re.search(r"(\S+) counts: outside", result.err)[1])
+    assert 2**53 < counts < 1.002 * 2**53
