@@ -28,20 +28,24 @@ static double theta_per_count(const plant_t *p)
     return (double)(float)p->scene->friction.theta_per_count;
 }
 
+static double counts_of(const plant_t *p)
+{
+    return p->rotor.theta / theta_per_count(p);
+}
+
 static int64_t measured(const plant_t *p)
 {
-    return llround(p->rotor.theta / theta_per_count(p));
+    return llround(counts_of(p));
 }
 
 /* False: one error line was printed. */
 static bool is_measured(const plant_t *p)
 {
-    double counts = p->rotor.theta / theta_per_count(p);
-    if (fabs(counts) <= COUNTS_MOST) {
+    if (fabs(counts_of(p)) <= COUNTS_MOST) {
         return true;
     }
     complain("[rotor] after %.3f s: the shaft is at %.9g rad, %.9g counts: outside +-2^53", (double)p->ticks * TICK_S,
-             p->rotor.theta, counts);
+             p->rotor.theta, counts_of(p));
     return false;
 }
 
