@@ -3,6 +3,7 @@
  * Whole arrays through every batch: the bitwise forms give the bits of single steps, the throughput forms the same torques
  * within the bounds of both. One to four channels; moves repeated so that short inputs fill a block.
  */
+#include "dahl_batch.h"
 #include "plans.h"
 
 enum { CHANNELS_MAX = 4, TICKS_MAX = 40, CELLS = CHANNELS_MAX * TICKS_MAX };

@@ -21,25 +21,21 @@ from pathlib import Path
 from conftest import BUILD, ROOT, need
 
 HERE = "tests/fuzz"
-PARTS = ("lib", "port", "host_sim", HERE)
+PARTS = ("lib/include", "port", "host_sim", HERE)
 CHECKS = "fuzzer,address,undefined,float-divide-by-zero,float-cast-overflow,implicit-conversion"
-STEPS = [
-    f"lib/{name}.c"
-    for name in (
-        *("prepare", "wide", "counts", "counts_q30", "digits", "angle", "far_angle", "torque"),
-        *("set_torque", "change_plan", "encoder", "float", "batch"),
-    )
-]
-BATCHES = [
-    "lib/batch_channels.c",
-    "lib/batch_throughput.c",
-    "lib/batch_throughput_channels.c",
-    "lib/batch_throughput_check.c",
-]
-NODE = [
-    *("host_sim/node.c", "port/frames.c", "lib/prepare.c", "lib/wide.c", "lib/counts_q30.c"),
-    *("lib/digits.c", "lib/change_plan.c", "lib/encoder.c"),
-]
+def sources(*folders: str) -> list[str]:
+    """The C files of some folders of lib."""
+    return [
+        str(file.relative_to(ROOT))
+        for folder in folders
+        for file in sorted((ROOT / "lib" / folder).glob("*.c"))
+    ]
+
+
+CORE = sources("arith", "model")
+STEPS = [*CORE, *sources("float"), "lib/batch/exact.c"]
+BATCHES = [name for name in sources("batch") if name != "lib/batch/exact.c"]
+NODE = ["host_sim/node.c", "port/frames.c", *CORE]
 SOCKETS = [f"port/socketcand/{name}.c" for name in ("server", "client", "outbox", "text")] + [
     f"{HERE}/sockets.c"
 ]

@@ -4,6 +4,7 @@
  * 24 bits fit), and a plan whose entries are 1 - exp(-u) and grow. Where the travel of one count is a limit to the last
  * bit, the division inside is truncated, and either answer is right.
  */
+#include "dahl_float.h"
 #include "plans.h"
 
 enum { ENTRIES = 37, DENSE = 8 };

@@ -3,6 +3,8 @@
  * Ticks of every form on any plan and any state, with new torques and new plans between them. The laws are those of
  * lib/dahl.h and lib/gap.h; the exact solution is expm1l.
  */
+#include "dahl_batch.h"
+#include "dahl_float.h"
 #include "plans.h"
 
 #define ONE ((int64_t)1 << 62)

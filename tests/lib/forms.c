@@ -5,6 +5,7 @@
  */
 #include <stdio.h>
 
+#include "dahl_float.h"
 #include "motions.h"
 #include "reference.h"
 

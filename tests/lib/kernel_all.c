@@ -16,7 +16,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../../lib/kernel.h"
+#include "../../lib/model/kernel.h"
 
 #define BLOCK_BITS 12
 #define REFERENCE_ERROR 0x1p-49

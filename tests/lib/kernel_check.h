@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "../../lib/kernel.h"
+#include "../../lib/model/kernel.h"
 
 /* What g may have more than the exact value, in absolute terms: the two units of 2^-64 that gap.h wants, and one lost. */
 #define KERNEL_UNITS 0x3p-64L

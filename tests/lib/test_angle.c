@@ -2,7 +2,7 @@
 /* The angle path: the bound of dahl.h on the hard motions, and the kernel's own bound on a dense sample of floats. */
 #include <stdio.h>
 
-#include "../../lib/kernel.h"
+#include "../../lib/model/kernel.h"
 #include "kernel_check.h"
 #include "motions.h"
 #include "plans.h"

@@ -2,7 +2,7 @@
 /* Batches: the bitwise forms against single steps, bit for bit; the throughput forms against long double. */
 #include <string.h>
 
-#include "../../lib/batch_throughput.h"
+#include "../../lib/batch/fast.h"
 #include "motions.h"
 #include "plans.h"
 

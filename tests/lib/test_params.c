@@ -3,6 +3,7 @@
 #include <float.h>
 #include <string.h>
 
+#include "dahl_float.h"
 #include "motions.h"
 #include "plans.h"
 

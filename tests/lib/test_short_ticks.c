@@ -3,7 +3,7 @@
  * Where a tick by counts goes: up to 8 counts take an entry of the table at once, which is what their cost rests on; all
  * others go by their digits, once. The digits are here a function of the test's own, which notes what it is called for.
  */
-#include "../../lib/gap.h"
+#include "../../lib/model/bristle_update.h"
 #include "motions.h"
 #include "plans.h"
 

@@ -49,7 +49,7 @@ FEW_TICKS = (
 
 def lib_sources(root: Path = ROOT) -> list[Path]:
     """All of lib/."""
-    return sorted(root.glob("lib/*.[ch]"))
+    return sorted(root.glob("lib/**/*.[ch]"))
 
 
 def all_sources(root: Path = ROOT) -> list[Path]:
@@ -124,7 +124,7 @@ def link_alone(folder: Path, sources: Sequence[Path], build: Build) -> Path:
     unity = ROOT / "build/deps/unity"
     program = folder / "program"
     words = ["sh", str(COMPILER), build.compiler, "-std=c99", "-Werror", *build.flags.split()]
-    words += [f"-I{ROOT / name}" for name in ("lib", "port", "host_sim", "tests/lib", "tests/port")]
+    words += [f"-I{ROOT / name}" for name in ("lib/include", "port", "host_sim", "tests/lib", "tests/port")]
     words += [f"-I{unity}", "-DUNITY_INCLUDE_DOUBLE", *FEW_TICKS.split()]
     words += [f'-DTABLE_FILE="{ROOT}/host_sim/node.h"', "-o", str(program)]
     libraries = ("libdahl_unity.a", "port/libdahl_port.a", "lib/libdahl.a")

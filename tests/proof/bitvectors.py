@@ -12,7 +12,7 @@ is refused; their bits are not.
 `prove` asks whether a claim holds for all values of its variables; `differ` where two functions do.
 Terms are z3's; bitwuzla (the default) reads them as SMT-LIB, so that each claim can have both.
 
-    step = compile_c(ROOT / "lib" / "digits.c")["dahl_move_digits"]
+    step = compile_c(ROOT / "lib" / "model" / "step_large.c")["dahl_move_digits"]
     verdict = differ(step, compile_c(mutant)["dahl_move_digits"], seconds=60)
     assert verdict.proven, verdict
 """
@@ -896,7 +896,7 @@ def table_of(text: str, layout: Layout) -> Any:
 def compile_c(
     *sources: Path | str,
     flags: Sequence[str] = PLAIN,
-    include: Sequence[Path] = (ROOT / "lib",),
+    include: Sequence[Path] = (ROOT / "lib" / "include",),
     compiler: str = "clang-19",
     unroll: int = 80,
 ) -> Module:

@@ -6,17 +6,17 @@
  */
 #include "cbmc_ranges.h"
 
-#include "angle.c"
-#include "change_plan.c"
-#include "counts.c"
-#include "counts_q30.c"
-#include "digits.c"
-#include "encoder.c"
-#include "far_angle.c"
-#include "prepare.c"
-#include "set_torque.c"
-#include "torque.c"
-#include "wide.c"
+#include "model/step_angle.c"
+#include "model/change_plan.c"
+#include "model/step_counts.c"
+#include "model/step_counts_q30.c"
+#include "model/step_large.c"
+#include "model/counts_between.c"
+#include "model/step_nonfinite.c"
+#include "model/prepare.c"
+#include "model/set_torque.c"
+#include "model/torque.c"
+#include "arith/mul_div64.c"
 
 static words_t plan, plan_before;
 static guarded_t place, place_before;

@@ -23,7 +23,7 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
     ensures -(1 << 30) <= \result <= 1 << 30; */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
-#include "encoder.c"
+#include "model/counts_between.c"
 #include "frames.c"
 #include "node.c"
 

@@ -32,12 +32,13 @@ def build(top: Path, program: str, *words: str) -> Path:
     core.write_text("".join(f'#include "{name}.c"\n' for name in CORE))
     target = top / Path(program).stem
     command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
-    command += [f"-I{top / 'lib'}", str(top / program), str(core), "-o", str(target)]
+    command += [f"-I{top / 'lib' / 'include'}", str(top / program), str(core), "-o", str(target)]
     subprocess.run([*command, *words, "-lm"], check=True, timeout=120)
     return target
 
 
-CORE = (
-    *("prepare", "wide", "angle", "far_angle", "torque", "set_torque"),
-    *("counts", "counts_q30", "digits", "change_plan"),
+CORE = sorted(
+    f"lib/{file.parent.name}/{file.stem}"
+    for folder in ("arith", "model")
+    for file in (LIB / folder).glob("*.c")
 )

@@ -89,7 +89,7 @@ def run(command: list[str], allowed: tuple[int, ...] = (0,)) -> str:
 def compiled(proof: Proof, bin_folder: Path, sources: Path, folder: Path) -> str:
     """The checks as CBMC takes them, with the stand-ins in place."""
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
-    includes = [f"-I{path}" for path in (sources / "lib", sources / "port", HERE, sources)]
+    includes = [f"-I{path}" for path in (sources / "lib", sources / "lib/include", sources / "port", HERE, sources)]
     command = [str(bin_folder / "goto-cc"), "-std=c99", *includes, str(HERE / proof.harness)]
     run([*command, "--function", proof.function, "-o", whole])
     swaps = [f"--replace-calls={old}:{new}" for old, new in proof.instead.items()]

@@ -21,7 +21,7 @@ from conftest import ROOT
 from mpmath import mp, mpf
 
 mp.prec = 220
-HEADER = ROOT / "lib" / "dahl.h"
+HEADER = ROOT / "lib" / "include" / "dahl.h"
 THEOREM = Path(__file__).parent / "error_theorem.md"
 COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the table
 ONE = 2**62
@@ -237,7 +237,7 @@ def test_sums_lead_to_the_header(constants: dict[str, mpf]) -> None:
     assert_just_below(worst + k["gap_rounding"], number["ERROR_Q30"], 0.01)
     assert_just_below(ulps(k, worst), number["ULP_COUNTS"], 0.01)
     assert_just_below(ulps(k, error_by_angle(k, 2.0**31)), number["ULP_ANGLE"], 0.02)
-    assert k["kernel"] == tools.header_number("DAHL_KERNEL_ERROR", ROOT / "lib" / "kernel.h")
+    assert k["kernel"] == tools.header_number("DAHL_KERNEL_ERROR", ROOT / "lib" / "model" / "kernel.h")
 
 
 def test_no_travel_errs_more_than_the_least(constants: dict[str, mpf]) -> None:

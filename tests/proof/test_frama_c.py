@@ -44,7 +44,7 @@ PRECISION = {"frama_ticks.c": "3", "frama_node.c": "1"}
 def preprocessor(frama_c: str, sources: Path) -> str:
     """Plain C, without what is particular to GNU: no assembler."""
     share = frama(frama_c, "-print-share-path").strip()
-    folders = [*(sources / name for name in ("lib", "port", "host_sim")), HERE, Path(share, "libc")]
+    folders = [*(sources / name for name in ("lib", "lib/include", "port", "host_sim")), HERE, Path(share, "libc")]
     return "-cpp-extra-args=" + " ".join(["-U__GNUC__", *(f"-I{folder}" for folder in folders)])
 
 

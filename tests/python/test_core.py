@@ -179,7 +179,7 @@ def test_counts_that_c_would_wrap_are_refused(dcounts):
 
 
 def test_limits_are_those_of_the_header(root):
-    header = (root / "lib" / "dahl.h").read_text()
+    header = (root / "lib" / "include" / "dahl.h").read_text()
     named = dict(re.findall(r"#define DAHL_(\w+) ([\d.e+-]+)f?\b", header))
     for name in ("TORQUE_MIN", "TORQUE_MAX", "TRAVEL_MIN", "TRAVEL_MAX"):
         assert float(named[name]) == pytest.approx(getattr(core, name), rel=1e-15)

@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 ROOT = Path(__file__).resolve().parents[2]
-HEADER = (ROOT / "lib/dahl.h").read_text()
-KERNEL = (ROOT / "lib/kernel.h").read_text()
-PREPARE = (ROOT / "lib/prepare.c").read_text()
+HEADER = (ROOT / "lib/include/dahl.h").read_text()
+KERNEL = (ROOT / "lib/model/kernel.h").read_text()
+PREPARE = (ROOT / "lib/model/prepare.c").read_text()
 mp.dps = 50
 
 
@@ -132,7 +132,7 @@ def test_kernel_constants() -> None:
 
 @pytest.mark.skipif(shutil.which("sollya") is None, reason="sollya is absent")
 def test_kernel_constants_are_those_of_the_script() -> None:
-    command = ["sollya", str(ROOT / "lib/kernel.sollya")]
+    command = ["sollya", str(ROOT / "tools/generators/kernel.sollya")]
     printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)
     values = {
         label: [int(n) for n in re.findall(rf"^{label} \d+ = (\d+) u", printed.stdout, re.M)]

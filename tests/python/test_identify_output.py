@@ -55,7 +55,7 @@ def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
         "-I",
         folder,
         "-I",
-        root / "lib",
+        root / "lib" / "include",
         folder / "main.c",
         built("lib", "libdahl.a"),
         "-lm",

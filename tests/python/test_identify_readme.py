@@ -63,7 +63,7 @@ def test_the_firmware_snippet_compiles(root, tmp_path):
         "-I",
         tmp_path,
         "-I",
-        root / "lib",
+        root / "lib" / "include",
         tmp_path / "tick.c",
         "-o",
         tmp_path / "tick.o",

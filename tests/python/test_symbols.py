@@ -12,10 +12,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, built
 
-FLOAT_FORM = {"expm1f"}  # libm's, for lib/float.c alone
-
-
-VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for lib/batch_*.c on x86-64
+FLOAT_FORM = {"expm1f"}  # libm's
+VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for the batches on x86-64
 COPIES = {"memcpy", "memset"}  # the compiler's own idea
 
 
@@ -43,17 +41,13 @@ def faults(objects: Path) -> dict[str, set[str]]:
 
 
 def test_the_library_needs_nothing_and_keeps_nothing() -> None:
-    found = faults(built("lib", "libdahl.a"))
-    vectors = {name for name in found if name.startswith("batch_")}
-    for name in vectors:
-        assert found.pop(name) <= VECTORS | COPIES
-    assert found == {"float.c.o": FLOAT_FORM}
+    assert faults(built("lib", "libdahl.a")) == {}
 
 
-def test_a_program_without_batches_links_none(tmp_path: Path) -> None:
-    main, library = ROOT / "tests/consume/main.c", built("lib", "libdahl.a")
-    run("gcc", f"-I{ROOT / 'lib'}", main, library, "-o", tmp_path / "program")
-    assert not re.search("dahl_(batch|throughput)", run("nm", tmp_path / "program"))
+def test_the_components_need_little_more() -> None:
+    assert faults(built("lib", "libdahl_float.a")) == {"float.c.o": FLOAT_FORM}
+    for needed in faults(built("lib", "libdahl_batch.a")).values():
+        assert needed <= VECTORS | COPIES
 
 
 @pytest.mark.parametrize(
@@ -69,10 +63,3 @@ def test_each_fault_is_seen(tmp_path: Path, source: str, symbol: str) -> None:
     (tmp_path / "x.c").write_text(source)
     run("gcc", "-c", tmp_path / "x.c", "-o", tmp_path / "x.o")
     assert any(word.startswith(symbol) for word in faults(tmp_path / "x.o")["x.o"])
-
-
-def test_a_program_without_the_float_form_links_without_libm(tmp_path: Path) -> None:
-    main, library = ROOT / "tests/consume/main.c", built("lib", "libdahl.a")
-    assert "dahl_float" not in main.read_text()
-    run("gcc", f"-I{ROOT / 'lib'}", main, library, "-o", tmp_path / "program")
-    assert "dahl_float" not in run("nm", tmp_path / "program")

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "dahl_batch.h"
 #include "../lib/bits.h" /* of the tests: the library has a namesake */
 
 enum { TICKS = 2000, CHANNELS = 3 };

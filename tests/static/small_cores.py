@@ -90,14 +90,14 @@ def words_for(core: target.Core, like: Path) -> list[str]:
 
 
 def compile_for(core: target.Core, files: Iterable[Path], folder: Path) -> tuple[Calls, list[Path]]:
-    """Objects of these files; those that the core's build does not have go as lib/counts.c does."""
+    """Objects of these files; those that the core's build does not have go as lib/model/step_counts.c does."""
     built = {
         Path(entry["file"])
         for entry in json.loads((core.build / "compile_commands.json").read_text())
     }
     calls, objects = Calls(), []
     for file in files:
-        words = words_for(core, file if file in built else ROOT / "lib/counts.c")
+        words = words_for(core, file if file in built else ROOT / "lib/model/step_counts.c")
         made = folder / f"{core.name}_{file.stem}.o"
         more = [*static.INCLUDES, "-fstack-usage", "-fcallgraph-info=su"]
         static.clean(*words, *more, "-c", file, "-o", made, cwd=folder)

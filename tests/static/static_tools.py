@@ -14,7 +14,7 @@ from pathlib import Path
 
 from conftest import ROOT
 
-LIB = sorted(ROOT.glob("lib/*.c"))
+LIB = sorted(ROOT.glob("lib/*/*.c"))
 CODEC = [ROOT / "port/frames.c", ROOT / "port/slcan/slcan.c"]
 NODE = [ROOT / "host_sim/node.c"]
 FIRMWARE = LIB + CODEC + NODE  # what a microcontroller links, but for its start-up
@@ -22,7 +22,7 @@ START_UP = sorted([*ROOT.glob("port/cortex_m/*.c"), *ROOT.glob("port/riscv/*.c")
 DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *START_UP})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
 
-INCLUDES = [f"-I{ROOT / part}" for part in ("lib", "port", "host_sim")]
+INCLUDES = [f"-I{ROOT / part}" for part in ("lib/include", "port", "host_sim")]
 PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES]
 
 # For all of the product's C. What is left out: -Wswitch-enum, since -Wswitch-default asks for the

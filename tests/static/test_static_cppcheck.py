@@ -40,7 +40,7 @@ def cppcheck() -> str:
 
 def findings(files: list[Path], *more: str, root: Path = ROOT) -> set[Finding]:
     """What cppcheck says of these files and the headers they include."""
-    includes = [f"-I{root / part}" for part in ("lib", "port", "host_sim")]
+    includes = [f"-I{root / part}" for part in ("lib/include", "port", "host_sim")]
     _, text = static.call(cppcheck(), *OPTIONS, *more, *includes, *files)
     assert "syntaxError" not in text and "internalError" not in text, text
     return {

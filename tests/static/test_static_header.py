@@ -47,7 +47,7 @@ def alone(headers: list[Path], standard: str, folder: Path) -> str:
 
 def test_the_public_headers_are_these() -> None:
     names = {static.name_of(str(path)) for path in PUBLIC}
-    assert {"lib/dahl.h", "port/can_bus.h", "port/frames.h", "host_sim/node.h"} <= names
+    assert {"lib/include/dahl.h", "port/can_bus.h", "port/frames.h", "host_sim/node.h"} <= names
 
 
 @pytest.mark.parametrize("standard", [*C, *CPP])
@@ -76,12 +76,12 @@ def test_headers_in_two_linked_files(standard: str, tmp_path: Path) -> None:
 # --- each fault is seen --------------------------------------------------------------------------
 
 FAULTS = {  # text of dahl.h or node.h, what it becomes, and a word of the complaint
-    "lacks an include": ("lib/dahl.h", "#include <stdint.h>\n", "", "c99", "uint32_t"),
-    "no guard": ("lib/dahl.h", "#ifndef DAHL_H\n", "#if 1\n", "c99", "redefinition"),
-    "not for C++": ("lib/dahl.h", "float sigma0;", "float class;", "c++11", "class"),
-    "not for C99": ("lib/dahl.h", "float sigma0;", "struct { float a; };", "c99", "anonymous"),
+    "lacks an include": ("lib/include/dahl.h", "#include <stdint.h>\n", "", "c99", "uint32_t"),
+    "no guard": ("lib/include/dahl.h", "#ifndef DAHL_H\n", "#if 1\n", "c99", "redefinition"),
+    "not for C++": ("lib/include/dahl.h", "float sigma0;", "float class;", "c++11", "class"),
+    "not for C99": ("lib/include/dahl.h", "float sigma0;", "struct { float a; };", "c99", "anonymous"),
     "undefined macro": (
-        "lib/dahl.h", "#ifndef DAHL_H\n", "#if DAHL_X\n#endif\n#ifndef DAHL_H\n", "c99", "DAHL_X"
+        "lib/include/dahl.h", "#ifndef DAHL_H\n", "#if DAHL_X\n#endif\n#ifndef DAHL_H\n", "c99", "DAHL_X"
     ),
 }  # fmt: skip
 

@@ -6,6 +6,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "dahl_float.h"
+#include "dahl_batch.h"
 #include "dahl.h"
 #include "rivals.h"
 

@@ -32,7 +32,7 @@ LINE = 96  # characters
 def plan_type() -> type[ctypes.Structure]:
     """dahl_plan_t as lib/dahl.h declares it."""
     try:
-        text = (places.ROOT / "lib" / "dahl.h").read_text(encoding="utf-8")
+        text = (places.ROOT / "lib" / "include" / "dahl.h").read_text(encoding="utf-8")
     except OSError as error:
         raise RunError(f"{error.filename}: {error.strerror}") from None
     return _structure(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL), "dahl_plan_t")

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * A move of many counts is the moves of its digits, one after the other: the low three bits, 8 counts, 16, 32 ...
- * Backward it is the forward move of the complement: gap.h rounds ~w to just the opposite of what it rounds w to.
+ * Backward it is the forward move of the complement: bristle_update.h rounds ~w to just the opposite of what it rounds w to.
  */
-#include "gap.h"
+#include "bristle_update.h"
 
 DAHL_SMALL int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The rare ends of dahl_step: no motion, none that counts, NaN; and infinity. */
-#include "gap.h"
+#include "bristle_update.h"
 #include "torque.h"
 
 float dahl_step_far(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits)

@@ -12,12 +12,12 @@
  * coefficient has few bits and is multiplied by the top half of Y alone.
  *
  * DAHL_KERNEL_ERROR bounds the relative error of g for every a and every angle, the product with a included: certified by
- * Sollya and Gappa, and seen for all floats with a = 1 (tests/proof). Beside it g has up to 2 units of 2^-64 more, for gap.h.
+ * Sollya and Gappa, and seen for all floats with a = 1 (tests/proof). Beside it g has up to 2 units of 2^-64 more, for bristle_update.h.
  */
 #ifndef DAHL_KERNEL_H
 #define DAHL_KERNEL_H
 
-#include "fixed.h"
+#include "../arith/fixed.h"
 
 #define DAHL_KERNEL_ERROR 0x1p-29 /* relative; travel below 2^-64 ln 2 is none */
 
@@ -44,7 +44,7 @@ static inline uint32_t dahl_horner(uint32_t c, dahl_factor_t Y, uint32_t r)
     return c - dahl_times(Y, r);
 }
 
-/* 2 <= shift < 32. The 2 units are the rounding that gap.h wants; an or adds them, but where g < 2^-31. */
+/* 2 <= shift < 32. The 2 units are the rounding that bristle_update.h wants; an or adds them, but where g < 2^-31. */
 static inline dahl_q64_t dahl_kernel_small(dahl_scaled_t v)
 {
     uint32_t Y = v.mantissa >> (v.shift - 2);

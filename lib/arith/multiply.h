@@ -4,7 +4,7 @@
 #ifndef DAHL_MULTIPLY_H
 #define DAHL_MULTIPLY_H
 
-#include "bits.h"
+#include "compiler.h"
 
 #if DAHL_V6M
 #include "multiply_v6m.h"

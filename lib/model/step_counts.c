@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* A tick in counts that returns N m. */
-#include "gap.h"
+#include "bristle_update.h"
 #include "torque.h"
 
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)

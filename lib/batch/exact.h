@@ -1,16 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * What the bitwise batches share, private: a tick by counts and its torque, for processors with fast doubles and 64-bit
- * words. The bits are those of gap.h and torque.h, whose functions do the work.
+ * words. The bits are those of bristle_update.h and torque.h, whose functions do the work.
  */
-#ifndef DAHL_BATCH_H
-#define DAHL_BATCH_H
+#ifndef DAHL_BATCH_EXACT_H
+#define DAHL_BATCH_EXACT_H
 
 #include <stddef.h>
-#include "gap.h"
-#include "torque.h"
+#include "dahl_batch.h"
+#include "../model/bristle_update.h"
+#include "../model/torque.h"
 
-/* Backward is forward on the complement (digits.c), so the direction is a mask, all ones or none, and no branch. */
+/* Backward is forward on the complement (step_large.c), so the direction is a mask, all ones or none, and no branch. */
 static inline uint64_t dahl_batch_backward(int32_t dcounts)
 {
     return 0u - (uint64_t)((uint32_t)dcounts >> 31);

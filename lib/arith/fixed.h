@@ -7,7 +7,7 @@
 #ifndef DAHL_FIXED_H
 #define DAHL_FIXED_H
 
-#include "bits.h"
+#include "compiler.h"
 #include "dahl.h"
 #include "multiply.h"
 
@@ -59,7 +59,7 @@ static inline int32_t dahl_exponent_of_a(const dahl_plan_t *plan)
 #define DAHL_BITS_SIGN 0x80000000u
 #define DAHL_BITS_NORMAL 0x00800000u /* smallest normal float */
 
-/* Out of line (wide.c): for what is prepared, not for a tick. */
+/* Out of line (mul_div64.c): for what is prepared, not for a tick. */
 
 /* Upper half of a 64 x 64 bit product, truncated. */
 uint64_t dahl_mulhi64(uint64_t a, uint64_t b);

@@ -3,7 +3,7 @@
  * A tick in counts, integers only. A file of its own: firmware that takes Q30 links no conversion to float. The two
  * directions are written out, and no motion goes backward by entry 0, which is 0: every short tick takes as long.
  */
-#include "gap.h"
+#include "bristle_update.h"
 
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {

@@ -4,8 +4,8 @@
  * gathered first; those of the further binary digits lie channel by channel from the start. Then the rows go one after the
  * other, each a vector of channels, digit by digit: one that is not set takes g = 0, which changes nothing.
  */
-#include "batch.h"
-#include "batch_targets.h"
+#include "exact.h"
+#include "cpu_dispatch.h"
 
 #define CHUNK 16  /* channels at a time, and ticks */
 #define DIGITS 29 /* of a move, in eights */

@@ -14,12 +14,12 @@
  * angle, where g may be tiny, it comes as g + 2^-63 (kernel.h): at w = 0, where z = 2^30, that makes the truncation a
  * rounding to nearest.
  */
-#ifndef DAHL_GAP_H
-#define DAHL_GAP_H
+#ifndef DAHL_BRISTLE_UPDATE_H
+#define DAHL_BRISTLE_UPDATE_H
 
 #include <stddef.h>
 
-#include "fixed.h"
+#include "../arith/fixed.h"
 
 #define DAHL_DENSE 8 /* moves of up to this many counts have an entry of their own */
 #define DAHL_ONE_Q30 (1u << 30)
@@ -50,7 +50,7 @@ static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
     return dahl_subtract_product(w, DAHL_ONE_Q30 + dahl_q30(w), g.hi, g.lo);
 }
 
-/* What dahl_step leaves to others, by the bits of dtheta (far_angle.c). */
+/* What dahl_step leaves to others, by the bits of dtheta (step_nonfinite.c). */
 float dahl_step_far(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits);
 
 /* A move beyond the dense entries, out of line to keep the tick short. Returns F/Fc in Q30. */

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Coefficients of batch_throughput.h (needs mpmath):  build/venv/bin/python lib/batch_kernel.py
+"""Coefficients of lib/batch/fast.h (needs mpmath):  build/venv/bin/python tools/generators/fast_kernel.py
 
 (1 - exp(-x))/x on [0, ln 2] by a polynomial of degree 6 whose *relative* error is least: Remez' exchange in 40 digits.
 A kernel that errs by r, relative, errs by at most 2 r Fc in torque, for ever.

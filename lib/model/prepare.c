@@ -6,7 +6,7 @@
  * which needs no exponential and lets no relative error grow. Relative error of every entry: below 2^-32 (the series
  * 2^-42, the quotient 2^-37, one unit of Q64 at the start, which is 2^-34 of the smallest travel, and one at each join).
  */
-#include "gap.h"
+#include "bristle_update.h"
 
 #define TABLE 37
 #define START_BITS 20 /* v < 2^-20, so that v^3/6 < 2^-42 v */

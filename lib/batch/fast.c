@@ -9,7 +9,7 @@
  */
 #include <stddef.h>
 
-#include "batch_throughput.h"
+#include "fast.h"
 
 #define GROUP 8
 #define GROUPS 64

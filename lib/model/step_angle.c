@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* A tick by angle: g(u) by the kernel, then the same gap step as by counts. */
-#include "gap.h"
+#include "bristle_update.h"
 #include "kernel.h"
 #include "torque.h"
 

@@ -9,7 +9,7 @@
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
 
-#include "fixed.h"
+#include "../arith/fixed.h"
 
 /* s 2^-zeros times Fc, s with its top bit set, as a float's bits. Fc_scale is an exponent times 2^24, and 1 for the rounding;
  * a carry out of the mantissa raises the exponent by itself. */

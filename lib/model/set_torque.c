@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The state from a torque in N m. */
-#include "fixed.h"
+#include "../arith/fixed.h"
 
 /* F/Fc in Q62 for normal F < Fc, rounded. */
 static uint64_t ratio_q62(dahl_real_t F, const dahl_plan_t *plan)

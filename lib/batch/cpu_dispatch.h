@@ -4,8 +4,8 @@
  * for what every processor of the family has and for those with wider vectors, chosen at each call. `run` and all that it
  * calls is DAHL_INLINE. Where the compiler cannot do that, the one form is all there is.
  */
-#ifndef DAHL_BATCH_TARGETS_H
-#define DAHL_BATCH_TARGETS_H
+#ifndef DAHL_CPU_DISPATCH_H
+#define DAHL_CPU_DISPATCH_H
 
 /* Before a short inner loop: vectors, not a long row of single steps. */
 #if defined(__GNUC__) && !defined(__clang__)

@@ -5,7 +5,7 @@
  */
 #include <stddef.h>
 
-#include "batch_throughput.h"
+#include "fast.h"
 
 #define CHUNK 16 /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried */

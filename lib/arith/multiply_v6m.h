@@ -5,7 +5,7 @@
 #ifndef DAHL_MULTIPLY_V6M_H
 #define DAHL_MULTIPLY_V6M_H
 
-#include "bits.h"
+#include "compiler.h"
 
 /* In: a, b. Out: low, and the upper word in b1; a1, x: registers to use. */
 #define DAHL_MULTIPLY_SPLIT                                                                                                 \

@@ -2,22 +2,22 @@
 /*
  * The throughput forms, private: the recurrence in double, many ticks or channels at a time. Not the bits of the bitwise
  * forms, the same bound, for any motion:
- *   kernel   g(u) = u P(u), relative error 2.1e-10 (batch_kernel.py; short travel by fewer terms): at most twice that in F/Fc, for ever
+ *   kernel   g(u) = u P(u), relative error 2.1e-10 (fast_kernel.py; short travel by fewer terms): at most twice that in F/Fc, for ever
  *   block    within a block of ticks only d = w - w0 is computed, w0 the state at its start: d, and what its rounding loses,
  *            is small where travel is small, at most 2^-53 (ticks of a block) u for each tick of travel u
  *   carry    from block to block the state is w in Q62: what rounding to 2^-62 loses sums up to 2^-32 at worst, for a block
  *            of travel 2^-30
  */
-#ifndef DAHL_BATCH_THROUGHPUT_H
-#define DAHL_BATCH_THROUGHPUT_H
+#ifndef DAHL_BATCH_FAST_H
+#define DAHL_BATCH_FAST_H
 
 #include <math.h> /* fabs and copysign, which compilers do in line */
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "batch_targets.h"
-#include "bits.h"
-#include "dahl.h"
+#include "cpu_dispatch.h"
+#include "../arith/compiler.h"
+#include "dahl_batch.h"
 
 #define DAHL_ALL 709.5 /* travel that leaves nothing of the gap: its 2^-k is 0 as a double; an infinite one is cut here */
 #define DAHL_LN2 0x1.62e42fefa39efp-1
@@ -35,7 +35,7 @@ typedef union {
 /* x signed travel: g(|x|) with the sign of x. */
 typedef double (*dahl_g_t)(double x);
 
-/* (1 - exp(-x))/x for 0 <= x <= ln 2. Coefficients: batch_kernel.py. */
+/* (1 - exp(-x))/x for 0 <= x <= ln 2. Coefficients: fast_kernel.py. */
 DAHL_INLINE double dahl_slope(double x)
 {
     double p = 0x1.338b5a271ae80p-13;

@@ -8,7 +8,7 @@
 #include <float.h>
 #include <math.h>
 
-#include "dahl.h"
+#include "dahl_float.h"
 
 dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params)
 {

@@ -31,12 +31,13 @@
  *   unless it hid a reversal.
  *
  * THREADS  A plan is read-only and can be shared. A state belongs to its caller; one writer at a time.
- * FAILURE  dahl_prepare() and its float namesake are the only calls that can fail; all others accept every input.
+ * FAILURE  dahl_prepare() is the only call that can fail; all others accept every input.
+ * BESIDE   dahl_float.h (the literal form, by a float exponential) and dahl_batch.h (long logs on a host) are libraries of
+ *          their own, dahl::float and dahl::batch, that firmware does not compile unless it asks for them.
  */
 #ifndef DAHL_H
 #define DAHL_H
 
-#include <stddef.h>
 #include <stdint.h>
 
 #define DAHL_VERSION_MAJOR 0
@@ -128,69 +129,6 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
 /* Shortest signed way from one reading of an absolute encoder to the next, in counts: -n/2 <= result < n/2 for
  * n = counts_per_turn (half a turn is taken as negative). 0 means a full 32-bit counter. Readings are taken modulo n. */
 int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_turn);
-
-/*
- * The literal form: float exponential and a branch where the motion changes sign (Eq. 1 solved anchored at the last
- * reversal, Eqs. 7, 18, 27). Needs libm (expm1f) and float hardware to be quick, gives other bits on other libms, and
- * adds an error at each reversal; it is here to read, to teach and to cross-check. Linked only when called.
- * Error of F: DAHL_FLOAT_ERROR of Fc, once for now and once for each reversal that the bristle still remembers:
- * E (1 + sum over past reversals of exp(-travel u since)). Sweeps: 1 E or 2 E; 2 counts forward 1 back at u = 1e-6 a
- * count: up to 6e5 E. The core above has no such term.
- */
-#define DAHL_FLOAT_ERROR 3e-7 /* of Fc; 5 units of 2^-24 */
-
-typedef struct {
-    float Fc;          /* N m */
-    float a;           /* 1/rad */
-    float a_per_count; /* travel of one count */
-} dahl_float_plan_t;
-
-/* All zeros: relaxed, no motion yet. */
-typedef struct {
-    float w_reversal;  /* F/Fc at the last reversal */
-    float travel;      /* since then, by angle, rad */
-    uint32_t counts;   /* since then, by counts */
-    int32_t direction; /* +1, -1; 0 before the first motion */
-} dahl_float_state_t;
-
-/* As their namesakes above: same units, same laws, same bad inputs, other bound. */
-dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params);
-float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t dcounts);
-float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta);
-
-/*
- * BATCHES, for long logs on a host; each in a file of its own, linked only when called. n ticks in, n torques in N m out,
- * states moved on; nothing is allocated. Arrays must not overlap. n or channels of 0 does nothing. Many channels: tick after
- * tick, move t of channel c at [t * channels + c], F as well; plans[c], params[c], states[c].
- *
- * Bitwise: the bits of dahl_step_counts and dahl_step, tick by tick.
- */
-void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n);
-void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n);
-void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
-                                float *F, size_t n);
-void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F,
-                         size_t n);
-
-/*
- * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:
- * DAHL_ULP_COUNTS ulp of Fc by counts and, while each |u| >= 2^-30 or 0, by angle; without end. Parameters are double and
- * need no plan; limits and codes are those of dahl_prepare, and on a code nothing is touched. NaN moves by angle are no
- * motion, infinite ones saturate. The state is that of the bitwise form. Temporaries: 16 KiB of stack.
- */
-typedef struct {
-    double sigma0;          /* N m/rad */
-    double Fc;              /* N m */
-    double theta_per_count; /* rad/count; not read by angle */
-} dahl_throughput_params_t;
-
-dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
-                                  size_t n);
-dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t *state, const float *dtheta, float *F, size_t n);
-dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
-                                           const int32_t *dcounts, float *F, size_t n);
-dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
-                                    const float *dtheta, float *F, size_t n);
 
 #ifdef __cplusplus
 }

@@ -5,7 +5,7 @@
  * softer; neither lets the stored energy F^2/(2 sigma0) grow. Rounding does not either: the first factor is truncated, so
  * F never grows, and the second errs by 2^-30 where float values of sigma0 differ by 2^-24 or not at all.
  */
-#include "fixed.h"
+#include "../arith/fixed.h"
 
 typedef struct {
     uint64_t mantissa; /* Q63, in [1, 2) */

@@ -3,7 +3,7 @@
  * One trajectory after the other's tick, bit for bit as single steps. By counts: the direction is a mask, not a branch, so
  * that a motion whose sign nobody can predict costs no more; short moves take their table entry, the rest go by digits.
  */
-#include "batch.h"
+#include "exact.h"
 
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {

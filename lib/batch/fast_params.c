@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The limits of dahl_prepare, for parameters in double. */
-#include "batch_throughput.h"
+#include "fast.h"
 
 /* By its bits, so that -ffast-math does not lose NaN. */
 static int is_positive(double x)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* What a compiler can do better than plain C, private; each has a plain form of the same result. */
-#ifndef DAHL_BITS_H
-#define DAHL_BITS_H
+#ifndef DAHL_COMPILER_H
+#define DAHL_COMPILER_H
 
 #include <stdint.h>
 

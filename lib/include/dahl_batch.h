@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Batches, for long logs on a host; each in a file of its own, linked only when called. n ticks in, n torques in N m out,
+ * states moved on; nothing is allocated. Arrays must not overlap. n or channels of 0 does nothing. Many channels: tick after
+ * tick, move t of channel c at [t * channels + c], F as well; plans[c], params[c], states[c].
+ */
+#ifndef DAHL_BATCH_H
+#define DAHL_BATCH_H
+
+#include <stddef.h>
+#include "dahl.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Exact: the bits of dahl_step_counts and dahl_step, tick by tick. */
+void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n);
+void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n);
+void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
+                                float *F, size_t n);
+void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F,
+                         size_t n);
+
+/*
+ * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:
+ * DAHL_ULP_COUNTS ulp of Fc by counts and, while each |u| >= 2^-30 or 0, by angle; without end. Parameters are double and
+ * need no plan; limits and codes are those of dahl_prepare, and on a code nothing is touched. NaN moves by angle are no
+ * motion, infinite ones saturate. The state is that of the exact form. Temporaries: 16 KiB of stack.
+ */
+typedef struct {
+    double sigma0;          /* N m/rad */
+    double Fc;              /* N m */
+    double theta_per_count; /* rad/count; not read by angle */
+} dahl_throughput_params_t;
+
+dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
+                                  size_t n);
+dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t *state, const float *dtheta, float *F, size_t n);
+dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
+                                           const int32_t *dcounts, float *F, size_t n);
+dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
+                                    const float *dtheta, float *F, size_t n);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
