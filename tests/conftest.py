@@ -28,7 +28,7 @@ BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="also run the tests marked long")
-    parser.addoption("--full", action="store_true", help="the same, and write the ledger")
+    parser.addoption("--full", action="store_true", help="the same")
     parser.addoption("--soak", action="store_true", help="run the tests marked soak, no others")
 
 
@@ -48,7 +48,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def need(tool: str, claim: str) -> str:
-    """Path of a tool. Without it the claim is not shown: the ledger reads that out of the skip."""
+    """Path of a tool. Without it the claim is not shown, and the skip says which."""
     path = shutil.which(tool) or next(iter(BUILD.parent.glob(f"deps/{tool}/bin/{tool}")), None)
     if path is None:
         pytest.skip(f"unproven: {claim}: {tool} is not here, and tools/setup.sh could not get it")

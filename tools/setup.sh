@@ -25,7 +25,7 @@ EXTRAS+=(gcc-arm-none-eabi libnewlib-arm-none-eabi picolibc-arm-none-eabi qemu-s
     gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf qemu-system-misc)
 # A virtual machine with CAN (tools/vm.sh), and a browser for the page of `dahl report`.
 EXTRAS+=(qemu-system-x86 busybox-static kmod cpio iproute2 chromium)
-# Checkers: proofs, certified bounds, coverage, fuzzers, static analysis, a big-endian core (tests/{proof,fuzz,mutants,static}).
+# Checkers: proofs, certified bounds, coverage, fuzzers, static analysis, a big-endian core (tests/{proof,fuzz,quality,static}).
 EXTRAS+=(clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck frama-c-base why3 z3 gappa libmpfr-dev
     qemu-user-static)
 # Big-endian programs by clang: Debian's own cross compiler cannot stand beside gcc-multilib.

@@ -3,17 +3,17 @@
 # Usage: tools/test.sh [--long | --full | --soak] [-k WORD] [pytest arguments]
 #
 # Sets up, builds with preset host, runs the C tests (CTest), the Python tests and, beside them on another core, the checks
-# (proofs, fuzzers, mutants, static analysis), compares all with the ledger of claims, and ends with a line
+# (proofs, fuzzers, coverage, static analysis), and ends with a line
 #   N passed, N failed, N skipped
 # that counts single tests of all of them, after naming each failed and each skipped one. Exit code 0 only when none failed.
-#   --long     also the tests marked long (all 2^31 floats, ten minutes of four nodes, all mutants)
-#   --full     the same, and writes what each claim's command said into tests/VERIFICATION.md
+#   --long     also the tests marked long (all 2^31 floats, ten minutes of four nodes)
+#   --full     the same
 #   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer (1e6 in Python); hours to days
 #   -k WORD    only tests whose name has WORD, in C and in Python
 # Examples:  tools/test.sh                 all but the long ones, under 15 minutes on two cores
 #            tools/test.sh -k codec -x     those about the codec, pytest stopping at the first failure
 #            tools/test.sh --soak -k fuzz  1e9 executions of each fuzzer
-# Leaves: build/{ctest,python,checks,ledger}.xml (JUnit), build/build.log, build/checks.log
+# Leaves: build/{ctest,python,checks}.xml (JUnit), build/build.log, build/checks.log
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -65,11 +65,10 @@ run_both() {
 }
 
 parse "$@"
-RESULTS=("$BUILD"/{ctest,python,checks,ledger}.xml)
+RESULTS=("$BUILD"/{ctest,python,checks}.xml)
 "$ROOT/tools/setup.sh"
 configure_and_build
 rm -f "${RESULTS[@]}"
 run_ctest
 run_both
-run_pytest ledger "$ROOT/tests/ledger"
 "$VENV/bin/python" "$ROOT/tools/count_tests.py" "${RESULTS[@]}"

@@ -144,14 +144,6 @@ def python_command(name: str, folder: Path, root: Path = ROOT) -> list[str]:
     return [sys.executable, str(root / HERE / "readers.py"), name, str(folder / "file")]
 
 
-def program_in(name: str, root: Path) -> list[str]:
-    """The command of a fuzzer made of a copy of the tree."""
-    if FUZZERS[name].is_python:
-        return python_command(name, root, root)
-    compile_c(FUZZERS[name], root / "program", root)
-    return [str(root / "program")]
-
-
 def program_of(name: str) -> list[str]:
     """The command of a fuzzer, built where its sources have changed."""
     fuzzer, folder = FUZZERS[name], home(name)

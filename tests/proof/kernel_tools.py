@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
-import planting
 from conftest import ROOT
 
 LIB = ROOT / "lib"
@@ -22,8 +22,10 @@ def header_number(name: str, file: Path) -> float:
 
 
 def copy_of_lib(tmp_path: Path) -> Path:
-    """lib/ and the C tests, to plant a fault in."""
-    return planting.copy(tmp_path, ("lib", "tests/lib", "tests/proof"))
+    """lib/ and the C tests, where a program of them is built."""
+    for part in ("lib", "tests/lib", "tests/proof"):
+        shutil.copytree(ROOT / part, tmp_path / part, dirs_exist_ok=True)
+    return tmp_path
 
 
 def build(top: Path, program: str, *words: str) -> Path:

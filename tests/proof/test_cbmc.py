@@ -12,10 +12,9 @@ from __future__ import annotations
 
 import re
 import subprocess
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
-import planting
 import pytest
 from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
@@ -133,125 +132,3 @@ def test_every_check_is_run() -> None:
         names += [f"check_{name}" for name in re.findall(r"^CHECK\((\w+),", text, re.MULTILINE)]
         assert names
         assert {(harness.name, name) for name in names} <= asked
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A change of one place of the sources, the check that sees it, and what that says."""
-
-    file: str
-    old: str
-    new: str
-    check: str
-    says: str
-    long: bool = True
-
-
-FAULTS = {
-    "dense_10": Fault(
-        "lib/gap.h", "DAHL_DENSE 8", "DAHL_DENSE 10", "move_digits", "dereference", long=False
-    ),
-    "no_far_moves": Fault(
-        "lib/counts_q30.c", "dcounts > DAHL_DENSE", "dcounts > 64", "step_counts_q30", "dereference"
-    ),
-    "shift_by_32": Fault("lib/kernel.h", "v.shift < 2)", "v.shift < 0)", "step", "shift"),
-    "tiny_too_far": Fault(
-        "lib/kernel.h", "v.shift < 64", "v.shift < 65", "step", "shift", long=False
-    ),
-    "gap_too_large": Fault(
-        "lib/gap.h",
-        "w, DAHL_ONE_Q30 + dahl_q30(w)",
-        "w, dahl_q30(w) - DAHL_ONE_Q30",
-        "update",
-        "overflow",
-        long=False,
-    ),
-    "past_the_target": Fault(
-        "lib/gap.h",
-        "w, DAHL_ONE_Q30 - dahl_q30(w)",
-        "w, DAHL_ONE_Q30 + 1u - dahl_q30(w)",
-        "update",
-        "forward, in range",
-    ),
-    "no_clamp": Fault(
-        "lib/change_plan.c",
-        "return product > DAHL_ONE_Q62 ? DAHL_ONE_Q62 : product;",
-        "return product;",
-        "change_plan",
-        "state in range",
-    ),
-    "shift_of_64": Fault(
-        "lib/change_plan.c", "shift < -63 ?", "shift < -64 ?", "change_plan", "shift"
-    ),
-    "no_limit_of_F": Fault(
-        "lib/set_torque.c", "shift > 63 ?", "shift > 64 ?", "set_torque", "shift"
-    ),
-    "table_too_long": Fault(
-        "lib/prepare.c", "n < TABLE; n++", "n <= TABLE; n++", "fill_table_ends", "dereference"
-    ),
-    "travel_unchecked": Fault(
-        "lib/prepare.c", ">= 50)", ">= 51)", "prepare", "a size that check_fill_table has had"
-    ),
-    "turn_unreduced": Fault(
-        "lib/encoder.c", "now %= counts_per_turn;", "", "counts_between", "the shortest way"
-    ),
-    "crc_of_9_bytes": Fault(
-        "port/frames.c", "size_t i = 1; i < 8;", "size_t i = 1; i < 9;", "crc", "dereference"
-    ),
-    "write_before_check": Fault(
-        "port/frames.c",
-        "result == FRAMES_GOOD) {\n        out->counter = frame->data[1] & 0x0F;\n"
-        "        out->valid",
-        "result != FRAMES_BAD_FORMAT) {\n"
-        "        out->counter = frame->data[1] & 0x0F;\n        out->valid",
-        "encoder",
-        "nothing written",
-    ),
-    "line_too_long": Fault(
-        "port/slcan/slcan.c",
-        "if (self->length < SLCAN_LINE_MAX)",
-        "if (self->length <= SLCAN_LINE_MAX)",
-        "slcan_take",
-        "bound",
-    ),
-    "element_too_long": Fault(
-        "port/socketcand/text.c",
-        "TEXT_ELEMENT_MAX - s->length",
-        "TEXT_ELEMENT_MAX + 1 - s->length",
-        "text_feed",
-        "room for its end",
-    ),
-    "nine_bytes_of_data": Fault(
-        "port/slcan/slcan.c", "if (length > 8u)", "if (length > 9u)", "slcan_take", "a bus carries"
-    ),
-}
-
-
-def planted(fault: Fault, folder: Path) -> Path:
-    """A copy of the sources with the fault."""
-    planting.edit(planting.copy(folder) / fault.file, fault.old, fault.new)
-    return folder
-
-
-@pytest.mark.parametrize(
-    "fault",
-    [
-        pytest.param(fault, id=name, marks=[pytest.mark.long] if fault.long else [])
-        for name, fault in FAULTS.items()
-    ],
-)
-def test_planted_fault_is_seen(fault: Fault, tmp_path: Path) -> None:
-    proof = next(each for each in PROOFS if each.function == f"check_{fault.check}")
-    wrong = failures(proof, planted(fault, tmp_path), tmp_path)
-    assert any(fault.says in line for line in wrong), wrong
-
-
-def test_planted_range_one_too_wide_is_seen(tmp_path: Path) -> None:
-    """The range is tight: from its upper end, which no call reaches, an update would overflow."""
-    planting.copy(tmp_path, ["lib"])
-    for file in ("cbmc_core.c", "cbmc_ranges.h", "products.h"):
-        text = (HERE / file).read_text()
-        (tmp_path / file).write_text(text.replace("w < STATE_END;", "w <= STATE_END;"))
-    proof = next(each for each in PROOFS if each.function == "check_update")
-    wide = replace(proof, harness=str(tmp_path / "cbmc_core.c"))
-    assert any("overflow on signed -" in line for line in failures(wide, tmp_path, tmp_path))

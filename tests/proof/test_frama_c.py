@@ -16,7 +16,6 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-import planting
 import pytest
 from conftest import need
 
@@ -117,67 +116,3 @@ def wp_goals(sources: Path, folder: Path) -> str:
 
 def test_frama_c_knows_what_a_product_is(root: Path, tmp_path: Path) -> None:
     assert wp_goals(root, tmp_path) == "all"
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A change of one place of the sources, the loop that shows it, and what Eva says."""
-
-    file: str
-    old: str
-    new: str
-    run: Run
-    says: str
-
-
-FAULTS = {
-    "shift_by_32": Fault("lib/kernel.h", "v.shift < 2)", "v.shift < 0)", TICKS, "shift"),
-    "entry_beyond_the_table": Fault(
-        "lib/gap.h", "#define DAHL_DENSE 8", "#define DAHL_DENSE 64", FAR, "out of bounds"
-    ),
-    "exponent_unbounded": Fault(
-        "lib/change_plan.c", "shift < -63 ?", "shift < -64 ?", FAR, "shift"
-    ),
-    "state_out_of_range": Fault(
-        "lib/far_angle.c",
-        "DAHL_ONE_Q62 : DAHL_ONE_Q62",
-        "DAHL_ONE_Q62 * 2u : DAHL_ONE_Q62 * 2u",
-        TICKS,
-        "shift",
-    ),
-    "no_far_moves": Fault(
-        "lib/counts.c", "dcounts < -DAHL_DENSE", "dcounts < -64", TICKS, "out of bounds"
-    ),
-    "table_of_the_crc": Fault(
-        "port/frames.c", "crc_table[crc ^ byte]", "crc_table[crc + byte]", NODE, "out of bounds"
-    ),
-    "settings_unchecked": Fault(
-        "host_sim/node.c",
-        "asked->param > FRAMES_PARAM_STATUS",
-        "asked->param > FRAMES_PARAM_STATUS + 1",
-        NODE,
-        "out of bounds read",
-    ),
-}
-QUICK = ("shift_by_32",)
-
-
-@pytest.mark.parametrize(
-    "fault",
-    [
-        pytest.param(fault, id=name, marks=[] if name in QUICK else [pytest.mark.long])
-        for name, fault in FAULTS.items()
-    ],
-)
-@pytest.mark.timeout(600)
-def test_planted_fault_is_seen_by_frama_c(fault: Fault, tmp_path: Path) -> None:
-    planting.edit(planting.copy(tmp_path) / fault.file, fault.old, fault.new)
-    found = alarms(fault.run, "that faults are seen", tmp_path)
-    assert any(fault.says in line for line in found), found
-
-
-@pytest.mark.long
-def test_planted_wrong_product_is_not_proven_by_frama_c(tmp_path: Path) -> None:
-    copy = planting.copy(tmp_path, ["lib"])
-    planting.edit(copy / "lib/multiply.h", "(uint64_t)a * b;", "(uint64_t)a * b + 1u;")
-    assert wp_goals(tmp_path, tmp_path) != "all"

@@ -8,14 +8,11 @@ values for which the compiled C itself gives what the solver says.
 
 from __future__ import annotations
 
-import ctypes
-import subprocess
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import planting
 import products
 import pytest
 import z3
@@ -310,87 +307,3 @@ def test_theorems_by_another_solver(compiled: Module, name: str) -> None:
 
 
 # ---------------------------------------------------------------- planted bugs
-
-
-PLANTED = [
-    ("range_forward", "gap.h", "DAHL_ONE_Q30 - dahl_q30(w)", "DAHL_ONE_Q30 + 1 - dahl_q30(w)"),
-    ("range_forward", "gap.h", "+ ((uint32_t)w >> 31)", "+ 0u"),
-    ("range_forward", "multiply.h", "+ dahl_mul(z, g_high)", "- dahl_mul(z, g_high)"),
-    ("range_backward", "gap.h", "DAHL_ONE_Q30 + dahl_q30(w)", "DAHL_ONE_Q30 + 1 + dahl_q30(w)"),
-    ("range_backward", "gap.h", "DAHL_ONE_Q30 + dahl_q30(w)", "DAHL_ONE_Q30 - dahl_q30(w)"),
-    ("range_q30", "gap.h", "(uint32_t)w >> 31", "(uint32_t)w >> 30"),
-    ("no_overflow_backward", "multiply.h", "dahl_mul(z, g_high) +", "2 * dahl_mul(z, g_high) +"),
-    ("identity", "multiply.h", "dahl_mul(z, g_high) +", "dahl_mul(z, g_high + 1) +"),
-    ("identity", "multiply.h", "(low < (uint32_t)w)", "(low <= (uint32_t)w)"),
-    ("saturation_forward", "gap.h", "+ ((uint32_t)w >> 31)", "+ 0u"),
-    ("saturation_backward", "gap.h", "+ ((uint32_t)w >> 31)", "+ 1u"),
-    ("whole_travel_forward", "gap.h", "- dahl_q30(w), g.hi, g.lo", "- dahl_q30(w), g.hi, 0u"),
-    ("whole_travel_backward", "multiply.h", ") + dahl_mulhi(z, g_low)", ")"),
-    ("odd_complement", "multiply.h", ") + dahl_mulhi(z, g_low)", ")"),
-    ("odd_negative", "gap.h", "+ ((uint32_t)w >> 31)", "+ 0u"),
-    ("low_product", "multiply.h", "dahl_mul(z, g_high);\n}", "dahl_mul(z, g_high - 1);\n}"),
-    ("monotone_low", "multiply.h", "(uint32_t)w + dahl_mulhi", "(uint32_t)w - dahl_mulhi"),
-    ("way_forward", "gap.h", "- dahl_q30(w), g.hi, g.lo", "- dahl_q30(w), g.lo, g.hi"),
-    ("way_backward", "gap.h", "ONE_Q30 + dahl_q30(w)", "ONE_Q30 - dahl_q30(w)"),
-    ("join_x", "prepare.c", "dahl_mulhi64(c_x, c_y) + 1", "dahl_mulhi64(c_x, c_y)"),
-    ("join_y", "prepare.c", "dahl_mulhi64(c_x, c_y) + 1", "dahl_mulhi64(c_x, c_y) + 2"),
-    ("check", "prepare.c", "field - least < most - least", "field - least <= most - least"),
-    ("check", "prepare.c", "bits != 0 && field", "field"),
-    ("counts_between", "encoder.c", "forward < backward", "forward <= backward"),
-    ("counts_between", "encoder.c", "    before %= counts_per_turn;\n", ""),
-    ("torque_saturates", "torque.h", "(product >> 7)", "(product >> 8)"),
-    ("torque_range", "torque.h", "top = next << zeros;", "top = next << (zeros + 1);"),
-    ("torque_range", "torque.h", "        w = 0u - w;\n", ""),
-]
-
-
-def library_with(folder: Path, file: str, old: str, new: str) -> Path:
-    """A copy of the library with a bug."""
-    copy = planting.copy(folder, ["lib"]) / "lib"
-    planting.edit(copy / file, old, new)
-    return copy
-
-
-def replay(steps: Steps, values: dict[str, int], library: Path, folder: Path) -> None:
-    """The compiled C gives what the solver says for these values."""
-    target = folder / "steps.so"
-    command = ["clang-19", "-std=c99", "-O1", "-shared", "-fPIC", f"-I{library}", str(STEPS)]
-    subprocess.run([*command, "-o", str(target)], check=True)
-    code = ctypes.CDLL(str(target))
-    numbers = [(z3.BitVec(n, b), z3.BitVecVal(v, b)) for n, v in values.items() for b in (32, 64)]
-    for name, call in steps.calls:
-        if not z3.is_false(z3.simplify(z3.substitute(call.fault, *numbers))):
-            continue  # undefined: any result is right
-        given = [z3.simplify(z3.substitute(as_term(a), *numbers)).as_long() for a in call.arguments]
-        kinds = [k for _, k in steps.module[name].parameters()]
-        words = [as_word(k)(a) for k, a in zip(kinds, given, strict=True)]
-        said = z3.simplify(z3.substitute(call.value, *numbers))
-        function = code[name]
-        function.restype = as_word(f"i{said.size()}")
-        assert function(*words) == said.as_long(), (name, given)
-
-
-def as_term(argument: Any) -> Any:
-    return z3.BitVecVal(argument, 64) if isinstance(argument, int) else argument
-
-
-def as_word(kind: str) -> Any:
-    return ctypes.c_uint64 if kind == "i64" else ctypes.c_uint32
-
-
-def bug_of(change: tuple[str, str, str, str]) -> Any:
-    """A planted bug as a parameter; as long as its theorem."""
-    marks = [pytest.mark.long] if change[0] in LONG else []
-    return pytest.param(change, id=f"{change[0]}-{change[2].strip()[:30]}", marks=marks)
-
-
-@pytest.mark.parametrize("bug", [bug_of(change) for change in PLANTED])
-def test_planted_theorems(tmp_path: Path, bug: tuple[str, str, str, str]) -> None:
-    need("clang-19", "one step")
-    name, *change = bug
-    library = library_with(tmp_path, *change)
-    steps = Steps(compile_c(STEPS, flags=PLAIN + CHECKED, include=[library]))
-    claim, given = THEOREMS[name](steps)
-    verdict = prove(claim, given, 60)
-    assert verdict.refuted, f"{name} holds in spite of the bug: {verdict}"
-    replay(steps, verdict.values or {}, library, tmp_path)

@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""What the static checks share: which files are the product, how they are compiled, and the list of
-deviations (deviations.toml), which says for each rule and file how many findings are meant.
-"""
+"""What the static checks share: which files are the product, and how they are compiled."""
 
 from __future__ import annotations
 
 import subprocess
-import tomllib
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 from conftest import ROOT
@@ -76,45 +70,7 @@ def clean(*command: object, cwd: Path | None = None) -> None:
     assert (status, text) == (0, ""), text
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One place where a tool objects."""
-
-    rule: str
-    file: str  # from the project's folder on
-    line: int
-    column: int
-
-    def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}: {self.rule}"
-
-
 def name_of(path: str, root: Path = ROOT) -> str:
     """A file's name from the project's folder on, or as it is."""
     place = Path(path)
     return str(place.relative_to(root)) if place.is_relative_to(root) else path
-
-
-def deviations(tool: str) -> dict[tuple[str, str], int]:
-    """How many findings of a tool are meant, by rule and file."""
-    listed = tomllib.loads((Path(__file__).parent / "deviations.toml").read_text())[tool]
-    return {
-        (rule, file): count for rule, entry in listed.items() for file, count in entry["in"].items()
-    }
-
-
-def differences(
-    findings: Iterable[Finding], listed: dict[tuple[str, str], int], files: Iterable[Path]
-) -> list[str]:
-    """What was found but is not meant, and what is listed for these files but was not found."""
-    places = set(findings)
-    found = Counter((place.rule, place.file) for place in places)
-    scope = {name_of(str(file)) for file in files}
-    meant = {key: count for key, count in listed.items() if key[1] in scope}
-    said = []
-    for rule, file in sorted(found.keys() | meant.keys()):
-        seen, allowed = found[rule, file], meant.get((rule, file), 0)
-        if seen != allowed:
-            lines = sorted(p.line for p in places if (p.rule, p.file) == (rule, file))
-            said.append(f"{file}: rule {rule}: {allowed} listed, {seen} found, in lines {lines}")
-    return said

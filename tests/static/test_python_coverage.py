@@ -75,30 +75,3 @@ def test_the_tests_run_the_package(tmp_path: Path) -> None:
     report = f"lines {lines:.1f} %, with branches {both:.1f} %\n" + "\n".join(missing)
     (BUILD.parent / "python-coverage.txt").write_text(report + "\n")
     assert min(lines, both) >= LEAST, report
-
-
-TRIED = "import pytest\nfrom planted import arguments\n\n\ndef test_it() -> None:\n{calls}"
-CALLS = """    assert arguments.whole(1, 9)("3") == 3
-    assert arguments.positive("2.5") == arguments.seconds("2.5") == 2.5
-    for text in ("x", "-1"):
-        with pytest.raises(Exception, match="not a number"):
-            arguments.positive(text)
-    with pytest.raises(Exception, match="not an integer"):
-        arguments.whole(1, 9)("12")
-"""
-
-
-def test_planted_untested_function_is_found(tmp_path: Path) -> None:
-    """Of two modules, one tested in each line, the other in none of a function."""
-    package = tmp_path / "planted"
-    package.mkdir()
-    (package / "__init__.py").write_text("from planted import lonely\n")
-    text = (ROOT / "tools" / "dahl" / "arguments.py").read_text()
-    (package / "arguments.py").write_text(text[: text.index("def add_output")])
-    (package / "lonely.py").write_text("def never(x):\n" + "    x += 1\n" * 9 + "    return x\n")
-    (tmp_path / "conftest.py").write_text("")
-    trial = tmp_path / "test_planted.py"
-    trial.write_text(TRIED.format(calls=CALLS))
-    lines, both, missing = verdict(measured(tmp_path, "planted", [trial], tmp_path))
-    assert max(lines, both) < LEAST
-    assert missing == ["planted/lonely.py: " + ", ".join(map(str, range(2, 12)))]

@@ -13,10 +13,8 @@ import json
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from graphlib import CycleError
 from pathlib import Path
 
-import planting
 import pytest
 import small_cores
 import static_tools as static
@@ -134,79 +132,3 @@ def test_receiver_links_no_heap_and_no_printing(name: str, firmware: Make) -> No
 
 
 # --- each fault is seen --------------------------------------------------------------------------
-
-
-def planted(tmp_path: Path, source: str) -> tuple[Firmware, Path]:
-    """A copy of lib/torque.c with more functions at its end, compiled for Cortex-M0."""
-    file = planting.copy(tmp_path, ["lib"]) / "lib/torque.c"
-    file.write_text(f"{file.read_text()}{source}\n")
-    return compiled("m0", [file], tmp_path), file
-
-
-PROTOTYPES = "int dahl_x(int n); int dahl_y(int n);\n"
-
-
-def test_planted_recursion_is_seen(tmp_path: Path) -> None:
-    made, _ = planted(
-        tmp_path,
-        PROTOTYPES
-        + """
-__attribute__((noinline)) int dahl_y(int n) { return dahl_x(n - 1) * n; }
-__attribute__((noinline)) int dahl_x(int n) { return n > 9 ? dahl_y(n) + dahl_y(n - 3) : n; }""",
-    )
-    with pytest.raises(CycleError):
-        made.calls.depths()
-
-
-def test_planted_array_of_unknown_size_is_seen(tmp_path: Path) -> None:
-    with pytest.raises(AssertionError, match="vla"):  # the build's own -Wvla
-        planted(
-            tmp_path, PROTOTYPES + "int dahl_x(int n) { volatile int y[n]; y[0] = n; return y[0]; }"
-        )
-
-
-def test_planted_alloca_is_seen(tmp_path: Path) -> None:
-    made, _ = planted(
-        tmp_path,
-        PROTOTYPES
-        + """
-int dahl_x(int n) { volatile int *y = __builtin_alloca((unsigned)n); y[0] = n; return y[0]; }""",
-    )
-    assert made.unbounded() == ["dahl_x"]
-
-
-def test_planted_large_frame_is_seen(tmp_path: Path) -> None:
-    made, _ = planted(
-        tmp_path,
-        PROTOTYPES
-        + """
-int dahl_y(int n) { volatile int y[40]; y[n] = n; return y[n / 2]; }
-int dahl_x(int n) { return dahl_y(n) + 1; }""",
-    )
-    assert made.calls.depths()["dahl_x"] > LIMITS["m0"]["stack_bytes"]
-
-
-PLANTED = {  # body, and a symbol that betrays it
-    "malloc": (
-        "void *malloc(unsigned n);\nvoid *dahl_x(unsigned n) { return malloc(n); }",
-        "malloc",
-    ),
-    "free": ("void free(void *p);\nvoid dahl_x(void *p) { free(p); }", "free"),
-    "double": ("double dahl_x(double x) { return x * x; }", "__aeabi_dmul"),
-    "float": ("float dahl_x(float x) { return x * x; }", "__aeabi_fmul"),
-    "libm": ("float expf(float x);\nfloat dahl_x(float x) { return expf(x); }", "expf"),
-    "printf": (
-        'int printf(const char *, ...);\nint dahl_x(int n) { return printf("%d", n); }',
-        "printf",
-    ),
-    "variable": ("int dahl_x(void) { static int n; return ++n; }", "n.0"),
-}
-
-
-@pytest.mark.parametrize("fault", PLANTED)
-def test_planted_symbol_is_seen(fault: str, tmp_path: Path) -> None:
-    source, symbol = PLANTED[fault]
-    name = re.search(r"\w+ \**dahl_x\([^)]*\)", source)
-    assert name
-    made, file = planted(tmp_path, f"{name[0]};\n{source}")
-    assert symbol in made.foreign([file], HELPERS)["torque"]

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import planting
 import pytest
 import static_tools as static
 from conftest import BUILD, ROOT, need
@@ -110,51 +109,3 @@ def test_any_frames_on_a_big_endian_core(tmp_path: Path) -> None:
 
 
 # --- each fault is seen --------------------------------------------------------------------------
-
-
-# A codec, receiver or library that asks for the processor's order: what sees it, and the change.
-ENDIAN = {
-    "port/frames.c": (
-        "port/test_frames",
-        "    to[0] = (uint8_t)bits;\n",
-        "    *(uint32_t *)(void *)to = bits;\n    return;\n",
-    ),
-    "host_sim/node.c": (
-        "port/test_node",
-        "return (uint8_t)(value & 0xFFu);",
-        "return *(const uint8_t *)&value;",
-    ),
-    "lib/prepare.c": (
-        "",
-        "    entry->hi = (uint32_t)(g >> 32);\n    entry->lo = (uint32_t)g;\n",
-        "    __builtin_memcpy(&entry->lo, &g, 4);\n"
-        "    __builtin_memcpy(&entry->hi, (char *)&g + 4, 4);\n",
-    ),
-}
-
-
-@pytest.mark.parametrize("file", ENDIAN)
-@pytest.mark.parametrize("name", ["big-endian", pytest.param("here", marks=pytest.mark.long)])
-def test_planted_byte_order_is_seen(file: str, name: str, tmp_path: Path) -> None:
-    """It fails on the big-endian core, and nothing is seen on this one: so that core is needed."""
-    test, old, new = ENDIAN[file]
-    planting.edit(planting.copy(tmp_path) / file, old, new)
-    machine = S390X if name == "big-endian" else Machine("gcc", ("-fno-strict-aliasing",))
-    sources = [tmp_path / path.relative_to(ROOT) for path in static.FIRMWARE]
-    if test:
-        good = unit(machine, test, tmp_path, sources)[0] == 0
-    else:
-        integer = [path for path in sources if path.parent.name == "lib" and path.name != "float.c"]
-        program = machine.build(tmp_path, ROOT / "tests/lib/bits.c", integer)
-        good = machine.run(program) == (0, GOLDEN.read_text())
-    assert good == (name == "here")
-
-
-@pytest.mark.long
-def test_planted_branch_of_another_compiler_is_seen(tmp_path: Path) -> None:
-    """A wrong constant in what only a compiler without GNU's extensions reads."""
-    planting.edit(planting.copy(tmp_path, ["lib"]) / "lib/bits.h", "zeros += 8;", "zeros += 7;")
-    sources = [tmp_path / "lib" / path.name for path in INTEGER]
-    for name, same in (("no 128-bit words", True), ("no GNU C", False)):
-        program = MACHINES[name].build(tmp_path, ROOT / "tests/lib/bits.c", sources)
-        assert (MACHINES[name].run(program)[1] == GOLDEN.read_text()) == same

@@ -49,7 +49,7 @@ FEW_TICKS = (
 
 def lib_sources(root: Path = ROOT) -> list[Path]:
     """All of lib/."""
-    return sorted(root.glob("lib/**/*.[ch]"))
+    return sorted(root.glob("lib/*.[ch]"))
 
 
 def all_sources(root: Path = ROOT) -> list[Path]:
@@ -117,16 +117,3 @@ def run_gcov(build: Build) -> None:
         old.unlink()
     for program in build.programs:
         call([str(program)], DAHL_CPU="")
-
-
-def link_alone(folder: Path, sources: Sequence[Path], build: Build) -> Path:
-    """One small program out of some sources, and for the rest the libraries of a build."""
-    unity = ROOT / "build/deps/unity"
-    program = folder / "program"
-    words = ["sh", str(COMPILER), build.compiler, "-std=c99", "-Werror", *build.flags.split()]
-    words += [f"-I{ROOT / name}" for name in ("lib/include", "port", "host_sim", "tests/lib", "tests/port")]
-    words += [f"-I{unity}", "-DUNITY_INCLUDE_DOUBLE", *FEW_TICKS.split()]
-    words += [f'-DTABLE_FILE="{ROOT}/host_sim/node.h"', "-o", str(program)]
-    libraries = ("libdahl_unity.a", "port/libdahl_port.a", "lib/libdahl.a")
-    call([*words, *map(str, sources), *(str(build.folder / name) for name in libraries), "-lm"])
-    return program
