@@ -49,7 +49,7 @@ FEW_TICKS = (
 
 def lib_sources(root: Path = ROOT) -> list[Path]:
     """All of lib/."""
-    return sorted(root.glob("lib/*.[ch]"))
+    return sorted(root.glob("lib/*/*.[ch]"))
 
 
 def all_sources(root: Path = ROOT) -> list[Path]:

@@ -26,7 +26,7 @@ PLAIN = coverage_build.Build(FOLDER / "plain", "clang-19", coverage_build.LLVM_F
 GCC_NATIVE = coverage_build.Build(FOLDER / "gcc", "gcc", coverage_build.GCOV_FLAGS, False)
 GCC_PLAIN = coverage_build.Build(FOLDER / "gcc_plain", "gcc", coverage_build.GCOV_FLAGS, True)
 
-# Features that batch_targets.h asks for, one more in each row; with these rows each of its
+# Features that cpu_dispatch.h asks for, one more in each row; with these rows each of its
 # conditions decides once.
 CPUS = [(), ("avx2",), ("avx2", "fma")]
 CPUS += [(*CPUS[2], "avx512bw"), (*CPUS[2], "avx512bw", "avx512dq")]
@@ -97,13 +97,13 @@ def expect_none(holes: list[str], of: str) -> None:
 
 
 def test_lines_branches_and_conditions(native: list[Path], tmp_path: Path) -> None:
-    """As this machine builds it, each road of batch_targets.h taken."""
+    """As this machine builds it, each road of cpu_dispatch.h taken."""
     profile = coverage_llvm.merge(native, tmp_path / "all.profdata")
     files = coverage_llvm.measure(profile, NATIVE.programs, coverage_build.all_sources())
     report(files)
     holes = unseen(files) + coverage_llvm.holes_of(files, ROOT)
     if not all(map(has, CPUS)):
-        holes = [hole for hole in holes if "batch_targets.h" not in hole]
+        holes = [hole for hole in holes if "cpu_dispatch.h" not in hole]
     expect_none(holes, "lib, codec and receiver")
 
 
@@ -114,8 +114,8 @@ def test_batches_with_each_set_of_vectors(native: list[Path], vectors: str, tmp_
         pytest.skip(f"unproven: {CLAIM} of the {vectors} batches: this processor has none")
     runs = [path for path in native if path.stem == f"batch_{name_of(VECTORS[vectors])}"]
     profile = coverage_llvm.merge(runs, tmp_path / "batch.profdata")
-    names = ("batch_channels.c", "batch_throughput.c", "batch_throughput_channels.c")
-    sources = [ROOT / "lib" / name for name in (*names, "batch_throughput.h")]
+    names = ("exact_channels.c", "fast.c", "fast_channels.c")
+    sources = [ROOT / "lib/batch" / name for name in (*names, "fast.h")]
     programs = [program for program in NATIVE.programs if program.name == "test_batch"]
     files = coverage_llvm.measure(profile, programs, sources)
     report(files)
