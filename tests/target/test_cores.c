@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: MIT */
+/* The tick written for this core returns the bits of the C that it stands for: random plans, states and moves, among them
+ * ties (the low word of w is 2^31), both ends of the range, and tables of only ones. */
+#include "dahl.h"
+
+#include <string.h>
+#include <unity.h>
+
+int32_t plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+
+#define dahl_step_counts_q30 plain_tick
+#include "../../lib/model/step_counts_q30.c"
+#undef dahl_step_counts_q30
+
+#define TRIALS 300000
+#define MOVES_PER_PLAN 60
+
+static uint64_t seed;
+
+void setUp(void)
+{
+    seed = 1;
+}
+
+void tearDown(void)
+{
+}
+
+/* splitmix64 */
+static uint64_t random64(void)
+{
+    uint64_t z = seed += 0x9e3779b97f4a7c15u;
+    z = (z ^ z >> 30) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ z >> 27) * 0x94d049bb133111ebu;
+    return z ^ z >> 31;
+}
+
+static uint32_t random_word(void)
+{
+    static const uint32_t ends[] = {0u, 1u, 0xffffu, 0x10000u, 0x7fffffffu, 0x80000000u, 0xffff0000u, 0xffffffffu};
+    uint64_t bits = random64();
+    return bits & 7u ? (uint32_t)(bits >> 32) : ends[bits >> 8 & 7u];
+}
+
+static dahl_plan_t random_plan(void)
+{
+    dahl_plan_t plan;
+    memset(&plan, 0, sizeof plan);
+    for (size_t k = 1; k < sizeof plan.g / sizeof plan.g[0]; k++) {
+        plan.g[k].hi = random_word();
+        plan.g[k].lo = random_word();
+    }
+    return plan;
+}
+
+/* -2^62 .. 2^62, sometimes a tie or within a few units of an end; and the 2^31 that a step can pass an end by. */
+static int64_t random_w(void)
+{
+    uint64_t bits = random64();
+    int64_t one = (int64_t)1 << 62, w = (int64_t)(random64() >> 1) - one;
+    switch (bits & 7u) {
+    case 0:
+        return (int64_t)(((uint64_t)w & ~(uint64_t)UINT32_MAX) | 0x80000000u);
+    case 1:
+        w = one + (int64_t)(bits >> 8 & 7u) - 3;
+        break;
+    case 2:
+        w = one + (int64_t)(bits >> 33);
+        break;
+    default:
+        return w;
+    }
+    return bits & 8u ? w : -w;
+}
+
+static int32_t random_move(void)
+{
+    uint64_t bits = random64();
+    return bits & 31u ? (int32_t)(bits >> 8 & 31u) - 15 : (int32_t)(bits >> 32);
+}
+
+static void test_tick_of_this_core_has_the_bits_of_the_c(void)
+{
+    dahl_plan_t plan = random_plan();
+    for (uint32_t trial = 0; trial < TRIALS; trial++) {
+        if (trial % MOVES_PER_PLAN == 0) {
+            plan = random_plan();
+        }
+        dahl_state_t ours = {random_w()}, plain = ours;
+        int32_t move = random_move();
+        int32_t q30 = dahl_step_counts_q30(&plan, &ours, move);
+        TEST_ASSERT_EQUAL_HEX32(plain_tick(&plan, &plain, move), q30);
+        TEST_ASSERT_TRUE(plain.w == ours.w); /* Unity has no 64 bits here */
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_tick_of_this_core_has_the_bits_of_the_c);
+    return UNITY_END();
+}
