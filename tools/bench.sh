@@ -1,16 +1,16 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
 # Usage: tools/bench.sh [--quick]
-#        tools/bench.sh target [--quick] [CORE...] | host [--quick] | report | readme [--check]
+#        tools/bench.sh target [--quick] [CORE...] | host [--quick] | report | docs
 #
-#   (none)   all of it: target, host, report and, but for --quick, the tables and pictures of README.md.
+#   (none)   all of it: target, host, report and, but for --quick, the tables and pictures of docs/.
 #            10 minutes on two cores, 1 with --quick
 #   target   counts instructions, bytes and stack on m0 m3 m4f m7 m33 rv32 (or those named) in QEMU, beside what else one
 #            could write; prints a table and writes build/bench/target.json. --quick leaves picolibc out.
 #   host     errors of every way against long double, speed on this machine, and rivals from outside (MuJoCo, Newton, SciPy,
 #            in a Python environment of their own); writes build/bench/host.json. --quick takes shorter motions.
 #   report   from these two files: build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg
-#   readme   report, and README.md; --check only says whether its tables would change
+#   docs     report, and the tables and pictures of docs/
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -18,8 +18,8 @@ source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 case "${1:-}" in
     -h | --help) usage; exit 0 ;;
     '' | --quick) command=all ;;
-    target | host | report | readme) command=$1; shift ;;
-    *) die "bench.sh knows target, host, report and readme, not '$1' (see --help)" ;;
+    target | host | report | docs) command=$1; shift ;;
+    *) die "bench.sh knows target, host, report and docs, not '$1' (see --help)" ;;
 esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
@@ -45,12 +45,12 @@ case "$command" in
     target) python target "$@" ;;
     host) rivals_from_outside; python host "$@" ;;
     report) python report "$@" ;;
-    readme) if [ "${1:-}" = --check ]; then python report --check; else python report --readme; fi ;;
+    docs) python report --docs ;;
     all)
         say "counting instructions on six cores"
         python target >"$BUILD/bench-target.log"
         rivals_from_outside
         python host "$@"
-        if [ $# -eq 0 ]; then python report --readme; else python report; fi
+        if [ $# -eq 0 ]; then python report --docs; else python report; fi
         ;;
 esac

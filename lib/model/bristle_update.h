@@ -10,7 +10,7 @@
  * Odd symmetry: backward mirrors forward bit for bit, except where w is a tie (its low word 2^31), which rounds up on both
  * sides. A rounding that mirrors there too costs an instruction a tick.
  * Error: z errs by 2^-31 of Fc at most. A step adds that times g and shrinks what was there by 1 - g, so over any motion
- * the sum stays below that, plus 2^-62/g for the truncated low product, plus what g errs: tests/proof/error_theorem.md. By
+ * the sum stays below that, plus 2^-62/g for the truncated low product, plus what g errs: docs/accuracy.md. By
  * angle, where g may be tiny, it comes as g + 2^-63 (kernel.h): at w = 0, where z = 2^30, that makes the truncation a
  * rounding to nearest.
  */

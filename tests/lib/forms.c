@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The README's table of the two forms: worst error of the torque over 1e6 ticks of each hard motion, against long double.
+ * The table of docs/model.md: worst error of the torque over 1e6 ticks of each hard motion, against long double.
  * Prints Markdown. Errors of the float form are of this machine's libm, so they are rounded to one digit.
  */
 #include <stdio.h>

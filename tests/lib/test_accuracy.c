@@ -26,7 +26,7 @@ static long double larger(long double a, long double b)
     return a > b ? a : b;
 }
 
-/* tests/proof/error_theorem.md for a travel u of one count; the header has its worst. */
+/* docs/accuracy.md for a travel u of one count; the header has its worst. */
 static long double q30_bound(double u)
 {
     long double bound = 0x1p-30L + 5 * 0x1p-64L / (long double)u + 0x1p-38L;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""error_theorem.md: its constants against measured worst cases, its sums against the header."""
+"""docs/accuracy.md: its constants against measured worst cases, its sums against the header."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mpmath import mp, mpf
 
 mp.prec = 220
 HEADER = ROOT / "lib" / "include" / "dahl.h"
-THEOREM = Path(__file__).parent / "error_theorem.md"
+THEOREM = ROOT / "docs" / "accuracy.md"
 COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the table
 ONE = 2**62
 LEAST_TRAVEL = mpf(2) ** -30

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Theorems about one step, for every state and every 64-bit g, on the code that clang makes of the
-library (steps.c). theorems.md says them in words, and why one step suffices.
+library (steps.c). docs/verification.md says them in words, and why one step suffices.
 
 Each is seen to bite: a planted bug (a copy of the library with one line changed) must refute it, by
 values for which the compiled C itself gives what the solver says.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Joins build/bench/target.json and host.json: writes results.json, pareto.png, .svg, growth.png,
-.svg beside them and says on the terminal what came out. `--readme` also puts tables and pictures
-into README.md and .readme/; `--check` only says whether that would change a table.
+.svg beside them and says on the terminal what came out. `--docs` also puts tables and pictures into
+docs/.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from results import CORES
 from target import OUT, ROOT, BenchError
 
 RESULT = OUT / "results.json"
-PICTURES = ("pareto.png", "growth.png")  # of the README; their .svg stay beside them
+PICTURES = ("pareto.png", "growth.png")  # of docs/speed.md; their .svg stay beside them
+DOCS = ROOT / "docs"
 WAYS_MARKS = ("<!-- bench:ways -->", "<!-- /bench:ways -->")
 HOST_MARKS = ("<!-- bench:host -->", "<!-- /bench:host -->")
 
@@ -42,7 +43,7 @@ def shown_cost(value: float) -> str:
 
 
 def ways_table(target: dict[str, Any], host: dict[str, Any]) -> str:
-    """Error and instructions of every way, as the block of the README; alike on every machine."""
+    """Error and instructions of every way, as the block of docs/speed.md; the same everywhere."""
     cores = [core for core in CORES if core in target]
     by_core = {core: results.core_points(target, host, core) for core in cores}
     head = [
@@ -120,20 +121,17 @@ def show(result: dict[str, Any]) -> None:
     console.print(f"of our points, {len(result['dominated'])} are beaten in both axes")
 
 
-def replaced(text: str, marks: tuple[str, str], block: str) -> str:
+def replaced(page: Path, marks: tuple[str, str], block: str) -> str:
+    """The page's text with the block between two marks as it is now."""
+    text = page.read_text()
     start, end = text.find(marks[0]), text.find(marks[1])
     if start < 0 or end < 0:
-        raise BenchError(f"README.md lacks the lines {marks[0]} and {marks[1]}")
+        raise BenchError(f"{page.relative_to(ROOT)} lacks the lines {marks[0]} and {marks[1]}")
     return text[:start] + block + text[end + len(marks[1]) :]
 
 
-def with_tables(text: str, target: dict[str, Any], host: dict[str, Any], measured: bool) -> str:
-    """The README's text with its tables as counted now; and what the host measured, if asked."""
-    text = table.replaced(text, table.markdown(target))
-    text = replaced(text, WAYS_MARKS, ways_table(target, host))
-    if measured:
-        text = replaced(text, HOST_MARKS, host_block(results.combine(target, host)))
-    return text
+def write_block(page: Path, marks: tuple[str, str], block: str) -> None:
+    target_bench.put(page, replaced(page, marks, block).encode())
 
 
 def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
@@ -145,41 +143,34 @@ def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
             figures.save(figure, OUT / f"{name}.{kind}")
 
 
-def write_readme(target: dict[str, Any], host: dict[str, Any]) -> None:
+def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
+    """Tables and pictures of docs/, of one run."""
     if host["quick"]:
-        raise BenchError("build/bench/host.json is of a quick run; the README wants a whole one")
-    text = with_tables(table.README.read_text(), target, host, measured=True)
+        raise BenchError("build/bench/host.json is of a quick run; docs/ wants a whole one")
+    write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
+    write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
+    write_block(DOCS / "speed.md", WAYS_MARKS, ways_table(target, host))
+    write_block(DOCS / "speed.md", HOST_MARKS, host_block(results.combine(target, host)))
     for name in PICTURES:
-        target_bench.put(ROOT / ".readme" / name, (OUT / name).read_bytes())
-    target_bench.put(table.README, text.encode())
-    print("bench: README.md and .readme/ written")
-
-
-def check(target: dict[str, Any], host: dict[str, Any]) -> int:
-    text = table.README.read_text()
-    same = with_tables(text, target, host, measured=False) == text
-    print("README.md is up to date" if same else "README.md differs: run tools/bench.sh")
-    return int(not same)
+        target_bench.put(DOCS / "pictures" / name, (OUT / name).read_bytes())
+    print("bench: tables of README.md and docs/, and docs/pictures/ written")
 
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="tools/bench.sh report", description=__doc__.split("\n\n")[0]
     )
-    parser.add_argument("--readme", action="store_true", help="write README.md and .readme/ too")
-    parser.add_argument("--check", action="store_true", help="only compare the README's tables")
+    parser.add_argument("--docs", action="store_true", help="write tables and pictures of docs/")
     options = parser.parse_args(arguments)
     target = load(target_bench.RESULT, "target")
     host = load(host_bench.RESULT, "host")
-    if options.check:
-        return check(target, host)
     result = results.combine(target, host)
     draw(target, host)
     target_bench.write(RESULT, result)
     show(result)
     print("bench: build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg written")
-    if options.readme:
-        write_readme(target, host)
+    if options.docs:
+        write_docs(target, host)
     return 0
 
 

@@ -1,22 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""The counts as a table: on the terminal, and as the block of README.md between the two comments of
-MARKS.
-
-`table.py` rewrites that block from build/bench/target.json; `table.py --check` only says whether it
-would change.
-"""
+"""The counts as a table: on the terminal, and as the block of docs/microcontroller.md."""
 
 from __future__ import annotations
 
-import json
-import re
 import sys
-from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[2]
-README = ROOT / "README.md"
-RESULT = ROOT / "build" / "bench" / "target.json"
 MARKS = ("<!-- bench:target -->", "<!-- /bench:target -->")
 
 ROWS = [
@@ -68,7 +57,7 @@ def show(result: dict[str, dict[str, Any]]) -> None:
 
 
 def markdown(result: dict[str, dict[str, Any]]) -> str:
-    """The same as the block of the README, marks included."""
+    """The same as the block of that page, marks included."""
     head = ["instructions per call, entry to return", *(core["core"] for core in result.values())]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(result)]
     lines += ["| " + " | ".join([title, *cells(result, key)]) + " |" for title, key in ROWS]
@@ -78,30 +67,21 @@ def markdown(result: dict[str, dict[str, Any]]) -> str:
     return "\n".join([MARKS[0], *lines, "", note, MARKS[1]])
 
 
-def replaced(text: str, block: str) -> str:
-    """README text with its block replaced; the text itself where it has no block."""
-    return re.sub(f"{MARKS[0]}.*?{MARKS[1]}", lambda _: block, text, flags=re.DOTALL)
+SHORT_MARKS = ("<!-- bench:short -->", "<!-- /bench:short -->")
+SHORT_ROWS = [  # title, key, worst error
+    ("`dahl_step_counts_q30`, one count: F/Fc in Q30", "one_count_q30", "1.21e-9 of Fc"),
+    ("`dahl_step_counts`, one count: F in N m", "one_count_float", "0.52 ulp of Fc"),
+    ("`dahl_step`, by angle: F in N m", "angle_worst", "0.6 ulp of Fc"),
+    ("newlib `expm1f` step", "newlib_expm1f", "grows with each reversal"),
+]
 
 
-def main(arguments: list[str]) -> int:
-    if not RESULT.exists():
-        print("error: no build/bench/target.json; run tools/bench.sh target first", file=sys.stderr)
-        return 2
-    text = README.read_text()
-    if MARKS[0] not in text or MARKS[1] not in text:
-        print(f"error: README.md lacks the lines {MARKS[0]} and {MARKS[1]}", file=sys.stderr)
-        return 2
-    new = replaced(text, markdown(json.loads(RESULT.read_text())))
-    if "--check" in arguments:
-        print(
-            "README.md is up to date"
-            if new == text
-            else "README.md differs: run tools/bench.sh readme"
-        )
-        return int(new != text)
-    README.write_text(new)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+def short(result: dict[str, dict[str, Any]]) -> str:
+    """Three cores and the worst error, as the block of README.md."""
+    cores = {name: result[name] for name in ("m0", "m3", "m4f")}
+    head = ["", *(core["core"] for core in cores.values()), "worst error"]
+    lines = ["| " + " | ".join(head).strip() + " |", "|---|" + "---:|" * len(cores) + "---|"]
+    lines += [
+        f"| {title} | {' | '.join(cells(cores, key))} | {e} |" for title, key, e in SHORT_ROWS
+    ]
+    return "\n".join([SHORT_MARKS[0], *lines, SHORT_MARKS[1]])
