@@ -191,7 +191,7 @@ def test_scene_without_measurement_says_so(run_dahl, tmp_path):
 def test_without_any_log_it_says_so_and_runs_steering(run_dahl, tmp_path):
     """No folder has the sets, and the address they would come from is a closed port."""
     script = (
-        "import sys, pathlib, dahl.places as p, dahl.data as d\n"
+        "import sys, pathlib, dahl.paths as p, dahl.data as d\n"
         "real = d.places\n"
         "class Elsewhere:\n    ROOT = pathlib.Path(sys.argv.pop(1))\n"
         "d.places = Elsewhere\n"

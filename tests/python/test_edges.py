@@ -14,9 +14,22 @@ from types import SimpleNamespace
 import can
 import numpy as np
 import pytest
-from dahl import Error, RunError, bus, cli, core, data, firmware, loop, places, report, scene
+from dahl import (
+    Error,
+    RunError,
+    bus,
+    cli,
+    core,
+    data,
+    firmware,
+    loop,
+    paths,
+    plan_header,
+    report,
+    scene,
+)
 from dahl.commands import demo, identify
-from dahl.identify import fit, follow, header, many, output, readers, study, sweep
+from dahl.identify import fit, follow, many, output, pipeline, readers, sweep
 from dahl.identify.log import Log
 from identify_tools import caller, synthetic
 from log_writers import DBC
@@ -187,18 +200,18 @@ def test_programs_that_are_not_built_are_named(monkeypatch, tmp_path):
     monkeypatch.setenv("DAHL_BUILD_DIR", str(tmp_path))
     monkeypatch.delenv("DAHL_LOOP", raising=False)
     with pytest.raises(RunError, match="dahl-loop is not there; build it"):
-        places.loop_program()
+        paths.loop_program()
 
 
 def test_the_bus_description_or_header_that_is_gone_is_named(monkeypatch, tmp_path):
-    monkeypatch.setattr(places, "DBC", tmp_path / "gone.dbc")
-    monkeypatch.setattr(places, "ROOT", tmp_path)
+    monkeypatch.setattr(paths, "DBC", tmp_path / "gone.dbc")
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
     with pytest.raises(RunError, match=r"gone\.dbc: No such file"):
         report.database.__wrapped__()
     with pytest.raises(RunError, match=r"dahl\.h: No such file"):
-        header.plan_type.__wrapped__()
+        plan_header.plan_type.__wrapped__()
     with pytest.raises(RunError, match="no struct dahl_plan_t"):
-        header._structure("typedef struct { int x; } other_t;", "dahl_plan_t")
+        plan_header._structure("typedef struct { int x; } other_t;", "dahl_plan_t")
 
 
 # --- firmware -------------------------------------------------------------------------------------
@@ -316,7 +329,7 @@ def test_frames_lost_are_noted_under_the_table(monkeypatch, tmp_path, root):
     numbers = {"bus": "socketcand", "interrupted": False, "frames_lost": 3}
     known = {"r2_measured": None, "rmse_measured": None, "max_error_ulp_Fc": None}
     monkeypatch.setattr(report, "summary", lambda *_: known)
-    monkeypatch.setattr("dahl.picture.draw", lambda *_: None)
+    monkeypatch.setattr("dahl.plots.draw", lambda *_: None)
     trace = SimpleNamespace(row=np.arange(4))
     demo._keep(tmp_path, played, trace, None, numbers, console)
     assert said[-1].startswith("note    3 frames had no answer")
@@ -329,7 +342,7 @@ def test_a_log_beyond_memory_is_one_line(run_dahl, monkeypatch, tmp_path):
     def full(*_: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(study, "identify", full)
+    monkeypatch.setattr(pipeline, "identify", full)
     monkeypatch.setattr(identify, "_readable", lambda *_: ([synthetic(1, rows=100)], []))
     done = run_dahl("identify", tmp_path / "x.csv")
     assert (done.returncode, done.stdout) == (1, "")
@@ -339,7 +352,7 @@ def test_a_log_beyond_memory_is_one_line(run_dahl, monkeypatch, tmp_path):
 def test_a_look_too_early_is_no_end(tmp_path):
     (tmp_path / "bus.dbc").write_text(DBC)
     source = readers.Source("Angle", "Torque", dbc=tmp_path / "bus.dbc")
-    result, why = follow._look(follow.signals_of(source), source, study.Options())
+    result, why = follow._look(follow.signals_of(source), source, pipeline.Options())
     assert result is None
     assert "valid frames" in why
 
@@ -360,7 +373,7 @@ def test_a_name_without_letters_is_refused():
 def test_a_plan_and_a_scene_of_a_log_without_an_encoder(tmp_path):
     log = synthetic(1, rows=3000, cycles=5)
     log.resolution = 0.0
-    result = study.identify([log])
+    result = pipeline.identify([log])
     result.logs[0].resolution = 0.0
     assert "no encoder: this plan is for dahl_step()" in output.header(result, "bare")
     output.write_scene(result, "bare", tmp_path)

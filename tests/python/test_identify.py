@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dahl.identify import clean, fit, path, study, sweep
+from dahl.identify import clean, fit, path, pipeline, sweep
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
 from scipy.integrate import solve_ivp
 from scipy.stats import t as student
@@ -23,7 +23,7 @@ def errors_and_cover(seeds: int, **kind: float) -> tuple[np.ndarray, np.ndarray]
     """Relative errors of sigma0 and Fc, and whether their intervals hold the truth: (seeds, 2)."""
     errors, held = [], []
     for seed in range(seeds):
-        found = study.identify([synthetic(seed, **kind)]).estimate
+        found = pipeline.identify([synthetic(seed, **kind)]).estimate
         errors.append((found.sigma0 / SIGMA0 - 1, found.Fc / FC - 1))
         pairs = ((found.ci95["sigma0"], SIGMA0), (found.ci95["Fc"], FC))
         held.append([one.low <= truth <= one.high for one, truth in pairs])
@@ -67,7 +67,7 @@ def test_error_and_cover_of_200_seeds(shared):
 
 
 def test_a_good_log_is_identifiable_without_further_terms():
-    result = study.identify([synthetic(5)])
+    result = pipeline.identify([synthetic(5)])
     assert result.verdict.identifiable == {"sigma0": True, "Fc": True}
     assert result.verdict.text == "sigma0 and Fc identifiable"
     assert result.estimate.terms == {}
@@ -84,7 +84,7 @@ def test_a_term_that_is_there_is_found(term, size):
     columns = {"offset": 0, "spring": 1, "viscous": 2, "inertia": 3}
     log.zero = float(log.theta[0])
     log.torque = log.torque + size * sweep.columns_of(log)[:, columns[term]]
-    found = study.identify([log]).estimate
+    found = pipeline.identify([log]).estimate
     assert term in found.terms
     assert found.terms[term] == pytest.approx(size, rel=0.1)
     assert found.Fc == pytest.approx(FC, rel=0.03)
@@ -101,7 +101,7 @@ def sweeping(seed: int):
 
 
 def test_terms_that_are_asked_for_are_fitted_and_no_others():
-    result = study.identify([synthetic(1)], study.Options(terms=("offset", "viscous")))
+    result = pipeline.identify([synthetic(1)], pipeline.Options(terms=("offset", "viscous")))
     assert list(result.estimate.terms) == ["offset", "viscous"]
     assert abs(result.estimate.terms["offset"]) < 0.01 * FC
 
@@ -113,7 +113,7 @@ def test_the_state_at_the_first_row_is_estimated():
     rows = slice(start, start + 1800)
     late = replace(whole, theta=whole.theta[rows], torque=whole.torque[rows], time=whole.time[rows])
     assert abs(late.torque[:50].mean()) > 0.9 * FC
-    result = study.identify([late])
+    result = pipeline.identify([late])
     assert result.delay == 0
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.04)
     first = np.abs(late.torque - result.predicted[0])[:50]
@@ -129,7 +129,7 @@ def test_torque_spikes_weigh_less():
     log = synthetic(3)
     hit = np.random.default_rng(0).choice(log.rows, 100, replace=False)
     log.torque[hit] += 20 * FC
-    result = study.identify([log])
+    result = pipeline.identify([log])
     assert result.estimate.Fc == pytest.approx(FC, rel=0.005)
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
     assert any("disagree with their neighbours" in note for note in result.notes)
@@ -139,8 +139,8 @@ def test_angle_spikes_are_named_and_taken_out():
     log = synthetic(4)
     hit = np.random.default_rng(0).choice(log.rows, 60, replace=False)
     log.theta[hit] += 0.02
-    raw = study.identify([log], study.Options(median=1)).estimate
-    result = study.identify([log])
+    raw = pipeline.identify([log], pipeline.Options(median=1)).estimate
+    result = pipeline.identify([log])
     assert result.median > 1
     assert any("turns back at once" in note for note in result.notes)
     assert abs(result.estimate.sigma0 / SIGMA0 - 1) < 0.05 < abs(raw.sigma0 / SIGMA0 - 1)
@@ -150,20 +150,20 @@ def test_angle_spikes_are_named_and_taken_out():
 def test_a_delay_is_found(rows):
     log = synthetic(5)
     log.torque = clean.shifted(log.torque, -rows)
-    result = study.identify([log])
+    result = pipeline.identify([log])
     assert result.delay == pytest.approx(rows, abs=0.6)
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.03)
 
 
 def test_no_delay_is_made_up():
-    assert study.identify([synthetic(6)]).delay == 0
+    assert pipeline.identify([synthetic(6)]).delay == 0
 
 
 def test_backlash_is_named_and_its_travel_not_counted():
     theta, gap = sine(1, amplitude=0.08), 0.01
     torque = with_play(theta, gap) + 0.02 * FC * noise_of(1, len(theta))
     log = replace(synthetic(1), theta=theta, torque=torque, resolution=0.0)
-    result = study.identify([log])
+    result = pipeline.identify([log])
     assert result.backlash == pytest.approx(gap, rel=0.35)
     assert "backlash" in result.verdict.text
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.15)
@@ -192,15 +192,15 @@ def test_a_bilinear_loop_is_called_so():
         ratio = min(max(ratio + SIGMA0 / FC * move, -1), 1)
         drawn.append(FC * ratio)
     log = replace(synthetic(2), torque=np.array(drawn) + 0.02 * FC * noise_of(2, len(theta)))
-    assert "loop is bilinear" in study.identify([log]).verdict.text
-    assert "bilinear" not in study.identify([synthetic(2)]).verdict.text
+    assert "loop is bilinear" in pipeline.identify([log]).verdict.text
+    assert "bilinear" not in pipeline.identify([synthetic(2)]).verdict.text
 
 
 def test_presliding_below_the_encoder_resolution():
     theta = sine(3, amplitude=0.5)
     torque = dahl_torque(theta, sigma0=8000.0) + 0.05 * FC * noise_of(3, len(theta))
     log = replace(synthetic(3), theta=np.round(theta / COUNT) * COUNT, torque=torque)
-    verdict = study.identify([log]).verdict
+    verdict = pipeline.identify([log]).verdict
     assert not verdict.sigma0
     assert verdict.Fc
     assert "presliding below encoder resolution" in verdict.text
@@ -209,7 +209,7 @@ def test_presliding_below_the_encoder_resolution():
 def test_friction_that_never_slips():
     theta = sine(3, amplitude=0.0004)
     torque = dahl_torque(theta) + 0.01 * FC * noise_of(3, len(theta))
-    verdict = study.identify(
+    verdict = pipeline.identify(
         [replace(synthetic(3), theta=theta, torque=torque, resolution=0.0)]
     ).verdict
     assert not verdict.Fc
@@ -217,33 +217,33 @@ def test_friction_that_never_slips():
 
 
 def test_few_reversals_are_named():
-    result = study.identify([synthetic(1, cycles=2.5)])
+    result = pipeline.identify([synthetic(1, cycles=2.5)])
     assert "only 5 reversals" in result.verdict.text
 
 
 def test_noise_alone_is_nothing():
     log = replace(synthetic(1), torque=noise_of(1, 10_000))
-    verdict = study.identify([log]).verdict
+    verdict = pipeline.identify([log]).verdict
     assert verdict.identifiable == {"sigma0": False, "Fc": False}
 
 
 def test_the_other_sign_is_put_right_and_said():
     log = synthetic(1)
-    result = study.identify([replace(log, torque=-log.torque)])
+    result = pipeline.identify([replace(log, torque=-log.torque)])
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
     assert any("other sign" in note for note in result.notes)
 
 
 def test_several_logs_in_one_fit():
     logs = [synthetic(seed, rows=4000, cycles=4) for seed in range(3)]
-    together, alone = study.identify(logs).estimate, study.identify(logs[:1]).estimate
+    together, alone = pipeline.identify(logs).estimate, pipeline.identify(logs[:1]).estimate
     assert together.sigma0 == pytest.approx(SIGMA0, rel=0.01)
     assert together.ci95["sigma0"].relative(1) < alone.ci95["sigma0"].relative(1)
 
 
 def test_what_the_encoder_hides_widens_the_interval():
     """A shared error adds its variance: along a chord of the profile, Student's t times it."""
-    found, terms = study.Study([synthetic(1)]).search(())
+    found, terms = pipeline.Study([synthetic(1)]).search(())
     bare, some, more = (fit.estimate(found, terms, hidden) for hidden in (0.0, 0.01, 0.02))
     t = student.ppf(0.975, bare.blocks - 1)
     for name in ("sigma0", "a"):
@@ -260,36 +260,36 @@ def test_an_interval_holds_its_own_estimate(noise):
     theta = sine(1, rows=3000, cycles=5)
     torque = dahl_torque(theta) + noise * FC * noise_of(1, len(theta))
     log = replace(synthetic(1), theta=theta, torque=torque, time=None, resolution=0.0)
-    found = study.identify([log]).estimate
+    found = pipeline.identify([log]).estimate
     for name, one in found.ci95.items():
         assert one.low <= getattr(found, name) <= one.high
         assert one.relative(getattr(found, name)) < 1e-3
 
 
 def test_what_the_encoder_hides_reaches_the_answer(monkeypatch):
-    whole = study.identify([synthetic(1)])
+    whole = pipeline.identify([synthetic(1)])
     assert whole.inner
-    monkeypatch.setattr(study, "HIDDEN", 0.0)
-    bare = study.identify([synthetic(1)])
+    monkeypatch.setattr(pipeline, "HIDDEN", 0.0)
+    bare = pipeline.identify([synthetic(1)])
     widths = [one.estimate.ci95["sigma0"].relative(1) for one in (whole, bare)]
     assert widths[0] > 1.01 * widths[1]
 
 
 def test_a_log_not_fitted_is_predicted():
-    result = study.identify([synthetic(0)])
-    assert study.check(result, synthetic(1)) > 0.99
+    result = pipeline.identify([synthetic(0)])
+    assert pipeline.check(result, synthetic(1)) > 0.99
     other = replace(synthetic(1), torque=2 * synthetic(1).torque)
-    assert study.check(result, other) < 0.9
+    assert pipeline.check(result, other) < 0.9
 
 
 def test_a_log_not_fitted_is_cleaned_as_those_that_were():
     turned = [replace(synthetic(seed), torque=-synthetic(seed).torque) for seed in (0, 1)]
-    assert study.check(study.identify(turned[:1]), turned[1]) > 0.99
+    assert pipeline.check(pipeline.identify(turned[:1]), turned[1]) > 0.99
     theta = sine(1, amplitude=0.08)
     torque = with_play(theta, 0.01) + 0.02 * FC * noise_of(1, len(theta))
     loose = replace(synthetic(1), theta=theta, torque=torque, resolution=0.0)
-    result = study.identify([loose])
-    assert study.check(result, loose) > 0.98  # 0.945 with the flat zone counted as travel
+    result = pipeline.identify([loose])
+    assert pipeline.check(result, loose) > 0.98  # 0.945 with the flat zone counted as travel
 
 
 def test_pieces_and_blocks_add_up(monkeypatch):
@@ -311,7 +311,7 @@ def test_the_fit_is_the_least_squares_one():
     from scipy.optimize import least_squares
 
     log = synthetic(8, rows=3000, cycles=6)
-    found = fit.point(*study.Study([log]).search(["offset"]))
+    found = fit.point(*pipeline.Study([log]).search(["offset"]))
 
     def residual(p: np.ndarray) -> np.ndarray:
         drawn = dahl_torque(log.theta, p[0], p[1]) + p[2]

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from dahl import Error
-from dahl.identify import readers, study
+from dahl.identify import pipeline, readers
 from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, synthetic, write_csv
 from log_writers import DBC, FRAMES
 
@@ -98,7 +98,7 @@ def test_constant_angle_and_torque(run_dahl, log):
 def test_clipped_torque(run_dahl, log):
     said = refused(run_dahl, log(torque=np.clip(TORQUE, -0.35, 0.35)))
     assert "torque is clipped at" in said
-    study.identify([synthetic(1)])  # a torque that is not clipped passes
+    pipeline.identify([synthetic(1)])  # a torque that is not clipped passes
 
 
 def test_swapped_columns(run_dahl, log):

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error, scene
-from dahl.identify import design, study
+from dahl.identify import design, pipeline
 from dahl.identify.log import Log
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque
 
@@ -41,7 +41,7 @@ def test_the_interval_asked_for_is_reached(within):
     motion = design.propose(replace(WANTED, within=within))
     errors, widths = [], []
     for seed in range(12):
-        result = study.identify([measured(motion, seed)])
+        result = pipeline.identify([measured(motion, seed)])
         errors.append(abs(result.estimate.sigma0 / SIGMA0 - 1))
         widths.append(result.estimate.ci95["sigma0"].relative(SIGMA0))
     assert np.median(errors) < within
@@ -55,7 +55,7 @@ def test_a_quarter_of_the_motion_is_not_enough():
     widths = [
         np.median(
             [
-                study.identify([measured(one, seed)]).estimate.ci95["sigma0"].relative(SIGMA0)
+                pipeline.identify([measured(one, seed)]).estimate.ci95["sigma0"].relative(SIGMA0)
                 for seed in range(5)
             ]
         )

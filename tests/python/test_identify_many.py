@@ -11,8 +11,8 @@ import can
 import cantools
 import numpy as np
 import pytest
-from dahl import RunError, places
-from dahl.identify import follow, many, readers, study
+from dahl import RunError, paths
+from dahl.identify import follow, many, pipeline, readers
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, write_csv
 from log_writers import DBC
 from loop_tools import serving
@@ -48,7 +48,7 @@ def all_of(folder, kept, jobs=1, dask=None) -> tuple[dict, int]:
 
 
 def kept_in(place) -> many.Kept:
-    return many.Kept(place, readers.Source(), study.Options())
+    return many.Kept(place, readers.Source(), pipeline.Options())
 
 
 def test_a_broken_log_stops_nothing_and_what_is_done_is_not_done_again(folder, tmp_path):
@@ -77,7 +77,7 @@ def test_a_changed_log_or_option_is_done_again(folder, tmp_path):
         file.write("3.0,0.1,0.1\n")
     _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
     assert earlier == 3
-    other = many.Kept(tmp_path / "kept", readers.Source(), study.Options(terms=("offset",)))
+    other = many.Kept(tmp_path / "kept", readers.Source(), pipeline.Options(terms=("offset",)))
     assert all_of(folder, other)[1] == 0
 
 
@@ -162,7 +162,7 @@ def test_following_stops_when_the_interval_is_small_enough(source):
     result = follow.follow(
         frames(20_000, 0.03),
         source,
-        study.Options(),
+        pipeline.Options(),
         0.01,
         lambda rows, found, why: looks.append((rows, found, why)),
     )
@@ -174,7 +174,7 @@ def test_following_stops_when_the_interval_is_small_enough(source):
 
 
 def test_following_ends_with_the_frames(source):
-    result = follow.follow(frames(1500, 0.1), source, study.Options(), 1e-4, lambda *_: None)
+    result = follow.follow(frames(1500, 0.1), source, pipeline.Options(), 1e-4, lambda *_: None)
     assert result.logs[0].rows > 1400
 
 
@@ -192,7 +192,7 @@ def test_following_a_bus_with_python_can(source, monkeypatch):
         sender = threading.Thread(target=send)
         sender.start()
         result = follow.follow(
-            received(bus, Stop(), None, 2400), source, study.Options(), 1e-4, lambda *_: None
+            received(bus, Stop(), None, 2400), source, pipeline.Options(), 1e-4, lambda *_: None
         )
         sender.join()
     assert result.logs[0].rows > 1100
@@ -205,7 +205,7 @@ def test_following_a_running_loop(tmp_path, run_dahl):
     words = ("--angle", "Count", "--angle-unit", "counts", "--counts-per-turn", "16384")
     with serving(tmp_path / "run", tmp_path / "loop.ini", "--wait-clients", "1") as (_, port):
         bus = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", port)
-        signals = ("--dbc", places.ROOT / "port" / "dahl.dbc", *words, "--torque", "TorqueRatio")
+        signals = ("--dbc", paths.ROOT / "port" / "dahl.dbc", *words, "--torque", "TorqueRatio")
         out = ("--torque-unit", "Nm", "--within", "2", "--seconds", "30", "-o", tmp_path / "out")
         done = run_dahl("identify", "--follow", *bus, *signals, *out)
     assert done.returncode == 0, done.stderr

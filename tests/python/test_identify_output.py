@@ -14,8 +14,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 from conftest import built
-from dahl import core, places, scene
-from dahl.identify import header, output, study
+from dahl import core, paths, plan_header, scene
+from dahl.identify import output, pipeline
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic, write_csv
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -36,7 +36,7 @@ int main(void)
 
 @pytest.fixture(scope="module")
 def found():
-    return study.identify([synthetic(1)])
+    return pipeline.identify([synthetic(1)])
 
 
 def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
@@ -70,7 +70,7 @@ def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
     "params", [(SIGMA0, FC, COUNT), (36449.1, 2.69, 1e-7), (3.0, 7.5, 0.0), (1.0, 2e3, 1e-3)]
 )
 def test_the_plan_is_that_of_dahl_prepare(tmp_path, root, params):
-    text = header.text("shaft", core.Plan(*params), ["for a test"])
+    text = plan_header.text("shaft", core.Plan(*params), ["for a test"])
     (tmp_path / "dahl_plan_shaft.h").write_text(text)
     assert compiled(tmp_path, root, *params).returncode == 0
     (tmp_path / "dahl_plan_shaft.h").write_text(text.replace("_mantissa = ", "_mantissa = 1u + "))
@@ -102,7 +102,7 @@ def test_no_plan_where_it_cannot_be_trusted(tmp_path):
     log = synthetic(1)
     log.torque = noise_of(1, log.rows)
     (tmp_path / "dahl_plan_noise.h").write_text("an old one")
-    files = output.write_all(study.identify([log]), "noise", tmp_path)
+    files = output.write_all(pipeline.identify([log]), "noise", tmp_path)
     assert all(path.suffix != ".h" for path in files)
     assert not (tmp_path / "dahl_plan_noise.h").exists()
 
@@ -131,7 +131,7 @@ def test_an_interrupted_run_leaves_whole_files(found, tmp_path, monkeypatch):
 def test_json_has_no_infinity(tmp_path):
     log = synthetic(1)
     log.torque = noise_of(1, log.rows)
-    text = output.as_json(study.identify([log]))
+    text = output.as_json(pipeline.identify([log]))
     assert json.loads(text, parse_constant=pytest.fail)
 
 
@@ -207,7 +207,7 @@ def test_help_is_quick_to_import(run_dahl):
         text=True,
         timeout=60,
         check=True,
-        cwd=places.ROOT,
+        cwd=paths.ROOT,
         env=os.environ,
     )
     assert loaded.stdout.strip() == "[]"

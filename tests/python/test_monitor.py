@@ -16,7 +16,7 @@ import time
 import pytest
 from crccheck.crc import Crc8Autosar
 from dahl import Error, logs, report
-from dahl.view import View
+from dahl.monitor_view import View
 
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5}
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dahl import picture, report
+from dahl import plots, report
 from dahl.scene import Measured, Recorded, Scene
 
 
@@ -15,7 +15,7 @@ from dahl.scene import Measured, Recorded, Scene
 def drawn(monkeypatch, tmp_path):
     """The figure of a short run with a measurement, and what went into it."""
     figures = []
-    monkeypatch.setattr(picture, "save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
     measured = Measured("T", offset=0.25, angle_scale=1000.0, label_angle="way [mm]")
     scene = Scene(Path("x.ini"), "x", 50.0, 0.5, 1e-4, measured=measured)
     count, rows = np.arange(100, 400), np.arange(300) * 2
@@ -31,7 +31,7 @@ def drawn(monkeypatch, tmp_path):
         missing=0,
     )
     recorded = Recorded(np.sin(np.arange(600)), np.arange(600) * 0.005, 600)
-    picture.draw(tmp_path / "x.png", scene, trace, recorded)
+    plots.draw(tmp_path / "x.png", scene, trace, recorded)
     return figures[0], scene, trace, recorded
 
 
@@ -40,10 +40,10 @@ def test_each_panel_has_both_curves(drawn):
     truth, modelled = recorded.torque[trace.row], report.modelled(scene, trace)
     for axes in figure.axes:
         curves = {line.get_color(): line.get_ydata() for line in axes.lines}
-        start = len(truth) - len(curves[picture.MEASURED])
+        start = len(truth) - len(curves[plots.MEASURED])
         assert start == 0 or axes is figure.axes[2]
-        assert set(curves[picture.MEASURED]) <= set(truth)
-        assert set(curves[picture.COMPUTED]) <= set(modelled)
+        assert set(curves[plots.MEASURED]) <= set(truth)
+        assert set(curves[plots.COMPUTED]) <= set(modelled)
     assert np.array_equal(figure.axes[0].lines[0].get_ydata(), truth)
     assert np.array_equal(figure.axes[0].lines[1].get_ydata(), modelled)
     legend = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dahl.identify import design, fit, path, study, sweep, units
+from dahl.identify import design, fit, path, pipeline, sweep, units
 from dahl.identify.log import Log, resolution_of
 from hypothesis import strategies as st
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
@@ -18,22 +18,24 @@ from law_tools import holds, modes
 pytestmark = pytest.mark.usefixtures("library")
 
 ROWS = 1500
-OPTIONS = study.Options(trust_units=True)
+OPTIONS = pipeline.Options(trust_units=True)
 seeds = st.integers(0, 10_000)
 factors = st.floats(-2, 2).map(lambda power: float(10**power))
 paths = st.lists(st.floats(-1, 1), min_size=1, max_size=200).map(np.array)
 steepness = st.floats(-2, 3).map(lambda power: float(10**power))
 
 
-def found_in(*logs: Log) -> study.Result:
-    return study.identify(logs, OPTIONS)
+def found_in(*logs: Log) -> pipeline.Result:
+    return pipeline.identify(logs, OPTIONS)
 
 
 def short(seed: int) -> Log:
     return synthetic(seed, rows=ROWS, cycles=5)
 
 
-def agree(one: study.Result, other: study.Result, sigma0: float, Fc: float, within: float) -> None:  # noqa: N803
+def agree(
+    one: pipeline.Result, other: pipeline.Result, sigma0: float, Fc: float, within: float
+) -> None:  # noqa: N803
     """`other` is `one` with its parameters and their intervals times these factors."""
     for name, factor in (("sigma0", sigma0), ("Fc", Fc)):
         first, second = one.estimate, other.estimate
@@ -78,7 +80,7 @@ def test_another_origin_changes_nothing(examples):
             log, theta=log.theta + counts * COUNT, torque=log.torque + up, time=log.time + later
         )
         one, other = (
-            study.identify([each], replace(OPTIONS, terms=("offset",))) for each in (log, moved)
+            pipeline.identify([each], replace(OPTIONS, terms=("offset",))) for each in (log, moved)
         )
         agree(one, other, 1.0, 1.0, 1e-5)
         changed = other.estimate.terms["offset"] - one.estimate.terms["offset"]

@@ -16,7 +16,7 @@ import pytest
 from dahl import Error, logs
 from dahl.identify import readers, units
 from dahl.identify.log import Log
-from dahl.view import View
+from dahl.monitor_view import View
 from hypothesis import assume
 from hypothesis import strategies as st
 from law_tools import holds, modes

@@ -22,7 +22,7 @@ from typing import TypeVar
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402  (the number of threads comes first)
-from dahl.identify import path, study  # noqa: E402
+from dahl.identify import path, pipeline  # noqa: E402
 from dahl.identify.log import Log  # noqa: E402
 from scipy.integrate import solve_ivp  # noqa: E402
 from scipy.optimize import least_squares  # noqa: E402
@@ -90,9 +90,9 @@ def main() -> None:
     parser.add_argument("--short", type=int, default=5_000, help="of the log of the comparison")
     args = parser.parse_args()
     short = synthetic(args.short, args.short / 1000)
-    options = study.Options(terms=(), delay=False, median=1)
-    study.identify([short], options)  # everything is loaded
-    ours, result = timed(lambda: study.identify([short], options))
+    options = pipeline.Options(terms=(), delay=False, median=1)
+    pipeline.identify([short], options)  # everything is loaded
+    ours, result = timed(lambda: pipeline.identify([short], options))
     theirs, (sigma0, Fc, calls) = timed(lambda: by_solve_ivp(short))  # noqa: N806
     print(
         f"{args.short} rows: identify {ours:.3f} s, sigma0 {result.estimate.sigma0:.3f},"
@@ -104,7 +104,7 @@ def main() -> None:
     )
     long = synthetic(args.rows, args.rows / 5000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    whole, result = timed(lambda: study.identify([long]))
+    whole, result = timed(lambda: pipeline.identify([long]))
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     print(
         f"{args.rows} rows: identify {whole:.2f} s, everything tried,"

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from dahl import places
+from dahl import paths
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
@@ -44,7 +44,7 @@ def _number(text: str, low: float, high: float) -> float:
 
 def add_output(parser: argparse._ActionsContainer) -> None:
     """-o, the folder that identification leaves its files in."""
-    folder = places.ROOT / "build" / "identify"
+    folder = paths.ROOT / "build" / "identify"
     parser.add_argument(
         "-o", "--output", type=Path, default=folder, metavar="FOLDER", help="where files go"
     )

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dahl import Error, arrays, places
+from dahl import Error, arrays, paths
 from dahl.arrays import INT32_MAX, INT32_MIN
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
@@ -42,7 +42,7 @@ class _Params(ctypes.Structure):
 @cache
 def library() -> ctypes.CDLL:
     """libdahl.so with the types of its functions. Raises dahl.RunError when it is not built."""
-    lib = ctypes.CDLL(str(places.library()))
+    lib = ctypes.CDLL(str(paths.library()))
     plan, state, f32, i32 = ctypes.c_void_p, ctypes.POINTER(State), ctypes.c_float, ctypes.c_int32
     array, size, many = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
     for name, result, *arguments in (

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from dahl import Error, RunError, places
+from dahl import Error, RunError, paths
 
 SOURCE = "https://raw.githubusercontent.com/{repo}/{commit}/{path}"  # or $DAHL_DATA_URL
 TIMEOUT = 15  # s without an answer
@@ -153,7 +153,7 @@ def local_folder(name: str) -> Path | None:
     named(name)
     roots: list[str | Path | None] = [
         os.environ.get("DAHL_DATA"),
-        places.ROOT.parent / "shared" / "data",
+        paths.ROOT.parent / "shared" / "data",
     ]
     for root in roots:
         if root and (Path(root) / name).is_dir():

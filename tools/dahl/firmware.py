@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from dahl import Error, RunError, places
+from dahl import Error, RunError, paths
 
 PATIENCE = 20.0  # s for QEMU to listen
 PAGE_WRITTEN = 0x4C484144  # "DAHL", see node_image.c
@@ -45,14 +45,14 @@ def build(core: str) -> Path:
     """Configure and build the image of one core; returns it."""
     if core not in BOARDS:
         raise Error(f"--target {core}: one of {' '.join(BOARDS)} was expected")
-    folder = places.ROOT / "build" / core
+    folder = paths.ROOT / "build" / core
     for command in (
         ["cmake", "--preset", core],
         ["cmake", "--build", str(folder), "--target", "node_image"],
     ):
         try:
             done = subprocess.run(
-                command, cwd=places.ROOT, capture_output=True, text=True, check=False, timeout=300
+                command, cwd=paths.ROOT, capture_output=True, text=True, check=False, timeout=300
             )
         except FileNotFoundError:
             raise RunError("cmake is not installed; tools/setup.sh installs it") from None

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from dahl import Error, RunError, places
+from dahl import Error, RunError, paths
 from dahl.bus import VCAN, candump_line, open_bus, received
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class Program:
         self.role, self.summary = role, setup.folder / f"{role}.json"
         self.summary.unlink(missing_ok=True)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
-        command = [places.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
+        command = [paths.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
         command += ["--summary", self.summary, *_options(setup, role), *extra]
         self.process = subprocess.Popen(
             [str(word) for word in command],

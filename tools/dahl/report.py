@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dahl import Error, RunError, places, protection, reference
+from dahl import Error, RunError, paths, protection, reference
 from dahl.scene import Measured, Recorded, Scene
 
 if TYPE_CHECKING:
@@ -65,9 +65,9 @@ def database() -> cantools.database.Database:
     import cantools
 
     try:
-        return cast("cantools.database.Database", cantools.database.load_file(places.DBC))
+        return cast("cantools.database.Database", cantools.database.load_file(paths.DBC))
     except OSError as error:
-        raise RunError(f"{places.DBC}: {error.strerror}") from None
+        raise RunError(f"{paths.DBC}: {error.strerror}") from None
 
 
 def _states() -> Mapping[int, object]:

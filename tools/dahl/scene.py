@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dahl import Error, logs, places
+from dahl import Error, logs, paths
 
 SECTIONS = (
     "scene",
@@ -84,10 +84,10 @@ def find(name: str) -> Path:
     """A shipped scene by name, or a scene file by path. Raises dahl.Error that lists the shipped
     ones.
     """
-    for path in (places.SCENES / f"{name}.ini", Path(name)):
+    for path in (paths.SCENES / f"{name}.ini", Path(name)):
         if path.is_file():
             return path
-    known = ", ".join(sorted(path.stem for path in places.SCENES.glob("*.ini")))
+    known = ", ".join(sorted(path.stem for path in paths.SCENES.glob("*.ini")))
     raise Error(f"no scene '{name}' (shipped: {known}; or give the path of a scene file)")
 
 

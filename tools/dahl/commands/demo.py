@@ -15,7 +15,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, places
+from dahl import Error, paths
 from dahl.arguments import seconds, whole
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
     )
     parser.add_argument(
-        "--output", type=Path, default=places.DEMO, metavar="FOLDER", help="where the files go"
+        "--output", type=Path, default=paths.DEMO, metavar="FOLDER", help="where the files go"
     )
 
 
@@ -205,7 +205,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
     """Which bus, which node and which clock, said before anything is started."""
     from dahl import bus, loop
 
-    places.loop_program()  # built?
+    paths.loop_program()  # built?
     alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
     chosen, why = bus.choose(args.bus or ("socketcand" if args.target or alone else None))
     if alone:
@@ -227,7 +227,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
         raise Error(f"--target goes with --bus socketcand, not {setup.bus}")
     image = firmware.build(args.target)
     board = firmware.BOARDS[args.target].machine
-    console.print(f"node    {image.relative_to(places.ROOT)} on {board} in QEMU, by slcan")
+    console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = firmware.hub(args.output)
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
@@ -249,7 +249,7 @@ def _keep(
     console: Any,
 ) -> None:
     """Summary, picture and table; each file is replaced only once its successor is whole."""
-    from dahl import picture, report
+    from dahl import plots, report
 
     numbers |= report.summary(scene, trace, recorded, numbers)
     part = folder / "summary.json.part"
@@ -261,7 +261,7 @@ def _keep(
     caption += f"{len(trace.row)} ticks over {numbers['bus']}"
     if numbers["r2_measured"] is not None:
         caption += f", R² = {numbers['r2_measured']:.4f}"
-    picture.draw(folder / "loop.png", scene, trace, recorded, caption, numbers)
+    plots.draw(folder / "loop.png", scene, trace, recorded, caption, numbers)
     console.print(_table(numbers, scene))
     console.print(
         "files   "

@@ -24,8 +24,8 @@ from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
     from dahl.identify.log import Log
+    from dahl.identify.pipeline import Options, Result
     from dahl.identify.readers import Source
-    from dahl.identify.study import Options, Result
 
 HELP = "from a measured log to sigma0 and Fc"
 EXAMPLE = """examples:
@@ -130,7 +130,7 @@ def source_of(args: argparse.Namespace) -> Source:
 
 def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
-    from dahl.identify.study import Options
+    from dahl.identify.pipeline import Options
     from dahl.identify.sweep import CORE
     from dahl.logs import meant
 
@@ -144,7 +144,7 @@ def options_of(args: argparse.Namespace) -> Options:
 
 
 def run(args: argparse.Namespace) -> int:
-    from dahl.identify import output, readers, study
+    from dahl.identify import output, pipeline, readers
 
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
@@ -155,12 +155,12 @@ def run(args: argparse.Namespace) -> int:
     source, options = source_of(args), options_of(args)
     logs, broken = _readable(args, source, options)
     try:
-        result = study.identify(logs, options)
+        result = pipeline.identify(logs, options)
     except MemoryError:
         rows = sum(log.rows for log in logs)
         raise RunError(f"{rows} rows do not fit into memory (100 bytes a row)") from None
     for path in args.check:
-        result.checks[str(path)] = study.check(result, readers.read(path, source))
+        result.checks[str(path)] = pipeline.check(result, readers.read(path, source))
     _report(args, result, output.identifier(args.name or args.logs[0].stem))
     return 2 if broken else 0
 

@@ -21,7 +21,7 @@ from dahl.bus import add_bus_arguments
 if TYPE_CHECKING:
     import can
 
-    from dahl.view import View
+    from dahl.monitor_view import View
 
 HELP = "live view of a node in the terminal"
 EXAMPLE = """examples:
@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
     from dahl.bus import open_from, received
     from dahl.loop import Stop
-    from dahl.view import View
+    from dahl.monitor_view import View
 
     console = Console()
     view = View(args.node, args.window, args.dbc)

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import logs, picture, report, scene
+    from dahl import logs, plots, report, scene
 
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
     trace = report.trace_of(logs.read_candump(log))
     output = args.output or folder / "loop.png"
-    picture.draw(output, played, trace, _recorded(played, known), "", known)
+    plots.draw(output, played, trace, _recorded(played, known), "", known)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 

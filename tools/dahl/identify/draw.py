@@ -11,10 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
-from dahl import picture
+from dahl import plots
 from dahl.identify.fit import dense_of, profile_of
-from dahl.identify.study import Result
-from dahl.picture import COMPUTED, MEASURED
+from dahl.identify.pipeline import Result
+from dahl.plots import COMPUTED, MEASURED
 
 POINTS = 20_000  # drawn of a long log
 
@@ -24,7 +24,7 @@ def draw(path: Path, result: Result) -> None:
     log, estimate = result.logs[0], result.estimate
     predicted = result.predicted[0]
     some = slice(0, log.rows, max(log.rows // POINTS, 1))
-    with plt.rc_context(picture.STYLE):
+    with plt.rc_context(plots.STYLE):
         figure = plt.figure(figsize=(11, 11), layout="constrained")
         loop, rest, cost = figure.subplots(3, 1, height_ratios=(2.4, 1, 1.2))
         angle = (log.theta - log.theta[0])[some]
@@ -42,7 +42,7 @@ def draw(path: Path, result: Result) -> None:
             f"sigma0 = {estimate.sigma0:.4g} {log.slope_unit}, Fc = {estimate.Fc:.4g} {log.unit}"
         )
         figure.suptitle(title, fontsize=15, fontweight="bold", x=0.01, ha="left")
-        picture.save(figure, path)
+        plots.save(figure, path)
 
 
 def _profile(axes: Axes, result: Result) -> None:

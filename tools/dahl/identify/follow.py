@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from dahl import Error
-from dahl.identify import study, verdict
+from dahl.identify import pipeline, verdict
+from dahl.identify.pipeline import Options, Result
 from dahl.identify.readers import Signals, Source
-from dahl.identify.study import Options, Result
 
 if TYPE_CHECKING:
     import can
@@ -39,7 +39,7 @@ def follow(
             show(rows(signals), result, why)
             if result is not None and small_enough(result, within):
                 return result
-    return study.identify([signals.log("bus", source)], options)
+    return pipeline.identify([signals.log("bus", source)], options)
 
 
 def signals_of(source: Source) -> Signals:
@@ -56,7 +56,7 @@ def signals_rows(signals: Signals) -> int:
 
 def _look(signals: Signals, source: Source, options: Options) -> tuple[Result | None, str]:
     try:
-        result = study.identify([signals.log("bus", source)], options)
+        result = pipeline.identify([signals.log("bus", source)], options)
     except Error as error:  # too little motion as yet
         return None, str(error)
     return result, result.verdict.text

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from dahl import Error, RunError, __version__
-from dahl.identify import output, readers, study
+from dahl.identify import output, pipeline, readers
+from dahl.identify.pipeline import Options
 from dahl.identify.readers import Source
-from dahl.identify.study import Options
 
 ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | readers.CAN_LOGS
 PATIENCE = 10.0  # s for a cluster to answer
@@ -37,7 +37,7 @@ def logs_in(folder: Path) -> list[Path]:
 def one(path: Path, source: Source, options: Options) -> dict[str, Any]:
     """The numbers of one log, or {"error": why not}; raises nothing that is the log's fault."""
     try:
-        return output.numbers(study.identify([readers.read(path, source)], options))
+        return output.numbers(pipeline.identify([readers.read(path, source)], options))
     except Error as error:
         return {"error": str(error)}
 

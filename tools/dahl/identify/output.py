@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl import Error
-from dahl.identify import study
+from dahl.identify import pipeline
 from dahl.identify.log import Log
-from dahl.identify.study import Result
+from dahl.identify.pipeline import Result
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -141,8 +141,8 @@ def identifier(name: str) -> str:
 
 def header(result: Result, name: str) -> str:
     """dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() refuses."""
+    from dahl import plan_header
     from dahl.core import Plan
-    from dahl.identify import header as printed
 
     log = result.logs[0]
     plan = Plan(result.estimate.sigma0, result.estimate.Fc, log.resolution)
@@ -154,7 +154,7 @@ def header(result: Result, name: str) -> str:
     ]
     if not log.resolution:
         comment.append("The log shows no encoder: this plan is for dahl_step() alone.")
-    return printed.text(name, plan, comment)
+    return plan_header.text(name, plan, comment)
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
@@ -163,7 +163,7 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
     rows = slice(0, REPLAYED)
     drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
     rest = {term: value for term, value in estimate.terms.items() if term not in drawn}
-    torque = (log.torque - study.extra(log, rest))[rows]
+    torque = (log.torque - pipeline.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
     columns = np.column_stack((theta, torque))

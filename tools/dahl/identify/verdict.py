@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dahl.identify.study import Result
+    from dahl.identify.pipeline import Result
 
 WIDE = 0.3  # half width of the interval over the value
 BETTER = 0.85  # of Coulomb's held-out cost, that Dahl's must be below

@@ -10,7 +10,7 @@ import re
 from functools import cache
 from typing import Any
 
-from dahl import RunError, places
+from dahl import RunError, paths
 from dahl.core import Plan
 
 WORDS = {
@@ -32,7 +32,7 @@ LINE = 96  # characters
 def plan_type() -> type[ctypes.Structure]:
     """dahl_plan_t as lib/dahl.h declares it."""
     try:
-        text = (places.ROOT / "lib" / "include" / "dahl.h").read_text(encoding="utf-8")
+        text = (paths.ROOT / "lib" / "include" / "dahl.h").read_text(encoding="utf-8")
     except OSError as error:
         raise RunError(f"{error.filename}: {error.strerror}") from None
     return _structure(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL), "dahl_plan_t")

@@ -14,7 +14,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderResult
 from rich.table import Table
 from rich.text import Text
 
-from dahl import Error, places, protection
+from dahl import Error, paths, protection
 
 if TYPE_CHECKING:
     import can
@@ -159,7 +159,7 @@ def _messages(dbc: Path | None) -> list[Message]:
     """Those of a bus description that has what is shown. Raises dahl.Error."""
     import cantools
 
-    path = dbc or places.DBC
+    path = dbc or paths.DBC
     try:
         database = cantools.database.load_file(path)
         found: list[Message] = list(getattr(database, "messages", []))
