@@ -31,6 +31,7 @@ from dahl import (
 from dahl.commands import demo, identify
 from dahl.identify import fit, follow, many, output, pipeline, readers, sweep
 from dahl.identify.log import Log
+from dahl.interrupt import Stop
 from identify_tools import caller, synthetic
 from log_writers import DBC
 
@@ -108,7 +109,7 @@ def test_an_interface_that_fails_while_it_receives_is_one_line():
         raise can.CanOperationError("cable out")
 
     with pytest.raises(RunError, match="the bus has gone: cable out"):
-        next(bus.received(SimpleNamespace(recv=fail), loop.Stop()))
+        next(bus.received(SimpleNamespace(recv=fail), Stop()))
 
 
 @pytest.mark.parametrize(
@@ -186,7 +187,7 @@ def test_no_frame_for_long_ends_a_run(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, "received", lambda *_: iter([None]))
     program = program_of(Deaf(), tmp_path)
     with pytest.raises(RunError, match="no frame on the bus"):
-        loop._record(None, None, program, program, loop.Stop(), lambda _: None)
+        loop._record(None, None, program, program, Stop(), lambda _: None)
 
 
 def test_a_summary_that_is_no_json_counts_as_none(tmp_path):

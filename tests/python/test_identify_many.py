@@ -180,7 +180,7 @@ def test_following_ends_with_the_frames(source):
 
 def test_following_a_bus_with_python_can(source, monkeypatch):
     from dahl.bus import open_bus, received
-    from dahl.loop import Stop
+    from dahl.interrupt import Stop
 
     def send() -> None:
         with can.Bus(interface="virtual", channel="follow", preserve_timestamps=True) as bus:

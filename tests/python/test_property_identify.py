@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from dahl.identify import design, fit, path, pipeline, sweep, units
 from dahl.identify.log import Log, resolution_of
+from dahl.identify.result import Result
 from hypothesis import strategies as st
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
 from law_tools import holds, modes
@@ -25,7 +26,7 @@ paths = st.lists(st.floats(-1, 1), min_size=1, max_size=200).map(np.array)
 steepness = st.floats(-2, 3).map(lambda power: float(10**power))
 
 
-def found_in(*logs: Log) -> pipeline.Result:
+def found_in(*logs: Log) -> Result:
     return pipeline.identify(logs, OPTIONS)
 
 
@@ -33,9 +34,7 @@ def short(seed: int) -> Log:
     return synthetic(seed, rows=ROWS, cycles=5)
 
 
-def agree(
-    one: pipeline.Result, other: pipeline.Result, sigma0: float, Fc: float, within: float
-) -> None:  # noqa: N803
+def agree(one: Result, other: Result, sigma0: float, Fc: float, within: float) -> None:  # noqa: N803
     """`other` is `one` with its parameters and their intervals times these factors."""
     for name, factor in (("sigma0", sigma0), ("Fc", Fc)):
         first, second = one.estimate, other.estimate

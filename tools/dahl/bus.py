@@ -21,7 +21,7 @@ from dahl import Error, RunError
 if TYPE_CHECKING:
     import can
 
-    from dahl.loop import Stop
+    from dahl.interrupt import Stop
 
 VCAN = "vcan0"
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"

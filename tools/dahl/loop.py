@@ -22,6 +22,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from dahl import Error, RunError, paths
 from dahl.bus import VCAN, candump_line, open_bus, received
+from dahl.interrupt import Stop
 
 if TYPE_CHECKING:
     import can
@@ -30,29 +31,6 @@ PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
 DRAIN = 0.3  # s to go on recording after the encoder has ended
 SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
 SILENCE = 10.0  # s without any frame, after which a run has failed
-
-
-class Stop:
-    """Set by Ctrl-C or SIGTERM while it is entered; a second Ctrl-C then ends the program at
-    once.
-    """
-
-    def __init__(self) -> None:
-        self.asked = False
-
-    def __enter__(self) -> Stop:
-        self._before = {
-            number: signal.signal(number, self._ask) for number in (signal.SIGINT, signal.SIGTERM)
-        }
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _ask(self, number: int, _: object) -> None:
-        self.asked = True
-        signal.signal(number, signal.default_int_handler)
 
 
 @dataclass

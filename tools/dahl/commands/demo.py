@@ -179,6 +179,7 @@ def _play(
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from dahl import logs, loop, report
+    from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
     ticks = _expected(args, recorded)
@@ -188,7 +189,7 @@ def _play(
         TextColumn("{task.completed:.0f} ticks"),
         TimeElapsedColumn(),
     )
-    with loop.Stop() as stop, Progress(*columns, console=console) as progress:
+    with Stop() as stop, Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=ticks)
         numbers = loop.run(
             setup,

@@ -24,8 +24,9 @@ from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
     from dahl.identify.log import Log
-    from dahl.identify.pipeline import Options, Result
+    from dahl.identify.pipeline import Options
     from dahl.identify.readers import Source
+    from dahl.identify.result import Result
 
 HELP = "from a measured log to sigma0 and Fc"
 EXAMPLE = """examples:
@@ -231,7 +232,7 @@ def _follow(args: argparse.Namespace) -> int:
     """Identify what comes over a bus until it is known well enough."""
     from dahl.bus import open_from, received
     from dahl.identify import follow, output
-    from dahl.loop import Stop
+    from dahl.interrupt import Stop
 
     source = source_of(args)
     follow.signals_of(source)  # a bad DBC is named before any bus is opened

@@ -52,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
     from rich.live import Live
 
     from dahl.bus import open_from, received
-    from dahl.loop import Stop
+    from dahl.interrupt import Stop
     from dahl.monitor_view import View
 
     console = Console()

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     from dahl.bus import candump_line, open_from, received
-    from dahl.loop import Stop
+    from dahl.interrupt import Stop
 
     frames = 0
     with open_from(args) as bus, Stop() as stop, args.output.open("w", buffering=1) as log:

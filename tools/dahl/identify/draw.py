@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from dahl import plots
 from dahl.identify.fit import dense_of, profile_of
-from dahl.identify.pipeline import Result
+from dahl.identify.result import Result
 from dahl.plots import COMPUTED, MEASURED
 
 POINTS = 20_000  # drawn of a long log

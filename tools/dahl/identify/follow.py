@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from dahl import Error
 from dahl.identify import pipeline, verdict
-from dahl.identify.pipeline import Options, Result
+from dahl.identify.pipeline import Options
 from dahl.identify.readers import Signals, Source
+from dahl.identify.result import Result
 
 if TYPE_CHECKING:
     import can

@@ -17,7 +17,7 @@ import numpy as np
 from dahl import Error
 from dahl.identify import pipeline
 from dahl.identify.log import Log
-from dahl.identify.pipeline import Result
+from dahl.identify.result import Result
 
 if TYPE_CHECKING:
     from rich.table import Table

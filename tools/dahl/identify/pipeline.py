@@ -9,7 +9,7 @@ the end the intervals and the comparison with simpler models are taken from the 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from dahl import Error
 from dahl.identify import clean, fit, path, sweep, verdict
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
+from dahl.identify.result import Models, Result
 from dahl.identify.sweep import CORE, Model, Sweep
 
 BLOCKS = 24  # of all logs together; at least 4 each
@@ -40,42 +41,6 @@ class Options:
     delay: bool = True
     median: int = 0  # rows; 0: what pays
     trust_units: bool = False
-
-
-@dataclass
-class Models:
-    """Held-out R2 and RMSE of Dahl's model and of simpler ones, each with its own best terms."""
-
-    r2_coulomb: float  # on the rows fitted
-    r2: dict[str, float]
-    rmse: dict[str, float]
-    terms: dict[str, list[str]]
-    bilinear_sigma0: float
-
-
-@dataclass
-class Result:
-    """All that was found."""
-
-    logs: list[Log]
-    estimate: Estimate
-    models: Models
-    r2: float  # on the rows fitted
-    rmse: float
-    reversals: int
-    informs: float  # part of the rows in which sigma0 shows
-    delay: float  # rows
-    median: int  # rows of the running median that the angle went through
-    backlash: float  # rad (m)
-    sign: float = field(default=1.0, kw_only=True)  # -1: the torque was taken with the other one
-    inner: bool = field(default=False, kw_only=True)  # the angle was taken between the counts
-    predicted: list[np.ndarray]  # N m (N), (rows,) of each log
-    verdict: verdict.Verdict = field(default_factory=verdict.Verdict)
-    checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
-
-    @property
-    def notes(self) -> list[str]:
-        return [f"{log.name}: {note}" for log in self.logs for note in log.notes]
 
 
 class Study:

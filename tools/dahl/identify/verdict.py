@@ -7,11 +7,7 @@ either side, and, for sigma0, when Dahl's model beats Coulomb's on what was not 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from dahl.identify.pipeline import Result
+from dahl.identify.result import Result, Verdict
 
 WIDE = 0.3  # half width of the interval over the value
 BETTER = 0.85  # of Coulomb's held-out cost, that Dahl's must be below
@@ -19,20 +15,6 @@ BENDS = 0.7  # of Dahl's held-out cost, below which the bilinear element's says 
 FEW = 8  # reversals
 COARSE = 2.0  # counts in a presliding length 1/a
 POOR = 0.5  # R2 below which nothing is claimed
-
-
-@dataclass
-class Verdict:
-    """identifiable: by parameter; text: one line; reasons: what it rests on."""
-
-    sigma0: bool = False
-    Fc: bool = False
-    text: str = ""
-    reasons: list[str] = field(default_factory=list)
-
-    @property
-    def identifiable(self) -> dict[str, bool]:
-        return {"sigma0": self.sigma0, "Fc": self.Fc}
 
 
 def judge(result: Result) -> Verdict:

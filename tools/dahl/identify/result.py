@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""What an identification found: the numbers, the models they were compared with, the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dahl.identify.fit import Estimate
+from dahl.identify.log import Log
+
+
+@dataclass
+class Verdict:
+    """identifiable: by parameter; text: one line; reasons: what it rests on."""
+
+    sigma0: bool = False
+    Fc: bool = False
+    text: str = ""
+    reasons: list[str] = field(default_factory=list)
+
+    @property
+    def identifiable(self) -> dict[str, bool]:
+        return {"sigma0": self.sigma0, "Fc": self.Fc}
+
+
+@dataclass
+class Models:
+    """Held-out R2 and RMSE of Dahl's model and of simpler ones, each with its own best terms."""
+
+    r2_coulomb: float  # on the rows fitted
+    r2: dict[str, float]
+    rmse: dict[str, float]
+    terms: dict[str, list[str]]
+    bilinear_sigma0: float
+
+
+@dataclass
+class Result:
+    """All that was found."""
+
+    logs: list[Log]
+    estimate: Estimate
+    models: Models
+    r2: float  # on the rows fitted
+    rmse: float
+    reversals: int
+    informs: float  # part of the rows in which sigma0 shows
+    delay: float  # rows
+    median: int  # rows of the running median that the angle went through
+    backlash: float  # rad (m)
+    sign: float = field(default=1.0, kw_only=True)  # -1: the torque was taken with the other one
+    inner: bool = field(default=False, kw_only=True)  # the angle was taken between the counts
+    predicted: list[np.ndarray]  # N m (N), (rows,) of each log
+    verdict: Verdict = field(default_factory=Verdict)
+    checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
+
+    @property
+    def notes(self) -> list[str]:
+        return [f"{log.name}: {note}" for log in self.logs for note in log.notes]
