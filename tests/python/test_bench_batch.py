@@ -75,7 +75,7 @@ def test_throughput_goes_on_from_a_torque():
     rest = params.run_counts([5] * 1000, F=float(whole[999]))
     assert rest == pytest.approx(whole[1000:], abs=1e-7)
     assert params.run_counts([0], F=9.0)[0] == np.float32(0.5)
-    assert params.run_counts([0], F=math.nan)[0] == 0
+    assert params.run_counts([0], F=-9.0)[0] == np.float32(-0.5)
 
 
 def test_arrays_of_the_right_kind_are_not_copied():
@@ -149,11 +149,8 @@ def test_an_out_that_is_read_only_is_refused():
     ],
 )
 def test_bad_parameters_are_named(arguments, words):
-    bad = dahl.Throughput(*arguments)
     with pytest.raises(dahl.Error, match=re.escape(words)):
-        bad.run_counts([1])
-    with pytest.raises(dahl.Error, match=re.escape(words)):
-        dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1), bad], [[1, 2]])
+        dahl.Throughput(*arguments)
 
 
 def test_channels_of_another_number_are_refused():

@@ -126,9 +126,9 @@ def test_change_of_plan_makes_no_energy(Fc, other, ratio):  # noqa: N803
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1))
-def test_counts_between_is_the_shortest_way(before, now, turn):
-    size = turn or 2**32
-    way = dahl.counts_between(before, now, turn)
+def test_counts_between_is_the_shortest_way(before, now, modulus):
+    size = modulus or 2**32
+    way = dahl.counts_between(before % size, now % size, modulus)
     assert -size <= 2 * way < size
     assert (before + way - now) % size == 0
 

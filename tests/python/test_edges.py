@@ -19,7 +19,6 @@ from dahl import (
     RunError,
     bus,
     cli,
-    core,
     data,
     firmware,
     loop,
@@ -392,10 +391,3 @@ def test_no_term_where_none_fits(monkeypatch):
     log = synthetic(1, rows=600, cycles=3)
     found = sweep.sweep([log], 8, np.geomspace(20, 500, 8))
     assert fit.choose_terms(found, ["offset"]) == []
-
-
-def test_torque_that_has_no_meaning_is_relaxed():
-    assert core._state_of(float("nan"), 1.0).w == 0
-    assert core._state_of(1.0, -1.0).w == 0
-    with pytest.raises(Error, match="sigma0 = 'x' is not a number"):
-        core.Plan("x", 1.0)

@@ -5,16 +5,17 @@ The mathematics is the C library's; this package calls it and never does it agai
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
     Friction(plan)                      one bearing: feed it counts or angles, read its torque
+    State                               what a bearing remembers, to keep and to put back
     Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, in vectors
-    counts_between(before, now, n)      shortest way from one encoder reading to the next
-    Error                               the one root of all errors that a user can cause or meet
+    counts_between(before, now, modulus)   shortest way from one encoder reading to the next
+    Error, RunError                     all errors that a user can cause or meet
 
 >>> import dahl
 >>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
 >>> round(bearing.step_counts(3), 6)   # N m
 0.102772
 
-The command `dahl` (see `dahl --help`) holds the tools: demo, identify, excite, monitor, ...
+The command `dahl` (see `dahl --help`) holds the tools: demo, identify, plan, monitor, record, ...
 """
 
 from __future__ import annotations
@@ -23,12 +24,16 @@ from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
-__all__ = ["Error", "Friction", "Plan", "State", "Throughput", "counts_between"]
+__all__ = ["Error", "Friction", "Plan", "RunError", "State", "Throughput", "counts_between"]
 
 
 class Error(Exception):
     """Something that a user can put right: one line that names value, limit and place, whatever
     the names in a file are made of.
+
+    The one root of all that this package raises about its input, wrong types and unknown keywords
+    included: `except dahl.Error` misses nothing. It is no ValueError, so that code which catches
+    those around a conversion of its own does not hide it.
     """
 
     def __str__(self) -> str:
@@ -47,3 +52,7 @@ def __getattr__(name: str) -> Any:
     if name in __all__:
         return getattr(import_module("dahl.core"), name)
     raise AttributeError(f"module 'dahl' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*__all__, "__doc__", "__version__"})

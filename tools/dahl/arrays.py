@@ -19,7 +19,7 @@ def data(array: np.ndarray) -> int:
 
 def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
     """Moves as C wants them, shape (n,) or (n, channels); the very array where it is one."""
-    array = np.asarray(values)
+    array = _array(values)
     wanted = "(n,)" if channels is None else f"(n, {channels})"
     if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
         raise Error(f"moves has shape {array.shape}, not {wanted}")
@@ -31,6 +31,20 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
         raise Error(f"moves has type {array.dtype}, not float32")
     with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
         return np.ascontiguousarray(array, dtype=dtype)
+
+
+def _array(values: ArrayLike) -> np.ndarray:
+    """What numpy makes of the moves, if it is an array of numbers and nothing of it is masked."""
+    many = values if isinstance(values, (list, tuple)) else [values]
+    if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
+        raise Error(
+            "moves has masked values, which C would take for numbers;"
+            " .compressed() drops them, .filled(0) makes each of them no motion"
+        )
+    try:
+        return np.asarray(values)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise Error(f"moves is not an array of numbers ({error})") from None
 
 
 def _whole(array: np.ndarray) -> np.ndarray:
@@ -53,7 +67,7 @@ def out(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
     """Where the torques go: a new array, or `out` if C can write it."""
     if given is None:
         return np.empty(wanted.shape, np.float32)
-    if not isinstance(given, np.ndarray):
+    if isinstance(given, np.ma.MaskedArray) or not isinstance(given, np.ndarray):
         raise Error(f"out is a {type(given).__name__}, not a float32 array")
     if given.dtype != np.float32 or given.shape != wanted.shape:
         raise Error(f"out is {given.dtype} {given.shape}, not float32 {wanted.shape}")

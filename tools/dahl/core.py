@@ -1,34 +1,64 @@
 # SPDX-License-Identifier: MIT
-"""The C library by ctypes: same names, units and bits as lib/dahl.h, whose comments are the manual.
+"""The C library by ctypes: same names, units and bits as dahl.h, whose comments are the manual.
 
-Parameters are checked by dahl_prepare() itself; only to say which one is out of range, and which
-limit it passed, are the limits of the header known here (a test compares the two).
+Parameters are checked by the library itself; only to say which one is out of range, and which limit
+it passed, are the limits of the header known here (a test compares the two). All that a caller can
+get wrong raises dahl.Error in one line with name, value and limit; nothing is taken silently.
 """
 
 from __future__ import annotations
 
 import ctypes
-import math
-from collections.abc import Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dahl import Error, arrays, paths
+from dahl import Error, RunError, arrays, checks, paths
 from dahl.arrays import INT32_MAX, INT32_MIN
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
+STATE_MAX = 2**62 + 2**31 - 1  # of abs(w), the highest that a step can leave
+UINT32_MAX = 2**32 - 1
 PLAN_ROOM = (
     128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
 )
 
 
 class State(ctypes.Structure):
-    """dahl_state_t: w = F/Fc in Q62, 0 is relaxed."""
+    """dahl_state_t, the state of one bearing: w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62
+    is +-Fc. Comparable, picklable; a copy is a state of its own. Raises dahl.Error for a w that no
+    step can leave.
+    """
 
-    _fields_ = [("w", ctypes.c_int64)]
+    _fields_ = [("_w", ctypes.c_int64)]
+
+    def __init__(self, w: int = 0) -> None:
+        super().__init__(checks.whole("w", w, -STATE_MAX, STATE_MAX))
+
+    @property
+    def w(self) -> int:
+        """F/Fc in Q62."""
+        return int(self._w)
+
+    @w.setter
+    def w(self, value: int) -> None:
+        self._w = checks.whole("w", value, -STATE_MAX, STATE_MAX)
+
+    def __eq__(self, other: object) -> bool:
+        return self.w == other.w if isinstance(other, State) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]  # it changes
+
+    def __reduce__(self) -> tuple[type[State], tuple[int]]:
+        return State, (self.w,)
+
+    def __repr__(self) -> str:
+        return f"State(w={self.w})"
 
 
 class _Params(ctypes.Structure):
@@ -39,10 +69,27 @@ class _Params(ctypes.Structure):
     ]
 
 
+class _ThroughputParams(ctypes.Structure):
+    _fields_ = [
+        ("sigma0", ctypes.c_double),
+        ("Fc", ctypes.c_double),
+        ("theta_per_count", ctypes.c_double),
+    ]
+
+
 @cache
 def library() -> ctypes.CDLL:
-    """libdahl.so with the types of its functions. Raises dahl.RunError when it is not built."""
-    lib = ctypes.CDLL(str(paths.library()))
+    """The shared library ($DAHL_LIBRARY, else that of the build) with the types of its functions.
+    Raises dahl.RunError when there is none, or when the file is another one.
+    """
+    path = paths.library()
+    try:
+        return _typed(ctypes.CDLL(str(path)))
+    except (OSError, AttributeError) as error:
+        raise RunError(f"{path}: not the shared library of dahl ({error})") from None
+
+
+def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
     plan, state, f32, i32 = ctypes.c_void_p, ctypes.POINTER(State), ctypes.c_float, ctypes.c_int32
     array, size, many = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
     for name, result, *arguments in (
@@ -66,76 +113,94 @@ def library() -> ctypes.CDLL:
     return lib
 
 
-def _float32(name: str, value: float) -> float:
+def _float32(name: str, value: float, limit: str) -> float:
     """The float nearest to value, as C will see it."""
-    try:
-        return ctypes.c_float(value).value
-    except TypeError:
-        raise Error(f"{name} = {value!r} is not a number") from None
+    return ctypes.c_float(checks.real(name, value, limit)).value
 
 
-def _int32(name: str, value: int) -> int:
-    """value as a C int32_t, which ctypes would wrap without a word."""
-    if int(value) != value or not INT32_MIN <= value <= INT32_MAX:
-        raise Error(f"{name} = {value!r} is not a whole number from {INT32_MIN} to {INT32_MAX}")
-    return int(value)
+def _dcounts(dcounts: int) -> int:
+    """A move as a C int32_t, which ctypes would wrap without a word."""
+    return checks.whole("dcounts", dcounts, INT32_MIN, INT32_MAX)
 
 
-def _refusal(plan: Plan | Throughput) -> str:
-    """Which parameter dahl_prepare() did not like, and its limit."""
-    for name in ("sigma0", "Fc"):
-        value = getattr(plan, name)
-        if not TORQUE_MIN <= value < TORQUE_MAX:
-            return f"{name} = {value:g} is outside 2^-64 <= {name} < 2^64"
-    if not 0 <= plan.theta_per_count < math.inf:
-        return f"theta_per_count = {plan.theta_per_count:g} is not a finite number >= 0 (rad/count)"
-    if (
-        isinstance(plan, Plan)
-        and plan.theta_per_count
-        and not (TORQUE_MIN <= plan.theta_per_count < TORQUE_MAX)
+def _shown(value: float, low: float, high: float) -> str:
+    """Six digits, or all of them where six would look as if they were within the limits."""
+    short = f"{value:g}"
+    return repr(value) if low <= float(short) < high else short
+
+
+def _refusal(sigma0: float, Fc: float, theta_per_count: float) -> str:  # noqa: N803
+    """Which parameter the library did not like, and its limit."""
+    for name, value, limit in (
+        ("sigma0", sigma0, SIGMA0),
+        ("Fc", Fc, FC),
+        ("theta_per_count", theta_per_count, THETA_PER_COUNT),
     ):
-        return (
-            f"theta_per_count = {plan.theta_per_count:g} is neither 0 nor in"
-            " 2^-64 <= theta_per_count < 2^64 (rad/count)"
-        )
+        if not TORQUE_MIN <= value < TORQUE_MAX and (name != "theta_per_count" or value != 0):
+            return f"{name} = {_shown(value, TORQUE_MIN, TORQUE_MAX)} is outside {limit}"
+    travel = sigma0 / Fc * theta_per_count
     return (
-        f"travel of one count sigma0/Fc*theta_per_count = {plan.travel_per_count:g}"
-        f" is outside 2^-30 <= travel < 2^20 (sigma0 = {plan.sigma0:g}, Fc = {plan.Fc:g},"
-        f" theta_per_count = {plan.theta_per_count:g})"
+        f"travel of one count sigma0/Fc*theta_per_count = {_shown(travel, TRAVEL_MIN, TRAVEL_MAX)}"
+        f" is outside 2^-30 <= travel < 2^20 (sigma0 = {sigma0:g}, Fc = {Fc:g},"
+        f" theta_per_count = {theta_per_count:g})"
     )
 
 
-def _travel(plan: Plan | Throughput) -> float:
-    """sigma0/Fc*theta_per_count, in a Python float."""
-    travel: float = plan.sigma0 / plan.Fc * plan.theta_per_count
-    return travel
+SIGMA0 = "2^-64 <= sigma0 < 2^64 (N m/rad)"
+FC = "2^-64 <= Fc < 2^64 (N m)"
+THETA_PER_COUNT = "2^-64 <= theta_per_count < 2^64 (rad/count), or 0 for no encoder"
 
 
-class Plan:
+class _Parameters:
+    """What both kinds of parameters know."""
+
+    sigma0: float
+    Fc: float
+    theta_per_count: float
+
+    @property
+    def travel_per_count(self) -> float:
+        """sigma0/Fc*theta_per_count: travel of one count in presliding lengths Fc/sigma0, 0 without
+        encoder.
+        """
+        return self.sigma0 / self.Fc * self.theta_per_count
+
+    def _need_counts(self) -> None:
+        """Raise dahl.Error where counts have no meaning; C would take each for no motion."""
+        if self.theta_per_count == 0:
+            raise Error(
+                "theta_per_count = 0: no encoder, so only moves in rad; for counts"
+                f" {THETA_PER_COUNT.partition(',')[0]} is needed"
+            )
+
+
+@checks.calls_checked
+@dataclass(frozen=True, repr=False)
+class Plan(_Parameters):
     """Parameters, prepared once (dahl_prepare): shared by any number of Frictions, never changed.
 
     sigma0           N m/rad  stiffness at rest, 2^-64 <= sigma0 < 2^64                (Eq. 1)
     Fc               N m      Coulomb torque, 2^-64 <= Fc < 2^64                       (Eq. 1)
-    theta_per_count  rad      per encoder count, 0: counts unused;
-                              sigma0/Fc*theta_per_count in 2^-30 .. 2^20
+    theta_per_count  rad      per encoder count, 2^-64 <= theta_per_count < 2^64, with
+                              2^-30 <= sigma0/Fc*theta_per_count < 2^20; 0: no encoder
 
-    Each is rounded to float, as in C, and kept so. Raises dahl.Error naming the parameter, its
-    value and its limit.
+    For linear motion read m and N. Each is rounded to float, as in C, and kept so. Immutable;
+    plans of equal parameters are equal and have one hash; picklable; its repr makes it again. About
+    10 us to make. Raises dahl.Error naming the parameter, its value and its limit.
     """
 
-    def __init__(self, sigma0: float, Fc: float, theta_per_count: float = 0.0) -> None:  # noqa: N803 (the field's name)
-        self.sigma0 = _float32("sigma0", sigma0)
-        self.Fc = _float32("Fc", Fc)
-        self.theta_per_count = _float32("theta_per_count", theta_per_count)
-        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
+    sigma0: float
+    Fc: float
+    theta_per_count: float = 0.0
+    _words: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name, limit in (("sigma0", SIGMA0), ("Fc", FC), ("theta_per_count", THETA_PER_COUNT)):
+            object.__setattr__(self, name, _float32(name, getattr(self, name), limit))
+        object.__setattr__(self, "_words", (ctypes.c_uint64 * PLAN_ROOM)())
         params = _Params(self.sigma0, self.Fc, self.theta_per_count)
         if library().dahl_prepare(self._words, ctypes.byref(params)) != 0:
-            raise Error(_refusal(self))
-
-    @property
-    def travel_per_count(self) -> float:
-        """a*theta_per_count, the travel of one count in presliding lengths Fc/sigma0."""
-        return _travel(self)
+            raise Error(_refusal(self.sigma0, self.Fc, self.theta_per_count))
 
     @property
     def ulp(self) -> float:
@@ -144,47 +209,89 @@ class Plan:
 
     def __repr__(self) -> str:
         names = ("sigma0", "Fc", "theta_per_count")
-        return f"Plan({', '.join(f'{name}={getattr(self, name):g}' for name in names)})"
+        digits = (f"{name}={np.float32(getattr(self, name))!s}" for name in names)
+        return f"Plan({', '.join(digits)})"
+
+    def __reduce__(self) -> tuple[type[Plan], tuple[float, float, float]]:
+        return Plan, (self.sigma0, self.Fc, self.theta_per_count)
 
 
+@checks.calls_checked
 class Friction:
     """One bearing: a Plan and its state, relaxed at first. Torques in N m, with the sign of the
     motion.
+
+    Two are equal where plan and state are; picklable; a copy shares the plan and has a state of its
+    own. One thread at a time. A single step costs about 1 us from Python, a tick in a batch about
+    10 ns. Raises dahl.Error for anything that is no Plan.
     """
 
     def __init__(self, plan: Plan) -> None:
-        self.plan = plan
-        self.state = State(0)
+        self._plan = checks.instance("plan", plan, Plan)
+        self._state = State()
+
+    @property
+    def plan(self) -> Plan:
+        """The parameters; change_plan() goes on with others."""
+        return self._plan
+
+    @property
+    def state(self) -> State:
+        """The state, live: w = F/Fc in Q62."""
+        return self._state
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Friction):
+            return NotImplemented
+        return self.plan == other.plan and self.state == other.state
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each step
+
+    def __getstate__(self) -> tuple[Plan, int]:
+        return self.plan, self.state.w
+
+    def __setstate__(self, kept: tuple[Plan, int]) -> None:
+        self._plan, self._state = kept[0], State(kept[1])
+
+    def __repr__(self) -> str:
+        return f"<Friction {self.plan!r}, torque={self.torque:g} N m>"
 
     def step_counts(self, dcounts: int) -> float:
-        """Move by dcounts (int32), return F in N m: within 0.52 ulp of Fc of the exact value (Eqs.
-        7, 18, 27).
+        """Move by dcounts, a whole number within int32; returns F in N m within 0.52 ulp of Fc of
+        the exact value (Eqs. 7, 18, 27). Raises dahl.Error for any other dcounts, and for a plan
+        without theta_per_count.
         """
+        self._plan._need_counts()
         torque: float = library().dahl_step_counts(
-            self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts)
+            self._plan._words, ctypes.byref(self._state), _dcounts(dcounts)
         )
         return torque
 
     def step_counts_q30(self, dcounts: int) -> int:
-        """The same move; returns F/Fc in Q30, -2^30 .. 2^30: what goes over the bus."""
+        """The same move, the same errors; returns F/Fc in Q30, -2^30 .. 2^30: what goes over the
+        bus.
+        """
+        self._plan._need_counts()
         ratio: int = library().dahl_step_counts_q30(
-            self.plan._words, ctypes.byref(self.state), _int32("dcounts", dcounts)
+            self._plan._words, ctypes.byref(self._state), _dcounts(dcounts)
         )
         return ratio
 
     def step(self, dtheta: float) -> float:
-        """Move by dtheta rad (any float; NaN is ignored, Inf saturates), return F in N m within 0.6
-        ulp of Fc.
+        """Move by dtheta rad; returns F in N m within 0.6 ulp of Fc. As in C, NaN is no motion and
+        an infinite angle saturates at +-Fc. Raises dahl.Error for what is no number.
         """
         torque: float = library().dahl_step(
-            self.plan._words, ctypes.byref(self.state), _float32("dtheta", dtheta)
+            self._plan._words,
+            ctypes.byref(self._state),
+            _float32("dtheta", dtheta, "an angle in rad"),
         )
         return torque
 
     @property
     def torque(self) -> float:
-        """F in N m, without motion."""
-        torque: float = library().dahl_torque(self.plan._words, ctypes.byref(self.state))
+        """F in N m, without motion. Setting it is set_torque()."""
+        torque: float = library().dahl_torque(self._plan._words, ctypes.byref(self._state))
         return torque
 
     @torque.setter
@@ -192,42 +299,49 @@ class Friction:
         self.set_torque(value)
 
     def set_torque(self, F: float) -> None:  # noqa: N803 (the field's name)
-        """Set the state to F in N m, clamped to +-Fc; NaN is ignored."""
-        library().dahl_set_torque(self.plan._words, ctypes.byref(self.state), _float32("F", F))
+        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN changes nothing. Raises
+        dahl.Error for what is no number.
+        """
+        library().dahl_set_torque(
+            self._plan._words, ctypes.byref(self._state), _float32("F", F, "a torque in N m")
+        )
 
     def change_plan(self, plan: Plan) -> None:
-        """Go on with other parameters; the stored energy never grows (see dahl_change_plan)."""
-        library().dahl_change_plan(self.plan._words, plan._words, ctypes.byref(self.state))
-        self.plan = plan
+        """Go on with other parameters. The torque is kept while the new bristle can carry it; the
+        stored energy F^2/(2 sigma0) never grows (see dahl_change_plan). Raises dahl.Error for
+        anything that is no Plan.
+        """
+        checks.instance("plan", plan, Plan)
+        library().dahl_change_plan(self._plan._words, plan._words, ctypes.byref(self._state))
+        self._plan = plan
 
     def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
-        """Moves in counts, shape (n,), int32 range -> torques in N m after each, shape (n,),
-        float32, into `out` if given: the bits of step_counts(), move by move.
+        """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
+        shape (n,), float32, into `out` if given: the bits of step_counts(), move by move.
 
         A C-contiguous int32 array is read in place, anything else of whole numbers is copied first.
+        Raises dahl.Error, before any move, for another shape or type, for the first value that is
+        not whole or beyond int32, for masked values, for an `out` that C cannot fill, and for a
+        plan without theta_per_count.
         """
-        moves = arrays.moves(moves, np.int32)
-        out = arrays.out(out, moves)
-        library().dahl_batch_counts(
-            self.plan._words,
-            ctypes.byref(self.state),
-            arrays.data(moves),
-            arrays.data(out),
-            moves.size,
-        )
-        return out
+        self._plan._need_counts()
+        return self._run(library().dahl_batch_counts, arrays.moves(moves, np.int32), out)
 
     def run(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
         """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32, into `out` if
-        given: the bits of step(), move by move; NaN is no motion.
+        given: the bits of step(), move by move. As in C, NaN is no motion, infinite saturates.
 
         A C-contiguous float32 array is read in place, anything else is rounded to float first.
+        Raises dahl.Error, before any move, for another shape or type, for masked values, and for an
+        `out` that C cannot fill.
         """
-        moves = arrays.moves(moves, np.float32)
+        return self._run(library().dahl_batch, arrays.moves(moves, np.float32), out)
+
+    def _run(self, batch: Any, moves: np.ndarray, out: np.ndarray | None) -> np.ndarray:
         out = arrays.out(out, moves)
-        library().dahl_batch(
-            self.plan._words,
-            ctypes.byref(self.state),
+        batch(
+            self._plan._words,
+            ctypes.byref(self._state),
             arrays.data(moves),
             arrays.data(out),
             moves.size,
@@ -235,22 +349,35 @@ class Friction:
         return out
 
 
-class Throughput(ctypes.Structure):
+@checks.calls_checked
+@dataclass(frozen=True)
+class Throughput(_Parameters):
     """dahl_throughput_params_t: parameters in double, for logs of millions of ticks.
 
-    The same model and limits as Plan and the same 0.52 ulp of Fc, but not the same bits: computed
-    in double, in vectors, 3 to 10 times as fast as Friction.run_counts. Nothing is prepared, so new
-    parameters for every call cost nothing. `F` is the torque before the first move, in N m.
+    The same model, parameters, limits and units as Plan and the same 0.52 ulp of Fc, but not the
+    same bits: computed in double, in vectors, 3 to 10 times as fast as Friction.run_counts. Nothing
+    is prepared, so new parameters for every call cost nothing. Immutable, comparable, picklable.
+    Raises dahl.Error naming the parameter, its value and its limit.
 
     >>> Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
     array([0.10277194], dtype=float32)
     """
 
-    _fields_ = [
-        ("sigma0", ctypes.c_double),
-        ("Fc", ctypes.c_double),
-        ("theta_per_count", ctypes.c_double),
-    ]
+    sigma0: float
+    Fc: float
+    theta_per_count: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, limit in (("sigma0", SIGMA0), ("Fc", FC), ("theta_per_count", THETA_PER_COUNT)):
+            object.__setattr__(self, name, checks.real(name, getattr(self, name), limit))
+        lib, nothing = library(), (None, None, None, 0)
+        check = lib.dahl_throughput_counts if self.theta_per_count else lib.dahl_throughput
+        if check(ctypes.byref(self._params), *nothing) != 0:
+            raise Error(_refusal(self.sigma0, self.Fc, self.theta_per_count))
+
+    @property
+    def _params(self) -> _ThroughputParams:
+        return _ThroughputParams(self.sigma0, self.Fc, self.theta_per_count)
 
     def run_counts(
         self,
@@ -258,7 +385,11 @@ class Throughput(ctypes.Structure):
         F: float = 0.0,  # noqa: N803
         out: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Moves in counts (int32), shape (n,) -> torques in N m after each, shape (n,), float32."""
+        """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
+        shape (n,), float32, into `out` if given. F in N m is the torque before the first move, a
+        finite number, clamped to +-Fc. Raises dahl.Error as Friction.run_counts() does, and for F.
+        """
+        self._need_counts()
         return self._run("dahl_throughput_counts", arrays.moves(moves, np.int32), F, out)
 
     def run(
@@ -267,78 +398,83 @@ class Throughput(ctypes.Structure):
         F: float = 0.0,  # noqa: N803
         out: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Moves in rad (float32), shape (n,) -> torques in N m after each, shape (n,), float32."""
+        """As run_counts(), with moves in rad (rounded to float32; NaN is no motion, infinite
+        saturates); theta_per_count is not used.
+        """
         return self._run("dahl_throughput", arrays.moves(moves, np.float32), F, out)
 
     def _run(self, name: str, moves: np.ndarray, F: float, out: np.ndarray | None) -> np.ndarray:  # noqa: N803
         out = arrays.out(out, moves)
         state = _state_of(F, self.Fc)
-        code = getattr(library(), name)(
-            ctypes.byref(self),
+        getattr(library(), name)(
+            ctypes.byref(self._params),
             ctypes.byref(state),
             arrays.data(moves),
             arrays.data(out),
             moves.size,
         )
-        if code != 0:
-            raise Error(_refusal(self))
         return out
 
     @staticmethod
     def run_counts_channels(
-        params: Sequence[Throughput], moves: ArrayLike, out: np.ndarray | None = None
+        params: Iterable[Throughput], moves: ArrayLike, out: np.ndarray | None = None
     ) -> np.ndarray:
         """Moves in counts, shape (n, channels), a Throughput for each channel -> torques in N m,
-        same shape, float32; all channels start relaxed.
+        same shape, float32, into `out` if given; all channels start relaxed. Raises dahl.Error as
+        Friction.run_counts() does, and for params that are no Throughputs.
         """
+        params = _channels(params)
+        for each in params:
+            each._need_counts()
         moves = arrays.moves(moves, np.int32, len(params))
-        return Throughput._run_channels("dahl_throughput_counts_channels", params, moves, out)
+        return _run_channels(library().dahl_throughput_counts_channels, params, moves, out)
 
     @staticmethod
     def run_channels(
-        params: Sequence[Throughput], moves: ArrayLike, out: np.ndarray | None = None
+        params: Iterable[Throughput], moves: ArrayLike, out: np.ndarray | None = None
     ) -> np.ndarray:
-        """Moves in rad, shape (n, channels) -> torques in N m, same shape, float32."""
+        """As run_counts_channels(), with moves in rad."""
+        params = _channels(params)
         moves = arrays.moves(moves, np.float32, len(params))
-        return Throughput._run_channels("dahl_throughput_channels", params, moves, out)
-
-    @staticmethod
-    def _run_channels(
-        name: str, params: Sequence[Throughput], moves: np.ndarray, out: np.ndarray | None
-    ) -> np.ndarray:
-        out, count = arrays.out(out, moves), len(params)
-        states, together = (State * count)(), (Throughput * count)(*params)
-        code = getattr(library(), name)(
-            together, states, count, arrays.data(moves), arrays.data(out), len(moves)
-        )
-        if code != 0:
-            raise Error(next(filter(None, map(_throughput_fault, params)), "parameters refused"))
-        return out
-
-    @property
-    def travel_per_count(self) -> float:
-        """As that of a Plan."""
-        return _travel(self)
+        return _run_channels(library().dahl_throughput_channels, params, moves, out)
 
 
-def _throughput_fault(params: Throughput) -> str:
-    """What is wrong with one of many, or nothing."""
-    sound = all(TORQUE_MIN <= v < TORQUE_MAX for v in (params.sigma0, params.Fc))
-    if sound and TRAVEL_MIN <= params.travel_per_count < TRAVEL_MAX:
-        return ""
-    return _refusal(params)
+def _channels(params: Iterable[Throughput]) -> list[Throughput]:
+    if not isinstance(params, Iterable):
+        raise Error(f"params = {checks.shown(params)} is not a list of Throughput")
+    return [checks.instance(f"params[{i}]", each, Throughput) for i, each in enumerate(params)]
+
+
+def _run_channels(
+    batch: Any, params: list[Throughput], moves: np.ndarray, out: np.ndarray | None
+) -> np.ndarray:
+    out, count = arrays.out(out, moves), len(params)
+    states = (State * count)()
+    together = (_ThroughputParams * count)(*(each._params for each in params))
+    batch(together, states, count, arrays.data(moves), arrays.data(out), len(moves))
+    return out
 
 
 def _state_of(F: float, Fc: float) -> State:  # noqa: N803
-    """The state of torque F, clamped to +-Fc; relaxed where that has no meaning."""
-    ratio = F / Fc if Fc > 0 and not math.isnan(F) else 0.0
+    """The state of torque F, clamped to +-Fc."""
+    ratio = checks.finite("F", F, "N m") / Fc
     return State(round(max(-1.0, min(1.0, ratio)) * 2.0**62))
 
 
-def counts_between(before: int, now: int, counts_per_turn: int = 0) -> int:
-    """Shortest signed way from one encoder reading to the next; 0 counts per turn is a full 32-bit
-    counter.
+@checks.names_checked
+def counts_between(before: int, now: int, modulus: int = 0) -> int:
+    """Shortest signed way from one reading of a counter to the next (dahl_counts_between), in
+    counts: -modulus/2 <= way < modulus/2, so that exactly half way round counts as backward.
+
+    modulus is where the reading itself wraps, 0 for a full 32-bit counter: 65536 for a 16-bit
+    timer, the counts of a turn for an absolute encoder. Whole numbers: modulus from 0 to 2^32-1,
+    both readings from 0 to modulus-1. Raises dahl.Error for any other, so that a reading that does
+    not wrap at modulus is not taken for one that does.
     """
-    readings = before & 0xFFFFFFFF, now & 0xFFFFFFFF
-    moved: int = library().dahl_counts_between(*readings, counts_per_turn)
+    modulus = checks.whole("modulus", modulus, 0, UINT32_MAX)
+    most = modulus - 1 if modulus else UINT32_MAX
+    readings = (
+        checks.whole(name, value, 0, most) for name, value in (("before", before), ("now", now))
+    )
+    moved: int = library().dahl_counts_between(*readings, modulus)
     return moved

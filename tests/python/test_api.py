@@ -1,0 +1,418 @@
+# SPDX-License-Identifier: MIT
+"""The Python API takes nothing silently: a wrong argument is one line with name, value and limit.
+Values are values: equal, copied, pickled.
+"""
+
+from __future__ import annotations
+
+import _ctypes
+import copy
+import inspect
+import math
+import os
+import pickle
+import subprocess
+import sys
+from decimal import Decimal
+from fractions import Fraction
+
+import dahl
+import numpy as np
+import pytest
+from dahl import reference
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytestmark = pytest.mark.usefixtures("library")
+
+NO_NUMBER = [
+    *(None, "1", b"1", True, np.True_, 1j, [1.0], (), {}, object(), Decimal(1)),
+    *(np.array(1), np.array([1]), np.ma.masked, np.ma.array([1])),
+]
+NOT_WHOLE = [0.5, -1e-300, math.nan, math.inf, -math.inf, Fraction(1, 3), np.float32(2.5)]
+BEYOND = [
+    2**31,
+    -(2**31) - 1,
+    2**64,
+    -(10**400),
+    1e300,
+    np.int64(2**31),
+    np.uint64(2**63),
+]
+floats32 = st.floats(2.0**-20, 2.0**20, width=32)
+
+
+def bearing() -> dahl.Friction:
+    """One that carries some torque."""
+    one = dahl.Friction(dahl.Plan(100.0, 0.5, 1e-4))
+    one.step_counts(7)
+    return one
+
+
+def refused(call, *words: str) -> None:
+    """The call raises dahl.Error, in one line that holds all the words."""
+    with pytest.raises(dahl.Error) as caught:
+        call()
+    said = str(caught.value)
+    assert "\n" not in said and len(said) < 300
+    for word in words:
+        assert word in said, said
+
+
+SCALARS = {
+    "sigma0": lambda v: dahl.Plan(v, 1.0, 1.0),
+    "Fc": lambda v: dahl.Plan(1.0, v, 1.0),
+    "theta_per_count": lambda v: dahl.Plan(1.0, 1.0, v),
+    "sigma0 ": lambda v: dahl.Throughput(v, 1.0, 1.0),
+    "Fc ": lambda v: dahl.Throughput(1.0, v, 1.0),
+    "theta_per_count ": lambda v: dahl.Throughput(1.0, 1.0, v),
+    "dtheta": lambda v: bearing().step(v),
+    "F": lambda v: bearing().set_torque(v),
+    "F ": lambda v: setattr(bearing(), "torque", v),
+    "F  ": lambda v: dahl.Throughput(1, 1, 1).run_counts([1], F=v),
+    "F   ": lambda v: dahl.Throughput(1, 1, 1).run([1.0], F=v),
+}
+COUNTS = {
+    "dcounts": lambda v: bearing().step_counts(v),
+    "dcounts ": lambda v: bearing().step_counts_q30(v),
+}
+READINGS = {
+    "before": lambda v: dahl.counts_between(v, 1),
+    "now": lambda v: dahl.counts_between(1, v),
+    "modulus": lambda v: dahl.counts_between(0, 0, v),
+}
+STATES = {
+    "w": dahl.State,
+    "w ": lambda v: setattr(bearing().state, "w", v),
+}
+
+
+@pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
+@pytest.mark.parametrize("name", [*SCALARS, *COUNTS, *READINGS, *STATES])
+def test_what_is_no_number_is_named(name, value):
+    call = {**SCALARS, **COUNTS, **READINGS, **STATES}[name]
+    refused(lambda: call(value), f"{name.strip()} = ", "is not a number; ", "was expected")
+
+
+@pytest.mark.parametrize("value", NOT_WHOLE + BEYOND, ids=repr)
+@pytest.mark.parametrize("name", COUNTS)
+def test_counts_beyond_int32_or_not_whole_are_named(name, value):
+    refused(
+        lambda: COUNTS[name](value),
+        f"{name.strip()} = ",
+        "is not a whole number from -2147483648 to 2147483647",
+    )
+
+
+@pytest.mark.parametrize("value", [*NOT_WHOLE, -1, 2**32, 2**40, 1e300], ids=repr)
+@pytest.mark.parametrize("name", READINGS)
+def test_readings_and_modulus_beyond_uint32_are_named(name, value):
+    refused(
+        lambda: READINGS[name](value),
+        f"{name} = ",
+        "is not a whole number from 0 to 4294967295",
+    )
+
+
+@pytest.mark.parametrize("value", [*NOT_WHOLE, 2**62 + 2**31, -(2**63), 2**64], ids=repr)
+@pytest.mark.parametrize("name", STATES)
+def test_states_that_no_step_can_leave_are_named(name, value):
+    refused(lambda: STATES[name](value), "w = ", "is not a whole number from -4611686020574871551")
+
+
+@pytest.mark.parametrize("kind", [dahl.Plan, dahl.Throughput])
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((math.nan, 1, 1), ("sigma0 = nan", "2^-64 <= sigma0 < 2^64 (N m/rad)")),
+        ((1, -math.inf, 1), ("Fc = -inf", "2^-64 <= Fc < 2^64 (N m)")),
+        ((10**400, 1, 1), ("sigma0 = inf", "2^-64 <= sigma0 < 2^64")),
+        ((1, 1, math.nan), ("theta_per_count = nan", "rad/count")),
+        ((1, 1, -1.0), ("theta_per_count = -1", "or 0 for no encoder")),
+        ((2.0**64, 1, 1), ("sigma0 = 1.8446744073709552e+19", "2^-64 <= sigma0 < 2^64")),
+        ((1, 2.0**-65, 0), ("Fc = 2.71051e-20", "2^-64 <= Fc")),
+        ((1, 1, 2.0**20), ("= 1.04858e+06", "2^-30 <= travel < 2^20", "theta_per_count = 1.0")),
+        ((1, 1, 2.0**-30 * (1 - 2.0**-24)), ("= 9.313225191043273e-10", "2^-30 <= travel")),
+    ],
+    ids=repr,
+)
+def test_parameters_are_named_with_their_limits(kind, arguments, words):
+    refused(lambda: kind(*arguments), *words)
+
+
+def test_limits_themselves_are_taken():
+    for kind in (dahl.Plan, dahl.Throughput):
+        kind(2.0**-64, 2.0**-64, 2.0**-30)
+        kind(1, 1, np.nextafter(np.float32(2**20), np.float32(0)))
+    assert dahl.counts_between(2**32 - 1, 0) == 1
+    assert dahl.counts_between(65535, 0, 65536) == 1
+    assert dahl.counts_between(0, 0, 2**32 - 1) == 0
+    assert bearing().step_counts(-(2**31)) == -0.5
+    assert dahl.State(-(2**62)).w == -(2**62)
+
+
+def test_numbers_of_any_kind_are_numbers():
+    plan = dahl.Plan(np.float64(100), Fraction(1, 2), np.float32(1e-4))
+    assert plan == dahl.Plan(100, 0.5, 1e-4)
+    one = dahl.Friction(plan)
+    wanted = dahl.Friction(plan).step_counts(3)
+    for value in (3, 3.0, np.int8(3), np.uint64(3), np.float16(3), Fraction(3)):
+        assert copy.copy(one).step_counts(value) == wanted
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: dahl.Throughput(sigma=100), ("Throughput", "sigma = 100", "sigma0, Fc")),
+        (lambda: dahl.Plan(sigma0=1, fc=1), ("Plan", "fc = 1", "sigma0, Fc, theta_per_count")),
+        (lambda: dahl.Plan(1), ("Plan", "'Fc'", "sigma0, Fc")),
+        (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "too many")),
+        (dahl.Friction, ("Friction", "'plan'")),
+        (
+            lambda: bearing().step_counts(counts=3),
+            ("Friction.step_counts", "counts = 3", "dcounts"),
+        ),
+        (
+            lambda: bearing().run([1.0], output=None),
+            ("Friction.run", "output = None", "moves, out"),
+        ),
+        (
+            lambda: dahl.Throughput.run_channels(params=[], move=[[]]),
+            ("Throughput.run_channels", "move = ", "params, moves, out"),
+        ),
+        (lambda: dahl.counts_between(1, 2, turn=4), ("counts_between", "turn = 4", "modulus")),
+    ],
+)
+def test_calls_that_do_not_fit_name_what_does(call, words):
+    refused(call, *words)
+
+
+def test_only_a_plan_is_a_plan():
+    for wrong in (None, (1, 1, 1), dahl.Throughput(1, 1, 1), dahl.Plan):
+        refused(lambda wrong=wrong: dahl.Friction(wrong), "plan = ", "is not a Plan")
+        refused(lambda wrong=wrong: bearing().change_plan(wrong), "plan = ", "is not a Plan")
+    one = dahl.Throughput(1, 1, 1)
+    for run in (dahl.Throughput.run_channels, dahl.Throughput.run_counts_channels):
+        refused(lambda run=run: run(one, [[1]]), "params = ", "is not a list of Throughput")
+        refused(lambda run=run: run([one, bearing().plan], [[1, 1]]), "params[1] = ", "Throughput")
+
+
+def test_counts_without_an_encoder_are_refused():
+    """0.0 N m for every count was no answer."""
+    blind, quick = dahl.Friction(dahl.Plan(100.0, 0.5)), dahl.Throughput(100.0, 0.5)
+    for call in (
+        lambda: blind.step_counts(1),
+        lambda: blind.step_counts_q30(0),
+        lambda: blind.run_counts([1]),
+        lambda: quick.run_counts([1]),
+        lambda: dahl.Throughput.run_counts_channels([quick], [[1]]),
+    ):
+        refused(call, "theta_per_count = 0", "2^-64 <= theta_per_count < 2^64")
+    assert blind.step(1e9) == 0.5 and quick.run([1e9])[0] == 0.5
+    assert dahl.Throughput.run_channels([quick], [[1e9]])[0, 0] == 0.5
+
+
+MASKED = np.ma.array([1, 2, 3], mask=[False, True, False])
+
+
+@pytest.mark.parametrize(
+    ("moves", "words"),
+    [
+        (MASKED, ("moves has masked values",)),
+        ([MASKED[0], np.ma.masked], ("moves has masked values",)),
+        (np.array([1, 2], object), ("moves has type object",)),
+        ([2**70], ("moves has type object",)),
+        (np.array(1), ("moves has shape ()",)),
+        (None, ("moves has shape ()",)),
+        (np.zeros((2, 2)), ("moves has shape (2, 2), not (n,)",)),
+        ([[1], [1, 2]], ("moves is not an array of numbers",)),
+        ([True], ("moves has type bool",)),
+        ([1j], ("moves has type complex128",)),
+        (["1"], ("moves has type <U1",)),
+        (np.array(["2020-01-01"], "M8[s]"), ("moves has type datetime64[s]",)),
+    ],
+    ids=repr,
+)
+def test_moves_that_are_no_moves_are_named(moves, words):
+    quick, one = dahl.Throughput(1, 1, 1), bearing()
+    before = one.state.w
+    for run in (one.run, one.run_counts, quick.run, quick.run_counts):
+        refused(lambda run=run: run(moves), *words)
+    assert one.state.w == before
+
+
+@pytest.mark.parametrize("value", [2**31, -(2**31) - 1, 2**40, -(2**63)])
+def test_moves_beyond_int32_are_named_and_nothing_moves(value):
+    one, before = bearing(), bearing().state.w
+    for moves in (np.array([1, value]), [1, value], np.array([1, value], float)):
+        refused(lambda moves=moves: one.run_counts(moves), "moves[1] = ", "from -2147483648 to")
+    refused(
+        lambda: dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)], [[1], [value]]),
+        "moves[1, 0] = ",
+    )
+    assert one.state.w == before
+
+
+def test_rows_that_are_masked_are_not_taken():
+    two = [dahl.Throughput(1, 1, 1)] * 3
+    refused(lambda: dahl.Throughput.run_channels(two, [MASKED, MASKED]), "masked")
+    whole = np.ma.array([1, 2], mask=False)  # nothing of it is masked
+    assert list(bearing().run_counts(whole)) == list(bearing().run_counts([1, 2]))
+    out = np.ma.array(np.zeros(2, np.float32))
+    refused(lambda: bearing().run_counts([1, 2], out), "out is a MaskedArray")
+
+
+@given(floats32, floats32)
+def test_a_plan_is_a_value(Fc, sigma0):  # noqa: N803
+    theta = Fc / sigma0 / 2**10
+    plan = dahl.Plan(sigma0, Fc, theta)
+    for same in (
+        dahl.Plan(sigma0, Fc, theta),
+        copy.copy(plan),
+        copy.deepcopy(plan),
+        pickle.loads(pickle.dumps(plan)),
+        eval(repr(plan), {"Plan": dahl.Plan}),
+    ):
+        assert same == plan and hash(same) == hash(plan) and repr(same) == repr(plan)
+        assert bytes(same._words) == bytes(plan._words)
+    assert plan != dahl.Plan(sigma0, Fc, theta * 2) and plan != dahl.Plan(sigma0 * 2, Fc, theta)
+    assert plan != dahl.Plan(sigma0, Fc) and plan != (sigma0, Fc, theta)
+    assert plan != dahl.Throughput(plan.sigma0, plan.Fc, plan.theta_per_count)
+
+
+@given(floats32, floats32)
+def test_throughput_is_a_value(Fc, sigma0):  # noqa: N803
+    one = dahl.Throughput(sigma0, Fc, 0.1 * Fc / sigma0)
+    for same in (
+        copy.copy(one),
+        copy.deepcopy(one),
+        pickle.loads(pickle.dumps(one)),
+        eval(repr(one), {"Throughput": dahl.Throughput}),
+    ):
+        assert same == one and hash(same) == hash(one)
+    assert one != dahl.Throughput(sigma0, Fc)
+
+
+@pytest.mark.parametrize("name", ["sigma0", "Fc", "theta_per_count", "other"])
+def test_parameters_cannot_be_changed(name):
+    for fixed in (bearing().plan, dahl.Throughput(1, 1, 1)):
+        with pytest.raises(AttributeError):
+            setattr(fixed, name, 2.0)
+        with pytest.raises(AttributeError):
+            delattr(fixed, name)
+    for part in ("plan", "state"):
+        with pytest.raises(AttributeError):
+            setattr(bearing(), part, None)
+
+
+@given(st.lists(st.integers(-1000, 1000), max_size=8), st.integers(-1000, 1000))
+def test_a_copy_of_a_bearing_goes_its_own_way(moves, last):
+    one = bearing()
+    one.run_counts(moves)
+    for make in (copy.copy, copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))):
+        other = make(one)
+        assert other == one and other.plan == one.plan and other.torque == one.torque
+        moved = other.step_counts(last)
+        assert (other == one) == (other.state.w == one.state.w)
+        again = copy.copy(one)
+        assert again.step_counts(last) == moved
+    with pytest.raises(TypeError):
+        hash(one)
+
+
+def test_bearings_differ_by_plan_and_by_state():
+    one, other = bearing(), bearing()
+    assert one == other and one != "bearing"
+    other.change_plan(dahl.Plan(100.0, 0.5, 2e-4))
+    assert one != other and one.state == other.state
+    assert other.plan.theta_per_count == np.float32(2e-4)
+
+
+def test_a_state_is_a_value_that_changes():
+    state = bearing().state
+    for same in (copy.copy(state), copy.deepcopy(state), pickle.loads(pickle.dumps(state))):
+        assert same == state and same is not state
+        same.w = 5
+        assert same != state and same.w == 5 and repr(same) == "State(w=5)"
+    assert state != state.w and dahl.State().w == 0
+
+
+def test_a_bearing_says_what_it_is():
+    assert repr(dahl.Plan(100, 0.5, 1e-4)) == "Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-04)"
+    assert "torque=0.0653209 N m" in repr(bearing()) and "Plan(sigma0=100.0" in repr(bearing())
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(1, 2**32 - 1))
+def test_a_reading_that_does_not_wrap_at_the_modulus_is_refused(before, now, modulus):
+    if before < modulus and now < modulus:
+        assert abs(dahl.counts_between(before, now, modulus)) <= modulus / 2
+    else:
+        name = "before" if before >= modulus else "now"
+        refused(
+            lambda: dahl.counts_between(before, now, modulus=modulus),
+            f"{name} = ",
+            f"is not a whole number from 0 to {modulus - 1}",
+        )
+
+
+def test_the_way_of_a_timer_that_wraps_elsewhere_than_at_a_turn():
+    """A 16-bit timer on 10000 counts a turn: +1, and neither +4465 nor a torque of -Fc."""
+    assert dahl.counts_between(65535, 0, modulus=2**16) == 1
+    refused(lambda: dahl.counts_between(65535, 0, modulus=10000), "before = 65535", "9999")
+
+
+def test_the_package_lists_what_it_offers():
+    assert set(dahl.__all__) <= set(dir(dahl))
+    assert not [name for name in dir(dahl) if name.startswith("_") and not name.endswith("__")]
+    for name in dahl.__all__:
+        thing = getattr(dahl, name)
+        assert inspect.getdoc(thing)
+        for key, member in vars(thing).items() if inspect.isclass(thing) else ():
+            if not key.startswith("_") and (callable(member) or isinstance(member, property)):
+                assert inspect.getdoc(member), f"{name}.{key}"
+    assert "sigma0: 'float'" in str(inspect.signature(dahl.Plan))
+
+
+@given(st.integers(1, 40), st.integers(0, 2**32 - 1))
+def test_what_is_kept_between_steps_changes_no_bit(ticks, seed):
+    """A bearing that is pickled or rebuilt from w after each step goes on as one that is not."""
+    path = np.random.default_rng(seed).integers(-2000, 2001, ticks)
+    plan = dahl.Plan(100.0, 0.5, 1e-4)
+    wanted, kept = dahl.Friction(plan).run_counts(path), dahl.Friction(plan)
+    for move, torque in zip(path, wanted, strict=True):
+        kept = pickle.loads(pickle.dumps(kept))
+        w, kept = kept.state.w, dahl.Friction(plan)
+        kept.state.w = w
+        assert kept.step_counts(move) == torque
+
+
+def test_the_exact_reference_agrees_with_a_plan_of_odd_numbers():
+    plan = dahl.Plan(Fraction(1, 3), np.float64(0.7), 0.001)
+    exact = reference.exact_ratios(
+        [5], reference.travel_per_count(plan.sigma0, plan.Fc, plan.theta_per_count)
+    )
+    got = dahl.Friction(plan).run_counts([5])
+    assert reference.error_in_ulp(got, exact, plan.Fc).max() <= 0.52
+
+
+@pytest.mark.parametrize("wrong", ["/etc/passwd", "/tmp", _ctypes.__file__])
+def test_another_file_as_the_library_is_one_line(wrong, tmp_path):
+    """DAHL_LIBRARY names a text file, a folder, another library."""
+    environment = {**os.environ, "DAHL_LIBRARY": wrong}
+    code = "import dahl\ntry: dahl.Plan(1, 1)\nexcept dahl.RunError as e: print(e)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.stderr == "" and done.stdout.startswith(f"{wrong}: not the shared library of dahl")
+    log = tmp_path / "log.csv"
+    log.write_text("theta,torque\n" + "".join(f"{i % 9},{i % 7}\n" for i in range(100)))
+    command = [sys.executable, "-m", "dahl", "identify", log, "--angle", "theta", "--trust-units"]
+    command += ["--torque", "torque", "--no-files"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.stderr == f"error: {wrong}: not the shared" + done.stderr.partition("the shared")[2]
+    assert done.returncode == 1 and done.stderr.count("\n") == 1
+
+
+def test_a_number_too_long_to_print_is_named_too():
+    refused(lambda: bearing().step_counts(10**5000), "dcounts = an int of many digits")
+    refused(lambda: dahl.Plan(10**5000, 1), "sigma0 = inf")
