@@ -367,7 +367,7 @@ def test_numbers_without_a_log_are_not_identified(tmp_path):
 
 def test_a_name_without_letters_is_refused():
     with pytest.raises(Error, match="letters, digits and _"):
-        output.identifier("--")
+        plan_header.identifier("--")
 
 
 def test_a_plan_and_a_scene_of_a_log_without_an_encoder(tmp_path):

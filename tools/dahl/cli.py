@@ -14,7 +14,7 @@ import sys
 from typing import NoReturn
 
 from dahl import Error, RunError, __version__
-from dahl.commands import data, demo, excite, identify, monitor, plot, record, report
+from dahl.commands import data, demo, excite, identify, monitor, plan, plot, record, report
 
 
 class Parser(argparse.ArgumentParser):
@@ -28,6 +28,7 @@ COMMANDS = {
     "demo": demo,
     "identify": identify,
     "excite": excite,
+    "plan": plan,
     "monitor": monitor,
     "record": record,
     "plot": plot,

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A prepared plan as a C header, ready for flash: dahl_prepare() of the library makes it, and the
-struct in lib/dahl.h says what its words are called, so that no layout is known here.
+"""A prepared plan as a header for C99 and C++11, ready for flash. dahl_prepare() makes its words, the
+struct in dahl.h says what they are called; no layout is known here.
 """
 
 from __future__ import annotations
@@ -8,9 +8,10 @@ from __future__ import annotations
 import ctypes
 import re
 from functools import cache
+from pathlib import Path
 from typing import Any
 
-from dahl import RunError, paths
+from dahl import Error, RunError, __version__, paths
 from dahl.core import Plan
 
 WORDS = {
@@ -26,11 +27,14 @@ SUFFIX = {
     ctypes.c_int64: "ll",
 }
 LINE = 96  # characters
+HEAD = re.compile(
+    r"/\*(?:(?!\*/).)*dahl_prepare\(\) of .*?\*/\n#ifndef DAHL_PLAN_\w+_H\n", re.DOTALL
+)
 
 
 @cache
 def plan_type() -> type[ctypes.Structure]:
-    """dahl_plan_t as lib/dahl.h declares it."""
+    """dahl_plan_t as dahl.h declares it."""
     try:
         text = (paths.ROOT / "lib" / "include" / "dahl.h").read_text(encoding="utf-8")
     except OSError as error:
@@ -41,36 +45,56 @@ def plan_type() -> type[ctypes.Structure]:
 def _structure(text: str, name: str) -> type[ctypes.Structure]:
     body = re.search(rf"typedef struct\s*\w*\s*\{{([^}}]*)\}}\s*{name};", text)
     if body is None:
-        raise RunError(f"lib/dahl.h: no struct {name}")
-    fields = []
+        raise RunError(f"dahl.h: no struct {name}")
+    fields: list[tuple[str, Any]] = []
     for kind, field, count in re.findall(r"(\w+)\s+(\w+)(?:\[(\d+)\])?;", body[1]):
         one = WORDS.get(kind) or _structure(text, kind)
         fields.append((field, one * int(count) if count else one))
+    if len(fields) != body[1].count(";"):
+        raise RunError(f"dahl.h: a field of {name} that is no word nor array of words")
     return type(name, (ctypes.Structure,), {"_fields_": fields})
+
+
+def identifier(name: str) -> str:
+    """A name that C takes."""
+    plain_name = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
+    if not plain_name:
+        raise Error(f"--name {name}: letters, digits and _ were expected")
+    return plain_name
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is a header that was made here."""
+    try:
+        return HEAD.match(path.read_text(encoding="utf-8")) is not None
+    except UnicodeDecodeError:
+        return False
 
 
 def _initialiser(value: Any, kind: Any) -> str:
     if issubclass(kind, ctypes.Array):
         return "{" + ", ".join(_initialiser(one, kind._type_) for one in value) + "}"
     if issubclass(kind, ctypes.Structure):
-        return "{" + ", ".join(_fields(value)) + "}"
+        return "{" + ", ".join(initial for _, initial in _fields(value)) + "}"
     return f"{value}{SUFFIX[kind]}"
 
 
-def _fields(value: ctypes.Structure) -> list[str]:
-    return [
-        f".{name} = {_initialiser(getattr(value, name), kind)}" for name, kind, *_ in value._fields_
-    ]
+def _fields(value: ctypes.Structure) -> list[tuple[str, str]]:
+    return [(name, _initialiser(getattr(value, name), kind)) for name, kind, *_ in value._fields_]
 
 
 def text(name: str, plan: Plan, comment: list[str]) -> str:
-    """The header: `static const dahl_plan_t dahl_plan_NAME`, the words of dahl_prepare()."""
+    """The header: `static const dahl_plan_t dahl_plan_NAME`, the words of dahl_prepare() in the
+    order of the struct, since C++ has had designated initialisers only since C++20. Another version
+    of the library may order them otherwise, and is refused when the header is compiled.
+    """
     words = plan_type().from_buffer_copy(plan._words)
     guard = f"DAHL_PLAN_{name.upper()}_H"
+    major, minor, _ = __version__.split(".")
     lines = [
         "/*",
         *(f" * {line}".rstrip() for line in comment),
-        " *",
+        *([" *"] if comment else []),
         f" * dahl_prepare() of sigma0 = {plan.sigma0:.9g}, Fc = {plan.Fc:.9g},"
         f" theta_per_count = {plan.theta_per_count:.9g}; keep it const.",
         " */",
@@ -79,8 +103,12 @@ def text(name: str, plan: Plan, comment: list[str]) -> str:
         "",
         '#include "dahl.h"',
         "",
+        f"#if DAHL_VERSION_MAJOR != {major} || DAHL_VERSION_MINOR != {minor}",
+        f'#error "this plan was made for dahl {major}.{minor}: make it again with this version"',
+        "#endif",
+        "",
         f"static const dahl_plan_t dahl_plan_{name} = {{",
-        *(folded for field in _fields(words) for folded in _folded(f"{field},")),
+        *(line for field, value in _fields(words) for line in _folded(f"/* {field} */ {value},")),
         "};",
         "",
         f"#endif /* {guard} */",

@@ -62,9 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.identify import design, output
+    from dahl import plan_header
+    from dahl.identify import design
 
-    wanted, name = _wanted(args), output.identifier(args.name)
+    wanted, name = _wanted(args), plan_header.identifier(args.name)
     motion = design.propose(wanted)
     rows = motion.cycles * motion.rows_per_cycle
     if rows > ROWS:

@@ -145,7 +145,8 @@ def options_of(args: argparse.Namespace) -> Options:
 
 
 def run(args: argparse.Namespace) -> int:
-    from dahl.identify import output, pipeline, readers
+    from dahl import plan_header
+    from dahl.identify import pipeline, readers
 
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
@@ -162,7 +163,7 @@ def run(args: argparse.Namespace) -> int:
         raise RunError(f"{rows} rows do not fit into memory (100 bytes a row)") from None
     for path in args.check:
         result.checks[str(path)] = pipeline.check(result, readers.read(path, source))
-    _report(args, result, output.identifier(args.name or args.logs[0].stem))
+    _report(args, result, plan_header.identifier(args.name or args.logs[0].stem))
     return 2 if broken else 0
 
 
@@ -230,8 +231,9 @@ def _each(args: argparse.Namespace) -> int:
 
 def _follow(args: argparse.Namespace) -> int:
     """Identify what comes over a bus until it is known well enough."""
+    from dahl import plan_header
     from dahl.bus import open_from, received
-    from dahl.identify import follow, output
+    from dahl.identify import follow
     from dahl.interrupt import Stop
 
     source = source_of(args)
@@ -239,7 +241,7 @@ def _follow(args: argparse.Namespace) -> int:
     with open_from(args) as bus, Stop() as stop:
         frames = received(bus, stop, args.seconds, args.frames)
         result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
-    _report(args, result, output.identifier(args.name or "bus"))
+    _report(args, result, plan_header.identifier(args.name or "bus"))
     return 0
 
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 import io
 import json
 import math
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl import Error
 from dahl.identify import pipeline
 from dahl.identify.log import Log
 from dahl.identify.result import Result
@@ -129,14 +127,6 @@ def term_unit(name: str, log: Log) -> str:
         "viscous": f"{unit} s/{angle}",
         "inertia": f"{unit} s2/{angle}",
     }[name]
-
-
-def identifier(name: str) -> str:
-    """A name that C takes."""
-    plain_name = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
-    if not plain_name:
-        raise Error(f"--name {name}: letters, digits and _ were expected")
-    return plain_name
 
 
 def header(result: Result, name: str) -> str:

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: MIT
+"""`dahl plan`: a plan for flash from known numbers, which every compiler takes without a warning,
+and bit for bit what dahl_prepare() makes.
+"""
+
+from __future__ import annotations
+
+import itertools
+import shlex
+import subprocess
+
+import pytest
+from conftest import ROOT, built, need
+
+pytestmark = pytest.mark.usefixtures("library")
+
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include"]
+COMPARE = """
+#include <cstring>
+#include <cstdio>
+#include "plan.h"
+int main() {{
+    dahl_params_t params = {{{0!r}f, {1!r}f, (float){2}}};
+    dahl_plan_t made;
+    if (dahl_prepare(&made, &params) != DAHL_OK) return 2;
+    return std::memcmp(&made, &dahl_plan_plan, sizeof made) != 0;
+}}
+"""
+KNOWN = ["--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384"]
+TURN = 6.283185307179586
+
+
+@pytest.fixture
+def plan(run_dahl, tmp_path):
+    """Call `dahl plan` in a folder of its own."""
+
+    def run(*words: object) -> subprocess.CompletedProcess[str]:
+        return run_dahl("plan", *words, cwd=tmp_path)
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("compiler", "standard"),
+    [
+        *itertools.product(["gcc", "clang"], ["c99", "c11"]),
+        *itertools.product(["g++", "clang++"], ["c++11", "c++14", "c++17", "c++20"]),
+    ],
+)
+def test_no_compiler_has_a_word_to_say(compiler, standard, plan, tmp_path):
+    need(compiler, f"a plan compiles as {standard}")
+    plan(*KNOWN, "-o", "plan.h")
+    source = tmp_path / ("tick.cpp" if "+" in standard else "tick.c")
+    source.write_text('#include "plan.h"\nconst dahl_plan_t *used = &dahl_plan_plan;\n')
+    command = [compiler, f"-std={standard}", *STRICT, "-c", source, "-o", tmp_path / "tick.o"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "params"),
+    [
+        (KNOWN, (100.0, 0.5, TURN / 16384)),
+        (
+            ["--sigma0", "36449.1", "--fc", "2.69", "--theta-per-count", "1e-7"],
+            (36449.1, 2.69, 1e-7),
+        ),
+        (["--sigma0", "3", "--fc", "7.5", "--theta-per-count", "0"], (3.0, 7.5, 0.0)),
+        (
+            ["--sigma0", "1", "--fc", "2e3", "--counts-per-turn", "4096.5"],
+            (1.0, 2e3, TURN / 4096.5),
+        ),
+    ],
+)
+def test_the_words_are_those_of_dahl_prepare(words, params, plan, tmp_path):
+    assert plan(*words, "-o", "plan.h").returncode == 0
+    (tmp_path / "same.cpp").write_text(COMPARE.format(*params))
+    command = ["g++", *STRICT, f"-I{tmp_path}", tmp_path / "same.cpp"]
+    command += [built("lib", "libdahl.a"), "-o", tmp_path / "same"]
+    subprocess.run(command, check=True)
+    assert subprocess.run([tmp_path / "same"], check=False).returncode == 0
+
+
+def test_a_plan_of_another_version_is_refused_by_the_compiler(plan, tmp_path):
+    plan(*KNOWN, "-o", "plan.h")
+    header = (ROOT / "lib/include/dahl.h").read_text()
+    other = header.replace("#define DAHL_VERSION_MINOR ", "#define DAHL_VERSION_MINOR 9")
+    (tmp_path / "dahl.h").write_text(other)
+    done = subprocess.run(
+        ["gcc", "-fsyntax-only", f"-I{tmp_path}", f"-I{ROOT}/lib/include", tmp_path / "plan.h"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode != 0 and "make it again with this version" in done.stderr
+
+
+def test_standard_output_and_a_name(plan, tmp_path):
+    done = plan(*KNOWN, "--name", "left wheel", "-o", "-")
+    assert "static const dahl_plan_t dahl_plan_left_wheel = {" in done.stdout
+    assert "sigma0 = 100, Fc = 0.5, theta_per_count = 0.000383495208" in done.stdout
+    plan(*KNOWN, "-o", "dahl_plan_shaft.h")
+    assert "dahl_plan_shaft = {" in (tmp_path / "dahl_plan_shaft.h").read_text()
+    assert list(tmp_path.iterdir()) == [tmp_path / "dahl_plan_shaft.h"]
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "words"),
+    [
+        ("--sigma0", "-1", "sigma0 = -1 is outside 2^-64 <= sigma0 < 2^64"),
+        ("--sigma0", "1e30", "sigma0 = 1e+30 is outside 2^-64 <= sigma0 < 2^64"),
+        ("--sigma0", "soft", "--sigma0 soft: not a number; 2^-64 <= sigma0 < 2^64"),
+        ("--fc", "nan", "Fc = nan is outside 2^-64 <= Fc < 2^64"),
+        ("--fc", "", "--fc : not a number; 2^-64 <= Fc < 2^64"),
+        ("--counts-per-turn", "0", "--counts-per-turn 0: not a finite number above 0"),
+        ("--counts-per-turn", "inf", "--counts-per-turn inf: not a finite number above 0"),
+        ("--counts-per-turn", "many", "--counts-per-turn many: not a number"),
+        ("--counts-per-turn", "1e14", "is outside 2^-30 <= travel < 2^20"),
+        ("--name", "++", "--name ++: letters, digits and _ were expected"),
+        ("--theta-per-count", "1", "not allowed with argument"),
+        ("-o", "none/plan.h", "none/plan.h: No such file or directory"),
+    ],
+)
+def test_bad_values_are_one_line_with_the_limit(option, value, words, plan, tmp_path):
+    known = dict(zip(KNOWN[::2], KNOWN[1::2], strict=True)) | {"-o": "plan.h"} | {option: value}
+    done = plan(
+        *(f"{key}={each}" if key[1] == "-" else f"{key}{each}" for key, each in known.items())
+    )
+    assert done.returncode in (1, 2) and done.stdout == ""
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
+    assert words in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_encoder_is_asked_for(plan):
+    done = plan("--sigma0", "1", "--fc", "1", "-o", "plan.h")
+    assert done.returncode == 2 and "--counts-per-turn --theta-per-count" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "kept", ["int main(void) { return 0; }\n", "static const dahl_plan_t x;\n", "\udcff"]
+)
+def test_only_a_plan_is_overwritten(kept, plan, tmp_path):
+    path = tmp_path / "main.c"
+    path.write_text(kept, errors="surrogateescape")
+    before = path.read_bytes()
+    done = plan(*KNOWN, "-o", "main.c")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "error: main.c: there already, and no plan; --force overwrites it\n",
+    )
+    assert path.read_bytes() == before
+    assert plan(*KNOWN, "--force", "-o", "main.c").returncode == 0
+    made = path.read_bytes()
+    assert plan("--sigma0", "2", *KNOWN[2:], "-o", "main.c").returncode == 0  # its own
+    assert path.read_bytes() != made
+
+
+def test_the_examples_of_the_help_work(plan, tmp_path):
+    examples = [
+        line for line in plan("--help").stdout.splitlines() if line.startswith("  dahl plan")
+    ]
+    assert len(examples) == 2
+    for line in examples:
+        assert plan(*shlex.split(line)[2:]).returncode == 0
+    assert (tmp_path / "dahl_plan_shaft.h").exists()
