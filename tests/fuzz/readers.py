@@ -62,7 +62,7 @@ def read_bus(path: Path, choice: int) -> None:
     elif path.suffix == ".log":
         assert logs.read_candump(path), "no frames and no error"
     else:
-        assert list(readers.frames_of(path)), "no frames and no error"
+        assert list(logs.frames_of(path)), "no frames and no error"
 
 
 def fuzz(folder: Path, kinds: tuple[str, ...], read: Callable[[Path, int], None]) -> None:

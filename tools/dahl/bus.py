@@ -28,25 +28,33 @@ WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
 QUIET = 0.05  # s without a frame, after which the caller has its turn
 
 
-def add_bus_arguments(parser: argparse._ActionsContainer) -> None:
-    """-i, -c and what some interfaces want beside them; python-can's own settings (~/.canrc) hold
-    where none is given.
+def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
+    """python-can's own options (-i, -c, -b, --fd, --bus-kwargs, ...), and two of the server that
+    the demo offers; python-can's own settings (~/.canrc) hold where none is given.
     """
-    parser.add_argument(
-        "-i", "--interface", help="python-can interface: socketcan, socketcand, slcan, pcan, ..."
-    )
-    parser.add_argument("-c", "--channel", help="channel: vcan0, can0, /dev/ttyACM0, ...")
-    parser.add_argument("-b", "--bitrate", type=int, help="bit/s, where the interface sets it")
+    import can.cli
+
+    can.cli.add_bus_arguments(parser)
     parser.add_argument("--host", help="socketcand: host of the server")
     parser.add_argument("--port", type=int, help="socketcand: TCP port of the server")
 
 
+def named(args: argparse.Namespace) -> dict[str, Any]:
+    """What the arguments say of the bus."""
+    keys = ("interface", "channel", "bitrate", "fd", "data_bitrate", "host", "port", "bus_kwargs")
+    return {key: value for key in keys if (value := getattr(args, key, None)) is not None}
+
+
 def open_from(args: argparse.Namespace) -> can.BusABC:
-    """Open the bus that the arguments name."""
-    settings = {
-        key: getattr(args, key) for key in ("interface", "channel", "bitrate", "host", "port")
-    }
-    return open_bus(**{key: value for key, value in settings.items() if value is not None})
+    """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
+    import can.cli
+
+    _silence()
+    server = {key: value for key, value in named(args).items() if key in ("host", "port")}
+    try:
+        return can.cli.create_bus_from_namespace(args, **server)
+    except argparse.ArgumentError as error:
+        raise _not_open(named(args), error.__cause__) from None
 
 
 def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
@@ -55,18 +63,37 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     """
     import can
 
-    logging.getLogger("can").setLevel(logging.ERROR)  # a frame in two pieces is no news
+    _silence()
     until = time.monotonic() + patience
     while True:
         try:
             return can.Bus(**settings)
         except Exception as error:  # each interface of python-can has its own kinds
-            if "interface" not in settings and "Unknown interface type" in str(error):
-                raise Error(WHICH) from None
             if time.monotonic() >= until:
-                shown = " ".join(f"{key}={value}" for key, value in settings.items())
-                raise RunError(f"cannot open the bus ({shown}): {error}") from None
+                raise _not_open(settings, error) from None
         time.sleep(0.05)
+
+
+def _silence() -> None:
+    logging.getLogger("can").setLevel(logging.ERROR)  # a frame in two pieces is no news
+
+
+def _not_open(settings: dict[str, Any], error: object) -> Error:
+    if "interface" not in settings and "Unknown interface type" in str(error):
+        return Error(WHICH)
+    return RunError(f"cannot open the bus ({_shown(settings)}): {error}")
+
+
+def _shown(settings: dict[str, Any]) -> str:
+    return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
+
+
+def silent(args: argparse.Namespace, seconds: float) -> RunError:
+    """Not one frame came."""
+    return RunError(
+        f"no frame on the bus ({_shown(named(args))}) in {seconds:.1f} s:"
+        " is a node there, at this bit rate?"
+    )
 
 
 def received(

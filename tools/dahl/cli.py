@@ -11,14 +11,27 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from typing import NoReturn
+from collections.abc import Callable
+from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__
 from dahl.commands import data, demo, excite, identify, monitor, plan, plot, record, report
 
 
 class Parser(argparse.ArgumentParser):
-    """Complains in one line, as everything here does, and names where the options are told."""
+    """Complains in one line, as everything here does, and names where the options are told. `fill`
+    adds the arguments when they are needed: those of a bus take python-can, and --help is quick.
+    """
+
+    def __init__(self, *args: Any, fill: Callable[[Parser], None] | None = None, **kwargs: Any):
+        super().__init__(*args, **kwargs)
+        self._fill = fill
+
+    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+        fill, self._fill = self._fill, None
+        if fill is not None:
+            fill(self)
+        return super().parse_known_args(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"error: {message} (see {self.prog} --help)\n")
@@ -49,12 +62,12 @@ def build_parser() -> argparse.ArgumentParser:
     for name, module in COMMANDS.items():
         sub = commands.add_parser(
             name,
+            fill=module.add_arguments,
             help=module.HELP,
             description=(module.__doc__ or "").partition("\n")[2].strip(),
             epilog=module.EXAMPLE,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        module.add_arguments(sub)
         sub.set_defaults(run=module.run)
     return parser
 

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Recorded logs: tables of numbers (CSV, TSV) and candump files. Whatever is wrong is named by
+"""Recorded logs: tables of numbers (CSV, TSV) and frames of a bus. Whatever is wrong is named by
 file, line and column.
 """
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import difflib
 import io
 import math
 import re
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -117,6 +119,7 @@ def _check_time(place: str, time: str | None, values: dict[str, list[float]]) ->
 
 
 MANY = 30  # names that a complaint lists
+CAN_LOGS = (".asc", ".blf", ".log", ".mf4", ".trc")  # that python-can writes and reads
 CANDUMP_LINE = re.compile(
     r"\(\d+\.\d+\) +\S+ +([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#"
     r"(R\d?|#[0-9A-Fa-f])?([0-9A-Fa-f]{2})*( [RT])?\s*"
@@ -152,3 +155,45 @@ def read_candump(path: Path | str) -> list[can.Message]:
     if not messages:
         raise Error(f"{path}: no frames in it")
     return messages
+
+
+@contextlib.contextmanager
+def copies_of_its_own(path: Path) -> Iterator[None]:
+    """asammdf copies an MF4 that was not closed well, and leaves the copy where it cannot read it:
+    so in a folder that goes.
+    """
+    if path.suffix.lower() != ".mf4":
+        yield
+        return
+    import asammdf
+
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        asammdf.set_global_option("temporary_folder", folder)
+        try:
+            yield
+        finally:
+            asammdf.set_global_option("temporary_folder", None)
+
+
+def frames_of(path: Path) -> Iterator[can.Message]:
+    """The frames of a log, by python-can. Raises dahl.Error for a file that is not what its ending
+    says, or cut off.
+    """
+    import can
+
+    if path.suffix.lower() == ".log":
+        yield from read_candump(path)
+        return
+    count = 0
+    try:
+        with copies_of_its_own(path), can.LogReader(path) as reader:
+            for message in reader:
+                count += 1
+                yield message
+            if getattr(reader, "file_size", 0) > path.stat().st_size:  # BLF says how long it is
+                raise Error("the file is shorter than it says")
+    except Exception as error:  # each reader of python-can has its own kinds
+        words = " ".join(str(error).split())[:120] or type(error).__name__
+        raise Error(f"{path}: broken or cut off after {count} frames ({words})") from None
+    if count == 0:
+        raise Error(f"{path}: no frames in it")

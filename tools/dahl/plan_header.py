@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A prepared plan as a header for C99 and C++11, ready for flash. dahl_prepare() makes its words, the
-struct in dahl.h says what they are called; no layout is known here.
+"""A prepared plan as a header for C99 and C++11, ready for flash. dahl_prepare() makes its words,
+the struct in dahl.h says what they are called; no layout is known here.
 """
 
 from __future__ import annotations

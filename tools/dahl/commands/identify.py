@@ -116,8 +116,8 @@ def _add_many_and_live(parser: argparse.ArgumentParser) -> None:
         metavar="PERCENT",
         help="end when both intervals are at most so wide to either side (default 2)",
     )
-    add_bus_arguments(live)
     add_limits(live)
+    add_bus_arguments(parser)
 
 
 def source_of(args: argparse.Namespace) -> Source:

@@ -32,7 +32,6 @@ REDRAW = 0.25  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_bus_arguments(parser)
     parser.add_argument(
         "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
     )
@@ -45,18 +44,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="ticks that are shown",
     )
     add_limits(parser)
+    add_bus_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     from rich.console import Console
     from rich.live import Live
 
-    from dahl.bus import open_from, received
+    from dahl.bus import open_from, received, silent
     from dahl.interrupt import Stop
     from dahl.monitor_view import View
 
     console = Console()
     view = View(args.node, args.window, args.dbc)
+    begin = time.monotonic()
     try:
         with open_from(args) as bus, Stop() as stop:
             frames = received(bus, stop, args.seconds, args.frames)
@@ -68,6 +69,8 @@ def run(args: argparse.Namespace) -> None:
     finally:
         if view.frames:
             console.print(view)
+    if not view.frames:
+        raise silent(args, time.monotonic() - begin)
 
 
 def _watch(frames: Iterable[can.Message | None], view: View, draw: Callable[[], None]) -> None:

@@ -2,8 +2,9 @@
 """
 Draw a recorded run: torque over angle, then over time.
 
-RUN is a folder that `dahl demo` left (its summary.json names the scene), or a candump log together
-with --scene. The picture goes beside the log as loop.png, or where -o says.
+RUN is a folder that `dahl demo` left (its summary.json names the scene), or a log of frames
+(candump .log, .asc, .blf, .trc, .mf4) together with --scene. The picture goes beside the log as
+loop.png, or where -o says.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ EXAMPLE = """examples:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "run_path", type=Path, metavar="RUN", help="folder of a run, or a candump log"
+        "run_path", type=Path, metavar="RUN", help="folder of a run, or a log of frames"
     )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
     parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="picture to write")
@@ -41,7 +42,7 @@ def run(args: argparse.Namespace) -> None:
         raise Error(f"{log}: no such file")
     known = _summary(folder)
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
-    trace = report.trace_of(logs.read_candump(log))
+    trace = report.trace_of(logs.frames_of(log))
     output = args.output or folder / "loop.png"
     plots.draw(output, played, trace, _recorded(played, known), "", known)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")

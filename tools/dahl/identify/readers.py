@@ -14,7 +14,6 @@ import json
 import os
 import re
 import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     import cantools
     import pandas
 
-CAN_LOGS = {".log", ".asc", ".blf", ".trc", ".mf4"}
+CAN_LOGS = set(logs.CAN_LOGS)
 FULL_TURN = 360.0  # deg
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
 
@@ -290,51 +289,9 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
     if not (source.angle and source.torque):
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.angle, source.torque)
-    for frame in frames_of(path):
+    for frame in logs.frames_of(path):
         signals.feed(frame)
     return signals.names, signals.values(path)
-
-
-@contextlib.contextmanager
-def _copies_of_its_own(path: Path) -> Iterator[None]:
-    """asammdf copies an MF4 that was not closed well, and leaves the copy where it cannot read it:
-    so in a folder that goes.
-    """
-    if path.suffix.lower() != ".mf4":
-        yield
-        return
-    import asammdf
-
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        asammdf.set_global_option("temporary_folder", folder)
-        try:
-            yield
-        finally:
-            asammdf.set_global_option("temporary_folder", None)
-
-
-def frames_of(path: Path) -> Iterator[can.Message]:
-    """The frames of a log, by python-can. Raises dahl.Error for a file that is not what its ending
-    says, or cut off.
-    """
-    import can
-
-    if path.suffix.lower() == ".log":
-        yield from logs.read_candump(path)
-        return
-    count = 0
-    try:
-        with _copies_of_its_own(path), can.LogReader(path) as reader:
-            for message in reader:
-                count += 1
-                yield message
-            if getattr(reader, "file_size", 0) > path.stat().st_size:  # BLF says how long it is
-                raise Error("the file is shorter than it says")
-    except Exception as error:  # each reader of python-can has its own kinds
-        words = " ".join(str(error).split())[:120] or type(error).__name__
-        raise Error(f"{path}: broken or cut off after {count} frames ({words})") from None
-    if count == 0:
-        raise Error(f"{path}: no frames in it")
 
 
 def database_of(path: Path) -> cantools.database.Database:
@@ -445,7 +402,7 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
-        with _copies_of_its_own(path), MDF(path) as file:
+        with logs.copies_of_its_own(path), MDF(path) as file:
             known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
             if "CAN_DataFrame" in known:  # raw frames, named as ASAM's bus logging does
                 raise Error(f"{path}: {NEEDS_DBC}")
