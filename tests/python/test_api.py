@@ -20,7 +20,7 @@ import dahl
 import numpy as np
 import pytest
 from dahl import reference
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -371,6 +371,40 @@ def test_the_package_lists_what_it_offers():
             if not key.startswith("_") and (callable(member) or isinstance(member, property)):
                 assert inspect.getdoc(member), f"{name}.{key}"
     assert "sigma0: 'float'" in str(inspect.signature(dahl.Plan))
+
+
+numbers = st.one_of(st.integers(), st.floats(), st.fractions(), st.booleans(), st.complex_numbers())
+others = st.one_of(st.none(), st.text(max_size=5), st.binary(max_size=5), st.just(object()))
+arrays = st.lists(st.one_of(numbers, others), max_size=3).map(lambda each: np.array(each, object))
+junk = st.one_of(numbers, others, arrays, st.lists(numbers, max_size=3), st.tuples(others))
+PUBLIC = [
+    dahl.Plan,
+    dahl.Throughput,
+    dahl.Friction,
+    dahl.State,
+    dahl.counts_between,
+    lambda *given: bearing().step_counts(*given),
+    lambda *given: bearing().step_counts_q30(*given),
+    lambda *given: bearing().step(*given),
+    lambda *given: bearing().set_torque(*given),
+    lambda *given: bearing().change_plan(*given),
+    lambda *given: bearing().run(*given),
+    lambda *given: bearing().run_counts(*given),
+    lambda *given: dahl.Throughput(1, 1, 1).run(*given),
+    lambda *given: dahl.Throughput(1, 1, 1).run_counts(*given),
+    dahl.Throughput.run_channels,
+    dahl.Throughput.run_counts_channels,
+]
+
+
+@settings(max_examples=60)
+@given(st.data())
+@pytest.mark.parametrize("call", PUBLIC)
+def test_whatever_is_passed_there_is_an_answer_or_one_line(call, data):
+    try:
+        call(*data.draw(st.lists(junk, max_size=4)))
+    except dahl.Error as error:
+        assert str(error) and "\n" not in str(error)
 
 
 @given(st.integers(1, 40), st.integers(0, 2**32 - 1))

@@ -29,6 +29,7 @@ PLAN_ROOM = (
 )
 
 
+@checks.calls_checked
 class State(ctypes.Structure):
     """dahl_state_t, the state of one bearing: w = F/Fc in Q62, a whole number; 0 is relaxed, +-2^62
     is +-Fc. Comparable, picklable; a copy is a state of its own. Raises dahl.Error for a w that no
