@@ -28,7 +28,15 @@ exclude_also =
 """
 PARTS = ("bench_batch", "bridge", "core", "data", "demo", "exact", "logs", "loop_bad_input")
 PARTS += ("identify", "identify_bad_input", "identify_excite", "identify_many", "identify_output")
-PARTS += ("loop_virtual", "monitor", "picture", "property_identify", "property_readers")
+PARTS += (
+    "api",
+    "plan",
+    "loop_virtual",
+    "monitor",
+    "picture",
+    "property_identify",
+    "property_readers",
+)
 PARTS += ("report", "report_page", "target_demo", "edges")  # tests/python/test_PART.py
 
 
