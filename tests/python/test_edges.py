@@ -28,7 +28,7 @@ from dahl import (
     scene,
 )
 from dahl.commands import demo, identify
-from dahl.identify import fit, follow, many, output, pipeline, readers, sweep
+from dahl.identify import fit, folder_runs, follow, output, pipeline, readers, sweep
 from dahl.identify.log import Log
 from dahl.interrupt import Stop
 from identify_tools import caller, synthetic
@@ -359,10 +359,10 @@ def test_a_look_too_early_is_no_end(tmp_path):
 
 def test_numbers_without_a_log_are_not_identified(tmp_path):
     with pytest.raises(Error, match="no such folder"):
-        many.logs_in(tmp_path / "none")
+        folder_runs.logs_in(tmp_path / "none")
     (tmp_path / "notes.md").write_text("no log")
     with pytest.raises(Error, match="no logs in it"):
-        many.logs_in(tmp_path)
+        folder_runs.logs_in(tmp_path)
 
 
 def test_a_name_without_letters_is_refused():

@@ -12,7 +12,7 @@ import cantools
 import numpy as np
 import pytest
 from dahl import RunError, paths
-from dahl.identify import follow, many, pipeline, readers
+from dahl.identify import folder_runs, follow, pipeline, readers
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, write_csv
 from log_writers import DBC
 from loop_tools import serving
@@ -41,14 +41,14 @@ def folder(tmp_path):
 
 def all_of(folder, kept, jobs=1, dask=None) -> tuple[dict, int]:
     rows, earlier = {}, 0
-    for path, numbers, known in many.run(many.logs_in(folder), kept, jobs, dask):
+    for path, numbers, known in folder_runs.run(folder_runs.logs_in(folder), kept, jobs, dask):
         rows[path.name] = numbers
         earlier += known
     return rows, earlier
 
 
-def kept_in(place) -> many.Kept:
-    return many.Kept(place, readers.Source(), pipeline.Options())
+def kept_in(place) -> folder_runs.Kept:
+    return folder_runs.Kept(place, readers.Source(), pipeline.Options())
 
 
 def test_a_broken_log_stops_nothing_and_what_is_done_is_not_done_again(folder, tmp_path):
@@ -63,7 +63,7 @@ def test_a_broken_log_stops_nothing_and_what_is_done_is_not_done_again(folder, t
 
 
 def test_a_run_that_was_interrupted_is_taken_up_again(folder, tmp_path):
-    running = many.run(many.logs_in(folder), kept_in(tmp_path / "kept"), 1, None)
+    running = folder_runs.run(folder_runs.logs_in(folder), kept_in(tmp_path / "kept"), 1, None)
     first, _, _ = next(running)
     running.close()
     _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
@@ -77,7 +77,7 @@ def test_a_changed_log_or_option_is_done_again(folder, tmp_path):
         file.write("3.0,0.1,0.1\n")
     _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
     assert earlier == 3
-    other = many.Kept(tmp_path / "kept", readers.Source(), pipeline.Options(terms=("offset",)))
+    other = folder_runs.Kept(tmp_path / "kept", readers.Source(), pipeline.Options(terms=("offset",)))
     assert all_of(folder, other)[1] == 0
 
 
@@ -94,7 +94,7 @@ def test_a_dask_cluster_gives_the_same(folder, tmp_path):
 
 
 def test_no_cluster(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr(many, "PATIENCE", 1.0)
+    monkeypatch.setattr(folder_runs, "PATIENCE", 1.0)
     with pytest.raises(RunError, match="no cluster answers"):
         all_of(folder, kept_in(tmp_path / "kept"), 1, "tcp://127.0.0.1:9")
 

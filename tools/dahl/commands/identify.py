@@ -202,18 +202,18 @@ def _each(args: argparse.Namespace) -> int:
     from rich.progress import Progress
     from rich.table import Table
 
-    from dahl.identify import many
+    from dahl.identify import folder_runs
 
-    paths = many.logs_in(args.each)
-    kept = many.Kept(args.output / "each", source_of(args), options_of(args))
+    paths = folder_runs.logs_in(args.each)
+    kept = folder_runs.Kept(args.output / "each", source_of(args), options_of(args))
     rows, earlier = {}, 0
     with Progress(console=Console(stderr=True)) as progress:
         task = progress.add_task("identify", total=len(paths))
-        for path, numbers, known in many.run(paths, kept, args.jobs, args.dask):
+        for path, numbers, known in folder_runs.run(paths, kept, args.jobs, args.dask):
             rows[path.name] = numbers
             earlier += known
             progress.advance(task)
-    many.write_table(args.output / "each.csv", rows)
+    folder_runs.write_table(args.output / "each.csv", rows)
     table = Table("log", "sigma0", "Fc", "R2", "verdict")
     for name, row in sorted(rows.items()):
         shown = [f"{row[key]:.5g}" for key in ("sigma0", "Fc", "r2")] if "r2" in row else [""] * 3

@@ -27,11 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import page
+    from dahl import html_report
 
     folder = args.run_path
     output = args.output or folder / "report.html"
-    text = page.page(_summary(folder / "summary.json"), _picture(folder / "loop.png"))
+    text = html_report.page(_summary(folder / "summary.json"), _picture(folder / "loop.png"))
     part = output.with_suffix(".part")
     part.write_text(text, encoding="utf-8")
     part.replace(output)
