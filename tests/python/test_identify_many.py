@@ -4,17 +4,21 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
 import time
+from unittest.mock import ANY
 
 import can
 import cantools
+import joblib
 import numpy as np
 import pytest
 from dahl import RunError, paths
 from dahl.identify import folder_runs, follow, pipeline, readers
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, write_csv
-from log_writers import DBC
+from log_writers import DBC, STEP
+from log_writers import frames as write_frames
 from loop_tools import serving
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -64,21 +68,92 @@ def test_a_broken_log_stops_nothing_and_what_is_done_is_not_done_again(folder, t
 
 def test_a_run_that_was_interrupted_is_taken_up_again(folder, tmp_path):
     running = folder_runs.run(folder_runs.logs_in(folder), kept_in(tmp_path / "kept"), 1, None)
-    first, _, _ = next(running)
+    next(running)
     running.close()
     _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
     assert earlier >= 1
-    assert (tmp_path / "kept" / f"{first.name}.json").is_file()
 
 
-def test_a_changed_log_or_option_is_done_again(folder, tmp_path):
-    all_of(folder, kept_in(tmp_path / "kept"))
-    with (folder / "run1.csv").open("a") as file:
-        file.write("3.0,0.1,0.1\n")
-    _, earlier = all_of(folder, kept_in(tmp_path / "kept"))
-    assert earlier == 3
-    other = folder_runs.Kept(tmp_path / "kept", readers.Source(), pipeline.Options(terms=("offset",)))
-    assert all_of(folder, other)[1] == 0
+def fc_by_log(folder, out, run_dahl, *words) -> tuple[dict[str, float], str]:
+    """What --each finds of Fc, and what it says of earlier runs."""
+    done = run_dahl("identify", "--each", folder, "-o", out, "--jobs", "1", *words)
+    assert done.returncode == 0, done.stderr
+    lines = [line.split(",") for line in (out / "each.csv").read_text().splitlines()[1:]]
+    return {line[0]: float(line[2]) for line in lines}, done.stdout.splitlines()[-1]
+
+
+@pytest.fixture
+def small(tmp_path):
+    """A folder with one quick log; a call with another Fc makes one of the same size and time."""
+
+    def make(name: str, part: float = 1.0):
+        place = tmp_path / name
+        place.mkdir(exist_ok=True)
+        theta = np.floor(sine(1, rows=1000, cycles=5) / COUNT) * COUNT
+        torque = part * (dahl_torque(theta) + 0.01 * FC * noise_of(1, 1000))
+        rows = zip(np.arange(1000) * 1e-3, np.degrees(theta), torque, strict=True)
+        lines = [f"{now:.3f},{angle:+.9f},{force:+.9f}" for now, angle, force in rows]
+        (place / "run.csv").write_text("\n".join(["t,angle_deg,torque_Nm", *lines]) + "\n")
+        os.utime(place / "run.csv", (1e9, 1e9))
+        return place
+
+    return make
+
+
+def test_a_result_belongs_to_the_content_the_path_and_the_options(small, tmp_path, run_dahl):
+    """Two logs of one name, size and time differ in nothing but what they say."""
+    first, second, out = small("a"), small("b", 0.5), tmp_path / "out"
+    assert (first / "run.csv").stat().st_size == (second / "run.csv").stat().st_size
+    here, _ = fc_by_log(first, out, run_dahl)
+    there, said = fc_by_log(second, out, run_dahl)
+    assert there["run.csv"] == pytest.approx(here["run.csv"] / 2, rel=1e-6)
+    assert said.endswith("0 of 1 from earlier runs")
+    for asked in (first, second, first / ".." / "a"):
+        assert fc_by_log(asked, out, run_dahl)[1].endswith("1 of 1 from earlier runs")
+    for words in (("--no-delay",), ("--terms", "offset"), ("--torque-unit", "mNm")):
+        assert fc_by_log(first, out, run_dahl, *words)[1].endswith("0 of 1 from earlier runs")
+    small("a", 0.25)
+    changed, said = fc_by_log(first, out, run_dahl)
+    assert changed["run.csv"] == pytest.approx(here["run.csv"] / 4, rel=1e-6)
+    assert said.endswith("0 of 1 from earlier runs")
+
+
+def test_an_edited_dbc_is_another_question(tmp_path, run_dahl):
+    (tmp_path / "logs").mkdir()
+    theta = sine(1, rows=600, cycles=5)
+    angle = np.degrees(theta) / STEP
+    torque = (dahl_torque(theta) + 0.01 * FC * noise_of(1, 600)) / STEP
+    columns = (np.arange(600) * 1e-3, np.rint(angle).astype(int), np.rint(torque).astype(int))
+    write_frames(tmp_path / "logs" / "bus.log", *columns)
+    dbc, found = tmp_path / "bus.dbc", []
+    for factor in ("(0.0001,0) [-100|", "(0.0002,0) [-100|"):
+        dbc.write_text(DBC.replace("(0.0001,0) [-100|", factor))
+        words = ("--dbc", dbc, "--angle", "Angle", "--torque", "Torque")
+        found.append(fc_by_log(tmp_path / "logs", tmp_path / "out", run_dahl, *words)[0]["bus.log"])
+    assert found[1] == pytest.approx(2 * found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("content", ["cut", "list", "dictionary", "interval"])
+def test_a_kept_result_of_the_wrong_shape_is_made_anew(small, tmp_path, run_dahl, content):
+    folder, out = small("a"), tmp_path / "out"
+    truth, _ = fc_by_log(folder, out, run_dahl)
+    (kept,) = (out / "each").rglob("output.pkl")
+    wrong = {"list": [1, 2], "dictionary": {"sigma0": 1}}
+    if content == "cut":
+        kept.write_bytes(kept.read_bytes()[:50])
+    else:
+        whole = joblib.load(kept)
+        joblib.dump(wrong.get(content, {**whole, "ci95": {"sigma0": [1], "Fc": None}}), kept)
+    assert fc_by_log(folder, out, run_dahl) == (truth, ANY)
+    assert fc_by_log(folder, out, run_dahl)[1].endswith("1 of 1 from earlier runs")
+
+
+def test_another_version_of_the_method_is_done_again(small, tmp_path, monkeypatch):
+    folder, place = small("a"), tmp_path / "kept"
+    assert all_of(folder, kept_in(place))[1] == 0
+    assert all_of(folder, kept_in(place))[1] == 1
+    monkeypatch.setattr(folder_runs, "method", lambda: "another")
+    assert all_of(folder, kept_in(place))[1] == 0
 
 
 def test_a_dask_cluster_gives_the_same(folder, tmp_path):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Each log of a folder by itself, side by side, by joblib: on this machine's cores, or on a Dask
-cluster. A result is kept as soon as it is there, so that a run can be taken up again; a broken log
-is one line and stops nothing.
+cluster. A result is kept by joblib as soon as it is there, so that a run can be taken up again; a
+broken log is one line and stops nothing.
 """
 
 from __future__ import annotations
@@ -9,12 +9,15 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
-import json
+import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from dahl import Error, RunError, __version__
+from dahl import Error, RunError, __version__, logs
+from dahl.files import keep
 from dahl.identify import output, pipeline, readers
 from dahl.identify.pipeline import Options
 from dahl.identify.readers import Source
@@ -38,46 +41,86 @@ def one(path: Path, source: Source, options: Options) -> dict[str, Any]:
     """The numbers of one log, or {"error": why not}; raises nothing that is the log's fault."""
     try:
         return output.numbers(pipeline.identify([readers.read(path, source)], options))
+    except RunError:  # no library, no memory: not the log's fault, and nothing to keep
+        raise
     except Error as error:
         return {"error": str(error)}
 
 
-def key_of(path: Path, source: Source, options: Options) -> str:
-    """What a result depends on: the file as it is, and what was asked for."""
-    state = path.stat()
-    asked = f"{__version__} {source} {options} {state.st_size} {state.st_mtime_ns}"
-    return hashlib.sha256(asked.encode()).hexdigest()
+def digest(path: Path) -> str:
+    """What a file holds, in short; "" where it cannot be read, which one() then tells."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+@cache
+def method() -> str:
+    """The version of the method: of everything here that turns a log into numbers."""
+    package = Path(readers.__file__).parent
+    sources = [Path(logs.__file__), *sorted(package.glob("*.py"))]
+    return __version__ + "".join(map(digest, sources))
+
+
+def known_by(key: tuple[str, ...], path: Path, source: Source, options: Options) -> dict[str, Any]:
+    """one(), for joblib to keep: `key` is the content of the log and of the DBC, and the method."""
+    del key
+    return one(path, source, options)
+
+
+def is_result(numbers: Any) -> bool:
+    """Whether what was kept has the shape of what one() gives."""
+    if not isinstance(numbers, dict):
+        return False
+    ends = numbers.get("ci95")
+    whole = isinstance(ends, dict) and all(
+        isinstance(ends.get(name), list) and len(ends[name]) == 2 for name in ("sigma0", "Fc")
+    )
+    return isinstance(numbers.get("error"), str) or (whole and numbers.keys() >= set(SHOWN))
 
 
 class Kept:
-    """Results in a folder, one JSON each."""
+    """Results in a folder, by joblib.Memory: each with the content, the path and the options that
+    it belongs to, so that nothing else is ever taken for it.
+    """
 
     def __init__(self, folder: Path, source: Source, options: Options) -> None:
-        self.folder, self.source, self.options = folder, source, options
-        folder.mkdir(parents=True, exist_ok=True)
+        import joblib
 
-    def place(self, path: Path) -> Path:
-        return self.folder / f"{path.name}.json"
+        dbc = source.dbc and source.dbc.resolve()
+        self.source, self.options = replace(source, dbc=dbc), options
+        self.rest = (digest(dbc) if dbc else "", method())
+        self.call = joblib.Memory(folder, verbose=0).cache(known_by)
+
+    def asked(self, path: Path) -> tuple[Any, ...]:
+        """The arguments of known_by() for a log."""
+        path = path.resolve()
+        return (digest(path), *self.rest), path, self.source, self.options
 
     def get(self, path: Path) -> dict[str, Any] | None:
-        """The result of an earlier run, if it is still true."""
-        try:
-            known = json.loads(self.place(path).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+        """The result of an earlier run, if it is still true and whole."""
+        asked = self.asked(path)
+        if not self.call.check_call_in_cache(*asked):
             return None
-        same = known.pop("key", None) == key_of(path, self.source, self.options)
-        return known if same else None
+        kept = self.call.call_and_shelve(*asked)
+        try:
+            numbers: dict[str, Any] = kept.get()
+        except Exception:  # what a damaged pickle raises is of any kind
+            numbers = {}
+        if is_result(numbers):
+            return numbers
+        kept.clear()
+        return None
 
-    def put(self, path: Path, numbers: dict[str, Any]) -> None:
-        """Keep a result; the file is whole at any moment."""
-        known = {"key": key_of(path, self.source, self.options), **numbers}
-        output.keep(self.place(path), json.dumps(known, indent=2) + "\n")
 
+def _indexed(index: int, kept: Kept, path: Path) -> tuple[int, dict[str, Any]]:
+    from joblib.memory import CacheWarning
 
-def _indexed(
-    index: int, path: Path, source: Source, options: Options
-) -> tuple[int, dict[str, Any]]:
-    return index, one(path, source, options)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CacheWarning)  # what cannot be kept is done again
+        return index, kept.call(*kept.asked(path))
 
 
 def run(
@@ -95,12 +138,8 @@ def run(
             yield path, known, True
     with _cluster(dask):
         work = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
-        calls = (
-            joblib.delayed(_indexed)(index, path.resolve(), kept.source, kept.options)
-            for index, path in enumerate(todo)
-        )
+        calls = (joblib.delayed(_indexed)(index, kept, path) for index, path in enumerate(todo))
         for index, numbers in work(calls):
-            kept.put(todo[index], numbers)
             yield todo[index], numbers, False
 
 
@@ -133,4 +172,4 @@ def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
     for name, row in sorted(rows.items()):
         ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else [""] * 4
         writer.writerow([name, *(row.get(key, "") for key in SHOWN), *ends, row.get("error", "")])
-    output.keep(path, text.getvalue())
+    keep(path, text.getvalue())
