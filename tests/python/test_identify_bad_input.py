@@ -156,7 +156,7 @@ def test_truncated_anywhere(files, tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("deep.json", "[" * 200_000, "cannot be read as .json"),
+        ("deep.json", "[" * 200_000, "deep.json: not JSON"),
         ("one.json", '[{"angle": 1, "torque": 2}]', "1 rows; a log has more than one"),
         ("one.csv", "angle,torque\n1,2\n", "1 rows; a log has more than one"),
         (

@@ -117,7 +117,7 @@ def test_the_page_needs_nothing_else(storm, run_dahl, tmp_path):
     ("files", "words"),
     [
         ({}, "summary.json: no such file"),
-        ({"summary.json": "{"}, "summary.json: not JSON"),
+        ({"summary.json": "{"}, "summary.json:1: not JSON"),
         ({"summary.json": "[]"}, "not the summary of a demo"),
         ({"summary.json": '{"scene_file": "x"}'}, "loop.png: no such file"),
     ],

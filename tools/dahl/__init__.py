@@ -27,6 +27,11 @@ __version__ = "0.1.0"
 __all__ = ["Error", "Friction", "Plan", "RunError", "State", "Throughput", "counts_between"]
 
 
+def printable(text: str) -> str:
+    """One line that no terminal takes for a command, whatever the text is made of."""
+    return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
+
+
 class Error(Exception):
     """Something that a user can put right: one line that names value, limit and place, whatever
     the names in a file are made of.
@@ -37,8 +42,7 @@ class Error(Exception):
     """
 
     def __str__(self) -> str:
-        said = super().__str__()
-        return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in said)
+        return printable(super().__str__())
 
 
 class RunError(Error):

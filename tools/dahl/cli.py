@@ -9,12 +9,14 @@ after files were made whole.
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import sys
 from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import IO, Any, NoReturn
 
-from dahl import Error, RunError, __version__
+from dahl import Error, RunError, __version__, printable
 from dahl.commands import data, demo, excite, identify, monitor, plan, plot, record, report
 
 
@@ -34,7 +36,15 @@ class Parser(argparse.ArgumentParser):
         return super().parse_known_args(*args, **kwargs)
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"error: {message} (see {self.prog} --help)\n")
+        self.exit(2, f"error: {printable(message)} (see {self.prog} --help)\n")
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        sys.stdout.flush()  # of --help: its reader may have gone, or the disk be full
+        super().exit(status, message)
+
+    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+        """As argparse does, but what cannot be written is an error."""
+        (file or sys.stderr).write(message or "")
 
 
 COMMANDS = {
@@ -74,24 +84,45 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit code."""
-    args = build_parser().parse_args(argv)
+    _open_streams()
     try:
-        return args.run(args) or 0
-    except RunError as error:
-        return _complain(error, 1)
+        args = build_parser().parse_args(argv)
+        code = args.run(args) or 0
+        sys.stdout.flush()  # here a full disk can still be told
+        return int(code)
     except Error as error:
-        return _complain(error, 2)
+        return _complain(error, 1 if isinstance(error, RunError) else 2)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # the reader of our output has gone (| head)
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 0
-    except OSError as error:  # a file that cannot be written
-        if error.filename is None:
+    except OSError as error:  # a file that cannot be written; without a name it was our output
+        if error.filename is None and error.errno is None:
             raise
-        return _complain(f"{error.filename}: {error.strerror}", 1)
+        if error.filename is None:
+            _drop_output()
+        return _complain(Error(f"{error.filename or 'output'}: {error.strerror or error}"), 1)
+    except MemoryError:
+        return _complain("not enough memory", 1)
+
+
+def _open_streams() -> None:
+    """Output that holds any text on any terminal, also where the caller has closed it."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def _drop_output() -> None:
+    """Let nothing more be written to standard output, not at the end of the program either."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(error: object, code: int) -> int:
-    print(f"error: {error}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # nobody reads that either
+        print(f"error: {error}", file=sys.stderr)
     return code

@@ -18,7 +18,7 @@ import numpy as np  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from dahl import report  # noqa: E402
+from dahl import files, logs, report  # noqa: E402
 from dahl.scene import Recorded, Scene  # noqa: E402
 
 MEASURED, COMPUTED = "#7c8b9c", "#d1495b"
@@ -75,7 +75,7 @@ def draw(
 def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[Axes], None]]:
     """What only some runs have: latencies, faults, a tracking error."""
     panels = []
-    if numbers.get("latency_us", {}).get("max", 0) > 0:
+    if numbers.get("latency_histogram") and numbers["latency_us"]["max"] > 0:
         panels.append(lambda axes: _latencies(axes, numbers))
     if "faults" in numbers:
         panels.append(lambda axes: _faults(axes, numbers))
@@ -108,8 +108,9 @@ def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
 
 
 def _tracking(axes: Axes, trace: Path) -> None:
-    time, reference, angle = np.loadtxt(trace, delimiter=",", skiprows=1, usecols=(0, 1, 2)).T
-    axes.plot(time, reference - angle, color=COMPUTED, linewidth=1.2)
+    table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
+    error = table["reference_rad"] - table["angle_rad"]
+    axes.plot(table["time_s"], error, color=COMPUTED, linewidth=1.2)
     axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
     axes.margins(x=0.01)
 
@@ -144,7 +145,6 @@ def _short(label: str) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture; the old one stays until the new one is whole."""
-    part = path.with_suffix(".part.png")
-    figure.savefig(part, dpi=130)
+    with files.replacing(path) as part:
+        figure.savefig(part, dpi=130, format="png")
     plt.close(figure)
-    part.replace(path)

@@ -106,9 +106,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from rich.console import Console
+    from dahl import terminal
 
-    console = Console(highlight=False, soft_wrap=True)
+    console = terminal.console(soft_wrap=True)
     args.output.mkdir(parents=True, exist_ok=True)
     scene, log, recorded = _choose(args, console)
     numbers, trace = _play(args, scene, log, recorded, console)
@@ -250,12 +250,10 @@ def _keep(
     console: Any,
 ) -> None:
     """Summary, picture and table; each file is replaced only once its successor is whole."""
-    from dahl import plots, report
+    from dahl import files, plots, report
 
     numbers |= report.summary(scene, trace, recorded, numbers)
-    part = folder / "summary.json.part"
-    part.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
-    part.replace(folder / "summary.json")
+    files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     unit = scene.measured.unit
     slope = "N/m" if unit == "N" else f"{unit}/rad"
     caption = f"sigma0 = {scene.sigma0:g} {slope}, Fc = {scene.Fc:g} {unit}, "

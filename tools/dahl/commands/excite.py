@@ -9,12 +9,11 @@ given. Leaves the motion as CSV (time, angle, counts) and as a scene that dahl-l
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error
+from dahl import Error, files
 from dahl.arguments import add_output, positive
 
 if TYPE_CHECKING:
@@ -103,12 +102,10 @@ def _wanted(args: argparse.Namespace) -> Wanted:
 
 def _known(path: Path, linear: bool) -> tuple[float, float]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = files.read_json(path)
         if found.get("linear", linear) != linear:
             raise Error(f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm")
         return positive(str(found["sigma0"])), positive(str(found["Fc"]))
-    except OSError as error:
-        raise Error(f"{path}: {error.strerror}") from None
     except (ValueError, KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
         raise Error(f"{path}: not what dahl identify leaves (sigma0 and Fc)") from None
 
@@ -126,8 +123,6 @@ def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
 
 
 def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
-    from dahl.identify import output
-
     lines = [
         f"; written by dahl excite: sigma0 expected within {100 * motion.within['sigma0']:.2g} %",
         "[scene]",
@@ -144,5 +139,5 @@ def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
         "[status]",
         "period_ms = 100",
     ]
-    output.keep(path, "\n".join(lines) + "\n")
+    files.keep(path, "\n".join(lines) + "\n")
     return path

@@ -198,16 +198,16 @@ def _complain(errors: list[Error]) -> None:
 
 def _each(args: argparse.Namespace) -> int:
     """One table of all logs of a folder; exit code 2 where one was broken."""
-    from rich.console import Console
     from rich.progress import Progress
     from rich.table import Table
 
     from dahl.identify import folder_runs
+    from dahl.terminal import console
 
     paths = folder_runs.logs_in(args.each)
     kept = folder_runs.Kept(args.output / "each", source_of(args), options_of(args))
     rows, earlier = {}, 0
-    with Progress(console=Console(stderr=True)) as progress:
+    with Progress(console=console(stderr=True)) as progress:
         task = progress.add_task("identify", total=len(paths))
         for path, numbers, known in folder_runs.run(paths, kept, args.jobs, args.dask):
             rows[path.name] = numbers
@@ -218,9 +218,9 @@ def _each(args: argparse.Namespace) -> int:
     for name, row in sorted(rows.items()):
         shown = [f"{row[key]:.5g}" for key in ("sigma0", "Fc", "r2")] if "r2" in row else [""] * 3
         table.add_row(name, *shown, row.get("verdict", "broken"))
-    console = Console(highlight=False)
-    console.print(table)
-    console.print(
+    out = console()
+    out.print(table)
+    out.print(
         f"table   {args.output / 'each.csv'}; {earlier} of {len(rows)} from earlier runs",
         soft_wrap=True,
     )
@@ -260,21 +260,21 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
-    from rich.console import Console
-
+    from dahl.files import keep
     from dahl.identify import output
+    from dahl.terminal import console
 
     quiet = args.json == "-"
     if quiet:
         sys.stdout.write(output.as_json(result))
     elif args.json:
-        Path(args.json).write_text(output.as_json(result), encoding="utf-8")
+        keep(Path(args.json), output.as_json(result))
     written = [] if args.no_files else output.write_all(result, name, args.output)
     if quiet:
         return
-    console = Console(highlight=False)
-    console.print(output.table(result))
+    out = console()
+    out.print(output.table(result))
     if written:
-        console.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
+        out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":
-        console.print("no plan for firmware: not both parameters are identifiable")
+        out.print("no plan for firmware: not both parameters are identifiable")

@@ -48,14 +48,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from rich.console import Console
     from rich.live import Live
 
+    from dahl import terminal
     from dahl.bus import open_from, received, silent
     from dahl.interrupt import Stop
     from dahl.monitor_view import View
 
-    console = Console()
+    console = terminal.console()
     view = View(args.node, args.window, args.dbc)
     begin = time.monotonic()
     try:

@@ -10,7 +10,6 @@ loop.png, or where -o says.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,31 +33,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import logs, plots, report, scene
+    from dahl import logs, plots, report, scene, summary
 
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
         raise Error(f"{log}: no such file")
-    known = _summary(folder)
+    known = summary.read(folder) if (folder / "summary.json").exists() else {}
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
     trace = report.trace_of(logs.frames_of(log))
     output = args.output or folder / "loop.png"
     plots.draw(output, played, trace, _recorded(played, known), "", known)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
-
-
-def _summary(folder: Path) -> dict[str, Any]:
-    path = folder / "summary.json"
-    try:
-        known = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return {}
-    except ValueError as error:
-        raise Error(f"{path}: not JSON ({error})") from None
-    if not isinstance(known, dict) or not isinstance(known.get("scene_file", ""), str):
-        raise Error(f"{path}: not the summary of a demo")
-    return known
 
 
 def _scene_of(known: dict[str, Any], log: Path) -> str:

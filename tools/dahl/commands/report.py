@@ -9,9 +9,7 @@ network and no script. It goes into the folder as report.html, or where -o says.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
-from typing import Any
 
 from dahl import Error
 
@@ -27,27 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import html_report
+    from dahl import files, html_report, summary
 
     folder = args.run_path
     output = args.output or folder / "report.html"
-    text = html_report.page(_summary(folder / "summary.json"), _picture(folder / "loop.png"))
-    part = output.with_suffix(".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(output)
+    text = html_report.page(summary.read(folder), _picture(folder / "loop.png"))
+    files.keep(output, text)
     print(f"{output}: {len(text) // 1024} KiB")
-
-
-def _summary(path: Path) -> dict[str, Any]:
-    try:
-        known = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise Error(f"{path}: no such file; `dahl demo` leaves one") from None
-    except ValueError as error:
-        raise Error(f"{path}: not JSON ({error})") from None
-    if not isinstance(known, dict) or "scene_file" not in known:
-        raise Error(f"{path}: not the summary of a demo")
-    return known
 
 
 def _picture(path: Path) -> bytes:
@@ -55,3 +39,5 @@ def _picture(path: Path) -> bytes:
         return path.read_bytes()
     except FileNotFoundError:
         raise Error(f"{path}: no such file; `dahl plot {path.parent}` draws it") from None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dahl.files import keep
 from dahl.identify import pipeline
 from dahl.identify.log import Log
 from dahl.identify.result import Result
@@ -22,13 +23,6 @@ if TYPE_CHECKING:
 
 REPLAYED = 200_000  # rows of the first log that a scene replays
 MADE_UP = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
-
-
-def keep(path: Path, text: str) -> None:
-    """Write a file; the old one stays until the new one is whole."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
 
 
 def keep_table(path: Path, columns: np.ndarray, names: str, form: str | list[str]) -> None:

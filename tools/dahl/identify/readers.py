@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
-import json
 import os
 import re
 import sys
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dahl import Error, logs
+from dahl import Error, files, logs
 from dahl.identify import units
 from dahl.identify.log import Log, resolution_of
 
@@ -163,13 +162,7 @@ def _from_json(path: Path) -> tuple[pandas.DataFrame, int]:
     """A list of rows (objects or lists), an object of columns, or an object that holds one."""
     import pandas as pd
 
-    try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise Error(f"{path}: not a text file (byte {error.start})") from None
-    except json.JSONDecodeError as error:
-        raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
-    rows = _rows_in(content)
+    rows = _rows_in(files.read_json(path))
     if rows is None:
         raise Error(f"{path}: no list of rows and no columns of equal length in it")
     frame = pd.DataFrame(rows)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: MIT
+"""Files as all verbs read and write them: JSON that may hold anything, and outputs that are whole
+or not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from dahl import Error, RunError
+
+
+def read_json(path: Path, hint: str = "") -> Any:
+    """What a JSON file holds. Raises dahl.Error; `hint` says where such a file comes from."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise Error(f"{path}: no such file{hint}") from None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a text file (byte {error.start})") from None
+    except json.JSONDecodeError as error:
+        raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits, lists in lists
+        raise Error(f"{path}: not JSON that can be read ({error})") from None
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Where to write the successor of a file: it takes the name once it is whole, and goes where it
+    cannot be. A device or a pipe is written itself. Raises RunError.
+    """
+    try:
+        if path.is_dir():
+            raise Error(f"{path}: a folder; the name of a file was expected")
+        if path.exists() and not path.is_file():
+            yield path
+            return
+        part = path.resolve().with_name(f".{os.getpid()}.part")
+        try:
+            yield part
+            part.replace(path.resolve())
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise RunError(f"{path}: {error.strerror or error}") from None
+
+
+def keep(path: Path, text: str) -> None:
+    """Write a file; the old one stays until the new one is whole."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8", errors="replace")
