@@ -113,7 +113,7 @@ def test_newtons_are_not_taken_for_newton_metres(run_dahl, tmp_path, linear, mm,
     [
         (("--sigma0", "100"), "a guess is needed"),
         (("--sigma0", "-1", "--fc", "1"), "-1: not a number from 1e-30 to 1e+30"),
-        (("--from", "absent.json"), "absent.json: No such file"),
+        (("--from", "absent.json"), "absent.json: no such file"),
         (("--sigma0", "1e9", "--fc", "0.5"), "presliding is"),
         (("--sigma0", "100", "--fc", "0.5", "--within", "0.0001"), "this needs"),
     ],

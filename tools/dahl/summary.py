@@ -54,8 +54,8 @@ def read(folder: Path) -> dict[str, Any]:
 
 def _check(path: Path, where: str, known: dict[str, Any], shape: dict[str, Any]) -> None:
     """Raise dahl.Error for the first key whose value has another shape."""
-    for key in shape.keys() & known.keys():
-        name, value, wanted = f"{where}{key}", known[key], shape[key]
+    for key, wanted in ((key, wanted) for key, wanted in shape.items() if key in known):
+        name, value = f"{where}{key}", known[key]
         if isinstance(wanted, dict):
             if not isinstance(value, dict) or wanted.keys() - value.keys():
                 raise Error(f"{path}: {name}: an object with {', '.join(wanted)} was expected")
