@@ -96,6 +96,13 @@ def test_who_comes_late_and_by_how_much(rows):
     assert turned.r2 < result.r2
 
 
+def test_one_row_late_is_enough_where_a_row_is_long():
+    """A row covers more than a presliding length at the highest speed."""
+    log = synthetic(5, rows=2000, cycles=20, amplitude=0.1)
+    log = replace(log, theta=log.theta[:-1], time=log.time[:-1], torque=log.torque[1:])
+    assert study.identify([log], study.Options(terms=())).delay == pytest.approx(-1, abs=0.3)
+
+
 @pytest.mark.parametrize(("size", "named"), [(3.0, False), (12.0, True), (40.0, True)])
 def test_torque_spikes_count_from_some_standard_errors_on(size, named):
     """100 rows `size` standard deviations off weigh less, and they alone."""
