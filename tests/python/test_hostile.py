@@ -264,3 +264,10 @@ def test_a_log_of_nan_alone_is_refused(run_dahl, tmp_path):
     for words in ((), ("--skip-gaps",)):
         done = run_dahl("identify", tmp_path / "nan.csv", "--no-files", *words)
         assert refused(done, "nan.csv:2", "no finite number") == 2
+
+
+@pytest.mark.parametrize("speed", ["1e-30", "1e-6"])
+def test_a_motion_that_would_never_end_is_refused(run_dahl, tmp_path, speed):
+    guess = ("--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384", "-o", tmp_path)
+    done = run_dahl("excite", *guess, "--speed", speed)
+    assert refused(done, "a cycle would take", "at most 1000000") == 2

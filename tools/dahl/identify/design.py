@@ -23,6 +23,7 @@ ROWS_PER_LENGTH = 8.0  # rows in a presliding length at the highest speed, at le
 MARGIN = 1.5  # cycles beyond what the bound asks for, as real noise is not independent
 LEAST_COUNTS = 4.0  # counts in a presliding length
 QUANTILE = 1.96
+CYCLE_ROWS = 1_000_000
 EDGE = 0.01  # of a parameter, for its sensitivity: seen in a float, and still straight
 
 
@@ -80,7 +81,10 @@ def _sine(wanted: Wanted, amplitude: float) -> Motion:
     """As many cycles of one amplitude as the interval needs."""
     a = wanted.sigma0 / wanted.Fc
     speed = min(wanted.speed, wanted.rate / (a * ROWS_PER_LENGTH))
-    rows = max(int(np.ceil(2 * np.pi * amplitude / speed * wanted.rate)), 16)
+    needed = 2 * np.pi * amplitude / speed * wanted.rate
+    if not needed <= CYCLE_ROWS:
+        raise Error(f"a cycle would take {needed:.3g} rows; at most {CYCLE_ROWS} were expected")
+    rows = max(math.ceil(needed), 16)
     information = _information(wanted, amplitude, rows)
     error = np.sqrt(np.diag(np.linalg.inv(information)))[:2] / (wanted.sigma0, wanted.Fc)
     cycles = MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
