@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import clean, readers, study, verdict
+from dahl.identify import clean, pipeline, readers, verdict
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
+from dahl.identify.result import Result
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -82,16 +83,18 @@ def late(rows: int, seed: int = 5) -> Log:
 @pytest.mark.parametrize("rows", [-8, 9])
 def test_who_comes_late_and_by_how_much(rows):
     """0.001 s a row; the check of another log is shifted in the same way."""
-    result = study.identify([late(rows)], study.Options(terms=()))
+    result = pipeline.identify([late(rows)], pipeline.Options(terms=()))
     assert result.delay == pytest.approx(rows, abs=2.5)
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.07)
     who = "torque" if rows > 0 else "angle"
     (note,) = [note for note in result.notes if " late" in note]
     assert f": {who} comes {abs(result.delay):.1f} rows" in note
     assert f"({abs(result.delay) * 1e-3:.3g} s) late" in note
-    assert study.check(result, late(rows, seed=6)) > study.check(result, late(0, seed=6)) + 0.001
-    assert study.check(result, late(rows, seed=6)) == pytest.approx(result.r2, abs=0.004)
-    turned = study.identify([late(rows)], study.Options(terms=(), delay=False))
+    assert (
+        pipeline.check(result, late(rows, seed=6)) > pipeline.check(result, late(0, seed=6)) + 0.001
+    )
+    assert pipeline.check(result, late(rows, seed=6)) == pytest.approx(result.r2, abs=0.004)
+    turned = pipeline.identify([late(rows)], pipeline.Options(terms=(), delay=False))
     assert turned.delay == 0
     assert turned.r2 < result.r2
 
@@ -100,7 +103,7 @@ def test_one_row_late_is_enough_where_a_row_is_long():
     """A row covers more than a presliding length at the highest speed."""
     log = synthetic(5, rows=2000, cycles=20, amplitude=0.1)
     log = replace(log, theta=log.theta[:-1], time=log.time[:-1], torque=log.torque[1:])
-    assert study.identify([log], study.Options(terms=())).delay == pytest.approx(-1, abs=0.3)
+    assert pipeline.identify([log], pipeline.Options(terms=())).delay == pytest.approx(-1, abs=0.3)
 
 
 @pytest.mark.parametrize(("size", "named"), [(3.0, False), (12.0, True), (40.0, True)])
@@ -109,7 +112,7 @@ def test_torque_spikes_count_from_some_standard_errors_on(size, named):
     log = synthetic(3, rows=3000, cycles=3)
     hit = np.random.default_rng(0).choice(log.rows, 100, replace=False)
     log.torque[hit] += size * 0.05 * FC
-    result = study.identify([log], study.Options(terms=()))
+    result = pipeline.identify([log], pipeline.Options(terms=()))
     found = [
         int(note.split(": ")[1].split()[0]) for note in result.notes if "they weigh less" in note
     ]
@@ -127,7 +130,7 @@ def test_an_angle_is_smoothed_only_where_it_flickers(spikes, window):
     log = synthetic(4, rows=3000, cycles=3)
     hit = np.random.default_rng(0).choice(log.rows - 2, spikes, replace=False) + 1
     log.theta[hit] += 0.02
-    result = study.identify([log], study.Options(terms=()))
+    result = pipeline.identify([log], pipeline.Options(terms=()))
     assert (result.median >= window) and (result.median > 1) == (window > 1)
     assert any("flicker" in note for note in result.notes) == (window > 1)
 
@@ -152,11 +155,11 @@ def test_a_delay_between_two_rows_is_interpolated(part):
 
 
 @pytest.fixture(scope="module")
-def good(library) -> study.Result:
-    return study.identify([synthetic(5, rows=3000, cycles=6)], study.Options(terms=()))
+def good(library) -> Result:
+    return pipeline.identify([synthetic(5, rows=3000, cycles=6)], pipeline.Options(terms=()))
 
 
-def judged(good: study.Result, width=0.01, lost=(0.1, 0.5, 0.1), **changed) -> verdict.Verdict:
+def judged(good: Result, width=0.01, lost=(0.1, 0.5, 0.1), **changed) -> verdict.Verdict:
     """The verdict on a result with other widths of its intervals and other held-out errors."""
     estimate = good.estimate
     ends = {
@@ -293,8 +296,8 @@ def test_a_viscous_part_has_the_sign_of_the_motion():
     speed = np.gradient(log.theta, 1e-3)
     theta = sine(1, rows=4000, cycles=8, amplitude=0.3)
     log = replace(log, theta=theta, resolution=0.0)
-    options = study.Options(terms=("viscous",))
-    found = study.identify([replace(log, torque=log.torque + 0.02 * speed)], options).estimate
+    options = pipeline.Options(terms=("viscous",))
+    found = pipeline.identify([replace(log, torque=log.torque + 0.02 * speed)], options).estimate
     assert found.terms["viscous"] == pytest.approx(0.02, rel=0.15)
 
 
@@ -302,7 +305,9 @@ def test_held_out_means_held_out():
     """Noise that no model can know is not explained: R2 on the rows left out is below the fit's."""
     rng = np.random.default_rng(1)
     log = replace(synthetic(1, rows=300, cycles=3), torque=rng.normal(size=300))
-    result = study.identify([log], study.Options(terms=("offset", "spring", "viscous", "inertia")))
+    result = pipeline.identify(
+        [log], pipeline.Options(terms=("offset", "spring", "viscous", "inertia"))
+    )
     assert result.models.r2["dahl"] < 0 < result.r2
 
 
@@ -313,7 +318,7 @@ def test_intervals_are_as_wide_as_the_errors_are():
         theta = sine(seed, rows=1500, cycles=6)
         torque = dahl_torque(theta) + 0.05 * FC * noise_of(seed, 1500)
         log = replace(synthetic(seed, rows=1500), theta=theta, torque=torque, resolution=0.0)
-        found = study.identify([log], study.Options(terms=(), delay=False)).estimate
+        found = pipeline.identify([log], pipeline.Options(terms=(), delay=False)).estimate
         for name, truth in (("sigma0", SIGMA0), ("Fc", FC)):
             half = found.ci95[name].relative(1.0)
             parts.append((getattr(found, name) - truth) / half)

@@ -14,7 +14,7 @@ import io
 import os
 import sys
 from collections.abc import Callable
-from typing import IO, Any, NoReturn
+from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, printable
 from dahl.commands import data, demo, excite, identify, monitor, plan, plot, record, report
@@ -42,7 +42,7 @@ class Parser(argparse.ArgumentParser):
         sys.stdout.flush()  # of --help: its reader may have gone, or the disk be full
         super().exit(status, message)
 
-    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         """As argparse does, but what cannot be written is an error."""
         (file or sys.stderr).write(message or "")
 
