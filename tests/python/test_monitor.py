@@ -190,7 +190,8 @@ def test_plot_draws_whatever_record_writes(served, run_dahl, tmp_path, ending):
     assert (done.returncode, done.stderr) == (0, "")
     trace = report.trace_of(logs.frames_of(log))
     assert len(trace.row) >= 190
-    assert np.diff(trace.time) == pytest.approx(0.001, abs=0.05)
+    assert np.diff(trace.time).min() >= 0
+    assert np.median(np.diff(trace.time)) == pytest.approx(0.001, abs=0.0005)
     done = run_dahl("plot", log, "--scene", "segments", "-o", tmp_path / "loop.png")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "loop.png").stat().st_size > 10_000
