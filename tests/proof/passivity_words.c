@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../../lib/model/bristle_update.h"
+#include "gap.h"
 #include "passivity.h"
 
 /* gap.h by its words: q = w in Q(n-2), a half rounded up; z = 1 - s q; w += s z g, the low product cut. */

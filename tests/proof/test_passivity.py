@@ -9,28 +9,21 @@ from pathlib import Path
 
 import kernel_tools as tools
 import pytest
+from sources import number as number_of
 
-HEADER = Path(__file__).parent / "passivity.h"
-ROUNDING = {
-    "counts": tools.header_number("PASSIVITY_COUNTS", HEADER),
-    "angle": tools.header_number("PASSIVITY_ANGLE", HEADER),
-}
+HEADER = str(Path(__file__).parent / "passivity.h")
+ROUNDING = {way: number_of(f"PASSIVITY_{way.upper()}", HEADER) for way in ("counts", "angle")}
 TORQUE_BEFORE = "-DPASSIVITY_LOSS=passivity_loss_before"
 
 
 @pytest.fixture(scope="module")
-def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tools.copy_of_lib(tmp_path_factory.mktemp("passivity"))
+def words(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tools.build(tmp_path_factory.mktemp("words"), "tests/proof/passivity_words.c")
 
 
 @pytest.fixture(scope="module")
-def words(tree: Path) -> Path:
-    return tools.build(tree, "tests/proof/passivity_words.c")
-
-
-@pytest.fixture(scope="module")
-def cycles(tree: Path) -> Path:
-    return tools.build(tree, "tests/proof/passivity.c")
+def cycles(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tools.build(tmp_path_factory.mktemp("cycles"), "tests/proof/passivity.c")
 
 
 def run(program: Path, *arguments: object) -> tuple[int, str]:
@@ -83,13 +76,14 @@ def test_many_closed_cycles(cycles: Path, way: str) -> None:
     assert_passive(cycles, way, 100_000_000)
 
 
-def test_planted_torque_before_the_step_in_short_words(tree: Path) -> None:
-    code, text = run(tools.build(tree, "tests/proof/passivity_words.c", TORQUE_BEFORE), 4)
+def test_planted_torque_before_the_step_in_short_words(tmp_path: Path) -> None:
+    code, text = run(tools.build(tmp_path, "tests/proof/passivity_words.c", TORQUE_BEFORE), 4)
     assert code == 1, text
 
 
-def test_planted_torque_before_the_step_in_cycles(tree: Path) -> None:
-    code, text = run(tools.build(tree, "tests/proof/passivity.c", TORQUE_BEFORE), "counts", 1000)
+def test_planted_torque_before_the_step_in_cycles(tmp_path: Path) -> None:
+    program = tools.build(tmp_path, "tests/proof/passivity.c", TORQUE_BEFORE)
+    code, text = run(program, "counts", 1000)
     assert code == 1, text
 
 
