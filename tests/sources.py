@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIB = ROOT / "lib"
-ON_A_HOST = ("batch", "float", "node")  # what comes beside the element itself
+BESIDE = ("batch", "float", "node")  # what comes beside the element itself
 
 
 def _found(*folders: str, kind: str = "c") -> list[Path]:
@@ -19,7 +19,7 @@ def _found(*folders: str, kind: str = "c") -> list[Path]:
 
 
 def _is_core(path: Path) -> bool:
-    return not path.relative_to(LIB).parts[0].startswith(ON_A_HOST)
+    return not path.relative_to(LIB).parts[0].startswith(BESIDE)
 
 
 CORE = [path for path in _found("lib") if _is_core(path)]  # one element, as firmware links it

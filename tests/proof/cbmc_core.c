@@ -2,7 +2,7 @@
 /*
  * Every public call of the core, for every state, every plan and every argument: no undefined behaviour (CBMC looks for it
  * by itself), the state ends where a state may begin, and nothing else in memory changes. One function each, for
- * cbmc --function. By induction over calls the state then stays in range for ever: see undefined_behaviour.md.
+ * cbmc --function. By induction over calls the state then stays in range for ever: see docs/verification.md.
  */
 #include "cbmc_ranges.h"
 

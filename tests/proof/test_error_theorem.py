@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""error_theorem.md: its constants against measured worst cases, its sums against the header."""
+"""docs/accuracy.md: its constants against measured worst cases, its sums against the header."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from pathlib import Path
 import kernel_tools as tools
 import numpy as np
 import pytest
+from conftest import ROOT
 from mpmath import mp, mpf
 from sources import number
 
 mp.prec = 220
-THEOREM = Path(__file__).parent / "error_theorem.md"
+THEOREM = ROOT / "docs" / "accuracy.md"
 COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the table
 ONE = 2**62
 LEAST_TRAVEL = mpf(2) ** -30

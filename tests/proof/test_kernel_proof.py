@@ -1,81 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""The kernel g(u) = 1 - exp(-u): every float against MPFR; certificates for every a and angle."""
+"""The kernel g(u) = 1 - exp(-u): a certificate for every a and angle."""
 
 from __future__ import annotations
 
 import math
-import re
-import subprocess
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import dahl
 import kernel_certificate as cert
-import kernel_tools as tools
 import numpy as np
 import pytest
-from conftest import ROOT, built, need
+from conftest import ROOT, need
 from sources import number
 
 GENERATOR = next(path for part in ("lib", "tools") for path in (ROOT / part).rglob("kernel.sollya"))
 LIMIT = number("DAHL_KERNEL_ERROR", "kernel.h")
-ALL = 0x8000_0000  # bit patterns of the non-negative floats, NaN included
-MIDDLE = 0x4000_0000  # 2.0f: the kernel's work is below, so the parts take 45 s and 30 s
-SKIPPED = 77
-
-
-def all_floats(program: Path, first: int, last: int, stride: int) -> tuple[int, dict[str, float]]:
-    """kernel_all on a range of bit patterns: exit code and the numbers it printed."""
-    command = [str(program), *(hex(value) for value in (first, last, stride))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False)
-    if done.returncode == SKIPPED:
-        pytest.skip(done.stdout.strip())
-    pairs = re.findall(r"(\w[\w ]*?) (-?[\d.]+(?:e[+-]\d+)?|-?0x\S+)(?:,|\n| at)", done.stdout)
-    numbers = {name: float.fromhex(n) if "x" in n else float(n) for name, n in pairs}
-    return done.returncode, numbers
-
-
-def assert_sound(numbers: dict[str, float], floats: int) -> None:
-    assert numbers["floats"] >= floats
-    assert numbers["bound"] == LIMIT
-    for name in ("beyond the bound", "falls", "one too early or late", "steps of another g"):
-        assert numbers[name] == 0, name
-    # As MPFR alone has it, from the worst float that was found: the comparison does compare.
-    worst = max(-numbers["lowest"], numbers["highest"])
-    assert 0.5 * numbers["bound"] < worst <= numbers["bound"]
-
-
-def test_floats_with_a_stride() -> None:
-    """Every 499th float: error, monotony, g = 1, both signs through dahl_step; NaN, subnormals."""
-    code, numbers = all_floats(built("tests", "lib", "kernel_all"), 0, ALL, 499)
-    assert code == 0
-    assert_sound(numbers, ALL // 499)
-    # All ones from the first float with v = u/ln 2 >= 32 on: 32 ln 2 = 22.1807.
-    assert abs(numbers["ones from"] - 22.18071) < 1e-2
-
-
-@pytest.mark.long
-@pytest.mark.timeout(1800)
-def test_every_float() -> None:
-    """All 2^31 of them, on two processes."""
-    program = built("tests", "lib", "kernel_all")
-    with ThreadPoolExecutor(2) as pool:
-        parts = [
-            pool.submit(all_floats, program, *part, 1) for part in ((0, MIDDLE), (MIDDLE, ALL))
-        ]
-        results = [part.result() for part in parts]
-    assert [code for code, _ in results] == [0, 0]
-    assert sum(numbers["floats"] for _, numbers in results) == ALL
-    assert_sound(results[0][1], MIDDLE)
-    assert 22.1807 < results[1][1]["ones from"] < 22.1808
-
-
-def test_without_mpfr_it_is_said(tmp_path: Path) -> None:
-    """What CMake builds in place of kernel_all then."""
-    program = tools.build(tmp_path, "tests/lib/kernel_all_unproven.c")
-    with pytest.raises(pytest.skip.Exception, match="unproven: relative error"):
-        all_floats(program, 0, ALL, 1)
 
 
 @pytest.fixture(scope="module")
