@@ -14,8 +14,6 @@ CORE = ("arith", "model")  # what a microcontroller compiles, and nothing else
 SOURCES = sorted(path.name for folder in CORE for path in (ROOT / "lib" / folder).glob("*.c"))
 HEADER = (ROOT / "lib/include/dahl.h").read_text()
 VERSION = re.search(r'#define DAHL_VERSION "([\d.]+)"', HEADER)[1]
-    1
-]
 
 
 def read_yaml(path: Path) -> dict:
