@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What all tests in Python share: where the build is, measured data, the marks `long` and `soak`.
+"""What all tests in Python share: where the build is, measured data, and the marks `checks`,
+`long` and `soak`.
 
 A missing build is a failure, not a skip: nothing is proved without it. Measured data out of reach
 is a skip with its reason, since a clone need not have it.
@@ -26,22 +27,31 @@ ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
 
+CHECKS = ("proof", "fuzz", "static", "quality")  # folders whose tests are all marked checks
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--long", action="store_true", help="also run the tests marked long")
-    parser.addoption("--full", action="store_true", help="the same")
-    parser.addoption("--soak", action="store_true", help="run the tests marked soak, no others")
+    parser.addoption("--checks", action="store_true", help="also the tests marked checks")
+    parser.addoption("--long", action="store_true", help="also those marked checks or long")
+    parser.addoption("--full", action="store_true", help="the same as --long")
+    parser.addoption("--soak", action="store_true", help="the tests marked soak, no others")
 
 
 def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
-    """Whether the chosen mode runs this test: by default neither those marked long nor soak."""
-    if config.getoption("--soak") or item.get_closest_marker("soak"):
-        return bool(config.getoption("--soak") and item.get_closest_marker("soak"))
-    long = config.getoption("--long") or config.getoption("--full")
-    return bool(long or not item.get_closest_marker("long"))
+    """Whether the chosen mode runs this test; by default none that is marked."""
+    marks = {mark.name for mark in item.iter_markers()}
+    if config.getoption("--soak") or "soak" in marks:
+        return bool(config.getoption("--soak") and "soak" in marks)
+    if config.getoption("--long") or config.getoption("--full"):
+        return True
+    return "long" not in marks and ("checks" not in marks or bool(config.getoption("--checks")))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what the mode does not run (deselected, not reported as skipped)."""
+    for item in items:
+        if item.path.parent.name in CHECKS:
+            item.add_marker("checks")
     left_out = [item for item in items if not is_wanted(config, item)]
     items[:] = [item for item in items if is_wanted(config, item)]
     config.hook.pytest_deselected(items=left_out)

@@ -19,23 +19,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from conftest import BUILD, ROOT, need
+from sources import ALL, CORE, FLOAT, INCLUDES, NODE
 
 HERE = "tests/fuzz"
-PARTS = ("lib/include", "port", "host_sim", HERE)
+PARTS = ("lib", "port", "host_sim", HERE)
 CHECKS = "fuzzer,address,undefined,float-divide-by-zero,float-cast-overflow,implicit-conversion"
-def sources(*folders: str) -> list[str]:
-    """The C files of some folders of lib."""
-    return [
-        str(file.relative_to(ROOT))
-        for folder in folders
-        for file in sorted((ROOT / "lib" / folder).glob("*.c"))
-    ]
-
-
-CORE = sources("arith", "model")
-STEPS = [*CORE, *sources("float"), "lib/batch/exact.c"]
-BATCHES = [name for name in sources("batch") if name != "lib/batch/exact.c"]
-NODE = ["host_sim/node.c", "port/frames.c", *CORE]
 SOCKETS = [f"port/socketcand/{name}.c" for name in ("server", "client", "outbox", "text")] + [
     f"{HERE}/sockets.c"
 ]
@@ -56,7 +44,7 @@ class Fuzzer:
     name: str
     length: int  # bytes of an input at most
     floor: int  # executions in a minute that any machine passes, far below what it does
-    sources: list[str] = field(default_factory=list)
+    sources: list[str | Path] = field(default_factory=list)
     options: list[str] = field(default_factory=list)
     libraries: list[str] = field(default_factory=list)
     soak: int = 1_000_000_000
@@ -69,18 +57,18 @@ class Fuzzer:
 FUZZERS = {
     one.name: one
     for one in (
-        Fuzzer("step", 64, 200_000, STEPS, NUMBERS),
-        Fuzzer("batch", 128, 50_000, STEPS + BATCHES, NUMBERS),
-        Fuzzer("prepare", 13, 200_000, STEPS + BATCHES, NUMBERS),
-        Fuzzer("codec", 24, 200_000, ["port/frames.c"]),
-        Fuzzer("receiver", 300, 20_000, NODE),
+        Fuzzer("step", 64, 200_000, ALL, NUMBERS),
+        Fuzzer("batch", 128, 50_000, ALL, NUMBERS),
+        Fuzzer("prepare", 13, 200_000, ALL, NUMBERS),
+        Fuzzer("codec", 24, 200_000, [p for p in NODE if p.stem == "frames"]),
+        Fuzzer("receiver", 300, 20_000, [*NODE, *CORE]),
         Fuzzer("slcan", 128, 50_000, ["port/slcan/slcan.c"]),
         Fuzzer("socketcand", 256, 4_000, SOCKETS, [f"-D{call}=play_{call}" for call in CALLS]),
         Fuzzer(
             "scene",
             1200,
             20_000,
-            [*STREAMS, *SCENE, *NODE, *(set(STEPS) - set(NODE))],
+            [*STREAMS, *SCENE, *NODE, *CORE, *FLOAT],
             ["-Dfopen=play_fopen"],
             ["-linih", "-lcsv"],
         ),
@@ -130,8 +118,8 @@ def compile_c(fuzzer: Fuzzer, program: Path, root: Path = ROOT) -> None:
     clang = need("clang-19", f"no input of {fuzzer.name} breaks its laws")
     command = [clang, "-std=c99", "-O1", "-g", f"-fsanitize={CHECKS}", "-fno-sanitize-recover=all"]
     command += ["-D_POSIX_C_SOURCE=200809L", "-ffp-contract=off", *fuzzer.options]
-    command += [f"-I{part}" for part in PARTS]
-    command += [f"{HERE}/{fuzzer.name}.c", *sorted(set(fuzzer.sources)), "-o", str(program)]
+    command += [*INCLUDES, f"-I{HERE}"]
+    command += [f"{HERE}/{fuzzer.name}.c", *map(str, fuzzer.sources), "-o", str(program)]
     done = subprocess.run(
         [*command, *fuzzer.libraries, "-lm"], cwd=root, capture_output=True, text=True, check=False
     )

@@ -62,6 +62,25 @@ static void check_counts_bits(const dahl_params_t *p)
     TEST_ASSERT_TRUE(one.w == batch.w);
 }
 
+/* From half way between two values in Q30 and next to it, either way, by few and by many counts. */
+static void test_counts_from_a_tie(void)
+{
+    static const uint32_t low[] = {0x7fffffffu, 0x80000000u, 0x80000001u};
+    static const int32_t by[] = {1, -1, 8, -8, 9, -9, 1000, -1000, INT32_MAX, INT32_MIN};
+    dahl_params_t p = params_for(0.3, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    for (int64_t high = -(1 << 30) + 1; high < 1 << 30; high += 99999989) {
+        for (size_t i = 0; i < sizeof low / sizeof low[0] * (sizeof by / sizeof by[0]); i++) {
+            int64_t w = high * ((int64_t)1 << 32) + low[i % 3];
+            dahl_state_t one = {w}, batch = {w};
+            F[0] = dahl_step_counts(&plan, &one, by[i / 3]);
+            dahl_batch_counts(&plan, &batch, &by[i / 3], G, 1);
+            assert_same(G, F, 1);
+            TEST_ASSERT_TRUE(one.w == batch.w);
+        }
+    }
+}
+
 static void check_angle_bits(const dahl_params_t *p)
 {
     dahl_plan_t plan = plan_for(p);
@@ -402,6 +421,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(test_throughput_kernels);
     RUN_TEST(test_counts_are_the_bits_of_single_steps);
+    RUN_TEST(test_counts_from_a_tie);
     RUN_TEST(test_angles_are_the_bits_of_single_steps);
     RUN_TEST(test_torques_next_to_a_tie);
     RUN_TEST(test_channels_are_the_bits_of_single_steps);

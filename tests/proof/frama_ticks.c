@@ -8,8 +8,6 @@
 #include <stdint.h>
 #include "__fc_builtin.h"
 #include "dahl.h"
-#include "arith/compiler.h"
-#include "arith/multiply.h"
 
 #define STATE_END (((int64_t)1 << 62) + ((int64_t)1 << 31))
 #define IS_STATE(w) ((uint64_t)(w) < (uint64_t)STATE_END || (uint64_t)(w) >= (uint64_t)-STATE_END)
@@ -50,16 +48,7 @@ void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state
     ensures -STATE_END <= state->w < STATE_END; */
 void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
-#include "model/step_angle.c"
-#include "model/change_plan.c"
-#include "model/step_counts.c"
-#include "model/step_counts_q30.c"
-#include "model/step_large.c"
-#include "model/counts_between.c"
-#include "model/step_nonfinite.c"
-#include "model/set_torque.c"
-#include "model/torque.c"
-#include "arith/mul_div64.c"
+#include "library.c" /* all of the core (test_frama_c.py writes it) */
 
 volatile int choice;
 volatile uint32_t word;

@@ -8,8 +8,8 @@ Three parts, each by the tool that can settle it:
   sum of all roundings at their worst is too much, the mantissas of the piece are enumerated;
 * interval arithmetic (mpmath) adds the rounding of a and of a |dtheta| and joins the parts.
 
-The constants come out of the text of lib/kernel.h. The functions there must read as BODIES says,
-number for number apart: who changes one sees the certificate refuse, and mends it here.
+The constants are those that the kernel's generator prints, the function is `model` below; that the
+library computes the same bits is for test_kernel_proof.py to see.
 """
 
 from __future__ import annotations
@@ -27,63 +27,6 @@ mp.prec = iv.prec = 160
 UNIT = mpf(2) ** -32
 LN2 = iv.log(iv.mpf(2))
 
-SMALL = r"""
-    uint32_t Y = v.mantissa >> (v.shift - 2);
-    dahl_factor_t factor = dahl_split(Y);
-    uint32_t r = (\d+)u - (((Y >> 16) * (\d+)u) >> 16);
-    r = dahl_horner((\d+)u, factor, r);
-    r = dahl_horner((\d+)u, factor, r);
-    r = dahl_horner((\d+)u, factor, r);
-    uint32_t g = dahl_mulhi(v.mantissa, r);
-    dahl_q64_t q = {g >> v.shift, g << (32 - v.shift) | 2u};
-    return q;
-"""
-TINY = r"""
-    dahl_q64_t q = {0, 0};
-    if (v.shift < 64) {
-        q.lo = (dahl_mulhi(v.mantissa, (\d+)u) >> (v.shift - 32)) + 2u;
-    }
-    return q;
-"""
-LARGE = r"""
-    uint32_t whole = v.mantissa >> (28 + v.shift), Y = v.mantissa << (4 - v.shift);
-    uint32_t k = whole >> 4, h = dahl_kernel_table[whole & 15u];
-    dahl_factor_t factor = dahl_split(Y);
-    uint32_t r = (\d+)u - (((Y >> 16) * (\d+)u) >> 16);
-    r = dahl_horner((\d+)u, factor, r);
-    r = dahl_horner((\d+)u, factor, r);
-    uint32_t g = h + (dahl_mulhi(~(h >> 1), dahl_times(factor, r)) >> 3);
-    dahl_q64_t q = {~(~(g >> 1) >> k), 0};
-    return q;
-"""
-CHOICE = r"""
-    if (v.shift < 2) {
-        dahl_q64_t all = {UINT32_MAX, UINT32_MAX};
-        return v.shift < -5 ? all : dahl_kernel_large(v);
-    }
-    return v.shift < 32 ? dahl_kernel_small(v) : dahl_kernel_tiny(v);
-"""
-HORNER = r"""
-    return c - dahl_times(Y, r);
-"""
-TRAVEL = r"""
-    uint64_t product = dahl_mul(DAHL_TOP_BIT | magnitude << 8, plan->a_mantissa);
-    dahl_scaled_t v = {(uint32_t)(product >> 32), plan->a_shift - (int32_t)(magnitude >> 23)};
-    if (!(v.mantissa & DAHL_TOP_BIT)) {
-        v.mantissa = (uint32_t)(product >> 31);
-        v.shift++;
-    }
-    return v;
-"""
-BODIES = {
-    "dahl_kernel_small": SMALL,
-    "dahl_kernel_tiny": TINY,
-    "dahl_kernel_large": LARGE,
-    "dahl_kernel": CHOICE,
-    "dahl_horner": HORNER,
-    "dahl_travel": TRAVEL,
-}
-
 
 class CertificateError(Exception):
     """The kernel is not the one that is certified here, or a tool did not answer."""
@@ -91,7 +34,7 @@ class CertificateError(Exception):
 
 @dataclass(frozen=True)
 class Constants:
-    """What kernel.h and prepare.c multiply with; polynomials from order 0 on, in Q32."""
+    """What the kernel and the plan multiply with; polynomials from order 0 on, in Q32."""
 
     small: tuple[int, ...]
     part: tuple[int, ...]
@@ -110,35 +53,52 @@ class Piece:
     error: object  # iv.mpf
 
 
-def body_numbers(text: str, name: str, body: str) -> list[int]:
-    """The numbers in a function of kernel.h whose text is otherwise as expected."""
-    found = re.search(
-        rf"^static inline \w+ {name}\([^)]*\)\n{{(\n.*?\n)}}$", text, re.DOTALL | re.MULTILINE
-    )
-    pattern = re.escape(body).replace(re.escape(r"(\d+)"), r"(\d+)")
-    matched = found and re.fullmatch(pattern, found[1])
-    if not matched:
-        raise CertificateError(f"{name} in kernel.h is not the function that is certified")
-    return [int(number) for number in matched.groups()]
+def constants_of(sollya: str, generator: Path) -> Constants:
+    """What the generator of the kernel's constants prints."""
+    said = run([sollya, str(generator)], "")
+    numbers = {(name, int(i)): int(n) for name, i, n in re.findall(r"(\w+) (\d+) = (\d+) u", said)}
+
+    def row(name: str, length: int) -> tuple[int, ...]:
+        return tuple(numbers[name, i] for i in range(length))
+
+    if len(numbers) != 5 + 4 + 16:
+        raise CertificateError(f"{generator.name} says something else: {said[-400:]}")
+    small = row("small", 5)
+    log2_e = int(mp.ceil(mpf(2) ** 31 / mp.ln2))
+    return Constants(small, row("part", 4), small[0], row("H", 16), log2_e)
 
 
-def read_constants(lib: Path) -> Constants:
-    """Out of the sources of a library."""
-    text = (lib / "kernel.h").read_text()
-    numbers = {name: body_numbers(text, name, body) for name, body in BODIES.items()}
-    table = re.search(r"dahl_kernel_table\[\] = {\s*(.*?),?\s*}", text, re.DOTALL)
-    log2_e = re.search(r"#define LOG2_E_Q31 (\d+)u", (lib / "prepare.c").read_text())
-    if table is None or log2_e is None:
-        raise CertificateError("the table of kernel.h or LOG2_E_Q31 of prepare.c is gone")
-    c = numbers["dahl_kernel_small"]
-    p = numbers["dahl_kernel_large"]
-    return Constants(
-        small=(c[4], c[3], c[2], c[0], c[1]),
-        part=(p[3], p[2], p[0], p[1]),
-        tiny=numbers["dahl_kernel_tiny"][0],
-        table=tuple(int(word.rstrip("u")) for word in re.split(r",\s*", table[1])),
-        log2_e=int(log2_e[1]),
-    )
+WORD = 2**32 - 1
+
+
+def model(c: Constants, mantissa: int, shift: int) -> int:
+    """g in Q64 for v = mantissa 2^(-32 - shift): the function that is certified, in integers."""
+    if shift < -5:
+        return 2**64 - 1
+    if shift < 2:
+        return model_large(c, mantissa, shift) << 32
+    if shift < 32:
+        r = horner_model(c.small, mantissa >> (shift - 2))
+        return (mantissa * r >> 32) << (32 - shift) | 2
+    return (mantissa * c.tiny >> shift) + 2 if shift < 64 else 0
+
+
+def horner_model(coefficients: tuple[int, ...], y: int) -> int:
+    """c0 - y (c1 - y (c2 - ..)) in Q32, cut at each product; the last factor is y's upper half."""
+    *rest, last, tail = coefficients
+    r = last - ((y >> 16) * tail >> 16)
+    for k in reversed(rest):
+        r = k - (y * r >> 32)
+    return r
+
+
+def model_large(c: Constants, mantissa: int, shift: int) -> int:
+    """The upper word of g for 1/4 <= v < 32."""
+    whole, y = mantissa >> (28 + shift), mantissa << (4 - shift) & WORD
+    h = c.table[whole & 15]
+    part = y * horner_model(c.part, y) >> 32
+    g = h + ((~(h >> 1) & WORD) * part >> 35)
+    return WORD - ((WORD - (g >> 1)) >> (whole >> 4))
 
 
 def run(command: list[str], script: str) -> str:
@@ -387,9 +347,8 @@ def binary_texts(ends: tuple[mpf, mpf]) -> tuple[str, str]:
     return tuple(f"{int(end * 2**40)}b-40" for end in ends)  # type: ignore[return-value]
 
 
-def certificate(lib: Path, sollya: str, gappa: str) -> list[Piece]:
+def certificate(c: Constants, sollya: str, gappa: str) -> list[Piece]:
     """Every piece of v in (0, infinity)."""
-    c = read_constants(lib)
     pieces = [tiny_piece(c), *small_pieces(c, sollya, gappa), *large_pieces(c, sollya, gappa)]
     return [*pieces, beyond_piece(c)]
 

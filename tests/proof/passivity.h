@@ -12,7 +12,6 @@
  * The first term is at least -g D^2/4, the second is never negative, nor the third while the torque opposes the motion; where
  * it helps, -(u - g) s W < (u - g) (z - 1), which the first two outweigh. The cut makes T at most. In all
  *     loss >= -(T + g D^2/4)
- * which passivity_words.c enumerates for each w, g and direction in words up to 7 bits.
  *
  * In the library u is what the motion says and g errs by r: that adds as d does, and makes g (D + r)^2/4 of the last term.
  * By counts, where u >= 2^-30 and r = 2^-32, the first two terms are more than all that is negative: at least g^2/2 >= 2^-61

@@ -5,7 +5,7 @@
 
 Eva follows an endless loop of any calls by intervals; 0 alarms means that no undefined behaviour
 can come of it, ever. WP proves by Z3, over the integers, what the checks by CBMC take for known
-of a product. Planted faults are run on changed copies of the sources.
+of a product.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 
 import pytest
 from conftest import need
+from sources import INCLUDES, NODE, as_one
 
 HERE = Path(__file__).parent
 
@@ -36,15 +37,21 @@ UPDATES = ("dahl_forward", "dahl_backward", "dahl_set_torque")
 APART = ("dahl_move_digits", "dahl_change_plan", "dahl_two_words")
 TICKS = Run("frama_ticks.c", "main", ("-eva-slevel", "200"), UPDATES + APART)
 FAR = Run("frama_ticks.c", "apart", ("-eva-slevel", "200", "-eva-min-loop-unroll", "33"), UPDATES)
-NODE = Run("frama_node.c", "main", ("-eva-split-return", "full"))
+FRAMES = Run("frama_node.c", "main", ("-eva-split-return", "full"))
 PRECISION = {"frama_ticks.c": "3", "frama_node.c": "1"}
 
 
-def preprocessor(frama_c: str, sources: Path) -> str:
+def preprocessor(frama_c: str, folder: Path) -> str:
     """Plain C, without what is particular to GNU: no assembler."""
     share = frama(frama_c, "-print-share-path").strip()
-    folders = [*(sources / name for name in ("lib", "lib/include", "port", "host_sim")), HERE, Path(share, "libc")]
-    return "-cpp-extra-args=" + " ".join(["-U__GNUC__", *(f"-I{folder}" for folder in folders)])
+    as_one(folder)
+    as_one(folder, NODE, "node_library.c")
+    words = [
+        "-U__GNUC__",
+        *INCLUDES,
+        *(f"-I{path}" for path in (folder, HERE, Path(share, "libc"))),
+    ]
+    return "-cpp-extra-args=" + " ".join(words)
 
 
 def frama(*command: str) -> str:
@@ -59,35 +66,35 @@ def frama(*command: str) -> str:
     return done.stdout
 
 
-def alarms(run: Run, claim: str, sources: Path) -> list[str]:
+def alarms(run: Run, claim: str, folder: Path) -> list[str]:
     """What Eva cannot exclude, in its own words, one line each."""
     frama_c = need("frama-c", claim)
     options = [*run.options, "-eva-precision", PRECISION[run.file], "-main", run.main]
     if run.contracts:
         options += ["-eva-use-spec", ",".join(run.contracts)]
-    flags = [preprocessor(frama_c, sources), "-warn-special-float", "none", "-eva"]
+    flags = [preprocessor(frama_c, folder), "-warn-special-float", "none", "-eva"]
     said = frama(frama_c, *flags, *options, str(HERE / run.file))
     assert "functions analyzed" in said
     found = re.findall(r"^\[eva:alarm\] (.*(?:\n  .*)*)", said, re.MULTILINE)
     return [" ".join(each.split()) for each in found if "postcondition got status" not in each]
 
 
-def test_ticks_without_end(root: Path) -> None:
+def test_ticks_without_end(tmp_path: Path) -> None:
     """Postconditions are left to CBMC; everything else, preconditions too, is valid."""
-    assert alarms(TICKS, "no undefined behaviour in any number of ticks", root) == []
+    assert alarms(TICKS, "no undefined behaviour in any number of ticks", tmp_path) == []
 
 
-def test_moves_of_many_counts_and_new_plans_without_end(root: Path) -> None:
-    assert alarms(FAR, "no undefined behaviour in any number of large moves", root) == []
+def test_moves_of_many_counts_and_new_plans_without_end(tmp_path: Path) -> None:
+    assert alarms(FAR, "no undefined behaviour in any number of large moves", tmp_path) == []
 
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-def test_frames_without_end(root: Path) -> None:
-    assert alarms(NODE, "no undefined behaviour in a node that hears any frames", root) == []
+def test_frames_without_end(tmp_path: Path) -> None:
+    assert alarms(FRAMES, "no undefined behaviour in a node that hears any frames", tmp_path) == []
 
 
-def wp_goals(sources: Path, folder: Path) -> str:
+def wp_goals(folder: Path) -> str:
     claim = "what the checks by CBMC take for known of a product"
     frama_c, why3 = need("frama-c", claim), need("why3", claim)
     need("z3", claim)
@@ -97,7 +104,7 @@ def wp_goals(sources: Path, folder: Path) -> str:
     )
     command = [
         frama_c,
-        preprocessor(frama_c, sources),
+        preprocessor(frama_c, folder),
         *("-wp", "-wp-rte", "-wp-fct", "dahl_mul", "-wp-cache", "none"),
         *("-wp-prover", "z3", "-wp-timeout", "10", str(HERE / "frama_products.c")),
     ]
@@ -114,5 +121,5 @@ def wp_goals(sources: Path, folder: Path) -> str:
     return "all" if found[1] == found[2] else f"{found[1]} of {found[2]}"
 
 
-def test_frama_c_knows_what_a_product_is(root: Path, tmp_path: Path) -> None:
-    assert wp_goals(root, tmp_path) == "all"
+def test_frama_c_knows_what_a_product_is(tmp_path: Path) -> None:
+    assert wp_goals(tmp_path) == "all"

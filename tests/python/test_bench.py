@@ -24,6 +24,8 @@ import report  # noqa: E402
 import results  # noqa: E402
 import target  # noqa: E402
 
+pytestmark = pytest.mark.checks
+
 
 @pytest.fixture(scope="module")
 def counted() -> dict:

@@ -168,7 +168,13 @@ def test_the_c_tests_hold_with_other_compilers_and_flags(command, root, tmp_path
     unity, program = root / "build/deps/unity", tmp_path / "test_batch"
     if not (unity / "unity.c").exists():
         pytest.skip("no build/deps/unity (tools/setup.sh fetches it)")
-    words = [*command.split(), "-std=c99", f"-I{root}/lib/include", f"-I{root}/tests/lib", f"-I{unity}"]
+    words = [
+        *command.split(),
+        "-std=c99",
+        f"-I{root}/lib/include",
+        f"-I{root}/tests/lib",
+        f"-I{unity}",
+    ]
     words += ["-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000", root / "tests/lib/test_batch.c"]
     words += [unity / "unity.c", *sorted((root / "lib").glob("*/*.c")), "-lm", "-o", program]
     subprocess.run(words, check=True)

@@ -4,34 +4,36 @@
 """
 
 import itertools
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import ROOT, need
+from sources import EXACT, INCLUDES
 
-ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / "tests/lib/golden_bits.txt"
-# lib/float is no part of the guarantee: it calls libm.
-FOLDERS = ("arith", "model", "batch")
-SOURCES = sorted(str(f) for name in FOLDERS for f in (ROOT / "lib" / name).glob("*.c"))
-
-BUILDS = [
+QUICK = [("gcc", ["-O2"]), ("clang", ["-O3", "-ffast-math"])]
+MORE = [
     (compiler, [level, *extra])
     for compiler, level, extra in itertools.product(
         ["gcc", "clang"], ["-O0", "-O1", "-O2", "-O3"], [[], ["-m32"], ["-ffast-math"]]
     )
 ]
 FAST = ["-O3", "-ffast-math"]
-BUILDS += [(c, [*FAST, m]) for c in ("gcc", "clang") for m in ("-m32", "-march=x86-64-v3")]
+MORE += [(c, [*FAST, m]) for c in ("gcc", "clang") for m in ("-m32", "-march=x86-64-v3")]
+BUILDS = [pytest.param(*build, id=" ".join([build[0], *build[1]])) for build in QUICK]
+BUILDS += [
+    pytest.param(*build, id=" ".join([build[0], *build[1]]), marks=pytest.mark.checks)
+    for build in MORE
+    if build not in QUICK
+]
 
 
-@pytest.mark.parametrize("compiler, flags", BUILDS, ids=[" ".join([c, *f]) for c, f in BUILDS])
+@pytest.mark.parametrize("compiler, flags", BUILDS)
 def test_same_bits(compiler: str, flags: list[str], tmp_path: Path) -> None:
-    assert shutil.which(compiler), f"{compiler} is missing: tools/setup.sh installs it"
     program = tmp_path / "bits"
-    options = ["-std=c99", *flags, f"-I{ROOT}/lib/include", "-o", str(program)]
-    command = [compiler, *options, f"{ROOT}/tests/lib/bits.c", *SOURCES]
+    options = ["-std=c99", *flags, *INCLUDES, "-o", program]
+    command = [need(compiler, "the same bits"), *options, ROOT / "tests/lib/bits.c", *EXACT]
     subprocess.run(command, check=True)
     if "-march=x86-64-v3" in flags and "avx2" not in Path("/proc/cpuinfo").read_text():
         pytest.skip("this processor has no AVX2")

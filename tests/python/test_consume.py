@@ -4,7 +4,6 @@ snippet compiles.
 """
 
 import math
-import re
 import subprocess
 from pathlib import Path
 
@@ -53,16 +52,3 @@ def test_an_installed_tree_names_no_place_of_this_machine(prefix: Path) -> None:
     for file in prefix.rglob("*"):
         if file.suffix in (".pc", ".cmake", ".h"):
             assert str(ROOT) not in file.read_text() and str(prefix) not in file.read_text(), file
-
-
-def test_readme_snippet(tmp_path: Path) -> None:
-    """The first C block of the README is a whole file for a firmware; it compiles for the strictest
-    reader, and is short.
-    """
-    snippet = re.search(r"```c\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
-    assert snippet, "README.md has no C block"
-    assert len(snippet[1].strip().splitlines()) <= 12
-    source = tmp_path / "snippet.c"
-    source.write_text(snippet[1])
-    flags = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include"]
-    run("gcc", *flags, "-c", source, "-o", tmp_path / "snippet.o")

@@ -1,37 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""The library against 50 digits: every entry of a plan, single moves, long mixed motions, the
-kernel's constants.
-"""
+"""The library against 50 digits: every entry of a plan, single moves, long mixed motions."""
 
 from __future__ import annotations
 
 import math
-import re
-import shutil
-import subprocess
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-import pytest
 from dahl.core import Friction, Plan
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
+from sources import number
 
 ROOT = Path(__file__).resolve().parents[2]
-HEADER = (ROOT / "lib/include/dahl.h").read_text()
-KERNEL = (ROOT / "lib/model/kernel.h").read_text()
-PREPARE = (ROOT / "lib/model/prepare.c").read_text()
 mp.dps = 50
 
 
-def stated(name: str) -> float:
-    """A bound as the header states it."""
-    return float(re.search(rf"#define {name} ([0-9.e-]+)", HEADER)[1])
-
-
-ULP_COUNTS, ULP_ANGLE = stated("DAHL_ULP_COUNTS"), stated("DAHL_ULP_ANGLE")
+ULP_COUNTS, ULP_ANGLE = number("DAHL_ULP_COUNTS"), number("DAHL_ULP_ANGLE")
 
 
 def float32(low: float, high: float) -> st.SearchStrategy[float]:
@@ -91,54 +78,3 @@ def test_by_angle(plan: Plan, moves: list[float]) -> None:
         dtheta = float(np.float32(move * 10.0 ** -(n % 12) / float(a)))
         w = solve(w, a * abs(mpf(dtheta)), 1 if dtheta > 0 else -1)
         assert abs(bearing.step(dtheta) - w * plan.Fc) <= ULP_ANGLE * plan.ulp
-
-
-def numbers(name: str) -> list[int]:
-    """The unsigned constants of a function or table of kernel.h, in order, zeros too."""
-    body = re.search(rf"{name}(?:\(|\[\]).*?\n}}", KERNEL, re.S)[0]
-    return [int(n) for n in re.findall(r"\b(0(?=,)|\d{4,})u?\b", body)]
-
-
-@pytest.mark.parametrize(
-    "name, steps, degree", [("dahl_kernel_small", 4, 4), ("dahl_kernel_large", 16, 3)]
-)
-def test_kernel_polynomial(name: str, steps: int, degree: int) -> None:
-    """1 - 2^-v = v P(Y), Y = v steps, P read from kernel.h: relative error as the file states."""
-    first, last, *others = numbers(name)
-    c = [mpf(n) / 2**32 for n in [*others[::-1], first, last]]
-    assert len(c) == degree + 1 and "below 2^-30.6" in KERNEL
-
-    def error(Y: mpf) -> mpf:  # noqa: N803 (the file's name)
-        v = Y / steps
-        P = sum((-Y) ** k * c[k] for k in range(degree + 1))
-        return abs(v * P / -mp.expm1(-v * mp.log(2)) - 1)
-
-    worst = max(error(mpf(k) / 4000) for k in range(1, 4001))
-    assert mpf(2) ** -32.5 < worst < mpf(2) ** -30.6
-
-
-def test_kernel_table() -> None:
-    """1 - 2^(-j/16) in Q33, rounded up."""
-    exact = [(1 - mpf(2) ** (-mpf(j) / 16)) * 2**33 for j in range(16)]
-    assert numbers("dahl_kernel_table") == [int(mp.ceil(h)) for h in exact]
-
-
-def test_kernel_constants() -> None:
-    """ln 2 in Q32, below as above 2^-30; log2(e) in Q31, rounded up."""
-    ln2 = int(mp.floor(mp.log(2) * 2**32))
-    assert numbers("dahl_kernel_tiny")[-1] == ln2 == numbers("dahl_kernel_small")[-1]
-    assert f"LOG2_E_Q31 {int(mp.ceil(2**31 / mp.log(2)))}u" in PREPARE
-
-
-@pytest.mark.skipif(shutil.which("sollya") is None, reason="sollya is absent")
-def test_kernel_constants_are_those_of_the_script() -> None:
-    command = ["sollya", str(ROOT / "tools/generators/kernel.sollya")]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)
-    values = {
-        label: [int(n) for n in re.findall(rf"^{label} \d+ = (\d+) u", printed.stdout, re.M)]
-        for label in ("small", "part", "H")
-    }
-    for name, label in (("small", "small"), ("large", "part")):
-        *head, almost, last = values[label]
-        assert numbers(f"dahl_kernel_{name}") == [almost, last, *head[::-1]]
-    assert numbers("dahl_kernel_table") == values["H"]

@@ -329,10 +329,19 @@ def test_names_of_columns_do_not_break_the_line(tmp_path):
     assert str(caught.value).isprintable() and "an gle" in str(caught.value)
 
 
-def test_torque_units_are_applied(tmp_path):
-    path = tmp_path / "units.csv"
-    pd.DataFrame({"angle": np.arange(9.0), "Friction [uN]": np.arange(9.0)}).to_csv(
-        path, index=False
-    )
-    assert readers.read(path, readers.Source()).torque[-1] == pytest.approx(8e-6)
-    assert readers.read(path, readers.Source(torque_unit="mNm")).torque[-1] == pytest.approx(8e-3)
+POUND = 0.45359237 * 9.80665  # N, by definition
+UNITS_OF_TORQUE = {"Nm": 1, "mNm": 1e-3, "kNm": 1e3, "N": 1, "mN": 1e-3, "uN": 1e-6, "kN": 1e3}
+UNITS_OF_TORQUE |= {"lb": POUND, "kip": 1e3 * POUND, "lbin": POUND * 0.0254, "lbft": POUND * 0.3048}
+
+
+@pytest.mark.parametrize("unit", UNITS_OF_TORQUE)
+def test_units_of_the_torque(tmp_path, unit):
+    """As an option, and as the name of the column says it."""
+    for name, source in (
+        ("torque", readers.Source(torque_unit=unit)),
+        (f"torque [{unit}]", readers.Source()),
+    ):
+        path = tmp_path / "units.csv"
+        pd.DataFrame({"angle": np.arange(9.0), name: np.arange(9.0)}).to_csv(path, index=False)
+        read = readers.read(path, source)
+        assert read.torque[-1] == pytest.approx(8 * UNITS_OF_TORQUE[unit], rel=1e-8)

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from loop_tools import SCENES, program
 
+pytestmark = pytest.mark.checks
+
 PARTS = {
     "faults": {"faults.c"},
     "rotor": {"rotor.c", "plant.c"},

@@ -21,10 +21,10 @@ BLOCKS = [
 @pytest.mark.usefixtures("library")
 @pytest.mark.parametrize("block", BLOCKS)
 def test_a_block_of_c_compiles(block: str, tmp_path: Path) -> None:
+    from dahl import plan_header
     from dahl.core import Plan
-    from dahl.identify import header
 
-    plan = header.text("rig", Plan(37349, 2.666, 1e-7), ["rig"])
+    plan = plan_header.text("rig", Plan(37349, 2.666, 1e-7), ["rig"])
     (tmp_path / "dahl_plan_rig.h").write_text(plan)
     (tmp_path / "block.c").write_text(block)
     words = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", f"-I{tmp_path}"]

@@ -11,6 +11,8 @@ import subprocess
 
 import pytest
 
+pytestmark = pytest.mark.checks
+
 PROBE = """<script>window.onload = () => {
   const picture = document.getElementById("picture");
   const seen = {wide: picture.naturalWidth, tall: picture.naturalHeight,

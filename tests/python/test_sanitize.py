@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+pytestmark = pytest.mark.checks
+
 # A sanitized program is large and slow: what is said about memory and speed does not hold for it.
 # Its own library has to be the first: none can be put before it.
 NOT_HERE = "memory or 200 or million or slow or witness or minute or tribometer or refuses_a_socket"
@@ -34,8 +36,8 @@ def run(*command: object, **more: object) -> None:
 def test_nothing_is_found_in_the_node() -> None:
     """The short form: what the other test found first, by gcc alone."""
     run("cmake", "--preset", "sanitize")
-    run("cmake", "--build", "--preset", "sanitize", "--target", "test_node", "fuzz_frames")
-    run("ctest", "--preset", "sanitize", "--tests-regex", "^(test_node|fuzz_frames)$")
+    run("cmake", "--build", "--preset", "sanitize", "--target", "test_node")
+    run("ctest", "--preset", "sanitize", "--tests-regex", "^test_node$")
 
 
 @pytest.mark.long

@@ -68,11 +68,6 @@ def test_setup_refuses_what_it_does_not_know(root):
     assert done.stderr == "error: setup.sh takes no argument '--fast' (see --help)\n"
 
 
-def test_every_script_parses(root):
-    for script in sorted((root / "tools").glob("*.sh")):
-        assert run("bash", "-n", script).returncode == 0
-
-
 def count(root, tmp_path, *texts) -> subprocess.CompletedProcess:
     files = []
     for number, text in enumerate(texts):

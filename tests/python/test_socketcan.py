@@ -18,6 +18,8 @@ from conftest import ROOT, built
 from dahl import bus
 from loop_tools import LINE, SCENES, counts_of, read_log, run, torques_of
 
+pytestmark = pytest.mark.checks
+
 SCENE = SCENES / "steering.ini"
 ABSENT = 77  # vm.sh's code for what cannot be had here
 

@@ -21,6 +21,8 @@ sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
 import target  # noqa: E402
 
+pytestmark = pytest.mark.checks
+
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
 ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
 TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "float"]
@@ -208,36 +210,6 @@ def test_counts_are_the_same_twice(bench) -> None:
     assert again == of_core(bench, "m4f")
 
 
-PLANTED_CALL = """
-void (*bench_function)(void); unsigned bench_sp;
-void bench_call(void); void bench_mark(void);
-void semihosting_write(const char *text, unsigned length);
-__attribute__((naked)) static void planted(void) { __asm volatile("EXTRA\\n bx lr"); }
-int main(void)
-{
-    bench_function = planted;
-    semihosting_write("case planted\\n", 13);
-    bench_mark();
-    bench_call();
-    return 0;
-}
-__asm(".include \\"ROOT/tools/bench/target/call_arm.S\\"");
-"""
-
-
-def test_a_costlier_step_is_seen(tmp_path) -> None:
-    """The counter bites: one instruction more in a function is one more in its count."""
-    core = target.CORES["m3"]
-    need(core)
-    target.build_plugin()
-    counts = []
-    for extra in ("", "nop"):
-        source = PLANTED_CALL.replace("EXTRA", extra).replace("ROOT", str(ROOT))
-        cases, _ = target.read_cases(*target.emulate(core, plant(core, source)))
-        counts.append(cases["planted"][0])
-    assert counts == [1, 2]
-
-
 # --- what may be linked --------------------------------------------------------------------------
 
 
@@ -250,41 +222,3 @@ def test_links_nothing_but_integers(name: str, path: str) -> None:
     image = target.link_path(core, path)
     assert target.forbidden(core, image) == []
     assert target.sizes(core, image)["static"] == 0
-
-
-PLANTED = {  # what stands before, and within, a false dahl_step_counts_q30
-    "double": ("double x;", "x *= 1.1;"),
-    "float": ("float x;", "x += 1.5f;"),
-    "from int": ("float x; int n;", "x = (float)n;"),
-    "to int": ("float x; int n;", "n = (int)x;"),
-    "compare": ("float x; int n;", "n = x < 2.5f;"),
-    "malloc": ("void *malloc(unsigned n) { return (void *)n; } void *p;", "p = malloc(8);"),
-    "libm": ("float expm1f(float x) { return x; }", "volatile float x = expm1f(1); (void)x;"),
-    "static data": ("int calls;", "calls++;"),
-}
-
-
-def planted_image(core: target.Core, fault: str, folder: Path) -> Path:
-    """The q30 path with a fault in the place of the library."""
-    need(core)
-    target.build(core, "dahl")
-    before, within = PLANTED[fault]
-    source = (
-        f"{before}\nvoid dahl_step_counts_q30(void) {{ {within} }}\nvoid dahl_prepare(void) {{}}\n"
-    )
-    (folder / "x.c").write_text(source)
-    flags = target.cache_value(core, "CMAKE_C_FLAGS").split()
-    target.run(core.tool("gcc"), *flags, "-fno-builtin", "-c", "-o", folder / "x.o", folder / "x.c")
-    return target.link_path(core, "q30", folder / "x.o")
-
-
-@pytest.mark.parametrize("fault", sorted(PLANTED.keys() - {"static data"}))
-@pytest.mark.parametrize("name", ["m0", "m3", "rv32"])
-def test_gate_bites(name: str, fault: str, tmp_path) -> None:
-    core = target.CORES[name]
-    assert target.forbidden(core, planted_image(core, fault, tmp_path)) != []
-
-
-def test_static_data_gate_bites(tmp_path) -> None:
-    core = target.CORES["m4f"]
-    assert target.sizes(core, planted_image(core, "static data", tmp_path))["static"] == 4

@@ -8,6 +8,8 @@ import shutil
 
 import pytest
 
+pytestmark = pytest.mark.checks
+
 
 def need_tools() -> None:
     for program in ("arm-none-eabi-gcc", "qemu-system-arm"):

@@ -29,6 +29,8 @@ from dahl import firmware
 from dahl.core import Friction, Plan
 from e2e import p02
 
+pytestmark = pytest.mark.checks
+
 SIGMA0, FC, THETA = 120.0, 1.8, 2.396844981071314e-05
 TIMEOUT_US = 600000  # more than a busy host holds a frame back
 PATIENT_US = 60000000

@@ -24,20 +24,8 @@ ROOT = HERE.parents[1]
 SIMULATION = "test_sim"  # of the loop around the node
 
 # The codec and the receiver; what drives sockets, serial ports and boards is tested from outside.
-PORT_SOURCES = (
-    "port/can_bus.h",
-    "port/frame_queue.h",
-    "port/frames.c",
-    "port/frames.h",
-    "port/loopback/loopback.c",
-    "port/loopback/loopback.h",
-    "port/slcan/slcan.c",
-    "port/slcan/slcan.h",
-    "port/socketcand/text.c",
-    "port/socketcand/text.h",
-    "host_sim/node.c",
-    "host_sim/node.h",
-)
+FOLDERS = ("port", "port/loopback", "port/slcan", "port/socketcand", "host_sim", "lib/node")
+STEMS = ("can_bus", "frame_queue", "frames", "loopback", "slcan", "text", "node")
 
 COMPILER = HERE / "coverage_compiler.sh"
 LLVM_FLAGS = "-O0 -g -fprofile-instr-generate -fcoverage-mapping -fcoverage-mcdc"
@@ -49,12 +37,13 @@ FEW_TICKS = (
 
 def lib_sources(root: Path = ROOT) -> list[Path]:
     """All of lib/."""
-    return sorted(root.glob("lib/*/*.[ch]"))
+    return sorted(path for path in root.glob("lib/**/*.[ch]") if path.parent.name != "node")
 
 
 def all_sources(root: Path = ROOT) -> list[Path]:
     """All of lib/, the codec and the receiver."""
-    return lib_sources(root) + [root / name for name in PORT_SOURCES]
+    found = (path for folder in FOLDERS for path in sorted((root / folder).glob("*.[ch]")))
+    return lib_sources(root) + [path for path in found if path.stem in STEMS]
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import coverage_build
 import coverage_llvm
 import pytest
 from conftest import need
+from sources import BATCHES
 
 ROOT = coverage_build.ROOT
 FOLDER = ROOT / "build/coverage"
@@ -26,7 +27,7 @@ PLAIN = coverage_build.Build(FOLDER / "plain", "clang-19", coverage_build.LLVM_F
 GCC_NATIVE = coverage_build.Build(FOLDER / "gcc", "gcc", coverage_build.GCOV_FLAGS, False)
 GCC_PLAIN = coverage_build.Build(FOLDER / "gcc_plain", "gcc", coverage_build.GCOV_FLAGS, True)
 
-# Features that cpu_dispatch.h asks for, one more in each row; with these rows each of its
+# Features that the batches ask for, one more in each row; with these rows each of its
 # conditions decides once.
 CPUS = [(), ("avx2",), ("avx2", "fma")]
 CPUS += [(*CPUS[2], "avx512bw"), (*CPUS[2], "avx512bw", "avx512dq")]
@@ -37,6 +38,8 @@ CLAIM = "100 % of lines, branches and MC/DC"
 # The files whose text gcc copies for each set of vectors: it counts each copy apart, those that
 # can't happen too. GCC_PLAIN has them once.
 COPIED = re.compile(r"lib/batch")
+# Those that are compiled once for each set of vectors.
+VARIED = re.compile(r"channels|throughput$|fast$")
 
 
 def has(cpu: tuple[str, ...]) -> bool:
@@ -97,13 +100,13 @@ def expect_none(holes: list[str], of: str) -> None:
 
 
 def test_lines_branches_and_conditions(native: list[Path], tmp_path: Path) -> None:
-    """As this machine builds it, each road of cpu_dispatch.h taken."""
+    """As this machine builds it, each road of the batches taken."""
     profile = coverage_llvm.merge(native, tmp_path / "all.profdata")
     files = coverage_llvm.measure(profile, NATIVE.programs, coverage_build.all_sources())
     report(files)
     holes = unseen(files) + coverage_llvm.holes_of(files, ROOT)
     if not all(map(has, CPUS)):
-        holes = [hole for hole in holes if "cpu_dispatch.h" not in hole]
+        holes = [hole for hole in holes if "targets.h" not in hole and "dispatch.h" not in hole]
     expect_none(holes, "lib, codec and receiver")
 
 
@@ -114,8 +117,7 @@ def test_batches_with_each_set_of_vectors(native: list[Path], vectors: str, tmp_
         pytest.skip(f"unproven: {CLAIM} of the {vectors} batches: this processor has none")
     runs = [path for path in native if path.stem == f"batch_{name_of(VECTORS[vectors])}"]
     profile = coverage_llvm.merge(runs, tmp_path / "batch.profdata")
-    names = ("exact_channels.c", "fast.c", "fast_channels.c")
-    sources = [ROOT / "lib/batch" / name for name in (*names, "fast.h")]
+    sources = [path for path in BATCHES if VARIED.search(path.stem)]
     programs = [program for program in NATIVE.programs if program.name == "test_batch"]
     files = coverage_llvm.measure(profile, programs, sources)
     report(files)

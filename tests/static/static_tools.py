@@ -6,17 +6,18 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import sources
 from conftest import ROOT
 
-LIB = sorted(ROOT.glob("lib/*/*.c"))
-CODEC = [ROOT / "port/frames.c", ROOT / "port/slcan/slcan.c"]
-NODE = [ROOT / "host_sim/node.c"]
+LIB = sources.ALL
+CODEC = [p for p in sources.NODE if p.stem == "frames"] + [ROOT / "port/slcan/slcan.c"]
+NODE = [p for p in sources.NODE if p.stem == "node"]
 FIRMWARE = LIB + CODEC + NODE  # what a microcontroller links, but for its start-up
 START_UP = sorted([*ROOT.glob("port/cortex_m/*.c"), *ROOT.glob("port/riscv/*.c")])
 DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *START_UP})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
 
-INCLUDES = [f"-I{ROOT / part}" for part in ("lib/include", "port", "host_sim")]
+INCLUDES = sources.INCLUDES
 PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES]
 
 # For all of the product's C. What is left out: -Wswitch-enum, since -Wswitch-default asks for the

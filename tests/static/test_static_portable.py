@@ -15,15 +15,14 @@ from pathlib import Path
 import pytest
 import static_tools as static
 from conftest import BUILD, ROOT, need
+from sources import EXACT
 
 CLAIM = "the same bits on a big-endian core, in 32 bits, and without GNU extensions"
 GOLDEN = ROOT / "tests/lib/golden_bits.txt"
 UNITY = BUILD.parent / "deps" / "unity"
-INTEGER = [file for file in static.LIB if file.name != "float.c"]  # which has libm's bits
 UNITS = ["lib/test_laws", "lib/test_paper", "lib/test_params", "port/test_frames", "port/test_node"]
 WORDS = ["-std=c99", "-O1", "-DUNITY_INCLUDE_DOUBLE", f"-I{UNITY}", *static.INCLUDES]
 WORDS += [f"-I{ROOT}/tests/lib", f"-I{ROOT}/tests/port"]
-WORDS += [f'-DTABLE_FILE="{ROOT}/host_sim/node.h"']  # which test_node reads
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def s390x_is_here() -> None:
 @pytest.mark.parametrize("name", ["big-endian", "no GNU C"])
 def test_golden_bits(name: str, tmp_path: Path) -> None:
     machine = MACHINES[name]
-    program = machine.build(tmp_path, ROOT / "tests/lib/bits.c", INTEGER)
+    program = machine.build(tmp_path, ROOT / "tests/lib/bits.c", EXACT)
     assert machine.run(program) == (0, GOLDEN.read_text())
 
 
@@ -90,7 +89,7 @@ def test_units_on_a_big_endian_core(test: str, tmp_path: Path, big_endian: list[
 
 
 def test_batches_on_a_big_endian_core(tmp_path: Path) -> None:
-    program = S390X.build(tmp_path, Path(__file__).parent / "batch_bits.c", INTEGER)
+    program = S390X.build(tmp_path, Path(__file__).parent / "batch_bits.c", EXACT)
     assert S390X.run(program) == (0, "0 differ\n")
 
 
@@ -99,13 +98,6 @@ def test_batches_on_a_big_endian_core(tmp_path: Path) -> None:
 def test_batches_elsewhere(name: str, tmp_path: Path) -> None:
     status, text = unit(MACHINES[name], "lib/test_batch", tmp_path, static.FIRMWARE)
     assert status == 0 and " 0 Failures " in text, text
-
-
-@pytest.mark.long
-def test_any_frames_on_a_big_endian_core(tmp_path: Path) -> None:
-    program = S390X.build(tmp_path, ROOT / "tests/port/fuzz_frames.c", static.FIRMWARE)
-    status, text = S390X.run(program, "100000")
-    assert status == 0, text
 
 
 # --- each fault is seen --------------------------------------------------------------------------
