@@ -9,8 +9,8 @@
 #include <string.h>
 #include <sys/prctl.h>
 
-#include "bus_choice.h"
-#include "complain.h"
+#include "bus_open.h"
+#include "messages.h"
 #include "loop.h"
 #include "options.h"
 #include "plant.h"
@@ -68,7 +68,7 @@ static int find_log(program_t *p)
         length = 0;
     }
     length = snprintf(p->log_path, sizeof p->log_path, "%.*s%s%s", length, folder, length > 0 ? "/" : "", file);
-    return length < (int)sizeof p->log_path ? 0 : complain("%s: path too long", file);
+    return length < (int)sizeof p->log_path ? 0 : log_error("%s: path too long", file);
 }
 
 static uint32_t to_us(double ms)
@@ -88,7 +88,7 @@ static int prepare_node(program_t *p, node_t *node, uint8_t number)
     dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
     dahl_err_t result = node_init(node, &params, number);
     if (result != DAHL_OK) {
-        return complain("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
+        return log_error("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
                         p->options.scene, f->sigma0, f->Fc, f->theta_per_count, (int)result);
     }
     node->status_us = p->scene.has_status ? to_us(p->scene.status_period_ms) : 0;
@@ -125,7 +125,7 @@ static int prepare_plant(program_t *p)
         return -1;
     }
     if (p->options.trace != NULL && !plant_trace(&p->plant, p->options.trace)) {
-        return complain("--trace %s: %s", p->options.trace, strerror(errno));
+        return log_error("--trace %s: %s", p->options.trace, strerror(errno));
     }
     p->encoders[0].motion = &p->plant.motion;
     return 0;
@@ -166,14 +166,14 @@ static int check_numbers(const program_t *p)
 {
     unsigned nodes = p->options.nodes;
     if (number_of(p, nodes - 1) >= FRAMES_NODES) {
-        return complain("--nodes %u: with the scene's first node %u, numbers would pass 15", nodes,
+        return log_error("--nodes %u: with the scene's first node %u, numbers would pass 15", nodes,
                         (unsigned)p->scene.friction.node);
     }
     if (nodes > 1 && p->scene.has_rotor) {
-        return complain("--nodes %u: a scene with a [rotor] has one", nodes);
+        return log_error("--nodes %u: a scene with a [rotor] has one", nodes);
     }
     if (p->options.trace != NULL && !p->scene.has_rotor) {
-        return complain("--trace %s: %s has no [rotor] to trace", p->options.trace, p->options.scene);
+        return log_error("--trace %s: %s has no [rotor] to trace", p->options.trace, p->options.scene);
     }
     return 0;
 }
@@ -181,11 +181,11 @@ static int check_numbers(const program_t *p)
 static int check_parts(const program_t *p, bool node, bool encoder)
 {
     if (!node && !encoder) {
-        return complain("%s: names no [%s], so there is nothing to run for this --role", p->options.scene,
+        return log_error("%s: names no [%s], so there is nothing to run for this --role", p->options.scene,
                         p->options.run_node ? "friction" : "motion");
     }
     if (!encoder && p->options.is_virtual && !(p->options.seconds > 0)) {
-        return complain("--virtual without an encoder never ends: give --seconds");
+        return log_error("--virtual without an encoder never ends: give --seconds");
     }
     return check_numbers(p);
 }
@@ -223,7 +223,7 @@ static size_t list_ids(const program_t *p, uint32_t ids[4 * FRAMES_NODES])
 
 static int open_bus(program_t *p)
 {
-    bus_choice_t choice;
+    open_bus_t opened;
     uint32_t ids[4 * FRAMES_NODES];
     sim_clock_start(&p->clock, p->options.is_virtual);
     bool all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
@@ -235,13 +235,13 @@ static int open_bus(program_t *p)
         .ids = all ? NULL : ids,
         .id_count = list_ids(p, ids),
     };
-    int code = bus_choose(&choice, &wish);
+    int code = bus_open(&opened, &wish);
     if (code != 0) {
         return code;
     }
-    p->loop.bus = choice.bus;
-    if (p->options.log != NULL && !candump_open(&p->log, p->options.log, choice.name)) {
-        complain("--log %s: %s", p->options.log, strerror(errno));
+    p->loop.bus = opened.bus;
+    if (p->options.log != NULL && !candump_open(&p->log, p->options.log, opened.name)) {
+        log_error("--log %s: %s", p->options.log, strerror(errno));
         return EXIT_RUNTIME;
     }
     p->loop.log = p->options.log != NULL ? &p->log : NULL;
@@ -265,16 +265,16 @@ static int write_results(program_t *p)
 {
     int code = 0;
     if (p->loop.log != NULL && !candump_close(&p->log)) {
-        complain("--log %s: %s", p->options.log, strerror(errno));
+        log_error("--log %s: %s", p->options.log, strerror(errno));
         code = EXIT_RUNTIME;
     }
     if (p->plant.trace != NULL && !plant_close(&p->plant)) {
-        complain("--trace %s: it could not be written whole", p->options.trace);
+        log_error("--trace %s: it could not be written whole", p->options.trace);
         code = EXIT_RUNTIME;
     }
     if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop,
                                                        p->scene.has_control ? &p->plant : NULL)) {
-        complain("--summary %s: %s", p->options.summary, strerror(errno));
+        log_error("--summary %s: %s", p->options.summary, strerror(errno));
         code = EXIT_RUNTIME;
     }
     return code;
@@ -283,7 +283,7 @@ static int write_results(program_t *p)
 static int outcome(const program_t *p)
 {
     if (p->loop.gone) {
-        complain("--bus %s: the bus is gone after %llu ticks", p->options.bus, (unsigned long long)p->loop.ticks);
+        log_error("--bus %s: the bus is gone after %llu ticks", p->options.bus, (unsigned long long)p->loop.ticks);
         return EXIT_RUNTIME;
     }
     return p->encoders[0].failed ? EXIT_BAD_INPUT : 0;

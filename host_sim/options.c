@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "complain.h"
+#include "messages.h"
 #include "dahl.h"
 
 static const char help[] =
@@ -66,7 +66,7 @@ static int take_role(options_t *options, const char *text)
     options->run_encoder = both || strcmp(text, "encoder") == 0;
     options->run_node = both || strcmp(text, "node") == 0;
     if (!options->run_encoder && !options->run_node) {
-        return complain("--role %s: not one of both, encoder, node", text);
+        return log_error("--role %s: not one of both, encoder, node", text);
     }
     return 0;
 }
@@ -76,7 +76,7 @@ static int take_seconds(options_t *options, const char *text)
     char *end;
     options->seconds = strtod(text, &end);
     if (end == text || *end != '\0' || !(options->seconds >= 0.001) || options->seconds > 1e9) {
-        return complain("--seconds %s: not a number from 0.001 to 1e9", text);
+        return log_error("--seconds %s: not a number from 0.001 to 1e9", text);
     }
     return 0;
 }
@@ -87,7 +87,7 @@ static int take_integer(const char *name, const char *text, uint64_t low, uint64
     errno = 0;
     *to = strtoull(text, &end, 10);
     if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to < low || *to > high) {
-        return complain("--%s %s: not an integer from %llu to %llu", name, text, (unsigned long long)low,
+        return log_error("--%s %s: not an integer from %llu to %llu", name, text, (unsigned long long)low,
                         (unsigned long long)high);
     }
     return 0;
@@ -104,7 +104,7 @@ static int take_small(const char *name, const char *text, uint32_t low, uint32_t
 static int take_set(options_t *options, const char *text)
 {
     if (options->set_count == OPTIONS_SETS) {
-        return complain("--set %s: more than %d of them", text, OPTIONS_SETS);
+        return log_error("--set %s: more than %d of them", text, OPTIONS_SETS);
     }
     options->sets[options->set_count++] = text;
     return 0;
@@ -182,10 +182,10 @@ static int take(options_t *options, int which, char **argv)
 {
     const char **text = text_of(options, which);
     if (which == ':') {
-        return complain("%s needs a value", argv[optind - 1]);
+        return log_error("%s needs a value", argv[optind - 1]);
     }
     if (which == '?') {
-        return complain("unknown option %s; see dahl-loop --help", argv[optind - 1]);
+        return log_error("unknown option %s; see dahl-loop --help", argv[optind - 1]);
     }
     if (text != NULL) {
         *text = optarg;
@@ -202,10 +202,10 @@ static bool serves(const options_t *options)
 static int check_virtual(const options_t *options)
 {
     if (options->is_virtual && options->lockstep) {
-        return complain("--lockstep is for real time; --virtual always waits for its answers");
+        return log_error("--lockstep is for real time; --virtual always waits for its answers");
     }
     if (options->is_virtual && strncmp(options->bus, "socketcand:", 11) == 0 && !serves(options)) {
-        return complain("--virtual needs a bus whose order this process sees: loopback, socketcan:IF or socketcand:PORT,"
+        return log_error("--virtual needs a bus whose order this process sees: loopback, socketcan:IF or socketcand:PORT,"
                         " not %s", options->bus);
     }
     return 0;
@@ -214,10 +214,10 @@ static int check_virtual(const options_t *options)
 static int check(const options_t *options)
 {
     if (options->scene == NULL) {
-        return complain("no --scene FILE; see dahl-loop --help");
+        return log_error("no --scene FILE; see dahl-loop --help");
     }
     if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
-        return complain("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
+        return log_error("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
     }
     return check_virtual(options);
 }
@@ -234,7 +234,7 @@ int options_read(options_t *options, int argc, char **argv)
         }
     }
     if (optind < argc) {
-        return complain("unexpected argument %s; see dahl-loop --help", argv[optind]);
+        return log_error("unexpected argument %s; see dahl-loop --help", argv[optind]);
     }
     return check(options);
 }

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "complain.h"
+#include "messages.h"
 #include "dahl.h"
 
 #define ANY_KIND 7
@@ -132,7 +132,7 @@ static int begin_section(reader_t *r, const char *name)
 {
     int i = find_section(name);
     if (i < 0) {
-        complain("%s:%d: unknown section [%s]", r->path, r->line, name);
+        log_error("%s:%d: unknown section [%s]", r->path, r->line, name);
         return fail(r);
     }
     r->section_line[i] = r->line;
@@ -149,7 +149,7 @@ static void look_for_section(reader_t *r, const char *text)
         return;
     }
     if (start[length] != ']' || length - 1 >= sizeof name) {
-        complain("%s:%d: a section name without ]", r->path, r->line);
+        log_error("%s:%d: a section name without ]", r->path, r->line);
         fail(r);
         return;
     }
@@ -166,7 +166,7 @@ static char *next_line(char *text, int size, void *stream)
     }
     r->line++;
     if (strchr(text, '\n') == NULL && !feof(r->file)) {
-        complain("%s:%d: line longer than %d characters, or not text", r->path, r->line, size - 2);
+        log_error("%s:%d: line longer than %d characters, or not text", r->path, r->line, size - 2);
         fail(r);
         return NULL;
     }
@@ -179,11 +179,11 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
     char *end;
     double number = strtod(value, &end);
     if (end == value || *end != '\0' || !isfinite(number)) {
-        complain("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
+        log_error("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }
     if (number < key->low || number > key->high) {
-        complain("%s:%d: [%s] %s = %s: outside %.9g to %.9g", r->path, r->line, key->section, key->name, value,
+        log_error("%s:%d: [%s] %s = %s: outside %.9g to %.9g", r->path, r->line, key->section, key->name, value,
                  key->low, key->high);
         return fail(r);
     }
@@ -194,7 +194,7 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
 static int take_text(reader_t *r, const scene_key_t *key, const char *value, char *to)
 {
     if (value[0] == '\0' || strlen(value) >= SCENE_TEXT) {
-        complain("%s:%d: [%s] %s: %s", r->path, r->line, key->section, key->name, value[0] ? "too long" : "empty");
+        log_error("%s:%d: [%s] %s: %s", r->path, r->line, key->section, key->name, value[0] ? "too long" : "empty");
         return fail(r);
     }
     strcpy(to, value);
@@ -206,7 +206,7 @@ static int take(reader_t *r, int i, const char *value)
     const scene_key_t *key = &keys[i];
     char *to = (char *)r->scene + key->offset;
     if (r->key_line[i] != 0) {
-        complain("%s:%d: [%s] %s given twice, first in line %d", r->path, r->line, key->section, key->name,
+        log_error("%s:%d: [%s] %s given twice, first in line %d", r->path, r->line, key->section, key->name,
                  r->key_line[i]);
         return fail(r);
     }
@@ -225,7 +225,7 @@ static int on_key(void *user, const char *section, const char *name, const char 
         return 1;
     }
     if (i < 0) {
-        complain("%s:%d: unknown key \"%s\" in [%s]", r->path, r->line, name, section);
+        log_error("%s:%d: unknown key \"%s\" in [%s]", r->path, r->line, name, section);
         return fail(r);
     }
     return take(r, i, value);
@@ -235,7 +235,7 @@ static bool parse(reader_t *r)
 {
     int bad_line = ini_parse_stream(next_line, r, on_key, r);
     if (!r->failed && bad_line != 0) {
-        complain("%s:%d: neither a [section], nor key = value, nor a comment", r->path, bad_line);
+        log_error("%s:%d: neither a [section], nor key = value, nor a comment", r->path, bad_line);
         fail(r);
     }
     return !r->failed;
@@ -255,9 +255,9 @@ static bool take_kind(reader_t *r)
         }
     }
     if (r->key_line[find_key("motion", "kind")] == 0) {
-        complain("%s:%d: [motion] has no key \"kind\"", r->path, r->section_line[find_section("motion")]);
+        log_error("%s:%d: [motion] has no key \"kind\"", r->path, r->section_line[find_section("motion")]);
     } else {
-        complain("%s:%d: [motion] kind = %s: not one of segments, steering, log", r->path,
+        log_error("%s:%d: [motion] kind = %s: not one of segments, steering, log", r->path,
                  r->key_line[find_key("motion", "kind")], motion->kind_name);
     }
     return false;
@@ -278,12 +278,12 @@ static bool check_key(const reader_t *r, int i)
 {
     const scene_key_t *key = &keys[i];
     if (r->key_line[i] == 0 && is_needed(r, key)) {
-        complain("%s:%d: [%s] has no key \"%s\"", r->path, r->section_line[find_section(key->section)], key->section,
+        log_error("%s:%d: [%s] has no key \"%s\"", r->path, r->section_line[find_section(key->section)], key->section,
                  key->name);
         return false;
     }
     if (r->key_line[i] != 0 && is_out_of_place(r, key)) {
-        complain("%s:%d: [motion] %s has no meaning for kind = %s", r->path, r->key_line[i], key->name,
+        log_error("%s:%d: [motion] %s has no meaning for kind = %s", r->path, r->key_line[i], key->name,
                  r->scene->motion.kind_name);
         return false;
     }
@@ -295,7 +295,7 @@ static bool check_travel(const reader_t *r)
     const scene_friction_t *f = &r->scene->friction;
     double travel = f->sigma0 / f->Fc * f->theta_per_count;
     if (travel < DAHL_TRAVEL_MIN || travel >= DAHL_TRAVEL_MAX) {
-        complain("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
+        log_error("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
                  r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count, travel,
                  DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
         return false;
@@ -311,7 +311,7 @@ static bool has(const reader_t *r, const char *section)
 static bool needs(const reader_t *r, const char *section, const char *other)
 {
     if (has(r, section) && !has(r, other)) {
-        complain("%s:%d: [%s] needs [%s]", r->path, r->section_line[find_section(section)], section, other);
+        log_error("%s:%d: [%s] needs [%s]", r->path, r->section_line[find_section(section)], section, other);
         return false;
     }
     return true;
@@ -320,11 +320,11 @@ static bool needs(const reader_t *r, const char *section, const char *other)
 static bool check_rotor(const reader_t *r)
 {
     if (has(r, "rotor") && has(r, "motor") == has(r, "control")) {
-        complain("%s:%d: [rotor] needs one of [motor] and [control]", r->path, r->section_line[find_section("rotor")]);
+        log_error("%s:%d: [rotor] needs one of [motor] and [control]", r->path, r->section_line[find_section("rotor")]);
         return false;
     }
     if (has(r, "motor") && has(r, "motion")) {
-        complain("%s:%d: [motor] moves the shaft, so [motion] has no meaning", r->path,
+        log_error("%s:%d: [motor] moves the shaft, so [motion] has no meaning", r->path,
                  r->section_line[find_section("motion")]);
         return false;
     }
@@ -339,11 +339,11 @@ static bool check_faults(const reader_t *r)
         sum += r->scene->faults[i];
     }
     if (sum > 1) {
-        complain("%s:%d: [faults] rates add up to %.9g: above 1", r->path, r->section_line[find_section("faults")], sum);
+        log_error("%s:%d: [faults] rates add up to %.9g: above 1", r->path, r->section_line[find_section("faults")], sum);
         return false;
     }
     if (has(r, "faults") && !(r->scene->friction.max_step > 0)) {
-        complain("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch", r->path,
+        log_error("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch", r->path,
                  r->section_line[find_section("faults")]);
         return false;
     }
@@ -377,7 +377,7 @@ static bool check(reader_t *r)
     scene_t *scene = r->scene;
     note_sections(r);
     if (!scene->has_friction && !scene->has_motion) {
-        complain("%s: names neither [friction] nor [motion]: nothing to run", r->path);
+        log_error("%s: names neither [friction] nor [motion]: nothing to run", r->path);
         return false;
     }
     if (scene->has_motion && !take_kind(r)) {
@@ -393,7 +393,7 @@ static bool set(reader_t *r, const char *text)
     char name[32];
     int used = 0;
     if (sscanf(text, "%31[a-z].%31[A-Za-z0-9_]=%n", section, name, &used) != 2 || used == 0) {
-        complain("--set %s: not section.key=value", text);
+        log_error("--set %s: not section.key=value", text);
         return false;
     }
     int i = find_key(section, name);
@@ -424,7 +424,7 @@ bool scene_read(scene_t *scene, const char *path, const char *const *sets, int c
     *scene = (scene_t){.friction = {.gain = 1, .limit = 1}};
     reader.file = fopen(path, "r");
     if (reader.file == NULL) {
-        complain("%s: %s", path, strerror(errno));
+        log_error("%s: %s", path, strerror(errno));
         return false;
     }
     bool good = parse(&reader) && apply(&reader, sets, count) && check(&reader);

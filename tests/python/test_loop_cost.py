@@ -14,7 +14,7 @@ from loop_tools import SCENES, program
 PARTS = {
     "faults": {"faults.c"},
     "rotor": {"rotor.c", "plant.c"},
-    "bitrate": {"wire.c"},
+    "bitrate": {"timed_loopback.c", "frame_bits.c"},
 }
 ABSENT = set.union(*PARTS.values())
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* complain: see complain.h. */
-#include "complain.h"
+/* messages: see messages.h. */
+#include "messages.h"
 
 #include <stdarg.h>
 #include <stdio.h>
@@ -15,7 +15,7 @@ static void without_controls(char *text)
     }
 }
 
-int complain(const char *format, ...)
+int log_error(const char *format, ...)
 {
     char text[2048];
     va_list arguments;
@@ -27,7 +27,7 @@ int complain(const char *format, ...)
     return -1;
 }
 
-void remark(const char *text)
+void log_warning(const char *text)
 {
     fprintf(stderr, "note: %s\n", text);
 }
