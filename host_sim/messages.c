@@ -5,6 +5,8 @@
 #include <stdarg.h>
 #include <stdio.h>
 
+#include "utf8.h"
+
 /* What a file says may hold anything: a message is one line all the same. */
 static void without_controls(char *text)
 {
@@ -23,6 +25,7 @@ int log_error(const char *format, ...)
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     without_controls(text);
+    utf8_repair(text);
     fprintf(stderr, "error: %s\n", text);
     return -1;
 }

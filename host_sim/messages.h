@@ -5,7 +5,7 @@
 
 enum { EXIT_BAD_INPUT = 2, EXIT_RUNTIME = 1 };
 
-/* Print "error: " + format, with ? for control characters. Always returns -1. */
+/* Print "error: " + format, with ? for what a terminal cannot show. Always returns -1. */
 int log_error(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 /* Print "note: " + text. */

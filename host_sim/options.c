@@ -20,7 +20,8 @@ static const char help[] =
     "  --scene FILE       what runs: an INI file (see host_sim/scenes); a section that is not there is not run\n"
     "  --bus SPEC         loopback (default)      inside this process\n"
     "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"
-    "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port\n"
+    "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port;\n"
+    "                                             16 at most, and who is not in raw mode after 5 s is dropped\n"
     "                     socketcand:HOST:PORT    join such a server\n"
     "  --bitrate N        bit/s: frames take time and wait for each other by id (loopback); bus load, and a warning\n"
     "                     above 70 %\n"
@@ -31,21 +32,25 @@ static const char help[] =
     "  --lockstep         send an angle only once the one before it is answered, or 2 s have passed: for slow nodes\n"
     "  --seconds S        end after S seconds of ticks\n"
     "  --seed N           seed of random motions (default 1)\n"
-    "  --log FILE         write every frame of the bus as candump -L does\n"
+    "  --log FILE         write every frame of the bus as candump -L does; a pipe that is read too slowly loses whole\n"
+    "                     lines, which are counted, and the exit code is 1\n"
     "  --trace FILE       write angle, velocity and torques of [rotor] as CSV, a row per tick\n"
     "  --summary FILE     write counts and latencies as JSON; - for stdout\n"
     "  --wait-clients N   start when N clients are on the served bus\n"
     "  --until-idle       end when all clients of the served bus have left\n"
+    "  --with-parent PID  end when the process PID that started this one has ended ($$ in a shell)\n"
     "  --data DIR         where [motion] file is looked for, instead of beside the scene\n"
     "  --log-file FILE    measured log to use instead of [motion] file\n"
     "  --help, --version\n"
     "\n"
-    "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n"
-    "Example: dahl-loop --scene host_sim/scenes/steering.ini --virtual --log run.log --summary -\n";
+    "Ctrl-C, SIGTERM, SIGHUP and the like end a run early; log and summary are whole. Exit code: 0, 1 the bus or a file\n"
+    "failed, 2 bad input. Examples, from the project's folder:\n"
+    "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --virtual --log build/run.log --summary -\n"
+    "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --set motion.seconds=1e9 --bus socketcand:28600 \\\n"
+    "      --wait-clients 1 --until-idle --with-parent $$ &    waits for its first client, ends with its last or the shell\n";
 
 enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, LOCKSTEP, TRACE,
-       SET, NODES, BITRATE, HELP,
-       VERSION };
+       SET, NODES, BITRATE, PARENT, HELP, VERSION };
 
 static const struct option long_options[] = {
     {"scene", required_argument, NULL, SCENE},       {"bus", required_argument, NULL, BUS},
@@ -57,7 +62,8 @@ static const struct option long_options[] = {
     {"lockstep", no_argument, NULL, LOCKSTEP},       {"help", no_argument, NULL, HELP},
     {"trace", required_argument, NULL, TRACE},       {"set", required_argument, NULL, SET},
     {"nodes", required_argument, NULL, NODES},       {"bitrate", required_argument, NULL, BITRATE},
-    {"version", no_argument, NULL, VERSION},         {NULL, 0, NULL, 0},
+    {"with-parent", required_argument, NULL, PARENT}, {"version", no_argument, NULL, VERSION},
+    {NULL, 0, NULL, 0},
 };
 
 static int take_role(options_t *options, const char *text)
@@ -148,6 +154,8 @@ static int take_value(options_t *options, int which, const char *value)
         return take_small("nodes", value, 1, 16, &options->nodes);
     case BITRATE:
         return take_small("bitrate", value, 10000, 1000000, &options->bitrate);
+    case PARENT:
+        return take_small("with-parent", value, 1, INT32_MAX, &options->parent);
     case SET:
         return take_set(options, value);
     default:
