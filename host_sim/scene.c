@@ -13,15 +13,19 @@
 
 #include "messages.h"
 #include "dahl.h"
+#include "rotor.h"
+#include "utf8.h"
 
 #define ANY_KIND 7
 #define OPTIONAL 8
+
+typedef enum { NUMBER, WHOLE, TEXT } value_t;
 
 typedef struct {
     const char *section;
     const char *name;
     size_t offset;  /* of the value in scene_t */
-    bool is_text;
+    value_t value;
     double low, high; /* of a number, both allowed */
     int use;          /* motion kinds that need it (ANY_KIND elsewhere), and OPTIONAL */
 } scene_key_t;
@@ -31,58 +35,58 @@ typedef struct {
 #define COUNTS 2147483647.0
 
 static const scene_key_t keys[] = {
-    {"scene", "title", AT(title), true, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "sigma0", AT(friction.sigma0), false, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "Fc", AT(friction.Fc), false, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "theta_per_count", AT(friction.theta_per_count), false, 1e-37, 1e37, ANY_KIND},
-    {"friction", "node", AT(friction.node), false, 0, 15, ANY_KIND | OPTIONAL},
-    {"friction", "timeout_ms", AT(friction.timeout_ms), false, 1, 60000, ANY_KIND | OPTIONAL},
-    {"friction", "gain", AT(friction.gain), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"friction", "limit", AT(friction.limit), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"friction", "ramp_ms", AT(friction.ramp_ms), false, 0, 60000, ANY_KIND | OPTIONAL},
-    {"friction", "max_step", AT(friction.max_step), false, 1, COUNTS, ANY_KIND | OPTIONAL},
-    {"motion", "kind", AT(motion.kind_name), true, 0, 0, ANY_KIND},
-    {"motion", "start_count", AT(motion.start_count), false, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
-    {"motion", "theta1", AT(motion.theta1), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "theta2", AT(motion.theta2), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "theta3", AT(motion.theta3), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "speed", AT(motion.speed), false, TINY, 1e12, MOTION_SEGMENTS},
-    {"motion", "hold_s", AT(motion.hold_s), false, 0, 3600, MOTION_SEGMENTS | MOTION_STEERING | OPTIONAL},
-    {"motion", "amplitude", AT(motion.amplitude), false, 0, 1e9, MOTION_STEERING},
-    {"motion", "sweep_s", AT(motion.sweep_s), false, 0.001, 3600, MOTION_STEERING},
-    {"motion", "tremor", AT(motion.tremor), false, 0, 1e9, MOTION_STEERING},
-    {"motion", "tremor_s", AT(motion.tremor_s), false, 0, 3600, MOTION_STEERING},
-    {"motion", "seconds", AT(motion.seconds), false, 0.001, 1e9, MOTION_STEERING},
-    {"motion", "file", AT(motion.file), true, 0, 0, MOTION_LOG},
-    {"motion", "angle", AT(motion.angle), true, 0, 0, MOTION_LOG},
-    {"motion", "time", AT(motion.time), true, 0, 0, MOTION_LOG | OPTIONAL},
-    {"motion", "counts_per_unit", AT(motion.counts_per_unit), false, -1e15, 1e15, MOTION_LOG},
-    {"rotor", "inertia", AT(rotor.inertia), false, TINY, 1e6, ANY_KIND},
-    {"rotor", "viscous", AT(rotor.viscous), false, 0, 1e6, ANY_KIND | OPTIONAL},
-    {"rotor", "sigma0", AT(rotor.sigma0), false, TINY, 1e12, ANY_KIND},
-    {"rotor", "Fc", AT(rotor.Fc), false, TINY, 1e12, ANY_KIND},
-    {"motor", "bias", AT(motor.bias), false, -1e12, 1e12, ANY_KIND | OPTIONAL},
-    {"motor", "amplitude", AT(motor.amplitude), false, 0, 1e12, ANY_KIND | OPTIONAL},
-    {"motor", "frequency", AT(motor.frequency), false, 0, 100, ANY_KIND | OPTIONAL},
-    {"motor", "seconds", AT(motor.seconds), false, 0.001, 1e9, ANY_KIND},
-    {"control", "kp", AT(control.kp), false, 0, 1e12, ANY_KIND},
-    {"control", "kd", AT(control.kd), false, 0, 1e12, ANY_KIND},
-    {"control", "torque_limit", AT(control.torque_limit), false, 0, 1e12, ANY_KIND},
-    {"faults", "drop", AT(faults[FAULT_DROP]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "duplicate", AT(faults[FAULT_DUPLICATE]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "reorder", AT(faults[FAULT_REORDER]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "delay", AT(faults[FAULT_DELAY]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "corrupt", AT(faults[FAULT_CORRUPT]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "length", AT(faults[FAULT_LENGTH]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "id", AT(faults[FAULT_ID]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "extended", AT(faults[FAULT_EXTENDED]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "invalid", AT(faults[FAULT_INVALID]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "glitch", AT(faults[FAULT_GLITCH]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "babble", AT(faults[FAULT_BABBLE]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "silence", AT(faults[FAULT_SILENCE]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "restart", AT(faults[FAULT_RESTART]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"status", "period_ms", AT(status_period_ms), false, 1, 60000, ANY_KIND},
+    {"scene", "title", AT(title), TEXT, 0, 0, ANY_KIND | OPTIONAL},
+    {"friction", "sigma0", AT(friction.sigma0), NUMBER, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "Fc", AT(friction.Fc), NUMBER, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "theta_per_count", AT(friction.theta_per_count), NUMBER, 1e-37, 1e37, ANY_KIND},
+    {"friction", "node", AT(friction.node), WHOLE, 0, 15, ANY_KIND | OPTIONAL},
+    {"friction", "timeout_ms", AT(friction.timeout_ms), NUMBER, 1, 60000, ANY_KIND | OPTIONAL},
+    {"friction", "gain", AT(friction.gain), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"friction", "limit", AT(friction.limit), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"friction", "ramp_ms", AT(friction.ramp_ms), NUMBER, 0, 60000, ANY_KIND | OPTIONAL},
+    {"friction", "max_step", AT(friction.max_step), WHOLE, 1, COUNTS, ANY_KIND | OPTIONAL},
+    {"motion", "kind", AT(motion.kind_name), TEXT, 0, 0, ANY_KIND},
+    {"motion", "start_count", AT(motion.start_count), WHOLE, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
+    {"motion", "theta1", AT(motion.theta1), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
+    {"motion", "theta2", AT(motion.theta2), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
+    {"motion", "theta3", AT(motion.theta3), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
+    {"motion", "speed", AT(motion.speed), NUMBER, TINY, 1e12, MOTION_SEGMENTS},
+    {"motion", "hold_s", AT(motion.hold_s), NUMBER, 0, 3600, MOTION_SEGMENTS | MOTION_STEERING | OPTIONAL},
+    {"motion", "amplitude", AT(motion.amplitude), NUMBER, 0, 1e9, MOTION_STEERING},
+    {"motion", "sweep_s", AT(motion.sweep_s), NUMBER, 0.001, 3600, MOTION_STEERING},
+    {"motion", "tremor", AT(motion.tremor), NUMBER, 0, 1e9, MOTION_STEERING},
+    {"motion", "tremor_s", AT(motion.tremor_s), NUMBER, 0, 3600, MOTION_STEERING},
+    {"motion", "seconds", AT(motion.seconds), NUMBER, 0.001, 1e9, MOTION_STEERING},
+    {"motion", "file", AT(motion.file), TEXT, 0, 0, MOTION_LOG},
+    {"motion", "angle", AT(motion.angle), TEXT, 0, 0, MOTION_LOG},
+    {"motion", "time", AT(motion.time), TEXT, 0, 0, MOTION_LOG | OPTIONAL},
+    {"motion", "counts_per_unit", AT(motion.counts_per_unit), NUMBER, -1e15, 1e15, MOTION_LOG},
+    {"rotor", "inertia", AT(rotor.inertia), NUMBER, TINY, 1e6, ANY_KIND},
+    {"rotor", "viscous", AT(rotor.viscous), NUMBER, 0, 1e6, ANY_KIND | OPTIONAL},
+    {"rotor", "sigma0", AT(rotor.sigma0), NUMBER, TINY, 1e12, ANY_KIND},
+    {"rotor", "Fc", AT(rotor.Fc), NUMBER, TINY, 1e12, ANY_KIND},
+    {"motor", "bias", AT(motor.bias), NUMBER, -1e12, 1e12, ANY_KIND | OPTIONAL},
+    {"motor", "amplitude", AT(motor.amplitude), NUMBER, 0, 1e12, ANY_KIND | OPTIONAL},
+    {"motor", "frequency", AT(motor.frequency), NUMBER, 0, 100, ANY_KIND | OPTIONAL},
+    {"motor", "seconds", AT(motor.seconds), NUMBER, 0.001, 1e9, ANY_KIND},
+    {"control", "kp", AT(control.kp), NUMBER, 0, 1e12, ANY_KIND},
+    {"control", "kd", AT(control.kd), NUMBER, 0, 1e12, ANY_KIND},
+    {"control", "torque_limit", AT(control.torque_limit), NUMBER, 0, 1e12, ANY_KIND},
+    {"faults", "drop", AT(faults[FAULT_DROP]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "duplicate", AT(faults[FAULT_DUPLICATE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "reorder", AT(faults[FAULT_REORDER]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "delay", AT(faults[FAULT_DELAY]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "corrupt", AT(faults[FAULT_CORRUPT]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "length", AT(faults[FAULT_LENGTH]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "id", AT(faults[FAULT_ID]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "extended", AT(faults[FAULT_EXTENDED]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "invalid", AT(faults[FAULT_INVALID]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "glitch", AT(faults[FAULT_GLITCH]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "babble", AT(faults[FAULT_BABBLE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "silence", AT(faults[FAULT_SILENCE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "restart", AT(faults[FAULT_RESTART]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"status", "period_ms", AT(status_period_ms), NUMBER, 1, 60000, ANY_KIND},
 };
 
 enum { KEYS = sizeof keys / sizeof keys[0] };
@@ -182,6 +186,10 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
         log_error("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }
+    if (key->value == WHOLE && number != trunc(number)) {
+        log_error("%s:%d: [%s] %s = %s: not a whole number", r->path, r->line, key->section, key->name, value);
+        return fail(r);
+    }
     if (number < key->low || number > key->high) {
         log_error("%s:%d: [%s] %s = %s: outside %.9g to %.9g", r->path, r->line, key->section, key->name, value,
                  key->low, key->high);
@@ -195,6 +203,10 @@ static int take_text(reader_t *r, const scene_key_t *key, const char *value, cha
 {
     if (value[0] == '\0' || strlen(value) >= SCENE_TEXT) {
         log_error("%s:%d: [%s] %s: %s", r->path, r->line, key->section, key->name, value[0] ? "too long" : "empty");
+        return fail(r);
+    }
+    if (!utf8_is_valid(value)) {
+        log_error("%s:%d: [%s] %s = %s: not UTF-8", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }
     strcpy(to, value);
@@ -211,7 +223,7 @@ static int take(reader_t *r, int i, const char *value)
         return fail(r);
     }
     r->key_line[i] = r->line;
-    return key->is_text ? take_text(r, key, value, to) : take_number(r, key, value, (double *)(void *)to);
+    return key->value == TEXT ? take_text(r, key, value, to) : take_number(r, key, value, (double *)(void *)to);
 }
 
 static int on_key(void *user, const char *section, const char *name, const char *value)
@@ -332,6 +344,19 @@ static bool check_rotor(const reader_t *r)
            needs(r, "control", "motion");
 }
 
+static bool check_inertia(const reader_t *r)
+{
+    const scene_rotor_t *rotor = &r->scene->rotor;
+    double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
+    if (has(r, "rotor") && rotor->inertia < least) {
+        log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
+                  " viscous and sigma0", r->path, r->key_line[find_key("rotor", "inertia")], rotor->inertia, least,
+                  ROTOR_STEP_S * 1e6);
+        return false;
+    }
+    return true;
+}
+
 static bool check_faults(const reader_t *r)
 {
     double sum = 0;
@@ -383,7 +408,7 @@ static bool check(reader_t *r)
     if (scene->has_motion && !take_kind(r)) {
         return false;
     }
-    return check_keys(r) && check_rotor(r) && check_faults(r) && (!scene->has_friction || check_travel(r));
+    return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_travel(r));
 }
 
 /* "section.key=value", as if it stood in the file instead of what does. */
