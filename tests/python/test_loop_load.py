@@ -57,12 +57,16 @@ def test_the_lowest_id_goes_first(tmp_path):
     assert sum(0x110 in ids[3:] for ids in per_tick.values()) > 980
 
 
-@pytest.mark.parametrize(("nodes", "rate", "warned"), [(2, 1000000, False), (2, 500000, True)])
+@pytest.mark.parametrize(
+    ("nodes", "rate", "warned"),
+    [(2, 1000000, False), (3, 1000000, True), (2, 720000, False), (2, 500000, True)],
+)
 def test_a_load_above_70_percent_is_said_once(tmp_path, nodes, rate, warned):
     options = ("--virtual", "--nodes", nodes, "--bitrate", rate, "--seconds", "3")
     result = run(tmp_path, STEERING, *options)
     assert result.code == 0
     assert (result.summary["bus_load_peak"] > 0.7) == warned
+    assert result.summary["bus_load_peak"] == pytest.approx(result.summary["bus_load"], rel=0.05)
     assert result.err.count("note: bus load") == int(warned)
     assert result.err.count("\n") == int(warned)
     assert result.summary["frames_lost"] == 0
