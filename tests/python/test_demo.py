@@ -5,6 +5,7 @@ user gets wrong.
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import os
@@ -557,3 +558,47 @@ def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tm
     assert numbers["max_error_ulp_Fc"] is None
     assert f"rms {numbers['control']['rms_error_rad']:.3g} rad" in done.stdout
     assert (tmp_path / "trace.csv").stat().st_size > 100000
+
+
+@pytest.mark.parametrize("seed", [3, 2**64 - 1])
+def test_the_seed_is_the_runs(run_dahl, tmp_path, seed):
+    """In the summary, and in what was played."""
+    for name, scene_name in (("real", "steering"), ("virtual", "fault-storm")):
+        folder = tmp_path / name
+        options = ["--scene", scene_name, "--seconds", "0.3", "--seed", seed, "--output", folder]
+        assert run_dahl("demo", *options).returncode == 0
+        assert summary_of(folder)["seed"] == pytest.approx(seed)
+
+
+def test_a_bus_without_a_frame_is_a_failed_run(run_dahl, tmp_path):
+    """The encoder says nothing: after ten seconds that is told, not waited for."""
+    script = tmp_path / "loop"
+    case = 'case " $* " in *" encoder "*) exec sleep 60;; esac'
+    deaf = "--set status.period_ms=60000"
+    script.write_text(f'#!/bin/sh\n{case}\nexec {os.environ["DAHL_LOOP"]} "$@" {deaf}\n')
+    script.chmod(0o755)
+    environment = {**os.environ, "DAHL_LOOP": str(script)}
+    arguments = ["--scene", "segments", "--output", tmp_path / "out"]
+    begun = time.monotonic()
+    done = run_dahl("demo", *arguments, env=environment, timeout=60)
+    assert time.monotonic() - begun < 40
+    assert (done.returncode, done.stderr) == (1, "error: no frame on the bus for 10 s\n")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "motion", "rows", "ticks"),
+    [
+        (None, 0, None, None),
+        (1.5, 0, None, 1500),
+        (None, 30, None, 30000),
+        (2, 30, None, 2000),
+        (None, 0, 700, 700),
+        (0.5, 0, 700, 500),
+        (None, math.inf, None, None),
+    ],
+)
+def test_how_long_a_run_will_be(seconds, motion, rows, ticks):
+    played = scene.Scene(Path("a.ini"), "a", seconds=motion)
+    recorded = None if rows is None else scene.Recorded(None, None, rows)
+    arguments = argparse.Namespace(seconds=seconds)
+    assert demo_command._expected(arguments, played, recorded) == ticks
