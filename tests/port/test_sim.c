@@ -108,6 +108,17 @@ static void test_a_stall_is_late_and_not_lost(void)
     TEST_ASSERT_EQUAL(500000000, encoder.latency.max);
 }
 
+/* An answer within its period is in time, up to the last nanosecond. */
+static void test_an_answer_after_its_period_is_a_deadline_missed(void)
+{
+    send(3);
+    answer(0, FRAMES_OK, ENCODER_PERIOD_NS);
+    TEST_ASSERT_EQUAL(0, encoder.late);
+    answer(1, FRAMES_OK, 2 * ENCODER_PERIOD_NS + 1);
+    answer(2, FRAMES_OK, 3 * ENCODER_PERIOD_NS);
+    TEST_ASSERT_EQUAL(1, encoder.late);
+}
+
 static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
 {
     send(10);
@@ -334,6 +345,7 @@ int main(void)
     RUN_TEST(test_a_histogram_takes_everything);
     RUN_TEST(test_each_answer_is_matched_once);
     RUN_TEST(test_a_stall_is_late_and_not_lost);
+    RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_waiting_frames_are_bounded);
