@@ -125,6 +125,7 @@ def two_processes(folder: Path, scene: Path, seconds: float) -> None:
     ]
     assert seen == logged
     assert torques_of(read_log(sent.log)) == torques_of(read_log(answered.log))
+    assert len(counts_of(read_log(sent.log))) == seconds * RATE  # its own frames are in its log
     assert max(sent.summary["max_rss_kib"], answered.summary["max_rss_kib"]) < 16 * 1024
 
 
