@@ -1,9 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /* candump: see candump.h. Formatted by hand: printf would take longer than the rest of a tick in virtual time. */
+#define _GNU_SOURCE
 #include "candump.h"
 
 #include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+enum { LINE_MAX = 96, PIECE = 4096, OPEN_TRIES = 200, OPEN_NAP_NS = 10000000, LINGER_MS = 2000 };
 
 static const uint32_t ERROR_BIT = 0x20000000u; /* as candump writes error frames */
 
@@ -45,16 +53,95 @@ static char *put_data(char *at, const can_frame_t *frame)
     return at;
 }
 
-bool candump_open(candump_t *log, const char *path, const char *bus_name)
+bool candump_open(candump_t *log, const char *path, const char *bus_name, bool patient)
 {
+    const struct timespec nap = {.tv_nsec = OPEN_NAP_NS};
+    const int flags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
     log->bus_name = bus_name;
-    log->file = fopen(path, "w");
-    return log->file != NULL;
+    log->patient = patient;
+    log->fd = open(path, flags, 0666);
+    for (int i = 0; i < OPEN_TRIES && log->fd < 0 && errno == ENXIO && nanosleep(&nap, NULL) == 0; i++) {
+        log->fd = open(path, flags, 0666);
+    }
+    return log->fd >= 0;
+}
+
+static uint64_t count_lines(const char *bytes, size_t length)
+{
+    uint64_t lines = 0;
+    for (size_t i = 0; i < length; i++) {
+        lines += bytes[i] == '\n' ? 1u : 0u;
+    }
+    return lines;
+}
+
+/* Bytes since the last end of a line, were the first `length` of what waits written. */
+static size_t half_line(const candump_t *log, size_t length)
+{
+    const char *end = memrchr(log->bytes, '\n', length);
+    return end == NULL ? length : length - (size_t)(end + 1 - log->bytes);
+}
+
+/* The file takes no more: what waits is missing, and a file, unlike a pipe, gives back the piece of a line. */
+static void give_up(candump_t *log, int why)
+{
+    struct stat status;
+    log->why = why;
+    log->missing += count_lines(log->bytes, log->used);
+    log->used = 0;
+    if (log->torn > 0 && fstat(log->fd, &status) == 0 && S_ISREG(status.st_mode)) {
+        log->why = ftruncate(log->fd, status.st_size - (off_t)log->torn) == 0 ? why : errno;
+    }
+}
+
+/* Write what the file takes without waiting. */
+static void flush(candump_t *log)
+{
+    while (log->used > 0 && log->why == 0) {
+        ssize_t n = write(log->fd, log->bytes, log->used);
+        if (n < 0) {
+            if (errno != EAGAIN && errno != EINTR) {
+                give_up(log, errno);
+            }
+            return;
+        }
+        size_t rest = half_line(log, (size_t)n);
+        log->torn = rest == (size_t)n ? log->torn + rest : rest;
+        log->used -= (size_t)n;
+        memmove(log->bytes, log->bytes + n, log->used);
+    }
+}
+
+/* Wait until the reader has taken something; a signal ends all patience, so that Ctrl-C is never delayed. */
+static void flush_within(candump_t *log, int ms)
+{
+    struct pollfd ready = {.fd = log->fd, .events = POLLOUT};
+    flush(log);
+    if (log->used > 0 && log->why == 0) {
+        log->patient = poll(&ready, 1, ms) > 0;
+        flush(log);
+    }
+}
+
+static void put_line(candump_t *log, const char *line, size_t length)
+{
+    if (log->used + length > sizeof log->bytes) {
+        flush_within(log, log->patient ? CANDUMP_PATIENCE_MS : 0);
+    }
+    if (log->used + length > sizeof log->bytes || log->why != 0) {
+        log->missing++;
+        return;
+    }
+    memcpy(log->bytes + log->used, line, length);
+    log->used += length;
+    if (log->used >= PIECE) {
+        flush(log);
+    }
 }
 
 void candump_write(candump_t *log, const can_frame_t *frame)
 {
-    char line[96];
+    char line[LINE_MAX];
     char *at = line;
     *at++ = '(';
     at = put_decimal(at, frame->time_us / 1000000u, 10);
@@ -68,17 +155,21 @@ void candump_write(candump_t *log, const can_frame_t *frame)
     *at++ = '#';
     at = put_data(at, frame);
     *at++ = '\n';
-    fwrite(line, 1, (size_t)(at - line), log->file);
+    put_line(log, line, (size_t)(at - line));
 }
 
 bool candump_close(candump_t *log)
 {
-    bool failed = ferror(log->file) != 0;
-    int why = failed ? EIO : 0;
-    if (fclose(log->file) != 0) {
-        failed = true;
-        why = errno;
+    while (log->used > 0 && log->why == 0) {
+        size_t before = log->used;
+        flush_within(log, LINGER_MS);
+        if (log->used == before) {
+            give_up(log, EAGAIN);
+        }
     }
-    errno = why;
-    return !failed;
+    if (close(log->fd) != 0 && log->why == 0) {
+        log->why = errno;
+    }
+    errno = log->why;
+    return log->missing == 0 && log->why == 0;
 }

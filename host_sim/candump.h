@@ -1,25 +1,42 @@
 /* SPDX-License-Identifier: MIT */
-/* candump: a log of the bus in the form that candump -L writes and canplayer reads. */
+/*
+ * candump: a log of the bus in the form that candump -L writes and canplayer reads. Only whole lines are written, at any
+ * moment and whatever ends the program; where a disk is full the piece of a line that still found room is cut off again.
+ *
+ * Nothing here blocks the beat: a pipe whose reader is slow has CANDUMP_ROOM bytes of patience, 2 to 3 s of the pair of
+ * frames at 1 kHz. After that, lines are left out whole and counted until there is room again. A patient log (virtual
+ * time, where no beat can be missed) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
+ */
 #ifndef CANDUMP_H
 #define CANDUMP_H
 
 #include <stdbool.h>
-#include <stdio.h>
+#include <stddef.h>
+#include <stdint.h>
 
 #include "can_bus.h"
 
+#define CANDUMP_ROOM 262144u
+#define CANDUMP_PATIENCE_MS 10000
+
 typedef struct {
-    FILE *file;
+    int fd;
     const char *bus_name;
+    bool patient;
+    int why;          /* errno of the write that failed; 0: none has */
+    uint64_t missing; /* lines that could not be written */
+    size_t torn;      /* bytes at the end of the file that are no whole line yet */
+    size_t used;      /* bytes that wait */
+    char bytes[CANDUMP_ROOM];
 } candump_t;
 
-/* False: errno says why. */
-bool candump_open(candump_t *log, const char *path, const char *bus_name);
+/* A named pipe must find its reader within 2 s. False: errno says why; ENXIO: a pipe that nobody reads. */
+bool candump_open(candump_t *log, const char *path, const char *bus_name, bool patient);
 
-/* One line. Errors are kept by the stream and told by candump_close. */
+/* One line. What goes wrong is kept and told by candump_close. */
 void candump_write(candump_t *log, const can_frame_t *frame);
 
-/* Lines written so far become whole. False: something could not be written; errno says why. */
+/* Write what waits, and close. False: lines are missing; `missing` says how many, errno why. */
 bool candump_close(candump_t *log);
 
 #endif

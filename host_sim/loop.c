@@ -7,8 +7,8 @@
 #include <stdio.h>
 #include <time.h>
 
-#include "complain.h"
-#include "wire.h"
+#include "frame_bits.h"
+#include "messages.h"
 
 enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000, DRAIN_FRAMES = 1000, SECOND_TICKS = 1000 };
 
@@ -88,9 +88,9 @@ static void to_nodes(loop_t *loop, const can_frame_t *frame)
     }
 }
 
-static void weigh(loop_t *loop, const can_frame_t *frame)
+static void count_bus_bits(loop_t *loop, const can_frame_t *frame)
 {
-    uint64_t bits = wire_bits(frame);
+    uint64_t bits = can_frame_bits(frame);
     loop->bits += bits;
     loop->second_bits += bits;
 }
@@ -107,7 +107,7 @@ static void dispatch(loop_t *loop, can_frame_t *frame)
     }
     loop->error_frames += (frame->flags & CAN_FRAME_ERROR) != 0 ? 1u : 0u;
     if (loop->bitrate > 0) {
-        weigh(loop, frame);
+        count_bus_bits(loop, frame);
     }
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
@@ -134,7 +134,7 @@ static void look_at_load(loop_t *loop)
         char text[100];
         snprintf(text, sizeof text, "bus load %.0f %% at %u bit/s: above %.0f %%, frames will wait for each other",
                  100 * load, (unsigned)loop->bitrate, 100 * LOAD_WARN);
-        remark(text);
+        log_warning(text);
     }
     loop->peak_load = load > loop->peak_load ? load : loop->peak_load;
     loop->second_bits = 0;
@@ -142,7 +142,7 @@ static void look_at_load(loop_t *loop)
 }
 
 /* An event of one node's controller; the others' do not see it. */
-static void strike(loop_t *loop, uint32_t number, can_frame_t *event)
+static void inject_controller_event(loop_t *loop, uint32_t number, can_frame_t *event)
 {
     can_frame_t unused;
     event->time_us = clock_now(loop->clock) / 1000u;
@@ -163,7 +163,7 @@ static void send_spoiled(loop_t *loop, const encoder_t *encoder, const can_frame
     size_t count = faults_pass(encoder->faults, angle, frames);
     for (size_t i = 0; i < count; i++) {
         if ((frames[i].flags & CAN_FRAME_ERROR) != 0) {
-            strike(loop, encoder->node, &frames[i]);
+            inject_controller_event(loop, encoder->node, &frames[i]);
         } else {
             transmit(loop, &frames[i]);
         }
@@ -282,7 +282,7 @@ static void drain(loop_t *loop)
 }
 
 /* Make the tick that is due; returns when to make the next. */
-static uint64_t beat(loop_t *loop, uint64_t now)
+static uint64_t run_due_tick(loop_t *loop, uint64_t now)
 {
     uint64_t soonest = now + LOOP_PERIOD_NS * 3 / 4;
     uint64_t late = now - loop->due_ns;
@@ -305,7 +305,7 @@ static bool must_wait(loop_t *loop, uint64_t now)
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_give_up(&loop->encoders[i]);
     }
-    remark("an angle had no answer for 2 s; it is counted as lost");
+    log_warning("an angle had no answer for 2 s; it is counted as lost");
     return false;
 }
 
@@ -323,7 +323,7 @@ static void run_real(loop_t *loop)
         uint64_t now = read_clock(CLOCK_MONOTONIC);
         bool waits = must_wait(loop, now);
         if (now >= next && !waits) {
-            next = beat(loop, now);
+            next = run_due_tick(loop, now);
         }
         receive(loop, now >= next && waits ? WAIT_US : us_until(next));
     }

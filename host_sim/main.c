@@ -8,26 +8,22 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <unistd.h>
 
-#include "bus_choice.h"
-#include "complain.h"
+#include "bus_open.h"
+#include "files.h"
 #include "loop.h"
+#include "messages.h"
 #include "options.h"
-#include "plant.h"
+#include "parts.h"
 #include "scene.h"
 #include "summary.h"
-
-static const double DESK_TIMEOUT_MS = 1000;
 
 typedef struct {
     options_t options;
     scene_t scene;
-    char log_path[1024];
-    node_t nodes[FRAMES_NODES];
-    motion_t motions[FRAMES_NODES];
-    encoder_t encoders[FRAMES_NODES];
-    faults_t faults[FRAMES_NODES];
-    plant_t plant;
+    char log_path[FILES_PATH];
+    parts_t parts;
     candump_t log;
     sim_clock_t clock;
     loop_t loop;
@@ -41,167 +37,29 @@ static void on_signal(int number)
     stop = 1;
 }
 
+/* Every signal that ends a program and can be caught ends a run early, with whole files. What was ignored at the start
+ * (SIGHUP under nohup) stays ignored, but for Ctrl-C, which a shell ignores for what it starts in the background. */
 static void catch_signals(void)
 {
-    struct sigaction action = {.sa_handler = on_signal};
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-    signal(SIGPIPE, SIG_IGN);
-    prctl(PR_SET_TIMERSLACK, 1000L); /* ns; the default of 50 us would be seen in the beat */
-}
-
-/* Length of the folder part of a path, without its last slash. */
-static int folder_length(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash == NULL ? 0 : (int)(slash - path);
-}
-
-/* Where the scene's log file is: as --log-file says, or in --data DIR, or beside the scene file. */
-static int find_log(program_t *p)
-{
-    const options_t *options = &p->options;
-    const char *file = options->log_file != NULL ? options->log_file : p->scene.motion.file;
-    const char *folder = options->data != NULL ? options->data : options->scene;
-    int length = options->data != NULL ? (int)strlen(folder) : folder_length(folder);
-    if (options->log_file != NULL || file[0] == '/') {
-        length = 0;
-    }
-    length = snprintf(p->log_path, sizeof p->log_path, "%.*s%s%s", length, folder, length > 0 ? "/" : "", file);
-    return length < (int)sizeof p->log_path ? 0 : complain("%s: path too long", file);
-}
-
-static uint32_t to_us(double ms)
-{
-    return (uint32_t)lround(ms * 1000);
-}
-
-static uint32_t timeout_us(const program_t *p)
-{
-    double given = p->scene.friction.timeout_ms;
-    return to_us(given > 0 ? given : DESK_TIMEOUT_MS);
-}
-
-static int prepare_node(program_t *p, node_t *node, uint8_t number)
-{
-    const scene_friction_t *f = &p->scene.friction;
-    dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    dahl_err_t result = node_init(node, &params, number);
-    if (result != DAHL_OK) {
-        return complain("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
-                        p->options.scene, f->sigma0, f->Fc, f->theta_per_count, (int)result);
-    }
-    node->status_us = p->scene.has_status ? to_us(p->scene.status_period_ms) : 0;
-    node->timeout_us = timeout_us(p);
-    node->gain = (uint32_t)lround(f->gain * NODE_ONE);
-    node->limit = (uint32_t)lround(f->limit * NODE_ONE);
-    node->ramp_us = to_us(f->ramp_ms);
-    node->max_step = (uint32_t)lround(f->max_step);
-    node->gain_now = node->ramp_us == 0 ? node->gain : 0;
-    return 0;
-}
-
-static uint8_t number_of(const program_t *p, uint32_t i)
-{
-    return (uint8_t)((uint32_t)p->scene.friction.node + i);
-}
-
-static int prepare_nodes(program_t *p)
-{
-    p->loop.nodes = p->nodes;
-    p->loop.node_count = p->options.nodes;
-    for (uint32_t i = 0; i < p->options.nodes; i++) {
-        if (prepare_node(p, &p->nodes[i], number_of(p, i)) != 0) {
-            return -1;
+    static const int endings[] = {SIGHUP,  SIGINT,  SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2,  SIGPIPE,
+                                  SIGALRM, SIGXCPU, SIGXFSZ, SIGIO,   SIGPROF, SIGVTALRM};
+    const struct sigaction action = {.sa_handler = on_signal};
+    struct sigaction before;
+    for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++) {
+        bool known = sigaction(endings[i], NULL, &before) == 0;
+        if (known && (before.sa_handler != SIG_IGN || endings[i] == SIGINT || endings[i] == SIGPIPE)) {
+            sigaction(endings[i], &action, NULL);
         }
     }
-    return 0;
 }
 
-static int prepare_plant(program_t *p)
+/* Also where it ended before the kernel was asked to tell. */
+static void end_with_parent(uint32_t parent)
 {
-    motion_t *reference = p->scene.has_control ? &p->motions[0] : NULL;
-    if (!plant_open(&p->plant, &p->scene, reference, &p->encoders[0])) {
-        return -1;
+    if (parent != 0) {
+        prctl(PR_SET_PDEATHSIG, (unsigned long)SIGTERM);
+        stop = getppid() != (pid_t)parent ? 1 : stop;
     }
-    if (p->options.trace != NULL && !plant_trace(&p->plant, p->options.trace)) {
-        return complain("--trace %s: %s", p->options.trace, strerror(errno));
-    }
-    p->encoders[0].motion = &p->plant.motion;
-    return 0;
-}
-
-static int prepare_encoder(program_t *p, uint32_t i)
-{
-    encoder_t *encoder = &p->encoders[i];
-    uint64_t seed = p->options.seed + i;
-    encoder->motion = &p->motions[i];
-    encoder->node = number_of(p, i);
-    if (p->scene.has_motion && !motion_open(&p->motions[i], &p->scene.motion, p->log_path, seed)) {
-        return -1;
-    }
-    if (p->scene.has_faults) {
-        faults_open(&p->faults[i], p->scene.faults, ~seed, timeout_us(p));
-        encoder->faults = &p->faults[i];
-    }
-    return 0;
-}
-
-static int prepare_encoders(program_t *p)
-{
-    if (p->scene.has_motion && p->scene.motion.kind == MOTION_LOG && find_log(p) != 0) {
-        return -1;
-    }
-    p->loop.encoders = p->encoders;
-    p->loop.encoder_count = p->options.nodes;
-    for (uint32_t i = 0; i < p->options.nodes; i++) {
-        if (prepare_encoder(p, i) != 0) {
-            return -1;
-        }
-    }
-    return p->scene.has_rotor ? prepare_plant(p) : 0;
-}
-
-static int check_numbers(const program_t *p)
-{
-    unsigned nodes = p->options.nodes;
-    if (number_of(p, nodes - 1) >= FRAMES_NODES) {
-        return complain("--nodes %u: with the scene's first node %u, numbers would pass 15", nodes,
-                        (unsigned)p->scene.friction.node);
-    }
-    if (nodes > 1 && p->scene.has_rotor) {
-        return complain("--nodes %u: a scene with a [rotor] has one", nodes);
-    }
-    if (p->options.trace != NULL && !p->scene.has_rotor) {
-        return complain("--trace %s: %s has no [rotor] to trace", p->options.trace, p->options.scene);
-    }
-    return 0;
-}
-
-static int check_parts(const program_t *p, bool node, bool encoder)
-{
-    if (!node && !encoder) {
-        return complain("%s: names no [%s], so there is nothing to run for this --role", p->options.scene,
-                        p->options.run_node ? "friction" : "motion");
-    }
-    if (!encoder && p->options.is_virtual && !(p->options.seconds > 0)) {
-        return complain("--virtual without an encoder never ends: give --seconds");
-    }
-    return check_numbers(p);
-}
-
-static int prepare_parts(program_t *p)
-{
-    bool node = p->options.run_node && p->scene.has_friction;
-    bool encoder = p->options.run_encoder && (p->scene.has_motion || p->scene.has_motor);
-    int result = check_parts(p, node, encoder);
-    if (result == 0 && node) {
-        result = prepare_nodes(p);
-    }
-    if (result == 0 && encoder) {
-        result = prepare_encoders(p);
-    }
-    return result;
 }
 
 /* All that these parts listen to. */
@@ -209,13 +67,13 @@ static size_t list_ids(const program_t *p, uint32_t ids[4 * FRAMES_NODES])
 {
     size_t count = 0;
     for (uint32_t i = 0; i < p->options.nodes; i++) {
-        if (p->loop.node_count > 0) {
-            ids[count++] = FRAMES_ID_ENCODER | number_of(p, i);
-            ids[count++] = FRAMES_ID_PARAM_WRITE | number_of(p, i);
-            ids[count++] = FRAMES_ID_RESET | number_of(p, i);
+        if (p->parts.node_count > 0) {
+            ids[count++] = FRAMES_ID_ENCODER | parts_number(&p->parts, i);
+            ids[count++] = FRAMES_ID_PARAM_WRITE | parts_number(&p->parts, i);
+            ids[count++] = FRAMES_ID_RESET | parts_number(&p->parts, i);
         }
-        if (p->loop.encoder_count > 0) {
-            ids[count++] = FRAMES_ID_TORQUE | number_of(p, i);
+        if (p->parts.encoder_count > 0) {
+            ids[count++] = FRAMES_ID_TORQUE | parts_number(&p->parts, i);
         }
     }
     return count;
@@ -223,7 +81,7 @@ static size_t list_ids(const program_t *p, uint32_t ids[4 * FRAMES_NODES])
 
 static int open_bus(program_t *p)
 {
-    bus_choice_t choice;
+    open_bus_t opened;
     uint32_t ids[4 * FRAMES_NODES];
     sim_clock_start(&p->clock, p->options.is_virtual);
     bool all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
@@ -235,13 +93,13 @@ static int open_bus(program_t *p)
         .ids = all ? NULL : ids,
         .id_count = list_ids(p, ids),
     };
-    int code = bus_choose(&choice, &wish);
+    int code = bus_open(&opened, &wish);
     if (code != 0) {
         return code;
     }
-    p->loop.bus = choice.bus;
-    if (p->options.log != NULL && !candump_open(&p->log, p->options.log, choice.name)) {
-        complain("--log %s: %s", p->options.log, strerror(errno));
+    p->loop.bus = opened.bus;
+    if (p->options.log != NULL && !candump_open(&p->log, p->options.log, opened.name, p->options.is_virtual)) {
+        log_error("--log %s: %s", p->options.log, errno == ENXIO ? "nobody reads this pipe" : strerror(errno));
         return EXIT_RUNTIME;
     }
     p->loop.log = p->options.log != NULL ? &p->log : NULL;
@@ -251,6 +109,10 @@ static int open_bus(program_t *p)
 static void set_up_loop(program_t *p)
 {
     const options_t *options = &p->options;
+    p->loop.nodes = p->parts.nodes;
+    p->loop.node_count = p->parts.node_count;
+    p->loop.encoders = p->parts.encoders;
+    p->loop.encoder_count = p->parts.encoder_count;
     p->loop.clock = &p->clock;
     p->loop.stop = &stop;
     p->loop.max_ticks = options->seconds > 0 ? (uint64_t)llround(options->seconds * 1000) : UINT64_MAX;
@@ -265,16 +127,18 @@ static int write_results(program_t *p)
 {
     int code = 0;
     if (p->loop.log != NULL && !candump_close(&p->log)) {
-        complain("--log %s: %s", p->options.log, strerror(errno));
+        log_error("--log %s: %s; %llu lines are missing", p->options.log,
+                  errno == 0 || errno == EAGAIN ? "its reader is too slow" : strerror(errno),
+                  (unsigned long long)p->log.missing);
         code = EXIT_RUNTIME;
     }
-    if (p->plant.trace != NULL && !plant_close(&p->plant)) {
-        complain("--trace %s: it could not be written whole", p->options.trace);
+    if (p->parts.plant.trace != NULL && !plant_close(&p->parts.plant)) {
+        log_error("--trace %s: it could not be written whole", p->options.trace);
         code = EXIT_RUNTIME;
     }
     if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop,
-                                                       p->scene.has_control ? &p->plant : NULL)) {
-        complain("--summary %s: %s", p->options.summary, strerror(errno));
+                                                       p->scene.has_control ? &p->parts.plant : NULL)) {
+        log_error("--summary %s: %s", p->options.summary, strerror(errno));
         code = EXIT_RUNTIME;
     }
     return code;
@@ -283,10 +147,10 @@ static int write_results(program_t *p)
 static int outcome(const program_t *p)
 {
     if (p->loop.gone) {
-        complain("--bus %s: the bus is gone after %llu ticks", p->options.bus, (unsigned long long)p->loop.ticks);
+        log_error("--bus %s: the bus is gone after %llu ticks", p->options.bus, (unsigned long long)p->loop.ticks);
         return EXIT_RUNTIME;
     }
-    return p->encoders[0].failed ? EXIT_BAD_INPUT : 0;
+    return p->parts.encoders[0].failed ? EXIT_BAD_INPUT : 0;
 }
 
 static int run(program_t *p)
@@ -303,20 +167,36 @@ static int run(program_t *p)
     return ended != 0 ? ended : written;
 }
 
+/* 0, or an exit code after one error line was printed. */
+static int prepare(program_t *p)
+{
+    const options_t *options = &p->options;
+    if (!scene_read(&p->scene, options->scene, options->sets, options->set_count)) {
+        return EXIT_BAD_INPUT;
+    }
+    if (files_find_log(p->log_path, options, &p->scene) != 0 || files_check(options, p->log_path) != 0) {
+        return EXIT_BAD_INPUT;
+    }
+    p->parts.options = options;
+    p->parts.scene = &p->scene;
+    p->parts.log_path = p->log_path;
+    return parts_prepare(&p->parts) == 0 ? 0 : EXIT_BAD_INPUT;
+}
+
 int main(int argc, char **argv)
 {
     static program_t program;
+    catch_signals();
     int answered = options_read(&program.options, argc, argv);
     if (answered != 0) {
         return answered < 0 ? EXIT_BAD_INPUT : 0;
     }
-    if (!scene_read(&program.scene, program.options.scene, program.options.sets, program.options.set_count)) {
-        return EXIT_BAD_INPUT;
+    end_with_parent(program.options.parent);
+    prctl(PR_SET_TIMERSLACK, 1000L); /* ns; the default of 50 us would be seen in the beat */
+    int code = prepare(&program);
+    if (code == 0) {
+        code = run(&program);
     }
-    catch_signals();
-    int code = prepare_parts(&program) != 0 ? EXIT_BAD_INPUT : run(&program);
-    for (size_t i = 0; i < FRAMES_NODES; i++) {
-        motion_close(&program.motions[i]);
-    }
+    parts_close(&program.parts);
     return code;
 }

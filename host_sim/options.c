@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "complain.h"
+#include "messages.h"
 #include "dahl.h"
 
 static const char help[] =
@@ -20,7 +20,8 @@ static const char help[] =
     "  --scene FILE       what runs: an INI file (see host_sim/scenes); a section that is not there is not run\n"
     "  --bus SPEC         loopback (default)      inside this process\n"
     "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"
-    "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port\n"
+    "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port;\n"
+    "                                             16 at most, and who is not in raw mode after 5 s is dropped\n"
     "                     socketcand:HOST:PORT    join such a server\n"
     "  --bitrate N        bit/s: frames take time and wait for each other by id (loopback); bus load, and a warning\n"
     "                     above 70 %\n"
@@ -31,21 +32,25 @@ static const char help[] =
     "  --lockstep         send an angle only once the one before it is answered, or 2 s have passed: for slow nodes\n"
     "  --seconds S        end after S seconds of ticks\n"
     "  --seed N           seed of random motions (default 1)\n"
-    "  --log FILE         write every frame of the bus as candump -L does\n"
+    "  --log FILE         write every frame of the bus as candump -L does; a pipe that is read too slowly loses whole\n"
+    "                     lines, which are counted, and the exit code is 1\n"
     "  --trace FILE       write angle, velocity and torques of [rotor] as CSV, a row per tick\n"
     "  --summary FILE     write counts and latencies as JSON; - for stdout\n"
     "  --wait-clients N   start when N clients are on the served bus\n"
     "  --until-idle       end when all clients of the served bus have left\n"
+    "  --with-parent PID  end when the process PID that started this one has ended ($$ in a shell)\n"
     "  --data DIR         where [motion] file is looked for, instead of beside the scene\n"
     "  --log-file FILE    measured log to use instead of [motion] file\n"
     "  --help, --version\n"
     "\n"
-    "Ctrl-C ends a run early; log and summary are whole. Exit code: 0, 1 the bus or a file failed, 2 bad input.\n"
-    "Example: dahl-loop --scene host_sim/scenes/steering.ini --virtual --log run.log --summary -\n";
+    "Ctrl-C, SIGTERM, SIGHUP and the like end a run early; log and summary are whole. Exit code: 0, 1 the bus or a file\n"
+    "failed, 2 bad input. Examples, from the project's folder:\n"
+    "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --virtual --log build/run.log --summary -\n"
+    "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --set motion.seconds=1e9 --bus socketcand:28600 \\\n"
+    "      --wait-clients 1 --until-idle --with-parent $$ &    waits for its first client, ends with its last or the shell\n";
 
 enum { OPTION_FIRST = 256, SCENE, BUS, ROLE, VIRTUAL, SECONDS, SEED, LOG, SUMMARY, WAIT, IDLE, DATA, LOG_FILE, LOCKSTEP, TRACE,
-       SET, NODES, BITRATE, HELP,
-       VERSION };
+       SET, NODES, BITRATE, PARENT, HELP, VERSION };
 
 static const struct option long_options[] = {
     {"scene", required_argument, NULL, SCENE},       {"bus", required_argument, NULL, BUS},
@@ -57,7 +62,8 @@ static const struct option long_options[] = {
     {"lockstep", no_argument, NULL, LOCKSTEP},       {"help", no_argument, NULL, HELP},
     {"trace", required_argument, NULL, TRACE},       {"set", required_argument, NULL, SET},
     {"nodes", required_argument, NULL, NODES},       {"bitrate", required_argument, NULL, BITRATE},
-    {"version", no_argument, NULL, VERSION},         {NULL, 0, NULL, 0},
+    {"with-parent", required_argument, NULL, PARENT}, {"version", no_argument, NULL, VERSION},
+    {NULL, 0, NULL, 0},
 };
 
 static int take_role(options_t *options, const char *text)
@@ -66,7 +72,7 @@ static int take_role(options_t *options, const char *text)
     options->run_encoder = both || strcmp(text, "encoder") == 0;
     options->run_node = both || strcmp(text, "node") == 0;
     if (!options->run_encoder && !options->run_node) {
-        return complain("--role %s: not one of both, encoder, node", text);
+        return log_error("--role %s: not one of both, encoder, node", text);
     }
     return 0;
 }
@@ -76,7 +82,7 @@ static int take_seconds(options_t *options, const char *text)
     char *end;
     options->seconds = strtod(text, &end);
     if (end == text || *end != '\0' || !(options->seconds >= 0.001) || options->seconds > 1e9) {
-        return complain("--seconds %s: not a number from 0.001 to 1e9", text);
+        return log_error("--seconds %s: not a number from 0.001 to 1e9", text);
     }
     return 0;
 }
@@ -87,7 +93,7 @@ static int take_integer(const char *name, const char *text, uint64_t low, uint64
     errno = 0;
     *to = strtoull(text, &end, 10);
     if (text[0] < '0' || text[0] > '9' || *end != '\0' || errno != 0 || *to < low || *to > high) {
-        return complain("--%s %s: not an integer from %llu to %llu", name, text, (unsigned long long)low,
+        return log_error("--%s %s: not an integer from %llu to %llu", name, text, (unsigned long long)low,
                         (unsigned long long)high);
     }
     return 0;
@@ -104,7 +110,7 @@ static int take_small(const char *name, const char *text, uint32_t low, uint32_t
 static int take_set(options_t *options, const char *text)
 {
     if (options->set_count == OPTIONS_SETS) {
-        return complain("--set %s: more than %d of them", text, OPTIONS_SETS);
+        return log_error("--set %s: more than %d of them", text, OPTIONS_SETS);
     }
     options->sets[options->set_count++] = text;
     return 0;
@@ -148,6 +154,8 @@ static int take_value(options_t *options, int which, const char *value)
         return take_small("nodes", value, 1, 16, &options->nodes);
     case BITRATE:
         return take_small("bitrate", value, 10000, 1000000, &options->bitrate);
+    case PARENT:
+        return take_small("with-parent", value, 1, INT32_MAX, &options->parent);
     case SET:
         return take_set(options, value);
     default:
@@ -182,10 +190,10 @@ static int take(options_t *options, int which, char **argv)
 {
     const char **text = text_of(options, which);
     if (which == ':') {
-        return complain("%s needs a value", argv[optind - 1]);
+        return log_error("%s needs a value", argv[optind - 1]);
     }
     if (which == '?') {
-        return complain("unknown option %s; see dahl-loop --help", argv[optind - 1]);
+        return log_error("unknown option %s; see dahl-loop --help", argv[optind - 1]);
     }
     if (text != NULL) {
         *text = optarg;
@@ -202,10 +210,10 @@ static bool serves(const options_t *options)
 static int check_virtual(const options_t *options)
 {
     if (options->is_virtual && options->lockstep) {
-        return complain("--lockstep is for real time; --virtual always waits for its answers");
+        return log_error("--lockstep is for real time; --virtual always waits for its answers");
     }
     if (options->is_virtual && strncmp(options->bus, "socketcand:", 11) == 0 && !serves(options)) {
-        return complain("--virtual needs a bus whose order this process sees: loopback, socketcan:IF or socketcand:PORT,"
+        return log_error("--virtual needs a bus whose order this process sees: loopback, socketcan:IF or socketcand:PORT,"
                         " not %s", options->bus);
     }
     return 0;
@@ -214,10 +222,10 @@ static int check_virtual(const options_t *options)
 static int check(const options_t *options)
 {
     if (options->scene == NULL) {
-        return complain("no --scene FILE; see dahl-loop --help");
+        return log_error("no --scene FILE; see dahl-loop --help");
     }
     if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
-        return complain("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
+        return log_error("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
     }
     return check_virtual(options);
 }
@@ -234,7 +242,7 @@ int options_read(options_t *options, int argc, char **argv)
         }
     }
     if (optind < argc) {
-        return complain("unexpected argument %s; see dahl-loop --help", argv[optind]);
+        return log_error("unexpected argument %s; see dahl-loop --help", argv[optind]);
     }
     return check(options);
 }

@@ -27,6 +27,7 @@ typedef struct {
     uint32_t wait_clients;
     uint32_t nodes;
     uint32_t bitrate; /* 0: the bus takes no time */
+    uint32_t parent;  /* process whose end ends this one; 0: none */
 } options_t;
 
 /* 0: go on. 1: --help or --version was answered. -1: one error line was printed. */

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "complain.h"
+#include "messages.h"
 
 enum { FRESH_TICKS = 3 };
 
@@ -44,7 +44,7 @@ static bool is_measured(const plant_t *p)
     if (fabs(counts_of(p)) <= COUNTS_MOST) {
         return true;
     }
-    complain("[rotor] after %.3f s: the shaft is at %.9g rad, %.9g counts: outside +-2^53", (double)p->ticks * TICK_S,
+    log_error("[rotor] after %.3f s: the shaft is at %.9g rad, %.9g counts: outside +-2^53", (double)p->ticks * TICK_S,
              p->rotor.theta, counts_of(p));
     return false;
 }
@@ -144,7 +144,7 @@ bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const
     *plant = (plant_t){.scene = scene, .reference = reference, .encoder = encoder};
     plant->motion = (motion_t){.next = reference != NULL ? next_controlled : next_driven, .scene = &scene->motion};
     if (rotor_open(&plant->rotor, r->inertia, r->viscous, r->sigma0, r->Fc) != DAHL_OK) {
-        complain("[rotor] sigma0 = %.9g, Fc = %.9g: dahl_prepare refuses", r->sigma0, r->Fc);
+        log_error("[rotor] sigma0 = %.9g, Fc = %.9g: dahl_prepare refuses", r->sigma0, r->Fc);
         return false;
     }
     return true;

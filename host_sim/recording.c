@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "complain.h"
+#include "messages.h"
 
 #define NO_COLUMN SIZE_MAX
 #define FIELD_MAX 65536u
@@ -35,7 +35,7 @@ static void find(recording_t *self, const char *text, const char *name, size_t *
         return;
     }
     if (*column != NO_COLUMN && !self->failed) {
-        complain("%s:%llu: two columns \"%s\"", self->path, (unsigned long long)self->line, name);
+        log_error("%s:%llu: two columns \"%s\"", self->path, (unsigned long long)self->line, name);
         fail(self);
     }
     *column = self->column;
@@ -54,7 +54,7 @@ static void take_number(recording_t *self, const char *text, const char *name, d
     char *end;
     *to = strtod(text, &end);
     if (end == text || *end != '\0' || !isfinite(*to)) {
-        complain("%s:%llu: column \"%s\": \"%.40s\" is not a finite number", self->path,
+        log_error("%s:%llu: column \"%s\": \"%.40s\" is not a finite number", self->path,
                  (unsigned long long)self->line, name, text);
         fail(self);
     }
@@ -91,7 +91,7 @@ static void end_header(recording_t *self)
     bool no_time = self->time_name[0] != '\0' && self->time_column == NO_COLUMN;
     self->columns = self->column;
     if (self->angle_column == NO_COLUMN || no_time) {
-        complain("%s:%llu: no column \"%s\"; there is %s", self->path, (unsigned long long)self->line,
+        log_error("%s:%llu: no column \"%s\"; there is %s", self->path, (unsigned long long)self->line,
                  self->angle_column == NO_COLUMN ? self->angle_name : self->time_name, self->header);
         fail(self);
     }
@@ -102,7 +102,7 @@ static bool is_row_whole(recording_t *self)
     if (self->column == self->columns) {
         return true;
     }
-    complain("%s:%llu: column \"%s\": the row has %zu fields, the header %zu", self->path,
+    log_error("%s:%llu: column \"%s\": the row has %zu fields, the header %zu", self->path,
              (unsigned long long)self->line, self->angle_name, self->column, self->columns);
     fail(self);
     return false;
@@ -113,7 +113,7 @@ static bool is_time_forward(recording_t *self)
     if (self->time_column == NO_COLUMN || self->rows == 0 || self->time >= self->last_time) {
         return true;
     }
-    complain("%s:%llu: column \"%s\": time goes back from %.9g to %.9g", self->path, (unsigned long long)self->line,
+    log_error("%s:%llu: column \"%s\": time goes back from %.9g to %.9g", self->path, (unsigned long long)self->line,
              self->time_name, self->last_time, self->time);
     fail(self);
     return false;
@@ -124,7 +124,7 @@ static bool is_in_range(recording_t *self, double travel)
     if (fabs(travel) < 2147483647.0) {
         return true;
     }
-    complain("%s:%llu: column \"%s\": %.9g is %.9g counts from the first row, more than 2^31", self->path,
+    log_error("%s:%llu: column \"%s\": %.9g is %.9g counts from the first row, more than 2^31", self->path,
              (unsigned long long)self->line, self->angle_name, self->angle, travel);
     fail(self);
     return false;
@@ -170,7 +170,7 @@ static unsigned char choose_delimiter(const char *text, size_t length)
 static void bad_text(recording_t *self)
 {
     bool too_long = csv_error(&self->parser) == CSV_ENOMEM;
-    complain("%s:%llu: column %zu: %s", self->path, (unsigned long long)self->line, self->column + 1,
+    log_error("%s:%llu: column %zu: %s", self->path, (unsigned long long)self->line, self->column + 1,
              too_long ? "a field without end (a quote that is never closed?)" : "a quote inside a field or never closed");
     fail(self);
 }
@@ -198,7 +198,7 @@ static void finish(recording_t *self)
 {
     self->ended = true;
     if (ferror(self->file) != 0) {
-        complain("%s:%llu: cannot be read: %s", self->path, (unsigned long long)self->line, strerror(errno));
+        log_error("%s:%llu: cannot be read: %s", self->path, (unsigned long long)self->line, strerror(errno));
         fail(self);
         return;
     }
@@ -248,7 +248,7 @@ static bool rewind_to_start(recording_t *self)
     csv_set_realloc_func(&self->parser, limited_realloc);
     self->failed = !self->parser_ready || fseek(self->file, 0, SEEK_SET) != 0;
     if (self->failed) {
-        complain("%s: cannot be read from the start: %s", self->path, strerror(errno));
+        log_error("%s: cannot be read from the start: %s", self->path, strerror(errno));
     }
     return !self->failed;
 }
@@ -259,7 +259,7 @@ static bool check_all(recording_t *self)
         read_chunk(self);
     }
     if (!self->failed && self->rows == 0) {
-        complain("%s:%llu: column \"%s\": the file has no rows", self->path, (unsigned long long)self->line,
+        log_error("%s:%llu: column \"%s\": the file has no rows", self->path, (unsigned long long)self->line,
                  self->angle_name);
         fail(self);
     }
@@ -273,7 +273,7 @@ bool recording_open(recording_t *self, const char *path, const char *angle_name,
         .path = path, .angle_name = angle_name, .time_name = time_name, .counts_per_unit = counts_per_unit};
     self->file = fopen(path, "rb");
     if (self->file == NULL) {
-        complain("%s: %s", path, strerror(errno));
+        log_error("%s: %s", path, strerror(errno));
         return false;
     }
     return rewind_to_start(self) && check_all(self) && rewind_to_start(self);

@@ -2,15 +2,20 @@
 /* rotor: see rotor.h. */
 #include "rotor.h"
 
-#define STEPS 50
+#include <math.h>
 
-static const double STEP_S = 0.001 / STEPS;
+enum { STEPS = 50 }; /* of ROTOR_STEP_S in a millisecond */
 
 dahl_err_t rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc)
 {
     dahl_params_t params = {.sigma0 = (float)sigma0, .Fc = (float)Fc};
     *rotor = (rotor_t){.inertia = inertia, .viscous = viscous};
     return dahl_prepare(&rotor->plan, &params);
+}
+
+double rotor_least_inertia(double viscous, double sigma0)
+{
+    return fmax(viscous * ROTOR_STEP_S / 2, sigma0 * ROTOR_STEP_S * ROTOR_STEP_S);
 }
 
 static void accelerate(rotor_t *rotor, double torque, double seconds)
@@ -20,11 +25,11 @@ static void accelerate(rotor_t *rotor, double torque, double seconds)
 
 static void step(rotor_t *rotor, double torque)
 {
-    accelerate(rotor, torque, STEP_S / 2);
-    float moved = (float)(rotor->omega * STEP_S); /* what the friction is told, and no more, is where the shaft goes */
+    accelerate(rotor, torque, ROTOR_STEP_S / 2);
+    float moved = (float)(rotor->omega * ROTOR_STEP_S); /* what the friction is told, and no more, is where the shaft goes */
     rotor->theta += (double)moved;
     rotor->friction = (double)dahl_step(&rotor->plan, &rotor->bristle, moved);
-    accelerate(rotor, torque, STEP_S / 2);
+    accelerate(rotor, torque, ROTOR_STEP_S / 2);
 }
 
 void rotor_advance(rotor_t *rotor, double torque)

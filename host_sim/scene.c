@@ -11,17 +11,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "complain.h"
+#include "messages.h"
 #include "dahl.h"
+#include "rotor.h"
+#include "utf8.h"
 
 #define ANY_KIND 7
 #define OPTIONAL 8
+
+typedef enum { NUMBER, WHOLE, TEXT } value_t;
 
 typedef struct {
     const char *section;
     const char *name;
     size_t offset;  /* of the value in scene_t */
-    bool is_text;
+    value_t value;
     double low, high; /* of a number, both allowed */
     int use;          /* motion kinds that need it (ANY_KIND elsewhere), and OPTIONAL */
 } scene_key_t;
@@ -31,58 +35,58 @@ typedef struct {
 #define COUNTS 2147483647.0
 
 static const scene_key_t keys[] = {
-    {"scene", "title", AT(title), true, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "sigma0", AT(friction.sigma0), false, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "Fc", AT(friction.Fc), false, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "theta_per_count", AT(friction.theta_per_count), false, 1e-37, 1e37, ANY_KIND},
-    {"friction", "node", AT(friction.node), false, 0, 15, ANY_KIND | OPTIONAL},
-    {"friction", "timeout_ms", AT(friction.timeout_ms), false, 1, 60000, ANY_KIND | OPTIONAL},
-    {"friction", "gain", AT(friction.gain), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"friction", "limit", AT(friction.limit), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"friction", "ramp_ms", AT(friction.ramp_ms), false, 0, 60000, ANY_KIND | OPTIONAL},
-    {"friction", "max_step", AT(friction.max_step), false, 1, COUNTS, ANY_KIND | OPTIONAL},
-    {"motion", "kind", AT(motion.kind_name), true, 0, 0, ANY_KIND},
-    {"motion", "start_count", AT(motion.start_count), false, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
-    {"motion", "theta1", AT(motion.theta1), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "theta2", AT(motion.theta2), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "theta3", AT(motion.theta3), false, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "speed", AT(motion.speed), false, TINY, 1e12, MOTION_SEGMENTS},
-    {"motion", "hold_s", AT(motion.hold_s), false, 0, 3600, MOTION_SEGMENTS | MOTION_STEERING | OPTIONAL},
-    {"motion", "amplitude", AT(motion.amplitude), false, 0, 1e9, MOTION_STEERING},
-    {"motion", "sweep_s", AT(motion.sweep_s), false, 0.001, 3600, MOTION_STEERING},
-    {"motion", "tremor", AT(motion.tremor), false, 0, 1e9, MOTION_STEERING},
-    {"motion", "tremor_s", AT(motion.tremor_s), false, 0, 3600, MOTION_STEERING},
-    {"motion", "seconds", AT(motion.seconds), false, 0.001, 1e9, MOTION_STEERING},
-    {"motion", "file", AT(motion.file), true, 0, 0, MOTION_LOG},
-    {"motion", "angle", AT(motion.angle), true, 0, 0, MOTION_LOG},
-    {"motion", "time", AT(motion.time), true, 0, 0, MOTION_LOG | OPTIONAL},
-    {"motion", "counts_per_unit", AT(motion.counts_per_unit), false, -1e15, 1e15, MOTION_LOG},
-    {"rotor", "inertia", AT(rotor.inertia), false, TINY, 1e6, ANY_KIND},
-    {"rotor", "viscous", AT(rotor.viscous), false, 0, 1e6, ANY_KIND | OPTIONAL},
-    {"rotor", "sigma0", AT(rotor.sigma0), false, TINY, 1e12, ANY_KIND},
-    {"rotor", "Fc", AT(rotor.Fc), false, TINY, 1e12, ANY_KIND},
-    {"motor", "bias", AT(motor.bias), false, -1e12, 1e12, ANY_KIND | OPTIONAL},
-    {"motor", "amplitude", AT(motor.amplitude), false, 0, 1e12, ANY_KIND | OPTIONAL},
-    {"motor", "frequency", AT(motor.frequency), false, 0, 100, ANY_KIND | OPTIONAL},
-    {"motor", "seconds", AT(motor.seconds), false, 0.001, 1e9, ANY_KIND},
-    {"control", "kp", AT(control.kp), false, 0, 1e12, ANY_KIND},
-    {"control", "kd", AT(control.kd), false, 0, 1e12, ANY_KIND},
-    {"control", "torque_limit", AT(control.torque_limit), false, 0, 1e12, ANY_KIND},
-    {"faults", "drop", AT(faults[FAULT_DROP]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "duplicate", AT(faults[FAULT_DUPLICATE]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "reorder", AT(faults[FAULT_REORDER]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "delay", AT(faults[FAULT_DELAY]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "corrupt", AT(faults[FAULT_CORRUPT]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "length", AT(faults[FAULT_LENGTH]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "id", AT(faults[FAULT_ID]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "extended", AT(faults[FAULT_EXTENDED]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "invalid", AT(faults[FAULT_INVALID]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "glitch", AT(faults[FAULT_GLITCH]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "babble", AT(faults[FAULT_BABBLE]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "silence", AT(faults[FAULT_SILENCE]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "restart", AT(faults[FAULT_RESTART]), false, 0, 1, ANY_KIND | OPTIONAL},
-    {"status", "period_ms", AT(status_period_ms), false, 1, 60000, ANY_KIND},
+    {"scene", "title", AT(title), TEXT, 0, 0, ANY_KIND | OPTIONAL},
+    {"friction", "sigma0", AT(friction.sigma0), NUMBER, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "Fc", AT(friction.Fc), NUMBER, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "theta_per_count", AT(friction.theta_per_count), NUMBER, 1e-37, 1e37, ANY_KIND},
+    {"friction", "node", AT(friction.node), WHOLE, 0, 15, ANY_KIND | OPTIONAL},
+    {"friction", "timeout_ms", AT(friction.timeout_ms), NUMBER, 1, 60000, ANY_KIND | OPTIONAL},
+    {"friction", "gain", AT(friction.gain), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"friction", "limit", AT(friction.limit), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"friction", "ramp_ms", AT(friction.ramp_ms), NUMBER, 0, 60000, ANY_KIND | OPTIONAL},
+    {"friction", "max_step", AT(friction.max_step), WHOLE, 1, COUNTS, ANY_KIND | OPTIONAL},
+    {"motion", "kind", AT(motion.kind_name), TEXT, 0, 0, ANY_KIND},
+    {"motion", "start_count", AT(motion.start_count), WHOLE, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
+    {"motion", "theta1", AT(motion.theta1), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
+    {"motion", "theta2", AT(motion.theta2), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
+    {"motion", "theta3", AT(motion.theta3), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
+    {"motion", "speed", AT(motion.speed), NUMBER, TINY, 1e12, MOTION_SEGMENTS},
+    {"motion", "hold_s", AT(motion.hold_s), NUMBER, 0, 3600, MOTION_SEGMENTS | MOTION_STEERING | OPTIONAL},
+    {"motion", "amplitude", AT(motion.amplitude), NUMBER, 0, 1e9, MOTION_STEERING},
+    {"motion", "sweep_s", AT(motion.sweep_s), NUMBER, 0.001, 3600, MOTION_STEERING},
+    {"motion", "tremor", AT(motion.tremor), NUMBER, 0, 1e9, MOTION_STEERING},
+    {"motion", "tremor_s", AT(motion.tremor_s), NUMBER, 0, 3600, MOTION_STEERING},
+    {"motion", "seconds", AT(motion.seconds), NUMBER, 0.001, 1e9, MOTION_STEERING},
+    {"motion", "file", AT(motion.file), TEXT, 0, 0, MOTION_LOG},
+    {"motion", "angle", AT(motion.angle), TEXT, 0, 0, MOTION_LOG},
+    {"motion", "time", AT(motion.time), TEXT, 0, 0, MOTION_LOG | OPTIONAL},
+    {"motion", "counts_per_unit", AT(motion.counts_per_unit), NUMBER, -1e15, 1e15, MOTION_LOG},
+    {"rotor", "inertia", AT(rotor.inertia), NUMBER, TINY, 1e6, ANY_KIND},
+    {"rotor", "viscous", AT(rotor.viscous), NUMBER, 0, 1e6, ANY_KIND | OPTIONAL},
+    {"rotor", "sigma0", AT(rotor.sigma0), NUMBER, TINY, 1e12, ANY_KIND},
+    {"rotor", "Fc", AT(rotor.Fc), NUMBER, TINY, 1e12, ANY_KIND},
+    {"motor", "bias", AT(motor.bias), NUMBER, -1e12, 1e12, ANY_KIND | OPTIONAL},
+    {"motor", "amplitude", AT(motor.amplitude), NUMBER, 0, 1e12, ANY_KIND | OPTIONAL},
+    {"motor", "frequency", AT(motor.frequency), NUMBER, 0, 100, ANY_KIND | OPTIONAL},
+    {"motor", "seconds", AT(motor.seconds), NUMBER, 0.001, 1e9, ANY_KIND},
+    {"control", "kp", AT(control.kp), NUMBER, 0, 1e12, ANY_KIND},
+    {"control", "kd", AT(control.kd), NUMBER, 0, 1e12, ANY_KIND},
+    {"control", "torque_limit", AT(control.torque_limit), NUMBER, 0, 1e12, ANY_KIND},
+    {"faults", "drop", AT(faults[FAULT_DROP]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "duplicate", AT(faults[FAULT_DUPLICATE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "reorder", AT(faults[FAULT_REORDER]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "delay", AT(faults[FAULT_DELAY]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "corrupt", AT(faults[FAULT_CORRUPT]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "length", AT(faults[FAULT_LENGTH]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "id", AT(faults[FAULT_ID]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "extended", AT(faults[FAULT_EXTENDED]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "invalid", AT(faults[FAULT_INVALID]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "glitch", AT(faults[FAULT_GLITCH]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "babble", AT(faults[FAULT_BABBLE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "silence", AT(faults[FAULT_SILENCE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"faults", "restart", AT(faults[FAULT_RESTART]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"status", "period_ms", AT(status_period_ms), NUMBER, 1, 60000, ANY_KIND},
 };
 
 enum { KEYS = sizeof keys / sizeof keys[0] };
@@ -132,7 +136,7 @@ static int begin_section(reader_t *r, const char *name)
 {
     int i = find_section(name);
     if (i < 0) {
-        complain("%s:%d: unknown section [%s]", r->path, r->line, name);
+        log_error("%s:%d: unknown section [%s]", r->path, r->line, name);
         return fail(r);
     }
     r->section_line[i] = r->line;
@@ -149,7 +153,7 @@ static void look_for_section(reader_t *r, const char *text)
         return;
     }
     if (start[length] != ']' || length - 1 >= sizeof name) {
-        complain("%s:%d: a section name without ]", r->path, r->line);
+        log_error("%s:%d: a section name without ]", r->path, r->line);
         fail(r);
         return;
     }
@@ -166,7 +170,7 @@ static char *next_line(char *text, int size, void *stream)
     }
     r->line++;
     if (strchr(text, '\n') == NULL && !feof(r->file)) {
-        complain("%s:%d: line longer than %d characters, or not text", r->path, r->line, size - 2);
+        log_error("%s:%d: line longer than %d characters, or not text", r->path, r->line, size - 2);
         fail(r);
         return NULL;
     }
@@ -179,11 +183,15 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
     char *end;
     double number = strtod(value, &end);
     if (end == value || *end != '\0' || !isfinite(number)) {
-        complain("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
+        log_error("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
+        return fail(r);
+    }
+    if (key->value == WHOLE && number != trunc(number)) {
+        log_error("%s:%d: [%s] %s = %s: not a whole number", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }
     if (number < key->low || number > key->high) {
-        complain("%s:%d: [%s] %s = %s: outside %.9g to %.9g", r->path, r->line, key->section, key->name, value,
+        log_error("%s:%d: [%s] %s = %s: outside %.9g to %.9g", r->path, r->line, key->section, key->name, value,
                  key->low, key->high);
         return fail(r);
     }
@@ -194,7 +202,11 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
 static int take_text(reader_t *r, const scene_key_t *key, const char *value, char *to)
 {
     if (value[0] == '\0' || strlen(value) >= SCENE_TEXT) {
-        complain("%s:%d: [%s] %s: %s", r->path, r->line, key->section, key->name, value[0] ? "too long" : "empty");
+        log_error("%s:%d: [%s] %s: %s", r->path, r->line, key->section, key->name, value[0] ? "too long" : "empty");
+        return fail(r);
+    }
+    if (!utf8_is_valid(value)) {
+        log_error("%s:%d: [%s] %s = %s: not UTF-8", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }
     strcpy(to, value);
@@ -206,12 +218,12 @@ static int take(reader_t *r, int i, const char *value)
     const scene_key_t *key = &keys[i];
     char *to = (char *)r->scene + key->offset;
     if (r->key_line[i] != 0) {
-        complain("%s:%d: [%s] %s given twice, first in line %d", r->path, r->line, key->section, key->name,
+        log_error("%s:%d: [%s] %s given twice, first in line %d", r->path, r->line, key->section, key->name,
                  r->key_line[i]);
         return fail(r);
     }
     r->key_line[i] = r->line;
-    return key->is_text ? take_text(r, key, value, to) : take_number(r, key, value, (double *)(void *)to);
+    return key->value == TEXT ? take_text(r, key, value, to) : take_number(r, key, value, (double *)(void *)to);
 }
 
 static int on_key(void *user, const char *section, const char *name, const char *value)
@@ -225,7 +237,7 @@ static int on_key(void *user, const char *section, const char *name, const char 
         return 1;
     }
     if (i < 0) {
-        complain("%s:%d: unknown key \"%s\" in [%s]", r->path, r->line, name, section);
+        log_error("%s:%d: unknown key \"%s\" in [%s]", r->path, r->line, name, section);
         return fail(r);
     }
     return take(r, i, value);
@@ -235,7 +247,7 @@ static bool parse(reader_t *r)
 {
     int bad_line = ini_parse_stream(next_line, r, on_key, r);
     if (!r->failed && bad_line != 0) {
-        complain("%s:%d: neither a [section], nor key = value, nor a comment", r->path, bad_line);
+        log_error("%s:%d: neither a [section], nor key = value, nor a comment", r->path, bad_line);
         fail(r);
     }
     return !r->failed;
@@ -255,9 +267,9 @@ static bool take_kind(reader_t *r)
         }
     }
     if (r->key_line[find_key("motion", "kind")] == 0) {
-        complain("%s:%d: [motion] has no key \"kind\"", r->path, r->section_line[find_section("motion")]);
+        log_error("%s:%d: [motion] has no key \"kind\"", r->path, r->section_line[find_section("motion")]);
     } else {
-        complain("%s:%d: [motion] kind = %s: not one of segments, steering, log", r->path,
+        log_error("%s:%d: [motion] kind = %s: not one of segments, steering, log", r->path,
                  r->key_line[find_key("motion", "kind")], motion->kind_name);
     }
     return false;
@@ -278,12 +290,12 @@ static bool check_key(const reader_t *r, int i)
 {
     const scene_key_t *key = &keys[i];
     if (r->key_line[i] == 0 && is_needed(r, key)) {
-        complain("%s:%d: [%s] has no key \"%s\"", r->path, r->section_line[find_section(key->section)], key->section,
+        log_error("%s:%d: [%s] has no key \"%s\"", r->path, r->section_line[find_section(key->section)], key->section,
                  key->name);
         return false;
     }
     if (r->key_line[i] != 0 && is_out_of_place(r, key)) {
-        complain("%s:%d: [motion] %s has no meaning for kind = %s", r->path, r->key_line[i], key->name,
+        log_error("%s:%d: [motion] %s has no meaning for kind = %s", r->path, r->key_line[i], key->name,
                  r->scene->motion.kind_name);
         return false;
     }
@@ -295,7 +307,7 @@ static bool check_travel(const reader_t *r)
     const scene_friction_t *f = &r->scene->friction;
     double travel = f->sigma0 / f->Fc * f->theta_per_count;
     if (travel < DAHL_TRAVEL_MIN || travel >= DAHL_TRAVEL_MAX) {
-        complain("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
+        log_error("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
                  r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count, travel,
                  DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
         return false;
@@ -311,7 +323,7 @@ static bool has(const reader_t *r, const char *section)
 static bool needs(const reader_t *r, const char *section, const char *other)
 {
     if (has(r, section) && !has(r, other)) {
-        complain("%s:%d: [%s] needs [%s]", r->path, r->section_line[find_section(section)], section, other);
+        log_error("%s:%d: [%s] needs [%s]", r->path, r->section_line[find_section(section)], section, other);
         return false;
     }
     return true;
@@ -320,16 +332,29 @@ static bool needs(const reader_t *r, const char *section, const char *other)
 static bool check_rotor(const reader_t *r)
 {
     if (has(r, "rotor") && has(r, "motor") == has(r, "control")) {
-        complain("%s:%d: [rotor] needs one of [motor] and [control]", r->path, r->section_line[find_section("rotor")]);
+        log_error("%s:%d: [rotor] needs one of [motor] and [control]", r->path, r->section_line[find_section("rotor")]);
         return false;
     }
     if (has(r, "motor") && has(r, "motion")) {
-        complain("%s:%d: [motor] moves the shaft, so [motion] has no meaning", r->path,
+        log_error("%s:%d: [motor] moves the shaft, so [motion] has no meaning", r->path,
                  r->section_line[find_section("motion")]);
         return false;
     }
     return needs(r, "rotor", "friction") && needs(r, "motor", "rotor") && needs(r, "control", "rotor") &&
            needs(r, "control", "motion");
+}
+
+static bool check_inertia(const reader_t *r)
+{
+    const scene_rotor_t *rotor = &r->scene->rotor;
+    double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
+    if (has(r, "rotor") && rotor->inertia < least) {
+        log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
+                  " viscous and sigma0", r->path, r->key_line[find_key("rotor", "inertia")], rotor->inertia, least,
+                  ROTOR_STEP_S * 1e6);
+        return false;
+    }
+    return true;
 }
 
 static bool check_faults(const reader_t *r)
@@ -339,11 +364,11 @@ static bool check_faults(const reader_t *r)
         sum += r->scene->faults[i];
     }
     if (sum > 1) {
-        complain("%s:%d: [faults] rates add up to %.9g: above 1", r->path, r->section_line[find_section("faults")], sum);
+        log_error("%s:%d: [faults] rates add up to %.9g: above 1", r->path, r->section_line[find_section("faults")], sum);
         return false;
     }
     if (has(r, "faults") && !(r->scene->friction.max_step > 0)) {
-        complain("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch", r->path,
+        log_error("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch", r->path,
                  r->section_line[find_section("faults")]);
         return false;
     }
@@ -377,13 +402,13 @@ static bool check(reader_t *r)
     scene_t *scene = r->scene;
     note_sections(r);
     if (!scene->has_friction && !scene->has_motion) {
-        complain("%s: names neither [friction] nor [motion]: nothing to run", r->path);
+        log_error("%s: names neither [friction] nor [motion]: nothing to run", r->path);
         return false;
     }
     if (scene->has_motion && !take_kind(r)) {
         return false;
     }
-    return check_keys(r) && check_rotor(r) && check_faults(r) && (!scene->has_friction || check_travel(r));
+    return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_travel(r));
 }
 
 /* "section.key=value", as if it stood in the file instead of what does. */
@@ -393,7 +418,7 @@ static bool set(reader_t *r, const char *text)
     char name[32];
     int used = 0;
     if (sscanf(text, "%31[a-z].%31[A-Za-z0-9_]=%n", section, name, &used) != 2 || used == 0) {
-        complain("--set %s: not section.key=value", text);
+        log_error("--set %s: not section.key=value", text);
         return false;
     }
     int i = find_key(section, name);
@@ -424,7 +449,7 @@ bool scene_read(scene_t *scene, const char *path, const char *const *sets, int c
     *scene = (scene_t){.friction = {.gain = 1, .limit = 1}};
     reader.file = fopen(path, "r");
     if (reader.file == NULL) {
-        complain("%s: %s", path, strerror(errno));
+        log_error("%s: %s", path, strerror(errno));
         return false;
     }
     bool good = parse(&reader) && apply(&reader, sets, count) && check(&reader);

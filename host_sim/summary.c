@@ -8,6 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "utf8.h"
+
 static void add(cJSON *to, const char *name, double value)
 {
     cJSON_AddNumberToObject(to, name, value);
@@ -16,6 +18,15 @@ static void add(cJSON *to, const char *name, double value)
 static void add_count(cJSON *to, const char *name, uint64_t value)
 {
     add(to, name, (double)value);
+}
+
+/* A path may hold any bytes, JSON may not. */
+static void add_text(cJSON *to, const char *name, const char *text)
+{
+    char copy[4096];
+    snprintf(copy, sizeof copy, "%s", text);
+    utf8_repair(copy);
+    cJSON_AddStringToObject(to, name, copy);
 }
 
 static double to_us(uint64_t ns)
@@ -45,8 +56,8 @@ static void add_bins(cJSON *to, const char *name, const histogram_t *histogram)
 
 static void add_run(cJSON *to, const options_t *options, const scene_t *scene, const loop_t *loop)
 {
-    cJSON_AddStringToObject(to, "bus", options->bus);
-    cJSON_AddStringToObject(to, "scene", options->scene);
+    add_text(to, "bus", options->bus);
+    add_text(to, "scene", options->scene);
     cJSON_AddStringToObject(to, "title", scene->title);
     cJSON_AddStringToObject(to, "time", options->is_virtual ? "virtual" : "real");
     add_count(to, "seed", options->seed);
@@ -72,6 +83,20 @@ static void add_up(encoders_t *all, const loop_t *loop)
     }
 }
 
+/* On a bus without a bit rate virtual time stands still between an angle and its answer: there is nothing to tell. */
+static bool has_latencies(const loop_t *loop)
+{
+    return !loop->clock->is_virtual || loop->paced;
+}
+
+static void add_latencies(cJSON *to, const encoders_t *all)
+{
+    add_count(to, "deadline_misses", all->late);
+    add_histogram(to, "latency_us", &all->latency);
+    add_histogram(to, "jitter_us", &all->jitter);
+    add_bins(to, "latency_histogram", &all->latency);
+}
+
 static void add_encoders(cJSON *to, const loop_t *loop)
 {
     static encoders_t all; /* large */
@@ -82,10 +107,9 @@ static void add_encoders(cJSON *to, const loop_t *loop)
     add_count(to, "frames_lost", all.sent - all.answered);
     add_count(to, "answers_unmatched", all.unmatched);
     add_count(to, "answers_corrupt", all.corrupt);
-    add_count(to, "deadline_misses", all.late);
-    add_histogram(to, "latency_us", &all.latency);
-    add_histogram(to, "jitter_us", &all.jitter);
-    add_bins(to, "latency_histogram", &all.latency);
+    if (has_latencies(loop)) {
+        add_latencies(to, &all);
+    }
 }
 
 /* Names of node_counts_t, in its order. */

@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { READ_SIZE = 4096, HANDSHAKE_MS = 5000 };
+enum { READ_SIZE = 4096 };
 
 static can_result_t member_send(can_bus_t *bus, const can_frame_t *frame)
 {
@@ -118,7 +118,7 @@ static int connect_one(const struct addrinfo *address)
     if (connect(fd, address->ai_addr, address->ai_addrlen) != 0 && errno != EINPROGRESS) {
         return fail(fd, errno);
     }
-    if (poll(&ready, 1, HANDSHAKE_MS) <= 0) {
+    if (poll(&ready, 1, SOCKETCAND_HANDSHAKE_MS) <= 0) {
         return fail(fd, ETIMEDOUT);
     }
     if (getsockopt(fd, SOL_SOCKET, SO_ERROR, &why, &size) != 0 || why != 0) {
@@ -150,7 +150,7 @@ static bool next_element(socketcand_member_t *self)
 {
     struct pollfd ready = {.fd = self->fd, .events = POLLIN};
     char c;
-    while (poll(&ready, 1, HANDSHAKE_MS) > 0 && recv(self->fd, &c, 1, 0) == 1) {
+    while (poll(&ready, 1, SOCKETCAND_HANDSHAKE_MS) > 0 && recv(self->fd, &c, 1, 0) == 1) {
         if (text_feed(&self->input, c)) {
             return true;
         }

@@ -36,15 +36,35 @@ static void leave(socketcand_client_t *client)
     client->stage = SOCKETCAND_FREE;
 }
 
-static void drop(socketcand_server_t *self, socketcand_client_t *client)
+static void drop(socketcand_server_t *self, socketcand_client_t *client, const char *why)
 {
-    char text[120];
-    snprintf(text, sizeof text, "socketcand client %d dropped: it reads too slowly, %u bytes wait for it",
-             (int)(client - self->clients) + 1, (unsigned)(client->outbox.end - client->outbox.begin));
+    char text[160];
+    snprintf(text, sizeof text, "socketcand client %d dropped: %s", (int)(client - self->clients) + 1, why);
     if (self->report != NULL) {
         self->report(text);
     }
     leave(client);
+}
+
+static void drop_slow(socketcand_server_t *self, socketcand_client_t *client)
+{
+    char why[80];
+    snprintf(why, sizeof why, "it reads too slowly, %u bytes wait for it",
+             (unsigned)(client->outbox.end - client->outbox.begin));
+    self->bus.counts.dropped++;
+    drop(self, client, why);
+}
+
+/* Who connects and does not say what it wants would hold its place for ever. */
+static void drop_silent(socketcand_server_t *self)
+{
+    for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
+        socketcand_client_t *client = &self->clients[i];
+        bool greets = client->stage == SOCKETCAND_GREETED || client->stage == SOCKETCAND_OPENED;
+        if (greets && real_ns() - client->joined_ns > SOCKETCAND_HANDSHAKE_MS * UINT64_C(1000000)) {
+            drop(self, client, "it did not enter raw mode in time");
+        }
+    }
 }
 
 static bool is_quiet(const socketcand_client_t *client)
@@ -97,8 +117,7 @@ static void put(socketcand_server_t *self, socketcand_client_t *client, const ch
 {
     while (client->stage != SOCKETCAND_FREE && !outbox_put(&client->outbox, text, length)) {
         if (!wait_for(self, client) && client->stage != SOCKETCAND_FREE) {
-            self->bus.counts.dropped++;
-            drop(self, client);
+            drop_slow(self, client);
         }
     }
 }
@@ -242,6 +261,7 @@ static void join(socketcand_server_t *self)
     setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kernel_bytes, sizeof kernel_bytes);
     client->fd = fd;
     client->stage = SOCKETCAND_GREETED;
+    client->joined_ns = real_ns();
     client->quiet_until_ns = 0;
     client->input.inside = false;
     client->outbox.begin = 0;
@@ -285,6 +305,7 @@ static can_result_t server_receive(can_bus_t *bus, can_frame_t *frame, uint32_t 
         return CAN_BUS_OK;
     }
     flush_all(self);
+    drop_silent(self);
     watch(self, fds);
     struct timespec wait = {.tv_sec = (time_t)(timeout_us / 1000000u), .tv_nsec = (long)(timeout_us % 1000000u) * 1000};
     if (ppoll(fds, SOCKETCAND_CLIENTS + 1, &wait, NULL) > 0) {

@@ -5,6 +5,7 @@
  *
  * The beat comes first: no call blocks, each client has a bounded outbox, and a client that falls behind by more than
  * that is dropped with a report. With patience (virtual time, where no beat can be missed) the server waits instead.
+ * A client that has not opened the bus and entered raw mode SOCKETCAND_HANDSHAKE_MS after it connected is dropped too.
  */
 #ifndef SOCKETCAND_SERVER_H
 #define SOCKETCAND_SERVER_H
@@ -25,6 +26,7 @@ typedef enum { SOCKETCAND_FREE = 0, SOCKETCAND_GREETED, SOCKETCAND_OPENED, SOCKE
 typedef struct {
     int fd;
     socketcand_stage_t stage;
+    uint64_t joined_ns;
     uint64_t quiet_until_ns; /* frames wait in the outbox until then */
     text_splitter_t input;
     outbox_t outbox;

@@ -19,6 +19,8 @@
 extern "C" {
 #endif
 
+#define SOCKETCAND_HANDSHAKE_MS 5000 /* from the connection to raw mode, on both sides */
+
 #define TEXT_ELEMENT_MAX 200u
 #define TEXT_FRAME_MAX 80u /* longest element that a frame becomes */
 

@@ -8,6 +8,7 @@
 #include "random.h"
 #include "socketcand/outbox.h"
 #include "socketcand/text.h"
+#include "timed_loopback/timed_loopback.h"
 
 static uint64_t clock_ns;
 static uint32_t waited_us;
@@ -98,6 +99,32 @@ static void test_a_queue_goes_on_where_its_numbers_wrap(void)
         TEST_ASSERT_EQUAL(i, out.id);
     }
     TEST_ASSERT_FALSE(frame_queue_take(&loopback.queue, &out));
+}
+
+static void wait_on(void *context, uint32_t us)
+{
+    (void)context;
+    clock_ns += us * UINT64_C(1000);
+}
+
+/* All ask at once: by the standard's arbitration, where an id of 11 bits wins over one of 29 that begins with it. */
+static void test_the_highest_priority_goes_first(void)
+{
+    static timed_loopback_t timed;
+    static const can_frame_t frames[] = {
+        {.id = 0x101}, {.id = 0x100u << 18, .flags = CAN_FRAME_EXTENDED}, {.id = 0x100}, {.id = 0x7FF},
+        {.id = (0x100u << 18) - 1, .flags = CAN_FRAME_EXTENDED}, {.id = 0x0FF}};
+    static const size_t want[] = {5, 4, 2, 1, 0, 3};
+    can_frame_t out;
+    timed_loopback_open(&timed, 1000000, (can_clock_t){.now_ns = now, .wait_us = wait_on});
+    for (size_t i = 0; i < 6; i++) {
+        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&timed.bus, &frames[i]));
+    }
+    for (size_t i = 0; i < 6; i++) {
+        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&timed.bus, &out, 1000));
+        TEST_ASSERT_EQUAL_HEX32(frames[want[i]].id, out.id);
+    }
+    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&timed.bus, &out, 0));
 }
 
 static void test_a_full_loopback_refuses_and_counts(void)
@@ -418,6 +445,7 @@ int main(void)
     RUN_TEST(test_an_empty_loopback_waits_by_the_clock);
     RUN_TEST(test_a_loopback_without_a_wait_and_without_others);
     RUN_TEST(test_a_queue_goes_on_where_its_numbers_wrap);
+    RUN_TEST(test_the_highest_priority_goes_first);
     RUN_TEST(test_a_full_loopback_refuses_and_counts);
     RUN_TEST(test_frames_survive_the_text_both_ways);
     RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);

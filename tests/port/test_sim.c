@@ -108,6 +108,17 @@ static void test_a_stall_is_late_and_not_lost(void)
     TEST_ASSERT_EQUAL(500000000, encoder.latency.max);
 }
 
+/* An answer within its period is in time, up to the last nanosecond. */
+static void test_an_answer_after_its_period_is_a_deadline_missed(void)
+{
+    send(3);
+    answer(0, FRAMES_OK, ENCODER_PERIOD_NS);
+    TEST_ASSERT_EQUAL(0, encoder.late);
+    answer(1, FRAMES_OK, 2 * ENCODER_PERIOD_NS + 1);
+    answer(2, FRAMES_OK, 3 * ENCODER_PERIOD_NS);
+    TEST_ASSERT_EQUAL(1, encoder.late);
+}
+
 static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
 {
     send(10);
@@ -164,21 +175,26 @@ static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
     const char want[] = "(1234567890.000001) vcan0 01F#0AFF\n(0000000000.999999) vcan0 01ABCDEF#01\n"
                         "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R\n";
     char text[sizeof want + 1] = "";
-    candump_t log = {.file = tmpfile(), .bus_name = "vcan0"};
-    TEST_ASSERT_NOT_NULL(log.file);
+    static candump_t log;
+    FILE *file = tmpfile();
+    log = (candump_t){.fd = dup(fileno(file)), .bus_name = "vcan0"};
+    TEST_ASSERT_TRUE(log.fd >= 0);
     for (size_t i = 0; i < sizeof frames / sizeof frames[0]; i++) {
         candump_write(&log, &frames[i]);
     }
-    rewind(log.file);
-    TEST_ASSERT_EQUAL(sizeof want - 1, fread(text, 1, sizeof text, log.file));
-    TEST_ASSERT_EQUAL_STRING(want, text);
     TEST_ASSERT_TRUE(candump_close(&log));
+    rewind(file);
+    TEST_ASSERT_EQUAL(sizeof want - 1, fread(text, 1, sizeof text, file));
+    TEST_ASSERT_EQUAL_STRING(want, text);
+    fclose(file);
 }
 
 static void test_what_came_before_the_end_is_answered_and_logged(void)
 {
     volatile sig_atomic_t stop = 1;
-    candump_t log = {.file = tmpfile(), .bus_name = "vcan0"};
+    static candump_t log;
+    FILE *file = tmpfile();
+    log = (candump_t){.fd = dup(fileno(file)), .bus_name = "vcan0"};
     sim_clock_t clock;
     loopback_t bus;
     node_t node;
@@ -192,19 +208,20 @@ static void test_what_came_before_the_end_is_answered_and_logged(void)
     static loop_t loop;
     loop = (loop_t){.clock = &clock, .bus = &bus.bus, .nodes = &node, .node_count = 1, .log = &log, .stop = &stop, .max_ticks = 9};
     loop_run(&loop);
-    rewind(log.file);
-    TEST_ASSERT_TRUE(fread(text, 1, sizeof text - 1, log.file) > 0);
+    TEST_ASSERT_TRUE(candump_close(&log));
+    rewind(file);
+    TEST_ASSERT_TRUE(fread(text, 1, sizeof text - 1, file) > 0);
+    fclose(file);
     TEST_ASSERT_EQUAL(1, node.counts.ok);
     TEST_ASSERT_NOT_NULL(strstr(text, " 100#"));
     TEST_ASSERT_NOT_NULL(strstr(text, " 110#"));
-    TEST_ASSERT_TRUE(candump_close(&log));
 }
 
 static char summary[4096];
 
 static void write_summary(const loop_t *loop)
 {
-    const options_t options = {.bus = "loopback", .scene = "a.ini", .seed = 7, .is_virtual = true};
+    const options_t options = {.bus = "loopback", .scene = "a.ini", .seed = 7};
     const scene_t scene = {.title = "A"};
     char path[] = "/tmp/test_sim_XXXXXX";
     int fd = mkstemp(path);
@@ -231,13 +248,14 @@ static void test_the_summary_says_what_was_counted(void)
     static loop_t loop;
     loopback_t bus;
     sim_clock_t clock;
+    sim_clock_start(&clock, false);
     loopback_open(&bus, sim_clock_seam(&clock));
     for (uint32_t i = 0; i < 99; i++) { /* 1 to 99 us */
         send(1);
         answer(i, FRAMES_OK, i * UINT64_C(1000000) + (i + 1) * UINT64_C(1000));
     }
     send(1);
-    loop = (loop_t){.bus = &bus.bus, .encoders = &encoder, .encoder_count = 1, .ticks = 100, .wall_ns = 50000000};
+    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .encoders = &encoder, .encoder_count = 1, .ticks = 100, .wall_ns = 50000000};
     write_summary(&loop);
     TEST_ASSERT_EQUAL_DOUBLE(100, said("frames_sent"));
     TEST_ASSERT_EQUAL_DOUBLE(99, said("frames_answered"));
@@ -327,6 +345,7 @@ int main(void)
     RUN_TEST(test_a_histogram_takes_everything);
     RUN_TEST(test_each_answer_is_matched_once);
     RUN_TEST(test_a_stall_is_late_and_not_lost);
+    RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_waiting_frames_are_bounded);

@@ -56,7 +56,12 @@ def command(folder: Path, scene: Path | str, *options: str) -> list[str]:
 
 
 def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Run:
-    out, err = process.communicate(timeout=timeout)
+    try:
+        out, err = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()  # it would fill the disk
+        process.wait()
+        raise
     summary = folder / "summary.json"
     return Run(
         process.returncode,

@@ -5,6 +5,7 @@ user gets wrong.
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import os
@@ -19,6 +20,7 @@ import dahl
 import numpy as np
 import pytest
 from dahl import logs, report, scene
+from dahl.commands import demo as demo_command
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
@@ -268,6 +270,113 @@ def test_ctrl_c_leaves_whole_files(running, tmp_path):
     assert not any(Path(f"/proc/{child}").exists() for child in programs)
 
 
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
+def test_nobody_is_left_behind(running, number):
+    """However the demo ends, its two programs end with it."""
+    programs = children(running)
+    assert len(programs) == 2
+    running.send_signal(number)
+    running.wait(30)
+    until = time.monotonic() + 10
+    while any(map(is_running, programs)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(is_running, programs))
+
+
+def test_a_second_demo_in_the_same_folder_is_refused(running, run_dahl, tmp_path):
+    """By whatever name the folder is called; the first one's files stay its own."""
+    (tmp_path / "link").symlink_to(tmp_path)
+    for name in (tmp_path, tmp_path / "link", tmp_path / ".." / tmp_path.name):
+        done = run_dahl("demo", "--scene", "segments", "--output", name)
+        assert (done.returncode, done.stderr) == (
+            1,
+            f"error: {name}: another run is writing there; wait, or name another\n",
+        )
+    running.send_signal(signal.SIGINT)
+    _, errors = running.communicate(timeout=60)
+    assert (running.returncode, errors) == (130, "interrupted\n")
+    numbers = summary_of(tmp_path)
+    assert (numbers["scene"], numbers["frames_not_recorded"]) == ("steering", 0)
+    assert numbers["max_error_ulp_Fc"] <= 0.52
+    done = run_dahl("demo", "--scene", "segments", "--seconds", "0.2", "--output", tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+NUMBERS = {"max_error_ulp_Fc": 0.51, "frames_lost": 0, "frames_not_recorded": 0}
+FAULTS = {"expected": {"lost": 3}}
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({}, []),
+        ({"max_error_ulp_Fc": None}, []),
+        ({"max_error_ulp_Fc": 0.53}, ["error of 0.530 ulp of Fc, above the bound of 0.52"]),
+        ({"frames_lost": 2}, ["2 frames had no answer in time (a busy machine?)"]),
+        ({"frames_not_recorded": 1}, ["1 frames were not recorded"]),
+        ({"frames_lost": 2, "faults": FAULTS, "node": {"lost": 3}}, []),
+        ({"faults": FAULTS, "node": {"lost": 2}}, ["faults counted, due: {'lost': (2, 3)}"]),
+    ],
+)
+def test_what_makes_a_run_a_failed_one(numbers, words):
+    assert demo_command._wrong({**NUMBERS, **numbers}) == words
+
+
+def test_a_node_that_is_wrong_is_a_code_other_than_0(run_dahl, tmp_path):
+    """It computes with another sigma0 than the scene's; the files are there all the same."""
+    script = tmp_path / "loop"
+    more = "--set friction.sigma0=51"
+    case = f'case " $* " in *" node "*) set -- "$@" {more};; esac'
+    script.write_text(f'#!/bin/sh\n{case}\nexec {os.environ["DAHL_LOOP"]} "$@"\n')
+    script.chmod(0o755)
+    arguments = ["--scene", "segments", "--seconds", "0.3", "--output", tmp_path / "out"]
+    done = run_dahl("demo", *arguments, env={**os.environ, "DAHL_LOOP": str(script)})
+    assert done.returncode == 1
+    assert re.fullmatch(
+        r"error: .*: error of \S+ ulp of Fc, above the bound of 0.52\n", done.stderr
+    )
+    assert summary_of(tmp_path / "out")["max_error_ulp_Fc"] > 1000
+
+
+def test_a_log_in_the_place_of_an_output_is_refused(own_log, run_dahl, tmp_path):
+    for name in ("run.log", "summary.json", "own.ini"):
+        victim = tmp_path / name
+        victim.write_bytes(own_log.read_bytes())
+        done = run_dahl("demo", victim, *OWN, "--output", tmp_path)
+        assert done.returncode == 2
+        assert done.stderr == (
+            f"error: {victim}: a run in {tmp_path} would destroy it; name another --output\n"
+        )
+        assert victim.read_bytes() == own_log.read_bytes()
+        victim.unlink()
+
+
+@pytest.mark.parametrize("scene_name", ["segments", "creep", "fault-storm"])
+def test_progress_ends_at_100_percent(run_dahl, tmp_path, scene_name):
+    done = run_dahl("demo", "--scene", scene_name, "--seconds", "1", "--output", tmp_path)
+    assert done.returncode == 0, done.stderr
+    ticks = summary_of(tmp_path)["ticks"]
+    assert re.search(rf"^run .* 100% {ticks} ticks", done.stdout, re.MULTILINE), done.stdout
+
+
+def test_no_latencies_in_virtual_time(run_dahl, tmp_path):
+    done = run_dahl("demo", "--scene", "fault-storm", "--seconds", "1", "--output", tmp_path)
+    assert done.returncode == 0, done.stderr
+    numbers = summary_of(tmp_path)
+    assert not [key for key in numbers if "latency" in key or "jitter" in key or "deadline" in key]
+    assert " us" not in done.stdout
+    assert run_dahl("report", tmp_path).returncode == 0
+    assert "latenc" not in (tmp_path / "report.html").read_text().lower()
+    assert run_dahl("plot", tmp_path).returncode == 0
+
+
 @pytest.mark.parametrize("which", [0, 1])
 def test_a_program_that_dies_is_named(running, which):
     os.kill(children(running)[which], signal.SIGKILL)
@@ -401,7 +510,8 @@ def test_a_column_name_that_a_scene_cannot_hold_is_named(tmp_path):
     ("text", "words"),
     [
         ("[friction]\nsigma0 = x\n", "[friction] sigma0 = 'x' is not a number"),
-        ("[wheel]\n", "unknown section [wheel]"),
+        ("[measured]\nsettle = 1.5\n", "[measured] settle = '1.5' is not a whole number"),
+        ("[measured]\nsettle = inf\n", "[measured] settle = 'inf' is not a whole number"),
         ("[measured]\nwheel = 1\n", "[measured] has no key 'wheel'"),
         ("sigma0 = 1\n", "no section headers"),
     ],
@@ -448,3 +558,47 @@ def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tm
     assert numbers["max_error_ulp_Fc"] is None
     assert f"rms {numbers['control']['rms_error_rad']:.3g} rad" in done.stdout
     assert (tmp_path / "trace.csv").stat().st_size > 100000
+
+
+@pytest.mark.parametrize("seed", [3, 2**64 - 1])
+def test_the_seed_is_the_runs(run_dahl, tmp_path, seed):
+    """In the summary, and in what was played."""
+    for name, scene_name in (("real", "steering"), ("virtual", "fault-storm")):
+        folder = tmp_path / name
+        options = ["--scene", scene_name, "--seconds", "0.3", "--seed", seed, "--output", folder]
+        assert run_dahl("demo", *options).returncode == 0
+        assert summary_of(folder)["seed"] == pytest.approx(seed)
+
+
+def test_a_bus_without_a_frame_is_a_failed_run(run_dahl, tmp_path):
+    """The encoder says nothing: after ten seconds that is told, not waited for."""
+    script = tmp_path / "loop"
+    case = 'case " $* " in *" encoder "*) exec sleep 60;; esac'
+    deaf = "--set status.period_ms=60000"
+    script.write_text(f'#!/bin/sh\n{case}\nexec {os.environ["DAHL_LOOP"]} "$@" {deaf}\n')
+    script.chmod(0o755)
+    environment = {**os.environ, "DAHL_LOOP": str(script)}
+    arguments = ["--scene", "segments", "--output", tmp_path / "out"]
+    begun = time.monotonic()
+    done = run_dahl("demo", *arguments, env=environment, timeout=60)
+    assert time.monotonic() - begun < 40
+    assert (done.returncode, done.stderr) == (1, "error: no frame on the bus for 10 s\n")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "motion", "rows", "ticks"),
+    [
+        (None, 0, None, None),
+        (1.5, 0, None, 1500),
+        (None, 30, None, 30000),
+        (2, 30, None, 2000),
+        (None, 0, 700, 700),
+        (0.5, 0, 700, 500),
+        (None, math.inf, None, None),
+    ],
+)
+def test_how_long_a_run_will_be(seconds, motion, rows, ticks):
+    played = scene.Scene(Path("a.ini"), "a", seconds=motion)
+    recorded = None if rows is None else scene.Recorded(None, None, rows)
+    arguments = argparse.Namespace(seconds=seconds)
+    assert demo_command._expected(arguments, played, recorded) == ticks

@@ -129,6 +129,22 @@ SCENE_ERRORS = [
     (with_("motion", ROTOR + CONTROL), ":12: [control] needs [motion]"),
     (with_("status", "[rotor]\ninertia = 0"), ":14: [rotor] inertia = 0: outside"),
     (with_("status", "[rotor]\ninertia = 1"), ':13: [rotor] has no key "sigma0"'),
+    (
+        with_("friction", GOOD["friction"] + "\nnode = 1.9"),
+        ":7: [friction] node = 1.9: not a whole number",
+    ),
+    (
+        with_("friction", GOOD["friction"] + "\nmax_step = 2.5"),
+        ":7: [friction] max_step = 2.5: not a whole number",
+    ),
+    (
+        with_("motion", GOOD["motion"] + "\nstart_count = -0.5"),
+        ":13: [motion] start_count = -0.5: not a whole number",
+    ),
+    (
+        with_("motion", "[motion]\nkind = segments\ntheta1 = 1.5"),
+        ":9: [motion] theta1 = 1.5: not a whole number",
+    ),
     ("[scene]\ntitle = empty", "names neither [friction] nor [motion]"),
     ("", "names neither [friction] nor [motion]"),
     ("sigma0 = 1\n[friction]", ':1: unknown key "sigma0" in []'),
@@ -140,6 +156,89 @@ SCENE_ERRORS = [
 def test_bad_scenes(tmp_path, scene, words):
     path = write(tmp_path, scene)
     assert f"{path}{words}" in complaint(tmp_path).replace(f"{path}: names", f"{path}names")
+
+
+BAD_TEXTS = {
+    b"caf\xe9": "caf?",
+    b"\xc0\xaf": "??",
+    b"\xed\xa0\x80": "???",
+    b"\xf4\x90\x80\x80": "????",
+    b"\xe2\x82": "??",
+    b"\x80x": "?x",
+}
+
+
+@pytest.mark.parametrize(("title", "shown"), BAD_TEXTS.items(), ids=BAD_TEXTS.values())
+def test_a_title_that_is_no_text_is_refused(tmp_path, title, shown):
+    path = write(tmp_path, "")
+    good = "\n".join(GOOD.values()).encode()
+    path.write_bytes(good.replace(b"title = t", b"title = " + title))
+    assert complaint(tmp_path) == f"error: {path}:2: [scene] title = {shown}: not UTF-8\n"
+
+
+def test_the_summary_is_valid_json_whatever_the_names_are(tmp_path):
+    path = write(tmp_path, "\n".join(GOOD.values()).replace("title = t", 'title = "é€😀\\'))
+    odd = tmp_path / os.fsdecode(b"caf\xe9 \xe2\x82.ini")
+    path.rename(odd)
+    result = run(tmp_path, odd, "--virtual")
+    assert result.code == 0, result.err
+    assert result.summary["title"] == '"é€😀\\'
+    assert result.summary["scene"] == f"{tmp_path}/caf? ??.ini"
+
+
+@pytest.mark.parametrize("option", ["--log", "--summary", "--trace"])
+@pytest.mark.parametrize("way", ["same", "link", "symlink", "dots"])
+@pytest.mark.parametrize("victim", ["scene.ini", "log.csv"])
+def test_no_output_destroys_an_input(tmp_path, option, way, victim):
+    scene = write(tmp_path, "\n".join(GOOD.values()))
+    target = tmp_path / victim
+    kept = target.read_bytes()
+    other = tmp_path / "other"
+    if way == "link":
+        other.hardlink_to(target)
+    elif way == "symlink":
+        other.symlink_to(target)
+    path = {"same": target, "dots": f"{tmp_path}/../{tmp_path.name}/{victim}"}.get(way, other)
+    done = subprocess.run(
+        [program(), "--scene", scene, "--virtual", option, path],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    name = "--scene" if victim == "scene.ini" else "the measured log"
+    assert (done.returncode, done.stderr) == (
+        2,
+        f"error: {option} {path}: that is the file of {name} {target}\n",
+    )
+    assert target.read_bytes() == kept
+
+
+def test_no_two_outputs_are_one_file(tmp_path):
+    """Whether it is there or not; what is no file, as /dev/null, may be named twice."""
+    scene = write(tmp_path, "\n".join(GOOD.values()))
+    new = tmp_path / "new"
+    for again in (new, f"{tmp_path}/./new"):
+        options = ["--virtual", "--log", new, "--summary", again]
+        done = subprocess.run(
+            [program(), "--scene", scene, *options],
+            capture_output=True,
+            text=True,
+            timeout=20,
+            check=False,
+        )
+        assert done.stderr == f"error: --summary {again}: that is the file of --log {new}\n"
+        assert (done.returncode, new.exists()) == (2, False)
+    null = ["--virtual", "--log", "/dev/null", "--summary", "/dev/null"]
+    assert (
+        subprocess.run([program(), "--scene", scene, *null], timeout=20, check=False).returncode
+        == 0
+    )
+    apart = ["--virtual", "--log", tmp_path / "a", "--summary", tmp_path / "b"]
+    assert (
+        subprocess.run([program(), "--scene", scene, *apart], timeout=20, check=False).returncode
+        == 0
+    )
 
 
 TABLE_ERRORS = [

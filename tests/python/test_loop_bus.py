@@ -125,6 +125,7 @@ def two_processes(folder: Path, scene: Path, seconds: float) -> None:
     ]
     assert seen == logged
     assert torques_of(read_log(sent.log)) == torques_of(read_log(answered.log))
+    assert len(counts_of(read_log(sent.log))) == seconds * RATE  # its own frames are in its log
     assert max(sent.summary["max_rss_kib"], answered.summary["max_rss_kib"]) < 16 * 1024
 
 
@@ -153,16 +154,19 @@ def answer_to(angle: can.Message) -> can.Message:
 def test_in_lockstep_a_slow_node_loses_nothing(tmp_path):
     """The node takes 5 ms for an answer and once does not answer: that one angle is lost."""
     options = ("--role", "encoder", "--lockstep", "--wait-clients", "1", "--seconds", "0.2")
-    waiting = []
+    waiting, pauses = [], []
     with serving(tmp_path, STEERING, *options) as (process, port), client(port) as bus:
         for tick in range(200):
+            begun = time.monotonic()
             angle = bus.recv(10)
+            pauses.append(time.monotonic() - begun)
             time.sleep(0.005)
             waiting.append(bus.recv(0))
             if tick != 20:
                 bus.send(answer_to(angle))
         result = finished(tmp_path, process)
     assert waiting == [None] * 200
+    assert 1.9 < pauses[21] < 3.9
     assert result.err == "note: an angle had no answer for 2 s; it is counted as lost\n"
     assert (result.summary["frames_sent"], result.summary["frames_lost"]) == (200, 1)
     assert result.summary["answers_unmatched"] == 0

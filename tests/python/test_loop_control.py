@@ -147,8 +147,8 @@ def test_the_same_in_two_runs_and_only_what_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("scene", "sets"),
     [
-        ("creep", ["motor.bias=1e12", "rotor.inertia=1e-9"]),
-        ("slow-reversal", ["control.kp=1e12", "control.torque_limit=1e12", "rotor.inertia=1e-9"]),
+        ("creep", ["motor.bias=1e12", "rotor.inertia=5e-6"]),
+        ("slow-reversal", ["control.kp=1e12", "control.torque_limit=1e12", "rotor.inertia=3e-7"]),
     ],
 )
 def test_a_shaft_that_runs_away_is_told(tmp_path, scene, sets):
@@ -167,3 +167,45 @@ def test_a_shaft_may_go_as_far_as_its_limit(tmp_path):
     result = run(tmp_path, SCENES / "creep.ini", "--virtual", *sets)
     counts = float(re.search(r"(\S+) counts: outside", result.err)[1])
     assert 2**53 < counts < 1.002 * 2**53
+
+
+ROTOR = """[friction]
+sigma0 = 120
+Fc = 1.8
+theta_per_count = 3.7e-7
+[rotor]
+inertia = {inertia!r}
+viscous = {viscous!r}
+sigma0 = {sigma0!r}
+Fc = 1.8
+[motor]
+bias = 1
+amplitude = 2
+frequency = 5
+seconds = 2
+"""
+
+
+@pytest.mark.parametrize("viscous", [0.0, 1e-4, 0.5, 100.0])
+@pytest.mark.parametrize("sigma0", [10.0, 120.0, 1e6])
+def test_a_shaft_too_light_for_the_step_is_refused_and_the_lightest_is_stable(
+    tmp_path, viscous, sigma0
+):
+    """At the limit that the message names no speed and no friction grows beyond what drives it."""
+    path = tmp_path / "scene.ini"
+    path.write_text(ROTOR.format(inertia=1e-9, viscous=viscous, sigma0=sigma0))
+    refused = run(tmp_path, path, "--virtual")
+    assert refused.code == 2
+    assert refused.err.startswith(f"error: {path}:6: [rotor] inertia = 1e-09: below ")
+    least = float(re.search(r"below (\S+),", refused.err)[1]) * 1.000001
+    path.write_text(ROTOR.format(inertia=least, viscous=viscous, sigma0=sigma0))
+    trace = tmp_path / "trace.csv"
+    done = run(tmp_path, path, "--virtual", "--trace", str(trace))
+    if viscous == 0 and "outside" in done.err:
+        return  # free and light: it does fly away
+    assert done.code == 0, done.err
+    table = np.loadtxt(trace, delimiter=",", skiprows=1)
+    assert np.isfinite(table).all()
+    assert np.abs(table[:, 5]).max() <= 1.8 * (1 + 1e-6)
+    if viscous >= 0.5:  # overdamped: the speed follows the torque
+        assert np.abs(table[:, 3]).max() <= 1.05 * (3 + 1.8) / viscous

@@ -9,9 +9,11 @@ from loop_tools import SCENES, read_log, run
 STEERING = SCENES / "steering.ini"
 
 
-def bits(identifier: int, data: bytes) -> int:
-    """Bits of a classic frame with 11-bit id, from the standard: stuffed up to the CRC, then 13."""
-    body = f"0{identifier:011b}000{len(data):04b}" + "".join(f"{byte:08b}" for byte in data)
+def bits(identifier: int, data: bytes, extended: bool = False) -> int:
+    """Bits of a classic frame, from the standard: stuffed up to the CRC, then 13."""
+    low = f"{identifier & 0x3FFFF:018b}"
+    head = f"{identifier >> 18:011b}11{low}000" if extended else f"{identifier:011b}000"
+    body = f"0{head}{len(data):04b}" + "".join(f"{byte:08b}" for byte in data)
     crc = 0
     for bit in body:
         crc = crc << 1 ^ (0x4599 if (crc >> 14 & 1) != int(bit) else 0)
@@ -57,12 +59,16 @@ def test_the_lowest_id_goes_first(tmp_path):
     assert sum(0x110 in ids[3:] for ids in per_tick.values()) > 980
 
 
-@pytest.mark.parametrize(("nodes", "rate", "warned"), [(2, 1000000, False), (2, 500000, True)])
+@pytest.mark.parametrize(
+    ("nodes", "rate", "warned"),
+    [(2, 1000000, False), (3, 1000000, True), (2, 720000, False), (2, 500000, True)],
+)
 def test_a_load_above_70_percent_is_said_once(tmp_path, nodes, rate, warned):
     options = ("--virtual", "--nodes", nodes, "--bitrate", rate, "--seconds", "3")
     result = run(tmp_path, STEERING, *options)
     assert result.code == 0
     assert (result.summary["bus_load_peak"] > 0.7) == warned
+    assert result.summary["bus_load_peak"] == pytest.approx(result.summary["bus_load"], rel=0.05)
     assert result.err.count("note: bus load") == int(warned)
     assert result.err.count("\n") == int(warned)
     assert result.summary["frames_lost"] == 0
@@ -136,3 +142,33 @@ def test_lengths_of_random_frames(tmp_path):
         assert gap >= free
         seen += frame.id & ~15 == 0x0F0 and gap == free
     assert seen > 300
+
+
+def test_lengths_of_extended_frames(tmp_path):
+    """An angle with an id of 29 bits takes longer than one with 11, by the standard's bits."""
+    words = ["--set", "faults.extended=0.3", "--set", "friction.max_step=2000"]
+    rate = 1_000_000
+    options = ("--virtual", "--bitrate", rate, "--seconds", "1", *words)
+    result = run(tmp_path, STEERING, *options)
+    lines = result.log.read_text().splitlines()
+    seen = 0
+    for line, frame in zip(lines, read_log(result.log), strict=True):
+        into = round(frame.time * rate) % 1000
+        if " 00000100#" in line and into < 200:  # the bus was free when it was sent
+            assert into == bits(0x100, frame.data, extended=True)
+            seen += 1
+    assert seen > 100
+
+
+def test_the_peak_is_the_fullest_second(tmp_path):
+    """With pauses of an encoder the seconds differ; the fullest one is told."""
+    words = ["--set", "faults.silence=0.002", "--set", "friction.max_step=2000"]
+    words += ["--set", "friction.timeout_ms=400"]
+    rate = 1_000_000
+    result = run(tmp_path, STEERING, "--virtual", "--bitrate", rate, "--seconds", "12", *words)
+    loads = [0.0] * 13
+    for frame in read_log(result.log):
+        loads[int(frame.time)] += bits(frame.id, frame.data) / rate
+    assert result.summary["bus_load_peak"] == pytest.approx(max(loads), rel=0.01)
+    assert loads[11] < 0.9 * max(loads), "this seed shows nothing: take another"
+    assert result.summary["bus_load"] == pytest.approx(sum(loads) / 12, rel=0.01)

@@ -21,7 +21,10 @@ The command `dahl` (see `dahl --help`) holds the tools: demo, identify, plan, mo
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+
+TYPE_CHECKING = False  # typing itself would cost as much as the rest of `dahl --help`
+if TYPE_CHECKING:
+    from typing import Any
 
 __version__ = "0.1.0"
 __all__ = ["Error", "Friction", "Plan", "RunError", "State", "Throughput", "counts_between"]

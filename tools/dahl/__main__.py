@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""`python -m dahl` is the command `dahl`."""
+"""The program `dahl`, also as `python -m dahl`: Ctrl-C is one line from here on."""
 
 import sys
 
-from dahl.cli import main
+from dahl import interrupt
 
-sys.exit(main())
+interrupt.at_start()
+
+from dahl.cli import main  # noqa: E402
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -2,8 +2,8 @@
 """The command `dahl`: one module of dahl.commands per sub-command, one line `error: ...` for
 whatever goes wrong.
 
-Exit codes: 0 done, 1 the run failed (bus gone, program not built), 2 bad input, 130 ended by Ctrl-C
-after files were made whole.
+Exit codes: 0 done, 1 the run failed (bus gone, program not built), 2 bad input, 130
+ended by Ctrl-C, after one line and with whole files.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from dahl import Error, RunError, __version__, printable
+from dahl import Error, RunError, __version__, interrupt, printable
 from dahl.commands import data, demo, excite, identify, monitor, plan, plot, record, report
 
 
@@ -83,7 +83,11 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; returns the exit code."""
+    """Run one command; returns the exit code, also where Ctrl-C ends it."""
+    return interrupt.guarded(lambda: _run(argv))
+
+
+def _run(argv: list[str] | None) -> int:
     _open_streams()
     try:
         args = build_parser().parse_args(argv)
@@ -92,8 +96,6 @@ def main(argv: list[str] | None = None) -> int:
         return int(code)
     except Error as error:
         return _complain(error, 1 if isinstance(error, RunError) else 2)
-    except KeyboardInterrupt:
-        return 130
     except BrokenPipeError:  # the reader of our output has gone (| head)
         _drop_output()
         return 0
@@ -123,6 +125,8 @@ def _drop_output() -> None:
 
 
 def _complain(error: object, code: int) -> int:
+    if interrupt.is_asked():  # what an early end made of a run is no news
+        return code
     with contextlib.suppress(OSError):  # nobody reads that either
         print(f"error: {error}", file=sys.stderr)
     return code

@@ -9,6 +9,7 @@ product would keep its calibration.
 from __future__ import annotations
 
 import contextlib
+import shutil
 import socket
 import struct
 import subprocess
@@ -22,6 +23,14 @@ from dahl import Error, RunError, paths
 
 PATIENCE = 20.0  # s for QEMU to listen
 PAGE_WRITTEN = 0x4C484144  # "DAHL", see node_image.c
+
+
+def with_parent() -> list[str]:
+    """In front of a command: it ends when this process does, even by SIGKILL. (util-linux has it;
+    without it such an end leaves the command running.)
+    """
+    setpriv = shutil.which("setpriv")
+    return [setpriv, "--pdeathsig", "TERM"] if setpriv else []
 
 
 @dataclass(frozen=True)
@@ -98,22 +107,21 @@ class Firmware:
         self.errors = folder / f"qemu.{core}.err"
 
     def __enter__(self) -> Firmware:
+        if not shutil.which("qemu-system-arm"):
+            raise RunError("qemu-system-arm is missing; tools/setup.sh installs it")
         self.port = free_port()
         serial = f"tcp:127.0.0.1:{self.port},server=on,wait=off,nodelay=on"
-        command = ["qemu-system-arm", "-M", self.board.machine, "-display", "none"]
+        command = [*with_parent(), "qemu-system-arm", "-M", self.board.machine, "-display", "none"]
         command += ["-monitor", "none", "-serial", serial, "-kernel", str(self.image)]
         loader = f"loader,file={self.page},addr={self.board.page:#x},force-raw=on"
         with self.errors.open("w", encoding="utf-8") as errors:
-            try:
-                self.process = subprocess.Popen(
-                    [*command, "-device", loader, *self.options],
-                    stdin=subprocess.DEVNULL,
-                    stdout=errors,
-                    stderr=errors,
-                    start_new_session=True,
-                )
-            except FileNotFoundError:
-                raise RunError("qemu-system-arm is missing; tools/setup.sh installs it") from None
+            self.process = subprocess.Popen(
+                [*command, "-device", loader, *self.options],
+                stdin=subprocess.DEVNULL,
+                stdout=errors,
+                stderr=errors,
+                start_new_session=True,
+            )
         self._wait()
         return self
 
@@ -170,7 +178,7 @@ def attached(
 ) -> Iterator[None]:
     """Firmware as node 0 of the bus that is served on `port`."""
     with Firmware(core, params, folder, 0, STALL_US) as node:
-        command = [sys.executable, "-m", "dahl.bridge", str(node.port), str(port)]
+        command = [*with_parent(), sys.executable, "-m", "dahl.bridge", str(node.port), str(port)]
         with subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import os
 import re
 import signal
 import subprocess
@@ -58,11 +59,13 @@ class Program:
     """
 
     def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
+        self.told = False  # to end
         self.role, self.summary = role, setup.folder / f"{role}.json"
         self.summary.unlink(missing_ok=True)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
         command = [paths.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
-        command += ["--summary", self.summary, *_options(setup, role), *extra]
+        command += ["--summary", self.summary, "--with-parent", os.getpid()]
+        command += [*_options(setup, role), *extra]
         self.process = subprocess.Popen(
             [str(word) for word in command],
             stdin=subprocess.DEVNULL,
@@ -85,6 +88,7 @@ class Program:
     def end(self) -> None:
         """Ask it to end in order, and make sure that it does."""
         if not self.ended():
+            self.told = True
             self.process.send_signal(signal.SIGINT)
         try:
             self.process.wait(PATIENCE)
@@ -95,21 +99,27 @@ class Program:
 
     def check(self) -> None:
         """Raise what it complained about, if it failed."""
-        if self.process.returncode in (0, None):
+        code = self.process.returncode
+        if code in (0, None) or (self.told and code == -signal.SIGINT):  # before it could listen
             return
-        lines = Path(self.errors.name).read_text(encoding="utf-8").split("\n")
-        lines = [line.strip() for line in lines if line.strip()]
+        lines = [line.strip() for line in self.words().split("\n") if line.strip()]
         words = next(
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
         )
         kind = Error if self.process.returncode == 2 else RunError
         raise kind(words or f"dahl-loop ({self.role}) ended with code {self.process.returncode}")
 
+    def words(self) -> str:
+        """All that it has said so far."""
+        return Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
+
     def port(self) -> int:
         """The TCP port that it says it serves."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until and not self.ended():
-            said = SERVED.search(Path(self.errors.name).read_text(encoding="utf-8"))
+            said = SERVED.search(
+                Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
+            )
             if said:
                 return int(said[1])
             time.sleep(0.02)

@@ -5,7 +5,10 @@ it.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from dahl import RunError
@@ -42,3 +45,24 @@ def library() -> Path:
 def loop_program() -> Path:
     """The program dahl-loop."""
     return built("DAHL_LOOP", "host_sim", "dahl-loop")
+
+
+@contextlib.contextmanager
+def owned(folder: Path) -> Iterator[None]:
+    """Make a folder and be the only one that writes into it. The lock is on the folder itself, so
+    it leaves no file, and goes with the process that holds it. Raises RunError where it is held.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        _lock(lock, folder)
+        yield
+    finally:
+        os.close(lock)
+
+
+def _lock(lock: int, folder: Path) -> None:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise RunError(f"{folder}: another run is writing there; wait, or name another") from None

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import can
     import cantools
 
+BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
 LATE = 8  # counter steps from which on a frame looks late, not ahead (NODE_GAP_MAX_STEP)
 TOGETHER = 0.005  # s between two frames; after more a counter that went back is a gap
 COUNTERS = 16  # EncoderState.Counter runs 0..15

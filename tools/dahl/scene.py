@@ -2,8 +2,8 @@
 """Scene files, as far as Python needs them: what the node's parameters are and what was measured
 beside the angle.
 
-dahl-loop reads and checks all sections; only [measured] is read here alone. A
-user's own log becomes a scene too, so that there is one way to run anything.
+dahl-loop reads and checks all sections, so which there are is told there alone; only [measured] is
+read here alone. A user's own log becomes a scene too, so that there is one way to run anything.
 """
 
 from __future__ import annotations
@@ -18,17 +18,6 @@ import numpy as np
 
 from dahl import Error, logs, paths
 
-SECTIONS = (
-    "scene",
-    "friction",
-    "motion",
-    "rotor",
-    "motor",
-    "control",
-    "faults",
-    "status",
-    "measured",
-)
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
     "rad": (1.0, "N m"),
@@ -64,6 +53,7 @@ class Scene:
     sigma0: float = 0.0
     Fc: float = 0.0
     theta_per_count: float = 0.0
+    seconds: float = 0.0  # how long the motion lasts, where the scene says it
     motion: dict[str, str] = field(default_factory=dict)
     measured: Measured = field(default_factory=Measured)
     parts: tuple[str, ...] = ()  # sections that the file has
@@ -104,12 +94,12 @@ def read(path: Path) -> Scene:
         parser.read_string(path.read_text(encoding="utf-8"), source=str(path))
     except (OSError, UnicodeDecodeError, configparser.Error) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
-    unknown = [name for name in parser.sections() if name not in SECTIONS]
-    if unknown:
-        raise Error(f"{path}: unknown section [{unknown[0]}] (known: {', '.join(SECTIONS)})")
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
     for key in ("sigma0", "Fc", "theta_per_count"):
         setattr(scene, key, _number(path, parser, "friction", key, 0.0))
+    scene.seconds = max(
+        _number(path, parser, section, "seconds", 0.0) for section in ("motion", "motor")
+    )
     scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
     scene.measured = _measured(path, parser)
     scene.parts = tuple(parser.sections())
@@ -139,11 +129,10 @@ def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
                 f"{path}: [measured] has no key '{key}' (known: {', '.join(vars(measured))})"
             )
         kind = type(getattr(measured, key))
-        setattr(
-            measured,
-            key,
-            text if kind is str else kind(_number(path, parser, "measured", key, 0.0)),
-        )
+        number = 0.0 if kind is str else _number(path, parser, "measured", key, 0.0)
+        if kind is int and not number.is_integer():
+            raise Error(f"{path}: [measured] {key} = '{text}' is not a whole number")
+        setattr(measured, key, text if kind is str else kind(number))
     return measured
 
 

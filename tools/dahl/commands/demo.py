@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, paths
+from dahl import Error, RunError, paths
 from dahl.arguments import seconds, whole
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ EXAMPLE = """examples:
 
 PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
+WRITTEN = ("*.ini", "*.json", "*.err", "*.bin", "run.log", "trace.csv", "loop.png")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -109,11 +111,42 @@ def run(args: argparse.Namespace) -> int:
     from dahl import terminal
 
     console = terminal.console(soft_wrap=True)
-    args.output.mkdir(parents=True, exist_ok=True)
-    scene, log, recorded = _choose(args, console)
-    numbers, trace = _play(args, scene, log, recorded, console)
-    _keep(args.output, scene, trace, recorded, numbers, console)
-    return 130 if numbers["interrupted"] else 0
+    with paths.owned(args.output):
+        _spare(args)
+        scene, log, recorded = _choose(args, console)
+        numbers, trace = _play(args, scene, log, recorded, console)
+        _keep(args.output, scene, trace, recorded, numbers, console)
+    if numbers["interrupted"]:
+        return 130
+    wrong = _wrong(numbers)
+    if wrong:
+        raise RunError(f"{args.output / 'summary.json'}: {'; '.join(wrong)}")
+    return 0
+
+
+def _spare(args: argparse.Namespace) -> None:
+    """Raise dahl.Error where a file that this run writes is the log that it reads."""
+    written = [path for name in WRITTEN for path in args.output.glob(name)]
+    if args.log and args.log.exists() and any(map(args.log.samefile, written)):
+        raise Error(f"{args.log}: a run in {args.output} would destroy it; name another --output")
+
+
+def _wrong(numbers: dict[str, Any]) -> list[str]:
+    """What makes a run that has come to its end a failed one."""
+    from dahl import report
+
+    wrong = []
+    error = numbers["max_error_ulp_Fc"]
+    if error is not None and error > report.BOUND_ULP:
+        wrong.append(f"error of {error:.3f} ulp of Fc, above the bound of {report.BOUND_ULP:g}")
+    if "faults" in numbers:
+        counted = report.disagreements(numbers)
+        wrong += [f"faults counted, due: {counted}"] if counted else []
+    elif numbers.get("frames_lost"):
+        wrong.append(f"{numbers['frames_lost']} frames had no answer in time (a busy machine?)")
+    if "faults" not in numbers and numbers["frames_not_recorded"]:
+        wrong.append(f"{numbers['frames_not_recorded']} frames were not recorded")
+    return wrong
 
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
@@ -176,16 +209,17 @@ def _play(
     console: Any,
 ) -> tuple[dict[str, Any], Trace]:
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     from dahl import logs, loop, report
     from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
-    ticks = _expected(args, recorded)
+    ticks = _expected(args, scene, recorded)
     columns = (
         TextColumn("run    "),
         BarColumn(),
+        TaskProgressColumn(),
         TextColumn("{task.completed:.0f} ticks"),
         TimeElapsedColumn(),
     )
@@ -196,6 +230,8 @@ def _play(
             stop,
             lambda frames: progress.update(task, completed=min(frames // 2, ticks or frames)),
         )
+        done = numbers.get("ticks", 0)
+        progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
     numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
@@ -235,10 +271,11 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     setup.attach = lambda port: firmware.attached(args.target, params, args.output, port)
 
 
-def _expected(args: argparse.Namespace, recorded: Recorded | None) -> int | None:
+def _expected(args: argparse.Namespace, scene: Scene, recorded: Recorded | None) -> int | None:
     """Ticks of the run, as far as one can know before."""
-    wanted = [int(args.seconds * 1000)] if args.seconds else []
-    return min(wanted + ([recorded.rows] if recorded else []), default=None)
+    known = [args.seconds, scene.seconds]
+    ticks = [int(seconds * 1000) for seconds in known if seconds and math.isfinite(seconds)]
+    return min(ticks + ([recorded.rows] if recorded else []), default=None)
 
 
 def _keep(
@@ -268,10 +305,6 @@ def _keep(
     )
     if numbers["interrupted"]:
         console.print("ended early, as asked; the files hold all that was recorded until then")
-    elif numbers.get("frames_lost") and "faults" not in numbers:
-        console.print(
-            f"note    {numbers['frames_lost']} frames had no answer in time: is this machine busy?"
-        )
 
 
 def _table(numbers: dict[str, Any], scene: Scene) -> Any:
@@ -283,7 +316,8 @@ def _table(numbers: dict[str, Any], scene: Scene) -> Any:
         "bus": numbers["bus"],
         "ticks": numbers.get("ticks"),
         "frames sent, lost": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
-        "latency": ", ".join(f"{key} {value:.0f} us" for key, value in latency.items()),
+        "latency": ", ".join(f"{key} {value:.0f} us" for key, value in latency.items())
+        or "none: virtual time stands still between an angle and its answer",
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
         else f"{error:.3f} ulp of Fc at most",

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* bus_choice: from --bus SPEC to an open bus. */
-#ifndef BUS_CHOICE_H
-#define BUS_CHOICE_H
+/* bus_open: from --bus SPEC to an open bus. */
+#ifndef BUS_OPEN_H
+#define BUS_OPEN_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -13,7 +13,7 @@
 typedef struct {
     can_bus_t *bus;
     const char *name; /* for the log */
-} bus_choice_t;
+} open_bus_t;
 
 typedef struct {
     const char *spec;
@@ -26,6 +26,6 @@ typedef struct {
 
 /* Only one bus can be open in a process.
  * 0, or an exit code after one error line was printed: EXIT_BAD_INPUT for a bad spec, EXIT_RUNTIME for a bus not there. */
-int bus_choose(bus_choice_t *choice, const bus_wish_t *wish);
+int bus_open(open_bus_t *opened, const bus_wish_t *wish);
 
 #endif

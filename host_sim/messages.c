@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/* complain: see complain.h. */
-#include "complain.h"
+/* messages: see messages.h. */
+#include "messages.h"
 
 #include <stdarg.h>
 #include <stdio.h>
+
+#include "utf8.h"
 
 /* What a file says may hold anything: a message is one line all the same. */
 static void without_controls(char *text)
@@ -15,7 +17,7 @@ static void without_controls(char *text)
     }
 }
 
-int complain(const char *format, ...)
+int log_error(const char *format, ...)
 {
     char text[2048];
     va_list arguments;
@@ -23,11 +25,12 @@ int complain(const char *format, ...)
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     without_controls(text);
+    utf8_repair(text);
     fprintf(stderr, "error: %s\n", text);
     return -1;
 }
 
-void remark(const char *text)
+void log_warning(const char *text)
 {
     fprintf(stderr, "note: %s\n", text);
 }

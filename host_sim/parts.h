@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: MIT */
+/* parts: the nodes, encoders, faults and the shaft that a scene names, made ready to run. */
+#ifndef PARTS_H
+#define PARTS_H
+
+#include "encoder.h"
+#include "faults.h"
+#include "files.h"
+#include "motion.h"
+#include "node.h"
+#include "options.h"
+#include "plant.h"
+#include "scene.h"
+
+/* All zeros but options, scene and log_path, before parts_prepare. Large: make it static. */
+typedef struct {
+    const options_t *options;
+    const scene_t *scene;
+    const char *log_path; /* of the measured log */
+    uint32_t node_count;
+    uint32_t encoder_count;
+    node_t nodes[FRAMES_NODES];
+    motion_t motions[FRAMES_NODES];
+    encoder_t encoders[FRAMES_NODES];
+    faults_t faults[FRAMES_NODES];
+    plant_t plant;
+} parts_t;
+
+/* 0, or -1 after one error line was printed. */
+int parts_prepare(parts_t *parts);
+
+/* Node number of the i-th node and of its encoder. */
+uint8_t parts_number(const parts_t *parts, uint32_t i);
+
+void parts_close(parts_t *parts);
+
+#endif

@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: MIT */
+/* frame_bits: see frame_bits.h. */
+#include "frame_bits.h"
+
+#include <stdbool.h>
+
+enum { CRC_POLYNOMIAL = 0x4599, TAIL_BITS = 13 }; /* delimiters, ACK, end of frame, pause of 3 bits: never stuffed */
+
+typedef struct {
+    uint32_t count; /* bits so far */
+    uint32_t run;   /* equal bits in a row */
+    uint32_t last;
+    uint32_t crc;
+} bits_t;
+
+static void put_bit(bits_t *bits, uint32_t bit)
+{
+    bool invert = (bit ^ (bits->crc >> 14)) != 0;
+    bits->crc = (bits->crc << 1) & 0x7FFFu;
+    bits->crc ^= invert ? (uint32_t)CRC_POLYNOMIAL : 0u;
+    bits->run = bits->count > 0 && bit == bits->last ? bits->run + 1 : 1;
+    bits->last = bit;
+    bits->count++;
+    if (bits->run == 5) { /* a stuff bit, of the other kind */
+        bits->last = 1 - bit;
+        bits->run = 1;
+        bits->count++;
+    }
+}
+
+static void put(bits_t *bits, uint32_t value, uint32_t width)
+{
+    while (width-- > 0) {
+        put_bit(bits, (value >> width) & 1u);
+    }
+}
+
+static void put_header(bits_t *bits, const can_frame_t *frame)
+{
+    uint32_t remote = (frame->flags & CAN_FRAME_REMOTE) != 0 ? 1u : 0u;
+    put(bits, 0, 1);
+    if ((frame->flags & CAN_FRAME_EXTENDED) != 0) {
+        put(bits, frame->id >> 18, 11);
+        put(bits, 3, 2);
+        put(bits, frame->id & 0x3FFFFu, 18);
+        put(bits, remote << 2, 3);
+    } else {
+        put(bits, frame->id, 11);
+        put(bits, remote << 2, 3);
+    }
+    put(bits, frame->length, 4);
+}
+
+uint32_t can_frame_bits(const can_frame_t *frame)
+{
+    bits_t bits = {0};
+    put_header(&bits, frame);
+    for (uint32_t i = 0; i < frame->length && (frame->flags & CAN_FRAME_REMOTE) == 0; i++) {
+        put(&bits, frame->data[i], 8);
+    }
+    put(&bits, bits.crc, 15);
+    return bits.count + TAIL_BITS;
+}

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: MIT */
+/* frame_bits: how long a classic frame occupies a bus. */
+#ifndef FRAME_BITS_H
+#define FRAME_BITS_H
+
+#include "can_bus.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Bits with stuff bits, end of frame and the pause after it: 111 to 135 for 8 bytes and an id of 11 bits. */
+uint32_t can_frame_bits(const can_frame_t *frame);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

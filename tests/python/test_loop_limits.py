@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: MIT
+"""What a scene may say: each number up to its limits and not beyond, and what it then does."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+
+import numpy as np
+import pytest
+from loop_tools import SCENES, counts_of, program, read_log, run
+
+BIG = 2147483647
+LIMITS = [  # scene, key, least and greatest value
+    ("steering", "friction.node", 0, 15),
+    ("steering", "friction.timeout_ms", 1, 60000),
+    ("parking", "friction.gain", 0, 1),
+    ("parking", "friction.limit", 0, 1),
+    ("parking", "friction.ramp_ms", 0, 60000),
+    ("steering", "friction.max_step", 1, BIG),
+    ("steering", "status.period_ms", 1, 60000),
+    ("steering", "motion.start_count", -BIG, BIG),
+    ("segments", "motion.theta1", -BIG, BIG),
+    ("segments", "motion.theta2", -BIG, BIG),
+    ("segments", "motion.theta3", -BIG, BIG),
+    ("segments", "motion.speed", 1e-9, 1e12),
+    ("segments", "motion.hold_s", 0, 3600),
+    ("steering", "motion.hold_s", 0, 3600),
+    ("steering", "motion.amplitude", 0, 1e9),
+    ("steering", "motion.sweep_s", 0.001, 3600),
+    ("steering", "motion.tremor", 0, 1e9),
+    ("steering", "motion.tremor_s", 0, 3600),
+    ("steering", "motion.seconds", 0.001, 1e9),
+    ("creep", "rotor.viscous", 0, 2000),  # above, the shaft would be too light
+    ("creep", "rotor.inertia", 5e-6, 1e6),
+    ("creep", "rotor.Fc", 1e-9, 1e12),
+    ("creep", "motor.bias", -1e12, 1e12),
+    ("creep", "motor.amplitude", 0, 1e12),
+    ("creep", "motor.frequency", 0, 100),
+    ("creep", "motor.seconds", 0.001, 1e9),
+    ("parking", "control.kp", 0, 1e12),
+    ("parking", "control.kd", 0, 1e12),
+    ("parking", "control.torque_limit", 0, 1e12),
+    *(
+        ("fault-storm", f"faults.{kind}", 0, 0.9)  # beside the others: the sum is at most 1
+        for kind in ("drop", "duplicate", "reorder", "delay", "corrupt", "length", "id")
+        + ("extended", "invalid", "glitch", "babble", "silence", "bus_off", "restart")
+    ),
+]
+
+
+def answer(scene: str, *sets: str) -> subprocess.CompletedProcess:
+    words = [word for text in sets for word in ("--set", text)]
+    path = str(SCENES / f"{scene}.ini")
+    return subprocess.run(
+        [program(), "--scene", path, "--virtual", "--seconds", "0.001", *words],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+
+
+def beyond(value: float, side: int) -> float:
+    """The next one out that the key could be meant for."""
+    step = 1 if float(value).is_integer() and abs(value) > 1 else 1e-10 if value == 0 else 0.01
+    return value + side * (step if value == 0 or step == 1 else abs(value) * step)
+
+
+@pytest.mark.parametrize(
+    ("scene", "key", "low", "high"), LIMITS, ids=[f"{scene} {key}" for scene, key, *_ in LIMITS]
+)
+def test_each_number_has_its_limits(scene, key, low, high):
+    for value in (low, high):
+        done = answer(scene, f"{key}={value!r}")
+        assert (done.returncode, done.stderr) == (0, ""), value
+    for value in (beyond(low, -1), beyond(high, 1) if high != 0.9 else 0.96):
+        done = answer(scene, f"{key}={value!r}")
+        assert done.returncode == 2, value
+        assert done.stderr.startswith("error: ")
+        assert done.stderr.count("\n") == 1
+
+
+def test_rates_may_fill_one_and_no_more():
+    calm = [f"faults.{key.partition('.')[2]}=0" for _, key, *_ in LIMITS if key[:6] == "faults"]
+    assert answer("fault-storm", *calm, "faults.drop=0.5", "faults.id=0.5").returncode == 0
+    done = answer("fault-storm", *calm, "faults.drop=0.5", "faults.id=0.51")
+    assert (done.returncode, "add up to 1.01: above 1" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("kilo", [0.999e-5, 1.0])
+def test_travel_of_a_count_has_its_limits(kilo):
+    """sigma0/Fc*theta: dahl_prepare's own."""
+    done = answer("steering", f"friction.theta_per_count={kilo * 1.8 / 120 * 2e-4!r}")
+    assert (done.returncode, done.stderr) == (0, "")
+    for wrong in (1e-15, 1e9):
+        assert answer("steering", f"friction.theta_per_count={wrong!r}").returncode == 2
+
+
+def played(folder, scene: str, *sets: str) -> np.ndarray:
+    """Counts of a whole run, unwrapped, shape (ticks,)."""
+    words = [word for text in sets for word in ("--set", text)]
+    log = read_log(run(folder, SCENES / f"{scene}.ini", "--virtual", *words).log)
+    return np.array(counts_of(log))
+
+
+def test_segments_go_at_their_speed_and_rest_as_long_as_said(tmp_path):
+    counts = played(tmp_path, "segments", "motion.speed=1000", "motion.hold_s=0.05")
+    assert (counts[0], counts.max(), counts.min(), counts[-1]) == (0, 313, -104, 313)
+    moves = np.diff(counts)
+    assert set(moves.tolist()) == {-1, 0, 1}
+    rests = [len(part) for part in "".join("r" if m == 0 else " " for m in moves).split()]
+    assert len(rests) == 3
+    assert all(abs(rest - 50) <= 1 for rest in rests)
+
+
+def test_steering_keeps_its_amplitude_its_pace_and_its_tremor(tmp_path):
+    quiet = ["motion.tremor=0", "motion.hold_s=0", "motion.sweep_s=1", "motion.amplitude=10000"]
+    counts = played(tmp_path / "a", "steering", *quiet, "motion.seconds=60")
+    assert len(counts) == 60000
+    assert 9000 < np.abs(counts).max() <= 10000
+    ends = counts[1:-1][np.diff(np.sign(np.diff(counts))) != 0]
+    assert (np.abs(ends[np.abs(ends) > 100]) >= 3999).all()
+    sides = np.sign(counts[np.abs(counts) > 3000])
+    sweeps = np.count_nonzero(np.diff(sides))
+    assert 60 / 1.4 - 3 < sweeps < 60 / 0.6 + 3
+    shaken = played(tmp_path / "b", "steering", "motion.amplitude=0", "motion.tremor=500")
+    assert 300 < np.abs(shaken).max() <= 500
+    assert shaken.min() < 0 < shaken.max()
+
+
+def test_two_nodes_have_two_motions(tmp_path):
+    options = ("--virtual", "--nodes", "2", "--seconds", "5")
+    log = read_log(run(tmp_path, SCENES / "steering.ini", *options).log)
+    first, second = ([f.data[2:6] for f in log if f.id == 0x100 + node] for node in (0, 1))
+    assert len(first) == len(second) == 5000
+    assert sum(a == b for a, b in zip(first, second, strict=True)) < 1000
+
+
+def test_a_driven_shaft_ends_when_its_motor_does(tmp_path):
+    result = run(tmp_path, SCENES / "creep.ini", "--virtual", "--set", "motor.seconds=1.5")
+    assert result.summary["ticks"] == 1500
+
+
+def test_the_motor_does_what_the_scene_says(tmp_path):
+    trace = tmp_path / "trace.csv"
+    sets = ("motor.bias=0.2", "motor.amplitude=0.3", "motor.frequency=5", "motor.seconds=1")
+    words = [word for text in sets for word in ("--set", text)]
+    run(tmp_path, SCENES / "creep.ini", "--virtual", "--trace", str(trace), *words)
+    table = np.loadtxt(trace, delimiter=",", skiprows=1)
+    due = 0.2 + 0.3 * np.sin(2 * math.pi * 5 * table[:, 0])
+    assert np.abs(table[:, 4] - due).max() < 1e-9
+
+
+def test_a_controller_without_answers_gets_no_help(tmp_path):
+    """An answer that is older than three ticks counts as none."""
+    trace = tmp_path / "trace.csv"
+    sets = ("friction.max_step=100000", "faults.silence=0.002", "friction.timeout_ms=100")
+    words = [word for text in sets for word in ("--set", text)]
+    run(tmp_path, SCENES / "parking.ini", "--virtual", "--trace", str(trace), *words)
+    help_ = np.loadtxt(trace, delimiter=",", skiprows=1)[:, 6]
+    log = read_log(tmp_path / "run.log")
+    answered = {round(frame.time * 1000) for frame in log if frame.id == 0x110}
+    old = [t for t in range(4, len(help_)) if not answered & {t - 1, t - 2, t - 3, t - 4}]
+    assert len(old) > 500
+    assert not help_[old].any()
+    fresh = [t for t in range(4, len(help_)) if {t - 1, t - 2} <= answered]
+    assert np.count_nonzero(help_[fresh]) > 0.9 * len(fresh)
