@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 
 #define BUS_NAME "vcan0" /* what python-can calls as channel of the served bus, and the name in logs */
 

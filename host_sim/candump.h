@@ -14,7 +14,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 
 #define CANDUMP_ROOM 262144u
 #define CANDUMP_PATIENCE_MS 10000

@@ -2,7 +2,7 @@
 /* encoder: see encoder.h. */
 #include "encoder.h"
 
-#include "frames.h"
+#include "dahl_frames.h"
 
 static uint8_t counter_of(uint64_t sequence)
 {

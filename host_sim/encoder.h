@@ -11,7 +11,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 #include "faults.h"
 #include "histogram.h"
 #include "motion.h"

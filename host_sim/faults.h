@@ -30,9 +30,9 @@
 
 #include <stddef.h>
 
-#include "can_bus.h"
-#include "frames.h"
-#include "node.h"
+#include "dahl_can_bus.h"
+#include "dahl_frames.h"
+#include "dahl_node.h"
 
 typedef enum {
     FAULT_DROP,

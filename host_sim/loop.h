@@ -16,11 +16,11 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 #include "candump.h"
 #include "encoder.h"
 #include "histogram.h"
-#include "node.h"
+#include "dahl_node.h"
 
 #define LOOP_PERIOD_NS ENCODER_PERIOD_NS
 #define LOOP_PATIENCE_NS UINT64_C(2000000000)

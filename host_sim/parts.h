@@ -7,7 +7,7 @@
 #include "faults.h"
 #include "files.h"
 #include "motion.h"
-#include "node.h"
+#include "dahl_node.h"
 #include "options.h"
 #include "plant.h"
 #include "scene.h"

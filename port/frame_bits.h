@@ -3,7 +3,7 @@
 #ifndef FRAME_BITS_H
 #define FRAME_BITS_H
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 
 #ifdef __cplusplus
 extern "C" {

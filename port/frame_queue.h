@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 
 #define FRAME_QUEUE_SIZE 1024u /* a power of two */
 

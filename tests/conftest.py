@@ -101,7 +101,7 @@ def dahl_loop() -> Path:
 @pytest.fixture(scope="session")
 def dbc(root: Path) -> Path:
     """The bus description."""
-    return root / "port" / "dahl.dbc"
+    return root / "lib" / "node" / "dahl.dbc"
 
 
 @pytest.fixture

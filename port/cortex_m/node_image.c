@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The friction node as an image: host_sim/node.c unchanged, on a serial port that speaks slcan.
+ * The friction node as an image: lib/node/node.c unchanged, on a serial port that speaks slcan.
  * Parameters come from a page of flash of their own (param_page, the board's linker script places it), as they would be
  * calibrated in the field; where it is blank the defaults below hold. Parameters that dahl_prepare refuses leave a node
  * that answers nothing but slcan: no torque is better than a wrong one.
@@ -8,7 +8,7 @@
 #include <stddef.h>
 
 #include "cortex_m.h"
-#include "node.h"
+#include "dahl_node.h"
 #include "slcan/serial_bus.h"
 
 #define PAGE_WRITTEN 0x4C484144u /* "DAHL" */

@@ -3,7 +3,7 @@
 #ifndef LOOPBACK_H
 #define LOOPBACK_H
 
-#include "../can_bus.h"
+#include "dahl_can_bus.h"
 #include "../frame_queue.h"
 
 #ifdef __cplusplus

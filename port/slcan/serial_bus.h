@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * serial_bus: can_bus.h over a serial port that speaks slcan; the node in a firmware takes it for its bus. Answers to the
- * host go out from within receive(). Differs from the other buses in one thing: own frames do not come back.
+ * serial_bus: dahl_can_bus.h over a serial port that speaks slcan; the node in a firmware takes it for its bus. Answers to
+ * the host go out from within receive(). Differs from the other buses in one thing: own frames do not come back.
  */
 #ifndef SERIAL_BUS_H
 #define SERIAL_BUS_H

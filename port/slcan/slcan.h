@@ -23,7 +23,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "../can_bus.h"
+#include "dahl_can_bus.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -6,7 +6,7 @@
 #ifndef SOCKETCAND_CLIENT_H
 #define SOCKETCAND_CLIENT_H
 
-#include "../can_bus.h"
+#include "dahl_can_bus.h"
 #include "../frame_queue.h"
 #include "outbox.h"
 #include "text.h"

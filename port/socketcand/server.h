@@ -10,7 +10,7 @@
 #ifndef SOCKETCAND_SERVER_H
 #define SOCKETCAND_SERVER_H
 
-#include "../can_bus.h"
+#include "dahl_can_bus.h"
 #include "../frame_queue.h"
 #include "outbox.h"
 #include "text.h"

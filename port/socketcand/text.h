@@ -13,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "../can_bus.h"
+#include "dahl_can_bus.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -9,7 +9,7 @@
 
 #include <stddef.h>
 
-#include "../can_bus.h"
+#include "dahl_can_bus.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -4,7 +4,7 @@
  * here bit by bit, is right; what is refused leaves the output alone; what is taken packs to the same bytes but those that
  * mean nothing. Packing any values: unpacked they are the same but for bits that the frame has no room for.
  */
-#include "frames.h"
+#include "dahl_frames.h"
 #include "fuzz.h"
 
 typedef struct {

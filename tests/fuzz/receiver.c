@@ -5,9 +5,9 @@
  * moves it, silence ends only with enough good frames in a row. A twin on another clock, with another zero of the encoder
  * and another number, gives the same answers bit for bit.
  */
-#include "frames.h"
+#include "dahl_frames.h"
 #include "fuzz.h"
-#include "node.h"
+#include "dahl_node.h"
 
 enum { FRAMES_MAX = 24 };
 

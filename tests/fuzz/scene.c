@@ -8,7 +8,7 @@
 #include <math.h>
 
 #include "motion.h"
-#include "node.h"
+#include "dahl_node.h"
 #include "plant.h"
 #include "streams.h"
 

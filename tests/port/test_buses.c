@@ -3,7 +3,7 @@
 #include <string.h>
 #include <unity.h>
 
-#include "frames.h"
+#include "dahl_frames.h"
 #include "loopback/loopback.h"
 #include "random.h"
 #include "socketcand/outbox.h"

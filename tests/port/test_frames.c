@@ -3,7 +3,7 @@
 #include <string.h>
 #include <unity.h>
 
-#include "frames.h"
+#include "dahl_frames.h"
 #include "random.h"
 
 enum { ROUNDS = 20000 };

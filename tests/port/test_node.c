@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unity.h>
 
-#include "node.h"
+#include "dahl_node.h"
 #include "random.h"
 
 enum { NUMBER = 3 };

@@ -8,7 +8,7 @@
 
 #include "candump.h"
 #include "encoder.h"
-#include "frames.h"
+#include "dahl_frames.h"
 #include "histogram.h"
 #include "loop.h"
 #include "loopback/loopback.h"

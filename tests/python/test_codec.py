@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The C codec against port/dahl.dbc (cantools), crccheck and autosar-e2e; and the DBC itself."""
+"""The C codec against lib/node/dahl.dbc (cantools), crccheck and autosar-e2e; and the DBC itself."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ PARAMS = (
 
 @pytest.fixture(scope="module")
 def codec() -> ctypes.CDLL:
-    return ctypes.CDLL(str(built("port", "libdahl_port.so")))
+    return ctypes.CDLL(str(built("tests", "port", "libdahl_frames.so")))
 
 
 @pytest.fixture(scope="module")
@@ -321,7 +321,7 @@ def test_dbc_assigns_cycle_time_and_send_type_to_every_message(database):
 
 
 def test_dbc_names_every_state(database, root):
-    header = (root / "port" / "frames.h").read_text(encoding="utf-8")
+    header = (root / "lib" / "include" / "dahl_frames.h").read_text(encoding="utf-8")
     enum = re.search(r"typedef enum \{([^}]*)\} frames_state_t", header).group(1)
     codes = {
         name.replace("_", ""): int(code) for name, code in re.findall(r"FRAMES_(\w+) = (\d+)", enum)

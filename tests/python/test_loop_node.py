@@ -200,7 +200,7 @@ def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):
 
 def test_the_table_of_the_readme_is_that_of_the_header(root):
     """test_node.c plays each row of the header's; the README shows the same."""
-    header = (root / "host_sim" / "node.h").read_text(encoding="utf-8")
+    header = (root / "lib" / "include" / "dahl_node.h").read_text(encoding="utf-8")
     rows = [line[3:].strip() for line in header.splitlines() if line.startswith(" *   |")]
     readme = (root / "README.md").read_text(encoding="utf-8")
     assert len(rows) > 15

@@ -52,7 +52,7 @@ QUIET = (
 
 
 def encoder_frame(count: int, counter: int, *, valid: bool = True) -> can.Message:
-    codec = ctypes.CDLL(str(built("port", "libdahl_port.so")))
+    codec = ctypes.CDLL(str(built("tests", "port", "libdahl_frames.so")))
     frame, state = Frame(), EncoderState(count, counter & 15, valid)
     codec.frames_pack_encoder(ctypes.byref(frame), 0, ctypes.byref(state))
     return can.Message(arbitration_id=frame.id, data=bytes(frame.data), is_extended_id=False)
@@ -126,7 +126,7 @@ def bus(request, tmp_path) -> Iterator[can.BusABC]:
 
 @pytest.fixture(scope="module")
 def database():
-    return cantools.database.load_file(Path(__file__).resolve().parents[2] / "port/dahl.dbc")
+    return cantools.database.load_file(Path(__file__).resolve().parents[2] / "lib/node/dahl.dbc")
 
 
 def heard(bus: can.BusABC, wanted: int, seconds: float = QUIET) -> can.Message | None:

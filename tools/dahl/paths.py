@@ -14,7 +14,7 @@ from pathlib import Path
 from dahl import RunError
 
 ROOT = Path(__file__).resolve().parents[2]
-DBC = ROOT / "port" / "dahl.dbc"
+DBC = ROOT / "lib" / "node" / "dahl.dbc"
 SCENES = ROOT / "host_sim" / "scenes"
 DEMO = ROOT / "build" / "demo"
 

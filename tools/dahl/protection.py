@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Is a frame of a node whole? AUTOSAR E2E profile 2, as port/frames.h has it."""
+"""Is a frame of a node whole? AUTOSAR E2E profile 2, as lib/include/dahl_frames.h has it."""
 
 from __future__ import annotations
 

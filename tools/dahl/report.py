@@ -62,7 +62,7 @@ class Trace:
 
 @cache
 def database() -> cantools.database.Database:
-    """port/dahl.dbc."""
+    """lib/node/dahl.dbc."""
     import cantools
 
     try:

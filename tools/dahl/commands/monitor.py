@@ -2,7 +2,7 @@
 """
 Watch a friction node live in the terminal: torque over angle, both over time, and the counters.
 
-Frames are decoded with port/dahl.dbc (or --dbc). Works with any interface that python-can has. Ends
+Frames are decoded with lib/node/dahl.dbc (or --dbc). Works with any interface that python-can has. Ends
 with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the state
 at the end.
 """
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
     )
-    parser.add_argument("--dbc", type=Path, help="bus description, if not port/dahl.dbc")
+    parser.add_argument("--dbc", type=Path, help="bus description, if not lib/node/dahl.dbc")
     parser.add_argument(
         "--window",
         type=whole(2, 1000000),

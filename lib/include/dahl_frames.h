@@ -17,13 +17,13 @@
  *
  * Cost: one table look-up per byte; no division, no float, no loop longer than 8.
  */
-#ifndef FRAMES_H
-#define FRAMES_H
+#ifndef DAHL_FRAMES_H
+#define DAHL_FRAMES_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 
 #ifdef __cplusplus
 extern "C" {

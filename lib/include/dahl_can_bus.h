@@ -6,8 +6,8 @@
  * with CAN_FRAME_OWN set. So one reader sees the whole bus, and a log written from receive() is the bus.
  * Each folder beside this file is one bus with this contract; host and firmware choose by linking, not by #ifdef.
  */
-#ifndef CAN_BUS_H
-#define CAN_BUS_H
+#ifndef DAHL_CAN_BUS_H
+#define DAHL_CAN_BUS_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -45,15 +45,15 @@
  *
  * What is answered is gain * F/Fc, clamped to limit; at gain 1 and limit 1, as after node_init, the bits of the library.
  */
-#ifndef NODE_H
-#define NODE_H
+#ifndef DAHL_NODE_H
+#define DAHL_NODE_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "can_bus.h"
+#include "dahl_can_bus.h"
 #include "dahl.h"
-#include "frames.h"
+#include "dahl_frames.h"
 
 #ifdef __cplusplus
 extern "C" {

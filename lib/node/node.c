@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* node: see node.h. One function per row of its table; node_receive only decides which. */
-#include "node.h"
+/* node: see dahl_node.h. One function per row of its table; node_receive only decides which. */
+#include "dahl_node.h"
 
 #include <stddef.h>
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* frames: see frames.h. Packing writes every byte; unpacking checks the form first, the CRC second, and only then reads. */
-#include "frames.h"
+/* See dahl_frames.h. Packing writes every byte; unpacking checks the form first, the CRC second, and only then reads. */
+#include "dahl_frames.h"
 
 #include <stddef.h>
 
