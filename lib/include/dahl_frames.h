@@ -84,12 +84,15 @@ typedef struct {
     uint8_t counter;       /* 0..15 */
     uint8_t state;         /* frames_state_t */
     uint8_t errors;        /* sticky: 1 << state, FRAMES_ERROR_* */
-    uint8_t lost;          /* frames missing, modulo 256 */
-    uint8_t corrupt;       /* CRC and format errors, modulo 256 */
-    uint8_t out_of_step;   /* repeated, wrong sequence and stale, modulo 256 */
+    uint8_t lost;          /* since the last Reset, modulo 256: frames missing */
+    uint8_t corrupt;       /* the same: CRC and format errors */
+    uint8_t out_of_step;   /* the same: repeated, wrong sequence, jumps, timeouts and bus-offs */
     uint8_t version_major; /* 0..15 */
     uint8_t version_minor; /* 0..15 */
+    uint8_t timeout;       /* of the node, in FRAMES_TIMEOUT_US, rounded up; 255: so long or longer */
 } node_status_t;
+
+#define FRAMES_TIMEOUT_US 10000u
 
 /* Parameters by number, with the unit of one raw step. */
 typedef enum {
@@ -101,8 +104,13 @@ typedef enum {
     FRAMES_PARAM_RAMP = 5,    /* ms, 0..60000: the gain needs so long from 0 to 1 */
     FRAMES_PARAM_TIMEOUT = 6, /* ms, 1..60000 */
     FRAMES_PARAM_STEP = 7,    /* counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
-    FRAMES_PARAM_STATUS = 8   /* ms, 0..60000: period of Status, 0: none */
+    FRAMES_PARAM_STATUS = 8,  /* ms, 0..60000: period of Status, 0: only after power-on, a timeout, a bus-off, a Reset */
+    FRAMES_PARAM_NONE = 255   /* in a reply: there is no such parameter; the value is the number that was asked for */
 } frames_param_t;
+
+/* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in
+ * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. */
+enum { FRAMES_PARAM_READ = 0, FRAMES_PARAM_WRITE = 1, FRAMES_PARAM_HOLD = 2 };
 
 enum { FRAMES_PARAM_DONE = 0, FRAMES_PARAM_OUT_OF_RANGE = 1, FRAMES_PARAM_UNKNOWN = 2 };
 
@@ -110,7 +118,7 @@ typedef struct {
     uint32_t value;  /* raw */
     uint8_t counter; /* 0..15 */
     uint8_t param;   /* frames_param_t */
-    bool write;      /* false: only read */
+    uint8_t write;   /* FRAMES_PARAM_READ, _WRITE, _HOLD */
 } param_write_t;
 
 typedef struct {
@@ -124,7 +132,8 @@ enum { FRAMES_RESET_ERRORS = 1, FRAMES_RESET_RESTART = 2 };
 
 typedef struct {
     uint8_t counter; /* 0..15 */
-    uint8_t what;    /* FRAMES_RESET_ERRORS: sticky errors and counts; _RESTART: as after power-on, parameters kept */
+    uint8_t what;    /* FRAMES_RESET_ERRORS: sticky errors and counts of Status; _RESTART: as after power-on, but for the
+                      * parameters, which are kept */
 } node_reset_t;
 
 /* Node 0..15; higher bits are cut. Flags and time of *frame are cleared. */

@@ -9,30 +9,12 @@
  *   every millisecond: if (node_tick(&node, now_us, &out)) { send(&out); }
  *
  * Every EncoderState that the node accepts is answered once, by a FrictionTorque with the torque after that count.
- * What it does with an EncoderState of its own number (the count is absolute, so travel needs no unbroken chain):
+ * What it does with an EncoderState of its own number is one table, lib/node/fault_table.h: which count goes up, which state
+ * Status says, whether the bristle moves, whether there is an answer. The count is absolute, so travel needs no unbroken
+ * chain of frames.
  *
- *   | frame                                   | counted as       | state          | bristle | answer |
- *   |-----------------------------------------|------------------|----------------|---------|--------|
- *   | the first good one                      | ok               | INIT           | kept    | yes    |
- *   | counter + 1                             | ok               | OK             | moved   | yes    |
- *   | counter + 2 or + 3                      | ok, lost         | LOST           | moved   | yes    |
- *   | counter + 4 to + 8, with a MaxStep      | ok, lost         | LOST           | moved   | yes    |
- *   | counter + 0                             | repeated         | REPEATED       | kept    | no     |
- *   | any other counter                       | wrong_sequence   | WRONG_SEQUENCE | kept    | no     |
- *   | further away than MaxStep allows        | jump             | OK             | kept    | no     |
- *   | the third of the last two in a row      | the same         | WRONG_SEQUENCE | kept    | yes    |
- *   | the same, as near as MaxStep allows     | ok               | LOST           | moved   | yes    |
- *   | not valid by its own flag               | invalid          | OK             | kept    | no     |
- *   | wrong CRC                               | crc              | CRC            | kept    | no     |
- *   | wrong length, extended, remote, FD      | format           | CRC            | kept    | no     |
- *   | nothing good for the timeout of 100 ms  | stale            | STALE          | kept    | no     |
- *   | after that: good ones 1 and 2 in a row  | rearm            | STALE          | kept    | no     |
- *   | after that: the third in a row          | ok               | STALE          | kept    | yes    |
- *   | the controller goes bus-off             | bus_off          | STALE          | kept    | no     |
- *   | good ones in the 100 ms after that      | rearm            | STALE          | kept    | no     |
- *   | good ones after four bus-offs in a row  | rearm            | STALE          | kept    | no     |
- *
- *   Timeout          100 ms; Status says STALE at once, on bus-off without waiting for the timeout
+ *   Timeout          NODE_TIMEOUT_US unless parameter Timeout was written; Status shows it. Then Status says STALE at once,
+ *                    on bus-off without waiting for the timeout
  *   Torque then      0: nothing is answered, and the gain begins anew from 0 where there is a ramp
  *   Back again       with the third good frame in a row; its count is the new starting point. After a bus-off these are
  *                    waited for only when a timeout has passed; the fourth bus-off without an answer in between is
@@ -60,14 +42,14 @@ extern "C" {
 #endif
 
 #define NODE_TIMEOUT_US 100000u /* 100 frames; the 4-bit counter alone would see a gap only modulo 16 */
-#define NODE_STATUS_US 100000u
+#define NODE_STATUS_US 100000u  /* period of Status */
 #define NODE_GAP_MAX 3u       /* largest counter step that is used where no MaxStep is known: two frames missing */
 #define NODE_GAP_MAX_STEP 8u  /* the same where it is; larger steps look like frames that are late */
-#define NODE_REARM 3u         /* good frames in a row that end a doubt or a timeout */
+#define NODE_REARM 3u         /* good frames in a row that are a new start, out of sequence or after a timeout */
 #define NODE_OFF_MAX 4u       /* bus-offs without an answer in between that are one too many */
 #define NODE_ONE 65536u       /* gain and limit of 1 */
 
-/* Frames by what became of them; lost counts frames that never came in time. */
+/* Frames by what became of them, since node_init; lost counts frames that never came in time. */
 typedef struct {
     uint32_t ok;
     uint32_t repeated;
@@ -85,9 +67,17 @@ typedef struct {
     uint32_t bus_off;
 } node_counts_t;
 
+/* The counts that Status shows, modulo 256. */
+typedef struct {
+    uint8_t lost;
+    uint8_t corrupt;
+    uint8_t out_of_step;
+} node_tally_t;
+
 typedef struct {
     dahl_plan_t plan;
     dahl_params_t params;
+    dahl_params_t held;    /* params, and what was written to be held until the next write */
     dahl_state_t bearing;
     node_counts_t counts;
     uint32_t gain;         /* of NODE_ONE; this and the next five may be changed after node_init */
@@ -95,21 +85,22 @@ typedef struct {
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none */
     uint32_t timeout_us;
     uint32_t max_step;     /* counts per ms; 0: no limit known */
-    uint32_t status_us;    /* period of Status; 0: none */
+    uint32_t status_us;    /* period of Status; 0: only after power-on, a timeout, a bus-off and a Reset */
     uint32_t gain_now;     /* on its way to gain */
     uint32_t count;        /* of the last EncoderState accepted */
     uint32_t good_us;      /* when that was */
     uint32_t sent_us;      /* when Status was last sent */
-    uint32_t off_us;       /* when the last bus-off was */
+    uint32_t bus_off_us;   /* when the last bus-off was */
     uint8_t number;        /* node number, 0..15 */
     uint8_t state;         /* frames_state_t */
     uint8_t errors;        /* sticky bits of Status */
     uint8_t counter;       /* of the last EncoderState in sequence */
-    uint8_t doubts;        /* frames in a row that may be a new start */
+    uint8_t good_in_a_row; /* frames, each with the next counter, that may be a new start */
     uint8_t candidate;     /* counter of the last of them */
-    uint8_t offs;          /* bus-offs since the last answer */
+    uint8_t bus_off_count; /* since the last answer */
     uint8_t torque_counter;
     uint8_t status_counter;
+    node_tally_t cleared;  /* counts at the last Reset: Status shows what came after it */
     bool primed;           /* count and counter are a valid starting point */
     bool silenced;         /* the next starting point ends a silence: it is waited for */
     bool urgent;           /* Status is due now */

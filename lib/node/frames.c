@@ -120,6 +120,7 @@ void frames_pack_status(can_frame_t *frame, uint8_t node, const node_status_t *i
     frame->data[4] = in->corrupt;
     frame->data[5] = in->out_of_step;
     frame->data[6] = nibbles(in->version_minor, in->version_major);
+    frame->data[7] = in->timeout;
     frame->data[0] = frames_crc(frame->data, FRAMES_KIND_STATUS);
 }
 
@@ -135,6 +136,7 @@ frames_check_t frames_unpack_status(const can_frame_t *frame, node_status_t *out
         out->out_of_step = frame->data[5];
         out->version_minor = frame->data[6] & 0x0F;
         out->version_major = frame->data[6] >> 4;
+        out->timeout = frame->data[7];
     }
     return result;
 }
@@ -142,7 +144,7 @@ frames_check_t frames_unpack_status(const can_frame_t *frame, node_status_t *out
 void frames_pack_param_write(can_frame_t *frame, uint8_t node, const param_write_t *in)
 {
     begin(frame, FRAMES_ID_PARAM_WRITE, node);
-    frame->data[1] = nibbles(in->counter, in->write ? 1u : 0u);
+    frame->data[1] = nibbles(in->counter, in->write & 3u);
     frame->data[2] = in->param;
     put_i32(&frame->data[4], (int32_t)in->value);
     frame->data[0] = frames_crc(frame->data, FRAMES_KIND_PARAM_WRITE);
@@ -153,7 +155,7 @@ frames_check_t frames_unpack_param_write(const can_frame_t *frame, param_write_t
     frames_check_t result = check(frame, FRAMES_KIND_PARAM_WRITE);
     if (result == FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
-        out->write = (frame->data[1] & 0x10) != 0;
+        out->write = (frame->data[1] >> 4) & 3;
         out->param = frame->data[2];
         out->value = (uint32_t)get_i32(&frame->data[4]);
     }

@@ -8,17 +8,41 @@ static const float SIGMA0_STEP = 0x1p-10f;
 static const float FC_STEP = 0x1p-20f;
 static const float THETA_STEP = 0x1p-38f;
 
+static uint8_t low_byte(uint32_t value)
+{
+    return (uint8_t)(value & 0xFFu);
+}
+
+/* Counts in groups, as Status shows them. */
+static node_tally_t tally(const node_counts_t *n)
+{
+    return (node_tally_t){
+        .lost = low_byte(n->lost),
+        .corrupt = low_byte(n->crc + n->format),
+        .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->jump + n->stale + n->bus_off),
+    };
+}
+
+static void clear_errors(node_t *node)
+{
+    node->errors = 0;
+    node->cleared = tally(&node->counts);
+}
+
 /* As after power-on, with the parameters that there are. */
 static void restart(node_t *node)
 {
     node->bearing = (dahl_state_t){0};
+    node->held = node->params;
     node->state = FRAMES_INIT;
     node->silenced = false;
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
-    node->errors = 0;
-    node->offs = 0;
+    node->bus_off_count = 0;
+    node->torque_counter = 0;
+    node->status_counter = 0;
     node->primed = false;
     node->urgent = true;
+    clear_errors(node);
 }
 
 dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
@@ -82,8 +106,8 @@ static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, i
     node->counter = seen->counter;
     node->good_us = now_us;
     node->primed = true;
-    node->doubts = 0;
-    node->offs = 0;
+    node->good_in_a_row = 0;
+    node->bus_off_count = 0;
     friction_torque_t torque = {
         .torque_q30 = output(node, torque_q30),
         .counter = node->torque_counter,
@@ -122,23 +146,23 @@ static bool plausible(const node_t *node, const encoder_state_t *seen, uint32_t 
     return size <= most;
 }
 
-/* True: this is one of NODE_REARM frames in a row. */
-static bool sure(node_t *node, const encoder_state_t *seen)
+/* Is this the last of NODE_REARM frames in a row, each with the next counter? */
+static bool sequence_confirmed(node_t *node, const encoder_state_t *seen)
 {
     if (seen->counter != ((node->candidate + 1) & 0x0F)) {
-        node->doubts = 0;
+        node->good_in_a_row = 0;
     }
-    if (node->doubts < UINT8_MAX) {
-        node->doubts++;
+    if (node->good_in_a_row < UINT8_MAX) {
+        node->good_in_a_row++;
     }
     node->candidate = seen->counter;
-    return node->doubts >= NODE_REARM && seen->valid;
+    return node->good_in_a_row >= NODE_REARM && seen->valid;
 }
 
 /* A frame that does not go on from the last one: where enough of them go on from each other, the encoder is there now. */
 static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
-    bool known = sure(node, seen);
+    bool known = sequence_confirmed(node, seen);
     enter(node, FRAMES_WRONG_SEQUENCE);
     if (known && node->max_step > 0 && plausible(node, seen, 0, now_us)) {
         enter(node, FRAMES_LOST);
@@ -171,7 +195,7 @@ static bool jump(node_t *node, const encoder_state_t *seen, uint32_t now_us, can
     node->counts.jump++;
     node->errors |= FRAMES_ERROR_JUMP;
     node->counter = seen->counter;
-    if (!sure(node, seen)) {
+    if (!sequence_confirmed(node, seen)) {
         return false;
     }
     enter(node, FRAMES_WRONG_SEQUENCE);
@@ -194,23 +218,23 @@ static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step,
 /* Too soon after a bus-off, or once too often? */
 static bool is_held(const node_t *node, uint32_t now_us)
 {
-    return node->offs >= NODE_OFF_MAX || (node->offs > 0 && now_us - node->off_us < node->timeout_us);
+    return node->bus_off_count >= NODE_OFF_MAX || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
 }
 
 /* After a silence: enough good frames in a row, none of them in the time that a bus-off costs. */
 static bool is_back(node_t *node, const encoder_state_t *seen, uint32_t now_us)
 {
     if (is_held(node, now_us)) {
-        node->doubts = 0;
+        node->good_in_a_row = 0;
         return false;
     }
-    return sure(node, seen);
+    return sequence_confirmed(node, seen);
 }
 
 static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
 {
     if (!seen->valid) {
-        node->doubts = 0;
+        node->good_in_a_row = 0;
         return invalid(node, seen->counter);
     }
     node->state = node->silenced ? FRAMES_STALE : FRAMES_INIT;
@@ -253,7 +277,7 @@ static bool is_good(node_t *node, frames_check_t check)
     }
     enter(node, FRAMES_CRC);
     if (!node->primed) {
-        node->doubts = 0;
+        node->good_in_a_row = 0;
     }
     return false;
 }
@@ -262,7 +286,7 @@ static bool is_good(node_t *node, frames_check_t check)
 static void fall_silent(node_t *node)
 {
     node->primed = false;
-    node->doubts = 0;
+    node->good_in_a_row = 0;
     node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
     node->silenced = true;
     node->urgent = true;
@@ -272,10 +296,10 @@ static void fall_silent(node_t *node)
 void node_bus_off(node_t *node, uint32_t now_us)
 {
     node->counts.bus_off++;
-    if (node->offs < UINT8_MAX) {
-        node->offs++;
+    if (node->bus_off_count < UINT8_MAX) {
+        node->bus_off_count++;
     }
-    node->off_us = now_us;
+    node->bus_off_us = now_us;
     fall_silent(node);
 }
 
@@ -335,27 +359,40 @@ static float *model_of(dahl_params_t *params, uint8_t param, float *step)
     }
 }
 
-/* New parameters of the model, between two ticks; refused as dahl_prepare does. */
-static uint8_t write_model(node_t *node, const param_write_t *asked)
+static uint8_t drop_held(node_t *node)
 {
-    dahl_params_t params = node->params;
+    node->held = node->params;
+    return FRAMES_PARAM_OUT_OF_RANGE;
+}
+
+/* What is held becomes the model's parameters, all at once between two ticks. */
+static uint8_t take_held(node_t *node)
+{
     dahl_plan_t plan;
-    float step;
-    float *value = model_of(&params, asked->param, &step);
-    *value = (float)asked->value * step;
-    if (asked->value == 0 || dahl_prepare(&plan, &params) != DAHL_OK) {
-        return FRAMES_PARAM_OUT_OF_RANGE;
+    if (dahl_prepare(&plan, &node->held) != DAHL_OK) {
+        return drop_held(node);
     }
     dahl_change_plan(&node->plan, &plan, &node->bearing);
-    node->params = params;
+    node->params = node->held;
     node->plan = plan;
     return FRAMES_PARAM_DONE;
+}
+
+static uint8_t write_model(node_t *node, const param_write_t *asked)
+{
+    float step;
+    if (asked->value == 0) {
+        return drop_held(node);
+    }
+    float *value = model_of(&node->held, asked->param, &step);
+    *value = (float)asked->value * step;
+    return asked->write == FRAMES_PARAM_HOLD ? FRAMES_PARAM_DONE : take_held(node);
 }
 
 static uint8_t write_setting(node_t *node, const param_write_t *asked)
 {
     const setting_t *setting = &settings[asked->param];
-    if (asked->value < setting->low || asked->value > setting->high) {
+    if (asked->write != FRAMES_PARAM_WRITE || asked->value < setting->low || asked->value > setting->high) {
         return FRAMES_PARAM_OUT_OF_RANGE;
     }
     *setting_of(node, asked->param) = asked->value * setting->scale;
@@ -367,8 +404,11 @@ static uint8_t write_param(node_t *node, const param_write_t *asked)
     if (asked->param > FRAMES_PARAM_STATUS) {
         return FRAMES_PARAM_UNKNOWN;
     }
-    if (!asked->write) {
+    if (asked->write == FRAMES_PARAM_READ) {
         return FRAMES_PARAM_DONE;
+    }
+    if (asked->write > FRAMES_PARAM_HOLD) {
+        return FRAMES_PARAM_OUT_OF_RANGE;
     }
     return asked->param <= FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
 }
@@ -376,9 +416,6 @@ static uint8_t write_param(node_t *node, const param_write_t *asked)
 static uint32_t read_param(node_t *node, uint8_t param)
 {
     float step;
-    if (param > FRAMES_PARAM_STATUS) {
-        return 0;
-    }
     if (param > FRAMES_PARAM_THETA) {
         return *setting_of(node, param) / settings[param].scale;
     }
@@ -399,30 +436,38 @@ static bool on_param(node_t *node, const can_frame_t *in, can_frame_t *out)
     }
     param_reply_t reply = {.counter = asked.counter, .param = asked.param, .result = write_param(node, &asked)};
     node->counts.params++;
-    reply.value = read_param(node, asked.param);
+    if (reply.result == FRAMES_PARAM_UNKNOWN) {
+        reply.param = FRAMES_PARAM_NONE;
+        reply.value = asked.param;
+    } else {
+        reply.value = read_param(node, asked.param);
+    }
     frames_pack_param_reply(out, node->number, &reply);
     return true;
 }
 
 /* --- status and reset --------------------------------------------------------------------------------------------- */
 
-static uint8_t low_byte(uint32_t value)
+/* In the unit of Status, rounded up; what is too long for it is the longest that it can say. */
+static uint8_t timeout_shown(const node_t *node)
 {
-    return (uint8_t)(value & 0xFFu);
+    uint32_t rounded_up = node->timeout_us / FRAMES_TIMEOUT_US + (node->timeout_us % FRAMES_TIMEOUT_US != 0 ? 1u : 0u);
+    return (uint8_t)least(rounded_up, UINT8_MAX);
 }
 
 static void pack_status(node_t *node, uint32_t now_us, can_frame_t *out)
 {
-    const node_counts_t *n = &node->counts;
+    node_tally_t sum = tally(&node->counts);
     node_status_t status = {
         .counter = node->status_counter,
         .state = node->state,
         .errors = node->errors,
-        .lost = low_byte(n->lost),
-        .corrupt = low_byte(n->crc + n->format),
-        .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->jump + n->stale + n->bus_off),
+        .lost = low_byte((uint32_t)sum.lost - node->cleared.lost),
+        .corrupt = low_byte((uint32_t)sum.corrupt - node->cleared.corrupt),
+        .out_of_step = low_byte((uint32_t)sum.out_of_step - node->cleared.out_of_step),
         .version_major = DAHL_VERSION_MAJOR,
         .version_minor = DAHL_VERSION_MINOR,
+        .timeout = timeout_shown(node),
     };
     node->status_counter = (node->status_counter + 1) & 0x0F;
     node->sent_us = now_us;
@@ -438,8 +483,7 @@ static bool on_reset(node_t *node, const can_frame_t *in, uint32_t now_us, can_f
     }
     node->counts.resets++;
     if (asked.what == FRAMES_RESET_ERRORS) {
-        node->counts = (node_counts_t){0};
-        node->errors = 0;
+        clear_errors(node);
     } else if (asked.what == FRAMES_RESET_RESTART) {
         restart(node);
     }
@@ -469,7 +513,8 @@ bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_fram
 bool node_tick(node_t *node, uint32_t now_us, can_frame_t *out)
 {
     check_age(node, now_us);
-    if (node->status_us == 0 || (!node->urgent && now_us - node->sent_us < node->status_us)) {
+    bool is_due = node->status_us > 0 && now_us - node->sent_us >= node->status_us;
+    if (!node->urgent && !is_due) {
         return false;
     }
     pack_status(node, now_us, out);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The node: what each kind of frame does to it. */
+/* The node: each row of the fault table, and what else its header says. */
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>
@@ -7,6 +7,7 @@
 #include <unity.h>
 
 #include "dahl_node.h"
+#include "fault_table.h"
 #include "random.h"
 
 enum { NUMBER = 3 };
@@ -324,13 +325,12 @@ static void test_an_invalid_count_is_no_starting_point(void)
 static void test_silence_makes_it_stale_once_and_the_next_frame_starts_anew(void)
 {
     can_frame_t out;
-    node.status_us = 0;
     feed(0, 0);
     feed(1, 100);
     int64_t before = node.bearing.w;
     for (int i = 0; i < 300; i++) {
         now_us += 1000;
-        TEST_ASSERT_FALSE(node_tick(&node, now_us, &out));
+        node_tick(&node, now_us, &out);
     }
     TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
     TEST_ASSERT_EQUAL(1, node.counts.stale);
@@ -439,7 +439,40 @@ static void test_status_comes_every_100_ms(void)
     TEST_ASSERT_EQUAL(100, sent);
 }
 
-static bool params_of(uint8_t param, uint32_t value, bool write, param_reply_t *reply)
+/* Without a period Status comes when there is news, and only then: at power-on, a timeout, a bus-off. */
+static void test_status_without_a_period_comes_with_news_only(void)
+{
+    can_frame_t out;
+    node_status_t status;
+    node.status_us = 0;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    feed(0, 0);
+    for (uint32_t i = 1; i < 1000; i++) {
+        feed(i, 0);
+        TEST_ASSERT_FALSE(node_tick(&node, now_us, &out));
+    }
+    now_us += NODE_TIMEOUT_US + 1;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
+    TEST_ASSERT_EQUAL(FRAMES_STALE, status.state);
+    TEST_ASSERT_FALSE(node_tick(&node, now_us + 1000000, &out));
+    node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+}
+
+/* In tens of ms, rounded up, and the longest that 8 bits can say. */
+static void test_status_shows_the_timeout(void)
+{
+    const uint32_t us[][2] = {{100000, 10}, {1000, 1}, {10000, 1}, {10001, 2}, {2540001, 255}, {2550000, 255}, {60000000, 255}};
+    TEST_ASSERT_EQUAL(NODE_TIMEOUT_US / FRAMES_TIMEOUT_US, status_now().timeout);
+    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
+        node.timeout_us = us[i][0];
+        TEST_ASSERT_EQUAL(us[i][1], status_now().timeout);
+    }
+}
+
+/* A number that is no parameter's is answered as none. */
+static bool params_of(uint8_t param, uint32_t value, uint8_t write, param_reply_t *reply)
 {
     can_frame_t frame;
     can_frame_t out;
@@ -449,14 +482,14 @@ static bool params_of(uint8_t param, uint32_t value, bool write, param_reply_t *
     TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_PARAM_REPLY | NUMBER, out.id);
     TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_param_reply(&out, reply));
     TEST_ASSERT_EQUAL(5, reply->counter);
-    TEST_ASSERT_EQUAL(param, reply->param);
+    TEST_ASSERT_EQUAL(param <= FRAMES_PARAM_STATUS ? param : FRAMES_PARAM_NONE, reply->param);
     return reply->result == FRAMES_PARAM_DONE;
 }
 
 static bool set_param(uint8_t param, uint32_t value)
 {
     param_reply_t reply;
-    bool done = params_of(param, value, true, &reply);
+    bool done = params_of(param, value, FRAMES_PARAM_WRITE, &reply);
     TEST_ASSERT_TRUE(!done || reply.value == value);
     return done;
 }
@@ -464,7 +497,7 @@ static bool set_param(uint8_t param, uint32_t value)
 static uint32_t param_now(uint8_t param)
 {
     param_reply_t reply;
-    TEST_ASSERT_TRUE(params_of(param, 0, false, &reply));
+    TEST_ASSERT_TRUE(params_of(param, 0, FRAMES_PARAM_READ, &reply));
     return reply.value;
 }
 
@@ -924,27 +957,27 @@ static void test_parameters_out_of_range_change_nothing(void)
     param_reply_t reply;
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         uint32_t before = param_now(bad[i].param);
-        TEST_ASSERT_FALSE(params_of(bad[i].param, bad[i].value, true, &reply));
+        TEST_ASSERT_FALSE(params_of(bad[i].param, bad[i].value, FRAMES_PARAM_WRITE, &reply));
         TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
         TEST_ASSERT_EQUAL(before, reply.value);
         TEST_ASSERT_EQUAL(before, param_now(bad[i].param));
     }
-    params_of(FRAMES_PARAM_STATUS + 1, 1, true, &reply);
+    params_of(FRAMES_PARAM_STATUS + 1, 1, FRAMES_PARAM_WRITE, &reply);
     TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
-    params_of(255, 1, false, &reply);
+    params_of(255, 1, FRAMES_PARAM_READ, &reply);
     TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
     TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
     TEST_ASSERT_EQUAL(1u << 19, param_now(FRAMES_PARAM_FC));
 }
 
-/* The answer to an unknown parameter has no value of another one. */
-static void test_an_unknown_parameter_reads_as_0(void)
+/* Whatever was asked of it. */
+static void test_an_unknown_parameter_is_answered_by_its_number(void)
 {
     param_reply_t reply;
     for (uint32_t param = FRAMES_PARAM_STATUS + 1; param < 256; param++) {
-        TEST_ASSERT_FALSE(params_of((uint8_t)param, 77, param % 2 != 0, &reply));
+        TEST_ASSERT_FALSE(params_of((uint8_t)param, 77, param % 4, &reply));
         TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
-        TEST_ASSERT_EQUAL(0, reply.value);
+        TEST_ASSERT_EQUAL(param, reply.value);
     }
 }
 
@@ -954,37 +987,147 @@ static void test_a_travel_out_of_range_is_refused_as_a_whole(void)
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, UINT32_MAX));
     TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
     param_reply_t reply;
-    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_FC, 1, true, &reply));
+    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_FC, 1, FRAMES_PARAM_WRITE, &reply));
     TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
     TEST_ASSERT_EQUAL(1u << 20, param_now(FRAMES_PARAM_FC));
 }
 
-static void test_a_restart_forgets_all_but_the_parameters(void)
+/* Sigma0 and Fc that only together are in range with the theta that there is, and back. */
+static void test_a_model_that_is_in_range_only_as_a_whole_is_written_as_a_whole(void)
 {
-    set_param(FRAMES_PARAM_GAIN, 1000);
-    feed(0, 0);
-    feed(2, 5000);
-    reset(FRAMES_RESET_RESTART);
-    TEST_ASSERT_EQUAL(0, node.bearing.w);
-    TEST_ASSERT_EQUAL(0, node.errors);
-    TEST_ASSERT_EQUAL(FRAMES_INIT, node.state);
-    TEST_ASSERT_EQUAL(1000, param_now(FRAMES_PARAM_GAIN));
-    TEST_ASSERT_TRUE(feed(9, 123));
-    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+    param_reply_t reply;
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, UINT32_MAX) && set_param(FRAMES_PARAM_SIGMA0, UINT32_MAX));
+    TEST_ASSERT_FALSE(set_param(FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, 1, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_EQUAL(UINT32_MAX, reply.value); /* which still holds */
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_EQUAL_FLOAT(0x1p-10f, node.params.sigma0);
+    TEST_ASSERT_EQUAL_FLOAT(0x1p-20f, node.params.Fc);
 }
 
+/* The torque never hears a half of it: a bristle at its end stays where twice the Fc and sigma0 have it. */
+static void test_what_is_held_changes_nothing_until_the_last_is_written(void)
+{
+    param_reply_t reply;
+    dahl_params_t both = {params.sigma0 * 2, params.Fc * 2, params.theta_per_count};
+    dahl_state_t reference;
+    dahl_plan_t want;
+    feed(0, 0);
+    feed(1, 300);
+    reference = node.bearing;
+    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_FC, 1u << 20, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_TRUE(feed(2, 250));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -50), answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, 100u << 10));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&want, &both));
+    dahl_change_plan(&plan, &want, &reference);
+    TEST_ASSERT_TRUE(feed(3, 270));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&want, &reference, 20), answer.torque_q30);
+}
+
+static void test_what_is_held_goes_with_a_refusal_and_a_restart(void)
+{
+    param_reply_t reply;
+    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, UINT32_MAX, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_THETA, UINT32_MAX, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_FALSE(set_param(FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
+    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, 7u << 10, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_THETA, 0, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 19));
+    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, 7u << 10, FRAMES_PARAM_HOLD, &reply));
+    reset(FRAMES_RESET_RESTART);
+    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
+    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
+}
+
+/* A parameter that is used by itself is not held, and there is no fourth thing to ask for. */
+static void test_only_the_model_is_held(void)
+{
+    param_reply_t reply;
+    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_GAIN, 5, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_GAIN, 5, 3, &reply));
+    TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_FC, 1u << 20, 3, &reply));
+    TEST_ASSERT_EQUAL(NODE_ONE, param_now(FRAMES_PARAM_GAIN));
+    TEST_ASSERT_EQUAL(1u << 19, param_now(FRAMES_PARAM_FC));
+}
+
+/* Some of everything that can go wrong. */
+static void spoil(void)
+{
+    can_frame_t corrupt = encoder_frame(5, 0);
+    can_frame_t off = {.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8}, out;
+    corrupt.data[3] ^= 1;
+    node_tick(&node, now_us, &out);
+    feed(0, 0);
+    feed(2, 5000);
+    feed(2, 5000);
+    give(&corrupt);
+    give(&off);
+    now_us += NODE_TIMEOUT_US;
+    feed(9, 6000);
+    feed(10, 6000);
+}
+
+/* What a node says by itself and to each frame of a fixed story, as bytes. */
+static size_t story(can_frame_t said[40])
+{
+    size_t count = 0;
+    for (uint32_t i = 0; i < 20; i++) {
+        can_frame_t frame = encoder_frame(i % 7 == 3 ? 0 : i, (int32_t)(i * i));
+        now_us += 1000;
+        count += node_tick(&node, now_us, &said[count]) ? 1u : 0u;
+        count += node_receive(&node, &frame, now_us, &said[count]) ? 1u : 0u;
+    }
+    return count;
+}
+
+static void test_after_a_restart_a_node_says_what_one_after_power_on_says(void)
+{
+    can_frame_t fresh[40], again[40];
+    can_frame_t frame, out;
+    node.gain = 1000;
+    node.ramp_us = 5000;
+    node.gain_now = 0;
+    uint32_t began_us = now_us;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out)); /* after power-on; the restart is answered by the same */
+    size_t count = story(fresh);
+    setUp();
+    set_param(FRAMES_PARAM_GAIN, 1000);
+    set_param(FRAMES_PARAM_RAMP, 5);
+    spoil();
+    now_us = began_us;
+    frames_pack_reset(&frame, NUMBER, &(node_reset_t){.what = FRAMES_RESET_RESTART});
+    can_frame_t first = out;
+    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us, &out));
+    TEST_ASSERT_EQUAL_MEMORY(&first, &out, sizeof out);
+    TEST_ASSERT_EQUAL(count, story(again));
+    TEST_ASSERT_EQUAL_MEMORY(fresh, again, count * sizeof fresh[0]);
+}
+
+/* What Status shows begins anew with a Reset; what the node has counted since power-on is not a client's to wipe. */
 static void test_errors_are_sticky_until_they_are_reset(void)
 {
-    feed(0, 0);
-    feed(0, 0);
-    feed(1, 0);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED, node.errors);
+    spoil();
+    node_counts_t before = node.counts;
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | 1u << FRAMES_LOST | 1u << FRAMES_CRC | 1u << FRAMES_STALE, node.errors);
     reset(FRAMES_RESET_ERRORS);
-    TEST_ASSERT_EQUAL_HEX8(0, node.errors);
-    const node_counts_t none = {0};
-    TEST_ASSERT_EQUAL_MEMORY(&none, &node.counts, sizeof none);
-    TEST_ASSERT_TRUE(feed(2, 10));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    node_status_t status = status_now();
+    TEST_ASSERT_EQUAL_HEX8(0, status.errors);
+    TEST_ASSERT_EQUAL(0, status.lost + status.corrupt + status.out_of_step);
+    before.resets++;
+    TEST_ASSERT_EQUAL_MEMORY(&before, &node.counts, sizeof before);
+    feed(11, 6000);
+    feed(13, 6000);
+    feed(13, 6000);
+    feed(14, 6000);
+    status = status_now();
+    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | 1u << FRAMES_LOST, status.errors);
+    TEST_ASSERT_EQUAL(1, status.lost);
+    TEST_ASSERT_EQUAL(1, status.out_of_step);
 }
 
 /* Neither ParamWrite nor Reset with a wrong CRC or form does anything but count, and gets no answer. */
@@ -992,7 +1135,7 @@ static void test_a_bad_param_write_or_reset_is_only_counted(void)
 {
     can_frame_t frames[2];
     can_frame_t out;
-    frames_pack_param_write(&frames[0], NUMBER, &(param_write_t){.value = 5, .param = FRAMES_PARAM_GAIN, .write = true});
+    frames_pack_param_write(&frames[0], NUMBER, &(param_write_t){.value = 5, .param = FRAMES_PARAM_GAIN, .write = FRAMES_PARAM_WRITE});
     frames_pack_reset(&frames[1], NUMBER, &(node_reset_t){.what = FRAMES_RESET_RESTART});
     feed(0, 0);
     feed(1, 300);
@@ -1182,60 +1325,53 @@ static void test_a_reversal_that_a_loss_hides_costs_something(void)
     TEST_ASSERT_TRUE(worst_with_losses(31) > 1e-3);
 }
 
-/* --- each kind of frame ------------------------------------------------------------------------------------------- */
+/* --- the fault table, row by row ---------------------------------------------------------------------------------- */
 
-typedef struct {
-    const char *name;
-    can_frame_t (*make)(void); /* brings the node there; the frame that the row is about, or none with id 0 */
-    const char *counted;       /* the counters that grow by it */
-    uint8_t state;
-    bool moves, is_answered;
-} row_t;
-
-static can_frame_t row_first(void)
+/* Each brings the node to where a row begins, and gives the frame that the row is about. */
+static can_frame_t play_FIRST(void)
 {
     return encoder_frame(7, 70);
 }
 
-static can_frame_t row_next(void)
+static can_frame_t play_NEXT(void)
 {
     feed(0, 0);
     return encoder_frame(1, 70);
 }
 
-static can_frame_t row_gap(void)
+static can_frame_t play_GAP(void)
 {
     feed(0, 0);
     return encoder_frame(3, 70);
 }
 
-static can_frame_t row_long_gap(void)
+static can_frame_t play_LONG_GAP(void)
 {
     node.max_step = 100;
     feed(0, 0);
     return encoder_frame(8, 70);
 }
 
-static can_frame_t row_again(void)
+static can_frame_t play_AGAIN(void)
 {
     feed(0, 0);
     return encoder_frame(0, 70);
 }
 
-static can_frame_t row_other(void)
+static can_frame_t play_OTHER(void)
 {
     feed(0, 0);
     return encoder_frame(9, 70);
 }
 
-static can_frame_t row_far(void)
+static can_frame_t play_FAR(void)
 {
     node.max_step = 10;
     feed(0, 0);
     return encoder_frame(1, 70000);
 }
 
-static can_frame_t row_third(void)
+static can_frame_t play_THIRD(void)
 {
     feed(0, 0);
     feed(9, 60);
@@ -1243,13 +1379,22 @@ static can_frame_t row_third(void)
     return encoder_frame(11, 70);
 }
 
-static can_frame_t row_third_near(void)
+static can_frame_t play_THIRD_FAR(void)
 {
-    node.max_step = 100;
-    return row_third();
+    node.max_step = 10;
+    feed(0, 0);
+    feed(1, 70000);
+    feed(2, 70005);
+    return encoder_frame(3, 70010);
 }
 
-static can_frame_t row_invalid(void)
+static can_frame_t play_THIRD_NEAR(void)
+{
+    node.max_step = 100;
+    return play_THIRD();
+}
+
+static can_frame_t play_DISOWNED(void)
 {
     can_frame_t frame;
     feed(0, 0);
@@ -1257,37 +1402,65 @@ static can_frame_t row_invalid(void)
     return frame;
 }
 
-static can_frame_t row_crc(void)
+static can_frame_t play_BAD_CRC(void)
 {
-    can_frame_t frame = row_next();
+    can_frame_t frame = play_NEXT();
     frame.data[2] ^= 1;
     return frame;
 }
 
-static can_frame_t row_form(void)
+static can_frame_t play_BAD_LENGTH(void)
 {
-    can_frame_t frame = row_next();
-    frame.flags = CAN_FRAME_REMOTE;
+    can_frame_t frame = play_NEXT();
+    frame.length = 7;
     return frame;
 }
 
-static can_frame_t row_silence(void)
+static can_frame_t flagged(uint8_t flag)
+{
+    can_frame_t frame = play_NEXT();
+    frame.flags = flag;
+    return frame;
+}
+
+static can_frame_t play_EXTENDED(void)
+{
+    return flagged(CAN_FRAME_EXTENDED);
+}
+
+static can_frame_t play_REMOTE(void)
+{
+    return flagged(CAN_FRAME_REMOTE);
+}
+
+static can_frame_t play_FD(void)
+{
+    return flagged(CAN_FRAME_FD);
+}
+
+static void wait_for_the_timeout(void)
+{
+    now_us += NODE_TIMEOUT_US + 1;
+}
+
+/* No frame at all: the id of nobody. */
+static can_frame_t play_SILENCE(void)
 {
     feed(0, 0);
-    now_us += 100001;
+    wait_for_the_timeout();
     return (can_frame_t){.id = 0};
 }
 
-static can_frame_t row_back_two(void)
+static can_frame_t play_BACK_TWO(void)
 {
-    row_silence();
+    play_SILENCE();
     feed(1, 60);
     return encoder_frame(2, 65);
 }
 
-static can_frame_t row_back_three(void)
+static can_frame_t play_BACK_THREE(void)
 {
-    row_silence();
+    play_SILENCE();
     feed(1, 60);
     feed(2, 65);
     return encoder_frame(3, 70);
@@ -1298,55 +1471,55 @@ static can_frame_t bus_off_frame(void)
     return (can_frame_t){.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8};
 }
 
-static can_frame_t row_bus_off(void)
+static can_frame_t play_GONE_OFF(void)
 {
     feed(0, 0);
     return bus_off_frame();
 }
 
-static can_frame_t row_held(void)
+static can_frame_t third_after_bus_off(void)
 {
-    can_frame_t off = row_bus_off();
-    give(&off);
     feed(1, 60);
     feed(2, 65);
     return encoder_frame(3, 70);
 }
 
-static can_frame_t row_latched(void)
+static can_frame_t play_OFF_HELD(void)
 {
-    can_frame_t off = row_bus_off();
+    can_frame_t off = play_GONE_OFF();
+    give(&off);
+    return third_after_bus_off();
+}
+
+static can_frame_t play_OFF_BACK(void)
+{
+    can_frame_t off = play_GONE_OFF();
+    give(&off);
+    wait_for_the_timeout();
+    return third_after_bus_off();
+}
+
+static can_frame_t play_OFF_LATCHED(void)
+{
+    can_frame_t off = play_GONE_OFF();
     for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
         give(&off);
     }
-    now_us += 1000000;
-    feed(1, 60);
-    feed(2, 65);
-    return encoder_frame(3, 70);
+    now_us += 10 * NODE_TIMEOUT_US;
+    return third_after_bus_off();
 }
 
-static const row_t rows[] = {
-    {"the first good one", row_first, "ok", FRAMES_INIT, false, true},
-    {"counter + 1", row_next, "ok", FRAMES_OK, true, true},
-    {"counter + 2 or + 3", row_gap, "ok, lost", FRAMES_LOST, true, true},
-    {"counter + 4 to + 8, with a MaxStep", row_long_gap, "ok, lost", FRAMES_LOST, true, true},
-    {"counter + 0", row_again, "repeated", FRAMES_REPEATED, false, false},
-    {"any other counter", row_other, "wrong_sequence", FRAMES_WRONG_SEQUENCE, false, false},
-    {"further away than MaxStep allows", row_far, "jump", FRAMES_OK, false, false},
-    {"the third of the last two in a row", row_third, "wrong_sequence", FRAMES_WRONG_SEQUENCE, false, true},
-    {"the same, as near as MaxStep allows", row_third_near, "ok", FRAMES_LOST, true, true},
-    {"not valid by its own flag", row_invalid, "invalid", FRAMES_OK, false, false},
-    {"wrong CRC", row_crc, "crc", FRAMES_CRC, false, false},
-    {"wrong length, extended, remote, FD", row_form, "format", FRAMES_CRC, false, false},
-    {"nothing good for the timeout of 100 ms", row_silence, "stale", FRAMES_STALE, false, false},
-    {"after that: good ones 1 and 2 in a row", row_back_two, "rearm", FRAMES_STALE, false, false},
-    {"after that: the third in a row", row_back_three, "ok", FRAMES_STALE, false, true},
-    {"the controller goes bus-off", row_bus_off, "bus_off", FRAMES_STALE, false, false},
-    {"good ones in the 100 ms after that", row_held, "rearm", FRAMES_STALE, false, false},
-    {"good ones after four bus-offs in a row", row_latched, "rearm", FRAMES_STALE, false, false},
-};
+typedef struct {
+    const char *name, *counted, *bristle;
+    can_frame_t (*play)(void);
+    frames_state_t state;
+    bool answered;
+} row_t;
 
-/* Names of the counters that grew. */
+#define ROW(id, frame, counted, state, bristle, answered) {#id, counted, bristle, play_##id, FRAMES_##state, answered},
+static const row_t rows[] = {FAULT_TABLE(ROW)};
+
+/* Names of the counters that grew, as the table has them. */
 static void grown(const node_counts_t *before, char *text)
 {
     const node_counts_t *n = &node.counts;
@@ -1375,21 +1548,23 @@ static void grown(const node_counts_t *before, char *text)
 static void check_row(const row_t *row)
 {
     char counted[128];
-    setUp();
-    can_frame_t frame = row->make();
     can_frame_t out;
+    node_status_t status;
+    setUp();
+    can_frame_t frame = row->play();
     node_t before = node;
-    node.sent_us = now_us;
-    node.urgent = false;
-    bool answered = frame.id != 0 ? give(&frame) : node_tick(&node, now_us, &out) && node.state != FRAMES_STALE;
+    bool answered = frame.id != 0 && give(&frame);
+    node.urgent = true;
+    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
     grown(&before.counts, counted);
     TEST_ASSERT_EQUAL_STRING_MESSAGE(row->counted, counted, row->name);
-    TEST_ASSERT_EQUAL_MESSAGE(row->state, node.state, row->name);
-    TEST_ASSERT_EQUAL_MESSAGE(row->moves, before.bearing.w != node.bearing.w, row->name);
-    TEST_ASSERT_EQUAL_MESSAGE(row->is_answered, answered, row->name);
+    TEST_ASSERT_EQUAL_MESSAGE(row->state, status.state, row->name);
+    TEST_ASSERT_EQUAL_STRING_MESSAGE(row->bristle, before.bearing.w == node.bearing.w ? "kept" : "moved", row->name);
+    TEST_ASSERT_EQUAL_MESSAGE(row->answered, answered, row->name);
 }
 
-static void test_each_kind_of_frame_by_what_it_does(void)
+static void test_each_row_of_the_fault_table(void)
 {
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         check_row(&rows[i]);
@@ -1445,6 +1620,8 @@ int main(void)
     RUN_TEST(test_status_tells_what_happened);
     RUN_TEST(test_status_adds_up_what_belongs_together);
     RUN_TEST(test_status_comes_every_100_ms);
+    RUN_TEST(test_status_without_a_period_comes_with_news_only);
+    RUN_TEST(test_status_shows_the_timeout);
     RUN_TEST(test_with_a_step_limit_a_glitch_is_not_used);
     RUN_TEST(test_the_largest_step_limit_allows_every_way_of_two_frames);
     RUN_TEST(test_the_step_limit_holds_backward_too);
@@ -1472,9 +1649,13 @@ int main(void)
     RUN_TEST(test_a_new_model_keeps_the_torque);
     RUN_TEST(test_parameters_at_the_ends_of_their_range);
     RUN_TEST(test_parameters_out_of_range_change_nothing);
-    RUN_TEST(test_an_unknown_parameter_reads_as_0);
+    RUN_TEST(test_an_unknown_parameter_is_answered_by_its_number);
     RUN_TEST(test_a_travel_out_of_range_is_refused_as_a_whole);
-    RUN_TEST(test_a_restart_forgets_all_but_the_parameters);
+    RUN_TEST(test_a_model_that_is_in_range_only_as_a_whole_is_written_as_a_whole);
+    RUN_TEST(test_what_is_held_changes_nothing_until_the_last_is_written);
+    RUN_TEST(test_what_is_held_goes_with_a_refusal_and_a_restart);
+    RUN_TEST(test_only_the_model_is_held);
+    RUN_TEST(test_after_a_restart_a_node_says_what_one_after_power_on_says);
     RUN_TEST(test_errors_are_sticky_until_they_are_reset);
     RUN_TEST(test_a_bad_param_write_or_reset_is_only_counted);
     RUN_TEST(test_a_reset_of_nothing_only_asks_for_status);
@@ -1487,7 +1668,7 @@ int main(void)
     RUN_TEST(test_other_error_frames_are_no_bus_off);
     RUN_TEST(test_two_of_three_frames_lost_cost_nothing);
     RUN_TEST(test_a_reversal_that_a_loss_hides_costs_something);
-    RUN_TEST(test_each_kind_of_frame_by_what_it_does);
+    RUN_TEST(test_each_row_of_the_fault_table);
     RUN_TEST(test_random_input_breaks_nothing);
     return UNITY_END();
 }

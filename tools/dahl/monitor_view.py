@@ -14,7 +14,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderResult
 from rich.table import Table
 from rich.text import Text
 
-from dahl import Error, paths, protection
+from dahl import Error, e2e, paths
 
 if TYPE_CHECKING:
     import can
@@ -61,7 +61,7 @@ class View:
             self.others += 1
             return
         try:
-            if not protection.is_whole(frame.arbitration_id, frame.data):
+            if not e2e.is_whole(frame.arbitration_id, frame.data):
                 raise ValueError("a wrong CRC or length")
             signals = seen.message.decode_simple(bytes(frame.data))
         except Exception:  # cantools has several for frames that are too short

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The fault table: what the node does with each frame that can come, or fails to. It stands here once: the unit test of the
+ * node plays each row, tools/fault_table.py writes it into the documentation. The product does not compile it.
+ *
+ * Columns: name of the row; the frame; counts that go up by it (of node_counts_t); state that Status then says; is the
+ * bristle moved or kept; is there an answer.
+ */
+#ifndef FAULT_TABLE_H
+#define FAULT_TABLE_H
+
+#define FAULT_TABLE(ROW) \
+    ROW(FIRST, "the first good one", "ok", INIT, "kept", true) \
+    ROW(NEXT, "counter + 1", "ok", OK, "moved", true) \
+    ROW(GAP, "counter + 2 or + 3", "ok, lost", LOST, "moved", true) \
+    ROW(LONG_GAP, "counter + 4 to + 8, with a MaxStep", "ok, lost", LOST, "moved", true) \
+    ROW(AGAIN, "the same counter again", "repeated", REPEATED, "kept", false) \
+    ROW(OTHER, "any other counter", "wrong_sequence", WRONG_SEQUENCE, "kept", false) \
+    ROW(FAR, "further away than MaxStep allows", "jump", OK, "kept", false) \
+    ROW(THIRD, "third consecutive frame of any other counter", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_FAR, "third consecutive frame further away than MaxStep allows", "jump", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_NEAR, "third consecutive frame of any other counter, as near as MaxStep allows", "ok", LOST, "moved", true) \
+    ROW(DISOWNED, "not valid by its own flag", "invalid", OK, "kept", false) \
+    ROW(BAD_CRC, "wrong CRC", "crc", CRC, "kept", false) \
+    ROW(BAD_LENGTH, "wrong length", "format", CRC, "kept", false) \
+    ROW(EXTENDED, "extended id", "format", CRC, "kept", false) \
+    ROW(REMOTE, "remote frame", "format", CRC, "kept", false) \
+    ROW(FD, "CAN FD frame", "format", CRC, "kept", false) \
+    ROW(SILENCE, "nothing good for the timeout", "stale", STALE, "kept", false) \
+    ROW(BACK_TWO, "after that: the first and the second good one in a row", "rearm", STALE, "kept", false) \
+    ROW(BACK_THREE, "after that: the third in a row", "ok", STALE, "kept", true) \
+    ROW(GONE_OFF, "the controller goes bus-off", "bus_off", STALE, "kept", false) \
+    ROW(OFF_HELD, "good ones after that, within the timeout", "rearm", STALE, "kept", false) \
+    ROW(OFF_BACK, "good ones after that: the third in a row", "ok", STALE, "kept", true) \
+    ROW(OFF_LATCHED, "good ones after four bus-offs without an answer in between", "rearm", STALE, "kept", false)
+
+#endif

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: MIT
+"""What a user does with a DBC: decode whatever a node says, know its defaults, have one for a bus of many."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+import cantools
+import pytest
+from loop_tools import SCENES, run
+
+from dahl import cli
+
+SCENE = SCENES / "segments.ini"
+
+
+@pytest.fixture(scope="module")
+def database(dbc: Path) -> cantools.database.Database:
+    return cantools.database.load_file(dbc)
+
+
+def described(nodes: int, folder: Path) -> cantools.database.Database:
+    path = folder / f"{nodes}.dbc"
+    assert cli.main(["dbc", "--nodes", str(nodes), "-o", str(path)]) == 0
+    return cantools.database.load_file(path)
+
+
+def test_one_for_n_nodes_decodes_every_frame_of_their_bus(tmp_path: Path) -> None:
+    many = described(3, tmp_path)
+    run(tmp_path / "run", SCENE, "--virtual", "--nodes", "3")
+    seen: dict[str, set[int]] = {}
+    for frame in can.LogReader(tmp_path / "run" / "run.log"):
+        message = many.get_message_by_frame_id(frame.arbitration_id)
+        assert message.decode(frame.data)["Crc"] == frame.data[0]
+        seen.setdefault(message.name, set()).add(frame.arbitration_id & 15)
+    kinds = {"EncoderState": 0, "FrictionTorque": 0, "Status": 0}
+    wanted = {f"{kind}_{n}" if n else kind: {n} for kind in kinds for n in range(3)}
+    assert seen == wanted
+
+
+def test_one_for_n_nodes_keeps_all_that_the_dbc_says(
+    tmp_path: Path, database: cantools.database.Database
+) -> None:
+    many = described(16, tmp_path)
+    assert len(many.messages) == 16 * len(database.messages)
+    for message in database.messages:
+        for number in (0, 1, 15):
+            twin = many.get_message_by_frame_id(message.frame_id + number)
+            assert twin.name == (f"{message.name}_{number}" if number else message.name)
+            assert twin.comment == message.comment
+            assert twin.cycle_time == message.cycle_time
+            assert twin.send_type == message.send_type
+            assert {signal.name: str(signal) for signal in twin.signals}.keys() == {
+                signal.name for signal in message.signals
+            }
+            for signal in message.signals:
+                other = twin.get_signal_by_name(signal.name)
+                for what in ("start", "length", "scale", "unit", "comment", "choices", "initial"):
+                    assert getattr(other, what) == getattr(signal, what), (signal.name, what)
+            assert set(twin.senders) <= {node.name for node in many.nodes}
+
+
+@pytest.mark.parametrize("nodes", ["0", "17", "two"])
+def test_another_number_of_nodes_is_refused(nodes: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["dbc", "--nodes", nodes])
+    assert ended.value.code == 2
+    assert nodes in capsys.readouterr().err
+
+
+def test_a_reply_that_knows_no_such_parameter_decodes(database: cantools.database.Database) -> None:
+    """As the C node answers (test_node.c): Param 255, and the number that was asked for."""
+    reply = database.get_message_by_name("ParamReply")
+    said = reply.decode(bytes([0, 0x25, 255, 0, 77, 0, 0, 0]))
+    assert (said["Result"], said["Param"], said["Asked"]) == ("Unknown", "None", 77)
+
+
+def test_no_unit_is_a_bare_number(database: cantools.database.Database) -> None:
+    for message in database.messages:
+        for signal in message.signals:
+            assert signal.unit is None or signal.unit.strip("1"), signal.name
+
+
+def test_a_joint_write_can_be_encoded(database: cantools.database.Database) -> None:
+    write = database.get_message_by_name("ParamWrite")
+    held = {"Crc": 0, "Counter": 1, "Write": "Hold", "Param": "Fc", "Fc": 2.5}
+    assert write.decode(write.encode(held)) == held

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: MIT
+"""
+Write the bus description (DBC) of a bus with N friction nodes.
+
+Node 0 has the plain names of the project's own DBC; node n has the same frames at id + n, and its
+number behind each name: FrictionTorque_3. Counter and CRC are alike for all: the data ids are those
+of the kind of frame, whatever the number of the node.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dahl.arguments import whole
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message, Node
+
+HELP = "bus description for N nodes"
+EXAMPLE = "example: dahl dbc --nodes 4 -o four.dbc"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--nodes", type=whole(1, 16), default=1, metavar="N", help="how many, numbered from 0"
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="where it goes (default: printed)"
+    )
+
+
+def run(args: argparse.Namespace) -> None:
+    text = describe(args.nodes)
+    if args.output:
+        args.output.write_text(text, encoding="ascii", newline="\r\n")
+    else:
+        print(text, end="")
+
+
+def describe(nodes: int) -> str:
+    """A DBC with the frames of nodes 0 to nodes - 1."""
+    from cantools.database.can import Database
+    from cantools.database.utils import sort_signals_by_start_bit
+
+    from dahl.report import database
+
+    one = database()
+    every = Database(
+        [_message_of(message, number) for number in range(nodes) for message in one.messages],
+        [_node_of(node, number) for number in range(nodes) for node in one.nodes],
+        version=one.version,
+        dbc_specifics=one.dbc,
+    )
+    return every.as_dbc_string(sort_signals=sort_signals_by_start_bit).replace("\r\n", "\n")
+
+
+def _named(name: str, number: int) -> str:
+    return f"{name}_{number}" if number else name
+
+
+def _node_of(node: Node, number: int) -> Node:
+    mine = copy.deepcopy(node)
+    mine.name = _named(node.name, number)
+    return mine
+
+
+def _message_of(message: Message, number: int) -> Message:
+    mine = copy.deepcopy(message)
+    mine.name = _named(message.name, number)
+    mine.frame_id = message.frame_id + number
+    mine.senders[:] = [_named(sender, number) for sender in message.senders]
+    for signal in mine.signals:
+        signal.receivers[:] = [_named(receiver, number) for receiver in signal.receivers]
+    return mine
