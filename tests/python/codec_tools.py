@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The structures of lib/include/dahl_can_bus.h and lib/include/dahl_frames.h that several tests pass to the C code."""
+"""The structures of dahl_can_bus.h and dahl_frames.h that several tests pass to the C code."""
 
 from __future__ import annotations
 

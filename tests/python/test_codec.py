@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The C codec against lib/node/dahl.dbc (cantools), crccheck and autosar-e2e; and the DBC itself."""
+"""The C codec against the DBC (cantools), crccheck and autosar-e2e; and the DBC itself."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What a user does with a DBC: decode whatever a node says, know its defaults, have one for a bus of many."""
+"""What a user does with a DBC: decode what a node says, know its defaults, have one for many."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 import can
 import cantools
 import pytest
-from loop_tools import SCENES, run
-
 from dahl import cli
+
+from loop_tools import SCENES, run
 
 SCENE = SCENES / "segments.ini"
 

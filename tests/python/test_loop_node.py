@@ -196,15 +196,3 @@ def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):
     assert result.summary["frames_lost"] == 0
     assert result.summary["frames_answered"] == 2000
     assert result.summary["answers_corrupt"] > 190
-
-
-def test_the_table_of_the_readme_is_that_of_the_header(root):
-    """test_node.c plays each row of the header's; the README shows the same."""
-    header = (root / "lib" / "include" / "dahl_node.h").read_text(encoding="utf-8")
-    rows = [line[3:].strip() for line in header.splitlines() if line.startswith(" *   |")]
-    readme = (root / "README.md").read_text(encoding="utf-8")
-    assert len(rows) > 15
-    assert "\n".join(rows) in readme
-    assert "Timeout: 100 ms" in readme
-    assert "#define NODE_TIMEOUT_US 100000u" in header
-    assert "#define NODE_REARM 3u" in header

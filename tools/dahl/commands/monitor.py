@@ -2,9 +2,9 @@
 """
 Watch a friction node live in the terminal: torque over angle, both over time, and the counters.
 
-Frames are decoded with lib/node/dahl.dbc (or --dbc). Works with any interface that python-can has. Ends
-with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the state
-at the end.
+Frames are decoded with lib/node/dahl.dbc (or --dbc). Works with any interface that python-can has.
+Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the
+state at the end.
 """
 
 from __future__ import annotations

@@ -1,0 +1,43 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""The fault table of the node (lib/node/fault_table.h) as Markdown: written anew where a page keeps it
+between its two marks, or printed where no page is named.
+
+    tools/fault_table.py README.md docs/*.md
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+TABLE = Path(__file__).parents[1] / "lib" / "node" / "fault_table.h"
+MARKS = ("<!-- node:faults -->", "<!-- /node:faults -->")
+HEAD = ("frame", "counted as", "state", "bristle", "answer")
+ROW = re.compile(r'ROW\(\w+, "([^"]*)", "([^"]*)", (\w+), "([^"]*)", (true|false)\)')
+
+
+def markdown() -> str:
+    """The table, one line a row."""
+    rows = [
+        (*cells, "yes" if answered == "true" else "no")
+        for *cells, answered in ROW.findall(TABLE.read_text(encoding="utf-8"))
+    ]
+    lines = [HEAD, ["---"] * len(HEAD), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def main(pages: list[str]) -> int:
+    if not pages:
+        print(markdown(), end="")
+    for page in map(Path, pages):
+        before, first, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
+        _, last, after = rest.partition(MARKS[1])
+        if first and last:
+            page.write_text(f"{before}{first}\n{markdown()}{last}{after}", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
