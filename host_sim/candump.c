@@ -152,7 +152,7 @@ void candump_write(candump_t *log, const can_frame_t *frame)
     *at++ = ' ';
     bool error = (frame->flags & CAN_FRAME_ERROR) != 0;
     at = put_hex(at, frame->id | (error ? ERROR_BIT : 0), (frame->flags & CAN_FRAME_EXTENDED) != 0 || error ? 8 : 3);
-    *at++ = '#';
+    at = put_text(at, (frame->flags & CAN_FRAME_FD) != 0 ? "##0" : "#");
     at = put_data(at, frame);
     *at++ = '\n';
     put_line(log, line, (size_t)(at - line));

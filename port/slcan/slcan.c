@@ -59,16 +59,30 @@ static void read_id(reader_t *reader, can_frame_t *frame)
     }
 }
 
+/* Bytes of data by the code of their length; a classic frame has at most 8. */
+static uint32_t read_length(reader_t *reader, const can_frame_t *frame)
+{
+    static const uint8_t fd_lengths[] = {12, 16, 20, 24, 32, 48, 64};
+    uint32_t code = read_hex(reader, 1);
+    if (code > 8u && !(frame->flags & CAN_FRAME_FD)) {
+        fail(reader, &reader->counts->wrong_length);
+    }
+    return code <= 8u || reader->error != NULL ? code : fd_lengths[code - 9u];
+}
+
+/* Of CAN FD only the first 8 bytes are kept. */
 static void read_data(reader_t *reader, can_frame_t *frame)
 {
-    uint32_t length = read_hex(reader, 1);
-    if (length > 8u) {
-        fail(reader, &reader->counts->wrong_length);
+    uint32_t length = read_length(reader, frame);
+    if (reader->error != NULL) {
         return;
     }
-    frame->length = (uint8_t)length;
+    frame->length = (uint8_t)(length <= 8u ? length : 8u);
     for (uint32_t i = 0; i < length && !(frame->flags & CAN_FRAME_REMOTE); i++) {
-        frame->data[i] = (uint8_t)read_hex(reader, 2);
+        uint8_t byte = (uint8_t)read_hex(reader, 2);
+        if (i < frame->length) {
+            frame->data[i] = byte;
+        }
     }
     if (reader->left > 0u) {
         fail(reader, &reader->counts->wrong_length);
@@ -143,6 +157,10 @@ static slcan_event_t take_line(slcan_t *self, can_frame_t *frame, char *text)
     case 'T': return take_frame(self, CAN_FRAME_EXTENDED, frame, text);
     case 'r': return take_frame(self, CAN_FRAME_REMOTE, frame, text);
     case 'R': return take_frame(self, CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE, frame, text);
+    case 'd':
+    case 'b': return take_frame(self, CAN_FRAME_FD, frame, text);
+    case 'D':
+    case 'B': return take_frame(self, CAN_FRAME_FD | CAN_FRAME_EXTENDED, frame, text);
     case 'S':
     case 's': return answer(text, "\r");
     default: return take_letter(self, text);

@@ -9,6 +9,7 @@
  *   S0 .. S8, s and digits        CR           bit rate: taken and ignored, there is no bit timing here
  *   tIIILDD..  TIIIIIIIILDD..     CR           a frame for the node, 11 or 29 bits of id, L bytes
  *   rIIIL      RIIIIIIIIL         CR           the same, remote
+ *   d, D, b, B                    CR           CAN FD, as t and T: a node counts it as a wrong form, whatever it holds
  *   V, v, N                       V0101, ..    version, serial number
  *   F                             Fxx          80 if a line was refused since the last F, else 00
  *   an empty line                 CR           (hosts send some to clear the way)
@@ -29,15 +30,15 @@
 extern "C" {
 #endif
 
-#define SLCAN_LINE_MAX 26u /* T, 8 digits, length, 16 digits */
-#define SLCAN_TEXT_MAX (SLCAN_LINE_MAX + 2u)
+#define SLCAN_LINE_MAX 138u /* D, 8 digits, length, 128 digits */
+#define SLCAN_TEXT_MAX 28u  /* of a frame of the node: T, 8 digits, length, 16 digits, CR, 0 */
 
 /* Why lines were refused. */
 typedef struct {
     uint32_t too_long;     /* more characters than any line has */
     uint32_t cut;          /* ended within its id, length or data */
     uint32_t not_hex;      /* another character where a hexadecimal digit must be */
-    uint32_t wrong_length; /* more than 8 bytes, more data than it said, or an id out of range */
+    uint32_t wrong_length; /* more than 8 bytes (in CAN FD 64), more data than it said, or an id out of range */
     uint32_t unknown;      /* a command that is none of those above */
     uint32_t closed;       /* a frame before O */
 } slcan_counts_t;

@@ -43,14 +43,15 @@ static uint8_t flag_if(uint32_t condition, uint8_t flag)
     return condition != 0 ? flag : 0;
 }
 
-static void from_wire(can_frame_t *frame, const struct can_frame *wire)
+/* A classic frame is the first part of one of CAN FD. */
+static void from_wire(can_frame_t *frame, const struct canfd_frame *wire)
 {
     memset(frame, 0, sizeof *frame);
     frame->flags = (uint8_t)(flag_if(wire->can_id & CAN_EFF_FLAG, CAN_FRAME_EXTENDED) |
                              flag_if(wire->can_id & CAN_RTR_FLAG, CAN_FRAME_REMOTE) |
                              flag_if(wire->can_id & CAN_ERR_FLAG, CAN_FRAME_ERROR));
     frame->id = wire->can_id & ((wire->can_id & CAN_EFF_FLAG) != 0 ? CAN_EFF_MASK : CAN_SFF_MASK);
-    frame->length = wire->can_dlc <= 8 ? wire->can_dlc : 8;
+    frame->length = wire->len <= 8 ? wire->len : 8;
     memcpy(frame->data, wire->data, frame->length);
 }
 
@@ -94,7 +95,7 @@ static uint64_t stamp_of(struct msghdr *message, const can_clock_t *clock)
 
 static can_result_t read_one(socketcan_t *self, can_frame_t *frame)
 {
-    struct can_frame wire;
+    struct canfd_frame wire;
     control_t control;
     struct iovec part = {.iov_base = &wire, .iov_len = sizeof wire};
     struct msghdr message = {
@@ -103,13 +104,14 @@ static can_result_t read_one(socketcan_t *self, can_frame_t *frame)
     if (n < 0) {
         return outcome() == CAN_BUS_BUSY ? CAN_BUS_NONE : CAN_BUS_GONE;
     }
-    if (n != (ssize_t)sizeof wire) {
+    if (n != (ssize_t)CAN_MTU && n != (ssize_t)CANFD_MTU) {
         self->bus.counts.garbage++;
         return CAN_BUS_NONE;
     }
     from_wire(frame, &wire);
     frame->time_us = stamp_of(&message, &self->bus.clock);
-    frame->flags = (uint8_t)(frame->flags | flag_if((uint32_t)message.msg_flags & MSG_CONFIRM, CAN_FRAME_OWN));
+    frame->flags = (uint8_t)(frame->flags | flag_if((uint32_t)message.msg_flags & MSG_CONFIRM, CAN_FRAME_OWN) |
+                             flag_if(n == (ssize_t)CANFD_MTU, CAN_FRAME_FD));
     return CAN_BUS_OK;
 }
 
@@ -150,6 +152,7 @@ static can_result_t bind_to(int fd, const char *interface)
     }
     const can_err_mask_t errors = CAN_ERR_MASK;
     if (setsockopt(fd, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on) != 0 ||
+        setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0 ||
         setsockopt(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) != 0 ||
         setsockopt(fd, SOL_SOCKET, SO_TIMESTAMP, &on, sizeof on) != 0) {
         return CAN_BUS_ERROR;

@@ -149,19 +149,40 @@ static bool at_end(const char *cursor)
     return cursor[strspn(cursor, " ")] == '\0';
 }
 
+/* What has more than 8 bytes is of CAN FD, which has these lengths; only its first 8 bytes are kept. */
+static bool set_length(can_frame_t *frame, uint64_t length)
+{
+    static const char fd_lengths[] = {12, 16, 20, 24, 32, 48, 64, 0};
+    if (length <= 8) {
+        frame->length = (uint8_t)length;
+        return true;
+    }
+    frame->length = 8;
+    frame->flags |= CAN_FRAME_FD;
+    return length <= 64 && strchr(fd_lengths, (int)length) != NULL;
+}
+
+static void keep(can_frame_t *frame, uint64_t i, uint64_t byte)
+{
+    if (i < frame->length) {
+        frame->data[i] = (uint8_t)byte;
+    }
+}
+
 bool text_to_send(const char *element, can_frame_t *frame)
 {
-    uint64_t value;
+    uint64_t length;
+    uint64_t byte;
     memset(frame, 0, sizeof *frame);
-    if (!begins_with(&element, "send") || !id_word(&element, frame) || !hex_word(&element, 8, &value)) {
+    if (!begins_with(&element, "send") || !id_word(&element, frame) || !hex_word(&element, 64, &length) ||
+        !set_length(frame, length)) {
         return false;
     }
-    frame->length = (uint8_t)value;
-    for (size_t i = 0, length = frame->length; i < length; i++) {
-        if (!hex_word(&element, 0xFF, &value)) {
+    for (uint64_t i = 0; i < length; i++) {
+        if (!hex_word(&element, 0xFF, &byte)) {
             return false;
         }
-        frame->data[i] = (uint8_t)value;
+        keep(frame, i, byte);
     }
     return at_end(element);
 }
@@ -188,21 +209,20 @@ static bool time_word(const char **cursor, can_frame_t *frame)
 
 static bool data_word(const char **cursor, can_frame_t *frame)
 {
-    char word[sizeof "0011223344556677"];
+    char word[2 * 64 + 1];
     if (at_end(*cursor)) {
         return true;
     }
-    if (!text_word(cursor, word, sizeof word) || strlen(word) % 2 != 0) {
+    if (!text_word(cursor, word, sizeof word) || strlen(word) % 2 != 0 || !set_length(frame, strlen(word) / 2)) {
         return false;
     }
-    frame->length = (uint8_t)(strlen(word) / 2);
-    for (size_t i = 0, length = frame->length; i < length; i++) {
+    for (size_t i = 0, length = strlen(word) / 2; i < length; i++) {
         char pair[] = {word[2 * i], word[2 * i + 1], '\0'};
         uint64_t value;
         if (!to_number(pair, 16, UINT8_MAX, &value)) {
             return false;
         }
-        frame->data[i] = (uint8_t)value;
+        keep(frame, i, value);
     }
     return true;
 }

@@ -5,6 +5,9 @@
  *
  *   < send ID LENGTH B B B ... >       client to server; hexadecimal; ID of 8 digits: extended
  *   < frame ID SECONDS.MICROS BBBB >   server to client
+ *
+ * The protocol does not say what is CAN FD. More than 8 bytes can be nothing else; a shorter frame of CAN FD looks like a
+ * classic one.
  */
 #ifndef SOCKETCAND_TEXT_H
 #define SOCKETCAND_TEXT_H
@@ -21,7 +24,7 @@ extern "C" {
 
 #define SOCKETCAND_HANDSHAKE_MS 5000 /* from the connection to raw mode, on both sides */
 
-#define TEXT_ELEMENT_MAX 200u
+#define TEXT_ELEMENT_MAX 220u
 #define TEXT_FRAME_MAX 80u /* longest element that a frame becomes */
 
 /* All zeros: between elements. */

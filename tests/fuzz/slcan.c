@@ -32,16 +32,16 @@ static int64_t number(const char *text, size_t length, size_t from, size_t digit
     return value;
 }
 
-static int read_data(const char *line, size_t length, size_t from, can_frame_t *frame)
+static int read_data(const char *line, size_t length, size_t from, size_t bytes, can_frame_t *frame)
 {
-    for (size_t i = 0; i < frame->length; i++) {
+    for (size_t i = 0; i < bytes; i++) {
         int64_t byte = number(line, length, from + 2 * i, 2);
         if (byte < 0) {
             return 0;
         }
-        frame->data[i] = (uint8_t)byte;
+        frame->data[i < 8 ? i : 7] = i < 8 ? (uint8_t)byte : frame->data[7];
     }
-    return length == from + 2 * (size_t)frame->length;
+    return length == from + 2 * bytes;
 }
 
 static int is_between(int64_t value, int64_t least, int64_t most)
@@ -51,15 +51,17 @@ static int is_between(int64_t value, int64_t least, int64_t most)
 
 static int read_frame(const char *line, size_t length, can_frame_t *frame)
 {
-    int extended = memchr("TR", line[0], 2) != NULL, remote = memchr("rR", line[0], 2) != NULL;
+    static const uint8_t bytes[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+    int extended = memchr("TRDB", line[0], 4) != NULL, remote = memchr("rR", line[0], 2) != NULL;
+    int fd = memchr("dDbB", line[0], 4) != NULL;
     size_t digits = extended ? 8 : 3;
     int64_t id = number(line, length, 1, digits), count = number(line, length, 1 + digits, 1);
-    if (!is_between(id, 0, extended ? 0x1FFFFFFF : 0x7FF) || !is_between(count, 0, 8)) {
+    if (!is_between(id, 0, extended ? 0x1FFFFFFF : 0x7FF) || !is_between(count, 0, fd ? 15 : 8)) {
         return 0;
     }
-    *frame = (can_frame_t){.id = (uint32_t)id, .length = (uint8_t)count};
-    frame->flags = (uint8_t)((extended ? CAN_FRAME_EXTENDED : 0) | (remote ? CAN_FRAME_REMOTE : 0));
-    return remote ? length == 2 + digits : read_data(line, length, 2 + digits, frame);
+    *frame = (can_frame_t){.id = (uint32_t)id, .length = (uint8_t)(count < 8 ? count : 8)};
+    frame->flags = (uint8_t)((extended ? CAN_FRAME_EXTENDED : 0) | (remote ? CAN_FRAME_REMOTE : 0) | (fd ? CAN_FRAME_FD : 0));
+    return remote ? length == 2 + digits : read_data(line, length, 2 + digits, bytes[count], frame);
 }
 
 /* A line that is one letter. */
@@ -88,7 +90,7 @@ static verdict_t judge(const char *line, size_t length, const slcan_t *now)
     }
     if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
         v.answer = "\r";
-    } else if (now->open && memchr("tTrR", line[0], 4) != NULL && read_frame(line, length, &v.frame)) {
+    } else if (now->open && memchr("tTrRdDbB", line[0], 8) != NULL && read_frame(line, length, &v.frame)) {
         v.answer = "\r";
         v.event = SLCAN_FRAME;
     }
@@ -111,6 +113,10 @@ static void check_written(const can_frame_t *frame)
     char line[SLCAN_TEXT_MAX], answer[SLCAN_TEXT_MAX];
     can_frame_t back;
     uint32_t length = slcan_write(frame, line);
+    if (frame->flags & CAN_FRAME_FD) {
+        LAW(length == 0, "a node says nothing of CAN FD");
+        return;
+    }
     LAW(length > 0 && length < SLCAN_TEXT_MAX && line[length] == '\0', "a frame has a line");
     for (uint32_t i = 0; i < length; i++) {
         slcan_event_t event = slcan_take(&reader, (uint8_t)line[i], &back, answer);
@@ -135,7 +141,7 @@ static void check_line(const slcan_t *before, const slcan_t *after, const verdic
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     slcan_t self = {0};
-    char line[64];
+    char line[SLCAN_LINE_MAX + 2];
     size_t length = 0;
     for (size_t i = 0; i < size; i++) {
         char text[SLCAN_TEXT_MAX];

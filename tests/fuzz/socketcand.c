@@ -21,7 +21,7 @@ static int is_frame(const can_frame_t *frame)
 {
     int extended = (frame->flags & CAN_FRAME_EXTENDED) != 0;
     return frame->id <= (extended ? 0x1FFFFFFFu : 0x7FFu) && frame->length <= 8 &&
-           (frame->flags & ~(CAN_FRAME_EXTENDED | CAN_FRAME_OWN)) == 0;
+           (frame->flags & ~(CAN_FRAME_EXTENDED | CAN_FRAME_OWN | CAN_FRAME_FD)) == 0;
 }
 
 static int is_same(const can_frame_t *a, const can_frame_t *b)
@@ -32,12 +32,12 @@ static int is_same(const can_frame_t *a, const can_frame_t *b)
 /* --- text --------------------------------------------------------------------------------------------------------- */
 
 /* Words of an element, parted by spaces; -1: one is too long for this reader, which no good element has. */
-static int words_of(const char *element, char words[12][32])
+static int words_of(const char *element, char words[68][32])
 {
     int count = 0;
     for (size_t used = 0; *element != '\0'; element++) {
         used = *element == ' ' ? 0 : used + 1;
-        if (used == 1 && ++count > 12) {
+        if (used == 1 && ++count > 68) {
             return -1;
         }
         if (used >= 32) {
@@ -77,16 +77,20 @@ static int read_byte(const char *word, unsigned long most, uint8_t *byte)
 
 static int read_send(const char *element, can_frame_t *frame)
 {
-    char words[12][32];
+    char words[68][32];
     int count = words_of(element, words);
     *frame = (can_frame_t){0};
     if (count < 3 || strcmp(words[0], "send") != 0 || !read_id(words[1], frame)) {
         return 0;
     }
-    int good = read_byte(words[2], 8, &frame->length) && count == 3 + frame->length;
-    for (int i = 0; good && i < frame->length; i++) {
-        good = read_byte(words[3 + i], 255, &frame->data[i]);
+    uint8_t length, byte;
+    int good = read_byte(words[2], 64, &length) && count == 3 + length && (length <= 8 || strchr("\14\20\24\30\40\60\100", length));
+    for (int i = 0; good && i < length; i++) {
+        good = read_byte(words[3 + i], 255, &byte);
+        frame->data[i < 8 ? i : 7] = i < 8 ? byte : frame->data[7];
     }
+    frame->length = length <= 8 ? length : 8;
+    frame->flags |= length <= 8 ? 0 : CAN_FRAME_FD;
     return good;
 }
 
@@ -95,6 +99,10 @@ static void check_written(const can_frame_t *frame)
     char text[TEXT_FRAME_MAX + 1], element[TEXT_FRAME_MAX + 1];
     can_frame_t back;
     size_t length = text_from_frame(text, frame);
+    if (frame->flags & CAN_FRAME_FD) {
+        LAW(length == 0 && text_from_send(text, frame) == 0, "CAN FD is not passed on");
+        return;
+    }
     LAW(length > 4 && length < TEXT_FRAME_MAX && text[0] == '<' && text[length - 1] == '>', "a frame becomes an element");
     memcpy(element, text + 1, length - 2);
     element[length - 2] = '\0';

@@ -228,7 +228,8 @@ static void test_bad_elements_are_refused(void)
 {
     static const char *const bad[] = {
         "", " ", " send", " send ", " send 123", " send 123 8", " send 123 1", " send 123 9 1 2 3 4 5 6 7 8 9",
-        " send 123 c 0 0 0 0 0 0 0 0 0 0 0 0", " send 800 0", " send 20000000 0", " send 123456789 0", " send xyz 0",
+        " send 123 c 0 0 0 0 0 0 0 0 0 0 0", " send 123 b 0 0 0 0 0 0 0 0 0 0 0", " send 123 c 0 0 0 0 0 0 0 0 0 0 0 100",
+        " send 123 10c 0 0 0 0 0 0 0 0 0 0 0 0", " send 800 0", " send 20000000 0", " send 123456789 0", " send xyz 0",
         " send 123 1 100", " send 123 1 1 1", " send 123 -1", " send +12 0", " send 123 1 0x1g", " frame 123 0",
         " sendd 123 0", " send 123 1 ", " send 12 1 \xff", " send 123 1 0x1", " send 0x1 0", " send 123 1 \t1",
         " sendsend 123 0", " send 7FFFFFFFF 0", " send 123 1 1\xff", " send 123 0 \xff",
@@ -241,7 +242,7 @@ static void test_bad_elements_are_refused(void)
         " frame 123 1.0000000 00", " frame 123 9223372036855.000000 00", " frame 123 99999999999999999999.000000 00",
         " frame 123 123456789012345678901234.000000 00", " frame 123 1.000000 0", " frame 123 1.000000 0g",
         " frame 123 1.000000 0x", " frame 123 1.000000 001122334455667", " frame 123 1.000000 00112233445566778",
-        " frame 123 1.000000 001122334455667788", " frame 123 1.000000 00 11", " send 123 1.000000 00", " framed 123 1.000000 00"};
+        " frame 123 1.000000 001122334455667788", " frame 123 1.000000 00112233445566778899aabbccdd", " frame 123 1.000000 00 11", " send 123 1.000000 00", " framed 123 1.000000 00"};
     can_frame_t frame;
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         TEST_ASSERT_FALSE_MESSAGE(text_to_send(bad[i], &frame), bad[i]);
@@ -254,6 +255,29 @@ static void test_bad_elements_are_refused(void)
     TEST_ASSERT_EQUAL(8, frame.length);
     TEST_ASSERT_EQUAL_HEX8(0x77, frame.data[7]);
     TEST_ASSERT_TRUE(frame.time_us == UINT64_C(9223372036854999999));
+}
+
+/* More than 8 bytes are CAN FD, which has a few lengths up to 64; the first 8 are kept. */
+static void test_more_than_8_bytes_are_a_frame_of_can_fd(void)
+{
+    static const uint32_t lengths[] = {12, 16, 20, 24, 32, 48, 64};
+    char send[TEXT_ELEMENT_MAX + 1];
+    char taken[TEXT_ELEMENT_MAX + 1];
+    can_frame_t frame;
+    for (size_t i = 0; i < sizeof lengths / sizeof lengths[0]; i++) {
+        int at = sprintf(send, " send 00000123 %X", (unsigned)lengths[i]), end = sprintf(taken, " frame 123 1.000000 ");
+        for (uint32_t byte = 0; byte < lengths[i]; byte++) {
+            at += sprintf(send + at, " %02X", (unsigned)byte);
+            end += sprintf(taken + end, "%02X", (unsigned)byte);
+        }
+        TEST_ASSERT_TRUE(text_to_send(send, &frame));
+        TEST_ASSERT_EQUAL(CAN_FRAME_FD | CAN_FRAME_EXTENDED, frame.flags);
+        TEST_ASSERT_EQUAL(8, frame.length);
+        TEST_ASSERT_EQUAL_MEMORY("\0\1\2\3\4\5\6\7", frame.data, 8);
+        TEST_ASSERT_TRUE(text_to_frame(taken, &frame));
+        TEST_ASSERT_EQUAL(CAN_FRAME_FD, frame.flags);
+        TEST_ASSERT_EQUAL_MEMORY("\0\1\2\3\4\5\6\7", frame.data, 8);
+    }
 }
 
 /* Zeros before a number are part of it, as long as the word may be. */
@@ -452,6 +476,7 @@ int main(void)
     RUN_TEST(test_there_are_no_words_for_other_frames);
     RUN_TEST(test_the_text_ends_where_its_length_says);
     RUN_TEST(test_bad_elements_are_refused);
+    RUN_TEST(test_more_than_8_bytes_are_a_frame_of_can_fd);
     RUN_TEST(test_words_as_long_as_they_may_be);
     RUN_TEST(test_what_an_element_does_not_say_is_0);
     RUN_TEST(test_the_splitter_finds_elements_in_pieces_and_garbage);

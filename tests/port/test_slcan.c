@@ -2,6 +2,7 @@
 /* slcan, line by line: what it takes, what it refuses and under which name. Random bytes and python-can's own lines come
  * from Python. */
 #include <stddef.h>
+#include <stdio.h>
 #include <string.h>
 #include <unity.h>
 
@@ -88,6 +89,27 @@ static void test_each_kind_of_frame_is_taken_and_written(void)
     }
 }
 
+/* A frame of CAN FD is seen as one, whatever its length; no line says it back. */
+static void test_frames_of_can_fd_are_taken_with_their_first_8_bytes(void)
+{
+    static const uint8_t lengths[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+    char line[SLCAN_LINE_MAX + 1];
+    TEST_ASSERT_EQUAL(SLCAN_ANSWER, feed("O"));
+    for (uint32_t i = 0; i < 64; i++) {
+        bool extended = i % 2 != 0;
+        uint8_t code = (uint8_t)(i / 4), kept = code <= 8 ? code : 8;
+        can_frame_t wanted = {.id = 0x123, .flags = CAN_FRAME_FD, .length = kept};
+        wanted.flags |= extended ? CAN_FRAME_EXTENDED : 0;
+        int at = sprintf(line, extended ? "%c%08X%X" : "%c%03X%X", "dDbB"[i % 4], 0x123u, (unsigned)code);
+        for (uint32_t byte = 0; byte < lengths[code]; byte++) {
+            at += sprintf(line + at, "%02X", (unsigned)byte + 1);
+            wanted.data[byte < 8 ? byte : 7] = (uint8_t)(byte < 8 ? byte + 1 : 8);
+        }
+        expect_frame(line, &wanted);
+        TEST_ASSERT_EQUAL(0, slcan_write(&wanted, text));
+    }
+}
+
 static void test_digits_are_large_or_small_and_line_feeds_nothing(void)
 {
     const can_frame_t all = {.id = 0x1ABCDEF9, .flags = CAN_FRAME_EXTENDED, .length = 2, .data = {0xAF, 0x09}};
@@ -118,6 +140,9 @@ static void expect_refused(const char *line, size_t length, ptrdiff_t count)
 
 #define REFUSED(line, why) expect_refused(line, sizeof(line) - 1, offsetof(slcan_counts_t, why))
 
+#define X10 "xxxxxxxxxx"
+#define X100 X10 X10 X10 X10 X10 X10 X10 X10 X10 X10
+
 static void test_lines_that_end_too_early_or_too_late(void)
 {
     REFUSED("t", cut);
@@ -127,11 +152,14 @@ static void test_lines_that_end_too_early_or_too_late(void)
     REFUSED("t1002AB1", cut);
     REFUSED("T1ABCDEF", cut);
     REFUSED("T1ABCDEF0", cut);
+    REFUSED("d1009000102030405060708090A", cut);
+    REFUSED("b1002AB1234", wrong_length);
+    REFUSED("d100zAB", not_hex);
     REFUSED("r123", cut);
-    REFUSED("t10080000000000000000000000", too_long);
-    REFUSED("T1ABCDEF080123456789ABCDEF0", too_long);
-    REFUSED("xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx", too_long);
-    REFUSED("xxxxxxxxxxxxxxxxxxxxxxxxxx", unknown); /* as long as a line can be */
+    REFUSED("t10080000000000000000000000", wrong_length);
+    REFUSED("T1ABCDEF080123456789ABCDEF0", wrong_length);
+    REFUSED(X100 X10 X10 X10 "xxxxxxxxx", too_long);
+    REFUSED(X100 X10 X10 X10 "xxxxxxxx", unknown); /* as long as a line can be */
 }
 
 static void test_characters_that_are_no_digits(void)
@@ -218,6 +246,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_each_kind_of_frame_is_taken_and_written);
+    RUN_TEST(test_frames_of_can_fd_are_taken_with_their_first_8_bytes);
     RUN_TEST(test_digits_are_large_or_small_and_line_feeds_nothing);
     RUN_TEST(test_lines_that_end_too_early_or_too_late);
     RUN_TEST(test_characters_that_are_no_digits);

@@ -28,9 +28,10 @@ CHECK(torque, friction_torque_t,
 CHECK(status, node_status_t,
       out.counter == (in.counter & 15) && out.state == (in.state & 15) && out.errors == in.errors && out.lost == in.lost &&
           out.corrupt == in.corrupt && out.out_of_step == in.out_of_step &&
-          out.version_major == (in.version_major & 15) && out.version_minor == (in.version_minor & 15))
+          out.version_major == (in.version_major & 15) && out.version_minor == (in.version_minor & 15) &&
+          out.timeout == in.timeout)
 CHECK(param_write, param_write_t,
-      out.value == in.value && out.counter == (in.counter & 15) && out.param == in.param && out.write == (in.write != 0))
+      out.value == in.value && out.counter == (in.counter & 15) && out.param == in.param && out.write == (in.write & 3))
 CHECK(param_reply, param_reply_t,
       out.value == in.value && out.counter == (in.counter & 15) && out.param == in.param && out.result == (in.result & 15))
 CHECK(reset, node_reset_t, out.counter == (in.counter & 15) && out.what == (in.what & 15))

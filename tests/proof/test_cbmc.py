@@ -76,7 +76,7 @@ PROOFS = [
     ),
     Proof("check_crc", 33, harness="cbmc_frames.c"),
     Proof("check_text_feed", harness="cbmc_text.c"),
-    Proof("check_slcan_take", 30, harness="cbmc_slcan.c", long=True),
+    Proof("check_slcan_take", 66, harness="cbmc_slcan.c", long=True),
     Proof("check_slcan_write", 30, harness="cbmc_slcan.c", long=True),
 ]
 

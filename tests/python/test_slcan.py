@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 
 ROOT = Path(__file__).resolve().parents[2]
 COUNTS = ("too_long", "cut", "not_hex", "wrong_length", "unknown", "closed")
-LINE_MAX = 26
-EXTENDED, REMOTE = 1, 2
+LINE_MAX, TEXT_MAX = 138, 28
+EXTENDED, REMOTE, FD = 1, 2, 8
 
 
 class Frame(codec_tools.Frame):
@@ -53,6 +53,7 @@ def reader(tmp_path_factory) -> ctypes.CDLL:
         "-fsanitize=undefined",
         "-shared",
         "-fPIC",
+        f"-I{ROOT}/lib/include",
     ]
     subprocess.run(["gcc", *flags, "-fno-sanitize-recover=all", "-o", library, source], check=True)
     return ctypes.CDLL(str(library))
@@ -68,7 +69,7 @@ class Line:
 
     def feed(self, data: bytes) -> tuple[bytes, list[Frame]]:
         """All answers, and all frames."""
-        said, frames, text = b"", [], ctypes.create_string_buffer(LINE_MAX + 2)
+        said, frames, text = b"", [], ctypes.create_string_buffer(TEXT_MAX)
         for byte in data:
             frame = Frame()
             event = self.reader.slcan_take(
@@ -127,9 +128,9 @@ def test_writes_what_it_reads(
         length=len(data),
     )
     frame.data[: len(data)] = list(bytes(len(data)) if remote else data)
-    text = ctypes.create_string_buffer(LINE_MAX + 2)
+    text = ctypes.create_string_buffer(TEXT_MAX)
     length = reader.slcan_write(ctypes.byref(frame), text)
-    assert length == len(text.value) <= LINE_MAX + 1
+    assert length == len(text.value) < TEXT_MAX
     said, frames = Line(reader).feed(text.value)
     assert said == b"\r" and frames[0].key() == frame.key()
 
@@ -147,11 +148,14 @@ def test_python_can_agrees(reader) -> None:
         can.Message(arbitration_id=0x100, data=range(8), is_extended_id=False),
         can.Message(arbitration_id=0x1ABCDEF0, data=b"\xfe", is_extended_id=True),
         can.Message(arbitration_id=5, is_extended_id=False, is_remote_frame=True, dlc=3),
+        can.Message(arbitration_id=0x100, data=range(64), is_extended_id=False, is_fd=True),
+        can.Message(arbitration_id=7, data=range(12), is_fd=True, bitrate_switch=True),
     ]
     for message in messages:
         slcanBus.send(bus, message)
     _, frames = Line(reader).feed("".join(text + "\r" for text in sent).encode())
     for message, frame in zip(messages, frames, strict=True):
-        data = bytes(3) if message.is_remote_frame else bytes(message.data)
+        data = bytes(3) if message.is_remote_frame else bytes(message.data[:8])
         flags = message.is_extended_id * EXTENDED + message.is_remote_frame * REMOTE
+        flags += message.is_fd * FD
         assert frame.key() == (message.arbitration_id, flags, data)

@@ -115,10 +115,10 @@ def test_canplayer_replays_a_log_to_the_same_torques(machine):
 
 
 def test_cansend_disturbs_nothing_and_is_counted(machine):
-    """A wrong CRC; a short, an extended, a remote frame; FD is dropped; 7FF is filtered out."""
+    """A wrong CRC; a short, an extended, a remote frame, two of CAN FD; 7FF is filtered out."""
     summary = machine("disturb").summary("node")
     seen = {name: count for name, count in summary["node"].items() if count}
-    assert seen == {"crc": 1, "format": 3, "bus_off": 1}
+    assert seen == {"crc": 1, "format": 5, "bus_off": 1}
     assert summary["bus_counts"]["error_frames"] == 1
 
 

@@ -80,13 +80,14 @@ replay() { # the encoder's frames of virtual time, sent by canplayer
 
 disturb() {
     begin disturb
+    ip link show vcan0 | grep -q 'mtu 72' || { ip link set vcan0 down && ip link set vcan0 mtu 72 && ip link set vcan0 up; }
     node
-    ip link set vcan0 mtu 72 2>/dev/null
     cansend vcan0 100#0011223344556677
     cansend vcan0 100#00112233
     cansend vcan0 00000100#0011223344556677
     cansend vcan0 100#R8
     cansend vcan0 100##00011223344556677
+    cansend vcan0 "100##1$(printf '%0128d' 0)"
     cansend vcan0 7FF#00
     cansend vcan0 20000040#0000000000000000
     sleep 0.5
