@@ -52,9 +52,15 @@ can_clock_t sim_clock_seam(sim_clock_t *clock)
     return (can_clock_t){.now_ns = clock_now, .wait_us = clock_wait, .context = clock};
 }
 
+/* us; of real time the ticks that were made, and what has passed of the present one. */
 static uint32_t node_time(const loop_t *loop)
 {
-    return (uint32_t)(clock_now(loop->clock) / 1000u);
+    if (loop->clock->is_virtual) {
+        return (uint32_t)(clock_now(loop->clock) / 1000u);
+    }
+    uint64_t since_ns = read_clock(CLOCK_MONOTONIC) - loop->ticked_ns;
+    uint64_t part_ns = since_ns < LOOP_PERIOD_NS ? since_ns : LOOP_PERIOD_NS - 1;
+    return (uint32_t)((loop->ticks * LOOP_PERIOD_NS + part_ns) / 1000u);
 }
 
 static void transmit(loop_t *loop, const can_frame_t *frame)
@@ -112,6 +118,8 @@ static void dispatch(loop_t *loop, can_frame_t *frame)
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
     }
+    loop->heard |= (frame->id & 0x7F0u) == FRAMES_ID_ENCODER && loop->encoder_count == 0;
+    loop->follows |= loop->heard;
     to_nodes(loop, frame);
 }
 
@@ -201,6 +209,7 @@ static void tick(loop_t *loop)
         return;
     }
     loop->ticks++;
+    loop->heard = false;
     send_status(loop);
     for (uint32_t i = 0; i < ready; i++) {
         send_angle(loop, &loop->encoders[i], &angles[i]);
@@ -293,19 +302,28 @@ static uint64_t run_due_tick(loop_t *loop, uint64_t now)
     return loop->due_ns > soonest ? loop->due_ns : soonest;
 }
 
-/* In lockstep: is an answer still to come, and may it? */
+/* Go on without the other side. */
+static void give_up(loop_t *loop)
+{
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        encoder_give_up(&loop->encoders[i]);
+    }
+    log_warning(loop->follows ? "no angle came for 2 s; the node's clock runs on"
+                              : "an angle had no answer for 2 s; it is counted as lost");
+    loop->follows = false;
+}
+
+/* In lockstep: is an answer or an angle still to come, and may it? */
 static bool must_wait(loop_t *loop, uint64_t now)
 {
-    if (!loop->lockstep || !some_wait(loop)) {
+    bool angle_due = loop->follows && !loop->heard;
+    if (!loop->lockstep || !(angle_due || some_wait(loop))) {
         return false;
     }
     if (now - loop->ticked_ns < LOOP_PATIENCE_NS) {
         return true;
     }
-    for (uint32_t i = 0; i < loop->encoder_count; i++) {
-        encoder_give_up(&loop->encoders[i]);
-    }
-    log_warning("an angle had no answer for 2 s; it is counted as lost");
+    give_up(loop);
     return false;
 }
 

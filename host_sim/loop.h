@@ -5,7 +5,10 @@
  *
  * Real time: ticks are kept by the monotonic clock. After a stall of the machine the ticks come a third faster until the
  * beat is caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
- * In lockstep a tick also waits for the answer to the one before it, so that a slow node outside loses nothing.
+ * A node's clock is this beat: a program that the machine stalls has missed no time, as a core that is halted has not.
+ * In lockstep a tick also waits for the other side: that of an encoder for the answer to the one before it, so that a slow
+ * node outside loses nothing; that of a node alone for the next angle, so that no stall of the machine is a timeout. Both
+ * for LOOP_PATIENCE_NS at most.
  * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between, but for the
  * time that frames take on a bus with a bit rate.
  */
@@ -46,9 +49,11 @@ typedef struct {
     uint64_t max_ticks;          /* UINT64_MAX: no limit */
     uint32_t wait_clients;       /* start when so many are on the bus */
     bool until_idle;             /* end when all clients have left */
-    bool lockstep;               /* no tick while the encoder waits for an answer, but LOOP_PATIENCE_NS at most */
+    bool lockstep;               /* no tick while the other side is waited for */
     bool gone;                   /* the bus went away */
     bool had_peers;
+    bool follows;         /* a node alone has heard an angle since its clock last ran without */
+    bool heard;           /* the same since the last tick */
     uint64_t ticks;
     uint64_t due_ns;      /* when the next tick should come; real time */
     uint64_t ticked_ns;   /* when the last one came; real time */

@@ -9,8 +9,6 @@
 
 #include "messages.h"
 
-static const double DESK_TIMEOUT_MS = 1000;
-
 static uint32_t to_us(double ms)
 {
     return (uint32_t)lround(ms * 1000);
@@ -19,7 +17,7 @@ static uint32_t to_us(double ms)
 static uint32_t timeout_us(const parts_t *p)
 {
     double given = p->scene->friction.timeout_ms;
-    return to_us(given > 0 ? given : DESK_TIMEOUT_MS);
+    return given > 0 ? to_us(given) : NODE_TIMEOUT_US;
 }
 
 static int prepare_node(parts_t *p, node_t *node, uint8_t number)

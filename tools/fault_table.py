@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""The fault table of the node (lib/node/fault_table.h) as Markdown: written anew where a page keeps it
-between its two marks, or printed where no page is named.
+"""The fault table of the node (lib/node/fault_table.h) as Markdown: written anew where a page keeps
+it between its two marks, or printed where no page is named.
 
     tools/fault_table.py README.md docs/*.md
 """

@@ -209,3 +209,15 @@ def test_a_shaft_too_light_for_the_step_is_refused_and_the_lightest_is_stable(
     assert np.abs(table[:, 5]).max() <= 1.8 * (1 + 1e-6)
     if viscous >= 0.5:  # overdamped: the speed follows the torque
         assert np.abs(table[:, 3]).max() <= 1.05 * (3 + 1.8) / viscous
+
+
+def test_a_receiver_that_hears_nothing_for_3_periods_takes_0(tmp_path):
+    """The drive uses the last torque for three ticks after its frame, and none after that."""
+    sets = ("friction.max_step=100000", "faults.drop=0.45", "friction.ramp_ms=0")
+    trace, _ = traced(tmp_path, "parking", *sets)
+    log = read_log(tmp_path / "run.log")
+    answered = {round(frame.time * 1000) for frame in log if frame.id == 0x110}
+    used = [any(tick - age in answered for age in (1, 2, 3)) for tick in range(len(trace["time"]))]
+    moving = slice(1000, None)  # from where on the node's torque is not 0 by itself
+    assert ((trace["compensation"] != 0)[moving] == np.array(used)[moving]).all()
+    assert 100 < used[1000:].count(False) < len(used) / 2

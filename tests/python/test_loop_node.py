@@ -19,6 +19,7 @@ from loop_tools import SCENES, client, finished, serving
 
 SIGMA0, FC, THETA = 50.0, 0.5, 2.0**-14
 SCENE = f"[friction]\nsigma0 = {SIGMA0}\nFc = {FC}\ntheta_per_count = {THETA!r}\n"
+PATIENT = "timeout_ms = 60000\n"  # of tests that are not about it: Python may be slow
 IDS = bytes(0x30 | counter for counter in range(16))
 STATES = {"OK": 0, "Repeated": 1, "Lost": 2, "WrongSequence": 3, "Crc": 4, "Stale": 5, "Init": 6}
 
@@ -75,7 +76,7 @@ class Encoder:
 @contextlib.contextmanager
 def node(folder: Path, dbc: Path, extra: str = "") -> Iterator[tuple[Encoder, object]]:
     """A served node, and an encoder that speaks to it; the summary is in the list afterwards."""
-    (folder / "scene.ini").write_text(SCENE + extra)
+    (folder / "scene.ini").write_text(SCENE + ("" if "timeout" in extra else PATIENT) + extra)
     results = []
     with serving(folder, folder / "scene.ini", "--role", "node") as (process, port):
         with client(port) as bus:
@@ -106,7 +107,7 @@ FOREIGN = {
         "ignored",
     ),
     "remote frame": (lambda e: e.frame(1, 900, data=None, dlc=8, is_remote_frame=True), "garbage"),
-    "FD frame": (lambda e: e.frame(1, 900, data=bytes(12), is_fd=True), "garbage"),
+    "FD frame": (lambda e: e.frame(1, 900, data=bytes(12), is_fd=True), "format"),
 }
 
 
@@ -196,3 +197,57 @@ def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):
     assert result.summary["frames_lost"] == 0
     assert result.summary["frames_answered"] == 2000
     assert result.summary["answers_corrupt"] > 190
+
+
+def asked(encoder: Encoder, message: str, **signals) -> dict:
+    """What the node answers to a frame of this kind, decoded by the DBC."""
+    kinds = {"ParamWrite": ("ParamReply", 0x60), "Reset": ("Status", 0xA0)}
+    answer, ids = kinds[message]
+    request = encoder.database.get_message_by_name(message)
+    data = bytearray(request.encode({"Crc": 0, "Counter": 15, **signals}, strict=False))
+    p02.e2e_p02_protect(data, bytes(ids | counter for counter in range(16)))
+    encoder.bus.send(can.Message(arbitration_id=request.frame_id, data=data, is_extended_id=False))
+    while (said := encoder.bus.recv(2)) is not None:
+        name = encoder.database.get_message_by_frame_id(said.arbitration_id).name
+        if name == answer:
+            return encoder.database.decode_message(name, said.data)
+    raise AssertionError(f"no answer to {message}")
+
+
+def test_parameters_by_the_dbc_alone(tmp_path, dbc):
+    """Defaults as its start values say; a joint write; a parameter that there is not."""
+    with node(tmp_path, dbc, "[status]\nperiod_ms = 100\n") as (encoder, _):
+        write = encoder.database.get_message_by_name("ParamWrite")
+        for name in ("Gain", "Limit", "Ramp", "MaxStep", "StatusPeriod"):
+            said = asked(encoder, "ParamWrite", Write="Read", Param=name, **{name: 0})
+            assert said[name] == (write.get_signal_by_name(name).initial or 0), name
+        asked(encoder, "ParamWrite", Write="Hold", Param="Fc", Fc=2 * FC)
+        said = asked(encoder, "ParamWrite", Write="Read", Param="Fc", Fc=0)
+        assert said["Fc"] == FC
+        asked(encoder, "ParamWrite", Write="Write", Param="Sigma0", Sigma0=2 * SIGMA0)
+        said = asked(encoder, "ParamWrite", Write="Read", Param="Fc", Fc=0)
+        assert said["Fc"] == 2 * FC
+        data = bytearray([0, 0x0F, 77, 0, 0, 0, 0, 0])
+        p02.e2e_p02_protect(data, bytes(0x60 | counter for counter in range(16)))
+        encoder.bus.send(can.Message(arbitration_id=0x130, data=data, is_extended_id=False))
+        while (said := encoder.bus.recv(2)).arbitration_id != 0x140:
+            pass
+        said = encoder.database.decode_message("ParamReply", said.data)
+        assert (said["Result"], said["Param"], said["Asked"]) == ("Unknown", "None", 77)
+
+
+@pytest.mark.parametrize("what", ["Errors", "Restart"])
+def test_a_clients_reset_clears_status_and_not_the_summary(tmp_path, dbc, what):
+    with node(tmp_path, dbc) as (encoder, results):
+        encoder.good(0, 0, state="Init", used=False)
+        encoder.bus.send(changed(encoder.frame(1, 900), 0))
+        encoder.good(2, 40, state="Lost")
+        said = asked(encoder, "Reset", What=what)
+        assert (said["Lost"], said["Corrupt"], str(said["ErrorCrc"])) == (0, 0, "None")
+    counts = results[0]["node"]
+    assert {name: counts[name] for name in ("ok", "lost", "crc", "resets")} == {
+        "ok": 2,
+        "lost": 1,
+        "crc": 1,
+        "resets": 1,
+    }

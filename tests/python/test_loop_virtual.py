@@ -153,9 +153,12 @@ def test_no_motion_no_encoder(tmp_path):
     assert [frame.time for frame in log] == [tick / 10 for tick in range(20)]
 
 
-def test_no_status_no_status_frames(tmp_path):
+def test_without_status_only_news_is_told(tmp_path):
+    """That of power-on, in the first tick."""
     result = run(tmp_path, scene(tmp_path, FRICTION, MOTION), "--virtual")
-    assert {frame.id for frame in read_log(result.log)} == {0x100, 0x110}
+    ids = [frame.id for frame in read_log(result.log)]
+    assert set(ids) == {0x100, 0x110, 0x120}
+    assert (ids.count(0x120), ids[0]) == (1, 0x120)
 
 
 def test_role_leaves_the_other_part_out(tmp_path):

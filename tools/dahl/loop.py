@@ -169,7 +169,7 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     serves = setup.bus.startswith("socketcand")
     node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
     served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
-    node = Program(served, "node", node_bus, *(["--until-idle"] if serves else []))
+    node = Program(served, "node", node_bus, "--lockstep", *["--until-idle"] * serves)
     encoder = None
     try:
         encoder_bus, here = _ends(setup.bus, node)
