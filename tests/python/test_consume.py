@@ -41,6 +41,23 @@ def test_cmake(way: str, prefix: Path, tmp_path: Path) -> None:
         assert float(run(tmp_path / program)) == pytest.approx(EXPECTED, rel=1e-6)
 
 
+@pytest.mark.parametrize("way", ["add_subdirectory", "find_package"])
+def test_cmake_with_the_node(way: str, tmp_path: Path) -> None:
+    """dahl::node, asked for by DAHL_BUILD_NODE, with headers that no other file stands beside."""
+    where = f"-DDAHL_ROOT={ROOT}"
+    if way == "find_package":
+        install = (f"-DCMAKE_INSTALL_PREFIX={tmp_path}/prefix", "-DDAHL_BUILD_NODE=ON")
+        run("cmake", "-S", ROOT, "-B", tmp_path / "lib", "-G", "Ninja", *install)
+        run("cmake", "--build", tmp_path / "lib", "--target", "install")
+        names = {path.name for path in (tmp_path / "prefix/include").iterdir()}
+        assert names == {"dahl.h", "dahl_node.h", "dahl_frames.h", "dahl_can_bus.h"}
+        where = f"-DCMAKE_PREFIX_PATH={tmp_path}/prefix"
+    words = ("-G", "Ninja", f"-DWAY={way}", "-DNODE=ON", "-DDAHL_BUILD_NODE=ON", where)
+    run("cmake", "-S", CONSUMER, "-B", tmp_path / "b", *words)
+    run("cmake", "--build", tmp_path / "b", "--target", "consumer_node")
+    assert float(run(tmp_path / "b/consumer_node")) == pytest.approx(2 * EXPECTED, rel=1e-6)
+
+
 def test_pkg_config(prefix: Path, tmp_path: Path) -> None:
     (config,) = prefix.rglob("dahl.pc")
     flags = run("pkg-config", "--cflags", "--libs", config).split()
