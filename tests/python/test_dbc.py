@@ -9,7 +9,6 @@ import can
 import cantools
 import pytest
 from dahl import cli
-
 from loop_tools import SCENES, run
 
 SCENE = SCENES / "segments.ini"
