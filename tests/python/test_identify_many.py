@@ -280,7 +280,7 @@ def test_following_a_running_loop(tmp_path, run_dahl):
     words = ("--angle", "Count", "--angle-unit", "counts", "--counts-per-turn", "16384")
     with serving(tmp_path / "run", tmp_path / "loop.ini", "--wait-clients", "1") as (_, port):
         bus = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", port)
-        signals = ("--dbc", paths.ROOT / "lib" / "node" / "dahl.dbc", *words, "--torque", "TorqueRatio")
+        signals = ("--dbc", paths.DBC, *words, "--torque", "TorqueRatio")
         out = ("--torque-unit", "Nm", "--within", "2", "--seconds", "30", "-o", tmp_path / "out")
         done = run_dahl("identify", "--follow", *bus, *signals, *out)
     assert done.returncode == 0, done.stderr
