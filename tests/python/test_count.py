@@ -19,7 +19,8 @@ FAIL
 </system-out>{failure}</testcase></testsuite>"""
 BROKEN_OFF = UNITY.replace(":FAIL: Expected 1 Was 2", ":PASS").replace("1 Failures", "0 Failures")
 PYTEST = """<testsuites><testsuite tests="2">
-<properties><property name="collected" value="{collected}"/></properties><testcase classname="test_a" name="one"/>
+<properties><property name="collected" value="{collected}"/></properties>
+<testcase classname="test_a" name="one"/>
 <testcase classname="test_a" name="two"><skipped message="no data"/></testcase>
 </testsuite></testsuites>"""
 TWO_WELL = '<testsuite tests="2"><testcase name="a"/><testcase name="b"/></testsuite>'
@@ -104,6 +105,13 @@ def test_a_run_that_says_failed_has_failed(count, code):
     counted = count((TWO_WELL, code))
     assert counted.returncode == 1
     assert counted.stdout.splitlines()[-1] == "2 passed, 1 failed"
+
+
+@pytest.mark.parametrize("bad", ["<failure/>", "<error/>"])
+def test_one_that_failed_is_named(count, bad):
+    counted = count((TWO_WELL.replace('name="b"/>', f'name="b">{bad}</testcase>'), 1))
+    assert counted.returncode == 1
+    assert counted.stdout.splitlines() == ["failed: b", "1 passed, 1 failed"]
 
 
 def test_a_crashed_unity_program_has_failed(count):
