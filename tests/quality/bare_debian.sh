@@ -8,7 +8,7 @@
 #   setup_seconds     the first set-up, as tools/setup.sh counts it
 #   debian_mb         what its packages add, by Debian's own account
 #   python_mb         the Python environment build/venv
-#   disk_mb           growth of the whole system, build and results too, without apt's lists of what there is
+#   disk_mb           growth of the whole system, build and results too, without what apt-get notes of its sources
 #   again_seconds     a second set-up
 # Needs root, debootstrap and a network. Ends with 77 and a reason where one of them is not to be had.
 set -euo pipefail
@@ -55,7 +55,7 @@ inside() { # COMMAND...: in namespaces of its own, so that nothing is left mount
 # shellcheck disable=SC2016 # a word of dpkg-query
 packages_kb() { chroot "$bare" dpkg-query -W -f '${Installed-Size}\n' | awk '{ sum += $1 } END { print sum }'; }
 
-disk_kb() { du -skx --exclude=var/lib/apt/lists "$bare" | cut -f 1; }
+disk_kb() { du -skx --exclude=var/lib/apt/lists --exclude=var/cache/apt "$bare" | cut -f 1; }
 
 seconds_of() { sed -n 's/^setup: done in \([0-9]*\) s$/\1/p' "$1"; }
 
