@@ -65,6 +65,12 @@ def need(tool: str, claim: str) -> str:
     return str(path)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _announce(request: pytest.FixtureRequest, record_testsuite_property) -> None:
+    """How many tests there were to run: tools/count_tests.py misses those without a result."""
+    record_testsuite_property("collected", len(request.session.items))
+
+
 @pytest.fixture(scope="session")
 def root() -> Path:
     """The project's folder."""

@@ -26,21 +26,21 @@ python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
 
 # An environment that cannot be made is no reason to stop: host.py names the rivals that are missing.
 rivals_from_outside() {
-    local venv=$BUILD/bench/venv pins=$ROOT/tools/bench/requirements.txt key
+    local venv=$BUILD/bench/venv pins=$ROOT/tools/requirements/rivals.lock key
     key=$(sha256sum <"$pins")
     [ "$(cat "$venv/.complete" 2>/dev/null)" != "$key" ] || return 0
-    say "installing rivals into build/bench/venv (tools/bench/requirements.txt)"
+    say "installing rivals into build/bench/venv (tools/requirements/rivals.txt)"
     mkdir -p "$BUILD/bench"
     rm -rf "$venv"
     if "$VENV/bin/python" -m venv "$venv" >"$venv.log" 2>&1 && "$venv/bin/python" -m pip --disable-pip-version-check install \
-        --quiet --progress-bar off --retries 5 --timeout 60 -r "$pins" >>"$venv.log" 2>&1; then
+        --quiet --progress-bar off --retries 2 --timeout 15 --no-deps --require-hashes -r "$pins" >>"$venv.log" 2>&1; then
         echo "$key" >"$venv/.complete"
     else
         say "could not; see build/bench/venv.log"
     fi
 }
 
-"$ROOT/tools/setup.sh" >/dev/null
+"$ROOT/tools/setup.sh" bench >/dev/null
 case "$command" in
     target) python target "$@" ;;
     host) rivals_from_outside; python host "$@" ;;

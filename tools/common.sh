@@ -1,9 +1,10 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: MIT
-# What setup.sh, test.sh and demo.sh share: where things are, plain words, one build at a time.
+# What the scripts share: where things are, plain words, one build at a time.
 
 ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 BUILD=$ROOT/build
+# shellcheck disable=SC2034 # of those who source this
 VENV=$BUILD/venv
 
 say() { printf '%s: %s\n' "$(basename "$0" .sh)" "$*"; }
@@ -35,11 +36,31 @@ one_at_a_time() {
     flock -w 1800 9 || die "the other $1 did not end within 30 minutes (lock: build/$1.lock)"
 }
 
-configure_and_build() {
+configure() { # CMAKE_ARGUMENT...
+    (cd "$ROOT" && quietly build cmake --preset host "$@") || die "cmake could not configure; see build/build.log"
+}
+
+build() { # CMAKE_ARGUMENT...
+    quietly build cmake --build "$BUILD/host" "$@" || die "the build failed; see build/build.log"
+}
+
+start_build() {
     one_at_a_time build
     : >"$BUILD/build.log"
     say "building with preset host (log: build/build.log)"
-    (cd "$ROOT" && quietly build cmake --preset host) || die "cmake could not configure; see build/build.log"
-    quietly build cmake --build "$BUILD/host" || die "the build failed; see build/build.log"
+}
+
+build_all() {
+    start_build
+    configure -DDAHL_BUILD_TESTS=ON ${DAHL_UNITY_DIR:+"-DDAHL_UNITY_DIR=$DAHL_UNITY_DIR"}
+    build
+    exec 9>&-
+}
+
+# What the demo runs and nothing else. A folder that was configured before keeps its tests; a new one wants no Unity.
+build_demo() {
+    start_build
+    [ -e "$BUILD/host/build.ninja" ] || configure -DDAHL_BUILD_TESTS=OFF
+    build --target dahl-loop dahl_shared
     exec 9>&-
 }

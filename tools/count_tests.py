@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Count single tests in JUnit files of CTest and pytest: `count_tests.py FILE...`
+"""Count single tests in JUnit files of CTest and pytest: `count_tests.py FILE=CODE... [--note T]`
 
-Prints each failed and each skipped test, then the line `N passed, N failed[, N skipped]`. A CTest
-entry that is a Unity program counts with the tests inside it. Exit code 1 when one failed, when
-none ran, or when a file is not there: a runner that never wrote its results has not passed.
+CODE is the exit code of the program that wrote FILE. Prints each failed and each skipped test, the
+note, then the line `N passed, N failed[, N skipped]`. A CTest entry that is a Unity program counts
+with the tests inside it. A run that did not come to its end has failed: no file or one that cannot
+be read, fewer results than there were tests to run, an exit code that says neither "all well" nor
+"some failed". Exit code 1 when something failed or none passed.
 """
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
+
+ALL_WELL = (0, 5)  # 5: pytest had nothing to run
+SOME_FAILED = (1, 8)  # of pytest, of ctest
 
 UNITY_TOTAL = re.compile(r"^(\d+) Tests (\d+) Failures (\d+) Ignored", re.MULTILINE)
 UNITY_CASE = re.compile(r"^[^:\n]+:\d+:(\w+):(FAIL|IGNORE):? ?(.*)$", re.MULTILINE)
@@ -69,27 +75,52 @@ def count_case(count: Count, case: ElementTree.Element) -> None:
         count.passed += 1
 
 
-def count_file(count: Count, path: Path) -> None:
-    """Add all of one JUnit file."""
+def announced(root: ElementTree.Element) -> int:
+    """How many tests there were to run: pytest's count of collected ones (tests/conftest.py), else
+    what the suites say of themselves.
+    """
+    collected = root.findall(".//property[@name='collected']")
+    if collected:
+        return sum(int(each.get("value", "")) for each in collected)
+    return sum(int(suite.get("tests", "0")) for suite in root.iter("testsuite"))
+
+
+def count_file(count: Count, path: Path, code: int) -> None:
+    """Add all of one JUnit file; one more failure where the run behind it broke off."""
     try:
         root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        cases, expected = list(root.iter("testcase")), announced(root)
+    except (OSError, ElementTree.ParseError, ValueError) as error:
         count.failed.append(f"{path.name}: no results ({error})")
         return
-    for case in root.iter("testcase"):
+    failed_before = len(count.failed)
+    for case in cases:
         count_case(count, case)
+    if code in SOME_FAILED and len(count.failed) == failed_before:
+        count.failed.append(f"{path.name}: exit code {code}, and yet no test in it failed")
+    if len(cases) < expected:
+        count.failed.append(f"{path.name}: only {len(cases)} of {expected} tests have a result")
+    if code not in (*ALL_WELL, *SOME_FAILED):
+        count.failed.append(f"{path.name}: the run broke off with exit code {code}")
 
 
-def main(paths: list[str]) -> int:
+def main(arguments: list[str]) -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("runs", nargs="+", metavar="FILE=CODE")
+    parser.add_argument("--note", default="", help="a line to print before the last one")
+    options = parser.parse_args(arguments)
     count = Count()
-    for path in paths:
-        count_file(count, Path(path))
+    for run in options.runs:
+        path, _, code = run.rpartition("=")
+        count_file(count, Path(path), int(code))
     for name in count.skipped:
         print(f"skipped: {name}")
     for name in count.failed:
         print(f"failed: {name}")
     if not count.passed:
         print("error: no test passed; were there any to run?", file=sys.stderr)
+    if options.note:
+        print(options.note)
     print(count.line(), flush=True)
     return 0 if count.passed and not count.failed else 1
 

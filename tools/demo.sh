@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/demo.sh [LOG.csv --angle COLUMN --torque COLUMN --sigma0 X --fc Y --counts-per-turn N] [--scene NAME] [--target CORE]
 #
-# Sets up, builds, and runs the main job: an encoder that replays a measured log and a friction node that answers each
+# Gets what it needs and no more, builds, and runs the main job: an encoder that replays a measured log and a friction node that answers each
 # angle, as two processes on the best bus there is, with python-can as the client that records. Leaves in build/demo
 #   loop.png      torque over angle and over time, measured and computed
 #   run.log       all frames, candump lines (canplayer can replay them)
@@ -17,6 +17,8 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 case "${1:-}" in -h | --help) usage; exit 0 ;; esac
-"$ROOT/tools/setup.sh"
-configure_and_build
+needs=(demo)
+for word; do case "$word" in --target | --target=*) needs=(firmware) ;; esac; done
+"$ROOT/tools/setup.sh" "${needs[@]}"
+build_demo
 exec "$VENV/bin/dahl" demo "$@"

@@ -1,33 +1,37 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: MIT
-# Usage: tools/test.sh [--long | --full | --soak] [-k WORD] [pytest arguments]
+# Usage: tools/test.sh [--checks | --full | --soak] [-k WORD] [pytest arguments]
 #
-# Sets up, builds with preset host, runs the C tests (CTest), the Python tests and, beside them on another core, the checks
-# (proofs, fuzzers, coverage, static analysis), and ends with a line
-#   N passed, N failed, N skipped
-# that counts single tests of all of them, after naming each failed and each skipped one. Exit code 0 only when none failed.
-#   --long     also the tests marked long (all 2^31 floats, ten minutes of four nodes)
-#   --full     the same
-#   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer (1e6 in Python); hours to days
+# Gets what the chosen tests need, builds with preset host, runs the C tests (CTest) and the Python tests, and ends with a line
+#   N passed, N failed[, N skipped]
+# that counts single tests of all of them, after naming each failed and each skipped one. Exit code 0 only when none failed
+# and every run came to its end.
+#   (none)     5 minutes on two cores
+#   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN: 20 minutes
+#   --full     also the tests marked long: all 2^31 floats, ten minutes of four nodes, a bare Debian (--long is the same)
+#   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer; hours to days
 #   -k WORD    only tests whose name has WORD, in C and in Python
-# Examples:  tools/test.sh                 all but the long ones, under 15 minutes on two cores
-#            tools/test.sh -k codec -x     those about the codec, pytest stopping at the first failure
-#            tools/test.sh --soak -k fuzz  1e9 executions of each fuzzer
+# Examples:  tools/test.sh -k codec -x           those about the codec, pytest stopping at the first failure
+#            tools/test.sh --checks -k kernel    with the proofs
 # Leaves: build/{ctest,python,checks}.xml (JUnit), build/build.log, build/checks.log
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-CTEST=(--label-exclude '^(long|soak)$')
+LEFT_OUT='not run: proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN; tools/test.sh --checks does'
+CTEST=(--label-exclude '^(checks|long|soak)$')
 PYTEST=()
-RESULTS=()
+NEED='test' # of tools/setup.sh
+CHECKS=   # process of the checks
+RUNS=() # FILE=EXIT_CODE of each run, for count_tests.py
 
 parse() {
     while [ $# -gt 0 ]; do
         case "$1" in
             -h | --help) usage; exit 0 ;;
-            --long | --full) CTEST[1]='^soak$'; PYTEST+=("$1") ;;
-            --soak) CTEST=(--label-regex '^soak$'); PYTEST+=("$1") ;;
+            --checks) NEED=checks; CTEST[1]='^(long|soak)$'; PYTEST+=("$1") ;;
+            --long | --full) NEED=checks; CTEST[1]='^soak$'; PYTEST+=("$1") ;;
+            --soak) NEED=checks; CTEST=(--label-regex '^soak$'); PYTEST+=("$1") ;;
             -k) [ $# -ge 2 ] || die "-k needs a word"; CTEST+=(-R "$2"); PYTEST+=(-k "$2"); shift ;;
             *) PYTEST+=("$1") ;;
         esac
@@ -36,39 +40,54 @@ parse() {
 }
 
 run_ctest() {
+    local code=0
     ctest --test-dir "$BUILD/host" --parallel "$(nproc)" --output-on-failure --no-tests=ignore --timeout 600 \
         --test-output-size-passed 1000000 --test-output-size-failed 1000000 --output-junit "$BUILD/ctest.xml" \
-        ${CTEST[@]+"${CTEST[@]}"} || true
+        "${CTEST[@]}" || code=$?
+    RUNS+=("$BUILD/ctest.xml=$code")
 }
 
 run_pytest() { # NAME FOLDER...: results in build/NAME.xml
     local name=$1
     shift
-    "$VENV/bin/python" -m pytest -c "$ROOT/tests/pytest.ini" "$@" --junitxml "$BUILD/$name.xml" \
-        ${PYTEST[@]+"${PYTEST[@]}"} || true
+    "$VENV/bin/python" -m pytest -c "$ROOT/tests/pytest.ini" "$@" --junitxml "$BUILD/$name.xml" ${PYTEST[@]+"${PYTEST[@]}"}
 }
 
-# Neither waits for the other; the checks yield, since some of the Python tests run a bus in real time.
-run_both() {
-    local pid
-    (
+# The checks run beside the Python tests and yield to them, since some of these run a bus in real time.
+start_checks() {
+    set -m # a process group of its own, so that stop_checks reaches all of it
+    {
         renice -n 10 -p "$BASHPID" >/dev/null
-        run_pytest checks "$ROOT"/tests/{proof,fuzz,mutants,static}
-    ) >"$BUILD/checks.log" 2>&1 &
-    pid=$!
-    trap 'pkill -P "$pid" || true' EXIT
-    run_pytest python "$ROOT/tests/python"
+        run_pytest checks "$ROOT"/tests/{proof,fuzz,static,quality}
+    } >"$BUILD/checks.log" 2>&1 </dev/null &
+    CHECKS=$!
+    set +m
+    trap stop_checks EXIT
+}
+
+stop_checks() { [ -z "$CHECKS" ] || kill -- "-$CHECKS" 2>/dev/null || true; }
+
+end_checks() {
+    local code=0
     say "waiting for the checks (log: build/checks.log)"
-    wait "$pid"
-    trap - EXIT
+    wait "$CHECKS" || code=$?
+    CHECKS=
     cat "$BUILD/checks.log"
+    RUNS+=("$BUILD/checks.xml=$code")
+}
+
+run_python() {
+    local code=0
+    run_pytest python "$ROOT/tests/python" || code=$?
+    RUNS+=("$BUILD/python.xml=$code")
 }
 
 parse "$@"
-RESULTS=("$BUILD"/{ctest,python,checks}.xml)
-"$ROOT/tools/setup.sh"
-configure_and_build
-rm -f "${RESULTS[@]}"
+"$ROOT/tools/setup.sh" "$NEED"
+build_all
+rm -f "$BUILD"/{ctest,python,checks}.xml
 run_ctest
-run_both
-"$VENV/bin/python" "$ROOT/tools/count_tests.py" "${RESULTS[@]}"
+if [ "$NEED" = checks ]; then start_checks; fi
+run_python
+if [ "$NEED" = checks ]; then LEFT_OUT=; end_checks; fi
+"$VENV/bin/python" "$ROOT/tools/count_tests.py" "${RUNS[@]}" --note "$LEFT_OUT"

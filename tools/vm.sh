@@ -79,6 +79,7 @@ write_command() { # FOLDER COMMAND...
     shift
     {
         echo 'export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp'
+        # shellcheck disable=SC2016 # for the shell in the machine
         echo 'for bus in vcan0 vcan1; do ip link add dev $bus type vcan && ip link set $bus up; done'
         printf 'cd %q\n' "$folder"
         printf '%q ' "$@"
@@ -96,7 +97,7 @@ boot() { # FOLDER
 
 main() {
     case "${1:-}" in -h | --help) usage; exit 0 ;; esac
-    [ $# -ge 2 ] && [ "${1:0:1}" = / ] || die "vm.sh wants an absolute folder and a command (see --help)"
+    if [ $# -lt 2 ] || [ "${1:0:1}" != / ]; then die "vm.sh wants an absolute folder and a command (see --help)"; fi
     local folder=$1
     shift
     check

@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: MIT
-"""Every shell script parses: bash -n."""
+"""Every shell script parses, and shellcheck finds nothing in it."""
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import pytest
-import static_tools as static
-from conftest import ROOT
+from conftest import ROOT, need
 
 SCRIPTS = sorted(path for part in ("tools", "tests") for path in ROOT.glob(f"{part}/**/*.sh"))
+SOURCED = ("common.sh", "needs.sh", "packages.sh", "fetched.sh", "python.sh")  # with those who do
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: static.name_of(str(path)))
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=name_of)
 def test_script_parses(script: Path) -> None:
-    static.clean("bash", "-n", script)
+    subprocess.run(["bash", "-n", script], check=True)
+
+
+@pytest.mark.parametrize("script", [s for s in SCRIPTS if s.name not in SOURCED], ids=name_of)
+def test_shellcheck_finds_nothing(script: Path) -> None:
+    tool = need("shellcheck", "no common mistake in a script")
+    words = [tool, "--check-sourced", "--external-sources", script]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout

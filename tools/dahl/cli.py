@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from dahl import Error, RunError, __version__, interrupt, printable
+from dahl import Error, RunError, __version__, by_need, interrupt, printable
 from dahl.commands import data, dbc, demo, excite, identify, monitor, plan, plot, record, report
 
 
@@ -92,6 +92,7 @@ def _run(argv: list[str] | None) -> int:
     _open_streams()
     try:
         args = build_parser().parse_args(argv)
+        by_need.bring(args.command, sys.argv[1:] if argv is None else argv)
         code = args.run(args) or 0
         sys.stdout.flush()  # here a full disk can still be told
         return int(code)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""A command whose packages are not there brings them once, or says in a line what it lacks."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import pytest
+from dahl import RunError, by_need, paths
+
+
+@pytest.fixture
+def without_scipy(monkeypatch, tmp_path):
+    """A checkout whose build/venv has no scipy; its setup.sh ends with the code in file `code`."""
+    script = tmp_path / "tools/setup.sh"
+    script.parent.mkdir()
+    script.write_text(f'#!/bin/sh\necho "$@" >>{tmp_path}/asked\nexit "$(cat {tmp_path}/code)"\n')
+    script.chmod(0o755)
+    started = []
+    monkeypatch.setattr(paths, "ROOT", tmp_path)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "build/venv"))
+    monkeypatch.setattr(by_need, "find_spec", lambda name: None if name == "scipy" else name)
+    monkeypatch.setattr(os, "execve", lambda *words: started.append(words))
+    monkeypatch.delenv(by_need.TRIED, raising=False)
+    return tmp_path, started
+
+
+def test_what_needs_no_more_starts_at_once(without_scipy):
+    folder, started = without_scipy
+    by_need.bring("demo", ["demo"])
+    by_need.bring("monitor", ["monitor"])
+    assert not started
+    assert not (folder / "asked").exists()
+
+
+def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):
+    folder, started = without_scipy
+    (folder / "code").write_text("0")
+    by_need.bring("identify", ["identify", "log.csv", "--json", "-"])
+    assert (folder / "asked").read_text() == "identify\n"
+    [(program, words, environment)] = started
+    assert (program, words[1:]) == (
+        sys.executable,
+        ["-m", "dahl", "identify", "log.csv", "--json", "-"],
+    )
+    assert environment[by_need.TRIED]
+
+
+def test_a_set_up_that_fails_is_one_error(without_scipy):
+    folder, _ = without_scipy
+    (folder / "code").write_text("1")
+    with pytest.raises(RunError, match="scipy; tools/setup.sh identify failed"):
+        by_need.bring("identify", ["identify"])
+
+
+@pytest.mark.parametrize("why", ["tried before", "another environment"])
+def test_it_never_sets_up_twice_nor_for_others(without_scipy, monkeypatch, why):
+    folder, _ = without_scipy
+    if why == "tried before":
+        monkeypatch.setenv(by_need.TRIED, "1")
+    else:
+        monkeypatch.setattr(sys, "prefix", "/usr")
+    with pytest.raises(RunError, match="needs Python packages that are not here: scipy"):
+        by_need.bring("identify", ["identify"])
+    assert not (folder / "asked").exists()
