@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * The literal form: torque and travel since the last reversal, one float exponential, a branch where the motion changes
- * sign. Within one direction nothing accumulates, because the travel is counted exactly and the exponential always starts
- * from the reversal. At each reversal the torque is rounded, and that error stays until the bristle forgets it:
- * the sum over past reversals of DAHL_FLOAT_ERROR exp(-travel since) of Fc. The core has no such term.
+ * sign. Within one direction nothing accumulates: the travel is summed in integers, which no flag of a compiler can
+ * reorder, and the exponential always starts from the reversal. At each reversal the torque is rounded, and that error
+ * stays until the bristle forgets it: the sum over past reversals of DAHL_FLOAT_ERROR exp(-travel since) of Fc.
+ * The core has no such term.
  */
-#include <float.h>
 #include <math.h>
 
 #include "dahl_float.h"
@@ -22,18 +22,27 @@ dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *para
     return err;
 }
 
-/* g(a travel) towards the direction of motion, from the last reversal (Eq. 18, anchored). */
+/* Travel by angle is held in Q57 presliding lengths. 32 of them are as good as any more: exp(-32) is 1e-14. */
+#define TRAVEL_ONE 0x1p57f
+#define TRAVEL_END ((uint64_t)1 << 62)
+
+static uint64_t travel_of(float u)
+{
+    return u < 32.0f ? (uint64_t)(u * TRAVEL_ONE) : TRAVEL_END;
+}
+
+/* F/Fc after the travel since the last reversal (Eq. 18, anchored there). */
 static float w_now(const dahl_float_plan_t *plan, const dahl_float_state_t *state)
 {
-    float u = plan->a_per_count * (float)state->counts + plan->a * state->travel;
+    float u = plan->a_per_count * (float)state->counts + (float)state->travel / TRAVEL_ONE;
     return state->w_reversal - ((float)state->direction - state->w_reversal) * expm1f(-u);
 }
 
-/* What was reached becomes the start: where the motion changes sign, and where the travel would pass what its number holds. */
+/* The torque reached becomes the start: where the motion changes sign, and where the counts would pass 32 bits. */
 static void start_anew(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t direction)
 {
     state->w_reversal = w_now(plan, state);
-    state->travel = 0.0f;
+    state->travel = 0;
     state->counts = 0;
     state->direction = direction;
 }
@@ -53,13 +62,13 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
 {
-    float travel = fabsf(dtheta);
     int32_t direction = dtheta > 0.0f ? 1 : dtheta < 0.0f ? -1 : 0; /* 0 for NaN too */
     if (direction != 0) {
-        if (state->direction != direction || state->travel > FLT_MAX - travel) {
+        if (state->direction != direction) {
             start_anew(plan, state, direction);
         }
-        state->travel += travel;
+        uint64_t travel = state->travel + travel_of(plan->a * fabsf(dtheta));
+        state->travel = travel < TRAVEL_END ? travel : TRAVEL_END;
     }
     return plan->Fc * w_now(plan, state);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The literal float form: the same laws with its own bound, and as a cross-check of the core. */
 #include <float.h>
+#include <stdbool.h>
 #include <stdio.h>
 
 #include "dahl_float.h"
@@ -18,19 +19,31 @@ static dahl_float_plan_t float_plan_for(const dahl_params_t *p)
     return plan;
 }
 
-/* Runs one motion. The bound follows the motion: E for now, and E for each reversal, forgotten as the bristle forgets. */
-static long double worst_of_bound(const dahl_params_t *p, motion_fn next, int ticks)
+/* One motion by counts or by angle. */
+typedef struct {
+    dahl_params_t params;
+    motion_fn next;
+    int ticks;
+    bool by_angle;
+} run_t;
+
+/* The bound follows the motion: E for now, and E for each reversal, forgotten as the bristle forgets. */
+static long double worst_of_bound(const run_t *run)
 {
+    const dahl_params_t *p = &run->params;
     dahl_float_plan_t plan = float_plan_for(p);
     dahl_float_state_t state = {0};
-    reference_t exact = reference_by_counts(p);
+    reference_t exact = run->by_angle ? reference_by_angle(p) : reference_by_counts(p);
     motion_t m = MOTION_START;
     long double worst = 0, remembered = 0;
-    for (int t = 0; t < ticks; t++) {
-        int32_t d = next(&m);
+    for (int t = 0; t < run->ticks; t++) {
+        int32_t d = run->next(&m);
+        float dtheta = (float)d * p->theta_per_count;
+        long double move = run->by_angle ? (long double)dtheta : (long double)d;
         int direction = exact.direction;
-        long double error = fabsl(dahl_float_step_counts(&plan, &state, d) / p->Fc - reference_move(&exact, d));
-        remembered = (remembered + (direction != exact.direction)) * expl(-exact.a * fabsl((long double)d));
+        float F = run->by_angle ? dahl_float_step(&plan, &state, dtheta) : dahl_float_step_counts(&plan, &state, d);
+        long double error = fabsl(F / p->Fc - reference_move(&exact, move));
+        remembered = (remembered + (direction != exact.direction)) * expl(-exact.a * fabsl(move));
         error /= (long double)DAHL_FLOAT_ERROR * (1 + remembered);
         worst = error > worst ? error : worst;
     }
@@ -42,10 +55,11 @@ static void test_bound(void)
     long double over_all = 0;
     for (size_t k = 0; k < MOTIONS; k++) {
         for (double u = 1e-8; u < 30; u *= 10) {
-            dahl_params_t p = params_for(u, u < 1e-4 ? 1.0f : 2.739f);
-            long double worst = worst_of_bound(&p, motions[k].next, TEST_TICKS);
+            run_t counts = {params_for(u, u < 1e-4 ? 1.0f : 2.739f), motions[k].next, TEST_TICKS, false};
+            run_t angle = {counts.params, counts.next, TEST_TICKS / 10, true};
+            long double worst = fmaxl(worst_of_bound(&counts), worst_of_bound(&angle));
             TEST_ASSERT_TRUE_MESSAGE(worst <= 1, motions[k].name);
-            over_all = worst > over_all ? worst : over_all;
+            over_all = fmaxl(worst, over_all);
         }
     }
     printf("float form: worst %.2Lf of its bound\n", over_all);
@@ -67,10 +81,10 @@ static void test_laws(void)
     }
 }
 
-/* By angle and by counts the same motion gives the same torque. */
+/* By angle and by counts the same motion gives the same torque, where no product is rounded. */
 static void test_angle(void)
 {
-    dahl_params_t p = {250.0f, 1.3f, 0x1p-12f};
+    dahl_params_t p = {256 * 1.3f, 1.3f, 0x1p-12f};
     dahl_float_plan_t plan = float_plan_for(&p);
     dahl_float_state_t by_counts = {0}, by_angle = {0};
     motion_t m = MOTION_START;
@@ -116,15 +130,64 @@ static void test_travel_beyond_its_number(void)
     }
 }
 
+/* Steps in one direction, some large enough to bury the small ones in a float sum; none is a power of two. */
+static float step_equal(motion_t *m, float step)
+{
+    m->tick++;
+    return step;
+}
+
+static float step_uneven(motion_t *m, float step)
+{
+    return -step * (float)(motion_random(m) >> 8) * 0x1.3p-24f;
+}
+
+static float step_after_a_push(motion_t *m, float step)
+{
+    return m->tick++ == 0 ? 0.0047f : step;
+}
+
+static void assert_one_way(const dahl_params_t *p, float (*next)(motion_t *, float), float step)
+{
+    dahl_float_plan_t plan = float_plan_for(p);
+    dahl_float_state_t state = {0};
+    reference_t exact = reference_by_angle(p);
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 10 * TEST_TICKS; t++) {
+        float dtheta = next(&m, step);
+        float F = dahl_float_step(&plan, &state, dtheta);
+        exact.direction = dtheta > 0 ? 1 : -1;
+        exact.travel += fabsf(dtheta);
+        if (t % 101 == 0) {
+            TEST_ASSERT_TRUE(fabsl(F / p->Fc - reference_w(&exact)) <= (long double)DAHL_FLOAT_ERROR);
+        }
+    }
+}
+
+/* Without a reversal nothing accumulates, however many steps the travel is made of. */
+static void test_many_small_steps_one_way(void)
+{
+    static float (*const ways[])(motion_t *, float) = {step_equal, step_uneven, step_after_a_push};
+    const dahl_params_t p = {123.4f, 0.7f, 0.0f};
+    for (size_t k = 0; k < sizeof ways / sizeof ways[0]; k++) {
+        assert_one_way(&p, ways[k], 1e-3f * p.Fc / p.sigma0);
+        assert_one_way(&p, ways[k], 1e-6f * p.Fc / p.sigma0);
+        assert_one_way(&p, ways[k], 1e-8f * p.Fc / p.sigma0);
+    }
+}
+
 /* A number is used up to its end before what was reached becomes a new start. */
 static void test_travel_fills_its_number(void)
 {
     dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
     dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
-    dahl_float_state_t by_angle = {0}, by_counts = {0.25f, 0.0f, UINT32_MAX - 5u, 1};
-    (void)dahl_float_step(&plan, &by_angle, FLT_MAX / 2);
-    (void)dahl_float_step(&plan, &by_angle, FLT_MAX / 2);
-    TEST_ASSERT_TRUE(by_angle.travel == FLT_MAX && by_angle.w_reversal == 0.0f);
+    dahl_float_state_t by_angle = {0}, by_counts = {0.25f, UINT32_MAX - 5u, 0, 1};
+    for (int t = 0; t < 100; t++) {
+        float F = dahl_float_step(&plan, &by_angle, FLT_MAX);
+        double u = (t + 1) * ((double)FLT_MAX * (double)p.sigma0 / (double)p.Fc);
+        TEST_ASSERT_TRUE(fabs((double)(F / p.Fc) + expm1(-u)) <= DAHL_FLOAT_ERROR);
+        TEST_ASSERT_TRUE(by_angle.w_reversal == 0.0f);
+    }
     (void)dahl_float_step_counts(&slow_plan, &by_counts, 5);
     TEST_ASSERT_TRUE(by_counts.counts == UINT32_MAX && by_counts.w_reversal == 0.25f);
     (void)dahl_float_step_counts(&slow_plan, &by_counts, 1);
@@ -172,6 +235,7 @@ int main(void)
     RUN_TEST(test_angle);
     RUN_TEST(test_bad_input);
     RUN_TEST(test_travel_beyond_its_number);
+    RUN_TEST(test_many_small_steps_one_way);
     RUN_TEST(test_travel_fills_its_number);
     RUN_TEST(test_no_motion_leaves_the_state);
     RUN_TEST(test_agrees_with_core);
