@@ -126,9 +126,10 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
  * deflection), so that the stored energy F^2/(2 sigma0) never grows; F is what this says within 2^-30. */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
-/* Shortest signed way from one reading of an absolute encoder to the next, in counts: -n/2 <= result < n/2 for
- * n = counts_per_turn (half a turn is taken as negative). 0 means a full 32-bit counter. Readings are taken modulo n. */
-int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_turn);
+/* Shortest signed way from one reading of a counter to the next, in counts: -n/2 <= result < n/2 for n = modulus (half
+ * of it is taken as negative). The modulus is that of the reading, not of the turn: 65536 for a 16-bit timer, 0 for one of
+ * 32 bits, the counts per turn for an absolute encoder. Readings are taken modulo n. dahl_encoder.h keeps the last reading. */
+int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t modulus);
 
 #ifdef __cplusplus
 }

@@ -228,7 +228,7 @@ static void test_p12_wraps(void)
     TEST_ASSERT_EQUAL_INT32(2, dahl_counts_between(0xffffffffu, 1, 0));
     TEST_ASSERT_EQUAL_INT32(INT32_MIN, dahl_counts_between(0, 0x80000000u, 0));
     TEST_ASSERT_EQUAL_INT32(-1, dahl_counts_between(0, 4294967294u, 4294967295u));
-    TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(5 * 4096 + 4095, 0, 4096)); /* readings modulo a turn */
+    TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(5 * 4096 + 4095, 0, 4096)); /* readings are taken modulo */
     TEST_ASSERT_EQUAL_INT32(3, dahl_counts_between(0, 5 * 4096 + 3, 4096));
     TEST_ASSERT_EQUAL_INT32(-2, dahl_counts_between(4096, 0xffffffffu - 1, 4096));
     for (uint32_t n = 1; n < 40; n++) {

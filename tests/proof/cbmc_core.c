@@ -171,11 +171,11 @@ void check_change_plan(void)
     __CPROVER_assert(other.words[word] == other_before.words[word], "new plan as it was");
 }
 
-void check_counts_between(uint32_t before, uint32_t now, uint32_t counts_per_turn)
+void check_counts_between(uint32_t before, uint32_t now, uint32_t modulus)
 {
-    int32_t way = dahl_counts_between(before, now, counts_per_turn);
-    if (counts_per_turn != 0) {
-        int64_t twice = 2 * (int64_t)way, n = counts_per_turn;
+    int32_t way = dahl_counts_between(before, now, modulus);
+    if (modulus != 0) {
+        int64_t twice = 2 * (int64_t)way, n = modulus;
         __CPROVER_assert(-n <= twice && twice < n, "the shortest way");
     } else {
         __CPROVER_assert((uint32_t)way == now - before, "a counter of 32 bits");

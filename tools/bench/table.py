@@ -19,6 +19,7 @@ ROWS = [
     ("no motion, Q30", "zero_q30"),
     ("by angle, worst of all travel", "angle_worst"),
     ("prepare", "prepare"),
+    ("a move from an encoder's reading", "encoder_move"),
     ("*newlib `expm1f` step*", "newlib_expm1f"),
     ("*newlib `expf` step*", "newlib_expf"),
     ("*newlib `exp` (double) step*", "newlib_exp_double"),

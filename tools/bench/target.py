@@ -225,7 +225,15 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
             result[f"{move}_{form}"] = worst[f"{move}_{form}"]
     dense = cases["dense_q30"]
     result |= {"dense_q30_least": min(dense), "dense_q30_most": max(dense)}
-    others = ("angle_zero", "angle_worst", "prepare", "torque", "set_torque", "change_plan")
+    others = (
+        "angle_zero",
+        "angle_worst",
+        "prepare",
+        "torque",
+        "set_torque",
+        "change_plan",
+        "encoder_move",
+    )
     result |= {name: worst[name] for name in others}
     result["stack_bytes"] = max(
         value for name, value in numbers.items() if name.startswith("stack_")

@@ -4,6 +4,7 @@
 
 #include "bench.h"
 #include "dahl.h"
+#include "dahl_encoder.h"
 
 /* bench_call under the type of each function that it is to call. */
 float call_float(const dahl_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
@@ -14,6 +15,7 @@ float call_torque(const dahl_plan_t *, const dahl_state_t *) __asm__("bench_call
 void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
 void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
 int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
+int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 
 enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
 
@@ -262,6 +264,24 @@ static void bench_others(void)
     call_between(3, 4095, 0);
 }
 
+/* Over the wrap and back, with either mounting: a 16-bit timer, an encoder of 10000 counts, a 32-bit timer; and a jump. */
+static void bench_encoder(void)
+{
+    static const uint32_t moduli[] = {65536, 10000, 0};
+    bench_case("encoder_move");
+    bench_function = (bench_function_t)dahl_encoder_move;
+    for (unsigned i = 0; i < sizeof moduli / sizeof moduli[0]; i++) {
+        for (int sign = -1; sign <= 1; sign += 2) {
+            dahl_encoder_t encoder;
+            dahl_encoder_init(&encoder, moduli[i], sign, 1000);
+            dahl_encoder_home(&encoder, moduli[i] - 1);
+            call_encoder(&encoder, 0);
+            call_encoder(&encoder, moduli[i] - 1);
+            call_encoder(&encoder, 4000);
+        }
+    }
+}
+
 void bench_library(void)
 {
     dahl_prepare(&plan, &params);
@@ -272,6 +292,7 @@ void bench_library(void)
     bench_angle();
     bench_prepare();
     bench_others();
+    bench_encoder();
     bench_number("plan_bytes", sizeof(dahl_plan_t));
     bench_number("state_bytes", sizeof(dahl_state_t));
 }
