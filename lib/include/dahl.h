@@ -19,7 +19,7 @@
  * USE
  *   static dahl_plan_t plan;                        // constant after dahl_prepare; may live in flash
  *   static dahl_state_t bearing;                    // all zeros: relaxed
- *   dahl_params_t p = { .sigma0 = 100.0f, .Fc = 0.5f, .theta_per_count = 6.2831853f / 16384 };
+ *   dahl_params_t p = {100.0f, 0.5f, 6.2831853f / 16384};   // sigma0 [N m/rad], Fc [N m], theta of a count [rad]
  *   if (dahl_prepare(&plan, &p) != DAHL_OK) { stop(); }
  *   each tick:  F = dahl_step_counts(&plan, &bearing, dahl_counts_between(before, now, 16384));
  *
