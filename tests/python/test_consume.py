@@ -1,16 +1,27 @@
 # SPDX-License-Identifier: MIT
-"""A user's project gets the library in each of the ways that the README names, and the README's
-snippet compiles.
+"""A user's project gets the library in each way that is offered, sees its public headers only,
+needs nothing else for it, and installs it only where it asks; the snippets that users copy compile
+as C and as C++.
 """
 
 import math
+import re
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import ROOT, need
 
-ROOT = Path(__file__).resolve().parents[2]
 CONSUMER = ROOT / "tests/consume"
+PRIVATE = {
+    path.name for path in (ROOT / "lib").rglob("*.h") if path.parent.name not in ("include", "node")
+}
+# Names that real projects have, and that stood on their include path once.
+USUAL = {"bits.h", "fixed.h", "kernel.h", "torque.h", "multiply.h", "compiler.h"}
+HEADERS = {"dahl.h", "dahl_encoder.h"}
+MANIFEST_WAYS = ["platformio", "esp_idf", "zephyr"]
+WAYS = ["add_subdirectory", "FetchContent", "find_package", *MANIFEST_WAYS]
 # Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of 14 bits.
 EXPECTED = 0.5 * (1 - math.exp(-100 / 0.5 * 100 * 2 * math.pi / 16384))
 
@@ -22,46 +33,76 @@ def run(*command: object, **more: object) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The library alone, installed somewhere."""
-    build, prefix = tmp_path_factory.mktemp("build"), tmp_path_factory.mktemp("prefix")
-    run("cmake", "-S", ROOT, "-B", build, "-G", "Ninja", f"-DCMAKE_INSTALL_PREFIX={prefix}")
-    run("cmake", "--build", build)
-    run("cmake", "--install", build)
+def install(tmp: Path, *options: object, **more: object) -> Path:
+    """What a user types to install the library; the folder it is installed in."""
+    build, prefix = tmp / "build", tmp / "prefix"
+    place = f"-DCMAKE_INSTALL_PREFIX={prefix}"
+    run("cmake", "-S", ROOT, "-B", build, "-G", "Ninja", place, *options, **more)
+    run("cmake", "--build", build, **more)
+    run("cmake", "--install", build, **more)
     return prefix
 
 
-@pytest.mark.parametrize("way", ["add_subdirectory", "FetchContent", "find_package"])
-def test_cmake(way: str, prefix: Path, tmp_path: Path) -> None:
-    where = f"-DCMAKE_PREFIX_PATH={prefix}" if way == "find_package" else f"-DDAHL_ROOT={ROOT}"
-    run("cmake", "-S", CONSUMER, "-B", tmp_path, "-G", "Ninja", f"-DWAY={way}", where)
+@pytest.fixture(scope="module")
+def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The library alone, installed somewhere."""
+    return install(tmp_path_factory.mktemp("installed"))
+
+
+@pytest.fixture(scope="module")
+def own_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of the user's headers with the names of the library's private ones. The library that
+    reads one of these does not compile, and neither does the user who gets another.
+    """
+    folder = tmp_path_factory.mktemp("own")
+    check = []
+    for name in sorted(PRIVATE | USUAL):
+        word = f"OWN_{name.removesuffix('.h').upper()}"
+        alarm = f'#ifndef CONSUMER\n#error "the library reads its user\'s {name}"\n#endif\n'
+        (folder / name).write_text(f"{alarm}#define {word}\n")
+        check.append(
+            f'#include <{name}>\n#ifndef {word}\n#error "{name} is the library\'s"\n#endif\n'
+        )
+    (folder / "own_headers.h").write_text("".join(check))
+    return folder
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> None:
+    options = [f"-DWAY={way}", f"-DOWN_HEADERS={own_headers}", f"-DDAHL_ROOT={ROOT}"]
+    options += [f"-DCMAKE_PREFIX_PATH={prefix}"]
+    run("cmake", "-S", CONSUMER, "-B", tmp_path, "-G", "Ninja", *options)
     run("cmake", "--build", tmp_path)
     for program in ("consumer", "consumer_cxx"):
         assert float(run(tmp_path / program)) == pytest.approx(EXPECTED, rel=1e-6)
 
 
 @pytest.mark.parametrize("way", ["add_subdirectory", "find_package"])
-def test_cmake_with_the_node(way: str, tmp_path: Path) -> None:
+def test_cmake_with_the_node(way: str, own_headers: Path, tmp_path: Path) -> None:
     """dahl::node, asked for by DAHL_BUILD_NODE, with headers that no other file stands beside."""
-    where = f"-DDAHL_ROOT={ROOT}"
+    options = [f"-DWAY={way}", "-DNODE=ON", "-DDAHL_BUILD_NODE=ON", f"-DDAHL_ROOT={ROOT}"]
     if way == "find_package":
-        install = (f"-DCMAKE_INSTALL_PREFIX={tmp_path}/prefix", "-DDAHL_BUILD_NODE=ON")
-        run("cmake", "-S", ROOT, "-B", tmp_path / "lib", "-G", "Ninja", *install)
-        run("cmake", "--build", tmp_path / "lib", "--target", "install")
-        names = {path.name for path in (tmp_path / "prefix/include").iterdir()}
-        assert names == {"dahl.h", "dahl_node.h", "dahl_frames.h", "dahl_can_bus.h"}
-        where = f"-DCMAKE_PREFIX_PATH={tmp_path}/prefix"
-    words = ("-G", "Ninja", f"-DWAY={way}", "-DNODE=ON", "-DDAHL_BUILD_NODE=ON", where)
-    run("cmake", "-S", CONSUMER, "-B", tmp_path / "b", *words)
+        prefix = install(tmp_path, "-DDAHL_BUILD_NODE=ON")
+        node = {"dahl_node.h", "dahl_frames.h", "dahl_can_bus.h"}
+        assert {path.name for path in (prefix / "include").iterdir()} == HEADERS | node
+        options.append(f"-DCMAKE_PREFIX_PATH={prefix}")
+    options.append(f"-DOWN_HEADERS={own_headers}")
+    run("cmake", "-S", CONSUMER, "-B", tmp_path / "b", "-G", "Ninja", *options)
     run("cmake", "--build", tmp_path / "b", "--target", "consumer_node")
     assert float(run(tmp_path / "b/consumer_node")) == pytest.approx(2 * EXPECTED, rel=1e-6)
 
 
-def test_pkg_config(prefix: Path, tmp_path: Path) -> None:
+def test_no_source_reads_a_header_of_its_user(own_headers: Path) -> None:
+    """Not those of the components either, though the user's folder comes first."""
+    flags = ["-std=c99", f"-I{own_headers}", f"-I{ROOT}/lib/include", "-fsyntax-only"]
+    run("gcc", *flags, *(ROOT / "lib").rglob("*.c"))
+
+
+def test_pkg_config(prefix: Path, own_headers: Path, tmp_path: Path) -> None:
     (config,) = prefix.rglob("dahl.pc")
     flags = run("pkg-config", "--cflags", "--libs", config).split()
-    run("gcc", CONSUMER / "main.c", "-o", tmp_path / "consumer", *flags)
+    own = [f"-I{own_headers}", "-DCONSUMER"]
+    run("gcc", CONSUMER / "main.c", "-o", tmp_path / "consumer", *flags, *own)
     assert float(run(tmp_path / "consumer")) == pytest.approx(EXPECTED, rel=1e-6)
 
 
@@ -69,3 +110,88 @@ def test_an_installed_tree_names_no_place_of_this_machine(prefix: Path) -> None:
     for file in prefix.rglob("*"):
         if file.suffix in (".pc", ".cmake", ".h"):
             assert str(ROOT) not in file.read_text() and str(prefix) not in file.read_text(), file
+
+
+def test_public_headers_alone_are_installed(prefix: Path, tmp_path: Path) -> None:
+    def headers(folder: Path) -> set[str]:
+        return {path.relative_to(folder / "include").as_posix() for path in folder.rglob("*.h")}
+
+    assert headers(prefix) == HEADERS
+    assert headers(install(tmp_path, "-DDAHL_BUILD_FLOAT=ON")) == HEADERS | {"dahl_float.h"}
+
+
+def test_a_plain_build_needs_a_compiler_and_nothing_else(tmp_path: Path) -> None:
+    """With no git, no pkg-config, no package and no library in reach, and no download."""
+    path = tmp_path / "bin"
+    path.mkdir()
+    for tool in ("cmake", "ninja", "cc", "gcc", "ar", "ranlib", "ld", "as"):
+        (path / tool).symlink_to(shutil.which(tool))
+    nothing = [
+        f"-DCMAKE_FIND_ROOT_PATH={tmp_path}/none",
+        "-DFETCHCONTENT_FULLY_DISCONNECTED=ON",
+        *(f"-DCMAKE_FIND_ROOT_PATH_MODE_{kind}=ONLY" for kind in ("LIBRARY", "INCLUDE", "PACKAGE")),
+    ]
+    prefix = install(tmp_path, *nothing, env={"PATH": str(path)})
+    assert not (tmp_path / "build/_deps").exists(), "something was fetched"
+    assert {file.name for file in prefix.rglob("*.a")} == {"libdahl.a"}
+
+
+@pytest.mark.parametrize("way", ["add_subdirectory", "FetchContent"])
+@pytest.mark.parametrize("asked", [False, True])
+def test_a_parent_installs_it_only_where_asked(
+    way: str, asked: bool, own_headers: Path, tmp_path: Path
+) -> None:
+    prefix, build = tmp_path / "prefix", tmp_path / "build"
+    options = [f"-DWAY={way}", f"-DDAHL_ROOT={ROOT}", f"-DOWN_HEADERS={own_headers}"]
+    options += [f"-DCMAKE_INSTALL_PREFIX={prefix}", *(["-DDAHL_INSTALL=ON"] if asked else [])]
+    run("cmake", "-S", CONSUMER, "-B", build, "-G", "Ninja", *options)
+    run("cmake", "--build", build)
+    run("cmake", "--install", build)
+    files = {file.name for file in prefix.rglob("*") if file.is_file()}
+    assert "consumer" in files
+    assert ({"dahl.h", "libdahl.a", "dahl-config.cmake", "dahl.pc"} <= files) == asked
+    assert asked or files == {"consumer"}
+
+
+def readme_snippet() -> str:
+    """The first C block of the README: a whole file for a firmware."""
+    snippet = re.search(r"```c\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+    assert snippet, "README.md has no C block"
+    return snippet[1]
+
+
+def header_snippet(name: str, before: str) -> str:
+    """The lines of a header's USE section, in a function, with what they leave to the reader."""
+    text = (ROOT / "lib/include" / name).read_text()
+    use = re.search(r"^ \* USE\n((?: \*   .*\n)+)", text, re.M)
+    lines = use[1].splitlines() if use else []
+    lines = [line.removeprefix(" * ").replace("each tick:", "") for line in lines]
+    head = f'#include "dahl.h"\n#include "{name}"\n{before}float use(void)\n{{\n    float F = 0;\n'
+    return head + "\n".join(lines) + "\n    return F;\n}\n"
+
+
+STOP = "extern uint32_t before, now;\nvoid stop(void);\nfloat use(void);\n"
+TIMER = (
+    STOP + "typedef struct { volatile uint32_t CNT; } timer_t_;\nextern timer_t_ *TIM3;\n"
+    "extern dahl_plan_t plan;\nextern dahl_state_t bearing;\n"
+)
+SNIPPETS = {
+    "README": readme_snippet,
+    "dahl.h": lambda: header_snippet("dahl.h", STOP),
+    "dahl_encoder.h": lambda: header_snippet("dahl_encoder.h", TIMER),
+}
+LANGUAGES = ["c99", "c17", "c++11", "c++14", "c++17"]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("snippet", SNIPPETS)
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_snippets_compile(compiler: str, snippet: str, language: str, tmp_path: Path) -> None:
+    """What users copy is warning-free for the strictest reader."""
+    cxx = "++" in language
+    command = {"gcc": "g++" if cxx else "gcc", "clang": "clang++" if cxx else "clang"}[compiler]
+    need(command, "the snippets compile without a warning")
+    source = tmp_path / ("snippet.cpp" if cxx else "snippet.c")
+    source.write_text(SNIPPETS[snippet]())
+    flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include", "-fsyntax-only"]
+    run(command, f"-std={language}", *flags, source)
