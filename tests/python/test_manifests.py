@@ -1,17 +1,30 @@
 # SPDX-License-Identifier: MIT
-"""The manifests for PlatformIO, Zephyr and ESP-IDF: parsed, and followed as far as one can here."""
+"""The manifests for PlatformIO, Zephyr and ESP-IDF name what a microcontroller compiles, and no
+more. test_consume.py builds a project by each of them.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
+import sys
+import tarfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-CORE = ("arith", "model")  # what a microcontroller compiles, and nothing else
-SOURCES = sorted(path.name for folder in CORE for path in (ROOT / "lib" / folder).glob("*.c"))
+import pytest
+from conftest import BUILD, ROOT
+
+PUBLIC = {"lib/include/dahl.h", "lib/include/dahl_encoder.h"}
+CORE = {
+    path.relative_to(ROOT).as_posix()
+    for folder in ("arith", "model")
+    for path in (ROOT / "lib" / folder).glob("*.[ch]")
+}
+NEEDED = PUBLIC | CORE | {"LICENSE", "README.md"}
+ESP_IDF = {"CMakeLists.txt", "idf_component.yml", "port/esp_idf/component.cmake"}
 HEADER = (ROOT / "lib/include/dahl.h").read_text()
 VERSION = re.search(r'#define DAHL_VERSION "([\d.]+)"', HEADER)[1]
 
@@ -38,66 +51,93 @@ def read_yaml(path: Path) -> dict:
     return root
 
 
-def cmake(script: str, folder: Path) -> str:
-    path = folder / "follow.cmake"
-    path.write_text(script)
-    done = subprocess.run(
-        ["cmake", "-P", path], capture_output=True, text=True, check=False, cwd=folder
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stderr
+def matching(globs: list[str]) -> set[str]:
+    """Files of the project that these globs choose; each must choose one."""
+    for glob in globs:
+        assert list(ROOT.glob(glob)), f"{glob} chooses nothing"
+    return {path.relative_to(ROOT).as_posix() for glob in globs for path in ROOT.glob(glob)}
 
 
-def test_platformio(tmp_path) -> None:
-    """What PlatformIO does with it: every C file of srcDir, with includeDir, in one build."""
+def test_platformio() -> None:
     manifest = json.loads((ROOT / "library.json").read_text())
     assert (manifest["name"], manifest["version"], manifest["license"]) == ("dahl", VERSION, "MIT")
-    exported = {path for glob in manifest["export"]["include"] for path in ROOT.glob(glob)}
-    for path in exported:
-        (tmp_path / path.relative_to(ROOT)).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, tmp_path / path.relative_to(ROOT))
-    include = tmp_path / manifest["build"]["includeDir"]
-    assert (include / manifest["headers"]).exists()
-    chosen = [re.fullmatch(r"\+<(\w+/)>", text)[1] for text in manifest["build"]["srcFilter"]]
-    source_folder = tmp_path / manifest["build"]["srcDir"]
-    sources = [path for folder in chosen for path in source_folder.glob(f"{folder}*.c")]
-    assert sorted(path.name for path in sources) == SOURCES
-    command = ["gcc", "-Wall", "-Wextra", "-Werror", f"-I{include}", "-c", *sources]
-    subprocess.run([str(word) for word in command], check=True, cwd=tmp_path)
+    assert set(manifest["headers"]) == {Path(path).name for path in PUBLIC}
+    assert matching(manifest["export"]["include"]) == NEEDED | {"library.json"}
 
 
-def test_zephyr(tmp_path) -> None:
+def test_zephyr() -> None:
     module = read_yaml(ROOT / "zephyr/module.yml")
     assert module["name"] == "dahl"
     assert (ROOT / module["build"]["kconfig"]).read_text().count("config DAHL\n") == 1
-    script = ROOT / module["build"]["cmake"] / "CMakeLists.txt"
-    stubs = """
-        function(zephyr_library_named name)
-        endfunction()
-        function(zephyr_library_sources)
-            message("SOURCES ${ARGN}")
-        endfunction()
-        function(zephyr_include_directories folder)
-            message("INCLUDE ${folder}")
-        endfunction()
-    """
-    said = cmake(f"{stubs}\nset(CONFIG_DAHL y)\ninclude({script})", tmp_path)
-    assert sorted(re.findall(r"(\w+\.c)\b", said)) == SOURCES
-    assert (Path(re.search(r"INCLUDE (.*)", said)[1]) / "dahl.h").exists()
-    assert cmake(f"{stubs}\ninclude({script})", tmp_path) == "", "not chosen, but built"
+    assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
 
 
-def test_esp_idf(tmp_path) -> None:
+def test_zephyr_builds_nothing_unless_chosen(tmp_path: Path) -> None:
+    script = tmp_path / "follow.cmake"
+    script.write_text(f"include({ROOT}/zephyr/CMakeLists.txt)\n")  # would call Zephyr's functions
+    subprocess.run(["cmake", "-P", str(script)], check=True)
+
+
+def test_esp_idf() -> None:
     component = read_yaml(ROOT / "idf_component.yml")
     assert (component["version"], component["license"]) == (VERSION, "MIT")
-    for glob in component["files"]["include"][""]:
-        assert list(ROOT.glob(glob)), glob
-    stub = """
-        function(idf_component_register)
-            message("REGISTER ${ARGN}")
-        endfunction()
-        set(ESP_PLATFORM 1)
-    """
-    said = cmake(f"{stub}\ninclude({ROOT}/CMakeLists.txt)", tmp_path)
-    assert sorted(re.findall(r"(\w+\.c)\b", said)) == SOURCES
-    assert (Path(re.search(r"INCLUDE_DIRS;(.*)", said)[1].strip()) / "dahl.h").exists()
+    assert component["files"]["exclude"][""] == ['"**/*"'], "only what is included"
+    assert matching(component["files"]["include"][""]) == NEEDED | ESP_IDF
+
+
+@pytest.fixture(scope="module")
+def packers() -> Path:
+    """The folder of `pio` and `compote`, from PyPI, in an environment of their own."""
+    environment = BUILD.parent / "packers"
+    requirements = ROOT / "tests/consume/requirements.txt"
+    wanted = requirements.read_text()
+    stamp = environment / "installed.txt"
+    if not stamp.exists() or stamp.read_text() != wanted:
+        subprocess.run([sys.executable, "-m", "venv", "--clear", str(environment)], check=True)
+        pip = [str(environment / "bin/pip"), "install", "--quiet", "-r", str(requirements)]
+        done = subprocess.run(pip, check=False, timeout=280)
+        if done.returncode != 0:
+            pytest.skip("unproven: the packers of PlatformIO and ESP-IDF: PyPI is out of reach")
+        stamp.write_text(wanted)
+    return environment / "bin"
+
+
+# PlatformIO looks up the names of licences on the net, and nothing else.
+PACK = """
+import sys
+from platformio.package.manifest.schema import ManifestSchema
+from platformio.package.pack import PackagePacker
+ManifestSchema.load_spdx_licenses = staticmethod(lambda: {"licenses": [{"licenseId": "MIT"}]})
+PackagePacker(sys.argv[1]).pack(sys.argv[2])
+"""
+
+
+def packed(archive: Path) -> set[str]:
+    """The files of an archive, which is small."""
+    assert archive.stat().st_size < 100_000
+    with tarfile.open(archive) as tar:
+        files = {member.name.removeprefix("./") for member in tar if member.isfile()}
+    print(f"{archive.name}: {len(files)} files, {archive.stat().st_size} bytes")
+    return files
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A copy of the project, since packers write into it."""
+    ignored = shutil.ignore_patterns("build", ".git", "__pycache__")
+    return Path(shutil.copytree(ROOT, tmp_path / "dahl", ignore=ignored))
+
+
+@pytest.mark.long
+def test_pio_packs_what_is_needed(packers: Path, tree: Path, tmp_path: Path) -> None:
+    archive, home = tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)}
+    command = [packers / "python", "-c", PACK, tree, archive]
+    subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
+    assert packed(archive) == NEEDED | {"library.json"}
+
+
+@pytest.mark.long
+def test_compote_packs_what_is_needed(packers: Path, tree: Path) -> None:
+    command = [str(packers / "compote"), "component", "pack", "--name", "dahl"]
+    subprocess.run(command, check=True, cwd=tree, timeout=120)
+    assert packed(tree / f"dist/dahl_{VERSION}.tgz") == NEEDED | ESP_IDF
