@@ -383,6 +383,9 @@ PUBLIC = [
     dahl.Friction,
     dahl.State,
     dahl.counts_between,
+    dahl.Encoder,
+    lambda *given: dahl.Encoder(10).move(*given),
+    lambda *given: dahl.Encoder(10).home(*given),
     lambda *given: bearing().step_counts(*given),
     lambda *given: bearing().step_counts_q30(*given),
     lambda *given: bearing().step(*given),
@@ -450,3 +453,56 @@ def test_another_file_as_the_library_is_one_line(wrong, tmp_path):
 def test_a_number_too_long_to_print_is_named_too():
     refused(lambda: bearing().step_counts(10**5000), "dcounts = an int of many digits")
     refused(lambda: dahl.Plan(10**5000, 1), "sigma0 = inf")
+
+
+@given(
+    st.integers(3, 2**32) | st.just(2**16),
+    st.sampled_from([1, -1]),
+    st.lists(st.floats(-0.499, 0.499), min_size=1, max_size=20),
+)
+def test_an_encoder_gives_back_each_move_within_half_a_round(size, sign, parts):
+    moves = [int(part * size) for part in parts]
+    encoder, angle = dahl.Encoder(size % 2**32, sign), 0
+    assert encoder.move(0) == 0
+    for move in moves:
+        angle += sign * move
+        before = copy.copy(encoder)
+        assert encoder.move(angle % size) == move
+        assert pickle.loads(pickle.dumps(before)) == before
+        assert (before == encoder) == (move == 0)
+    assert encoder.jumps == 0
+
+
+def test_an_encoder_tells_a_jump_and_goes_home():
+    encoder = dahl.Encoder(10000, 1, 100)
+    assert [encoder.move(reading) for reading in (9990, 5, 5000, 5003)] == [0, 15, 0, 3]
+    assert encoder.jumps == 1
+    encoder.home(0)
+    assert encoder.move(9999) == -1
+    assert repr(encoder) == "Encoder(modulus=10000, sign=1, largest_step=100)"
+    with pytest.raises(AttributeError):
+        encoder.jumps = 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((2**32,), ("modulus = 4294967296", "from 0 to 4294967295")),
+        ((2,), ("modulus = 2 ", "3 to 4294967295")),
+        ((10, 0), ("sign = 0", "1 nor -1")),
+        ((10, 2), ("sign = 2", "from -1 to 1")),
+        ((10, 1, 5), ("largest_step = 5", "from 0 to 4")),
+        ((0, 1, 2**31), ("largest_step = 2147483648", "from 0 to 2147483647")),
+        ((10, 1, None), ("largest_step = None", "not a number")),
+    ],
+)
+def test_what_is_no_encoder_is_named(arguments, words):
+    refused(lambda: dahl.Encoder(*arguments), *words)
+
+
+@pytest.mark.parametrize("reading", [-1, 10000, 65535, 0.5, math.nan, None, "1", [1]])
+def test_a_reading_that_the_counter_cannot_have_is_named(reading):
+    encoder = dahl.Encoder(10000)
+    refused(lambda: encoder.move(reading), "reading = ", "from 0 to 9999")
+    refused(lambda: encoder.home(reading), "reading = ", "from 0 to 9999")
+    assert encoder == dahl.Encoder(10000)

@@ -7,6 +7,7 @@ The mathematics is the C library's; this package calls it and never does it agai
     Friction(plan)                      one bearing: feed it counts or angles, read its torque
     State                               what a bearing remembers, to keep and to put back
     Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, in vectors
+    Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     Error, RunError                     all errors that a user can cause or meet
 
@@ -27,7 +28,16 @@ if TYPE_CHECKING:
     from typing import Any
 
 __version__ = "0.1.0"
-__all__ = ["Error", "Friction", "Plan", "RunError", "State", "Throughput", "counts_between"]
+__all__ = [
+    "Encoder",
+    "Error",
+    "Friction",
+    "Plan",
+    "RunError",
+    "State",
+    "Throughput",
+    "counts_between",
+]
 
 
 def printable(text: str) -> str:

@@ -78,6 +78,17 @@ class _ThroughputParams(ctypes.Structure):
     ]
 
 
+class _Encoder(ctypes.Structure):
+    _fields_ = [
+        ("modulus", ctypes.c_uint32),
+        ("largest_step", ctypes.c_uint32),
+        ("last", ctypes.c_uint32),
+        ("jumps", ctypes.c_uint32),
+        ("sign", ctypes.c_int8),
+        ("primed", ctypes.c_uint8),
+    ]
+
+
 @cache
 def library() -> ctypes.CDLL:
     """The shared library ($DAHL_LIBRARY, else that of the build) with the types of its functions.
@@ -93,6 +104,7 @@ def library() -> ctypes.CDLL:
 def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
     plan, state, f32, i32 = ctypes.c_void_p, ctypes.POINTER(State), ctypes.c_float, ctypes.c_int32
     array, size, many = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p
+    encoder = ctypes.POINTER(_Encoder)
     for name, result, *arguments in (
         ("dahl_prepare", ctypes.c_int, plan, ctypes.POINTER(_Params)),
         ("dahl_step_counts", f32, plan, state, i32),
@@ -102,6 +114,16 @@ def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
         ("dahl_set_torque", None, plan, state, f32),
         ("dahl_change_plan", None, plan, plan, state),
         ("dahl_counts_between", i32, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32),
+        (
+            "dahl_encoder_init",
+            ctypes.c_int,
+            encoder,
+            ctypes.c_uint32,
+            ctypes.c_int,
+            ctypes.c_uint32,
+        ),
+        ("dahl_encoder_move", i32, encoder, ctypes.c_uint32),
+        ("dahl_encoder_home", None, encoder, ctypes.c_uint32),
         ("dahl_batch_counts", None, plan, state, array, array, size),
         ("dahl_batch", None, plan, state, array, array, size),
         ("dahl_throughput_counts", ctypes.c_int, many, state, array, array, size),
@@ -479,3 +501,73 @@ def counts_between(before: int, now: int, modulus: int = 0) -> int:
     )
     moved: int = library().dahl_counts_between(*readings, modulus)
     return moved
+
+
+@checks.calls_checked
+class Encoder:
+    """dahl_encoder_t: from the readings of a counter to the counts of each tick, wherever it wraps.
+
+    modulus       of the reading: 65536 for a 16-bit timer, 0 for all 32 bits, the counts of a turn
+                  for an absolute encoder; 0, or 3 .. 2^32-1
+    sign          of the mounting: +1, or -1 where it counts down while the shaft turns forward
+    largest_step  counts; a longer move is a jump (an index pulse, a spoiled reading) and no motion;
+                  below half of the modulus, 0: no limit
+
+    Comparable, picklable; a copy goes its own way. Raises dahl.Error naming the argument, its value
+    and its limit.
+
+    >>> timer = Encoder(modulus=65536)
+    >>> timer.move(65535), timer.move(2)
+    (0, 3)
+    """
+
+    def __init__(self, modulus: int = 0, sign: int = 1, largest_step: int = 0) -> None:
+        modulus = checks.whole("modulus", modulus, 0, UINT32_MAX)
+        if modulus in (1, 2):
+            raise Error(f"modulus = {modulus} tells no direction; 0, or 3 to {UINT32_MAX} does")
+        half = (modulus or 2**32) // 2
+        largest_step = checks.whole("largest_step", largest_step, 0, half - 1)
+        if checks.whole("sign", sign, -1, 1) == 0:
+            raise Error("sign = 0 is neither 1 nor -1")
+        self._encoder = _Encoder()
+        library().dahl_encoder_init(ctypes.byref(self._encoder), modulus, int(sign), largest_step)
+
+    def move(self, reading: int) -> int:
+        """Counts since the last reading, the shortest way (exactly half of the modulus is taken as
+        backward); 0 for the first one and for a jump. A reading is a whole number from 0 to
+        modulus-1; dahl.Error for any other.
+        """
+        moved: int = library().dahl_encoder_move(
+            ctypes.byref(self._encoder), self._checked(reading)
+        )
+        return moved
+
+    def home(self, reading: int) -> None:
+        """The counter was set to `reading` without motion; the next move starts there."""
+        library().dahl_encoder_home(ctypes.byref(self._encoder), self._checked(reading))
+
+    @property
+    def jumps(self) -> int:
+        """Moves refused since the beginning: longer than largest_step."""
+        return int(self._encoder.jumps)
+
+    def _checked(self, reading: int) -> int:
+        modulus = self._encoder.modulus
+        return checks.whole("reading", reading, 0, modulus - 1 if modulus else UINT32_MAX)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Encoder):
+            return NotImplemented
+        return bytes(self._encoder) == bytes(other._encoder)
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each reading
+
+    def __getstate__(self) -> bytes:
+        return bytes(self._encoder)
+
+    def __setstate__(self, kept: bytes) -> None:
+        self._encoder = _Encoder.from_buffer_copy(kept)
+
+    def __repr__(self) -> str:
+        names = ("modulus", "sign", "largest_step")
+        return f"Encoder({', '.join(f'{name}={getattr(self._encoder, name)}' for name in names)})"
