@@ -1,65 +1,117 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Fixed-point arithmetic of the library, private. Two representations:
- *   Q62, Q64, Q30   plain fixed point: the integer i means i 2^-62, ...
- *   real            mantissa 2^exponent with the mantissa's top bit set, for values of unknown size
+ * Fixed-point arithmetic, private. Three representations:
+ *   Q30, Q62, Q64   fixed point: the integer i means i 2^-30, i 2^-62, i 2^-64
+ *   real            mantissa 2^exponent, 32 bits whose top bit is set
+ *   wide            the same with 64 bits
  */
 #ifndef DAHL_FIXED_H
 #define DAHL_FIXED_H
 
 #include "compiler.h"
-#include "dahl.h"
 #include "multiply.h"
 
-#define DAHL_TOP_BIT 0x80000000u
+#define DAHL_ONE_Q30 ((uint32_t)1 << 30)
 #define DAHL_ONE_Q62 ((uint64_t)1 << 62)
+#define DAHL_TOP_BIT ((uint32_t)1 << 31)
+
+#define DAHL_BITS_SIGN DAHL_TOP_BIT
+#define DAHL_BITS_MAGNITUDE UINT32_C(0x7fffffff)
+#define DAHL_BITS_INF UINT32_C(0x7f800000)
+#define DAHL_BITS_NORMAL UINT32_C(0x00800000) /* smallest normal float */
+
+/* A float and its bits. Its value is not touched: safe for NaN and under every floating-point flag. */
+typedef union {
+    float value;
+    uint32_t bits;
+} dahl_float_bits_t;
+
+static inline uint32_t dahl_bits_of(float x)
+{
+    dahl_float_bits_t as;
+    as.value = x;
+    return as.bits;
+}
+
+static inline float dahl_float_of(uint32_t bits)
+{
+    dahl_float_bits_t as;
+    as.bits = bits;
+    return as.value;
+}
 
 typedef struct {
     uint32_t mantissa;
     int32_t exponent;
 } dahl_real_t;
 
-/* A normal positive float as mantissa 2^exponent. */
+typedef struct {
+    uint64_t mantissa;
+    int32_t exponent;
+} dahl_wide_t;
+
+/* A normal positive float as a real. */
 static inline dahl_real_t dahl_real_of(uint32_t bits)
 {
     dahl_real_t r;
-    r.mantissa = DAHL_TOP_BIT | (bits << 8);
-    r.exponent = (int32_t)((bits >> 23) & 0xffu) - 127 - 31;
+    r.mantissa = DAHL_TOP_BIT | bits << 8;
+    r.exponent = (int32_t)(bits >> 23) - (127 + 31);
     return r;
 }
 
-/* A plan holds the exponent of Fc as dahl_pack (torque.h) wants it: biased, times 2^24, and 1 for a rounding. */
-#define DAHL_FC_BIAS 159
-
-static inline uint32_t dahl_scale_of(int32_t exponent)
+/* The bits of the float nearest to mantissa 2^exponent, a half rounded up; the mantissa's top bit is set, and the float must
+ * be a normal one. That top bit counts 1 in the float's exponent field, and so does a carry out of the rounding. */
+static inline uint32_t dahl_round_to_float(uint32_t mantissa, uint32_t exponent)
 {
-    return (uint32_t)(exponent + DAHL_FC_BIAS) << 24 | 1u;
+    return ((exponent + (127 + 31 - 1)) << 23) + (((mantissa >> 7) + 1) >> 1);
 }
 
-static inline uint32_t dahl_mantissa_of_Fc(const dahl_plan_t *plan)
+/* Leading zeros of x > 0. Where the core has no instruction for it, no helper of the compiler's library is called. */
+#if defined(__GNUC__) && UINT_MAX == 0xffffffff                                                                             \
+    && (defined(__ARM_FEATURE_CLZ) || defined(__aarch64__) || defined(__x86_64__) || defined(__i386__)                      \
+        || defined(__riscv_zbb) || defined(__XTENSA__))
+static inline uint32_t dahl_leading_zeros(uint32_t x)
 {
-    return plan->Fc_mantissa - 1u;
+    return (uint32_t)__builtin_clz(x);
+}
+#else
+static inline uint32_t dahl_leading_zeros(uint32_t x)
+{
+    uint32_t zeros = 0;
+    if (x >> 16 == 0) {
+        x <<= 16;
+        zeros = 16;
+    }
+    if (x >> 24 == 0) {
+        x <<= 8;
+        zeros += 8;
+    }
+    if (x >> 28 == 0) {
+        x <<= 4;
+        zeros += 4;
+    }
+    if (x >> 30 == 0) {
+        x <<= 2;
+        zeros += 2;
+    }
+    return zeros + 1 - (x >> 31);
+}
+#endif
+
+/* mantissa 2^exponent as a wide, for mantissa > 0. */
+static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent)
+{
+    dahl_wide_t r;
+    while (mantissa >> 63 == 0) {
+        mantissa <<= 1;
+        exponent--;
+    }
+    r.mantissa = mantissa;
+    r.exponent = exponent;
+    return r;
 }
 
-static inline int32_t dahl_exponent_of_Fc(const dahl_plan_t *plan)
-{
-    return (int32_t)(plan->Fc_scale >> 24) - DAHL_FC_BIAS;
-}
-
-/* And that of a so that a_shift less the exponent field of dtheta is the shift of the travel (kernel.h). */
-#define DAHL_A_BIAS 94
-
-static inline int32_t dahl_exponent_of_a(const dahl_plan_t *plan)
-{
-    return DAHL_A_BIAS - plan->a_shift;
-}
-
-#define DAHL_BITS_INF 0x7f800000u
-#define DAHL_BITS_MAGNITUDE 0x7fffffffu
-#define DAHL_BITS_SIGN 0x80000000u
-#define DAHL_BITS_NORMAL 0x00800000u /* smallest normal float */
-
-/* Out of line (mul_div64.c): for what is prepared, not for a tick. */
+/* Out of line (mul_div64.c): for parameters, not for a tick. */
 
 /* Upper half of a 64 x 64 bit product, truncated. */
 uint64_t dahl_mulhi64(uint64_t a, uint64_t b);

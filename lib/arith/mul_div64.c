@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The two wide operations of what is prepared, made from narrow ones: a call to the compiler's own would be larger. */
+/* The wide operations on parameters, made from narrow ones: a call to the compiler's own would be larger. */
 #include "fixed.h"
 
-DAHL_SMALL uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
+DAHL_COLD uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
 {
     uint32_t a1 = (uint32_t)(a >> 32), a0 = (uint32_t)a;
     uint32_t b1 = (uint32_t)(b >> 32), b0 = (uint32_t)b;
@@ -11,19 +11,19 @@ DAHL_SMALL uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
     return dahl_mul(a1, b1) + (middle >> 32) + (other >> 32);
 }
 
-/* One bit a turn: a 64-bit division would be a library call on small cores. The lowest bit of both is not used. */
-DAHL_SMALL uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator)
+/* One bit a turn. The lowest bit of both is not used, so that the rest never overflows: floats leave it 0. */
+DAHL_COLD uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator)
 {
-    uint32_t rest = numerator >> 1, high = 0, low = 0;
+    uint64_t quotient = 0;
+    uint32_t rest = numerator >> 1;
     denominator >>= 1;
     for (int bit = 0; bit < 64; bit++) {
-        high = high << 1 | low >> 31;
-        low <<= 1;
+        quotient <<= 1;
         if (rest >= denominator) {
             rest -= denominator;
-            low++;
+            quotient |= 1;
         }
         rest <<= 1;
     }
-    return (uint64_t)high << 32 | low;
+    return quotient;
 }

@@ -41,13 +41,13 @@ static inline uint64_t dahl_batch_forward(uint64_t w, dahl_q64_t g)
 #define dahl_batch_forward dahl_forward
 #endif
 
-/* As dahl_move_digits; where no gap is left, no further digit changes a bit. */
+/* As dahl_step_large; where no gap is left, no further digit changes a bit. */
 static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint32_t size)
 {
-    w = dahl_batch_forward(w, plan->g[size % DAHL_DENSE]);
-    for (uint32_t rest = size / DAHL_DENSE; rest != 0 && dahl_batch_gap(w) >> 32 != 0; rest &= rest - 1u) {
+    w = dahl_batch_forward(w, plan->g[size % DAHL_DIRECT_COUNTS_MAX]);
+    for (uint32_t rest = size / DAHL_DIRECT_COUNTS_MAX; rest != 0 && dahl_batch_gap(w) >> 32 != 0; rest &= rest - 1u) {
         uint32_t digit = 31u - dahl_leading_zeros(rest & (0u - rest));
-        w = dahl_batch_forward(w, plan->g[DAHL_DENSE + digit]);
+        w = dahl_batch_forward(w, plan->g[DAHL_DIRECT_COUNTS_MAX + digit]);
     }
     return w;
 }
@@ -57,7 +57,7 @@ static inline uint64_t dahl_batch_move(const dahl_plan_t *plan, uint64_t w, int3
     uint64_t backward = dahl_batch_backward(dcounts);
     uint32_t size = dahl_batch_size(dcounts);
     w ^= backward;
-    w = DAHL_LIKELY(size <= DAHL_DENSE) ? dahl_batch_forward(w, plan->g[size]) : dahl_batch_far(plan, w, size);
+    w = DAHL_LIKELY(size <= DAHL_DIRECT_COUNTS_MAX) ? dahl_batch_forward(w, plan->g[size]) : dahl_batch_far(plan, w, size);
     return w ^ backward;
 }
 
@@ -70,11 +70,11 @@ typedef union {
 static inline double dahl_batch_unit(const dahl_plan_t *plan)
 {
     dahl_double_t power;
-    power.bits = (uint64_t)(1023 - 62 + dahl_exponent_of_Fc(plan)) << 52;
-    return (double)plan->Fc_mantissa * power.value;
+    power.bits = (uint64_t)(1023 - 62 + plan->Fc_exponent) << 52;
+    return plan->Fc_mantissa == 0 ? 0 : (double)(plan->Fc_mantissa | 1u) * power.value;
 }
 
-/* As dahl_torque_of, by doubles: 32 bits of w from its first one on, times the same mantissa. The product errs by less than
+/* As dahl_torque, by doubles: 32 bits of w from its first one on, times the same mantissa. The product errs by less than
  * 4 units in its last place, so rounding it to a float gives the right bits unless it lies that close to the middle between
  * two floats; there the integers decide. Where w has more than 53 bits, those that the 32 leave out anyway go first: so the
  * conversion to double never rounds. */
@@ -102,7 +102,8 @@ static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double
     if (DAHL_LIKELY(dahl_batch_close(torque) >> 63 == 0)) {
         return (float)torque.value;
     }
-    return dahl_torque_of(plan, (uint64_t)w);
+    dahl_state_t state = {w};
+    return dahl_torque(plan, &state);
 }
 
 #endif

@@ -35,9 +35,9 @@ DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, s
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
             uint32_t size = dahl_batch_size(dcounts[c]);
-            uint32_t eights = size / DAHL_DENSE;
+            uint32_t eights = size / DAHL_DIRECT_COUNTS_MAX;
             chunk->backward[t][c] = dahl_batch_backward(dcounts[c]);
-            chunk->low[t][c] = size - eights * DAHL_DENSE;
+            chunk->low[t][c] = size - eights * DAHL_DIRECT_COUNTS_MAX;
             chunk->eights[t][c] = eights;
             digits |= eights;
         }
@@ -121,7 +121,8 @@ DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_
         close |= dahl_batch_close(torque);
     }
     for (size_t c = 0; c < count && close >> 63 != 0; c++) {
-        F[c] = dahl_torque_of(&plans[c], (uint64_t)chunk->w[c]);
+        dahl_state_t state = {chunk->w[c]};
+        F[c] = dahl_torque(&plans[c], &state);
     }
 }
 
@@ -141,7 +142,7 @@ DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
         chunk->unit[c] = dahl_batch_unit(&job->plans[c]);
         chunk->w[c] = job->states[c].w;
         for (int k = 0; k < DIGITS; k++) {
-            chunk->digit[k][c] = pair(job->plans[c].g[DAHL_DENSE + k]);
+            chunk->digit[k][c] = pair(job->plans[c].g[DAHL_DIRECT_COUNTS_MAX + k]);
         }
     }
 }

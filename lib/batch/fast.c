@@ -9,6 +9,8 @@
  */
 #include <stddef.h>
 
+#include <string.h>
+
 #include "fast.h"
 
 #define GROUP 8
@@ -106,7 +108,7 @@ DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_valu
     for (size_t i = 0; i < BLOCK; i++) {
         moves[i] = 0;
         if (i < rest) {
-            dahl_copy_word(&moves[i], (const uint32_t *)job->moves + done + i);
+            memcpy(&moves[i], (const uint32_t *)job->moves + done + i, sizeof moves[i]);
         }
     }
     run_block(scan, job, moves, 0, F, value, number, measure);

@@ -16,7 +16,7 @@
 #include <stddef.h>
 
 #include "cpu_dispatch.h"
-#include "../arith/compiler.h"
+#include "../arith/fixed.h"
 #include "dahl_batch.h"
 
 #define DAHL_ALL 709.5 /* travel that leaves nothing of the gap: its 2^-k is 0 as a double; an infinite one is cut here */

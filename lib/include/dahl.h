@@ -30,8 +30,15 @@
  *   away). Feed each edge, or sample faster than the shaft can reverse by a count; a lost sample costs nothing
  *   unless it hid a reversal.
  *
- * THREADS  A plan is read-only and can be shared. A state belongs to its caller; one writer at a time.
- * FAILURE  dahl_prepare() is the only call that can fail; all others accept every input.
+ * THREADS  A plan is read-only for all calls but dahl_prepare() and can be shared. A state belongs to its caller: one call at a
+ *   time, so never from main while an interrupt steps it.
+ *   To change parameters while ticks run (examples/change_parameters): keep two plans. Main prepares the one that no tick uses
+ *   and then publishes its index in one word; the tick that finds a new index calls dahl_change_plan(old, new, state) and
+ *   steps by the new plan; main does not prepare again before the tick has taken it.
+ *   dahl_prepare() on a plan that a tick reads is allowed with parameters equal to those that it has: each word is written
+ *   once, with the value that it had. With others the tick could see words of both.
+ * FAILURE  dahl_prepare() is the only call that can fail; all others accept every input. A plan of all zeros (never prepared,
+ *   or refused) moves nothing and gives 0 N m from every call.
  * BESIDE   dahl_float.h (the literal form, by a float exponential) and dahl_batch.h (long logs on a host) are libraries of
  *          their own, dahl::float and dahl::batch, that firmware does not compile unless it asks for them.
  */
@@ -57,6 +64,15 @@
 #define DAHL_TRAVEL_MIN 9.313225746154785e-10   /* 2^-30 <= sigma0/Fc * theta_per_count, travel of one count */
 #define DAHL_TRAVEL_MAX 1048576.0               /* < 2^20 */
 
+/* Compilers warn where the result of a call so marked is dropped. */
+#if (defined(__cplusplus) && __cplusplus >= 201703L) || (defined(__STDC_VERSION__) && __STDC_VERSION__ >= 202311L)
+#define DAHL_NODISCARD [[nodiscard]]
+#elif defined(__GNUC__)
+#define DAHL_NODISCARD __attribute__((warn_unused_result))
+#else
+#define DAHL_NODISCARD
+#endif
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -70,7 +86,7 @@ typedef struct {
 typedef enum {
     DAHL_OK = 0,
     DAHL_ERR_PARAM = -1, /* a parameter is NaN, infinite, negative, or zero where that has no meaning */
-    DAHL_ERR_RANGE = -2  /* a parameter, or the travel of one count, is outside the range above */
+    DAHL_ERR_RANGE = -2  /* a parameter, or the exact travel of one count, is outside the range above */
 } dahl_err_t;
 
 /* A fraction in Q64, as two words so that a step needs 32 x 32 -> 64 bit products only. 1 is 2^64 - 1 or one less. */
@@ -81,22 +97,23 @@ typedef struct {
 
 /* Everything that parameters decide, prepared once. Integers only: bits equal everywhere, fit for `const` in flash. */
 typedef struct {
-    uint32_t a_mantissa;  /* a/ln 2 = a_mantissa 2^(94 - a_shift) [1/rad], top bit set */
-    int32_t a_shift;
-    uint32_t Fc_mantissa; /* Fc = (Fc_mantissa - 1) 2^((Fc_scale >> 24) - 159) [N m], top bit set; the 1 is for the rounding */
-    uint32_t Fc_scale;
+    uint32_t a_mantissa;  /* sigma0/(Fc ln 2) = a_mantissa 2^a_exponent [1/rad]; top bit set */
+    int32_t a_exponent;
+    uint32_t Fc_mantissa; /* Fc = Fc_mantissa 2^Fc_exponent [N m]; top bit set */
+    int32_t Fc_exponent;
     dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
 } dahl_plan_t;
 
-/* w = F/Fc in Q62; +-2^62 is +-Fc (a step can pass it by at most 2^-31 of it, which no returned value shows; a w beyond
- * that is none). 0: relaxed. */
+/* w = F/Fc in Q62; +-2^62 is +-Fc, 0 is relaxed. A state is all zeros or what a call left, and every call leaves
+ * -2^62 - 2^31 <= w < 2^62 + 2^31, of which no returned value shows what is beyond +-2^62. A w from elsewhere that is outside
+ * that range is no state: no call then has undefined behaviour, but what it returns means nothing. */
 typedef struct {
     int64_t w;
 } dahl_state_t;
 
 /* Prepare a plan. Fails iff a parameter is outside its range: then the code says why and *plan is untouched.
  * Any plan and params pointers must be valid. Cost: 3500 instructions on Cortex-M3; call it at start. */
-dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
+DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
 
 /* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
  * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc. Tiny motions keep their relative accuracy: n ticks
@@ -123,7 +140,8 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
 /* Go on with other parameters, from plan `from` to plan `to`, between two ticks. The torque is kept while the bristle
  * can carry it: clamped to the new Fc, and scaled by sigma0_to/sigma0_from where that is below 1 (the bristle keeps its
- * deflection), so that the stored energy F^2/(2 sigma0) never grows; F is what this says within 2^-30. */
+ * deflection), so that the stored energy F^2/(2 sigma0) never grows. F after the change is what this says for F before it
+ * within 2^-30 of F itself and 2^-62 of the new Fc, for any two plans. */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
 /* Shortest signed way from one reading of a counter to the next, in counts: -n/2 <= result < n/2 for n = modulus (half

@@ -6,48 +6,41 @@
  * F never grows, and the second errs by 2^-30 where float values of sigma0 differ by 2^-24 or not at all.
  */
 #include "../arith/fixed.h"
+#include "dahl.h"
 
-typedef struct {
-    uint64_t mantissa; /* Q63, in [1, 2) */
-    int32_t exponent;
-} factor_t;
-
-static factor_t factor_of(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
+static dahl_wide_t quotient(uint32_t n, int32_t n_exponent, uint32_t d, int32_t d_exponent)
 {
-    factor_t f;
-    f.mantissa = dahl_quotient_q63(n, d);
-    f.exponent = n_exponent - d_exponent;
-    if (!(f.mantissa >> 63)) {
-        f.mantissa <<= 1;
-        f.exponent--;
-    }
-    return f;
+    return dahl_normalise(dahl_quotient_q63(n, d), n_exponent - d_exponent - 63);
 }
 
-static factor_t smaller(factor_t x, factor_t y)
+static dahl_wide_t smaller(dahl_wide_t x, dahl_wide_t y)
 {
     int x_first = x.exponent != y.exponent ? x.exponent < y.exponent : x.mantissa < y.mantissa;
     return x_first ? x : y;
 }
 
-/* size times f in Q62, clamped to 1; size <= 1 too, but for the 2^31 that a step may pass it by. */
-static uint64_t scaled(uint64_t size, factor_t f)
+/* size > 0 in Q62 times f, truncated and clamped to 1. */
+static uint64_t scaled(uint64_t size, dahl_wide_t f)
 {
-    uint64_t product = dahl_mulhi64(size << 1, f.mantissa);
-    int32_t shift = f.exponent;
-    if (shift <= 0) {
-        product >>= shift < -63 ? 63 : -shift; /* below 2^63: f.mantissa < 2^64 - 2^32 */
-    } else {
-        product = shift > 62 || product > (DAHL_ONE_Q62 >> shift) ? DAHL_ONE_Q62 : product << shift;
+    dahl_wide_t s = dahl_normalise(size, 0);
+    uint64_t product = dahl_mulhi64(s.mantissa, f.mantissa);
+    int32_t shift = -64 - s.exponent - f.exponent;
+    if (shift < 0) {
+        return DAHL_ONE_Q62;
     }
+    product = shift > 63 ? 0 : product >> shift;
     return product > DAHL_ONE_Q62 ? DAHL_ONE_Q62 : product;
 }
 
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state)
 {
-    factor_t keep_F = factor_of(dahl_mantissa_of_Fc(from), dahl_exponent_of_Fc(from), dahl_mantissa_of_Fc(to), dahl_exponent_of_Fc(to));
-    factor_t keep_deflection = factor_of(to->a_mantissa, dahl_exponent_of_a(to), from->a_mantissa, dahl_exponent_of_a(from));
-    uint64_t size = state->w < 0 ? 0u - (uint64_t)state->w : (uint64_t)state->w;
-    uint64_t w = size ? scaled(size, smaller(keep_F, keep_deflection)) : 0;
-    state->w = (int64_t)(state->w < 0 ? 0u - w : w);
+    uint64_t w = (uint64_t)state->w, size = state->w < 0 ? 0u - w : w;
+    if (size == 0 || from->Fc_mantissa == 0 || to->Fc_mantissa == 0) { /* no torque, or none that a plan of all zeros carries */
+        state->w = 0;
+        return;
+    }
+    dahl_wide_t keep_F = quotient(from->Fc_mantissa, from->Fc_exponent, to->Fc_mantissa, to->Fc_exponent);
+    dahl_wide_t keep_deflection = quotient(to->a_mantissa, to->a_exponent, from->a_mantissa, from->a_exponent);
+    size = scaled(size < DAHL_ONE_Q62 ? size : DAHL_ONE_Q62, smaller(keep_F, keep_deflection));
+    state->w = (int64_t)(state->w < 0 ? 0u - size : size);
 }

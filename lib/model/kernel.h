@@ -18,6 +18,7 @@
 #define DAHL_KERNEL_H
 
 #include "../arith/fixed.h"
+#include "dahl.h"
 
 #define DAHL_KERNEL_ERROR 0x1p-29 /* relative; travel below 2^-64 ln 2 is none */
 
@@ -29,8 +30,9 @@ typedef struct {
 /* v = |dtheta| a/ln 2 for a normal float's bits; the product is truncated. */
 static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnitude)
 {
-    uint64_t product = dahl_mul(DAHL_TOP_BIT | magnitude << 8, plan->a_mantissa);
-    dahl_scaled_t v = {(uint32_t)(product >> 32), plan->a_shift - (int32_t)(magnitude >> 23)};
+    dahl_real_t theta = dahl_real_of(magnitude);
+    uint64_t product = dahl_mul(theta.mantissa, plan->a_mantissa);
+    dahl_scaled_t v = {(uint32_t)(product >> 32), -64 - theta.exponent - plan->a_exponent};
     if (!(v.mantissa & DAHL_TOP_BIT)) {
         v.mantissa = (uint32_t)(product >> 31);
         v.shift++;
@@ -39,20 +41,19 @@ static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnit
 }
 
 /* c - Y r, in Q32. */
-static inline uint32_t dahl_horner(uint32_t c, dahl_factor_t Y, uint32_t r)
+static inline uint32_t dahl_horner(uint32_t c, uint32_t Y, uint32_t r)
 {
-    return c - dahl_times(Y, r);
+    return c - dahl_mulhi(Y, r);
 }
 
 /* 2 <= shift < 32. The 2 units are the rounding that bristle_update.h wants; an or adds them, but where g < 2^-31. */
 static inline dahl_q64_t dahl_kernel_small(dahl_scaled_t v)
 {
     uint32_t Y = v.mantissa >> (v.shift - 2);
-    dahl_factor_t factor = dahl_split(Y);
     uint32_t r = 644112u - (((Y >> 16) * 20813u) >> 16);
-    r = dahl_horner(14898789u, factor, r);
-    r = dahl_horner(257941187u, factor, r);
-    r = dahl_horner(2977044471u, factor, r);
+    r = dahl_horner(14898789u, Y, r);
+    r = dahl_horner(257941187u, Y, r);
+    r = dahl_horner(2977044471u, Y, r);
     uint32_t g = dahl_mulhi(v.mantissa, r);
     dahl_q64_t q = {g >> v.shift, g << (32 - v.shift) | 2u};
     return q;
@@ -79,11 +80,10 @@ static inline dahl_q64_t dahl_kernel_large(dahl_scaled_t v)
 {
     uint32_t whole = v.mantissa >> (28 + v.shift), Y = v.mantissa << (4 - v.shift);
     uint32_t k = whole >> 4, h = dahl_kernel_table[whole & 15u];
-    dahl_factor_t factor = dahl_split(Y);
     uint32_t r = 931096u - (((Y >> 16) * 9912u) >> 16);
-    r = dahl_horner(64485290u, factor, r);
-    r = dahl_horner(2977044471u, factor, r);
-    uint32_t g = h + (dahl_mulhi(~(h >> 1), dahl_times(factor, r)) >> 3);
+    r = dahl_horner(64485290u, Y, r);
+    r = dahl_horner(2977044471u, Y, r);
+    uint32_t g = h + (dahl_mulhi(~(h >> 1), dahl_mulhi(Y, r)) >> 3);
     dahl_q64_t q = {~(~(g >> 1) >> k), 0};
     return q;
 }

@@ -1,34 +1,37 @@
 /* SPDX-License-Identifier: MIT */
 /* The state from a torque in N m. */
 #include "../arith/fixed.h"
+#include "dahl.h"
 
-/* F/Fc in Q62 for normal F < Fc, rounded. */
-static uint64_t ratio_q62(dahl_real_t F, const dahl_plan_t *plan)
+static int is_below(dahl_real_t x, dahl_real_t y)
 {
-    uint64_t quotient = dahl_quotient_q63(F.mantissa, dahl_mantissa_of_Fc(plan));
-    int32_t shift = dahl_exponent_of_Fc(plan) - F.exponent;
-    return shift > 63 ? 0u : ((quotient >> shift) + 1) >> 1;
+    return x.exponent != y.exponent ? x.exponent < y.exponent : x.mantissa < y.mantissa;
 }
 
-static int is_below_Fc(dahl_real_t F, const dahl_plan_t *plan)
+/* F/Fc in Q62, rounded, for F < Fc. */
+static uint64_t ratio_q62(dahl_real_t F, dahl_real_t Fc)
 {
-    int32_t exponent = dahl_exponent_of_Fc(plan);
-    return F.exponent < exponent || (F.exponent == exponent && F.mantissa < dahl_mantissa_of_Fc(plan));
+    uint64_t quotient = dahl_quotient_q63(F.mantissa, Fc.mantissa);
+    int32_t shift = Fc.exponent - F.exponent;
+    return shift > 63 ? 0 : ((quotient >> shift) + 1) >> 1;
+}
+
+/* |F|/Fc in Q62, clamped to 1. A subnormal F is none, and without Fc (a plan of all zeros) there is no torque. */
+static uint64_t size_of(const dahl_plan_t *plan, uint32_t magnitude)
+{
+    dahl_real_t F = dahl_real_of(magnitude), Fc = {plan->Fc_mantissa, plan->Fc_exponent};
+    if (magnitude < DAHL_BITS_NORMAL || Fc.mantissa == 0) {
+        return 0;
+    }
+    return is_below(F, Fc) ? ratio_q62(F, Fc) : DAHL_ONE_Q62;
 }
 
 void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)
 {
-    uint32_t bits = dahl_bits_of(F);
-    uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
-    dahl_real_t size = dahl_real_of(magnitude);
-    uint64_t w = 0;
-    if (magnitude > DAHL_BITS_INF) {
+    uint32_t bits = dahl_bits_of(F), magnitude = bits & DAHL_BITS_MAGNITUDE;
+    if (magnitude > DAHL_BITS_INF) { /* NaN */
         return;
     }
-    if (!is_below_Fc(size, plan)) {
-        w = DAHL_ONE_Q62;
-    } else if (magnitude >= DAHL_BITS_NORMAL) {
-        w = ratio_q62(size, plan);
-    }
-    state->w = (int64_t)(bits >> 31 ? 0u - w : w);
+    uint64_t size = size_of(plan, magnitude);
+    state->w = (int64_t)(bits & DAHL_BITS_SIGN ? 0u - size : size);
 }

@@ -3,22 +3,26 @@
 #include "bristle_update.h"
 #include "torque.h"
 
+static DAHL_OUT_OF_LINE float step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    (void)dahl_step_large(plan, state, dcounts);
+    return dahl_torque(plan, state);
+}
+
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w = (uint64_t)state->w;
     if (dcounts > 0) {
-        if (dcounts > DAHL_DENSE) {
-            (void)dahl_move_digits(plan, state, dcounts);
-            return dahl_torque_of(plan, (uint64_t)state->w);
+        if (dcounts > DAHL_DIRECT_COUNTS_MAX) {
+            return step_large(plan, state, dcounts);
         }
-        w = dahl_two_words(dahl_forward(w, dahl_entry((const char *)plan + dcounts * DAHL_ENTRY)));
+        w = dahl_forward(w, plan->g[dcounts]);
     } else {
-        if (dcounts < -DAHL_DENSE) {
-            (void)dahl_move_digits(plan, state, dcounts);
-            return dahl_torque_of(plan, (uint64_t)state->w);
+        if (dcounts < -DAHL_DIRECT_COUNTS_MAX) {
+            return step_large(plan, state, dcounts);
         }
-        w = dahl_two_words(dahl_backward(w, dahl_entry((const char *)plan - dcounts * DAHL_ENTRY)));
+        w = dahl_backward(w, plan->g[-dcounts]);
     }
     state->w = (int64_t)w;
-    return dahl_torque_here(plan, w);
+    return dahl_torque_of(plan, w);
 }

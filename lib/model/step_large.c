@@ -5,26 +5,25 @@
  */
 #include "bristle_update.h"
 
-DAHL_SMALL int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+#define LOW_DIGITS DAHL_DIRECT_COUNTS_MAX /* of the low digit: 0 .. 7 */
+
+static DAHL_COLD uint64_t forward_by(const dahl_plan_t *plan, uint64_t w, uint32_t counts)
 {
-    uint64_t w = (uint64_t)state->w;
-    uint32_t n = (uint32_t)dcounts, digit = 1;
-    if (dcounts < 0) {
-        w = ~w;
-        n = 0u - n;
-    }
-    const dahl_q64_t *g = &plan->g[n % DAHL_DENSE], *place = &plan->g[DAHL_DENSE - 1];
-    for (n /= DAHL_DENSE;; n >>= 1) {
-        if (digit != 0) {
+    const dahl_q64_t *g = &plan->g[LOW_DIGITS];
+    w = dahl_forward(w, plan->g[counts % LOW_DIGITS]);
+    for (uint32_t digits = counts / LOW_DIGITS; digits != 0; digits >>= 1) {
+        if (digits & 1) {
             w = dahl_forward(w, *g);
         }
-        if (n == 0) {
-            break;
-        }
-        g = ++place;
-        digit = n & 1u;
+        g++;
     }
-    w = dcounts < 0 ? ~w : w;
+    return w;
+}
+
+DAHL_COLD int32_t dahl_step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    uint64_t w = (uint64_t)state->w;
+    w = dcounts < 0 ? ~forward_by(plan, ~w, 0u - (uint32_t)dcounts) : forward_by(plan, w, (uint32_t)dcounts);
     state->w = (int64_t)w;
     return (int32_t)dahl_q30(w);
 }

@@ -2,47 +2,43 @@
 /*
  * From the state to N m, private: the 32 bits of w from its first one on, times the mantissa of Fc in integers, rounded to
  * the 24 bits of a float at the end. (w to float and then times Fc would round twice to 24 bits.) So small torques keep
- * their relative accuracy. Two truncations cost less than 2 units of 2^-31 of the result; the plan's mantissa of Fc has half
- * a unit too much, to centre them: in all half an ulp of the result and 0.008 of one.
+ * their relative accuracy. Two truncations cost less than 2 units of 2^-31 of the result; half a unit is added to the
+ * mantissa of Fc to centre them: in all half an ulp of the result and 0.008 of one.
  * Fc >= 2^-64 and |w| >= 2^-62 keep the result a normal float.
  */
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
 
 #include "../arith/fixed.h"
+#include "dahl.h"
 
-/* s 2^-zeros times Fc, s with its top bit set, as a float's bits. Fc_scale is an exponent times 2^24, and 1 for the rounding;
- * a carry out of the mantissa raises the exponent by itself. */
-static inline uint32_t dahl_pack(const dahl_plan_t *plan, uint32_t s, uint32_t zeros)
+/* The bits of the torque s 2^(-30 - zeros) Fc, where s has its top bit set. */
+static inline uint32_t dahl_torque_bits(const dahl_plan_t *plan, uint32_t s, uint32_t zeros)
 {
-    uint32_t product = dahl_mulhi(s, plan->Fc_mantissa);
-    uint32_t missing = dahl_leading_zero(product);
-    product <<= missing;
-    return (plan->Fc_scale - ((zeros + missing) << 24) + (product >> 7)) >> 1;
+    uint32_t product = dahl_mulhi(s, plan->Fc_mantissa | 1), missing = 1 - (product >> 31);
+    return dahl_round_to_float(product << missing, (uint32_t)plan->Fc_exponent + 2 - zeros - missing);
 }
 
-static inline float dahl_torque_here(const dahl_plan_t *plan, uint64_t w)
+static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
 {
-    uint32_t sign = (uint32_t)(w >> 32) & DAHL_BITS_SIGN;
-    DAHL_KEEP(sign);
-    if (DAHL_LIKELY(sign != 0)) { /* as likely as not; so the negation stays in line, not a jump away */
-        w = 0u - w;
+    uint32_t sign = (uint32_t)(w >> 32) & DAHL_BITS_SIGN, high, low, zeros, s;
+    w = sign != 0 ? 0u - w : w;
+    high = (uint32_t)(w >> 32);
+    low = (uint32_t)w;
+    if (plan->Fc_mantissa == 0) { /* a plan of all zeros */
+        return 0.0f;
     }
-    uint32_t top = (uint32_t)(w >> 32), next = (uint32_t)w, zeros;
-    if (top != 0) {
-        zeros = dahl_leading_zeros(top);
-        top = top << zeros | next >> (32 - zeros);
-    } else if (next != 0) { /* below 2^-30 Fc */
-        zeros = dahl_leading_zeros(next);
-        top = next << zeros;
+    if (high != 0) {
+        zeros = dahl_leading_zeros(high);
+        s = high << zeros | low >> 1 >> (31 - zeros);
+    } else if (low != 0) { /* below 2^-30 Fc */
+        zeros = dahl_leading_zeros(low);
+        s = low << zeros;
         zeros += 32;
     } else {
         return 0.0f;
     }
-    return dahl_float_of(sign | dahl_pack(plan, top, zeros));
+    return dahl_float_of(sign | dahl_torque_bits(plan, s, zeros));
 }
-
-/* The same by a call (torque.c): one copy for all that need not be quick. */
-float dahl_torque_of(const dahl_plan_t *plan, uint64_t w);
 
 #endif

@@ -80,7 +80,7 @@ static void check_entries(const dahl_plan_t *plan, const dahl_params_t *p)
 static void check_plan(const dahl_plan_t *plan, const dahl_params_t *p)
 {
     long double a = (long double)p->sigma0 / (long double)p->Fc * 1.44269504088896340736L;
-    long double got = ldexpl((long double)plan->a_mantissa, 94 - plan->a_shift);
+    long double got = ldexpl((long double)plan->a_mantissa, plan->a_exponent);
     LAW(plan->a_mantissa >> 31 == 1 && plan->Fc_mantissa >> 31 == 1, "mantissas have their top bit set");
     LAW(fabsl(got - a) <= 0x1p-31L * a, "a/ln 2 within a unit");
     LAW(dahl_torque(plan, &(dahl_state_t){(int64_t)1 << 62}) == p->Fc, "all of w is Fc");

@@ -50,8 +50,10 @@ static inline uint64_t bits_fold_plan(uint64_t hash, const dahl_plan_t *plan)
     for (unsigned n = 0; n < sizeof plan->g / sizeof plan->g[0]; n++) {
         hash = bits_fold(hash, (uint64_t)plan->g[n].hi << 32 | plan->g[n].lo);
     }
-    hash = bits_fold(hash, (uint64_t)plan->a_mantissa << 32 | plan->Fc_mantissa);
-    return bits_fold(hash, (uint64_t)(uint32_t)plan->a_shift << 32 | plan->Fc_scale);
+    /* The other words in the form that the plan had when the hashes were taken. */
+    uint32_t a_shift = (uint32_t)(94 - plan->a_exponent), Fc_scale = (uint32_t)(plan->Fc_exponent + 159) << 24 | 1u;
+    hash = bits_fold(hash, (uint64_t)plan->a_mantissa << 32 | plan->Fc_mantissa | 1u);
+    return bits_fold(hash, (uint64_t)a_shift << 32 | Fc_scale);
 }
 
 static inline uint64_t bits_by_counts(uint64_t hash, const dahl_plan_t *plan, motion_fn next)

@@ -175,7 +175,7 @@ static void check_still(const dahl_plan_t *plan, int64_t w)
  * whose product with the mantissa of Fc ends in such a middle, or up to `near` beside it. */
 static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
 {
-    const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan->Fc_mantissa);
+    const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan->Fc_mantissa | 1u);
     uint32_t found = 0;
     for (int64_t beside = -near; beside <= near; beside++) {
         uint64_t t = ((half + (uint64_t)beside) * inverse) & mask;

@@ -12,7 +12,7 @@
 static int calls;
 static int32_t called_for;
 
-int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+int32_t dahl_step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     (void)plan;
     state->w = (int64_t)1 << 61;
@@ -26,7 +26,7 @@ static void test_short_ticks_take_their_entry(void)
     dahl_params_t p = params_for(0.1, 2.0f);
     dahl_plan_t plan = plan_for(&p);
     calls = 0;
-    for (int32_t d = -DAHL_DENSE; d <= DAHL_DENSE; d++) {
+    for (int32_t d = -DAHL_DIRECT_COUNTS_MAX; d <= DAHL_DIRECT_COUNTS_MAX; d++) {
         dahl_state_t torque = {0}, q30 = {0};
         long double w = d < 0 ? expm1l(reference_by_counts(&p).a * d) : -expm1l(-reference_by_counts(&p).a * d);
         assert_torque(w, &p, dahl_step_counts(&plan, &torque, d), DAHL_ULP_COUNTS);

@@ -3,6 +3,7 @@
 #include "ways.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "rivals.c"
@@ -176,7 +177,9 @@ void start_run(run_t *run, const dahl_params_t *params, int32_t substeps)
 {
     memset(run, 0, sizeof *run);
     run->params = *params;
-    (void)dahl_prepare(&run->plan, params);
+    if (dahl_prepare(&run->plan, params) != DAHL_OK) {
+        abort(); /* the scenarios' parameters are constants */
+    }
     rival_prepare(&run->rival_plan, params->sigma0, params->Fc, params->theta_per_count);
     run->rival_plan.substeps = substeps;
     run->a = (double)params->sigma0 / (double)params->Fc * (double)params->theta_per_count;

@@ -1,0 +1,100 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * A plan that is prepared while somebody reads it. A child prepares it, one machine instruction at a time (ptrace), and after
+ * each instruction every word is looked at: it is the old one until it is the new one, and with equal parameters both are
+ * the same, so that nothing is seen to change at all. Linux.
+ */
+#define _GNU_SOURCE
+#include <signal.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/ptrace.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "plans.h"
+
+enum { WORDS = sizeof(dahl_plan_t) / 4 };
+
+static const dahl_params_t many[] = {
+    {100.0f, 0.5f, 3.8349519e-4f}, {100.0f, 0.5f, 0.0f}, {1e-3f, 1e-3f, 9.4e-10f}, {0x1.fffffep+10f, 1.0f, 500.0f}, {33.0f, 2.0f, 1e-3f},
+};
+#define MANY (sizeof many / sizeof many[0])
+
+static void child(dahl_plan_t *plan, const dahl_params_t *params)
+{
+    if (ptrace(PTRACE_TRACEME, 0, NULL, NULL) != 0) {
+        _exit(2);
+    }
+    raise(SIGSTOP);
+    _exit(dahl_prepare(plan, params) == DAHL_OK ? 0 : 1);
+}
+
+/* Words that are neither the old nor the new one, or the old one again. */
+static unsigned wrong_words(const uint32_t *now, const uint32_t *before, const uint32_t *after, unsigned char *is_new)
+{
+    unsigned wrong = 0;
+    for (unsigned n = 0; n < WORDS; n++) {
+        wrong += now[n] != after[n] && (now[n] != before[n] || is_new[n]);
+        is_new[n] |= now[n] == after[n] && before[n] != after[n];
+    }
+    return wrong;
+}
+
+/* From the plan of one set of parameters to that of another; returns wrong words seen, counts the instructions. */
+static unsigned follow(const dahl_params_t *first, const dahl_params_t *second, long *instructions)
+{
+    dahl_plan_t *shared = mmap(NULL, sizeof *shared, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    TEST_ASSERT_TRUE(shared != MAP_FAILED);
+    const dahl_plan_t before = plan_for(first), after = plan_for(second);
+    unsigned char is_new[WORDS] = {0};
+    unsigned wrong = 0;
+    int status = 0;
+    *shared = before;
+    pid_t pid = fork();
+    if (pid == 0) {
+        child(shared, second);
+    }
+    for (waitpid(pid, &status, 0); WIFSTOPPED(status); waitpid(pid, &status, 0)) {
+        uint32_t now[WORDS], old[WORDS], new[WORDS];
+        memcpy(now, shared, sizeof now);
+        memcpy(old, &before, sizeof old);
+        memcpy(new, &after, sizeof new);
+        wrong += wrong_words(now, old, new, is_new);
+        ++*instructions;
+        ptrace(PTRACE_SINGLESTEP, pid, NULL, NULL);
+    }
+    TEST_ASSERT_TRUE(WIFEXITED(status));
+    if (WEXITSTATUS(status) == 2) {
+        TEST_IGNORE_MESSAGE("ptrace is not allowed here");
+    }
+    TEST_ASSERT_EQUAL_INT(0, WEXITSTATUS(status));
+    TEST_ASSERT_EQUAL_MEMORY(&after, shared, sizeof after);
+    munmap(shared, sizeof *shared);
+    return wrong;
+}
+
+static void test_equal_parameters_change_nothing_at_any_moment(void)
+{
+    for (size_t i = 0; i < MANY; i++) {
+        long instructions = 0;
+        TEST_ASSERT_EQUAL_UINT(0, follow(&many[i], &many[i], &instructions));
+        TEST_ASSERT_TRUE(instructions > 1000);
+    }
+}
+
+static void test_each_word_is_written_once(void)
+{
+    for (size_t i = 0; i < MANY; i++) {
+        long instructions = 0;
+        TEST_ASSERT_EQUAL_UINT(0, follow(&many[i], &many[(i + 1) % MANY], &instructions));
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_equal_parameters_change_nothing_at_any_moment);
+    RUN_TEST(test_each_word_is_written_once);
+    return UNITY_END();
+}

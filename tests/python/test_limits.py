@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: MIT
+"""What the C accepts and computes at its limits, against exact fractions."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import struct
+from collections.abc import Iterator
+from fractions import Fraction
+from random import Random
+
+import pytest
+from dahl import places
+
+OK, RANGE = 0, -2
+ONE = 1 << 62
+# Every call leaves -STATE_END <= w < STATE_END (dahl.h).
+STATE_END = ONE + (1 << 31)
+
+
+class Params(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_float) for name in ("sigma0", "Fc", "theta_per_count")]
+
+
+class ThroughputParams(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_double) for name in ("sigma0", "Fc", "theta_per_count")]
+
+
+class Plan(ctypes.Structure):
+    _fields_ = [("words", ctypes.c_uint32 * 78)]
+
+
+class State(ctypes.Structure):
+    _fields_ = [("w", ctypes.c_int64)]
+
+
+@pytest.fixture(scope="module")
+def library() -> ctypes.CDLL:
+    loaded = ctypes.CDLL(str(places.library()))
+    for name in ("dahl_step_counts", "dahl_step", "dahl_torque"):
+        getattr(loaded, name).restype = ctypes.c_float
+    return loaded
+
+
+def prepared(library: ctypes.CDLL, sigma0: float, Fc: float, theta: float) -> tuple[int, Plan]:
+    plan = Plan()
+    code = library.dahl_prepare(ctypes.byref(plan), ctypes.byref(Params(sigma0, Fc, theta)))
+    return code, plan
+
+
+def throughput(library: ctypes.CDLL, sigma0: float, Fc: float, theta: float) -> int:
+    params, state = ThroughputParams(sigma0, Fc, theta), State()
+    call = library.dahl_throughput_counts
+    return int(call(ctypes.byref(params), ctypes.byref(state), None, None, ctypes.c_size_t(0)))
+
+
+def as_float(x: float) -> float:
+    return float(struct.unpack("f", struct.pack("f", x))[0])
+
+
+def next_floats(x: float, by: int) -> float:
+    (bits,) = struct.unpack("i", struct.pack("f", x))
+    return float(struct.unpack("f", struct.pack("i", bits + by))[0])
+
+
+def near_a_limit(seed: int, count: int) -> Iterator[tuple[float, float, float, bool]]:
+    """Parameters whose travel is at a limit, just beside it, or exactly on it; and whether it is within."""
+    random = Random(seed)
+    for _ in range(count):
+        limit = random.choice([2.0**-30, 2.0**20])
+        # Few bits make products that are exactly on the limit; many bits make those beside it.
+        bits = random.choice([1, 2, 3, 12, 24])
+        sigma0 = as_float(random.randint(1, 2**bits) * 2.0 ** random.randint(-10, 10))
+        Fc = as_float(random.randint(1, 2**bits) * 2.0 ** random.randint(-10, 10))
+        theta = next_floats(as_float(limit * Fc / sigma0), random.randint(-1, 1))
+        travel = Fraction(sigma0) * Fraction(theta) / Fraction(Fc)
+        yield sigma0, Fc, theta, Fraction(1, 2**30) <= travel < 2**20
+
+
+@pytest.mark.parametrize("params, code", [((1.0, 3.0, 3 * 2.0**-30), OK), ((2.0**20, 3.0, 3.0), RANGE)])
+def test_a_travel_on_the_limit(library, params: tuple[float, float, float], code: int) -> None:
+    """2^-30 is in, 2^20 is out, also where sigma0/Fc has no end in binary."""
+    assert prepared(library, *params)[0] == code
+    assert throughput(library, *params) == code
+
+
+def test_limits_are_decided_exactly(library) -> None:
+    for sigma0, Fc, theta, within in near_a_limit(1, 20000):
+        wanted = OK if within else RANGE
+        assert prepared(library, sigma0, Fc, theta)[0] == wanted, (sigma0, Fc, theta)
+        assert throughput(library, sigma0, Fc, theta) == wanted, (sigma0, Fc, theta)
+
+
+def test_limits_of_doubles_are_decided_exactly(library) -> None:
+    random = Random(2)
+    for _ in range(20000):
+        limit = random.choice([2.0**-30, 2.0**20])
+        sigma0, Fc = random.uniform(1e-3, 1e3), random.uniform(1e-3, 1e3)
+        theta = limit * Fc / sigma0
+        theta = math.nextafter(theta, random.choice([0.0, math.inf]))
+        travel = Fraction(sigma0) * Fraction(theta) / Fraction(Fc)
+        within = Fraction(1, 2**30) <= travel < 2**20
+        assert throughput(library, sigma0, Fc, theta) == (OK if within else RANGE)
+
+
+def changed(library: ctypes.CDLL, before: Plan, after: Plan, w: int) -> int:
+    state = State(w)
+    library.dahl_change_plan(ctypes.byref(before), ctypes.byref(after), ctypes.byref(state))
+    return state.w
+
+
+def exact_change(before: tuple[float, float], after: tuple[float, float], w: int) -> Fraction:
+    """F in N m as dahl.h says it."""
+    sigma0, Fc = map(Fraction, before)
+    new_sigma0, new_Fc = map(Fraction, after)
+    F = Fraction(w, ONE) * Fc
+    F *= min(Fraction(1), new_sigma0 / sigma0)
+    return max(-new_Fc, min(new_Fc, F))
+
+
+def test_change_of_plan_keeps_what_it_promises(library) -> None:
+    """Any ratio of Fc and sigma0, up to the ends of what a plan takes, and any state."""
+    random = Random(3)
+
+    def torque() -> float:
+        return as_float(random.uniform(1, 1.9999) * 2.0 ** random.randint(-64, 63))
+
+    for _ in range(20000):
+        one, other = (torque(), torque()), (torque(), torque())
+        if random.random() < 0.5:  # the same stiffness: F is kept, or clamped
+            other = (one[0], other[1])
+        w = random.choice([1, -1]) * random.randint(0, ONE) >> random.randint(0, 61)
+        (code, before), (code_too, after) = (prepared(library, *p, 0.0) for p in (one, other))
+        assert code == code_too == OK
+        F = Fraction(changed(library, before, after, w), ONE) * Fraction(other[1])
+        wanted = exact_change(one, other, w)
+        allowed = abs(wanted) / 2**30 + Fraction(other[1]) / ONE
+        assert abs(F - wanted) <= allowed, (one, other, w)
+
+
+ZERO = Plan()
+WHOLE = (100.0, 0.5, 1e-3)
+
+
+def test_a_plan_of_zeros_gives_no_torque(library) -> None:
+    """Never prepared, or refused: nothing moves, and every call gives 0 N m."""
+    zero = ctypes.byref(ZERO)
+    angles = [0.0, 1e-30, 0.1, -0.1, 3.0, -1e30, math.inf, -math.inf, math.nan, 1e-40]
+    counts = [0, 1, -1, 8, -8, 9, -9, 1000, 2**31 - 1, -(2**31)]
+    for w in (0, 1, -1, ONE, -ONE, STATE_END - 1, -STATE_END, ONE // 3):
+        for angle in angles:
+            state = State(w)
+            assert library.dahl_step(zero, ctypes.byref(state), ctypes.c_float(angle)) == 0
+            assert state.w == w
+        for count in counts:
+            state = State(w)
+            assert library.dahl_step_counts(zero, ctypes.byref(state), count) == 0
+            assert library.dahl_step_counts_q30(zero, ctypes.byref(state), count) == (w + 2**31 >> 32)
+            assert state.w == w
+        assert library.dahl_torque(zero, ctypes.byref(State(w))) == 0
+
+
+def test_a_plan_of_zeros_takes_no_torque(library) -> None:
+    zero = ctypes.byref(ZERO)
+    for F in (0.0, 0.5, -0.5, 1e-40, 3e38, math.inf, -math.inf):
+        state = State(ONE // 2)
+        library.dahl_set_torque(zero, ctypes.byref(state), ctypes.c_float(F))
+        assert state.w == 0 and library.dahl_torque(zero, ctypes.byref(state)) == 0
+
+
+@pytest.mark.parametrize("w", [0, 1, -1, ONE, -ONE, STATE_END - 1, -STATE_END])
+def test_change_from_and_to_a_plan_of_zeros(library, w: int) -> None:
+    code, plan = prepared(library, *WHOLE)
+    assert code == OK
+    assert changed(library, ZERO, plan, w) == 0
+    assert changed(library, plan, ZERO, w) == 0
+    assert changed(library, ZERO, ZERO, w) == 0
+
+
+def test_states_stay_where_the_header_says(library) -> None:
+    """From both ends of the range, by every call."""
+    code, plan = prepared(library, *WHOLE)
+    assert code == OK
+    for w in (STATE_END - 1, ONE, ONE - 1, -ONE, -STATE_END, 1 - STATE_END):
+        for count in (0, 1, -1, 8, -8, 9, -9, 1000, -1000, 2**31 - 1, -(2**31)):
+            state = State(w)
+            q30 = library.dahl_step_counts_q30(ctypes.byref(plan), ctypes.byref(state), count)
+            assert -(2**30) <= q30 <= 2**30 and -STATE_END <= state.w < STATE_END
+            assert abs(library.dahl_torque(ctypes.byref(plan), ctypes.byref(state))) <= WHOLE[1]
+        for angle in (0.0, 1e-20, 1e-3, -1e-3, 10.0, -10.0, math.inf, -math.inf, math.nan):
+            state = State(w)
+            F = library.dahl_step(ctypes.byref(plan), ctypes.byref(state), ctypes.c_float(angle))
+            assert abs(F) <= WHOLE[1] and -STATE_END <= state.w < STATE_END
+        assert -ONE <= changed(library, plan, plan, w) <= ONE
