@@ -10,17 +10,32 @@ static int is_positive(double x)
     return as.bits != 0 && as.bits < (uint64_t)0x7ff << 52;
 }
 
-static int is_in(double x, double least, double most)
-{
-    return x >= least && x < most;
-}
-
 static int is_torque(double x)
 {
-    return is_in(x, (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
+    return x >= (double)DAHL_TORQUE_MIN && x < (double)DAHL_TORQUE_MAX;
 }
 
-/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By counts a >= 2^-30, by
+/* A normal positive double as mantissa 2^exponent. */
+static dahl_wide_t wide_of(double x)
+{
+    dahl_double_t as;
+    as.value = x;
+    dahl_wide_t r = {(uint64_t)1 << 63 | as.bits << 11, (int32_t)(as.bits >> 52) - (1023 + 63)};
+    return r;
+}
+
+/* DAHL_TRAVEL_MIN <= sigma0 theta/Fc < DAHL_TRAVEL_MAX, decided exactly, as in prepare.c: the lowest bits of a double's
+ * mantissa are 0. */
+static int is_travel_in_range(double sigma0, double theta, double Fc)
+{
+    dahl_wide_t s = wide_of(sigma0), t = wide_of(theta), f = wide_of(Fc);
+    uint64_t high = dahl_mulhi64(s.mantissa, t.mantissa);
+    int32_t exponent = s.exponent + t.exponent - f.exponent + 62;
+    exponent += (high >= f.mantissa >> 1) + (high >= f.mantissa);
+    return -30 <= exponent && exponent < 20;
+}
+
+/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By counts a is about 2^-30 or more, by
  * angle a > 2^-128, so that a travel of ln 2 is no more than either can say. */
 static uint32_t measure_of(double travel, double a, bool by_counts)
 {
@@ -34,11 +49,11 @@ dahl_err_t dahl_throughput_check(const dahl_throughput_params_t *params, bool by
     if (!is_positive(params->sigma0) || !is_positive(params->Fc) || !is_positive(theta)) {
         return DAHL_ERR_PARAM;
     }
-    double a = params->sigma0 / params->Fc * theta;
     if (!is_torque(params->sigma0) || !is_torque(params->Fc) || !is_torque(theta)
-        || (by_counts && !is_in(a, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX))) {
+        || (by_counts && !is_travel_in_range(params->sigma0, theta, params->Fc))) {
         return DAHL_ERR_RANGE;
     }
+    double a = params->sigma0 / params->Fc * theta;
     scale->a = a;
     scale->Fc = params->Fc;
     scale->small = measure_of(DAHL_LN2, a, by_counts);
