@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Two plans. The tick uses one; main prepares the other and publishes it by one store. The tick that finds it takes the torque
+ * over and answers by one store, after which the first plan is main's. C11: release and acquire order the plan's words against
+ * these two stores, for the compiler and for the core.
+ */
+#include "friction.h"
+
+#include <stdatomic.h>
+
+static dahl_plan_t plans[2];
+static dahl_state_t bearing;
+static atomic_uint published; /* written by main only */
+static atomic_uint used;      /* written by the tick only */
+
+bool friction_set(const dahl_params_t *params, dahl_err_t *err)
+{
+    unsigned now = atomic_load_explicit(&published, memory_order_relaxed);
+    unsigned next = 1 - now;
+    *err = DAHL_OK;
+    if (atomic_load_explicit(&used, memory_order_acquire) != now) {
+        return false;
+    }
+    *err = dahl_prepare(&plans[next], params);
+    if (*err != DAHL_OK) {
+        return false;
+    }
+    atomic_store_explicit(&published, next, memory_order_release);
+    return true;
+}
+
+dahl_plan_t *friction_plan(void)
+{
+    return &plans[atomic_load_explicit(&published, memory_order_relaxed)];
+}
+
+float friction_tick(int32_t dcounts)
+{
+    unsigned now = atomic_load_explicit(&used, memory_order_relaxed);
+    unsigned next = atomic_load_explicit(&published, memory_order_acquire);
+    if (next != now) {
+        dahl_change_plan(&plans[now], &plans[next], &bearing);
+        atomic_store_explicit(&used, next, memory_order_release);
+    }
+    return dahl_step_counts(&plans[next], &bearing, dcounts);
+}
