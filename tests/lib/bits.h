@@ -60,7 +60,7 @@ static inline uint64_t bits_by_counts(uint64_t hash, const dahl_plan_t *plan, mo
 {
     dahl_state_t torque = {0}, q30 = {0};
     motion_t motion = MOTION_START;
-    for (int t = 0; t < BITS_TICKS; t++) {
+    for (int32_t t = 0; t < BITS_TICKS; t++) {
         int32_t d = next(&motion);
         hash = bits_fold(hash, bits_of_float(dahl_step_counts(plan, &torque, d)));
         hash = bits_fold(hash, (uint32_t)dahl_step_counts_q30(plan, &q30, d));
@@ -73,7 +73,7 @@ static inline uint64_t bits_by_angle(uint64_t hash, const dahl_plan_t *plan, flo
 {
     dahl_state_t state = {0};
     motion_t motion = MOTION_START;
-    for (int t = 0; t < BITS_TICKS; t++) {
+    for (int32_t t = 0; t < BITS_TICKS; t++) {
         volatile float counts = (float)next(&motion);
         volatile float dtheta = counts * theta;
         hash = bits_fold(hash, bits_of_float(dahl_step(plan, &state, dtheta)));

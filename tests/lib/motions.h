@@ -25,7 +25,7 @@ static inline uint32_t motion_random(motion_t *m)
 /* Long sweeps, 1 count a tick, of growing length. */
 static inline int32_t motion_sweep(motion_t *m)
 {
-    uint32_t length = 1000u << ((m->tick >> 16) % 10u);
+    uint32_t length = UINT32_C(1000) << ((m->tick >> 16) % 10u);
     return (m->tick++ / length) % 2u ? -1 : 1;
 }
 
