@@ -7,7 +7,7 @@
  *     z = 2^30 - q,  q = w in Q30, a half rounded up          the gap to +Fc, in Q30
  *     w += z g_high + floor(z g_low 2^-32)
  * Backward, n = -1 .. -8, is its mirror image: z = 2^30 + q is the gap to -Fc, and the product is subtracted.
- * Any other move goes to dahl_move_digits (lib/model/step_large.c), all arguments untouched.
+ * Any other move goes to dahl_step_large (lib/model/step_large.c), all arguments untouched.
  */
     .syntax unified
     .thumb
@@ -71,5 +71,5 @@ backward:
     pop     {r4, pc}
 
 large:
-    b       dahl_move_digits
+    b       dahl_step_large
     .size dahl_step_counts_q30, . - dahl_step_counts_q30

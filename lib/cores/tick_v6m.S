@@ -7,7 +7,7 @@
  *     z = 2^30 - q,  q = w in Q30, a half rounded up          the gap to +Fc, in Q30
  *     w += z g_high + floor(z g_low 2^-32)
  * Backward, n = -1 .. -8, is its mirror image: z = 2^30 + q is the gap to -Fc, and the product is subtracted.
- * Any other move goes to dahl_move_digits (lib/model/step_large.c), all arguments untouched.
+ * Any other move goes to dahl_step_large (lib/model/step_large.c), all arguments untouched.
  *
  * The core multiplies to 32 bits, so z = z1:z0 and each word of g are taken by halves of 16 bits. z <= 2^31, so z1 <= 2^15,
  * and the sums that are marked do not carry out.
@@ -105,7 +105,7 @@ backward:
 
 large:
     negs    r2, r2
-    ldr     r3, =dahl_move_digits
+    ldr     r3, =dahl_step_large
     bx      r3
     .pool
     .size dahl_step_counts_q30, . - dahl_step_counts_q30

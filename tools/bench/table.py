@@ -18,6 +18,11 @@ ROWS = [
     ("reversal, Q30", "reversal_q30"),
     ("no motion, Q30", "zero_q30"),
     ("by angle, worst of all travel", "angle_worst"),
+    ("`dahl_torque`", "torque"),
+    ("`dahl_set_torque`, worst", "set_torque"),
+    ("`dahl_change_plan`, worst", "change_plan"),
+    ("`dahl_counts_between`, readings below the modulus", "counts_between_below"),
+    ("`dahl_counts_between`, worst", "counts_between"),
     ("prepare", "prepare"),
     ("a move from an encoder's reading", "encoder_move"),
     ("*newlib `expm1f` step*", "newlib_expm1f"),
@@ -54,7 +59,19 @@ def show(result: dict[str, dict[str, Any]]) -> None:
         table.add_column(core["core"], justify="right")
     for title, key in ROWS:
         table.add_row(title.replace("*", "").replace("`", ""), *cells(result, key))
-    Console(width=None if sys.stdout.isatty() else 110).print(table)
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    console.print(table)
+    console.print(bare_link(result).replace("`", ""))
+
+
+def bare_link(result: dict[str, dict[str, Any]]) -> str:
+    """What a link without the compiler's own library lacks, by core."""
+    wants = [
+        f"{core['core']} {', '.join(f'`{name}`' for name in core['helpers']) or 'nothing'}"
+        for core in result.values()
+        if "helpers" in core
+    ]
+    return f"A link with `-nostdlib` needs from libgcc: {'; '.join(wants)}."
 
 
 def markdown(result: dict[str, dict[str, Any]]) -> str:
@@ -65,7 +82,7 @@ def markdown(result: dict[str, dict[str, Any]]) -> str:
     compilers = sorted({core["compiler"] for core in result.values()})
     note = f"Counted in QEMU with a plugin, `-O2`, {' and '.join(compilers)}."
     note += " QEMU does not model cycles."
-    return "\n".join([MARKS[0], *lines, "", note, MARKS[1]])
+    return "\n".join([MARKS[0], *lines, "", note, bare_link(result), MARKS[1]])
 
 
 SHORT_MARKS = ("<!-- bench:short -->", "<!-- /bench:short -->")

@@ -203,6 +203,14 @@ def forbidden(core: Core, image: Path) -> list[str]:
     return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
 
 
+def helpers(core: Core) -> list[str]:
+    """What libdahl.a wants from the compiler's own library: a bare link needs these, and no other."""
+    names = run(core.tool("nm"), core.build / "lib" / "libdahl.a").splitlines()
+    words = [line.split() for line in names]
+    defined = {word[-1] for word in words if len(word) == 3}
+    return sorted({word[1] for word in words if len(word) == 2 and word[0] == "U"} - defined)
+
+
 def measure_sizes(core: Core) -> dict[str, int]:
     result: dict[str, int] = {}
     for name in PATHS:
@@ -232,6 +240,8 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
         "torque",
         "set_torque",
         "change_plan",
+        "counts_between",
+        "counts_between_below",
         "encoder_move",
     )
     result |= {name: worst[name] for name in others}
@@ -278,7 +288,7 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
             if not name.startswith(MOTION)
         }
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
-    return result | measure_sizes(core)
+    return result | measure_sizes(core) | {"helpers": helpers(core)}
 
 
 def put(path: Path, content: bytes) -> None:

@@ -22,7 +22,8 @@ enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
 #define ONE_Q62 ((int64_t)1 << 62)
 
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
-static dahl_plan_t plan;
+static const dahl_params_t softer = {30.0f, 0.8f, 3.8349519e-4f};
+static dahl_plan_t plan, softer_plan;
 
 /* Relaxed, pulled, saturated, and so small that a float torque needs its long way. */
 static const int64_t starts[] = {
@@ -256,11 +257,19 @@ static void bench_others(void)
     bench_function = (bench_function_t)dahl_change_plan;
     for (unsigned i = 0; i < STARTS; i++) {
         state.w = starts[i];
-        call_change_plan(&plan, &plan, &state);
+        call_change_plan(&plan, &softer_plan, &state);
+        state.w = starts[i];
+        call_change_plan(&softer_plan, &plan, &state);
     }
     bench_case("counts_between");
     bench_function = (bench_function_t)dahl_counts_between;
     call_between(4095, 3, 4096);
+    call_between(3, 4095, 4096);
+    call_between(65535, 3, 10000); /* readings at and above the modulus */
+    call_between(UINT32_MAX, 0, 1);
+    bench_case("counts_between_below");
+    call_between(4095, 3, 4096);
+    call_between(3, 4095, 4096);
     call_between(3, 4095, 0);
 }
 
@@ -284,7 +293,7 @@ static void bench_encoder(void)
 
 void bench_library(void)
 {
-    if (dahl_prepare(&plan, &params) != DAHL_OK) {
+    if (dahl_prepare(&plan, &params) != DAHL_OK || dahl_prepare(&softer_plan, &softer) != DAHL_OK) {
         return; /* the reader misses the cases */
     }
     bench_moves();
