@@ -70,6 +70,14 @@ def ran_on(tmp_path_factory):
     return run
 
 
+@pytest.mark.parametrize("name", [name for name in ARM if name != "m0"])
+def test_parameters_change_under_an_interrupt(name: str, ran_on) -> None:
+    outcome = ran_on(name)["change_parameters"]
+    assert outcome.get("status") == "run" and outcome.find("failure") is None, outcome.findtext(
+        "system-out"
+    )
+
+
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("name", target.CORES)
 def test_on_core(name: str, case: str, ran_on) -> None:
@@ -77,6 +85,16 @@ def test_on_core(name: str, case: str, ran_on) -> None:
     assert outcome.get("status") == "run" and outcome.find("failure") is None, outcome.findtext(
         "system-out"
     )[-2000:]
+
+
+def test_bits_on_avr() -> None:
+    """An int of 16 bits: the same hashes (some minutes; the emulator's exit needs no trust, the lines do)."""
+    for program in ("avr-gcc", "qemu-system-avr"):
+        if not shutil.which(program):
+            pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
+    target.run("cmake", "--preset", "avr", cwd=ROOT)
+    target.run("cmake", "--build", ROOT / "build/avr", cwd=ROOT)
+    target.run("ctest", "--test-dir", ROOT / "build/avr", timeout=1200)
 
 
 def test_a_failing_image_fails(ran_on) -> None:

@@ -64,14 +64,19 @@ def show(result: dict[str, dict[str, Any]]) -> None:
     console.print(bare_link(result).replace("`", ""))
 
 
+def words(names: list[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names) or "nothing"
+
+
 def bare_link(result: dict[str, dict[str, Any]]) -> str:
     """What a link without the compiler's own library lacks, by core."""
-    wants = [
-        f"{core['core']} {', '.join(f'`{name}`' for name in core['helpers']) or 'nothing'}"
+    wants = {
+        core["core"]: f"{words(core['helpers'])} (compiled with `-O0`: {words(core['helpers_O0'])})"
         for core in result.values()
         if "helpers" in core
-    ]
-    return f"A link with `-nostdlib` needs from libgcc: {'; '.join(wants)}."
+    }
+    lines = [f"{name} {what}" for name, what in wants.items()]
+    return f"A link with `-nostdlib` needs beside libdahl: {'; '.join(lines)}."
 
 
 def markdown(result: dict[str, dict[str, Any]]) -> str:

@@ -203,9 +203,21 @@ def forbidden(core: Core, image: Path) -> list[str]:
     return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
 
 
-def helpers(core: Core) -> list[str]:
-    """What libdahl.a wants from the compiler's own library: a bare link needs these, and no other."""
-    names = run(core.tool("nm"), core.build / "lib" / "libdahl.a").splitlines()
+def plain_objects(core: Core) -> list[Path]:
+    """The C of the core as -O0 compiles it."""
+    folder = core.build / "bench" / "plain"
+    folder.mkdir(parents=True, exist_ok=True)
+    flags = [*cache_value(core, "CMAKE_C_FLAGS").split(), "-O0", "-std=c99", "-I", ROOT / "lib/include"]
+    objects = []
+    for source in sorted((*(ROOT / "lib/arith").glob("*.c"), *(ROOT / "lib/model").glob("*.c"))):
+        objects.append(folder / f"{source.stem}.o")
+        run(core.tool("gcc"), *flags, "-c", source, "-o", objects[-1])
+    return objects
+
+
+def helpers(core: Core, *objects: Path) -> list[str]:
+    """What these want from the compiler's own library: a bare link needs that, and no more."""
+    names = run(core.tool("nm"), *objects).splitlines()
     words = [line.split() for line in names]
     defined = {word[-1] for word in words if len(word) == 3}
     return sorted({word[1] for word in words if len(word) == 2 and word[0] == "U"} - defined)
@@ -288,7 +300,10 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
             if not name.startswith(MOTION)
         }
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
-    return result | measure_sizes(core) | {"helpers": helpers(core)}
+    return result | measure_sizes(core) | {
+        "helpers": helpers(core, core.build / "lib" / "libdahl.a"),
+        "helpers_O0": helpers(core, *plain_objects(core)),
+    }
 
 
 def put(path: Path, content: bytes) -> None:

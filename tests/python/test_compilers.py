@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: MIT
+"""What the header and the sources tell a compiler: dropped results warn, a core that lacks something
+does not build, and a core whose int has 16 bits builds without a warning.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+LIB = ROOT / "lib"
+SOURCES = sorted((*(LIB / "arith").glob("*.c"), *(LIB / "model").glob("*.c")))
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wsign-conversion", "-Werror"]
+
+
+def compiled(command: list[str], source: Path, folder: Path) -> subprocess.CompletedProcess[str]:
+    if not shutil.which(command[0]):
+        pytest.skip(f"{command[0]} is not installed (tools/setup.sh installs it)")
+    words = [*command, f"-I{LIB}/include", "-c", "-o", str(folder / "x.o"), str(source)]
+    return subprocess.run(words, capture_output=True, text=True, check=False)
+
+
+# --- a result that is dropped --------------------------------------------------------------------
+
+USE = """
+#include "dahl.h"
+void begin(dahl_plan_t *plan, const dahl_params_t *params);
+void begin(dahl_plan_t *plan, const dahl_params_t *params)
+{
+    STATEMENT
+}
+"""
+DROPPED = "dahl_prepare(plan, params);"
+COMPILERS = [
+    ["gcc", "-std=c99"],
+    ["gcc", "-std=c2x"],
+    ["clang", "-std=c99"],
+    ["g++", "-std=c++11", "-x", "c++"],
+    ["g++", "-std=c++17", "-x", "c++"],
+    ["clang++", "-std=c++17", "-x", "c++"],
+]
+
+
+@pytest.mark.parametrize("compiler", COMPILERS, ids=[" ".join(c[:2]) for c in COMPILERS])
+def test_a_dropped_result_of_prepare_warns(compiler: list[str], tmp_path: Path) -> None:
+    source = tmp_path / "use.c"
+    source.write_text(USE.replace("STATEMENT", DROPPED))
+    done = compiled([*compiler, "-pedantic", "-Werror"], source, tmp_path)
+    assert done.returncode != 0 and ("unused-result" in done.stderr or "nodiscard" in done.stderr)
+    source.write_text(USE.replace("STATEMENT", "while (dahl_prepare(plan, params) != DAHL_OK) {}"))
+    done = compiled([*compiler, "-Wall", "-pedantic", "-Werror"], source, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+# --- a core that lacks something -----------------------------------------------------------------
+
+AFTER_LIMITS = "#include <limits.h>\n#include <stdint.h>\n"
+FAKES = {
+    "bytes of 16 bits": ("-D__CHAR_BIT__=16", "", "dahl needs bytes of 8 bits"),
+    "a float of 53 bits": ("-D__FLT_MANT_DIG__=53", "", "32-bit format of IEEE 754"),
+    "a decimal float": ("-D__FLT_RADIX__=10", "", "32-bit format of IEEE 754"),
+    "a float of 8 bytes": ("-Dfloat=double", "", "dahl_needs_a_float_of_4_bytes"),
+    "ones' complement": (
+        "",
+        AFTER_LIMITS + "#undef INT_MIN\n#define INT_MIN (-INT_MAX)\n",
+        "dahl needs two's complement",
+    ),
+    "no uint32_t": ("", AFTER_LIMITS + "#undef UINT32_MAX\n", "dahl needs uint32_t"),
+}
+
+
+@pytest.mark.parametrize("fake", FAKES)
+def test_a_core_that_lacks_something_does_not_build(fake: str, tmp_path: Path) -> None:
+    flag, header, message = FAKES[fake]
+    (tmp_path / "core.h").write_text(header)
+    command = ["gcc", "-std=c99", "-include", str(tmp_path / "core.h"), *([flag] if flag else [])]
+    for source in SOURCES:
+        if '"../arith' in source.read_text() or "bristle_update" in source.read_text():
+            done = compiled(command, source, tmp_path)
+            assert done.returncode != 0 and message in done.stderr, source
+
+
+def test_an_int_of_8_bits_does_not_build(tmp_path: Path) -> None:
+    command = ["avr-gcc", "-mmcu=atmega2560", "-std=c99", "-mint8"]
+    done = compiled(command, LIB / "model/prepare.c", tmp_path)
+    assert done.returncode != 0 and "int of 16 bits or more" in done.stderr
+
+
+# --- an int of 16 bits ---------------------------------------------------------------------------
+
+NARROW = {
+    "msp430": ["clang", "--target=msp430", "-ffreestanding", "-std=c99", "-O2"],
+    "avr": ["avr-gcc", "-mmcu=atmega2560", "-std=c99", "-O2"],
+}
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=[s.stem for s in SOURCES])
+@pytest.mark.parametrize("core", NARROW)
+def test_an_int_of_16_bits_builds_without_a_warning(core: str, source: Path, tmp_path: Path) -> None:
+    done = compiled([*NARROW[core], *STRICT], source, tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("core", NARROW)
+def test_a_shift_of_an_int_too_far_is_seen(core: str, tmp_path: Path) -> None:
+    source = tmp_path / "shift.c"
+    source.write_text("unsigned long one(void);\nunsigned long one(void) { return 1u << 30; }\n")
+    done = compiled([*NARROW[core], *STRICT], source, tmp_path)
+    assert done.returncode != 0 and "shift" in done.stderr
