@@ -99,7 +99,7 @@ void check_monotone(uint32_t z, dahl_q64_t g, dahl_q64_t h)
 void check_move_digits(int32_t dcounts)
 {
     begin();
-    int32_t q30 = dahl_step_large(&plan.plan, &place.state, dcounts);
+    int32_t q30 = dahl_move_digits(&plan.plan, &place.state, dcounts);
     end();
     __CPROVER_assert(-(1 << 30) <= q30 && q30 <= 1 << 30, "result in range");
 }

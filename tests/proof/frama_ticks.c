@@ -35,7 +35,7 @@ static inline uint64_t dahl_two_words(uint64_t x);
     assigns \result \from state->w, dcounts, *plan;
     ensures -STATE_END <= state->w < 0 || 0 <= state->w < STATE_END;
     ensures -(1 << 30) <= \result <= (1 << 30); */
-int32_t dahl_step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* check_change_plan */
 /*@ requires -STATE_END <= state->w < STATE_END;
@@ -109,7 +109,7 @@ int apart(void)
     dahl_plan_t plan = any_plan(), other = any_plan();
     while (choice) {
         dahl_state_t state = {Frama_C_long_long_interval(-STATE_END, STATE_END - 1)};
-        (void)dahl_step_large(&plan, &state, any_int32());
+        (void)dahl_move_digits(&plan, &state, any_int32());
         state.w = Frama_C_long_long_interval(-STATE_END, STATE_END - 1);
         dahl_change_plan(&plan, &other, &state);
     }

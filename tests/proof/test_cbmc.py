@@ -36,7 +36,7 @@ PRODUCTS = {"dahl_mul": "any_product", "dahl_mulhi": "any_upper_half"}
 SAME = {"dahl_mul": "same_product", "dahl_mulhi": "same_upper_half"}
 UPDATES = PRODUCTS | {"dahl_forward": "any_forward", "dahl_backward": "any_backward"}
 
-MOVES = UPDATES | {"dahl_step_large": "any_move"}
+MOVES = UPDATES | {"dahl_move_digits": "any_move"}
 
 
 @dataclass(frozen=True)

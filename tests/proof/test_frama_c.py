@@ -34,7 +34,7 @@ class Run:
 
 
 UPDATES = ("dahl_forward", "dahl_backward", "dahl_set_torque")
-APART = ("dahl_step_large", "dahl_change_plan", "dahl_two_words")
+APART = ("dahl_move_digits", "dahl_change_plan", "dahl_two_words")
 TICKS = Run("frama_ticks.c", "main", ("-eva-slevel", "200"), UPDATES + APART)
 FAR = Run("frama_ticks.c", "apart", ("-eva-slevel", "200", "-eva-min-loop-unroll", "33"), UPDATES)
 FRAMES = Run("frama_node.c", "main", ("-eva-split-return", "full"))
