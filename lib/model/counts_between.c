@@ -2,19 +2,10 @@
 /* Moves from the readings of a counter that wraps. */
 #include "dahl.h"
 
-/* reading modulo n > 0, by subtraction: cores without a division would call a helper. A reading below n takes no turn. */
-static uint32_t modulo(uint32_t reading, uint32_t n)
+/* Only a reading that is not below the modulus costs a division. */
+static uint32_t modulo(uint32_t reading, uint32_t modulus)
 {
-    uint32_t multiple = n;
-    while (multiple <= reading >> 1) {
-        multiple <<= 1;
-    }
-    for (; multiple >= n && reading >= n; multiple >>= 1) {
-        if (reading >= multiple) {
-            reading -= multiple;
-        }
-    }
-    return reading;
+    return reading < modulus ? reading : reading % modulus;
 }
 
 int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t modulus)
