@@ -17,12 +17,14 @@ static int is_state(int64_t w)
     return -STATE_END <= w && w < STATE_END;
 }
 
-/* What dahl_prepare makes; of the table nothing is asked. */
+/* What dahl_prepare makes, and a plan of all zeros; of the table nothing is asked. */
 static int is_plan(const dahl_plan_t *plan)
 {
-    uint32_t exponent = plan->Fc_scale >> 24;
-    return plan->a_mantissa >> 31 != 0 && -3 <= plan->a_shift && plan->a_shift <= 253 && plan->Fc_mantissa >> 31 != 0 &&
-           (plan->Fc_mantissa & 1u) != 0 && 64 <= exponent && exponent < 192 && (plan->Fc_scale & 0xffffffu) == 1u;
+    if (plan->a_mantissa == 0) {
+        return plan->a_exponent == 0 && plan->Fc_mantissa == 0 && plan->Fc_exponent == 0;
+    }
+    return plan->a_mantissa >> 31 != 0 && -159 <= plan->a_exponent && plan->a_exponent <= 97 && plan->Fc_mantissa >> 31 != 0
+        && (plan->Fc_mantissa & 255u) == 0 && -95 <= plan->Fc_exponent && plan->Fc_exponent <= 32;
 }
 
 /* In the place of dahl_mul and dahl_mulhi (test_cbmc.py puts them there). */

@@ -8,4 +8,4 @@
     ensures IS_LIKE_PRODUCT(\result, a, b); */
 static inline uint64_t dahl_mul(uint32_t a, uint32_t b);
 
-#include "arith/multiply.h"
+#include "multiply.h"

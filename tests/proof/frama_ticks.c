@@ -8,9 +8,17 @@
 #include <stdint.h>
 #include "__fc_builtin.h"
 #include "dahl.h"
+#include "fixed.h"
 
 #define STATE_END (((int64_t)1 << 62) + ((int64_t)1 << 31))
 #define IS_STATE(w) ((uint64_t)(w) < (uint64_t)STATE_END || (uint64_t)(w) >= (uint64_t)-STATE_END)
+
+/* check_normalise */
+/*@ requires mantissa > 0 && -0x10000 <= exponent <= 0x10000;
+    assigns \result \from mantissa, exponent;
+    ensures \result.mantissa >= 0x8000000000000000;
+    ensures exponent - 63 <= \result.exponent <= exponent; */
+static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent);
 
 /* check_update */
 /*@ assigns \result \from w, g;
@@ -24,18 +32,13 @@ static inline uint64_t dahl_forward(uint64_t w, dahl_q64_t g);
     ensures IS_STATE(\result); */
 static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g);
 
-/* check_two_words */
-/*@ assigns \result \from x;
-    ensures \result == x; */
-static inline uint64_t dahl_two_words(uint64_t x);
-
-/* check_move_digits; the sides of 0 are told apart for the sake of what comes after */
+/* check_step_large; the sides of 0 are told apart for the sake of what comes after */
 /*@ requires -STATE_END <= state->w < STATE_END;
     assigns state->w \from state->w, dcounts, *plan;
     assigns \result \from state->w, dcounts, *plan;
     ensures -STATE_END <= state->w < 0 || 0 <= state->w < STATE_END;
     ensures -(1 << 30) <= \result <= (1 << 30); */
-int32_t dahl_move_digits(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+int32_t dahl_step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* check_change_plan */
 /*@ requires -STATE_END <= state->w < STATE_END;
@@ -62,9 +65,9 @@ static dahl_plan_t any_plan(void)
 {
     dahl_plan_t plan;
     plan.a_mantissa = DAHL_TOP_BIT | word;
-    plan.a_shift = Frama_C_interval(-3, 253);
+    plan.a_exponent = Frama_C_interval(-159, 97);
     plan.Fc_mantissa = DAHL_TOP_BIT | word;
-    plan.Fc_scale = (uint32_t)Frama_C_interval(64, 191) << 24 | 1u;
+    plan.Fc_exponent = Frama_C_interval(-95, 32);
     for (int i = 0; i < 37; i++) {
         plan.g[i].hi = word;
         plan.g[i].lo = word;
@@ -109,7 +112,7 @@ int apart(void)
     dahl_plan_t plan = any_plan(), other = any_plan();
     while (choice) {
         dahl_state_t state = {Frama_C_long_long_interval(-STATE_END, STATE_END - 1)};
-        (void)dahl_move_digits(&plan, &state, any_int32());
+        (void)dahl_step_large(&plan, &state, any_int32());
         state.w = Frama_C_long_long_interval(-STATE_END, STATE_END - 1);
         dahl_change_plan(&plan, &other, &state);
     }

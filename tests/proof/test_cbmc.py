@@ -36,7 +36,7 @@ PRODUCTS = {"dahl_mul": "any_product", "dahl_mulhi": "any_upper_half"}
 SAME = {"dahl_mul": "same_product", "dahl_mulhi": "same_upper_half"}
 UPDATES = PRODUCTS | {"dahl_forward": "any_forward", "dahl_backward": "any_backward"}
 
-MOVES = UPDATES | {"dahl_move_digits": "any_move"}
+MOVES = UPDATES | {"dahl_step_large": "any_move"}
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,13 @@ class Proof:
 
 PROOFS = [
     Proof("check_upper_half", solver=("--z3",)),
+    Proof("check_normalise", 65),
     Proof("check_update", instead=PRODUCTS),
     Proof("check_still", instead=SAME),
     Proof("check_whole_travel", instead=SAME),
     Proof("check_mirror", instead=SAME),
     Proof("check_monotone", instead=SAME),
-    Proof("check_move_digits", 34, UPDATES),
+    Proof("check_step_large", 34, UPDATES),
     Proof("check_step_counts_q30", 3, MOVES),
     Proof("check_step_counts", 5, MOVES),
     Proof("check_step", 5, UPDATES),

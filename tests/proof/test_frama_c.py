@@ -33,8 +33,8 @@ class Run:
     contracts: tuple[str, ...] = ()
 
 
-UPDATES = ("dahl_forward", "dahl_backward", "dahl_set_torque")
-APART = ("dahl_move_digits", "dahl_change_plan", "dahl_two_words")
+UPDATES = ("dahl_forward", "dahl_backward", "dahl_set_torque", "dahl_normalise")
+APART = ("dahl_step_large", "dahl_change_plan")
 TICKS = Run("frama_ticks.c", "main", ("-eva-slevel", "200"), UPDATES + APART)
 FAR = Run("frama_ticks.c", "apart", ("-eva-slevel", "200", "-eva-min-loop-unroll", "33"), UPDATES)
 FRAMES = Run("frama_node.c", "main", ("-eva-split-return", "full"))

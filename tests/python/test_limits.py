@@ -11,7 +11,7 @@ from fractions import Fraction
 from random import Random
 
 import pytest
-from dahl import places
+from dahl import paths
 
 OK, RANGE = 0, -2
 ONE = 1 << 62
@@ -37,7 +37,7 @@ class State(ctypes.Structure):
 
 @pytest.fixture(scope="module")
 def library() -> ctypes.CDLL:
-    loaded = ctypes.CDLL(str(places.library()))
+    loaded = ctypes.CDLL(str(paths.library()))
     for name in ("dahl_step_counts", "dahl_step", "dahl_torque"):
         getattr(loaded, name).restype = ctypes.c_float
     return loaded
