@@ -39,24 +39,24 @@ static int not_there(const char *spec, const char *hint)
 static int open_socketcan(open_bus_t *opened, const bus_wish_t *wish, const char *interface)
 {
     static socketcan_t socketcan;
-    if (socketcan_open(&socketcan, interface, wish->clock) != CAN_BUS_OK) {
+    if (socketcan_open(&socketcan, interface, wish->clock) != DAHL_CAN_BUS_OK) {
         return not_there(wish->spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
     }
-    if (wish->ids != NULL && socketcan_filter(&socketcan, wish->ids, wish->id_count) != CAN_BUS_OK) {
+    if (wish->ids != NULL && socketcan_filter(&socketcan, wish->ids, wish->id_count) != DAHL_CAN_BUS_OK) {
         return not_there(wish->spec, " (its filters)");
     }
     *opened = (open_bus_t){.bus = &socketcan.bus, .name = interface};
     return 0;
 }
 
-static int serve(open_bus_t *opened, const char *spec, const char *port_text, can_clock_t clock, bool patient)
+static int serve(open_bus_t *opened, const char *spec, const char *port_text, dahl_can_clock_t clock, bool patient)
 {
     static socketcand_server_t server;
     uint16_t port;
     if (!to_port(port_text, &port)) {
         return bad_spec(spec);
     }
-    if (socketcand_serve(&server, port, BUS_NAME, clock) != CAN_BUS_OK) {
+    if (socketcand_serve(&server, port, BUS_NAME, clock) != DAHL_CAN_BUS_OK) {
         return not_there(spec, "");
     }
     server.report = log_warning;
@@ -67,21 +67,21 @@ static int serve(open_bus_t *opened, const char *spec, const char *port_text, ca
     return 0;
 }
 
-static int join(open_bus_t *opened, const char *spec, const char *host, const char *port_text, can_clock_t clock)
+static int join(open_bus_t *opened, const char *spec, const char *host, const char *port_text, dahl_can_clock_t clock)
 {
     static socketcand_member_t member;
     uint16_t port;
     if (!to_port(port_text, &port) || port == 0 || host[0] == '\0') {
         return bad_spec(spec);
     }
-    if (socketcand_join(&member, host, port_text, BUS_NAME, clock) != CAN_BUS_OK) {
+    if (socketcand_join(&member, host, port_text, BUS_NAME, clock) != DAHL_CAN_BUS_OK) {
         return not_there(spec, errno == EPROTO ? " (no socketcand server with bus " BUS_NAME ")" : "");
     }
     *opened = (open_bus_t){.bus = &member.bus, .name = BUS_NAME};
     return 0;
 }
 
-static int open_socketcand(open_bus_t *opened, const char *spec, const char *where, can_clock_t clock, bool patient)
+static int open_socketcand(open_bus_t *opened, const char *spec, const char *where, dahl_can_clock_t clock, bool patient)
 {
     char host[128];
     const char *colon = strrchr(where, ':');
@@ -95,7 +95,7 @@ static int open_socketcand(open_bus_t *opened, const char *spec, const char *whe
     return join(opened, spec, host, colon + 1, clock);
 }
 
-static int open_loopback(open_bus_t *opened, can_clock_t clock, uint32_t bitrate)
+static int open_loopback(open_bus_t *opened, dahl_can_clock_t clock, uint32_t bitrate)
 {
     static loopback_t loopback;
     static timed_loopback_t timed;

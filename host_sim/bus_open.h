@@ -11,13 +11,13 @@
 #define BUS_NAME "vcan0" /* what python-can calls as channel of the served bus, and the name in logs */
 
 typedef struct {
-    can_bus_t *bus;
+    dahl_can_bus_t *bus;
     const char *name; /* for the log */
 } open_bus_t;
 
 typedef struct {
     const char *spec;
-    can_clock_t clock;
+    dahl_can_clock_t clock;
     bool patient;        /* wait for slow clients instead of dropping them (virtual time) */
     uint32_t bitrate;    /* of the loopback; 0: it takes no time */
     const uint32_t *ids; /* all that is listened to, where a kernel can filter; NULL: everything */

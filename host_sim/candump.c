@@ -41,9 +41,9 @@ static char *put_text(char *at, const char *text)
     return at + length;
 }
 
-static char *put_data(char *at, const can_frame_t *frame)
+static char *put_data(char *at, const dahl_can_frame_t *frame)
 {
-    if ((frame->flags & CAN_FRAME_REMOTE) != 0) {
+    if ((frame->flags & DAHL_CAN_FRAME_REMOTE) != 0) {
         *at++ = 'R';
         return at;
     }
@@ -139,7 +139,7 @@ static void put_line(candump_t *log, const char *line, size_t length)
     }
 }
 
-void candump_write(candump_t *log, const can_frame_t *frame)
+void candump_write(candump_t *log, const dahl_can_frame_t *frame)
 {
     char line[LINE_MAX];
     char *at = line;
@@ -150,9 +150,9 @@ void candump_write(candump_t *log, const can_frame_t *frame)
     at = put_text(at, ") ");
     at = put_text(at, log->bus_name);
     *at++ = ' ';
-    bool error = (frame->flags & CAN_FRAME_ERROR) != 0;
-    at = put_hex(at, frame->id | (error ? ERROR_BIT : 0), (frame->flags & CAN_FRAME_EXTENDED) != 0 || error ? 8 : 3);
-    at = put_text(at, (frame->flags & CAN_FRAME_FD) != 0 ? "##0" : "#");
+    bool error = (frame->flags & DAHL_CAN_FRAME_ERROR) != 0;
+    at = put_hex(at, frame->id | (error ? ERROR_BIT : 0), (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 || error ? 8 : 3);
+    at = put_text(at, (frame->flags & DAHL_CAN_FRAME_FD) != 0 ? "##0" : "#");
     at = put_data(at, frame);
     *at++ = '\n';
     put_line(log, line, (size_t)(at - line));

@@ -34,7 +34,7 @@ typedef struct {
 bool candump_open(candump_t *log, const char *path, const char *bus_name, bool patient);
 
 /* One line. What goes wrong is kept and told by candump_close. */
-void candump_write(candump_t *log, const can_frame_t *frame);
+void candump_write(candump_t *log, const dahl_can_frame_t *frame);
 
 /* Write what waits, and close. False: lines are missing; `missing` says how many, errno why. */
 bool candump_close(candump_t *log);

@@ -9,9 +9,9 @@ static uint8_t counter_of(uint64_t sequence)
     return (uint8_t)(sequence & 0x0F);
 }
 
-bool encoder_tick(encoder_t *encoder, uint64_t now_ns, can_frame_t *out)
+bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out)
 {
-    encoder_state_t state = {.counter = counter_of(encoder->sent), .valid = true};
+    dahl_encoder_state_t state = {.counter = counter_of(encoder->sent), .valid = true};
     int result = motion_next(encoder->motion, &state.count);
     if (result != 1) {
         encoder->ended = true;
@@ -23,13 +23,13 @@ bool encoder_tick(encoder_t *encoder, uint64_t now_ns, can_frame_t *out)
     if (encoder->sent - encoder->next > ENCODER_WAITING) {
         encoder->next++;
     }
-    frames_pack_encoder(out, encoder->node, &state);
+    dahl_frames_pack_encoder(out, encoder->node, &state);
     return true;
 }
 
 static bool starts_anew(uint8_t state)
 {
-    return state == FRAMES_INIT || state == FRAMES_STALE || state == FRAMES_WRONG_SEQUENCE;
+    return state == DAHL_FRAMES_INIT || state == DAHL_FRAMES_STALE || state == DAHL_FRAMES_WRONG_SEQUENCE;
 }
 
 /* Steps from one counter up to the next place where it is `wanted`: 0..15. */
@@ -49,7 +49,7 @@ static void measure(encoder_t *encoder, uint64_t latency_ns)
     encoder->last_ns = latency_ns;
 }
 
-static void match(encoder_t *encoder, const friction_torque_t *torque, uint64_t now_ns)
+static void match(encoder_t *encoder, const dahl_friction_torque_t *torque, uint64_t now_ns)
 {
     uint64_t found = encoder->next + steps(encoder->next, torque->echo);
     if (starts_anew(torque->state) && encoder->sent > encoder->next + 16) {
@@ -66,13 +66,13 @@ static void match(encoder_t *encoder, const friction_torque_t *torque, uint64_t 
     encoder->torque_of = found + 1;
 }
 
-void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns)
+void encoder_receive(encoder_t *encoder, const dahl_can_frame_t *in, uint64_t now_ns)
 {
-    friction_torque_t torque;
-    if (in->id != (FRAMES_ID_TORQUE | encoder->node)) {
+    dahl_friction_torque_t torque;
+    if (in->id != (DAHL_FRAMES_ID_TORQUE | encoder->node)) {
         return;
     }
-    if (frames_unpack_torque(in, &torque) != FRAMES_GOOD) {
+    if (dahl_frames_unpack_torque(in, &torque) != DAHL_FRAMES_GOOD) {
         encoder->corrupt++;
         return;
     }

@@ -40,7 +40,7 @@ typedef struct {
 } encoder_t;
 
 /* True: *out is to be sent now. False: the motion has ended or failed. */
-bool encoder_tick(encoder_t *encoder, uint64_t now_ns, can_frame_t *out);
+bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out);
 
 static inline bool encoder_waits(const encoder_t *encoder)
 {
@@ -54,6 +54,6 @@ static inline void encoder_give_up(encoder_t *encoder)
 }
 
 /* Take any frame; all but the node's FrictionTorque are none of its business. */
-void encoder_receive(encoder_t *encoder, const can_frame_t *in, uint64_t now_ns);
+void encoder_receive(encoder_t *encoder, const dahl_can_frame_t *in, uint64_t now_ns);
 
 #endif

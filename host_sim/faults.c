@@ -15,7 +15,7 @@ const char *const fault_names[FAULT_KINDS] = {
 };
 
 typedef struct {
-    can_frame_t *frames;
+    dahl_can_frame_t *frames;
     size_t count;
 } sink_t;
 
@@ -25,7 +25,7 @@ void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t see
         .rates = rates, .random = seed, .off_ticks = timeout_us / 1000 + OFF_EXTRA, .clean = 1};
 }
 
-static void put(sink_t *sink, const can_frame_t *frame)
+static void put(sink_t *sink, const dahl_can_frame_t *frame)
 {
     sink->frames[sink->count++] = *frame;
 }
@@ -37,7 +37,7 @@ static void arrive(faults_t *f)
     f->missing = 0;
 }
 
-static void good(faults_t *f, const can_frame_t *frame, sink_t *sink)
+static void good(faults_t *f, const dahl_can_frame_t *frame, sink_t *sink)
 {
     arrive(f);
     if (f->rearm > 0) {
@@ -49,7 +49,7 @@ static void good(faults_t *f, const can_frame_t *frame, sink_t *sink)
     put(sink, frame);
 }
 
-static void drop(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+static void drop(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     (void)frame;
     (void)fault;
@@ -57,7 +57,7 @@ static void drop(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *s
     f->missing++;
 }
 
-static void hold(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+static void hold(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     uint32_t wait = fault == FAULT_REORDER ? 1 : LATE_MIN + splitmix_below(&f->random, LATE_MAX - LATE_MIN + 1);
     (void)sink;
@@ -66,7 +66,7 @@ static void hold(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *s
     f->clean = 1;
 }
 
-static void flip_bits(faults_t *f, can_frame_t *frame)
+static void flip_bits(faults_t *f, dahl_can_frame_t *frame)
 {
     uint64_t mask = 0;
     for (uint32_t flips = 1 + splitmix_below(&f->random, 3); flips > 0; flips--) {
@@ -77,29 +77,29 @@ static void flip_bits(faults_t *f, can_frame_t *frame)
     }
 }
 
-static void corrupt(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+static void corrupt(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink_t *sink)
 {
-    encoder_state_t unused;
-    can_frame_t spoiled;
+    dahl_encoder_state_t unused;
+    dahl_can_frame_t spoiled;
     (void)fault;
     do {
         spoiled = *frame;
         flip_bits(f, &spoiled);
-    } while (frames_unpack_encoder(&spoiled, &unused) == FRAMES_GOOD);
+    } while (dahl_frames_unpack_encoder(&spoiled, &unused) == DAHL_FRAMES_GOOD);
     f->expected.crc++;
     f->missing++;
     put(sink, &spoiled);
 }
 
-static void spoil_form(faults_t *f, const can_frame_t *in, fault_t fault, sink_t *sink)
+static void spoil_form(faults_t *f, const dahl_can_frame_t *in, fault_t fault, sink_t *sink)
 {
-    can_frame_t frame = *in;
+    dahl_can_frame_t frame = *in;
     if (fault == FAULT_ID) {
         frame.id = NOBODY + splitmix_below(&f->random, 0xFF);
         f->expected.ignored++;
     } else {
         frame.length = fault == FAULT_LENGTH ? (uint8_t)splitmix_below(&f->random, 8) : frame.length;
-        frame.flags = fault == FAULT_EXTENDED ? CAN_FRAME_EXTENDED : frame.flags;
+        frame.flags = fault == FAULT_EXTENDED ? DAHL_CAN_FRAME_EXTENDED : frame.flags;
         f->expected.format++;
     }
     f->missing++;
@@ -107,11 +107,11 @@ static void spoil_form(faults_t *f, const can_frame_t *in, fault_t fault, sink_t
 }
 
 /* Another content, with its CRC in order. */
-static void spoil_count(faults_t *f, const can_frame_t *in, fault_t fault, sink_t *sink)
+static void spoil_count(faults_t *f, const dahl_can_frame_t *in, fault_t fault, sink_t *sink)
 {
-    can_frame_t frame = *in;
-    encoder_state_t state;
-    frames_unpack_encoder(&frame, &state);
+    dahl_can_frame_t frame = *in;
+    dahl_encoder_state_t state;
+    dahl_frames_unpack_encoder(&frame, &state);
     if (fault == FAULT_INVALID) {
         state.valid = false;
         f->expected.invalid++;
@@ -120,7 +120,7 @@ static void spoil_count(faults_t *f, const can_frame_t *in, fault_t fault, sink_
         f->expected.jump++;
         f->clean = 1;
     }
-    frames_pack_encoder(&frame, (uint8_t)(frame.id & 0x0F), &state);
+    dahl_frames_pack_encoder(&frame, (uint8_t)(frame.id & 0x0F), &state);
     arrive(f);
     put(sink, &frame);
 }
@@ -128,7 +128,7 @@ static void spoil_count(faults_t *f, const can_frame_t *in, fault_t fault, sink_
 static void babble(faults_t *f, sink_t *sink)
 {
     for (uint32_t i = 0; i < BABBLE; i++) {
-        can_frame_t frame = {.id = BABBLER + splitmix_below(&f->random, 0x10), .length = 8};
+        dahl_can_frame_t frame = {.id = BABBLER + splitmix_below(&f->random, 0x10), .length = 8};
         for (size_t byte = 0; byte < 8; byte++) {
             frame.data[byte] = (uint8_t)splitmix_below(&f->random, 256);
         }
@@ -137,23 +137,23 @@ static void babble(faults_t *f, sink_t *sink)
     f->expected.ignored += BABBLE;
 }
 
-static void restart(faults_t *f, const can_frame_t *frame, sink_t *sink)
+static void restart(faults_t *f, const dahl_can_frame_t *frame, sink_t *sink)
 {
-    can_frame_t reset;
-    frames_pack_reset(&reset, (uint8_t)(frame->id & 0x0F), &(node_reset_t){.what = FRAMES_RESET_RESTART});
+    dahl_can_frame_t reset;
+    dahl_frames_pack_reset(&reset, (uint8_t)(frame->id & 0x0F), &(dahl_node_reset_t){.what = DAHL_FRAMES_RESET_RESTART});
     f->expected.resets++;
     put(sink, &reset);
 }
 
-static void silence(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+static void silence(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     (void)frame;
     (void)sink;
     f->told = fault == FAULT_BUS_OFF;
     f->silent++;
     f->off = f->off_ticks - 1;
-    f->rearm = NODE_REARM - 1;
-    f->clean = NODE_REARM;
+    f->rearm = DAHL_NODE_REARM - 1;
+    f->clean = DAHL_NODE_REARM;
 }
 
 /* Silence, bus_off and restart break the sequence, so nothing may be on its way or missing then. */
@@ -182,14 +182,14 @@ static fault_t choose(faults_t *f)
 }
 
 /* Faults after which this very frame does not come as it is; the others come beside it. */
-static void (*const spoilers[FAULT_KINDS + 1])(faults_t *, const can_frame_t *, fault_t, sink_t *) = {
+static void (*const spoilers[FAULT_KINDS + 1])(faults_t *, const dahl_can_frame_t *, fault_t, sink_t *) = {
     [FAULT_DROP] = drop,           [FAULT_REORDER] = hold,       [FAULT_DELAY] = hold,
     [FAULT_CORRUPT] = corrupt,     [FAULT_LENGTH] = spoil_form,  [FAULT_ID] = spoil_form,
     [FAULT_EXTENDED] = spoil_form, [FAULT_INVALID] = spoil_count, [FAULT_GLITCH] = spoil_count,
     [FAULT_SILENCE] = silence,     [FAULT_BUS_OFF] = silence,
 };
 
-static void pass_good(faults_t *f, const can_frame_t *frame, fault_t fault, sink_t *sink)
+static void pass_good(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     if (fault == FAULT_BABBLE) {
         babble(f, sink);
@@ -224,13 +224,13 @@ static void stay_silent(faults_t *f, sink_t *sink)
     f->off--;
     f->silent++;
     if (f->told && f->off == f->off_ticks - OFF_TOLD) {
-        put(sink, &(can_frame_t){.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8});
+        put(sink, &(dahl_can_frame_t){.id = DAHL_CAN_ERROR_BUS_OFF, .flags = DAHL_CAN_FRAME_ERROR, .length = 8});
         f->expected.bus_off++;
     }
     f->expected.stale += !f->told && f->off == OFF_EXTRA - 1 ? 1u : 0u; /* the timeout has just passed */
 }
 
-size_t faults_pass(faults_t *f, const can_frame_t *in, can_frame_t out[FAULTS_OUT])
+size_t faults_pass(faults_t *f, const dahl_can_frame_t *in, dahl_can_frame_t out[FAULTS_OUT])
 {
     sink_t sink = {out, 0};
     if (f->off > 0) {

@@ -58,7 +58,7 @@ extern const char *const fault_names[FAULT_KINDS];
 #define FAULTS_OUT 24u /* frames that one can become */
 
 typedef struct {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     uint32_t wait; /* frames still to pass before it */
 } fault_late_t;
 
@@ -68,7 +68,7 @@ typedef struct {
     uint32_t off_ticks; /* how long silence and bus_off last */
     uint64_t injected[FAULT_KINDS];
     uint64_t silent;       /* frames that silence and bus_off swallowed */
-    node_counts_t expected; /* of the node, after all that was sent so far */
+    dahl_node_counts_t expected; /* of the node, after all that was sent so far */
     uint32_t off;          /* frames still to swallow */
     bool told;             /* of this silence the node knows */
     uint32_t rearm;        /* good frames that the node still wants before it starts again */
@@ -83,6 +83,6 @@ void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t see
 
 /* What becomes of an EncoderState: the number of frames written to out, in the order of sending; an error frame is for
  * the controller of its node alone. */
-size_t faults_pass(faults_t *f, const can_frame_t *in, can_frame_t out[FAULTS_OUT]);
+size_t faults_pass(faults_t *f, const dahl_can_frame_t *in, dahl_can_frame_t out[FAULTS_OUT]);
 
 #endif

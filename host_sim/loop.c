@@ -47,9 +47,9 @@ void sim_clock_start(sim_clock_t *clock, bool is_virtual)
     clock->epoch_ns = read_clock(CLOCK_REALTIME) - read_clock(CLOCK_MONOTONIC);
 }
 
-can_clock_t sim_clock_seam(sim_clock_t *clock)
+dahl_can_clock_t sim_clock_seam(sim_clock_t *clock)
 {
-    return (can_clock_t){.now_ns = clock_now, .wait_us = clock_wait, .context = clock};
+    return (dahl_can_clock_t){.now_ns = clock_now, .wait_us = clock_wait, .context = clock};
 }
 
 /* us; of real time the ticks that were made, and what has passed of the present one. */
@@ -63,75 +63,75 @@ static uint32_t node_time(const loop_t *loop)
     return (uint32_t)((loop->ticks * LOOP_PERIOD_NS + part_ns) / 1000u);
 }
 
-static void transmit(loop_t *loop, const can_frame_t *frame)
+static void transmit(loop_t *loop, const dahl_can_frame_t *frame)
 {
-    can_result_t result = can_bus_send(loop->bus, frame);
-    loop->send_failed += result == CAN_BUS_OK ? 0u : 1u;
-    loop->echoes += result == CAN_BUS_OK ? 1u : 0u;
-    loop->gone |= result == CAN_BUS_GONE;
+    dahl_can_result_t result = dahl_can_bus_send(loop->bus, frame);
+    loop->send_failed += result == DAHL_CAN_BUS_OK ? 0u : 1u;
+    loop->echoes += result == DAHL_CAN_BUS_OK ? 1u : 0u;
+    loop->gone |= result == DAHL_CAN_BUS_GONE;
 }
 
 /* What nodes themselves sent is no input of theirs; of several nodes each sees what has its number. */
-static bool is_for(const loop_t *loop, const node_t *node, const can_frame_t *frame)
+static bool is_for(const loop_t *loop, const dahl_node_t *node, const dahl_can_frame_t *frame)
 {
     uint32_t kind = frame->id & 0x7F0u;
-    bool answer = kind == FRAMES_ID_TORQUE || kind == FRAMES_ID_STATUS || kind == FRAMES_ID_PARAM_REPLY;
-    bool own_answer = (frame->flags & (CAN_FRAME_OWN | CAN_FRAME_EXTENDED)) == CAN_FRAME_OWN && answer;
-    if ((frame->flags & CAN_FRAME_ERROR) != 0) {
-        return can_is_bus_off(frame);
+    bool answer = kind == DAHL_FRAMES_ID_TORQUE || kind == DAHL_FRAMES_ID_STATUS || kind == DAHL_FRAMES_ID_PARAM_REPLY;
+    bool own_answer = (frame->flags & (DAHL_CAN_FRAME_OWN | DAHL_CAN_FRAME_EXTENDED)) == DAHL_CAN_FRAME_OWN && answer;
+    if ((frame->flags & DAHL_CAN_FRAME_ERROR) != 0) {
+        return dahl_can_is_bus_off(frame);
     }
     return !own_answer && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
 }
 
-static void to_nodes(loop_t *loop, const can_frame_t *frame)
+static void to_nodes(loop_t *loop, const dahl_can_frame_t *frame)
 {
-    can_frame_t answer;
+    dahl_can_frame_t answer;
     for (uint32_t i = 0; i < loop->node_count; i++) {
-        node_t *node = &loop->nodes[i];
-        if (is_for(loop, node, frame) && node_receive(node, frame, node_time(loop), &answer)) {
+        dahl_node_t *node = &loop->nodes[i];
+        if (is_for(loop, node, frame) && dahl_node_receive(node, frame, node_time(loop), &answer)) {
             transmit(loop, &answer);
         }
     }
 }
 
-static void count_bus_bits(loop_t *loop, const can_frame_t *frame)
+static void count_bus_bits(loop_t *loop, const dahl_can_frame_t *frame)
 {
     uint64_t bits = can_frame_bits(frame);
     loop->bits += bits;
     loop->second_bits += bits;
 }
 
-static void dispatch(loop_t *loop, can_frame_t *frame)
+static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
 {
     uint64_t now = clock_now(loop->clock);
     if (loop->clock->is_virtual) {
         frame->time_us = now / 1000u;
-        loop->echoes -= (frame->flags & CAN_FRAME_OWN) != 0 && loop->echoes > 0 ? 1u : 0u;
+        loop->echoes -= (frame->flags & DAHL_CAN_FRAME_OWN) != 0 && loop->echoes > 0 ? 1u : 0u;
     }
     if (loop->log != NULL) {
         candump_write(loop->log, frame);
     }
-    loop->error_frames += (frame->flags & CAN_FRAME_ERROR) != 0 ? 1u : 0u;
+    loop->error_frames += (frame->flags & DAHL_CAN_FRAME_ERROR) != 0 ? 1u : 0u;
     if (loop->bitrate > 0) {
         count_bus_bits(loop, frame);
     }
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
     }
-    loop->heard |= (frame->id & 0x7F0u) == FRAMES_ID_ENCODER && loop->encoder_count == 0;
+    loop->heard |= (frame->id & 0x7F0u) == DAHL_FRAMES_ID_ENCODER && loop->encoder_count == 0;
     loop->follows |= loop->heard;
     to_nodes(loop, frame);
 }
 
 static bool receive(loop_t *loop, uint32_t timeout_us)
 {
-    can_frame_t frame;
-    can_result_t result = can_bus_receive(loop->bus, &frame, timeout_us);
-    loop->gone |= result == CAN_BUS_GONE;
-    if (result == CAN_BUS_OK) {
+    dahl_can_frame_t frame;
+    dahl_can_result_t result = dahl_can_bus_receive(loop->bus, &frame, timeout_us);
+    loop->gone |= result == DAHL_CAN_BUS_GONE;
+    if (result == DAHL_CAN_BUS_OK) {
         dispatch(loop, &frame);
     }
-    return result == CAN_BUS_OK;
+    return result == DAHL_CAN_BUS_OK;
 }
 
 /* Once a second of ticks: how full was the bus? */
@@ -150,9 +150,9 @@ static void look_at_load(loop_t *loop)
 }
 
 /* An event of one node's controller; the others' do not see it. */
-static void inject_controller_event(loop_t *loop, uint32_t number, can_frame_t *event)
+static void inject_controller_event(loop_t *loop, uint32_t number, dahl_can_frame_t *event)
 {
-    can_frame_t unused;
+    dahl_can_frame_t unused;
     event->time_us = clock_now(loop->clock) / 1000u;
     if (loop->log != NULL) {
         candump_write(loop->log, event);
@@ -160,17 +160,17 @@ static void inject_controller_event(loop_t *loop, uint32_t number, can_frame_t *
     loop->error_frames++;
     for (uint32_t i = 0; i < loop->node_count; i++) {
         if (loop->nodes[i].number == number) {
-            node_receive(&loop->nodes[i], event, node_time(loop), &unused);
+            dahl_node_receive(&loop->nodes[i], event, node_time(loop), &unused);
         }
     }
 }
 
-static void send_spoiled(loop_t *loop, const encoder_t *encoder, const can_frame_t *angle)
+static void send_spoiled(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
 {
-    can_frame_t frames[FAULTS_OUT];
+    dahl_can_frame_t frames[FAULTS_OUT];
     size_t count = faults_pass(encoder->faults, angle, frames);
     for (size_t i = 0; i < count; i++) {
-        if ((frames[i].flags & CAN_FRAME_ERROR) != 0) {
+        if ((frames[i].flags & DAHL_CAN_FRAME_ERROR) != 0) {
             inject_controller_event(loop, encoder->node, &frames[i]);
         } else {
             transmit(loop, &frames[i]);
@@ -178,7 +178,7 @@ static void send_spoiled(loop_t *loop, const encoder_t *encoder, const can_frame
     }
 }
 
-static void send_angle(loop_t *loop, const encoder_t *encoder, const can_frame_t *angle)
+static void send_angle(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
 {
     if (encoder->faults != NULL) {
         send_spoiled(loop, encoder, angle);
@@ -189,9 +189,9 @@ static void send_angle(loop_t *loop, const encoder_t *encoder, const can_frame_t
 
 static void send_status(loop_t *loop)
 {
-    can_frame_t status;
+    dahl_can_frame_t status;
     for (uint32_t i = 0; i < loop->node_count; i++) {
-        if (node_tick(&loop->nodes[i], node_time(loop), &status)) {
+        if (dahl_node_tick(&loop->nodes[i], node_time(loop), &status)) {
             transmit(loop, &status);
         }
     }
@@ -200,7 +200,7 @@ static void send_status(loop_t *loop)
 /* The first encoder decides when the motion has ended. */
 static void tick(loop_t *loop)
 {
-    can_frame_t angles[FRAMES_NODES];
+    dahl_can_frame_t angles[DAHL_FRAMES_NODES];
     uint32_t ready = 0;
     while (ready < loop->encoder_count && encoder_tick(&loop->encoders[ready], clock_now(loop->clock), &angles[ready])) {
         ready++;

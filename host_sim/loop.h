@@ -28,7 +28,7 @@
 #define LOOP_PERIOD_NS ENCODER_PERIOD_NS
 #define LOOP_PATIENCE_NS UINT64_C(2000000000)
 
-/* The clock of a run; can_clock_t of the bus points to it. */
+/* The clock of a run; dahl_can_clock_t of the bus points to it. */
 typedef struct {
     bool is_virtual;
     uint64_t virtual_ns;
@@ -37,8 +37,8 @@ typedef struct {
 
 typedef struct {
     sim_clock_t *clock;
-    can_bus_t *bus;
-    node_t *nodes;
+    dahl_can_bus_t *bus;
+    dahl_node_t *nodes;
     uint32_t node_count;
     encoder_t *encoders;
     uint32_t encoder_count;
@@ -69,7 +69,7 @@ typedef struct {
 } loop_t;
 
 void sim_clock_start(sim_clock_t *clock, bool is_virtual);
-can_clock_t sim_clock_seam(sim_clock_t *clock);
+dahl_can_clock_t sim_clock_seam(sim_clock_t *clock);
 
 void loop_run(loop_t *loop);
 

@@ -63,17 +63,17 @@ static void end_with_parent(uint32_t parent)
 }
 
 /* All that these parts listen to. */
-static size_t list_ids(const program_t *p, uint32_t ids[4 * FRAMES_NODES])
+static size_t list_ids(const program_t *p, uint32_t ids[4 * DAHL_FRAMES_NODES])
 {
     size_t count = 0;
     for (uint32_t i = 0; i < p->options.nodes; i++) {
         if (p->parts.node_count > 0) {
-            ids[count++] = FRAMES_ID_ENCODER | parts_number(&p->parts, i);
-            ids[count++] = FRAMES_ID_PARAM_WRITE | parts_number(&p->parts, i);
-            ids[count++] = FRAMES_ID_RESET | parts_number(&p->parts, i);
+            ids[count++] = DAHL_FRAMES_ID_ENCODER | parts_number(&p->parts, i);
+            ids[count++] = DAHL_FRAMES_ID_PARAM_WRITE | parts_number(&p->parts, i);
+            ids[count++] = DAHL_FRAMES_ID_RESET | parts_number(&p->parts, i);
         }
         if (p->parts.encoder_count > 0) {
-            ids[count++] = FRAMES_ID_TORQUE | parts_number(&p->parts, i);
+            ids[count++] = DAHL_FRAMES_ID_TORQUE | parts_number(&p->parts, i);
         }
     }
     return count;
@@ -82,7 +82,7 @@ static size_t list_ids(const program_t *p, uint32_t ids[4 * FRAMES_NODES])
 static int open_bus(program_t *p)
 {
     open_bus_t opened;
-    uint32_t ids[4 * FRAMES_NODES];
+    uint32_t ids[4 * DAHL_FRAMES_NODES];
     sim_clock_start(&p->clock, p->options.is_virtual);
     bool all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
     bus_wish_t wish = {

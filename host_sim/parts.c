@@ -17,22 +17,22 @@ static uint32_t to_us(double ms)
 static uint32_t timeout_us(const parts_t *p)
 {
     double given = p->scene->friction.timeout_ms;
-    return given > 0 ? to_us(given) : NODE_TIMEOUT_US;
+    return given > 0 ? to_us(given) : DAHL_NODE_TIMEOUT_US;
 }
 
-static int prepare_node(parts_t *p, node_t *node, uint8_t number)
+static int prepare_node(parts_t *p, dahl_node_t *node, uint8_t number)
 {
     const scene_friction_t *f = &p->scene->friction;
     dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    dahl_err_t result = node_init(node, &params, number);
+    dahl_err_t result = dahl_node_init(node, &params, number);
     if (result != DAHL_OK) {
         return log_error("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
                         p->options->scene, f->sigma0, f->Fc, f->theta_per_count, (int)result);
     }
     node->status_us = p->scene->has_status ? to_us(p->scene->status_period_ms) : 0;
     node->timeout_us = timeout_us(p);
-    node->gain = (uint32_t)lround(f->gain * NODE_ONE);
-    node->limit = (uint32_t)lround(f->limit * NODE_ONE);
+    node->gain = (uint32_t)lround(f->gain * DAHL_NODE_ONE);
+    node->limit = (uint32_t)lround(f->limit * DAHL_NODE_ONE);
     node->ramp_us = to_us(f->ramp_ms);
     node->max_step = (uint32_t)lround(f->max_step);
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
@@ -98,7 +98,7 @@ static int prepare_encoders(parts_t *p)
 static int check_numbers(const parts_t *p)
 {
     unsigned nodes = p->options->nodes;
-    if (parts_number(p, nodes - 1) >= FRAMES_NODES) {
+    if (parts_number(p, nodes - 1) >= DAHL_FRAMES_NODES) {
         return log_error("--nodes %u: with the scene's first node %u, numbers would pass 15", nodes,
                         (unsigned)p->scene->friction.node);
     }
@@ -139,7 +139,7 @@ int parts_prepare(parts_t *p)
 
 void parts_close(parts_t *p)
 {
-    for (size_t i = 0; i < FRAMES_NODES; i++) {
+    for (size_t i = 0; i < DAHL_FRAMES_NODES; i++) {
         motion_close(&p->motions[i]);
     }
 }

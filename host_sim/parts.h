@@ -19,10 +19,10 @@ typedef struct {
     const char *log_path; /* of the measured log */
     uint32_t node_count;
     uint32_t encoder_count;
-    node_t nodes[FRAMES_NODES];
-    motion_t motions[FRAMES_NODES];
-    encoder_t encoders[FRAMES_NODES];
-    faults_t faults[FRAMES_NODES];
+    dahl_node_t nodes[DAHL_FRAMES_NODES];
+    motion_t motions[DAHL_FRAMES_NODES];
+    encoder_t encoders[DAHL_FRAMES_NODES];
+    faults_t faults[DAHL_FRAMES_NODES];
     plant_t plant;
 } parts_t;
 

@@ -5,7 +5,7 @@
  *
  *   [scene]    title
  *   [friction] the node: sigma0 [N m/rad], Fc [N m], theta_per_count [rad/count], node (0..15),
- *              timeout_ms (default: the node's own, NODE_TIMEOUT_US),
+ *              timeout_ms (default: the node's own, DAHL_NODE_TIMEOUT_US),
  *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in dahl_node.h
  *   [motion]   the encoder: kind = segments | steering | log, start_count, and
  *              segments: theta1 theta2 theta3 [counts], speed [counts/s], hold_s

@@ -112,16 +112,16 @@ static void add_encoders(cJSON *to, const loop_t *loop)
     }
 }
 
-/* Names of node_counts_t, in its order. */
+/* Names of dahl_node_counts_t, in its order. */
 static const char *const count_names[] = {"ok",    "repeated", "lost",  "wrong_sequence", "crc",    "format", "invalid",
                                           "jump",  "stale",    "rearm", "ignored",        "params", "resets",
                                           "bus_off"};
 
 enum { COUNTS = sizeof count_names / sizeof count_names[0] };
 
-typedef char counts_are_named[sizeof(node_counts_t) == COUNTS * sizeof(uint32_t) ? 1 : -1];
+typedef char counts_are_named[sizeof(dahl_node_counts_t) == COUNTS * sizeof(uint32_t) ? 1 : -1];
 
-static uint32_t count_of(const node_counts_t *counts, size_t i)
+static uint32_t count_of(const dahl_node_counts_t *counts, size_t i)
 {
     uint32_t values[COUNTS];
     memcpy(values, counts, sizeof values);

@@ -35,11 +35,11 @@ static void put(bits_t *bits, uint32_t value, uint32_t width)
     }
 }
 
-static void put_header(bits_t *bits, const can_frame_t *frame)
+static void put_header(bits_t *bits, const dahl_can_frame_t *frame)
 {
-    uint32_t remote = (frame->flags & CAN_FRAME_REMOTE) != 0 ? 1u : 0u;
+    uint32_t remote = (frame->flags & DAHL_CAN_FRAME_REMOTE) != 0 ? 1u : 0u;
     put(bits, 0, 1);
-    if ((frame->flags & CAN_FRAME_EXTENDED) != 0) {
+    if ((frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0) {
         put(bits, frame->id >> 18, 11);
         put(bits, 3, 2);
         put(bits, frame->id & 0x3FFFFu, 18);
@@ -51,11 +51,11 @@ static void put_header(bits_t *bits, const can_frame_t *frame)
     put(bits, frame->length, 4);
 }
 
-uint32_t can_frame_bits(const can_frame_t *frame)
+uint32_t can_frame_bits(const dahl_can_frame_t *frame)
 {
     bits_t bits = {0};
     put_header(&bits, frame);
-    for (uint32_t i = 0; i < frame->length && (frame->flags & CAN_FRAME_REMOTE) == 0; i++) {
+    for (uint32_t i = 0; i < frame->length && (frame->flags & DAHL_CAN_FRAME_REMOTE) == 0; i++) {
         put(&bits, frame->data[i], 8);
     }
     put(&bits, bits.crc, 15);

@@ -10,7 +10,7 @@ extern "C" {
 #endif
 
 /* Bits with stuff bits, end of frame and the pause after it: 111 to 135 for 8 bytes and an id of 11 bits. */
-uint32_t can_frame_bits(const can_frame_t *frame);
+uint32_t can_frame_bits(const dahl_can_frame_t *frame);
 
 #ifdef __cplusplus
 }

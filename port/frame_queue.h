@@ -15,7 +15,7 @@
 typedef struct {
     uint32_t head; /* next to take; both run freely */
     uint32_t tail; /* next to fill */
-    can_frame_t frames[FRAME_QUEUE_SIZE];
+    dahl_can_frame_t frames[FRAME_QUEUE_SIZE];
 } frame_queue_t;
 
 static inline uint32_t frame_queue_room(const frame_queue_t *queue)
@@ -23,7 +23,7 @@ static inline uint32_t frame_queue_room(const frame_queue_t *queue)
     return FRAME_QUEUE_SIZE - (queue->tail - queue->head);
 }
 
-static inline bool frame_queue_put(frame_queue_t *queue, const can_frame_t *frame)
+static inline bool frame_queue_put(frame_queue_t *queue, const dahl_can_frame_t *frame)
 {
     if (frame_queue_room(queue) == 0) {
         return false;
@@ -32,7 +32,7 @@ static inline bool frame_queue_put(frame_queue_t *queue, const can_frame_t *fram
     return true;
 }
 
-static inline bool frame_queue_take(frame_queue_t *queue, can_frame_t *frame)
+static inline bool frame_queue_take(frame_queue_t *queue, dahl_can_frame_t *frame)
 {
     if (queue->head == queue->tail) {
         return false;

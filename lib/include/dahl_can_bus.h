@@ -3,7 +3,7 @@
  * can_bus: the seam between a node and whatever carries its frames.
  *
  * A bus delivers every frame to every member in one order, the sender included: own frames come back from receive()
- * with CAN_FRAME_OWN set. So one reader sees the whole bus, and a log written from receive() is the bus.
+ * with DAHL_CAN_FRAME_OWN set. So one reader sees the whole bus, and a log written from receive() is the bus.
  * Each folder beside this file is one bus with this contract; host and firmware choose by linking, not by #ifdef.
  */
 #ifndef DAHL_CAN_BUS_H
@@ -17,18 +17,18 @@ extern "C" {
 #endif
 
 enum {
-    CAN_FRAME_EXTENDED = 1, /* 29-bit id */
-    CAN_FRAME_REMOTE = 2,   /* RTR: no data */
-    CAN_FRAME_ERROR = 4,    /* error frame of the controller */
-    CAN_FRAME_FD = 8,       /* CAN FD; only its first 8 bytes are kept */
-    CAN_FRAME_OWN = 16      /* sent by this process, seen on its way back */
+    DAHL_CAN_FRAME_EXTENDED = 1, /* 29-bit id */
+    DAHL_CAN_FRAME_REMOTE = 2,   /* RTR: no data */
+    DAHL_CAN_FRAME_ERROR = 4,    /* error frame of the controller */
+    DAHL_CAN_FRAME_FD = 8,       /* CAN FD; only its first 8 bytes are kept */
+    DAHL_CAN_FRAME_OWN = 16      /* sent by this process, seen on its way back */
 };
 
 /* Id bit of an error frame, as in Linux: the controller is off the bus. Other error frames say nothing of that. */
-#define CAN_ERROR_BUS_OFF 0x40u
+#define DAHL_CAN_ERROR_BUS_OFF 0x40u
 
 /* Flags that make a frame something other than a classic data frame with an 11-bit id. */
-#define CAN_FRAME_FOREIGN (CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)
+#define DAHL_CAN_FRAME_FOREIGN (DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD)
 
 typedef struct {
     uint64_t time_us; /* when the bus carried it, on the bus's own clock */
@@ -36,61 +36,61 @@ typedef struct {
     uint8_t flags;    /* CAN_FRAME_* */
     uint8_t length;   /* bytes in data, 0..8 */
     uint8_t data[8];
-} can_frame_t;
+} dahl_can_frame_t;
 
 typedef enum {
-    CAN_BUS_OK = 0,
-    CAN_BUS_NONE = 1,  /* receive: no frame came in time */
-    CAN_BUS_BUSY = 2,  /* send: no room, the frame was dropped and counted */
-    CAN_BUS_GONE = -1, /* the bus is gone; nothing more will come */
-    CAN_BUS_ERROR = -2 /* open: it cannot be had; the reason is in errno or in the error text */
-} can_result_t;
+    DAHL_CAN_BUS_OK = 0,
+    DAHL_CAN_BUS_NONE = 1,  /* receive: no frame came in time */
+    DAHL_CAN_BUS_BUSY = 2,  /* send: no room, the frame was dropped and counted */
+    DAHL_CAN_BUS_GONE = -1, /* the bus is gone; nothing more will come */
+    DAHL_CAN_BUS_ERROR = -2 /* open: it cannot be had; the reason is in errno or in the error text */
+} dahl_can_result_t;
 
 /* Where time comes from: a real clock, or the simulation's own. */
 typedef struct {
     uint64_t (*now_ns)(void *context);
     void (*wait_us)(void *context, uint32_t us); /* for buses that have nothing to wait on; NULL: they never wait */
     void *context;
-} can_clock_t;
+} dahl_can_clock_t;
 
 typedef struct {
     uint64_t dropped; /* frames that found no room */
     uint64_t garbage; /* pieces of input that were no frame */
     uint64_t retries; /* sends repeated because the driver's queue was full */
-} can_bus_counts_t;
+} dahl_can_bus_counts_t;
 
-typedef struct can_bus can_bus_t;
+typedef struct dahl_can_bus dahl_can_bus_t;
 
 typedef struct {
-    can_result_t (*send)(can_bus_t *bus, const can_frame_t *frame);                          /* never blocks the beat */
-    can_result_t (*receive)(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us); /* 0: only look */
-    uint32_t (*peers)(const can_bus_t *bus);                                          /* others seen on the bus */
-    void (*close)(can_bus_t *bus);                                                    /* sends what is still queued */
-} can_bus_ops_t;
+    dahl_can_result_t (*send)(dahl_can_bus_t *bus, const dahl_can_frame_t *frame);                          /* never blocks the beat */
+    dahl_can_result_t (*receive)(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us); /* 0: only look */
+    uint32_t (*peers)(const dahl_can_bus_t *bus);                                          /* others seen on the bus */
+    void (*close)(dahl_can_bus_t *bus);                                                    /* sends what is still queued */
+} dahl_can_bus_ops_t;
 
-struct can_bus {
-    const can_bus_ops_t *ops;
-    can_clock_t clock;
-    can_bus_counts_t counts;
+struct dahl_can_bus {
+    const dahl_can_bus_ops_t *ops;
+    dahl_can_clock_t clock;
+    dahl_can_bus_counts_t counts;
 };
 
 /* Not a frame that somebody sent, but an event of the own controller. */
-static inline bool can_is_bus_off(const can_frame_t *frame)
+static inline bool dahl_can_is_bus_off(const dahl_can_frame_t *frame)
 {
-    return (frame->flags & CAN_FRAME_ERROR) != 0 && (frame->id & CAN_ERROR_BUS_OFF) != 0;
+    return (frame->flags & DAHL_CAN_FRAME_ERROR) != 0 && (frame->id & DAHL_CAN_ERROR_BUS_OFF) != 0;
 }
 
-static inline uint64_t can_clock_now_us(const can_clock_t *clock)
+static inline uint64_t dahl_can_clock_now_us(const dahl_can_clock_t *clock)
 {
     return clock->now_ns(clock->context) / 1000u;
 }
 
-static inline can_result_t can_bus_send(can_bus_t *bus, const can_frame_t *frame)
+static inline dahl_can_result_t dahl_can_bus_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
     return bus->ops->send(bus, frame);
 }
 
-static inline can_result_t can_bus_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+static inline dahl_can_result_t dahl_can_bus_receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     return bus->ops->receive(bus, frame, timeout_us);
 }

@@ -3,17 +3,17 @@
  * node: the friction node, the very file that the firmware links. Frames in, frames out; no I/O, no heap, no OS; no float
  * but where a parameter is read or written.
  *
- *   static node_t node;
- *   if (node_init(&node, &params, 0) != DAHL_OK) { stop(); }
- *   on each frame:     if (node_receive(&node, &in, now_us, &out)) { send(&out); }
- *   every millisecond: if (node_tick(&node, now_us, &out)) { send(&out); }
+ *   static dahl_node_t node;
+ *   if (dahl_node_init(&node, &params, 0) != DAHL_OK) { stop(); }
+ *   on each frame:     if (dahl_node_receive(&node, &in, now_us, &out)) { send(&out); }
+ *   every millisecond: if (dahl_node_tick(&node, now_us, &out)) { send(&out); }
  *
  * Every EncoderState that the node accepts is answered once, by a FrictionTorque with the torque after that count.
  * What it does with an EncoderState of its own number is one table, lib/node/fault_table.h: which count goes up, which state
  * Status says, whether the bristle moves, whether there is an answer. The count is absolute, so travel needs no unbroken
  * chain of frames.
  *
- *   Timeout          NODE_TIMEOUT_US unless parameter Timeout was written; Status shows it. Then Status says STALE at once,
+ *   Timeout          DAHL_NODE_TIMEOUT_US unless parameter Timeout was written; Status shows it. Then Status says STALE at once,
  *                    on bus-off without waiting for the timeout
  *   Torque then      0: nothing is answered, and the gain begins anew from 0 where there is a ramp
  *   Back again       with the third good frame in a row; its count is the new starting point. After a bus-off these are
@@ -25,7 +25,7 @@
  * FrictionTorque for 3 periods takes 0 by itself.
  * A frame that is 8 to 15 periods late looks like one ahead; MaxStep is what bounds the damage.
  *
- * What is answered is gain * F/Fc, clamped to limit; at gain 1 and limit 1, as after node_init, the bits of the library.
+ * What is answered is gain * F/Fc, clamped to limit; at gain 1 and limit 1, as after dahl_node_init, the bits of the library.
  */
 #ifndef DAHL_NODE_H
 #define DAHL_NODE_H
@@ -41,15 +41,15 @@
 extern "C" {
 #endif
 
-#define NODE_TIMEOUT_US 100000u /* 100 frames; the 4-bit counter alone would see a gap only modulo 16 */
-#define NODE_STATUS_US 100000u  /* period of Status */
-#define NODE_GAP_MAX 3u       /* largest counter step that is used where no MaxStep is known: two frames missing */
-#define NODE_GAP_MAX_STEP 8u  /* the same where it is; larger steps look like frames that are late */
-#define NODE_REARM 3u         /* good frames in a row that are a new start, out of sequence or after a timeout */
-#define NODE_OFF_MAX 4u       /* bus-offs without an answer in between that are one too many */
-#define NODE_ONE 65536u       /* gain and limit of 1 */
+#define DAHL_NODE_TIMEOUT_US 100000u /* 100 frames; the 4-bit counter alone would see a gap only modulo 16 */
+#define DAHL_NODE_STATUS_US 100000u  /* period of Status */
+#define DAHL_NODE_GAP_MAX 3u       /* largest counter step that is used where no MaxStep is known: two frames missing */
+#define DAHL_NODE_GAP_MAX_STEP 8u  /* the same where it is; larger steps look like frames that are late */
+#define DAHL_NODE_REARM 3u         /* good frames in a row that are a new start, out of sequence or after a timeout */
+#define DAHL_NODE_OFF_MAX 4u       /* bus-offs without an answer in between that are one too many */
+#define DAHL_NODE_ONE 65536u       /* gain and limit of 1 */
 
-/* Frames by what became of them, since node_init; lost counts frames that never came in time. */
+/* Frames by what became of them, since dahl_node_init; lost counts frames that never came in time. */
 typedef struct {
     uint32_t ok;
     uint32_t repeated;
@@ -65,23 +65,23 @@ typedef struct {
     uint32_t params;  /* ParamWrite frames that were good */
     uint32_t resets;
     uint32_t bus_off;
-} node_counts_t;
+} dahl_node_counts_t;
 
 /* The counts that Status shows, modulo 256. */
 typedef struct {
     uint8_t lost;
     uint8_t corrupt;
     uint8_t out_of_step;
-} node_tally_t;
+} dahl_node_tally_t;
 
 typedef struct {
     dahl_plan_t plan;
     dahl_params_t params;
     dahl_params_t held;    /* params, and what was written to be held until the next write */
     dahl_state_t bearing;
-    node_counts_t counts;
-    uint32_t gain;         /* of NODE_ONE; this and the next five may be changed after node_init */
-    uint32_t limit;        /* of NODE_ONE */
+    dahl_node_counts_t counts;
+    uint32_t gain;         /* of DAHL_NODE_ONE; this and the next five may be changed after dahl_node_init */
+    uint32_t limit;        /* of DAHL_NODE_ONE */
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none */
     uint32_t timeout_us;
     uint32_t max_step;     /* counts per ms; 0: no limit known */
@@ -92,7 +92,7 @@ typedef struct {
     uint32_t sent_us;      /* when Status was last sent */
     uint32_t bus_off_us;   /* when the last bus-off was */
     uint8_t number;        /* node number, 0..15 */
-    uint8_t state;         /* frames_state_t */
+    uint8_t state;         /* dahl_frames_state_t */
     uint8_t errors;        /* sticky bits of Status */
     uint8_t counter;       /* of the last EncoderState in sequence */
     uint8_t good_in_a_row; /* frames, each with the next counter, that may be a new start */
@@ -100,24 +100,24 @@ typedef struct {
     uint8_t bus_off_count; /* since the last answer */
     uint8_t torque_counter;
     uint8_t status_counter;
-    node_tally_t cleared;  /* counts at the last Reset: Status shows what came after it */
+    dahl_node_tally_t cleared;  /* counts at the last Reset: Status shows what came after it */
     bool primed;           /* count and counter are a valid starting point */
     bool silenced;         /* the next starting point ends a silence: it is waited for */
     bool urgent;           /* Status is due now */
-} node_t;
+} dahl_node_t;
 
 /* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. Fails as dahl_prepare does: then
  * *node is untouched. */
-dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number);
+dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number);
 
-/* The controller went off the bus, where that is not told by an error frame: node_receive takes those. */
-void node_bus_off(node_t *node, uint32_t now_us);
+/* The controller went off the bus, where that is not told by an error frame: dahl_node_receive takes those. */
+void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);
 
 /* Take one frame, any frame. True: *out is the answer to send at once. now_us may wrap. */
-bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out);
+bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out);
 
 /* Look at the clock, every millisecond or so. True: *out is a Status frame to send; the first call gives one at once. */
-bool node_tick(node_t *node, uint32_t now_us, can_frame_t *out);
+bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out);
 
 #ifdef __cplusplus
 }

@@ -3,7 +3,7 @@
  * The fault table: what the node does with each frame that can come, or fails to. It stands here once: the unit test of the
  * node plays each row, tools/fault_table.py writes it into the documentation. The product does not compile it.
  *
- * Columns: name of the row; the frame; counts that go up by it (of node_counts_t); state that Status then says; is the
+ * Columns: name of the row; the frame; counts that go up by it (of dahl_node_counts_t); state that Status then says; is the
  * bristle moved or kept; is there an answer.
  */
 #ifndef FAULT_TABLE_H

@@ -29,7 +29,7 @@ static uint8_t crc_step(uint8_t crc, uint8_t byte)
     return crc_table[crc ^ byte];
 }
 
-uint8_t frames_crc(const uint8_t data[8], uint8_t kind)
+uint8_t dahl_frames_crc(const uint8_t data[8], uint8_t kind)
 {
     uint8_t crc = 0xFF;
     for (size_t i = 1; i < 8; i++) {
@@ -58,31 +58,31 @@ static uint8_t nibbles(uint32_t low, uint32_t high)
     return (uint8_t)((low & 0x0Fu) | ((high & 0x0Fu) << 4));
 }
 
-static void begin(can_frame_t *frame, uint32_t id, uint8_t node)
+static void begin(dahl_can_frame_t *frame, uint32_t id, uint8_t node)
 {
-    *frame = (can_frame_t){.id = id | (node & 0x0Fu), .length = 8};
+    *frame = (dahl_can_frame_t){.id = id | (node & 0x0Fu), .length = 8};
 }
 
-static frames_check_t check(const can_frame_t *frame, uint8_t kind)
+static dahl_frames_check_t check(const dahl_can_frame_t *frame, uint8_t kind)
 {
-    if (frame->length != 8 || (frame->flags & CAN_FRAME_FOREIGN) != 0) {
-        return FRAMES_BAD_FORMAT;
+    if (frame->length != 8 || (frame->flags & DAHL_CAN_FRAME_FOREIGN) != 0) {
+        return DAHL_FRAMES_BAD_FORMAT;
     }
-    return frame->data[0] == frames_crc(frame->data, kind) ? FRAMES_GOOD : FRAMES_BAD_CRC;
+    return frame->data[0] == dahl_frames_crc(frame->data, kind) ? DAHL_FRAMES_GOOD : DAHL_FRAMES_BAD_CRC;
 }
 
-void frames_pack_encoder(can_frame_t *frame, uint8_t node, const encoder_state_t *in)
+void dahl_frames_pack_encoder(dahl_can_frame_t *frame, uint8_t node, const dahl_encoder_state_t *in)
 {
-    begin(frame, FRAMES_ID_ENCODER, node);
+    begin(frame, DAHL_FRAMES_ID_ENCODER, node);
     frame->data[1] = nibbles(in->counter, in->valid ? 1u : 0u);
     put_i32(&frame->data[2], in->count);
-    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_ENCODER);
+    frame->data[0] = dahl_frames_crc(frame->data, DAHL_FRAMES_KIND_ENCODER);
 }
 
-frames_check_t frames_unpack_encoder(const can_frame_t *frame, encoder_state_t *out)
+dahl_frames_check_t dahl_frames_unpack_encoder(const dahl_can_frame_t *frame, dahl_encoder_state_t *out)
 {
-    frames_check_t result = check(frame, FRAMES_KIND_ENCODER);
-    if (result == FRAMES_GOOD) {
+    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_ENCODER);
+    if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->valid = (frame->data[1] & 0x10) != 0;
         out->count = get_i32(&frame->data[2]);
@@ -90,19 +90,19 @@ frames_check_t frames_unpack_encoder(const can_frame_t *frame, encoder_state_t *
     return result;
 }
 
-void frames_pack_torque(can_frame_t *frame, uint8_t node, const friction_torque_t *in)
+void dahl_frames_pack_torque(dahl_can_frame_t *frame, uint8_t node, const dahl_friction_torque_t *in)
 {
-    begin(frame, FRAMES_ID_TORQUE, node);
+    begin(frame, DAHL_FRAMES_ID_TORQUE, node);
     frame->data[1] = nibbles(in->counter, in->state);
     frame->data[2] = nibbles(in->echo, 0);
     put_i32(&frame->data[4], in->torque_q30);
-    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_TORQUE);
+    frame->data[0] = dahl_frames_crc(frame->data, DAHL_FRAMES_KIND_TORQUE);
 }
 
-frames_check_t frames_unpack_torque(const can_frame_t *frame, friction_torque_t *out)
+dahl_frames_check_t dahl_frames_unpack_torque(const dahl_can_frame_t *frame, dahl_friction_torque_t *out)
 {
-    frames_check_t result = check(frame, FRAMES_KIND_TORQUE);
-    if (result == FRAMES_GOOD) {
+    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_TORQUE);
+    if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->state = frame->data[1] >> 4;
         out->echo = frame->data[2] & 0x0F;
@@ -111,9 +111,9 @@ frames_check_t frames_unpack_torque(const can_frame_t *frame, friction_torque_t 
     return result;
 }
 
-void frames_pack_status(can_frame_t *frame, uint8_t node, const node_status_t *in)
+void dahl_frames_pack_status(dahl_can_frame_t *frame, uint8_t node, const dahl_node_status_t *in)
 {
-    begin(frame, FRAMES_ID_STATUS, node);
+    begin(frame, DAHL_FRAMES_ID_STATUS, node);
     frame->data[1] = nibbles(in->counter, in->state);
     frame->data[2] = in->errors;
     frame->data[3] = in->lost;
@@ -121,13 +121,13 @@ void frames_pack_status(can_frame_t *frame, uint8_t node, const node_status_t *i
     frame->data[5] = in->out_of_step;
     frame->data[6] = nibbles(in->version_minor, in->version_major);
     frame->data[7] = in->timeout;
-    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_STATUS);
+    frame->data[0] = dahl_frames_crc(frame->data, DAHL_FRAMES_KIND_STATUS);
 }
 
-frames_check_t frames_unpack_status(const can_frame_t *frame, node_status_t *out)
+dahl_frames_check_t dahl_frames_unpack_status(const dahl_can_frame_t *frame, dahl_node_status_t *out)
 {
-    frames_check_t result = check(frame, FRAMES_KIND_STATUS);
-    if (result == FRAMES_GOOD) {
+    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_STATUS);
+    if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->state = frame->data[1] >> 4;
         out->errors = frame->data[2];
@@ -141,19 +141,19 @@ frames_check_t frames_unpack_status(const can_frame_t *frame, node_status_t *out
     return result;
 }
 
-void frames_pack_param_write(can_frame_t *frame, uint8_t node, const param_write_t *in)
+void dahl_frames_pack_param_write(dahl_can_frame_t *frame, uint8_t node, const dahl_param_write_t *in)
 {
-    begin(frame, FRAMES_ID_PARAM_WRITE, node);
+    begin(frame, DAHL_FRAMES_ID_PARAM_WRITE, node);
     frame->data[1] = nibbles(in->counter, in->write & 3u);
     frame->data[2] = in->param;
     put_i32(&frame->data[4], (int32_t)in->value);
-    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_PARAM_WRITE);
+    frame->data[0] = dahl_frames_crc(frame->data, DAHL_FRAMES_KIND_PARAM_WRITE);
 }
 
-frames_check_t frames_unpack_param_write(const can_frame_t *frame, param_write_t *out)
+dahl_frames_check_t dahl_frames_unpack_param_write(const dahl_can_frame_t *frame, dahl_param_write_t *out)
 {
-    frames_check_t result = check(frame, FRAMES_KIND_PARAM_WRITE);
-    if (result == FRAMES_GOOD) {
+    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_PARAM_WRITE);
+    if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->write = (frame->data[1] >> 4) & 3;
         out->param = frame->data[2];
@@ -162,19 +162,19 @@ frames_check_t frames_unpack_param_write(const can_frame_t *frame, param_write_t
     return result;
 }
 
-void frames_pack_param_reply(can_frame_t *frame, uint8_t node, const param_reply_t *in)
+void dahl_frames_pack_param_reply(dahl_can_frame_t *frame, uint8_t node, const dahl_param_reply_t *in)
 {
-    begin(frame, FRAMES_ID_PARAM_REPLY, node);
+    begin(frame, DAHL_FRAMES_ID_PARAM_REPLY, node);
     frame->data[1] = nibbles(in->counter, in->result);
     frame->data[2] = in->param;
     put_i32(&frame->data[4], (int32_t)in->value);
-    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_PARAM_REPLY);
+    frame->data[0] = dahl_frames_crc(frame->data, DAHL_FRAMES_KIND_PARAM_REPLY);
 }
 
-frames_check_t frames_unpack_param_reply(const can_frame_t *frame, param_reply_t *out)
+dahl_frames_check_t dahl_frames_unpack_param_reply(const dahl_can_frame_t *frame, dahl_param_reply_t *out)
 {
-    frames_check_t result = check(frame, FRAMES_KIND_PARAM_REPLY);
-    if (result == FRAMES_GOOD) {
+    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_PARAM_REPLY);
+    if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->result = frame->data[1] >> 4;
         out->param = frame->data[2];
@@ -183,17 +183,17 @@ frames_check_t frames_unpack_param_reply(const can_frame_t *frame, param_reply_t
     return result;
 }
 
-void frames_pack_reset(can_frame_t *frame, uint8_t node, const node_reset_t *in)
+void dahl_frames_pack_reset(dahl_can_frame_t *frame, uint8_t node, const dahl_node_reset_t *in)
 {
-    begin(frame, FRAMES_ID_RESET, node);
+    begin(frame, DAHL_FRAMES_ID_RESET, node);
     frame->data[1] = nibbles(in->counter, in->what);
-    frame->data[0] = frames_crc(frame->data, FRAMES_KIND_RESET);
+    frame->data[0] = dahl_frames_crc(frame->data, DAHL_FRAMES_KIND_RESET);
 }
 
-frames_check_t frames_unpack_reset(const can_frame_t *frame, node_reset_t *out)
+dahl_frames_check_t dahl_frames_unpack_reset(const dahl_can_frame_t *frame, dahl_node_reset_t *out)
 {
-    frames_check_t result = check(frame, FRAMES_KIND_RESET);
-    if (result == FRAMES_GOOD) {
+    dahl_frames_check_t result = check(frame, DAHL_FRAMES_KIND_RESET);
+    if (result == DAHL_FRAMES_GOOD) {
         out->counter = frame->data[1] & 0x0F;
         out->what = frame->data[1] >> 4;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* node: see dahl_node.h. One function per row of its table; node_receive only decides which. */
+/* node: see dahl_node.h. One function per row of its table; dahl_node_receive only decides which. */
 #include "dahl_node.h"
 
 #include <stddef.h>
@@ -14,27 +14,27 @@ static uint8_t low_byte(uint32_t value)
 }
 
 /* Counts in groups, as Status shows them. */
-static node_tally_t tally(const node_counts_t *n)
+static dahl_node_tally_t tally(const dahl_node_counts_t *n)
 {
-    return (node_tally_t){
+    return (dahl_node_tally_t){
         .lost = low_byte(n->lost),
         .corrupt = low_byte(n->crc + n->format),
         .out_of_step = low_byte(n->repeated + n->wrong_sequence + n->jump + n->stale + n->bus_off),
     };
 }
 
-static void clear_errors(node_t *node)
+static void clear_errors(dahl_node_t *node)
 {
     node->errors = 0;
     node->cleared = tally(&node->counts);
 }
 
 /* As after power-on, with the parameters that there are. */
-static void restart(node_t *node)
+static void restart(dahl_node_t *node)
 {
     node->bearing = (dahl_state_t){0};
     node->held = node->params;
-    node->state = FRAMES_INIT;
+    node->state = DAHL_FRAMES_INIT;
     node->silenced = false;
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
     node->bus_off_count = 0;
@@ -45,18 +45,18 @@ static void restart(node_t *node)
     clear_errors(node);
 }
 
-dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
+dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number)
 {
     dahl_plan_t plan;
     dahl_err_t err = dahl_prepare(&plan, params);
     if (err == DAHL_OK) {
-        *node = (node_t){
+        *node = (dahl_node_t){
             .plan = plan,
             .params = *params,
-            .gain = NODE_ONE,
-            .limit = NODE_ONE,
-            .timeout_us = NODE_TIMEOUT_US,
-            .status_us = NODE_STATUS_US,
+            .gain = DAHL_NODE_ONE,
+            .limit = DAHL_NODE_ONE,
+            .timeout_us = DAHL_NODE_TIMEOUT_US,
+            .status_us = DAHL_NODE_STATUS_US,
             .number = number & 0x0F,
         };
         restart(node);
@@ -64,10 +64,10 @@ dahl_err_t node_init(node_t *node, const dahl_params_t *params, uint8_t number)
     return err;
 }
 
-static void enter(node_t *node, frames_state_t state)
+static void enter(dahl_node_t *node, dahl_frames_state_t state)
 {
     node->state = (uint8_t)state;
-    if (state != FRAMES_OK) {
+    if (state != DAHL_FRAMES_OK) {
         node->errors = (uint8_t)(node->errors | (1u << state));
     }
 }
@@ -78,28 +78,28 @@ static uint32_t least(uint32_t a, uint32_t b)
 }
 
 /* The gain goes its way from one answer to the next. */
-static void ramp(node_t *node, uint32_t elapsed_us)
+static void ramp(dahl_node_t *node, uint32_t elapsed_us)
 {
     uint32_t rise = node->gain > node->gain_now ? node->gain - node->gain_now : 0;
     uint32_t fall = node->gain_now > node->gain ? node->gain_now - node->gain : 0;
-    uint32_t step = NODE_ONE;
+    uint32_t step = DAHL_NODE_ONE;
     if (node->ramp_us > 0) {
-        step = NODE_ONE * (elapsed_us < NODE_ONE ? elapsed_us : NODE_ONE - 1) / node->ramp_us;
+        step = DAHL_NODE_ONE * (elapsed_us < DAHL_NODE_ONE ? elapsed_us : DAHL_NODE_ONE - 1) / node->ramp_us;
     }
     node->gain_now += least(step, rise) - least(step, fall);
 }
 
 /* What is answered for F/Fc in Q30. */
-static int32_t output(const node_t *node, int32_t torque_q30)
+static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 {
     int32_t gain = (int32_t)node->gain_now;
-    int32_t part = (int32_t)((int64_t)torque_q30 * gain / (int32_t)NODE_ONE);
+    int32_t part = (int32_t)((int64_t)torque_q30 * gain / (int32_t)DAHL_NODE_ONE);
     int32_t limit = (int32_t)(node->limit << 14);
     part = part < limit ? part : limit;
     return part > -limit ? part : -limit;
 }
 
-static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, int32_t torque_q30, can_frame_t *out)
+static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, int32_t torque_q30, dahl_can_frame_t *out)
 {
     ramp(node, node->primed ? now_us - node->good_us : 0);
     node->count = (uint32_t)seen->count;
@@ -108,36 +108,36 @@ static bool answer(node_t *node, const encoder_state_t *seen, uint32_t now_us, i
     node->primed = true;
     node->good_in_a_row = 0;
     node->bus_off_count = 0;
-    friction_torque_t torque = {
+    dahl_friction_torque_t torque = {
         .torque_q30 = output(node, torque_q30),
         .counter = node->torque_counter,
         .state = node->state,
         .echo = seen->counter,
     };
     node->torque_counter = (node->torque_counter + 1) & 0x0F;
-    frames_pack_torque(out, node->number, &torque);
+    dahl_frames_pack_torque(out, node->number, &torque);
     return true;
 }
 
 /* The count is a starting point: a move of 0 counts only reads the torque. */
-static bool prime(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool prime(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     return answer(node, seen, now_us, dahl_step_counts_q30(&node->plan, &node->bearing, 0), out);
 }
 
-static int32_t travel(const node_t *node, const encoder_state_t *seen)
+static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *seen)
 {
     return dahl_counts_between(node->count, (uint32_t)seen->count, 0);
 }
 
-static bool move(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.ok++;
     return answer(node, seen, now_us, dahl_step_counts_q30(&node->plan, &node->bearing, travel(node, seen)), out);
 }
 
 /* Could the shaft have come so far, in so many frames or in the time since? */
-static bool plausible(const node_t *node, const encoder_state_t *seen, uint32_t frames, uint32_t now_us)
+static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t frames, uint32_t now_us)
 {
     int32_t way = travel(node, seen);
     uint32_t size = way < 0 ? 0u - (uint32_t)way : (uint32_t)way;
@@ -146,8 +146,8 @@ static bool plausible(const node_t *node, const encoder_state_t *seen, uint32_t 
     return size <= most;
 }
 
-/* Is this the last of NODE_REARM frames in a row, each with the next counter? */
-static bool sequence_confirmed(node_t *node, const encoder_state_t *seen)
+/* Is this the last of DAHL_NODE_REARM frames in a row, each with the next counter? */
+static bool sequence_confirmed(dahl_node_t *node, const dahl_encoder_state_t *seen)
 {
     if (seen->counter != ((node->candidate + 1) & 0x0F)) {
         node->good_in_a_row = 0;
@@ -156,16 +156,16 @@ static bool sequence_confirmed(node_t *node, const encoder_state_t *seen)
         node->good_in_a_row++;
     }
     node->candidate = seen->counter;
-    return node->good_in_a_row >= NODE_REARM && seen->valid;
+    return node->good_in_a_row >= DAHL_NODE_REARM && seen->valid;
 }
 
 /* A frame that does not go on from the last one: where enough of them go on from each other, the encoder is there now. */
-static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     bool known = sequence_confirmed(node, seen);
-    enter(node, FRAMES_WRONG_SEQUENCE);
+    enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
     if (known && node->max_step > 0 && plausible(node, seen, 0, now_us)) {
-        enter(node, FRAMES_LOST);
+        enter(node, DAHL_FRAMES_LOST);
         return move(node, seen, now_us, out);
     }
     node->counts.wrong_sequence++;
@@ -175,37 +175,37 @@ static bool out_of_sequence(node_t *node, const encoder_state_t *seen, uint32_t 
     return prime(node, seen, now_us, out);
 }
 
-static bool repeated(node_t *node)
+static bool repeated(dahl_node_t *node)
 {
     node->counts.repeated++;
-    enter(node, FRAMES_REPEATED);
+    enter(node, DAHL_FRAMES_REPEATED);
     return false;
 }
 
-static bool invalid(node_t *node, uint8_t counter)
+static bool invalid(dahl_node_t *node, uint8_t counter)
 {
     node->counts.invalid++;
-    node->errors |= FRAMES_ERROR_INVALID;
+    node->errors |= DAHL_FRAMES_ERROR_INVALID;
     node->counter = counter;
     return false;
 }
 
-static bool jump(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool jump(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.jump++;
-    node->errors |= FRAMES_ERROR_JUMP;
+    node->errors |= DAHL_FRAMES_ERROR_JUMP;
     node->counter = seen->counter;
     if (!sequence_confirmed(node, seen)) {
         return false;
     }
-    enter(node, FRAMES_WRONG_SEQUENCE);
+    enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
     return prime(node, seen, now_us, out);
 }
 
-static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step, uint32_t now_us, can_frame_t *out)
+static bool in_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uint8_t step, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.lost += step - 1u;
-    enter(node, step == 1 ? FRAMES_OK : FRAMES_LOST);
+    enter(node, step == 1 ? DAHL_FRAMES_OK : DAHL_FRAMES_LOST);
     if (!seen->valid) {
         return invalid(node, seen->counter);
     }
@@ -216,13 +216,13 @@ static bool in_sequence(node_t *node, const encoder_state_t *seen, uint8_t step,
 }
 
 /* Too soon after a bus-off, or once too often? */
-static bool is_held(const node_t *node, uint32_t now_us)
+static bool is_held(const dahl_node_t *node, uint32_t now_us)
 {
-    return node->bus_off_count >= NODE_OFF_MAX || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
+    return node->bus_off_count >= DAHL_NODE_OFF_MAX || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
 }
 
 /* After a silence: enough good frames in a row, none of them in the time that a bus-off costs. */
-static bool is_back(node_t *node, const encoder_state_t *seen, uint32_t now_us)
+static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us)
 {
     if (is_held(node, now_us)) {
         node->good_in_a_row = 0;
@@ -231,13 +231,13 @@ static bool is_back(node_t *node, const encoder_state_t *seen, uint32_t now_us)
     return sequence_confirmed(node, seen);
 }
 
-static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool first(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     if (!seen->valid) {
         node->good_in_a_row = 0;
         return invalid(node, seen->counter);
     }
-    node->state = node->silenced ? FRAMES_STALE : FRAMES_INIT;
+    node->state = node->silenced ? DAHL_FRAMES_STALE : DAHL_FRAMES_INIT;
     if (node->silenced && !is_back(node, seen, now_us)) {
         node->counts.rearm++;
         return false;
@@ -246,7 +246,7 @@ static bool first(node_t *node, const encoder_state_t *seen, uint32_t now_us, ca
     return prime(node, seen, now_us, out);
 }
 
-static bool accept(node_t *node, const encoder_state_t *seen, uint32_t now_us, can_frame_t *out)
+static bool accept(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     uint8_t step = (uint8_t)(seen->counter - node->counter) & 0x0F;
     if (!node->primed) {
@@ -255,27 +255,27 @@ static bool accept(node_t *node, const encoder_state_t *seen, uint32_t now_us, c
     if (step == 0) {
         return repeated(node);
     }
-    if (step > (node->max_step > 0 ? NODE_GAP_MAX_STEP : NODE_GAP_MAX)) {
+    if (step > (node->max_step > 0 ? DAHL_NODE_GAP_MAX_STEP : DAHL_NODE_GAP_MAX)) {
         return out_of_sequence(node, seen, now_us, out);
     }
     return in_sequence(node, seen, step, now_us, out);
 }
 
 /* False: counted, and not to be used. */
-static bool is_good(node_t *node, frames_check_t check)
+static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
 {
     switch (check) {
-    case FRAMES_GOOD:
+    case DAHL_FRAMES_GOOD:
         return true;
-    case FRAMES_BAD_FORMAT:
+    case DAHL_FRAMES_BAD_FORMAT:
         node->counts.format++;
-        node->errors |= FRAMES_ERROR_FORMAT;
+        node->errors |= DAHL_FRAMES_ERROR_FORMAT;
         break;
     default:
         node->counts.crc++;
         break;
     }
-    enter(node, FRAMES_CRC);
+    enter(node, DAHL_FRAMES_CRC);
     if (!node->primed) {
         node->good_in_a_row = 0;
     }
@@ -283,17 +283,17 @@ static bool is_good(node_t *node, frames_check_t check)
 }
 
 /* No torque from now on, until enough good frames have come. */
-static void fall_silent(node_t *node)
+static void fall_silent(dahl_node_t *node)
 {
     node->primed = false;
     node->good_in_a_row = 0;
     node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
     node->silenced = true;
     node->urgent = true;
-    enter(node, FRAMES_STALE);
+    enter(node, DAHL_FRAMES_STALE);
 }
 
-void node_bus_off(node_t *node, uint32_t now_us)
+void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
 {
     node->counts.bus_off++;
     if (node->bus_off_count < UINT8_MAX) {
@@ -303,7 +303,7 @@ void node_bus_off(node_t *node, uint32_t now_us)
     fall_silent(node);
 }
 
-static void check_age(node_t *node, uint32_t now_us)
+static void check_age(dahl_node_t *node, uint32_t now_us)
 {
     int32_t age = (int32_t)(now_us - node->good_us); /* below 0 where the clock went back: not old */
     if (node->primed && age > (int64_t)node->timeout_us) {
@@ -312,10 +312,10 @@ static void check_age(node_t *node, uint32_t now_us)
     }
 }
 
-static bool on_encoder(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
+static bool on_encoder(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
 {
-    encoder_state_t seen;
-    if (!is_good(node, frames_unpack_encoder(in, &seen))) {
+    dahl_encoder_state_t seen;
+    if (!is_good(node, dahl_frames_unpack_encoder(in, &seen))) {
         return false;
     }
     check_age(node, now_us);
@@ -331,15 +331,15 @@ typedef struct {
 } setting_t;
 
 static const setting_t settings[] = {
-    [FRAMES_PARAM_GAIN] = {offsetof(node_t, gain), 0, NODE_ONE, 1},
-    [FRAMES_PARAM_LIMIT] = {offsetof(node_t, limit), 0, NODE_ONE, 1},
-    [FRAMES_PARAM_RAMP] = {offsetof(node_t, ramp_us), 0, 60000, 1000},
-    [FRAMES_PARAM_TIMEOUT] = {offsetof(node_t, timeout_us), 1, 60000, 1000},
-    [FRAMES_PARAM_STEP] = {offsetof(node_t, max_step), 0, INT32_MAX, 1},
-    [FRAMES_PARAM_STATUS] = {offsetof(node_t, status_us), 0, 60000, 1000},
+    [DAHL_FRAMES_PARAM_GAIN] = {offsetof(dahl_node_t, gain), 0, DAHL_NODE_ONE, 1},
+    [DAHL_FRAMES_PARAM_LIMIT] = {offsetof(dahl_node_t, limit), 0, DAHL_NODE_ONE, 1},
+    [DAHL_FRAMES_PARAM_RAMP] = {offsetof(dahl_node_t, ramp_us), 0, 60000, 1000},
+    [DAHL_FRAMES_PARAM_TIMEOUT] = {offsetof(dahl_node_t, timeout_us), 1, 60000, 1000},
+    [DAHL_FRAMES_PARAM_STEP] = {offsetof(dahl_node_t, max_step), 0, INT32_MAX, 1},
+    [DAHL_FRAMES_PARAM_STATUS] = {offsetof(dahl_node_t, status_us), 0, 60000, 1000},
 };
 
-static uint32_t *setting_of(node_t *node, uint8_t param)
+static uint32_t *setting_of(dahl_node_t *node, uint8_t param)
 {
     return (uint32_t *)(void *)((char *)node + settings[param].offset);
 }
@@ -347,10 +347,10 @@ static uint32_t *setting_of(node_t *node, uint8_t param)
 static float *model_of(dahl_params_t *params, uint8_t param, float *step)
 {
     switch (param) {
-    case FRAMES_PARAM_SIGMA0:
+    case DAHL_FRAMES_PARAM_SIGMA0:
         *step = SIGMA0_STEP;
         return &params->sigma0;
-    case FRAMES_PARAM_FC:
+    case DAHL_FRAMES_PARAM_FC:
         *step = FC_STEP;
         return &params->Fc;
     default:
@@ -359,14 +359,14 @@ static float *model_of(dahl_params_t *params, uint8_t param, float *step)
     }
 }
 
-static uint8_t drop_held(node_t *node)
+static uint8_t drop_held(dahl_node_t *node)
 {
     node->held = node->params;
-    return FRAMES_PARAM_OUT_OF_RANGE;
+    return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
 }
 
 /* What is held becomes the model's parameters, all at once between two ticks. */
-static uint8_t take_held(node_t *node)
+static uint8_t take_held(dahl_node_t *node)
 {
     dahl_plan_t plan;
     if (dahl_prepare(&plan, &node->held) != DAHL_OK) {
@@ -375,10 +375,10 @@ static uint8_t take_held(node_t *node)
     dahl_change_plan(&node->plan, &plan, &node->bearing);
     node->params = node->held;
     node->plan = plan;
-    return FRAMES_PARAM_DONE;
+    return DAHL_FRAMES_PARAM_DONE;
 }
 
-static uint8_t write_model(node_t *node, const param_write_t *asked)
+static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *asked)
 {
     float step;
     if (asked->value == 0) {
@@ -386,37 +386,37 @@ static uint8_t write_model(node_t *node, const param_write_t *asked)
     }
     float *value = model_of(&node->held, asked->param, &step);
     *value = (float)asked->value * step;
-    return asked->write == FRAMES_PARAM_HOLD ? FRAMES_PARAM_DONE : take_held(node);
+    return asked->write == DAHL_FRAMES_PARAM_HOLD ? DAHL_FRAMES_PARAM_DONE : take_held(node);
 }
 
-static uint8_t write_setting(node_t *node, const param_write_t *asked)
+static uint8_t write_setting(dahl_node_t *node, const dahl_param_write_t *asked)
 {
     const setting_t *setting = &settings[asked->param];
-    if (asked->write != FRAMES_PARAM_WRITE || asked->value < setting->low || asked->value > setting->high) {
-        return FRAMES_PARAM_OUT_OF_RANGE;
+    if (asked->write != DAHL_FRAMES_PARAM_WRITE || asked->value < setting->low || asked->value > setting->high) {
+        return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
     *setting_of(node, asked->param) = asked->value * setting->scale;
-    return FRAMES_PARAM_DONE;
+    return DAHL_FRAMES_PARAM_DONE;
 }
 
-static uint8_t write_param(node_t *node, const param_write_t *asked)
+static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
 {
-    if (asked->param > FRAMES_PARAM_STATUS) {
-        return FRAMES_PARAM_UNKNOWN;
+    if (asked->param > DAHL_FRAMES_PARAM_STATUS) {
+        return DAHL_FRAMES_PARAM_UNKNOWN;
     }
-    if (asked->write == FRAMES_PARAM_READ) {
-        return FRAMES_PARAM_DONE;
+    if (asked->write == DAHL_FRAMES_PARAM_READ) {
+        return DAHL_FRAMES_PARAM_DONE;
     }
-    if (asked->write > FRAMES_PARAM_HOLD) {
-        return FRAMES_PARAM_OUT_OF_RANGE;
+    if (asked->write > DAHL_FRAMES_PARAM_HOLD) {
+        return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
-    return asked->param <= FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
+    return asked->param <= DAHL_FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
 }
 
-static uint32_t read_param(node_t *node, uint8_t param)
+static uint32_t read_param(dahl_node_t *node, uint8_t param)
 {
     float step;
-    if (param > FRAMES_PARAM_THETA) {
+    if (param > DAHL_FRAMES_PARAM_THETA) {
         return *setting_of(node, param) / settings[param].scale;
     }
     float raw = *model_of(&node->params, param, &step);
@@ -428,37 +428,37 @@ static uint32_t read_param(node_t *node, uint8_t param)
     return whole + (raw - (float)whole >= 0.5f ? 1u : 0u);
 }
 
-static bool on_param(node_t *node, const can_frame_t *in, can_frame_t *out)
+static bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_frame_t *out)
 {
-    param_write_t asked;
-    if (!is_good(node, frames_unpack_param_write(in, &asked))) {
+    dahl_param_write_t asked;
+    if (!is_good(node, dahl_frames_unpack_param_write(in, &asked))) {
         return false;
     }
-    param_reply_t reply = {.counter = asked.counter, .param = asked.param, .result = write_param(node, &asked)};
+    dahl_param_reply_t reply = {.counter = asked.counter, .param = asked.param, .result = write_param(node, &asked)};
     node->counts.params++;
-    if (reply.result == FRAMES_PARAM_UNKNOWN) {
-        reply.param = FRAMES_PARAM_NONE;
+    if (reply.result == DAHL_FRAMES_PARAM_UNKNOWN) {
+        reply.param = DAHL_FRAMES_PARAM_NONE;
         reply.value = asked.param;
     } else {
         reply.value = read_param(node, asked.param);
     }
-    frames_pack_param_reply(out, node->number, &reply);
+    dahl_frames_pack_param_reply(out, node->number, &reply);
     return true;
 }
 
 /* --- status and reset --------------------------------------------------------------------------------------------- */
 
 /* In the unit of Status, rounded up; what is too long for it is the longest that it can say. */
-static uint8_t timeout_shown(const node_t *node)
+static uint8_t timeout_shown(const dahl_node_t *node)
 {
-    uint32_t rounded_up = node->timeout_us / FRAMES_TIMEOUT_US + (node->timeout_us % FRAMES_TIMEOUT_US != 0 ? 1u : 0u);
+    uint32_t rounded_up = node->timeout_us / DAHL_FRAMES_TIMEOUT_US + (node->timeout_us % DAHL_FRAMES_TIMEOUT_US != 0 ? 1u : 0u);
     return (uint8_t)least(rounded_up, UINT8_MAX);
 }
 
-static void pack_status(node_t *node, uint32_t now_us, can_frame_t *out)
+static void pack_status(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out)
 {
-    node_tally_t sum = tally(&node->counts);
-    node_status_t status = {
+    dahl_node_tally_t sum = tally(&node->counts);
+    dahl_node_status_t status = {
         .counter = node->status_counter,
         .state = node->state,
         .errors = node->errors,
@@ -472,37 +472,37 @@ static void pack_status(node_t *node, uint32_t now_us, can_frame_t *out)
     node->status_counter = (node->status_counter + 1) & 0x0F;
     node->sent_us = now_us;
     node->urgent = false;
-    frames_pack_status(out, node->number, &status);
+    dahl_frames_pack_status(out, node->number, &status);
 }
 
-static bool on_reset(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
+static bool on_reset(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
 {
-    node_reset_t asked;
-    if (!is_good(node, frames_unpack_reset(in, &asked))) {
+    dahl_node_reset_t asked;
+    if (!is_good(node, dahl_frames_unpack_reset(in, &asked))) {
         return false;
     }
     node->counts.resets++;
-    if (asked.what == FRAMES_RESET_ERRORS) {
+    if (asked.what == DAHL_FRAMES_RESET_ERRORS) {
         clear_errors(node);
-    } else if (asked.what == FRAMES_RESET_RESTART) {
+    } else if (asked.what == DAHL_FRAMES_RESET_RESTART) {
         restart(node);
     }
     pack_status(node, now_us, out);
     return true;
 }
 
-bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_frame_t *out)
+bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
 {
-    if (can_is_bus_off(in)) {
-        node_bus_off(node, now_us);
+    if (dahl_can_is_bus_off(in)) {
+        dahl_node_bus_off(node, now_us);
         return false;
     }
     switch (in->id ^ node->number) {
-    case FRAMES_ID_ENCODER:
+    case DAHL_FRAMES_ID_ENCODER:
         return on_encoder(node, in, now_us, out);
-    case FRAMES_ID_PARAM_WRITE:
+    case DAHL_FRAMES_ID_PARAM_WRITE:
         return on_param(node, in, out);
-    case FRAMES_ID_RESET:
+    case DAHL_FRAMES_ID_RESET:
         return on_reset(node, in, now_us, out);
     default:
         node->counts.ignored++;
@@ -510,7 +510,7 @@ bool node_receive(node_t *node, const can_frame_t *in, uint32_t now_us, can_fram
     }
 }
 
-bool node_tick(node_t *node, uint32_t now_us, can_frame_t *out)
+bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out)
 {
     check_age(node, now_us);
     bool is_due = node->status_us > 0 && now_us - node->sent_us >= node->status_us;

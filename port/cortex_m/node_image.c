@@ -17,7 +17,7 @@ typedef struct {
     uint32_t written;
     dahl_params_t params;
     uint32_t number;     /* of the node, 0..15 */
-    uint32_t timeout_us; /* 0: NODE_TIMEOUT_US */
+    uint32_t timeout_us; /* 0: DAHL_NODE_TIMEOUT_US */
 } param_page_t;
 
 extern const param_page_t param_page;
@@ -26,7 +26,7 @@ static const param_page_t defaults = {
     PAGE_WRITTEN, {.sigma0 = 36500.0f, .Fc = 2.7f, .theta_per_count = 1e-7f}, 0, 0,
 };
 
-static node_t node;
+static dahl_node_t node;
 static serial_bus_t serial;
 
 static uint64_t now_ns(void *context)
@@ -43,28 +43,28 @@ static const param_page_t *find_params(void)
 
 static void serve(bool ready)
 {
-    can_frame_t in, out;
+    dahl_can_frame_t in, out;
     uint32_t now_us = tick_now_us();
-    bool came = can_bus_receive(&serial.bus, &in, 0) == CAN_BUS_OK;
-    if (ready && came && node_receive(&node, &in, now_us, &out)) {
-        can_bus_send(&serial.bus, &out);
+    bool came = dahl_can_bus_receive(&serial.bus, &in, 0) == DAHL_CAN_BUS_OK;
+    if (ready && came && dahl_node_receive(&node, &in, now_us, &out)) {
+        dahl_can_bus_send(&serial.bus, &out);
     }
     if (!came) {
         uart_wait();
     }
-    if (ready && serial.slcan.open && node_tick(&node, now_us, &out)) {
-        can_bus_send(&serial.bus, &out);
+    if (ready && serial.slcan.open && dahl_node_tick(&node, now_us, &out)) {
+        dahl_can_bus_send(&serial.bus, &out);
     }
 }
 
 int main(void)
 {
     const param_page_t *page = find_params();
-    bool ready = node_init(&node, &page->params, (uint8_t)page->number) == DAHL_OK;
-    node.timeout_us = page->timeout_us != 0 ? page->timeout_us : NODE_TIMEOUT_US;
+    bool ready = dahl_node_init(&node, &page->params, (uint8_t)page->number) == DAHL_OK;
+    node.timeout_us = page->timeout_us != 0 ? page->timeout_us : DAHL_NODE_TIMEOUT_US;
     uart_start();
     tick_start();
-    serial_bus_open(&serial, (serial_port_t){uart_read, uart_write}, (can_clock_t){now_ns, NULL, NULL});
+    serial_bus_open(&serial, (serial_port_t){uart_read, uart_write}, (dahl_can_clock_t){now_ns, NULL, NULL});
     for (;;) {
         serve(ready);
     }

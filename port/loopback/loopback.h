@@ -11,11 +11,11 @@ extern "C" {
 #endif
 
 typedef struct {
-    can_bus_t bus; /* first, so that a can_bus_t * is a loopback_t * */
+    dahl_can_bus_t bus; /* first, so that a dahl_can_bus_t * is a loopback_t * */
     frame_queue_t queue;
 } loopback_t;
 
-void loopback_open(loopback_t *self, can_clock_t clock);
+void loopback_open(loopback_t *self, dahl_can_clock_t clock);
 
 #ifdef __cplusplus
 }

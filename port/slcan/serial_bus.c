@@ -2,7 +2,7 @@
 /* serial_bus: see serial_bus.h. */
 #include "serial_bus.h"
 
-static serial_bus_t *self_of(can_bus_t *bus)
+static serial_bus_t *self_of(dahl_can_bus_t *bus)
 {
     return (serial_bus_t *)(void *)bus;
 }
@@ -14,20 +14,20 @@ static void write_text(const serial_bus_t *self, const char *text)
     }
 }
 
-static can_result_t send(can_bus_t *bus, const can_frame_t *frame)
+static dahl_can_result_t send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
     serial_bus_t *self = self_of(bus);
     char text[SLCAN_TEXT_MAX];
     if (!self->slcan.open || slcan_write(frame, text) == 0) {
         bus->counts.dropped++;
-        return CAN_BUS_BUSY;
+        return DAHL_CAN_BUS_BUSY;
     }
     write_text(self, text);
-    return CAN_BUS_OK;
+    return DAHL_CAN_BUS_OK;
 }
 
 /* Takes what has come, until a frame is whole; never waits. */
-static can_result_t receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+static dahl_can_result_t receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     serial_bus_t *self = self_of(bus);
     char text[SLCAN_TEXT_MAX];
@@ -40,25 +40,25 @@ static can_result_t receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout
             write_text(self, text);
         }
         if (event == SLCAN_FRAME) {
-            frame->time_us = can_clock_now_us(&bus->clock);
-            return CAN_BUS_OK;
+            frame->time_us = dahl_can_clock_now_us(&bus->clock);
+            return DAHL_CAN_BUS_OK;
         }
     }
-    return CAN_BUS_NONE;
+    return DAHL_CAN_BUS_NONE;
 }
 
-static uint32_t peers(const can_bus_t *bus)
+static uint32_t peers(const dahl_can_bus_t *bus)
 {
     return ((const serial_bus_t *)(const void *)bus)->slcan.open ? 1u : 0u;
 }
 
-static void close(can_bus_t *bus)
+static void close(dahl_can_bus_t *bus)
 {
     self_of(bus)->slcan.open = false;
 }
 
-void serial_bus_open(serial_bus_t *self, serial_port_t port, can_clock_t clock)
+void serial_bus_open(serial_bus_t *self, serial_port_t port, dahl_can_clock_t clock)
 {
-    static const can_bus_ops_t ops = {send, receive, peers, close};
+    static const dahl_can_bus_ops_t ops = {send, receive, peers, close};
     *self = (serial_bus_t){.bus = {.ops = &ops, .clock = clock}, .port = port};
 }

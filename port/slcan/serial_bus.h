@@ -18,12 +18,12 @@ typedef struct {
 } serial_port_t;
 
 typedef struct {
-    can_bus_t bus; /* first, so that a can_bus_t * is a serial_bus_t * */
+    dahl_can_bus_t bus; /* first, so that a dahl_can_bus_t * is a serial_bus_t * */
     serial_port_t port;
     slcan_t slcan;
 } serial_bus_t;
 
-void serial_bus_open(serial_bus_t *self, serial_port_t port, can_clock_t clock);
+void serial_bus_open(serial_bus_t *self, serial_port_t port, dahl_can_clock_t clock);
 
 #ifdef __cplusplus
 }

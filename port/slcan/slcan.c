@@ -50,9 +50,9 @@ static uint32_t read_hex(reader_t *reader, uint32_t digits)
     return value;
 }
 
-static void read_id(reader_t *reader, can_frame_t *frame)
+static void read_id(reader_t *reader, dahl_can_frame_t *frame)
 {
-    bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0;
+    bool extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0;
     frame->id = read_hex(reader, extended ? 8u : 3u);
     if (frame->id > (extended ? 0x1FFFFFFFu : 0x7FFu)) {
         fail(reader, &reader->counts->wrong_length);
@@ -60,25 +60,25 @@ static void read_id(reader_t *reader, can_frame_t *frame)
 }
 
 /* Bytes of data by the code of their length; a classic frame has at most 8. */
-static uint32_t read_length(reader_t *reader, const can_frame_t *frame)
+static uint32_t read_length(reader_t *reader, const dahl_can_frame_t *frame)
 {
     static const uint8_t fd_lengths[] = {12, 16, 20, 24, 32, 48, 64};
     uint32_t code = read_hex(reader, 1);
-    if (code > 8u && !(frame->flags & CAN_FRAME_FD)) {
+    if (code > 8u && !(frame->flags & DAHL_CAN_FRAME_FD)) {
         fail(reader, &reader->counts->wrong_length);
     }
     return code <= 8u || reader->error != NULL ? code : fd_lengths[code - 9u];
 }
 
 /* Of CAN FD only the first 8 bytes are kept. */
-static void read_data(reader_t *reader, can_frame_t *frame)
+static void read_data(reader_t *reader, dahl_can_frame_t *frame)
 {
     uint32_t length = read_length(reader, frame);
     if (reader->error != NULL) {
         return;
     }
     frame->length = (uint8_t)(length <= 8u ? length : 8u);
-    for (uint32_t i = 0; i < length && !(frame->flags & CAN_FRAME_REMOTE); i++) {
+    for (uint32_t i = 0; i < length && !(frame->flags & DAHL_CAN_FRAME_REMOTE); i++) {
         uint8_t byte = (uint8_t)read_hex(reader, 2);
         if (i < frame->length) {
             frame->data[i] = byte;
@@ -102,10 +102,10 @@ static slcan_event_t refuse(slcan_t *self, uint32_t *why, char *text)
     return answer(text, BEL);
 }
 
-static slcan_event_t take_frame(slcan_t *self, uint8_t flags, can_frame_t *frame, char *text)
+static slcan_event_t take_frame(slcan_t *self, uint8_t flags, dahl_can_frame_t *frame, char *text)
 {
     reader_t reader = {self->line + 1, self->length - 1u, &self->counts, NULL};
-    can_frame_t read = {.flags = flags};
+    dahl_can_frame_t read = {.flags = flags};
     read_id(&reader, &read);
     read_data(&reader, &read);
     if (!self->open) {
@@ -147,27 +147,27 @@ static slcan_event_t take_letter(slcan_t *self, char *text)
     }
 }
 
-static slcan_event_t take_line(slcan_t *self, can_frame_t *frame, char *text)
+static slcan_event_t take_line(slcan_t *self, dahl_can_frame_t *frame, char *text)
 {
     if (self->length == 0) {
         return answer(text, "\r");
     }
     switch (self->line[0]) {
     case 't': return take_frame(self, 0, frame, text);
-    case 'T': return take_frame(self, CAN_FRAME_EXTENDED, frame, text);
-    case 'r': return take_frame(self, CAN_FRAME_REMOTE, frame, text);
-    case 'R': return take_frame(self, CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE, frame, text);
+    case 'T': return take_frame(self, DAHL_CAN_FRAME_EXTENDED, frame, text);
+    case 'r': return take_frame(self, DAHL_CAN_FRAME_REMOTE, frame, text);
+    case 'R': return take_frame(self, DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE, frame, text);
     case 'd':
-    case 'b': return take_frame(self, CAN_FRAME_FD, frame, text);
+    case 'b': return take_frame(self, DAHL_CAN_FRAME_FD, frame, text);
     case 'D':
-    case 'B': return take_frame(self, CAN_FRAME_FD | CAN_FRAME_EXTENDED, frame, text);
+    case 'B': return take_frame(self, DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_EXTENDED, frame, text);
     case 'S':
     case 's': return answer(text, "\r");
     default: return take_letter(self, text);
     }
 }
 
-slcan_event_t slcan_take(slcan_t *self, uint8_t byte, can_frame_t *frame, char *text)
+slcan_event_t slcan_take(slcan_t *self, uint8_t byte, dahl_can_frame_t *frame, char *text)
 {
     if (byte == '\n') {
         return SLCAN_NOTHING;
@@ -193,12 +193,12 @@ static char *write_hex(char *text, uint32_t value, uint32_t digits)
     return text;
 }
 
-uint32_t slcan_write(const can_frame_t *frame, char *text)
+uint32_t slcan_write(const dahl_can_frame_t *frame, char *text)
 {
-    bool extended = (frame->flags & CAN_FRAME_EXTENDED) != 0, remote = (frame->flags & CAN_FRAME_REMOTE) != 0;
+    bool extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0, remote = (frame->flags & DAHL_CAN_FRAME_REMOTE) != 0;
     uint32_t bytes = remote ? 0u : frame->length;
     char *end = text;
-    if ((frame->flags & (CAN_FRAME_FD | CAN_FRAME_ERROR)) || frame->length > 8) {
+    if ((frame->flags & (DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_ERROR)) || frame->length > 8) {
         return 0;
     }
     *end++ = (remote ? "rR" : "tT")[extended];

@@ -59,10 +59,10 @@ typedef enum {
 } slcan_event_t;
 
 /* One byte from the host. text has SLCAN_TEXT_MAX bytes and is a string of 1 to 6 characters after an answer. */
-slcan_event_t slcan_take(slcan_t *self, uint8_t byte, can_frame_t *frame, char *text);
+slcan_event_t slcan_take(slcan_t *self, uint8_t byte, dahl_can_frame_t *frame, char *text);
 
 /* A frame as a line with its CR and a final 0. Returns its length; 0 where a line cannot carry it (FD, error frame). */
-uint32_t slcan_write(const can_frame_t *frame, char *text);
+uint32_t slcan_write(const dahl_can_frame_t *frame, char *text);
 
 #ifdef __cplusplus
 }

@@ -24,14 +24,14 @@ typedef union {
     char bytes[CMSG_SPACE(sizeof(struct timeval)) + CMSG_SPACE(sizeof(uint32_t))];
 } control_t;
 
-static void to_wire(struct can_frame *wire, const can_frame_t *frame)
+static void to_wire(struct can_frame *wire, const dahl_can_frame_t *frame)
 {
     memset(wire, 0, sizeof *wire);
     wire->can_id = frame->id;
-    if ((frame->flags & CAN_FRAME_EXTENDED) != 0) {
+    if ((frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0) {
         wire->can_id |= CAN_EFF_FLAG;
     }
-    if ((frame->flags & CAN_FRAME_REMOTE) != 0) {
+    if ((frame->flags & DAHL_CAN_FRAME_REMOTE) != 0) {
         wire->can_id |= CAN_RTR_FLAG;
     }
     wire->can_dlc = frame->length;
@@ -44,44 +44,44 @@ static uint8_t flag_if(uint32_t condition, uint8_t flag)
 }
 
 /* A classic frame is the first part of one of CAN FD. */
-static void from_wire(can_frame_t *frame, const struct canfd_frame *wire)
+static void from_wire(dahl_can_frame_t *frame, const struct canfd_frame *wire)
 {
     memset(frame, 0, sizeof *frame);
-    frame->flags = (uint8_t)(flag_if(wire->can_id & CAN_EFF_FLAG, CAN_FRAME_EXTENDED) |
-                             flag_if(wire->can_id & CAN_RTR_FLAG, CAN_FRAME_REMOTE) |
-                             flag_if(wire->can_id & CAN_ERR_FLAG, CAN_FRAME_ERROR));
+    frame->flags = (uint8_t)(flag_if(wire->can_id & CAN_EFF_FLAG, DAHL_CAN_FRAME_EXTENDED) |
+                             flag_if(wire->can_id & CAN_RTR_FLAG, DAHL_CAN_FRAME_REMOTE) |
+                             flag_if(wire->can_id & CAN_ERR_FLAG, DAHL_CAN_FRAME_ERROR));
     frame->id = wire->can_id & ((wire->can_id & CAN_EFF_FLAG) != 0 ? CAN_EFF_MASK : CAN_SFF_MASK);
     frame->length = wire->len <= 8 ? wire->len : 8;
     memcpy(frame->data, wire->data, frame->length);
 }
 
-static can_result_t outcome(void)
+static dahl_can_result_t outcome(void)
 {
-    return errno == EAGAIN || errno == ENOBUFS || errno == EINTR ? CAN_BUS_BUSY : CAN_BUS_GONE;
+    return errno == EAGAIN || errno == ENOBUFS || errno == EINTR ? DAHL_CAN_BUS_BUSY : DAHL_CAN_BUS_GONE;
 }
 
-static can_result_t write_once(int fd, const struct can_frame *wire)
+static dahl_can_result_t write_once(int fd, const struct can_frame *wire)
 {
-    return write(fd, wire, sizeof *wire) == (ssize_t)sizeof *wire ? CAN_BUS_OK : outcome();
+    return write(fd, wire, sizeof *wire) == (ssize_t)sizeof *wire ? DAHL_CAN_BUS_OK : outcome();
 }
 
-static can_result_t socketcan_send(can_bus_t *bus, const can_frame_t *frame)
+static dahl_can_result_t socketcan_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
     const socketcan_t *self = (const socketcan_t *)bus;
     struct can_frame wire;
     to_wire(&wire, frame);
-    can_result_t result = write_once(self->fd, &wire);
-    for (int i = 0; result == CAN_BUS_BUSY && i < SEND_TRIES; i++) {
+    dahl_can_result_t result = write_once(self->fd, &wire);
+    for (int i = 0; result == DAHL_CAN_BUS_BUSY && i < SEND_TRIES; i++) {
         struct timespec nap = {.tv_nsec = RETRY_NS};
         nanosleep(&nap, NULL);
         bus->counts.retries++;
         result = write_once(self->fd, &wire);
     }
-    bus->counts.dropped += result == CAN_BUS_BUSY ? 1u : 0u;
+    bus->counts.dropped += result == DAHL_CAN_BUS_BUSY ? 1u : 0u;
     return result;
 }
 
-static uint64_t stamp_of(struct msghdr *message, const can_clock_t *clock)
+static uint64_t stamp_of(struct msghdr *message, const dahl_can_clock_t *clock)
 {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
         if (c->cmsg_level == SOL_SOCKET && c->cmsg_type == SO_TIMESTAMP) {
@@ -90,10 +90,10 @@ static uint64_t stamp_of(struct msghdr *message, const can_clock_t *clock)
             return (uint64_t)when.tv_sec * 1000000u + (uint64_t)when.tv_usec;
         }
     }
-    return can_clock_now_us(clock);
+    return dahl_can_clock_now_us(clock);
 }
 
-static can_result_t read_one(socketcan_t *self, can_frame_t *frame)
+static dahl_can_result_t read_one(socketcan_t *self, dahl_can_frame_t *frame)
 {
     struct canfd_frame wire;
     control_t control;
@@ -102,73 +102,73 @@ static can_result_t read_one(socketcan_t *self, can_frame_t *frame)
         .msg_iov = &part, .msg_iovlen = 1, .msg_control = &control, .msg_controllen = sizeof control};
     ssize_t n = recvmsg(self->fd, &message, 0);
     if (n < 0) {
-        return outcome() == CAN_BUS_BUSY ? CAN_BUS_NONE : CAN_BUS_GONE;
+        return outcome() == DAHL_CAN_BUS_BUSY ? DAHL_CAN_BUS_NONE : DAHL_CAN_BUS_GONE;
     }
     if (n != (ssize_t)CAN_MTU && n != (ssize_t)CANFD_MTU) {
         self->bus.counts.garbage++;
-        return CAN_BUS_NONE;
+        return DAHL_CAN_BUS_NONE;
     }
     from_wire(frame, &wire);
     frame->time_us = stamp_of(&message, &self->bus.clock);
-    frame->flags = (uint8_t)(frame->flags | flag_if((uint32_t)message.msg_flags & MSG_CONFIRM, CAN_FRAME_OWN) |
-                             flag_if(n == (ssize_t)CANFD_MTU, CAN_FRAME_FD));
-    return CAN_BUS_OK;
+    frame->flags = (uint8_t)(frame->flags | flag_if((uint32_t)message.msg_flags & MSG_CONFIRM, DAHL_CAN_FRAME_OWN) |
+                             flag_if(n == (ssize_t)CANFD_MTU, DAHL_CAN_FRAME_FD));
+    return DAHL_CAN_BUS_OK;
 }
 
-static can_result_t socketcan_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+static dahl_can_result_t socketcan_receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     socketcan_t *self = (socketcan_t *)bus;
-    can_result_t result = read_one(self, frame);
-    if (result != CAN_BUS_NONE || timeout_us == 0) {
+    dahl_can_result_t result = read_one(self, frame);
+    if (result != DAHL_CAN_BUS_NONE || timeout_us == 0) {
         return result;
     }
     struct pollfd ready = {.fd = self->fd, .events = POLLIN};
     struct timespec wait = {.tv_sec = (time_t)(timeout_us / 1000000u), .tv_nsec = (long)(timeout_us % 1000000u) * 1000};
     if (ppoll(&ready, 1, &wait, NULL) <= 0) {
-        return CAN_BUS_NONE;
+        return DAHL_CAN_BUS_NONE;
     }
     return read_one(self, frame);
 }
 
-static uint32_t socketcan_peers(const can_bus_t *bus)
+static uint32_t socketcan_peers(const dahl_can_bus_t *bus)
 {
     (void)bus;
     return 0;
 }
 
-static void socketcan_close(can_bus_t *bus)
+static void socketcan_close(dahl_can_bus_t *bus)
 {
     close(((socketcan_t *)bus)->fd);
 }
 
-static const can_bus_ops_t socketcan_ops = {socketcan_send, socketcan_receive, socketcan_peers, socketcan_close};
+static const dahl_can_bus_ops_t socketcan_ops = {socketcan_send, socketcan_receive, socketcan_peers, socketcan_close};
 
-static can_result_t bind_to(int fd, const char *interface)
+static dahl_can_result_t bind_to(int fd, const char *interface)
 {
     const int on = 1;
     struct sockaddr_can address = {.can_family = AF_CAN, .can_ifindex = (int)if_nametoindex(interface)};
     if (address.can_ifindex == 0) {
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
     const can_err_mask_t errors = CAN_ERR_MASK;
     if (setsockopt(fd, SOL_CAN_RAW, CAN_RAW_RECV_OWN_MSGS, &on, sizeof on) != 0 ||
         setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) != 0 ||
         setsockopt(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof errors) != 0 ||
         setsockopt(fd, SOL_SOCKET, SO_TIMESTAMP, &on, sizeof on) != 0) {
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
-    return bind(fd, (const struct sockaddr *)&address, sizeof address) == 0 ? CAN_BUS_OK : CAN_BUS_ERROR;
+    return bind(fd, (const struct sockaddr *)&address, sizeof address) == 0 ? DAHL_CAN_BUS_OK : DAHL_CAN_BUS_ERROR;
 }
 
-can_result_t socketcan_open(socketcan_t *self, const char *interface, can_clock_t clock)
+dahl_can_result_t socketcan_open(socketcan_t *self, const char *interface, dahl_can_clock_t clock)
 {
-    self->bus = (can_bus_t){.ops = &socketcan_ops, .clock = clock};
+    self->bus = (dahl_can_bus_t){.ops = &socketcan_ops, .clock = clock};
     self->fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
     if (self->fd < 0) {
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
-    can_result_t result = bind_to(self->fd, interface);
-    if (result != CAN_BUS_OK) {
+    dahl_can_result_t result = bind_to(self->fd, interface);
+    if (result != DAHL_CAN_BUS_OK) {
         int why = errno;
         close(self->fd);
         errno = why;
@@ -176,7 +176,7 @@ can_result_t socketcan_open(socketcan_t *self, const char *interface, can_clock_
     return result;
 }
 
-can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t count)
+dahl_can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t count)
 {
     struct can_filter filters[FILTERS_MAX];
     size_t used = count < FILTERS_MAX ? count : FILTERS_MAX;
@@ -184,5 +184,5 @@ can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t cou
         filters[i] = (struct can_filter){.can_id = ids[i], .can_mask = CAN_SFF_MASK};
     }
     socklen_t size = (socklen_t)(used * sizeof filters[0]);
-    return setsockopt(self->fd, SOL_CAN_RAW, CAN_RAW_FILTER, filters, size) == 0 ? CAN_BUS_OK : CAN_BUS_ERROR;
+    return setsockopt(self->fd, SOL_CAN_RAW, CAN_RAW_FILTER, filters, size) == 0 ? DAHL_CAN_BUS_OK : DAHL_CAN_BUS_ERROR;
 }

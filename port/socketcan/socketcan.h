@@ -15,15 +15,15 @@ extern "C" {
 #endif
 
 typedef struct {
-    can_bus_t bus; /* first */
+    dahl_can_bus_t bus; /* first */
     int fd;
 } socketcan_t;
 
-/* CAN_BUS_ERROR: no such interface, or the kernel has no CAN; errno says why. */
-can_result_t socketcan_open(socketcan_t *self, const char *interface, can_clock_t clock);
+/* DAHL_CAN_BUS_ERROR: no such interface, or the kernel has no CAN; errno says why. */
+dahl_can_result_t socketcan_open(socketcan_t *self, const char *interface, dahl_can_clock_t clock);
 
 /* Let the kernel pass only frames whose low 11 bits are one of these ids (extended ones too), and error frames. */
-can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t count);
+dahl_can_result_t socketcan_filter(socketcan_t *self, const uint32_t *ids, size_t count);
 
 #ifdef __cplusplus
 }

@@ -16,24 +16,24 @@
 
 enum { READ_SIZE = 4096 };
 
-static can_result_t member_send(can_bus_t *bus, const can_frame_t *frame)
+static dahl_can_result_t member_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
     socketcand_member_t *self = (socketcand_member_t *)bus;
     char text[TEXT_FRAME_MAX];
-    can_frame_t stamped = *frame;
-    stamped.time_us = can_clock_now_us(&bus->clock);
-    stamped.flags |= CAN_FRAME_OWN;
+    dahl_can_frame_t stamped = *frame;
+    stamped.time_us = dahl_can_clock_now_us(&bus->clock);
+    stamped.flags |= DAHL_CAN_FRAME_OWN;
     if (frame_queue_room(&self->queue) == 0 || !outbox_put(&self->outbox, text, text_from_send(text, frame))) {
         bus->counts.dropped++;
-        return CAN_BUS_BUSY;
+        return DAHL_CAN_BUS_BUSY;
     }
     frame_queue_put(&self->queue, &stamped);
-    return outbox_flush(&self->outbox, self->fd) ? CAN_BUS_OK : CAN_BUS_GONE;
+    return outbox_flush(&self->outbox, self->fd) ? DAHL_CAN_BUS_OK : DAHL_CAN_BUS_GONE;
 }
 
 static void feed(socketcand_member_t *self, const char *bytes, size_t count)
 {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     for (size_t i = 0; i < count; i++) {
         if (!text_feed(&self->input, bytes[i])) {
             continue;
@@ -56,14 +56,14 @@ static bool read_some(socketcand_member_t *self)
     return n > 0 || (n < 0 && (errno == EAGAIN || errno == EINTR));
 }
 
-static can_result_t member_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+static dahl_can_result_t member_receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     socketcand_member_t *self = (socketcand_member_t *)bus;
     if (frame_queue_take(&self->queue, frame)) {
-        return CAN_BUS_OK;
+        return DAHL_CAN_BUS_OK;
     }
     if (!outbox_flush(&self->outbox, self->fd)) {
-        return CAN_BUS_GONE;
+        return DAHL_CAN_BUS_GONE;
     }
     struct pollfd ready = {.fd = self->fd, .events = POLLIN};
     struct timespec wait = {.tv_sec = (time_t)(timeout_us / 1000000u), .tv_nsec = (long)(timeout_us % 1000000u) * 1000};
@@ -71,18 +71,18 @@ static can_result_t member_receive(can_bus_t *bus, can_frame_t *frame, uint32_t 
         ready.events |= POLLOUT;
     }
     if (ppoll(&ready, 1, &wait, NULL) > 0 && (ready.revents & ~POLLOUT) != 0 && !read_some(self)) {
-        return CAN_BUS_GONE;
+        return DAHL_CAN_BUS_GONE;
     }
-    return frame_queue_take(&self->queue, frame) ? CAN_BUS_OK : CAN_BUS_NONE;
+    return frame_queue_take(&self->queue, frame) ? DAHL_CAN_BUS_OK : DAHL_CAN_BUS_NONE;
 }
 
-static uint32_t member_peers(const can_bus_t *bus)
+static uint32_t member_peers(const dahl_can_bus_t *bus)
 {
     (void)bus;
     return 1;
 }
 
-static void member_close(can_bus_t *bus)
+static void member_close(dahl_can_bus_t *bus)
 {
     socketcand_member_t *self = (socketcand_member_t *)bus;
     struct pollfd ready = {.fd = self->fd, .events = POLLOUT};
@@ -94,7 +94,7 @@ static void member_close(can_bus_t *bus)
     close(self->fd);
 }
 
-static const can_bus_ops_t member_ops = {member_send, member_receive, member_peers, member_close};
+static const dahl_can_bus_ops_t member_ops = {member_send, member_receive, member_peers, member_close};
 
 static int fail(int fd, int why)
 {
@@ -184,17 +184,17 @@ static bool handshake(socketcand_member_t *self, const char *name)
            expect(self, " ok ");
 }
 
-can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
-                             can_clock_t clock)
+dahl_can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
+                             dahl_can_clock_t clock)
 {
-    self->bus = (can_bus_t){.ops = &member_ops, .clock = clock};
+    self->bus = (dahl_can_bus_t){.ops = &member_ops, .clock = clock};
     self->fd = connect_to(host, port);
     if (self->fd < 0) {
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
     if (!handshake(self, name)) {
         fail(self->fd, EPROTO);
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
-    return CAN_BUS_OK;
+    return DAHL_CAN_BUS_OK;
 }

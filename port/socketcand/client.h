@@ -16,7 +16,7 @@ extern "C" {
 #endif
 
 typedef struct {
-    can_bus_t bus; /* first */
+    dahl_can_bus_t bus; /* first */
     frame_queue_t queue;
     int fd;
     text_splitter_t input;
@@ -24,9 +24,9 @@ typedef struct {
 } socketcand_member_t;
 
 /* Connect, open the bus by name and enter raw mode, within 5 s. *self must be all zeros (it is large: make it static).
- * CAN_BUS_ERROR: errno says why; EPROTO: the peer does not speak socketcand or has no such bus. */
-can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
-                             can_clock_t clock);
+ * DAHL_CAN_BUS_ERROR: errno says why; EPROTO: the peer does not speak socketcand or has no such bus. */
+dahl_can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
+                             dahl_can_clock_t clock);
 
 #ifdef __cplusplus
 }

@@ -16,7 +16,7 @@
 
 enum {
     READ_SIZE = 4096,
-    FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
+    DAHL_FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
     QUIET_MS = 100,        /* python-can takes "< ok >" for bad if a frame follows in the same piece */
     KERNEL_BYTES = 65536,  /* the kernel would let a client that does not read fill megabytes */
     LINGER_MS = 2000,
@@ -129,7 +129,7 @@ static void put_word(socketcand_server_t *self, socketcand_client_t *client, con
 }
 
 /* To the queue of this process and to every client in raw mode but the sender. */
-static can_result_t deliver(socketcand_server_t *self, const can_frame_t *frame, const socketcand_client_t *sender)
+static dahl_can_result_t deliver(socketcand_server_t *self, const dahl_can_frame_t *frame, const socketcand_client_t *sender)
 {
     char text[TEXT_FRAME_MAX];
     size_t length = text_from_frame(text, frame);
@@ -141,16 +141,16 @@ static can_result_t deliver(socketcand_server_t *self, const can_frame_t *frame,
     }
     if (!frame_queue_put(&self->queue, frame)) {
         self->bus.counts.dropped++;
-        return CAN_BUS_BUSY;
+        return DAHL_CAN_BUS_BUSY;
     }
-    return CAN_BUS_OK;
+    return DAHL_CAN_BUS_OK;
 }
 
-static can_result_t server_send(can_bus_t *bus, const can_frame_t *frame)
+static dahl_can_result_t server_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
-    can_frame_t stamped = *frame;
-    stamped.time_us = can_clock_now_us(&bus->clock);
-    stamped.flags |= CAN_FRAME_OWN;
+    dahl_can_frame_t stamped = *frame;
+    stamped.time_us = dahl_can_clock_now_us(&bus->clock);
+    stamped.flags |= DAHL_CAN_FRAME_OWN;
     return deliver((socketcand_server_t *)bus, &stamped, NULL);
 }
 
@@ -192,13 +192,13 @@ static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, 
 /* In raw mode garbage is counted and not answered: python-can stops at an element that it cannot parse. */
 static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const char *element)
 {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     client->quiet_until_ns = 0; /* who speaks now has read "< ok >" */
     if (!text_to_send(element, &frame)) {
         self->bus.counts.garbage++;
         return;
     }
-    frame.time_us = can_clock_now_us(&self->bus.clock);
+    frame.time_us = dahl_can_clock_now_us(&self->bus.clock);
     deliver(self, &frame, client);
 }
 
@@ -271,7 +271,7 @@ static void join(socketcand_server_t *self)
 
 static void watch(const socketcand_server_t *self, struct pollfd *fds)
 {
-    short read = frame_queue_room(&self->queue) >= FRAMES_PER_READ ? POLLIN : 0;
+    short read = frame_queue_room(&self->queue) >= DAHL_FRAMES_PER_READ ? POLLIN : 0;
     fds[0] = (struct pollfd){.fd = self->listener, .events = POLLIN};
     for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
         const socketcand_client_t *client = &self->clients[i];
@@ -288,7 +288,7 @@ static void serve(socketcand_server_t *self, const struct pollfd *fds)
             flush(&self->clients[i]);
         }
         if ((fds[i + 1].revents & (POLLIN | POLLHUP | POLLERR)) != 0 &&
-            frame_queue_room(&self->queue) >= FRAMES_PER_READ) {
+            frame_queue_room(&self->queue) >= DAHL_FRAMES_PER_READ) {
             read_from(self, &self->clients[i]);
         }
     }
@@ -297,12 +297,12 @@ static void serve(socketcand_server_t *self, const struct pollfd *fds)
     }
 }
 
-static can_result_t server_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+static dahl_can_result_t server_receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     socketcand_server_t *self = (socketcand_server_t *)bus;
     struct pollfd fds[SOCKETCAND_CLIENTS + 1];
     if (frame_queue_take(&self->queue, frame)) {
-        return CAN_BUS_OK;
+        return DAHL_CAN_BUS_OK;
     }
     flush_all(self);
     drop_silent(self);
@@ -311,10 +311,10 @@ static can_result_t server_receive(can_bus_t *bus, can_frame_t *frame, uint32_t 
     if (ppoll(fds, SOCKETCAND_CLIENTS + 1, &wait, NULL) > 0) {
         serve(self, fds);
     }
-    return frame_queue_take(&self->queue, frame) ? CAN_BUS_OK : CAN_BUS_NONE;
+    return frame_queue_take(&self->queue, frame) ? DAHL_CAN_BUS_OK : DAHL_CAN_BUS_NONE;
 }
 
-static uint32_t server_peers(const can_bus_t *bus)
+static uint32_t server_peers(const dahl_can_bus_t *bus)
 {
     const socketcand_server_t *self = (const socketcand_server_t *)bus;
     uint32_t count = 0;
@@ -348,7 +348,7 @@ static void part(socketcand_client_t *client)
     leave(client);
 }
 
-static void server_close(can_bus_t *bus)
+static void server_close(dahl_can_bus_t *bus)
 {
     socketcand_server_t *self = (socketcand_server_t *)bus;
     uint64_t give_up = real_ns() + LINGER_MS * UINT64_C(1000000);
@@ -365,9 +365,9 @@ static void server_close(can_bus_t *bus)
     }
 }
 
-static const can_bus_ops_t server_ops = {server_send, server_receive, server_peers, server_close};
+static const dahl_can_bus_ops_t server_ops = {server_send, server_receive, server_peers, server_close};
 
-static can_result_t listen_on(int fd, uint16_t *port)
+static dahl_can_result_t listen_on(int fd, uint16_t *port)
 {
     const int on = 1;
     struct sockaddr_in address = {
@@ -376,23 +376,23 @@ static can_result_t listen_on(int fd, uint16_t *port)
     setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
     if (bind(fd, (struct sockaddr *)&address, size) != 0 || listen(fd, SOCKETCAND_CLIENTS) != 0 ||
         getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
     *port = ntohs(address.sin_port);
-    return CAN_BUS_OK;
+    return DAHL_CAN_BUS_OK;
 }
 
-can_result_t socketcand_serve(socketcand_server_t *self, uint16_t port, const char *name, can_clock_t clock)
+dahl_can_result_t socketcand_serve(socketcand_server_t *self, uint16_t port, const char *name, dahl_can_clock_t clock)
 {
-    self->bus = (can_bus_t){.ops = &server_ops, .clock = clock};
+    self->bus = (dahl_can_bus_t){.ops = &server_ops, .clock = clock};
     self->name = name;
     self->port = port;
     self->listener = socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     if (self->listener < 0) {
-        return CAN_BUS_ERROR;
+        return DAHL_CAN_BUS_ERROR;
     }
-    can_result_t result = listen_on(self->listener, &self->port);
-    if (result != CAN_BUS_OK) {
+    dahl_can_result_t result = listen_on(self->listener, &self->port);
+    if (result != DAHL_CAN_BUS_OK) {
         int why = errno;
         close(self->listener);
         errno = why;

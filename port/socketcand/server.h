@@ -33,7 +33,7 @@ typedef struct {
 } socketcand_client_t;
 
 typedef struct {
-    can_bus_t bus; /* first */
+    dahl_can_bus_t bus; /* first */
     frame_queue_t queue;
     int listener;
     uint16_t port;                     /* the one in use */
@@ -44,8 +44,8 @@ typedef struct {
 } socketcand_server_t;
 
 /* Listen on 127.0.0.1:port, 0: any free one. *self must be all zeros (it is large: make it static); patience_ms and
- * report may be set afterwards. CAN_BUS_ERROR: errno says why. */
-can_result_t socketcand_serve(socketcand_server_t *self, uint16_t port, const char *name, can_clock_t clock);
+ * report may be set afterwards. DAHL_CAN_BUS_ERROR: errno says why. */
+dahl_can_result_t socketcand_serve(socketcand_server_t *self, uint16_t port, const char *name, dahl_can_clock_t clock);
 
 #ifdef __cplusplus
 }

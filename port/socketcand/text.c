@@ -57,14 +57,14 @@ bool text_word(const char **cursor, char *word, size_t size)
     return true;
 }
 
-static int id_digits(const can_frame_t *frame)
+static int id_digits(const dahl_can_frame_t *frame)
 {
-    return (frame->flags & CAN_FRAME_EXTENDED) != 0 ? 8 : 3;
+    return (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 ? 8 : 3;
 }
 
-static bool has_words(const can_frame_t *frame)
+static bool has_words(const dahl_can_frame_t *frame)
 {
-    return (frame->flags & (CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)) == 0;
+    return (frame->flags & (DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD)) == 0;
 }
 
 static char *put_byte(char *out, uint8_t byte)
@@ -75,7 +75,7 @@ static char *put_byte(char *out, uint8_t byte)
     return out + 2;
 }
 
-size_t text_from_frame(char *out, const can_frame_t *frame)
+size_t text_from_frame(char *out, const dahl_can_frame_t *frame)
 {
     if (!has_words(frame)) {
         return 0;
@@ -91,7 +91,7 @@ size_t text_from_frame(char *out, const can_frame_t *frame)
     return (size_t)(at + 2 - out);
 }
 
-size_t text_from_send(char *out, const can_frame_t *frame)
+size_t text_from_send(char *out, const dahl_can_frame_t *frame)
 {
     if (!has_words(frame)) {
         return 0;
@@ -122,7 +122,7 @@ static bool hex_word(const char **cursor, uint64_t limit, uint64_t *value)
     return text_word(cursor, word, sizeof word) && to_number(word, 16, limit, value);
 }
 
-static bool id_word(const char **cursor, can_frame_t *frame)
+static bool id_word(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[9];
     uint64_t id;
@@ -134,7 +134,7 @@ static bool id_word(const char **cursor, can_frame_t *frame)
         return false;
     }
     frame->id = (uint32_t)id;
-    frame->flags = extended ? CAN_FRAME_EXTENDED : 0;
+    frame->flags = extended ? DAHL_CAN_FRAME_EXTENDED : 0;
     return true;
 }
 
@@ -150,7 +150,7 @@ static bool at_end(const char *cursor)
 }
 
 /* What has more than 8 bytes is of CAN FD, which has these lengths; only its first 8 bytes are kept. */
-static bool set_length(can_frame_t *frame, uint64_t length)
+static bool set_length(dahl_can_frame_t *frame, uint64_t length)
 {
     static const char fd_lengths[] = {12, 16, 20, 24, 32, 48, 64, 0};
     if (length <= 8) {
@@ -158,18 +158,18 @@ static bool set_length(can_frame_t *frame, uint64_t length)
         return true;
     }
     frame->length = 8;
-    frame->flags |= CAN_FRAME_FD;
+    frame->flags |= DAHL_CAN_FRAME_FD;
     return length <= 64 && strchr(fd_lengths, (int)length) != NULL;
 }
 
-static void keep(can_frame_t *frame, uint64_t i, uint64_t byte)
+static void keep(dahl_can_frame_t *frame, uint64_t i, uint64_t byte)
 {
     if (i < frame->length) {
         frame->data[i] = (uint8_t)byte;
     }
 }
 
-bool text_to_send(const char *element, can_frame_t *frame)
+bool text_to_send(const char *element, dahl_can_frame_t *frame)
 {
     uint64_t length;
     uint64_t byte;
@@ -187,7 +187,7 @@ bool text_to_send(const char *element, can_frame_t *frame)
     return at_end(element);
 }
 
-static bool time_word(const char **cursor, can_frame_t *frame)
+static bool time_word(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[32];
     uint64_t seconds;
@@ -207,7 +207,7 @@ static bool time_word(const char **cursor, can_frame_t *frame)
     return true;
 }
 
-static bool data_word(const char **cursor, can_frame_t *frame)
+static bool data_word(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[2 * 64 + 1];
     if (at_end(*cursor)) {
@@ -227,7 +227,7 @@ static bool data_word(const char **cursor, can_frame_t *frame)
     return true;
 }
 
-bool text_to_frame(const char *element, can_frame_t *frame)
+bool text_to_frame(const char *element, dahl_can_frame_t *frame)
 {
     memset(frame, 0, sizeof *frame);
     return begins_with(&element, "frame") && id_word(&element, frame) && time_word(&element, frame) &&

@@ -39,12 +39,12 @@ typedef struct {
 bool text_feed(text_splitter_t *s, char c);
 
 /* Length of the text written to out, at most TEXT_FRAME_MAX; 0: the protocol has no words for such a frame. */
-size_t text_from_frame(char *out, const can_frame_t *frame);
-size_t text_from_send(char *out, const can_frame_t *frame);
+size_t text_from_frame(char *out, const dahl_can_frame_t *frame);
+size_t text_from_send(char *out, const dahl_can_frame_t *frame);
 
 /* False: not such an element, or not a good one; *frame may be half written. A send has no time: time_us stays 0. */
-bool text_to_send(const char *element, can_frame_t *frame);
-bool text_to_frame(const char *element, can_frame_t *frame);
+bool text_to_send(const char *element, dahl_can_frame_t *frame);
+bool text_to_frame(const char *element, dahl_can_frame_t *frame);
 
 /* The next word of *cursor into word (size bytes); false: none left or too long. */
 bool text_word(const char **cursor, char *word, size_t size);

@@ -6,7 +6,7 @@
 
 #include "../frame_bits.h"
 
-static timed_loopback_t *self_of(can_bus_t *bus)
+static timed_loopback_t *self_of(dahl_can_bus_t *bus)
 {
     return (timed_loopback_t *)(void *)bus;
 }
@@ -16,22 +16,22 @@ static uint64_t now_ns(const timed_loopback_t *self)
     return self->bus.clock.now_ns(self->bus.clock.context);
 }
 
-static can_result_t timed_send(can_bus_t *bus, const can_frame_t *frame)
+static dahl_can_result_t timed_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
     timed_loopback_t *self = self_of(bus);
     if (self->count == TIMED_LOOPBACK_ROOM) {
         bus->counts.dropped++;
-        return CAN_BUS_BUSY;
+        return DAHL_CAN_BUS_BUSY;
     }
     self->waiting[self->count] = (timed_frame_t){*frame, now_ns(self)};
-    self->waiting[self->count++].frame.flags |= CAN_FRAME_OWN;
-    return CAN_BUS_OK;
+    self->waiting[self->count++].frame.flags |= DAHL_CAN_FRAME_OWN;
+    return DAHL_CAN_BUS_OK;
 }
 
 /* What goes first on the bus has the smaller number. */
-static uint64_t priority(const can_frame_t *frame)
+static uint64_t priority(const dahl_can_frame_t *frame)
 {
-    if ((frame->flags & CAN_FRAME_EXTENDED) != 0) {
+    if ((frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0) {
         return (uint64_t)(frame->id >> 18) << 19 | 1u << 18 | (frame->id & 0x3FFFFu);
     }
     return (uint64_t)frame->id << 19;
@@ -51,10 +51,10 @@ static size_t winner(const timed_loopback_t *self, uint64_t *start_ns)
     return best;
 }
 
-static void take(timed_loopback_t *self, size_t i, can_frame_t *frame)
+static void take(timed_loopback_t *self, size_t i, dahl_can_frame_t *frame)
 {
     *frame = self->waiting[i].frame;
-    frame->time_us = can_clock_now_us(&self->bus.clock);
+    frame->time_us = dahl_can_clock_now_us(&self->bus.clock);
     self->count--;
     memmove(&self->waiting[i], &self->waiting[i + 1], (self->count - i) * sizeof self->waiting[0]);
 }
@@ -67,7 +67,7 @@ static void wait_until(const timed_loopback_t *self, uint64_t when_ns)
     }
 }
 
-static can_result_t timed_receive(can_bus_t *bus, can_frame_t *frame, uint32_t timeout_us)
+static dahl_can_result_t timed_receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     timed_loopback_t *self = self_of(bus);
     uint64_t limit = now_ns(self) + (uint64_t)timeout_us * 1000u;
@@ -79,26 +79,26 @@ static can_result_t timed_receive(can_bus_t *bus, can_frame_t *frame, uint32_t t
             wait_until(self, end);
             self->free_ns = end;
             take(self, first, frame);
-            return CAN_BUS_OK;
+            return DAHL_CAN_BUS_OK;
         }
     }
     wait_until(self, limit);
-    return CAN_BUS_NONE;
+    return DAHL_CAN_BUS_NONE;
 }
 
-static uint32_t timed_peers(const can_bus_t *bus)
+static uint32_t timed_peers(const dahl_can_bus_t *bus)
 {
     (void)bus;
     return 0;
 }
 
-static void timed_close(can_bus_t *bus)
+static void timed_close(dahl_can_bus_t *bus)
 {
     (void)bus;
 }
 
-void timed_loopback_open(timed_loopback_t *self, uint32_t bitrate, can_clock_t clock)
+void timed_loopback_open(timed_loopback_t *self, uint32_t bitrate, dahl_can_clock_t clock)
 {
-    static const can_bus_ops_t ops = {timed_send, timed_receive, timed_peers, timed_close};
+    static const dahl_can_bus_ops_t ops = {timed_send, timed_receive, timed_peers, timed_close};
     *self = (timed_loopback_t){.bus = {.ops = &ops, .clock = clock}, .bitrate = bitrate};
 }

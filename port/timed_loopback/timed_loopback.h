@@ -18,19 +18,19 @@ extern "C" {
 #define TIMED_LOOPBACK_ROOM 256u /* frames that can wait; more are dropped and counted */
 
 typedef struct {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     uint64_t asked_ns;
 } timed_frame_t;
 
 typedef struct {
-    can_bus_t bus; /* first: what the seam points to */
+    dahl_can_bus_t bus; /* first: what the seam points to */
     uint32_t bitrate;
     uint64_t free_ns; /* when the last frame ended */
     size_t count;
     timed_frame_t waiting[TIMED_LOOPBACK_ROOM]; /* in the order of sending */
 } timed_loopback_t;
 
-void timed_loopback_open(timed_loopback_t *self, uint32_t bitrate, can_clock_t clock);
+void timed_loopback_open(timed_loopback_t *self, uint32_t bitrate, dahl_can_clock_t clock);
 
 #ifdef __cplusplus
 }

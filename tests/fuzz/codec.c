@@ -14,23 +14,23 @@ typedef struct {
 } kind_t;
 
 static const kind_t kinds[] = {
-    {FRAMES_ID_ENCODER, FRAMES_KIND_ENCODER, {0xFF, 0x1F, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0}},
-    {FRAMES_ID_TORQUE, FRAMES_KIND_TORQUE, {0xFF, 0xFF, 0x0F, 0, 0xFF, 0xFF, 0xFF, 0xFF}},
-    {FRAMES_ID_STATUS, FRAMES_KIND_STATUS, {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF}},
-    {FRAMES_ID_PARAM_WRITE, FRAMES_KIND_PARAM_WRITE, {0xFF, 0x3F, 0xFF, 0, 0xFF, 0xFF, 0xFF, 0xFF}},
-    {FRAMES_ID_PARAM_REPLY, FRAMES_KIND_PARAM_REPLY, {0xFF, 0xFF, 0xFF, 0, 0xFF, 0xFF, 0xFF, 0xFF}},
-    {FRAMES_ID_RESET, FRAMES_KIND_RESET, {0xFF, 0xFF, 0, 0, 0, 0, 0, 0}},
+    {DAHL_FRAMES_ID_ENCODER, DAHL_FRAMES_KIND_ENCODER, {0xFF, 0x1F, 0xFF, 0xFF, 0xFF, 0xFF, 0, 0}},
+    {DAHL_FRAMES_ID_TORQUE, DAHL_FRAMES_KIND_TORQUE, {0xFF, 0xFF, 0x0F, 0, 0xFF, 0xFF, 0xFF, 0xFF}},
+    {DAHL_FRAMES_ID_STATUS, DAHL_FRAMES_KIND_STATUS, {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF}},
+    {DAHL_FRAMES_ID_PARAM_WRITE, DAHL_FRAMES_KIND_PARAM_WRITE, {0xFF, 0x3F, 0xFF, 0, 0xFF, 0xFF, 0xFF, 0xFF}},
+    {DAHL_FRAMES_ID_PARAM_REPLY, DAHL_FRAMES_KIND_PARAM_REPLY, {0xFF, 0xFF, 0xFF, 0, 0xFF, 0xFF, 0xFF, 0xFF}},
+    {DAHL_FRAMES_ID_RESET, DAHL_FRAMES_KIND_RESET, {0xFF, 0xFF, 0, 0, 0, 0, 0, 0}},
 };
 
 enum { KINDS = sizeof kinds / sizeof kinds[0] };
 
 typedef union {
-    encoder_state_t encoder;
-    friction_torque_t torque;
-    node_status_t status;
-    param_write_t param_write;
-    param_reply_t param_reply;
-    node_reset_t reset;
+    dahl_encoder_state_t encoder;
+    dahl_friction_torque_t torque;
+    dahl_node_status_t status;
+    dahl_param_write_t param_write;
+    dahl_param_reply_t param_reply;
+    dahl_node_reset_t reset;
     uint8_t bytes[16];
 } content_t;
 
@@ -53,38 +53,38 @@ static uint8_t crc_of(const uint8_t *data, uint8_t kind)
     return shift_in(crc, (uint8_t)(kind << 4 | (data[1] & 15))) ^ 0xFF;
 }
 
-static frames_check_t unpack(size_t kind, const can_frame_t *frame, content_t *out)
+static dahl_frames_check_t unpack(size_t kind, const dahl_can_frame_t *frame, content_t *out)
 {
     switch (kind) {
-    case 0: return frames_unpack_encoder(frame, &out->encoder);
-    case 1: return frames_unpack_torque(frame, &out->torque);
-    case 2: return frames_unpack_status(frame, &out->status);
-    case 3: return frames_unpack_param_write(frame, &out->param_write);
-    case 4: return frames_unpack_param_reply(frame, &out->param_reply);
-    default: return frames_unpack_reset(frame, &out->reset);
+    case 0: return dahl_frames_unpack_encoder(frame, &out->encoder);
+    case 1: return dahl_frames_unpack_torque(frame, &out->torque);
+    case 2: return dahl_frames_unpack_status(frame, &out->status);
+    case 3: return dahl_frames_unpack_param_write(frame, &out->param_write);
+    case 4: return dahl_frames_unpack_param_reply(frame, &out->param_reply);
+    default: return dahl_frames_unpack_reset(frame, &out->reset);
     }
 }
 
-static void pack(size_t kind, can_frame_t *frame, uint8_t node, const content_t *in)
+static void pack(size_t kind, dahl_can_frame_t *frame, uint8_t node, const content_t *in)
 {
     switch (kind) {
-    case 0: frames_pack_encoder(frame, node, &in->encoder); break;
-    case 1: frames_pack_torque(frame, node, &in->torque); break;
-    case 2: frames_pack_status(frame, node, &in->status); break;
-    case 3: frames_pack_param_write(frame, node, &in->param_write); break;
-    case 4: frames_pack_param_reply(frame, node, &in->param_reply); break;
-    default: frames_pack_reset(frame, node, &in->reset);
+    case 0: dahl_frames_pack_encoder(frame, node, &in->encoder); break;
+    case 1: dahl_frames_pack_torque(frame, node, &in->torque); break;
+    case 2: dahl_frames_pack_status(frame, node, &in->status); break;
+    case 3: dahl_frames_pack_param_write(frame, node, &in->param_write); break;
+    case 4: dahl_frames_pack_param_reply(frame, node, &in->param_reply); break;
+    default: dahl_frames_pack_reset(frame, node, &in->reset);
     }
 }
 
-static int is_classic(const can_frame_t *frame)
+static int is_classic(const dahl_can_frame_t *frame)
 {
-    return frame->length == 8 && !(frame->flags & (CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD));
+    return frame->length == 8 && !(frame->flags & (DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD));
 }
 
-static void check_repack(size_t kind, const can_frame_t *frame, const content_t *content)
+static void check_repack(size_t kind, const dahl_can_frame_t *frame, const content_t *content)
 {
-    can_frame_t again;
+    dahl_can_frame_t again;
     memset(&again, 0xA5, sizeof again);
     pack(kind, &again, (uint8_t)frame->id, content);
     LAW(again.id == (kinds[kind].id | (frame->id & 15)) && again.length == 8 && again.flags == 0, "packing sets the whole head");
@@ -94,17 +94,17 @@ static void check_repack(size_t kind, const can_frame_t *frame, const content_t 
     }
 }
 
-static frames_check_t check_unpack(size_t kind, const can_frame_t *frame)
+static dahl_frames_check_t check_unpack(size_t kind, const dahl_can_frame_t *frame)
 {
     content_t content, untouched;
     memset(&untouched, 0xA5, sizeof untouched);
     content = untouched;
-    frames_check_t got = unpack(kind, frame, &content);
-    frames_check_t wanted = !is_classic(frame)                                             ? FRAMES_BAD_FORMAT
-                            : frame->data[0] == crc_of(frame->data, kinds[kind].kind) ? FRAMES_GOOD
-                                                                                        : FRAMES_BAD_CRC;
+    dahl_frames_check_t got = unpack(kind, frame, &content);
+    dahl_frames_check_t wanted = !is_classic(frame)                                             ? DAHL_FRAMES_BAD_FORMAT
+                            : frame->data[0] == crc_of(frame->data, kinds[kind].kind) ? DAHL_FRAMES_GOOD
+                                                                                        : DAHL_FRAMES_BAD_CRC;
     LAW(got == wanted, "taken iff the form and the CRC are right");
-    if (got == FRAMES_GOOD) {
+    if (got == DAHL_FRAMES_GOOD) {
         check_repack(kind, frame, &content);
     } else {
         LAW(memcmp(&content, &untouched, sizeof content) == 0, "what is refused leaves the output alone");
@@ -113,22 +113,22 @@ static frames_check_t check_unpack(size_t kind, const can_frame_t *frame)
 }
 
 /* One or two wrong bits never pass, in no kind. */
-static void check_flips(size_t kind, can_frame_t frame, uint8_t one, uint8_t two)
+static void check_flips(size_t kind, dahl_can_frame_t frame, uint8_t one, uint8_t two)
 {
     frame.data[one >> 3 & 7] ^= (uint8_t)(1u << (one & 7u));
     frame.data[two >> 3 & 7] ^= (uint8_t)(1u << (two & 7u));
     if (((one ^ two) & 63) != 0) {
-        LAW(check_unpack(kind, &frame) == FRAMES_BAD_CRC, "two wrong bits are seen");
+        LAW(check_unpack(kind, &frame) == DAHL_FRAMES_BAD_CRC, "two wrong bits are seen");
     } else {
         frame.data[one >> 3 & 7] ^= (uint8_t)(1u << (one & 7u));
-        LAW(check_unpack(kind, &frame) == FRAMES_BAD_CRC, "a wrong bit is seen");
+        LAW(check_unpack(kind, &frame) == DAHL_FRAMES_BAD_CRC, "a wrong bit is seen");
     }
 }
 
 static void check_pack(size_t kind, fuzz_bytes_t *bytes)
 {
     content_t content = {.bytes = {0}};
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     uint8_t node = fuzz_u8(bytes), one = fuzz_u8(bytes), two = fuzz_u8(bytes), flag = fuzz_u8(bytes) & 1;
     for (size_t i = 0; i < sizeof content.bytes; i++) {
         content.bytes[i] = fuzz_u8(bytes);
@@ -137,9 +137,9 @@ static void check_pack(size_t kind, fuzz_bytes_t *bytes)
         memcpy(&content.encoder.valid, &flag, 1);
     }
     pack(kind, &frame, node, &content);
-    LAW(check_unpack(kind, &frame) == FRAMES_GOOD, "what was packed is good");
+    LAW(check_unpack(kind, &frame) == DAHL_FRAMES_GOOD, "what was packed is good");
     for (size_t other = 0; other < KINDS; other++) {
-        LAW(other == kind || check_unpack(other, &frame) == FRAMES_BAD_CRC, "no frame passes for another kind");
+        LAW(other == kind || check_unpack(other, &frame) == DAHL_FRAMES_BAD_CRC, "no frame passes for another kind");
     }
     check_flips(kind, frame, one, two);
 }
@@ -153,7 +153,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         check_pack(kind, &bytes);
         return 0;
     }
-    can_frame_t frame = {.id = fuzz_u32(&bytes), .flags = fuzz_u8(&bytes), .length = fuzz_u8(&bytes)};
+    dahl_can_frame_t frame = {.id = fuzz_u32(&bytes), .flags = fuzz_u8(&bytes), .length = fuzz_u8(&bytes)};
     for (int i = 0; i < 8; i++) {
         frame.data[i] = fuzz_u8(&bytes);
     }
@@ -161,7 +161,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         frame.data[0] = crc_of(frame.data, kinds[kind].kind);
         frame.length = what & 0x20 ? 8 : frame.length;
     }
-    LAW(frames_crc(frame.data, kinds[kind].kind) == crc_of(frame.data, kinds[kind].kind), "the table is the polynomial");
+    LAW(dahl_frames_crc(frame.data, kinds[kind].kind) == crc_of(frame.data, kinds[kind].kind), "the table is the polynomial");
     check_unpack(kind, &frame);
     return 0;
 }

@@ -9,36 +9,36 @@
 #include "fuzz.h"
 #include "dahl_node.h"
 
-enum { FRAMES_MAX = 24 };
+enum { DAHL_FRAMES_MAX = 24 };
 
 static const uint32_t TWIN_COUNT = 0x8765ABCDu, TWIN_US = 0xC0FFEE01u;
 
-static const uint8_t kinds[6] = {FRAMES_KIND_ENCODER,     FRAMES_KIND_TORQUE,      FRAMES_KIND_STATUS,
-                                 FRAMES_KIND_PARAM_WRITE, FRAMES_KIND_PARAM_REPLY, FRAMES_KIND_RESET};
+static const uint8_t kinds[6] = {DAHL_FRAMES_KIND_ENCODER,     DAHL_FRAMES_KIND_TORQUE,      DAHL_FRAMES_KIND_STATUS,
+                                 DAHL_FRAMES_KIND_PARAM_WRITE, DAHL_FRAMES_KIND_PARAM_REPLY, DAHL_FRAMES_KIND_RESET};
 
 typedef struct {
-    node_t node, twin;
+    dahl_node_t node, twin;
     uint32_t now_us;
     uint32_t in_a_row; /* good valid EncoderStates, each with the next counter */
     uint32_t last_good;
     uint8_t torque_counter, status_counter;
-    node_counts_t cleared; /* counts at the last Reset */
+    dahl_node_counts_t cleared; /* counts at the last Reset */
     uint8_t heard_good; /* this is an EncoderState of its own with a good CRC */
     uint8_t is_silent; /* no starting point since a timeout or bus-off */
 } receiver_t;
 
-static uint64_t fates(const node_counts_t *n)
+static uint64_t fates(const dahl_node_counts_t *n)
 {
     return (uint64_t)n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->jump + n->rearm +
            n->ignored + n->params + n->resets + n->bus_off;
 }
 
 /* By the first byte: what kind, next in sequence or not, CRC put right or not. */
-static can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
+static dahl_can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
 {
     uint8_t what = fuzz_u8(bytes), step = fuzz_u8(bytes);
     size_t kind = what & 8u ? 0 : (what & 7u) % 6u;
-    can_frame_t frame = {.id = 0x100u + 0x10u * (uint32_t)kind + r->node.number, .length = 8};
+    dahl_can_frame_t frame = {.id = 0x100u + 0x10u * (uint32_t)kind + r->node.number, .length = 8};
     for (size_t i = 1; i < 8; i++) {
         frame.data[i] = fuzz_u8(bytes);
     }
@@ -55,7 +55,7 @@ static can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
         frame.data[7] = 0;
     }
     if ((what & 0xC0u) != 0) {
-        frame.data[0] = frames_crc(frame.data, kinds[kind]);
+        frame.data[0] = dahl_frames_crc(frame.data, kinds[kind]);
     } else if (step & 0x80u) {
         frame.id = fuzz_u32(bytes) & 0x1FFFFFFFu;
         frame.flags = fuzz_u8(bytes);
@@ -64,21 +64,21 @@ static can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
     return frame;
 }
 
-static int is_encoder(const receiver_t *r, const can_frame_t *in)
+static int is_encoder(const receiver_t *r, const dahl_can_frame_t *in)
 {
-    return in->id == (FRAMES_ID_ENCODER | r->node.number) && !can_is_bus_off(in);
+    return in->id == (DAHL_FRAMES_ID_ENCODER | r->node.number) && !dahl_can_is_bus_off(in);
 }
 
-static void note_sequence(receiver_t *r, const can_frame_t *in)
+static void note_sequence(receiver_t *r, const dahl_can_frame_t *in)
 {
-    encoder_state_t seen;
+    dahl_encoder_state_t seen;
     r->heard_good = 0;
-    if (can_is_bus_off(in)) {
+    if (dahl_can_is_bus_off(in)) {
         r->in_a_row = 0;
         return;
     }
     if (is_encoder(r, in)) {
-        int good = frames_unpack_encoder(in, &seen) == FRAMES_GOOD;
+        int good = dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD;
         r->heard_good = (uint8_t)good;
         int next = good && seen.counter == ((r->last_good + 1) & 15u);
         r->in_a_row = good && seen.valid ? (next ? r->in_a_row + 1 : 1) : 0;
@@ -92,21 +92,21 @@ static int32_t clamped(int64_t value, int32_t limit)
 }
 
 /* The bristle was moved by the library, or kept. */
-static void check_torque(receiver_t *r, const node_t *before, const can_frame_t *in, const can_frame_t *out)
+static void check_torque(receiver_t *r, const dahl_node_t *before, const dahl_can_frame_t *in, const dahl_can_frame_t *out)
 {
-    friction_torque_t torque;
-    encoder_state_t seen;
-    LAW(frames_unpack_torque(out, &torque) == FRAMES_GOOD, "the answer is a good frame");
-    LAW(is_encoder(r, in) && frames_unpack_encoder(in, &seen) == FRAMES_GOOD && seen.valid, "only a good frame is answered");
+    dahl_friction_torque_t torque;
+    dahl_encoder_state_t seen;
+    LAW(dahl_frames_unpack_torque(out, &torque) == DAHL_FRAMES_GOOD, "the answer is a good frame");
+    LAW(is_encoder(r, in) && dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD && seen.valid, "only a good frame is answered");
     LAW(torque.echo == seen.counter && torque.counter == r->torque_counter, "the counter is echoed, the own one goes on");
-    int moved = before->primed && (r->node.state == FRAMES_OK || r->node.state == FRAMES_LOST);
+    int moved = before->primed && (r->node.state == DAHL_FRAMES_OK || r->node.state == DAHL_FRAMES_LOST);
     dahl_state_t bearing = before->bearing;
     int32_t way = moved ? (int32_t)((uint32_t)seen.count - before->count) : 0;
     int64_t q30 = dahl_step_counts_q30(&before->plan, &bearing, way);
     LAW(bearing.w == r->node.bearing.w, "the bristle moves as the library moves it, or not at all");
     int32_t limit = (int32_t)(before->limit << 14);
-    LAW(torque.torque_q30 == clamped(q30 * r->node.gain_now / (int64_t)NODE_ONE, limit), "gain and limit hold");
-    LAW(!r->is_silent || r->in_a_row >= NODE_REARM, "silence ends with enough good frames in a row");
+    LAW(torque.torque_q30 == clamped(q30 * r->node.gain_now / (int64_t)DAHL_NODE_ONE, limit), "gain and limit hold");
+    LAW(!r->is_silent || r->in_a_row >= DAHL_NODE_REARM, "silence ends with enough good frames in a row");
     LAW(r->node.primed && r->node.count == (uint32_t)seen.count, "what was answered is the starting point");
     LAW(way == 0 || r->node.max_step == 0 || r->now_us - before->good_us > 1u << 30 ||
             (uint64_t)llabs(way) <= (uint64_t)r->node.max_step * (16u + ((r->now_us - before->good_us) >> 10)),
@@ -115,12 +115,12 @@ static void check_torque(receiver_t *r, const node_t *before, const can_frame_t 
     r->is_silent = 0;
 }
 
-static void check_status(receiver_t *r, const can_frame_t *out)
+static void check_status(receiver_t *r, const dahl_can_frame_t *out)
 {
-    node_status_t status;
-    const node_counts_t *n = &r->node.counts;
-    LAW(out->id == (FRAMES_ID_STATUS | r->node.number), "a Status, with the own number");
-    LAW(frames_unpack_status(out, &status) == FRAMES_GOOD, "the Status is a good frame");
+    dahl_node_status_t status;
+    const dahl_node_counts_t *n = &r->node.counts;
+    LAW(out->id == (DAHL_FRAMES_ID_STATUS | r->node.number), "a Status, with the own number");
+    LAW(dahl_frames_unpack_status(out, &status) == DAHL_FRAMES_GOOD, "the Status is a good frame");
     LAW(status.counter == r->status_counter && status.state == r->node.state && status.errors == r->node.errors &&
             status.lost == ((n->lost - r->cleared.lost) & 255u) &&
             status.corrupt == ((n->crc + n->format - r->cleared.crc - r->cleared.format) & 255u),
@@ -128,64 +128,64 @@ static void check_status(receiver_t *r, const can_frame_t *out)
     r->status_counter = (r->status_counter + 1) & 15u;
 }
 
-static void check_reply(const receiver_t *r, const can_frame_t *in, const can_frame_t *out)
+static void check_reply(const receiver_t *r, const dahl_can_frame_t *in, const dahl_can_frame_t *out)
 {
-    param_reply_t reply;
-    param_write_t asked;
-    LAW(frames_unpack_param_reply(out, &reply) == FRAMES_GOOD, "the reply is a good frame");
-    LAW(frames_unpack_param_write(in, &asked) == FRAMES_GOOD && reply.counter == asked.counter,
+    dahl_param_reply_t reply;
+    dahl_param_write_t asked;
+    LAW(dahl_frames_unpack_param_reply(out, &reply) == DAHL_FRAMES_GOOD, "the reply is a good frame");
+    LAW(dahl_frames_unpack_param_write(in, &asked) == DAHL_FRAMES_GOOD && reply.counter == asked.counter,
         "the reply is to what was asked");
-    int known = reply.result != FRAMES_PARAM_UNKNOWN;
-    LAW(known ? reply.param == asked.param : reply.param == FRAMES_PARAM_NONE && reply.value == asked.param,
+    int known = reply.result != DAHL_FRAMES_PARAM_UNKNOWN;
+    LAW(known ? reply.param == asked.param : reply.param == DAHL_FRAMES_PARAM_NONE && reply.value == asked.param,
         "the reply is to what was asked");
-    LAW(asked.write != FRAMES_PARAM_WRITE || reply.result != FRAMES_PARAM_DONE || reply.value == asked.value ||
-            (asked.param <= FRAMES_PARAM_THETA && asked.value > 1u << 24),
+    LAW(asked.write != DAHL_FRAMES_PARAM_WRITE || reply.result != DAHL_FRAMES_PARAM_DONE || reply.value == asked.value ||
+            (asked.param <= DAHL_FRAMES_PARAM_THETA && asked.value > 1u << 24),
         "what was written is read back");
-    LAW(reply.result != FRAMES_PARAM_UNKNOWN || asked.param > FRAMES_PARAM_STATUS, "known parameters are known");
-    LAW(r->node.gain <= NODE_ONE && r->node.limit <= NODE_ONE && r->node.timeout_us >= 1000, "settings stay in range");
+    LAW(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_STATUS, "known parameters are known");
+    LAW(r->node.gain <= DAHL_NODE_ONE && r->node.limit <= DAHL_NODE_ONE && r->node.timeout_us >= 1000, "settings stay in range");
 }
 
 static void note_reset(receiver_t *r, uint8_t what)
 {
-    if (what == FRAMES_RESET_ERRORS || what == FRAMES_RESET_RESTART) {
+    if (what == DAHL_FRAMES_RESET_ERRORS || what == DAHL_FRAMES_RESET_RESTART) {
         r->cleared = r->node.counts;
     }
-    if (what == FRAMES_RESET_RESTART) {
+    if (what == DAHL_FRAMES_RESET_RESTART) {
         r->torque_counter = 0;
         r->status_counter = 0;
     }
 }
 
-static void check_answer(receiver_t *r, const node_t *before, const can_frame_t *in, const can_frame_t *out)
+static void check_answer(receiver_t *r, const dahl_node_t *before, const dahl_can_frame_t *in, const dahl_can_frame_t *out)
 {
-    node_reset_t reset;
+    dahl_node_reset_t reset;
     LAW(out->length == 8 && out->flags == 0 && (out->id & 15u) == r->node.number, "an answer is a classic frame of this node");
     switch (out->id & 0x7F0u) {
-    case FRAMES_ID_TORQUE: check_torque(r, before, in, out); break;
-    case FRAMES_ID_STATUS:
-        LAW(frames_unpack_reset(in, &reset) == FRAMES_GOOD, "a Status answers a Reset");
+    case DAHL_FRAMES_ID_TORQUE: check_torque(r, before, in, out); break;
+    case DAHL_FRAMES_ID_STATUS:
+        LAW(dahl_frames_unpack_reset(in, &reset) == DAHL_FRAMES_GOOD, "a Status answers a Reset");
         note_reset(r, reset.what);
         check_status(r, out);
-        r->is_silent = reset.what == FRAMES_RESET_RESTART ? 0 : r->is_silent;
+        r->is_silent = reset.what == DAHL_FRAMES_RESET_RESTART ? 0 : r->is_silent;
         break;
     default:
-        LAW((out->id & 0x7F0u) == FRAMES_ID_PARAM_REPLY, "an answer is of one of three kinds");
+        LAW((out->id & 0x7F0u) == DAHL_FRAMES_ID_PARAM_REPLY, "an answer is of one of three kinds");
         check_reply(r, in, out);
     }
 }
 
 /* Only an answer, a parameter or a restart may touch the bristle. */
-static void check_quiet(const receiver_t *r, const node_t *before)
+static void check_quiet(const receiver_t *r, const dahl_node_t *before)
 {
     LAW(r->node.bearing.w == before->bearing.w && r->node.count == before->count, "no answer, no move");
 }
 
-static void check_node(receiver_t *r, const node_t *before)
+static void check_node(receiver_t *r, const dahl_node_t *before)
 {
     uint64_t now = fates(&r->node.counts);
     LAW(now == fates(&before->counts) + 1, "a frame has one fate");
-    LAW(r->node.gain_now <= NODE_ONE, "the state is in range");
-    LAW(r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= FRAMES_INIT, "the state is in range");
+    LAW(r->node.gain_now <= DAHL_NODE_ONE, "the state is in range");
+    LAW(r->node.counter < 16 && r->node.candidate < 16 && r->node.state <= DAHL_FRAMES_INIT, "the state is in range");
     int64_t w = r->node.bearing.w, most = ((int64_t)1 << 62) + ((int64_t)1 << 31);
     LAW(w <= most && w >= -most, "the bristle stays in range");
     if (before->primed && !r->node.primed) {
@@ -195,13 +195,13 @@ static void check_node(receiver_t *r, const node_t *before)
 }
 
 /* For the twin: the same frame with its number and its zero. */
-static can_frame_t moved(const receiver_t *r, const can_frame_t *in)
+static dahl_can_frame_t moved(const receiver_t *r, const dahl_can_frame_t *in)
 {
-    can_frame_t frame = *in;
-    encoder_state_t seen;
-    if (is_encoder(r, in) && frames_unpack_encoder(in, &seen) == FRAMES_GOOD) {
+    dahl_can_frame_t frame = *in;
+    dahl_encoder_state_t seen;
+    if (is_encoder(r, in) && dahl_frames_unpack_encoder(in, &seen) == DAHL_FRAMES_GOOD) {
         seen.count = (int32_t)((uint32_t)seen.count + TWIN_COUNT);
-        frames_pack_encoder(&frame, r->twin.number, &seen);
+        dahl_frames_pack_encoder(&frame, r->twin.number, &seen);
         frame.flags = in->flags;
         return frame;
     }
@@ -209,19 +209,19 @@ static can_frame_t moved(const receiver_t *r, const can_frame_t *in)
     return frame;
 }
 
-static void check_twin(receiver_t *r, const can_frame_t *in, int answered, const can_frame_t *out)
+static void check_twin(receiver_t *r, const dahl_can_frame_t *in, int answered, const dahl_can_frame_t *out)
 {
-    can_frame_t other, frame = moved(r, in);
-    int same = node_receive(&r->twin, &frame, r->now_us + TWIN_US, &other);
+    dahl_can_frame_t other, frame = moved(r, in);
+    int same = dahl_node_receive(&r->twin, &frame, r->now_us + TWIN_US, &other);
     LAW(same == answered, "another clock and another zero change no answer");
     LAW(!same || memcmp(other.data, out->data, 8) == 0, "another clock and another zero change no answer");
 }
 
 static void tick(receiver_t *r)
 {
-    can_frame_t out, other;
-    const node_t before = r->node;
-    int due = node_tick(&r->node, r->now_us, &out), too = node_tick(&r->twin, r->now_us + TWIN_US, &other);
+    dahl_can_frame_t out, other;
+    const dahl_node_t before = r->node;
+    int due = dahl_node_tick(&r->node, r->now_us, &out), too = dahl_node_tick(&r->twin, r->now_us + TWIN_US, &other);
     LAW(due == too && (!due || memcmp(out.data, other.data, 8) == 0), "another clock changes no Status");
     check_quiet(r, &before);
     if (due) {
@@ -235,15 +235,15 @@ static void tick(receiver_t *r)
 
 static void hear(receiver_t *r, fuzz_bytes_t *bytes)
 {
-    can_frame_t in = any_frame(bytes, r), out;
-    const node_t before = r->node;
+    dahl_can_frame_t in = any_frame(bytes, r), out;
+    const dahl_node_t before = r->node;
     note_sequence(r, &in);
     int32_t age = (int32_t)(r->now_us - before.good_us);
     if (before.primed && r->heard_good && age > 0 && (uint32_t)age > before.timeout_us) {
         r->is_silent = 1; /* the first frame after a timeout counts as one of those in a row */
         r->in_a_row = r->in_a_row > 0 ? 1 : 0;
     }
-    int answered = node_receive(&r->node, &in, r->now_us, &out);
+    int answered = dahl_node_receive(&r->node, &in, r->now_us, &out);
     if (answered) {
         check_answer(r, &before, &in, &out);
     } else {
@@ -258,12 +258,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     const dahl_params_t params = {50.0f, 0.5f, 1e-4f};
     receiver_t r = {.now_us = 0xFFFF0000u};
-    LAW(node_init(&r.node, &params, 3) == DAHL_OK && node_init(&r.twin, &params, 0xFC) == DAHL_OK, "good parameters are taken");
+    LAW(dahl_node_init(&r.node, &params, 3) == DAHL_OK && dahl_node_init(&r.twin, &params, 0xFC) == DAHL_OK, "good parameters are taken");
     r.twin.sent_us = TWIN_US; /* both were last heard of at the same time */
     r.twin.good_us = TWIN_US;
     r.twin.bus_off_us = TWIN_US;
     r.twin.count = TWIN_COUNT;
-    for (int i = 0; i < FRAMES_MAX && bytes.left > 0; i++) {
+    for (int i = 0; i < DAHL_FRAMES_MAX && bytes.left > 0; i++) {
         uint8_t pause = fuzz_u8(&bytes);
         r.now_us += pause < 240 ? pause * 16u : pause < 250 ? pause * 1000u : fuzz_u32(&bytes);
         if (pause & 1u) {

@@ -41,11 +41,11 @@ static void check_numbers(const scene_t *scene)
 }
 
 /* What main.c says in its own words when the parameters, rounded to float, are refused. */
-static int start_node(const scene_t *scene, node_t *node)
+static int start_node(const scene_t *scene, dahl_node_t *node)
 {
     const scene_friction_t *f = &scene->friction;
     const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    return node_init(node, &params, (uint8_t)f->node) == DAHL_OK;
+    return dahl_node_init(node, &params, (uint8_t)f->node) == DAHL_OK;
 }
 
 static void run_rotor(const scene_t *scene, motion_t *reference)
@@ -70,7 +70,7 @@ static void run_motion(const scene_t *scene, motion_t *motion)
 static void run(const scene_t *scene)
 {
     static motion_t motion;
-    static node_t node;
+    static dahl_node_t node;
     int moves = scene->has_motion && scene->motion.kind != MOTION_LOG;
     if (scene->has_friction && !start_node(scene, &node)) {
         return;

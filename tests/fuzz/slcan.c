@@ -9,7 +9,7 @@
 typedef struct {
     slcan_event_t event;
     const char *answer;
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     int open; /* -1: as it is */
 } verdict_t;
 
@@ -32,7 +32,7 @@ static int64_t number(const char *text, size_t length, size_t from, size_t digit
     return value;
 }
 
-static int read_data(const char *line, size_t length, size_t from, size_t bytes, can_frame_t *frame)
+static int read_data(const char *line, size_t length, size_t from, size_t bytes, dahl_can_frame_t *frame)
 {
     for (size_t i = 0; i < bytes; i++) {
         int64_t byte = number(line, length, from + 2 * i, 2);
@@ -49,7 +49,7 @@ static int is_between(int64_t value, int64_t least, int64_t most)
     return value >= least && value <= most;
 }
 
-static int read_frame(const char *line, size_t length, can_frame_t *frame)
+static int read_frame(const char *line, size_t length, dahl_can_frame_t *frame)
 {
     static const uint8_t bytes[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
     int extended = memchr("TRDB", line[0], 4) != NULL, remote = memchr("rR", line[0], 2) != NULL;
@@ -59,8 +59,8 @@ static int read_frame(const char *line, size_t length, can_frame_t *frame)
     if (!is_between(id, 0, extended ? 0x1FFFFFFF : 0x7FF) || !is_between(count, 0, fd ? 15 : 8)) {
         return 0;
     }
-    *frame = (can_frame_t){.id = (uint32_t)id, .length = (uint8_t)(count < 8 ? count : 8)};
-    frame->flags = (uint8_t)((extended ? CAN_FRAME_EXTENDED : 0) | (remote ? CAN_FRAME_REMOTE : 0) | (fd ? CAN_FRAME_FD : 0));
+    *frame = (dahl_can_frame_t){.id = (uint32_t)id, .length = (uint8_t)(count < 8 ? count : 8)};
+    frame->flags = (uint8_t)((extended ? DAHL_CAN_FRAME_EXTENDED : 0) | (remote ? DAHL_CAN_FRAME_REMOTE : 0) | (fd ? DAHL_CAN_FRAME_FD : 0));
     return remote ? length == 2 + digits : read_data(line, length, 2 + digits, bytes[count], frame);
 }
 
@@ -102,18 +102,18 @@ static uint64_t refusals(const slcan_counts_t *n)
     return (uint64_t)n->too_long + n->cut + n->not_hex + n->wrong_length + n->unknown + n->closed;
 }
 
-static int is_same(const can_frame_t *a, const can_frame_t *b)
+static int is_same(const dahl_can_frame_t *a, const dahl_can_frame_t *b)
 {
     return a->id == b->id && a->flags == b->flags && a->length == b->length && memcmp(a->data, b->data, 8) == 0;
 }
 
-static void check_written(const can_frame_t *frame)
+static void check_written(const dahl_can_frame_t *frame)
 {
     slcan_t reader = {.open = true};
     char line[SLCAN_TEXT_MAX], answer[SLCAN_TEXT_MAX];
-    can_frame_t back;
+    dahl_can_frame_t back;
     uint32_t length = slcan_write(frame, line);
-    if (frame->flags & CAN_FRAME_FD) {
+    if (frame->flags & DAHL_CAN_FRAME_FD) {
         LAW(length == 0, "a node says nothing of CAN FD");
         return;
     }
@@ -126,7 +126,7 @@ static void check_written(const can_frame_t *frame)
 }
 
 static void check_line(const slcan_t *before, const slcan_t *after, const verdict_t *v, slcan_event_t event, const char *text,
-                       const can_frame_t *frame)
+                       const dahl_can_frame_t *frame)
 {
     LAW(event == v->event && strcmp(text, v->answer) == 0, "a line has the answer of the table");
     LAW(after->open == (v->open < 0 ? before->open : v->open != 0), "O and L open, C closes, nothing else does");
@@ -145,7 +145,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     size_t length = 0;
     for (size_t i = 0; i < size; i++) {
         char text[SLCAN_TEXT_MAX];
-        can_frame_t frame;
+        dahl_can_frame_t frame;
         const slcan_t before = self;
         slcan_event_t event = slcan_take(&self, data[i], &frame, text);
         if (data[i] == '\r') {

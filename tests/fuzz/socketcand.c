@@ -15,16 +15,16 @@ static uint64_t now_ns(void *context)
     return play.now_ns;
 }
 
-static const can_clock_t clock_of_play = {now_ns, NULL, NULL};
+static const dahl_can_clock_t clock_of_play = {now_ns, NULL, NULL};
 
-static int is_frame(const can_frame_t *frame)
+static int is_frame(const dahl_can_frame_t *frame)
 {
-    int extended = (frame->flags & CAN_FRAME_EXTENDED) != 0;
+    int extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0;
     return frame->id <= (extended ? 0x1FFFFFFFu : 0x7FFu) && frame->length <= 8 &&
-           (frame->flags & ~(CAN_FRAME_EXTENDED | CAN_FRAME_OWN | CAN_FRAME_FD)) == 0;
+           (frame->flags & ~(DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_OWN | DAHL_CAN_FRAME_FD)) == 0;
 }
 
-static int is_same(const can_frame_t *a, const can_frame_t *b)
+static int is_same(const dahl_can_frame_t *a, const dahl_can_frame_t *b)
 {
     return a->id == b->id && a->flags == b->flags && a->length == b->length && memcmp(a->data, b->data, a->length) == 0;
 }
@@ -57,14 +57,14 @@ static int is_digits(const char *word, size_t least, size_t most, int hex)
     return length >= least && length <= most && good == length;
 }
 
-static int read_id(const char *word, can_frame_t *frame)
+static int read_id(const char *word, dahl_can_frame_t *frame)
 {
     if (!is_digits(word, 1, 8, 1)) {
         return 0;
     }
     int extended = strlen(word) == 8;
     frame->id = (uint32_t)strtoul(word, NULL, 16);
-    frame->flags = extended ? CAN_FRAME_EXTENDED : 0;
+    frame->flags = extended ? DAHL_CAN_FRAME_EXTENDED : 0;
     return frame->id <= (extended ? 0x1FFFFFFFu : 0x7FFu);
 }
 
@@ -75,11 +75,11 @@ static int read_byte(const char *word, unsigned long most, uint8_t *byte)
     return is_digits(word, 1, 8, 1) && value <= most;
 }
 
-static int read_send(const char *element, can_frame_t *frame)
+static int read_send(const char *element, dahl_can_frame_t *frame)
 {
     char words[68][32];
     int count = words_of(element, words);
-    *frame = (can_frame_t){0};
+    *frame = (dahl_can_frame_t){0};
     if (count < 3 || strcmp(words[0], "send") != 0 || !read_id(words[1], frame)) {
         return 0;
     }
@@ -90,16 +90,16 @@ static int read_send(const char *element, can_frame_t *frame)
         frame->data[i < 8 ? i : 7] = i < 8 ? byte : frame->data[7];
     }
     frame->length = length <= 8 ? length : 8;
-    frame->flags |= length <= 8 ? 0 : CAN_FRAME_FD;
+    frame->flags |= length <= 8 ? 0 : DAHL_CAN_FRAME_FD;
     return good;
 }
 
-static void check_written(const can_frame_t *frame)
+static void check_written(const dahl_can_frame_t *frame)
 {
     char text[TEXT_FRAME_MAX + 1], element[TEXT_FRAME_MAX + 1];
-    can_frame_t back;
+    dahl_can_frame_t back;
     size_t length = text_from_frame(text, frame);
-    if (frame->flags & CAN_FRAME_FD) {
+    if (frame->flags & DAHL_CAN_FRAME_FD) {
         LAW(length == 0 && text_from_send(text, frame) == 0, "CAN FD is not passed on");
         return;
     }
@@ -116,7 +116,7 @@ static void check_written(const can_frame_t *frame)
 
 static void check_words(const char *element)
 {
-    can_frame_t frame, other;
+    dahl_can_frame_t frame, other;
     int good = text_to_send(element, &frame);
     LAW(good == read_send(element, &other), "a send is taken iff it is one");
     LAW(!good || is_same(&frame, &other), "the frame is what the words say");
@@ -151,7 +151,7 @@ static text_splitter_t heard[PLAY_PEERS];
 static void check_element(const char *element)
 {
     static const char *const words[] = {" hi ", " ok ", " echo ", " error could not open bus ", " error unknown command "};
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
         if (strcmp(element, words[i]) == 0) {
             return;
@@ -186,26 +186,26 @@ static void clear_server(void)
     }
 }
 
-static void take_frames(can_bus_t *bus, uint32_t most)
+static void take_frames(dahl_can_bus_t *bus, uint32_t most)
 {
-    can_frame_t frame;
-    can_result_t result = CAN_BUS_OK;
-    for (uint32_t i = 0; i < most && result == CAN_BUS_OK; i++) {
-        result = can_bus_receive(bus, &frame, 1000);
-        LAW(result != CAN_BUS_OK || is_frame(&frame), "what comes from a bus is a frame");
+    dahl_can_frame_t frame;
+    dahl_can_result_t result = DAHL_CAN_BUS_OK;
+    for (uint32_t i = 0; i < most && result == DAHL_CAN_BUS_OK; i++) {
+        result = dahl_can_bus_receive(bus, &frame, 1000);
+        LAW(result != DAHL_CAN_BUS_OK || is_frame(&frame), "what comes from a bus is a frame");
     }
 }
 
-static void send_frames(can_bus_t *bus, uint32_t count, fuzz_bytes_t *bytes)
+static void send_frames(dahl_can_bus_t *bus, uint32_t count, fuzz_bytes_t *bytes)
 {
-    can_frame_t frame = {.id = fuzz_u8(bytes), .length = 8}, back;
+    dahl_can_frame_t frame = {.id = fuzz_u8(bytes), .length = 8}, back;
     for (uint32_t i = 0; i < count; i++) {
-        can_result_t result = can_bus_send(bus, &frame);
-        LAW(result == CAN_BUS_OK || result == CAN_BUS_GONE, "there is room where frames are taken");
-        if (result != CAN_BUS_OK) {
+        dahl_can_result_t result = dahl_can_bus_send(bus, &frame);
+        LAW(result == DAHL_CAN_BUS_OK || result == DAHL_CAN_BUS_GONE, "there is room where frames are taken");
+        if (result != DAHL_CAN_BUS_OK) {
             return;
         }
-        can_bus_receive(bus, &back, 0);
+        dahl_can_bus_receive(bus, &back, 0);
     }
 }
 
@@ -259,7 +259,7 @@ static void check_server(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     int floods = 0;
     clear_server();
-    LAW(socketcand_serve(&server, 0, "vcan0", clock_of_play) == CAN_BUS_OK, "the server listens");
+    LAW(socketcand_serve(&server, 0, "vcan0", clock_of_play) == DAHL_CAN_BUS_OK, "the server listens");
     server.patience_ms = fuzz_u8(&bytes) & 1 ? 30 : 0;
     while (bytes.left > 0) {
         act(&bytes, &floods);
@@ -309,11 +309,11 @@ static void check_client(const uint8_t *data, size_t size)
     member.outbox.end = 0;
     heard[0] = (text_splitter_t){0};
     play.peers[0] = (play_peer_t){.says = data, .says_left = size, .hears = hear_client};
-    can_result_t result = socketcand_join(&member, "host", "1", "vcan0", clock_of_play);
-    LAW((result == CAN_BUS_OK) == greets(data, size), "a server is one iff it says so");
-    if (result == CAN_BUS_OK) {
-        can_frame_t frame = {.id = 0x123, .length = 2};
-        can_bus_send(&member.bus, &frame);
+    dahl_can_result_t result = socketcand_join(&member, "host", "1", "vcan0", clock_of_play);
+    LAW((result == DAHL_CAN_BUS_OK) == greets(data, size), "a server is one iff it says so");
+    if (result == DAHL_CAN_BUS_OK) {
+        dahl_can_frame_t frame = {.id = 0x123, .length = 2};
+        dahl_can_bus_send(&member.bus, &frame);
         take_frames(&member.bus, 600);
         play.peers[0].has_hung_up = 1;
         take_frames(&member.bus, 600);

@@ -31,7 +31,7 @@ void setUp(void)
 {
     clock_ns = 5000;
     waited_us = 0;
-    loopback_open(&loopback, (can_clock_t){.now_ns = now, .wait_us = wait_us});
+    loopback_open(&loopback, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_us});
 }
 
 void tearDown(void)
@@ -40,53 +40,53 @@ void tearDown(void)
 
 static void test_loopback_gives_back_in_order_with_its_own_time(void)
 {
-    can_frame_t in = {.length = 8};
-    can_frame_t out;
+    dahl_can_frame_t in = {.length = 8};
+    dahl_can_frame_t out;
     for (uint32_t i = 0; i < 100; i++) {
         clock_ns = i * 1000000u;
         in.id = i;
-        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&loopback.bus, &in));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
     }
     for (uint32_t i = 0; i < 100; i++) {
-        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&loopback.bus, &out, 0));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 0));
         TEST_ASSERT_EQUAL(i, out.id);
         TEST_ASSERT_EQUAL(i * 1000u, out.time_us);
-        TEST_ASSERT_EQUAL(CAN_FRAME_OWN, out.flags);
+        TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
     }
 }
 
 static void test_an_empty_loopback_waits_by_the_clock(void)
 {
-    can_frame_t out;
-    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 0));
+    dahl_can_frame_t out;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
     TEST_ASSERT_EQUAL(0, waited_us);
-    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 700));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(700, waited_us);
 }
 
 /* A clock without a wait, as a firmware's: then there is none. Nobody else is there, and closing keeps what was sent. */
 static void test_a_loopback_without_a_wait_and_without_others(void)
 {
-    can_frame_t in = {.id = 5, .length = 1, .data = {9}};
-    can_frame_t out;
-    loopback_open(&loopback, (can_clock_t){.now_ns = now});
-    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 700));
+    dahl_can_frame_t in = {.id = 5, .length = 1, .data = {9}};
+    dahl_can_frame_t out;
+    loopback_open(&loopback, (dahl_can_clock_t){.now_ns = now});
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(0, waited_us);
     TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
-    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
     loopback.bus.ops->close(&loopback.bus);
-    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 0));
     TEST_ASSERT_EQUAL(5, out.id);
     TEST_ASSERT_EQUAL(9, out.data[0]);
     loopback_open(&loopback, loopback.bus.clock);
-    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
 }
 
 /* The ring goes on where its free-running numbers wrap. */
 static void test_a_queue_goes_on_where_its_numbers_wrap(void)
 {
-    can_frame_t in = {.length = 8};
-    can_frame_t out;
+    dahl_can_frame_t in = {.length = 8};
+    dahl_can_frame_t out;
     loopback.queue.head = loopback.queue.tail = UINT32_MAX - 3;
     for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
         in.id = i;
@@ -111,33 +111,33 @@ static void wait_on(void *context, uint32_t us)
 static void test_the_highest_priority_goes_first(void)
 {
     static timed_loopback_t timed;
-    static const can_frame_t frames[] = {
-        {.id = 0x101}, {.id = 0x100u << 18, .flags = CAN_FRAME_EXTENDED}, {.id = 0x100}, {.id = 0x7FF},
-        {.id = (0x100u << 18) - 1, .flags = CAN_FRAME_EXTENDED}, {.id = 0x0FF}};
+    static const dahl_can_frame_t frames[] = {
+        {.id = 0x101}, {.id = 0x100u << 18, .flags = DAHL_CAN_FRAME_EXTENDED}, {.id = 0x100}, {.id = 0x7FF},
+        {.id = (0x100u << 18) - 1, .flags = DAHL_CAN_FRAME_EXTENDED}, {.id = 0x0FF}};
     static const size_t want[] = {5, 4, 2, 1, 0, 3};
-    can_frame_t out;
-    timed_loopback_open(&timed, 1000000, (can_clock_t){.now_ns = now, .wait_us = wait_on});
+    dahl_can_frame_t out;
+    timed_loopback_open(&timed, 1000000, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
     for (size_t i = 0; i < 6; i++) {
-        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&timed.bus, &frames[i]));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &frames[i]));
     }
     for (size_t i = 0; i < 6; i++) {
-        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&timed.bus, &out, 1000));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&timed.bus, &out, 1000));
         TEST_ASSERT_EQUAL_HEX32(frames[want[i]].id, out.id);
     }
-    TEST_ASSERT_EQUAL(CAN_BUS_NONE, can_bus_receive(&timed.bus, &out, 0));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 0));
 }
 
 static void test_a_full_loopback_refuses_and_counts(void)
 {
-    can_frame_t in = {.length = 8};
-    can_frame_t out;
+    dahl_can_frame_t in = {.length = 8};
+    dahl_can_frame_t out;
     for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
         in.id = i;
-        TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&loopback.bus, &in));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
     }
-    TEST_ASSERT_EQUAL(CAN_BUS_BUSY, can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&loopback.bus, &in));
     TEST_ASSERT_EQUAL(1, loopback.bus.counts.dropped);
-    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_receive(&loopback.bus, &out, 0));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 0));
     TEST_ASSERT_EQUAL(0, out.id);
 }
 
@@ -150,10 +150,10 @@ static void element_of(char *element, const char *text, size_t length)
     element[length - 2] = '\0';
 }
 
-static can_frame_t random_frame(uint64_t *seed)
+static dahl_can_frame_t random_frame(uint64_t *seed)
 {
     bool extended = (random_u32(seed) & 1u) != 0;
-    can_frame_t frame = {.flags = extended ? CAN_FRAME_EXTENDED : 0, .length = (uint8_t)(random_u32(seed) % 9)};
+    dahl_can_frame_t frame = {.flags = extended ? DAHL_CAN_FRAME_EXTENDED : 0, .length = (uint8_t)(random_u32(seed) % 9)};
     frame.id = random_u32(seed) & (extended ? 0x1FFFFFFFu : 0x7FFu);
     for (size_t i = 0; i < frame.length; i++) {
         frame.data[i] = (uint8_t)random_u32(seed);
@@ -161,7 +161,7 @@ static can_frame_t random_frame(uint64_t *seed)
     return frame;
 }
 
-static void expect_same(const can_frame_t *a, const can_frame_t *b)
+static void expect_same(const dahl_can_frame_t *a, const dahl_can_frame_t *b)
 {
     TEST_ASSERT_EQUAL(a->id, b->id);
     TEST_ASSERT_EQUAL(a->flags, b->flags);
@@ -175,9 +175,9 @@ static void test_frames_survive_the_text_both_ways(void)
     uint64_t seed = 1;
     char text[TEXT_FRAME_MAX];
     char element[TEXT_FRAME_MAX];
-    can_frame_t out;
+    dahl_can_frame_t out;
     for (int i = 0; i < 20000; i++) {
-        can_frame_t in = random_frame(&seed);
+        dahl_can_frame_t in = random_frame(&seed);
         element_of(element, text, text_from_send(text, &in));
         TEST_ASSERT_TRUE_MESSAGE(text_to_send(element, &out), element);
         expect_same(&in, &out);
@@ -191,7 +191,7 @@ static void test_frames_survive_the_text_both_ways(void)
 static void test_the_text_is_what_python_can_reads_and_writes(void)
 {
     char text[TEXT_FRAME_MAX];
-    can_frame_t frame = {.id = 0x12, .length = 2, .data = {0xAB, 1}, .time_us = 1000001};
+    dahl_can_frame_t frame = {.id = 0x12, .length = 2, .data = {0xAB, 1}, .time_us = 1000001};
     size_t length = text_from_frame(text, &frame);
     TEST_ASSERT_EQUAL_STRING_LEN("< frame 012 1.000001 AB01 >", text, length);
     TEST_ASSERT_TRUE(text_to_send(" send 012 2 ab 1 ", &frame));
@@ -203,8 +203,8 @@ static void test_there_are_no_words_for_other_frames(void)
 {
     char text[TEXT_FRAME_MAX];
     for (unsigned flags = 0; flags < 32; flags++) {
-        can_frame_t frame = {.flags = (uint8_t)flags};
-        bool plain = (flags & (CAN_FRAME_REMOTE | CAN_FRAME_ERROR | CAN_FRAME_FD)) == 0;
+        dahl_can_frame_t frame = {.flags = (uint8_t)flags};
+        bool plain = (flags & (DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD)) == 0;
         TEST_ASSERT_EQUAL(plain, text_from_frame(text, &frame) != 0);
         TEST_ASSERT_EQUAL(plain, text_from_send(text, &frame) != 0);
     }
@@ -214,8 +214,8 @@ static void test_there_are_no_words_for_other_frames(void)
 static void test_the_text_ends_where_its_length_says(void)
 {
     char text[TEXT_FRAME_MAX];
-    const can_frame_t frame = {
-        .id = 0x1FFFFFFF, .flags = CAN_FRAME_EXTENDED, .length = 8, .data = {1, 2, 3}, .time_us = UINT64_MAX};
+    const dahl_can_frame_t frame = {
+        .id = 0x1FFFFFFF, .flags = DAHL_CAN_FRAME_EXTENDED, .length = 8, .data = {1, 2, 3}, .time_us = UINT64_MAX};
     memset(text, '#', sizeof text);
     size_t length = text_from_frame(text, &frame);
     TEST_ASSERT_EQUAL_STRING_LEN("< frame 1FFFFFFF 18446744073709.551615 0102030000000000 >#", text, length + 1);
@@ -243,7 +243,7 @@ static void test_bad_elements_are_refused(void)
         " frame 123 123456789012345678901234.000000 00", " frame 123 1.000000 0", " frame 123 1.000000 0g",
         " frame 123 1.000000 0x", " frame 123 1.000000 001122334455667", " frame 123 1.000000 00112233445566778",
         " frame 123 1.000000 001122334455667788", " frame 123 1.000000 00112233445566778899aabbccdd", " frame 123 1.000000 00 11", " send 123 1.000000 00", " framed 123 1.000000 00"};
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         TEST_ASSERT_FALSE_MESSAGE(text_to_send(bad[i], &frame), bad[i]);
     }
@@ -263,7 +263,7 @@ static void test_more_than_8_bytes_are_a_frame_of_can_fd(void)
     static const uint32_t lengths[] = {12, 16, 20, 24, 32, 48, 64};
     char send[TEXT_ELEMENT_MAX + 1];
     char taken[TEXT_ELEMENT_MAX + 1];
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     for (size_t i = 0; i < sizeof lengths / sizeof lengths[0]; i++) {
         int at = sprintf(send, " send 00000123 %X", (unsigned)lengths[i]), end = sprintf(taken, " frame 123 1.000000 ");
         for (uint32_t byte = 0; byte < lengths[i]; byte++) {
@@ -271,11 +271,11 @@ static void test_more_than_8_bytes_are_a_frame_of_can_fd(void)
             end += sprintf(taken + end, "%02X", (unsigned)byte);
         }
         TEST_ASSERT_TRUE(text_to_send(send, &frame));
-        TEST_ASSERT_EQUAL(CAN_FRAME_FD | CAN_FRAME_EXTENDED, frame.flags);
+        TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_EXTENDED, frame.flags);
         TEST_ASSERT_EQUAL(8, frame.length);
         TEST_ASSERT_EQUAL_MEMORY("\0\1\2\3\4\5\6\7", frame.data, 8);
         TEST_ASSERT_TRUE(text_to_frame(taken, &frame));
-        TEST_ASSERT_EQUAL(CAN_FRAME_FD, frame.flags);
+        TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_FD, frame.flags);
         TEST_ASSERT_EQUAL_MEMORY("\0\1\2\3\4\5\6\7", frame.data, 8);
     }
 }
@@ -283,7 +283,7 @@ static void test_more_than_8_bytes_are_a_frame_of_can_fd(void)
 /* Zeros before a number are part of it, as long as the word may be. */
 static void test_words_as_long_as_they_may_be(void)
 {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     TEST_ASSERT_TRUE(text_to_send(" send 0000123 00000001 000000FF", &frame)); /* 7 digits: not extended */
     TEST_ASSERT_EQUAL_HEX32(0x123, frame.id);
     TEST_ASSERT_EQUAL(0, frame.flags);
@@ -291,7 +291,7 @@ static void test_words_as_long_as_they_may_be(void)
     TEST_ASSERT_EQUAL_HEX8(0xFF, frame.data[0]);
     TEST_ASSERT_TRUE(text_to_send(" send 1FFFFFFF 0", &frame));
     TEST_ASSERT_EQUAL_HEX32(0x1FFFFFFF, frame.id);
-    TEST_ASSERT_EQUAL(CAN_FRAME_EXTENDED, frame.flags);
+    TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_EXTENDED, frame.flags);
     TEST_ASSERT_TRUE(text_to_frame(" frame 123 000000000000000000000010.000000", &frame));
     TEST_ASSERT_TRUE(frame.time_us == 10000000);
 }
@@ -300,7 +300,7 @@ static void test_words_as_long_as_they_may_be(void)
 static void test_what_an_element_does_not_say_is_0(void)
 {
     const uint8_t none[8] = {0};
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     memset(&frame, 0xA5, sizeof frame);
     TEST_ASSERT_TRUE(text_to_frame(" frame 123 10.000000", &frame));
     TEST_ASSERT_EQUAL(0, frame.flags);
@@ -400,7 +400,7 @@ static void test_words_are_what_stands_between_blanks(void)
     cursor = "four 5"; /* with its end it has no room */
     TEST_ASSERT_FALSE(text_word(&cursor, word, sizeof word));
     TEST_ASSERT_EQUAL_STRING("4", word);
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     TEST_ASSERT_TRUE(text_to_send("send   12345678  2 a   b", &frame));
     TEST_ASSERT_EQUAL_HEX32(0x12345678, frame.id);
     TEST_ASSERT_EQUAL_HEX8(0xB, frame.data[1]);
@@ -433,7 +433,7 @@ static void test_random_bytes_break_nothing(void)
 {
     uint64_t seed = 3;
     text_splitter_t splitter = {0};
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     static const char alphabet[] = "<<>> send frame 0123456789ABCDEF.\n\xff";
     for (uint32_t i = 0; i < 2000000; i++) {
         if (text_feed(&splitter, alphabet[random_u32(&seed) % (sizeof alphabet - 1)])) {

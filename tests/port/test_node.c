@@ -14,14 +14,14 @@ enum { NUMBER = 3 };
 
 static const dahl_params_t params = {.sigma0 = 50.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};
 static dahl_plan_t plan;
-static node_t node;
+static dahl_node_t node;
 static uint32_t now_us;
-static friction_torque_t answer;
+static dahl_friction_torque_t answer;
 
 void setUp(void)
 {
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &params));
-    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &params, NUMBER));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &params, NUMBER));
     now_us = 0xFFFF0000u; /* the clock wraps in every longer test */
 }
 
@@ -29,48 +29,48 @@ void tearDown(void)
 {
 }
 
-static can_frame_t encoder_frame(uint32_t counter, int32_t count)
+static dahl_can_frame_t encoder_frame(uint32_t counter, int32_t count)
 {
-    encoder_state_t state = {.count = count, .counter = counter & 0x0F, .valid = true};
-    can_frame_t frame;
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_encoder_state_t state = {.count = count, .counter = counter & 0x0F, .valid = true};
+    dahl_can_frame_t frame;
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     return frame;
 }
 
 /* Give it a frame, 1 ms later. True: it answered, the answer is in `answer`. */
-static bool give(const can_frame_t *frame)
+static bool give(const dahl_can_frame_t *frame)
 {
-    can_frame_t out;
+    dahl_can_frame_t out;
     now_us += 1000;
-    if (!node_receive(&node, frame, now_us, &out)) {
+    if (!dahl_node_receive(&node, frame, now_us, &out)) {
         return false;
     }
-    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_TORQUE | NUMBER, out.id);
-    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_torque(&out, &answer));
+    TEST_ASSERT_EQUAL_HEX32(DAHL_FRAMES_ID_TORQUE | NUMBER, out.id);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_torque(&out, &answer));
     return true;
 }
 
 static bool feed(uint32_t counter, int32_t count)
 {
-    can_frame_t frame = encoder_frame(counter, count);
+    dahl_can_frame_t frame = encoder_frame(counter, count);
     return give(&frame);
 }
 
-static node_status_t status_now(void)
+static dahl_node_status_t status_now(void)
 {
-    can_frame_t out;
-    node_status_t status;
-    now_us += NODE_STATUS_US;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
-    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_STATUS | NUMBER, out.id);
-    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
+    dahl_can_frame_t out;
+    dahl_node_status_t status;
+    now_us += DAHL_NODE_STATUS_US;
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
+    TEST_ASSERT_EQUAL_HEX32(DAHL_FRAMES_ID_STATUS | NUMBER, out.id);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
     return status;
 }
 
 static void test_the_first_frame_is_a_starting_point_and_moves_nothing(void)
 {
     TEST_ASSERT_TRUE(feed(9, 123456));
-    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, answer.state);
     TEST_ASSERT_EQUAL(9, answer.echo);
     TEST_ASSERT_EQUAL(0, answer.torque_q30);
     TEST_ASSERT_EQUAL(0, node.bearing.w);
@@ -87,7 +87,7 @@ static void test_each_frame_moves_by_the_travel_since(void)
         count += travel;
         TEST_ASSERT_TRUE(feed(i, count));
         TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, travel), answer.torque_q30);
-        TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
         TEST_ASSERT_EQUAL(i & 0x0F, answer.echo);
         TEST_ASSERT_EQUAL(i & 0x0F, answer.counter);
     }
@@ -112,9 +112,9 @@ static void test_a_repeated_frame_is_counted_and_not_used(void)
     TEST_ASSERT_FALSE(feed(1, 90));
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_EQUAL(1, node.counts.repeated);
-    TEST_ASSERT_EQUAL(FRAMES_REPEATED, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_REPEATED, node.state);
     TEST_ASSERT_TRUE(feed(2, 60));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_one_or_two_missing_frames_cost_nothing(void)
@@ -122,26 +122,26 @@ static void test_one_or_two_missing_frames_cost_nothing(void)
     dahl_state_t reference = {0};
     feed(14, 0);
     TEST_ASSERT_TRUE(feed(0, 40));
-    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_LOST, answer.state);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 40), answer.torque_q30);
     TEST_ASSERT_TRUE(feed(3, 100));
-    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_LOST, answer.state);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 60), answer.torque_q30);
     TEST_ASSERT_EQUAL(3, node.counts.lost);
     TEST_ASSERT_TRUE(feed(4, 100));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_one_frame_out_of_sequence_has_no_effect(void)
 {
-    for (uint32_t step = NODE_GAP_MAX + 1; step < 16; step++) {
+    for (uint32_t step = DAHL_NODE_GAP_MAX + 1; step < 16; step++) {
         dahl_state_t reference = {0};
-        node_init(&node, &params, NUMBER);
+        dahl_node_init(&node, &params, NUMBER);
         feed(0, 0);
         TEST_ASSERT_FALSE(feed(step, 99999));
-        TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, node.state);
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, node.state);
         TEST_ASSERT_TRUE(feed(1, 20));
-        TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
         TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 20), answer.torque_q30);
         TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
     }
@@ -154,10 +154,10 @@ static void test_a_good_frame_between_two_out_of_sequence_ends_the_doubt(void)
     TEST_ASSERT_TRUE(feed(1, 20));
     TEST_ASSERT_FALSE(feed(9, 5010));
     TEST_ASSERT_TRUE(feed(2, 30));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
-    node_status_t status = status_now();
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
+    dahl_node_status_t status = status_now();
     TEST_ASSERT_EQUAL(2, status.out_of_step);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_WRONG_SEQUENCE, status.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_WRONG_SEQUENCE, status.errors);
 }
 
 static void test_three_in_a_row_are_a_new_start_without_travel(void)
@@ -168,10 +168,10 @@ static void test_three_in_a_row_are_a_new_start_without_travel(void)
     TEST_ASSERT_FALSE(feed(8, 5000));
     TEST_ASSERT_FALSE(feed(9, 5005));
     TEST_ASSERT_TRUE(feed(10, 5010));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_TRUE(feed(11, 5011));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
     TEST_ASSERT_NOT_EQUAL(before, node.bearing.w);
 }
 
@@ -205,15 +205,15 @@ static void test_after_a_new_start_doubt_begins_anew(void)
     TEST_ASSERT_FALSE(feed(8, 5));
     TEST_ASSERT_FALSE(feed(9, 5));
     TEST_ASSERT_TRUE(feed(10, 5));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
 }
 
 /* The row is three long, but its third count is one that the encoder disowns: the fourth is the new start. */
 static void test_a_disowned_count_is_no_new_start_but_does_not_break_the_row(void)
 {
-    encoder_state_t state = {.count = 703, .counter = 7, .valid = false};
-    can_frame_t frame;
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_encoder_state_t state = {.count = 703, .counter = 7, .valid = false};
+    dahl_can_frame_t frame;
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     feed(0, 0);
     feed(1, 40);
     int32_t before = answer.torque_q30;
@@ -221,7 +221,7 @@ static void test_a_disowned_count_is_no_new_start_but_does_not_break_the_row(voi
     TEST_ASSERT_FALSE(feed(6, 702));
     TEST_ASSERT_FALSE(give(&frame));
     TEST_ASSERT_TRUE(feed(8, 704));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(before, answer.torque_q30);
     TEST_ASSERT_EQUAL(4, node.counts.wrong_sequence);
     dahl_state_t reference = node.bearing;
@@ -235,135 +235,135 @@ static void test_a_row_of_any_length_is_one(void)
     uint32_t next = 15;
     TEST_ASSERT_TRUE(feed(0, 0));
     for (uint32_t i = 0; i < 256; i++) { /* one behind, which goes on from the last one behind; then one ahead */
-        encoder_state_t state = {.count = 900, .counter = next & 0x0F, .valid = false};
-        can_frame_t frame;
-        frames_pack_encoder(&frame, NUMBER, &state);
+        dahl_encoder_state_t state = {.count = 900, .counter = next & 0x0F, .valid = false};
+        dahl_can_frame_t frame;
+        dahl_frames_pack_encoder(&frame, NUMBER, &state);
         TEST_ASSERT_FALSE(give(&frame));
         TEST_ASSERT_EQUAL(i + 1, node.counts.wrong_sequence);
         now_us = node.good_us;
         state.counter = (next + 2) & 0x0F;
-        frames_pack_encoder(&frame, NUMBER, &state);
+        dahl_frames_pack_encoder(&frame, NUMBER, &state);
         TEST_ASSERT_FALSE(give(&frame));
         TEST_ASSERT_EQUAL(i + 1, node.counts.invalid);
         now_us = node.good_us;
         next++;
     }
     TEST_ASSERT_TRUE(feed(next, 900));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
 }
 
 static void test_wrong_crc_and_form_are_counted_and_not_used(void)
 {
     feed(0, 0);
     int64_t before = node.bearing.w;
-    can_frame_t corrupt = encoder_frame(1, 500);
+    dahl_can_frame_t corrupt = encoder_frame(1, 500);
     corrupt.data[3] ^= 0x10;
     TEST_ASSERT_FALSE(give(&corrupt));
-    can_frame_t cut = encoder_frame(1, 500);
+    dahl_can_frame_t cut = encoder_frame(1, 500);
     cut.length = 7;
     TEST_ASSERT_FALSE(give(&cut));
-    can_frame_t remote = encoder_frame(1, 500);
-    remote.flags = CAN_FRAME_REMOTE;
+    dahl_can_frame_t remote = encoder_frame(1, 500);
+    remote.flags = DAHL_CAN_FRAME_REMOTE;
     TEST_ASSERT_FALSE(give(&remote));
-    can_frame_t extended = encoder_frame(1, 500);
-    extended.flags = CAN_FRAME_EXTENDED;
+    dahl_can_frame_t extended = encoder_frame(1, 500);
+    extended.flags = DAHL_CAN_FRAME_EXTENDED;
     TEST_ASSERT_FALSE(give(&extended));
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_EQUAL(1, node.counts.crc);
     TEST_ASSERT_EQUAL(3, node.counts.format);
-    TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_CRC, node.state);
     TEST_ASSERT_TRUE(feed(1, 5));
-    node_status_t status = status_now();
+    dahl_node_status_t status = status_now();
     TEST_ASSERT_EQUAL(4, status.corrupt);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_CRC | FRAMES_ERROR_FORMAT, status.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_CRC | DAHL_FRAMES_ERROR_FORMAT, status.errors);
 }
 
 static void test_other_ids_are_ignored(void)
 {
-    can_frame_t frame = encoder_frame(0, 0);
+    dahl_can_frame_t frame = encoder_frame(0, 0);
     const uint32_t ids[] = {0x000, 0x100, 0x102, 0x104, 0x113, 0x123, 0x7FF, 0x10000103};
     for (size_t i = 0; i < sizeof ids / sizeof ids[0]; i++) {
         frame.id = ids[i];
         TEST_ASSERT_FALSE(give(&frame));
     }
     TEST_ASSERT_EQUAL(8, node.counts.ignored);
-    TEST_ASSERT_EQUAL(FRAMES_INIT, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, node.state);
 }
 
 static void test_a_count_that_the_encoder_disowns_is_not_used(void)
 {
     dahl_state_t reference = {0};
-    encoder_state_t state = {.count = 9999, .counter = 1, .valid = false};
-    can_frame_t frame;
+    dahl_encoder_state_t state = {.count = 9999, .counter = 1, .valid = false};
+    dahl_can_frame_t frame;
     feed(0, 0);
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     TEST_ASSERT_FALSE(give(&frame));
     TEST_ASSERT_EQUAL(1, node.counts.invalid);
     TEST_ASSERT_TRUE(feed(2, 7));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 7), answer.torque_q30);
-    TEST_ASSERT_EQUAL_HEX8(FRAMES_ERROR_INVALID, status_now().errors);
+    TEST_ASSERT_EQUAL_HEX8(DAHL_FRAMES_ERROR_INVALID, status_now().errors);
 }
 
 static void test_an_invalid_count_is_no_starting_point(void)
 {
-    encoder_state_t state = {.count = 9999, .counter = 1, .valid = false};
-    can_frame_t frame;
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_encoder_state_t state = {.count = 9999, .counter = 1, .valid = false};
+    dahl_can_frame_t frame;
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     TEST_ASSERT_FALSE(give(&frame));
     TEST_ASSERT_TRUE(feed(2, 7));
-    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, answer.state);
     state.counter = 9;
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     TEST_ASSERT_FALSE(feed(8, 5000));
     TEST_ASSERT_FALSE(give(&frame));
     TEST_ASSERT_TRUE(feed(10, 5001));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(0, node.bearing.w);
 }
 
 static void test_silence_makes_it_stale_once_and_the_next_frame_starts_anew(void)
 {
-    can_frame_t out;
+    dahl_can_frame_t out;
     feed(0, 0);
     feed(1, 100);
     int64_t before = node.bearing.w;
     for (int i = 0; i < 300; i++) {
         now_us += 1000;
-        node_tick(&node, now_us, &out);
+        dahl_node_tick(&node, now_us, &out);
     }
-    TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, node.state);
     TEST_ASSERT_EQUAL(1, node.counts.stale);
     TEST_ASSERT_FALSE(feed(2, 90000));
     TEST_ASSERT_FALSE(feed(3, 90100));
     TEST_ASSERT_TRUE(feed(4, 90200));
-    TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_EQUAL(2, node.counts.rearm);
     TEST_ASSERT_TRUE(feed(5, 90200));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_age_is_seen_without_a_tick_too(void)
 {
     feed(0, 0);
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_FALSE(feed(1, 4000));
-    TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, node.state);
     TEST_ASSERT_FALSE(feed(2, 4000));
     TEST_ASSERT_TRUE(feed(3, 4000));
-    TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, answer.state);
     TEST_ASSERT_EQUAL(0, node.bearing.w);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_STALE, status_now().errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_STALE, status_now().errors);
 }
 
 static void test_the_last_microsecond_is_not_stale(void)
 {
-    can_frame_t frame = encoder_frame(1, 10);
-    can_frame_t out;
+    dahl_can_frame_t frame = encoder_frame(1, 10);
+    dahl_can_frame_t out;
     feed(0, 0);
-    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us + NODE_TIMEOUT_US, &out));
-    TEST_ASSERT_EQUAL(FRAMES_OK, node.state);
+    TEST_ASSERT_TRUE(dahl_node_receive(&node, &frame, now_us + DAHL_NODE_TIMEOUT_US, &out));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, node.state);
 }
 
 /* A clock that steps back by a millisecond, as an emulated one may, is no silence. */
@@ -374,31 +374,31 @@ static void test_a_clock_that_goes_back_is_not_stale(void)
     int32_t before = answer.torque_q30;
     now_us -= 2000;
     TEST_ASSERT_TRUE(feed(2, 120));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
     TEST_ASSERT_TRUE(answer.torque_q30 > before);
     TEST_ASSERT_EQUAL(0, node.counts.stale);
 }
 
 static void test_bad_and_repeated_frames_do_not_refresh_the_timeout(void)
 {
-    can_frame_t corrupt = encoder_frame(1, 500);
+    dahl_can_frame_t corrupt = encoder_frame(1, 500);
     corrupt.data[3] ^= 0x10;
     feed(0, 0);
     for (int i = 0; i < 80; i++) {
         feed(0, 0);
         give(&corrupt);
     }
-    can_frame_t out;
-    node_tick(&node, now_us, &out);
+    dahl_can_frame_t out;
+    dahl_node_tick(&node, now_us, &out);
     TEST_ASSERT_EQUAL(1, node.counts.stale);
 }
 
 static void test_status_tells_what_happened(void)
 {
-    can_frame_t corrupt = encoder_frame(1, 500);
+    dahl_can_frame_t corrupt = encoder_frame(1, 500);
     corrupt.data[0] ^= 0x10;
-    node_status_t status = status_now();
-    TEST_ASSERT_EQUAL(FRAMES_INIT, status.state);
+    dahl_node_status_t status = status_now();
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, status.state);
     TEST_ASSERT_EQUAL(0, status.errors);
     feed(0, 0);
     feed(2, 0);
@@ -407,8 +407,8 @@ static void test_status_tells_what_happened(void)
     feed(3, 0);
     status = status_now();
     TEST_ASSERT_EQUAL(1, status.counter);
-    TEST_ASSERT_EQUAL(FRAMES_OK, status.state);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_LOST | 1u << FRAMES_REPEATED | 1u << FRAMES_CRC, status.errors);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, status.state);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_LOST | 1u << DAHL_FRAMES_REPEATED | 1u << DAHL_FRAMES_CRC, status.errors);
     TEST_ASSERT_EQUAL(1, status.lost);
     TEST_ASSERT_EQUAL(1, status.corrupt);
     TEST_ASSERT_EQUAL(1, status.out_of_step);
@@ -419,9 +419,9 @@ static void test_status_tells_what_happened(void)
 /* Each count in the sum where it belongs, modulo 256. */
 static void test_status_adds_up_what_belongs_together(void)
 {
-    node.counts = (node_counts_t){.ok = 1000, .repeated = 1, .lost = 256 + 77, .wrong_sequence = 2, .crc = 300, .format = 3,
+    node.counts = (dahl_node_counts_t){.ok = 1000, .repeated = 1, .lost = 256 + 77, .wrong_sequence = 2, .crc = 300, .format = 3,
                                   .invalid = 5000, .jump = 4, .stale = 8, .rearm = 9000, .ignored = 7000, .bus_off = 16};
-    node_status_t status = status_now();
+    dahl_node_status_t status = status_now();
     TEST_ASSERT_EQUAL(77, status.lost);
     TEST_ASSERT_EQUAL(303 - 256, status.corrupt);
     TEST_ASSERT_EQUAL(1 + 2 + 4 + 8 + 16, status.out_of_step);
@@ -429,12 +429,12 @@ static void test_status_adds_up_what_belongs_together(void)
 
 static void test_status_comes_every_100_ms(void)
 {
-    can_frame_t out;
+    dahl_can_frame_t out;
     uint32_t sent = 0;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
     for (int i = 0; i < 10000; i++) {
         now_us += 1000;
-        sent += node_tick(&node, now_us, &out) ? 1u : 0u;
+        sent += dahl_node_tick(&node, now_us, &out) ? 1u : 0u;
     }
     TEST_ASSERT_EQUAL(100, sent);
 }
@@ -442,29 +442,29 @@ static void test_status_comes_every_100_ms(void)
 /* Without a period Status comes when there is news, and only then: at power-on, a timeout, a bus-off. */
 static void test_status_without_a_period_comes_with_news_only(void)
 {
-    can_frame_t out;
-    node_status_t status;
+    dahl_can_frame_t out;
+    dahl_node_status_t status;
     node.status_us = 0;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
     feed(0, 0);
     for (uint32_t i = 1; i < 1000; i++) {
         feed(i, 0);
-        TEST_ASSERT_FALSE(node_tick(&node, now_us, &out));
+        TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us, &out));
     }
-    now_us += NODE_TIMEOUT_US + 1;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
-    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
-    TEST_ASSERT_EQUAL(FRAMES_STALE, status.state);
-    TEST_ASSERT_FALSE(node_tick(&node, now_us + 1000000, &out));
-    node_bus_off(&node, now_us);
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    now_us += DAHL_NODE_TIMEOUT_US + 1;
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, status.state);
+    TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us + 1000000, &out));
+    dahl_node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
 }
 
 /* In tens of ms, rounded up, and the longest that 8 bits can say. */
 static void test_status_shows_the_timeout(void)
 {
     const uint32_t us[][2] = {{100000, 10}, {1000, 1}, {10000, 1}, {10001, 2}, {2540001, 255}, {2550000, 255}, {60000000, 255}};
-    TEST_ASSERT_EQUAL(NODE_TIMEOUT_US / FRAMES_TIMEOUT_US, status_now().timeout);
+    TEST_ASSERT_EQUAL(DAHL_NODE_TIMEOUT_US / DAHL_FRAMES_TIMEOUT_US, status_now().timeout);
     for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
         node.timeout_us = us[i][0];
         TEST_ASSERT_EQUAL(us[i][1], status_now().timeout);
@@ -472,42 +472,42 @@ static void test_status_shows_the_timeout(void)
 }
 
 /* A number that is no parameter's is answered as none. */
-static bool params_of(uint8_t param, uint32_t value, uint8_t write, param_reply_t *reply)
+static bool params_of(uint8_t param, uint32_t value, uint8_t write, dahl_param_reply_t *reply)
 {
-    can_frame_t frame;
-    can_frame_t out;
-    param_write_t asked = {.value = value, .counter = 5, .param = param, .write = write};
-    frames_pack_param_write(&frame, NUMBER, &asked);
-    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us, &out));
-    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_PARAM_REPLY | NUMBER, out.id);
-    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_param_reply(&out, reply));
+    dahl_can_frame_t frame;
+    dahl_can_frame_t out;
+    dahl_param_write_t asked = {.value = value, .counter = 5, .param = param, .write = write};
+    dahl_frames_pack_param_write(&frame, NUMBER, &asked);
+    TEST_ASSERT_TRUE(dahl_node_receive(&node, &frame, now_us, &out));
+    TEST_ASSERT_EQUAL_HEX32(DAHL_FRAMES_ID_PARAM_REPLY | NUMBER, out.id);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_param_reply(&out, reply));
     TEST_ASSERT_EQUAL(5, reply->counter);
-    TEST_ASSERT_EQUAL(param <= FRAMES_PARAM_STATUS ? param : FRAMES_PARAM_NONE, reply->param);
-    return reply->result == FRAMES_PARAM_DONE;
+    TEST_ASSERT_EQUAL(param <= DAHL_FRAMES_PARAM_STATUS ? param : DAHL_FRAMES_PARAM_NONE, reply->param);
+    return reply->result == DAHL_FRAMES_PARAM_DONE;
 }
 
 static bool set_param(uint8_t param, uint32_t value)
 {
-    param_reply_t reply;
-    bool done = params_of(param, value, FRAMES_PARAM_WRITE, &reply);
+    dahl_param_reply_t reply;
+    bool done = params_of(param, value, DAHL_FRAMES_PARAM_WRITE, &reply);
     TEST_ASSERT_TRUE(!done || reply.value == value);
     return done;
 }
 
 static uint32_t param_now(uint8_t param)
 {
-    param_reply_t reply;
-    TEST_ASSERT_TRUE(params_of(param, 0, FRAMES_PARAM_READ, &reply));
+    dahl_param_reply_t reply;
+    TEST_ASSERT_TRUE(params_of(param, 0, DAHL_FRAMES_PARAM_READ, &reply));
     return reply.value;
 }
 
 static void reset(uint8_t what)
 {
-    can_frame_t frame;
-    can_frame_t out;
-    frames_pack_reset(&frame, NUMBER, &(node_reset_t){.what = what});
-    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us, &out));
-    TEST_ASSERT_EQUAL_HEX32(FRAMES_ID_STATUS | NUMBER, out.id);
+    dahl_can_frame_t frame;
+    dahl_can_frame_t out;
+    dahl_frames_pack_reset(&frame, NUMBER, &(dahl_node_reset_t){.what = what});
+    TEST_ASSERT_TRUE(dahl_node_receive(&node, &frame, now_us, &out));
+    TEST_ASSERT_EQUAL_HEX32(DAHL_FRAMES_ID_STATUS | NUMBER, out.id);
 }
 
 static void test_with_a_step_limit_a_glitch_is_not_used(void)
@@ -518,10 +518,10 @@ static void test_with_a_step_limit_a_glitch_is_not_used(void)
     TEST_ASSERT_FALSE(feed(1, 1000000));
     TEST_ASSERT_EQUAL(1, node.counts.jump);
     TEST_ASSERT_TRUE(feed(2, 180));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 180), answer.torque_q30);
     TEST_ASSERT_FALSE(feed(3, 180 + 201));
-    TEST_ASSERT_EQUAL_HEX8(FRAMES_ERROR_JUMP, node.errors);
+    TEST_ASSERT_EQUAL_HEX8(DAHL_FRAMES_ERROR_JUMP, node.errors);
 }
 
 static void test_the_step_limit_holds_backward_too(void)
@@ -549,14 +549,14 @@ static void test_the_largest_step_limit_allows_every_way_of_two_frames(void)
     TEST_ASSERT_FALSE(feed(1, INT32_MIN));
     TEST_ASSERT_TRUE(feed(2, 0));
     TEST_ASSERT_TRUE(feed(5, INT32_MIN));
-    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_LOST, answer.state);
     TEST_ASSERT_EQUAL(1, node.counts.jump);
 }
 
 /* A row that has begun while the node was primed: a corrupt frame does not break it, silence does. */
 static void test_what_breaks_a_row(void)
 {
-    can_frame_t corrupt = encoder_frame(7, 0);
+    dahl_can_frame_t corrupt = encoder_frame(7, 0);
     corrupt.data[3] ^= 1;
     feed(0, 0);
     TEST_ASSERT_FALSE(feed(5, 900));
@@ -565,8 +565,8 @@ static void test_what_breaks_a_row(void)
     TEST_ASSERT_TRUE(feed(7, 900));
     TEST_ASSERT_FALSE(feed(12, 900));
     TEST_ASSERT_FALSE(feed(13, 900));
-    node_bus_off(&node, now_us);
-    now_us += NODE_TIMEOUT_US;
+    dahl_node_bus_off(&node, now_us);
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_FALSE(feed(14, 900));
     TEST_ASSERT_FALSE(feed(15, 900));
     TEST_ASSERT_TRUE(feed(0, 900));
@@ -577,15 +577,15 @@ static void test_a_ramp_that_is_set_in_silence_is_for_the_next_one(void)
 {
     feed(0, 0);
     feed(1, 1000000);
-    node_bus_off(&node, now_us);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 100));
-    now_us += NODE_TIMEOUT_US;
+    dahl_node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 100));
+    now_us += DAHL_NODE_TIMEOUT_US;
     (void)feed(4, 0);
     (void)feed(5, 0);
     TEST_ASSERT_TRUE(feed(6, 0));
     TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
-    node_bus_off(&node, now_us);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 0));
+    dahl_node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 0));
     TEST_ASSERT_EQUAL(0, node.gain_now);
 }
 
@@ -601,29 +601,29 @@ static void test_a_step_limit_of_one_and_of_none(void)
     for (uint32_t counter = 12; counter < 15; counter++) {
         (void)feed(counter, 2);
     }
-    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_LOST, answer.state);
     TEST_ASSERT_EQUAL(2, node.counts.wrong_sequence);
     node.max_step = 0;
     for (uint32_t counter = 7; counter < 10; counter++) {
         (void)feed(counter, 2);
     }
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(5, node.counts.wrong_sequence);
 }
 
 static void test_with_a_step_limit_longer_gaps_are_bridged(void)
 {
-    for (uint32_t step = 1; step <= NODE_GAP_MAX_STEP; step++) {
+    for (uint32_t step = 1; step <= DAHL_NODE_GAP_MAX_STEP; step++) {
         dahl_state_t reference = {0};
         setUp();
         node.max_step = 100;
         feed(0, 0);
         TEST_ASSERT_TRUE(feed(step, (int32_t)step * 100));
-        TEST_ASSERT_EQUAL(step == 1 ? FRAMES_OK : FRAMES_LOST, answer.state);
+        TEST_ASSERT_EQUAL(step == 1 ? DAHL_FRAMES_OK : DAHL_FRAMES_LOST, answer.state);
         TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, (int32_t)step * 100), answer.torque_q30);
         TEST_ASSERT_EQUAL(step - 1, node.counts.lost);
     }
-    TEST_ASSERT_FALSE(feed(2 * NODE_GAP_MAX_STEP + 1, 0));
+    TEST_ASSERT_FALSE(feed(2 * DAHL_NODE_GAP_MAX_STEP + 1, 0));
     TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
 }
 
@@ -636,7 +636,7 @@ static void test_with_a_step_limit_a_long_gap_is_bridged_by_the_third_frame(void
     TEST_ASSERT_FALSE(feed(10, 900));
     TEST_ASSERT_FALSE(feed(11, 950));
     TEST_ASSERT_TRUE(feed(12, 1000));
-    TEST_ASSERT_EQUAL(FRAMES_LOST, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_LOST, answer.state);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 1000), answer.torque_q30);
     TEST_ASSERT_EQUAL(2, node.counts.wrong_sequence);
 }
@@ -650,10 +650,10 @@ static void test_an_encoder_that_is_elsewhere_for_good_is_believed_without_trave
     TEST_ASSERT_FALSE(feed(2, 5000000));
     TEST_ASSERT_FALSE(feed(3, 5000010));
     TEST_ASSERT_TRUE(feed(4, 5000020));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_TRUE(feed(5, 5000030));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_a_row_out_of_sequence_and_elsewhere_is_believed_without_travel(void)
@@ -665,20 +665,20 @@ static void test_a_row_out_of_sequence_and_elsewhere_is_believed_without_travel(
     TEST_ASSERT_FALSE(feed(12, 5000000));
     TEST_ASSERT_FALSE(feed(13, 5000010));
     TEST_ASSERT_TRUE(feed(14, 5000020));
-    TEST_ASSERT_EQUAL(FRAMES_WRONG_SEQUENCE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
     TEST_ASSERT_EQUAL(before, node.bearing.w);
     TEST_ASSERT_EQUAL(3, node.counts.wrong_sequence);
     TEST_ASSERT_EQUAL(2, node.counts.ok);
     TEST_ASSERT_TRUE(feed(15, 5000030));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_a_bad_frame_breaks_the_row_after_a_timeout(void)
 {
-    can_frame_t corrupt = encoder_frame(4, 0);
+    dahl_can_frame_t corrupt = encoder_frame(4, 0);
     corrupt.data[3] ^= 1;
     feed(0, 0);
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_FALSE(feed(2, 0));
     TEST_ASSERT_FALSE(feed(3, 0));
     TEST_ASSERT_FALSE(give(&corrupt));
@@ -690,11 +690,11 @@ static void test_a_bad_frame_breaks_the_row_after_a_timeout(void)
 
 static void test_a_disowned_count_breaks_the_row_after_a_timeout(void)
 {
-    encoder_state_t state = {.count = 0, .counter = 9, .valid = false};
-    can_frame_t frame;
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_encoder_state_t state = {.count = 0, .counter = 9, .valid = false};
+    dahl_can_frame_t frame;
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     feed(0, 0);
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_FALSE(feed(2, 0));
     TEST_ASSERT_FALSE(feed(3, 0));
     TEST_ASSERT_FALSE(give(&frame));
@@ -706,66 +706,66 @@ static void test_a_disowned_count_breaks_the_row_after_a_timeout(void)
 /* A good frame says again why the node waits, where a corrupt one has said something else. */
 static void test_after_a_corrupt_frame_the_state_is_that_of_the_start(void)
 {
-    can_frame_t corrupt = encoder_frame(4, 0);
+    dahl_can_frame_t corrupt = encoder_frame(4, 0);
     corrupt.data[3] ^= 1;
     give(&corrupt);
-    TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_CRC, node.state);
     TEST_ASSERT_TRUE(feed(0, 0));
-    TEST_ASSERT_EQUAL(FRAMES_INIT, answer.state);
-    node_bus_off(&node, now_us);
-    now_us += NODE_TIMEOUT_US;
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, answer.state);
+    dahl_node_bus_off(&node, now_us);
+    now_us += DAHL_NODE_TIMEOUT_US;
     give(&corrupt);
-    TEST_ASSERT_EQUAL(FRAMES_CRC, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_CRC, node.state);
     TEST_ASSERT_FALSE(feed(1, 0));
-    TEST_ASSERT_EQUAL(FRAMES_STALE, node.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, node.state);
 }
 
 static void test_each_error_leaves_the_others(void)
 {
-    encoder_state_t state = {.count = 0, .counter = 1, .valid = false};
-    can_frame_t frame;
-    frames_pack_encoder(&frame, NUMBER, &state);
+    dahl_encoder_state_t state = {.count = 0, .counter = 1, .valid = false};
+    dahl_can_frame_t frame;
+    dahl_frames_pack_encoder(&frame, NUMBER, &state);
     feed(0, 0);
     feed(0, 0);
     give(&frame);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | FRAMES_ERROR_INVALID, node.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | DAHL_FRAMES_ERROR_INVALID, node.errors);
     node.max_step = 5;
     feed(2, 1000);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | FRAMES_ERROR_INVALID | FRAMES_ERROR_JUMP, node.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | DAHL_FRAMES_ERROR_INVALID | DAHL_FRAMES_ERROR_JUMP, node.errors);
     frame.length = 3;
     give(&frame);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | 1u << FRAMES_CRC | FRAMES_ERROR_INVALID | FRAMES_ERROR_JUMP | FRAMES_ERROR_FORMAT,
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | 1u << DAHL_FRAMES_CRC | DAHL_FRAMES_ERROR_INVALID | DAHL_FRAMES_ERROR_JUMP | DAHL_FRAMES_ERROR_FORMAT,
                            node.errors);
 }
 
 static void test_status_tells_of_a_timeout_at_once(void)
 {
-    can_frame_t out;
-    node_status_t status;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
+    dahl_can_frame_t out;
+    dahl_node_status_t status;
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
     feed(0, 0);
-    now_us += NODE_TIMEOUT_US;
-    TEST_ASSERT_FALSE(node.sent_us + NODE_STATUS_US == now_us);
+    now_us += DAHL_NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(node.sent_us + DAHL_NODE_STATUS_US == now_us);
     node.sent_us = now_us;
-    TEST_ASSERT_FALSE(node_tick(&node, now_us, &out));
-    TEST_ASSERT_TRUE(node_tick(&node, now_us + 1, &out));
-    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
-    TEST_ASSERT_EQUAL(FRAMES_STALE, status.state);
+    TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us, &out));
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us + 1, &out));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, status.state);
 }
 
 static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
 {
     dahl_state_t reference = {0};
     int32_t full = 0;
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE / 2));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE / 2));
     feed(0, 0);
     for (uint32_t i = 1; i < 200; i++) {
         TEST_ASSERT_TRUE(feed(i, i < 100 ? (int32_t)i : 200 - (int32_t)i));
         full = dahl_step_counts_q30(&plan, &reference, i < 101 ? 1 : -1);
         TEST_ASSERT_EQUAL(full / 2, answer.torque_q30);
     }
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_LIMIT, NODE_ONE / 4));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_LIMIT, DAHL_NODE_ONE / 4));
     feed(200, 2000);
     TEST_ASSERT_EQUAL(1 << 28, answer.torque_q30);
     feed(201, -2000);
@@ -775,12 +775,12 @@ static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
 static void test_the_gain_ramps_without_a_bump(void)
 {
     int32_t before = 0;
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, 0));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, 0));
     feed(0, 0);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 100));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 100));
     feed(1, 1000000);
     TEST_ASSERT_EQUAL(0, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE));
     for (uint32_t i = 2; i < 110; i++) {
         feed(i, 1000000);
         TEST_ASSERT_INT_WITHIN((1 << 30) / 100, before, answer.torque_q30);
@@ -788,7 +788,7 @@ static void test_the_gain_ramps_without_a_bump(void)
         before = answer.torque_q30;
     }
     TEST_ASSERT_EQUAL(1 << 30, before);
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     feed(110, 1000000);
     feed(111, 1000000);
     TEST_ASSERT_TRUE(feed(112, 1000000));
@@ -801,7 +801,7 @@ static void test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms(void)
 {
     const uint32_t ramps_ms[] = {100, 1000, 60000};
     for (size_t i = 0; i < 3; i++) {
-        uint32_t step = NODE_ONE * (NODE_ONE - 1) / (1000 * ramps_ms[i]);
+        uint32_t step = DAHL_NODE_ONE * (DAHL_NODE_ONE - 1) / (1000 * ramps_ms[i]);
         setUp();
         node.gain_now = 0;
         node.timeout_us = 60000000;
@@ -812,9 +812,9 @@ static void test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms(void)
         for (uint32_t k = 2; k < 5; k++) {
             now_us += k == 4 ? 50000000 : 69000;
             feed(k, 1000000);
-            at = at + step < NODE_ONE ? at + step : NODE_ONE;
+            at = at + step < DAHL_NODE_ONE ? at + step : DAHL_NODE_ONE;
             TEST_ASSERT_EQUAL(at, node.gain_now);
-            TEST_ASSERT_EQUAL(((int64_t)at << 30) / NODE_ONE, answer.torque_q30);
+            TEST_ASSERT_EQUAL(((int64_t)at << 30) / DAHL_NODE_ONE, answer.torque_q30);
         }
     }
 }
@@ -825,12 +825,12 @@ static void test_the_gain_ramps_down_and_stops_where_it_should(void)
     feed(0, 0);
     feed(1, 1000000);
     TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_GAIN, NODE_ONE / 2));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE / 2));
     for (uint32_t i = 2; i < 80; i++) {
         uint32_t gone = (i - 1) * 655; /* 1 ms of 100 */
-        uint32_t gain = gone < NODE_ONE / 2 ? NODE_ONE - gone : NODE_ONE / 2;
+        uint32_t gain = gone < DAHL_NODE_ONE / 2 ? DAHL_NODE_ONE - gone : DAHL_NODE_ONE / 2;
         feed(i, 1000000);
-        TEST_ASSERT_EQUAL(((int64_t)gain << 30) / NODE_ONE, answer.torque_q30);
+        TEST_ASSERT_EQUAL(((int64_t)gain << 30) / DAHL_NODE_ONE, answer.torque_q30);
     }
 }
 
@@ -841,13 +841,13 @@ static void test_the_ramp_of_a_starting_point_and_of_65536_us(void)
     for (size_t i = 0; i < 3; i++) {
         setUp();
         node.ramp_us = ramps_us[i];
-        reset(FRAMES_RESET_RESTART);
+        reset(DAHL_FRAMES_RESET_RESTART);
         now_us += 50000;
         TEST_ASSERT_TRUE(feed(0, 0));
         TEST_ASSERT_EQUAL(0, node.gain_now);
         now_us += 65536 - 1000;
         TEST_ASSERT_TRUE(feed(1, 0));
-        TEST_ASSERT_EQUAL(i < 2 ? NODE_ONE : 65536u * 65535u / 100000u, node.gain_now);
+        TEST_ASSERT_EQUAL(i < 2 ? DAHL_NODE_ONE : 65536u * 65535u / 100000u, node.gain_now);
     }
 }
 
@@ -856,8 +856,8 @@ static void test_after_a_restart_the_ramp_begins_anew(void)
     feed(0, 0);
     feed(1, 1000000);
     TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_RAMP, 100));
-    reset(FRAMES_RESET_RESTART);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 100));
+    reset(DAHL_FRAMES_RESET_RESTART);
     TEST_ASSERT_TRUE(feed(2, 0));
     TEST_ASSERT_TRUE(feed(3, 1000000));
     TEST_ASSERT_EQUAL(655 << 14, answer.torque_q30);
@@ -871,30 +871,30 @@ static void test_parameters_are_checked_acknowledged_and_used(void)
     other.sigma0 = 75.0f;
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&want, &other));
     feed(0, 0);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, 75u << 10));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 75u << 10));
     feed(1, 500);
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&want, &reference, 500), answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 3u << 19));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 3u << 19));
     TEST_ASSERT_EQUAL_FLOAT(1.5f, node.params.Fc);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, 1u << 20));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, 1u << 20));
     TEST_ASSERT_EQUAL_FLOAT(0x1p-18f, node.params.theta_per_count);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_TIMEOUT, 60000));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_TIMEOUT, 60000));
     TEST_ASSERT_EQUAL(60000000, node.timeout_us);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_STATUS, 0));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_STEP, INT32_MAX));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_STATUS, 0));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_STEP, INT32_MAX));
 }
 
 /* A float has no halves from 2^23 on: rounding must not add one there. */
 static void test_parameters_read_back_as_written_up_to_24_bits(void)
 {
     for (uint32_t value = (1u << 24) - 9; value <= 1u << 24; value++) {
-        TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, value) && param_now(FRAMES_PARAM_SIGMA0) == value);
+        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, value) && param_now(DAHL_FRAMES_PARAM_SIGMA0) == value);
     }
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, (1u << 23) + 1) && param_now(FRAMES_PARAM_SIGMA0) == (1u << 23) + 1);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, (1u << 23) + 1) && param_now(DAHL_FRAMES_PARAM_SIGMA0) == (1u << 23) + 1);
     node.params.sigma0 = 0x1.7ffffep-11f; /* just below three quarters of a step */
-    TEST_ASSERT_EQUAL(1, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL(1, param_now(DAHL_FRAMES_PARAM_SIGMA0));
     node.params.sigma0 = 0x1.fffffep-12f; /* and just below half of one */
-    TEST_ASSERT_EQUAL(0, param_now(FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL(0, param_now(DAHL_FRAMES_PARAM_SIGMA0));
 }
 
 /* What a raw value cannot say is the nearest that it can: a half goes up, what is too large is the largest. */
@@ -902,13 +902,13 @@ static void test_parameters_between_and_beyond_raw_values(void)
 {
     const dahl_params_t fine = {.sigma0 = 3.5f * 0x1p-10f, .Fc = 2.25f * 0x1p-20f, .theta_per_count = 1e-4f};
     const dahl_params_t large = {.sigma0 = 1e10f, .Fc = 1e10f, .theta_per_count = 1.0f};
-    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &fine, NUMBER));
-    TEST_ASSERT_EQUAL(4, param_now(FRAMES_PARAM_SIGMA0));
-    TEST_ASSERT_EQUAL(2, param_now(FRAMES_PARAM_FC));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &fine, NUMBER));
+    TEST_ASSERT_EQUAL(4, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL(2, param_now(DAHL_FRAMES_PARAM_FC));
     TEST_ASSERT_EQUAL(2, node.counts.params);
-    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &large, NUMBER));
-    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(FRAMES_PARAM_SIGMA0));
-    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(FRAMES_PARAM_THETA));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &large, NUMBER));
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(DAHL_FRAMES_PARAM_THETA));
 }
 
 /* New parameters keep the torque in N m, as dahl_change_plan does: a bristle at its end is half way with twice the Fc. */
@@ -917,10 +917,10 @@ static void test_a_new_model_keeps_the_torque(void)
     feed(0, 0);
     feed(1, 1000000);
     TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20)); /* 0.5 to 1 N m */
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20)); /* 0.5 to 1 N m */
     TEST_ASSERT_TRUE(feed(2, 1000000));
     TEST_ASSERT_INT_WITHIN(2, 1 << 29, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, 25u << 10)); /* half as stiff: the deflection stays */
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 25u << 10)); /* half as stiff: the deflection stays */
     TEST_ASSERT_TRUE(feed(3, 1000000));
     TEST_ASSERT_INT_WITHIN(2, 1 << 28, answer.torque_q30);
 }
@@ -932,9 +932,9 @@ static void test_parameters_at_the_ends_of_their_range(void)
         uint8_t param;
         uint32_t least, most, unit;
         const uint32_t *held;
-    } ends[] = {{FRAMES_PARAM_GAIN, 0, NODE_ONE, 1, &node.gain},          {FRAMES_PARAM_LIMIT, 0, NODE_ONE, 1, &node.limit},
-                {FRAMES_PARAM_RAMP, 0, 60000, 1000, &node.ramp_us},       {FRAMES_PARAM_TIMEOUT, 1, 60000, 1000, &node.timeout_us},
-                {FRAMES_PARAM_STEP, 0, INT32_MAX, 1, &node.max_step},     {FRAMES_PARAM_STATUS, 0, 60000, 1000, &node.status_us}};
+    } ends[] = {{DAHL_FRAMES_PARAM_GAIN, 0, DAHL_NODE_ONE, 1, &node.gain},          {DAHL_FRAMES_PARAM_LIMIT, 0, DAHL_NODE_ONE, 1, &node.limit},
+                {DAHL_FRAMES_PARAM_RAMP, 0, 60000, 1000, &node.ramp_us},       {DAHL_FRAMES_PARAM_TIMEOUT, 1, 60000, 1000, &node.timeout_us},
+                {DAHL_FRAMES_PARAM_STEP, 0, INT32_MAX, 1, &node.max_step},     {DAHL_FRAMES_PARAM_STATUS, 0, 60000, 1000, &node.status_us}};
     for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
         TEST_ASSERT_TRUE(set_param(ends[i].param, ends[i].most));
         TEST_ASSERT_EQUAL(ends[i].most * ends[i].unit, *ends[i].held);
@@ -950,57 +950,57 @@ static void test_parameters_out_of_range_change_nothing(void)
     const struct {
         uint8_t param;
         uint32_t value;
-    } bad[] = {{FRAMES_PARAM_SIGMA0, 0},          {FRAMES_PARAM_FC, 0},         {FRAMES_PARAM_THETA, 0},
-               {FRAMES_PARAM_GAIN, NODE_ONE + 1}, {FRAMES_PARAM_LIMIT, 65537},  {FRAMES_PARAM_RAMP, 60001},
-               {FRAMES_PARAM_TIMEOUT, 0},         {FRAMES_PARAM_TIMEOUT, 60001}, {FRAMES_PARAM_STEP, 0x80000000u},
-               {FRAMES_PARAM_STATUS, 60001}};
-    param_reply_t reply;
+    } bad[] = {{DAHL_FRAMES_PARAM_SIGMA0, 0},          {DAHL_FRAMES_PARAM_FC, 0},         {DAHL_FRAMES_PARAM_THETA, 0},
+               {DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE + 1}, {DAHL_FRAMES_PARAM_LIMIT, 65537},  {DAHL_FRAMES_PARAM_RAMP, 60001},
+               {DAHL_FRAMES_PARAM_TIMEOUT, 0},         {DAHL_FRAMES_PARAM_TIMEOUT, 60001}, {DAHL_FRAMES_PARAM_STEP, 0x80000000u},
+               {DAHL_FRAMES_PARAM_STATUS, 60001}};
+    dahl_param_reply_t reply;
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         uint32_t before = param_now(bad[i].param);
-        TEST_ASSERT_FALSE(params_of(bad[i].param, bad[i].value, FRAMES_PARAM_WRITE, &reply));
-        TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+        TEST_ASSERT_FALSE(params_of(bad[i].param, bad[i].value, DAHL_FRAMES_PARAM_WRITE, &reply));
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, reply.result);
         TEST_ASSERT_EQUAL(before, reply.value);
         TEST_ASSERT_EQUAL(before, param_now(bad[i].param));
     }
-    params_of(FRAMES_PARAM_STATUS + 1, 1, FRAMES_PARAM_WRITE, &reply);
-    TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
-    params_of(255, 1, FRAMES_PARAM_READ, &reply);
-    TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
-    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
-    TEST_ASSERT_EQUAL(1u << 19, param_now(FRAMES_PARAM_FC));
+    params_of(DAHL_FRAMES_PARAM_STATUS + 1, 1, DAHL_FRAMES_PARAM_WRITE, &reply);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
+    params_of(255, 1, DAHL_FRAMES_PARAM_READ, &reply);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
+    TEST_ASSERT_EQUAL(50u << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_EQUAL(1u << 19, param_now(DAHL_FRAMES_PARAM_FC));
 }
 
 /* Whatever was asked of it. */
 static void test_an_unknown_parameter_is_answered_by_its_number(void)
 {
-    param_reply_t reply;
-    for (uint32_t param = FRAMES_PARAM_STATUS + 1; param < 256; param++) {
+    dahl_param_reply_t reply;
+    for (uint32_t param = DAHL_FRAMES_PARAM_STATUS + 1; param < 256; param++) {
         TEST_ASSERT_FALSE(params_of((uint8_t)param, 77, param % 4, &reply));
-        TEST_ASSERT_EQUAL(FRAMES_PARAM_UNKNOWN, reply.result);
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
         TEST_ASSERT_EQUAL(param, reply.value);
     }
 }
 
 static void test_a_travel_out_of_range_is_refused_as_a_whole(void)
 {
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, UINT32_MAX));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, UINT32_MAX));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
-    param_reply_t reply;
-    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_FC, 1, FRAMES_PARAM_WRITE, &reply));
-    TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
-    TEST_ASSERT_EQUAL(1u << 20, param_now(FRAMES_PARAM_FC));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, UINT32_MAX));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, UINT32_MAX));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
+    dahl_param_reply_t reply;
+    TEST_ASSERT_FALSE(params_of(DAHL_FRAMES_PARAM_FC, 1, DAHL_FRAMES_PARAM_WRITE, &reply));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+    TEST_ASSERT_EQUAL(1u << 20, param_now(DAHL_FRAMES_PARAM_FC));
 }
 
 /* Sigma0 and Fc that only together are in range with the theta that there is, and back. */
 static void test_a_model_that_is_in_range_only_as_a_whole_is_written_as_a_whole(void)
 {
-    param_reply_t reply;
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_THETA, UINT32_MAX) && set_param(FRAMES_PARAM_SIGMA0, UINT32_MAX));
-    TEST_ASSERT_FALSE(set_param(FRAMES_PARAM_FC, 1));
-    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, 1, FRAMES_PARAM_HOLD, &reply));
+    dahl_param_reply_t reply;
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, UINT32_MAX) && set_param(DAHL_FRAMES_PARAM_SIGMA0, UINT32_MAX));
+    TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_TRUE(params_of(DAHL_FRAMES_PARAM_SIGMA0, 1, DAHL_FRAMES_PARAM_HOLD, &reply));
     TEST_ASSERT_EQUAL(UINT32_MAX, reply.value); /* which still holds */
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1));
     TEST_ASSERT_EQUAL_FLOAT(0x1p-10f, node.params.sigma0);
     TEST_ASSERT_EQUAL_FLOAT(0x1p-20f, node.params.Fc);
 }
@@ -1008,17 +1008,17 @@ static void test_a_model_that_is_in_range_only_as_a_whole_is_written_as_a_whole(
 /* The torque never hears a half of it: a bristle at its end stays where twice the Fc and sigma0 have it. */
 static void test_what_is_held_changes_nothing_until_the_last_is_written(void)
 {
-    param_reply_t reply;
+    dahl_param_reply_t reply;
     dahl_params_t both = {params.sigma0 * 2, params.Fc * 2, params.theta_per_count};
     dahl_state_t reference;
     dahl_plan_t want;
     feed(0, 0);
     feed(1, 300);
     reference = node.bearing;
-    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_FC, 1u << 20, FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_TRUE(params_of(DAHL_FRAMES_PARAM_FC, 1u << 20, DAHL_FRAMES_PARAM_HOLD, &reply));
     TEST_ASSERT_TRUE(feed(2, 250));
     TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -50), answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_SIGMA0, 100u << 10));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 100u << 10));
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&want, &both));
     dahl_change_plan(&plan, &want, &reference);
     TEST_ASSERT_TRUE(feed(3, 270));
@@ -1027,82 +1027,82 @@ static void test_what_is_held_changes_nothing_until_the_last_is_written(void)
 
 static void test_what_is_held_goes_with_a_refusal_and_a_restart(void)
 {
-    param_reply_t reply;
-    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, UINT32_MAX, FRAMES_PARAM_HOLD, &reply));
-    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_THETA, UINT32_MAX, FRAMES_PARAM_HOLD, &reply));
-    TEST_ASSERT_FALSE(set_param(FRAMES_PARAM_FC, 1));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
-    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
-    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, 7u << 10, FRAMES_PARAM_HOLD, &reply));
-    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_THETA, 0, FRAMES_PARAM_HOLD, &reply));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 19));
-    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
-    TEST_ASSERT_TRUE(params_of(FRAMES_PARAM_SIGMA0, 7u << 10, FRAMES_PARAM_HOLD, &reply));
-    reset(FRAMES_RESET_RESTART);
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_FC, 1u << 20));
-    TEST_ASSERT_EQUAL(50u << 10, param_now(FRAMES_PARAM_SIGMA0));
+    dahl_param_reply_t reply;
+    TEST_ASSERT_TRUE(params_of(DAHL_FRAMES_PARAM_SIGMA0, UINT32_MAX, DAHL_FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_TRUE(params_of(DAHL_FRAMES_PARAM_THETA, UINT32_MAX, DAHL_FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
+    TEST_ASSERT_EQUAL(50u << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_TRUE(params_of(DAHL_FRAMES_PARAM_SIGMA0, 7u << 10, DAHL_FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_FALSE(params_of(DAHL_FRAMES_PARAM_THETA, 0, DAHL_FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 19));
+    TEST_ASSERT_EQUAL(50u << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    TEST_ASSERT_TRUE(params_of(DAHL_FRAMES_PARAM_SIGMA0, 7u << 10, DAHL_FRAMES_PARAM_HOLD, &reply));
+    reset(DAHL_FRAMES_RESET_RESTART);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
+    TEST_ASSERT_EQUAL(50u << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
 }
 
 /* A parameter that is used by itself is not held, and there is no fourth thing to ask for. */
 static void test_only_the_model_is_held(void)
 {
-    param_reply_t reply;
-    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_GAIN, 5, FRAMES_PARAM_HOLD, &reply));
-    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_GAIN, 5, 3, &reply));
-    TEST_ASSERT_EQUAL(FRAMES_PARAM_OUT_OF_RANGE, reply.result);
-    TEST_ASSERT_FALSE(params_of(FRAMES_PARAM_FC, 1u << 20, 3, &reply));
-    TEST_ASSERT_EQUAL(NODE_ONE, param_now(FRAMES_PARAM_GAIN));
-    TEST_ASSERT_EQUAL(1u << 19, param_now(FRAMES_PARAM_FC));
+    dahl_param_reply_t reply;
+    TEST_ASSERT_FALSE(params_of(DAHL_FRAMES_PARAM_GAIN, 5, DAHL_FRAMES_PARAM_HOLD, &reply));
+    TEST_ASSERT_FALSE(params_of(DAHL_FRAMES_PARAM_GAIN, 5, 3, &reply));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+    TEST_ASSERT_FALSE(params_of(DAHL_FRAMES_PARAM_FC, 1u << 20, 3, &reply));
+    TEST_ASSERT_EQUAL(DAHL_NODE_ONE, param_now(DAHL_FRAMES_PARAM_GAIN));
+    TEST_ASSERT_EQUAL(1u << 19, param_now(DAHL_FRAMES_PARAM_FC));
 }
 
 /* Some of everything that can go wrong. */
 static void spoil(void)
 {
-    can_frame_t corrupt = encoder_frame(5, 0);
-    can_frame_t off = {.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8}, out;
+    dahl_can_frame_t corrupt = encoder_frame(5, 0);
+    dahl_can_frame_t off = {.id = DAHL_CAN_ERROR_BUS_OFF, .flags = DAHL_CAN_FRAME_ERROR, .length = 8}, out;
     corrupt.data[3] ^= 1;
-    node_tick(&node, now_us, &out);
+    dahl_node_tick(&node, now_us, &out);
     feed(0, 0);
     feed(2, 5000);
     feed(2, 5000);
     give(&corrupt);
     give(&off);
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     feed(9, 6000);
     feed(10, 6000);
 }
 
 /* What a node says by itself and to each frame of a fixed story, as bytes. */
-static size_t story(can_frame_t said[40])
+static size_t story(dahl_can_frame_t said[40])
 {
     size_t count = 0;
     for (uint32_t i = 0; i < 20; i++) {
-        can_frame_t frame = encoder_frame(i % 7 == 3 ? 0 : i, (int32_t)(i * i));
+        dahl_can_frame_t frame = encoder_frame(i % 7 == 3 ? 0 : i, (int32_t)(i * i));
         now_us += 1000;
-        count += node_tick(&node, now_us, &said[count]) ? 1u : 0u;
-        count += node_receive(&node, &frame, now_us, &said[count]) ? 1u : 0u;
+        count += dahl_node_tick(&node, now_us, &said[count]) ? 1u : 0u;
+        count += dahl_node_receive(&node, &frame, now_us, &said[count]) ? 1u : 0u;
     }
     return count;
 }
 
 static void test_after_a_restart_a_node_says_what_one_after_power_on_says(void)
 {
-    can_frame_t fresh[40], again[40];
-    can_frame_t frame, out;
+    dahl_can_frame_t fresh[40], again[40];
+    dahl_can_frame_t frame, out;
     node.gain = 1000;
     node.ramp_us = 5000;
     node.gain_now = 0;
     uint32_t began_us = now_us;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out)); /* after power-on; the restart is answered by the same */
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out)); /* after power-on; the restart is answered by the same */
     size_t count = story(fresh);
     setUp();
-    set_param(FRAMES_PARAM_GAIN, 1000);
-    set_param(FRAMES_PARAM_RAMP, 5);
+    set_param(DAHL_FRAMES_PARAM_GAIN, 1000);
+    set_param(DAHL_FRAMES_PARAM_RAMP, 5);
     spoil();
     now_us = began_us;
-    frames_pack_reset(&frame, NUMBER, &(node_reset_t){.what = FRAMES_RESET_RESTART});
-    can_frame_t first = out;
-    TEST_ASSERT_TRUE(node_receive(&node, &frame, now_us, &out));
+    dahl_frames_pack_reset(&frame, NUMBER, &(dahl_node_reset_t){.what = DAHL_FRAMES_RESET_RESTART});
+    dahl_can_frame_t first = out;
+    TEST_ASSERT_TRUE(dahl_node_receive(&node, &frame, now_us, &out));
     TEST_ASSERT_EQUAL_MEMORY(&first, &out, sizeof out);
     TEST_ASSERT_EQUAL(count, story(again));
     TEST_ASSERT_EQUAL_MEMORY(fresh, again, count * sizeof fresh[0]);
@@ -1112,10 +1112,10 @@ static void test_after_a_restart_a_node_says_what_one_after_power_on_says(void)
 static void test_errors_are_sticky_until_they_are_reset(void)
 {
     spoil();
-    node_counts_t before = node.counts;
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | 1u << FRAMES_LOST | 1u << FRAMES_CRC | 1u << FRAMES_STALE, node.errors);
-    reset(FRAMES_RESET_ERRORS);
-    node_status_t status = status_now();
+    dahl_node_counts_t before = node.counts;
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | 1u << DAHL_FRAMES_LOST | 1u << DAHL_FRAMES_CRC | 1u << DAHL_FRAMES_STALE, node.errors);
+    reset(DAHL_FRAMES_RESET_ERRORS);
+    dahl_node_status_t status = status_now();
     TEST_ASSERT_EQUAL_HEX8(0, status.errors);
     TEST_ASSERT_EQUAL(0, status.lost + status.corrupt + status.out_of_step);
     before.resets++;
@@ -1125,7 +1125,7 @@ static void test_errors_are_sticky_until_they_are_reset(void)
     feed(13, 6000);
     feed(14, 6000);
     status = status_now();
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED | 1u << FRAMES_LOST, status.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | 1u << DAHL_FRAMES_LOST, status.errors);
     TEST_ASSERT_EQUAL(1, status.lost);
     TEST_ASSERT_EQUAL(1, status.out_of_step);
 }
@@ -1133,24 +1133,24 @@ static void test_errors_are_sticky_until_they_are_reset(void)
 /* Neither ParamWrite nor Reset with a wrong CRC or form does anything but count, and gets no answer. */
 static void test_a_bad_param_write_or_reset_is_only_counted(void)
 {
-    can_frame_t frames[2];
-    can_frame_t out;
-    frames_pack_param_write(&frames[0], NUMBER, &(param_write_t){.value = 5, .param = FRAMES_PARAM_GAIN, .write = FRAMES_PARAM_WRITE});
-    frames_pack_reset(&frames[1], NUMBER, &(node_reset_t){.what = FRAMES_RESET_RESTART});
+    dahl_can_frame_t frames[2];
+    dahl_can_frame_t out;
+    dahl_frames_pack_param_write(&frames[0], NUMBER, &(dahl_param_write_t){.value = 5, .param = DAHL_FRAMES_PARAM_GAIN, .write = DAHL_FRAMES_PARAM_WRITE});
+    dahl_frames_pack_reset(&frames[1], NUMBER, &(dahl_node_reset_t){.what = DAHL_FRAMES_RESET_RESTART});
     feed(0, 0);
     feed(1, 300);
     int64_t bristle = node.bearing.w;
     for (uint32_t i = 0; i < 2; i++) {
         frames[i].data[7] ^= 0x20;
-        TEST_ASSERT_FALSE(node_receive(&node, &frames[i], now_us, &out));
+        TEST_ASSERT_FALSE(dahl_node_receive(&node, &frames[i], now_us, &out));
         TEST_ASSERT_EQUAL(i + 1, node.counts.crc);
         frames[i].length = 6;
-        TEST_ASSERT_FALSE(node_receive(&node, &frames[i], now_us, &out));
+        TEST_ASSERT_FALSE(dahl_node_receive(&node, &frames[i], now_us, &out));
         TEST_ASSERT_EQUAL(i + 1, node.counts.format);
     }
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_CRC | FRAMES_ERROR_FORMAT, node.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_CRC | DAHL_FRAMES_ERROR_FORMAT, node.errors);
     TEST_ASSERT_EQUAL(0, node.counts.params + node.counts.resets);
-    TEST_ASSERT_EQUAL(NODE_ONE, node.gain);
+    TEST_ASSERT_EQUAL(DAHL_NODE_ONE, node.gain);
     TEST_ASSERT_EQUAL(bristle, node.bearing.w);
     TEST_ASSERT_TRUE(feed(2, 310));
 }
@@ -1163,23 +1163,23 @@ static void test_a_reset_of_nothing_only_asks_for_status(void)
     feed(1, 300);
     int64_t bristle = node.bearing.w;
     for (uint8_t what = 0; what < 16; what++) {
-        if (what != FRAMES_RESET_ERRORS && what != FRAMES_RESET_RESTART) {
+        if (what != DAHL_FRAMES_RESET_ERRORS && what != DAHL_FRAMES_RESET_RESTART) {
             reset(what);
         }
     }
     TEST_ASSERT_EQUAL(14, node.counts.resets);
     TEST_ASSERT_EQUAL(1, node.counts.repeated);
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_REPEATED, node.errors);
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED, node.errors);
     TEST_ASSERT_EQUAL(bristle, node.bearing.w);
     TEST_ASSERT_TRUE(feed(2, 310));
-    TEST_ASSERT_EQUAL(FRAMES_OK, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_a_refused_model_leaves_the_node_alone(void)
 {
     const dahl_params_t bad = {.sigma0 = -1.0f, .Fc = 0.5f, .theta_per_count = 1e-4f};
-    node_t before = node;
-    TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, node_init(&node, &bad, NUMBER));
+    dahl_node_t before = node;
+    TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, dahl_node_init(&node, &bad, NUMBER));
     TEST_ASSERT_EQUAL_MEMORY(&before, &node, sizeof node);
 }
 
@@ -1194,18 +1194,18 @@ static bool comes_back(void)
 
 static void test_bus_off_is_told_at_once_and_over_after_the_timeout(void)
 {
-    can_frame_t out;
+    dahl_can_frame_t out;
     feed(0, 0);
     feed(1, 300);
     int64_t bristle = node.bearing.w;
-    node_tick(&node, now_us, &out);
-    node_bus_off(&node, now_us);
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out)); /* Status, without waiting for its period */
-    TEST_ASSERT_EQUAL_HEX8(1u << FRAMES_STALE, node.errors);
-    now_us += NODE_TIMEOUT_US - 4000;
+    dahl_node_tick(&node, now_us, &out);
+    dahl_node_bus_off(&node, now_us);
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out)); /* Status, without waiting for its period */
+    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_STALE, node.errors);
+    now_us += DAHL_NODE_TIMEOUT_US - 4000;
     TEST_ASSERT_FALSE(comes_back()); /* the last of the three 1 ms before the time */
     TEST_ASSERT_TRUE(comes_back());
-    TEST_ASSERT_EQUAL(FRAMES_STALE, answer.state);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, answer.state);
     TEST_ASSERT_EQUAL(bristle, node.bearing.w);
     TEST_ASSERT_EQUAL(1, node.counts.bus_off);
     TEST_ASSERT_EQUAL(0, node.counts.stale);
@@ -1216,12 +1216,12 @@ static void test_bus_off_is_told_at_once_and_over_after_the_timeout(void)
 static void test_a_longer_timeout_holds_again_and_the_row_begins_anew(void)
 {
     feed(0, 0);
-    node_bus_off(&node, now_us);
-    now_us += NODE_TIMEOUT_US;
+    dahl_node_bus_off(&node, now_us);
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_FALSE(feed(4, 500) || feed(5, 510));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_TIMEOUT, 60000));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_TIMEOUT, 60000));
     TEST_ASSERT_FALSE(feed(6, 520));
-    TEST_ASSERT_TRUE(set_param(FRAMES_PARAM_TIMEOUT, 100));
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_TIMEOUT, 100));
     TEST_ASSERT_FALSE(feed(6, 520) || feed(7, 530));
     TEST_ASSERT_TRUE(feed(8, 540));
 }
@@ -1229,46 +1229,46 @@ static void test_a_longer_timeout_holds_again_and_the_row_begins_anew(void)
 static void test_the_fourth_bus_off_without_an_answer_is_latched_until_a_restart(void)
 {
     for (uint32_t i = 0; i < 10; i++) { /* an answer in between forgives */
-        node_bus_off(&node, now_us);
-        now_us += NODE_TIMEOUT_US;
+        dahl_node_bus_off(&node, now_us);
+        now_us += DAHL_NODE_TIMEOUT_US;
         TEST_ASSERT_TRUE(comes_back());
     }
-    for (uint32_t i = 0; i < NODE_OFF_MAX - 1; i++) {
-        node_bus_off(&node, now_us);
+    for (uint32_t i = 0; i < DAHL_NODE_OFF_MAX - 1; i++) {
+        dahl_node_bus_off(&node, now_us);
     }
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_TRUE(comes_back());
-    for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
-        node_bus_off(&node, now_us);
+    for (uint32_t i = 0; i < DAHL_NODE_OFF_MAX; i++) {
+        dahl_node_bus_off(&node, now_us);
     }
-    now_us += 10 * NODE_TIMEOUT_US;
+    now_us += 10 * DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_FALSE(comes_back());
-    reset(FRAMES_RESET_ERRORS);
+    reset(DAHL_FRAMES_RESET_ERRORS);
     TEST_ASSERT_FALSE(comes_back());
-    reset(FRAMES_RESET_RESTART);
+    reset(DAHL_FRAMES_RESET_RESTART);
     TEST_ASSERT_TRUE(feed(7, 530));
 }
 
 /* A restart forgives all of them: as many may follow as after power-on, with no answer in between. */
 static void test_after_a_restart_bus_offs_are_counted_anew(void)
 {
-    for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
-        node_bus_off(&node, now_us);
+    for (uint32_t i = 0; i < DAHL_NODE_OFF_MAX; i++) {
+        dahl_node_bus_off(&node, now_us);
     }
-    reset(FRAMES_RESET_RESTART);
-    for (uint32_t i = 0; i < NODE_OFF_MAX - 1; i++) {
-        node_bus_off(&node, now_us);
+    reset(DAHL_FRAMES_RESET_RESTART);
+    for (uint32_t i = 0; i < DAHL_NODE_OFF_MAX - 1; i++) {
+        dahl_node_bus_off(&node, now_us);
     }
-    now_us += NODE_TIMEOUT_US;
+    now_us += DAHL_NODE_TIMEOUT_US;
     TEST_ASSERT_TRUE(comes_back());
 }
 
 static void test_any_number_of_bus_offs_stays_latched(void)
 {
     for (uint32_t i = 1; i <= 300; i++) {
-        node_bus_off(&node, now_us);
-        if (i >= NODE_OFF_MAX) {
-            now_us += NODE_TIMEOUT_US;
+        dahl_node_bus_off(&node, now_us);
+        if (i >= DAHL_NODE_OFF_MAX) {
+            now_us += DAHL_NODE_TIMEOUT_US;
             TEST_ASSERT_FALSE(comes_back());
         }
     }
@@ -1278,7 +1278,7 @@ static void test_any_number_of_bus_offs_stays_latched(void)
 static void test_other_error_frames_are_no_bus_off(void)
 {
     feed(0, 0);
-    can_frame_t frame = {.id = 0x04, .flags = CAN_FRAME_ERROR, .length = 8};
+    dahl_can_frame_t frame = {.id = 0x04, .flags = DAHL_CAN_FRAME_ERROR, .length = 8};
     TEST_ASSERT_FALSE(give(&frame));
     TEST_ASSERT_TRUE(feed(1, 10));
     TEST_ASSERT_EQUAL(0, node.counts.bus_off);
@@ -1328,50 +1328,50 @@ static void test_a_reversal_that_a_loss_hides_costs_something(void)
 /* --- the fault table, row by row ---------------------------------------------------------------------------------- */
 
 /* Each brings the node to where a row begins, and gives the frame that the row is about. */
-static can_frame_t play_FIRST(void)
+static dahl_can_frame_t play_FIRST(void)
 {
     return encoder_frame(7, 70);
 }
 
-static can_frame_t play_NEXT(void)
+static dahl_can_frame_t play_NEXT(void)
 {
     feed(0, 0);
     return encoder_frame(1, 70);
 }
 
-static can_frame_t play_GAP(void)
+static dahl_can_frame_t play_GAP(void)
 {
     feed(0, 0);
     return encoder_frame(3, 70);
 }
 
-static can_frame_t play_LONG_GAP(void)
+static dahl_can_frame_t play_LONG_GAP(void)
 {
     node.max_step = 100;
     feed(0, 0);
     return encoder_frame(8, 70);
 }
 
-static can_frame_t play_AGAIN(void)
+static dahl_can_frame_t play_AGAIN(void)
 {
     feed(0, 0);
     return encoder_frame(0, 70);
 }
 
-static can_frame_t play_OTHER(void)
+static dahl_can_frame_t play_OTHER(void)
 {
     feed(0, 0);
     return encoder_frame(9, 70);
 }
 
-static can_frame_t play_FAR(void)
+static dahl_can_frame_t play_FAR(void)
 {
     node.max_step = 10;
     feed(0, 0);
     return encoder_frame(1, 70000);
 }
 
-static can_frame_t play_THIRD(void)
+static dahl_can_frame_t play_THIRD(void)
 {
     feed(0, 0);
     feed(9, 60);
@@ -1379,7 +1379,7 @@ static can_frame_t play_THIRD(void)
     return encoder_frame(11, 70);
 }
 
-static can_frame_t play_THIRD_FAR(void)
+static dahl_can_frame_t play_THIRD_FAR(void)
 {
     node.max_step = 10;
     feed(0, 0);
@@ -1388,77 +1388,77 @@ static can_frame_t play_THIRD_FAR(void)
     return encoder_frame(3, 70010);
 }
 
-static can_frame_t play_THIRD_NEAR(void)
+static dahl_can_frame_t play_THIRD_NEAR(void)
 {
     node.max_step = 100;
     return play_THIRD();
 }
 
-static can_frame_t play_DISOWNED(void)
+static dahl_can_frame_t play_DISOWNED(void)
 {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     feed(0, 0);
-    frames_pack_encoder(&frame, NUMBER, &(encoder_state_t){.count = 70, .counter = 1, .valid = false});
+    dahl_frames_pack_encoder(&frame, NUMBER, &(dahl_encoder_state_t){.count = 70, .counter = 1, .valid = false});
     return frame;
 }
 
-static can_frame_t play_BAD_CRC(void)
+static dahl_can_frame_t play_BAD_CRC(void)
 {
-    can_frame_t frame = play_NEXT();
+    dahl_can_frame_t frame = play_NEXT();
     frame.data[2] ^= 1;
     return frame;
 }
 
-static can_frame_t play_BAD_LENGTH(void)
+static dahl_can_frame_t play_BAD_LENGTH(void)
 {
-    can_frame_t frame = play_NEXT();
+    dahl_can_frame_t frame = play_NEXT();
     frame.length = 7;
     return frame;
 }
 
-static can_frame_t flagged(uint8_t flag)
+static dahl_can_frame_t flagged(uint8_t flag)
 {
-    can_frame_t frame = play_NEXT();
+    dahl_can_frame_t frame = play_NEXT();
     frame.flags = flag;
     return frame;
 }
 
-static can_frame_t play_EXTENDED(void)
+static dahl_can_frame_t play_EXTENDED(void)
 {
-    return flagged(CAN_FRAME_EXTENDED);
+    return flagged(DAHL_CAN_FRAME_EXTENDED);
 }
 
-static can_frame_t play_REMOTE(void)
+static dahl_can_frame_t play_REMOTE(void)
 {
-    return flagged(CAN_FRAME_REMOTE);
+    return flagged(DAHL_CAN_FRAME_REMOTE);
 }
 
-static can_frame_t play_FD(void)
+static dahl_can_frame_t play_FD(void)
 {
-    return flagged(CAN_FRAME_FD);
+    return flagged(DAHL_CAN_FRAME_FD);
 }
 
 static void wait_for_the_timeout(void)
 {
-    now_us += NODE_TIMEOUT_US + 1;
+    now_us += DAHL_NODE_TIMEOUT_US + 1;
 }
 
 /* No frame at all: the id of nobody. */
-static can_frame_t play_SILENCE(void)
+static dahl_can_frame_t play_SILENCE(void)
 {
     feed(0, 0);
     wait_for_the_timeout();
-    return (can_frame_t){.id = 0};
+    return (dahl_can_frame_t){.id = 0};
 }
 
-static can_frame_t play_BACK_TWO(void)
+static dahl_can_frame_t play_BACK_TWO(void)
 {
     play_SILENCE();
     feed(1, 60);
     return encoder_frame(2, 65);
 }
 
-static can_frame_t play_BACK_THREE(void)
+static dahl_can_frame_t play_BACK_THREE(void)
 {
     play_SILENCE();
     feed(1, 60);
@@ -1466,63 +1466,63 @@ static can_frame_t play_BACK_THREE(void)
     return encoder_frame(3, 70);
 }
 
-static can_frame_t bus_off_frame(void)
+static dahl_can_frame_t bus_off_frame(void)
 {
-    return (can_frame_t){.id = CAN_ERROR_BUS_OFF, .flags = CAN_FRAME_ERROR, .length = 8};
+    return (dahl_can_frame_t){.id = DAHL_CAN_ERROR_BUS_OFF, .flags = DAHL_CAN_FRAME_ERROR, .length = 8};
 }
 
-static can_frame_t play_GONE_OFF(void)
+static dahl_can_frame_t play_GONE_OFF(void)
 {
     feed(0, 0);
     return bus_off_frame();
 }
 
-static can_frame_t third_after_bus_off(void)
+static dahl_can_frame_t third_after_bus_off(void)
 {
     feed(1, 60);
     feed(2, 65);
     return encoder_frame(3, 70);
 }
 
-static can_frame_t play_OFF_HELD(void)
+static dahl_can_frame_t play_OFF_HELD(void)
 {
-    can_frame_t off = play_GONE_OFF();
+    dahl_can_frame_t off = play_GONE_OFF();
     give(&off);
     return third_after_bus_off();
 }
 
-static can_frame_t play_OFF_BACK(void)
+static dahl_can_frame_t play_OFF_BACK(void)
 {
-    can_frame_t off = play_GONE_OFF();
+    dahl_can_frame_t off = play_GONE_OFF();
     give(&off);
     wait_for_the_timeout();
     return third_after_bus_off();
 }
 
-static can_frame_t play_OFF_LATCHED(void)
+static dahl_can_frame_t play_OFF_LATCHED(void)
 {
-    can_frame_t off = play_GONE_OFF();
-    for (uint32_t i = 0; i < NODE_OFF_MAX; i++) {
+    dahl_can_frame_t off = play_GONE_OFF();
+    for (uint32_t i = 0; i < DAHL_NODE_OFF_MAX; i++) {
         give(&off);
     }
-    now_us += 10 * NODE_TIMEOUT_US;
+    now_us += 10 * DAHL_NODE_TIMEOUT_US;
     return third_after_bus_off();
 }
 
 typedef struct {
     const char *name, *counted, *bristle;
-    can_frame_t (*play)(void);
-    frames_state_t state;
+    dahl_can_frame_t (*play)(void);
+    dahl_frames_state_t state;
     bool answered;
 } row_t;
 
-#define ROW(id, frame, counted, state, bristle, answered) {#id, counted, bristle, play_##id, FRAMES_##state, answered},
+#define ROW(id, frame, counted, state, bristle, answered) {#id, counted, bristle, play_##id, DAHL_FRAMES_##state, answered},
 static const row_t rows[] = {FAULT_TABLE(ROW)};
 
 /* Names of the counters that grew, as the table has them. */
-static void grown(const node_counts_t *before, char *text)
+static void grown(const dahl_node_counts_t *before, char *text)
 {
-    const node_counts_t *n = &node.counts;
+    const dahl_node_counts_t *n = &node.counts;
     const struct {
         const char *name;
         uint32_t by;
@@ -1548,15 +1548,15 @@ static void grown(const node_counts_t *before, char *text)
 static void check_row(const row_t *row)
 {
     char counted[128];
-    can_frame_t out;
-    node_status_t status;
+    dahl_can_frame_t out;
+    dahl_node_status_t status;
     setUp();
-    can_frame_t frame = row->play();
-    node_t before = node;
+    dahl_can_frame_t frame = row->play();
+    dahl_node_t before = node;
     bool answered = frame.id != 0 && give(&frame);
     node.urgent = true;
-    TEST_ASSERT_TRUE(node_tick(&node, now_us, &out));
-    TEST_ASSERT_EQUAL(FRAMES_GOOD, frames_unpack_status(&out, &status));
+    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
     grown(&before.counts, counted);
     TEST_ASSERT_EQUAL_STRING_MESSAGE(row->counted, counted, row->name);
     TEST_ASSERT_EQUAL_MESSAGE(row->state, status.state, row->name);
@@ -1577,7 +1577,7 @@ static void test_random_input_breaks_nothing(void)
     uint64_t seed = 2;
     const uint32_t rounds = 200000;
     for (uint32_t i = 0; i < rounds; i++) {
-        can_frame_t frame = encoder_frame(random_u32(&seed), (int32_t)random_u32(&seed));
+        dahl_can_frame_t frame = encoder_frame(random_u32(&seed), (int32_t)random_u32(&seed));
         uint32_t chance = random_u32(&seed);
         frame.id = chance % 7 == 0 ? random_u32(&seed) : frame.id;
         frame.flags = chance % 11 == 0 ? (uint8_t)random_u32(&seed) : 0;
@@ -1587,7 +1587,7 @@ static void test_random_input_breaks_nothing(void)
         dahl_state_t copy = node.bearing;
         TEST_ASSERT_INT_WITHIN(1 << 30, 0, dahl_step_counts_q30(&plan, &copy, 0));
     }
-    const node_counts_t *n = &node.counts;
+    const dahl_node_counts_t *n = &node.counts;
     TEST_ASSERT_EQUAL(rounds,
                       n->ok + n->repeated + n->wrong_sequence + n->crc + n->format + n->invalid + n->ignored + n->jump +
                           n->rearm + n->params + n->resets + n->bus_off);

@@ -71,17 +71,17 @@ static void test_a_histogram_takes_everything(void)
 
 static void send(uint32_t frames)
 {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     for (uint32_t i = 0; i < frames; i++) {
         TEST_ASSERT_TRUE(encoder_tick(&encoder, encoder.sent * 1000000u, &frame));
     }
 }
 
-static void answer(uint32_t echo, frames_state_t state, uint64_t now_ns)
+static void answer(uint32_t echo, dahl_frames_state_t state, uint64_t now_ns)
 {
-    friction_torque_t torque = {.echo = echo & 0x0F, .state = (uint8_t)state};
-    can_frame_t frame;
-    frames_pack_torque(&frame, 0, &torque);
+    dahl_friction_torque_t torque = {.echo = echo & 0x0F, .state = (uint8_t)state};
+    dahl_can_frame_t frame;
+    dahl_frames_pack_torque(&frame, 0, &torque);
     encoder_receive(&encoder, &frame, now_ns);
 }
 
@@ -89,8 +89,8 @@ static void test_each_answer_is_matched_once(void)
 {
     for (uint32_t i = 0; i < 100; i++) {
         send(1);
-        answer(i, FRAMES_OK, i * UINT64_C(1000000) + 300);
-        answer(i, FRAMES_OK, i * UINT64_C(1000000) + 400);
+        answer(i, DAHL_FRAMES_OK, i * UINT64_C(1000000) + 300);
+        answer(i, DAHL_FRAMES_OK, i * UINT64_C(1000000) + 400);
     }
     TEST_ASSERT_EQUAL(100, encoder.answered);
     TEST_ASSERT_EQUAL(100, encoder.unmatched);
@@ -101,7 +101,7 @@ static void test_a_stall_is_late_and_not_lost(void)
 {
     send(500);
     for (uint32_t i = 0; i < 500; i++) {
-        answer(i, FRAMES_OK, UINT64_C(500000000));
+        answer(i, DAHL_FRAMES_OK, UINT64_C(500000000));
     }
     TEST_ASSERT_EQUAL(500, encoder.answered);
     TEST_ASSERT_EQUAL(0, encoder.unmatched);
@@ -112,10 +112,10 @@ static void test_a_stall_is_late_and_not_lost(void)
 static void test_an_answer_after_its_period_is_a_deadline_missed(void)
 {
     send(3);
-    answer(0, FRAMES_OK, ENCODER_PERIOD_NS);
+    answer(0, DAHL_FRAMES_OK, ENCODER_PERIOD_NS);
     TEST_ASSERT_EQUAL(0, encoder.late);
-    answer(1, FRAMES_OK, 2 * ENCODER_PERIOD_NS + 1);
-    answer(2, FRAMES_OK, 3 * ENCODER_PERIOD_NS);
+    answer(1, DAHL_FRAMES_OK, 2 * ENCODER_PERIOD_NS + 1);
+    answer(2, DAHL_FRAMES_OK, 3 * ENCODER_PERIOD_NS);
     TEST_ASSERT_EQUAL(1, encoder.late);
 }
 
@@ -124,7 +124,7 @@ static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
     send(10);
     for (uint32_t i = 0; i < 10; i++) {
         if (i != 4 && i != 5) {
-            answer(i, FRAMES_OK, UINT64_C(10000000));
+            answer(i, DAHL_FRAMES_OK, UINT64_C(10000000));
         }
     }
     TEST_ASSERT_EQUAL(8, encoder.answered);
@@ -134,10 +134,10 @@ static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
 static void test_after_a_gap_the_newest_frame_is_answered(void)
 {
     send(303);
-    answer(302, FRAMES_STALE, UINT64_C(302000100));
+    answer(302, DAHL_FRAMES_STALE, UINT64_C(302000100));
     TEST_ASSERT_EQUAL(100, encoder.latency.max);
     send(1);
-    answer(303, FRAMES_OK, UINT64_C(303000200));
+    answer(303, DAHL_FRAMES_OK, UINT64_C(303000200));
     TEST_ASSERT_EQUAL(200, encoder.latency.max);
     TEST_ASSERT_EQUAL(2, encoder.answered);
 }
@@ -146,18 +146,18 @@ static void test_waiting_frames_are_bounded(void)
 {
     send(5000);
     TEST_ASSERT_TRUE(encoder.sent - encoder.next <= ENCODER_WAITING);
-    answer(5000 - ENCODER_WAITING, FRAMES_OK, UINT64_C(5000000000));
+    answer(5000 - ENCODER_WAITING, DAHL_FRAMES_OK, UINT64_C(5000000000));
     TEST_ASSERT_EQUAL(1, encoder.answered);
 }
 
 static void test_foreign_and_corrupt_answers(void)
 {
-    can_frame_t frame;
-    friction_torque_t torque = {.echo = 0};
+    dahl_can_frame_t frame;
+    dahl_friction_torque_t torque = {.echo = 0};
     send(1);
-    frames_pack_torque(&frame, 1, &torque);
+    dahl_frames_pack_torque(&frame, 1, &torque);
     encoder_receive(&encoder, &frame, 1);
-    frames_pack_torque(&frame, 0, &torque);
+    dahl_frames_pack_torque(&frame, 0, &torque);
     frame.data[5] ^= 1;
     encoder_receive(&encoder, &frame, 1);
     TEST_ASSERT_EQUAL(0, encoder.answered);
@@ -166,11 +166,11 @@ static void test_foreign_and_corrupt_answers(void)
 
 static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
 {
-    const can_frame_t frames[] = {
+    const dahl_can_frame_t frames[] = {
         {.time_us = 1234567890000001, .id = 0x1F, .length = 2, .data = {0x0A, 0xFF}},
-        {.time_us = 999999, .id = 0x1ABCDEF, .flags = CAN_FRAME_EXTENDED, .length = 1, .data = {1}},
+        {.time_us = 999999, .id = 0x1ABCDEF, .flags = DAHL_CAN_FRAME_EXTENDED, .length = 1, .data = {1}},
         {.time_us = 1000000, .id = 0x7FF, .length = 0},
-        {.time_us = 1000010, .id = 0x100, .flags = CAN_FRAME_REMOTE, .length = 8},
+        {.time_us = 1000010, .id = 0x100, .flags = DAHL_CAN_FRAME_REMOTE, .length = 8},
     };
     const char want[] = "(1234567890.000001) vcan0 01F#0AFF\n(0000000000.999999) vcan0 01ABCDEF#01\n"
                         "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R\n";
@@ -197,14 +197,14 @@ static void test_what_came_before_the_end_is_answered_and_logged(void)
     log = (candump_t){.fd = dup(fileno(file)), .bus_name = "vcan0"};
     sim_clock_t clock;
     loopback_t bus;
-    node_t node;
-    can_frame_t angle;
+    dahl_node_t node;
+    dahl_can_frame_t angle;
     char text[256] = "";
     sim_clock_start(&clock, false);
     loopback_open(&bus, sim_clock_seam(&clock));
-    TEST_ASSERT_EQUAL(DAHL_OK, node_init(&node, &(dahl_params_t){50.0f, 0.5f, 1e-4f}, 0));
-    frames_pack_encoder(&angle, 0, &(encoder_state_t){.count = 7, .valid = true});
-    TEST_ASSERT_EQUAL(CAN_BUS_OK, can_bus_send(&bus.bus, &angle));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &(dahl_params_t){50.0f, 0.5f, 1e-4f}, 0));
+    dahl_frames_pack_encoder(&angle, 0, &(dahl_encoder_state_t){.count = 7, .valid = true});
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&bus.bus, &angle));
     static loop_t loop;
     loop = (loop_t){.clock = &clock, .bus = &bus.bus, .nodes = &node, .node_count = 1, .log = &log, .stop = &stop, .max_ticks = 9};
     loop_run(&loop);
@@ -252,7 +252,7 @@ static void test_the_summary_says_what_was_counted(void)
     loopback_open(&bus, sim_clock_seam(&clock));
     for (uint32_t i = 0; i < 99; i++) { /* 1 to 99 us */
         send(1);
-        answer(i, FRAMES_OK, i * UINT64_C(1000000) + (i + 1) * UINT64_C(1000));
+        answer(i, DAHL_FRAMES_OK, i * UINT64_C(1000000) + (i + 1) * UINT64_C(1000));
     }
     send(1);
     loop = (loop_t){.clock = &clock, .bus = &bus.bus, .encoders = &encoder, .encoder_count = 1, .ticks = 100, .wall_ns = 50000000};

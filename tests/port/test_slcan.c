@@ -13,7 +13,7 @@ static struct {
     uint8_t guard[8]; /* right behind the line */
 } guarded;
 #define adapter (guarded.adapter)
-static can_frame_t frame;
+static dahl_can_frame_t frame;
 static char text[SLCAN_TEXT_MAX];
 
 void setUp(void)
@@ -51,7 +51,7 @@ static void expect_answer(const char *line, const char *wanted)
     TEST_ASSERT_EQUAL_STRING_MESSAGE(wanted, text, line);
 }
 
-static void expect_frame(const char *line, const can_frame_t *wanted)
+static void expect_frame(const char *line, const dahl_can_frame_t *wanted)
 {
     memset(&frame, 0xA5, sizeof frame);
     TEST_ASSERT_EQUAL_MESSAGE(SLCAN_FRAME, feed(line), line);
@@ -63,21 +63,21 @@ static void expect_frame(const char *line, const can_frame_t *wanted)
     TEST_ASSERT_TRUE(frame.time_us == 0);
 }
 
-static const can_frame_t small = {.id = 0x100, .length = 2, .data = {0xAB, 0x12}};
+static const dahl_can_frame_t small = {.id = 0x100, .length = 2, .data = {0xAB, 0x12}};
 
 static void test_each_kind_of_frame_is_taken_and_written(void)
 {
     static const struct {
         const char *line;
-        can_frame_t frame;
+        dahl_can_frame_t frame;
     } kinds[] = {
         {"t1002AB12", {.id = 0x100, .length = 2, .data = {0xAB, 0x12}}},
         {"t0000", {.id = 0}},
         {"t7FF80123456789ABCDEF", {.id = 0x7FF, .length = 8, .data = {1, 0x23, 0x45, 0x67, 0x89, 0xAB, 0xCD, 0xEF}}},
-        {"T1ABCDEF0109", {.id = 0x1ABCDEF0, .flags = CAN_FRAME_EXTENDED, .length = 1, .data = {9}}},
-        {"T1FFFFFFF0", {.id = 0x1FFFFFFF, .flags = CAN_FRAME_EXTENDED}},
-        {"r7FF4", {.id = 0x7FF, .flags = CAN_FRAME_REMOTE, .length = 4}},
-        {"R000000018", {.id = 1, .flags = CAN_FRAME_EXTENDED | CAN_FRAME_REMOTE, .length = 8}},
+        {"T1ABCDEF0109", {.id = 0x1ABCDEF0, .flags = DAHL_CAN_FRAME_EXTENDED, .length = 1, .data = {9}}},
+        {"T1FFFFFFF0", {.id = 0x1FFFFFFF, .flags = DAHL_CAN_FRAME_EXTENDED}},
+        {"r7FF4", {.id = 0x7FF, .flags = DAHL_CAN_FRAME_REMOTE, .length = 4}},
+        {"R000000018", {.id = 1, .flags = DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE, .length = 8}},
     };
     TEST_ASSERT_EQUAL(SLCAN_ANSWER, feed("O"));
     for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
@@ -98,8 +98,8 @@ static void test_frames_of_can_fd_are_taken_with_their_first_8_bytes(void)
     for (uint32_t i = 0; i < 64; i++) {
         bool extended = i % 2 != 0;
         uint8_t code = (uint8_t)(i / 4), kept = code <= 8 ? code : 8;
-        can_frame_t wanted = {.id = 0x123, .flags = CAN_FRAME_FD, .length = kept};
-        wanted.flags |= extended ? CAN_FRAME_EXTENDED : 0;
+        dahl_can_frame_t wanted = {.id = 0x123, .flags = DAHL_CAN_FRAME_FD, .length = kept};
+        wanted.flags |= extended ? DAHL_CAN_FRAME_EXTENDED : 0;
         int at = sprintf(line, extended ? "%c%08X%X" : "%c%03X%X", "dDbB"[i % 4], 0x123u, (unsigned)code);
         for (uint32_t byte = 0; byte < lengths[code]; byte++) {
             at += sprintf(line + at, "%02X", (unsigned)byte + 1);
@@ -112,7 +112,7 @@ static void test_frames_of_can_fd_are_taken_with_their_first_8_bytes(void)
 
 static void test_digits_are_large_or_small_and_line_feeds_nothing(void)
 {
-    const can_frame_t all = {.id = 0x1ABCDEF9, .flags = CAN_FRAME_EXTENDED, .length = 2, .data = {0xAF, 0x09}};
+    const dahl_can_frame_t all = {.id = 0x1ABCDEF9, .flags = DAHL_CAN_FRAME_EXTENDED, .length = 2, .data = {0xAF, 0x09}};
     feed("L");
     expect_frame("T1abcdef92aF09", &all);
     expect_frame("T1AbCdEf92Af09", &all);
@@ -125,7 +125,7 @@ static void expect_refused(const char *line, size_t length, ptrdiff_t count)
     tearDown();
     setUp();
     feed("O");
-    can_frame_t before = frame;
+    dahl_can_frame_t before = frame;
     slcan_counts_t wanted = {0};
     uint32_t *why = (uint32_t *)(void *)((char *)&wanted + count);
     *why = 1;
@@ -233,8 +233,8 @@ static void test_closed_it_takes_no_frame(void)
 
 static void test_frames_that_no_line_can_carry(void)
 {
-    const can_frame_t bad[] = {
-        {.id = 1, .flags = CAN_FRAME_FD}, {.id = 1, .flags = CAN_FRAME_ERROR}, {.id = 1, .length = 9}};
+    const dahl_can_frame_t bad[] = {
+        {.id = 1, .flags = DAHL_CAN_FRAME_FD}, {.id = 1, .flags = DAHL_CAN_FRAME_ERROR}, {.id = 1, .length = 9}};
     strcpy(text, "same");
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         TEST_ASSERT_EQUAL(0, slcan_write(&bad[i], text));

@@ -13,7 +13,7 @@ static bool is_slcan(const slcan_t *self)
 
 void check_slcan_take(slcan_t self, uint8_t byte)
 {
-    can_frame_t frame;
+    dahl_can_frame_t frame;
     char text[SLCAN_TEXT_MAX];
     __CPROVER_assume(is_slcan(&self));
     slcan_event_t event = slcan_take(&self, byte, &frame, text);
@@ -27,7 +27,7 @@ void check_slcan_take(slcan_t self, uint8_t byte)
     }
 }
 
-void check_slcan_write(can_frame_t frame)
+void check_slcan_write(dahl_can_frame_t frame)
 {
     char text[SLCAN_TEXT_MAX];
     uint32_t length = slcan_write(&frame, text);

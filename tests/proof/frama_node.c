@@ -32,9 +32,9 @@ volatile uint8_t byte;
 volatile int choice;
 
 /* Any frame but for its byte 2, from low to high. Eva does not know what the CRC is and takes it for right and for wrong. */
-static can_frame_t any_frame(int low, int high)
+static dahl_can_frame_t any_frame(int low, int high)
 {
-    can_frame_t frame = {.id = word, .flags = byte, .length = byte};
+    dahl_can_frame_t frame = {.id = word, .flags = byte, .length = byte};
     for (int i = 0; i < 8; i++) {
         frame.data[i] = byte;
     }
@@ -42,14 +42,14 @@ static can_frame_t any_frame(int low, int high)
     return frame;
 }
 
-static void hear(node_t *node, int low, int high)
+static void hear(dahl_node_t *node, int low, int high)
 {
-    can_frame_t in = any_frame(low, high), out;
-    (void)node_receive(node, &in, word, &out);
+    dahl_can_frame_t in = any_frame(low, high), out;
+    (void)dahl_node_receive(node, &in, word, &out);
 }
 
 /* Byte 2 is the number of a parameter: each by itself, so that Eva keeps their limits apart. */
-static void hear_any(node_t *node)
+static void hear_any(dahl_node_t *node)
 {
     switch (choice) {
     case 0: hear(node, 0, 2); break;
@@ -65,37 +65,37 @@ static void hear_any(node_t *node)
 
 static void other_frames(void)
 {
-    can_frame_t frame = any_frame(0, 255);
-    friction_torque_t torque;
-    node_status_t status;
-    param_reply_t reply;
-    (void)frames_unpack_torque(&frame, &torque);
-    (void)frames_unpack_status(&frame, &status);
-    (void)frames_unpack_param_reply(&frame, &reply);
+    dahl_can_frame_t frame = any_frame(0, 255);
+    dahl_friction_torque_t torque;
+    dahl_node_status_t status;
+    dahl_param_reply_t reply;
+    (void)dahl_frames_unpack_torque(&frame, &torque);
+    (void)dahl_frames_unpack_status(&frame, &status);
+    (void)dahl_frames_unpack_param_reply(&frame, &reply);
 }
 
 static void send_any(void)
 {
-    can_frame_t frame;
-    encoder_state_t encoder = {(int32_t)word, byte, choice != 0};
-    param_write_t param = {word, byte, byte, choice != 0};
-    node_reset_t reset = {byte, byte};
-    frames_pack_encoder(&frame, byte, &encoder);
-    frames_pack_param_write(&frame, byte, &param);
-    frames_pack_reset(&frame, byte, &reset);
+    dahl_can_frame_t frame;
+    dahl_encoder_state_t encoder = {(int32_t)word, byte, choice != 0};
+    dahl_param_write_t param = {word, byte, byte, choice != 0};
+    dahl_node_reset_t reset = {byte, byte};
+    dahl_frames_pack_encoder(&frame, byte, &encoder);
+    dahl_frames_pack_param_write(&frame, byte, &param);
+    dahl_frames_pack_reset(&frame, byte, &reset);
 }
 
 int main(void)
 {
-    node_t node;
+    dahl_node_t node;
     dahl_params_t params = {1.0f, 1.0f, 1.0f};
-    can_frame_t out;
-    if (node_init(&node, &params, byte) != DAHL_OK) {
+    dahl_can_frame_t out;
+    if (dahl_node_init(&node, &params, byte) != DAHL_OK) {
         return 0;
     }
     while (choice) {
         hear_any(&node);
-        (void)node_tick(&node, word, &out);
+        (void)dahl_node_tick(&node, word, &out);
         other_frames();
         send_any();
     }

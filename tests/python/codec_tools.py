@@ -7,7 +7,7 @@ import ctypes
 
 
 class Frame(ctypes.Structure):
-    """can_frame_t."""
+    """dahl_can_frame_t."""
 
     _fields_ = [
         ("time_us", ctypes.c_uint64),
@@ -19,6 +19,6 @@ class Frame(ctypes.Structure):
 
 
 class EncoderState(ctypes.Structure):
-    """encoder_state_t."""
+    """dahl_encoder_state_t."""
 
     _fields_ = [("count", ctypes.c_int32), ("counter", ctypes.c_uint8), ("valid", ctypes.c_bool)]

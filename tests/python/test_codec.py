@@ -30,7 +30,7 @@ ROUNDS = 5000
 
 
 class FrictionTorque(ctypes.Structure):
-    """friction_torque_t."""
+    """dahl_friction_torque_t."""
 
     _fields_ = [
         ("torque_q30", ctypes.c_int32),
@@ -54,13 +54,13 @@ STATUS = (
 
 
 class Status(ctypes.Structure):
-    """node_status_t."""
+    """dahl_node_status_t."""
 
     _fields_ = [(name, ctypes.c_uint8) for name in STATUS]
 
 
 class ParamWrite(ctypes.Structure):
-    """param_write_t."""
+    """dahl_param_write_t."""
 
     _fields_ = [
         ("value", ctypes.c_uint32),
@@ -71,7 +71,7 @@ class ParamWrite(ctypes.Structure):
 
 
 class ParamReply(ctypes.Structure):
-    """param_reply_t."""
+    """dahl_param_reply_t."""
 
     _fields_ = [
         ("value", ctypes.c_uint32),
@@ -82,7 +82,7 @@ class ParamReply(ctypes.Structure):
 
 
 class Reset(ctypes.Structure):
-    """node_reset_t."""
+    """dahl_node_reset_t."""
 
     _fields_ = [("counter", ctypes.c_uint8), ("what", ctypes.c_uint8)]
 
@@ -183,14 +183,14 @@ def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
 
 def pack(codec: ctypes.CDLL, kind: str, values: ctypes.Structure, node: int = 0) -> Frame:
     frame = Frame()
-    getattr(codec, f"frames_pack_{KINDS[kind][0]}")(
+    getattr(codec, f"dahl_frames_pack_{KINDS[kind][0]}")(
         ctypes.byref(frame), ctypes.c_uint8(node), ctypes.byref(values)
     )
     return frame
 
 
 def unpack(codec: ctypes.CDLL, kind: str, frame: Frame, into: ctypes.Structure) -> int:
-    return getattr(codec, f"frames_unpack_{KINDS[kind][0]}")(
+    return getattr(codec, f"dahl_frames_unpack_{KINDS[kind][0]}")(
         ctypes.byref(frame), ctypes.byref(into)
     )
 
@@ -268,7 +268,7 @@ def test_the_crc_shows_each_wrong_bit_and_pair_and_all_triples_but_48(codec):
     for bit in range(64):
         data = bytearray(clean)
         data[bit // 8] ^= 1 << bit % 8
-        changed = codec.frames_crc((ctypes.c_uint8 * 8)(*data), 0x3) & 0xFF
+        changed = codec.dahl_frames_crc((ctypes.c_uint8 * 8)(*data), 0x3) & 0xFF
         marks.append(changed ^ data[0])
     assert 0 not in marks
     assert len(set(marks)) == 64
@@ -334,7 +334,7 @@ def test_dbc_assigns_cycle_time_and_send_type_to_every_message(database):
 
 def test_dbc_names_every_state(database, root):
     header = (root / "lib" / "include" / "dahl_frames.h").read_text(encoding="utf-8")
-    enum = re.search(r"typedef enum \{([^}]*)\} frames_state_t", header).group(1)
+    enum = re.search(r"typedef enum \{([^}]*)\} dahl_frames_state_t", header).group(1)
     codes = {
         name.replace("_", ""): int(code) for name, code in re.findall(r"FRAMES_(\w+) = (\d+)", enum)
     }

@@ -54,7 +54,7 @@ QUIET = (
 def encoder_frame(count: int, counter: int, *, valid: bool = True) -> can.Message:
     codec = ctypes.CDLL(str(built("tests", "port", "libdahl_frames.so")))
     frame, state = Frame(), EncoderState(count, counter & 15, valid)
-    codec.frames_pack_encoder(ctypes.byref(frame), 0, ctypes.byref(state))
+    codec.dahl_frames_pack_encoder(ctypes.byref(frame), 0, ctypes.byref(state))
     return can.Message(arbitration_id=frame.id, data=bytes(frame.data), is_extended_id=False)
 
 
