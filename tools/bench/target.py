@@ -111,9 +111,8 @@ def run(*command: object, timeout: float = 300, **options: Any) -> str:
 
 
 def build(core: Core, *targets: str) -> None:
-    """Configure (once) and build targets of one core."""
-    if not (core.build / "build.ninja").exists():
-        run("cmake", "--preset", core.name, cwd=ROOT)
+    """Configure, since a build folder may be of an older tree, and build targets of one core."""
+    run("cmake", "--preset", core.name, cwd=ROOT)
     run("cmake", "--build", core.build, "--target", *targets, cwd=ROOT)
 
 
