@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: MIT
-# DAHL_TICK_SOURCE: the tick written for the core that is compiled for, which takes the place of model/step_counts_q30.c with
-# the same bits. Empty where there is none, or with -DDAHL_CORES=OFF: then the C is used.
-option(DAHL_CORES "ticks written for the core, where there is one" ON)
-set(DAHL_TICK_SOURCE "")
+# The ticks written for the core that is compiled for: DAHL_CORE_TICKS, files of lib/cores that take the place of the files of
+# lib/model in DAHL_CORE_STANDS_FOR, with the same bits. Both are empty where there are none, or with -DDAHL_CORES=OFF: then
+# the C is used.
+option(DAHL_CORES "ticks written for the core, where there are any" ON)
+set(DAHL_CORE_TICKS "")
+set(DAHL_CORE_STANDS_FOR "")
 if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
     include(CheckCSourceCompiles)
     set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY) # a bare core has nothing to link with
@@ -17,11 +19,13 @@ if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
         #endif
         int dahl_core;" DAHL_CORE_IS_THUMB2)
     if(DAHL_CORE_IS_V6M)
-        set(DAHL_TICK_SOURCE cores/tick_v6m.S)
+        set(DAHL_CORE_TICKS cores/tick_q30_v6m.S)
+        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c)
     elseif(DAHL_CORE_IS_THUMB2)
-        set(DAHL_TICK_SOURCE cores/tick_thumb2.S)
+        set(DAHL_CORE_TICKS cores/tick_q30_thumb2.S cores/tick_thumb2.S)
+        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c model/step_counts.c)
     endif()
 endif()
-if(DAHL_TICK_SOURCE)
+if(DAHL_CORE_TICKS)
     enable_language(ASM)
 endif()

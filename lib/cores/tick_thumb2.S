@@ -1,75 +1,76 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * dahl_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts_q30.c, same bits.
- * 15 instructions forward and 18 backward; 14 forward where the core has UMAAL (the DSP extension).
- *
- * Forward, a move of n = 0 .. 8 counts, g = plan->g[n] = g_high 2^-32 + g_low 2^-64:
- *     z = 2^30 - q,  q = w in Q30, a half rounded up          the gap to +Fc, in Q30
- *     w += z g_high + floor(z g_low 2^-32)
- * Backward, n = -1 .. -8, is its mirror image: z = 2^30 + q is the gap to -Fc, and the product is subtracted.
- * Any other move goes to dahl_step_large (lib/model/step_large.c), all arguments untouched.
+ * dahl_step_counts for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts.c, same bits. Integers to the
+ * end: with an FPU the float's bits go to s0 where the ABI wants them there. What is rare goes to the C: moves of more than
+ * 8 counts to dahl_step_large, a torque below 2^-30 Fc and a plan of all zeros to dahl_torque.
  */
-    .syntax unified
-    .thumb
+#include "update_thumb2.h"
 
-#define TABLE 16 /* bytes from the plan to its table of g, eight bytes an entry: g_high, g_low */
+#define g_high r5
+#define sign r4 /* once z is no longer needed */
+#define zeros r5 /* leading zeros of |w|, once g_high is no longer needed */
+#define Fc_mantissa r12
+#define Fc_exponent lr
+#define mantissa r3
 
-#define plan r0
-#define state r1
-#define n r2
-/* From when the table's entry is loaded: */
-#define g_high r0
-#define w_low r2
-#define w_high r3
-#define z r4
-#define g_low r12 /* and then floor(z g_low 2^-32) */
-#define spare lr
-
-    .section .text.dahl_step_counts_q30, "ax", %progbits
-    .global dahl_step_counts_q30
-    .type dahl_step_counts_q30, %function
-    .thumb_func
-    .balign 4
-dahl_step_counts_q30:
+    function dahl_step_counts
     cmp     n, #8 /* unsigned, so that a negative n is above it */
     bhi     backward
-    add     plan, plan, n, lsl #3
-    push    {r4, lr}
+    push    {r4, r5, lr}
+    add     r12, plan, n, lsl #3
     ldrd    w_low, w_high, [state]
-    ldrd    g_high, g_low, [plan, #TABLE]
-    rsb     z, w_high, #0x40000000
-    sub     z, z, w_low, lsr #31
-    umull   spare, g_low, z, g_low
-#ifdef __ARM_FEATURE_DSP
-    umaal   w_low, g_low, z, g_high /* upper word of the sum in g_low */
-    add     w_high, w_high, g_low
-#else
-    adds    w_low, w_low, g_low
-    adc     w_high, w_high, #0
-    umlal   w_low, w_high, z, g_high
-#endif
-    strd    w_low, w_high, [state]
-    add     r0, w_high, w_low, lsr #31
-    pop     {r4, pc}
+    ldrd    g_high, g_low, [r12, #TABLE]
+    update_forward g_high
+    b       torque
 
 backward:
     cmn     n, #8 /* carries for -8 .. -1 alone */
     bcc     large
-    sub     plan, plan, n, lsl #3
-    push    {r4, lr}
+    push    {r4, r5, lr}
+    sub     r12, plan, n, lsl #3
     ldrd    w_low, w_high, [state]
-    ldrd    g_high, g_low, [plan, #TABLE]
-    add     z, w_high, #0x40000000
-    add     z, z, w_low, lsr #31
-    umull   spare, g_low, z, g_low
-    mov     spare, #0
-    umlal   g_low, spare, z, g_high
-    subs    w_low, w_low, g_low
-    sbc     w_high, w_high, spare
+    ldrd    g_high, g_low, [r12, #TABLE]
+    update_backward g_high
+
+torque: /* dahl_torque_of in lib/model/torque.h */
     strd    w_low, w_high, [state]
-    add     r0, w_high, w_low, lsr #31
-    pop     {r4, pc}
+    ands    sign, w_high, #0x80000000
+    beq     positive
+    rsbs    w_low, w_low, #0
+    sbc     w_high, w_high, w_high, lsl #1
+positive:
+    cbz     w_high, rare
+    ldrd    Fc_mantissa, Fc_exponent, [plan, #8]
+    cmp     Fc_mantissa, #0
+    beq     rare
+    clz     zeros, w_high
+    lsl     w_high, w_high, zeros
+    rsb     r0, zeros, #32 /* a shift by 32 leaves 0 */
+    lsr     w_low, w_low, r0
+    orr     w_high, w_high, w_low
+    orr     Fc_mantissa, Fc_mantissa, #1
+    umull   r0, mantissa, w_high, Fc_mantissa
+    sub     Fc_exponent, Fc_exponent, zeros
+    adds    Fc_exponent, Fc_exponent, #159 /* 2 + 157, which dahl_round_to_float adds */
+    cmp     mantissa, #0 /* its top bit, or the next one, is set */
+    itt     ge
+    lslge   mantissa, mantissa, #1
+    subge   Fc_exponent, Fc_exponent, #1
+    lsrs    mantissa, mantissa, #8 /* the last bit shifted out, in the carry, rounds to nearest */
+    adc     mantissa, mantissa, Fc_exponent, lsl #23
+    orr     r0, mantissa, sign
+#ifdef __ARM_PCS_VFP
+    vmov    s0, r0
+#endif
+    pop     {r4, r5, pc}
+
+rare:
+    pop     {r4, r5, lr}
+    b       dahl_torque
 
 large:
-    b       dahl_step_large
-    .size dahl_step_counts_q30, . - dahl_step_counts_q30
+    push    {r0, r1, r4, lr}
+    bl      dahl_step_large
+    pop     {r0, r1, r4, lr}
+    b       dahl_torque
+    .size dahl_step_counts, . - dahl_step_counts

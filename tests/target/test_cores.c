@@ -1,16 +1,20 @@
 /* SPDX-License-Identifier: MIT */
-/* The tick written for this core returns the bits of the C that it stands for: random plans, states and moves, among them
- * ties (the low word of w is 2^31), both ends of the range, and tables of only ones. */
+/* The ticks written for this core return the bits of the C that they stand for: random plans, states and moves, among them
+ * ties (the low word of w is 2^31), both ends of the range, small torques, tables of only ones, and plans of all zeros. */
 #include "dahl.h"
 
 #include <string.h>
 #include <unity.h>
 
-int32_t plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+int32_t plain_tick_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+float plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
-#define dahl_step_counts_q30 plain_tick
+#define dahl_step_counts_q30 plain_tick_q30
+#define dahl_step_counts plain_tick
+#include "../../lib/model/step_counts.c"
 #include "../../lib/model/step_counts_q30.c"
 #undef dahl_step_counts_q30
+#undef dahl_step_counts
 
 #define TRIALS 300000
 #define MOVES_PER_PLAN 60
@@ -46,6 +50,11 @@ static dahl_plan_t random_plan(void)
 {
     dahl_plan_t plan;
     memset(&plan, 0, sizeof plan);
+    if (random64() % 16u == 0) {
+        return plan;
+    }
+    plan.Fc_mantissa = random_word() | 0x80000000u;
+    plan.Fc_exponent = (int32_t)(random64() % 128u) - 64 - 31;
     for (size_t k = 1; k < sizeof plan.g / sizeof plan.g[0]; k++) {
         plan.g[k].hi = random_word();
         plan.g[k].lo = random_word();
@@ -67,6 +76,10 @@ static int64_t random_w(void)
     case 2:
         w = one + (int64_t)(bits >> 33);
         break;
+    case 3:
+        w = (int64_t)(random64() >> 1 >> (bits >> 8 & 63u)); /* small torques, to the last bit */
+        w = w > one ? w >> 1 : w;
+        break;
     default:
         return w;
     }
@@ -79,24 +92,32 @@ static int32_t random_move(void)
     return bits & 31u ? (int32_t)(bits >> 8 & 31u) - 15 : (int32_t)(bits >> 32);
 }
 
-static void test_tick_of_this_core_has_the_bits_of_the_c(void)
+static uint32_t bits_of(float x)
+{
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
 {
     dahl_plan_t plan = random_plan();
     for (uint32_t trial = 0; trial < TRIALS; trial++) {
         if (trial % MOVES_PER_PLAN == 0) {
             plan = random_plan();
         }
-        dahl_state_t ours = {random_w()}, plain = ours;
+        const dahl_state_t start = {random_w()};
+        dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start;
         int32_t move = random_move();
-        int32_t q30 = dahl_step_counts_q30(&plan, &ours, move);
-        TEST_ASSERT_EQUAL_HEX32(plain_tick(&plan, &plain, move), q30);
-        TEST_ASSERT_TRUE(plain.w == ours.w); /* Unity has no 64 bits here */
+        TEST_ASSERT_EQUAL_HEX32(plain_tick_q30(&plan, &plain_q30, move), dahl_step_counts_q30(&plan, &ours_q30, move));
+        TEST_ASSERT_EQUAL_HEX32(bits_of(plain_tick(&plan, &plain, move)), bits_of(dahl_step_counts(&plan, &ours, move)));
+        TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
     }
 }
 
 int main(void)
 {
     UNITY_BEGIN();
-    RUN_TEST(test_tick_of_this_core_has_the_bits_of_the_c);
+    RUN_TEST(test_ticks_of_this_core_have_the_bits_of_the_c);
     return UNITY_END();
 }
