@@ -13,9 +13,11 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
+from _pytest.junitxml import xml_key
 
 # The same examples on every machine: a red test stays red until it is mended.
 hypothesis.settings.register_profile(
@@ -65,10 +67,20 @@ def need(tool: str, claim: str) -> str:
     return str(path)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _announce(request: pytest.FixtureRequest, record_testsuite_property) -> None:
+def announce(config: pytest.Config, tests: int) -> None:
     """How many tests there were to run: tools/count_tests.py misses those without a result."""
-    record_testsuite_property("collected", len(request.session.items))
+    if junit := config.stash.get(xml_key, None):
+        junit.global_properties[:] = [("collected", str(tests))]
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    announce(session.config, len(session.items))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_node_collection_finished(node: Any, ids: list[str]) -> None:
+    """The same where workers run the tests; each of them collects all."""
+    announce(node.config, len(ids))
 
 
 @pytest.fixture(scope="session")

@@ -78,7 +78,7 @@ end_checks() {
 
 run_python() {
     local code=0
-    run_pytest python "$ROOT/tests/python" || code=$?
+    run_pytest python "$ROOT/tests/python" -n 2 --dist loadfile || code=$?
     RUNS+=("$BUILD/python.xml=$code")
 }
 

@@ -26,7 +26,7 @@ def upstream(end: str = "\n") -> bytes:
 def alone(monkeypatch, tmp_path):
     """A machine without any measured set, with a cache of its own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(data.places, "ROOT", tmp_path / "elsewhere" / "project")
+    monkeypatch.setattr(data.paths, "ROOT", tmp_path / "elsewhere" / "project")
     monkeypatch.delenv("DAHL_DATA", raising=False)
     return tmp_path
 

@@ -129,7 +129,7 @@ def test_nothing_in_a_summary_becomes_a_part_of_the_page(storm, run_dahl):
         ({"faults": {"injected": {}}}, "faults: an object with injected, expected"),
         ({"faults": {"injected": {"a": "b"}, "expected": {}}}, "faults.injected = {'a': 'b'}"),
         ({"latency_us": {"max": 1}}, "latency_us: an object with p50, p99, max"),
-        ({"jitter_us": None}, "latency_histogram without"),
+        ({"latency_histogram": [[1, 2]]}, "latency_histogram without"),
         ({"latency_histogram": [[1]]}, "latency_histogram = [[1]]"),
         ({"latency_histogram": [[1, -2]]}, "latency_histogram = [[1, -2]]"),
         ({"node": [1]}, "node = [1]"),

@@ -8,10 +8,13 @@ from __future__ import annotations
 import contextlib
 import csv
 import difflib
+import gc
 import io
 import math
 import re
+import sys
 import tempfile
+import traceback
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -157,6 +160,18 @@ def read_candump(path: Path | str) -> list[can.Message]:
     return messages
 
 
+def _forget_readers(error: BaseException) -> None:
+    """A reader that was left half made still holds its copy, and complains when it is collected:
+    so now, and unheard.
+    """
+    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
+    try:
+        traceback.clear_frames(error.__traceback__)
+        gc.collect()
+    finally:
+        sys.unraisablehook = hook
+
+
 @contextlib.contextmanager
 def copies_of_its_own(path: Path) -> Iterator[None]:
     """asammdf copies an MF4 that was not closed well, and leaves the copy where it cannot read it:
@@ -171,6 +186,9 @@ def copies_of_its_own(path: Path) -> Iterator[None]:
         asammdf.set_global_option("temporary_folder", folder)
         try:
             yield
+        except BaseException as error:
+            _forget_readers(error)
+            raise
         finally:
             asammdf.set_global_option("temporary_folder", None)
 
