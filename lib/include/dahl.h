@@ -48,9 +48,9 @@
 #include <stdint.h>
 
 #define DAHL_VERSION_MAJOR 0
-#define DAHL_VERSION_MINOR 1
+#define DAHL_VERSION_MINOR 2
 #define DAHL_VERSION_PATCH 0
-#define DAHL_VERSION "0.1.0"
+#define DAHL_VERSION "0.2.0"
 
 /* Bounds that the tests read. One ulp of Fc is the distance from Fc to the next float away from zero. */
 #define DAHL_ULP_COUNTS 0.52       /* dahl_step_counts, dahl_torque: torque error in ulp of Fc */

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import dahl
 import pytest
 from conftest import ROOT, need
 
@@ -20,6 +21,7 @@ PRIVATE = {
 # Names that real projects have, and that stood on their include path once.
 USUAL = {"bits.h", "fixed.h", "kernel.h", "torque.h", "multiply.h", "compiler.h"}
 HEADERS = {"dahl.h", "dahl_encoder.h"}
+WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 takes any 0.2.x and no other
 MANIFEST_WAYS = ["platformio", "esp_idf", "zephyr"]
 WAYS = ["add_subdirectory", "FetchContent", "find_package", *MANIFEST_WAYS]
 # Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of 14 bits.
@@ -70,11 +72,20 @@ def own_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("way", WAYS)
 def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> None:
     options = [f"-DWAY={way}", f"-DOWN_HEADERS={own_headers}", f"-DDAHL_ROOT={ROOT}"]
-    options += [f"-DCMAKE_PREFIX_PATH={prefix}"]
+    options += [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     run("cmake", "-S", CONSUMER, "-B", tmp_path, "-G", "Ninja", *options)
     run("cmake", "--build", tmp_path)
     for program in ("consumer", "consumer_cxx"):
         assert float(run(tmp_path / program)) == pytest.approx(EXPECTED, rel=1e-6)
+
+
+def test_find_package_refuses_another_minor_version(prefix: Path, tmp_path: Path) -> None:
+    """Before 1.0 a minor version may move a header."""
+    options = ["-DWAY=find_package", f"-DCMAKE_PREFIX_PATH={prefix}", "-DDAHL_WANTED=0.1"]
+    command = ["cmake", "-S", CONSUMER, "-B", tmp_path, *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert f"version: {dahl.__version__}" in done.stderr
 
 
 @pytest.mark.parametrize("way", ["add_subdirectory", "find_package"])
@@ -85,7 +96,7 @@ def test_cmake_with_the_node(way: str, own_headers: Path, tmp_path: Path) -> Non
         prefix = install(tmp_path, "-DDAHL_BUILD_NODE=ON")
         node = {"dahl_node.h", "dahl_frames.h", "dahl_can_bus.h"}
         assert {path.name for path in (prefix / "include").iterdir()} == HEADERS | node
-        options.append(f"-DCMAKE_PREFIX_PATH={prefix}")
+        options += [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     options.append(f"-DOWN_HEADERS={own_headers}")
     run("cmake", "-S", CONSUMER, "-B", tmp_path / "b", "-G", "Ninja", *options)
     run("cmake", "--build", tmp_path / "b", "--target", "consumer_node")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import subprocess
 
+import dahl
 import pytest
 from loop_tools import SCENES, program, run
 
@@ -426,7 +427,10 @@ def test_an_unwritable_log_is_told(tmp_path):
 
 
 def test_help_and_version():
-    for option, words in (("--help", "usage: dahl-loop"), ("--version", "dahl-loop 0.1.0")):
+    for option, words in (
+        ("--help", "usage: dahl-loop"),
+        ("--version", f"dahl-loop {dahl.__version__}"),
+    ):
         result = subprocess.run(
             [program(), option], capture_output=True, text=True, timeout=20, check=False
         )

@@ -14,6 +14,8 @@ import sys
 import tarfile
 from pathlib import Path
 
+import cantools
+import dahl
 import pytest
 from conftest import BUILD, ROOT
 
@@ -58,9 +60,21 @@ def matching(globs: list[str]) -> set[str]:
     return {path.relative_to(ROOT).as_posix() for glob in globs for path in ROOT.glob(glob)}
 
 
+def test_every_place_tells_the_version_of_the_header() -> None:
+    """CMake reads it there, tools/pyproject.toml in dahl/__init__.py; these say it themselves."""
+    told = {
+        "library.json": json.loads((ROOT / "library.json").read_text())["version"],
+        "idf_component.yml": read_yaml(ROOT / "idf_component.yml")["version"],
+        "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
+        "tools/dahl/__init__.py": dahl.__version__,
+        "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],
+    }
+    assert told == dict.fromkeys(told, VERSION)
+
+
 def test_platformio() -> None:
     manifest = json.loads((ROOT / "library.json").read_text())
-    assert (manifest["name"], manifest["version"], manifest["license"]) == ("dahl", VERSION, "MIT")
+    assert (manifest["name"], manifest["license"]) == ("dahl", "MIT")
     assert set(manifest["headers"]) == {Path(path).name for path in PUBLIC}
     assert matching(manifest["export"]["include"]) == NEEDED | {"library.json"}
 
@@ -80,7 +94,7 @@ def test_zephyr_builds_nothing_unless_chosen(tmp_path: Path) -> None:
 
 def test_esp_idf() -> None:
     component = read_yaml(ROOT / "idf_component.yml")
-    assert (component["version"], component["license"]) == (VERSION, "MIT")
+    assert component["license"] == "MIT"
     assert component["files"]["exclude"][""] == ['"**/*"'], "only what is included"
     assert matching(component["files"]["include"][""]) == NEEDED | ESP_IDF
 

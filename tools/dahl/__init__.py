@@ -27,7 +27,7 @@ TYPE_CHECKING = False  # typing itself would cost as much as the rest of `dahl -
 if TYPE_CHECKING:
     from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Encoder",
     "Error",
