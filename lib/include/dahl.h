@@ -64,7 +64,7 @@
 #define DAHL_TRAVEL_MIN 9.313225746154785e-10   /* 2^-30 <= sigma0/Fc * theta_per_count, travel of one count */
 #define DAHL_TRAVEL_MAX 1048576.0               /* < 2^20 */
 
-/* Compilers warn where the result of a call so marked is dropped. */
+/* Compilers warn where the result of a call so marked is dropped; gcc also where it is cast to void. */
 #if (defined(__cplusplus) && __cplusplus >= 201703L) || (defined(__STDC_VERSION__) && __STDC_VERSION__ >= 202311L)
 #define DAHL_NODISCARD [[nodiscard]]
 #elif defined(__GNUC__)
