@@ -8,7 +8,7 @@
 # and every run came to its end.
 #   (none)     5 minutes on two cores
 #   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN: 20 minutes
-#   --full     also the tests marked long: all 2^31 floats, ten minutes of four nodes, a bare Debian (--long is the same)
+#   --full     also the tests marked long: every sanitizer, ten minutes of four nodes, a bare Debian (--long is the same)
 #   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer; hours to days
 #   -k WORD    only tests whose name has WORD, in C and in Python
 # Examples:  tools/test.sh -k codec -x           those about the codec, pytest stopping at the first failure
