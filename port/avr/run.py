@@ -14,7 +14,9 @@ QEMU += ["-serial", "stdio", "-bios"]
 
 
 def main() -> int:
-    with subprocess.Popen([*QEMU, sys.argv[1]], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE) as emulator:
+    with subprocess.Popen(
+        [*QEMU, sys.argv[1]], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+    ) as emulator:
         assert emulator.stdout is not None
         try:
             while (byte := emulator.stdout.read(1)) not in (END, b""):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What the header and the sources tell a compiler: dropped results warn, a core that lacks something
-does not build, and a core whose int has 16 bits builds without a warning.
+"""What the header and the sources tell a compiler: dropped results warn, a core that lacks
+something does not build, and a core whose int has 16 bits builds without a warning.
 """
 
 from __future__ import annotations
@@ -100,7 +100,9 @@ NARROW = {
 
 @pytest.mark.parametrize("source", SOURCES, ids=[s.stem for s in SOURCES])
 @pytest.mark.parametrize("core", NARROW)
-def test_an_int_of_16_bits_builds_without_a_warning(core: str, source: Path, tmp_path: Path) -> None:
+def test_an_int_of_16_bits_builds_without_a_warning(
+    core: str, source: Path, tmp_path: Path
+) -> None:
     done = compiled([*NARROW[core], *STRICT], source, tmp_path)
     assert done.returncode == 0, done.stderr
 

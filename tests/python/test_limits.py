@@ -65,7 +65,7 @@ def next_floats(x: float, by: int) -> float:
 
 
 def near_a_limit(seed: int, count: int) -> Iterator[tuple[float, float, float, bool]]:
-    """Parameters whose travel is at a limit, just beside it, or exactly on it; and whether it is within."""
+    """Parameters whose travel is at a limit, just beside it, or on it; and whether it is within."""
     random = Random(seed)
     for _ in range(count):
         limit = random.choice([2.0**-30, 2.0**20])
@@ -78,7 +78,9 @@ def near_a_limit(seed: int, count: int) -> Iterator[tuple[float, float, float, b
         yield sigma0, Fc, theta, Fraction(1, 2**30) <= travel < 2**20
 
 
-@pytest.mark.parametrize("params, code", [((1.0, 3.0, 3 * 2.0**-30), OK), ((2.0**20, 3.0, 3.0), RANGE)])
+@pytest.mark.parametrize(
+    "params, code", [((1.0, 3.0, 3 * 2.0**-30), OK), ((2.0**20, 3.0, 3.0), RANGE)]
+)
 def test_a_travel_on_the_limit(library, params: tuple[float, float, float], code: int) -> None:
     """2^-30 is in, 2^20 is out, also where sigma0/Fc has no end in binary."""
     assert prepared(library, *params)[0] == code
@@ -156,7 +158,9 @@ def test_a_plan_of_zeros_gives_no_torque(library) -> None:
         for count in counts:
             state = State(w)
             assert library.dahl_step_counts(zero, ctypes.byref(state), count) == 0
-            assert library.dahl_step_counts_q30(zero, ctypes.byref(state), count) == (w + 2**31 >> 32)
+            assert library.dahl_step_counts_q30(zero, ctypes.byref(state), count) == (
+                w + 2**31 >> 32
+            )
             assert state.w == w
         assert library.dahl_torque(zero, ctypes.byref(State(w))) == 0
 

@@ -88,7 +88,7 @@ def test_on_core(name: str, case: str, ran_on) -> None:
 
 
 def test_bits_on_avr() -> None:
-    """An int of 16 bits: the same hashes (some minutes; the emulator's exit needs no trust, the lines do)."""
+    """16-bit int: the same hashes (some minutes; lines count, not the emulator's exit)."""
     for program in ("avr-gcc", "qemu-system-avr"):
         if not shutil.which(program):
             pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")

@@ -46,7 +46,9 @@ def alone(headers: list[Path], standard: str, folder: Path) -> str:
 
 
 def test_the_public_headers_are_these() -> None:
-    assert {"dahl.h", "dahl_can_bus.h", "dahl_frames.h", "dahl_node.h"} <= {path.name for path in PUBLIC}
+    assert {"dahl.h", "dahl_can_bus.h", "dahl_frames.h", "dahl_node.h"} <= {
+        path.name for path in PUBLIC
+    }
 
 
 @pytest.mark.parametrize("standard", [*C, *CPP])

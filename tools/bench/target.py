@@ -206,7 +206,13 @@ def plain_objects(core: Core) -> list[Path]:
     """The C of the core as -O0 compiles it."""
     folder = core.build / "bench" / "plain"
     folder.mkdir(parents=True, exist_ok=True)
-    flags = [*cache_value(core, "CMAKE_C_FLAGS").split(), "-O0", "-std=c99", "-I", ROOT / "lib/include"]
+    flags = [
+        *cache_value(core, "CMAKE_C_FLAGS").split(),
+        "-O0",
+        "-std=c99",
+        "-I",
+        ROOT / "lib/include",
+    ]
     objects = []
     for source in sorted((*(ROOT / "lib/arith").glob("*.c"), *(ROOT / "lib/model").glob("*.c"))):
         objects.append(folder / f"{source.stem}.o")
@@ -299,10 +305,14 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
             if not name.startswith(MOTION)
         }
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
-    return result | measure_sizes(core) | {
-        "helpers": helpers(core, core.build / "lib" / "libdahl.a"),
-        "helpers_O0": helpers(core, *plain_objects(core)),
-    }
+    return (
+        result
+        | measure_sizes(core)
+        | {
+            "helpers": helpers(core, core.build / "lib" / "libdahl.a"),
+            "helpers_O0": helpers(core, *plain_objects(core)),
+        }
+    )
 
 
 def put(path: Path, content: bytes) -> None:

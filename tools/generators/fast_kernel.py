@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Coefficients of lib/batch/fast.h (needs mpmath):  build/venv/bin/python tools/generators/fast_kernel.py
+"""Coefficients of lib/batch/fast.h (needs mpmath).
 
-(1 - exp(-x))/x on [0, ln 2] by a polynomial of degree 6 whose *relative* error is least: Remez' exchange in 40 digits.
+    build/venv/bin/python tools/generators/fast_kernel.py
+
+(1 - exp(-x))/x on [0, ln 2] by a polynomial of degree 6 whose *relative* error is least:
+Remez' exchange in 40 digits.
 A kernel that errs by r, relative, errs by at most 2 r Fc in torque, for ever.
 """
 
@@ -11,7 +14,9 @@ import mpmath
 from mpmath import mpf
 
 DEGREE, SAMPLES = 6, 4000
-TOP = mpmath.log(2) * (1 + mpf(2) ** -20)  # a little more than ln 2, for a limit that is rounded to float
+TOP = mpmath.log(2) * (
+    1 + mpf(2) ** -20
+)  # a little more than ln 2, for a limit that is rounded to float
 
 
 def slope(x: mpf) -> mpf:
@@ -20,7 +25,9 @@ def slope(x: mpf) -> mpf:
 
 def fit(points: list[mpf]) -> list[mpf]:
     """The polynomial whose relative error is the same at all points, with alternating signs."""
-    rows = [[x**k / slope(x) for k in range(DEGREE + 1)] + [(-1) ** i] for i, x in enumerate(points)]
+    rows = [
+        [x**k / slope(x) for k in range(DEGREE + 1)] + [(-1) ** i] for i, x in enumerate(points)
+    ]
     solution = mpmath.lu_solve(mpmath.matrix(rows), mpmath.ones(len(points), 1))
     return [solution[k] for k in range(DEGREE + 1)]
 
