@@ -78,6 +78,7 @@ def guarded(run: Callable[[], int]) -> int:
         signal.signal(signal.SIGINT, signal.SIG_IGN if done else before)
     if not _Now.asked:
         return code
+    exec("")  # else Python dies of an interrupt that left the last exec() of a text, even if caught
     print(WORDS, file=sys.stderr)
     return CODE
 
@@ -96,6 +97,7 @@ class Stop:
         self.asked = False
 
     def __enter__(self) -> Stop:
+        self.asked = _Now.running and _Now.asked  # before, and something swallowed the exception
         self._before = {}
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:  # nohup
