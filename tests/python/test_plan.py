@@ -164,3 +164,9 @@ def test_the_examples_of_the_help_work(plan, tmp_path):
     for line in examples:
         assert plan(*shlex.split(line)[2:]).returncode == 0
     assert (tmp_path / "dahl_plan_shaft.h").exists()
+
+
+def test_a_device_is_written_and_never_read(plan):
+    done = plan(*KNOWN, "-o", "/dev/full")
+    assert (done.returncode, done.stderr) == (1, "error: /dev/full: No space left on device\n")
+    assert plan(*KNOWN, "-o", "/dev/null").returncode == 0

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import plan_header
+    from dahl import files, plan_header
     from dahl.core import FC, SIGMA0, Plan
 
     sigma0, fc = _number("--sigma0", args.sigma0, SIGMA0), _number("--fc", args.fc, FC)
@@ -54,9 +54,9 @@ def run(args: argparse.Namespace) -> None:
     if args.output == "-":
         sys.stdout.write(text)
         return
-    if not args.force and path.exists() and not plan_header.is_plan(path):
+    if not args.force and path.is_file() and not plan_header.is_plan(path):
         raise Error(f"{path}: there already, and no plan; --force overwrites it")
-    path.write_text(text, encoding="ascii")
+    files.keep(path, text)
     print(f"{path}: {plan}")
 
 
