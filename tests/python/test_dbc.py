@@ -85,3 +85,13 @@ def test_a_joint_write_can_be_encoded(database: cantools.database.Database) -> N
     write = database.get_message_by_name("ParamWrite")
     held = {"Crc": 0, "Counter": 1, "Write": "Hold", "Param": "Fc", "Fc": 2.5}
     assert write.decode(write.encode(held)) == held
+
+
+def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "own.dbc"
+    path.write_text("mine")
+    assert cli.main(["dbc", "-o", str(path)]) == 2
+    assert capsys.readouterr().err == f"error: {path}: there already; --force overwrites it\n"
+    assert path.read_text() == "mine"
+    assert cli.main(["dbc", "-o", str(path), "--force"]) == 0
+    assert cantools.database.load_file(path).messages

@@ -14,6 +14,7 @@ import copy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dahl import Error, files
 from dahl.arguments import whole
 
 if TYPE_CHECKING:
@@ -30,12 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="where it goes (default: printed)"
     )
+    parser.add_argument("--force", action="store_true", help="overwrite a file that is there")
 
 
 def run(args: argparse.Namespace) -> None:
+    if args.output and args.output.is_file() and not args.force:
+        raise Error(f"{args.output}: there already; --force overwrites it")
     text = describe(args.nodes)
     if args.output:
-        args.output.write_text(text, encoding="ascii", newline="\r\n")
+        files.keep(args.output, text)
     else:
         print(text, end="")
 
