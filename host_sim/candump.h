@@ -3,9 +3,9 @@
  * candump: a log of the bus in the form that candump -L writes and canplayer reads. Only whole lines are written, at any
  * moment and whatever ends the program; where a disk is full the piece of a line that still found room is cut off again.
  *
- * Nothing here blocks the beat: a pipe whose reader is slow has CANDUMP_ROOM bytes of patience, 2 to 3 s of the pair of
+ * Nothing here delays a tick: a pipe whose reader is slow has CANDUMP_ROOM bytes of patience, 2 to 3 s of the pair of
  * frames at 1 kHz. After that, lines are left out whole and counted until there is room again. A patient log (virtual
- * time, where no beat can be missed) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
+ * time, where no tick can be missed) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
  */
 #ifndef CANDUMP_H
 #define CANDUMP_H

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * loop: the beat. Once per millisecond each part gets its tick; in between, frames go to the parts that want them, and
- * every frame of the bus goes to the log. A part that is not there is not run. Up to 16 nodes and encoders share the bus.
+ * loop: once per millisecond each part gets its tick; in between, frames go to the parts that want them, and every frame of
+ * the bus goes to the log. A part that is not there is not run. Up to 16 nodes and encoders share the bus.
  *
- * Real time: ticks are kept by the monotonic clock. After a stall of the machine the ticks come a third faster until the
- * beat is caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
- * A node's clock is this beat: a program that the machine stalls has missed no time, as a core that is halted has not.
+ * Real time: ticks are kept by the monotonic clock. After a stall of the machine they come a third faster until they have
+ * caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
+ * A node's clock counts ticks: a program that the machine stalls has missed no time, as a core that is halted has not.
  * In lockstep a tick also waits for the other side: that of an encoder for the answer to the one before it, so that a slow
  * node outside loses nothing; that of a node alone for the next angle, so that no stall of the machine is a timeout. Both
  * for LOOP_PATIENCE_NS at most.

@@ -192,7 +192,7 @@ int main(int argc, char **argv)
         return answered < 0 ? EXIT_BAD_INPUT : 0;
     }
     end_with_parent(program.options.parent);
-    prctl(PR_SET_TIMERSLACK, 1000L); /* ns; the default of 50 us would be seen in the beat */
+    prctl(PR_SET_TIMERSLACK, 1000L); /* ns; the default of 50 us would be seen in the ticks */
     int code = prepare(&program);
     if (code == 0) {
         code = run(&program);

@@ -22,7 +22,8 @@
 #define DAHL_AVX2 __attribute__((target("avx2,fma")))
 #define DAHL_AVX512 __attribute__((target("avx2,fma,avx512f,avx512bw,avx512dq,avx512vl")))
 #define DAHL_HAS_AVX2 (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-#define DAHL_HAS_AVX512 (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+#define DAHL_HAS_AVX512 \
+    (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
 
 #define DAHL_VARIANTS(name, type, run)                                                  \
     DAHL_AVX512 static void name##_avx512(const type *job) { run(job); }                \

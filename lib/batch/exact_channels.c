@@ -183,7 +183,8 @@ void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, 
     }
 }
 
-void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F, size_t n)
+void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F,
+                         size_t n)
 {
     for (size_t i = 0; i < n * channels; i++) {
         F[i] = dahl_step(&plans[i % channels], &states[i % channels], dtheta[i]);

@@ -2,7 +2,8 @@
 /*
  * The throughput forms, private: the recurrence in double, many ticks or channels at a time. Not the bits of the bitwise
  * forms, the same bound, for any motion:
- *   kernel   g(u) = u P(u), relative error 2.1e-10 (fast_kernel.py; short travel by fewer terms): at most twice that in F/Fc, for ever
+ *   kernel   g(u) = u P(u), relative error 2.1e-10 (fast_kernel.py; short travel by fewer terms): at most twice that in
+ *            F/Fc, for ever
  *   block    within a block of ticks only d = w - w0 is computed, w0 the state at its start: d, and what its rounding loses,
  *            is small where travel is small, at most 2^-53 (ticks of a block) u for each tick of travel u
  *   carry    from block to block the state is w in Q62: what rounding to 2^-62 loses sums up to 2^-32 at worst, for a block

@@ -42,7 +42,8 @@ DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_m
     return most;
 }
 
-DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value, dahl_g_t g_of)
+DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value,
+                      dahl_g_t g_of)
 {
     for (size_t left = last - first; left != 0; left--) {
         size_t t = last - left;
@@ -110,8 +111,15 @@ DAHL_INLINE void run_known(const job_t *job, dahl_value_t value, dahl_value_t nu
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job) { run_known(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count); }
-DAHL_INLINE void run_angles(const job_t *job) { run_known(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle); }
+DAHL_INLINE void run_counts(const job_t *job)
+{
+    run_known(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+}
+
+DAHL_INLINE void run_angles(const job_t *job)
+{
+    run_known(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
+}
 DAHL_VARIANTS(counts, job_t, run_counts)
 DAHL_VARIANTS(angles, job_t, run_angles)
 

@@ -35,8 +35,8 @@ static int is_travel_in_range(double sigma0, double theta, double Fc)
     return -30 <= exponent && exponent < 20;
 }
 
-/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By counts a is about 2^-30 or more, by
- * angle a > 2^-128, so that a travel of ln 2 is no more than either can say. */
+/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By counts a is about
+ * 2^-30 or more, by angle a > 2^-128, so that a travel of ln 2 is no more than either can say. */
 static uint32_t measure_of(double travel, double a, bool by_counts)
 {
     double most = travel / a;

@@ -4,7 +4,8 @@
  *
  * A bus delivers every frame to every member in one order, the sender included: own frames come back from receive()
  * with DAHL_CAN_FRAME_OWN set. So one reader sees the whole bus, and a log written from receive() is the bus.
- * Each folder beside this file is one bus with this contract; host and firmware choose by linking, not by #ifdef.
+ * Each bus in port/ keeps this contract in a folder of its own; a firmware adds its own. Host and firmware choose by linking,
+ * not by #ifdef.
  */
 #ifndef DAHL_CAN_BUS_H
 #define DAHL_CAN_BUS_H
@@ -33,7 +34,7 @@ enum {
 typedef struct {
     uint64_t time_us; /* when the bus carried it, on the bus's own clock */
     uint32_t id;      /* 11 or 29 bits */
-    uint8_t flags;    /* CAN_FRAME_* */
+    uint8_t flags;    /* DAHL_CAN_FRAME_* */
     uint8_t length;   /* bytes in data, 0..8 */
     uint8_t data[8];
 } dahl_can_frame_t;
@@ -62,10 +63,10 @@ typedef struct {
 typedef struct dahl_can_bus dahl_can_bus_t;
 
 typedef struct {
-    dahl_can_result_t (*send)(dahl_can_bus_t *bus, const dahl_can_frame_t *frame);                          /* never blocks the beat */
+    dahl_can_result_t (*send)(dahl_can_bus_t *bus, const dahl_can_frame_t *frame);                   /* never waits */
     dahl_can_result_t (*receive)(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us); /* 0: only look */
-    uint32_t (*peers)(const dahl_can_bus_t *bus);                                          /* others seen on the bus */
-    void (*close)(dahl_can_bus_t *bus);                                                    /* sends what is still queued */
+    uint32_t (*peers)(const dahl_can_bus_t *bus);                                                    /* others on the bus */
+    void (*close)(dahl_can_bus_t *bus); /* sends what is still queued */
 } dahl_can_bus_ops_t;
 
 struct dahl_can_bus {

@@ -13,8 +13,8 @@
  * Status says, whether the bristle moves, whether there is an answer. The count is absolute, so travel needs no unbroken
  * chain of frames.
  *
- *   Timeout          DAHL_NODE_TIMEOUT_US unless parameter Timeout was written; Status shows it. Then Status says STALE at once,
- *                    on bus-off without waiting for the timeout
+ *   Timeout          DAHL_NODE_TIMEOUT_US unless parameter Timeout was written; Status shows it. Then Status says STALE at
+ *                    once, on bus-off without waiting for the timeout
  *   Torque then      0: nothing is answered, and the gain begins anew from 0 where there is a ramp
  *   Back again       with the third good frame in a row; its count is the new starting point. After a bus-off these are
  *                    waited for only when a timeout has passed; the fourth bus-off without an answer in between is
@@ -43,11 +43,11 @@ extern "C" {
 
 #define DAHL_NODE_TIMEOUT_US 100000u /* 100 frames; the 4-bit counter alone would see a gap only modulo 16 */
 #define DAHL_NODE_STATUS_US 100000u  /* period of Status */
-#define DAHL_NODE_GAP_MAX 3u       /* largest counter step that is used where no MaxStep is known: two frames missing */
-#define DAHL_NODE_GAP_MAX_STEP 8u  /* the same where it is; larger steps look like frames that are late */
-#define DAHL_NODE_REARM 3u         /* good frames in a row that are a new start, out of sequence or after a timeout */
-#define DAHL_NODE_OFF_MAX 4u       /* bus-offs without an answer in between that are one too many */
-#define DAHL_NODE_ONE 65536u       /* gain and limit of 1 */
+#define DAHL_NODE_GAP_MAX 3u         /* largest counter step that is used where no MaxStep is known: two frames missing */
+#define DAHL_NODE_GAP_MAX_STEP 8u    /* the same where it is; larger steps look like frames that are late */
+#define DAHL_NODE_REARM 3u           /* good frames in a row that are a new start, out of sequence or after a timeout */
+#define DAHL_NODE_OFF_MAX 4u         /* bus-offs without an answer in between that are one too many */
+#define DAHL_NODE_ONE 65536u         /* gain and limit of 1 */
 
 /* Frames by what became of them, since dahl_node_init; lost counts frames that never came in time. */
 typedef struct {

@@ -43,7 +43,8 @@ static int is_travel_in_range(dahl_real_t sigma0, dahl_real_t theta, dahl_real_t
 /* a 2^exponent times b, a in (2^62, 2^64). */
 static DAHL_COLD dahl_wide_t product(uint64_t a, int32_t exponent, dahl_real_t b)
 {
-    return dahl_normalise(dahl_mul((uint32_t)(a >> 32), b.mantissa) + dahl_mulhi((uint32_t)a, b.mantissa), exponent + b.exponent + 32);
+    uint64_t high = dahl_mul((uint32_t)(a >> 32), b.mantissa) + dahl_mulhi((uint32_t)a, b.mantissa);
+    return dahl_normalise(high, exponent + b.exponent + 32);
 }
 
 /* What travels x and then y leave of the gap, in Q64. The product goes up to the next integer: so it stays above 0, and where
@@ -100,7 +101,8 @@ static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params,
 
 DAHL_COLD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
 {
-    uint32_t sigma0 = dahl_bits_of(params->sigma0), Fc = dahl_bits_of(params->Fc), theta = dahl_bits_of(params->theta_per_count);
+    uint32_t sigma0 = dahl_bits_of(params->sigma0), Fc = dahl_bits_of(params->Fc);
+    uint32_t theta = dahl_bits_of(params->theta_per_count);
     int has_counts = theta << 1 != 0;
     int32_t err = check(sigma0) | check(Fc) | (has_counts ? check(theta) : DAHL_OK);
     if (err == DAHL_OK && has_counts && !is_travel_in_range(dahl_real_of(sigma0), dahl_real_of(theta), dahl_real_of(Fc))) {

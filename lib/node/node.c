@@ -99,7 +99,8 @@ static int32_t output(const dahl_node_t *node, int32_t torque_q30)
     return part > -limit ? part : -limit;
 }
 
-static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, int32_t torque_q30, dahl_can_frame_t *out)
+static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, int32_t torque_q30,
+                   dahl_can_frame_t *out)
 {
     ramp(node, node->primed ? now_us - node->good_us : 0);
     node->count = (uint32_t)seen->count;
@@ -202,7 +203,8 @@ static bool jump(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t n
     return prime(node, seen, now_us, out);
 }
 
-static bool in_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uint8_t step, uint32_t now_us, dahl_can_frame_t *out)
+static bool in_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uint8_t step, uint32_t now_us,
+                        dahl_can_frame_t *out)
 {
     node->counts.lost += step - 1u;
     enter(node, step == 1 ? DAHL_FRAMES_OK : DAHL_FRAMES_LOST);
@@ -218,7 +220,8 @@ static bool in_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uin
 /* Too soon after a bus-off, or once too often? */
 static bool is_held(const dahl_node_t *node, uint32_t now_us)
 {
-    return node->bus_off_count >= DAHL_NODE_OFF_MAX || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
+    return node->bus_off_count >= DAHL_NODE_OFF_MAX
+           || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
 }
 
 /* After a silence: enough good frames in a row, none of them in the time that a bus-off costs. */
@@ -451,7 +454,8 @@ static bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_fra
 /* In the unit of Status, rounded up; what is too long for it is the longest that it can say. */
 static uint8_t timeout_shown(const dahl_node_t *node)
 {
-    uint32_t rounded_up = node->timeout_us / DAHL_FRAMES_TIMEOUT_US + (node->timeout_us % DAHL_FRAMES_TIMEOUT_US != 0 ? 1u : 0u);
+    uint32_t whole = node->timeout_us / DAHL_FRAMES_TIMEOUT_US, rest = node->timeout_us % DAHL_FRAMES_TIMEOUT_US;
+    uint32_t rounded_up = whole + (rest != 0 ? 1u : 0u);
     return (uint8_t)least(rounded_up, UINT8_MAX);
 }
 

@@ -6,7 +6,8 @@
 extern char uart_base[], uart_interrupt[];
 
 enum { DATA = 0x0, STATE = 0x4, CONTROL = 0x8, INTERRUPT = 0xC, DIVIDER = 0x10 };
-enum { STATE_TX_FULL = 1, STATE_RX_FULL = 2, CONTROL_TX_RX = 3, CONTROL_RX_INTERRUPT = 8, INTERRUPT_RX = 2, DIVIDER_LEAST = 16 };
+enum { STATE_TX_FULL = 1, STATE_RX_FULL = 2 };
+enum { CONTROL_TX_RX = 3, CONTROL_RX_INTERRUPT = 8, INTERRUPT_RX = 2, DIVIDER_LEAST = 16 };
 
 static volatile uint32_t *port(uint32_t offset)
 {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcan: see socketcan.h. A full transmit queue (ENOBUFS, EAGAIN) is tried again for a fraction of the beat, then the
+/* socketcan: see socketcan.h. A full transmit queue (ENOBUFS, EAGAIN) is tried again for a fraction of a tick, then the
  * frame is dropped and counted: a bus that cannot keep up must not stop the clock. */
 #define _GNU_SOURCE
 #include "socketcan.h"

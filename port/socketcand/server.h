@@ -3,8 +3,8 @@
  * socketcand server: this process is the bus. Clients of the socketcand protocol (python-can: -i socketcand) join on a TCP
  * port of 127.0.0.1; every frame goes to all members but the client that sent it, stamped with the bus's own clock.
  *
- * The beat comes first: no call blocks, each client has a bounded outbox, and a client that falls behind by more than
- * that is dropped with a report. With patience (virtual time, where no beat can be missed) the server waits instead.
+ * The tick comes first: no call blocks, each client has a bounded outbox, and a client that falls behind by more than
+ * that is dropped with a report. With patience (virtual time, where no tick can be missed) the server waits instead.
  * A client that has not opened the bus and entered raw mode SOCKETCAND_HANDSHAKE_MS after it connected is dropped too.
  */
 #ifndef SOCKETCAND_SERVER_H

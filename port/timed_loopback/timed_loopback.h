@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * timed_loopback: a bus inside one process on which frames take time. A frame takes its own number of bits, stuff bits included; of those
- * that wait when the bus falls silent the lowest id goes first; equal ids keep their order.
+ * timed_loopback: a bus inside one process on which frames take time. A frame takes its own number of bits, stuff bits
+ * included; of those that wait when the bus falls silent the lowest id goes first; equal ids keep their order.
  * Error frames, acknowledgement and retransmission are not modelled.
  */
 #ifndef TIMED_LOOPBACK_H

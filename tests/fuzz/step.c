@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Ticks of every form on any plan and any state, with new torques and new plans between them. The laws are those of
- * lib/dahl.h and lib/gap.h; the exact solution is expm1l.
+ * dahl.h and lib/model/bristle_update.h; the exact solution is expm1l.
  */
 #include "dahl_batch.h"
 #include "dahl_float.h"

@@ -9,7 +9,8 @@
 
 #include "../../lib/model/kernel.h"
 
-/* What g may have more than the exact value, in absolute terms: the two units of 2^-64 that gap.h wants, and one lost. */
+/* What g may have more than the exact value, in absolute terms: the two units of 2^-64 that bristle_update.h wants, and one
+ * that is lost. */
 #define KERNEL_UNITS 0x3p-64L
 
 typedef struct {

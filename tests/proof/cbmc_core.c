@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Every public call of the core but dahl_prepare (fuzzed), for every state, every plan and every argument: no undefined behaviour (CBMC looks for it
- * by itself), the state ends where a state may begin, and nothing else in memory changes. One function each, for
- * cbmc --function. By induction over calls the state then stays in range for ever: see docs/verification.md.
+ * Every public call of the core but dahl_prepare (fuzzed), for every state, every plan and every argument: no undefined
+ * behaviour (CBMC looks for it by itself), the state ends where a state may begin, and nothing else in memory changes. One
+ * function each, for cbmc --function. By induction over calls the state then stays in range for ever: see docs/verification.md.
  */
 #include "cbmc_ranges.h"
 

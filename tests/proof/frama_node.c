@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * A node that hears any frames without end, for the Eva plug-in of Frama-C: the receiver and its frames, frames of any form and content, true ones among them, parameters written and read, any clock. The calls of the
- * library are taken by contracts, which cbmc_core.c shows.
+ * A node that hears any frames without end, for the Eva plug-in of Frama-C: the receiver and its frames, frames of any form
+ * and content, true ones among them, parameters written and read, any clock. The calls of the library are taken by contracts,
+ * which cbmc_core.c shows.
  */
 #include <stdint.h>
 #include "__fc_builtin.h"

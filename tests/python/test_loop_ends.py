@@ -128,7 +128,7 @@ def read_all(reading: int) -> str:
 
 
 def test_a_pipe_that_nobody_reads_does_not_stop_the_loop(tmp_path):
-    """It keeps the beat; the lines that found no room are counted, and what came is whole."""
+    """It keeps its ticks; the lines that found no room are counted, and what came is whole."""
     process, reading = piped(tmp_path, "--seconds", "6")
     result = finished(tmp_path, process, 30)
     text = read_all(reading)

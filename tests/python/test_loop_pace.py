@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The beat in real time: how stalls of the machine are made up for; what a slow reader costs."""
+"""The tick in real time: how stalls of the machine are made up for; what a slow reader costs."""
 
 from __future__ import annotations
 

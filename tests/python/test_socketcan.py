@@ -168,7 +168,7 @@ def test_the_fourth_bus_off_in_a_row_is_latched(machine):
 
 
 def test_a_full_queue_stops_nothing(machine):
-    """ENOBUFS: tried again, dropped and counted, and the beat goes on."""
+    """ENOBUFS: tried again, dropped and counted, and the ticks go on."""
     case = machine("full")
     if not (case.folder / "both.json").exists():
         pytest.skip(f"no queue to fill: {(case.folder / 'tc.err').read_text().strip()}")

@@ -3,10 +3,10 @@
 
 The sources are those of CMakeLists.txt as they stand, with the flags that it gives them; only the
 instrumentation comes on top, and fewer ticks. Two forms of each file:
-  native   as this machine builds it. batch_targets.h asks the processor for vectors; here the
+  native   as this machine builds it. cpu_dispatch.h asks the processor for vectors; here the
            environment answers (coverage_cpu.h), so that each road is taken, on this machine.
   plain    as a compiler without extensions builds it (coverage_plain.h): the other side of each
-           #if of bits.h, batch.h and batch_targets.h, and one variant of each batch.
+           #if of compiler.h, fixed.h and cpu_dispatch.h, and one variant of each batch.
 What neither compiles is multiply_v6m.h, assembly for ARMv6-M: tests/target runs it on a Cortex-M0.
 """
 

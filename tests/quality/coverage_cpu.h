@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What batch_targets.h asks of the processor, answered by the environment: so that one machine takes every road of it.
+/* What cpu_dispatch.h asks of the processor, answered by the environment: so that one machine takes every road of it.
  * DAHL_CPU holds the names of the features that there are. Put before each source by -include; so it includes nothing itself,
  * since a source may first define what it wants of the system's headers. */
 #ifndef COVERAGE_CPU_H

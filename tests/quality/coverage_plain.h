@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The forms that a compiler without extensions takes (bits.h, batch.h, batch_targets.h). What the system's headers need of
- * the compiler is read before. Put before each source by -include. */
+/* The forms that a compiler without extensions takes (compiler.h, multiply.h, cpu_dispatch.h). What the system's headers
+ * need of the compiler is read before. Put before each source by -include. */
 #ifndef COVERAGE_PLAIN_H
 #define COVERAGE_PLAIN_H
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "dahl_batch.h"
-#include "../lib/bits.h" /* of the tests: the library has a namesake */
+#include "../lib/bits.h"
 
 enum { TICKS = 2000, CHANNELS = 3 };
 

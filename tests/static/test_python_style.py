@@ -18,7 +18,9 @@ LONGEST = 40  # lines of a function, from its def to its end
 
 def sources() -> list[Path]:
     """Every Python file of the project."""
-    return sorted(path for part in ("tools", "tests") for path in (ROOT / part).rglob("*.py"))
+    return sorted(
+        path for part in ("tools", "tests", "examples") for path in (ROOT / part).rglob("*.py")
+    )
 
 
 def ruff(*words: object) -> subprocess.CompletedProcess[str]:
