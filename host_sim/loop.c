@@ -277,8 +277,8 @@ static bool some_wait(const loop_t *loop)
 static void settle(loop_t *loop)
 {
     uint64_t ticks = loop->encoders[0].answered > 0 ? SETTLE_TICKS : ALONE_TICKS;
-    uint64_t give_up = read_clock(CLOCK_MONOTONIC) + ticks * LOOP_PERIOD_NS;
-    while (some_wait(loop) && !loop->gone && read_clock(CLOCK_MONOTONIC) < give_up) {
+    uint64_t deadline = read_clock(CLOCK_MONOTONIC) + ticks * LOOP_PERIOD_NS;
+    while (some_wait(loop) && !loop->gone && read_clock(CLOCK_MONOTONIC) < deadline) {
         receive(loop, 1000);
     }
 }

@@ -27,11 +27,11 @@ typedef struct {
 } parts_t;
 
 /* 0, or -1 after one error line was printed. */
-int parts_prepare(parts_t *parts);
+int parts_prepare(parts_t *p);
 
 /* Node number of the i-th node and of its encoder. */
-uint8_t parts_number(const parts_t *parts, uint32_t i);
+uint8_t parts_number(const parts_t *p, uint32_t i);
 
-void parts_close(parts_t *parts);
+void parts_close(parts_t *p);
 
 #endif

@@ -186,7 +186,7 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
         log_error("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }
-    if (key->value == WHOLE && number != trunc(number)) {
+    if (key->value == WHOLE && fabs(number - trunc(number)) > 0) {
         log_error("%s:%d: [%s] %s = %s: not a whole number", r->path, r->line, key->section, key->name, value);
         return fail(r);
     }

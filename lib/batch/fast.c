@@ -108,7 +108,7 @@ DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_valu
     for (size_t i = 0; i < BLOCK; i++) {
         moves[i] = 0;
         if (i < rest) {
-            memcpy(&moves[i], (const uint32_t *)job->moves + done + i, sizeof moves[i]);
+            (void)memcpy(&moves[i], (const uint32_t *)job->moves + done + i, sizeof moves[i]);
         }
     }
     run_block(scan, job, moves, 0, F, value, number, measure);

@@ -11,7 +11,6 @@
  */
 #include "bristle_update.h"
 
-#define ENTRIES ((int)(sizeof((dahl_plan_t *)0)->g / sizeof((dahl_plan_t *)0)->g[0]))
 #define PART_BITS 20 /* v < 2^-20, so that v^3/6 < 2^-42 v */
 #define LOG2_E_Q31 3098164010u /* rounded up, which centres the truncation of a/ln 2 to 32 bits */
 
@@ -75,14 +74,15 @@ static void write_entry(dahl_q64_t *entry, uint64_t g)
 }
 
 /* 0, 1 .. 8 counts, then twice the one before. */
-static DAHL_COLD void write_table(dahl_q64_t *table, uint64_t left_by_one)
+static DAHL_COLD void write_table(dahl_plan_t *plan, uint64_t left_by_one)
 {
+    const int entries = (int)(sizeof plan->g / sizeof plan->g[0]);
     uint64_t left = left_by_one;
-    write_entry(&table[0], 0);
-    write_entry(&table[1], ~left);
-    for (int n = 2; n < ENTRIES; n++) {
+    write_entry(&plan->g[0], 0);
+    write_entry(&plan->g[1], ~left);
+    for (int n = 2; n < entries; n++) {
         left = join(left, n <= DAHL_DIRECT_COUNTS_MAX ? left_by_one : left);
-        write_entry(&table[n], ~left);
+        write_entry(&plan->g[n], ~left);
     }
 }
 
@@ -96,7 +96,7 @@ static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params,
     plan->a_exponent = a_per_ln2.exponent + 32;
     plan->Fc_mantissa = Fc.mantissa;
     plan->Fc_exponent = Fc.exponent;
-    write_table(plan->g, has_counts ? left_by(product(a, exponent, real_of(params->theta_per_count))) : UINT64_MAX);
+    write_table(plan, has_counts ? left_by(product(a, exponent, real_of(params->theta_per_count))) : UINT64_MAX);
 }
 
 DAHL_COLD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)

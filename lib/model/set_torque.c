@@ -33,5 +33,5 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)
         return;
     }
     uint64_t size = size_of(plan, magnitude);
-    state->w = (int64_t)(bits & DAHL_BITS_SIGN ? 0u - size : size);
+    state->w = (int64_t)((bits & DAHL_BITS_SIGN) != 0 ? 0u - size : size);
 }

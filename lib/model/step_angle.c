@@ -12,7 +12,7 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta)
     }
     dahl_q64_t g = dahl_kernel(dahl_travel(plan, magnitude));
     uint64_t w = (uint64_t)state->w;
-    w = bits & DAHL_BITS_SIGN ? dahl_backward(w, g) : dahl_forward(w, g);
+    w = (bits & DAHL_BITS_SIGN) != 0 ? dahl_backward(w, g) : dahl_forward(w, g);
     state->w = (int64_t)w;
     return dahl_torque_of(plan, w);
 }

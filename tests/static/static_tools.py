@@ -13,7 +13,7 @@ LIB = sources.ALL
 CODEC = [p for p in sources.NODE if p.stem == "frames"] + [ROOT / "port/slcan/slcan.c"]
 NODE = [p for p in sources.NODE if p.stem == "node"]
 FIRMWARE = LIB + CODEC + NODE  # what a microcontroller links, but for its start-up
-START_UP = sorted([*ROOT.glob("port/cortex_m/*.c"), *ROOT.glob("port/riscv/*.c")])
+START_UP = sorted(p for core in ("cortex_m", "riscv", "avr") for p in ROOT.glob(f"port/{core}/*.c"))
 DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *START_UP})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
 
