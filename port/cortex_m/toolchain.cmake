@@ -1,25 +1,29 @@
 # SPDX-License-Identifier: MIT
-# Bare-metal Arm gcc for one core: cmake --toolchain port/cortex_m/toolchain.cmake -DDAHL_CORE=m0|m3|m4f|m7|m33
+# Bare-metal Arm gcc for one core: cmake --toolchain port/cortex_m/toolchain.cmake -DDAHL_CORE=m4f
 # Sets the core's flags, and QEMU's board with that core as the emulator that CTest runs the tests in.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
 set(DAHL_PORT cortex_m)
-set(DAHL_CORE "" CACHE STRING "m0, m3, m4f, m7 or m33")
+set(DAHL_CORE "" CACHE STRING "one of the cores below")
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
-set(DAHL_CORE_m0 -mcpu=cortex-m0)
-set(DAHL_CORE_m3 -mcpu=cortex-m3)
-set(DAHL_CORE_m4f -mcpu=cortex-m4 -mfloat-abi=hard -mfpu=fpv4-sp-d16)
-set(DAHL_CORE_m7 -mcpu=cortex-m7 -mfloat-abi=hard -mfpu=fpv5-d16)
-set(DAHL_CORE_m33 -mcpu=cortex-m33 -mfloat-abi=hard -mfpu=fpv5-sp-d16)
-set(DAHL_BOARD_m0 microbit)
-set(DAHL_BOARD_m3 mps2-an385)
-set(DAHL_BOARD_m4f mps2-an386)
-set(DAHL_BOARD_m7 mps2-an500)
-set(DAHL_BOARD_m33 mps2-an505)
+# dahl_core(NAME BOARD FLAG...): a core, QEMU's board that has it, and how gcc is told. The one list of them: the demo and the
+# benches read these lines too (tools/dahl/firmware.py).
+set(DAHL_CORES "")
+macro(dahl_core name board)
+    list(APPEND DAHL_CORES ${name})
+    set(DAHL_BOARD_${name} ${board})
+    set(DAHL_CORE_${name} ${ARGN})
+endmacro()
+dahl_core(m0 microbit -mcpu=cortex-m0)
+dahl_core(m3 mps2-an385 -mcpu=cortex-m3)
+dahl_core(m4f mps2-an386 -mcpu=cortex-m4 -mfloat-abi=hard -mfpu=fpv4-sp-d16)
+dahl_core(m7 mps2-an500 -mcpu=cortex-m7 -mfloat-abi=hard -mfpu=fpv5-d16)
+dahl_core(m33 mps2-an505 -mcpu=cortex-m33 -mfloat-abi=hard -mfpu=fpv5-sp-d16)
 if(NOT DEFINED DAHL_BOARD_${DAHL_CORE})
-    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; known are m0, m3, m4f, m7, m33")
+    list(JOIN DAHL_CORES ", " DAHL_CORES)
+    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; known are ${DAHL_CORES}")
 endif()
 set(DAHL_BOARD ${DAHL_BOARD_${DAHL_CORE}})
 

@@ -3,9 +3,8 @@
 [--quick] [CORE...]`
 
 Each core's image (tools/bench/target) makes its calls from one place; a plugin of QEMU counts the
-instructions from entry
-to return. The counts are exact and the same on every machine. Cycles are not modelled. Writes
-build/bench/target.json.
+instructions from entry to return. The counts are exact and the same on every machine. Cycles are
+not modelled. Writes build/bench/target.json.
 """
 
 from __future__ import annotations
@@ -20,6 +19,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from dahl import firmware
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "bench"
@@ -36,9 +37,7 @@ class BenchError(Exception):
 
 @dataclass(frozen=True)
 class Core:
-    """A core: its name in CMake, its name in words, the board of QEMU that has it, the tools for
-    it.
-    """
+    """A core: its name in CMake, its name in words, QEMU's board that has it, the tools for it."""
 
     name: str
     title: str
@@ -56,11 +55,7 @@ class Core:
 CORES = {
     core.name: core
     for core in (
-        Core("m0", "Cortex-M0", "microbit"),
-        Core("m3", "Cortex-M3", "mps2-an385"),
-        Core("m4f", "Cortex-M4F", "mps2-an386"),
-        Core("m7", "Cortex-M7", "mps2-an500"),
-        Core("m33", "Cortex-M33", "mps2-an505"),
+        *(Core(n, f"Cortex-{n.upper()}", board.machine) for n, board in firmware.boards().items()),
         Core("rv32", "RV32IMAC", "virt", RISCV),
     )
 }

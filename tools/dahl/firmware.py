@@ -9,6 +9,8 @@ product would keep its calibration.
 from __future__ import annotations
 
 import contextlib
+import functools
+import re
 import shutil
 import socket
 import struct
@@ -35,25 +37,31 @@ def with_parent() -> list[str]:
 
 @dataclass(frozen=True)
 class Board:
-    """A board of QEMU, and where its flash page for parameters is (port/cortex_m/*.ld)."""
+    """A board of QEMU, and the address of its flash page for parameters."""
 
     machine: str
     page: int
 
 
-BOARDS = {
-    "m0": Board("microbit", 0x0003FC00),
-    "m3": Board("mps2-an385", 0x003FF000),
-    "m4f": Board("mps2-an386", 0x003FF000),
-    "m7": Board("mps2-an500", 0x003FF000),
-    "m33": Board("mps2-an505", 0x103FF000),
-}
+@functools.cache
+def boards() -> dict[str, Board]:
+    """Board by core, as the toolchain file and the board's linker script have it."""
+    folder = paths.ROOT / "port" / "cortex_m"
+    toolchain = (folder / "toolchain.cmake").read_text(encoding="utf-8")
+    found = {}
+    for core, machine in re.findall(r"^dahl_core\((\w+) (\S+)", toolchain, re.MULTILINE):
+        script = (folder / f"{machine}.ld").read_text(encoding="utf-8")
+        page = re.search(r"^param_page = (\w+);", script, re.MULTILINE)
+        if page is None:
+            raise RunError(f"{folder / machine}.ld: no param_page")
+        found[core] = Board(machine, int(page[1], 0))
+    return found
 
 
 def build(core: str) -> Path:
     """Configure and build the image of one core; returns it."""
-    if core not in BOARDS:
-        raise Error(f"--target {core}: one of {' '.join(BOARDS)} was expected")
+    if core not in boards():
+        raise Error(f"--target {core}: one of {' '.join(boards())} was expected")
     folder = paths.ROOT / "build" / core
     for command in (
         ["cmake", "--preset", core],
@@ -92,11 +100,10 @@ class Firmware:
         options: tuple[str, ...] = (),
     ) -> None:
         """params: sigma0, Fc, theta_per_count; None leaves the page blank. timeout_us: 0 for
-        the firmware's own. folder: for files. options:
-        more words for QEMU.
+        the firmware's own. folder: for files. options: more words for QEMU.
         """
         self.options = options
-        self.core, self.board, self.number = core, BOARDS[core], number
+        self.core, self.board, self.number = core, boards()[core], number
         self.image = image or build(core)
         self.page = folder / f"params.{core}.bin"
         self.page.write_bytes(

@@ -94,7 +94,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--target",
         metavar="CORE",
-        help="compute the torque in firmware on an emulated core: m0, m3, m4f, m7 or m33",
+        help="compute the torque in firmware on an emulated core, such as m4f",
     )
     parser.add_argument(
         "--seconds", type=seconds, metavar="S", help="end the motion after S seconds"
@@ -263,7 +263,7 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     if not setup.bus.startswith("socketcand"):
         raise Error(f"--target goes with --bus socketcand, not {setup.bus}")
     image = firmware.build(args.target)
-    board = firmware.BOARDS[args.target].machine
+    board = firmware.boards()[args.target].machine
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = firmware.hub(args.output)
