@@ -12,7 +12,7 @@
  * coefficient has few bits and is multiplied by the top half of Y alone.
  *
  * DAHL_KERNEL_ERROR bounds the relative error of g for every a and every angle, the product with a included: certified by
- * Sollya and Gappa, and seen for all floats with a = 1 (tests/proof). Beside it g has up to 2 units of 2^-64 more, for
+ * Sollya and Gappa (tests/proof), and seen for all floats with a = 1. Beside it g has up to 2 units of 2^-64 more, for
  * bristle_update.h.
  */
 #ifndef DAHL_KERNEL_H

@@ -27,9 +27,6 @@
 #define PASSIVITY_COUNTS 0.0
 #define PASSIVITY_ANGLE 0x1p-59
 
-#define PASSIVITY_T(n) ldexp(1, 2 - 2 * (n))
-#define PASSIVITY_BOUND(n, g) (PASSIVITY_T(n) + (g) * ldexp(1, -2 * (n)))
-
 static inline long double passivity_loss(long double s_w_after, long double m, long double u)
 {
     return s_w_after * (u - m) + m * m / 2;

@@ -176,6 +176,3 @@ def test_branches_by_a_second_tool(build: coverage_build.Build) -> None:
             if not COPIED.match(str(path.relative_to(ROOT)))
         ]
     expect_none(gcov_holes(build.folder, ROOT, sources), f"{build.folder.name} by gcov")
-
-
-# --- planted faults: the check sees what it is there to see ---------------------------------------

@@ -72,6 +72,3 @@ def test_headers_in_two_linked_files(standard: str, tmp_path: Path) -> None:
         words = [f"-std={standard}", *WARNINGS, *static.INCLUDES]
         static.clean(compiler, *words, other, main, "-o", tmp_path / "program")
         assert static.call(tmp_path / "program") == (3, "")
-
-
-# --- each fault is seen --------------------------------------------------------------------------

@@ -98,6 +98,3 @@ def test_batches_on_a_big_endian_core(tmp_path: Path) -> None:
 def test_batches_elsewhere(name: str, tmp_path: Path) -> None:
     status, text = unit(MACHINES[name], "lib/test_batch", tmp_path, static.FIRMWARE)
     assert status == 0 and " 0 Failures " in text, text
-
-
-# --- each fault is seen --------------------------------------------------------------------------

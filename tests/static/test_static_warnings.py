@@ -56,6 +56,3 @@ def test_small_core_has_no_warning(core: str, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_analyzer_of_gcc_finds_nothing(tmp_path: Path) -> None:
     compile_all(tmp_path, static.LIB, need("gcc", CLAIM.format("gcc")), *static.GCC, "-fanalyzer")
-
-
-# --- each fault is seen --------------------------------------------------------------------------
