@@ -484,20 +484,22 @@ def test_the_unit_of_an_angle_is_in_its_name(column, unit):
 
 
 @pytest.mark.parametrize(
-    ("unit", "counts_per_unit", "theta_per_count"),
+    ("unit", "counts_per_unit", "theta_per_count", "plotted", "per_unit"),
     [
-        ("deg", TURN / 360, math.tau / TURN),
-        ("rad", TURN / math.tau, math.tau / TURN),
-        ("counts", 1, math.tau / TURN),
-        ("mm", TURN, 1e-3 / TURN),
+        ("deg", TURN / 360, math.tau / TURN, "deg", math.degrees(1)),
+        ("rad", TURN / math.tau, math.tau / TURN, "rad", 1),
+        ("counts", 1, math.tau / TURN, "rad", 1),
+        ("mm", TURN, 1e-3 / TURN, "mm", 1000),
     ],
 )
-def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count):
+def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count, plotted, per_unit):
     own = scene.OwnLog(Path("x.csv"), "a", "T", SIGMA0, FC, TURN, unit)
     written = scene.write_own(own, tmp_path / "own.ini")
     assert float(written.motion["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
     assert written.theta_per_count == pytest.approx(theta_per_count, rel=1e-15)
     assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T")
+    assert written.measured.label_angle == f"a from the start [{plotted}]"
+    assert written.measured.angle_scale == pytest.approx(per_unit, rel=1e-15)
 
 
 def test_a_column_name_that_a_scene_cannot_hold_is_named(tmp_path):

@@ -256,7 +256,9 @@ def test_counts_per_turn_or_per_millimetre(tmp_path, unit, size):
     assert resolution_of(grid) == pytest.approx(size)
 
 
-@pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", 2 * np.pi), ("turn", 1)])
+@pytest.mark.parametrize(
+    ("unit", "turn"), [("deg", 360), ("rad", 2 * np.pi), ("mrad", 2000 * np.pi), ("turn", 1)]
+)
 def test_an_angle_that_wraps_is_made_whole(tmp_path, unit, turn):
     whole = np.linspace(0, 2.7, 300) * turn
     log = read(tmp_path / "a.csv", f"angle [{unit}],torque", (whole % turn, whole))

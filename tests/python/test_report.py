@@ -10,7 +10,7 @@ import cantools
 import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
-from dahl import Friction, Plan, report
+from dahl import Friction, Plan, html_report, report
 from dahl.scene import Measured, Recorded, Scene
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
@@ -182,3 +182,10 @@ def test_fit_is_the_textbooks(run):
 def test_no_fit_without_rows_or_without_spread(run):
     assert fitted(run, [1, 2, 3], settle=3) == {"rmse_measured": None, "r2_measured": None}
     assert fitted(run, [1, 1, 1])["r2_measured"] is None
+
+
+def test_the_page_shows_each_number_in_its_unit():
+    numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
+    page = html_report.page(numbers, b"")
+    for words in ("800 ms", "24.3%", "0.510 ulp of Fc"):
+        assert words in page
