@@ -277,13 +277,15 @@ def is_running(pid: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
-def test_nobody_is_left_behind(running, number):
-    """However the demo ends, its two programs end with it."""
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGKILL, -9), (signal.SIGHUP, 130), (signal.SIGTERM, 130)]
+)
+def test_nobody_is_left_behind(running, number, code):
+    """However the demo ends, its two programs end with it, and its code says so."""
     programs = children(running)
     assert len(programs) == 2
     running.send_signal(number)
-    running.wait(30)
+    assert running.wait(30) == code
     until = time.monotonic() + 10
     while any(map(is_running, programs)) and time.monotonic() < until:
         time.sleep(0.05)
