@@ -127,6 +127,13 @@ def test_frames_that_the_recorder_missed_are_counted(run):
     assert run.trace().row.tolist() == [0, 1, 2, 9]
 
 
+@pytest.mark.parametrize(("step", "taken"), [(7, True), (8, True), (9, False)])
+def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, taken):
+    """As the node has it: DAHL_NODE_GAP_MAX_STEP is 8."""
+    run.tick(2 + step, -450, used=taken)
+    assert run.trace().row.tolist() == [0, 1, 2] + [2 + step] * taken
+
+
 def test_an_answer_goes_to_the_frame_that_it_echoes(run):
     """Two frames, then their answers: as a burst comes over a busy bus."""
     run.send(3, -460)
