@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import clean, pipeline, readers, verdict
+from dahl.identify import clean, follow, pipeline, readers, verdict
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.result import Result
@@ -202,6 +202,17 @@ def test_both_sides_of_each_limit_of_the_verdict(good, change, sigma0, Fc, words
 def test_presliding_of_two_counts_is_the_least(good, counts, seen):
     log = replace(good.logs[0], resolution=1 / good.estimate.a / counts)
     assert judged(good, logs=[log]).sigma0 is seen
+
+
+@pytest.mark.parametrize("wide", ["sigma0", "Fc", ""])
+def test_following_ends_when_both_are_known(good, wide):
+    parts = {name: 0.03 if name == wide else 0.01 for name in ("sigma0", "Fc")}
+    values = {name: getattr(good.estimate, name) for name in parts}
+    ends = {
+        name: Interval(v * (1 - parts[name]), v * (1 + parts[name])) for name, v in values.items()
+    }
+    result = replace(good, estimate=replace(good.estimate, ci95=ends))
+    assert follow.small_enough(result, 0.02) is not bool(wide)
 
 
 # --- what a file says -----------------------------------------------------------------------------
