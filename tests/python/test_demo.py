@@ -324,6 +324,7 @@ FAULTS = {"expected": {"lost": 3}}
         ({"frames_lost": 2}, ["2 frames had no answer in time (a busy machine?)"]),
         ({"frames_not_recorded": 1}, ["1 frames were not recorded"]),
         ({"frames_lost": 2, "faults": FAULTS, "node": {"lost": 3}}, []),
+        ({"faults": FAULTS, "node": {}}, ["faults counted, due: {'lost': (0, 3)}"]),
         ({"faults": FAULTS, "node": {"lost": 2}}, ["faults counted, due: {'lost': (2, 3)}"]),
     ],
 )

@@ -97,6 +97,12 @@ def test_the_command(run_dahl, tmp_path, dahl_loop):
     assert run.returncode == 0, run.stderr
 
 
+def test_counts_per_millimetre(run_dahl, tmp_path):
+    known = ("--sigma0", "3e4", "--fc", "2.7", "--mm", "--counts-per-turn", "10000")
+    assert run_dahl("excite", *known, "-o", tmp_path).returncode == 0
+    assert scene.read(tmp_path / "excite.ini").theta_per_count == pytest.approx(1e-7)
+
+
 @pytest.mark.parametrize(
     ("linear", "mm", "said"), [(1, (), "give --mm"), (0, ("--mm",), "leave out")]
 )
