@@ -126,6 +126,12 @@ def test_a_folder_given_comes_first(alone, monkeypatch):
     assert data.folder("cycloidal") == alone / "mine" / "cycloidal"
 
 
+def test_a_log_is_found_beside_its_scene(alone):
+    (alone / "mine.csv").write_text("a\n")
+    assert data.find_log("mine.csv", alone) == alone / "mine.csv"
+    assert data.find_log(str(alone / "mine.csv"), alone / "other") == alone / "mine.csv"
+
+
 def test_unknown_set_and_missing_file(alone, monkeypatch):
     with pytest.raises(Error, match="no measured set 'tribo' .*tribometer"):
         data.folder("tribo")

@@ -277,13 +277,15 @@ def is_running(pid: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
-def test_nobody_is_left_behind(running, number):
-    """However the demo ends, its two programs end with it."""
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGKILL, -9), (signal.SIGHUP, 130), (signal.SIGTERM, 130)]
+)
+def test_nobody_is_left_behind(running, number, code):
+    """However the demo ends, its two programs end with it, and its code says so."""
     programs = children(running)
     assert len(programs) == 2
     running.send_signal(number)
-    running.wait(30)
+    assert running.wait(30) == code
     until = time.monotonic() + 10
     while any(map(is_running, programs)) and time.monotonic() < until:
         time.sleep(0.05)
@@ -322,6 +324,7 @@ FAULTS = {"expected": {"lost": 3}}
         ({"frames_lost": 2}, ["2 frames had no answer in time (a busy machine?)"]),
         ({"frames_not_recorded": 1}, ["1 frames were not recorded"]),
         ({"frames_lost": 2, "faults": FAULTS, "node": {"lost": 3}}, []),
+        ({"faults": FAULTS, "node": {}}, ["faults counted, due: {'lost': (0, 3)}"]),
         ({"faults": FAULTS, "node": {"lost": 2}}, ["faults counted, due: {'lost': (2, 3)}"]),
     ],
 )
@@ -484,20 +487,22 @@ def test_the_unit_of_an_angle_is_in_its_name(column, unit):
 
 
 @pytest.mark.parametrize(
-    ("unit", "counts_per_unit", "theta_per_count"),
+    ("unit", "counts_per_unit", "theta_per_count", "plotted", "per_unit"),
     [
-        ("deg", TURN / 360, math.tau / TURN),
-        ("rad", TURN / math.tau, math.tau / TURN),
-        ("counts", 1, math.tau / TURN),
-        ("mm", TURN, 1e-3 / TURN),
+        ("deg", TURN / 360, math.tau / TURN, "deg", math.degrees(1)),
+        ("rad", TURN / math.tau, math.tau / TURN, "rad", 1),
+        ("counts", 1, math.tau / TURN, "rad", 1),
+        ("mm", TURN, 1e-3 / TURN, "mm", 1000),
     ],
 )
-def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count):
+def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count, plotted, per_unit):
     own = scene.OwnLog(Path("x.csv"), "a", "T", SIGMA0, FC, TURN, unit)
     written = scene.write_own(own, tmp_path / "own.ini")
     assert float(written.motion["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
     assert written.theta_per_count == pytest.approx(theta_per_count, rel=1e-15)
     assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T")
+    assert written.measured.label_angle == f"a from the start [{plotted}]"
+    assert written.measured.angle_scale == pytest.approx(per_unit, rel=1e-15)
 
 
 def test_a_column_name_that_a_scene_cannot_hold_is_named(tmp_path):

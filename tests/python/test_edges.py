@@ -48,6 +48,13 @@ def test_error_frames_are_logged_as_candump_does():
     assert bus.candump_line(frame) == "(0000000000.000000) vcan0 20000004#01\n"
 
 
+@pytest.mark.parametrize(("switch", "passive", "flags"), [(1, 0, 1), (0, 1, 2), (1, 1, 3)])
+def test_frames_of_can_fd_are_logged_as_candump_does(switch, passive, flags):
+    kind = {"is_fd": True, "bitrate_switch": switch, "error_state_indicator": passive}
+    frame = can.Message(arbitration_id=0x123, data=b"\xab", is_extended_id=False, **kind)
+    assert bus.candump_line(frame) == f"(0000000000.000000) vcan0 123##{flags}AB\n"
+
+
 # --- programs -------------------------------------------------------------------------------------
 
 

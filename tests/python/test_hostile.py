@@ -219,6 +219,27 @@ def shell(command: str, cwd, **environment: str) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.parametrize(
+    ("kept", "words"),
+    [
+        ("plan.h", "plan --sigma0 1 --fc 1 --theta-per-count 1e-3 --force -o plan.h"),
+        ("bus.dbc", "dbc --force -o bus.dbc"),
+        (
+            "own.ini",
+            "demo shaft.csv --angle 'angle [deg]' --sigma0 100 --fc 1 --counts-per-turn 4096"
+            " --output .",
+        ),
+    ],
+)
+def test_a_disk_that_is_full_leaves_the_old_file(shaft, tmp_path, kept, words):
+    shaft()
+    (tmp_path / kept).write_text("old")
+    done = shell(f"ulimit -f 0; dahl {words}", tmp_path)
+    assert refused(done, f"{kept}: File too large") == 1
+    assert (tmp_path / kept).read_text() == "old"
+    assert not list(tmp_path.glob(".*"))
+
+
 @pytest.mark.parametrize("buffered", ["", "1"])
 @pytest.mark.parametrize("words", ["--help", "data", "report run", "identify --no-files shaft.csv"])
 def test_standard_output_that_is_full_or_has_no_reader(storm, shaft, tmp_path, words, buffered):

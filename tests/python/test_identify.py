@@ -292,6 +292,14 @@ def test_a_log_not_fitted_is_cleaned_as_those_that_were():
     assert pipeline.check(result, loose) > 0.98  # 0.945 with the flat zone counted as travel
 
 
+def test_the_head_of_a_log_is_short_in_every_column():
+    log = replace(synthetic(1, rows=600), weight=np.ones(600), free_moves=np.zeros(600))
+    head = log.head(100)
+    columns = (head.theta, head.torque, head.time, head.weight, head.free_moves)
+    assert [len(column) for column in columns] == [100] * 5
+    assert log.head(600) is log
+
+
 def test_pieces_and_blocks_add_up(monkeypatch):
     """The same Gram matrices whatever the size of a piece, and the same as by hand."""
     log = replace(synthetic(1, rows=3000), weight=np.random.default_rng(0).uniform(size=3000))

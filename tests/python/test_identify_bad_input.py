@@ -76,6 +76,13 @@ def test_unknown_unit_and_term_with_a_suggestion(run_dahl, log):
     assert "did you mean 'viscous'" in refused(run_dahl, log(), "--terms", "viscus")
 
 
+def test_a_broken_log_among_good_ones_is_a_line_and_code_2(run_dahl, log, tmp_path):
+    (tmp_path / "empty.csv").touch()
+    done = run_dahl("identify", log(), tmp_path / "empty.csv", "--no-files")
+    assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'empty.csv'}: empty\n")
+    assert "sigma0" in done.stdout
+
+
 def test_gaps_are_named_or_skipped(run_dahl, log):
     path = log(with_field(500, 2, "nan"))
     said = refused(run_dahl, path)

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import clean, pipeline, readers, verdict
+from dahl.identify import clean, follow, pipeline, readers, verdict
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.result import Result
@@ -204,6 +204,17 @@ def test_presliding_of_two_counts_is_the_least(good, counts, seen):
     assert judged(good, logs=[log]).sigma0 is seen
 
 
+@pytest.mark.parametrize("wide", ["sigma0", "Fc", ""])
+def test_following_ends_when_both_are_known(good, wide):
+    parts = {name: 0.03 if name == wide else 0.01 for name in ("sigma0", "Fc")}
+    values = {name: getattr(good.estimate, name) for name in parts}
+    ends = {
+        name: Interval(v * (1 - parts[name]), v * (1 + parts[name])) for name, v in values.items()
+    }
+    result = replace(good, estimate=replace(good.estimate, ci95=ends))
+    assert follow.small_enough(result, 0.02) is not bool(wide)
+
+
 # --- what a file says -----------------------------------------------------------------------------
 
 
@@ -256,7 +267,9 @@ def test_counts_per_turn_or_per_millimetre(tmp_path, unit, size):
     assert resolution_of(grid) == pytest.approx(size)
 
 
-@pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", 2 * np.pi), ("turn", 1)])
+@pytest.mark.parametrize(
+    ("unit", "turn"), [("deg", 360), ("rad", 2 * np.pi), ("mrad", 2000 * np.pi), ("turn", 1)]
+)
 def test_an_angle_that_wraps_is_made_whole(tmp_path, unit, turn):
     whole = np.linspace(0, 2.7, 300) * turn
     log = read(tmp_path / "a.csv", f"angle [{unit}],torque", (whole % turn, whole))

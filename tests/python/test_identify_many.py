@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import threading
@@ -298,3 +299,14 @@ def test_following_needs_signals(run_dahl):
     assert done.returncode == 2
     assert "--follow needs --dbc" in done.stderr
     assert run_dahl("identify", "x.csv", "--follow").returncode == 2
+
+
+def test_the_table_has_each_number_under_its_name(tmp_path):
+    shown = {"sigma0": 100.0, "Fc": 0.5, "r2": 0.9, "r2_coulomb": 0.8, "reversals": 9}
+    ends = {"ci95": {"sigma0": [90.0, None], "Fc": [0.4, 0.6]}, "verdict": "good"}
+    folder_runs.write_table(tmp_path / "x.csv", {"b": {"error": "no"}, "a": {**shown, **ends}})
+    with (tmp_path / "x.csv").open(newline="") as file:
+        first, second = csv.DictReader(file)
+    named = ("log", "sigma0", "sigma0_low", "sigma0_high", "Fc_low", "Fc_high", "reversals")
+    assert [first[name] for name in named] == ["a", "100.0", "90.0", "", "0.4", "0.6", "9"]
+    assert (second["log"], second["sigma0_low"], second["error"]) == ("b", "", "no")

@@ -9,6 +9,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -162,6 +163,13 @@ def test_the_scene_replays_the_log(found, tmp_path, run_dahl, dahl_loop):
     trace = report.trace_of(logs.read_candump(tmp_path / "run.log"))
     recorded = scene.read_log(played, tmp_path / "shaft.csv")
     assert report.fit(played, trace, recorded)["r2_measured"] > 0.99
+
+
+def test_offset_and_spring_go_into_the_scene(found, tmp_path):
+    terms = {"offset": 0.25, "spring": 4.0, "viscous": 0.5}
+    output.write_scene(replace(found, estimate=replace(found.estimate, terms=terms)), "x", tmp_path)
+    measured = scene.read(tmp_path / "x.ini").measured
+    assert (measured.offset, measured.spring) == (0.25, 4.0)
 
 
 def test_the_command(run_dahl, tmp_path):

@@ -24,6 +24,14 @@ def written(tmp_path):
     return write
 
 
+def test_a_field_without_end_is_one_short_line(written):
+    for row in ("1," + "1" * 200_000, '1,"' + "2\n" * 60_000):
+        path = written("a,b\n" + row)
+        with pytest.raises(Error, match=re.escape(f"{path}:")) as error:
+            logs.read_table(path, ["a", "b"])
+        assert len(str(error.value)) < len(str(path)) + 150
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -111,6 +111,17 @@ def test_view_counts_what_it_sees(dbc):
     assert "OK 2" in shown
 
 
+def test_view_shows_the_node_that_is_asked_for(dbc):
+    view = View(node=3)
+    for node in (0, 3):
+        angle = {"Counter": 1, "Valid": 1, "Count": 10 + node}
+        (frame,) = frames(dbc, ("EncoderState", 0.0, angle))
+        frame.arbitration_id += node
+        view.feed(frame)
+    assert view.names["EncoderState"].last["Count"] == 13
+    assert (view.names["EncoderState"].frames, view.others) == (1, 1)
+
+
 @pytest.mark.parametrize(("width", "height"), [(40, 16), (80, 24), (200, 60)])
 def test_view_fits_small_and_large_terminals(width, height):
     lines = text_of(View(), width, height).splitlines()

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from dahl import plots, report
@@ -48,6 +50,14 @@ def test_each_panel_has_both_curves(drawn):
     assert np.array_equal(figure.axes[0].lines[1].get_ydata(), modelled)
     legend = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert [words.split(",")[0] for words in legend] == ["measured", "computed"]
+
+
+def test_without_a_clock_in_the_log_time_starts_with_the_run(drawn, tmp_path):
+    figure, scene, trace, _ = drawn
+    plots.draw(tmp_path / "x.png", scene, replace(trace, time=trace.time + 1.7e9), None)
+    whole = plt.figure(plt.get_fignums()[-1]).axes[1]
+    assert whole.get_xlabel() == "time on the bus [s]"
+    assert whole.lines[0].get_xdata() == pytest.approx(trace.time, abs=1e-6)
 
 
 def test_angle_and_time_are_in_their_units(drawn):

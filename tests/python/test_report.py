@@ -10,7 +10,7 @@ import cantools
 import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
-from dahl import Friction, Plan, report
+from dahl import Friction, Plan, html_report, report
 from dahl.scene import Measured, Recorded, Scene
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
@@ -127,6 +127,13 @@ def test_frames_that_the_recorder_missed_are_counted(run):
     assert run.trace().row.tolist() == [0, 1, 2, 9]
 
 
+@pytest.mark.parametrize(("step", "taken"), [(7, True), (8, True), (9, False)])
+def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, taken):
+    """As the node has it: DAHL_NODE_GAP_MAX_STEP is 8."""
+    run.tick(2 + step, -450, used=taken)
+    assert run.trace().row.tolist() == [0, 1, 2] + [2 + step] * taken
+
+
 def test_an_answer_goes_to_the_frame_that_it_echoes(run):
     """Two frames, then their answers: as a burst comes over a busy bus."""
     run.send(3, -460)
@@ -182,3 +189,10 @@ def test_fit_is_the_textbooks(run):
 def test_no_fit_without_rows_or_without_spread(run):
     assert fitted(run, [1, 2, 3], settle=3) == {"rmse_measured": None, "r2_measured": None}
     assert fitted(run, [1, 1, 1])["r2_measured"] is None
+
+
+def test_the_page_shows_each_number_in_its_unit():
+    numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
+    page = html_report.page(numbers, b"")
+    for words in ("800 ms", "24.3%", "0.510 ulp of Fc"):
+        assert words in page

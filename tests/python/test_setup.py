@@ -5,6 +5,7 @@ arguments. With a network: tests/quality/test_setup_network.py.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import runpy
@@ -48,6 +49,30 @@ def needs_setup(root: Path) -> None:
     pins = (root / "tools/requirements").glob("*.lock")
     if not stamp.exists() or any(pin.stat().st_mtime > stamp.stat().st_mtime for pin in pins):
         pytest.skip("build/venv is not of this checkout or not up to date (tools/setup.sh test)")
+
+
+def test_a_second_run_waits_for_the_first(elsewhere):
+    (elsewhere / "build").mkdir()
+    words = f"source {elsewhere}/tools/common.sh; one_at_a_time setup; echo mine"
+    with (elsewhere / "build/setup.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        second = subprocess.Popen(["bash", "-c", words], stdout=subprocess.PIPE, text=True)
+        assert "waiting for it" in second.stdout.readline()
+        with pytest.raises(subprocess.TimeoutExpired):
+            second.wait(0.5)
+    assert second.communicate(timeout=20)[0] == "mine\n"
+
+
+def test_files_of_another_sum_are_not_used(elsewhere):
+    names = "{unity.c,unity.h,unity_internals.h}"
+    words = (
+        f"cd {elsewhere}/tools; . ./common.sh; . setup/needs.sh; . setup/fetched.sh;"
+        f' fetch_unity() {{ echo other | tee "$1"/{names}; }}; get_unity'
+    )
+    done = run("bash", "-c", words)
+    assert done.returncode == 1
+    assert "these are not the files of Unity" in done.stderr
+    assert not (elsewhere / "build/deps/unity").exists()
 
 
 def test_second_setup_is_quick_and_says_what_it_found(root):

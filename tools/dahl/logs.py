@@ -42,15 +42,15 @@ def read_table(
     lines = _text_of(path).splitlines()
     if not lines or not lines[0].strip():
         raise Error(f"{path}: empty; a first line with column names was expected")
-    rows = csv.reader(lines, delimiter=_delimiter(lines[0]))
-    header = [name.strip() for name in next(rows)]
+    rows = _rows_of(path, lines)
+    header = [name.strip() for name in next(rows)[1]]
     wanted = list(dict.fromkeys([*columns, *([time] if time else [])]))
     places = {name: _place(path, header, name) for name in wanted}
     values: dict[str, list[float]] = {name: [] for name in wanted}
-    for row in rows:
+    for place, row in rows:
         if any(field.strip() for field in row):
-            _take_row(f"{path}:{rows.line_num}", row, header, places, values)
-            _check_time(f"{path}:{rows.line_num}", time, values)
+            _take_row(place, row, header, places, values)
+            _check_time(place, time, values)
     if not values[wanted[0]]:
         raise Error(f"{path}:1: no rows after the column names")
     return {name: np.array(column) for name, column in values.items()}
@@ -65,6 +65,16 @@ def _text_of(path: Path) -> str:
         raise Error(f"{path}: not a text file (byte {error.start})") from None
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
+
+
+def _rows_of(path: Path, lines: list[str]) -> Iterator[tuple[str, list[str]]]:
+    """Each row with its place. Raises dahl.Error for a field beyond what csv takes."""
+    rows = csv.reader(lines, delimiter=_delimiter(lines[0]))
+    try:
+        for row in rows:
+            yield f"{path}:{rows.line_num}", row
+    except csv.Error as error:
+        raise Error(f"{path}:{rows.line_num}: {error}") from None
 
 
 def _delimiter(header: str) -> str:
@@ -107,9 +117,9 @@ def _number(place: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise Error(f"{place}: '{text.strip()}' is not a number") from None
+        raise Error(f"{place}: '{text.strip()[:60]}' is not a number") from None
     if not math.isfinite(value):
-        raise Error(f"{place}: '{text.strip()}' is not a finite number")
+        raise Error(f"{place}: '{text.strip()[:60]}' is not a finite number")
     return value
 
 

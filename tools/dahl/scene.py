@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dahl import Error, logs, paths
+from dahl import Error, files, logs, paths
 
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
@@ -219,7 +219,7 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         f"label_torque = friction [{torque_unit}]",
         f"angle_scale = {1 / size!r}",
     ]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    files.keep(path, "\n".join(lines) + "\n")
     scene = read(path)
     found = (scene.motion["angle"], scene.motion.get("time", ""), scene.measured.torque)
     for column, kept in zip((own.angle, own.time, own.torque), found, strict=True):

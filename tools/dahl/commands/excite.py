@@ -88,6 +88,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _wanted(args: argparse.Namespace) -> Wanted:
+    from dahl.core import Plan
     from dahl.identify.design import Wanted
 
     if args.known:
@@ -96,6 +97,7 @@ def _wanted(args: argparse.Namespace) -> Wanted:
         raise Error("a guess is needed: --sigma0 and --fc, or --from JSON")
     turn = 1e-3 if args.mm else 2 * math.pi
     count = turn / args.counts_per_turn
+    Plan(args.sigma0, args.fc, count)  # says which parameter is out of range
     part = args.within / 100
     return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed)
 

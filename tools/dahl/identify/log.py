@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+BY_ROW = ("theta", "torque", "time", "weight", "free_moves")  # arrays of a Log, one entry a row
+
 
 @dataclass
 class Log:
@@ -43,8 +45,9 @@ class Log:
         """The first rows, at most so many; itself where it is no longer."""
         if self.rows <= rows:
             return self
-        time = None if self.time is None else self.time[:rows]
-        return replace(self, theta=self.theta[:rows], torque=self.torque[:rows], time=time)
+        arrays = {name: getattr(self, name) for name in BY_ROW}
+        shorter = {name: all_[:rows] for name, all_ in arrays.items() if all_ is not None}
+        return replace(self, **shorter)
 
     @property
     def unit(self) -> str:
