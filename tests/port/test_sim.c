@@ -119,6 +119,18 @@ static void test_an_answer_after_its_period_is_a_deadline_missed(void)
     TEST_ASSERT_EQUAL(1, encoder.late);
 }
 
+static void test_jitter_is_the_change_from_one_answer_to_the_next(void)
+{
+    send(3);
+    answer(0, DAHL_FRAMES_OK, 400000);
+    TEST_ASSERT_EQUAL(0, encoder.jitter.count);
+    answer(1, DAHL_FRAMES_OK, 1 * ENCODER_PERIOD_NS + 300000);
+    answer(2, DAHL_FRAMES_OK, 2 * ENCODER_PERIOD_NS + 330000);
+    TEST_ASSERT_EQUAL(2, encoder.jitter.count);
+    TEST_ASSERT_EQUAL(100000, encoder.jitter.max);
+    TEST_ASSERT_EQUAL(400000, encoder.latency.max);
+}
+
 static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
 {
     send(10);
@@ -346,6 +358,7 @@ int main(void)
     RUN_TEST(test_each_answer_is_matched_once);
     RUN_TEST(test_a_stall_is_late_and_not_lost);
     RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
+    RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_waiting_frames_are_bounded);

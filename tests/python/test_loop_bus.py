@@ -75,11 +75,12 @@ def test_python_can_sees_every_frame_for_a_minute(tmp_path):
 
 
 def test_time_stamps_go_forward_at_one_kilohertz(tmp_path):
+    """By the wall clock. That no tick comes late is shown in test_loop_pace.py, on a still clock."""
+    begun = time.time()
     log = read_log(run(tmp_path, STEERING, "--seconds", "2").log)
     times = [frame.time for frame in log]
     assert times == sorted(times)
-    assert abs(times[0] - time.time()) < 60
-    assert 1.9 < times[-1] - times[0] < 2.5
+    assert begun - 1 < times[0] < times[0] + 1.9 < times[-1] < time.time() + 1
 
 
 def test_virtual_time_waits_for_its_clients_and_changes_nothing(tmp_path):

@@ -255,6 +255,14 @@ def test_a_storm_on_a_bus_that_takes_time(tmp_path, rate):
     agreement(storm(tmp_path, "--bitrate", rate).summary)
 
 
+def test_a_controller_that_is_off_is_that_of_its_node(tmp_path):
+    """Three nodes that do not begin at 0: each is told of its own encoder's bus-offs alone."""
+    options = ("--nodes", "3", "--set", "friction.node=5", "--seconds", "20")
+    result = storm(tmp_path, *options, bus_off=0.002)
+    assert result.summary["node"]["bus_off"] > 3
+    agreement(result.summary)
+
+
 def test_the_log_shows_each_bus_off(tmp_path):
     """As candump writes an error frame; after it no answer for as long as the timeout."""
     result = storm(tmp_path, bus_off=0.001)
