@@ -281,6 +281,33 @@ static void test_the_summary_says_what_was_counted(void)
     TEST_ASSERT_NULL(strstr(summary, "\"node\":"));
 }
 
+static void test_the_summary_adds_up_all_encoders_and_nodes(void)
+{
+    static encoder_t encoders[2];
+    static loop_t loop;
+    dahl_node_t nodes[2] = {{.counts = {.ok = 3, .crc = 1}}, {.counts = {.ok = 4}}};
+    loopback_t bus;
+    sim_clock_t clock;
+    sim_clock_start(&clock, false);
+    loopback_open(&bus, sim_clock_seam(&clock));
+    encoders[0] = (encoder_t){.sent = 10, .answered = 7, .unmatched = 2, .corrupt = 1, .late = 3};
+    encoders[1] = (encoder_t){.sent = 5, .answered = 4, .unmatched = 6, .corrupt = 8, .late = 2};
+    histogram_add(&encoders[0].latency, 2000);
+    histogram_add(&encoders[1].latency, 1000);
+    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .encoders = encoders, .encoder_count = 2, .nodes = nodes, .node_count = 2};
+    write_summary(&loop);
+    TEST_ASSERT_EQUAL_DOUBLE(15, said("frames_sent"));
+    TEST_ASSERT_EQUAL_DOUBLE(11, said("frames_answered"));
+    TEST_ASSERT_EQUAL_DOUBLE(4, said("frames_lost"));
+    TEST_ASSERT_EQUAL_DOUBLE(8, said("answers_unmatched"));
+    TEST_ASSERT_EQUAL_DOUBLE(9, said("answers_corrupt"));
+    TEST_ASSERT_EQUAL_DOUBLE(5, said("deadline_misses"));
+    TEST_ASSERT_EQUAL_DOUBLE(2, said("max")); /* of latency_us */
+    TEST_ASSERT_EQUAL_DOUBLE(2, said("nodes"));
+    TEST_ASSERT_EQUAL_DOUBLE(7, said("ok"));
+    TEST_ASSERT_EQUAL_DOUBLE(1, said("crc"));
+}
+
 static void test_segments_go_where_they_should(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .theta2 = -10, .theta3 = 30, .speed = 2000};
@@ -366,6 +393,7 @@ int main(void)
     RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_the_summary_says_what_was_counted);
+    RUN_TEST(test_the_summary_adds_up_all_encoders_and_nodes);
     RUN_TEST(test_segments_go_where_they_should);
     RUN_TEST(test_segments_rest_at_each_end);
     RUN_TEST(test_start_count_wraps);
