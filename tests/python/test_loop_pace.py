@@ -157,6 +157,18 @@ def test_in_virtual_time_a_slow_client_is_waited_for(tmp_path):
     assert result.summary["bus_counts"]["dropped"] == 0
 
 
+def test_the_wait_for_clients_is_no_part_of_the_run(tmp_path):
+    """wall_s, and what realtime_factor is made of, begin with the first tick."""
+    options = ("--virtual", "--wait-clients", "1", "--seconds", "0.5")
+    with serving(tmp_path, STEERING, *options) as (process, port):
+        time.sleep(0.5)
+        joined = time.monotonic()
+        peer = raw_client(port)
+        trickle(peer, 0)
+        summary = finished(tmp_path, process).summary
+    assert 0 < summary["wall_s"] < time.monotonic() - joined
+
+
 def test_in_real_time_nobody_is_waited_for(tmp_path):
     """One client never reads: it is dropped and counted, and no tick waits for it."""
     with serving(tmp_path, STEERING, "--wait-clients", "2", "--seconds", "8") as (process, port):
