@@ -113,6 +113,17 @@ def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
 
 
+def test_an_id_of_29_bits_is_sent_as_such(tmp_path, planted):
+    words = ("--set", "faults.extended=0.5", "--set", "friction.max_step=2000")
+    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.1", *words)
+    sent = list(iter(lambda: bus.recv(100), b""))
+    summary = finished(tmp_path, process).summary
+    bus.close()
+    ids = [struct.unpack("=I", wire[:4])[0] for wire in sent]
+    assert set(ids) == {0x100, EXTENDED | 0x100}
+    assert ids.count(EXTENDED | 0x100) == summary["faults"]["injected"]["extended"]
+
+
 def test_a_bus_that_takes_nothing_is_tried_again_then_the_frame_is_dropped(tmp_path, planted):
     """Nobody acknowledges: the transmit queue stays full, and the beat goes on."""
     process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.3")
