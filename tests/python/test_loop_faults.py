@@ -101,6 +101,13 @@ def test_each_fault_alone(tmp_path, kind):
     assert seen.keys() == wanted.keys()
 
 
+def test_an_encoder_alone_knows_what_a_node_must_have_counted(tmp_path):
+    alone = storm(tmp_path / "a", "--role", "encoder", "--seconds", "5").summary
+    both = storm(tmp_path / "b", "--seconds", "5").summary
+    assert alone["faults"] == both["faults"]
+    assert both["faults"]["expected"]["ok"] > 4000
+
+
 def test_the_worst_mixture(tmp_path):
     """Every frame meets a fault, where none would hide another."""
     summary = storm(tmp_path, **dict.fromkeys(KINDS, 1 / len(KINDS))).summary
