@@ -77,7 +77,7 @@ def test_python_can_sees_every_frame_for_a_minute(tmp_path):
 
 
 def test_time_stamps_go_forward_at_one_kilohertz(tmp_path):
-    """By the wall clock. That no tick comes late is shown in test_loop_pace.py, on a still clock."""
+    """By the wall clock. That no tick comes late is shown in test_loop_pace.py."""
     begun = time.time()
     log = read_log(run(tmp_path, STEERING, "--seconds", "2").log)
     times = [frame.time for frame in log]

@@ -127,7 +127,7 @@ def test_the_beat_is_a_millisecond(tmp_path, clock):
 
 
 def test_the_last_answers_have_a_second_where_somebody_answers(tmp_path, clock):
-    """Else a tenth: an encoder alone does not linger. Here the last three of 200 frames are lost."""
+    """Else a tenth: an encoder alone does not linger. Here the last three frames are lost."""
     alone = timed(tmp_path / "a", clock, 0, "--role", "encoder", "--seconds", "0.2").summary
     assert alone["wall_s"] == pytest.approx(0.2 + 0.1, abs=2e-3)
     words = ("--set", "faults.drop=1", "--set", "friction.max_step=2000")
