@@ -119,6 +119,18 @@ static void test_an_answer_after_its_period_is_a_deadline_missed(void)
     TEST_ASSERT_EQUAL(1, encoder.late);
 }
 
+static void test_jitter_is_the_change_from_one_answer_to_the_next(void)
+{
+    send(3);
+    answer(0, DAHL_FRAMES_OK, 400000);
+    TEST_ASSERT_EQUAL(0, encoder.jitter.count);
+    answer(1, DAHL_FRAMES_OK, 1 * ENCODER_PERIOD_NS + 300000);
+    answer(2, DAHL_FRAMES_OK, 2 * ENCODER_PERIOD_NS + 330000);
+    TEST_ASSERT_EQUAL(2, encoder.jitter.count);
+    TEST_ASSERT_EQUAL(100000, encoder.jitter.max);
+    TEST_ASSERT_EQUAL(400000, encoder.latency.max);
+}
+
 static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
 {
     send(10);
@@ -269,6 +281,33 @@ static void test_the_summary_says_what_was_counted(void)
     TEST_ASSERT_NULL(strstr(summary, "\"node\":"));
 }
 
+static void test_the_summary_adds_up_all_encoders_and_nodes(void)
+{
+    static encoder_t encoders[2];
+    static loop_t loop;
+    dahl_node_t nodes[2] = {{.counts = {.ok = 3, .crc = 1}}, {.counts = {.ok = 4}}};
+    loopback_t bus;
+    sim_clock_t clock;
+    sim_clock_start(&clock, false);
+    loopback_open(&bus, sim_clock_seam(&clock));
+    encoders[0] = (encoder_t){.sent = 10, .answered = 7, .unmatched = 2, .corrupt = 1, .late = 3};
+    encoders[1] = (encoder_t){.sent = 5, .answered = 4, .unmatched = 6, .corrupt = 8, .late = 2};
+    histogram_add(&encoders[0].latency, 2000);
+    histogram_add(&encoders[1].latency, 1000);
+    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .encoders = encoders, .encoder_count = 2, .nodes = nodes, .node_count = 2};
+    write_summary(&loop);
+    TEST_ASSERT_EQUAL_DOUBLE(15, said("frames_sent"));
+    TEST_ASSERT_EQUAL_DOUBLE(11, said("frames_answered"));
+    TEST_ASSERT_EQUAL_DOUBLE(4, said("frames_lost"));
+    TEST_ASSERT_EQUAL_DOUBLE(8, said("answers_unmatched"));
+    TEST_ASSERT_EQUAL_DOUBLE(9, said("answers_corrupt"));
+    TEST_ASSERT_EQUAL_DOUBLE(5, said("deadline_misses"));
+    TEST_ASSERT_EQUAL_DOUBLE(2, said("max")); /* of latency_us */
+    TEST_ASSERT_EQUAL_DOUBLE(2, said("nodes"));
+    TEST_ASSERT_EQUAL_DOUBLE(7, said("ok"));
+    TEST_ASSERT_EQUAL_DOUBLE(1, said("crc"));
+}
+
 static void test_segments_go_where_they_should(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .theta2 = -10, .theta3 = 30, .speed = 2000};
@@ -346,6 +385,7 @@ int main(void)
     RUN_TEST(test_each_answer_is_matched_once);
     RUN_TEST(test_a_stall_is_late_and_not_lost);
     RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
+    RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_waiting_frames_are_bounded);
@@ -353,6 +393,7 @@ int main(void)
     RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_the_summary_says_what_was_counted);
+    RUN_TEST(test_the_summary_adds_up_all_encoders_and_nodes);
     RUN_TEST(test_segments_go_where_they_should);
     RUN_TEST(test_segments_rest_at_each_end);
     RUN_TEST(test_start_count_wraps);

@@ -46,6 +46,15 @@ def test_the_good_scene_is_good(tmp_path):
     assert result.summary["frames_answered"] == 3
 
 
+@pytest.mark.parametrize("before", ["\ufeff", "  ", "; a word\n\t"])
+def test_what_stands_before_the_first_section_changes_nothing(tmp_path, before):
+    """A byte order mark, as some editors write it; an indent."""
+    scene = before + "\n".join((GOOD["friction"], GOOD["motion"]))
+    result = run(tmp_path, write(tmp_path, scene), "--virtual")
+    assert (result.code, result.err) == (0, "")
+    assert result.summary["node"]["ok"] == 3
+
+
 ROTOR = "[rotor]\ninertia = 0.1\nviscous = 0\nsigma0 = 50\nFc = 0.5\n"
 MOTOR = "[motor]\nseconds = 1\n"
 CONTROL = "[control]\nkp = 1\nkd = 1\ntorque_limit = 1\n"

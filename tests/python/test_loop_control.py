@@ -103,12 +103,38 @@ def test_no_chatter(tmp_path, scene):
     assert np.count_nonzero(np.diff(steps[steps != 0])) == control["reference_reversals"]
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_errors_of_the_summary_are_those_of_the_trace(tmp_path, side):
+    """Whichever side the largest one is on."""
+    ends = {"theta1": 100000, "theta2": 90000, "theta3": 100000}
+    sets = [f"motion.{name}={side * count}" for name, count in ends.items()]
+    trace, summary = traced(tmp_path, "slow-reversal", *sets)
+    error = trace["reference"] - trace["angle"]
+    assert np.sign(error[np.abs(error).argmax()]) == side
+    control = summary["control"]
+    assert control["max_error_rad"] == pytest.approx(np.abs(error).max(), rel=1e-9)
+    assert control["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
+
+
+def test_the_motor_gives_no_more_than_its_limit(tmp_path):
+    """With the compensation, which alone would ask for more."""
+    trace, _ = traced(tmp_path, "parking", "control.torque_limit=1.5")
+    assert np.abs(trace["compensation"]).max() > 1.6
+    assert np.abs(trace["motor"]).max() == 1.5
+
+
 def test_enabling_the_compensation_is_no_bump(tmp_path):
     """With a ramp of 200 ms no tick changes it by more than a tick's part of Fc, and the motion."""
     trace, _ = traced(tmp_path / "a", "slow-reversal")
     ramp = np.abs(np.diff(trace["compensation"][:200])).max()
     assert ramp < 0.02 * FC
     assert trace["compensation"][1000] == pytest.approx(0.9 * FC, rel=1e-3)
+
+
+def test_the_ramp_takes_its_time(tmp_path):
+    """2 s from 0 to 1: half of the friction after a second, while the shaft slides."""
+    trace, _ = traced(tmp_path, "slow-reversal", "friction.ramp_ms=2000")
+    assert trace["compensation"][1000] == pytest.approx(0.5 * FC, rel=0.05)
 
 
 def test_too_much_compensation_runs_ahead(tmp_path):

@@ -211,6 +211,19 @@ def test_where_a_file_may_not_grow_its_lines_are_whole(tmp_path, size):
     assert result.summary["ticks"] > 0
 
 
+def test_missing_lines_are_counted_to_the_last_one(tmp_path):
+    """A file that may not grow, and a run that goes on: what is not there is missing."""
+    words = ("--virtual", "--seconds", "2")
+    alone = run(tmp_path / "alone", STEERING, *words)
+    limited = ["prlimit", "--fsize=30000", *command(tmp_path, STEERING, *words)]
+    deaf = ["sh", "-c", 'trap "" XFSZ; exec "$@"', "sh", *limited]
+    process = subprocess.Popen(deaf, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    result = finished(tmp_path, process, 20)
+    assert result.summary["ticks"] == 2000
+    missing = int(re.search(r"(\d+) lines are missing", result.err)[1])
+    assert missing == len(read_log(alone.log)) - len(read_log(result.log)) > 1000
+
+
 def test_silent_clients_do_not_hold_their_places(tmp_path):
     """Sixteen connect and say nothing or half a greeting; a while later one that speaks gets in."""
     options = ("--role", "node")

@@ -101,6 +101,13 @@ def test_each_fault_alone(tmp_path, kind):
     assert seen.keys() == wanted.keys()
 
 
+def test_an_encoder_alone_knows_what_a_node_must_have_counted(tmp_path):
+    alone = storm(tmp_path / "a", "--role", "encoder", "--seconds", "5").summary
+    both = storm(tmp_path / "b", "--seconds", "5").summary
+    assert alone["faults"] == both["faults"]
+    assert both["faults"]["expected"]["ok"] > 4000
+
+
 def test_the_worst_mixture(tmp_path):
     """Every frame meets a fault, where none would hide another."""
     summary = storm(tmp_path, **dict.fromkeys(KINDS, 1 / len(KINDS))).summary
@@ -253,6 +260,14 @@ def test_a_storm_while_the_count_wraps(tmp_path):
 @pytest.mark.parametrize("rate", ["500000", "1000000"])
 def test_a_storm_on_a_bus_that_takes_time(tmp_path, rate):
     agreement(storm(tmp_path, "--bitrate", rate).summary)
+
+
+def test_a_controller_that_is_off_is_that_of_its_node(tmp_path):
+    """Three nodes that do not begin at 0: each is told of its own encoder's bus-offs alone."""
+    options = ("--nodes", "3", "--set", "friction.node=5", "--seconds", "20")
+    result = storm(tmp_path, *options, bus_off=0.002)
+    assert result.summary["node"]["bus_off"] > 3
+    agreement(result.summary)
 
 
 def test_the_log_shows_each_bus_off(tmp_path):

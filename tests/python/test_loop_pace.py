@@ -12,7 +12,17 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from loop_tools import SCENES, client, command, finished, raw_client, read_log, run, serving
+from loop_tools import (
+    SCENES,
+    Run,
+    client,
+    command,
+    finished,
+    raw_client,
+    read_log,
+    run,
+    serving,
+)
 
 STEERING = SCENES / "steering.ini"
 TICK = 1e-3  # s
@@ -59,17 +69,23 @@ def clock(tmp_path_factory) -> Path:
     return path
 
 
-def stalled(folder: Path, clock: Path, stall: float, seconds: float) -> tuple[np.ndarray, dict]:
-    """A run whose machine stands still for a while, half a second after its start."""
+def timed(folder: Path, clock: Path, stall: float, *options: str) -> Run:
+    """A run by that clock, which stands still for a while, half a second after its start."""
     planted = {"LD_PRELOAD": str(clock), "STALL_AT": "500000000", "STALL": str(int(stall * 1e9))}
+    folder.mkdir(exist_ok=True)
     process = subprocess.Popen(
-        command(folder, STEERING, "--seconds", str(seconds)),
+        command(folder, STEERING, *options),
         env={**os.environ, **planted},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-    result = finished(folder, process)
+    return finished(folder, process)
+
+
+def stalled(folder: Path, clock: Path, stall: float, seconds: float) -> tuple[np.ndarray, dict]:
+    """Times of the angles, and the summary."""
+    result = timed(folder, clock, stall, "--seconds", str(seconds))
     times = angles(result.log)
     assert len(times) == result.summary["ticks"] == round(seconds / TICK)  # none is skipped
     return times, result.summary
@@ -110,6 +126,16 @@ def test_the_beat_is_a_millisecond(tmp_path, clock):
     assert summary["realtime_factor"] == pytest.approx(1, abs=0.01)
 
 
+def test_the_last_answers_have_a_second_where_somebody_answers(tmp_path, clock):
+    """Else a tenth: an encoder alone does not linger. Here the last three frames are lost."""
+    alone = timed(tmp_path / "a", clock, 0, "--role", "encoder", "--seconds", "0.2").summary
+    assert alone["wall_s"] == pytest.approx(0.2 + 0.1, abs=2e-3)
+    words = ("--set", "faults.drop=1", "--set", "friction.max_step=2000")
+    both = timed(tmp_path / "b", clock, 0, "--seconds", "0.2", *words).summary
+    assert both["frames_answered"] > 0
+    assert both["wall_s"] == pytest.approx(0.2 + 1, abs=2e-3)
+
+
 def trickle(peer: socket.socket, pause: float) -> str:
     """Read all, after a long pause."""
     time.sleep(pause)
@@ -129,6 +155,18 @@ def test_in_virtual_time_a_slow_client_is_waited_for(tmp_path):
     assert (result.code, result.err) == (0, "")
     assert text.count("< frame ") == len(read_log(result.log)) > 60000
     assert result.summary["bus_counts"]["dropped"] == 0
+
+
+def test_the_wait_for_clients_is_no_part_of_the_run(tmp_path):
+    """wall_s, and what realtime_factor is made of, begin with the first tick."""
+    options = ("--virtual", "--wait-clients", "1", "--seconds", "0.5")
+    with serving(tmp_path, STEERING, *options) as (process, port):
+        time.sleep(0.5)
+        joined = time.monotonic()
+        peer = raw_client(port)
+        trickle(peer, 0)
+        summary = finished(tmp_path, process).summary
+    assert 0 < summary["wall_s"] < time.monotonic() - joined
 
 
 def test_in_real_time_nobody_is_waited_for(tmp_path):

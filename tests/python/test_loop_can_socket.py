@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: MIT
+"""The kernel's CAN socket without a kernel that has CAN: a socketpair whose other end is the bus.
+
+What vcan and can-utils make of it is shown in test_socketcan.py.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import struct
+import subprocess
+from pathlib import Path
+
+import pytest
+from loop_tools import SCENES, command, finished, read_log, run
+
+STEERING = SCENES / "steering.ini"
+EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29  # linux/can.h
+BUS_OFF = 0x40
+CAN = """
+#include <linux/can.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+int socket(int domain, int type, int protocol)
+{
+    (void)type, (void)protocol;
+    return domain == PF_CAN ? atoi(getenv("CAN_SOCKET")) : -1;
+}
+int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
+{
+    (void)fd, (void)level, (void)name, (void)value, (void)size;
+    return 0;
+}
+int bind(int fd, const struct sockaddr *address, socklen_t size)
+{
+    (void)fd, (void)address, (void)size;
+    return 0;
+}
+unsigned if_nametoindex(const char *name) { (void)name; return 1; }
+"""
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("can") / "can.so"
+    words = ["cc", "-shared", "-fPIC", "-x", "c", "-", "-o", str(path)]
+    subprocess.run(words, input=CAN, text=True, check=True, timeout=60)
+    return path
+
+
+def joined(folder: Path, planted: Path, *options: str) -> tuple[subprocess.Popen, socket.socket]:
+    """dahl-loop on such a bus, and the bus."""
+    bus, inner = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    inner.setblocking(False)
+    inner.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
+    bus.settimeout(10)
+    folder.mkdir(exist_ok=True)
+    process = subprocess.Popen(
+        command(folder, STEERING, "--bus", "socketcan:can0", *options),
+        env={**os.environ, "LD_PRELOAD": str(planted), "CAN_SOCKET": str(inner.fileno())},
+        pass_fds=[inner.fileno()],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    inner.close()
+    return process, bus
+
+
+def frame(identifier: int, data: bytes) -> bytes:
+    """struct can_frame."""
+    return struct.pack("=IB3x8s", identifier, len(data), data)
+
+
+def answer_on(bus: socket.socket) -> bytes:
+    """Data of the next FrictionTorque."""
+    while True:
+        identifier, length, data = struct.unpack("=IB3x8s", bus.recv(100))
+        if identifier == 0x110:
+            return data[:length]
+
+
+def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
+    alone = read_log(run(tmp_path / "alone", STEERING, "--virtual", "--seconds", "0.02").log)
+    angles = [f.data for f in alone if f.id == 0x100]
+    options = ("--role", "node", "--set", "friction.timeout_ms=60000")
+    process, bus = joined(tmp_path, planted, *options)
+    answers = []
+    bus.send(b"short")
+    for data in angles:
+        bus.send(frame(0x100, data))
+        answers.append(answer_on(bus))
+    assert answers == [f.data for f in alone if f.id == 0x110]
+    for wrong in (
+        frame(EXTENDED | 0x100, angles[0]),
+        frame(REMOTE | 0x100, angles[0]),
+        struct.pack("=IB3x64s", 0x100, 8, angles[0]),  # struct canfd_frame
+        frame(0x123, angles[0]),
+        frame(ERROR | BUS_OFF, bytes(8)),
+    ):
+        bus.send(wrong)
+    for number in range(3):  # a node that was off answers nothing in the next 60 s
+        bus.send(frame(0x100, angles[number]))
+    bus.send(frame(0x130, b"no"))
+    process.send_signal(signal.SIGTERM)  # what came before it is still counted
+    result = finished(tmp_path, process)
+    bus.close()
+    node, counts = result.summary["node"], result.summary["bus_counts"]
+    assert (node["ok"], node["format"], node["ignored"], node["bus_off"]) == (20, 4, 1, 1)
+    assert (node["rearm"], node["crc"], node["lost"]) == (3, 0, 0)
+    assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
+
+
+def test_an_id_of_29_bits_is_sent_as_such(tmp_path, planted):
+    words = ("--set", "faults.extended=0.5", "--set", "friction.max_step=2000")
+    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.1", *words)
+    sent = list(iter(lambda: bus.recv(100), b""))
+    summary = finished(tmp_path, process).summary
+    bus.close()
+    ids = [struct.unpack("=I", wire[:4])[0] for wire in sent]
+    assert set(ids) == {0x100, EXTENDED | 0x100}
+    assert ids.count(EXTENDED | 0x100) == summary["faults"]["injected"]["extended"]
+
+
+def test_a_bus_that_takes_nothing_is_tried_again_then_the_frame_is_dropped(tmp_path, planted):
+    """Nobody acknowledges: the transmit queue stays full, and the beat goes on."""
+    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.3")
+    result = finished(tmp_path, process)
+    bus.close()
+    counts = result.summary["bus_counts"]
+    assert result.summary["ticks"] == result.summary["frames_sent"] == 300
+    assert 100 < counts["dropped"] == counts["send_failed"] < 300
+    assert counts["retries"] == 5 * counts["dropped"]
+
+
+def test_a_bus_that_goes_away_is_told(tmp_path, planted):
+    process, bus = joined(tmp_path, planted, "--role", "encoder")
+    bus.recv(100)
+    bus.close()
+    result = finished(tmp_path, process)
+    assert result.code == 1
+    assert result.err.startswith("error: --bus socketcan:can0: the bus is gone after ")
