@@ -4,7 +4,7 @@
  * 15 instructions forward and 18 backward; 14 forward where the core has UMAAL. Moves of more than 8 counts go to
  * dahl_step_large (lib/model/step_large.c), all arguments untouched.
  */
-#include "update_thumb2.h"
+#include "update_thumb2.inc"
 
 #define g_high r0 /* once the plan is no longer needed */
 

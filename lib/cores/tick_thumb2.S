@@ -4,7 +4,7 @@
  * end: with an FPU the float's bits go to s0 where the ABI wants them there. What is rare goes to the C: moves of more than
  * 8 counts to dahl_step_large, a torque below 2^-30 Fc and a plan of all zeros to dahl_torque.
  */
-#include "update_thumb2.h"
+#include "update_thumb2.inc"
 
 #define g_high r5
 #define sign r4 /* once z is no longer needed */

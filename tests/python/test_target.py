@@ -197,7 +197,7 @@ LIMITS = [
     for k, limit in limits.items()
 ]
 BYTES = BUDGETS["bytes at most"]
-LIMITS += [(n, k, limit) for n in BYTES.keys() - {"all"} for k, limit in BYTES[n].items()]
+LIMITS += [(n, k, limit) for n in sorted(BYTES.keys() - {"all"}) for k, limit in BYTES[n].items()]
 LIMITS += [(n, k, limit) for n in target.CORES for k, limit in BYTES["all"].items()]
 
 
