@@ -71,6 +71,7 @@ class Build:
             f"-DCMAKE_C_COMPILER_LAUNCHER=sh;{COMPILER}",
             f"-DCMAKE_C_FLAGS=-include {header} {self.flags} {FEW_TICKS}",
             "-DCMAKE_BUILD_TYPE=Debug",
+            "-DDAHL_BUILD_TESTS=ON",
             f"-DDAHL_BUILD_PORT={'OFF' if self.is_plain else 'ON'}",
             f"-DDAHL_BUILD_SIM={'OFF' if self.is_plain else 'ON'}",
         ]
