@@ -149,7 +149,7 @@ static bool at_end(const char *cursor)
     return cursor[strspn(cursor, " ")] == '\0';
 }
 
-/* What has more than 8 bytes is of CAN FD, which has these lengths; only its first 8 bytes are kept. */
+/* What has more than 8 bytes, up to 64, is of CAN FD, which has these lengths; only its first 8 bytes are kept. */
 static bool set_length(dahl_can_frame_t *frame, uint64_t length)
 {
     static const char fd_lengths[] = {12, 16, 20, 24, 32, 48, 64, 0};
@@ -159,7 +159,7 @@ static bool set_length(dahl_can_frame_t *frame, uint64_t length)
     }
     frame->length = 8;
     frame->flags |= DAHL_CAN_FRAME_FD;
-    return length <= 64 && strchr(fd_lengths, (int)length) != NULL;
+    return strchr(fd_lengths, (int)length) != NULL;
 }
 
 static void keep(dahl_can_frame_t *frame, uint64_t i, uint64_t byte)

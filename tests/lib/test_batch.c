@@ -396,6 +396,25 @@ static void test_bad_parameters_touch_nothing(void)
     refuses(1e19, 1e-19, 1e-33, DAHL_ERR_RANGE, DAHL_OK);
 }
 
+static void test_a_plan_of_zeros_gives_no_torque(void)
+{
+    const dahl_plan_t zero = {0};
+    const int32_t dcounts[] = {1, -9, 0, INT32_MIN};
+    const float dtheta[] = {1.0f, -1e-9f, 0.0f, INFINITY};
+    enum { N = sizeof dcounts / sizeof dcounts[0] };
+    for (int64_t w = -((int64_t)1 << 62); w <= (int64_t)1 << 62; w += (int64_t)1 << 61) {
+        dahl_state_t states[4] = {{w}, {w}, {w}, {w}};
+        memset(F, 0xA5, 4 * N * sizeof F[0]);
+        dahl_batch_counts(&zero, &states[0], dcounts, F, N);
+        dahl_batch(&zero, &states[1], dtheta, F + N, N);
+        dahl_batch_counts_channels(&zero, &states[2], 1, dcounts, F + 2 * N, N);
+        dahl_batch_channels(&zero, &states[3], 1, dtheta, F + 3 * N, N);
+        for (size_t i = 0; i < 4 * N; i++) {
+            TEST_ASSERT_TRUE(F[i] == 0.0f);
+        }
+    }
+}
+
 /* The relative error of a kernel of the throughput forms over travel least .. most, against expm1l. */
 static double kernel_error(dahl_g_t g_of, double least, double most)
 {
@@ -433,5 +452,6 @@ int main(void)
     RUN_TEST(test_nothing_to_do_touches_nothing);
     RUN_TEST(test_bad_angles_within_a_batch);
     RUN_TEST(test_bad_parameters_touch_nothing);
+    RUN_TEST(test_a_plan_of_zeros_gives_no_torque);
     return UNITY_END();
 }

@@ -355,6 +355,20 @@ static void test_any_word_as_a_state(void)
     }
 }
 
+static void test_p15_a_plan_of_zeros_carries_no_torque(void)
+{
+    const dahl_params_t p = {100.0f, 0.5f, 1e-3f};
+    const dahl_plan_t zero = {0};
+    dahl_plan_t plan;
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &p));
+    const dahl_plan_t *from[] = {&zero, &plan, &zero}, *to[] = {&plan, &zero, &zero};
+    for (size_t i = 0; i < 3; i++) {
+        dahl_state_t state = {(int64_t)1 << 61};
+        dahl_change_plan(from[i], to[i], &state);
+        TEST_ASSERT_TRUE(state.w == 0);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -377,6 +391,7 @@ int main(void)
     RUN_TEST(test_p15_growth_of_the_smallest_torque);
     RUN_TEST(test_p15_the_least_that_is_left);
     RUN_TEST(test_p15_no_energy_from_changes);
+    RUN_TEST(test_p15_a_plan_of_zeros_carries_no_torque);
     RUN_TEST(test_any_word_as_a_state);
     return UNITY_END();
 }

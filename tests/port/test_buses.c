@@ -244,6 +244,9 @@ static void test_bad_elements_are_refused(void)
         " frame 123 1.000000 0x", " frame 123 1.000000 001122334455667", " frame 123 1.000000 00112233445566778",
         " frame 123 1.000000 001122334455667788", " frame 123 1.000000 00112233445566778899aabbccdd", " frame 123 1.000000 00 11", " send 123 1.000000 00", " framed 123 1.000000 00"};
     dahl_can_frame_t frame;
+    char longer[200];
+    sprintf(longer, " frame 123 1.000000 %0130d", 0); /* 65 bytes in one word */
+    TEST_ASSERT_FALSE(text_to_frame(longer, &frame));
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         TEST_ASSERT_FALSE_MESSAGE(text_to_send(bad[i], &frame), bad[i]);
     }
