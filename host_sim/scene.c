@@ -356,8 +356,11 @@ static bool check_rotor(const reader_t *r)
 static bool check_inertia(const reader_t *r)
 {
     const scene_rotor_t *rotor = &r->scene->rotor;
+    if (!has(r, "rotor")) {
+        return true;
+    }
     double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
-    if (has(r, "rotor") && rotor->inertia < least) {
+    if (rotor->inertia < least) {
         log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
                   " viscous and sigma0", r->path, r->key_line[find_key("rotor", "inertia")], rotor->inertia, least,
                   ROTOR_STEP_S * 1e6);

@@ -5,8 +5,6 @@
 
 #include <math.h>
 
-#include <stdlib.h>
-
 #include "../../lib/model/kernel.h"
 
 /* What g may have more than the exact value, in absolute terms: the two units of 2^-64 that bristle_update.h wants, and one
@@ -25,10 +23,7 @@ static inline dahl_plan_t kernel_plan(void)
 {
     dahl_plan_t plan;
     dahl_params_t p = {1.0f, 1.0f, 0.0f};
-    if (dahl_prepare(&plan, &p) != DAHL_OK) {
-        abort();
-    }
-    return plan;
+    return dahl_prepare(&plan, &p) == DAHL_OK ? plan : (dahl_plan_t){0}; /* whose kernel is far off */
 }
 
 static inline long double kernel_value(const dahl_plan_t *plan, uint32_t bits)

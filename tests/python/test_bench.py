@@ -49,7 +49,9 @@ def measured() -> dict:
 
 def test_the_table_has_a_row_for_every_way(counted, measured) -> None:
     rows = report.ways_table(counted, measured).splitlines()
-    assert all(any(way.title in row for row in rows) for way in results.WAYS)
+    ways = results.core_points(counted, measured, results.CORES[0])
+    assert len(ways) > 10
+    assert all(any(way.title in row for row in rows) for way in ways)
 
 
 def test_no_rival_is_cheaper_and_better_on_any_core(counted, measured) -> None:
