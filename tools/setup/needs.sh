@@ -17,7 +17,7 @@ declare -A BRINGS=(
 # Debian packages without which it fails.
 declare -A MUST=(
     [demo]='gcc libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv'
-    [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm'
+    [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm dpkg-dev xz-utils'
     [test]='g++ git ca-certificates pkg-config dpkg-dev xz-utils'
 )
 
@@ -35,6 +35,7 @@ declare -A MAY=(
 
 # Things that are fetched into build/deps.
 declare -A FETCHED=(
+    [firmware]='unity' # a core's preset configures its tests too
     [test]='unity'
     [checks]='kernel cbmc'
 )
