@@ -112,23 +112,24 @@ typedef struct {
 } dahl_state_t;
 
 /* Prepare a plan. Fails iff a parameter is outside its range: then the code says why and *plan is untouched.
- * Any plan and params pointers must be valid. Cost: 3500 instructions on Cortex-M3; call it at start. */
+ * Any plan and params pointers must be valid. Cost: 3000 instructions on Cortex-M3; call it at start. */
 DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
 
 /* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
  * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc. Tiny motions keep their relative accuracy: n ticks
  * from rest with a total travel of U presliding lengths err by at most 0.52 ulp of F and Fc (2^-31 U + 2^-62 n).
- * Cost on Cortex-M3, M4 (README has all): 40 instructions up to 8 counts, and about 15 for each further binary digit. */
+ * Cost on Cortex-M3, M4 (docs/microcontroller.md has all): 43 instructions up to 8 counts, and about 15 for each further
+ * binary digit. */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function.
- * Cost on Cortex-M3, M4: 20 instructions for -8 .. 8 counts, the same for each within one. */
+ * Cost on Cortex-M3, M4: 14 to 18 instructions for -8 .. 8 counts by the tick written for the core, 21 by the C. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,
  * +-0 leaves the state bit-identical. Error: DAHL_ULP_ANGLE ulp of Fc for the floats fed, for ever if each |u| >= 2^-30,
  * else for 2^31 ticks; a subnormal dtheta and travel u below 2^-65 count as none.
- * Cost on Cortex-M3, M4: 90 instructions; g(u) is a polynomial and a table of 16 words, no libm. */
+ * Cost on Cortex-M3, M4: 100 instructions; g(u) is a polynomial and a table of 16 words, no libm. */
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 
 /* The torque F in N m without motion, -Fc .. Fc. */
