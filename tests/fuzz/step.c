@@ -222,7 +222,7 @@ static void change(walk_t *walk)
     const dahl_params_t *from = &walk->plan->params, *to = &walk->other->params;
     const fuzz_plan_t *left = walk->plan;
     long double softer = (long double)to->sigma0 / (long double)from->sigma0;
-    long double F = value_of(walk->state.w) * (long double)from->Fc;
+    long double F = fmaxl(fminl(value_of(walk->state.w), 1.0L), -1.0L) * (long double)from->Fc; /* as a user is told it */
     dahl_change_plan(&walk->plan->plan, &walk->other->plan, &walk->state);
     long double now = value_of(walk->state.w) * (long double)to->Fc, most = (long double)to->Fc;
     long double wanted = fmaxl(fminl(F * fminl(softer, 1.0L), most), -most);
