@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import random
 import signal
 import subprocess
@@ -91,7 +92,12 @@ def interrupted(process: subprocess.Popen, whole_group: bool) -> bool:
     assert "Traceback" not in out + errors
     assert "KeyboardInterrupt" not in out + errors
     if process.returncode == 130:
-        lines = [line for line in errors.splitlines() if not line.startswith("identify ")]
+        said = (
+            "identify ",
+            "500 rows: ",
+            "1000 rows: ",
+        )  # progress, and what --follow has found so far
+        lines = [line for line in errors.splitlines() if not line.startswith(said)]
         assert lines == ["interrupted"], errors
         return True
     assert process.returncode in (0, 1, 2), errors
@@ -189,7 +195,10 @@ def test_ctrl_c_of_a_client_of_a_bus(tmp_path, root, verb):
         for delay in (0.05, 0.5, 2.0):
             process = started([verb, *bus, *more[verb]], root)
             time.sleep(delay)
-            assert interrupted(process, whole_group=False)
+            came_in_time = interrupted(process, whole_group=False)
+            assert (
+                came_in_time or verb == "identify"
+            )  # which ends when its intervals are small enough
 
 
 SWALLOWED = """
