@@ -302,9 +302,14 @@ static bool check_key(const reader_t *r, int i)
     return true;
 }
 
-static bool is_in_range(double parameter)
+static bool check_parameter(const reader_t *r, const char *key, double value)
 {
-    return (float)parameter >= DAHL_TORQUE_MIN && (float)parameter < DAHL_TORQUE_MAX;
+    if ((float)value >= DAHL_TORQUE_MIN && (float)value < DAHL_TORQUE_MAX) {
+        return true;
+    }
+    log_error("%s:%d: [friction] %s = %.9g: outside %.9g to %.9g", r->path, r->key_line[find_key("friction", key)], key, value,
+              (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
+    return false;
 }
 
 /* Decided by dahl_prepare, exactly, on the floats that the loop will run with. */
@@ -313,15 +318,16 @@ static bool check_travel(const reader_t *r)
     const scene_friction_t *f = &r->scene->friction;
     const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
     dahl_plan_t plan;
-    if (dahl_prepare(&plan, &params) != DAHL_OK && is_in_range(f->sigma0) && is_in_range(f->Fc)
-        && is_in_range(f->theta_per_count)) {
-        double travel = f->sigma0 / f->Fc * f->theta_per_count;
-        log_error("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
-                 r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count, travel,
-                 DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
-        return false;
+    if (dahl_prepare(&plan, &params) == DAHL_OK) {
+        return true;
     }
-    return true;
+    if (check_parameter(r, "sigma0", f->sigma0) && check_parameter(r, "Fc", f->Fc) &&
+        check_parameter(r, "theta_per_count", f->theta_per_count)) {
+        log_error("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
+                  r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count,
+                  f->sigma0 / f->Fc * f->theta_per_count, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
+    }
+    return false;
 }
 
 static bool has(const reader_t *r, const char *section)

@@ -21,8 +21,8 @@ static int is_between(double value, double least, double most)
 
 static void check_friction(const scene_friction_t *f)
 {
-    double u = f->sigma0 / f->Fc * f->theta_per_count;
-    LAW(f->sigma0 > 0 && f->Fc > 0 && is_between(u, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX), "friction is in range");
+    double u = (double)(float)f->sigma0 / (double)(float)f->Fc * (double)(float)f->theta_per_count; /* as it will run */
+    LAW(f->sigma0 > 0 && f->Fc > 0 && is_between(u, DAHL_TRAVEL_MIN * (1 - 1e-15), DAHL_TRAVEL_MAX), "friction is in range");
     LAW(is_between(f->node, 0, 15) && is_between(f->gain, 0, 1) && is_between(f->limit, 0, 1), "node is in range");
     LAW(is_between(f->ramp_ms, 0, 60000) && is_between(f->timeout_ms, 0, 60000), "times are in range");
 }

@@ -73,6 +73,10 @@ SCENE_ERRORS = [
         ":4: [friction] sigma0 = -1: outside",
     ),
     (
+        with_("friction", "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 3.7e-26"),
+        ":6: [friction] theta_per_count = 3.7e-26: outside",
+    ),
+    (
         with_("friction", "[friction]\nsigma0 = nan\nFc = 1\ntheta_per_count = 1"),
         ":4: [friction] sigma0 = nan: not",
     ),
