@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIB = ROOT / "lib"
-BESIDE = ("batch", "float", "node")  # what comes beside the element itself
+BESIDE = ("batch", "float", "node", "parts")  # what comes beside the element itself
 
 
 def _found(*folders: str, kind: str = "c") -> list[Path]:
@@ -23,9 +23,10 @@ def _is_core(path: Path) -> bool:
 
 
 CORE = [path for path in _found("lib") if _is_core(path)]  # one element, as firmware links it
+PARTS = [path for path in _found("lib") if path.relative_to(LIB).parts[0] == "parts"]
 FLOAT = [path for path in _found("lib") if path.relative_to(LIB).parts[0].startswith("float")]
 BATCHES = [path for path in _found("lib") if path.relative_to(LIB).parts[0].startswith("batch")]
-EXACT = CORE + BATCHES  # the same bits everywhere
+EXACT = CORE + PARTS + BATCHES  # the same bits everywhere
 ALL = EXACT + FLOAT
 NODE = [path for path in _found("lib", "port", "host_sim") if path.stem in ("node", "frames")]
 FOLDERS = sorted(

@@ -48,7 +48,7 @@ case "$command" in
     docs) python report --docs ;;
     all)
         say "counting instructions on six cores"
-        python target >"$BUILD/bench-target.log"
+        python target "$@" >"$BUILD/bench-target.log"
         rivals_from_outside
         python host "$@"
         if [ $# -eq 0 ]; then python report --docs; else python report; fi

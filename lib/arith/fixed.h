@@ -111,12 +111,15 @@ static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent)
     return r;
 }
 
-/* Out of line (mul_div64.c): for parameters, not for a tick. */
+/* Out of line (mul_div64.c, ratio.c): for parameters, not for a tick. */
 
 /* Upper half of a 64 x 64 bit product, truncated. */
 uint64_t dahl_mulhi64(uint64_t a, uint64_t b);
 
 /* numerator/denominator in Q63, truncated, for mantissas with the top bit set: in (2^62, 2^64). */
 uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator);
+
+/* x/y in Q62, rounded, clamped to 1. The lowest bit of both mantissas is not used. */
+uint64_t dahl_ratio_q62(dahl_real_t x, dahl_real_t y);
 
 #endif

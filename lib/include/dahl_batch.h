@@ -9,6 +9,7 @@
 
 #include <stddef.h>
 #include "dahl.h"
+#include "dahl_parts.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -21,6 +22,14 @@ void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, 
                                 float *F, size_t n);
 void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F,
                          size_t n);
+
+/* DAHL_PART and DAHL_SLIP_PART, for callers from other languages. */
+dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state);
+dahl_part_t dahl_batch_slip_part(const dahl_slip_plan_t *plan, dahl_slip_state_t *state);
+
+/* Parts (dahl_parts.h), with the bits of dahl_slip_step_counts and of dahl_parallel_step_counts. */
+void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, const int32_t *dcounts, float *F, size_t n);
+void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts, float *F, size_t n);
 
 /*
  * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:

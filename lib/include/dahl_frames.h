@@ -105,6 +105,7 @@ typedef enum {
     DAHL_FRAMES_PARAM_TIMEOUT = 6, /* ms, 1..60000 */
     DAHL_FRAMES_PARAM_STEP = 7,    /* counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
     DAHL_FRAMES_PARAM_STATUS = 8,  /* ms, 0..60000: period of Status, 0: only after power-on, a timeout, a bus-off, a Reset */
+    DAHL_FRAMES_PARAM_MODEL = 9,   /* read only: 0: a Dahl element, n: n slip elements */
     DAHL_FRAMES_PARAM_NONE = 255   /* in a reply: there is no such parameter; the value is the number that was asked for */
 } dahl_frames_param_t;
 

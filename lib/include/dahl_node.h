@@ -36,6 +36,7 @@
 #include "dahl_can_bus.h"
 #include "dahl.h"
 #include "dahl_frames.h"
+#include "dahl_parts.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -74,11 +75,19 @@ typedef struct {
     uint8_t out_of_step;
 } dahl_node_tally_t;
 
+/* A model that answers in place of the Dahl element: dahl_node_use_slip sets one. */
+typedef struct dahl_node_model {
+    int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts); /* torque over the sum of Fc after this move */
+    void (*relax)(struct dahl_node_model *model);
+    uint32_t elements; /* what parameter Model says */
+} dahl_node_model_t;
+
 typedef struct {
     dahl_plan_t plan;
     dahl_params_t params;
     dahl_params_t held;    /* params, and what was written to be held until the next write */
     dahl_state_t bearing;
+    dahl_node_model_t *model; /* none: plan and bearing */
     dahl_node_counts_t counts;
     uint32_t gain;         /* of DAHL_NODE_ONE; this and the next five may be changed after dahl_node_init */
     uint32_t limit;        /* of DAHL_NODE_ONE */
@@ -109,6 +118,18 @@ typedef struct {
 /* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. Fails as dahl_prepare does: then
  * *node is untouched. */
 dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number);
+
+/* What a node of slip elements keeps beside dahl_node_t, for as long as the node lives. */
+typedef struct {
+    dahl_node_model_t model;
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t state;
+} dahl_node_slip_t;
+
+/* Answer by slip elements (dahl_parts.h), relaxed, from now on, after dahl_node_init. The ratio answered is of the sum of Fc;
+ * parameter Model says how many elements there are, Fc, Sigma0 and ThetaPerCount read as their sums and the angle of a count, and
+ * writing these is refused with OutOfRange. Fails as dahl_slip_prepare does: then nothing is touched. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const dahl_slip_params_t *params);
 
 /* The controller went off the bus, where that is not told by an error frame: dahl_node_receive takes those. */
 void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);

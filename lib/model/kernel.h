@@ -28,17 +28,22 @@ typedef struct {
     int32_t shift;
 } dahl_scaled_t;
 
-/* v = |dtheta| a/ln 2 for a normal float's bits; the product is truncated. */
-static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnitude)
+/* v = product 2^exponent, truncated, for a product of two mantissas. */
+static inline dahl_scaled_t dahl_scaled_of(uint64_t product, int32_t exponent)
 {
-    dahl_real_t theta = dahl_real_of(magnitude);
-    uint64_t product = dahl_mul(theta.mantissa, plan->a_mantissa);
-    dahl_scaled_t v = {(uint32_t)(product >> 32), -64 - theta.exponent - plan->a_exponent};
+    dahl_scaled_t v = {(uint32_t)(product >> 32), -64 - exponent};
     if (!(v.mantissa & DAHL_TOP_BIT)) {
         v.mantissa = (uint32_t)(product >> 31);
         v.shift++;
     }
     return v;
+}
+
+/* v = |dtheta| a/ln 2 for a normal float's bits. */
+static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnitude)
+{
+    dahl_real_t theta = dahl_real_of(magnitude);
+    return dahl_scaled_of(dahl_mul(theta.mantissa, plan->a_mantissa), theta.exponent + plan->a_exponent);
 }
 
 /* c - Y r, in Q32. */

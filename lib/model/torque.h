@@ -13,21 +13,19 @@
 #include "dahl.h"
 
 /* The bits of the torque s 2^(-30 - zeros) Fc, where s has its top bit set. */
-static inline uint32_t dahl_torque_bits(const dahl_plan_t *plan, uint32_t s, uint32_t zeros)
+static inline uint32_t dahl_torque_bits(dahl_real_t Fc, uint32_t s, uint32_t zeros)
 {
-    uint32_t product = dahl_mulhi(s, plan->Fc_mantissa | 1), missing = 1 - (product >> 31);
-    return dahl_round_to_float(product << missing, (uint32_t)plan->Fc_exponent + 2 - zeros - missing);
+    uint32_t product = dahl_mulhi(s, Fc.mantissa), missing = 1 - (product >> 31);
+    return dahl_round_to_float(product << missing, (uint32_t)Fc.exponent + 2 - zeros - missing);
 }
 
-static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
+/* w Fc, for w in Q62. */
+static inline float dahl_torque_from(dahl_real_t Fc, uint64_t w)
 {
     uint32_t sign = (uint32_t)(w >> 32) & DAHL_BITS_SIGN, high, low, zeros, s;
     w = sign != 0 ? 0u - w : w;
     high = (uint32_t)(w >> 32);
     low = (uint32_t)w;
-    if (plan->Fc_mantissa == 0) { /* a plan of all zeros */
-        return 0.0f;
-    }
     if (high != 0) {
         zeros = dahl_leading_zeros(high);
         s = high << zeros | low >> 1 >> (31 - zeros);
@@ -38,7 +36,14 @@ static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
     } else {
         return 0.0f;
     }
-    return dahl_float_of(sign | dahl_torque_bits(plan, s, zeros));
+    return dahl_float_of(sign | dahl_torque_bits(Fc, s, zeros));
+}
+
+/* The mantissa of a float has a lowest bit of 0. A plan of all zeros has no torque. */
+static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
+{
+    dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
+    return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_from(Fc, w);
 }
 
 #endif

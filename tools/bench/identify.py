@@ -3,7 +3,7 @@
 """What an identification costs: time of a million rows, the same fit by SciPy's solve_ivp on a
 shorter log, and memory per row.
 
-Usage: build/venv/bin/python tools/bench/identify.py [--rows N] [--short N] [--memory N]
+Usage: build/venv/bin/python tools/bench/identify.py [--rows N] [--short N]
 
 Times are processor seconds of one thread. The rival gets the same data, finds the same three
 parameters (sigma0, Fc, F0) by scipy.optimize.least_squares from a start 20 % off, and integrates

@@ -209,7 +209,9 @@ def plain_objects(core: Core) -> list[Path]:
         ROOT / "lib/include",
     ]
     objects = []
-    for source in sorted((*(ROOT / "lib/arith").glob("*.c"), *(ROOT / "lib/model").glob("*.c"))):
+    for source in sorted(
+        path for part in ("arith", "model", "parts") for path in (ROOT / "lib" / part).glob("*.c")
+    ):
         objects.append(folder / f"{source.stem}.o")
         run(core.tool("gcc"), *flags, "-c", source, "-o", objects[-1])
     return objects
@@ -230,6 +232,10 @@ def measure_sizes(core: Core) -> dict[str, int]:
         suffix = "" if name == "q30" else f"_{name}"
         result |= {f"{kind}_bytes{suffix}": size[kind] for kind in ("code", "const", "static")}
     return result
+
+
+# Cases of dahl_parts.h
+PARTS = ("slip_", "parallel_", "asymmetric_", "loaded_", "elastic_", "plastic_", "crossing_")
 
 
 def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dict[str, int]:
@@ -257,6 +263,7 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
         "encoder_move",
     )
     result |= {name: worst[name] for name in others}
+    result |= {name: count for name, count in worst.items() if name.startswith(PARTS)}
     result["stack_bytes"] = max(
         value for name, value in numbers.items() if name.startswith("stack_")
     )

@@ -13,7 +13,7 @@ of the floats given.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 import mpmath
@@ -50,6 +50,33 @@ def _anchored(moves: Iterable[int], a: mpmath.mpf) -> Iterable[mpmath.mpf]:
             run += abs(move)
             w = direction - (direction - anchor) * mpmath.exp(-a * run)
         yield w
+
+
+def exact_slip_ratios(
+    moves: Iterable[int],
+    elements: Sequence[tuple[float, float]],
+    theta_per_count: float,
+) -> list[mpmath.mpf]:
+    """F over the sum of Fc after each move in counts, from rest: springs (sigma0, Fc) that slip, in
+    exact fractions of the floats given.
+    """
+    theta = Fraction(float(np.float32(theta_per_count)))
+    springs = [
+        (Fraction(float(np.float32(sigma0))) * theta, Fraction(float(np.float32(torque))))
+        for sigma0, torque in elements
+    ]
+    force = [Fraction(0)] * len(springs)
+    total = sum((most for _, most in springs), Fraction(0))
+    ratios = []
+    with mpmath.workprec(PRECISION):
+        for move in map(int, moves):
+            force = [
+                max(-most, min(most, now + per_count * move))
+                for now, (per_count, most) in zip(force, springs, strict=True)
+            ]
+            ratio = sum(force, Fraction(0)) / total
+            ratios.append(mpmath.mpf(ratio.numerator) / ratio.denominator)
+    return ratios
 
 
 def error_in_ulp(torque: np.ndarray, exact: list[mpmath.mpf], Fc: float) -> np.ndarray:  # noqa: N803

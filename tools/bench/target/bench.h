@@ -20,7 +20,9 @@ void bench_number(const char *name, uint32_t value);
 uint32_t bench_depth(void);
 
 void bench_library(void);
+void bench_parts(void);
 void bench_rivals(void);
 void bench_motions(void);
+void bench_variants(void);
 
 #endif

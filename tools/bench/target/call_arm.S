@@ -8,16 +8,16 @@
     .type bench_call, %function
     .thumb_func
 bench_call:
-    push {r4, lr}
-    ldr r3, =bench_sp
-    mov r4, sp
-    str r4, [r3]
-    ldr r3, =bench_function
-    ldr r3, [r3]
+    push {r3, r4, r5, lr}
+    ldr r4, =bench_sp
+    mov r5, sp
+    str r5, [r4]
+    ldr r4, =bench_function
+    ldr r4, [r4]
 bench_site:
-    blx r3
+    blx r4
 bench_back:
-    pop {r4, pc}
+    pop {r3, r4, r5, pc}
 
     .global bench_mark
     .type bench_mark, %function

@@ -54,7 +54,9 @@ uint32_t bench_depth(void)
 int main(void)
 {
     bench_library();
+    bench_parts();
     bench_rivals();
     bench_motions();
+    bench_variants();
     return 0;
 }

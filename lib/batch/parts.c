@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT */
+/* Parts for callers from other languages, and over a log: tick by tick, with the bits of a tick. */
+#include "dahl_batch.h"
+
+dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state)
+{
+    dahl_part_t part = DAHL_PART(plan, state);
+    return part;
+}
+
+dahl_part_t dahl_batch_slip_part(const dahl_slip_plan_t *plan, dahl_slip_state_t *state)
+{
+    dahl_part_t part = DAHL_SLIP_PART(plan, state);
+    return part;
+}
+
+void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, const int32_t *dcounts, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_slip_step_counts(plan, state, dcounts[t]);
+    }
+}
+
+void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_parallel_step_counts(parts, count, dcounts[t]);
+    }
+}

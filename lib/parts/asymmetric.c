@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Fc of each direction its own. The state is F in parts of the larger Fc; each direction draws it to its own end, Fc_forward
+ * or -Fc_backward, by its own g, since sigma0 is the same both ways and the presliding length Fc/sigma0 is not:
+ *     z = end - s w        w += s z g         z in Q30, rounded, as in ../model/bristle_update.h
+ * A z that is rounded up passes the end by 2^31 at most, and then it is 0.
+ */
+#include "../model/bristle_update.h"
+#include "../model/check_params.h"
+#include "../model/prepare_table.h"
+#include "../model/torque.h"
+#include "dahl_parts.h"
+
+static inline uint64_t rise(uint64_t w, uint64_t end, dahl_q64_t g)
+{
+    return w + dahl_mul_fraction(dahl_q30(end - w), g.hi, g.lo);
+}
+
+static inline uint64_t fall(uint64_t w, uint64_t end, dahl_q64_t g)
+{
+    return w - dahl_mul_fraction(dahl_q30(end + w), g.hi, g.lo);
+}
+
+/* The low three bits of a move, and then its digits of base 4. */
+static DAHL_COLD uint64_t rise_by(const dahl_q64_t *table, uint64_t end, uint64_t w, uint32_t counts)
+{
+    const dahl_q64_t *g = &table[DAHL_DIRECT_COUNTS_MAX];
+    w = rise(w, end, table[counts % DAHL_DIRECT_COUNTS_MAX]);
+    for (uint32_t digits = counts / DAHL_DIRECT_COUNTS_MAX; digits != 0; digits >>= 2) {
+        for (uint32_t times = digits % 4; times != 0; times--) {
+            w = rise(w, end, *g);
+        }
+        g++;
+    }
+    return w;
+}
+
+static DAHL_COLD DAHL_OUT_OF_LINE uint64_t asymmetric_large(const dahl_asymmetric_plan_t *plan, uint64_t w, int32_t dcounts)
+{
+    return dcounts < 0 ? 0u - rise_by(plan->backward, plan->end_backward, 0u - w, 0u - (uint32_t)dcounts)
+                       : rise_by(plan->forward, plan->end_forward, w, (uint32_t)dcounts);
+}
+
+static inline DAHL_ALWAYS_INLINE uint64_t asymmetric_move(const dahl_asymmetric_plan_t *plan, uint64_t w, int32_t dcounts)
+{
+    if (dcounts > DAHL_DIRECT_COUNTS_MAX || dcounts < -DAHL_DIRECT_COUNTS_MAX) {
+        return asymmetric_large(plan, w, dcounts);
+    }
+    return dcounts > 0 ? rise(w, plan->end_forward, plan->forward[dcounts])
+                       : fall(w, plan->end_backward, plan->backward[-dcounts]);
+}
+
+int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    uint64_t w = asymmetric_move(plan, (uint64_t)state->w, dcounts);
+    state->w = (int64_t)w;
+    return (int32_t)dahl_q30(w);
+}
+
+float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    const dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
+    uint64_t w = asymmetric_move(plan, (uint64_t)state->w, dcounts);
+    state->w = (int64_t)w;
+    return plan->Fc_mantissa == 0 ? 0.0f : dahl_torque_from(Fc, w);
+}
+
+/* 0, 1 .. 8 counts, then four times the one before. */
+static DAHL_COLD void write_direction(dahl_q64_t *table, int entries, dahl_real_t sigma0, dahl_real_t theta, dahl_real_t Fc)
+{
+    uint64_t a = dahl_quotient_q63(sigma0.mantissa, Fc.mantissa);
+    uint64_t left = dahl_left_by(dahl_product(a, sigma0.exponent - Fc.exponent - 63, theta));
+    dahl_write_table(table, DAHL_DIRECT_COUNTS_MAX + 1, left);
+    left = ~((uint64_t)table[DAHL_DIRECT_COUNTS_MAX].hi << 32 | table[DAHL_DIRECT_COUNTS_MAX].lo);
+    for (int n = DAHL_DIRECT_COUNTS_MAX + 1; n < entries; n++) {
+        left = dahl_join(left, left);
+        left = dahl_join(left, left);
+        dahl_write_entry(&table[n], ~left);
+    }
+}
+
+static DAHL_COLD void write_asymmetric(dahl_asymmetric_plan_t *plan, const dahl_asymmetric_params_t *params)
+{
+    const int entries = (int)(sizeof plan->forward / sizeof plan->forward[0]);
+    const dahl_real_t sigma0 = dahl_real_of_float(params->sigma0), theta = dahl_real_of_float(params->theta_per_count);
+    const dahl_real_t forward = dahl_real_of_float(params->Fc_forward), backward = dahl_real_of_float(params->Fc_backward);
+    plan->end_forward = dahl_ratio_q62(forward, backward);
+    plan->end_backward = dahl_ratio_q62(backward, forward);
+    const dahl_real_t larger = plan->end_forward == DAHL_ONE_Q62 ? forward : backward;
+    plan->Fc_mantissa = larger.mantissa;
+    plan->Fc_exponent = larger.exponent;
+    write_direction(plan->forward, entries, sigma0, theta, forward);
+    write_direction(plan->backward, entries, sigma0, theta, backward);
+}
+
+DAHL_COLD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan, const dahl_asymmetric_params_t *params)
+{
+    const dahl_params_t forward = {params->sigma0, params->Fc_forward, params->theta_per_count};
+    const dahl_params_t backward = {params->sigma0, params->Fc_backward, params->theta_per_count};
+    int32_t err = dahl_check_counted(&forward) | dahl_check_counted(&backward);
+    if (err == DAHL_OK) {
+        write_asymmetric(plan, params);
+    }
+    return (dahl_err_t)err;
+}

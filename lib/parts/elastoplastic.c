@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Dupont's elasto-plastic element over space. In the direction of travel let x = s w and b the breakaway:
+ *     x < b       dx/du = 1                          elastic: whole counts are added, so that a way to and fro leaves no trace
+ *     x >= b      dx/du = kappa (1 - x)              plastic: Dahl's model with kappa sigma0, kappa = 1/(1 - b)
+ * A move that crosses b does by the kernel what is left of its travel there, which is no whole number of counts.
+ */
+#include "../model/bristle_update.h"
+#include "../model/check_params.h"
+#include "../model/kernel.h"
+#include "../model/prepare_table.h"
+#include "../model/torque.h"
+#include "dahl_parts.h"
+
+#define COARSE_BITS 5 /* the travel of a count is in Q62, or in Q57 where it is 2 or more */
+
+/* x = b + (1 - b) g(kappa travel), for travel > 0 from b in units: 32 bits of it from its first one on, and half a bit more, which
+ * centres that truncation. */
+static DAHL_OUT_OF_LINE uint64_t beyond_breakaway(const dahl_elastoplastic_plan_t *plan, uint64_t travel)
+{
+    const uint32_t kappa = plan->plastic.a_mantissa;
+    uint32_t high = (uint32_t)(travel >> 32), low = (uint32_t)travel;
+    int32_t exponent = plan->plastic.a_exponent + 32;
+    if (high == 0) {
+        high = low;
+        low = 0;
+        exponent -= 32;
+    }
+    uint32_t zeros = dahl_leading_zeros(high);
+    uint64_t product = dahl_mul(high << zeros | low >> 1 >> (31 - zeros), kappa) + (kappa >> 1);
+    dahl_q64_t g = dahl_kernel(dahl_scaled_of(product, exponent - (int32_t)zeros));
+    return (uint64_t)plan->breakaway + (dahl_mul_fraction(plan->gap_q31, g.hi, g.lo) >> 1);
+}
+
+static inline uint64_t elastic_or_beyond(const dahl_elastoplastic_plan_t *plan, uint64_t x, uint64_t travel)
+{
+    uint64_t to_breakaway = (uint64_t)plan->breakaway - x;
+    return travel <= to_breakaway ? x + travel : beyond_breakaway(plan, travel - to_breakaway);
+}
+
+/* One count that travels 2 or more, beyond b from anywhere. (The last bit keeps what no state leads to from being 0.) */
+static uint64_t coarse_count(const dahl_elastoplastic_plan_t *plan, uint64_t x)
+{
+    uint64_t to_breakaway = ((uint64_t)plan->breakaway - x) >> COARSE_BITS;
+    return beyond_breakaway(plan, (plan->travel[1] - to_breakaway) | 1);
+}
+
+static uint64_t travel_of(const dahl_elastoplastic_plan_t *plan, uint32_t counts)
+{
+    uint64_t one = plan->travel[1];
+    return dahl_mul(counts, (uint32_t)one) + ((uint64_t)(counts * (uint32_t)(one >> 32)) << 32);
+}
+
+/* w, or its opposite, as the direction of a move wants it; and back again. */
+static inline uint64_t along(uint64_t w, int32_t dcounts)
+{
+    return dcounts < 0 ? 0u - w : w;
+}
+
+/* The part of a move until x is beyond b: up to two times as many counts as travel less than 2, which lead there from anywhere. Returns
+ * the counts that are left. */
+static uint32_t leave_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t *x, uint32_t left)
+{
+    if (plan->counts_max == 0) {
+        *x = coarse_count(plan, *x);
+        return left - 1;
+    }
+    while (left > 0 && (int64_t)*x < plan->breakaway) {
+        uint32_t counts = left < plan->counts_max ? left : plan->counts_max;
+        *x = elastic_or_beyond(plan, *x, travel_of(plan, counts));
+        left -= counts;
+    }
+    return left;
+}
+
+/* A move that starts elastic, of more counts than have an entry. */
+static DAHL_COLD DAHL_OUT_OF_LINE int32_t elastoplastic_large(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
+                                                              int32_t dcounts)
+{
+    uint64_t x = along((uint64_t)state->w, dcounts);
+    if (plan->travel[1] == 0) { /* a plan of all zeros */
+        return (int32_t)dahl_q30((uint64_t)state->w);
+    }
+    uint32_t left = leave_elastic(plan, &x, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
+    state->w = (int64_t)along(x, dcounts);
+    return dahl_step_large(&plan->plastic, state, (int32_t)(dcounts < 0 ? 0u - left : left));
+}
+
+int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    uint64_t x = along((uint64_t)state->w, dcounts);
+    uint32_t counts = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
+    if ((int64_t)x >= plan->breakaway) {
+        return dahl_step_counts_q30(&plan->plastic, state, dcounts);
+    }
+    if (counts > plan->direct_counts) {
+        return elastoplastic_large(plan, state, dcounts);
+    }
+    uint64_t w = along(elastic_or_beyond(plan, x, plan->travel[counts]), dcounts);
+    state->w = (int64_t)w;
+    return (int32_t)dahl_q30(w);
+}
+
+float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+{
+    (void)dahl_elastoplastic_step_counts_q30(plan, state, dcounts);
+    return dahl_torque_of(&plan->plastic, (uint64_t)state->w);
+}
+
+/* b in Q31, rounded, for 0 < b < 1: a whole number while b >= 2^-8. */
+static uint32_t breakaway_q31(dahl_real_t b)
+{
+    int32_t shift = -31 - b.exponent;
+    return shift > 32 ? 0 : ((b.mantissa >> (shift - 1)) + 1) >> 1;
+}
+
+/* The plan of the plastic range: Dahl's model with kappa sigma0, for the travel u of a count in presliding lengths. What
+ * it has of a is kappa/ln 2 for a presliding length. */
+static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_t gap_q31)
+{
+    const dahl_real_t log2_e = {DAHL_LOG2_E_Q31, -31};
+    uint32_t zeros = dahl_leading_zeros(gap_q31);
+    uint64_t kappa = dahl_quotient_q63(DAHL_TOP_BIT, gap_q31 << zeros);
+    int32_t exponent = (int32_t)zeros - 63;
+    dahl_wide_t kappa_per_ln2 = dahl_product(kappa, exponent, log2_e);
+    plastic->a_mantissa = (uint32_t)(kappa_per_ln2.mantissa >> 32);
+    plastic->a_exponent = kappa_per_ln2.exponent + 32;
+    u = dahl_normalise(dahl_mulhi64(kappa, u.mantissa), exponent + u.exponent + 64);
+    dahl_write_table(plastic->g, (int)(sizeof plastic->g / sizeof plastic->g[0]), dahl_left_by(u));
+}
+
+/* Travel u of one count, rounded to a unit, and of as many as travel less than 2, up to 8. (A u of 64 or more is taken as 32 to 64,
+ * which is all the way too.) */
+static DAHL_COLD void write_travel(dahl_elastoplastic_plan_t *plan, dahl_wide_t u)
+{
+    int32_t unit = u.exponent < -62 ? -62 : COARSE_BITS - 62;
+    uint64_t half_units = u.mantissa;
+    plan->counts_max = u.exponent < -62 ? 1 : 0;
+    for (int32_t exponent = u.exponent; exponent < unit - 1; exponent++) {
+        half_units >>= 1;
+        plan->counts_max <<= 1;
+    }
+    plan->direct_counts = plan->counts_max < DAHL_DIRECT_COUNTS_MAX ? plan->counts_max : DAHL_DIRECT_COUNTS_MAX;
+    plan->travel[0] = 0;
+    plan->travel[1] = (half_units >> 1) + (half_units & 1);
+    for (uint32_t n = 2; n <= DAHL_DIRECT_COUNTS_MAX; n++) {
+        plan->travel[n] = n <= plan->direct_counts ? plan->travel[n - 1] + plan->travel[1] : 0;
+    }
+    plan->plastic.a_exponent += unit; /* for a unit of travel */
+}
+
+static DAHL_COLD void write_elastoplastic(dahl_elastoplastic_plan_t *plan, const dahl_params_t *params, uint32_t b_q31)
+{
+    const dahl_real_t sigma0 = dahl_real_of_float(params->sigma0), Fc = dahl_real_of_float(params->Fc);
+    uint64_t a = dahl_quotient_q63(sigma0.mantissa, Fc.mantissa);
+    dahl_wide_t u = dahl_product(a, sigma0.exponent - Fc.exponent - 63, dahl_real_of_float(params->theta_per_count));
+    plan->plastic.Fc_mantissa = Fc.mantissa;
+    plan->plastic.Fc_exponent = Fc.exponent;
+    plan->gap_q31 = DAHL_TOP_BIT - b_q31;
+    plan->breakaway = (int64_t)((uint64_t)b_q31 << 31);
+    write_plastic(&plan->plastic, u, plan->gap_q31);
+    write_travel(plan, u);
+}
+
+static int32_t check_breakaway(uint32_t bits)
+{
+    if (bits == 0 || bits >= DAHL_BITS_INF) { /* zero, infinite, NaN, or with a sign */
+        return DAHL_ERR_PARAM;
+    }
+    return bits < dahl_bits_of(1.0f) ? DAHL_OK : DAHL_ERR_RANGE;
+}
+
+DAHL_COLD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *plan, const dahl_params_t *params, float breakaway)
+{
+    int32_t err = dahl_check_counted(params) | check_breakaway(dahl_bits_of(breakaway));
+    if (err == DAHL_OK) {
+        write_elastoplastic(plan, params, breakaway_q31(dahl_real_of_float(breakaway)));
+    }
+    return (dahl_err_t)err;
+}

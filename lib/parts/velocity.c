@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Friction that depends on speed (viscous, Stribeck), to be added to a torque that depends on the path: an odd table over the
+ * counts of one tick, linear in between, constant beyond its end. A value is a whole number of 2^-30 of the largest one, so that
+ * between two of them one product is enough.
+ * Error: half a unit of 2^-30 of the largest torque at a value of the table, one and a half between two, and the one rounding
+ * of torque.h.
+ */
+#include "../model/torque.h"
+#include "dahl_parts.h"
+
+#define SEGMENT_BITS_MAX 24
+
+/* 0 for a usable torque; zero of either sign is one. */
+static int32_t check(uint32_t bits)
+{
+    uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
+    if (magnitude >= DAHL_BITS_INF) {
+        return DAHL_ERR_PARAM;
+    }
+    return magnitude == 0 || (dahl_bits_of(DAHL_TORQUE_MIN) <= magnitude && magnitude < dahl_bits_of(DAHL_TORQUE_MAX))
+        ? DAHL_OK
+        : DAHL_ERR_RANGE;
+}
+
+/* torque/largest in Q30, rounded. */
+static int32_t ratio_q30(uint32_t bits, dahl_real_t largest)
+{
+    uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
+    if (magnitude == 0) {
+        return 0;
+    }
+    dahl_real_t torque = dahl_real_of(magnitude);
+    int32_t shift = largest.exponent - torque.exponent + 32;
+    uint64_t quotient = dahl_quotient_q63(torque.mantissa, largest.mantissa);
+    int32_t ratio = shift > 63 ? 0 : (int32_t)(((quotient >> shift) + 1) >> 1);
+    return (bits & DAHL_BITS_SIGN) != 0 ? -ratio : ratio;
+}
+
+static void write_plan(dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params, uint32_t largest)
+{
+    dahl_real_t scale = largest == 0 ? dahl_real_of(dahl_bits_of(1.0f)) : dahl_real_of(largest);
+    plan->segment_bits = params->segment_bits;
+    plan->torque_mantissa = scale.mantissa;
+    plan->torque_exponent = scale.exponent;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        plan->ratio_q30[k] = ratio_q30(dahl_bits_of(params->torque[k]), scale);
+    }
+}
+
+dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params)
+{
+    int32_t err = params->segment_bits > SEGMENT_BITS_MAX ? DAHL_ERR_RANGE : DAHL_OK;
+    uint32_t largest = 0;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        uint32_t bits = dahl_bits_of(params->torque[k]), magnitude = bits & DAHL_BITS_MAGNITUDE;
+        err |= check(bits);
+        largest = magnitude > largest ? magnitude : largest;
+    }
+    if (err == DAHL_OK) {
+        write_plan(plan, params, largest);
+    }
+    return (dahl_err_t)err;
+}
+
+/* From one value of the table towards the next. The rest of the counts is a fraction of the segment, in Q32. */
+static int32_t between(int32_t from, int32_t to, uint32_t fraction_q32)
+{
+    return to < from ? from - (int32_t)dahl_mulhi((uint32_t)(from - to), fraction_q32)
+                     : from + (int32_t)dahl_mulhi((uint32_t)(to - from), fraction_q32);
+}
+
+static int32_t ratio_at(const dahl_velocity_plan_t *plan, uint32_t counts)
+{
+    uint32_t segment = counts >> plan->segment_bits;
+    if (segment >= DAHL_VELOCITY_SEGMENTS) {
+        return plan->ratio_q30[DAHL_VELOCITY_SEGMENTS - 1];
+    }
+    uint32_t rest = counts - (segment << plan->segment_bits); /* 0 where a segment is one count */
+    int32_t from = segment == 0 ? 0 : plan->ratio_q30[segment - 1];
+    return between(from, plan->ratio_q30[segment], rest << ((32 - plan->segment_bits) & 31));
+}
+
+float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts)
+{
+    int32_t ratio = ratio_at(plan, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
+    uint32_t sign = (dcounts < 0) != (ratio < 0) ? DAHL_BITS_SIGN : 0, size = (uint32_t)(ratio < 0 ? -ratio : ratio);
+    if (size == 0) {
+        return 0.0f;
+    }
+    dahl_real_t scale = {plan->torque_mantissa | 1, plan->torque_exponent};
+    uint32_t zeros = dahl_leading_zeros(size);
+    return dahl_float_of(sign | dahl_torque_bits(scale, size << zeros, zeros));
+}

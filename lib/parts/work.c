@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * What a bearing takes. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw, so
+ *     work = Fc |dtheta| - (Fc^2/sigma0) s (w_after - w_before)
+ * and two sums of whole numbers are enough: the counts travelled, and the way of w in the direction of travel, which is never
+ * negative. Each tick adds to them exactly what the state did; only reading them rounds. 96 and 128 bits hold 2^63 ticks.
+ */
+#include "../arith/fixed.h"
+#include "dahl_parts.h"
+
+/* sum += addend, over words of 32 bits, lowest first. */
+static void add(uint32_t *sum, int words, uint64_t addend)
+{
+    uint64_t carry = 0;
+    for (int i = 0; i < words; i++) {
+        carry += (uint64_t)sum[i] + (uint32_t)addend;
+        sum[i] = (uint32_t)carry;
+        carry >>= 32;
+        addend >>= 32;
+    }
+}
+
+float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts)
+{
+    uint64_t before = (uint64_t)state->w;
+    float F = dahl_step_counts(plan, state, dcounts);
+    uint64_t forward = (uint64_t)state->w - before;
+    add(work->counts, 3, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
+    add(work->way, 4, dcounts < 0 ? 0u - forward : forward);
+    return F;
+}
+
+/* The 64 highest bits of a sum whose highest word is words[top]. */
+static dahl_wide_t highest(const uint32_t *words, int top)
+{
+    dahl_wide_t none = {0, 0};
+    while (top > 0 && words[top] == 0) {
+        top--;
+    }
+    if (words[top] == 0) {
+        return none;
+    }
+    uint64_t two = (uint64_t)words[top] << 32 | (top > 0 ? words[top - 1] : 0);
+    uint32_t below = top > 1 ? words[top - 2] : 0, zeros = dahl_leading_zeros(words[top]);
+    dahl_wide_t sum = {two << zeros | (uint64_t)below << zeros >> 32, 32 * (top - 1) - (int32_t)zeros};
+    return sum;
+}
+
+static dahl_wide_t times(dahl_wide_t x, dahl_wide_t y)
+{
+    dahl_wide_t product = {dahl_mulhi64(x.mantissa, y.mantissa), x.exponent + y.exponent + 64};
+    return product.mantissa == 0 ? product : dahl_normalise(product.mantissa, product.exponent);
+}
+
+static dahl_wide_t wide_of(float x)
+{
+    dahl_real_t real = dahl_real_of(dahl_bits_of(x));
+    dahl_wide_t wide = {(uint64_t)real.mantissa << 32, real.exponent - 32};
+    return wide;
+}
+
+static dahl_wide_t quotient(float x, float y)
+{
+    dahl_real_t n = dahl_real_of(dahl_bits_of(x)), d = dahl_real_of(dahl_bits_of(y));
+    return dahl_normalise(dahl_quotient_q63(n.mantissa, d.mantissa), n.exponent - d.exponent - 63);
+}
+
+static int is_less(dahl_wide_t x, dahl_wide_t y)
+{
+    if (x.mantissa == 0 || y.mantissa == 0 || x.exponent == y.exponent) {
+        return x.mantissa < y.mantissa;
+    }
+    return x.exponent < y.exponent;
+}
+
+/* x - y for x >= y. */
+static dahl_wide_t difference(dahl_wide_t x, dahl_wide_t y)
+{
+    int32_t shift = x.exponent - y.exponent;
+    uint64_t rest = x.mantissa - (y.mantissa == 0 || shift > 63 ? 0 : y.mantissa >> shift);
+    dahl_wide_t none = {0, 0};
+    return rest == 0 ? none : dahl_normalise(rest, x.exponent);
+}
+
+/* The bits of the nearest float; what is beyond the floats is infinite, what is below the normal ones is 0. */
+static uint32_t float_bits(dahl_wide_t x)
+{
+    int32_t exponent = x.exponent + 63;
+    if (x.mantissa == 0 || exponent < -126) {
+        return 0;
+    }
+    return exponent > 127 ? DAHL_BITS_INF : dahl_round_to_float((uint32_t)(x.mantissa >> 32), (uint32_t)(x.exponent + 32));
+}
+
+float dahl_work(const dahl_params_t *params, const dahl_work_t *work)
+{
+    dahl_wide_t way = highest(work->way, 3), Fc = wide_of(params->Fc);
+    way.exponent -= 62;
+    dahl_wide_t slid = times(times(Fc, wide_of(params->theta_per_count)), highest(work->counts, 2));
+    dahl_wide_t kept = times(times(Fc, quotient(params->Fc, params->sigma0)), way);
+    int is_negative = is_less(slid, kept);
+    uint32_t bits = float_bits(is_negative ? difference(kept, slid) : difference(slid, kept));
+    return dahl_float_of(is_negative && bits != 0 ? bits | DAHL_BITS_SIGN : bits);
+}

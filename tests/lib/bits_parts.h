@@ -1,0 +1,186 @@
+/* SPDX-License-Identifier: MIT */
+/* The lines of the parts: for each parameter set of bits.h the hash of every torque, Q30 value and state, over all hard motions
+ * one after the other. A new part is a function and a row of the table. */
+#ifndef BITS_PARTS_H
+#define BITS_PARTS_H
+
+#include "bits.h"
+#include "dahl_parts.h"
+
+#define BITS_PARTS_TICKS (BITS_TICKS / 200) /* an AVR needs a minute for them */
+
+typedef struct {
+    uint64_t hash;
+    motion_fn next;
+    const dahl_params_t *params;
+} bits_of_part_t;
+
+/* Three elements around the parameter set, of which one slips far earlier than the others. */
+static inline dahl_slip_params_t bits_slip_params(const dahl_params_t *p)
+{
+    dahl_slip_params_t slip = {3, p->theta_per_count, {0}, {0}};
+    for (int k = 0; k < 3; k++) {
+        slip.sigma0[k] = p->sigma0;
+        slip.Fc[k] = k == 0 ? p->Fc : p->Fc * (k == 1 ? 0.25f : 0.0009765625f);
+    }
+    return slip;
+}
+
+static inline uint64_t bits_fold_slip_plan(uint64_t hash, const dahl_slip_plan_t *plan)
+{
+    for (unsigned k = 0; k < plan->elements; k++) {
+        hash = bits_fold(hash, (uint64_t)plan->element[k].limit << 32 | plan->element[k].weight);
+        hash = bits_fold(hash, plan->shift[k]);
+    }
+    hash = bits_fold(hash, plan->full);
+    hash = bits_fold(hash, plan->Fc_mantissa);
+    return bits_fold(hash, (uint32_t)plan->Fc_exponent);
+}
+
+static inline void bits_slip(bits_of_part_t *run)
+{
+    dahl_slip_params_t params = bits_slip_params(run->params);
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t torque = {{0}}, q30 = {{0}};
+    motion_t motion = MOTION_START;
+    if (dahl_slip_prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    run->hash = bits_fold_slip_plan(run->hash, &plan);
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_slip_step_counts(&plan, &torque, d)));
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_slip_step_counts_q30(&plan, &q30, d));
+        for (unsigned k = 0; k < plan.elements; k++) {
+            run->hash = bits_fold(run->hash, (uint32_t)q30.x[k]);
+        }
+    }
+}
+
+/* A Dahl element and slip elements of an eighth of its torque. */
+static inline void bits_mix(bits_of_part_t *run)
+{
+    dahl_slip_params_t slip_params = bits_slip_params(run->params);
+    dahl_params_t params = *run->params;
+    dahl_slip_plan_t slip_plan;
+    dahl_plan_t plan;
+    dahl_slip_state_t slip = {{0}};
+    dahl_state_t dahl = {0};
+    dahl_part_t parts[] = {DAHL_SLIP_PART(&slip_plan, &slip), DAHL_PART(&plan, &dahl)};
+    motion_t motion = MOTION_START;
+    params.Fc *= 8;
+    if (dahl_slip_prepare(&slip_plan, &slip_params) != DAHL_OK || dahl_prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_parallel_step_counts(parts, 2, run->next(&motion))));
+    }
+}
+
+/* Work, the way to half of the torque and to a quarter, the tip of each stroke, and a Stribeck curve over the moves. */
+static inline void bits_beside(bits_of_part_t *run)
+{
+    dahl_velocity_params_t curve = {2, {0}};
+    dahl_velocity_plan_t velocity;
+    dahl_plan_t plan;
+    dahl_state_t state = {0};
+    dahl_work_t work = {{0}, {0}};
+    motion_t motion = MOTION_START;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        curve.torque[k] = run->params->Fc * (float)((k - 5) * (k - 5) - 19) * 0.0625f;
+    }
+    if (dahl_prepare(&plan, run->params) != DAHL_OK || dahl_velocity_prepare(&velocity, &curve) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion), n = 0;
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_work_step_counts(&plan, &state, &work, d)));
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_velocity_torque(&velocity, d)));
+        if (t % 64 == 0) {
+            run->hash = bits_fold(run->hash, bits_of_float(dahl_work(run->params, &work)));
+            run->hash = bits_fold(run->hash, bits_of_float(dahl_tip_torque(&plan, (uint32_t)d)));
+            dahl_err_t err = dahl_counts_to_torque(&plan, &state, run->params->Fc * (t % 128 ? 0.5f : -0.25f), &n);
+            run->hash = bits_fold(run->hash, (uint64_t)(uint32_t)n << 8 | (err != DAHL_OK));
+        }
+    }
+}
+
+/* Half of Fc backward. */
+static inline void bits_asymmetric(bits_of_part_t *run)
+{
+    const dahl_params_t *p = run->params;
+    const dahl_asymmetric_params_t params = {p->sigma0, p->Fc, 0.5f * p->Fc, p->theta_per_count};
+    dahl_asymmetric_plan_t plan;
+    dahl_state_t torque = {0}, q30 = {0};
+    motion_t motion = MOTION_START;
+    if (dahl_asymmetric_prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_asymmetric_step_counts(&plan, &torque, d)));
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_asymmetric_step_counts_q30(&plan, &q30, d));
+        run->hash = bits_fold(run->hash, (uint64_t)q30.w);
+    }
+}
+
+/* Loads of all sizes, falling and growing. */
+static inline void bits_loaded(bits_of_part_t *run)
+{
+    dahl_plan_t plan;
+    dahl_loaded_state_t torque = {{0}, 0}, q30 = {{0}, 0};
+    motion_t motion = MOTION_START, loading = MOTION_START;
+    if (dahl_prepare(&plan, run->params) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        uint32_t load = motion_random(&loading) >> (t % 8);
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_loaded_step_counts(&plan, &torque, d, load)));
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_loaded_step_counts_q30(&plan, &q30, d, load));
+        run->hash = bits_fold(run->hash, (uint64_t)q30.bristle.w);
+    }
+}
+
+static inline void bits_elastoplastic(bits_of_part_t *run)
+{
+    dahl_elastoplastic_plan_t plan;
+    dahl_state_t torque = {0}, q30 = {0};
+    motion_t motion = MOTION_START;
+    if (dahl_elastoplastic_prepare(&plan, run->params, 0.7f) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        int32_t d = run->next(&motion);
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_elastoplastic_step_counts(&plan, &torque, d)));
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_elastoplastic_step_counts_q30(&plan, &q30, d));
+        run->hash = bits_fold(run->hash, (uint64_t)q30.w);
+    }
+}
+
+static const struct {
+    const char *name;
+    void (*fold)(bits_of_part_t *run);
+} bits_parts[] = {
+    {"slip", bits_slip},
+    {"mix", bits_mix},
+    {"beside", bits_beside},
+    {"asymmetric", bits_asymmetric},
+    {"loaded", bits_loaded},
+    {"elastoplastic", bits_elastoplastic},
+};
+
+#define BITS_PARTS_RUNS (BITS_PARAMS * (sizeof bits_parts / sizeof bits_parts[0]))
+
+/* Run 0 .. BITS_PARTS_RUNS - 1. */
+static inline uint64_t bits_parts_run(unsigned run)
+{
+    bits_of_part_t part = {14695981039346656037u, motions[0].next, &bits_params[run % BITS_PARAMS]};
+    for (unsigned m = 0; m < MOTIONS; m++) {
+        part.next = motions[m].next;
+        bits_parts[run / BITS_PARAMS].fold(&part);
+    }
+    return part.hash;
+}
+
+#endif

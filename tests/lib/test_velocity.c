@@ -1,0 +1,117 @@
+/* SPDX-License-Identifier: MIT */
+/* dahl_velocity_torque: against straight lines between the given values in long double. */
+#include "dahl_parts.h"
+#include "motions.h"
+#include "plans.h"
+
+static const uint32_t segments[] = {0, 1, 4, 10, 24};
+
+/* A Stribeck curve that falls, then rises, and is negative for a while. */
+static dahl_velocity_params_t stribeck(uint32_t segment_bits, float scale)
+{
+    dahl_velocity_params_t p = {.segment_bits = segment_bits};
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        float x = (float)(k + 1) / DAHL_VELOCITY_SEGMENTS;
+        p.torque[k] = scale * (1.5f * x * x - 0.8f * x - (k == 3 ? 0.1f : 0.0f));
+    }
+    return p;
+}
+
+static long double lines(const dahl_velocity_params_t *p, int32_t dcounts)
+{
+    long double x = fabsl((long double)dcounts) / (long double)(1u << p->segment_bits);
+    int k = x >= DAHL_VELOCITY_SEGMENTS ? DAHL_VELOCITY_SEGMENTS : (int)x;
+    long double from = k == 0 ? 0 : p->torque[k - 1];
+    long double to = k == DAHL_VELOCITY_SEGMENTS ? from : p->torque[k];
+    return (dcounts < 0 ? -1 : 1) * (from + (to - from) * (k == DAHL_VELOCITY_SEGMENTS ? 0 : x - k));
+}
+
+static float largest(const dahl_velocity_params_t *p)
+{
+    float most = 0;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        most = fmaxf(most, fabsf(p->torque[k]));
+    }
+    return most;
+}
+
+static void check(const dahl_velocity_plan_t *plan, const dahl_velocity_params_t *p, int32_t dcounts)
+{
+    long double exact = lines(p, dcounts);
+    float F = dahl_velocity_torque(plan, dcounts);
+    TEST_ASSERT_TRUE(fabsl(F - exact) <= 1.5L * 0x1p-30L * largest(p) + 0.51L * ulp_of((float)fabsl(exact)));
+    TEST_ASSERT_TRUE(dcounts == INT32_MIN || dahl_velocity_torque(plan, -dcounts) == -F);
+}
+
+static void test_lines_between_the_values(void)
+{
+    motion_t m = MOTION_START;
+    for (size_t i = 0; i < sizeof segments / sizeof segments[0]; i++) {
+        dahl_velocity_params_t p = stribeck(segments[i], i % 2 ? 3e-5f : 40.0f);
+        dahl_velocity_plan_t plan;
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
+        for (int k = 0; k < 100000; k++) {
+            check(&plan, &p, (int32_t)motion_random(&m) >> (motion_random(&m) & 31u));
+        }
+        for (int32_t k = 0; k <= DAHL_VELOCITY_SEGMENTS + 1; k++) {
+            check(&plan, &p, k << segments[i]);
+        }
+        check(&plan, &p, INT32_MAX);
+        check(&plan, &p, INT32_MIN);
+    }
+}
+
+/* Viscous friction is a straight line. */
+static void test_viscous(void)
+{
+    dahl_velocity_params_t p = {.segment_bits = 6};
+    dahl_velocity_plan_t plan;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        p.torque[k] = 0.25f * (float)(k + 1);
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
+    TEST_ASSERT_EQUAL_FLOAT(2.0f, dahl_velocity_torque(&plan, 512));
+    TEST_ASSERT_EQUAL_FLOAT(-0.125f, dahl_velocity_torque(&plan, -32));
+    TEST_ASSERT_EQUAL_FLOAT(4.0f, dahl_velocity_torque(&plan, 5000));
+}
+
+static void test_at_rest_and_without_a_plan_there_is_none(void)
+{
+    dahl_velocity_params_t p = stribeck(4, 1.0f), none = {.segment_bits = 3};
+    dahl_velocity_plan_t plan, zeros = {0};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&zeros, 1000) == 0.0f && dahl_velocity_torque(&zeros, INT32_MIN) == 0.0f);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &none));
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, 100) == 0.0f);
+}
+
+static void assert_refused(dahl_err_t code, uint32_t segment_bits, float torque)
+{
+    dahl_velocity_params_t p = stribeck(segment_bits, 1.0f);
+    dahl_velocity_plan_t plan = {.segment_bits = 9, .torque_mantissa = 77}, before = plan;
+    p.torque[DAHL_VELOCITY_SEGMENTS - 1] = torque;
+    TEST_ASSERT_EQUAL_INT(code, dahl_velocity_prepare(&plan, &p));
+    TEST_ASSERT_EQUAL_MEMORY(&before, &plan, sizeof plan);
+}
+
+static void test_bad_tables_are_refused(void)
+{
+    assert_refused(DAHL_ERR_PARAM, 4, NAN);
+    assert_refused(DAHL_ERR_PARAM, 4, INFINITY);
+    assert_refused(DAHL_ERR_PARAM, 25, -INFINITY);
+    assert_refused(DAHL_ERR_RANGE, 4, 0x1p64f);
+    assert_refused(DAHL_ERR_RANGE, 4, -0x1p-65f);
+    assert_refused(DAHL_ERR_RANGE, 25, 1.0f);
+    assert_refused(DAHL_ERR_RANGE, UINT32_MAX, 1.0f);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_lines_between_the_values);
+    RUN_TEST(test_viscous);
+    RUN_TEST(test_at_rest_and_without_a_plan_there_is_none);
+    RUN_TEST(test_bad_tables_are_refused);
+    return UNITY_END();
+}

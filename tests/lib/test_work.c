@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: MIT */
+/* dahl_work: against the integral of the exact torque over each stroke, in long double, and laws of energy. */
+#include "dahl_parts.h"
+#include "motions.h"
+#include "plans.h"
+
+#ifndef TEST_TICKS
+#define TEST_TICKS 1000000
+#endif
+
+static const double travels[] = {1e-8, 1e-4, 1e-2, 0.3, 20.0};
+#define TRAVELS (sizeof travels / sizeof travels[0])
+
+/* The integral of F dtheta over one stroke from w: F = Fc (s - (s - w) exp(-a x)), so Fc (|x| - s (s - w) (1 - exp(-a |x|))/a). */
+static long double stroke_work(const dahl_params_t *p, long double w, int32_t dcounts)
+{
+    long double a = (long double)p->sigma0 / p->Fc, x = fabsl((long double)dcounts) * p->theta_per_count;
+    int s = dcounts < 0 ? -1 : 1;
+    return p->Fc * (x + s * (s - w) * expm1l(-a * x) / a);
+}
+
+/* What the bound of dahl_parts.h is made of: a part of the result, and a part for each reversal. */
+static long double bound(const dahl_params_t *p, long double work, int reversals)
+{
+    long double energy = (long double)p->Fc * p->Fc / p->sigma0;
+    return 0.51L * ulp_of((float)fabsl(work)) + (2 + reversals) * 0x1p-30L * energy + 0x1p-50L * fabsl(work);
+}
+
+static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
+{
+    dahl_plan_t plan = plan_for(p);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {0};
+    reference_t exact = reference_by_counts(p);
+    motion_t motion = MOTION_START;
+    long double work = 0, w = 0;
+    int reversals = 0, direction = 0;
+    for (int t = 0; t < ticks; t++) {
+        int32_t d = next(&motion);
+        dahl_state_t alone = state;
+        work += stroke_work(p, w, d);
+        w = reference_move(&exact, d);
+        reversals += d != 0 && (d > 0 ? 1 : -1) == -direction;
+        direction = d == 0 ? direction : (d > 0 ? 1 : -1);
+        TEST_ASSERT_TRUE(dahl_work_step_counts(&plan, &state, &sums, d) == dahl_step_counts(&plan, &alone, d));
+        TEST_ASSERT_TRUE(state.w == alone.w);
+        if ((t & (t - 1)) == 0 || t == ticks - 1) { /* at 1, 2, 4 ... ticks */
+            TEST_ASSERT_TRUE(fabsl(dahl_work(p, &sums) - work) <= bound(p, work, reversals) + 0x1p-60L * t * fabsl(work));
+        }
+    }
+}
+
+static void test_work_is_the_integral_of_the_torque(void)
+{
+    for (size_t i = 0; i < TRAVELS; i++) {
+        dahl_params_t p = params_for(travels[i], i % 2 ? 2.739f : 0.0371f);
+        for (size_t m = 0; m < MOTIONS; m++) {
+            check_motion(&p, motions[m].next, TEST_TICKS / 20);
+        }
+    }
+}
+
+/* A closed loop of the path takes energy, the same for each round once it repeats: Fc times the way, less the bends. */
+static void test_a_loop_takes_its_area(void)
+{
+    dahl_params_t p = params_for(1e-3, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {0};
+    for (int round = 0; round < 20; round++) {
+        (void)dahl_work_step_counts(&plan, &state, &sums, 2000);
+        (void)dahl_work_step_counts(&plan, &state, &sums, -2000);
+    }
+    float before = dahl_work(&p, &sums);
+    (void)dahl_work_step_counts(&plan, &state, &sums, 2000);
+    (void)dahl_work_step_counts(&plan, &state, &sums, -2000);
+    long double a = (long double)p.sigma0 / p.Fc, x = 2000.0L * p.theta_per_count;
+    long double area = 2 * p.Fc * (x - 2 * tanhl(a * x / 2) / a);
+    TEST_ASSERT_FLOAT_WITHIN(4 * (float)ulp_of(before), (float)area, dahl_work(&p, &sums) - before);
+}
+
+/* A bristle that lets go gives back what it held, less what the way takes: from rest this is never more than it took. */
+static void test_energy_comes_back_and_no_more(void)
+{
+    dahl_params_t p = params_for(1e-3, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {0};
+    (void)dahl_work_step_counts(&plan, &state, &sums, 300);
+    float taken = dahl_work(&p, &sums), least = taken;
+    for (int t = 0; t < 300; t++) {
+        (void)dahl_work_step_counts(&plan, &state, &sums, -1);
+        least = fminf(least, dahl_work(&p, &sums));
+    }
+    TEST_ASSERT_TRUE(0 < least && least < taken);
+    state.w = 0;
+    dahl_set_torque(&plan, &state, p.Fc);
+    dahl_work_t from_stored = {0};
+    (void)dahl_work_step_counts(&plan, &state, &from_stored, -100);
+    TEST_ASSERT_TRUE(dahl_work(&p, &from_stored) < 0);
+}
+
+/* Words carry: 2^31 counts a tick pass 2^32 with the second tick; sums that are set near the end of a word go on. */
+static void test_sums_carry(void)
+{
+    dahl_params_t p = params_for(1e-3, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {{UINT32_MAX, UINT32_MAX, 5}, {UINT32_MAX, UINT32_MAX, UINT32_MAX, 7}};
+    dahl_set_torque(&plan, &state, -p.Fc);
+    (void)dahl_work_step_counts(&plan, &state, &sums, INT32_MIN);
+    TEST_ASSERT_EQUAL_UINT32(0x7fffffffu, sums.counts[0]);
+    TEST_ASSERT_EQUAL_UINT32(0, sums.counts[1]);
+    TEST_ASSERT_EQUAL_UINT32(6, sums.counts[2]);
+    (void)dahl_work_step_counts(&plan, &state, &sums, 1);
+    TEST_ASSERT_EQUAL_UINT32(0, sums.way[2]);
+    TEST_ASSERT_EQUAL_UINT32(8, sums.way[3]);
+}
+
+static void test_nothing_moved_is_no_work(void)
+{
+    dahl_params_t p = params_for(1e-3, 0.5f);
+    dahl_work_t sums = {0};
+    TEST_ASSERT_TRUE(dahl_work(&p, &sums) == 0.0f);
+}
+
+/* Beyond the floats, either way. */
+static void test_what_no_float_holds(void)
+{
+    dahl_params_t large = {1e18f, 1e18f, 1e18f}, small = {1e-19f, 1e-19f, 6e-20f};
+    dahl_work_t far = {{0, 0, 1}, {0}}, near = {{1, 0, 0}, {0}};
+    TEST_ASSERT_TRUE(isinf(dahl_work(&large, &far)));
+    TEST_ASSERT_TRUE(dahl_work(&small, &near) == 0.0f);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(test_work_is_the_integral_of_the_torque);
+    RUN_TEST(test_a_loop_takes_its_area);
+    RUN_TEST(test_energy_comes_back_and_no_more);
+    RUN_TEST(test_sums_carry);
+    RUN_TEST(test_nothing_moved_is_no_work);
+    RUN_TEST(test_what_no_float_holds);
+    return UNITY_END();
+}

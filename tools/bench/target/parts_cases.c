@@ -1,0 +1,96 @@
+/* SPDX-License-Identifier: MIT */
+/* Cases of the parts: dense moves, each from a spread of states. */
+#include "bench.h"
+#include "dahl_parts.h"
+
+/* bench_call under the type of each function that it is to call. */
+float call_slip(const dahl_slip_plan_t *, dahl_slip_state_t *, int32_t) __asm__("bench_call");
+dahl_err_t call_slip_prepare(dahl_slip_plan_t *, const dahl_slip_params_t *) __asm__("bench_call");
+float call_parallel(const dahl_part_t *, uint32_t, int32_t) __asm__("bench_call");
+
+#define PARTS_MOST 4
+
+/* Elements of 14-bit counts that slip after about 6, 25, 100 .. counts. */
+static dahl_slip_params_t slip_params(uint32_t elements)
+{
+    dahl_slip_params_t params = {elements, 3.8349519e-4f, {0}, {0}};
+    float sigma0 = 200.0f;
+    for (uint32_t k = 0; k < elements; k++) {
+        params.Fc[k] = 0.5f;
+        params.sigma0[k] = sigma0;
+        sigma0 *= 0.25f;
+    }
+    return params;
+}
+
+/* To and fro over all limits: elements that slip, and such that do not. */
+static const int32_t moves[] = {1, 8, 1, -1, -3, -8, 2, 5, 300, -1, -1, 1, -8, -300, 2, 8, 0, 100000, -7, 4, -100000, 1};
+#define MOVES (sizeof moves / sizeof moves[0])
+
+static void bench_slip(const char *name, const char *name_q30, uint32_t elements)
+{
+    const dahl_slip_params_t params = slip_params(elements);
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t state = {{0}}, q30 = {{0}};
+    if (dahl_slip_prepare(&plan, &params) != DAHL_OK) {
+        return; /* the reader misses the cases */
+    }
+    bench_case(name);
+    bench_function = (bench_function_t)dahl_slip_step_counts;
+    for (unsigned i = 0; i < MOVES; i++) {
+        call_slip(&plan, &state, moves[i]);
+    }
+    bench_case(name_q30);
+    bench_function = (bench_function_t)dahl_slip_step_counts_q30;
+    for (unsigned i = 0; i < MOVES; i++) {
+        call_slip(&plan, &q30, moves[i]);
+    }
+}
+
+static void bench_slip_prepare(const char *name, uint32_t elements)
+{
+    const dahl_slip_params_t params = slip_params(elements);
+    dahl_slip_plan_t plan;
+    bench_case(name);
+    bench_function = (bench_function_t)dahl_slip_prepare;
+    call_slip_prepare(&plan, &params);
+}
+
+/* Dahl elements, of Fc that differ, by moves that are one table entry each. */
+static void bench_parallel(const char *name, uint32_t count)
+{
+    dahl_plan_t plan[PARTS_MOST];
+    dahl_state_t state[PARTS_MOST] = {{0}};
+    dahl_part_t parts[PARTS_MOST];
+    dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f};
+    for (uint32_t k = 0; k < count; k++) {
+        const dahl_part_t part = DAHL_PART(&plan[k], &state[k]);
+        parts[k] = part;
+        if (dahl_prepare(&plan[k], &params) != DAHL_OK) {
+            return;
+        }
+        params.Fc *= 0.3f;
+    }
+    bench_case(name);
+    bench_function = (bench_function_t)dahl_parallel_step_counts;
+    for (unsigned i = 0; i < MOVES; i++) {
+        if (-8 <= moves[i] && moves[i] <= 8) {
+            call_parallel(parts, count, moves[i]);
+        }
+    }
+}
+
+void bench_parts(void)
+{
+    bench_slip("slip_1", "slip_1_q30", 1);
+    bench_slip("slip_2", "slip_2_q30", 2);
+    bench_slip("slip_4", "slip_4_q30", 4);
+    bench_slip("slip_8", "slip_8_q30", 8);
+    bench_slip_prepare("slip_prepare_1", 1);
+    bench_slip_prepare("slip_prepare_8", 8);
+    bench_parallel("parallel_1", 1);
+    bench_parallel("parallel_2", 2);
+    bench_parallel("parallel_4", 4);
+    bench_number("slip_plan_bytes", sizeof(dahl_slip_plan_t));
+    bench_number("slip_state_bytes", sizeof(dahl_slip_state_t));
+}

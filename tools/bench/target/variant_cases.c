@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: MIT */
+/* Cases of the parts whose parameters or load change the curve (dahl_parts.h): short moves, each from a spread of states. */
+#include "bench.h"
+#include "dahl_parts.h"
+
+int32_t call_asymmetric(const dahl_asymmetric_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
+int32_t call_elastoplastic(const dahl_elastoplastic_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
+int32_t call_loaded(const dahl_plan_t *, dahl_loaded_state_t *, int32_t, uint32_t) __asm__("bench_call");
+
+dahl_err_t call_asymmetric_prepare(dahl_asymmetric_plan_t *, const dahl_asymmetric_params_t *) __asm__("bench_call");
+
+#define ONE_Q62 ((int64_t)1 << 62)
+#define LOAD_ONE ((uint32_t)1 << 30)
+
+static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
+static const dahl_asymmetric_params_t asymmetric_params = {100.0f, 0.5f, 0.4f, 3.8349519e-4f};
+
+static void bench_asymmetric(const char *name, bench_function_t step)
+{
+    static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62};
+    dahl_asymmetric_plan_t plan;
+    if (dahl_asymmetric_prepare(&plan, &asymmetric_params) != DAHL_OK) {
+        return; /* the reader misses the case */
+    }
+    bench_case(name);
+    bench_function = step;
+    for (unsigned i = 0; i < sizeof starts / sizeof starts[0]; i++) {
+        for (int32_t n = -8; n <= 8; n++) {
+            dahl_state_t state = {starts[i]};
+            call_asymmetric(&plan, &state, n);
+        }
+    }
+}
+
+/* Load: the same or falling, and growing. */
+static void bench_loaded(const char *name, bench_function_t step, uint32_t load)
+{
+    static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62};
+    dahl_plan_t plan;
+    if (dahl_prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    bench_case(name);
+    bench_function = step;
+    for (unsigned i = 0; i < sizeof starts / sizeof starts[0]; i++) {
+        for (int32_t n = -8; n <= 8; n++) {
+            dahl_loaded_state_t state = {{starts[i]}, LOAD_ONE};
+            call_loaded(&plan, &state, n, load);
+        }
+    }
+}
+
+/* From w = start, in hundredths, by `least` to `most` counts: elastic, plastic, or across the breakaway at 0.5. */
+static void bench_elastoplastic(const char *name, bench_function_t step, int start, int32_t least, int32_t most)
+{
+    dahl_elastoplastic_plan_t plan;
+    if (dahl_elastoplastic_prepare(&plan, &params, 0.5f) != DAHL_OK) {
+        return;
+    }
+    bench_case(name);
+    bench_function = step;
+    for (int32_t n = least; n <= most; n++) {
+        dahl_state_t state = {ONE_Q62 / 100 * start}, mirrored = {-state.w};
+        call_elastoplastic(&plan, &state, n);
+        call_elastoplastic(&plan, &mirrored, -n);
+    }
+}
+
+static void bench_asymmetric_prepare(void)
+{
+    dahl_asymmetric_plan_t plan;
+    bench_case("asymmetric_prepare");
+    bench_function = (bench_function_t)dahl_asymmetric_prepare;
+    (void)!call_asymmetric_prepare(&plan, &asymmetric_params);
+}
+
+void bench_variants(void)
+{
+    bench_asymmetric("asymmetric_q30", (bench_function_t)dahl_asymmetric_step_counts_q30);
+    bench_asymmetric("asymmetric_float", (bench_function_t)dahl_asymmetric_step_counts);
+    bench_loaded("loaded_q30", (bench_function_t)dahl_loaded_step_counts_q30, LOAD_ONE - 1);
+    bench_loaded("loaded_float", (bench_function_t)dahl_loaded_step_counts, LOAD_ONE - 1);
+    bench_loaded("loaded_more_q30", (bench_function_t)dahl_loaded_step_counts_q30, LOAD_ONE + 12345);
+    bench_loaded("loaded_more_float", (bench_function_t)dahl_loaded_step_counts, LOAD_ONE + 12345);
+    bench_elastoplastic("elastic_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 0, -6, 6);
+    bench_elastoplastic("elastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 0, -6, 6);
+    bench_elastoplastic("plastic_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 60, 1, 8);
+    bench_elastoplastic("plastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 60, 1, 8);
+    bench_elastoplastic("crossing_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 49, 1, 8);
+    bench_elastoplastic("crossing_float", (bench_function_t)dahl_elastoplastic_step_counts, 49, 1, 8);
+    bench_asymmetric_prepare();
+    bench_number("asymmetric_plan_bytes", sizeof(dahl_asymmetric_plan_t));
+    bench_number("elastic_plan_bytes", sizeof(dahl_elastoplastic_plan_t));
+    bench_number("loaded_state_bytes", sizeof(dahl_loaded_state_t));
+}
