@@ -79,6 +79,21 @@ static size_t list_ids(const program_t *p, uint32_t ids[4 * DAHL_FRAMES_NODES])
     return count;
 }
 
+static int open_outputs(program_t *p, const char *bus_name)
+{
+    const options_t *options = &p->options;
+    if (options->log != NULL && !candump_open(&p->log, options->log, bus_name, options->is_virtual)) {
+        log_error("--log %s: %s", options->log, errno == ENXIO ? "nobody reads this pipe" : strerror(errno));
+        return EXIT_RUNTIME;
+    }
+    p->loop.log = options->log != NULL ? &p->log : NULL;
+    if (options->trace != NULL && p->parts.encoder_count > 0 && !plant_trace(&p->parts.plant, options->trace)) {
+        log_error("--trace %s: %s", options->trace, strerror(errno));
+        return EXIT_RUNTIME;
+    }
+    return 0;
+}
+
 static int open_bus(program_t *p)
 {
     open_bus_t opened;
@@ -98,12 +113,7 @@ static int open_bus(program_t *p)
         return code;
     }
     p->loop.bus = opened.bus;
-    if (p->options.log != NULL && !candump_open(&p->log, p->options.log, opened.name, p->options.is_virtual)) {
-        log_error("--log %s: %s", p->options.log, errno == ENXIO ? "nobody reads this pipe" : strerror(errno));
-        return EXIT_RUNTIME;
-    }
-    p->loop.log = p->options.log != NULL ? &p->log : NULL;
-    return 0;
+    return open_outputs(p, opened.name);
 }
 
 static void set_up_loop(program_t *p)

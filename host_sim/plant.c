@@ -132,10 +132,13 @@ static int next_driven(motion_t *self, int64_t *place)
     if (!is_measured(p)) {
         return -1;
     }
+    if ((double)(p->ticks + 1) * TICK_S > p->scene->motor.seconds) {
+        return 0;
+    }
     *place = measured(p);
     p->place = *place;
     advance(p, drive(p));
-    return (double)p->ticks * TICK_S <= p->scene->motor.seconds ? 1 : 0;
+    return 1;
 }
 
 bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const encoder_t *encoder)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* scene: see scene.h. One table says which keys there are, their ranges, and for which kind of motion they are needed;
  * reading fills it in, and the checks afterwards walk over it. */
+#define _POSIX_C_SOURCE 200809L
 #include "scene.h"
 
 #include <errno.h>
@@ -19,7 +20,7 @@
 #define ANY_KIND 7
 #define OPTIONAL 8
 
-typedef enum { NUMBER, WHOLE, TEXT } value_t;
+typedef enum { NUMBER, WHOLE, LIST, TEXT } value_t;
 
 typedef struct {
     const char *section;
@@ -36,8 +37,9 @@ typedef struct {
 
 static const scene_key_t keys[] = {
     {"scene", "title", AT(title), TEXT, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "sigma0", AT(friction.sigma0), NUMBER, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "Fc", AT(friction.Fc), NUMBER, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "model", AT(friction.model), TEXT, 0, 0, ANY_KIND | OPTIONAL},
+    {"friction", "sigma0", AT(friction.sigma0_of), LIST, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "Fc", AT(friction.Fc_of), LIST, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
     {"friction", "theta_per_count", AT(friction.theta_per_count), NUMBER, 1e-37, 1e37, ANY_KIND},
     {"friction", "node", AT(friction.node), WHOLE, 0, 15, ANY_KIND | OPTIONAL},
     {"friction", "timeout_ms", AT(friction.timeout_ms), NUMBER, 1, 60000, ANY_KIND | OPTIONAL},
@@ -213,6 +215,32 @@ static int take_text(reader_t *r, const scene_key_t *key, const char *value, cha
     return 1;
 }
 
+/* Numbers with blanks between them. */
+static int take_list(reader_t *r, const scene_key_t *key, const char *value, scene_list_t *to)
+{
+    char copy[SCENE_TEXT];
+    char *rest = copy;
+    to->count = 0;
+    if (value[0] == '\0') {
+        return take_number(r, key, value, to->value); /* which says so */
+    }
+    if (take_text(r, key, value, copy) == 0) {
+        return 0;
+    }
+    for (char *word = strtok_r(copy, " \t", &rest); word != NULL; word = strtok_r(NULL, " \t", &rest)) {
+        if (to->count == DAHL_SLIP_MAX) {
+            log_error("%s:%d: [%s] %s = %s: more than %d numbers", r->path, r->line, key->section, key->name, value,
+                      DAHL_SLIP_MAX);
+            return fail(r);
+        }
+        if (take_number(r, key, word, &to->value[to->count]) == 0) {
+            return 0;
+        }
+        to->count++;
+    }
+    return 1;
+}
+
 static int take(reader_t *r, int i, const char *value)
 {
     const scene_key_t *key = &keys[i];
@@ -223,7 +251,11 @@ static int take(reader_t *r, int i, const char *value)
         return fail(r);
     }
     r->key_line[i] = r->line;
-    return key->value == TEXT ? take_text(r, key, value, to) : take_number(r, key, value, (double *)(void *)to);
+    switch (key->value) {
+    case TEXT: return take_text(r, key, value, to);
+    case LIST: return take_list(r, key, value, (scene_list_t *)(void *)to);
+    default: return take_number(r, key, value, (double *)(void *)to);
+    }
 }
 
 static int on_key(void *user, const char *section, const char *name, const char *value)
@@ -302,6 +334,27 @@ static bool check_key(const reader_t *r, int i)
     return true;
 }
 
+static bool take_model(reader_t *r)
+{
+    scene_friction_t *f = &r->scene->friction;
+    f->is_slip = strcmp(f->model, "slip") == 0;
+    if (!f->is_slip && f->model[0] != '\0' && strcmp(f->model, "dahl") != 0) {
+        log_error("%s:%d: [friction] model = %s: not one of dahl, slip", r->path, r->key_line[find_key("friction", "model")],
+                  f->model);
+        return false;
+    }
+    if (f->sigma0_of.count != f->Fc_of.count || (!f->is_slip && f->Fc_of.count != 1)) {
+        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model dahl wants one of each, slip as many of both",
+                  r->path, r->key_line[find_key("friction", "Fc")], f->sigma0_of.count, f->Fc_of.count);
+        return false;
+    }
+    for (uint32_t k = 0; k < f->Fc_of.count; k++) {
+        f->sigma0 += f->sigma0_of.value[k];
+        f->Fc += f->Fc_of.value[k];
+    }
+    return true;
+}
+
 static bool check_parameter(const reader_t *r, const char *key, double value)
 {
     if ((float)value >= DAHL_TORQUE_MIN && (float)value < DAHL_TORQUE_MAX) {
@@ -313,21 +366,35 @@ static bool check_parameter(const reader_t *r, const char *key, double value)
 }
 
 /* Decided by dahl_prepare, exactly, on the floats that the loop will run with. */
-static bool check_travel(const reader_t *r)
+static bool check_travel(const reader_t *r, double sigma0, double Fc)
 {
     const scene_friction_t *f = &r->scene->friction;
-    const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
+    const dahl_params_t params = {(float)sigma0, (float)Fc, (float)f->theta_per_count};
     dahl_plan_t plan;
     if (dahl_prepare(&plan, &params) == DAHL_OK) {
         return true;
     }
-    if (check_parameter(r, "sigma0", f->sigma0) && check_parameter(r, "Fc", f->Fc) &&
+    if (check_parameter(r, "sigma0", sigma0) && check_parameter(r, "Fc", Fc) &&
         check_parameter(r, "theta_per_count", f->theta_per_count)) {
         log_error("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
                   r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count,
-                  f->sigma0 / f->Fc * f->theta_per_count, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
+                  sigma0 / Fc * f->theta_per_count, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
     }
     return false;
+}
+
+static bool check_friction(reader_t *r)
+{
+    const scene_friction_t *f = &r->scene->friction;
+    if (!take_model(r)) {
+        return false;
+    }
+    for (uint32_t k = 0; k < f->Fc_of.count; k++) {
+        if (!check_travel(r, f->sigma0_of.value[k], f->Fc_of.value[k])) {
+            return false;
+        }
+    }
+    return true;
 }
 
 static bool has(const reader_t *r, const char *section)
@@ -426,7 +493,7 @@ static bool check(reader_t *r)
     if (scene->has_motion && !take_kind(r)) {
         return false;
     }
-    return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_travel(r));
+    return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_friction(r));
 }
 
 /* "section.key=value", as if it stood in the file instead of what does. */

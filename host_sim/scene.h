@@ -4,7 +4,8 @@
  * not there is a part that is not run.
  *
  *   [scene]    title
- *   [friction] the node: sigma0 [N m/rad], Fc [N m], theta_per_count [rad/count], node (0..15),
+ *   [friction] the node: model = dahl (also where nothing is said) | slip, sigma0 [N m/rad], Fc [N m]: of slip elements as many
+ *              numbers as there are elements, 1 to 8; theta_per_count [rad/count], node (0..15),
  *              timeout_ms (default: the node's own, DAHL_NODE_TIMEOUT_US),
  *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in dahl_node.h
  *   [motion]   the encoder: kind = segments | steering | log, start_count, and
@@ -24,6 +25,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "dahl_parts.h"
 #include "faults.h"
 
 #define SCENE_TEXT 160u
@@ -31,7 +33,16 @@
 typedef enum { MOTION_SEGMENTS = 1, MOTION_STEERING = 2, MOTION_LOG = 4 } motion_kind_t;
 
 typedef struct {
-    double sigma0, Fc, theta_per_count, node, timeout_ms;
+    uint32_t count;
+    double value[DAHL_SLIP_MAX];
+} scene_list_t;
+
+typedef struct {
+    char model[SCENE_TEXT];
+    bool is_slip;
+    scene_list_t sigma0_of, Fc_of; /* one an element; of Dahl's model one */
+    double sigma0, Fc;             /* their sums */
+    double theta_per_count, node, timeout_ms;
     double gain, limit, ramp_ms, max_step;
 } scene_friction_t;
 

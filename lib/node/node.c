@@ -33,6 +33,9 @@ static void clear_errors(dahl_node_t *node)
 static void restart(dahl_node_t *node)
 {
     node->bearing = (dahl_state_t){0};
+    if (node->model != NULL) {
+        node->model->relax(node->model);
+    }
     node->held = node->params;
     node->state = DAHL_FRAMES_INIT;
     node->silenced = false;
@@ -120,10 +123,17 @@ static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t
     return true;
 }
 
+/* Move the model that the node has; returns torque over Fc in Q30. */
+static int32_t moved(dahl_node_t *node, int32_t dcounts)
+{
+    return node->model == NULL ? dahl_step_counts_q30(&node->plan, &node->bearing, dcounts)
+                               : node->model->step_q30(node->model, dcounts);
+}
+
 /* The count is a starting point: a move of 0 counts only reads the torque. */
 static bool prime(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
-    return answer(node, seen, now_us, dahl_step_counts_q30(&node->plan, &node->bearing, 0), out);
+    return answer(node, seen, now_us, moved(node, 0), out);
 }
 
 static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *seen)
@@ -134,7 +144,7 @@ static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *seen)
 static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.ok++;
-    return answer(node, seen, now_us, dahl_step_counts_q30(&node->plan, &node->bearing, travel(node, seen)), out);
+    return answer(node, seen, now_us, moved(node, travel(node, seen)), out);
 }
 
 /* Could the shaft have come so far, in so many frames or in the time since? */
@@ -347,17 +357,17 @@ static uint32_t *setting_of(dahl_node_t *node, uint8_t param)
     return (uint32_t *)(void *)((char *)node + settings[param].offset);
 }
 
-static float *model_of(dahl_params_t *params, uint8_t param, float *step)
+static float *model_of(dahl_params_t *params, uint8_t param, float *unit)
 {
     switch (param) {
     case DAHL_FRAMES_PARAM_SIGMA0:
-        *step = SIGMA0_STEP;
+        *unit = SIGMA0_STEP;
         return &params->sigma0;
     case DAHL_FRAMES_PARAM_FC:
-        *step = FC_STEP;
+        *unit = FC_STEP;
         return &params->Fc;
     default:
-        *step = THETA_STEP;
+        *unit = THETA_STEP;
         return &params->theta_per_count;
     }
 }
@@ -383,12 +393,12 @@ static uint8_t take_held(dahl_node_t *node)
 
 static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *asked)
 {
-    float step;
-    if (asked->value == 0) {
+    float unit;
+    if (asked->value == 0 || node->model != NULL) {
         return drop_held(node);
     }
-    float *value = model_of(&node->held, asked->param, &step);
-    *value = (float)asked->value * step;
+    float *value = model_of(&node->held, asked->param, &unit);
+    *value = (float)asked->value * unit;
     return asked->write == DAHL_FRAMES_PARAM_HOLD ? DAHL_FRAMES_PARAM_DONE : take_held(node);
 }
 
@@ -404,13 +414,13 @@ static uint8_t write_setting(dahl_node_t *node, const dahl_param_write_t *asked)
 
 static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
 {
-    if (asked->param > DAHL_FRAMES_PARAM_STATUS) {
+    if (asked->param > DAHL_FRAMES_PARAM_MODEL) {
         return DAHL_FRAMES_PARAM_UNKNOWN;
     }
     if (asked->write == DAHL_FRAMES_PARAM_READ) {
         return DAHL_FRAMES_PARAM_DONE;
     }
-    if (asked->write > DAHL_FRAMES_PARAM_HOLD) {
+    if (asked->write > DAHL_FRAMES_PARAM_HOLD || asked->param == DAHL_FRAMES_PARAM_MODEL) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
     return asked->param <= DAHL_FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
@@ -418,12 +428,15 @@ static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
 
 static uint32_t read_param(dahl_node_t *node, uint8_t param)
 {
-    float step;
+    float unit;
+    if (param == DAHL_FRAMES_PARAM_MODEL) {
+        return node->model == NULL ? 0 : node->model->elements;
+    }
     if (param > DAHL_FRAMES_PARAM_THETA) {
         return *setting_of(node, param) / settings[param].scale;
     }
-    float raw = *model_of(&node->params, param, &step);
-    raw /= step;
+    float raw = *model_of(&node->params, param, &unit);
+    raw /= unit;
     if (raw >= 0x1p32f) {
         return UINT32_MAX;
     }

@@ -33,6 +33,7 @@ static dahl_can_result_t member_send(dahl_can_bus_t *bus, const dahl_can_frame_t
 
 static void feed(socketcand_member_t *self, const char *bytes, size_t count)
 {
+    uint64_t before = self->input.garbage;
     dahl_can_frame_t frame;
     for (size_t i = 0; i < count; i++) {
         if (!text_feed(&self->input, bytes[i])) {
@@ -44,6 +45,7 @@ static void feed(socketcand_member_t *self, const char *bytes, size_t count)
             self->bus.counts.dropped++;
         }
     }
+    self->bus.counts.garbage += self->input.garbage - before;
 }
 
 static bool read_some(socketcand_member_t *self)

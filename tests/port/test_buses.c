@@ -1,11 +1,20 @@
 /* SPDX-License-Identifier: MIT */
-/* Loopback, and the text of the socketcand protocol. The sockets themselves are tested from Python, by python-can. */
+/* Loopback, the bus over a serial port, the text of the socketcand protocol, and its client beside a server that
+ * misbehaves. All else of the sockets is tested from Python, by python-can. */
+#define _GNU_SOURCE
+#include <arpa/inet.h>
+#include <stdio.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
 #include <unity.h>
 
 #include "dahl_frames.h"
 #include "loopback/loopback.h"
 #include "random.h"
+#include "slcan/serial_bus.h"
+#include "socketcand/client.h"
 #include "socketcand/outbox.h"
 #include "socketcand/text.h"
 #include "timed_loopback/timed_loopback.h"
@@ -125,6 +134,31 @@ static void test_the_highest_priority_goes_first(void)
         TEST_ASSERT_EQUAL_HEX32(frames[want[i]].id, out.id);
     }
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 0));
+}
+
+/* A frame that ends after the time to wait stays; so much time has passed then, and no more where a frame comes before. */
+static void test_a_timed_bus_takes_its_time(void)
+{
+    static timed_loopback_t timed;
+    const dahl_can_frame_t in = {.id = 0x555, .length = 0}; /* 44 bits and the pause of 3, nothing to stuff but in the CRC */
+    dahl_can_frame_t out;
+    timed_loopback_open(&timed, 125000, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 700));
+    TEST_ASSERT_EQUAL(705000, clock_ns);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &in));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 300));
+    TEST_ASSERT_EQUAL(1005000, clock_ns);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&timed.bus, &out, 300));
+    TEST_ASSERT_GREATER_OR_EQUAL(705000 + 47 * 8000, clock_ns);
+    TEST_ASSERT_LESS_OR_EQUAL(705000 + 50 * 8000, clock_ns);
+    TEST_ASSERT_EQUAL(clock_ns / 1000, out.time_us);
+    TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
+    for (size_t i = 0; i < TIMED_LOOPBACK_ROOM; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &in));
+    }
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&timed.bus, &in));
+    TEST_ASSERT_EQUAL(1, timed.bus.counts.dropped);
+    TEST_ASSERT_EQUAL(0, timed.bus.ops->peers(&timed.bus));
 }
 
 static void test_a_full_loopback_refuses_and_counts(void)
@@ -465,6 +499,184 @@ static void test_an_outbox_takes_all_or_nothing(void)
     TEST_ASSERT_EQUAL(OUTBOX_SIZE, box.end);
 }
 
+static dahl_can_frame_t taken;
+static const char *to_read; /* what the host has sent and nobody has read yet */
+static char written[200];
+
+static bool read_port(uint8_t *byte)
+{
+    *byte = (uint8_t)*to_read;
+    return *to_read != '\0' && to_read++ != NULL;
+}
+
+static void write_port(uint8_t byte)
+{
+    size_t length = strlen(written);
+    TEST_ASSERT_LESS_THAN(sizeof written - 1, length);
+    written[length] = (char)byte;
+}
+
+/* The host sends these lines; receive() takes them, and this is what it writes meanwhile. */
+static dahl_can_result_t receive(serial_bus_t *serial, const char *lines, const char *answers)
+{
+    memset(written, 0, sizeof written);
+    to_read = lines;
+    dahl_can_result_t result = dahl_can_bus_receive(&serial->bus, &taken, 1000);
+    TEST_ASSERT_EQUAL_STRING(answers, written);
+    return result;
+}
+
+static const dahl_can_frame_t small = {.id = 0x100, .length = 2, .data = {0xAB, 0x12}};
+
+static serial_bus_t opened(void)
+{
+    serial_bus_t serial;
+    memset(&serial, 0xA5, sizeof serial);
+    serial_bus_open(&serial, (serial_port_t){read_port, write_port}, (dahl_can_clock_t){.now_ns = now});
+    return serial;
+}
+
+static void test_a_serial_bus_takes_frames_one_by_one_with_their_time(void)
+{
+    serial_bus_t serial = opened();
+    clock_ns = 7654321;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, receive(&serial, "O\rV\rt10", "\rV0101\r"));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, receive(&serial, "02AB12\rt7FF0\r", "\r"));
+    TEST_ASSERT_EQUAL_HEX32(0x100, taken.id);
+    TEST_ASSERT_EQUAL_MEMORY(small.data, taken.data, 8);
+    TEST_ASSERT_EQUAL(7654, taken.time_us);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, receive(&serial, to_read, "\r"));
+    TEST_ASSERT_EQUAL_HEX32(0x7FF, taken.id);
+    TEST_ASSERT_EQUAL(0, serial.bus.counts.garbage);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, receive(&serial, "z\rtx\r\r", "\a\a\r"));
+    TEST_ASSERT_EQUAL(2, serial.bus.counts.garbage);
+}
+
+/* Nobody hears a node before the host has opened the bus, nor after one of the two has closed it. */
+static void test_a_serial_bus_sends_while_it_is_open(void)
+{
+    const dahl_can_frame_t fd = {.id = 1, .flags = DAHL_CAN_FRAME_FD};
+    serial_bus_t serial = opened();
+    for (uint32_t times = 0; times < 2; times++) {
+        TEST_ASSERT_EQUAL(0, serial.bus.ops->peers(&serial.bus));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&serial.bus, &small));
+        TEST_ASSERT_EQUAL(2 * times + 1, serial.bus.counts.dropped);
+        receive(&serial, "O\r", "\r");
+        TEST_ASSERT_EQUAL(1, serial.bus.ops->peers(&serial.bus));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&serial.bus, &small));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&serial.bus, &fd));
+        TEST_ASSERT_EQUAL_STRING("\rt1002AB12\r", written);
+        TEST_ASSERT_EQUAL(2 * times + 2, serial.bus.counts.dropped);
+        serial.bus.ops->close(&serial.bus);
+    }
+    TEST_ASSERT_EQUAL(0, serial.bus.ops->peers(&serial.bus));
+}
+
+/* --- the client of socketcand --- */
+
+static socketcand_member_t member;
+
+/* In another process: greet, say words, and after a while tell how many elements came; NULL: leave after the first two. */
+static void play_server(int listener, const char *words, int told)
+{
+    static const char greeting[] = "< hi >< ok >< ok >";
+    char bytes[4096];
+    uint32_t elements = 0, enough = words == NULL ? 2 : UINT32_MAX;
+    alarm(20);
+    int peer = accept(listener, NULL, NULL);
+    ssize_t n = write(peer, greeting, sizeof greeting - 1);
+    if (words != NULL) {
+        n = write(peer, words, strlen(words));
+        usleep(300000);
+    }
+    while (elements < enough && (n = read(peer, bytes, sizeof bytes)) > 0) {
+        for (ssize_t i = 0; i < n; i++) {
+            elements += bytes[i] == '>';
+        }
+    }
+    _exit(write(told, &elements, sizeof elements) == (ssize_t)sizeof elements ? 0 : 1);
+}
+
+/* Join such a server; gives where it tells what came. */
+static int join_server(const char *words)
+{
+    struct sockaddr_in address = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+    socklen_t size = sizeof address;
+    int listener = socket(AF_INET, SOCK_STREAM, 0), ends[2];
+    char port[8];
+    TEST_ASSERT_EQUAL(0, bind(listener, (struct sockaddr *)&address, size));
+    TEST_ASSERT_EQUAL(0, listen(listener, 1));
+    TEST_ASSERT_EQUAL(0, getsockname(listener, (struct sockaddr *)&address, &size));
+    TEST_ASSERT_EQUAL(0, pipe(ends));
+    if (fork() == 0) {
+        play_server(listener, words, ends[1]);
+    }
+    close(listener);
+    close(ends[1]);
+    sprintf(port, "%u", (unsigned)ntohs(address.sin_port));
+    memset(&member, 0, sizeof member);
+    dahl_can_clock_t clock = {.now_ns = now};
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, socketcand_join(&member, "127.0.0.1", port, "vcan0", clock));
+    return ends[0];
+}
+
+/* Close the client; elements that have come to the server by then. */
+static uint32_t leave_server(int told)
+{
+    uint32_t elements = 0;
+    member.bus.ops->close(&member.bus);
+    TEST_ASSERT_EQUAL(sizeof elements, read(told, &elements, sizeof elements));
+    close(told);
+    TEST_ASSERT_GREATER_THAN(0, wait(NULL));
+    return elements;
+}
+
+/* The server reads late, and the socket holds little: what waits in the client when it closes comes through. */
+static void test_closing_a_client_sends_what_is_still_queued(void)
+{
+    const int small_buffer = 4096;
+    dahl_can_frame_t out = {.id = 0x123, .length = 8}, back;
+    uint32_t sent = 0;
+    int told = join_server("");
+    setsockopt(member.fd, SOL_SOCKET, SO_SNDBUF, &small_buffer, sizeof small_buffer);
+    for (; sent < 100000 && member.outbox.end - member.outbox.begin < OUTBOX_SIZE / 2; sent++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&member.bus, &out));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&member.bus, &back, 0));
+        TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, back.flags);
+    }
+    TEST_ASSERT_GREATER_THAN(0, member.outbox.end - member.outbox.begin);
+    TEST_ASSERT_EQUAL(sent + 2, leave_server(told)); /* after open and rawmode */
+}
+
+/* Seen by who only listens, too. */
+static void test_a_client_sees_that_the_server_has_left(void)
+{
+    dahl_can_frame_t out;
+    dahl_can_result_t result = DAHL_CAN_BUS_NONE;
+    int told = join_server(NULL);
+    for (int i = 0; i < 20 && result == DAHL_CAN_BUS_NONE; i++) {
+        result = dahl_can_bus_receive(&member.bus, &out, 100000);
+    }
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_GONE, result);
+    leave_server(told);
+}
+
+static void test_a_client_takes_frames_and_counts_what_is_none(void)
+{
+    dahl_can_frame_t out;
+    int told = join_server("< frame 123 1.000002 AB >xy< ok >< frame 12345678 7.5 >< frame 7FF 12.345678 >");
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&member.bus, &out, 2000000));
+    TEST_ASSERT_EQUAL_HEX32(0x123, out.id);
+    TEST_ASSERT_EQUAL(1000002, out.time_us);
+    TEST_ASSERT_EQUAL(0, out.flags);
+    TEST_ASSERT_EQUAL_HEX8(0xAB, out.data[0]);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&member.bus, &out, 2000000));
+    TEST_ASSERT_EQUAL(12345678, out.time_us);
+    TEST_ASSERT_EQUAL(4, member.bus.counts.garbage);
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&member.bus, &out, 1000));
+    TEST_ASSERT_EQUAL(2, leave_server(told));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -473,6 +685,7 @@ int main(void)
     RUN_TEST(test_a_loopback_without_a_wait_and_without_others);
     RUN_TEST(test_a_queue_goes_on_where_its_numbers_wrap);
     RUN_TEST(test_the_highest_priority_goes_first);
+    RUN_TEST(test_a_timed_bus_takes_its_time);
     RUN_TEST(test_a_full_loopback_refuses_and_counts);
     RUN_TEST(test_frames_survive_the_text_both_ways);
     RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);
@@ -491,5 +704,10 @@ int main(void)
     RUN_TEST(test_a_0_makes_garbage_of_an_element);
     RUN_TEST(test_random_bytes_break_nothing);
     RUN_TEST(test_an_outbox_takes_all_or_nothing);
+    RUN_TEST(test_a_serial_bus_takes_frames_one_by_one_with_their_time);
+    RUN_TEST(test_a_serial_bus_sends_while_it_is_open);
+    RUN_TEST(test_closing_a_client_sends_what_is_still_queued);
+    RUN_TEST(test_a_client_sees_that_the_server_has_left);
+    RUN_TEST(test_a_client_takes_frames_and_counts_what_is_none);
     return UNITY_END();
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The parts of dahl-loop that need no bus: histogram, the encoder's book of answers, motions. */
 #define _GNU_SOURCE
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -201,8 +202,24 @@ static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
     fclose(file);
 }
 
+/* What went wrong first is told at the end, whatever has gone wrong since: here an interrupted wait. */
+static void test_a_full_disk_is_told_at_the_end_with_what_is_missing(void)
+{
+    static candump_t log;
+    const dahl_can_frame_t frame = {.id = 0x100, .length = 8};
+    TEST_ASSERT_TRUE(candump_open(&log, "/dev/full", "vcan0", false));
+    for (uint32_t i = 0; i < 1000; i++) {
+        candump_write(&log, &frame);
+    }
+    errno = EINTR;
+    TEST_ASSERT_FALSE(candump_close(&log));
+    TEST_ASSERT_EQUAL(ENOSPC, errno);
+    TEST_ASSERT_EQUAL(1000, log.missing);
+}
+
 static void test_what_came_before_the_end_is_answered_and_logged(void)
 {
+    enum { CAME = 100 };
     volatile sig_atomic_t stop = 1;
     static candump_t log;
     FILE *file = tmpfile();
@@ -211,12 +228,15 @@ static void test_what_came_before_the_end_is_answered_and_logged(void)
     loopback_t bus;
     dahl_node_t node;
     dahl_can_frame_t angle;
-    char text[256] = "";
+    static char text[65536];
+    uint32_t lines = 0;
     sim_clock_start(&clock, false);
     loopback_open(&bus, sim_clock_seam(&clock));
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &(dahl_params_t){50.0f, 0.5f, 1e-4f}, 0));
-    dahl_frames_pack_encoder(&angle, 0, &(dahl_encoder_state_t){.count = 7, .valid = true});
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&bus.bus, &angle));
+    for (uint32_t i = 0; i < CAME; i++) {
+        dahl_frames_pack_encoder(&angle, 0, &(dahl_encoder_state_t){.counter = i & 15u, .count = 7, .valid = true});
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&bus.bus, &angle));
+    }
     static loop_t loop;
     loop = (loop_t){.clock = &clock, .bus = &bus.bus, .nodes = &node, .node_count = 1, .log = &log, .stop = &stop, .max_ticks = 9};
     loop_run(&loop);
@@ -224,9 +244,12 @@ static void test_what_came_before_the_end_is_answered_and_logged(void)
     rewind(file);
     TEST_ASSERT_TRUE(fread(text, 1, sizeof text - 1, file) > 0);
     fclose(file);
-    TEST_ASSERT_EQUAL(1, node.counts.ok);
+    TEST_ASSERT_EQUAL(CAME, node.counts.ok);
+    for (const char *at = text; (at = strstr(at, " 110#")) != NULL; at++) {
+        lines++;
+    }
+    TEST_ASSERT_EQUAL(CAME, lines);
     TEST_ASSERT_NOT_NULL(strstr(text, " 100#"));
-    TEST_ASSERT_NOT_NULL(strstr(text, " 110#"));
 }
 
 static char summary[4096];
@@ -245,14 +268,20 @@ static void write_summary(const loop_t *loop)
     unlink(path);
 }
 
-/* The number after the first "name": of the summary. */
-static double said(const char *name)
+/* What follows "name": in a text. */
+static const char *after(const char *text, const char *name)
 {
     char key[64];
     snprintf(key, sizeof key, "\"%s\":", name);
-    const char *found = strstr(summary, key);
+    const char *found = strstr(text, key);
     TEST_ASSERT_NOT_NULL_MESSAGE(found, name);
-    return strtod(found + strlen(key), NULL);
+    return found + strlen(key);
+}
+
+/* The number after the first "name": of the summary. */
+static double said(const char *name)
+{
+    return strtod(after(summary, name), NULL);
 }
 
 static void test_the_summary_says_what_was_counted(void)
@@ -294,6 +323,7 @@ static void test_the_summary_adds_up_all_encoders_and_nodes(void)
     encoders[1] = (encoder_t){.sent = 5, .answered = 4, .unmatched = 6, .corrupt = 8, .late = 2};
     histogram_add(&encoders[0].latency, 2000);
     histogram_add(&encoders[1].latency, 1000);
+    histogram_add(&encoders[1].jitter, 5000);
     loop = (loop_t){.clock = &clock, .bus = &bus.bus, .encoders = encoders, .encoder_count = 2, .nodes = nodes, .node_count = 2};
     write_summary(&loop);
     TEST_ASSERT_EQUAL_DOUBLE(15, said("frames_sent"));
@@ -302,7 +332,8 @@ static void test_the_summary_adds_up_all_encoders_and_nodes(void)
     TEST_ASSERT_EQUAL_DOUBLE(8, said("answers_unmatched"));
     TEST_ASSERT_EQUAL_DOUBLE(9, said("answers_corrupt"));
     TEST_ASSERT_EQUAL_DOUBLE(5, said("deadline_misses"));
-    TEST_ASSERT_EQUAL_DOUBLE(2, said("max")); /* of latency_us */
+    TEST_ASSERT_EQUAL_DOUBLE(2, strtod(after(after(summary, "latency_us"), "max"), NULL));
+    TEST_ASSERT_EQUAL_DOUBLE(5, strtod(after(after(summary, "jitter_us"), "max"), NULL));
     TEST_ASSERT_EQUAL_DOUBLE(2, said("nodes"));
     TEST_ASSERT_EQUAL_DOUBLE(7, said("ok"));
     TEST_ASSERT_EQUAL_DOUBLE(1, said("crc"));
@@ -391,6 +422,7 @@ int main(void)
     RUN_TEST(test_waiting_frames_are_bounded);
     RUN_TEST(test_foreign_and_corrupt_answers);
     RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);
+    RUN_TEST(test_a_full_disk_is_told_at_the_end_with_what_is_missing);
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_the_summary_says_what_was_counted);
     RUN_TEST(test_the_summary_adds_up_all_encoders_and_nodes);

@@ -50,8 +50,8 @@ class Scene:
 
     path: Path
     title: str
-    sigma0: float = 0.0
-    Fc: float = 0.0
+    model: str = "dahl"  # or slip
+    elements: tuple[tuple[float, float], ...] = ()  # sigma0, Fc of each; of Dahl's model one
     theta_per_count: float = 0.0
     seconds: float = 0.0  # how long the motion lasts, where the scene says it
     motion: dict[str, str] = field(default_factory=dict)
@@ -63,6 +63,16 @@ class Scene:
     def name(self) -> str:
         """The file's name without its ending."""
         return self.path.stem
+
+    @property
+    def sigma0(self) -> float:
+        """N m/rad, of all elements together."""
+        return sum(sigma0 for sigma0, _ in self.elements)
+
+    @property
+    def Fc(self) -> float:  # noqa: N802
+        """N m, of all elements together."""
+        return sum(torque for _, torque in self.elements)
 
     @property
     def log(self) -> str:
@@ -95,8 +105,10 @@ def read(path: Path) -> Scene:
     except (OSError, UnicodeDecodeError, configparser.Error) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
-    for key in ("sigma0", "Fc", "theta_per_count"):
-        setattr(scene, key, _number(path, parser, "friction", key, 0.0))
+    scene.model = parser.get("friction", "model", fallback="dahl")
+    sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
+    scene.elements = tuple(zip(sigma0, torques, strict=False))
+    scene.theta_per_count = _number(path, parser, "friction", "theta_per_count", 0.0)
     scene.seconds = max(
         _number(path, parser, section, "seconds", 0.0) for section in ("motion", "motor")
     )
@@ -107,6 +119,15 @@ def read(path: Path) -> Scene:
         parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
     )
     return scene
+
+
+def _numbers(path: Path, parser: configparser.ConfigParser, section: str, key: str) -> list[float]:
+    """Numbers with blanks between them, one an element; dahl-loop checks how many there are."""
+    text = parser.get(section, key, fallback="")
+    try:
+        return [float(word) for word in text.split()]
+    except ValueError:
+        raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
 
 
 def _number(

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: MIT */
+/* A node that answers by slip elements; a firmware that does not call this links none of it. */
+#include "dahl_node.h"
+
+/* The model is the first member of what the node keeps for it. */
+static dahl_node_slip_t *slip_of(dahl_node_model_t *model)
+{
+    return (dahl_node_slip_t *)(void *)model;
+}
+
+static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+{
+    return dahl_slip_step_counts_q30(&slip_of(model)->plan, &slip_of(model)->state, dcounts);
+}
+
+static void relax(dahl_node_model_t *model)
+{
+    slip_of(model)->state = (dahl_slip_state_t){{0}};
+}
+
+dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const dahl_slip_params_t *params)
+{
+    dahl_slip_plan_t plan;
+    dahl_err_t err = dahl_slip_prepare(&plan, params);
+    if (err == DAHL_OK) {
+        *slip = (dahl_node_slip_t){.model = {step_q30, relax, params->elements}, .plan = plan};
+        node->model = &slip->model;
+        node->params = (dahl_params_t){.theta_per_count = params->theta_per_count};
+        for (uint32_t k = 0; k < params->elements; k++) {
+            node->params.sigma0 += params->sigma0[k];
+            node->params.Fc += params->Fc[k];
+        }
+        node->held = node->params;
+    }
+    return err;
+}
