@@ -453,6 +453,7 @@ def test_another_file_as_the_library_is_one_line(wrong, tmp_path):
 def test_a_number_too_long_to_print_is_named_too():
     refused(lambda: bearing().step_counts(10**5000), "dcounts = an int of many digits")
     refused(lambda: dahl.Plan(10**5000, 1), "sigma0 = inf")
+    refused(lambda: dahl.Plan(-(10**5000), 1), "sigma0 = -inf")
 
 
 @given(

@@ -148,6 +148,17 @@ def test_received_torque_rounds_once(seed):
         assert all(error <= abs(reference.Fraction(float(other)) - exact) for other in near)
 
 
+@pytest.mark.parametrize(("mantissa", "ratio"), [(16777213, 1012225365), (16777185, 554730529)])
+def test_received_torque_is_not_rounded_to_a_tie_first(mantissa, ratio):
+    """The product is just above half way between two floats, by the last of its 54 bits."""
+    for turned in (ratio, -ratio):
+        (torque,) = reference.received_torque([turned], mantissa / 2**23)
+        exact = reference.Fraction(turned * mantissa, 2**53)
+        near = (np.nextafter(torque, np.float32(side)) for side in (-np.inf, np.inf))
+        error = abs(reference.Fraction(float(torque)) - exact)
+        assert all(error < abs(reference.Fraction(float(other)) - exact) for other in near)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

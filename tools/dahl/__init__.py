@@ -7,6 +7,8 @@ The mathematics is the C library's; this package calls it and never does it agai
     Friction(plan)                      one bearing: feed it counts or angles, read its torque
     State                               what a bearing remembers, to keep and to put back
     Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, in vectors
+    Slip(sigma0, Fc, theta_per_count)   slip elements side by side, of lists of sigma0 and Fc
+    Parallel(part, part, ...)           any mix of Friction and Slip on one shaft
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     Error, RunError                     all errors that a user can cause or meet
@@ -32,12 +34,15 @@ __all__ = [
     "Encoder",
     "Error",
     "Friction",
+    "Parallel",
     "Plan",
     "RunError",
+    "Slip",
     "State",
     "Throughput",
     "counts_between",
 ]
+PARTS = ("Parallel", "Slip")  # of dahl.parts
 
 
 def printable(text: str) -> str:
@@ -65,9 +70,9 @@ class RunError(Error):
 
 
 def __getattr__(name: str) -> Any:
-    """Load dahl.core only when one of its names is used, so that `dahl --help` is quick."""
+    """Load the library only when one of its names is used, so that `dahl --help` is quick."""
     if name in __all__:
-        return getattr(import_module("dahl.core"), name)
+        return getattr(import_module("dahl.parts" if name in PARTS else "dahl.core"), name)
     raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 

@@ -78,6 +78,17 @@ class _ThroughputParams(ctypes.Structure):
     ]
 
 
+class Part(ctypes.Structure):
+    """dahl_part_t; the library fills it in."""
+
+    _fields_ = [
+        ("move", ctypes.c_void_p),
+        ("plan", ctypes.c_void_p),
+        ("state", ctypes.c_void_p),
+        ("Fc", ctypes.c_uint32),
+    ]
+
+
 class _Encoder(ctypes.Structure):
     _fields_ = [
         ("modulus", ctypes.c_uint32),
@@ -130,6 +141,24 @@ def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
         ("dahl_throughput", ctypes.c_int, many, state, array, array, size),
         ("dahl_throughput_counts_channels", ctypes.c_int, many, state, size, array, array, size),
         ("dahl_throughput_channels", ctypes.c_int, many, state, size, array, array, size),
+    ):
+        function = getattr(lib, name)
+        function.restype, function.argtypes = result, arguments
+    return _typed_parts(lib)
+
+
+def _typed_parts(lib: ctypes.CDLL) -> ctypes.CDLL:
+    f32, i32, size, count = ctypes.c_float, ctypes.c_int32, ctypes.c_size_t, ctypes.c_uint32
+    plan = state = parts = array = ctypes.c_void_p
+    for name, result, *arguments in (
+        ("dahl_batch_part", Part, plan, ctypes.POINTER(State)),
+        ("dahl_batch_slip_part", Part, plan, state),
+        ("dahl_slip_prepare", ctypes.c_int, plan, ctypes.c_void_p),
+        ("dahl_slip_step_counts", f32, plan, state, i32),
+        ("dahl_slip_step_counts_q30", i32, plan, state, i32),
+        ("dahl_batch_slip_counts", None, plan, state, array, array, size),
+        ("dahl_parallel_step_counts", f32, parts, count, i32),
+        ("dahl_batch_parallel_counts", None, parts, count, array, array, size),
     ):
         function = getattr(lib, name)
         function.restype, function.argtypes = result, arguments

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: MIT
+"""dahl.Slip and dahl.Parallel against exact fractions, and what a caller gets wrong."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+from fractions import Fraction
+
+import dahl
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.usefixtures("library")
+
+SIGMA0, FC, THETA = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
+ULPS = 0.55  # of the sum of Fc: what the docstrings promise
+
+
+def exact_slip(sigma0, torques, theta, moves) -> list[Fraction]:
+    """Springs that slip, in exact fractions of the float parameters."""
+    stiff, most, theta = (
+        [Fraction(float(np.float32(x))) for x in sigma0],
+        [Fraction(float(np.float32(x))) for x in torques],
+        Fraction(float(np.float32(theta))),
+    )
+    force, sums = [Fraction(0)] * len(stiff), []
+    for move in moves:
+        force = [
+            max(-F, min(F, f + k * theta * int(move)))
+            for f, k, F in zip(force, stiff, most, strict=True)
+        ]
+        sums.append(sum(force))
+    return sums
+
+
+def bound(torques) -> Fraction:
+    """In N m."""
+    return Fraction(ULPS) * Fraction(float(np.spacing(np.float32(sum(torques)))))
+
+
+@pytest.fixture
+def moves():
+    return np.random.default_rng(5).integers(-60, 61, 4000).astype(np.int32)
+
+
+def test_slip_is_exact(moves):
+    slip = dahl.Slip(SIGMA0, FC, THETA)
+    exact = exact_slip(SIGMA0, FC, THETA, moves)
+    found = [Fraction(slip.step_counts(int(move))) for move in moves]
+    assert max(abs(a - b) for a, b in zip(found, exact, strict=True)) <= bound(FC)
+
+
+def test_q30_is_the_torque_over_the_sum(moves):
+    slip = dahl.Slip(SIGMA0, FC, THETA)
+    exact = exact_slip(SIGMA0, FC, THETA, moves)
+    total = sum(Fraction(float(np.float32(x))) for x in FC)
+    found = [Fraction(slip.step_counts_q30(int(move)), 2**30) for move in moves]
+    assert max(abs(a - b / total) for a, b in zip(found, exact, strict=True)) < Fraction(4e-9)
+
+
+def test_a_log_has_the_bits_of_its_moves(moves):
+    one, many = dahl.Slip(SIGMA0, FC, THETA), dahl.Slip(SIGMA0, FC, THETA)
+    found = many.run_counts(moves)
+    assert found.tolist() == [one.step_counts(int(move)) for move in moves]
+    assert one == many
+    assert many.torque == found[-1]
+
+
+def test_a_mix_is_the_sum(moves):
+    bearing, slip = (
+        dahl.Friction(dahl.Plan(80.0, 2.0, THETA)),
+        dahl.Slip(SIGMA0, FC, THETA),
+    )
+    alone, mix = copy.deepcopy(bearing), dahl.Parallel(bearing, slip)
+    exact = np.array(exact_slip(SIGMA0, FC, THETA, moves), dtype=float) + alone.run_counts(moves)
+    ulp = float(np.spacing(np.float32(sum(FC) + 2.0)))
+    found = mix.run_counts(moves)
+    assert np.abs(found - exact).max() <= (ULPS + 0.52) * ulp  # alone is rounded too
+    assert bearing == alone
+    assert mix.torque == found[-1]
+    assert mix.step_counts(3) == pytest.approx(alone.step_counts(3) + slip.torque, abs=2 * ulp)
+
+
+def test_copies_go_their_own_way():
+    slip = dahl.Slip(SIGMA0, FC, THETA)
+    slip.step_counts(40)
+    for copied in (
+        copy.copy(slip),
+        copy.deepcopy(slip),
+        pickle.loads(pickle.dumps(slip)),
+    ):
+        assert copied == slip
+        assert copied.torque == slip.torque
+        copied.step_counts(1)
+        assert copied != slip
+    assert eval(repr(slip), {"Slip": dahl.Slip}) == dahl.Slip(SIGMA0, FC, THETA)
+    mix = dahl.Parallel(slip)
+    again = pickle.loads(pickle.dumps(mix))
+    assert again == mix
+    again.step_counts(1)
+    assert again != mix
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "torques", "theta", "words"),
+    [
+        ([], [], 1e-3, "sigma0 has 0 elements and Fc 0"),
+        ([1.0] * 9, [1.0] * 9, 1e-3, "sigma0 has 9 elements"),
+        ([1.0, 2.0], [1.0], 1e-3, "sigma0 has 2 elements and Fc 1"),
+        ([1.0, -2.0], [1.0, 1.0], 1e-3, r"element 1: sigma0 = -2 is outside"),
+        ([1.0], [float("nan")], 1e-3, r"element 0: Fc = nan is outside"),
+        ([1.0], [float("inf")], 1e-3, r"element 0: Fc = inf is outside"),
+        ([1.0], [0.0], 1e-3, r"element 0: Fc = 0 is outside"),
+        ([1.0], [1.0], 0.0, "theta_per_count = 0 is outside"),
+        ([1.0, 1e-9], [1.0, 1e9], 1e-3, r"element 1: travel of one count"),
+        (100.0, [1.0], 1e-3, r"sigma0 = 100.0 is not a list of numbers"),
+        ("12", [1.0], 1e-3, r"sigma0 = '12' is not a list of numbers"),
+        ([1.0], [None], 1e-3, r"Fc\[0\] = None is not a number"),
+        ([1.0], [1.0], "x", "theta_per_count = 'x' is not a number"),
+    ],
+)
+def test_bad_parameters_are_named(sigma0, torques, theta, words):
+    with pytest.raises(dahl.Error, match=words):
+        dahl.Slip(sigma0, torques, theta)
+
+
+def test_bad_moves_and_parts_are_named():
+    slip = dahl.Slip(SIGMA0, FC, THETA)
+    with pytest.raises(dahl.Error, match=r"dcounts = 0.5 is not a whole number"):
+        slip.step_counts(0.5)
+    with pytest.raises(dahl.Error, match=r"dcounts = 2147483648 is not a whole number"):
+        slip.step_counts_q30(2**31)
+    with pytest.raises(dahl.Error, match=r"moves\[1\] = 1.5"):
+        slip.run_counts([1, 1.5])
+    with pytest.raises(dahl.Error, match=r"parts\[1\] = 3 is neither"):
+        dahl.Parallel(slip, 3)
+    with pytest.raises(dahl.Error, match=r"parts\[1\] stands there twice"):
+        dahl.Parallel(slip, slip)
+    with pytest.raises(dahl.Error, match="theta_per_count = 0: no encoder"):
+        dahl.Parallel(dahl.Friction(dahl.Plan(1.0, 1.0))).step_counts(1)
+    with pytest.raises(dahl.Error, match="Slip: fc = 1"):
+        dahl.Slip(sigma0=[1.0], fc=1, theta_per_count=1.0)
+    assert slip == dahl.Slip(SIGMA0, FC, THETA)

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: MIT
+"""Parts beside one Dahl element, by the C library: same names, units and bits as dahl_parts.h,
+whose comments are the manual.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dahl import Error, arrays, checks, core
+
+SLIP_MAX = 8  # DAHL_SLIP_MAX: slip elements side by side
+PLAN_ROOM = 32  # 8-byte words kept for a dahl_slip_plan_t (14 are used)
+
+
+class _SlipParams(ctypes.Structure):
+    _fields_ = [
+        ("elements", ctypes.c_uint32),
+        ("theta_per_count", ctypes.c_float),
+        ("sigma0", ctypes.c_float * SLIP_MAX),
+        ("Fc", ctypes.c_float * SLIP_MAX),
+    ]
+
+
+def _floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
+    """Each as C will see it."""
+    if isinstance(values, (str, bytes)) or not isinstance(values, (Sequence, np.ndarray)):
+        raise Error(f"{name} = {checks.shown(values)} is not a list of numbers, one an element")
+    return tuple(
+        ctypes.c_float(checks.real(f"{name}[{k}]", value, limit)).value
+        for k, value in enumerate(values)
+    )
+
+
+class _Moved:
+    """What every part does with moves in counts; torques in N m, with the sign of the motion."""
+
+    def _step(self, dcounts: int) -> float:
+        raise NotImplementedError
+
+    def _batch(self, moves: np.ndarray, out: np.ndarray) -> None:
+        raise NotImplementedError
+
+    def step_counts(self, dcounts: int) -> float:
+        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of the sum
+        of Fc of the exact value. Raises dahl.Error for any other dcounts.
+        """
+        return self._step(checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX))
+
+    @property
+    def torque(self) -> float:
+        """F in N m, without motion."""
+        return self._step(0)
+
+    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+        """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
+        shape (n,), float32, into `out` if given: the bits of step_counts(), move by move. Raises
+        dahl.Error, before any move, as Friction.run_counts() does.
+        """
+        array = arrays.moves(moves, np.int32)
+        result = arrays.out(out, array)
+        self._batch(array, result)
+        return result
+
+
+@checks.calls_checked
+class Slip(_Moved):
+    """Slip elements side by side (Maxwell slip, Prandtl-Ishlinskii), with their state, relaxed at
+    first: F = sum of springs sigma0 that slip at Fc.
+
+    sigma0           N m/rad  one an element, 1 to 8 of them; ranges as in Plan
+    Fc               N m      torque at which each slips, as many
+    theta_per_count  rad      per encoder count; sigma0/Fc*theta_per_count in the range of Plan for
+                              each element
+
+    Two are equal where parameters and deflections are; picklable; a copy has a state of its own.
+    Raises dahl.Error naming the parameter, its value and its limit.
+
+    >>> Slip(sigma0=[100.0, 50.0], Fc=[0.5, 1.0], theta_per_count=1e-3).step_counts(10)
+    1.0
+    """
+
+    def __init__(
+        self,
+        sigma0: Sequence[float],
+        Fc: Sequence[float],  # noqa: N803 (the field's name)
+        theta_per_count: float,
+    ) -> None:
+        self._sigma0 = _floats("sigma0", sigma0, core.SIGMA0)
+        self._Fc = _floats("Fc", Fc, core.FC)
+        self._theta_per_count = ctypes.c_float(
+            checks.real("theta_per_count", theta_per_count, core.THETA_PER_COUNT)
+        ).value
+        self._x = (ctypes.c_int32 * SLIP_MAX)()
+        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
+        self._prepare()
+
+    def _prepare(self) -> None:
+        count = len(self._sigma0)
+        if not 1 <= count <= SLIP_MAX or len(self._Fc) != count:
+            raise Error(
+                f"sigma0 has {count} elements and Fc {len(self._Fc)}; as many of each, 1 to"
+                f" {SLIP_MAX}, were expected"
+            )
+        params = _SlipParams(count, self._theta_per_count)
+        params.sigma0[:count], params.Fc[:count] = self._sigma0, self._Fc
+        if core.library().dahl_slip_prepare(self._words, ctypes.byref(params)) != 0:
+            raise Error(self._refusal())
+
+    def _refusal(self) -> str:
+        """Which element the library did not like, in the words of Plan."""
+        if self._theta_per_count == 0:
+            return f"theta_per_count = 0 is outside {core.THETA_PER_COUNT.partition(',')[0]}"
+        for k, (sigma0, torque) in enumerate(zip(self._sigma0, self._Fc, strict=True)):
+            try:
+                core.Plan(sigma0, torque, self._theta_per_count)
+            except Error as error:
+                return f"element {k}: {error}"
+        return f"{self!r} is refused by dahl_slip_prepare"
+
+    @property
+    def sigma0(self) -> tuple[float, ...]:
+        """N m/rad, one an element."""
+        return self._sigma0
+
+    @property
+    def Fc(self) -> tuple[float, ...]:  # noqa: N802
+        """N m, one an element."""
+        return self._Fc
+
+    @property
+    def theta_per_count(self) -> float:
+        """rad/count"""
+        return self._theta_per_count
+
+    def step_counts_q30(self, dcounts: int) -> int:
+        """The same move, the same errors; returns F over the sum of Fc in Q30, -2^30 .. 2^30."""
+        moved = checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX)
+        ratio: int = core.library().dahl_slip_step_counts_q30(self._words, self._x, moved)
+        return ratio
+
+    def _step(self, dcounts: int) -> float:
+        torque: float = core.library().dahl_slip_step_counts(self._words, self._x, dcounts)
+        return torque
+
+    def _batch(self, moves: np.ndarray, out: np.ndarray) -> None:
+        core.library().dahl_batch_slip_counts(
+            self._words, self._x, arrays.data(moves), arrays.data(out), moves.size
+        )
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        return self._sigma0, self._Fc, self._theta_per_count, tuple(self._x)
+
+    def __setstate__(self, kept: tuple[Any, ...]) -> None:
+        self.__init__(*kept[:3])  # type: ignore[misc]  # as it was made
+        self._x[:] = kept[3]
+
+    def __eq__(self, other: object) -> bool:
+        return self.__getstate__() == other.__getstate__() if isinstance(other, Slip) else False
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each step
+
+    def __repr__(self) -> str:
+        return (
+            f"Slip(sigma0={list(self._sigma0)}, Fc={list(self._Fc)},"
+            f" theta_per_count={self._theta_per_count!r})"
+        )
+
+
+@checks.calls_checked
+class Parallel(_Moved):
+    """Elements on one shaft, whose torques add: any mix of Friction and Slip, each with a state of
+    its own, which moves with this. The sum is rounded once, within 0.55 ulp of the sum of all Fc.
+
+    Equal where all parts are; picklable. Raises dahl.Error for what is no part, for a part that
+    stands there twice, and for a Friction without theta_per_count.
+
+    >>> bearing = core.Friction(core.Plan(100.0, 0.5, 1e-3))
+    >>> Parallel(bearing, Slip([20.0], [1.0], 1e-3)).step_counts(0)
+    0.0
+    """
+
+    def __init__(self, *parts: core.Friction | Slip) -> None:
+        for k, part in enumerate(parts):
+            if not isinstance(part, (core.Friction, Slip)):
+                raise Error(f"parts[{k}] = {checks.shown(part)} is neither a Friction nor a Slip")
+            if any(part is other for other in parts[:k]):
+                raise Error(f"parts[{k}] stands there twice: it would move twice")
+        self._parts = parts
+
+    @property
+    def parts(self) -> tuple[core.Friction | Slip, ...]:
+        """As they were given; they move with this."""
+        return self._parts
+
+    def _c_parts(self) -> Any:
+        return (core.Part * len(self._parts))(*map(_part_of, self._parts))
+
+    def _step(self, dcounts: int) -> float:
+        torque: float = core.library().dahl_parallel_step_counts(
+            self._c_parts(), len(self._parts), dcounts
+        )
+        return torque
+
+    def _batch(self, moves: np.ndarray, out: np.ndarray) -> None:
+        core.library().dahl_batch_parallel_counts(
+            self._c_parts(), len(self._parts), arrays.data(moves), arrays.data(out), moves.size
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Parallel) and self._parts == other._parts
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each step
+
+    def __repr__(self) -> str:
+        return f"Parallel({', '.join(map(repr, self._parts))})"
+
+
+def _part_of(part: core.Friction | Slip) -> core.Part:
+    made: core.Part
+    if isinstance(part, Slip):
+        made = core.library().dahl_batch_slip_part(part._words, part._x)
+        return made
+    part.plan._need_counts()  # checked with each move: change_plan() may have taken the counts away
+    made = core.library().dahl_batch_part(part.plan._words, ctypes.byref(part.state))
+    return made
