@@ -30,6 +30,16 @@ def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC):  # n
     return Fc * ratio
 
 
+def varying_torque(theta: np.ndarray, sigma0: np.ndarray, Fc: np.ndarray) -> np.ndarray:  # noqa: N803
+    """Torque with parameters of each row's own: the exact step from row to row, in long double."""
+    torque, F = [], np.longdouble(0)  # noqa: N806
+    for move, stiffness, limit in zip(np.diff(theta, prepend=theta[0]), sigma0, Fc, strict=True):
+        share = -np.expm1(-np.longdouble(stiffness) * abs(move) / limit)
+        F += (np.sign(move) * limit - F) * share  # noqa: N806
+        torque.append(float(F))
+    return np.array(torque)
+
+
 def sine(
     seed: int = 0, rows: int = 10_000, cycles: float = 10, amplitude: float = 0.05
 ) -> np.ndarray:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dahl.identify import clean, fit, path, pipeline, sweep
+from dahl.identify import clean, fit, output, path, pipeline, sweep
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
 from scipy.integrate import solve_ivp
 from scipy.stats import t as student
@@ -88,6 +88,16 @@ def test_a_term_that_is_there_is_found(term, size):
     assert term in found.terms
     assert found.terms[term] == pytest.approx(size, rel=0.1)
     assert found.Fc == pytest.approx(FC, rel=0.03)
+
+
+def test_terms_that_are_fitted_together_keep_their_names():
+    sizes = {"offset": 0.3, "spring": 4.0, "viscous": 0.5, "inertia": 0.02}
+    log = sweeping(7)
+    log.zero = float(log.theta[0])
+    log.torque = log.torque + pipeline.extra(log, sizes)
+    options = pipeline.Options(terms=("inertia", "spring", "offset", "viscous"), delay=False)
+    found = pipeline.identify([log], options).estimate.terms
+    assert found == {name: pytest.approx(size, rel=0.1) for name, size in sizes.items()}
 
 
 def sweeping(seed: int):
@@ -209,11 +219,10 @@ def test_presliding_below_the_encoder_resolution():
 def test_friction_that_never_slips():
     theta = sine(3, amplitude=0.0004)
     torque = dahl_torque(theta) + 0.01 * FC * noise_of(3, len(theta))
-    verdict = pipeline.identify(
-        [replace(synthetic(3), theta=theta, torque=torque, resolution=0.0)]
-    ).verdict
-    assert not verdict.Fc
-    assert "never slips" in verdict.text
+    result = pipeline.identify([replace(synthetic(3), theta=theta, torque=torque, resolution=0.0)])
+    assert not result.verdict.Fc
+    assert "never slips" in result.verdict.text
+    assert output.numbers(result)["ci95"]["Fc"][1] is None
 
 
 def test_few_reversals_are_named():
@@ -290,6 +299,18 @@ def test_a_log_not_fitted_is_cleaned_as_those_that_were():
     loose = replace(synthetic(1), theta=theta, torque=torque, resolution=0.0)
     result = pipeline.identify([loose])
     assert pipeline.check(result, loose) > 0.98  # 0.945 with the flat zone counted as travel
+
+
+def test_a_spring_is_relaxed_at_one_angle_for_all_logs():
+    """Of the log that is predicted too, wherever it begins."""
+    springy = [synthetic(seed, rows=4000, cycles=4) for seed in (1, 2)]
+    for log in springy:
+        log.torque = log.torque + 20.0 * log.theta
+    assert abs(springy[0].theta[0] - springy[1].theta[0]) > 0.02
+    for logs, other in ((springy[:1], springy[1]), (springy, springy[0])):
+        result = pipeline.identify(logs, pipeline.Options(terms=("offset", "spring")))
+        assert result.estimate.terms["spring"] == pytest.approx(20, rel=0.1)
+        assert pipeline.check(result, other) > 0.99
 
 
 def test_the_head_of_a_log_is_short_in_every_column():

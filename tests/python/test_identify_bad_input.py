@@ -6,10 +6,12 @@ each kind of file is read to the same numbers.
 from __future__ import annotations
 
 import contextlib
+import json
 import re
 import shutil
 import tempfile
 
+import can
 import log_writers
 import numpy as np
 import pandas as pd
@@ -55,6 +57,13 @@ def refused(run_dahl, *words) -> str:
     return done.stderr
 
 
+def accepted(run_dahl, *words) -> dict:
+    """The numbers that are found."""
+    done = run_dahl("identify", *words, "--no-files", "--json", "-")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
 def with_field(row: int, column: int, text: str):
     def change(lines: list[str]) -> list[str]:
         fields = lines[row].split(",")
@@ -81,14 +90,23 @@ def test_a_broken_log_among_good_ones_is_a_line_and_code_2(run_dahl, log, tmp_pa
     done = run_dahl("identify", log(), tmp_path / "empty.csv", "--no-files")
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'empty.csv'}: empty\n")
     assert "sigma0" in done.stdout
+    done = run_dahl("identify", tmp_path / "empty.csv", tmp_path / "absent.csv", "--no-files")
+    assert (done.returncode, done.stdout) == (2, "")
+    first, last = done.stderr.splitlines()
+    assert first.endswith("empty.csv: empty") and last.endswith("absent.csv: no such file")
+    assert "absent.csv" in refused(run_dahl, log(), "--check", tmp_path / "absent.csv")
+
+
+def test_a_folder_without_logs(run_dahl, tmp_path):
+    (tmp_path / "notes.md").write_text("no log")
+    assert f"{tmp_path}: no logs" in refused(run_dahl, "--each", tmp_path)
 
 
 def test_gaps_are_named_or_skipped(run_dahl, log):
     path = log(with_field(500, 2, "nan"))
     said = refused(run_dahl, path)
     assert "log.csv:501: column 'torque_Nm': no finite number here and in 1 of 1200 rows" in said
-    kept = readers.read(path, readers.Source(skip_gaps=True))
-    assert kept.rows == ROWS - 1
+    assert accepted(run_dahl, path, "--skip-gaps")["rows"] == ROWS - 1
 
 
 @pytest.mark.parametrize("text", ["abc", "1.2.3"])
@@ -118,6 +136,24 @@ def test_wrong_units(run_dahl, log):
     assert "is the angle in deg" in said
     said = refused(run_dahl, log(theta=THETA * 1e7))
     assert "is the unit right" in said
+    known = accepted(run_dahl, log())
+    trusted = accepted(run_dahl, log(), "--angle-unit", "rad", "--trust-units")
+    assert trusted["sigma0"] == pytest.approx(known["sigma0"] * np.pi / 180, rel=0.02)
+    assert trusted["Fc"] == pytest.approx(known["Fc"], rel=0.02)
+
+
+def test_each_option_of_a_fit_reaches_it(run_dahl, log):
+    late = log(torque=np.roll(TORQUE, 4))
+    assert accepted(run_dahl, late)["delay_rows"] > 2
+    assert accepted(run_dahl, late, "--no-delay")["delay_rows"] == 0
+    assert accepted(run_dahl, log(), "--terms", "offset,spring")["extra"].keys() == {
+        "offset",
+        "spring",
+    }
+    assert accepted(run_dahl, log(), "--terms", "none")["extra"] == {}
+    assert "median of 9 rows" in " ".join(accepted(run_dahl, log(), "--median", "9")["notes"])
+    turn = accepted(run_dahl, log(), "--counts-per-turn", "4096")["resolution"]
+    assert turn == pytest.approx(2 * np.pi / 4096)
 
 
 def test_clock_going_backward(run_dahl, log):
@@ -135,6 +171,8 @@ def test_empty_and_truncated_and_absent_files(run_dahl, log, tmp_path):
     assert "log.csv:1201: column 'torque_Nm': no finite number" in said
     (tmp_path / "noise.csv").write_bytes(bytes(range(256)) * 4)
     assert "not a text file" in refused(run_dahl, tmp_path / "noise.csv")
+    (tmp_path / "latin.csv").write_bytes("angle,torque [µNm]\n1,2\n".encode("latin-1"))
+    assert "not a text file (byte 14)" in refused(run_dahl, tmp_path / "latin.csv")
 
 
 @pytest.mark.parametrize("kind", ["json", "mat", "parquet", "mf4", *FRAMES])
@@ -225,6 +263,81 @@ def test_values_of_the_same_time_stay_apart(tmp_path):
     signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
     signals.found = {"Angle": [(1.0, 0.0), (1.0, 1.0)], "Torque": [(1.0, 5.0), (1.0, 7.0)]}
     assert signals.values("bus")["torque"].tolist() == [5, 7]
+
+
+def test_a_dbc_with_a_fault_elsewhere_is_taken(files, tmp_path):
+    """A signal beyond the end of its message, and two on one bit, as in many a maker's own."""
+    odd = (
+        "BO_ 300 Odd: 1 A\n"
+        ' SG_ Long : 0|16@1- (1,0) [0|0] "" A\n'
+        ' SG_ Twice : 0|8@1- (1,0) [0|0] "" A\n'
+    )
+    (tmp_path / "odd.dbc").write_text(DBC + odd, encoding="cp1252")
+    source = readers.Source("Angle", "Torque", dbc=tmp_path / "odd.dbc")
+    assert readers.read(files["blf"], source).rows == ROWS
+
+
+def test_frames_that_say_nothing_of_a_signal_are_left_out(tmp_path):
+    """Remote and error frames, values out of the DBC's range, other identifiers, a short frame."""
+    (tmp_path / "bus.dbc").write_text(DBC)
+    signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
+
+    def say(now: float, number: int, bits: int, **kind: bool) -> None:
+        data = bits.to_bytes(4, "little", signed=True) + bytes(4)
+        extended = kind.pop("is_extended_id", False)
+        size = {} if not kind.get("is_remote_frame") else {"dlc": 8}
+        frame = can.Message(
+            timestamp=now,
+            arbitration_id=number,
+            is_extended_id=extended,
+            data=None if size else data,
+            **size,
+            **kind,
+        )
+        signals.feed(frame)
+
+    say(0.0, log_writers.SHAFT, 10_000)
+    say(0.0, log_writers.LOAD, 20_000)
+    say(0.1, log_writers.SHAFT, 10_000_001)  # 1000.0001 deg
+    say(0.2, log_writers.LOAD, -1_000_001)
+    say(0.3, log_writers.SHAFT, 0, is_remote_frame=True)
+    say(0.3, log_writers.SHAFT, 7, is_error_frame=True)
+    say(0.4, log_writers.LOAD + 1, 5)
+    say(0.5, log_writers.SHAFT, -20_000)
+    say(1.0, log_writers.SHAFT, 10_000_000)
+    say(1.0, log_writers.LOAD, 40_000)
+    found = signals.values("bus")
+    assert found["time"].tolist() == [0.0, 0.5, 1.0]
+    assert found["angle"] == pytest.approx([1, -2, 1000])
+    assert found["torque"] == pytest.approx([2, 3, 4])  # between its own frames
+
+
+def test_of_several_columns_that_fit_the_first_is_taken(tmp_path):
+    path, up = tmp_path / "many.csv", np.arange(40.0)
+    columns = {
+        "t": up,
+        "angle_rad": up,
+        "theta_deg": 2 * up,
+        "torque_Nm": 3 * up,
+        "load_mNm": up,
+    }
+    pd.DataFrame(columns | {"time_ms": up}).to_csv(path, index=False)
+    read = readers.read(path, readers.Source())
+    assert (read.theta[-1], read.torque[-1], read.time[-1]) == (39, 117, 39)
+
+
+def test_channels_that_are_sampled_at_other_times_are_brought_together(tmp_path):
+    from asammdf import MDF, Signal
+
+    time = np.arange(50) * 0.01
+    path = tmp_path / "two.mf4"
+    with MDF() as measured:
+        measured.append(Signal(time, time, name="x_m"))
+        measured.append(Signal(3 * (time + 0.004), time + 0.004, name="force_N"))
+        measured.save(path)
+    read = readers.read(path, readers.Source("x_m", "force_N"))
+    assert read.time == pytest.approx(time)
+    assert read.torque[1:] == pytest.approx(3 * time[1:])
 
 
 def test_no_log_and_bad_numbers(run_dahl, log):

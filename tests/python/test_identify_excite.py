@@ -6,8 +6,10 @@ for.
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -77,18 +79,20 @@ def test_an_encoder_that_is_too_coarse():
         design.propose(replace(WANTED, theta_per_count=COUNT * 10))
 
 
-def test_the_command(run_dahl, tmp_path, dahl_loop):
+def test_the_command(run_dahl, tmp_path, dahl_loop, monkeypatch):
+    """The scene finds its table beside it, also where the folder was named from here."""
+    monkeypatch.chdir(tmp_path)
     known = tmp_path / "known.json"
-    known.write_text(json.dumps({"sigma0": SIGMA0, "Fc": FC}))
-    done = run_dahl("excite", "--from", known, "--counts-per-turn", "16384", "-o", tmp_path)
+    known.write_text(json.dumps({"sigma0": SIGMA0, "Fc": FC}), encoding="utf-8-sig")
+    done = run_dahl("excite", "--from", known, "--counts-per-turn", "16384", "-o", "out")
     assert done.returncode == 0, done.stderr
     assert "cycles" in done.stdout
     assert "expected   sigma0 within" in done.stdout
-    table = np.loadtxt(tmp_path / "excite.csv", delimiter=",", skiprows=1)
+    table = np.loadtxt("out/excite.csv", delimiter=",", skiprows=1)
     assert np.allclose(table[:, 1], table[:, 2] * COUNT, atol=0.51 * COUNT, rtol=0)
-    assert scene.read(tmp_path / "excite.ini").sigma0 == SIGMA0
+    assert scene.read(Path("out/excite.ini")).sigma0 == SIGMA0
     run = subprocess.run(
-        [dahl_loop, "--scene", tmp_path / "excite.ini", "--virtual"],
+        [dahl_loop, "--scene", tmp_path / "out" / "excite.ini", "--virtual"],
         capture_output=True,
         text=True,
         timeout=60,
@@ -97,9 +101,38 @@ def test_the_command(run_dahl, tmp_path, dahl_loop):
     assert run.returncode == 0, run.stderr
 
 
+@pytest.mark.parametrize(
+    ("option", "value", "wish"),
+    [
+        ("--noise", "0.2", {"noise": 0.2}),
+        ("--within", "0.5", {"within": 0.005}),
+        ("--rate", "5000", {"rate": 5000}),
+        ("--speed", "0.05", {"speed": 0.05}),
+        ("--name", "My other/1", {}),
+    ],
+)
+def test_each_option_shapes_the_motion(run_dahl, tmp_path, option, value, wish):
+    """And what is printed of it is what the table holds."""
+    known = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384", "-o", tmp_path)
+    done = run_dahl("excite", *known, option, value)
+    name = "my_other_1" if option == "--name" else "excite"
+    time, theta, counts = np.loadtxt(tmp_path / f"{name}.csv", delimiter=",", skiprows=1).T
+    motion = design.propose(replace(WANTED, **wish))
+    assert theta == pytest.approx(motion.theta(), rel=1e-7, abs=1e-12)
+    assert np.diff(time) == pytest.approx(1 / wish.get("rate", 1000), abs=2e-6)
+    assert counts == pytest.approx(theta / COUNT, abs=0.501)
+    said = [float(word) for word in re.findall(r"(?<= )\d[\d.]*(?=\s|$)", done.stdout)]
+    cycle = motion.rows_per_cycle / motion.rate
+    rows = motion.cycles * motion.rows_per_cycle
+    shown = [motion.amplitude, motion.cycles, cycle, motion.reversals, motion.seconds, rows]
+    assert said[:6] == pytest.approx(shown, rel=1e-3)
+    assert said[6:8] == pytest.approx([100 * part for part in motion.within.values()], rel=0.05)
+
+
 def test_counts_per_millimetre(run_dahl, tmp_path):
     known = ("--sigma0", "3e4", "--fc", "2.7", "--mm", "--counts-per-turn", "10000")
-    assert run_dahl("excite", *known, "-o", tmp_path).returncode == 0
+    done = run_dahl("excite", *known, "-o", tmp_path)
+    assert done.returncode == 0 and re.search(r"sine of \S+ m,", done.stdout)
     assert scene.read(tmp_path / "excite.ini").theta_per_count == pytest.approx(1e-7)
 
 

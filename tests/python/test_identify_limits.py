@@ -44,6 +44,8 @@ def in_degrees(counts: float) -> Log:
     [
         (clipped(0.03), "clipped"),
         (clipped(0.015), ""),
+        (replace(clipped(0.03), torque=-clipped(0.03).torque), "clipped"),
+        (replace(clipped(0.015), torque=-clipped(0.015).torque), ""),
         (synthetic(1, rows=29), "29 rows; at least 30"),
         (synthetic(1, rows=30), ""),
         (spanning(1.1e2, True), "is the unit right"),
@@ -159,11 +161,14 @@ def good(library) -> Result:
     return pipeline.identify([synthetic(5, rows=3000, cycles=6)], pipeline.Options(terms=()))
 
 
-def judged(good: Result, width=0.01, lost=(0.1, 0.5, 0.1), **changed) -> verdict.Verdict:
-    """The verdict on a result with other widths of its intervals and other held-out errors."""
-    estimate = good.estimate
+def judged(good: Result, width=0.01, Fc=None, lost=(0.1, 0.5, 0.1), **changed) -> verdict.Verdict:  # noqa: N803
+    """The verdict on a result with other widths of its intervals (`Fc`: of that one alone) and
+    other held-out errors.
+    """
+    estimate, widths = good.estimate, dict.fromkeys(("sigma0", "Fc", "a"), width)
+    widths["Fc"] = Fc or width
     ends = {
-        name: Interval(value * (1 - width), value * (1 + width))
+        name: Interval(value * (1 - widths[name]), value * (1 + widths[name]))
         for name, value in (("sigma0", estimate.sigma0), ("Fc", estimate.Fc), ("a", estimate.a))
     }
     held = dict(zip(("dahl", "coulomb", "bilinear"), (1 - part for part in lost), strict=True))
@@ -180,6 +185,7 @@ def judged(good: Result, width=0.01, lost=(0.1, 0.5, 0.1), **changed) -> verdict
         ({}, True, True, ""),
         ({"width": 0.29}, True, True, ""),
         ({"width": 0.31}, False, False, "sigma0 known within 31 % only"),
+        ({"Fc": 0.31}, True, False, ""),
         ({"lost": (0.1, 0.12, 0.1)}, True, True, ""),
         ({"lost": (0.11, 0.12, 0.11)}, False, True, "no better than Coulomb"),
         ({"lost": (0.49, 0.9, 0.49)}, True, True, ""),
@@ -194,6 +200,9 @@ def judged(good: Result, width=0.01, lost=(0.1, 0.5, 0.1), **changed) -> verdict
 )
 def test_both_sides_of_each_limit_of_the_verdict(good, change, sigma0, Fc, words):  # noqa: N803
     said = judged(good, **change)
+    named = {name: f"{name} not identifiable" in said.text for name in ("sigma0", "Fc")}
+    assert named == {"sigma0": Fc and not sigma0, "Fc": sigma0 and not Fc}
+    assert ("neither" in said.text) == (not sigma0 and not Fc)
     assert said.identifiable == {"sigma0": sigma0, "Fc": Fc}
     assert (words in said.text) if words else not said.reasons
 
@@ -350,3 +359,17 @@ def test_a_band_of_torque_that_is_flat_is_found_where_it_is():
     assert slack == pytest.approx(0.6, rel=0.2)
     assert centre == pytest.approx(0, abs=0.06)
     assert np.abs(moves).sum() < 0.85 * np.abs(log.moves).sum()
+    assert clean.backlash(replace(log, resolution=0.15), flat, turns)[0] == pytest.approx(slack)
+    assert clean.backlash(replace(log, resolution=0.25), flat, turns)[0] == 0  # below 3 counts
+    assert clean.backlash(log.head(1200), flat[:1200], turns[:2])[0] == pytest.approx(
+        slack, rel=0.1
+    )
+    assert clean.backlash(log.head(800), flat[:800], turns[:1])[0] == 0  # crossed twice
+
+
+def test_between_counts_is_within_half_a_count_of_what_was_read():
+    log = synthetic(1, rows=3000, cycles=6)
+    between = clean.between_counts(log)
+    assert np.abs(between - log.theta).max() <= 0.5 * COUNT * (1 + 1e-9)
+    assert np.abs(np.diff(between, 2)).max() < 0.5 * np.abs(np.diff(log.theta, 2)).max()
+    assert clean.between_counts(replace(log, resolution=0.0)) is log.theta

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import threading
 import time
 from unittest.mock import ANY
@@ -175,15 +176,22 @@ def test_no_cluster(folder, tmp_path, monkeypatch):
         all_of(folder, kept_in(tmp_path / "kept"), 1, "tcp://127.0.0.1:9")
 
 
-def test_the_command(folder, tmp_path, run_dahl):
+def test_the_command(folder, tmp_path, run_dahl, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     done = run_dahl("identify", "--each", folder, "-o", tmp_path / "out", "--jobs", "2")
     assert done.returncode == 2
     errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1
     assert "broken.csv:2" in errors[0]
-    table = (tmp_path / "out" / "each.csv").read_text().splitlines()
-    assert len(table) == 5
-    assert table[2].startswith("run0.csv,")
+    with (tmp_path / "out" / "each.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["log"] for row in rows] == ["broken.csv", "run0.csv", "run1.csv", "run2.csv"]
+    lines = [line.split("│")[1:-1] for line in done.stdout.splitlines() if "│" in line]
+    shown = {name.strip(): [cell.strip() for cell in cells] for name, *cells in lines}
+    assert shown["broken.csv"] == ["", "", "", "broken"]
+    for row in rows[1:]:
+        numbers = [f"{float(row[name]):.5g}" for name in ("sigma0", "Fc", "r2")]
+        assert shown[row["log"]] == [*numbers, row["verdict"]]
     assert run_dahl("identify", "--each", tmp_path / "none").returncode == 2
     (folder / "broken.csv").unlink()
     assert run_dahl("identify", "--each", folder, "-o", tmp_path / "out").returncode == 0
@@ -283,15 +291,20 @@ def test_following_a_running_loop(tmp_path, run_dahl):
         bus = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", port)
         signals = ("--dbc", paths.DBC, *words, "--torque", "TorqueRatio")
         out = ("--torque-unit", "Nm", "--within", "2", "--seconds", "30", "-o", tmp_path / "out")
-        done = run_dahl("identify", "--follow", *bus, *signals, *out)
+        done = run_dahl("identify", "--follow", *bus, *signals, *out, "--name", "live")
     assert done.returncode == 0, done.stderr
     looks = done.stderr.splitlines()
     assert looks[-1].endswith("sigma0 and Fc identifiable")
     assert int(looks[-1].split()[0]) < 4000  # of 4833: it ended by itself
-    found = json.loads((tmp_path / "out" / "bus.json").read_text())
+    said = re.search(r"sigma0 (\S+) \(within (\S+) %\), Fc (\S+) \(within (\S+) %\)", looks[-1])
+    sigma0, width, most, _ = map(float, said.groups())
+    found = json.loads((tmp_path / "out" / "live.json").read_text())
     assert found["sigma0"] == pytest.approx(SIGMA0 / FC, rel=0.005)
     assert found["Fc"] == pytest.approx(1, rel=0.005)
-    assert (tmp_path / "out" / "dahl_plan_bus.h").is_file()
+    assert (sigma0, most) == (float(f"{found['sigma0']:.5g}"), float(f"{found['Fc']:.5g}"))
+    low, high = found["ci95"]["sigma0"]
+    assert width == pytest.approx(50 * (high - low) / found["sigma0"], rel=0.1) and width < 2
+    assert (tmp_path / "out" / "dahl_plan_live.h").is_file()
 
 
 def test_following_needs_signals(run_dahl):

@@ -17,8 +17,17 @@ import numpy as np
 import pytest
 from conftest import built
 from dahl import core, paths, plan_header, scene
-from dahl.identify import output, pipeline
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic, write_csv
+from dahl.identify import draw, output, pipeline
+from identify_tools import (
+    COUNT,
+    FC,
+    SIGMA0,
+    dahl_torque,
+    noise_of,
+    sine,
+    synthetic,
+    write_csv,
+)
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -69,7 +78,8 @@ def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
 
 
 @pytest.mark.parametrize(
-    "params", [(SIGMA0, FC, COUNT), (36449.1, 2.69, 1e-7), (3.0, 7.5, 0.0), (1.0, 2e3, 1e-3)]
+    "params",
+    [(SIGMA0, FC, COUNT), (36449.1, 2.69, 1e-7), (3.0, 7.5, 0.0), (1.0, 2e3, 1e-3)],
 )
 def test_the_plan_is_that_of_dahl_prepare(tmp_path, root, params):
     text = plan_header.text("shaft", core.Plan(*params), ["for a test"])
@@ -86,6 +96,45 @@ def test_the_plan_says_what_it_rests_on(found):
     assert all(len(line) <= 160 for line in text.splitlines())
 
 
+@pytest.mark.parametrize(("spikes", "good"), [(0, True), (600, False)])
+def test_the_plan_has_an_r2_of_its_own_on_the_raw_motion(spikes, good, tmp_path):
+    """Friction alone, from the counts as they were read, by the tests' own torque: a fit
+    may take spikes out of the angle, a firmware does not.
+    """
+    log = synthetic(1)
+    log.theta[np.random.default_rng(0).choice(log.rows, spikes, replace=False)] += 50 * COUNT
+    result = pipeline.identify([log], pipeline.Options(terms=()))
+    drawn = dahl_torque(log.theta, result.estimate.sigma0, result.estimate.Fc)
+    settled = slice(1000, None)  # the torque at the first row is forgotten
+    left = np.sum((log.torque - drawn)[settled] ** 2) / np.sum(log.torque[settled] ** 2)
+    assert result.plan.r2 == pytest.approx(1 - left, abs=0.02)
+    assert result.r2 > 0.98
+    kept = json.loads(output.as_json(result))
+    assert kept["r2_plan"] == result.plan.r2
+    assert f"{result.plan.r2:.4f}" in output.header(result, "shaft")
+    assert (output.write_all(result, "shaft", tmp_path)[-1].suffix == ".h") is good
+    assert bool(kept["plan"]["against"]) is not good
+
+
+def test_a_plan_that_is_forced_says_so(tmp_path):
+    log = synthetic(1)
+    log.torque = log.torque + FC * noise_of(1, log.rows)
+    result = pipeline.identify([log])
+    assert result.plan.against
+    assert output.write_all(result, "shaft", tmp_path)[-1].suffix != ".h"
+    plan = output.write_all(result, "shaft", tmp_path, force=True)[-1]
+    assert "FORCED" in plan.read_text()
+
+
+@pytest.mark.parametrize("counts", [0, 4096, 65536])
+def test_the_plan_is_for_the_encoder_of_the_target(counts):
+    result = pipeline.identify([synthetic(1)], pipeline.Options(target_counts=counts))
+    assert result.plan.theta_per_count == pytest.approx(2 * np.pi / (counts or 16384))
+    (said,) = re.findall(r"theta_per_count = ([0-9.e-]+);", output.header(result, "x"))
+    assert float(said) == pytest.approx(result.plan.theta_per_count)
+    assert json.loads(output.as_json(result))["plan"]["of_target"] is bool(counts)
+
+
 def test_all_files(found, tmp_path):
     files = output.write_all(found, "shaft", tmp_path)
     assert [path.name for path in files] == [
@@ -98,6 +147,32 @@ def test_all_files(found, tmp_path):
     assert kept["verdict"] == found.verdict.text
     assert kept["ci95"]["sigma0"][0] < kept["sigma0"] < kept["ci95"]["sigma0"][1]
     assert matplotlib.image.imread(tmp_path / "shaft.png").std() > 0.05
+
+
+def test_the_picture_shows_what_was_taken_out_of_the_log():
+    """Odd rows and the travel of backlash, at their own rows; a short linear motion in mm."""
+    theta = sine(1, rows=400, cycles=2)
+    log = replace(synthetic(1, rows=400, cycles=2), theta=theta, linear=True, resolution=0.0)
+    log.weight, log.free_moves = np.ones(400), log.moves.copy()
+    log.weight[30:40], log.free_moves[100:120] = 0.1, 0.0
+    result = pipeline.identify([synthetic(1)], pipeline.Options(terms=()))
+    shown = draw.shown_of(replace(result, logs=[log], raw=[log]), 0)
+    (_, odd, _), (_, free, _) = draw.marks_of(shown)
+    assert np.flatnonzero(odd).tolist() == list(range(30, 40))
+    assert set(np.flatnonzero(free)) == set(range(100, 120))
+    assert shown.unit == "mm"
+    assert np.ptp(shown.angle) == pytest.approx(1e3 * np.ptp(log.theta))
+    assert shown.speed[10:-10] == pytest.approx(1e3 * np.gradient(log.theta, 1e-3)[10:-10], abs=20)
+
+
+def test_json_says_how_the_numbers_came_about(found):
+    kept = json.loads(output.as_json(found))
+    assert kept["options"]["delay"] is True
+    assert kept["pieces"] == [log.rows for log in found.logs]
+    assert kept["median_rows"] == found.median
+    assert len(kept["cycles"]["Fc"]) == len(kept["cycles"]["first_row"]) == 9
+    assert kept["cycles"]["Fc"] == pytest.approx([FC] * 9, rel=0.02)
+    assert kept["version"]
 
 
 def test_no_plan_where_it_cannot_be_trusted(tmp_path):
@@ -175,7 +250,9 @@ def test_offset_and_spring_go_into_the_scene(found, tmp_path):
 def test_the_command(run_dahl, tmp_path):
     theta = np.floor(sine(1) / COUNT) * COUNT
     path = write_csv(
-        tmp_path / "my shaft.csv", theta, dahl_torque(theta) + 0.03 * FC * noise_of(1, len(theta))
+        tmp_path / "my shaft.csv",
+        theta,
+        dahl_torque(theta) + 0.03 * FC * noise_of(1, len(theta)),
     )
     done = run_dahl(
         "identify",

@@ -7,8 +7,9 @@ LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, B
 columns where no option says otherwise. All LOGs are fitted together; --each takes those of a folder
 one by one, --follow a live bus.
 
-Leaves a picture, JSON, a scene that replays the log, and, where both parameters are identifiable, a
-header with a const plan. A log is held in memory, about 100 bytes a row.
+Leaves a picture, JSON, a scene that replays the log, and, where both parameters are identifiable
+and a plan of them explains the raw motion, a header with a const plan. A log is held in memory,
+about 100 bytes a row.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="UNIT",
         help="Nm, mNm, kNm, N, mN, uN, kN, lb, kip, ...",
     )
+    what.add_argument("--time-unit", default="", metavar="UNIT", help="s, ms, us")
     what.add_argument(
         "--counts-per-turn",
         type=float,
@@ -70,10 +72,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_fit(parser)
     _add_many_and_live(parser)
+    _add_output(parser)
+
+
+def _add_output(parser: argparse.ArgumentParser) -> None:
     out = parser.add_argument_group("what to leave")
     out.add_argument("--json", metavar="FILE", help="numbers as JSON; - prints them alone")
     out.add_argument("--name", default="", help="of files and plan (default: the first log's)")
     add_output(out)
+    out.add_argument(
+        "--target-counts-per-turn",
+        type=positive,
+        default=0.0,
+        metavar="N",
+        help="of the encoder that the plan is for (default: that of the log)",
+    )
+    out.add_argument(
+        "--force", action="store_true", help="leave a plan though something speaks against it"
+    )
     out.add_argument("--no-files", action="store_true", help="leave none")
 
 
@@ -141,7 +157,8 @@ def options_of(args: argparse.Namespace) -> Options:
         wrong = next((term for term in terms if term not in CORE), None)
         if wrong:
             raise Error(f"--terms {wrong}: no such term{meant(wrong, CORE)}")
-    return Options(terms, not args.no_delay, args.median, args.trust_units)
+    target = args.target_counts_per_turn
+    return Options(terms, not args.no_delay, args.median, args.trust_units, target)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -269,7 +286,9 @@ def _report(args: argparse.Namespace, result: Result, name: str) -> None:
         sys.stdout.write(output.as_json(result))
     elif args.json:
         keep(Path(args.json), output.as_json(result))
-    written = [] if args.no_files else output.write_all(result, name, args.output)
+    written = []
+    if not args.no_files:
+        written = output.write_all(result, name, args.output, args.force)
     if quiet:
         return
     out = console()
@@ -277,4 +296,5 @@ def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     if written:
         out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":
-        out.print("no plan for firmware: not both parameters are identifiable")
+        why = "; ".join(result.plan.against)
+        out.print(f"no plan for firmware: {why} (--force leaves one)", soft_wrap=True)

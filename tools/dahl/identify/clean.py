@@ -2,14 +2,12 @@
 """What is wrong with a measured log: refused where it makes a fit meaningless, handled and named
 where it does not.
 
-Refused: constant angle or torque, clipped torque, units that cannot be. Handled: an angle that
-flickers or has spikes, torque rows that disagree with their neighbours, a flat zone of backlash,
-a torque that comes late.
+Refused: constant angle or torque, clipped torque, units and encoders that cannot be. Handled: an
+angle that flickers or has spikes, torque rows that disagree with their neighbours, a flat zone of
+backlash, a torque that comes late.
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -17,7 +15,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import savgol_filter
 
 from dahl import Error
-from dahl.identify import path
+from dahl.identify import grid, path
 from dahl.identify.log import Log
 
 WINDOWS = (1, 5, 9, 15)  # rows of the running median of the angle that are tried
@@ -76,22 +74,7 @@ def _refuse_units(log: Log) -> None:
             f"{log.name}: the angle covers {span:g} {unit}, {low:g} to {high:g} was expected;"
             " is the unit right (--angle-unit, or --trust-units)?"
         )
-    if log.linear or log.resolution == 0:
-        return
-    named = {"rad": 2 * math.pi, "deg": 2 * math.pi / math.degrees(1)}
-    counts = {unit: turn / log.resolution for unit, turn in named.items()}
-    as_degrees = 360 / log.resolution
-    if counts["rad"] < 1500 and _power_of_two(as_degrees):
-        raise Error(
-            f"{log.name}: steps of {log.resolution:.6g} would be {counts['rad']:.1f} counts a"
-            f" turn in rad, but {as_degrees:.0f} in deg:"
-            " is the angle in deg (--angle-unit, --trust-units)?"
-        )
-
-
-def _power_of_two(counts: float) -> bool:
-    bits = round(math.log2(counts))
-    return 8 <= bits <= 26 and abs(counts / 2**bits - 1) < 2e-3
+    grid.refuse(log)
 
 
 def flickers(log: Log) -> int:

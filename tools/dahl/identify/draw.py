@@ -1,48 +1,162 @@
 # SPDX-License-Identifier: MIT
-"""The picture of an identification: loops measured and fitted, residuals, and how sharply the cost
-tells sigma0.
+"""The picture of an identification: the log as it was measured beside the model and Coulomb's, the
+residual over angle and speed, Fc and sigma0 cycle by cycle, and how sharply the cost tells sigma0.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from dahl import plots
+from dahl.identify import path as paths
+from dahl.identify import plan_quality
 from dahl.identify.fit import dense_of, profile_of
-from dahl.identify.result import Result
+from dahl.identify.log import Log
+from dahl.identify.result import Result, titled
 from dahl.plots import COMPUTED, MEASURED
 
 POINTS = 20_000  # drawn of a long log
+ODD = 0.5  # weight below which a row is marked
+SPEED_ROWS = 9  # over which a speed is taken
+COULOMB, MARK = "#3d7ea6", "#e9a23b"
+SMALL = 1.0  # m: a linear motion of less is shown in mm
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One log for drawing: some of its rows, the angle in a unit for people."""
+
+    log: Log
+    raw: Log
+    some: slice
+    size: float  # of that unit, rad (m)
+    unit: str
+
+    @property
+    def angle(self) -> np.ndarray:
+        """From the start: (some,)."""
+        angle: np.ndarray = (self.raw.theta - self.raw.theta[0])[self.some] / self.size
+        return angle
+
+    @property
+    def speed(self) -> np.ndarray:
+        """Per second, or per row of a log without time: (some,)."""
+        padded = np.pad(self.log.theta, SPEED_ROWS // 2, mode="edge")
+        smooth = np.convolve(padded, np.full(SPEED_ROWS, 1 / SPEED_ROWS), mode="valid")
+        rows = np.arange(self.log.rows) if self.log.time is None else self.log.time
+        apart = np.maximum(np.gradient(rows), 1e-12)
+        return np.asarray((np.gradient(smooth) / apart)[self.some] / self.size)
 
 
 def draw(path: Path, result: Result) -> None:
     """Write the picture; the old one stays until the new one is whole."""
-    log, estimate = result.logs[0], result.estimate
-    predicted = result.predicted[0]
-    some = slice(0, log.rows, max(log.rows // POINTS, 1))
+    index = int(np.argmax([log.rows for log in result.logs]))  # the longest piece
+    shown = shown_of(result, index)
+    unit = result.logs[0]
     with plt.rc_context(plots.STYLE):
-        figure = plt.figure(figsize=(11, 11), layout="constrained")
-        loop, rest, cost = figure.subplots(3, 1, height_ratios=(2.4, 1, 1.2))
-        angle = (log.theta - log.theta[0])[some]
-        loop.plot(angle, log.torque[some], color=MEASURED, linewidth=1.1, label="measured")
-        loop.plot(angle, predicted[some], color=COMPUTED, linewidth=1.4, label="fitted")
-        kind = "force" if log.linear else "torque"
-        loop.set(xlabel=f"angle from the start [{log.angle_unit}]", ylabel=f"{kind} [{log.unit}]")
-        loop.legend(loc="upper left")
-        x = np.arange(log.rows) if log.time is None else log.time
-        rest.plot(x[some], (log.torque - predicted)[some], color=MEASURED, linewidth=0.8)
-        rest.set(xlabel="row" if log.time is None else "time [s]", ylabel=f"residual [{log.unit}]")
-        _profile(cost, result)
-        loop.set_title(result.verdict.text, loc="left", fontsize=10, color="#555555")
-        title = (
-            f"sigma0 = {estimate.sigma0:.4g} {log.slope_unit}, Fc = {estimate.Fc:.4g} {log.unit}"
+        figure = plt.figure(figsize=(11, 14), layout="constrained")
+        loop, rests, by_cycle, cost = figure.subplots(4, 2, height_ratios=(2.6, 1, 1, 1.1))
+        whole = _merged(figure, loop)
+        _loop(whole, result, shown, index)
+        _residuals(rests, result, shown, index)
+        _cycles(by_cycle, result)
+        _profile(_merged(figure, cost), result)
+        whole.set_title(result.verdict.text, loc="left", fontsize=10, color="#555555", wrap=True)
+        numbers = [
+            f"sigma0 = {result.estimate.sigma0:.4g} {unit.slope_unit}",
+            f"Fc = {result.estimate.Fc:.4g} {unit.unit}",
+        ]
+        figure.suptitle(
+            f"{titled(result)}\n{', '.join(numbers)}",
+            fontsize=14,
+            fontweight="bold",
+            x=0.01,
+            ha="left",
         )
-        figure.suptitle(title, fontsize=15, fontweight="bold", x=0.01, ha="left")
         plots.save(figure, path)
+
+
+def shown_of(result: Result, index: int) -> Shown:
+    """A log with the unit that suits its motion."""
+    log = result.logs[index]
+    some = slice(0, log.rows, max(log.rows // POINTS, 1))
+    small = log.linear and float(np.ptp(log.theta)) < SMALL
+    size, unit = (1e-3, "mm") if small else (1.0, log.angle_unit)
+    return Shown(log, result.raw[index], some, size, unit)
+
+
+def _merged(figure: Figure, pair: np.ndarray) -> Axes:
+    """One panel in the place of two."""
+    place = pair[0].get_gridspec()[pair[0].get_subplotspec().rowspan.start, :]
+    for axes in pair:
+        axes.remove()
+    merged: Axes = figure.add_subplot(place)
+    return merged
+
+
+def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
+    """Torque over angle as measured, what was taken out of it marked, and two models."""
+    log, some = shown.log, shown.some
+    measured = result.sign * shown.raw.torque
+    axes.plot(shown.angle, measured[some], color=MEASURED, linewidth=1.1, label="as measured")
+    drawn = result.predicted[index]
+    sign = paths.coulomb(log.moves, 0.0) * result.estimate.Fc
+    sign = sign + plan_quality.load_of(result, log)
+    angle = (log.theta - shown.raw.theta[0])[some] / shown.size
+    axes.plot(angle, sign[some], color=COULOMB, linewidth=1.0, label="Coulomb")
+    axes.plot(angle, drawn[some], color=COMPUTED, linewidth=1.4, label="fitted")
+    for label, marks, style in marks_of(shown):
+        if marks.any():
+            words = f"{label}: {100 * marks.mean():.1f} % of the rows"
+            axes.plot(shown.angle[marks], measured[some][marks], style, color=MARK, label=words)
+    kind = "force" if log.linear else "torque"
+    axes.set(xlabel=f"angle from the start [{shown.unit}]", ylabel=f"{kind} [{log.unit}]")
+    if log.linear:
+        axes.set_xlabel(f"position from the start [{shown.unit}]")
+    axes.legend(loc="best", fontsize=9)
+
+
+def marks_of(shown: Shown) -> list[tuple[str, np.ndarray, str]]:
+    """What of the measured rows the fit did not take as it came: (some,) bool each."""
+    log, none = shown.log, np.zeros(shown.log.rows, dtype=bool)
+    odd = none if log.weight is None else log.weight < ODD
+    free = none if log.free_moves is None else np.abs(log.free_moves) < ODD * np.abs(log.moves)
+    marks = (("weighs less", odd, "x"), ("travel taken out as backlash", free, "."))
+    return [(label, where[shown.some], style) for label, where, style in marks]
+
+
+def _residuals(pair: np.ndarray, result: Result, shown: Shown, index: int) -> None:
+    """What is left, over angle and over speed: structure there is what the model lacks."""
+    left = (shown.log.torque - result.predicted[index])[shown.some]
+    per = "row" if shown.log.time is None else "s"
+    speed = f"speed [{shown.unit}/{per}]"
+    where = "position" if shown.log.linear else "angle"
+    for axes, x, label in (
+        (pair[0], shown.angle, f"{where} from the start [{shown.unit}]"),
+        (pair[1], shown.speed, speed),
+    ):
+        axes.plot(x, left, ".", color=MEASURED, markersize=1.5)
+        axes.axhline(0, color=COMPUTED, linewidth=1)
+        axes.set(xlabel=label, ylabel=f"residual [{shown.log.unit}]")
+
+
+def _cycles(pair: np.ndarray, result: Result) -> None:
+    """Fc and sigma0 by cycle with the interval of the whole log."""
+    log, cycles = result.logs[0], result.cycles
+    for axes, name, unit in ((pair[0], "Fc", log.unit), (pair[1], "sigma0", log.slope_unit)):
+        interval = result.estimate.ci95[name]
+        if np.isfinite(interval.high):
+            axes.axhspan(interval.low, interval.high, color=COMPUTED, alpha=0.25)
+        axes.axhline(getattr(result.estimate, name), color=COMPUTED, linewidth=1)
+        if len(cycles):
+            axes.plot(np.arange(len(cycles)) + 1, cycles.value[name], "o", color=MEASURED, ms=4)
+        axes.set(xlabel="cycle (shaded: 95 % of the whole log)", ylabel=f"{name} [{unit}]")
 
 
 def _profile(axes: Axes, result: Result) -> None:

@@ -8,20 +8,23 @@ from __future__ import annotations
 import io
 import json
 import math
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dahl import __version__
 from dahl.files import keep
 from dahl.identify import pipeline
 from dahl.identify.log import Log
-from dahl.identify.result import Result
+from dahl.identify.result import Result, titled
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 REPLAYED = 200_000  # rows of the first log that a scene replays
+COMMENT = 110  # characters a line of a header
 MADE_UP = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
 
 
@@ -41,7 +44,7 @@ def numbers(result: Result) -> dict[str, Any]:
     """Everything, for machines. Units: N m and rad, or N and m where `linear` is true."""
     estimate, models, log = result.estimate, result.models, result.logs[0]
     return {
-        "logs": [one.name for one in result.logs],
+        "logs": list(dict.fromkeys(one.name for one in result.logs)),
         "rows": sum(one.rows for one in result.logs),
         "linear": log.linear,
         "units": {"sigma0": log.slope_unit, "Fc": log.unit, "a": f"1/{log.angle_unit}"},
@@ -64,10 +67,39 @@ def numbers(result: Result) -> dict[str, Any]:
         "delay_rows": result.delay,
         "backlash": result.backlash,
         "resolution": log.resolution,
+        "r2_plan": result.plan.r2,
+        "plan": {
+            "theta_per_count": result.plan.theta_per_count,
+            "of_target": result.plan.of_target,
+            "against": result.plan.against,
+        },
         "identifiable": result.verdict.identifiable,
         "verdict": result.verdict.text,
         "reasons": result.verdict.reasons,
         "notes": result.notes,
+        **how(result),
+    }
+
+
+def how(result: Result) -> dict[str, Any]:
+    """How the numbers came about: options, cleaning, and what was found by cycle."""
+    weights = [one.weight for one in result.logs if one.weight is not None]
+    return {
+        "version": __version__,
+        "options": result.options,
+        "median_rows": result.median,
+        "torque_sign": result.sign,
+        "angle_between_counts": result.inner,
+        "rows_weighing_less": sum(int(np.count_nonzero(one < 1)) for one in weights),
+        "sum_of_weights": result.estimate.rows,
+        "pieces": [one.rows for one in result.logs],
+        "cycles": {
+            "first_row": result.cycles.rows.tolist(),
+            **{name: values.tolist() for name, values in result.cycles.value.items()},
+        },
+        "findings": [
+            {"text": found.text, "doubts": list(found.doubts)} for found in result.findings
+        ],
     }
 
 
@@ -80,7 +112,7 @@ def table(result: Result) -> Table:
     from rich.table import Table
 
     estimate, models, log = result.estimate, result.models, result.logs[0]
-    shown = Table(show_header=False, title=", ".join(Path(one.name).name for one in result.logs))
+    shown = Table(show_header=False, title=titled(result))
     shown.title_justify = "left"
     shown.add_row("verdict", result.verdict.text)
     for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
@@ -100,6 +132,7 @@ def table(result: Result) -> Table:
         )
     for name, r2 in result.checks.items():
         shown.add_row(f"check: {Path(name).name}", f"R2 {r2:.4f}, not fitted")
+    shown.add_row("R2 of the plan, raw motion", f"{result.plan.r2:.4f}, friction alone")
     shown.add_row("reversals", str(result.reversals))
     shown.add_row("motion that informs sigma0", f"{100 * result.informs:.0f} % of the moving rows")
     for note in result.notes:
@@ -128,17 +161,25 @@ def header(result: Result, name: str) -> str:
     from dahl import plan_header
     from dahl.core import Plan
 
-    log = result.logs[0]
-    plan = Plan(result.estimate.sigma0, result.estimate.Fc, log.resolution)
+    log, count = result.logs[0], result.plan.theta_per_count
+    plan = Plan(result.estimate.sigma0, result.estimate.Fc, count)
+    whose = "the target's" if result.plan.of_target else "that of the encoder in the log"
     comment = [
-        f"Friction identified from {', '.join(Path(one.name).name for one in result.logs)}:",
+        f"Friction identified from {titled(result)}:",
         f"{result.verdict.text}.",
         f"sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
-        f" Fc [{log.unit}] {interval(result, 'Fc')}; R2 held out {result.models.r2['dahl']:.4f}.",
+        f" Fc [{log.unit}] {interval(result, 'Fc')}.",
+        f"R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
+        f" {result.plan.r2:.4f}.",
+        f"theta_per_count is {whose} (--target-counts-per-turn)."
+        if count
+        else "The log shows no encoder: this plan is for dahl_step() alone.",
+        *(f"FORCED, although {words}." for words in result.plan.against),
+        *(f"Note: {note}." for one in result.logs for note in one.notes),
     ]
-    if not log.resolution:
-        comment.append("The log shows no encoder: this plan is for dahl_step() alone.")
-    return plan_header.text(name, plan, comment)
+    whole = [line.replace("*/", "* /") for line in comment]
+    folded = [part for line in whole for part in textwrap.wrap(line, COMMENT)]
+    return plan_header.text(name, plan, folded)
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
@@ -191,9 +232,9 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_all(result: Result, name: str, folder: Path) -> list[Path]:
-    """Every file; a plan only where both parameters are identifiable, and last, so that none of an
-    earlier run stays beside new numbers.
+def write_all(result: Result, name: str, folder: Path, force: bool = False) -> list[Path]:
+    """Every file; a plan only where nothing speaks against it or it is forced, and last, so that
+    none of an earlier run stays beside new numbers.
     """
     from dahl.identify import draw
 
@@ -203,7 +244,7 @@ def write_all(result: Result, name: str, folder: Path) -> list[Path]:
     written = [folder / f"{name}.json", folder / f"{name}.png", write_scene(result, name, folder)]
     keep(written[0], as_json(result))
     draw.draw(written[1], result)
-    if all(result.verdict.identifiable.values()):
+    if force or not result.plan.against:
         keep(plan, header(result, name))
         written.append(plan)
     return written

@@ -9,12 +9,24 @@ the end the intervals and the comparison with simpler models are taken from the 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from dahl import Error
-from dahl.identify import clean, fit, path, sweep, verdict
+from dahl.identify import (
+    angle_noise,
+    clean,
+    drift,
+    fit,
+    grid,
+    lowpass,
+    path,
+    plan_quality,
+    recording,
+    sweep,
+    verdict,
+)
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
 from dahl.identify.result import Models, Result
@@ -41,6 +53,7 @@ class Options:
     delay: bool = True
     median: int = 0  # rows; 0: what pays
     trust_units: bool = False
+    target_counts: float = 0.0  # a turn (millimetre) of the plan's encoder; 0: the log's
 
 
 class Study:
@@ -115,9 +128,13 @@ def extra(log: Log, terms: dict[str, float]) -> np.ndarray:
 
 def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     """The whole of it. Raises dahl.Error for logs that no fit can use."""
-    logs = [replace(log, notes=list(log.notes)) for log in logs]
     for log in logs:
         clean.refuse(log, options.trust_units)
+    logs = [
+        replace(piece, notes=list(piece.notes))
+        for log in logs
+        for piece in recording.mended(log, options.trust_units)
+    ]
     turned, sign = _positive(logs, options)
     steadied, window = _steadied(turned, options)
     hidden, inner = 0.0, False
@@ -137,7 +154,33 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     estimate = fit.estimate(found, terms, HIDDEN * hidden)
     _refuse_swapped(logs, found, estimate, options)
     result = _judged(study, found, estimate, delay, slack)
-    return replace(result, median=window, sign=sign, inner=inner)
+    result = replace(
+        result, median=window, sign=sign, inner=inner, raw=logs, options=asdict(options)
+    )
+    return _checked(result, options)
+
+
+def _checked(result: Result, options: Options) -> Result:
+    """With all that other checks find, the verdict on it and the worth of a plan."""
+    estimate = result.estimate
+    result.cycles = drift.cycles_of(result.logs, result.predicted, estimate, TURN / estimate.a)
+    doubted = [] if options.trust_units else grid.finding(result.raw[0])
+    result.findings = [
+        *doubted,
+        *drift.findings(result.cycles),
+        *lowpass.finding(result),
+        *angle_noise.finding(result, lambda made: _refitted(result, made)),
+    ]
+    result.verdict = verdict.judge(result)
+    result.plan = plan_quality.of(result, options.target_counts, bool(doubted))
+    return result
+
+
+def _refitted(result: Result, made: Sequence[Log]) -> Estimate:
+    """The parameters of logs that were made to see what the cleaning and the fit do to them."""
+    way = replace(result, sign=1.0, delay=0.0)
+    study = Study([_as_fitted(way, log) for log in made])
+    return fit.point(*study.search(tuple(result.estimate.terms)))
 
 
 def _refuse_swapped(logs: list[Log], found: Sweep, estimate: Estimate, options: Options) -> None:
@@ -344,14 +387,23 @@ def check(result: Result, log: Log) -> float:
     at its first row is fitted, as nobody measured it.
     """
     clean.refuse(log, trust_units=True)
+    pieces = [_as_fitted(result, piece) for piece in recording.mended(log, trust_units=True)]
+    study = Study(pieces)
+    for piece in study.logs:
+        piece.zero = result.logs[0].zero
+    if result.backlash:
+        _without_backlash(study, result.estimate)
+    torque = np.concatenate([piece.torque for piece in pieces])
+    drawn = [study.predicted(result.estimate, index) for index in range(len(pieces))]
+    left = torque - np.concatenate(drawn)
+    return 1 - float(np.sum(left**2) / np.sum((torque - torque.mean()) ** 2))
+
+
+def _as_fitted(result: Result, log: Log) -> Log:
+    """A log cleaned as those were that the parameters come from."""
     log = replace(log, theta=clean.median(log, result.median), torque=result.sign * log.torque)
     if result.inner:
         log = replace(log, theta=clean.between_counts(log))
     if result.delay:
         log = replace(log, torque=clean.shifted(log.torque, result.delay))
-    study = Study([log])
-    study.logs[0].zero = result.logs[0].zero
-    if result.backlash:
-        _without_backlash(study, result.estimate)
-    residual = log.torque - study.predicted(result.estimate, 0)
-    return 1 - float(np.sum(residual**2) / np.sum((log.torque - log.torque.mean()) ** 2))
+    return log

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 CAN_LOGS = set(logs.CAN_LOGS)
 FULL_TURN = 360.0  # deg
+SLOW = 1.0  # s a row: the time is rather in ms
+CLOCK = "time [s]"  # of frames and channels, whose readers give seconds
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
 
 
@@ -44,6 +46,7 @@ class Source:
     time: str = ""
     angle_unit: str = ""
     torque_unit: str = ""
+    time_unit: str = ""
     counts_per_turn: float = 0.0  # mm: per millimetre
     dbc: Path | None = None
     skip_gaps: bool = False
@@ -284,7 +287,7 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
     signals = Signals(source.dbc, source.angle, source.torque)
     for frame in logs.frames_of(path):
         signals.feed(frame)
-    return signals.names, signals.values(path)
+    return signals.columns, signals.values(path)
 
 
 def database_of(path: Path) -> cantools.database.Database:
@@ -311,12 +314,18 @@ class Signals:
 
     def __init__(self, dbc: Path, angle: str, torque: str) -> None:
         database = database_of(dbc)
-        self.names = {"angle": angle, "torque": torque, "time": "time"}
+        self.names = {"angle": angle, "torque": torque, "time": CLOCK}
         self.take = {name: _message_with(database, name) for name in (angle, torque)}
+        self.columns = {**self.names, "angle": self._column(angle), "torque": self._column(torque)}
         self.wanted: dict[int, list[str]] = {}
         for name, message in self.take.items():
             self.wanted.setdefault(message.frame_id, []).append(name)
         self.found: dict[str, list[tuple[float, float]]] = {name: [] for name in self.take}
+
+    def _column(self, name: str) -> str:
+        """A signal with its unit in the DBC, as columns are called."""
+        unit = self.take[name].get_signal_by_name(name).unit
+        return f"{name} [{unit}]" if unit else name
 
     def feed(self, frame: can.Message) -> None:
         """Keep what a frame says of the signals, where that is within the range the DBC gives."""
@@ -356,7 +365,7 @@ class Signals:
 
     def log(self, place: Path | str, source: Source) -> Log:
         """All until now as a log."""
-        return _log(place, source, self.names, self.values(place))
+        return _log(place, source, self.columns, self.values(place))
 
 
 def _values(
@@ -414,7 +423,7 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
     if not np.array_equal(angle.timestamps, torque.timestamps):
         values = np.interp(angle.timestamps, torque.timestamps, torque.samples)
     channels = {"angle": angle.samples, "torque": values, "time": angle.timestamps}
-    return {**names, "time": "time"}, {k: np.asarray(v, dtype=float) for k, v in channels.items()}
+    return {**names, "time": CLOCK}, {k: np.asarray(v, dtype=float) for k, v in channels.items()}
 
 
 # --- units ----------------------------------------------------------------------------------------
@@ -426,17 +435,20 @@ def _log(
     """Units applied, wraps undone, time checked."""
     if len(values["angle"]) < 2:
         raise Error(f"{path}: {len(values['angle'])} rows; a log has more than one")
-    unit = source.angle_unit or units.unit_in(names["angle"], units.ANGLES, "deg")
-    units.named(unit, units.ANGLES, "--angle-unit")
-    size, linear = units.ANGLES[unit]
-    torque_unit = source.torque_unit or units.unit_in(
-        names["torque"], units.TORQUES, "N" if linear else "Nm"
-    )
-    scale = units.TORQUES[units.named(torque_unit, units.TORQUES, "--torque-unit")]
-    time = _seconds(path, names, values)
     torque, notes = _signed(values["torque"])
-    notes += [] if source.angle_unit or unit in names["angle"] else [f"angle taken in {unit}"]
-    theta, counts = _unwrapped(values["angle"], unit, source.counts_per_turn)
+    unit, more = units.of("angle", source.angle_unit, names["angle"], units.ANGLES, "deg")
+    size, linear = units.ANGLES[unit]
+    usual = "N" if linear else "Nm"
+    torque_unit, also = units.of(
+        "torque", source.torque_unit, names["torque"], units.TORQUES, usual
+    )
+    scale = units.TORQUES[torque_unit]
+    time, clock = _seconds(path, source, names, values)
+    theta, counts = values["angle"], source.counts_per_turn
+    if _wraps(theta, unit, counts):
+        theta = np.unwrap(theta, period=_turn(unit, counts))
+        notes.append("angle wraps at a turn: unwrapped")
+    notes += [*more, *also, *clock]
     if unit == "counts":
         if not counts:
             raise Error(f"{path}: an angle in counts needs --counts-per-turn")
@@ -448,14 +460,16 @@ def _log(
 
 
 def _seconds(
-    path: Path | str, names: dict[str, str], values: dict[str, np.ndarray]
-) -> np.ndarray | None:
-    """The time column, where there is one."""
+    path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]
+) -> tuple[np.ndarray | None, list[str]]:
+    """The time column, where there is one, and a note where its unit was assumed."""
     if "time" not in values:
-        return None
+        return None, []
     _check_time(path, values["time"])
-    in_ms = re.search(r"\b(ms|msec)\b", names["time"].replace("_", " "))
-    return values["time"] * (1e-3 if in_ms else 1.0)
+    unit, notes = units.of("time", source.time_unit, names["time"], units.TIMES, "s")
+    step = float(np.ptp(values["time"])) / (len(values["time"]) - 1)
+    told = f"; a row comes every {step:.3g} s" + ", is it in ms?" * (step >= SLOW)
+    return values["time"] * units.TIMES[unit], [note + told for note in notes]
 
 
 def _check_time(path: Path | str, time: np.ndarray) -> None:
@@ -478,9 +492,14 @@ def _signed(torque: np.ndarray) -> tuple[np.ndarray, list[str]]:
     return torque, []
 
 
-def _unwrapped(angle: np.ndarray, unit: str, counts: float) -> tuple[np.ndarray, float]:
-    """An angle that jumps by a turn made continuous, in its own unit."""
-    turn = {"deg": FULL_TURN, "rad": 2 * np.pi, "mrad": 2e3 * np.pi, "turn": 1.0, "counts": counts}
-    period = turn.get(unit, 0.0)
-    wraps = period and np.ptp(angle) <= period and np.abs(np.diff(angle)).max() > 0.9 * period
-    return (np.unwrap(angle, period=period) if wraps else angle), counts
+def _turn(unit: str, counts: float) -> float:
+    """A turn in the unit of an angle; 0: a linear motion has none."""
+    turns = {"deg": FULL_TURN, "rad": 2 * np.pi, "mrad": 2e3 * np.pi, "turn": 1.0, "counts": counts}
+    return turns.get(unit, 0.0)
+
+
+def _wraps(angle: np.ndarray, unit: str, counts: float) -> bool:
+    """Whether an angle jumps by a turn."""
+    turn = _turn(unit, counts)
+    jumps = np.abs(np.diff(angle)).max() > 0.9 * turn
+    return bool(turn and np.ptp(angle) <= turn and jumps)

@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
 
@@ -37,6 +40,28 @@ class Models:
 
 
 @dataclass
+class Cycles:
+    """Each whole cycle of all logs by itself."""
+
+    value: dict[str, np.ndarray] = field(default_factory=dict)  # Fc, sigma0, offset
+    error: dict[str, np.ndarray] = field(default_factory=dict)  # standard errors / that of a row
+    rows: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))  # over all logs
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(frozen=True)
+class PlanQuality:
+    """What a plan of the found parameters is worth in a firmware."""
+
+    theta_per_count: float = 0.0  # rad (m)
+    of_target: bool = False  # of --target-counts-per-turn, not of the log's encoder
+    r2: float = 0.0  # on the raw motion, friction alone
+    against: list[str] = field(default_factory=list)  # why there should be none
+
+
+@dataclass
 class Result:
     """All that was found."""
 
@@ -55,7 +80,17 @@ class Result:
     predicted: list[np.ndarray]  # N m (N), (rows,) of each log
     verdict: Verdict = field(default_factory=Verdict)
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
+    raw: list[Log] = field(default_factory=list)  # as measured, before any cleaning of the angle
+    findings: list[Finding] = field(default_factory=list)
+    options: dict[str, Any] = field(default_factory=dict)  # what was asked for
+    cycles: Cycles = field(default_factory=Cycles)
+    plan: PlanQuality = field(default_factory=PlanQuality)
 
     @property
     def notes(self) -> list[str]:
         return [f"{log.name}: {note}" for log in self.logs for note in log.notes]
+
+
+def titled(result: Result) -> str:
+    """The names of the logs, each once."""
+    return ", ".join(dict.fromkeys(Path(one.name).name for one in result.logs))

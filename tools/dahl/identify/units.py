@@ -34,7 +34,16 @@ TORQUES = {  # N m or N per unit
     "lb": 4.4482216153,
     "kip": 4448.2216153,
 }
-SAME = {"degree": "deg", "degrees": "deg", "°": "deg", "count": "counts", "µm": "um", "µN": "uN"}
+TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}  # s per unit
+SAME = {
+    "seconds": "s",
+    "degree": "deg",
+    "degrees": "deg",
+    "°": "deg",
+    "count": "counts",
+    "µm": "um",
+    "µN": "uN",
+}
 COLUMNS = {  # what a column is called when nobody says which one it is
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$"
     r"|(?<![a-z])pos(?![a-z])",
@@ -54,6 +63,18 @@ def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
             if plain == unit or plain.lower() == unit.lower() != "n":
                 return unit
     return default
+
+
+def of(
+    what: str, given: str, name: str, known: Mapping[str, object], usual: str
+) -> tuple[str, list[str]]:
+    """The unit that the user gave, else the one in the column's name, else the usual one, with a
+    note that it was assumed. Raises dahl.Error.
+    """
+    unit = given or unit_in(name, known, "")
+    if unit:
+        return named(unit, known, f"--{what}-unit"), []
+    return usual, [f"{what} taken in {usual}: '{name}' names no unit of it (--{what}-unit)"]
 
 
 def named(value: str, known: Mapping[str, object], option: str) -> str:

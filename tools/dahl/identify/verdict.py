@@ -29,6 +29,8 @@ def judge(result: Result) -> Verdict:
     }
     if not beats_coulomb(result) or too_coarse(result):
         good["sigma0"] = False
+    for name in {name for found in result.findings for name in found.doubts}:
+        good[name] = False
     words = {
         (True, True): "sigma0 and Fc identifiable",
         (False, True): "sigma0 not identifiable, Fc is",
@@ -67,4 +69,7 @@ def _reasons(result: Result) -> list[str]:
         and r2["bilinear"] > POOR,
         "backlash: flat zone after each reversal": result.backlash > 0,
     }
-    return [words for words, holds in found.items() if holds]
+    return [
+        *(words for words, holds in found.items() if holds),
+        *(finding.text for finding in result.findings),
+    ]

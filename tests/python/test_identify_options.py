@@ -1,0 +1,351 @@
+# SPDX-License-Identifier: MIT
+"""Each option of `dahl identify` does what it says, and each number is left under its own name: in
+the JSON, in the table, in the scene and in the picture.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import joblib
+import numpy as np
+import pytest
+from dahl import logs, plots, scene
+from dahl.cli import build_parser
+from dahl.identify import draw, output, pipeline
+from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, synthetic
+from log_writers import DBC
+from rich.console import Console
+
+pytestmark = pytest.mark.usefixtures("library")
+
+ROWS, LATE, OFFSET = 2000, 6, 0.2
+
+
+@pytest.fixture
+def run_dahl(capsys):
+    return caller(capsys)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory) -> Path:
+    """A log with an offset and a torque that comes late; the last column is the torque again, with
+    a row without a number.
+    """
+    theta = sine(1, rows=ROWS + LATE, cycles=5)
+    torque = dahl_torque(theta)[:ROWS] + OFFSET + 0.02 * FC * noise_of(1, ROWS)
+    angle = np.degrees(np.floor(theta[LATE:] / COUNT) * COUNT)
+    holed = np.where(np.arange(ROWS) == 700, np.nan, 2 * torque)
+    path = tmp_path_factory.mktemp("rig") / "rig.csv"
+    table = np.column_stack((np.arange(ROWS) * 1e-3, angle, torque, holed))
+    header = "t,angle_deg,torque_Nm,friction_holed_Nm"
+    np.savetxt(path, table, fmt="%.9g", delimiter=",", header=header, comments="")
+    return path
+
+
+def found_by(run_dahl, *words: object) -> dict:
+    done = run_dahl("identify", *words, "--json", "-", "--no-files")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def usual(rig, library) -> dict:
+    from dahl.identify import readers
+
+    return output.numbers(pipeline.identify([readers.read(rig, readers.Source())]))
+
+
+def test_the_log_of_these_tests_has_something_to_find(usual):
+    assert usual["delay_rows"] == pytest.approx(LATE, abs=2.5)
+    assert usual["extra"] == {"offset": pytest.approx(OFFSET, abs=0.01)}
+    assert usual["sigma0"] == pytest.approx(SIGMA0, rel=0.15)
+
+
+def scaled(usual: dict, sigma0: float, Fc: float) -> dict:  # noqa: N803
+    """Both parameters in other units."""
+    wanted = {"sigma0": sigma0 * usual["sigma0"], "Fc": Fc * usual["Fc"]}
+    return {name: pytest.approx(value, rel=0.02) for name, value in wanted.items()}
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("--terms", "none"), lambda _: {"extra": {}}),
+        (("--terms", "viscous"), lambda _: {"extra": {"viscous": pytest.approx(0, abs=1)}}),
+        (("--no-delay",), lambda _: {"delay_rows": 0}),
+        (("--torque-unit", "mNm"), lambda usual: scaled(usual, 1e-3, 1e-3)),
+        (("--angle-unit", "rad", "--trust-units"), lambda usual: scaled(usual, np.pi / 180, 1.0)),
+        (("--angle-unit", "mm"), lambda usual: {"linear": True, **scaled(usual, np.pi / 0.18, 1)}),
+        (("--counts-per-turn", 8192), lambda _: {"resolution": pytest.approx(2 * COUNT)}),
+        (("--torque", "4", "--skip-gaps"), lambda u: {"rows": ROWS - 1, **scaled(u, 2, 2)}),
+        (("--torque", "friction_holed_Nm", "--skip-gaps"), lambda u: scaled(u, 2, 2)),
+    ],
+)
+def test_each_option_does_what_it_says(run_dahl, rig, usual, words, wanted):
+    found = found_by(run_dahl, rig, *words)
+    for name, value in wanted(usual).items():
+        assert found[name] == value, name
+
+
+def test_a_running_median_of_so_many_rows(run_dahl, rig):
+    for rows in (9, 15):
+        (note,) = (
+            text for text in found_by(run_dahl, rig, "--median", rows)["notes"] if "median" in text
+        )
+        assert f" {rows} rows" in note
+
+
+def test_the_time_is_the_column_that_was_named(run_dahl, rig):
+    """The angle itself, as a clock, goes backward."""
+    done = run_dahl("identify", rig, "--time", "angle_deg", "--no-files")
+    assert done.returncode == 2
+    assert "backward" in done.stderr
+
+
+def test_a_log_to_check_is_read_with_the_same_options(run_dahl, rig):
+    units = ("--torque-unit", "mNm", "--torque", "4", "--skip-gaps")
+    for words in ((), units):
+        found = found_by(run_dahl, rig, *words, "--check", rig)
+        assert found["checks"] == {str(rig): pytest.approx(found["r2"], abs=0.02)}
+
+
+def test_files_go_where_they_are_asked_to(run_dahl, rig, tmp_path):
+    """With --force: this torque comes late, which no plan draws."""
+    words = ("--name", "my rig", "-o", tmp_path / "out", "--json", tmp_path / "numbers.json")
+    words += ("--force",)
+    assert run_dahl("identify", rig, *words).returncode == 0
+    left = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert left == sorted(
+        ["my_rig.json", "my_rig.png", "my_rig.ini", "my_rig.csv", "dahl_plan_my_rig.h"]
+    )
+    kept = (tmp_path / "out" / "my_rig.json").read_text()
+    assert (tmp_path / "numbers.json").read_text() == kept
+    done = run_dahl("identify", rig, "--no-files", "-o", tmp_path / "none")
+    assert (done.returncode, (tmp_path / "none").exists()) == (0, False)
+
+
+def test_the_options_hold_for_each_log_of_a_folder_too(run_dahl, rig, tmp_path, usual, monkeypatch):
+    jobs, parallel = [], joblib.Parallel
+    monkeypatch.setattr(
+        joblib, "Parallel", lambda n_jobs, **how: jobs.append(n_jobs) or parallel(n_jobs=1, **how)
+    )
+    words = ("--each", rig.parent, "-o", tmp_path, "--jobs", "3", "--torque-unit", "mNm")
+    done = run_dahl("identify", *words)
+    assert (done.returncode, jobs) == (0, [3]), done.stderr
+    with (tmp_path / "each.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["log"] == "rig.csv"
+    assert {name: float(row[name]) for name in ("sigma0", "Fc")} == scaled(usual, 1e-3, 1e-3)
+
+
+def test_a_cluster_that_is_not_there_is_a_failed_run(run_dahl, rig, tmp_path, monkeypatch):
+    monkeypatch.setattr("dahl.identify.folder_runs.PATIENCE", 0.5)
+    words = ("--each", rig.parent, "-o", tmp_path, "--dask", "tcp://127.0.0.1:9")
+    done = run_dahl("identify", *words)
+    assert done.returncode == 1
+    assert "tcp://127.0.0.1:9" in done.stderr
+
+
+def test_following_ends_after_the_time_that_was_given(run_dahl, tmp_path):
+    (tmp_path / "bus.dbc").write_text(DBC)
+    words = ("--dbc", tmp_path / "bus.dbc", "--angle", "Angle", "--torque", "Torque")
+    done = run_dahl(
+        "identify", "--follow", "-i", "virtual", "-c", "silent", *words, "--seconds", "0.3"
+    )
+    assert done.returncode == 2
+    assert "0 valid frames" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "taken", "refused"),
+    [
+        ("identify x.csv --median", ("0", "99"), ("-1", "100", "5.0")),
+        ("identify --each x --jobs", ("-1", "1024"), ("-2", "1025")),
+        (
+            "identify --follow -i virtual -c x --within",
+            ("1e-30", "1e30"),
+            ("0", "-1", "nan", "inf"),
+        ),
+        ("identify --follow -i virtual -c x --frames", ("1", str(2**63)), ("0", str(2**63 + 1))),
+        ("identify --follow -i virtual -c x --seconds", ("0.001", "1e9"), ("0.0009", "1.1e9")),
+    ],
+)
+def test_both_sides_of_the_limits_of_a_number(words, taken, refused, capsys):
+    name = words.split()[-1].strip("-")
+    for text in taken:
+        args = build_parser().parse_args([*words.split(), text])
+        assert getattr(args, name) == float(text)
+    for text in refused:
+        with pytest.raises(SystemExit) as end:
+            build_parser().parse_args([*words.split(), text])
+        assert end.value.code == 2
+        assert f"{text}: " in capsys.readouterr().err
+
+
+# --- each number under its name -------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def result(library):
+    """What was found in two logs of linear motion, with a number of its own at each place."""
+    made = [replace(synthetic(seed, rows=1500, cycles=5), linear=True) for seed in (1, 2)]
+    made[0].notes.append("a note")
+    found = pipeline.identify(made)
+    terms = {"offset": 0.125, "spring": 4.5, "viscous": 0.25, "inertia": 0.0375}
+    held = {"dahl": 0.9125, "coulomb": 0.5225, "none": 0.1325, "bilinear": 0.7425}
+    models = replace(
+        found.models,
+        r2=held,
+        rmse={name: part / 8 for name, part in held.items()},
+        r2_coulomb=0.6125,
+        bilinear_sigma0=77.0,
+        terms={"dahl": list(terms), "coulomb": ["spring"]},
+    )
+    return replace(
+        found,
+        estimate=replace(found.estimate, terms=terms),
+        models=models,
+        r2=0.9525,
+        rmse=0.0215,
+        reversals=19,
+        informs=0.34,
+        delay=2.5,
+        backlash=0.004,
+        checks={"there/b.csv": 0.8325},
+    )
+
+
+def test_json_has_each_number_under_its_name(result):
+    kept, estimate, log = (json.loads(output.as_json(result)), result.estimate, result.logs[0])
+    ends = {name: [one.low, one.high] for name, one in estimate.ci95.items()}
+    assert kept["ci95"] == ends
+    assert kept["ci95"]["sigma0"][0] < kept["sigma0"] < kept["ci95"]["sigma0"][1]
+    wanted = {
+        "logs": [one.name for one in result.logs],
+        "rows": 3000,
+        "linear": True,
+        "units": {"sigma0": "N/m", "Fc": "N", "a": "1/m"},
+        "Fc": estimate.Fc,
+        "a": pytest.approx(kept["sigma0"] / kept["Fc"]),
+        "extra": {"offset": 0.125, "spring": 4.5, "viscous": 0.25, "inertia": 0.0375},
+        "r2": 0.9525,
+        "rmse": 0.0215,
+        "r2_coulomb": 0.6125,
+        "coulomb_extra": ["spring"],
+        "bilinear_sigma0": 77.0,
+        "checks": {"there/b.csv": 0.8325},
+        "reversals": 19,
+        "informs_sigma0": 0.34,
+        "delay_rows": 2.5,
+        "backlash": 0.004,
+        "resolution": log.resolution,
+        "identifiable": result.verdict.identifiable,
+        "verdict": result.verdict.text,
+        "reasons": result.verdict.reasons,
+        "notes": result.notes,
+    }
+    assert {name: kept[name] for name in wanted} == wanted
+    assert {name: one["r2"] for name, one in kept["held_out"].items()} == result.models.r2
+    assert {name: one["rmse"] for name, one in kept["held_out"].items()} == result.models.rmse
+    turning = replace(result, logs=[replace(one, linear=False) for one in result.logs])
+    assert output.numbers(turning)["units"] == {"sigma0": "N m/rad", "Fc": "N m", "a": "1/rad"}
+
+
+def test_the_table_has_each_number_under_its_name(result):
+    """With its unit; which words name the models is not asked here."""
+    text = io.StringIO()
+    Console(file=text, width=250).print(output.table(result))
+    cells = [line.split("│")[1:3] for line in text.getvalue().splitlines() if "│" in line]
+    shown = {name.strip(): value.strip() for name, value in cells}
+    assert all(Path(one.name).name in text.getvalue() for one in result.logs)
+    for name, unit in (("sigma0", "N/m"), ("Fc", "N"), ("a", "1/m")):
+        ends = result.estimate.ci95[name]
+        assert shown[name].startswith(f"{getattr(result.estimate, name):.5g} {unit} ")
+        assert shown[name].endswith(f"{ends.low:.5g} to {ends.high:.5g}")
+    units = {"offset": "N", "spring": "N/m", "viscous": "N s/m", "inertia": "N s2/m"}
+    for name, unit in units.items():
+        assert shown[name] == f"{result.estimate.terms[name]:.4g} {unit}"
+    for word, name in (("Dahl", "dahl"), ("Coulomb", "coulomb"), ("bilinear", "bilinear")):
+        (row,) = (value for key, value in shown.items() if word in key)
+        numbers = (result.models.r2[name], result.models.rmse[name])
+        assert f"{numbers[0]:.4f}" in row and f"{numbers[1]:.3g} N" in row
+    assert shown["verdict"] == result.verdict.text
+    assert shown["reversals"] == "19"
+    assert any("b.csv" in key and "0.8325" in value for key, value in shown.items())
+    assert any("0.9525" in value and "0.0215 N" in value for value in shown.values())
+    assert any(value.startswith("34 %") for value in shown.values())
+    assert any("a note" in value for _, value in cells)
+
+
+def test_the_scene_and_its_log_are_those_of_the_first_log(result, tmp_path):
+    """From its first angle, without the terms that a scene does not know."""
+    log, estimate = result.logs[0], result.estimate
+    output.write_scene(result, "x", tmp_path)
+    played = scene.read(tmp_path / "x.ini")
+    table = logs.read_table(tmp_path / played.log, [played.motion["angle"], played.measured.torque])
+    angle, torque = table.values()
+    assert angle == pytest.approx(log.theta - log.theta[0], abs=1e-9)
+    timed = {name: estimate.terms[name] for name in ("viscous", "inertia")}
+    assert torque == pytest.approx(log.torque - pipeline.extra(log, timed), abs=1e-7)
+    assert played.theta_per_count == pytest.approx(log.resolution)
+    assert float(played.motion["counts_per_unit"]) == pytest.approx(1 / log.resolution)
+    assert (played.measured.unit, played.measured.torque_scale) == ("N", 1.0)
+    assert played.measured.label_angle.endswith("[m]")
+    gone = np.cumsum(np.abs(log.moves))[played.measured.settle]
+    assert gone == pytest.approx(5 / estimate.a, rel=0.05)
+
+
+@pytest.fixture
+def picture(tmp_path, monkeypatch):
+    """The panels of the picture of a result by what they show."""
+    figures = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+
+    def panels(result):
+        draw.draw(tmp_path / "x.png", result)
+        names = ("residual", "by speed", "Fc", "sigma0", "loop", "cost")
+        return dict(zip(names, figures[-1].axes, strict=True))
+
+    return panels
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_the_picture_shows_the_log_and_its_fit(result, picture, timed):
+    log, raw = result.logs[0], result.raw[0]
+    kept = log if timed else replace(log, time=None)
+    panels = picture(replace(result, logs=[kept, *result.logs[1:]]))
+    loop, size = panels["loop"], 1e-3 if "[mm]" in panels["loop"].get_xlabel() else 1.0
+    legend = [text.get_text() for text in loop.get_legend().get_texts()]
+    lines = dict(zip(legend, (line.get_xydata().T for line in loop.lines), strict=True))
+    for name, theta, torque in (
+        ("as measured", raw.theta, result.sign * raw.torque),
+        ("fitted", log.theta, result.predicted[0]),
+    ):
+        assert lines[name][0] == pytest.approx((theta - raw.theta[0]) / size)
+        assert lines[name][1] == pytest.approx(torque)
+    assert loop.get_ylabel().endswith("[N]")
+    x, left = panels["residual"].lines[0].get_xydata().T
+    assert x == pytest.approx((raw.theta - raw.theta[0]) / size)
+    assert left == pytest.approx(log.torque - result.predicted[0])
+    assert panels["by speed"].get_xlabel().endswith("/s]" if timed else "/row]")
+
+
+def test_the_picture_shows_the_numbers_and_their_interval(result, picture):
+    panels = picture(result)
+    loop, cost = panels["loop"], panels["cost"]
+    ends, estimate = result.estimate.ci95["sigma0"], result.estimate
+    span = cost.patches[0].get_extents().transformed(cost.transData.inverted())
+    assert (span.x0, span.x1) == pytest.approx((ends.low, ends.high), rel=1e-6)
+    values, least = cost.lines[0].get_xydata().T
+    assert values[np.argmin(least)] == pytest.approx(estimate.sigma0, rel=0.02)
+    assert cost.get_xlabel().endswith("[N/m]")
+    title = loop.figure.get_suptitle()
+    assert f"{estimate.sigma0:.4g} N/m" in title and f"{estimate.Fc:.4g} N" in title
+    assert loop.get_title(loc="left") == result.verdict.text
+    assert panels["sigma0"].get_ylabel().endswith("[N/m]")
+    assert panels["Fc"].get_ylabel() == "Fc [N]"

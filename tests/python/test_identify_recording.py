@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: MIT
+"""What a recording does to a log is put right and named, or refused: units that were assumed, a
+grid that is not the encoder's, degrees for rad, gaps of the clock, wraps, repeated rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dahl import Error
+from dahl.identify import pipeline, readers, recording
+from identify_tools import (
+    COUNT,
+    FC,
+    SIGMA0,
+    dahl_torque,
+    noise_of,
+    sine,
+    synthetic,
+    write_csv,
+)
+
+pytestmark = pytest.mark.usefixtures("library")
+
+
+def holds_the_truth(result) -> bool:
+    pairs = ((result.estimate.ci95["sigma0"], SIGMA0), (result.estimate.ci95["Fc"], FC))
+    return all(one.low <= truth <= one.high for one, truth in pairs)
+
+
+# --- units and encoder ----------------------------------------------------------------------------
+
+UP = [0.5 * i for i in range(60)]
+
+
+def read(path, header: str, **source) -> list[str]:
+    """The notes on a small log with these names of columns: time or not, angle, torque."""
+    rows = [header, *(",".join([repr(x)] * len(header.split(","))) for x in UP)]
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return readers.read(path, readers.Source(**source)).notes
+
+
+@pytest.mark.parametrize(
+    ("header", "source", "assumed"),
+    [
+        ("time_s,angle_deg,torque_Nm", {}, []),
+        ("time_ms,angle_rad,torque_mNm", {}, []),
+        ("angle,load", {"angle_unit": "rad", "torque_unit": "Nm"}, []),
+        ("angle_deg,torque_A", {}, ["torque"]),
+        ("angle_deg,torque [V]", {}, ["torque"]),
+        ("angle,load", {}, ["angle", "torque"]),
+        ("t,angle,torque", {}, ["angle", "torque", "time"]),
+        ("position_mm,load", {"torque_unit": "N"}, []),
+        ("t,angle_deg,torque_Nm", {"time_unit": "ms"}, []),
+    ],
+)
+def test_each_unit_that_was_assumed_is_named(tmp_path, header, source, assumed):
+    notes = read(tmp_path / "log.csv", header, **source)
+    assert [note.split(" taken in ")[0] for note in notes] == assumed
+
+
+@pytest.mark.parametrize(
+    ("counts", "said"),
+    [(16384, ""), (8192, "16384"), (32768, "16384"), (16000, "16384")],
+)
+def test_counts_per_turn_against_the_grid(tmp_path, counts, said):
+    theta = np.floor(sine(1, rows=2000, cycles=4) / COUNT) * COUNT
+    path = write_csv(tmp_path / "a.csv", theta, dahl_torque(theta) + 0.01 * noise_of(1, 2000))
+    log = readers.read(path, readers.Source(counts_per_turn=counts))
+    result = pipeline.identify([log])
+    assert (f"{said} counts a turn" in result.verdict.text) is bool(said)
+    assert bool(result.plan.against) is bool(said)
+    for options in (pipeline.Options(trust_units=True), pipeline.Options(target_counts=8192)):
+        against = pipeline.identify([log], options).plan.against
+        assert not any("counts" in words for words in against)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 18])
+@pytest.mark.parametrize(("unit", "meant"), [("deg", "rad"), ("rad", "deg")])
+def test_degrees_and_rad_are_told_apart_both_ways(tmp_path, bits, unit, meant):
+    """By the encoder's grid; the right unit passes."""
+    count = 2 * np.pi / 2**bits
+    theta = np.floor(sine(1, rows=2000, cycles=4, amplitude=0.5) / count) * count
+    torque = dahl_torque(theta) + 0.01 * noise_of(1, 2000)
+    values = theta if meant == "rad" else np.degrees(theta)
+    table = "\n".join(f"{x:.9g},{y:.9g}" for x, y in zip(values, torque, strict=True))
+    for name in (unit, meant):
+        (tmp_path / "a.csv").write_text(f"angle_{name},torque_Nm\n{table}\n")
+        log = readers.read(tmp_path / "a.csv", readers.Source())
+        if name == meant:
+            assert pipeline.identify([log]).estimate.Fc == pytest.approx(FC, rel=0.05)
+        else:
+            with pytest.raises(Error, match=f"is the angle in {meant}"):
+                pipeline.identify([log])
+
+
+# --- gaps of the clock ----------------------------------------------------------------------------
+
+
+def without_turns(log, rows: int = 837):
+    """A log that lost every third reversal, with `rows` rows around each."""
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(sine(int(log.name[5:]))))) != 0)[1:18:3]
+    keep = np.ones(log.rows, dtype=bool)
+    for turn in turns:
+        keep[max(turn - rows // 2, 0) : turn + rows // 2] = False
+    return recording.taken(log, keep, []), len(turns)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_log_is_split_at_the_gaps_of_its_clock(seed):
+    """Reversals that nobody saw: with the gaps joined, sigma0 is far off and its interval too."""
+    log, gaps = without_turns(synthetic(seed))
+    result = pipeline.identify([log])
+    assert len(result.logs) == gaps + 1
+    assert f"{gaps} gaps" in " ".join(result.notes)
+    assert sum(piece.rows for piece in result.logs) == log.rows
+    assert holds_the_truth(result)
+    assert not holds_the_truth(pipeline.identify([replace(log, time=None)]))
+    assert pipeline.check(result, log) == pytest.approx(result.r2, abs=0.002)
+
+
+@pytest.mark.parametrize("clock", ["steady", "jitter", "coarse", "by edge"])
+def test_a_clock_without_gaps_splits_nothing(clock):
+    rng = np.random.default_rng(1)
+    log = synthetic(1, rows=3000, cycles=3)
+    if clock == "jitter":
+        log.time = np.cumsum(rng.uniform(0.5e-3, 1.5e-3, log.rows))
+    elif clock == "coarse":
+        log.time = np.floor(log.time / 0.004) * 0.004
+    elif clock == "by edge":
+        edges = np.concatenate(([True], np.diff(log.theta) != 0))
+        log = recording.taken(log, edges, [])
+    assert len(recording.split_at_gaps(log)) == 1
+
+
+def test_pieces_too_short_or_at_rest_are_left_out():
+    log = synthetic(1, rows=3000, cycles=3)
+    keep = np.ones(3000, dtype=bool)
+    keep[1000:1100] = keep[1120:1300] = keep[2000:2100] = False
+    log.theta[1300:2000] = log.theta[1300]
+    pieces = recording.split_at_gaps(recording.taken(log, keep, []))
+    assert [piece.rows for piece in pieces] == [1000, 900]
+    assert "720 rows" in pieces[0].notes[0]
+
+
+# --- wraps ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("counts", [128, 256, 200])
+@pytest.mark.parametrize("offset", [0, 60])
+def test_a_counter_that_wraps(counts, offset):
+    """Powers of two are unwrapped, any other period is refused."""
+    log = synthetic(1)  # covers 260 counts
+    read = np.round(log.theta / COUNT).astype(int) + offset
+    wrapped = replace(log, theta=(read % counts) * COUNT)
+    if counts == 200:
+        with pytest.raises(Error, match="unwrap it"):
+            pipeline.identify([wrapped])
+        return
+    result = pipeline.identify([wrapped])
+    assert "wraps" in result.notes[0]
+    assert result.estimate.sigma0 == pytest.approx(pipeline.identify([log]).estimate.sigma0)
+
+
+@pytest.mark.parametrize("unit", ["deg", "rad"])
+def test_a_wrap_at_a_turn_is_named(tmp_path, unit):
+    turn = {"deg": 360.0, "rad": 2 * np.pi}[unit]
+    angle = 0.7 * turn * np.sin(np.linspace(0, 20, 400)) % turn
+    rows = "\n".join(f"{x!r},{i}" for i, x in enumerate(angle.tolist()))
+    (tmp_path / "a.csv").write_text(f"angle [{unit}],torque [Nm]\n{rows}\n")
+    assert any("wraps" in note for note in readers.read(tmp_path / "a.csv", readers.Source()).notes)
+
+
+@pytest.mark.parametrize("kind", ["smooth", "spikes", "two levels", "coarse"])
+def test_what_does_not_wrap(kind):
+    theta = synthetic(1).theta.copy()
+    if kind == "spikes":
+        theta[::500] = theta.max()
+    elif kind == "two levels":
+        theta = (theta > 0) * COUNT
+    elif kind == "coarse":
+        theta = theta[::400]
+    assert not recording.wraps_of(theta).any()
+
+
+# --- repeated rows --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["each twice", "some"])
+def test_repeated_rows_are_left_out_and_named(kind):
+    log = synthetic(1)
+    often = np.full(log.rows, 2)
+    if kind == "some":
+        often = 1 + (np.random.default_rng(1).uniform(size=log.rows) < 0.1)
+    rows = np.repeat(np.arange(log.rows), often)
+    twice = replace(recording.taken(log, rows, []), time=np.arange(len(rows)) * 1e-3)
+    kept = recording.without_repeats(twice)
+    assert np.array_equal(kept.torque, log.torque)
+    assert str(len(rows) - log.rows) in kept.notes[0]
+
+
+@pytest.mark.parametrize("kind", ["noise", "computed", "coarse torque", "at rest"])
+def test_rows_that_are_alike_for_other_reasons_stay(kind):
+    log = synthetic(1)
+    if kind == "computed":
+        log.torque = dahl_torque(log.theta)
+    elif kind == "coarse torque":
+        log.torque = np.round(log.torque / 0.05) * 0.05
+    elif kind == "at rest":
+        log.theta[500:] = log.theta[500]
+        log.torque[500:] = log.torque[500]
+    assert recording.without_repeats(log) is log

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: MIT
+"""What the recording did to a log, put right before any fit and named: rows that repeat the row
+before, a counter that wraps, a clock with gaps.
+
+Each step takes a log and gives it back mended, with a note; a log that cannot be mended is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dahl import Error
+from dahl.identify.clean import MIN_ROWS
+from dahl.identify.log import BY_ROW, Log
+
+REPEATED = 0.01  # of the rows
+AT_REST = 0.9  # of the rows: beyond it a log has no motion to tell from
+BY_CHANCE = 0.1  # of the repeated rows: so many torques stay while the angle moves
+NOISELESS = 1e-4  # of the range of the torque: a change of slope that no sensor resolves
+SMOOTH_SPAN = 16.0  # the range of a wrapping angle over its largest true move
+NEAR_WHOLE = 0.01  # of a period
+LONG_STEP, USUAL = 5.0, 95  # times the USUAL-th percentile of the clock's steps
+EVENTS = 0.9  # of the moving rows by one count: a log written at each edge of the encoder
+
+
+def mended(log: Log, trust_units: bool = False) -> list[Log]:
+    """The log as pieces without a gap, wrap or repeated row. Raises dahl.Error."""
+    return split_at_gaps(unwrapped(without_repeats(log), trust_units))
+
+
+def taken(log: Log, rows: np.ndarray | slice, notes: list[str]) -> Log:
+    """Some rows of a log, with these notes."""
+    arrays = {name: getattr(log, name) for name in BY_ROW}
+    some = {name: values[rows] for name, values in arrays.items() if values is not None}
+    return replace(log, notes=notes, **some)
+
+
+# --- repeated rows --------------------------------------------------------------------------------
+
+
+def without_repeats(log: Log) -> Log:
+    """Without the rows that give angle and torque of the row before once more, where the torque
+    never stands still while the angle moves.
+    """
+    still, same = np.diff(log.theta) == 0, np.diff(log.torque) == 0
+    repeated = np.concatenate(([False], still & same))
+    share = float(repeated.mean())
+    if share < REPEATED or still.mean() > AT_REST or same[~still].mean() > BY_CHANCE * share:
+        return log
+    if _noiseless(log.torque[~repeated]):
+        return log  # a computed torque stands still with its angle
+    words = f"{repeated.sum()} of {log.rows} rows repeat the row before: left out"
+    return taken(log, ~repeated, [*log.notes, words])
+
+
+def _noiseless(torque: np.ndarray) -> bool:
+    return bool(np.median(np.abs(np.diff(torque, 2))) < NOISELESS * np.ptp(torque))
+
+
+# --- wraps ----------------------------------------------------------------------------------------
+
+
+def unwrapped(log: Log, trust_units: bool = False) -> Log:
+    """With the jumps of a counter that wraps taken out. Raises dahl.Error where there are jumps of
+    that kind and the period cannot be told.
+    """
+    jumps = wraps_of(log.theta)
+    if trust_units or not jumps.any():
+        return log
+    period = period_of(log, jumps)
+    if period == 0:
+        raise Error(
+            f"{log.name}: the angle jumps from one end of its range to the other"
+            f" {np.count_nonzero(jumps)} times, as a counter that wraps does, but not by a turn or"
+            " a power of two counts: unwrap it first (--trust-units takes it as it is)"
+        )
+    counts = f" ({period / log.resolution:.0f} counts)" if log.resolution else ""
+    words = (
+        f"angle wraps {np.count_nonzero(jumps)} times at {period:.6g} {log.angle_unit}{counts}:"
+        " unwrapped"
+    )
+    return replace(log, theta=np.unwrap(log.theta, period=period), notes=[*log.notes, words])
+
+
+def wraps_of(theta: np.ndarray) -> np.ndarray:
+    """Which moves go from one end of the range to the other in a motion that else is smooth."""
+    moves, span = np.abs(np.diff(theta)), float(np.ptp(theta))
+    jumps: np.ndarray = moves > span / 2
+    if not jumps.any() or jumps.all():
+        return np.zeros_like(jumps)
+    usual = float(moves[~jumps].max())
+    smooth = 0 < SMOOTH_SPAN * usual < span
+    at_ends = float(moves[jumps].min()) > span - 4 * usual
+    return jumps if smooth and at_ends else np.zeros_like(jumps)
+
+
+def period_of(log: Log, jumps: np.ndarray) -> float:
+    """At which angle the counter wraps: a power of two counts, or a turn; 0: neither."""
+    moves = np.diff(log.theta)
+    rows = np.flatnonzero(jumps)
+    others = np.where(jumps, 0.0, np.abs(moves))
+    beside = np.maximum(
+        others[np.maximum(rows - 1, 0)], others[np.minimum(rows + 1, len(moves) - 1)]
+    )
+    jumped = float(np.median(np.abs(moves[rows]) + beside))
+    slack = NEAR_WHOLE * jumped + 2 * log.resolution
+    whole = [] if log.linear else [2 * np.pi]
+    if log.resolution:
+        whole.append(log.resolution * 2.0 ** round(np.log2(jumped / log.resolution)))
+    near = [period for period in whole if abs(period - jumped) < slack]
+    return min(near, key=lambda period: abs(period - jumped), default=0.0)
+
+
+# --- gaps of the clock ----------------------------------------------------------------------------
+
+
+def split_at_gaps(log: Log) -> list[Log]:
+    """The pieces between the gaps: what moved in a gap nobody saw, so that each piece has its own
+    torque at its first row. Pieces too short for a fit, or without motion, are left out.
+    """
+    after = gaps_of(log)
+    if len(after) == 0:
+        return [log]
+    assert log.time is not None  # no gap is found without a clock
+    ends = [0, *after.tolist(), log.rows]
+    cut = [slice(start, end) for start, end in zip(ends, ends[1:], strict=False)]
+    whole = [rows for rows in cut if _tells(log, rows)]
+    lost = float(np.sum(log.time[after] - log.time[after - 1]))
+    left = sum(rows.stop - rows.start for rows in cut) - sum(r.stop - r.start for r in whole)
+    words = (
+        f"the clock has {len(after)} gap{'s' * (len(after) != 1)} ({lost:.3g} s in all, the first"
+        f" after row {after[0]}): split there into {len(whole)} pieces"
+        + (f"; {left} rows in pieces too short left out" if left else "")
+    )
+    if not whole:
+        raise Error(f"{log.name}: {words}")
+    return [taken(log, rows, [] if i else [*log.notes, words]) for i, rows in enumerate(whole)]
+
+
+def _tells(log: Log, rows: slice) -> bool:
+    """Whether a piece is long enough and moves."""
+    long_enough = rows.stop - rows.start >= MIN_ROWS
+    return long_enough and np.ptp(log.theta[rows]) > 0 and bool(np.ptp(log.torque[rows]) > 0)
+
+
+def gaps_of(log: Log) -> np.ndarray:
+    """The first row after each gap of the clock: a step of time far above the usual ones, in a log
+    that is sampled by its clock and not at each edge of the encoder.
+    """
+    if log.time is None or _by_event(log):
+        return np.zeros(0, dtype=int)
+    steps = np.diff(log.time)
+    going = steps[steps > 0]
+    if len(going) < MIN_ROWS:
+        return np.zeros(0, dtype=int)
+    return np.flatnonzero(steps > LONG_STEP * np.percentile(going, USUAL)) + 1
+
+
+def _by_event(log: Log) -> bool:
+    if log.resolution == 0:
+        return False
+    counts = np.abs(log.moves[1:]) / log.resolution
+    return bool(np.mean(np.abs(counts - 1) < 0.1) > EVENTS)
