@@ -107,7 +107,10 @@ main() {
     write_command "$folder" "$@"
     boot "$folder" || say "QEMU ended with code $?"
     cat "$folder/.vm/output" 2>/dev/null || true
-    [ -s "$folder/.vm/code" ] || { tail -n 5 "$folder/.vm/console" "$folder/.vm/qemu" >&2; die "the machine did not run"; }
+    [ -s "$folder/.vm/code" ] || {
+        tail -n 5 "$folder/.vm/console" "$folder/.vm/qemu" >&2 || true # QEMU may have ended before it made a console
+        die "the machine did not run"
+    }
     return "$(cat "$folder/.vm/code")"
 }
 

@@ -5,11 +5,13 @@ made up for it, and the pictures.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,6 +25,7 @@ import host  # noqa: E402
 import report  # noqa: E402
 import results  # noqa: E402
 import target  # noqa: E402
+from dahl import reference  # noqa: E402
 
 pytestmark = pytest.mark.checks
 
@@ -70,6 +73,84 @@ def test_ours_is_within_its_bound_on_every_motion(measured) -> None:
 def test_a_tick_costs_at_most_one_and_a_half_of_euler(counted) -> None:
     motions = results.motions_of(counted, "m4f")
     assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
+
+
+# --- what host_bench prints ----------------------------------------------------------------------
+
+BLOCKS = 24  # of 4096 ticks, next to 1e5
+
+
+def rows_by(rows: list[dict], *keys: str) -> dict:
+    return {tuple(row[key] for key in keys): row for row in rows}
+
+
+def test_moves_come_with_the_exact_torque(measured) -> None:
+    """Against a reference in 100 bits: the motion's encoder, sigma0, Fc and sign."""
+    for name, scenario in host.outside_task(host.QUICK)["scenarios"].items():
+        a_theta = reference.travel_per_count(host.SIGMA0, host.FC, scenario["theta"])
+        exact = reference.exact_ratios(scenario["moves"][:2000], a_theta)
+        assert scenario["exact"][:2000] == pytest.approx([float(w) for w in exact], abs=1e-14), name
+        assert len(scenario["moves"]) == host.QUICK.outside
+
+
+def test_one_part_is_the_plain_solver(measured) -> None:
+    errors = rows_by(host.rows("errors", 8192), "scenario", "way")
+    for solver in ("euler", "rk4"):
+        [parts] = host.rows("parts-error", f"{solver}_parts", 1, "sine_16", 8192)
+        plain = errors["sine_16", solver]
+        assert (parts["worst"], parts["rms"]) == (plain["worst"], plain["rms"])
+        assert 0 < float(plain["rms"]) < float(plain["worst"])
+        [many] = host.rows("parts-error", f"{solver}_parts", 16, "sine_16", 8192)
+        assert float(many["worst"]) < float(plain["worst"]) / 10
+
+
+def test_growth_passes_through_the_errors_of_a_run(measured) -> None:
+    grown = rows_by(host.rows("growth", "walk_20", 10**5), "way", "ticks")
+    around = [
+        rows_by(host.rows("errors", 4096 * blocks), "scenario", "way")
+        for blocks in (BLOCKS, BLOCKS + 1)
+    ]
+    for way in figures.GROWTH_TITLES:
+        least, most = (float(errors["walk_20", way]["worst"]) for errors in around)
+        errors = [float(grown[way, 10**n]["worst"]) for n in (2, 3, 4, 5)]
+        assert errors == sorted(errors)
+        assert 0.999 * least <= errors[-1] <= 1.001 * most
+
+
+def test_parts_by_rate_are_the_fewest_that_are_enough(measured) -> None:
+    """Half of them would err 16 times as much with RK4, less with the others."""
+    few, many = (rows_by(host.rows("parts", rate, 1e-3), "way") for rate in (3000, 100))
+    for way, row in many.items():
+        assert row["rate"] == 100 and 1 <= few[way]["parts"] < row["parts"]
+        for found in (row, few[way]):
+            assert 1e-3 / 20 < float(found["worst"]) <= 1e-3 or found["parts"] == 1
+
+
+@pytest.mark.parametrize(
+    ("ways", "least", "most"),
+    [
+        (("euler", "backward_parts"), 1e-2, 1e-1),
+        (("trapezoid_parts",), 5e-4, 5e-3),
+        (("rk4",), 1e-6, 1e-5),
+        (("table",), 1e-3, 1e-2),
+        (("expm1f", "expf", "exp_double", "expm1_double", "anchored", "direct"), 2e-8, 1e-6),
+        (("double_state", "table_counts"), 1e-8, 1e-6),
+    ],
+)
+def test_rivals_err_as_it_is_their_way(measured, ways, least, most) -> None:
+    """On a slow sine: by the order of a solver, the grid of a table, the rounding of a float."""
+    for way in ways:
+        assert least < measured["errors"]["sine_16"][way][0] < most, way
+
+
+def test_speed_is_nanoseconds_a_tick(measured) -> None:
+    """All rounds of all ways take what the best round of each says, and not much more."""
+    ticks, rounds = 20_000, 15
+    start = time.perf_counter()
+    speed = host.measure_speed(dataclasses.replace(host.QUICK, speed=ticks))
+    took = time.perf_counter() - start
+    least = sum(ns for ways in speed.values() for ns in ways.values()) * ticks * rounds * 1e-9
+    assert 0.1 * took < least < took
 
 
 # --- what results.py says of points made up for it -----------------------------------------------

@@ -40,7 +40,9 @@ def test_other_elements_do_not_reach_the_node(element: bytes) -> None:
     assert bridge.to_line(element) == b""
 
 
-@pytest.mark.parametrize("line", [b"", b"z", b"t1000", b"T0000010010", b"t10021", b"r1000"])
+@pytest.mark.parametrize(
+    "line", [b"", b"z", b"t1000", b"T0000010010", b"t10021", b"r1000", b"t1002AA", b"t1001AABB"]
+)
 def test_other_lines_do_not_reach_the_bus(line: bytes) -> None:
     assert bridge.to_element(line) in (b"", b"< send 100 0  >")
     assert (bridge.to_element(line) == b"") == (line != b"t1000")
@@ -76,7 +78,9 @@ def opened(monkeypatch, capsys) -> Iterator[tuple[Peer, Peer, threading.Thread, 
     """Node and bus after the greeting, the bridge between them in a thread, its exit code."""
     monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)  # for the main thread alone
     node, bus, code = Peer(), Peer(), []
-    work = threading.Thread(target=lambda: code.append(bridge.main([node.port, bus.port])))
+    work = threading.Thread(
+        target=lambda: code.append(bridge.main([node.port, bus.port])), daemon=True
+    )
     work.start()
     node.accept()
     bus.accept()
@@ -110,7 +114,9 @@ def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
 def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(monkeypatch, capsys) -> None:
     monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)
     node, bus, code = Peer(), Peer(), []
-    work = threading.Thread(target=lambda: code.append(bridge.main([node.port, bus.port])))
+    work = threading.Thread(
+        target=lambda: code.append(bridge.main([node.port, bus.port])), daemon=True
+    )
     work.start()
     node.accept()
     bus.accept()

@@ -34,6 +34,23 @@ def test_what_needs_no_more_starts_at_once(without_scipy):
     assert not (folder / "asked").exists()
 
 
+@pytest.mark.parametrize(
+    "need",
+    [
+        ("identify", "pandas"),
+        ("identify", "joblib"),
+        ("excite", "scipy"),
+        ("monitor", "plotext"),
+        ("report", "jinja2"),
+    ],
+)
+def test_each_command_knows_its_packages(monkeypatch, need):
+    monkeypatch.setenv(by_need.TRIED, "1")
+    monkeypatch.setattr(by_need, "find_spec", lambda name: None if name == need[1] else name)
+    with pytest.raises(RunError, match=f"{need[0]} needs .*: {need[1]}$"):
+        by_need.bring(need[0], [need[0]])
+
+
 def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):
     folder, started = without_scipy
     (folder / "code").write_text("0")

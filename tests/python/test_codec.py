@@ -106,6 +106,7 @@ BOUNDED = (
     "Timeout",
     "MaxStep",
     "StatusPeriod",
+    "Model",
     "Param",
 )
 PARAMS = (
@@ -118,6 +119,7 @@ PARAMS = (
     "Timeout",
     "MaxStep",
     "StatusPeriod",
+    "Model",
 )
 
 

@@ -20,7 +20,7 @@ PRIVATE = {
 }
 # Names that real projects have, and that stood on their include path once.
 USUAL = {"bits.h", "fixed.h", "kernel.h", "torque.h", "multiply.h", "compiler.h"}
-HEADERS = {"dahl.h", "dahl_encoder.h"}
+HEADERS = {"dahl.h", "dahl_encoder.h", "dahl_parts.h"}
 WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 takes any 0.2.x and no other
 MANIFEST_WAYS = ["platformio", "esp_idf", "zephyr"]
 WAYS = ["add_subdirectory", "FetchContent", "find_package", *MANIFEST_WAYS]

@@ -11,7 +11,7 @@ import threading
 from dataclasses import replace
 
 import pytest
-from dahl import Error, RunError, data
+from dahl import Error, RunError, cli, data
 
 ROWS = [(8.595, 1), (8.6, 2), (8.605, 3), (128.995, 4), (129, 5), (130, 6)]
 HEADER = "Time [s]\tNormal [uN]\tPosition [mm]\tFriction [uN]"
@@ -81,6 +81,9 @@ def test_download_cuts_and_proves_and_keeps(alone, server, monkeypatch):
     assert [path.name for path in folder.iterdir()] == ["reciprocating.tsv"]
     server.clear()
     assert data.folder("tribometer") == folder  # from the cache, without the server
+    (folder / "reciprocating.tsv").unlink()
+    with pytest.raises(RunError, match="cannot be fetched"):  # a folder is not yet its files
+        data.folder("tribometer")
 
 
 def test_a_changed_file_is_refused(alone, server, monkeypatch):
@@ -123,7 +126,15 @@ def test_what_is_derived_is_not_downloaded(alone):
 def test_a_folder_given_comes_first(alone, monkeypatch):
     (alone / "mine" / "cycloidal").mkdir(parents=True)
     monkeypatch.setenv("DAHL_DATA", str(alone / "mine"))
+    (alone / "elsewhere" / "shared" / "data" / "cycloidal").mkdir(parents=True)
     assert data.folder("cycloidal") == alone / "mine" / "cycloidal"
+    monkeypatch.delenv("DAHL_DATA")
+    beside = alone / "elsewhere" / "shared" / "data" / "cycloidal"
+    assert data.folder("cycloidal") == beside
+    (beside / "log.csv").write_text("a\n")
+    assert data.find_log("cycloidal/log.csv", alone) == beside / "log.csv"
+    with pytest.raises(Error, match="none.csv: no such file in the measured set 'cycloidal'"):
+        data.find_log("cycloidal/none.csv", alone)
 
 
 def test_a_log_is_found_beside_its_scene(alone):
@@ -144,6 +155,19 @@ def test_files_in_reach_have_the_stated_sha256(measured_file, name):
     for file in data.SETS[name].files:
         content = measured_file(name, file.name).read_bytes()
         assert hashlib.sha256(content).hexdigest() == file.sha256
+
+
+def test_the_list_says_where_each_set_is_or_comes_from(alone, monkeypatch, capsys):
+    (alone / "mine" / "servo_pendulum").mkdir(parents=True)
+    monkeypatch.setenv("DAHL_DATA", str(alone / "mine"))
+    assert cli.main(["data"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[::3] == list(data.SETS)
+    for known, what, where in zip(data.SETS.values(), lines[1::3], lines[2::3], strict=True):
+        assert what.split() == f"{known.what} ({known.licence})".split()
+        assert (known.repo in where) == bool(known.commit and str(alone) not in where)
+    here = dict(zip(data.SETS, (line.strip() for line in lines[2::3]), strict=True))
+    assert here["servo_pendulum"] == str(alone / "mine" / "servo_pendulum")
 
 
 def test_the_command(run_dahl):

@@ -25,6 +25,10 @@ def described(nodes: int, folder: Path) -> cantools.database.Database:
     return cantools.database.load_file(path)
 
 
+def numbered(name: str, number: int) -> str:
+    return f"{name}_{number}" if number else name
+
+
 def test_one_for_n_nodes_decodes_every_frame_of_their_bus(tmp_path: Path) -> None:
     many = described(3, tmp_path)
     run(tmp_path / "run", SCENE, "--virtual", "--nodes", "3")
@@ -46,7 +50,7 @@ def test_one_for_n_nodes_keeps_all_that_the_dbc_says(
     for message in database.messages:
         for number in (0, 1, 15):
             twin = many.get_message_by_frame_id(message.frame_id + number)
-            assert twin.name == (f"{message.name}_{number}" if number else message.name)
+            assert twin.name == numbered(message.name, number)
             assert twin.comment == message.comment
             assert twin.cycle_time == message.cycle_time
             assert twin.send_type == message.send_type
@@ -57,7 +61,18 @@ def test_one_for_n_nodes_keeps_all_that_the_dbc_says(
                 other = twin.get_signal_by_name(signal.name)
                 for what in ("start", "length", "scale", "unit", "comment", "choices", "initial"):
                     assert getattr(other, what) == getattr(signal, what), (signal.name, what)
-            assert set(twin.senders) <= {node.name for node in many.nodes}
+                assert other.receivers == [numbered(name, number) for name in signal.receivers]
+            assert twin.senders == [numbered(name, number) for name in message.senders]
+    names = [numbered(node.name, number) for number in range(16) for node in database.nodes]
+    assert sorted(node.name for node in many.nodes) == sorted(names)
+    assert many.version == database.version
+
+
+def test_without_a_file_it_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    described(2, tmp_path)
+    capsys.readouterr()
+    assert cli.main(["dbc", "--nodes", "2"]) == 0
+    assert capsys.readouterr().out == (tmp_path / "2.dbc").read_text()
 
 
 @pytest.mark.parametrize("nodes", ["0", "17", "two"])

@@ -5,6 +5,8 @@ there, disks that fill up, files that are not what they should be.
 
 from __future__ import annotations
 
+import os
+import struct
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -14,12 +16,16 @@ import pytest
 from dahl import (
     Error,
     RunError,
+    __version__,
     bus,
+    commands,
     data,
+    firmware,
     paths,
     plan_header,
     scene,
 )
+from dahl.cli import build_parser
 from dahl.identify import folder_runs, output, pipeline
 from dahl.interrupt import Stop
 from identify_tools import caller, synthetic
@@ -55,6 +61,71 @@ def test_frames_of_can_fd_are_logged_as_candump_does(switch, passive, flags):
     assert bus.candump_line(frame) == f"(0000000000.000000) vcan0 123##{flags}AB\n"
 
 
+@pytest.mark.parametrize(
+    ("flags", "up"), [("0x1003", True), ("0x80", False), ("0xc1", True), (None, False)]
+)
+def test_an_interface_that_is_there_may_be_down(monkeypatch, tmp_path, flags, up):
+    """As ip link has it: 1 of its flags. Nothing is made here."""
+    monkeypatch.setattr(bus, "Path", lambda path: tmp_path / path.lstrip("/"))
+    monkeypatch.setattr(bus.shutil, "which", lambda _: None)
+    folder = tmp_path / "sys/class/net/vcan7"
+    folder.mkdir(parents=True)
+    if flags:
+        (folder / "flags").write_text(f"{flags}\n")
+    assert bus.vcan_is_up("vcan7") == up
+
+
+def test_an_interface_that_is_not_there_is_made_and_set_up(monkeypatch, tmp_path):
+    monkeypatch.setattr(bus, "Path", lambda path: tmp_path / path.lstrip("/"))
+    net = tmp_path / "sys/class/net"
+    (tmp_path / "ip").write_text(
+        f'#!/bin/sh\ncase "$*" in\n"link add dev vcan7 type vcan") mkdir -p {net}/vcan7;'
+        f" echo 0x80 >{net}/vcan7/flags;;\n"
+        f'"link set vcan7 up") echo 0xc1 >{net}/vcan7/flags;;\nesac\n'
+    )
+    (tmp_path / "ip").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    assert bus.vcan_is_up("vcan7")
+
+
+def test_a_bus_that_opens_late_is_waited_for(monkeypatch):
+    tries = []
+
+    def late(**settings: object) -> str:
+        tries.append(settings)
+        if len(tries) < 3:
+            raise OSError("not yet")
+        return "the bus"
+
+    monkeypatch.setattr(can, "Bus", late)
+    assert bus.open_bus(5.0, interface="virtual", channel="x") == "the bus"
+    assert tries == [{"interface": "virtual", "channel": "x"}] * 3
+    tries.clear()
+    with pytest.raises(RunError, match=r"\(interface=virtual channel=x\): not yet"):
+        bus.open_bus(interface="virtual", channel="x")
+    assert len(tries) == 1
+
+
+@pytest.mark.parametrize(
+    ("wanted", "kernel", "up", "chosen"),
+    [
+        (None, True, True, "socketcan:vcan0"),
+        (None, True, False, "socketcand"),
+        (None, False, True, "socketcand"),
+        ("socketcand", True, True, "socketcand"),
+        ("socketcand:29536", True, True, "socketcand:29536"),
+        ("socketcan:can1", False, False, "socketcan:can1"),
+    ],
+)
+def test_the_best_bus_there_is_or_the_one_asked_for(monkeypatch, wanted, kernel, up, chosen):
+    monkeypatch.setattr(bus, "has_socketcan", lambda: kernel)
+    monkeypatch.setattr(bus, "vcan_is_up", lambda: up)
+    assert bus.choose(wanted)[0] == chosen
+    for wrong in ("vcan0", "socketcan", "socketcan:", "socketcand:x", "socketcand:1:2"):
+        with pytest.raises(Error, match=f"--bus {wrong}: socketcan:INTERFACE, socketcand or"):
+            bus.choose(wrong)
+
+
 # --- programs -------------------------------------------------------------------------------------
 
 
@@ -68,7 +139,75 @@ def test_programs_that_are_not_built_are_named(monkeypatch, tmp_path):
 # --- firmware -------------------------------------------------------------------------------------
 
 
+def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, tmp_path):
+    (tmp_path / "qemu-system-arm").write_text('#!/bin/sh\necho "qemu: $*" >&2\nexit 1\n')
+    (tmp_path / "qemu-system-arm").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    node = firmware.Firmware("m4f", (100.0, 0.5, 0.25), tmp_path, 3, 7000, tmp_path / "image")
+    page = struct.unpack("<I3f2I", node.page.read_bytes())
+    assert page == (int.from_bytes(b"DAHL", "little"), 100.0, 0.5, 0.25, 3, 7000)
+    with pytest.raises(RunError, match="QEMU did not start: qemu: ") as caught, node:
+        pass
+    board = firmware.boards()["m4f"]
+    loader = f"loader,file={node.page},addr={board.page:#x},force-raw=on"
+    for words in (f"-M {board.machine} ", f"-kernel {tmp_path}/image", f"-device {loader}"):
+        assert words in str(caught.value)
+
+
 # --- the command line -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "words"),
+    [
+        (MemoryError(), 1, "not enough memory"),
+        (PermissionError(13, "Permission denied", "a.csv"), 1, "a.csv: Permission denied"),
+        (RunError("gone"), 1, "gone"),
+        (Error("odd"), 2, "odd"),
+    ],
+)
+def test_what_goes_wrong_has_its_code(run_dahl, monkeypatch, fault, code, words):
+    def fail(_: object) -> None:
+        raise fault
+
+    monkeypatch.setattr(commands.data, "run", fail)
+    done = run_dahl("data")
+    assert (done.returncode, done.stderr) == (code, f"error: {words}\n")
+
+
+def test_the_version_is_said(run_dahl):
+    assert run_dahl("--version").stdout == f"dahl {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [("demo", "demo"), ("identify", "identify"), ("excite --counts-per-turn 1", "identify")],
+)
+def test_files_go_into_the_build_folder_where_none_is_named(words, name):
+    assert build_parser().parse_args(words.split()).output == paths.ROOT / "build" / name
+
+
+LIMITS = [
+    (("monitor", "--node"), ("0", "15"), ("-1", "16", "1.5")),
+    (("monitor", "--window"), ("2", "1000000"), ("1", "1000001")),
+    (("monitor", "--seconds"), ("0.001", "1e9"), ("0", "0.0009", "1.1e9", "inf")),
+    (("record", "-o", "x", "--frames"), ("1", str(2**63)), ("0", str(2**63 + 1))),
+    (("dbc", "--nodes"), ("1", "16"), ("0", "17")),
+    (("demo", "--seed"), ("0", str(2**64 - 1)), ("-1", str(2**64))),
+    (("identify", "--median"), ("0", "99"), ("-1", "100")),
+    (("identify", "--jobs"), ("-1", "1024"), ("-2", "1025")),
+    (("excite", "--counts-per-turn"), ("1e-30", "1e30"), ("0", "-1", "nan", "1.1e30")),
+]
+
+
+@pytest.mark.parametrize(("words", "taken", "refused"), LIMITS, ids=lambda each: each[-1])
+def test_the_limits_of_an_option_are_taken_and_no_more(words, taken, refused, capsys):
+    for value in taken:
+        build_parser().parse_args([*words[:-1], f"{words[-1]}={value}"])
+    for value in refused:
+        with pytest.raises(SystemExit) as ended:
+            build_parser().parse_args([*words[:-1], f"{words[-1]}={value}"])
+        assert ended.value.code == 2 and f"{value}: not a" in capsys.readouterr().err
 
 
 def test_a_reader_that_stops_early_is_no_error(root):

@@ -225,16 +225,44 @@ def lose():
     with interrupt.Stop() as stop:
         print("" if stop.asked else "went on", end="")
     return 0
+def twice():
+    with interrupt.Stop() as stop:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+        if stop.asked:
+            os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(1)
+    print("went on")
+    return 0
+def after():
+    with interrupt.Stop():
+        pass
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(1)
+    print("went on")
+    return 0
+def nohup():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with interrupt.Stop() as stop:
+        os.kill(os.getpid(), signal.SIGHUP)
+        time.sleep(0.01)
+        if not stop.asked:
+            os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+        print("" if stop.asked else "went on", end="")
+    return 0
 def text():
     exec("os.kill(os.getpid(), signal.SIGINT); time.sleep(1)")
 sys.exit(interrupt.guarded(globals()[sys.argv[1]]))
 """
 
 
-@pytest.mark.parametrize("way", ["swallow", "turn", "lose", "text"])
+@pytest.mark.parametrize("way", ["swallow", "turn", "lose", "text", "twice", "after", "nohup"])
 def test_an_interrupt_that_a_library_swallows_comes_again(root, way):
     """In a __del__ an exception cannot leave; nor may one be turned into another kind, nor be lost
-    before a bus runs, nor may one that leaves an exec() (as of a dataclass) change the code.
+    before a bus runs, nor may one that leaves an exec() (as of a dataclass) change the code. While
+    a bus runs the first wish ends it in order, the second at once, and a hang-up under nohup is
+    none; after it all is as before.
     """
     done = subprocess.run(
         [sys.executable, "-c", SWALLOWED, way],

@@ -53,6 +53,10 @@ def test_forms_of_a_good_table(written, text):
     assert table["t"].tolist() == [0, 0.001]
 
 
+def test_rows_of_one_and_the_same_time_are_a_table(written):
+    assert logs.read_table(written("t,x\n1,2\n1,3\n"), ["x"], "t")["x"].tolist() == [2, 3]
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

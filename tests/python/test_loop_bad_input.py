@@ -90,7 +90,35 @@ SCENE_ERRORS = [
     ),
     (
         with_("friction", "[friction]\nsigma0 = 1\nFc = 1 2\ntheta_per_count = 1"),
-        ":5: [friction] Fc = 1 2: not",
+        ":5: [friction] sigma0 has 1 numbers and Fc 2: model dahl wants one of each",
+    ),
+    (
+        with_("friction", "[friction]\nsigma0 = 1 2\nFc = 1 2\ntheta_per_count = 1"),
+        ":5: [friction] sigma0 has 2 numbers and Fc 2: model dahl wants one of each",
+    ),
+    (
+        with_(
+            "friction", "[friction]\nmodel = slip\nsigma0 = 1 2 3\nFc = 1 2\ntheta_per_count = 1"
+        ),
+        ":6: [friction] sigma0 has 3 numbers and Fc 2",
+    ),
+    (
+        with_("friction", "[friction]\nmodel = lugre\nsigma0 = 1\nFc = 1\ntheta_per_count = 1"),
+        ":4: [friction] model = lugre: not one of dahl, slip",
+    ),
+    (
+        with_("friction", "[friction]\nmodel = slip\nsigma0 = 1 2 3 4 5 6 7 8 9\nFc = 1"),
+        ":5: [friction] sigma0 = 1 2 3 4 5 6 7 8 9: more than 8 numbers",
+    ),
+    (
+        with_("friction", "[friction]\nmodel = slip\nsigma0 = 1 x\nFc = 1 1\ntheta_per_count = 1"),
+        ":5: [friction] sigma0 = x: not",
+    ),
+    (
+        with_(
+            "friction", "[friction]\nmodel = slip\nsigma0 = 1 1e-9\nFc = 1 1e9\ntheta_per_count = 1"
+        ),
+        ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18",
     ),
     (
         with_("friction", "[friction]\nsigma0 = 1\nFc =\ntheta_per_count = 1"),
@@ -110,6 +138,8 @@ SCENE_ERRORS = [
     ),
     (with_("friction", "[friction]\nsigma = 1"), ':4: unknown key "sigma" in [friction]'),
     (with_("friction", "[friction]\nsigma0"), ":4: neither a [section]"),
+    (with_("scene", "[scene]\ntitle ="), ":2: [scene] title: empty"),
+    (with_("scene", "[scene]\ntitle = " + "t" * 160), ":2: [scene] title: too long"),
     (with_("friction", "[fricton]\nsigma0 = 1"), ":3: unknown section [fricton]"),
     (with_("status", "[bonus]"), ":13: unknown section [bonus]"),
     (with_("friction", "[friction\nsigma0 = 1"), ":3: a section name without ]"),
@@ -141,6 +171,8 @@ SCENE_ERRORS = [
     (with_("status", ROTOR + MOTOR + CONTROL), ":13: [rotor] needs one of [motor] and [control]"),
     (with_("status", CONTROL), ":13: [control] needs [rotor]"),
     (with_("motion", ROTOR + CONTROL), ":12: [control] needs [motion]"),
+    (with_("friction", ROTOR + CONTROL), ":3: [rotor] needs [friction]"),
+    (with_("motion", MOTOR), ":7: [motor] needs [rotor]"),
     (with_("status", "[rotor]\ninertia = 0"), ":14: [rotor] inertia = 0: outside"),
     (with_("status", "[rotor]\ninertia = 1"), ':13: [rotor] has no key "sigma0"'),
     (
@@ -232,10 +264,11 @@ def test_no_two_outputs_are_one_file(tmp_path):
     """Whether it is there or not; what is no file, as /dev/null, may be named twice."""
     scene = write(tmp_path, "\n".join(GOOD.values()))
     new = tmp_path / "new"
-    for again in (new, f"{tmp_path}/./new"):
+    for again in (new, f"{tmp_path}/./new", "new"):
         options = ["--virtual", "--log", new, "--summary", again]
         done = subprocess.run(
             [program(), "--scene", scene, *options],
+            cwd=tmp_path,
             capture_output=True,
             text=True,
             timeout=20,
@@ -329,6 +362,13 @@ OPTION_ERRORS = [
     ),
     ([*STEERING, "--wait-clients", "1"], "need --bus socketcand:PORT, not loopback"),
     (
+        [*STEERING, "--until-idle", "--bus", "socketcand:127.0.0.1:5"],
+        "need --bus socketcand:PORT, not socketcand:127.0.0.1:5",
+    ),
+    ([*STEERING, "--bus", "socketcand:127.0.0.1:0"], "--bus socketcand:127.0.0.1:0: not loopback"),
+    ([*STEERING, "--bus", "socketcan:"], "--bus socketcan:: not loopback"),
+    ([*STEERING, *["--set", "friction.gain=1"] * 33], "more than 32"),
+    (
         [*STEERING, "--virtual", "--bus", "socketcand:127.0.0.1:5"],
         "--virtual needs a bus whose order this process sees",
     ),
@@ -365,6 +405,7 @@ def test_bad_options(options, words):
 BUS_ERRORS = [
     ("socketcan:nosuchif0", "--bus socketcan:nosuchif0: "),
     ("socketcand:127.0.0.1:1", "Connection refused"),
+    ("socketcand:255.255.255.255:1", "Network is unreachable"),
 ]
 
 
@@ -424,19 +465,15 @@ def test_a_kernel_that_refuses_a_socket_is_told(tmp_path, name, words):
     assert done.stderr == f"error: --bus socketcan:vcan0: {words}\n"
 
 
-def test_an_unwritable_log_is_told(tmp_path):
-    result = run(tmp_path, SCENES / "segments.ini", "--virtual", "--log", "/dev/full")
+@pytest.mark.parametrize("option", ["--log", "--summary", "--trace"])
+@pytest.mark.parametrize("path", ["/dev/full", "absent/file"])
+def test_an_output_that_cannot_be_written_is_told(tmp_path, option, path):
+    words = ("--virtual", "--set", "motor.seconds=1", option, path)
+    result = run(tmp_path, SCENES / "creep.ini", *words)
     assert result.code == 1
-    assert "--log /dev/full: " in result.err
-    result = run(
-        tmp_path,
-        SCENES / "segments.ini",
-        "--virtual",
-        "--summary",
-        str(tmp_path / "no" / "dir.json"),
-    )
-    assert result.code == 1
-    assert "dir.json: No such file or directory" in result.err
+    assert result.err.startswith(f"error: {option} {path}: ")
+    assert result.err.count("\n") == 1
+    assert path == "/dev/full" or "No such file or directory" in result.err
 
 
 def test_help_and_version():

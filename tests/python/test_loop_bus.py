@@ -258,9 +258,12 @@ def test_can_utils_read_the_log(tmp_path):
 def test_ctrl_c_leaves_log_and_summary_whole(tmp_path, number):
     process = start(tmp_path, STEERING)
     time.sleep(1)
+    status = Path(f"/proc/{process.pid}/status").read_text()
     process.send_signal(number)
     result = finished(tmp_path, process, 10)
     assert (result.code, result.err) == (0, "")
+    held = int(re.search(r"VmHWM:\s+(\d+) kB", status)[1])
+    assert held <= result.summary["max_rss_kib"] < held + 1024
     log = read_log(result.log)
     assert len(counts_of(log)) == result.summary["frames_sent"] == result.summary["ticks"] > 300
     assert len(torques_of(log)) == result.summary["frames_answered"]
@@ -409,6 +412,20 @@ def hear(peer: socket.socket, word: bytes) -> bytes:
     while word not in text:
         text += peer.recv(4096)
     return text
+
+
+def test_frames_begin_a_tenth_of_a_second_after_the_greeting(tmp_path):
+    """Whenever a client joins: before, python-can would take a frame for a part of the answer."""
+    with serving(tmp_path, STEERING) as (_, port):
+        waited = []
+        for _ in range(4):
+            peer = raw_client(port)
+            begun = time.monotonic()
+            assert peer.recv(8) == b"< frame "
+            waited.append(time.monotonic() - begun)
+            peer.close()
+            time.sleep(0.15)
+    assert 0.08 < min(waited) and max(waited) < 0.7
 
 
 def test_frames_go_to_all_but_their_sender(tmp_path):

@@ -21,6 +21,7 @@ EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29  # linux/can.h
 BUS_OFF = 0x40
 CAN = """
 #include <linux/can.h>
+#include <linux/can/raw.h>
 #include <stdlib.h>
 #include <sys/socket.h>
 int socket(int domain, int type, int protocol)
@@ -30,7 +31,9 @@ int socket(int domain, int type, int protocol)
 }
 int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
 {
-    (void)fd, (void)level, (void)name, (void)value, (void)size;
+    if (level == SOL_CAN_RAW && name == CAN_RAW_FILTER) {
+        send(fd, value, size, 0); /* the bus is told what the kernel would be */
+    }
     return 0;
 }
 int bind(int fd, const struct sockaddr *address, socklen_t size)
@@ -50,15 +53,19 @@ def planted(tmp_path_factory) -> Path:
     return path
 
 
-def joined(folder: Path, planted: Path, *options: str) -> tuple[subprocess.Popen, socket.socket]:
+def joined(
+    folder: Path, planted: Path, *options: str, log: bool = True
+) -> tuple[subprocess.Popen, socket.socket]:
     """dahl-loop on such a bus, and the bus."""
     bus, inner = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     inner.setblocking(False)
     inner.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
     bus.settimeout(10)
     folder.mkdir(exist_ok=True)
+    words = command(folder, STEERING, "--bus", "socketcan:can0", *options)
+    at = words.index("--log")
     process = subprocess.Popen(
-        command(folder, STEERING, "--bus", "socketcan:can0", *options),
+        words if log else words[:at] + words[at + 2 :],
         env={**os.environ, "LD_PRELOAD": str(planted), "CAN_SOCKET": str(inner.fileno())},
         pass_fds=[inner.fileno()],
         stdout=subprocess.PIPE,
@@ -111,6 +118,22 @@ def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
     assert (node["ok"], node["format"], node["ignored"], node["bus_off"]) == (20, 4, 1, 1)
     assert (node["rearm"], node["crc"], node["lost"]) == (3, 0, 0)
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
+
+
+@pytest.mark.parametrize(
+    ("role", "ids"),
+    [("encoder", [0x111, 0x112]), ("node", [0x101, 0x131, 0x151, 0x102, 0x132, 0x152])],
+)
+def test_only_what_is_looked_at_is_asked_for(tmp_path, planted, role, ids):
+    """The kernel filters by id. Where a log or the load of the bus is wanted, every frame comes."""
+    words = ("--role", role, "--nodes", "2", "--set", "friction.node=1", "--seconds", "0.05")
+    for options, log in (((), False), (("--bitrate", "500000"), False), ((), True)):
+        process, bus = joined(tmp_path, planted, *words, *options, log=log)
+        first = bus.recv(100)
+        finished(tmp_path, process)
+        bus.close()
+        asked = [identifier for identifier, _ in struct.iter_unpack("=II", first)]
+        assert (asked == ids) == (not options and not log)
 
 
 def test_an_id_of_29_bits_is_sent_as_such(tmp_path, planted):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from loop_tools import SCENES, read_log, run, torques_of
+from loop_tools import SCENES, counts_of, read_log, run, torques_of
 from scipy.integrate import solve_ivp
 
 SIGMA0, FC = 120.0, 1.8
@@ -66,6 +66,21 @@ def test_the_rotor_does_what_an_ode_solver_says(tmp_path, scene, viscous, ticks,
     assert np.abs(trace["friction"][:ticks] - friction).max() < 1e-3 * FC
 
 
+@pytest.mark.parametrize(("scene", "seen"), [("creep", "angle"), ("parking", "reference")])
+def test_the_trace_is_what_was_on_the_bus(tmp_path, scene, seen):
+    """Row by row: the angle that the encoder streamed, and the answer to the one before it."""
+    trace, summary = traced(tmp_path, scene)
+    log = read_log(tmp_path / "run.log")
+    streamed = np.array(counts_of(log)) * float(np.float32(2 * np.pi / 2**24))
+    answers = np.array([ratio for _, ratio in torques_of(log)]) * 2.0**-30 * float(np.float32(FC))
+    helped = answers if scene == "parking" else np.zeros(len(answers))
+    assert len(trace["time"]) == len(streamed) == len(answers) == summary["ticks"]
+    assert np.abs(trace["time"] - np.arange(len(streamed)) * 1e-3).max() < 1e-9
+    assert np.abs(trace["reference"] - streamed).max() < 1e-12
+    assert np.abs(trace[seen] - streamed).max() < 2e-7  # half a count
+    assert np.abs(trace["compensation"][1:] - helped[:-1]).max() < 1e-12
+
+
 def test_presliding_creep(tmp_path):
     """The torque never reaches Fc. A steady one moves the shaft once; a vibration lets it creep."""
     steady, _ = traced(tmp_path / "a", "creep", "motor.amplitude=0")
@@ -116,11 +131,25 @@ def test_the_errors_of_the_summary_are_those_of_the_trace(tmp_path, side):
     assert control["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
 
 
+@pytest.mark.parametrize(("kp", "kd"), [(60, 0), (0, 2)])
+def test_the_controller_is_proportional_and_derivative(tmp_path, kp, kd):
+    """On a heavy shaft, which hardly follows. What is made of the error's rate adds up to it."""
+    sets = ("rotor.inertia=1e6", "friction.gain=0", "control.torque_limit=1e9")
+    trace, _ = traced(tmp_path, "parking", *sets, f"control.kp={kp}", f"control.kd={kd}")
+    error = trace["reference"] - trace["angle"]
+    made = trace["motor"] if kp else np.cumsum(trace["motor"]) * 1e-3
+    bound = 60 * 2e-7 if kp else 0.06  # half a count; 5 ms of the fastest motion
+    assert np.abs(error).max() > 1
+    assert np.abs(made - (kp + kd) * error).max() < bound
+
+
 def test_the_motor_gives_no_more_than_its_limit(tmp_path):
-    """With the compensation, which alone would ask for more."""
+    """With the compensation, which alone would ask for more; and that has a limit of its own."""
     trace, _ = traced(tmp_path, "parking", "control.torque_limit=1.5")
     assert np.abs(trace["compensation"]).max() > 1.6
     assert np.abs(trace["motor"]).max() == 1.5
+    trace, _ = traced(tmp_path, "parking", "friction.limit=0.5")
+    assert np.abs(trace["compensation"]).max() == pytest.approx(0.5 * FC, rel=1e-6)
 
 
 def test_enabling_the_compensation_is_no_bump(tmp_path):

@@ -262,11 +262,12 @@ def test_a_storm_on_a_bus_that_takes_time(tmp_path, rate):
     agreement(storm(tmp_path, "--bitrate", rate).summary)
 
 
-def test_a_controller_that_is_off_is_that_of_its_node(tmp_path):
-    """Three nodes that do not begin at 0: each is told of its own encoder's bus-offs alone."""
+def test_what_befalls_one_node_is_that_of_this_node(tmp_path):
+    """Three nodes that do not begin at 0: each has its own bus-offs, restarts, glitches alone."""
     options = ("--nodes", "3", "--set", "friction.node=5", "--seconds", "20")
-    result = storm(tmp_path, *options, bus_off=0.002)
+    result = storm(tmp_path, *options, bus_off=0.002, restart=0.002, glitch=0.002)
     assert result.summary["node"]["bus_off"] > 3
+    assert result.summary["node"]["resets"] > 3
     agreement(result.summary)
 
 
@@ -276,6 +277,7 @@ def test_the_log_shows_each_bus_off(tmp_path):
     log = read_log(result.log)
     events = [i for i, frame in enumerate(log) if frame.id == 0x20000040]
     assert len(events) == result.summary["faults"]["expected"]["bus_off"] > 10
+    assert result.summary["bus_counts"]["error_frames"] == len(events)
     answers = np.array([frame.time for frame in log if frame.id == 0x110])
     status = np.array([frame.time for frame in log if frame.id == 0x120])
     for event in (log[i].time for i in events):

@@ -81,6 +81,27 @@ def test_each_number_has_its_limits(scene, key, low, high):
         assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("option", "least", "greatest", "wrong"),
+    [
+        ("--seconds", "0.001", "1e9", ("0.000999", "1.0001e9", "5m", "")),
+        ("--seed", "0", "18446744073709551615", ("-1", "18446744073709551616", "1x", "")),
+        ("--nodes", "1", "16", ("0", "17", "2.5")),
+        ("--bitrate", "10000", "1000000", ("9999", "1000001", "500k")),
+        ("--with-parent", "1", "2147483647", ("0", "2147483648", "1 2")),
+        ("--wait-clients", "0", "0", ("-1", "17", "1.0")),  # more of them need a served bus
+    ],
+)
+def test_each_option_has_its_limits(option, least, greatest, wrong):
+    scene = [program(), "--scene", str(SCENES / "steering.ini"), "--virtual"]
+    short = [*scene, "--set", "motion.seconds=0.001"]
+    codes = {
+        value: subprocess.run([*short, option, value], timeout=20, check=False).returncode
+        for value in (least, greatest, *wrong)
+    }
+    assert codes == {least: 0, greatest: 0, **dict.fromkeys(wrong, 2)}
+
+
 def test_rates_may_fill_one_and_no_more():
     calm = [f"faults.{key.partition('.')[2]}=0" for _, key, *_ in LIMITS if key[:6] == "faults"]
     assert answer("fault-storm", *calm, "faults.drop=0.5", "faults.id=0.5").returncode == 0
@@ -124,9 +145,28 @@ def test_steering_keeps_its_amplitude_its_pace_and_its_tremor(tmp_path):
     sides = np.sign(counts[np.abs(counts) > 3000])
     sweeps = np.count_nonzero(np.diff(sides))
     assert 60 / 1.4 - 3 < sweeps < 60 / 0.6 + 3
-    shaken = played(tmp_path / "b", "steering", "motion.amplitude=0", "motion.tremor=500")
-    assert 300 < np.abs(shaken).max() <= 500
+
+
+def rests_of(counts: np.ndarray) -> list[int]:
+    """Lengths in ticks of all stretches of 20 ticks and more without a move."""
+    still = "".join("r" if move == 0 else " " for move in np.diff(counts)).split()
+    return [len(part) for part in still if len(part) >= 20]
+
+
+def test_steering_rests_at_its_ends_and_between_tremors(tmp_path):
+    """As long as said, drawn evenly: hold_s from 0 to 1 of it, tremor_s from 0 to 2 of it."""
+    held = ["motion.tremor=0", "motion.hold_s=2", "motion.sweep_s=0.1", "motion.amplitude=100000"]
+    rests = rests_of(played(tmp_path / "a", "steering", *held, "motion.seconds=100"))
+    assert max(rests) <= 2010
+    assert np.mean(rests) == pytest.approx(1000, rel=0.3)
+    bumps = ["motion.tremor=50000", "motion.tremor_s=0.5", "motion.amplitude=0"]
+    shaken = played(tmp_path / "b", "steering", *bumps, "motion.seconds=60")
+    assert 30000 < np.abs(shaken).max() <= 50000
     assert shaken.min() < 0 < shaken.max()
+    rests = rests_of(shaken)
+    assert max(rests) <= 1020
+    assert np.mean(rests) == pytest.approx(500, rel=0.3)
+    assert len(rests) == pytest.approx(60 / (0.5 + 0.07), rel=0.2)  # a tremor takes 20 to 120 ms
 
 
 def test_two_nodes_have_two_motions(tmp_path):
@@ -135,6 +175,14 @@ def test_two_nodes_have_two_motions(tmp_path):
     first, second = ([f.data[2:6] for f in log if f.id == 0x100 + node] for node in (0, 1))
     assert len(first) == len(second) == 5000
     assert sum(a == b for a, b in zip(first, second, strict=True)) < 1000
+
+
+@pytest.mark.parametrize(("max_step", "used"), [(2, True), (1, False)])
+def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
+    """Two counts a tick."""
+    words = ("--set", "motion.speed=2000", "--set", f"friction.max_step={max_step}")
+    result = run(tmp_path, SCENES / "segments.ini", "--virtual", *words)
+    assert (result.summary["node"]["jump"] == 0) == used
 
 
 def test_a_driven_shaft_ends_when_its_motor_does(tmp_path):

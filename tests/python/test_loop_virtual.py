@@ -204,9 +204,29 @@ def test_log_files_of_many_shapes(tmp_path, delimiter, end):
 
 def test_angles_between_two_counts_go_to_the_nearest(tmp_path):
     (tmp_path / "log.csv").write_text("a\n0.5\n0.54\n0.56\n0.46\n0.44\n1.4999999999\n")
-    motion = "[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = 10\n"
-    result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
-    assert counts_of(read_log(result.log)) == [0, 0, 1, 0, -1, 10]
+    for side in (1, -1):
+        motion = f"[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = {side}0\n"
+        result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
+        assert counts_of(read_log(result.log)) == [side * c for c in (0, 0, 1, 0, -1, 10)]
+
+
+def test_where_a_measured_log_is_looked_for(tmp_path):
+    """Beside the scene, else in --data; an absolute path is one; --log-file goes before all."""
+    for end, name in enumerate(("beside", "data", "own")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "log.csv").write_text(f"a\n0\n{end}\n")
+    own = str(tmp_path / "own" / "log.csv")
+    data = ("--data", str(tmp_path / "data"))
+    for file, options, end in (
+        ("log.csv", (), 0),
+        ("log.csv", data, 1),
+        (own, data, 2),
+        ("log.csv", (*data, "--log-file", own), 2),
+    ):
+        motion = f"[motion]\nkind = log\nfile = {file}\nangle = a\ncounts_per_unit = 1\n"
+        path = scene(tmp_path / "beside", FRICTION, motion)
+        result = run(tmp_path, path, "--virtual", *options)
+        assert counts_of(read_log(result.log)) == [0, end], (file, options)
 
 
 def test_status_frames_carry_the_version_and_no_error(tmp_path):

@@ -5,12 +5,14 @@ without.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import pty
 import re
 import subprocess
 import sys
+import threading
 import time
 
 import numpy as np
@@ -18,6 +20,8 @@ import pytest
 from crccheck.crc import Crc8Autosar
 from dahl import Error, logs, report
 from dahl.monitor_view import View
+from identify_tools import caller
+from loop_tools import wait_until
 
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5}
 
@@ -89,17 +93,20 @@ def test_view_counts_what_it_sees(dbc):
         ("FrictionTorque", 0.0021, {"Counter": 1, "EchoCounter": 0, **answer}),
     ):
         view.feed(frame)
-    view.feed(can.Message(arbitration_id=0x100, data=b"\x01", is_extended_id=False))
+    for data in (b"\x01", bytes(7), bytes(8)):
+        view.feed(can.Message(arbitration_id=0x100, data=data, is_extended_id=False))
     view.feed(can.Message(arbitration_id=0x110, data=bytes(8), is_extended_id=False))
     view.feed(can.Message(arbitration_id=0x100, data=bytes(8), is_extended_id=True))
     view.feed(can.Message(arbitration_id=0x7DF, data=bytes(8), is_extended_id=False))
+    view.feed(can.Message(arbitration_id=0x100, is_remote_frame=True, is_extended_id=False))
+    view.feed(can.Message(arbitration_id=0x100, is_error_frame=True, is_extended_id=False))
     encoder = view.names["EncoderState"]
     assert (encoder.frames, encoder.missing, encoder.wrong, view.others, view.frames) == (
         2,
         1,
-        1,
-        2,
-        8,
+        3,
+        4,
+        12,
     )
     assert view.names["FrictionTorque"].wrong == 1
     assert encoder.rate() == pytest.approx(1 / 0.002)
@@ -107,7 +114,7 @@ def test_view_counts_what_it_sees(dbc):
     assert list(view.ratio) == pytest.approx([0.5, 0.5])
     shown = text_of(view)
     assert "F/Fc over counts" in shown
-    assert "Count 8" in shown
+    assert re.search(r"^ EncoderState +2 +500 +1 +3 .*Count 8 ", shown, re.MULTILINE)
     assert "OK 2" in shown
 
 
@@ -120,6 +127,35 @@ def test_view_shows_the_node_that_is_asked_for(dbc):
         view.feed(frame)
     assert view.names["EncoderState"].last["Count"] == 13
     assert (view.names["EncoderState"].frames, view.others) == (1, 1)
+
+
+def test_each_curve_has_its_own_axes(dbc):
+    """Counts from 5000 to 5900, F/Fc from 0.25 to 0.5, over 0.9 s; only the window is drawn."""
+    view, moments = View(window=10), range(-5, 10)
+    for n in moments:
+        counter = {"Counter": n % 16}
+        torque = {"EchoCounter": n % 16, "State": "OK", "TorqueRatio": 0.25 + 0.25 * n / 9}
+        for frame in frames(
+            dbc,
+            ("EncoderState", 100 + n / 10, {**counter, "Valid": 1, "Count": 5000 + 100 * n}),
+            ("FrictionTorque", 100 + n / 10, {**counter, **torque}),
+        ):
+            view.feed(frame)
+    lines = text_of(view, 100, 40).splitlines()
+    top, low = (n for n, line in enumerate(lines) if "F/Fc over" in line)
+    counts, ratio, seconds = [5000, 5900], [0.25, 0.5], [0, 0.9]
+    assert "counts" in lines[top] and "counts over s" in lines[low][50:]
+    assert axes_of(lines[top:]) == (counts, ratio)
+    assert axes_of([line[:50] for line in lines[low:]]) == (seconds, ratio)
+    assert axes_of([line[50:] for line in lines[low:]]) == (seconds, counts)
+
+
+def axes_of(lines: list[str]) -> tuple[list[float], list[float]]:
+    """Ends of the x axis and of the y axis of the first panel in these lines."""
+    end = next(n for n, line in enumerate(lines) if "└" in line)
+    x = [float(word) for word in lines[end + 1].split()]
+    y = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line]
+    return [x[0], x[-1]], [y[-1], y[0]]
 
 
 @pytest.mark.parametrize(("width", "height"), [(40, 16), (80, 24), (200, 60)])
@@ -206,6 +242,69 @@ def test_plot_draws_whatever_record_writes(served, run_dahl, tmp_path, ending):
     done = run_dahl("plot", log, "--scene", "segments", "-o", tmp_path / "loop.png")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "loop.png").stat().st_size > 10_000
+
+
+@contextlib.contextmanager
+def sending(channel: str, messages, ready, after=lambda: None):
+    """Send frames over python-can's own bus of this process once a client is ready."""
+    import can
+
+    def send() -> None:
+        with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as bus:
+            wait_until(ready)
+            *first, last = messages
+            for message in first:
+                bus.send(message)
+            after()
+            bus.send(last)
+
+    sender = threading.Thread(target=send)
+    sender.start()
+    yield
+    sender.join()
+
+
+def test_a_record_holds_each_frame_as_soon_as_it_has_come(dbc, capsys, tmp_path):
+    """Whole lines at any moment: it may be killed at the next."""
+    log = tmp_path / "run.log"
+    angle = {"Valid": 1, "Count": 5}
+    sent = [("EncoderState", 1e9 + n, {**angle, "Counter": n}) for n in range(4)]
+    lines = []
+
+    def look() -> None:
+        wait_until(lambda: log.read_text().count("\n") == 3)
+        lines.append(log.read_text())
+
+    with sending("lines", frames(dbc, *sent), log.exists, look):
+        words = ("-i", "virtual", "-c", "lines", "--frames", 4, "-o", log)
+        done = caller(capsys)("record", *words)
+    assert (done.returncode, done.stdout) == (0, f"4 frames in {log}\n")
+    assert log.read_text().startswith(lines[0])
+    assert [message.timestamp for message in logs.read_candump(log)] == [1e9 + n for n in range(4)]
+
+
+def test_the_monitor_shows_what_its_options_say(dbc, capsys, tmp_path):
+    """Node 3 of two, decoded by a DBC of one's own, and no more ticks than the window holds."""
+    from can.interfaces.virtual import channels
+
+    own = dbc.read_text().replace("Count : 16|32@1- (1,0)", "Count : 16|32@1- (2,0)")
+    (tmp_path / "own.dbc").write_text(own)
+    sent = []
+    for tick in range(6):
+        counter = {"Counter": tick}
+        angle = ("EncoderState", tick, {**counter, "Valid": 1, "Count": 1000 * tick})
+        answer = ("FrictionTorque", tick, {**counter, "State": "OK", "TorqueRatio": 0.5})
+        for node in (0, 3):
+            for frame in frames(dbc, angle, (*answer[:2], answer[2] | {"EchoCounter": tick})):
+                frame.arbitration_id += node
+                sent.append(frame)
+    words = ("-i", "virtual", "-c", "nodes", "--node", 3, "--window", 2, "--frames", len(sent))
+    with sending("nodes", sent, lambda: len(channels["nodes"]) == 2):
+        done = caller(capsys)("monitor", *words, "--dbc", tmp_path / "own.dbc")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"EncoderState +6 +1 +0 +0 .*Count 10000 ", done.stdout)
+    assert re.search(r"other frames +12 ", done.stdout)
+    assert axes_of(done.stdout.splitlines())[0] == [8000, 10000]
 
 
 def test_a_record_is_not_overwritten_without_being_told(served, run_dahl, tmp_path):

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ def drawn(monkeypatch, tmp_path):
     figures = []
     monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
     measured = Measured("T", offset=0.25, angle_scale=1000.0, label_angle="way [mm]")
-    scene = Scene(Path("x.ini"), "x", 50.0, 0.5, 1e-4, measured=measured)
+    scene = Scene(Path("x.ini"), "a title", "dahl", ((50.0, 0.5),), 1e-4, measured=measured)
     count, rows = np.arange(100, 400), np.arange(300) * 2
     trace = report.Trace(
         rows,
@@ -58,6 +59,51 @@ def test_without_a_clock_in_the_log_time_starts_with_the_run(drawn, tmp_path):
     whole = plt.figure(plt.get_fignums()[-1]).axes[1]
     assert whole.get_xlabel() == "time on the bus [s]"
     assert whole.lines[0].get_xdata() == pytest.approx(trace.time, abs=1e-6)
+
+
+def test_what_only_some_runs_have_is_shown_as_it_was(drawn, tmp_path):
+    """Latencies, faults, and how far the angle is behind its reference."""
+    figure, scene, trace, _ = drawn
+    text = "time_s,reference_rad,angle_rad\n0,0.5,0.25\n0.001,1,1.5\n0.002,2,2\n"
+    (tmp_path / "trace.csv").write_text(text)
+    bins = [[100.0, 3], [200.0, 7], [400.0, 1]]
+    quantiles = {"p50": 150.0, "p99": 390.0, "max": 400.0}
+    numbers = {"latency_histogram": bins, "latency_us": quantiles, "deadline_misses": 5}
+    numbers |= {"jitter_us": {"p50": 1.0, "p99": 21.0, "max": 30.0}, "control": {}}
+    numbers |= {"faults": {"injected": {"crc": 4, "lost": 9}, "expected": {}}}
+    numbers |= {"bus": "socketcand", "r2_measured": 0.98765}
+    plots.draw(tmp_path / "x.png", scene, trace, None, numbers)
+    drawn_again = plt.figure(plt.get_fignums()[-1])
+    latencies, faults, tracking = drawn_again.axes[3:]
+    edges = [bar.get_x() + max(bar.get_width(), 0) for bar in latencies.patches]
+    assert edges == pytest.approx([100, 200, 400])
+    assert [bar.get_height() for bar in latencies.patches] == [3, 7, 1]
+    assert (latencies.get_xscale(), latencies.lines[0].get_xdata()[0]) == ("log", 1000)
+    words = latencies.get_title(loc="left")
+    assert re.findall(r" (\d+) ", words) == ["150", "390", "21", "5"]
+    assert [bar.get_height() for bar in faults.patches] == [4, 9]
+    assert [label.get_text() for label in faults.get_xticklabels()] == ["crc", "lost"]
+    assert tracking.lines[0].get_xdata() == pytest.approx([0, 0.001, 0.002])
+    assert tracking.lines[0].get_ydata() == pytest.approx([0.25, -0.5, 0])
+    words = drawn_again.axes[0].get_title(loc="left")
+    assert re.findall(r"[\d.]+", words.partition("=")[2]) == ["50", "0.5", "300", "0.9877"]
+    assert "50 N m/rad" in words and "0.5 N m," in words and "socketcand" in words
+    linear = replace(scene, measured=Measured(label_torque="force [N]"))
+    plots.draw(tmp_path / "x.png", linear, trace, None)
+    words = plt.figure(plt.get_fignums()[-1]).axes[0].get_title(loc="left")
+    assert "50 N/m" in words and "0.5 N," in words
+    assert drawn_again.get_suptitle() == scene.title
+
+
+def test_the_last_panel_shows_where_the_torque_moves_most(drawn, tmp_path):
+    _, scene, trace, _ = drawn
+    busy = np.zeros(300, int)
+    busy[80:] = np.where(np.arange(220) % 2, 2**28, -(2**28))
+    plots.draw(tmp_path / "x.png", scene, replace(trace, ratio=busy), None)
+    _, whole, part = plt.figure(plt.get_fignums()[-1]).axes
+    shown = part.lines[0].get_ydata()
+    assert len(whole.lines[0].get_ydata()) == 300
+    assert len(shown) == 200 and np.all(np.diff(shown)[1:] != 0)
 
 
 def test_angle_and_time_are_in_their_units(drawn):

@@ -8,9 +8,11 @@ from __future__ import annotations
 import itertools
 import shlex
 import subprocess
+from functools import partial
 
 import pytest
 from conftest import ROOT, built, need
+from identify_tools import caller
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -31,13 +33,10 @@ TURN = 6.283185307179586
 
 
 @pytest.fixture
-def plan(run_dahl, tmp_path):
+def plan(capsys, monkeypatch, tmp_path):
     """Call `dahl plan` in a folder of its own."""
-
-    def run(*words: object) -> subprocess.CompletedProcess[str]:
-        return run_dahl("plan", *words, cwd=tmp_path)
-
-    return run
+    monkeypatch.chdir(tmp_path)
+    return partial(caller(capsys), "plan")
 
 
 @pytest.mark.parametrize(
@@ -138,7 +137,13 @@ def test_an_encoder_is_asked_for(plan):
 
 
 @pytest.mark.parametrize(
-    "kept", ["int main(void) { return 0; }\n", "static const dahl_plan_t x;\n", "\udcff"]
+    "kept",
+    [
+        "int main(void) { return 0; }\n",
+        "static const dahl_plan_t x;\n",
+        "int mine;\n/* dahl_prepare() of one */\n#ifndef DAHL_PLAN_X_H\n",
+        "\udcff",
+    ],
 )
 def test_only_a_plan_is_overwritten(kept, plan, tmp_path):
     path = tmp_path / "main.c"

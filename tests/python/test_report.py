@@ -5,16 +5,19 @@ record, a torque that is wrong.
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import can
 import cantools
 import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
-from dahl import Friction, Plan, html_report, report
+from dahl import Error, Friction, Plan, html_report, report
 from dahl.scene import Measured, Recorded, Scene
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
-SCENE = Scene(None, "test", SIGMA0, FC, THETA)
+SCENE = Scene(None, "test", "dahl", ((SIGMA0, FC),), THETA)
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Reset": 0xA}
 BOUND = 0.52  # ulp of Fc
 
@@ -27,6 +30,7 @@ class Run:
         self.bearing = Friction(Plan(SIGMA0, FC, THETA))
         self.frames: list[can.Message] = []
         self.count = self.ratio = 0
+        self.pause = 0.0  # s, before the next frame
 
     def add(self, name: str, **signals) -> None:
         message = self.database.get_message_by_name(name)
@@ -34,7 +38,7 @@ class Run:
         data[0] = Crc8Autosar.calc(data[1:] + bytes([KINDS[name] << 4 | data[1] & 15]))
         self.frames.append(
             can.Message(
-                timestamp=len(self.frames) / 2000,
+                timestamp=len(self.frames) / 2000 + self.pause,
                 arbitration_id=message.frame_id,
                 data=data,
                 is_extended_id=False,
@@ -111,6 +115,26 @@ def test_one_unit_of_the_ratio_is_seen(run):
     assert report.max_error_ulp(SCENE, run.trace()) > 100
 
 
+@pytest.mark.parametrize("kind", ["is_extended_id", "is_error_frame", "node", "crc"])
+def test_frames_that_only_look_like_the_nodes_are_left_out(run, kind):
+    before = run.trace()
+    run.tick(3, 7000)
+    for frame in run.frames[-2:]:
+        frame.arbitration_id += kind == "node"
+        frame.data[0] ^= kind == "crc"
+        setattr(frame, kind, True) if kind.startswith("is_") else None
+    after = run.trace()
+    assert (after.count.tolist(), after.recorded) == (before.count.tolist(), before.recorded)
+
+
+def test_the_node_that_is_asked_for_is_read(run):
+    for frame in run.frames:
+        frame.arbitration_id += 3
+    assert report.trace_of(run.frames, 3).count.tolist() == [-500, -480, -470]
+    with pytest.raises(Error, match="no EncoderState with its FrictionTorque"):
+        run.trace()
+
+
 def test_a_count_that_wraps_is_one_path(library, dbc):
     run = Run(dbc)
     run.tick(0, 2**31 - 5, state=6, used=False)
@@ -127,9 +151,15 @@ def test_frames_that_the_recorder_missed_are_counted(run):
     assert run.trace().row.tolist() == [0, 1, 2, 9]
 
 
-@pytest.mark.parametrize(("step", "taken"), [(7, True), (8, True), (9, False)])
-def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, taken):
-    """As the node has it: DAHL_NODE_GAP_MAX_STEP is 8."""
+@pytest.mark.parametrize(
+    ("step", "pause", "taken"),
+    [(7, 0, True), (8, 0, True), (9, 0, False), (9, 0.0035, False), (9, 0.0045, True)],
+)
+def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, pause, taken):
+    """As the node has it: DAHL_NODE_GAP_MAX_STEP is 8; after 5 ms, here 1 ms and the pause, none
+    is late.
+    """
+    run.pause = pause
     run.tick(2 + step, -450, used=taken)
     assert run.trace().row.tolist() == [0, 1, 2] + [2 + step] * taken
 
@@ -140,7 +170,8 @@ def test_an_answer_goes_to_the_frame_that_it_echoes(run):
     run.send(4, -400)
     run.answer(3, -460)
     run.answer(4, -400)
-    run.answer(4, -400)  # a second answer to one frame is none
+    again = {"Counter": 0, "State": 0, "EchoCounter": 4}
+    run.add("FrictionTorque", **again, TorqueRatio=-run.ratio)  # a second answer is none
     assert run.trace().count.tolist() == [-500, -480, -470, -460, -400]
     assert report.max_error_ulp(SCENE, run.trace()) <= BOUND
 
@@ -169,7 +200,9 @@ def test_after_a_gap_a_new_start_answers_the_newest_frame(run):
 
 
 def fitted(run: Run, torque: list[float], **measured) -> dict:
-    scene = Scene(None, "t", SIGMA0, FC, THETA, measured=Measured(torque="T", **measured))
+    scene = Scene(
+        None, "t", "dahl", ((SIGMA0, FC),), THETA, measured=Measured(torque="T", **measured)
+    )
     return report.fit(scene, run.trace(), Recorded(np.array(torque), None, len(torque)))
 
 
@@ -191,8 +224,39 @@ def test_no_fit_without_rows_or_without_spread(run):
     assert fitted(run, [1, 1, 1])["r2_measured"] is None
 
 
+def test_the_summary_is_what_was_recorded(run):
+    run.send(3, -460)  # not answered
+    run.tick(6, -450, state=2)
+    scene = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA, measured=Measured(settle=2))
+    numbers = report.summary(scene, run.trace(), None, {"ticks": 7})
+    assert (numbers["ticks"], numbers["scene"], numbers["title"]) == (7, "b", "t")
+    assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 2)
+    assert numbers["answers_by_state"] == {"OK": 2, "Lost": 1, "Init": 1}
+    assert numbers["parameters"] == {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA}
+    assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, "a/b.ini")
+    assert 0 < numbers["max_error_ulp_Fc"] <= BOUND
+
+
 def test_the_page_shows_each_number_in_its_unit():
     numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
-    page = html_report.page(numbers, b"")
-    for words in ("800 ms", "24.3%", "0.510 ulp of Fc"):
-        assert words in page
+    numbers |= {"bus": "a bus", "time": "real", "frames_sent": 11, "frames_lost": 12}
+    numbers |= {"deadline_misses": 13, "rmse_measured": 0.0123456, "r2_measured": 0.98765}
+    numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 17}}
+    page = html_report.page({**numbers, "answers_by_state": {"OK": 790}}, b"")
+    cells = re.findall("<td>(.*?)</td>", page)
+    shown = "a bus, real, 800 ms, 11, 12, 13, 0.510 ulp of Fc, 0.01235, 0.9877, 24.3%, 3.2, 12.5"
+    assert cells[1::2] == [*shown.split(", "), "790", "17"]
+    assert cells[-6:] == ["sigma0", "12.5", "OK", "790", "jumps", "17"]
+
+
+def test_the_bars_of_the_page_are_the_histogram():
+    latency = {"p50": 100.0, "p99": 1000.0, "max": 10000.0}
+    bins = [[100.0, 1], [1000.0, 500], [10000.0, 20]]
+    page = html_report.page({"latency_us": latency, "latency_histogram": bins}, b"")
+    found = re.findall(r'<rect x="(.*?)" y="(.*?)" .*? height="(.*?)".*?: (\d+)</title>', page)
+    x, y, tall, counts = np.array(found, float).T
+    assert counts.tolist() == [1, 500, 20]
+    assert tall == pytest.approx(180 * np.log1p(counts) / np.log1p(500), abs=0.1)
+    assert y + tall == pytest.approx([180] * 3, abs=0.2)  # they stand on the ground
+    assert np.diff(x) == pytest.approx([x[1] - x[0]] * 2, abs=0.2) and 0 < x[0] < x[2] < 900
+    assert "p50 100 us, p99 1000 us, max 10000 us" in page

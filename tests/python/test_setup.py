@@ -116,10 +116,14 @@ def test_a_changed_unity_is_not_taken_for_whole(root, elsewhere):
     assert "needed for: unity build/venv" in changed.stderr
 
 
-def test_an_own_unity_is_looked_at(elsewhere, tmp_path):
+@pytest.mark.parametrize("lacking", ["unity.c", "unity.h", "unity_internals.h"])
+def test_an_own_unity_is_looked_at(elsewhere, tmp_path, lacking):
+    for name in {"unity.c", "unity.h", "unity_internals.h"} - {lacking}:
+        (tmp_path / name).write_text("mine")
+    (tmp_path / lacking).touch()  # empty
     done = run(elsewhere / "tools/setup.sh", "test", DAHL_UNITY_DIR=str(tmp_path))
     assert done.returncode == 1
-    assert done.stderr == f"error: DAHL_UNITY_DIR: {tmp_path} has no unity.c\n"
+    assert done.stderr == f"error: DAHL_UNITY_DIR: {tmp_path} has no {lacking}\n"
 
 
 @pytest.mark.parametrize("script", ["setup", "test", "demo", "bench", "lock", "vm"])

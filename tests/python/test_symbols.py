@@ -15,6 +15,7 @@ from sources import INCLUDES, NODE
 
 FLOAT_FORM = {"expm1f"}  # libm's
 VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for the batches on x86-64
+PARTS = ("slip", "parallel", "asymmetric", "loaded", "elastoplastic")
 OWN = re.compile(r"(frames|node|slcan)_")
 COPIES = {"memcpy", "memset"}  # the compiler's own idea
 
@@ -44,6 +45,24 @@ def faults(objects: Path) -> dict[str, set[str]]:
 
 def test_the_library_needs_nothing_and_keeps_nothing() -> None:
     assert faults(built("lib", "libdahl.a")) == {}
+
+
+def parts(file: Path) -> dict[str, set[str]]:
+    """Each function of the library in a file: the part that it is of, if it is of one."""
+    names = re.findall(r" T dahl_(\w+)", run("nm", file))
+    return {name: set(PARTS) & {name.replace("part", "parallel").split("_")[0]} for name in names}
+
+
+def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
+    """For each call of the library: what comes with it is of no part but its own."""
+    library, main, program = built("lib", "libdahl.a"), tmp_path / "main.c", tmp_path / "program"
+    calls = parts(library)
+    assert {"slip", "parallel"} <= set().union(*calls.values())
+    for call, own in calls.items():
+        name = f"dahl_{call}"
+        main.write_text(f"extern int {name}(void);\nint main(void) {{ return {name}(); }}\n")
+        run("gcc", "-O1", main, library, "-lm", "-o", program)
+        assert set().union(*parts(program).values()) == own, name
 
 
 def test_the_components_need_little_more() -> None:

@@ -26,6 +26,7 @@ pytestmark = pytest.mark.checks
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
 ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
 TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "encoder", "float"]
+TESTS += ["slip", "parallel"]
 CASES = [f"test_{name}" for name in TESTS] + ["bits"]
 
 

@@ -44,7 +44,7 @@ FLAGS += ["-DTEST_ZERO_TICKS=100000", "-DTEST_KERNEL_STRIDE=65537u", "-DTEST_FIN
 TESTS = ["port/test_frames", "port/test_node", "port/test_slcan", "lib/test_params"]
 TESTS += ["lib/test_short_ticks", "lib/test_paper", "lib/test_laws", "lib/test_hard_cases"]
 TESTS += ["lib/test_encoder", "lib/test_prepare_again", "lib/test_batch", "lib/test_angle"]
-TESTS += ["lib/test_accuracy"]
+TESTS += ["lib/test_slip", "lib/test_parallel", "lib/test_accuracy"]
 SECONDS = 60  # of a test program; more is an endless loop
 
 BINARY = {

@@ -41,16 +41,19 @@ def draw(
     scene: Scene,
     trace: report.Trace,
     recorded: Recorded | None,
-    caption: str = "",
     numbers: dict[str, Any] | None = None,
+    folder: Path | None = None,
 ) -> None:
-    """Write the picture; the old one stays until the new one is whole."""
+    """Write the picture; the old one stays until the new one is whole. `numbers`: the summary of
+    the run; `folder`: where its files are, where the picture goes elsewhere.
+    """
+    numbers = numbers or {}
     measured = (
         recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
     )
     computed = report.modelled(scene, trace)
     time, time_label = _time(trace, recorded)
-    more = _more_panels(numbers or {}, path.parent / "trace.csv")
+    more = _more_panels(numbers, (folder or path.parent) / "trace.csv")
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=(11, 11 + 3 * len(more)), layout="constrained")
         panels = figure.subplots(3 + len(more), 1, height_ratios=(2.6, 1, 1, *(1 for _ in more)))
@@ -68,8 +71,19 @@ def draw(
         for axes, panel in zip(panels[3:], more, strict=True):
             panel(axes)
         figure.suptitle(scene.title, fontsize=15, fontweight="bold", x=0.01, ha="left")
-        loop.set_title(caption, loc="left", fontsize=10, color="#555555")
+        words = _caption(scene, trace, numbers)
+        loop.set_title(words, loc="left", fontsize=10, color="#555555")
         save(figure, path)
+
+
+def _caption(scene: Scene, trace: report.Trace, numbers: dict[str, Any]) -> str:
+    """Parameters, length and fit of a run, and its bus where that is known."""
+    unit = scene.measured.unit
+    slope = "N/m" if unit == "N" else f"{unit}/rad"
+    words = f"sigma0 = {scene.sigma0:g} {slope}, Fc = {scene.Fc:g} {unit}, {len(trace.row)} ticks"
+    words += f" over {numbers['bus']}" if "bus" in numbers else ""
+    fit = numbers.get("r2_measured")
+    return words + ("" if fit is None else f", R² = {fit:.4f}")
 
 
 def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[Axes], None]]:

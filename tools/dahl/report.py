@@ -202,10 +202,17 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
     """
     if scene.compensates:
         return None
-    travel = reference.travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
     parts = np.split(trace.moves(), np.flatnonzero(trace.relaxed))
-    exact = [ratio for part in parts for ratio in reference.exact_ratios(part, travel)]
+    exact = [ratio for part in parts for ratio in _exact_ratios(scene, part)]
     return float(reference.error_in_ulp(trace.torque(scene), exact, scene.Fc).max())
+
+
+def _exact_ratios(scene: Scene, moves: np.ndarray) -> list[Any]:
+    """Torque over (the sum of) Fc after each move of the scene's model, from rest."""
+    if scene.model == "slip":
+        return reference.exact_slip_ratios(moves, scene.elements, scene.theta_per_count)
+    travel = reference.travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
+    return reference.exact_ratios(moves, travel)
 
 
 def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
@@ -253,6 +260,8 @@ def summary(
         "max_error_ulp_Fc": max_error_ulp(scene, trace),
         **fit(scene, trace, recorded),
         "compared_from_row": scene.measured.settle,
+        "model": scene.model,
+        "elements": [{"sigma0": sigma0, "Fc": torque} for sigma0, torque in scene.elements],
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
         "scene_file": str(scene.path),
     }

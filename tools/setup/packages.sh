@@ -97,7 +97,7 @@ write_other_sources() {
     name=$(codename)
     write_debian_sources "$1" "$2"
     sed -Ei "/^Suites:/{/[ \t]$name([ \t]|\$)/!s/.*/Enabled: no/;s/^Suites:.*/Suites: $3/}" "$2/debian.sources"
-    sed -Ein "s/ $name +/ $3 /p" "$2/debian.list"
+    sed -En -i "s/ $name +/ $3 /p" "$2/debian.list"
 }
 
 debian_only() { printf '%s\n' -o Dir::Etc::sourcelist=/dev/null -o "Dir::Etc::sourceparts=$1"; }

@@ -265,6 +265,8 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     image = firmware.build(args.target)
     board = firmware.boards()[args.target].machine
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
+    if scene.model != "dahl":
+        raise Error(f"--target runs model dahl, not the scene's {scene.model}")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = firmware.hub(args.output)
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
@@ -291,13 +293,7 @@ def _keep(
 
     numbers |= report.summary(scene, trace, recorded, numbers)
     files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
-    unit = scene.measured.unit
-    slope = "N/m" if unit == "N" else f"{unit}/rad"
-    caption = f"sigma0 = {scene.sigma0:g} {slope}, Fc = {scene.Fc:g} {unit}, "
-    caption += f"{len(trace.row)} ticks over {numbers['bus']}"
-    if numbers["r2_measured"] is not None:
-        caption += f", R² = {numbers['r2_measured']:.4f}"
-    plots.draw(folder / "loop.png", scene, trace, recorded, caption, numbers)
+    plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
     console.print(_table(numbers, scene))
     console.print(
         "files   "

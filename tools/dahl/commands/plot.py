@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
     trace = report.trace_of(logs.frames_of(log))
     output = args.output or folder / "loop.png"
-    plots.draw(output, played, trace, _recorded(played, known), "", known)
+    plots.draw(output, played, trace, _recorded(played, known), known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 

@@ -1,0 +1,529 @@
+# SPDX-License-Identifier: MIT
+"""What tools/bench writes, of numbers made up so that no two are the same: each must stand in the
+row, the column, the point and the page that it belongs to.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools" / "bench"))
+
+import figures  # noqa: E402
+import host  # noqa: E402
+import outside  # noqa: E402
+import report  # noqa: E402
+import results  # noqa: E402
+import table  # noqa: E402
+import target  # noqa: E402
+
+MOTIONS = ("walk_20", "sine_12", "two_one_24", results.JUMPS)
+
+
+@pytest.fixture
+def counted() -> dict:
+    """As target.json: the costs of two libcs, of which newlib's are taken."""
+    number = itertools.count(1000)
+    ways = [way.key for way in results.WAYS if way.on_target]
+    ways += [f"{solver}_parts_{n}" for n in (9, 17) for solver in results.SOLVERS]
+    result = {}
+    for core in ("m0", "m3", "m4f", "rv32"):
+        motions = {
+            libc: {
+                motion: {"floor": 9.0} | {way: float(next(number)) for way in ways}
+                for motion in MOTIONS
+            }
+            for libc in (("picolibc",) if core == "rv32" else ("newlib", "picolibc"))
+        }
+        result[core] = {key: next(number) for _, key in table.ROWS} | {
+            "core": f"Core {core}",
+            "compiler": "cc 1",
+            "motions": motions,
+            "helpers": [f"__help_{core}"],
+            "helpers_O0": [],
+        }
+    del result["rv32"]["newlib_expf"]
+    return result
+
+
+RUN = {"quick": False, "cpu": "a processor", "compiler": "a compiler", "ticks": {}}
+RUN |= {"python": {"throughput_ns": 2.0, "batch_ns": 3.0, "step_ns": 500.0}}
+RUN["outside"] = {
+    "mujoco": {"scenarios": {"walk_20": [1e-4, 1e-5]}, "ns": 6000.0},
+    "newton": {"missing": "not here"},
+}
+RUN["parts"] = [
+    {"way": "rk4_parts", "limit": 1e-6, "parts": 25, "worst": dict.fromkeys(MOTIONS, 3e-7)},
+    {"way": "euler_parts", "limit": 1e-3, "parts": 1, "worst": dict.fromkeys(MOTIONS, 3e-7)},
+    {"way": "backward_parts", "limit": 1e-6, "parts": 0},
+    {"way": "trapezoid_parts", "limit": 1e-3, "parts": 0},
+]
+RUN["rates"] = [
+    {"rate": rate, "way": way, "parts": parts}
+    for rate, parts in ((100, 17), (1000, 9), (3000, 0))
+    for way in host.SOLVERS
+]
+
+
+@pytest.fixture
+def measured() -> dict:
+    """As host.json, of a whole run."""
+    number = itertools.count(1)
+    ways = sorted({results.HOST_KEY.get(way.key, way.key) for way in results.WAYS})
+    errors = {m: {way: [next(number) * 1e-9, 0.5] for way in ways} for m in MOTIONS}
+    errors["walk_20"]["euler"][0] = 7.0
+    raced = (*ways, "batch_counts_16", "throughput_counts_16", "throughput_angle_16", "copy")
+    speed = {m: {way: float(next(number)) for way in raced} for m in MOTIONS}
+    growth = [
+        {"scenario": motion, "way": way, "ticks": ticks, "worst": next(number) * 1e-12}
+        for way in figures.GROWTH_TITLES
+        for ticks in (1000, 100)
+        for motion in ("a", "b")
+    ]
+    return RUN | {"errors": errors, "speed": speed, "growth": growth}
+
+
+def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:
+    """Names of the columns, and the cells of each row of the table in a block."""
+    lines = [line for line in block.splitlines() if line.startswith("|")]
+    head, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return head[1:], {row[0]: row[1:] for row in rows}
+
+
+# --- tables --------------------------------------------------------------------------------------
+
+
+def test_each_count_stands_in_its_row_and_its_core(counted):
+    cores, rows = rows_of(table.markdown(counted))
+    assert cores == [core["core"] for core in counted.values()]
+    assert len(rows) == len(table.ROWS)
+    for title, key in table.ROWS:
+        assert rows[title] == [str(core.get(key, "-")) for core in counted.values()]
+    for core in counted.values():
+        assert f"{core['core']} `{core['helpers'][0]}` (compiled with `-O0`: nothing)" in (
+            table.markdown(counted)
+        )
+
+
+def test_the_short_table_has_three_cores(counted):
+    (*cores, last), rows = rows_of(table.short(counted))
+    assert (cores, last) == (["Core m0", "Core m3", "Core m4f"], "worst error")
+    for title, key, error in table.SHORT_ROWS:
+        assert rows[title] == [*(str(counted[c][key]) for c in ("m0", "m3", "m4f")), error]
+
+
+def test_the_terminal_shows_each_count(counted, capsys):
+    table.show(counted)
+    shown = capsys.readouterr().out
+    for title, key in table.ROWS:
+        line = next(x for x in shown.splitlines() if f"│ {re.sub('[`*]', '', title)} " in x)
+        assert re.findall(r" (\d+|-) ", line)[-4:] == [
+            str(core.get(key, "-")) for core in counted.values()
+        ]
+
+
+def test_the_ways_with_error_jumps_and_mean_cost(counted, measured):
+    """Cost and worst error are of all motions but the jumps, which have a column of their own."""
+    block = report.ways_table(counted, measured)
+    _, rows = rows_of(block)
+    few = MOTIONS[:-1]
+    for way in (way for way in results.WAYS if way.on_target):
+        errors = {
+            m: measured["errors"][m][results.HOST_KEY.get(way.key, way.key)][0] for m in MOTIONS
+        }
+        costs = [
+            np.mean([counted[core]["motions"]["newlib"][m][way.key] for m in few])
+            for core in results.CORES
+        ]
+        worst = max(errors[m] for m in few)
+        assert rows[f"**{way.title}**" if way.ours else way.title] == [
+            "diverges" if way.key == "euler" else f"{worst:.0e}",
+            f"{errors[results.JUMPS]:.0e}",
+            *(f"{cost:.0f}" for cost in costs),
+        ]
+    line = {n: counted["m0"]["motions"]["newlib"]["sine_12"][f"rk4_parts_{n}"] for n in (9, 17)}
+    assert results.parts_cost({f"rk4_parts_{n}": c for n, c in line.items()}, "rk4", 25) == (
+        2 * line[17] - line[9]
+    )
+    assert "RK4, 25 parts" in rows and "forward Euler, 1 parts" not in rows
+    assert "backward Euler 1e-06, trapezoid 1e-03." in block
+
+
+def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
+    """Geometric means and least of all motions; a rival's time over ours."""
+    block = report.host_block(results.combine(counted, measured))
+    over = {
+        way: [speed["expm1f"] / speed[way] for speed in measured["speed"].values()]
+        for way in next(iter(measured["speed"].values()))
+    }
+    pairs = [
+        (np.prod(over[way]) ** (1 / len(MOTIONS)), min(over[way]))
+        for way in ("batch_counts", "batch_counts_16")
+        + ("throughput_counts", "throughput_angle", "throughput_counts_16")
+    ]
+    wanted = [f"{x:.1f}" for pair in pairs for x in pair]
+    assert re.findall(r"\d+\.\d", block.partition("plain copy")[0]) == wanted
+    copies = [
+        np.mean([speed[way] / speed["copy"] for speed in measured["speed"].values()])
+        for way in ("throughput_counts", "throughput_counts_16")
+    ]
+    said = re.search(r"plain copy\D+(\d+) times\D+(\d+) times", block)
+    assert [int(x) for x in said.groups()] == [round(x) for x in copies]
+    assert re.search(r"run_counts` is 3000 times.* 2000 times .* call 12\.0 times", block)
+    assert "not compared here: newton (not here)" in block
+
+
+# --- pictures ------------------------------------------------------------------------------------
+
+
+def drawn(axes, style: str) -> dict[str, list]:
+    """Points of one kind of line, by colour."""
+    found: dict[str, list] = {}
+    for line in axes.lines:
+        if style in (line.get_marker(), line.get_linestyle()):
+            found.setdefault(line.get_color(), []).append(np.transpose(line.get_data()).tolist())
+    return found
+
+
+def test_each_point_stands_at_its_cost_and_error_in_its_colour(counted, measured):
+    panels = figures.pareto(counted, measured).axes
+    points = [results.core_points(counted, measured, core) for core in results.CORES]
+    points.append(results.host_points(measured))
+    for axes, group in zip(panels, points, strict=True):
+        place = lambda p: [[p.mean_cost(), min(p.worst(), figures.TOP)]]  # noqa: E731
+        seen = drawn(axes, "o")
+        assert seen[figures.OURS] == [place(p) for p in group if p.ours]
+        assert seen[figures.RIVAL] == [
+            place(p) for p in group if not p.ours and p.worst() <= figures.TOP
+        ]
+        assert drawn(axes, "^")[figures.RIVAL] == [
+            place(p) for p in group if p.worst() > figures.TOP
+        ]
+    assert [axes.get_title(loc="left") for axes in panels] == [
+        "Cortex-M0",
+        "Cortex-M3",
+        "Cortex-M4F",
+        "host: a processor",
+    ]
+    lowest = min(speed["copy"] for speed in measured["speed"].values())
+    assert drawn(panels[3], ":")["#999999"][0][0][0] == lowest
+
+
+def test_each_way_has_its_number_in_every_panel_and_the_front_is_drawn(counted, measured):
+    """Near ones share a label; the legend says which number is which way."""
+    picture = figures.pareto(counted, measured)
+    [legend] = picture.legends
+    names = [text.get_text().split(maxsplit=1) for text in legend.get_texts()]
+    number = {title: int(n) for n, title in names}
+    groups = [results.core_points(counted, measured, core) for core in results.CORES]
+    groups.append(results.host_points(measured))
+    ours = {figures.plain(p.title) for group in groups for p in group if p.ours}
+    for text, (_, title) in zip(legend.get_texts(), names, strict=True):
+        assert text.get_color() == (figures.OURS if title in ours else figures.RIVAL)
+    for axes, group in zip(picture.axes, groups, strict=True):
+        labels = " ".join(x.get_text() for x in axes.texts if x.get_text()[0].isdigit())
+        wanted = sorted(number[figures.plain(p.title)] for p in group)
+        assert sorted(map(int, labels.split())) == wanted
+        front = [[p.mean_cost(), figures.drawn_error(p)] for p in figures.front(group)]
+        assert drawn(axes, "-")[figures.FRONT] == [front]
+    floors = [drawn(axes, ":")["#999999"][0][0][0] for axes in picture.axes[:3]]
+    assert floors == [9.0, 9.0, 9.0]
+
+
+def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
+    left, right = figures.growth(counted, measured).axes
+    for line, way in zip(left.lines, figures.GROWTH_TITLES, strict=False):
+        assert line.get_label() == figures.GROWTH_TITLES[way]
+        assert np.transpose(line.get_data()).tolist() == [
+            [
+                ticks,
+                max(
+                    row["worst"]
+                    for row in measured["growth"]
+                    if (row["way"], row["ticks"]) == (way, ticks)
+                ),
+            ]
+            for ticks in (100, 1000)
+        ]
+    [bound] = drawn(left, ":")["#999999"]
+    assert bound[0][1] == pytest.approx(0.52 * float(np.spacing(np.float32(1))))
+    motions = counted["m4f"]["motions"]["newlib"]
+    ours, euler = right.lines[:2]
+    assert np.transpose(ours.get_data()).tolist() == [
+        [100, 100 * motions["sine_12"]["counts_q30"]],
+        [1000, 1000 * motions["two_one_24"]["counts_q30"]],
+        [3000, 3000 * motions["two_one_24"]["counts_q30"]],
+    ]
+    assert np.transpose(euler.get_data()).tolist() == [
+        [100, 100 * motions["two_one_24"]["euler_parts_17"]],
+        [1000, 1000 * motions["two_one_24"]["euler_parts_9"]],
+    ]
+
+
+# --- files ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def pages(monkeypatch, tmp_path, counted, measured) -> Path:
+    """A tree with the files of a run and the pages that it writes."""
+    out, docs = tmp_path / "out", tmp_path / "docs"
+    (docs / "pictures").mkdir(parents=True)
+    out.mkdir()
+    for module, names in ((report, ("ROOT", "OUT", "DOCS", "RESULT")), (target, ("RESULT",))):
+        places = {"ROOT": tmp_path, "OUT": out, "DOCS": docs, "RESULT": out / "results.json"}
+        for name in names:
+            monkeypatch.setattr(module, name, places[name])
+    monkeypatch.setattr(target, "RESULT", out / "target.json")
+    monkeypatch.setattr(host, "RESULT", out / "host.json")
+    target.write(target.RESULT, counted)
+    target.write(host.RESULT, measured)
+    marks = {
+        "README.md": [table.SHORT_MARKS],
+        "docs/microcontroller.md": [table.MARKS],
+        "docs/speed.md": [report.HOST_MARKS, report.WAYS_MARKS],
+    }
+    for page, pairs in marks.items():
+        text = "".join(f"before\n{start}\nold\n{end}\nafter\n" for start, end in pairs)
+        (tmp_path / page).write_text(text)
+    return tmp_path
+
+
+def test_the_docs_get_each_block_and_picture_in_its_place(pages, counted, measured, capsys):
+    assert report.main(["--docs"]) == 0
+    text = {path: (pages / path).read_text() for path in ("README.md", "docs/speed.md")}
+    assert text["README.md"] == f"before\n{table.short(counted)}\nafter\n"
+    page = (pages / "docs/microcontroller.md").read_text()
+    assert page == f"before\n{table.markdown(counted)}\nafter\n"
+    result = results.combine(counted, measured)
+    blocks = report.host_block(result), report.ways_table(counted, measured)
+    assert text["docs/speed.md"] == "".join(f"before\n{block}\nafter\n" for block in blocks)
+    for name in report.PICTURES:
+        picture = (pages / "docs/pictures" / name).read_bytes()
+        assert picture == (pages / "out" / name).read_bytes()
+        assert picture[:4] == b"\x89PNG"
+    assert json.loads((pages / "out/results.json").read_text()) == json.loads(json.dumps(result))
+    growth, pareto = ((pages / f"out/{name}.svg").read_text() for name in ("growth", "pareto"))
+    assert "Error over ticks" in growth and "Speed against error" in pareto
+
+
+def test_a_report_alone_leaves_the_docs_alone(pages, counted, measured, capsys):
+    assert report.main([]) == 0
+    assert "old" in (pages / "docs/speed.md").read_text()
+    assert not list((pages / "docs/pictures").iterdir())
+    shown = capsys.readouterr().out
+    points = results.combine(counted, measured)["points"]
+    for core, title in figures.TITLES.items():
+        part = shown.split(f"{title}: ")[1].split("└")[0]
+        names = re.findall(r"│ (\w+) +│ +[\d.e+]+ │ +\S+ │", part)
+        assert names == sorted(points[core], key=lambda key: points[core][key]["cost"])
+
+
+@pytest.mark.parametrize("lacking", ["target", "host"])
+def test_a_report_without_a_run_names_the_command(pages, lacking):
+    (pages / "out" / f"{lacking}.json").unlink()
+    with pytest.raises(target.BenchError, match=rf"run tools/bench\.sh {lacking} first"):
+        report.main([])
+
+
+def test_a_page_without_its_marks_is_an_error(pages):
+    (pages / "docs/microcontroller.md").write_text("no marks\n")
+    with pytest.raises(target.BenchError, match=re.escape("docs/microcontroller.md lacks")):
+        report.main(["--docs"])
+
+
+# --- what is read ---------------------------------------------------------------------------------
+
+
+def test_counts_belong_to_the_case_before_them():
+    text = "case one\nnumber plan_bytes 24\ncase two\n"
+    cases, numbers = target.read_cases(text, "-\n5\n7\n-\n9\n")
+    assert (cases, numbers) == ({"one": [5, 7], "two": [9]}, {"plan_bytes": 24})
+    for broken in ("-\n5\n", "-\n5\n-\n9\n-\n", ""):
+        with pytest.raises(target.BenchError):
+            target.read_cases(text, broken)
+
+
+def test_motions_are_means_and_the_rest_is_the_worst():
+    cases = {"motion:walk:counts": [10, 20, 33], "motion:walk:euler": [5], "euler": [1, 9]}
+    assert target.motion_numbers(cases) == {"walk": {"counts": 21.0, "euler": 5.0}}
+    cases = {name: [n, 10 * n] for n, name in enumerate(RIVALS, 1)}
+    assert target.rival_numbers(cases, "newlib") == {
+        "newlib_expm1f": 10,
+        "newlib_expf": 20,
+        "newlib_exp_double": 30,
+        "euler": 40,
+        "rk4": 50,
+        "table": 60,
+        "newlib_expm1f_worst": 70,
+        "newlib_expf_worst": 80,
+        "newlib_exp_double_worst": 90,
+    }
+
+
+RIVALS = ("expm1f", "expf", "exp_double", "euler", "rk4", "table")
+RIVALS += ("expm1f_worst", "expf_worst", "exp_double_worst")
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
+        ("__aeabi_fadd", True),
+        ("__aeabi_dmul", True),
+        ("__aeabi_l2f", True),
+        ("__adddf3", True),
+        ("__floatsisf", True),
+        ("malloc", True),
+        ("_sbrk", True),
+        ("printf", True),
+        ("expm1f", True),
+        ("__ieee754_expf", True),
+        ("__aeabi_uidiv", False),
+        ("__aeabi_lmul", False),
+        ("__aeabi_idivmod", False),
+        ("dahl_step_counts", False),
+        ("memcpy", False),
+    ],
+)
+def test_what_may_not_be_linked(monkeypatch, name, bad):
+    monkeypatch.setattr(target, "run", lambda *_: f"00000010 T {name}\n00000020 t other\n")
+    assert target.forbidden(target.CORES["m3"], Path("image")) == ([name] if bad else [])
+
+
+def test_helpers_are_what_is_wanted_and_not_there(monkeypatch):
+    listing = "a.o:\n         U __help\n         U mine\nb.o:\n00000010 T mine\n         U __aid\n"
+    monkeypatch.setattr(target, "run", lambda *_: listing)
+    assert target.helpers(target.CORES["m3"], Path("a.o")) == ["__aid", "__help"]
+
+
+def test_sizes_by_what_they_cost(monkeypatch):
+    listing = "x :\nsection size addr\n.text 10 0\n.text.hot 1 0\n.rodata.cst4 5 0\n.bss 7 0\n"
+    listing += ".data 2 0\n.comment 99 0\n.srodata 20 0\n.sbss.x 30 0\n.sdata 40 0\n"
+    listing += ".tdata 50 0\n.tbss 60 0\nTotal 324\n"
+    monkeypatch.setattr(target, "run", lambda *_: listing)
+    sizes = target.sizes(target.CORES["m3"], Path("image"))
+    assert sizes == {"code": 11, "const": 25, "static": 189}
+
+
+def test_a_command_that_fails_or_hangs_is_told():
+    with pytest.raises(target.BenchError, match="why not"):
+        target.run("sh", "-c", "echo why not >&2; exit 1")
+    with pytest.raises(target.BenchError, match=r"did not end within 0\.1 s"):
+        target.run("sleep", "9", timeout=0.1)
+    with pytest.raises(target.BenchError, match="no-such-program is not installed"):
+        target.run("no-such-program")
+
+
+def test_fewest_parts_is_the_first_power_of_two_that_is_enough(monkeypatch):
+    for enough, found in ((1, 1), (3, 4), (4096, 4096), (4097, 0)):
+        error = lambda way, parts, *_, n=enough: 1e-3 if parts >= n else 2e-3  # noqa: E731
+        monkeypatch.setattr(host, "solver_error", error)
+        assert host.fewest_parts("euler_parts", 1e-3) == found
+
+
+def test_errors_keep_their_motion_way_and_order(monkeypatch):
+    row = {"scenario": "walk", "way": "euler", "worst": "nan", "rms": "1.5e-3"}
+    monkeypatch.setattr(host, "rows", lambda *_: [row, row | {"way": "rk4", "worst": "2e-9"}])
+    wanted = {"walk": {"euler": [host.DIVERGED, 1.5e-3], "rk4": [2e-9, 1.5e-3]}}
+    assert host.measure_errors(host.QUICK) == wanted
+    assert host.number("inf") == host.DIVERGED
+
+
+def test_times_from_python_are_of_a_tick(monkeypatch, library):
+    """One second for each piece of work stands for its ticks; the work is done."""
+    done = []
+    monkeypatch.setattr(host, "best_time", lambda work, *_: float(bool(done.append(work()) or 1)))
+    assert host.measure_python() == {
+        "step_ns": pytest.approx(1e9 / len(done[0])),
+        "batch_ns": pytest.approx(1e9 / len(done[1])),
+        "throughput_ns": pytest.approx(1e9 / len(done[2])),
+        "empty_batch_ns": pytest.approx(1e9),
+    }
+    assert np.abs(done[1] - done[2]).max() < 1e-6
+    assert done[1][: len(done[0])] == pytest.approx(done[0], abs=1e-7)
+    assert 0.1 < np.abs(done[1]).max() < host.FC
+
+
+def test_the_best_time_is_the_least_of_all_rounds(monkeypatch):
+    times = iter([0.0, 5.0, 10.0, 12.0, 20.0, 24.0])
+    monkeypatch.setattr(host, "perf_counter", lambda: next(times))
+    assert host.best_time(lambda: None, 3) == 2.0
+
+
+def test_rivals_without_their_environment_are_missing(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(host, "VENV", tmp_path)
+    assert all(
+        "venv.log" in entry["missing"] for entry in host.measure_outside(host.QUICK).values()
+    )
+
+
+# --- rivals from outside --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def task() -> dict:
+    """400 moves of 0.002 rad and the exact answer of Eq. 1."""
+    moves = [3] * 200 + [-2] * 200
+    exact, w = [], 0.0
+    for move in moves:
+        s = np.sign(move)
+        w = s + (w - s) * np.exp(-200 * abs(move) * 1e-3)
+        exact.append(w)
+    scenario = {"theta": 1e-3, "moves": moves, "exact": exact}
+    return {"scenarios": {"a": scenario}, "sigma0": 100.0, "Fc": 0.5, "solved": 300}
+
+
+def test_scipy_follows_the_model(task):
+    found = outside.measure(outside.scipy_way, task)
+    assert found["scenarios"]["a"][0] < 1e-7
+    assert found["ticks"] == 300
+    assert 1e3 < found["ns"] < 1e8
+
+
+def test_errors_are_worst_and_rms():
+    assert outside.errors([1.0, 2.0, 5.0], [1.0, 6.0, 2.0]) == [4.0, pytest.approx((25 / 3) ** 0.5)]
+
+
+def test_a_rival_that_is_not_here_is_named_and_stops_no_other(task):
+    own = ROOT / "build/bench/venv/bin/python"
+    done = subprocess.run(
+        [own if own.exists() else sys.executable, ROOT / "tools/bench/outside.py"],
+        input=json.dumps(task),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert list(found) == ["mujoco", "newton", "scipy"]
+    assert found["scipy"]["scenarios"]["a"][1] < 1e-7
+    for name in ("mujoco", "newton"):
+        one = found[name]
+        assert "missing" in one or (one["ticks"] == 400 and one["scenarios"]["a"][0] < 0.2)
+
+
+# --- what an identification costs ----------------------------------------------------------------
+
+
+def test_the_cost_of_an_identification_is_told():
+    """Both fits find the parameters; the ratio is the rival's time over ours."""
+    words = [sys.executable, ROOT / "tools/bench/identify.py", "--rows", "3000", "--short", "1000"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=200)
+    ours, theirs, long = done.stdout.splitlines()
+    assert ours.startswith("1000 rows: ") and long.startswith("3000 rows: ")
+    found = [
+        [float(x) for x in re.search(r"sigma0 ([\d.]+), Fc ([\d.]+)", line).groups()]
+        for line in (ours, theirs)
+    ]
+    assert found[0] == pytest.approx([100, 0.5], rel=0.1)
+    assert found[1] == pytest.approx(found[0], rel=2e-3)
+    seconds = [float(re.search(r" ([\d.]+) s,", line)[1]) for line in (ours, theirs)]
+    ratio = float(re.search(r"ratio (\d+)", theirs)[1])
+    assert ratio == pytest.approx(seconds[1] / seconds[0], rel=0.05, abs=0.6)
