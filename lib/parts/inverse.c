@@ -2,7 +2,7 @@
 /*
  * From a torque back to counts, without a logarithm: the digits of the travel, highest first, each taken while it does not
  * reach the torque. A real move takes the digits the other way round, and rounds a little otherwise; so what the digits find is
- * checked by real moves, and where one more or one less is asked for, it is searched around there.
+ * checked by real moves, and corrected by a count where it rounds to the other side.
  */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
@@ -62,41 +62,18 @@ static uint32_t counts_below(const dahl_search_t *search)
     return counts;
 }
 
-static uint32_t smaller(uint32_t a, uint32_t b)
-{
-    return a < b ? a : b;
-}
-
-/* Between counts that do not reach it and counts that do, the least that do. */
-static uint32_t least_between(const dahl_search_t *search, uint32_t below, uint32_t reached)
-{
-    while (reached - below > 1) {
-        uint32_t middle = below + (reached - below) / 2;
-        if (reaches(search, middle)) {
-            reached = middle;
-        } else {
-            below = middle;
-        }
-    }
-    return reached;
-}
-
-/* The least counts that reach it: doubling steps away from the guess, either way, then halving what lies between. */
+/* The least counts that reach it. What the digits find is at most a count or two off: a float's spacing is far wider than the
+ * 2^-61 by which two ways of taking the digits differ. Counts of none never reach, the most ever do. */
 static uint32_t least_counts(const dahl_search_t *search)
 {
-    uint32_t below = counts_below(search), reached = below + 1, step = 1;
-    while (below > 0 && reaches(search, below)) {
-        reached = below;
-        below -= smaller(step, below);
-        step += step;
+    uint32_t below = counts_below(search);
+    while (reaches(search, below)) {
+        below--;
     }
-    step = 1;
-    while (reached < COUNTS_MOST && !reaches(search, reached)) {
-        below = reached;
-        reached += smaller(step, COUNTS_MOST - reached);
-        step += step;
+    while (!reaches(search, below + 1)) {
+        below++;
     }
-    return least_between(search, below, reached);
+    return below + 1;
 }
 
 dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state, float F, int32_t *dcounts)

@@ -197,6 +197,8 @@ static void test_least_torques(void)
         long double c_Fc = p.Fc * (load * 0x1p-30L), F = ldexpl(state.bristle.w, -62) * c_Fc;
         float got = dahl_loaded_step_counts(&plan, &state, 0, load);
         TEST_ASSERT_TRUE(fabsl(got - F) <= 0.512L * c_Fc * 0x1p-23L && (got == 0.0f || got >= 0x1p-126f));
+        dahl_loaded_state_t mirrored = {{-state.bristle.w}, load};
+        TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &mirrored, 0, load) == -got);
         TEST_ASSERT_TRUE(F >= 0x1p-126L * 0x1p32L ? fabsl(got - F) <= 0x1p-24L * 1.02L * F : 1);
     }
 }

@@ -171,6 +171,18 @@ static void test_ends_of_the_format(void)
     TEST_ASSERT_TRUE(fabsf(dahl_slip_step_counts(&plan, &state, -1)) <= 0x1p-29f);
 }
 
+/* A sum of Fc that takes more than 32 bits, all of them ones: what slips has the nearest float. */
+static void test_a_sum_just_below_a_power_of_two(void)
+{
+    dahl_slip_params_t params = {2, 0.5f, {1.0f, 0x1p-24f}, {0x1.fffffep0f, 0x1.fffffep-24f}};
+    const dahl_slip_plan_t plan = plan_of(&params);
+    dahl_slip_state_t state = {{0}};
+    TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, 1000) == 2.0f);
+    TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, -1000) == -2.0f);
+    worst_t worst = run(&params, motion_leap, 300);
+    TEST_ASSERT_TRUE(worst.torque_ulp <= (long double)DAHL_ULP_PARTS);
+}
+
 static dahl_slip_params_t four_elements(void)
 {
     dahl_slip_params_t params = {4, 3.8e-4f, {900.0f, 170.0f, 21.0f, 3.1f}, {0.4f, 0.7f, 0.35f, 0.9f}};
@@ -436,6 +448,7 @@ int main(void)
     RUN_TEST(test_bounds_are_what_is_promised);
     RUN_TEST(test_any_parameters);
     RUN_TEST(test_ends_of_the_format);
+    RUN_TEST(test_a_sum_just_below_a_power_of_two);
     RUN_TEST(test_composition_of_travel);
     RUN_TEST(test_odd_symmetry);
     RUN_TEST(test_monotone_in_travel);

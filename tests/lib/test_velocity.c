@@ -86,6 +86,22 @@ static void test_at_rest_and_without_a_plan_there_is_none(void)
     TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, 100) == 0.0f);
 }
 
+/* Beside a torque that is 2^31 times as large or more, another is none. */
+static void test_values_far_below_the_largest(void)
+{
+    dahl_velocity_params_t p = {.segment_bits = 0, .torque = {0x1p-33f, 0x1p-60f, -0x1p-64f}};
+    dahl_velocity_plan_t plan;
+    p.torque[DAHL_VELOCITY_SEGMENTS - 1] = 1.0f;
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, 1) == 0.0f && dahl_velocity_torque(&plan, 2) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, -3) == 0.0f);
+    TEST_ASSERT_EQUAL_FLOAT(1.0f, dahl_velocity_torque(&plan, DAHL_VELOCITY_SEGMENTS));
+    p.torque[DAHL_VELOCITY_SEGMENTS - 1] = 0x1p63f;
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
+    TEST_ASSERT_TRUE(dahl_velocity_torque(&plan, 1) == 0.0f && dahl_velocity_torque(&plan, 3) == 0.0f);
+    TEST_ASSERT_EQUAL_FLOAT(0x1p63f, dahl_velocity_torque(&plan, DAHL_VELOCITY_SEGMENTS));
+}
+
 static void assert_refused(dahl_err_t code, uint32_t segment_bits, float torque)
 {
     dahl_velocity_params_t p = stribeck(segment_bits, 1.0f);
@@ -112,6 +128,7 @@ int main(void)
     RUN_TEST(test_lines_between_the_values);
     RUN_TEST(test_viscous);
     RUN_TEST(test_at_rest_and_without_a_plan_there_is_none);
+    RUN_TEST(test_values_far_below_the_largest);
     RUN_TEST(test_bad_tables_are_refused);
     return UNITY_END();
 }

@@ -133,6 +133,25 @@ static void test_what_no_float_holds(void)
     TEST_ASSERT_TRUE(dahl_work(&small, &near) == 0.0f);
 }
 
+/* A spring far below the floats gives back what no float holds; a way far below the counts takes nothing off the work. */
+static void test_one_side_far_below_the_other(void)
+{
+    dahl_params_t small = {1.0f, 0x1p-64f, 0x1p-80f * 0x1p18f}, fast = {0x1p19f, 1.0f, 1.0f};
+    dahl_plan_t plan = plan_for(&small);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {{0}, {0}};
+    dahl_set_torque(&plan, &state, small.Fc);
+    (void)dahl_work_step_counts(&plan, &state, &sums, -1);
+    TEST_ASSERT_TRUE(dahl_work(&small, &sums) == 0.0f && !signbit(dahl_work(&small, &sums)));
+
+    dahl_work_t slid = {{0}, {0}};
+    plan = plan_for(&fast);
+    dahl_set_torque(&plan, &state, nextafterf(fast.Fc, 0));
+    (void)dahl_work_step_counts(&plan, &state, &slid, INT32_MAX);
+    TEST_ASSERT_TRUE(slid.way[0] != 0 || slid.way[1] != 0);
+    TEST_ASSERT_TRUE(dahl_work(&fast, &slid) == 0x1p31f);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -142,5 +161,6 @@ int main(void)
     RUN_TEST(test_sums_carry);
     RUN_TEST(test_nothing_moved_is_no_work);
     RUN_TEST(test_what_no_float_holds);
+    RUN_TEST(test_one_side_far_below_the_other);
     return UNITY_END();
 }
