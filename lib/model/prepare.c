@@ -6,7 +6,13 @@
 #include "check_params.h"
 #include "prepare_table.h"
 
-static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params, int has_counts)
+/* theta_per_count may be 0, of either sign, where a plan is for angles alone. */
+static int has_counts(const dahl_params_t *params)
+{
+    return dahl_bits_of(params->theta_per_count) << 1 != 0;
+}
+
+static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
 {
     const int entries = (int)(sizeof plan->g / sizeof plan->g[0]);
     const dahl_real_t sigma0 = dahl_real_of_float(params->sigma0), Fc = dahl_real_of_float(params->Fc);
@@ -19,14 +25,15 @@ static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params,
     plan->Fc_mantissa = Fc.mantissa;
     plan->Fc_exponent = Fc.exponent;
     dahl_write_table(plan->g, entries,
-                     has_counts ? dahl_left_by(dahl_product(a, exponent, dahl_real_of_float(params->theta_per_count))) : UINT64_MAX);
+                     has_counts(params) ? dahl_left_by(dahl_product(a, exponent, dahl_real_of_float(params->theta_per_count)))
+                                        : UINT64_MAX);
 }
 
 DAHL_COLD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)
 {
     dahl_err_t err = dahl_check_params(params);
     if (err == DAHL_OK) {
-        write_plan(plan, params, dahl_bits_of(params->theta_per_count) << 1 != 0);
+        write_plan(plan, params);
     }
     return err;
 }
