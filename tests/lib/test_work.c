@@ -136,7 +136,7 @@ static void test_what_no_float_holds(void)
 /* A spring far below the floats gives back what no float holds; a way far below the counts takes nothing off the work. */
 static void test_one_side_far_below_the_other(void)
 {
-    dahl_params_t small = {1.0f, 0x1p-64f, 0x1p-80f * 0x1p18f}, fast = {0x1p19f, 1.0f, 1.0f};
+    dahl_params_t small = {1.0f, 0x1p-64f, 0x1p-64f}, fast = {0x1p19f, 1.0f, 1.0f};
     dahl_plan_t plan = plan_for(&small);
     dahl_state_t state = {0};
     dahl_work_t sums = {{0}, {0}};
