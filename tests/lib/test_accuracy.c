@@ -7,7 +7,7 @@
 #include "reference.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 10000000
+#define TEST_TICKS 1000000
 #endif
 
 static const double travels[] = {1e-8, 1e-6, 1e-4, 1e-2, 0.3, 3.0, 20.0};

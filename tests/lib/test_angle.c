@@ -8,7 +8,7 @@
 #include "plans.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 10000000
+#define TEST_TICKS 1000000
 #endif
 
 #ifndef TEST_KERNEL_STRIDE

@@ -9,7 +9,7 @@
 #include "plans.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 1000000
+#define TEST_TICKS 100000
 #endif
 
 /*

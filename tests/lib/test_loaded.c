@@ -8,7 +8,7 @@
 #include "plans.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 1000000
+#define TEST_TICKS 100000
 #endif
 
 #define ONE ((uint32_t)1 << 30)

@@ -9,7 +9,7 @@
 #include "slip_reference.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 1000000
+#define TEST_TICKS 100000
 #endif
 
 #define PARTS_MOST 8

@@ -8,7 +8,7 @@
 #include "slip_reference.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 1000000
+#define TEST_TICKS 100000
 #endif
 
 #define LAW_TICKS (TEST_TICKS < 20000 ? TEST_TICKS : 20000)
