@@ -44,14 +44,17 @@ def refuse(log: Log, trust_units: bool = False) -> None:
 
 
 def _refuse_clipped(log: Log) -> None:
-    """Many rows at the very same extreme, in a torque that elsewhere is noisy."""
+    """Many rows at the very same extreme, in a torque that elsewhere is noisy. Where a shaft rests,
+    a torque without noise stays as it is: a quarter of the rows must move."""
     inside = (log.torque < log.torque.max()) & (log.torque > log.torque.min())
     noise = np.abs(np.diff(log.torque, 2))[inside[1:-1]]
     if len(noise) and np.median(noise) < 1e-4 * np.ptp(log.torque):
         return  # without noise a saturated friction is constant too
+    moving = np.diff(log.theta, prepend=np.nan) != 0
     for extreme in (log.torque.max(), log.torque.min()):
         there = np.flatnonzero(log.torque == extreme)
-        if len(there) > max(CLIPPED * log.rows, 20) and _sticks(log, there):
+        many = len(there) > max(CLIPPED * log.rows, 20)
+        if many and np.mean(moving[there]) > 0.25 and _sticks(log, there):
             raise Error(
                 f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
                 f" ({len(there)} of {log.rows} rows, the first is row {there[0] + 1})"
