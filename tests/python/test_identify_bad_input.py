@@ -265,6 +265,36 @@ def test_values_of_the_same_time_stay_apart(tmp_path):
     assert signals.values("bus")["torque"].tolist() == [5, 7]
 
 
+def on_a_bus(tmp_path, angle_times, torque_times) -> dict[str, np.ndarray]:
+    """What is read where frame k of either message has the value k, and the torque 100 more."""
+    (tmp_path / "bus.dbc").write_text(DBC)
+    signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
+    for name, times, offset in (("Angle", angle_times, 0), ("Torque", torque_times, 100)):
+        signals.found[name] = [(time, k + offset) for k, time in enumerate(times)]
+    return signals.values("bus")
+
+
+def test_an_answer_belongs_to_its_angle_however_late_it_comes(tmp_path):
+    """A busy bus brings each answer later or earlier, within the period."""
+    angles = np.arange(1000) * 1e-3
+    answers = angles + np.random.default_rng(1).uniform(1e-6, 0.99e-3, 1000)
+    read = on_a_bus(tmp_path, angles, answers)
+    assert (read["torque"] - read["angle"]).tolist() == [100] * 1000
+    lost = np.delete(answers, [3, 500, 999])  # their angles have no torque
+    read = on_a_bus(tmp_path, angles, lost)
+    assert read["angle"].tolist() == np.delete(np.arange(1000), [3, 500, 999]).tolist()
+    assert read["torque"].tolist() == list(range(100, 1097))
+
+
+def test_a_torque_at_a_rate_of_its_own_is_interpolated(tmp_path):
+    angles = np.arange(0, 1, 1e-3)
+    read = on_a_bus(tmp_path, angles, 0.01 + np.arange(0, 0.9, 7e-3))
+    assert read["time"][[0, -1]].tolist() == pytest.approx([0.01, 0.906])
+    assert read["torque"] == pytest.approx(100 + (read["time"] - 0.01) / 7e-3)
+    with pytest.raises(Error, match="share no time"):
+        on_a_bus(tmp_path, angles, angles + 2)
+
+
 def test_a_dbc_with_a_fault_elsewhere_is_taken(files, tmp_path):
     """A signal beyond the end of its message, and two on one bit, as in many a maker's own."""
     odd = (

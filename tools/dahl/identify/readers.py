@@ -34,6 +34,7 @@ CAN_LOGS = set(logs.CAN_LOGS)
 FULL_TURN = 360.0  # deg
 SLOW = 1.0  # s a row: the time is rather in ms
 CLOCK = "time [s]"  # of frames and channels, whose readers give seconds
+TAKE_TURNS = 0.99  # part of the frames, where two messages are said to take turns
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
 
 
@@ -335,9 +336,7 @@ class Signals:
                 self.found[name].append((frame.timestamp, value))
 
     def values(self, place: Path | str) -> dict[str, np.ndarray]:
-        """Angle, torque and time at the frames of the angle; the torque is interpolated to them
-        where it comes in another message. Raises dahl.Error.
-        """
+        """Angle, torque and time at the frames of the angle. Raises dahl.Error."""
         series = {}
         for role in ("angle", "torque"):
             pairs = self.found[self.names[role]]
@@ -349,23 +348,34 @@ class Signals:
         (angle_time, angle), (torque_time, torque) = series["angle"], series["torque"]
         for time in (angle_time, torque_time):
             _check_time(place, time)
-        if np.array_equal(angle_time, torque_time):
-            return {"angle": angle, "torque": torque, "time": angle_time}
-        shared = (angle_time >= torque_time[0]) & (angle_time <= torque_time[-1])
-        if shared.sum() < 2:
+        rows, values = _torque_at(angle_time, torque_time, torque)
+        if len(rows) < 2:
             raise Error(
                 f"{place}: '{self.names['angle']}' and '{self.names['torque']}' share no time"
             )
-        time = angle_time[shared]
-        return {
-            "angle": angle[shared],
-            "torque": np.interp(time, torque_time, torque),
-            "time": time,
-        }
+        return {"angle": angle[rows], "torque": values, "time": angle_time[rows]}
 
     def log(self, place: Path | str, source: Source) -> Log:
         """All until now as a log."""
         return _log(place, source, self.columns, self.values(place))
+
+
+def _torque_at(
+    angle_time: np.ndarray, torque_time: np.ndarray, torque: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the angle that have a torque, and their torques. Where the two messages take turns, a
+    torque belongs to the angle before it, however late a busy bus brings it; else it is
+    interpolated between its frames.
+    """
+    if np.array_equal(angle_time, torque_time):
+        return np.arange(len(angle_time)), torque
+    first = np.searchsorted(torque_time, angle_time)  # not before the angle
+    rows = np.flatnonzero(first < len(torque_time))
+    rows = rows[torque_time[first[rows]] < np.append(angle_time, np.inf)[rows + 1]]
+    if len(rows) >= TAKE_TURNS * max(len(angle_time), len(torque_time)):
+        return rows, torque[first[rows]]
+    rows = np.flatnonzero((angle_time >= torque_time[0]) & (angle_time <= torque_time[-1]))
+    return rows, np.interp(angle_time[rows], torque_time, torque)
 
 
 def _values(
