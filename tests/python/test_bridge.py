@@ -89,7 +89,7 @@ def opened(monkeypatch, capsys) -> Iterator[tuple[Peer, Peer, threading.Thread, 
         assert bus.until(b">") == heard
     bus.link.sendall(b"< ok >")
     assert node.until(b"O\r") == b"\rC\rO\r"
-    bus.link.sendall(b"< frame 7FF 0.0  >")  # with the first frame `ready` was said, and capsys has it
+    bus.link.sendall(b"< frame 7FF 0.0  >")  # so `ready` was said, and capsys has it
     assert node.until(b"\r") == b"t7FF0\r"
     yield node, bus, work, code
     node.close()
