@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 
@@ -81,3 +82,17 @@ def test_it_never_sets_up_twice_nor_for_others(without_scipy, monkeypatch, why):
     with pytest.raises(RunError, match="needs Python packages that are not here: scipy"):
         by_need.bring("identify", ["identify"])
     assert not (folder / "asked").exists()
+
+
+def test_asammdf_is_imported_where_an_mf4_is_meant(monkeypatch):
+    for words in (["demo"], ["record", "-o", "run.blf"], ["monitor", "-i", "socketcan"]):
+        monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
+        del sys.modules["asammdf"]
+        by_need.spare_mf4(words[0], words)
+        with pytest.raises(ImportError):
+            importlib.import_module("asammdf")
+    for words in (["record", "-o", "RUN.MF4"], ["identify", "logs"], ["plot", "run"]):
+        monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
+        del sys.modules["asammdf"]
+        by_need.spare_mf4(words[0], words)
+        assert "asammdf" not in sys.modules

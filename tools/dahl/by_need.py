@@ -9,6 +9,8 @@ import os
 import subprocess
 import sys
 from importlib.util import find_spec
+from types import ModuleType
+from typing import cast
 
 from dahl import RunError, paths
 
@@ -18,6 +20,7 @@ NEEDS = {
     "monitor": ("plotext",),
     "report": ("jinja2",),
 }
+WITHOUT_MF4 = ("demo", "monitor", "record")  # unless a word of the command line ends in .mf4
 TRIED = "DAHL_SETUP_TRIED"  # set for the second start, so that there is no third
 
 
@@ -33,3 +36,11 @@ def bring(command: str, words: list[str]) -> None:
     if subprocess.run([setup, "identify"], stdout=sys.stderr, check=False).returncode:
         raise RunError(f"{command} needs {' '.join(lacking)}; tools/setup.sh identify failed")
     os.execve(sys.executable, [sys.executable, "-m", "dahl", *words], {**os.environ, TRIED: "1"})
+
+
+def spare_mf4(command: str, words: list[str]) -> None:
+    """Leave out asammdf, which python-can imports wherever it is installed: most of the start of a
+    command that reads and writes no MF4. For the program, where no other command follows.
+    """
+    if command in WITHOUT_MF4 and not any(word.lower().endswith(".mf4") for word in words):
+        sys.modules.setdefault("asammdf", cast(ModuleType, None))  # its import then fails

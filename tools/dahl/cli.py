@@ -93,6 +93,8 @@ def _run(argv: list[str] | None) -> int:
     try:
         args = build_parser().parse_args(argv)
         by_need.bring(args.command, sys.argv[1:] if argv is None else argv)
+        if argv is None:
+            by_need.spare_mf4(args.command, sys.argv[1:])
         code = args.run(args) or 0
         sys.stdout.flush()  # here a full disk can still be told
         return int(code)
