@@ -11,6 +11,7 @@
 #include <unity.h>
 
 #include "dahl_frames.h"
+#include "frame_bits.h"
 #include "loopback/loopback.h"
 #include "random.h"
 #include "slcan/serial_bus.h"
@@ -159,6 +160,26 @@ static void test_a_timed_bus_takes_its_time(void)
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&timed.bus, &in));
     TEST_ASSERT_EQUAL(1, timed.bus.counts.dropped);
     TEST_ASSERT_EQUAL(0, timed.bus.ops->peers(&timed.bus));
+}
+
+/* By the standard's rules, counted outside this library: a remote frame has a length and no data. */
+static void test_a_frame_takes_the_bits_of_its_form(void)
+{
+    static const struct {
+        dahl_can_frame_t frame;
+        uint32_t bits;
+    } known[] = {
+        {{.id = 0x123}, 48},
+        {{.id = 0x123, .length = 8, .flags = DAHL_CAN_FRAME_REMOTE}, 48},
+        {{.id = 0x000, .flags = DAHL_CAN_FRAME_REMOTE}, 50},
+        {{.id = 0x000, .length = 8}, 127},
+        {{.id = 0x7FF, .length = 8, .data = {255, 255, 255, 255, 255, 255, 255, 255}}, 126},
+        {{.id = 0x12345678, .flags = DAHL_CAN_FRAME_EXTENDED}, 69},
+        {{.id = 0x12345678, .length = 3, .flags = DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE}, 68},
+    };
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        TEST_ASSERT_EQUAL_UINT32_MESSAGE(known[i].bits, can_frame_bits(&known[i].frame), "frame by number");
+    }
 }
 
 static void test_a_full_loopback_refuses_and_counts(void)
@@ -677,6 +698,29 @@ static void test_a_client_takes_frames_and_counts_what_is_none(void)
     TEST_ASSERT_EQUAL(2, leave_server(told));
 }
 
+/* Own frames come back with their time, as many as there is room for; what has no room is not sent either. */
+static void test_a_client_with_a_full_queue_refuses_and_counts(void)
+{
+    const dahl_can_frame_t in = {.id = 0x123, .length = 1, .data = {7}};
+    dahl_can_frame_t back;
+    int told = join_server("");
+    clock_ns = 7654321;
+    TEST_ASSERT_EQUAL(1, member.bus.ops->peers(&member.bus));
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&member.bus, &in));
+    }
+    clock_ns = 9000000;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&member.bus, &in));
+    TEST_ASSERT_EQUAL(1, member.bus.counts.dropped);
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&member.bus, &back, 0));
+        TEST_ASSERT_EQUAL(7654, back.time_us);
+        TEST_ASSERT_EQUAL(7, back.data[0]);
+    }
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&member.bus, &back, 0));
+    TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE + 2, leave_server(told));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -686,6 +730,7 @@ int main(void)
     RUN_TEST(test_a_queue_goes_on_where_its_numbers_wrap);
     RUN_TEST(test_the_highest_priority_goes_first);
     RUN_TEST(test_a_timed_bus_takes_its_time);
+    RUN_TEST(test_a_frame_takes_the_bits_of_its_form);
     RUN_TEST(test_a_full_loopback_refuses_and_counts);
     RUN_TEST(test_frames_survive_the_text_both_ways);
     RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);
@@ -709,5 +754,6 @@ int main(void)
     RUN_TEST(test_closing_a_client_sends_what_is_still_queued);
     RUN_TEST(test_a_client_sees_that_the_server_has_left);
     RUN_TEST(test_a_client_takes_frames_and_counts_what_is_none);
+    RUN_TEST(test_a_client_with_a_full_queue_refuses_and_counts);
     return UNITY_END();
 }

@@ -172,6 +172,17 @@ def test_in_virtual_time_the_reader_has_its_time(tmp_path):
     assert text == alone.log.read_text()
 
 
+def test_what_waits_at_the_end_is_given_time_to_be_read(tmp_path):
+    """Real time, and more than a pipe holds: read half a second after the last tick."""
+    process, reading = piped(tmp_path, "--seconds", "1.5")
+    time.sleep(2)
+    assert process.poll() is None
+    text = read_all(reading)
+    result = finished(tmp_path, process, 30)
+    assert (result.code, result.err) == (0, "")
+    assert text.count(" 100#") == text.count(" 110#") == 1500
+
+
 def test_a_named_pipe_without_a_reader_is_told(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     result = run(tmp_path, STEERING, "--virtual", "--log", str(tmp_path / "pipe"), timeout=20)

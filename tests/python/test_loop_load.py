@@ -120,6 +120,32 @@ def test_one_node_of_many_is_the_one_that_runs_alone(tmp_path):
     assert [frame for frame in log if frame.id & 15 == 0] == alone
 
 
+@pytest.mark.parametrize("model", ["dahl", "slip"])
+def test_each_of_many_runs_as_it_would_alone(tmp_path, model):
+    """Seeds go on from the first one's: motion, faults and bristles are each node's own."""
+    many = {"sigma0": "100 60", "Fc": "1 0.5", "model": "slip"} if model == "slip" else {}
+    words = [word for key, value in many.items() for word in ("--set", f"friction.{key}={value}")]
+    storm = SCENES / "fault-storm.ini"
+    common = ("--virtual", "--seconds", "4", "--set", "faults.bus_off=0", *words)
+    three = run(tmp_path / "three", storm, *common, "--nodes", "3", "--set", "friction.node=4")
+    log = [frame for frame in read_log(three.log) if 0x100 <= frame.id < 0x160]
+    for i in range(3):
+        alone = ("--seed", str(1 + i), "--set", f"friction.node={4 + i}")
+        one = run(tmp_path / f"{i}", storm, *common, *alone)
+        own = [frame for frame in read_log(one.log) if 0x100 <= frame.id < 0x160]
+        assert [frame for frame in log if frame.id & 15 == 4 + i] == own
+        assert len(own) > 7000
+
+
+def test_the_last_answers_come_on_a_bus_that_takes_time(tmp_path):
+    """Whatever waits when the last angle is sent: here frames of babblers go before it."""
+    words = ["--set", "friction.max_step=2000", "--set", "faults.babble=0.15"]
+    options = ("--virtual", "--bitrate", "500000", "--seconds", "0.02", *words)
+    for seed in range(12):
+        summary = run(tmp_path, STEERING, *options, "--seed", str(seed)).summary
+        assert (summary["frames_sent"], summary["frames_lost"]) == (20, 0), seed
+
+
 @pytest.mark.parametrize("seconds", [5, pytest.param(600, marks=pytest.mark.long)])
 @pytest.mark.timeout(700)
 def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):

@@ -207,9 +207,25 @@ def test_a_peer_that_is_none_is_known_as_soon_as_it_speaks(tmp_path, greeting):
 
 
 def test_a_peer_that_says_nothing_is_given_up_after_5_s(tmp_path):
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
+    """Whether it takes the connection or not: the queue of the second is full."""
+    words = {
+        "silent": "Protocol error (no socketcand server with bus vcan0)",
+        "full": "Connection timed out",
+    }
+    with socket.create_server(("127.0.0.1", 0)) as silent, socket.socket() as full:
+        full.bind(("127.0.0.1", 0))
+        full.listen(0)
+        ports = {"silent": silent.getsockname()[1], "full": full.getsockname()[1]}
+        waiting = socket.create_connection(("127.0.0.1", ports["full"]))
         begun = time.monotonic()
-        result = run(tmp_path, STEERING, "--bus", f"socketcand:127.0.0.1:{port}", timeout=20)
-    assert 4.5 < time.monotonic() - begun < 9
-    assert (result.code, "no socketcand server" in result.err) == (1, True)
+        started = {}
+        for name, port in ports.items():
+            (tmp_path / name).mkdir()
+            spec = f"socketcand:127.0.0.1:{port}"
+            started[name] = start(tmp_path / name, STEERING, "--bus", spec)
+        for name, process in started.items():
+            result = finished(tmp_path / name, process, 20)
+            assert 4.5 < time.monotonic() - begun < 9
+            assert result.code == 1
+            assert result.err == f"error: --bus socketcand:127.0.0.1:{ports[name]}: {words[name]}\n"
+        waiting.close()
