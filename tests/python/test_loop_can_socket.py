@@ -20,6 +20,7 @@ STEERING = SCENES / "steering.ini"
 EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29  # linux/can.h
 BUS_OFF = 0x40
 CAN = """
+#include <errno.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <stdlib.h>
@@ -31,6 +32,11 @@ int socket(int domain, int type, int protocol)
 }
 int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
 {
+    const char *refused = getenv("CAN_REFUSES");
+    if (refused != 0 && level == SOL_CAN_RAW && name == atoi(refused)) {
+        errno = EINVAL;
+        return -1;
+    }
     if (level == SOL_CAN_RAW && name == CAN_RAW_FILTER) {
         send(fd, value, size, 0); /* the bus is told what the kernel would be */
     }
@@ -151,6 +157,20 @@ def test_only_what_is_looked_at_is_asked_for(tmp_path, planted, role, ids):
         bus.close()
         asked = list(struct.iter_unpack("=II", first))
         assert (asked == [(i, 0x7FF) for i in ids]) == (not options and not log)
+
+
+FILTER, ERR_FILTER, OWN_MSGS, FD_FRAMES = 1, 2, 4, 5  # linux/can/raw.h
+
+
+@pytest.mark.parametrize("refused", [FILTER, ERR_FILTER, OWN_MSGS, FD_FRAMES])
+def test_a_socket_that_refuses_what_is_needed_is_told(tmp_path, planted, monkeypatch, refused):
+    monkeypatch.setenv("CAN_REFUSES", str(refused))
+    process, bus = joined(tmp_path, planted, "--seconds", "0.01", log=False)
+    result = finished(tmp_path, process)
+    bus.close()
+    hint = " (its filters)" if refused == FILTER else ""
+    assert result.err == f"error: --bus socketcan:can0: Invalid argument{hint}\n"
+    assert (result.code, result.summary) == (1, {})
 
 
 def test_sixteen_nodes_and_encoders_ask_for_all_that_is_theirs(tmp_path, planted):

@@ -137,6 +137,18 @@ def test_each_of_many_runs_as_it_would_alone(tmp_path, model):
         assert len(own) > 7000
 
 
+def test_frames_take_their_time_by_the_real_clock_too(tmp_path):
+    """A second of it: nothing is lost, and no answer comes before two frames have passed."""
+    result = run(tmp_path, STEERING, "--bitrate", "500000", "--seconds", "1")
+    summary = result.summary
+    assert (result.code, summary["frames_sent"], summary["frames_lost"]) == (0, 1000, 0)
+    length = [bits(frame.id, frame.data) for frame in read_log(result.log)]
+    assert summary["latency_us"]["p50"] > 2 * 2 * min(length)
+    assert summary["bus_load"] == pytest.approx(sum(length) / 500000, rel=0.01)
+    times = [frame.time for frame in read_log(result.log)]
+    assert min(b - a for a, b in zip(times, times[1:], strict=False)) > 2e-6 * min(length) - 3e-6
+
+
 def test_the_last_answers_come_on_a_bus_that_takes_time(tmp_path):
     """Whatever waits when the last angle is sent: here frames of babblers go before it."""
     words = ["--set", "friction.max_step=2000", "--set", "faults.babble=0.15"]
