@@ -208,7 +208,7 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
         return fail(r);
     }
     if (number < key->low || number > key->high) {
-        log_error("%s:%d: [%s] %s = %s: outside %.9g to %.9g", HERE(r), key->section, key->name, value,
+        log_error("%s:%d: [%s] %s = %s: outside %.10g to %.10g", HERE(r), key->section, key->name, value,
                  key->low, key->high);
         return fail(r);
     }

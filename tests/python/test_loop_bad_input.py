@@ -75,7 +75,7 @@ SCENE_ERRORS = [
     ),
     (
         with_("friction", "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 3.7e-26"),
-        ":6: [friction] theta_per_count = 3.7e-26: outside",
+        ":6: [friction] theta_per_count = 3.7e-26: outside 5.42101086e-20 to 1.84467441e+19",
     ),
     (
         with_("friction", "[friction]\nsigma0 = nan\nFc = 1\ntheta_per_count = 1"),
@@ -119,7 +119,8 @@ SCENE_ERRORS = [
         with_(
             "friction", "[friction]\nmodel = slip\nsigma0 = 1 1e-9\nFc = 1 1e9\ntheta_per_count = 1"
         ),
-        ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18",
+        ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18,"
+        " outside 9.31322575e-10 to 1048576",
     ),
     (
         with_("friction", "[friction]\nsigma0 = 1\nFc =\ntheta_per_count = 1"),
