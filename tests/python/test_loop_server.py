@@ -173,6 +173,15 @@ def test_the_bus_is_served_to_this_machine_alone(tmp_path):
         raw_client(port).close()
 
 
+def test_a_served_bus_is_joined_by_name(tmp_path):
+    """Whichever address of the name comes first, and whether one is served there or not."""
+    with serving(tmp_path / "node", STEERING, *NODE) as (_, port):
+        words = ("--role", "encoder", "--seconds", "0.2", "--bus", f"socketcand:localhost:{port}")
+        result = run(tmp_path / "encoder", STEERING, *words)
+    assert (result.code, result.err) == (0, "")
+    assert (result.summary["frames_sent"], result.summary["frames_lost"]) == (200, 0)
+
+
 def test_a_port_can_be_served_again_at_once(tmp_path):
     """Also where the server was the first to close a connection."""
     with serving(tmp_path / "a", STEERING, *NODE) as (process, port):

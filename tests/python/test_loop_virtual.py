@@ -229,6 +229,18 @@ def test_where_a_measured_log_is_looked_for(tmp_path):
         assert counts_of(read_log(result.log)) == [0, end], (file, options)
 
 
+@pytest.mark.parametrize("name", ["scene.ini", "./scene.ini", "../here/scene.ini"])
+def test_a_scene_may_be_named_from_where_one_is(tmp_path, name):
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "log.csv").write_text("a\n0\n7\n")
+    motion = "[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = 1\n"
+    scene(folder, FRICTION, motion)
+    words = [program(), "--scene", name, "--virtual", "--log", "run.log"]
+    subprocess.run(words, cwd=folder, timeout=20, check=True)
+    assert counts_of(read_log(folder / "run.log")) == [0, 7]
+
+
 def test_status_frames_carry_the_version_and_no_error(tmp_path):
     log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seconds", "1").log)
     statuses = [frame.data for frame in log if frame.id == 0x120]
