@@ -133,6 +133,18 @@ def hear_frames(peer: socket.socket, frames: int) -> None:
         heard += peer.recv(1 << 16)
 
 
+def test_sixteen_may_come_at_once(tmp_path):
+    """While the server looks elsewhere none is turned away, nor has to knock twice."""
+    with serving(tmp_path, STEERING, *NODE) as (process, port):
+        process.send_signal(signal.SIGSTOP)
+        peers = [socket.create_connection(("127.0.0.1", port), timeout=0.8) for _ in range(16)]
+        process.send_signal(signal.SIGCONT)
+        for peer in peers:
+            peer.settimeout(10)
+            assert peer.recv(100) == b"< hi >"
+            peer.close()
+
+
 def test_the_place_of_a_client_that_was_dropped_is_free_and_clean(tmp_path):
     """The note names the place that the client had; nothing that waited for it reaches the next."""
     with serving(tmp_path, STEERING, "--set", "motion.seconds=60") as (process, port):
