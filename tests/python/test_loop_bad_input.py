@@ -343,7 +343,7 @@ def test_a_role_that_the_scene_does_not_have_is_told(tmp_path, role, name, missi
 
 
 def test_thirty_two_settings_are_taken_and_eight_slip_elements():
-    eight = " ".join("12345678")
+    eight = "1 2 3 4 5\t6 \t7  8"  # blanks and tabs, as many as one likes
     sets = ["friction.model=slip", f"friction.sigma0={eight}", f"friction.Fc={eight}"]
     words = [word for text in [*sets, *["friction.node=1"] * 29] for word in ("--set", text)]
     done = subprocess.run(

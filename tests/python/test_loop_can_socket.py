@@ -210,3 +210,13 @@ def test_a_bus_that_goes_away_is_told(tmp_path, planted):
     result = finished(tmp_path, process)
     assert result.code == 1
     assert result.err.startswith("error: --bus socketcan:can0: the bus is gone after ")
+
+
+def test_a_silent_bus_costs_no_time_of_the_processor(tmp_path, planted):
+    """It waits for a frame from tick to tick; who asked again and again would need all there is."""
+    process, bus = joined(tmp_path, planted, "--role", "node", "--seconds", "1")
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    bus.close()
+    assert process.returncode == 0
+    assert used.ru_utime + used.ru_stime < 0.3

@@ -227,6 +227,29 @@ def test_a_peer_that_is_none_is_known_as_soon_as_it_speaks(tmp_path, greeting):
     assert result.err == f"error: --bus socketcand:127.0.0.1:{port}: {words}\n"
 
 
+def test_a_bus_may_be_at_an_address_with_colons(tmp_path):
+    if not socket.has_ipv6 or not can_bind("::1"):
+        pytest.skip("unproven: a bus at an address with colons: this machine has no ::1")
+    with socket.create_server(("::1", 0), family=socket.AF_INET6) as listener:
+        port = listener.getsockname()[1]
+        process = start(tmp_path, STEERING, "--bus", f"socketcand:::1:{port}", "--seconds", "0.1")
+        listener.settimeout(10)
+        peer, _ = listener.accept()
+        peer.sendall(b"< hi >< ok >< ok >")
+        result = finished(tmp_path, process)
+        peer.close()
+    assert (result.code, result.err) == (0, "")
+    assert result.summary["frames_sent"] == 100
+
+
+def can_bind(address: str) -> bool:
+    try:
+        socket.create_server((address, 0), family=socket.AF_INET6).close()
+    except OSError:
+        return False
+    return True
+
+
 def test_a_peer_that_says_nothing_is_given_up_after_5_s(tmp_path):
     """Whether it takes the connection or not: the queue of the second is full."""
     words = {
