@@ -387,6 +387,8 @@ TABLE_ERRORS = [
     ("time,angle,note\n0,1,a\n", ":1: ", 'no column "t"; there is'),
     ("t,angle,angle\n0,1,1\n", ":1: ", 'two columns "angle"'),
     ("t,angle,t\n0,1,1\n", ":1: ", 'two columns "t"'),
+    ("t,angle,angle,t\nx,y,z,1\n", ":1: ", 'two columns "angle"'),  # the first of many
+    ("t,angle,note\nx,y,a\nz\n", ":2: ", 'column "t": "x" is not a finite number'),
     ("t,angle,note\n0,1,a\n1,hello,b\n", ":3: ", 'column "angle": "hello" is not a finite number'),
     ("t,angle,note\n0,1,a\n1,,b\n", ":3: ", 'column "angle": "" is not a finite number'),
     ("t,angle,note\n0,1,a\n1,nan,b\n", ":3: ", 'column "angle": "nan" is not a finite number'),
