@@ -173,8 +173,8 @@ def test_in_virtual_time_the_reader_has_its_time(tmp_path):
 
 
 def test_ctrl_c_ends_the_patience_with_a_pipe_that_nobody_reads(tmp_path):
-    """In virtual time, where a reader has 10 s at each line that finds no room."""
-    process, reading = piped(tmp_path, "--virtual")
+    """In virtual time, where a reader has 10 s at each line that finds no room: 32 a tick."""
+    process, reading = piped(tmp_path, "--virtual", "--nodes", "16")
     time.sleep(0.7)
     begun = time.monotonic()
     process.send_signal(signal.SIGINT)
