@@ -137,6 +137,26 @@ static void test_the_highest_priority_goes_first(void)
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 0));
 }
 
+/* Who asks when a frame is on its way waits for its end, whatever its id; equal ids go in the order of asking. */
+static void test_a_frame_on_its_way_is_not_interrupted(void)
+{
+    static timed_loopback_t timed;
+    static const dahl_can_frame_t frames[] = {
+        {.id = 0x300}, {.id = 0x200, .length = 1, .data = {1}}, {.id = 0x200, .length = 1, .data = {2}}, {.id = 0x100}};
+    static const size_t want[] = {0, 3, 1, 2};
+    dahl_can_frame_t out;
+    timed_loopback_open(&timed, 1000000, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
+    for (size_t i = 0; i < 4; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &frames[i]));
+        clock_ns += 10000; /* a frame takes 45 us and more */
+    }
+    for (size_t i = 0; i < 4; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&timed.bus, &out, 1000));
+        TEST_ASSERT_EQUAL_HEX32(frames[want[i]].id, out.id);
+        TEST_ASSERT_EQUAL(frames[want[i]].data[0], out.data[0]);
+    }
+}
+
 /* A frame that ends after the time to wait stays; so much time has passed then, and no more where a frame comes before. */
 static void test_a_timed_bus_takes_its_time(void)
 {
@@ -729,6 +749,7 @@ int main(void)
     RUN_TEST(test_a_loopback_without_a_wait_and_without_others);
     RUN_TEST(test_a_queue_goes_on_where_its_numbers_wrap);
     RUN_TEST(test_the_highest_priority_goes_first);
+    RUN_TEST(test_a_frame_on_its_way_is_not_interrupted);
     RUN_TEST(test_a_timed_bus_takes_its_time);
     RUN_TEST(test_a_frame_takes_the_bits_of_its_form);
     RUN_TEST(test_a_full_loopback_refuses_and_counts);

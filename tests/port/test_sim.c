@@ -155,6 +155,29 @@ static void test_after_a_gap_the_newest_frame_is_answered(void)
     TEST_ASSERT_EQUAL(2, encoder.answered);
 }
 
+/* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and
+ * fewer there is one of each counter. */
+static void test_whose_answer_it_is_after_a_gap(void)
+{
+    static const struct {
+        dahl_frames_state_t state;
+        uint32_t waiting;
+        uint64_t of; /* frame, which was sent in this millisecond */
+    } known[] = {
+        {DAHL_FRAMES_INIT, 40, 37},  {DAHL_FRAMES_STALE, 40, 37}, {DAHL_FRAMES_WRONG_SEQUENCE, 40, 37},
+        {DAHL_FRAMES_OK, 40, 5},     {DAHL_FRAMES_LOST, 40, 5},   {DAHL_FRAMES_INIT, 16, 5},
+        {DAHL_FRAMES_STALE, 17, 5},  {DAHL_FRAMES_STALE, 22, 21}, {DAHL_FRAMES_OK, 22, 5},
+    };
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        encoder = (encoder_t){.motion = &motion};
+        send(known[i].waiting);
+        answer(5, known[i].state, UINT64_C(100000000));
+        TEST_ASSERT_EQUAL(1, encoder.answered);
+        TEST_ASSERT_EQUAL_UINT64(known[i].of + 1, encoder.torque_of);
+        TEST_ASSERT_EQUAL_UINT64(100000000 - known[i].of * 1000000, encoder.latency.max);
+    }
+}
+
 static void test_waiting_frames_are_bounded(void)
 {
     send(5000);
@@ -422,6 +445,7 @@ int main(void)
     RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
+    RUN_TEST(test_whose_answer_it_is_after_a_gap);
     RUN_TEST(test_waiting_frames_are_bounded);
     RUN_TEST(test_foreign_and_corrupt_answers);
     RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);

@@ -206,6 +206,44 @@ def test_bad_scenes(tmp_path, scene, words):
     assert f"{path}{words}" in complaint(tmp_path).replace(f"{path}: names", f"{path}names")
 
 
+DAHL = {"friction": ("sigma0 = 50", "Fc = 0.5", "theta_per_count = 1e-4")}
+ENDS = ("theta1 = 2", "theta2 = 1", "theta3 = 2", "speed = 1000")
+SWEEPS = ("amplitude = 9", "sweep_s = 1", "tremor = 1", "tremor_s = 1", "seconds = 0.01")
+SHAFT = {"rotor": ("inertia = 0.1", "sigma0 = 50", "Fc = 0.5")}
+LEAST = {  # all that has to be said, of each part
+    "segments": {**DAHL, "motion": ("kind = segments", *ENDS)},
+    "steering": {**DAHL, "motion": ("kind = steering", *SWEEPS)},
+    "log": {"motion": ("kind = log", "file = log.csv", "angle = angle", "counts_per_unit = 10")},
+    "motor": {**DAHL, **SHAFT, "motor": ("seconds = 0.01",)},
+    "control": {
+        **DAHL,
+        **SHAFT,
+        "motion": ("kind = segments", *ENDS),
+        "control": ("kp = 1", "kd = 1", "torque_limit = 1"),
+        "status": ("period_ms = 5",),
+    },
+}
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_what_has_to_be_said_and_no_more(tmp_path, name):
+    """Without any key that may be left out it runs; without one of the others that one is named."""
+    write(tmp_path, text_of(LEAST[name]))
+    good = run(tmp_path / "good", tmp_path / "scene.ini", "--virtual")
+    assert (good.code, good.err) == (0, "")
+    assert good.summary["frames_sent"] > 2
+    for section, keys in LEAST[name].items():
+        for key in keys:
+            left = {**LEAST[name], section: [other for other in keys if other != key]}
+            write(tmp_path, text_of(left))
+            words = f'[{section}] has no key "{key.split(" ")[0]}"\n'
+            assert complaint(tmp_path).endswith(words), key
+
+
+def text_of(sections) -> str:
+    return "\n".join(f"[{name}]\n" + "\n".join(keys) for name, keys in sections.items())
+
+
 BAD_TEXTS = {
     b"caf\xe9": "caf?",
     b"\xc0\xaf": "??",

@@ -199,7 +199,9 @@ def test_what_waits_at_the_end_is_given_time_to_be_read(tmp_path):
 
 def test_a_named_pipe_without_a_reader_is_told(tmp_path):
     os.mkfifo(tmp_path / "pipe")
+    begun = time.monotonic()
     result = run(tmp_path, STEERING, "--virtual", "--log", str(tmp_path / "pipe"), timeout=20)
+    assert 1.9 < time.monotonic() - begun < 4
     assert result.code == 1
     assert result.err == f"error: --log {tmp_path}/pipe: nobody reads this pipe\n"
 

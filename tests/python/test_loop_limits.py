@@ -164,6 +164,14 @@ def test_steering_keeps_its_amplitude_its_pace_and_its_tremor(tmp_path):
     assert 60 / 1.4 - 3 < sweeps < 60 / 0.6 + 3
 
 
+def test_a_sweep_begins_and_ends_at_rest(tmp_path):
+    """No jerk: 6 times its way over the square of its time, and half a count of each of three."""
+    quiet = ["motion.tremor=0", "motion.hold_s=0.2", "motion.sweep_s=1", "motion.amplitude=1e6"]
+    counts = played(tmp_path, "steering", *quiet, "motion.seconds=30")
+    assert np.abs(np.diff(counts)).max() > 1500
+    assert np.abs(np.diff(counts, 2)).max() < 6 * 2e6 / 600**2 + 2
+
+
 def rests_of(counts: np.ndarray) -> list[int]:
     """Lengths in ticks of all stretches of 20 ticks and more without a move."""
     still = "".join("r" if move == 0 else " " for move in np.diff(counts)).split()
