@@ -87,7 +87,7 @@ static int open_outputs(program_t *p, const char *bus_name)
         return EXIT_RUNTIME;
     }
     p->loop.log = options->log != NULL ? &p->log : NULL;
-    if (options->trace != NULL && p->parts.encoder_count > 0 && !plant_trace(&p->parts.plant, options->trace)) {
+    if (options->trace != NULL && !plant_trace(&p->parts.plant, options->trace)) {
         log_error("--trace %s: %s", options->trace, strerror(errno));
         return EXIT_RUNTIME;
     }

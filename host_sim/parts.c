@@ -116,6 +116,9 @@ static int check_numbers(const parts_t *p)
     if (p->options->trace != NULL && !p->scene->has_rotor) {
         return log_error("--trace %s: %s has no [rotor] to trace", p->options->trace, p->options->scene);
     }
+    if (p->options->trace != NULL && !p->options->run_encoder) {
+        return log_error("--trace %s: --role node runs no [rotor] to trace", p->options->trace);
+    }
     return 0;
 }
 

@@ -104,9 +104,24 @@ typedef struct {
     FILE *file;
     int line;
     bool failed;
-    int section_line[MAX_SECTIONS]; /* 0: not there */
-    int key_line[KEYS];             /* 0: not given */
+    bool sets;                      /* what is read now is no file, but --set */
+    int section_line[MAX_SECTIONS]; /* 0: not there; below 0: by which --set */
+    int key_line[KEYS];             /* 0: not given; below 0: by which --set */
 } reader_t;
+
+static int present_line(const reader_t *r)
+{
+    return r->sets ? -r->line : r->line;
+}
+
+static const char *path_of(const reader_t *r, int line)
+{
+    return line < 0 ? "--set" : r->path;
+}
+
+/* Where something was said, and where reading is now: two arguments for "%s:%d". */
+#define PLACE(r, line) path_of(r, line), abs(line)
+#define HERE(r) PLACE(r, present_line(r))
 
 static int fail(reader_t *r)
 {
@@ -138,10 +153,10 @@ static int begin_section(reader_t *r, const char *name)
 {
     int i = find_section(name);
     if (i < 0) {
-        log_error("%s:%d: unknown section [%s]", r->path, r->line, name);
+        log_error("%s:%d: unknown section [%s]", HERE(r), name);
         return fail(r);
     }
-    r->section_line[i] = r->line;
+    r->section_line[i] = present_line(r);
     return 1;
 }
 
@@ -155,7 +170,7 @@ static void look_for_section(reader_t *r, const char *text)
         return;
     }
     if (start[length] != ']' || length - 1 >= sizeof name) {
-        log_error("%s:%d: a section name without ]", r->path, r->line);
+        log_error("%s:%d: a section name without ]", HERE(r));
         fail(r);
         return;
     }
@@ -172,7 +187,7 @@ static char *next_line(char *text, int size, void *stream)
     }
     r->line++;
     if (strchr(text, '\n') == NULL && !feof(r->file)) {
-        log_error("%s:%d: line longer than %d characters, or not text", r->path, r->line, size - 2);
+        log_error("%s:%d: line longer than %d characters, or not text", HERE(r), size - 2);
         fail(r);
         return NULL;
     }
@@ -185,15 +200,15 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
     char *end;
     double number = strtod(value, &end);
     if (end == value || *end != '\0' || !isfinite(number)) {
-        log_error("%s:%d: [%s] %s = %s: not a finite number", r->path, r->line, key->section, key->name, value);
+        log_error("%s:%d: [%s] %s = %s: not a finite number", HERE(r), key->section, key->name, value);
         return fail(r);
     }
     if (key->value == WHOLE && fabs(number - trunc(number)) > 0) {
-        log_error("%s:%d: [%s] %s = %s: not a whole number", r->path, r->line, key->section, key->name, value);
+        log_error("%s:%d: [%s] %s = %s: not a whole number", HERE(r), key->section, key->name, value);
         return fail(r);
     }
     if (number < key->low || number > key->high) {
-        log_error("%s:%d: [%s] %s = %s: outside %.9g to %.9g", r->path, r->line, key->section, key->name, value,
+        log_error("%s:%d: [%s] %s = %s: outside %.10g to %.10g", HERE(r), key->section, key->name, value,
                  key->low, key->high);
         return fail(r);
     }
@@ -204,11 +219,11 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
 static int take_text(reader_t *r, const scene_key_t *key, const char *value, char *to)
 {
     if (value[0] == '\0' || strlen(value) >= SCENE_TEXT) {
-        log_error("%s:%d: [%s] %s: %s", r->path, r->line, key->section, key->name, value[0] ? "too long" : "empty");
+        log_error("%s:%d: [%s] %s: %s", HERE(r), key->section, key->name, value[0] ? "too long" : "empty");
         return fail(r);
     }
     if (!utf8_is_valid(value)) {
-        log_error("%s:%d: [%s] %s = %s: not UTF-8", r->path, r->line, key->section, key->name, value);
+        log_error("%s:%d: [%s] %s = %s: not UTF-8", HERE(r), key->section, key->name, value);
         return fail(r);
     }
     strcpy(to, value);
@@ -229,7 +244,7 @@ static int take_list(reader_t *r, const scene_key_t *key, const char *value, sce
     }
     for (char *word = strtok_r(copy, " \t", &rest); word != NULL; word = strtok_r(NULL, " \t", &rest)) {
         if (to->count == DAHL_SLIP_MAX) {
-            log_error("%s:%d: [%s] %s = %s: more than %d numbers", r->path, r->line, key->section, key->name, value,
+            log_error("%s:%d: [%s] %s = %s: more than %d numbers", HERE(r), key->section, key->name, value,
                       DAHL_SLIP_MAX);
             return fail(r);
         }
@@ -246,11 +261,11 @@ static int take(reader_t *r, int i, const char *value)
     const scene_key_t *key = &keys[i];
     char *to = (char *)r->scene + key->offset;
     if (r->key_line[i] != 0) {
-        log_error("%s:%d: [%s] %s given twice, first in line %d", r->path, r->line, key->section, key->name,
+        log_error("%s:%d: [%s] %s given twice, first in line %d", HERE(r), key->section, key->name,
                  r->key_line[i]);
         return fail(r);
     }
-    r->key_line[i] = r->line;
+    r->key_line[i] = present_line(r);
     switch (key->value) {
     case TEXT: return take_text(r, key, value, to);
     case LIST: return take_list(r, key, value, (scene_list_t *)(void *)to);
@@ -269,7 +284,7 @@ static int on_key(void *user, const char *section, const char *name, const char 
         return 1;
     }
     if (i < 0) {
-        log_error("%s:%d: unknown key \"%s\" in [%s]", r->path, r->line, name, section);
+        log_error("%s:%d: unknown key \"%s\" in [%s]", HERE(r), name, section);
         return fail(r);
     }
     return take(r, i, value);
@@ -299,10 +314,10 @@ static bool take_kind(reader_t *r)
         }
     }
     if (r->key_line[find_key("motion", "kind")] == 0) {
-        log_error("%s:%d: [motion] has no key \"kind\"", r->path, r->section_line[find_section("motion")]);
+        log_error("%s:%d: [motion] has no key \"kind\"", PLACE(r, r->section_line[find_section("motion")]));
     } else {
-        log_error("%s:%d: [motion] kind = %s: not one of segments, steering, log", r->path,
-                 r->key_line[find_key("motion", "kind")], motion->kind_name);
+        log_error("%s:%d: [motion] kind = %s: not one of segments, steering, log",
+                  PLACE(r, r->key_line[find_key("motion", "kind")]), motion->kind_name);
     }
     return false;
 }
@@ -322,12 +337,12 @@ static bool check_key(const reader_t *r, int i)
 {
     const scene_key_t *key = &keys[i];
     if (r->key_line[i] == 0 && is_needed(r, key)) {
-        log_error("%s:%d: [%s] has no key \"%s\"", r->path, r->section_line[find_section(key->section)], key->section,
+        log_error("%s:%d: [%s] has no key \"%s\"", PLACE(r, r->section_line[find_section(key->section)]), key->section,
                  key->name);
         return false;
     }
     if (r->key_line[i] != 0 && is_out_of_place(r, key)) {
-        log_error("%s:%d: [motion] %s has no meaning for kind = %s", r->path, r->key_line[i], key->name,
+        log_error("%s:%d: [motion] %s has no meaning for kind = %s", PLACE(r, r->key_line[i]), key->name,
                  r->scene->motion.kind_name);
         return false;
     }
@@ -339,13 +354,13 @@ static bool take_model(reader_t *r)
     scene_friction_t *f = &r->scene->friction;
     f->is_slip = strcmp(f->model, "slip") == 0;
     if (!f->is_slip && f->model[0] != '\0' && strcmp(f->model, "dahl") != 0) {
-        log_error("%s:%d: [friction] model = %s: not one of dahl, slip", r->path, r->key_line[find_key("friction", "model")],
+        log_error("%s:%d: [friction] model = %s: not one of dahl, slip", PLACE(r, r->key_line[find_key("friction", "model")]),
                   f->model);
         return false;
     }
     if (f->sigma0_of.count != f->Fc_of.count || (!f->is_slip && f->Fc_of.count != 1)) {
         log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model dahl wants one of each, slip as many of both",
-                  r->path, r->key_line[find_key("friction", "Fc")], f->sigma0_of.count, f->Fc_of.count);
+                  PLACE(r, r->key_line[find_key("friction", "Fc")]), f->sigma0_of.count, f->Fc_of.count);
         return false;
     }
     for (uint32_t k = 0; k < f->Fc_of.count; k++) {
@@ -360,7 +375,7 @@ static bool check_parameter(const reader_t *r, const char *key, double value)
     if ((float)value >= DAHL_TORQUE_MIN && (float)value < DAHL_TORQUE_MAX) {
         return true;
     }
-    log_error("%s:%d: [friction] %s = %.9g: outside %.9g to %.9g", r->path, r->key_line[find_key("friction", key)], key, value,
+    log_error("%s:%d: [friction] %s = %.9g: outside %.9g to %.9g", PLACE(r, r->key_line[find_key("friction", key)]), key, value,
               (double)DAHL_TORQUE_MIN, (double)DAHL_TORQUE_MAX);
     return false;
 }
@@ -377,7 +392,7 @@ static bool check_travel(const reader_t *r, double sigma0, double Fc)
     if (check_parameter(r, "sigma0", sigma0) && check_parameter(r, "Fc", Fc) &&
         check_parameter(r, "theta_per_count", f->theta_per_count)) {
         log_error("%s:%d: [friction] theta_per_count = %.9g: sigma0/Fc*theta_per_count = %.9g, outside %.9g to %.9g",
-                  r->path, r->key_line[find_key("friction", "theta_per_count")], f->theta_per_count,
+                  PLACE(r, r->key_line[find_key("friction", "theta_per_count")]), f->theta_per_count,
                   sigma0 / Fc * f->theta_per_count, DAHL_TRAVEL_MIN, DAHL_TRAVEL_MAX);
     }
     return false;
@@ -405,7 +420,7 @@ static bool has(const reader_t *r, const char *section)
 static bool needs(const reader_t *r, const char *section, const char *other)
 {
     if (has(r, section) && !has(r, other)) {
-        log_error("%s:%d: [%s] needs [%s]", r->path, r->section_line[find_section(section)], section, other);
+        log_error("%s:%d: [%s] needs [%s]", PLACE(r, r->section_line[find_section(section)]), section, other);
         return false;
     }
     return true;
@@ -414,12 +429,12 @@ static bool needs(const reader_t *r, const char *section, const char *other)
 static bool check_rotor(const reader_t *r)
 {
     if (has(r, "rotor") && has(r, "motor") == has(r, "control")) {
-        log_error("%s:%d: [rotor] needs one of [motor] and [control]", r->path, r->section_line[find_section("rotor")]);
+        log_error("%s:%d: [rotor] needs one of [motor] and [control]", PLACE(r, r->section_line[find_section("rotor")]));
         return false;
     }
     if (has(r, "motor") && has(r, "motion")) {
-        log_error("%s:%d: [motor] moves the shaft, so [motion] has no meaning", r->path,
-                 r->section_line[find_section("motion")]);
+        log_error("%s:%d: [motor] moves the shaft, so [motion] has no meaning",
+                  PLACE(r, r->section_line[find_section("motion")]));
         return false;
     }
     return needs(r, "rotor", "friction") && needs(r, "motor", "rotor") && needs(r, "control", "rotor") &&
@@ -435,7 +450,7 @@ static bool check_inertia(const reader_t *r)
     double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
     if (rotor->inertia < least) {
         log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
-                  " viscous and sigma0", r->path, r->key_line[find_key("rotor", "inertia")], rotor->inertia, least,
+                  " viscous and sigma0", PLACE(r, r->key_line[find_key("rotor", "inertia")]), rotor->inertia, least,
                   ROTOR_STEP_S * 1e6);
         return false;
     }
@@ -449,12 +464,12 @@ static bool check_faults(const reader_t *r)
         sum += r->scene->faults[i];
     }
     if (sum > 1) {
-        log_error("%s:%d: [faults] rates add up to %.9g: above 1", r->path, r->section_line[find_section("faults")], sum);
+        log_error("%s:%d: [faults] rates add up to %.9g: above 1", PLACE(r, r->section_line[find_section("faults")]), sum);
         return false;
     }
     if (has(r, "faults") && !(r->scene->friction.max_step > 0)) {
-        log_error("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch", r->path,
-                 r->section_line[find_section("faults")]);
+        log_error("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch",
+                  PLACE(r, r->section_line[find_section("faults")]));
         return false;
     }
     return true;
@@ -511,20 +526,18 @@ static bool set(reader_t *r, const char *text)
         r->key_line[i] = 0;
     }
     if (find_section(section) >= 0 && !has(r, section)) {
-        r->section_line[find_section(section)] = r->line;
+        r->section_line[find_section(section)] = present_line(r);
     }
     return on_key(r, section, name, text + used) == 1;
 }
 
 static bool apply(reader_t *r, const char *const *sets, int count)
 {
-    const char *path = r->path;
     bool good = true;
-    r->path = "--set";
+    r->sets = true;
     for (r->line = 1; good && r->line <= count; r->line++) {
         good = set(r, sets[r->line - 1]);
     }
-    r->path = path;
     return good;
 }
 

@@ -11,6 +11,7 @@
 #include <unity.h>
 
 #include "dahl_frames.h"
+#include "frame_bits.h"
 #include "loopback/loopback.h"
 #include "random.h"
 #include "slcan/serial_bus.h"
@@ -136,6 +137,26 @@ static void test_the_highest_priority_goes_first(void)
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 0));
 }
 
+/* Who asks when a frame is on its way waits for its end, whatever its id; equal ids go in the order of asking. */
+static void test_a_frame_on_its_way_is_not_interrupted(void)
+{
+    static timed_loopback_t timed;
+    static const dahl_can_frame_t frames[] = {
+        {.id = 0x300}, {.id = 0x200, .length = 1, .data = {1}}, {.id = 0x200, .length = 1, .data = {2}}, {.id = 0x100}};
+    static const size_t want[] = {0, 3, 1, 2};
+    dahl_can_frame_t out;
+    timed_loopback_open(&timed, 1000000, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
+    for (size_t i = 0; i < 4; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &frames[i]));
+        clock_ns += 10000; /* a frame takes 45 us and more */
+    }
+    for (size_t i = 0; i < 4; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&timed.bus, &out, 1000));
+        TEST_ASSERT_EQUAL_HEX32(frames[want[i]].id, out.id);
+        TEST_ASSERT_EQUAL(frames[want[i]].data[0], out.data[0]);
+    }
+}
+
 /* A frame that ends after the time to wait stays; so much time has passed then, and no more where a frame comes before. */
 static void test_a_timed_bus_takes_its_time(void)
 {
@@ -159,6 +180,26 @@ static void test_a_timed_bus_takes_its_time(void)
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&timed.bus, &in));
     TEST_ASSERT_EQUAL(1, timed.bus.counts.dropped);
     TEST_ASSERT_EQUAL(0, timed.bus.ops->peers(&timed.bus));
+}
+
+/* By the standard's rules, counted outside this library: a remote frame has a length and no data. */
+static void test_a_frame_takes_the_bits_of_its_form(void)
+{
+    static const struct {
+        dahl_can_frame_t frame;
+        uint32_t bits;
+    } known[] = {
+        {{.id = 0x123}, 48},
+        {{.id = 0x123, .length = 8, .flags = DAHL_CAN_FRAME_REMOTE}, 48},
+        {{.id = 0x000, .flags = DAHL_CAN_FRAME_REMOTE}, 50},
+        {{.id = 0x000, .length = 8}, 127},
+        {{.id = 0x7FF, .length = 8, .data = {255, 255, 255, 255, 255, 255, 255, 255}}, 126},
+        {{.id = 0x12345678, .flags = DAHL_CAN_FRAME_EXTENDED}, 69},
+        {{.id = 0x12345678, .length = 3, .flags = DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE}, 68},
+    };
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        TEST_ASSERT_EQUAL_UINT32_MESSAGE(known[i].bits, can_frame_bits(&known[i].frame), "frame by number");
+    }
 }
 
 static void test_a_full_loopback_refuses_and_counts(void)
@@ -677,6 +718,29 @@ static void test_a_client_takes_frames_and_counts_what_is_none(void)
     TEST_ASSERT_EQUAL(2, leave_server(told));
 }
 
+/* Own frames come back with their time, as many as there is room for; what has no room is not sent either. */
+static void test_a_client_with_a_full_queue_refuses_and_counts(void)
+{
+    const dahl_can_frame_t in = {.id = 0x123, .length = 1, .data = {7}};
+    dahl_can_frame_t back;
+    int told = join_server("");
+    clock_ns = 7654321;
+    TEST_ASSERT_EQUAL(1, member.bus.ops->peers(&member.bus));
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&member.bus, &in));
+    }
+    clock_ns = 9000000;
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&member.bus, &in));
+    TEST_ASSERT_EQUAL(1, member.bus.counts.dropped);
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&member.bus, &back, 0));
+        TEST_ASSERT_EQUAL(7654, back.time_us);
+        TEST_ASSERT_EQUAL(7, back.data[0]);
+    }
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&member.bus, &back, 0));
+    TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE + 2, leave_server(told));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -685,7 +749,9 @@ int main(void)
     RUN_TEST(test_a_loopback_without_a_wait_and_without_others);
     RUN_TEST(test_a_queue_goes_on_where_its_numbers_wrap);
     RUN_TEST(test_the_highest_priority_goes_first);
+    RUN_TEST(test_a_frame_on_its_way_is_not_interrupted);
     RUN_TEST(test_a_timed_bus_takes_its_time);
+    RUN_TEST(test_a_frame_takes_the_bits_of_its_form);
     RUN_TEST(test_a_full_loopback_refuses_and_counts);
     RUN_TEST(test_frames_survive_the_text_both_ways);
     RUN_TEST(test_the_text_is_what_python_can_reads_and_writes);
@@ -709,5 +775,6 @@ int main(void)
     RUN_TEST(test_closing_a_client_sends_what_is_still_queued);
     RUN_TEST(test_a_client_sees_that_the_server_has_left);
     RUN_TEST(test_a_client_takes_frames_and_counts_what_is_none);
+    RUN_TEST(test_a_client_with_a_full_queue_refuses_and_counts);
     return UNITY_END();
 }

@@ -155,6 +155,29 @@ static void test_after_a_gap_the_newest_frame_is_answered(void)
     TEST_ASSERT_EQUAL(2, encoder.answered);
 }
 
+/* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and
+ * fewer there is one of each counter. */
+static void test_whose_answer_it_is_after_a_gap(void)
+{
+    static const struct {
+        dahl_frames_state_t state;
+        uint32_t waiting;
+        uint64_t of; /* frame, which was sent in this millisecond */
+    } known[] = {
+        {DAHL_FRAMES_INIT, 40, 37},  {DAHL_FRAMES_STALE, 40, 37}, {DAHL_FRAMES_WRONG_SEQUENCE, 40, 37},
+        {DAHL_FRAMES_OK, 40, 5},     {DAHL_FRAMES_LOST, 40, 5},   {DAHL_FRAMES_INIT, 16, 5},
+        {DAHL_FRAMES_STALE, 17, 5},  {DAHL_FRAMES_STALE, 22, 21}, {DAHL_FRAMES_OK, 22, 5},
+    };
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        encoder = (encoder_t){.motion = &motion};
+        send(known[i].waiting);
+        answer(5, known[i].state, UINT64_C(100000000));
+        TEST_ASSERT_EQUAL(1, encoder.answered);
+        TEST_ASSERT_EQUAL_UINT64(known[i].of + 1, encoder.torque_of);
+        TEST_ASSERT_EQUAL_UINT64(100000000 - known[i].of * 1000000, encoder.latency.max);
+    }
+}
+
 static void test_waiting_frames_are_bounded(void)
 {
     send(5000);
@@ -184,9 +207,12 @@ static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
         {.time_us = 999999, .id = 0x1ABCDEF, .flags = DAHL_CAN_FRAME_EXTENDED, .length = 1, .data = {1}},
         {.time_us = 1000000, .id = 0x7FF, .length = 0},
         {.time_us = 1000010, .id = 0x100, .flags = DAHL_CAN_FRAME_REMOTE, .length = 8},
+        {.time_us = 1000011, .id = 0x101, .flags = DAHL_CAN_FRAME_FD, .length = 2, .data = {0x12, 3}},
+        {.time_us = 1000012, .id = 0x40, .flags = DAHL_CAN_FRAME_ERROR, .length = 1, .data = {0x99}},
     };
     const char want[] = "(1234567890.000001) vcan0 01F#0AFF\n(0000000000.999999) vcan0 01ABCDEF#01\n"
-                        "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R\n";
+                        "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R\n"
+                        "(0000000001.000011) vcan0 101##01203\n(0000000001.000012) vcan0 20000040#99\n";
     char text[sizeof want + 1] = "";
     static candump_t log;
     FILE *file = tmpfile();
@@ -419,6 +445,7 @@ int main(void)
     RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
     RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
+    RUN_TEST(test_whose_answer_it_is_after_a_gap);
     RUN_TEST(test_waiting_frames_are_bounded);
     RUN_TEST(test_foreign_and_corrupt_answers);
     RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 
 import dahl
 import pytest
-from loop_tools import SCENES, program, run
+from loop_tools import SCENES, counts_of, program, read_log, run
 
 GOOD = {
     "scene": "[scene]\ntitle = t",
@@ -74,7 +75,7 @@ SCENE_ERRORS = [
     ),
     (
         with_("friction", "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 3.7e-26"),
-        ":6: [friction] theta_per_count = 3.7e-26: outside",
+        ":6: [friction] theta_per_count = 3.7e-26: outside 5.42101086e-20 to 1.84467441e+19",
     ),
     (
         with_("friction", "[friction]\nsigma0 = nan\nFc = 1\ntheta_per_count = 1"),
@@ -118,7 +119,8 @@ SCENE_ERRORS = [
         with_(
             "friction", "[friction]\nmodel = slip\nsigma0 = 1 1e-9\nFc = 1 1e9\ntheta_per_count = 1"
         ),
-        ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18",
+        ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18,"
+        " outside 9.31322575e-10 to 1048576",
     ),
     (
         with_("friction", "[friction]\nsigma0 = 1\nFc =\ntheta_per_count = 1"),
@@ -202,6 +204,44 @@ SCENE_ERRORS = [
 def test_bad_scenes(tmp_path, scene, words):
     path = write(tmp_path, scene)
     assert f"{path}{words}" in complaint(tmp_path).replace(f"{path}: names", f"{path}names")
+
+
+DAHL = {"friction": ("sigma0 = 50", "Fc = 0.5", "theta_per_count = 1e-4")}
+ENDS = ("theta1 = 2", "theta2 = 1", "theta3 = 2", "speed = 1000")
+SWEEPS = ("amplitude = 9", "sweep_s = 1", "tremor = 1", "tremor_s = 1", "seconds = 0.01")
+SHAFT = {"rotor": ("inertia = 0.1", "sigma0 = 50", "Fc = 0.5")}
+LEAST = {  # all that has to be said, of each part
+    "segments": {**DAHL, "motion": ("kind = segments", *ENDS)},
+    "steering": {**DAHL, "motion": ("kind = steering", *SWEEPS)},
+    "log": {"motion": ("kind = log", "file = log.csv", "angle = angle", "counts_per_unit = 10")},
+    "motor": {**DAHL, **SHAFT, "motor": ("seconds = 0.01",)},
+    "control": {
+        **DAHL,
+        **SHAFT,
+        "motion": ("kind = segments", *ENDS),
+        "control": ("kp = 1", "kd = 1", "torque_limit = 1"),
+        "status": ("period_ms = 5",),
+    },
+}
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_what_has_to_be_said_and_no_more(tmp_path, name):
+    """Without any key that may be left out it runs; without one of the others that one is named."""
+    write(tmp_path, text_of(LEAST[name]))
+    good = run(tmp_path / "good", tmp_path / "scene.ini", "--virtual")
+    assert (good.code, good.err) == (0, "")
+    assert good.summary["frames_sent"] > 2
+    for section, keys in LEAST[name].items():
+        for key in keys:
+            left = {**LEAST[name], section: [other for other in keys if other != key]}
+            write(tmp_path, text_of(left))
+            words = f'[{section}] has no key "{key.split(" ")[0]}"\n'
+            assert complaint(tmp_path).endswith(words), key
+
+
+def text_of(sections) -> str:
+    return "\n".join(f"[{name}]\n" + "\n".join(keys) for name, keys in sections.items())
 
 
 BAD_TEXTS = {
@@ -288,12 +328,105 @@ def test_no_two_outputs_are_one_file(tmp_path):
     )
 
 
+def test_outputs_of_one_name_in_two_folders_are_two(tmp_path):
+    scene = write(tmp_path, "\n".join(GOOD.values()))
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    options = ["--virtual", "--log", tmp_path / "a" / "run", "--summary", tmp_path / "b" / "run"]
+    done = subprocess.run([program(), "--scene", scene, *options], timeout=20, check=False)
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "b" / "run").read_text())["ticks"] == 3
+
+
+def test_outputs_take_the_place_of_what_was_there(tmp_path):
+    """Nothing of a longer file stays; who may read a new one is the umask's matter."""
+    scene = write(
+        tmp_path, "\n".join(GOOD.values()).replace("[status]", ROTOR + CONTROL + "[status]")
+    )
+    alone = run(tmp_path, scene, "--virtual", "--trace", str(tmp_path / "trace.csv"))
+    assert alone.code == 0, alone.err
+    names = ("run.log", "summary.json", "trace.csv")
+    assert {(tmp_path / name).stat().st_mode & 0o777 for name in names} == {0o666 & ~umask()}
+    wanted = [(tmp_path / name).read_text() for name in ("run.log", "trace.csv")]
+    for name in names:
+        (tmp_path / name).write_text("old\n" * 10000)
+    again = run(tmp_path, scene, "--virtual", "--trace", str(tmp_path / "trace.csv"))
+    assert [(tmp_path / name).read_text() for name in ("run.log", "trace.csv")] == wanted
+    assert again.summary.keys() == alone.summary.keys()
+
+
+def umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def test_the_path_of_a_measured_log_has_1023_characters_at_most(tmp_path):
+    write(tmp_path, "\n".join(GOOD.values()))
+    folder = f"{tmp_path}{'/' * (1023 - len(str(tmp_path)) - len('log.csv') - 1)}"
+    result = run(tmp_path, tmp_path / "scene.ini", "--virtual", "--data", folder)
+    assert (result.code, result.summary["ticks"]) == (0, 3)
+    result.log.unlink()
+    assert complaint(tmp_path, "--data", folder + "/") == "error: log.csv: path too long\n"
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "missing"),
+    [("node", "motion", "friction"), ("encoder", "friction", "motion")],
+)
+def test_a_role_that_the_scene_does_not_have_is_told(tmp_path, role, name, missing):
+    path = write(tmp_path, GOOD[name])
+    words = f"names no [{missing}], so there is nothing to run for this --role"
+    assert complaint(tmp_path, "--role", role) == f"error: {path}: {words}\n"
+
+
+def test_thirty_two_settings_are_taken_and_eight_slip_elements():
+    eight = "1 2 3 4 5\t6 \t7  8"  # blanks and tabs, as many as one likes
+    sets = ["friction.model=slip", f"friction.sigma0={eight}", f"friction.Fc={eight}"]
+    words = [word for text in [*sets, *["friction.node=1"] * 29] for word in ("--set", text)]
+    done = subprocess.run(
+        [program(), *STEERING, "--virtual", "--seconds", "0.001", *words],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_summary_that_standard_output_does_not_take_is_told():
+    words = [program(), *STEERING, "--virtual", "--seconds", "0.001", "--summary", "-"]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=20, check=False
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: --summary -: ")
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_log_may_go_as_far_as_a_count_does(tmp_path, side):
+    """From its first row; the count on the bus wraps."""
+    least = "t,angle,note\n0,5,a\n1,{},b\n"
+    scene = "\n".join(GOOD.values()).replace("counts_per_unit = 10", "counts_per_unit = 1")
+    write(tmp_path, scene, least.format(5 + side * 2147483646))
+    result = run(tmp_path, tmp_path / "scene.ini", "--virtual")
+    assert (result.code, counts_of(read_log(result.log))) == (0, [0, side * 2147483646])
+    result.log.unlink()
+    write(tmp_path, scene, least.format(5 + side * 2147483647))
+    words = f"{5 + side * 2147483647:.9g} is {side * 2147483647:.9g} counts from the first row"
+    assert f'log.csv:3: column "angle": {words}, more than 2^31' in complaint(tmp_path)
+
+
 TABLE_ERRORS = [
     ("", ":1: ", 'column "angle": the file has no rows'),
     ("t,angle,note\n", ":2: ", "the file has no rows"),
     ("t,winkel,note\n0,1,a\n", ":1: ", 'no column "angle"; there is "t", "winkel", "note"'),
     ("time,angle,note\n0,1,a\n", ":1: ", 'no column "t"; there is'),
     ("t,angle,angle\n0,1,1\n", ":1: ", 'two columns "angle"'),
+    ("t,angle,t\n0,1,1\n", ":1: ", 'two columns "t"'),
+    ("t,angle,angle,t\nx,y,z,1\n", ":1: ", 'two columns "angle"'),  # the first of many
+    ("t,angle,note\nx,y,a\nz\n", ":2: ", 'column "t": "x" is not a finite number'),
     ("t,angle,note\n0,1,a\n1,hello,b\n", ":3: ", 'column "angle": "hello" is not a finite number'),
     ("t,angle,note\n0,1,a\n1,,b\n", ":3: ", 'column "angle": "" is not a finite number'),
     ("t,angle,note\n0,1,a\n1,nan,b\n", ":3: ", 'column "angle": "nan" is not a finite number'),
@@ -385,6 +518,9 @@ OPTION_ERRORS = [
         '--set:2: unknown key "x" in [bonus]',
     ),
     ([*CREEP, "--nodes", "2"], "a scene with a [rotor] has one"),
+    ([*CREEP, "--trace", "x.csv", "--role", "node"], "--role node runs no [rotor] to trace"),
+    ([*STEERING, "--bus", f"socketcand:{'x' * 128}:5"], "xx:5: not loopback, socketcan:IF"),
+    ([*STEERING, "--bus", "socketcand:localhost:65536"], "localhost:65536: not loopback"),
     ([*STEERING, "--virtual", "--role", "node"], "--virtual without an encoder never ends"),
 ]
 
@@ -402,9 +538,46 @@ def test_bad_options(options, words):
     assert words in result.stderr
 
 
+SET_ERRORS = [  # scene, what is set, what is said: where, which value, which limit
+    ("steering", ["motion.speed=5"], "--set:1: [motion] speed has no meaning"),
+    ("steering", ["friction.node=1", "motion.kind=x"], "--set:2: [motion] kind = x: not one of"),
+    ("steering", ["status.period_ms=9", "faults.id=0.1"], "--set:2: [faults] needs [friction]"),
+    ("steering", ["control.kp=1"], '--set:1: [control] has no key "kd"'),
+    ("steering", ["friction.model=x"], "--set:1: [friction] model = x: not one of dahl, slip"),
+    ("steering", ["friction.Fc=1 2"], "--set:1: [friction] sigma0 has 1 numbers and Fc 2: model"),
+    (
+        "steering",
+        ["friction.node=2", "friction.theta_per_count=1e-18"],
+        "--set:2: [friction] theta",
+    ),
+    ("creep", ["rotor.viscous=1e5"], "creep.ini:12: [rotor] inertia = 0.02: below 1, the least"),
+    ("creep", ["rotor.inertia=1e-7"], "--set:1: [rotor] inertia = 1e-07: below 5e-06, the least"),
+    ("creep", ["rotor.inertia=1e-7"], "at which steps of 20 us are stable"),
+    ("creep", ["friction.gain=0", "motion.kind=log"], '--set:2: [motion] has no key "file"'),
+]
+
+
+@pytest.mark.parametrize(("scene", "sets", "words"), SET_ERRORS)
+def test_what_is_set_is_named_by_its_place_on_the_command_line(scene, sets, words):
+    """What stands in the file by its line there, as before."""
+    options = [word for text in sets for word in ("--set", text)]
+    done = subprocess.run(
+        [program(), "--scene", SCENES / f"{scene}.ini", "--virtual", *options],
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert words in done.stderr
+    assert done.stderr.startswith("error: --set:") or "creep.ini:12" in words
+
+
 BUS_ERRORS = [
     ("socketcan:nosuchif0", "--bus socketcan:nosuchif0: "),
     ("socketcand:127.0.0.1:1", "Connection refused"),
+    ("socketcand:::1:1", ":1: "),  # an address with colons: the port stands behind the last
+    (f"socketcand:{'x' * 127}:5", "xx:5: Cannot assign requested address"),
     ("socketcand:255.255.255.255:1", "Network is unreachable"),
 ]
 

@@ -20,6 +20,7 @@ STEERING = SCENES / "steering.ini"
 EXTENDED, REMOTE, ERROR = 1 << 31, 1 << 30, 1 << 29  # linux/can.h
 BUS_OFF = 0x40
 CAN = """
+#include <errno.h>
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <stdlib.h>
@@ -31,6 +32,11 @@ int socket(int domain, int type, int protocol)
 }
 int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
 {
+    const char *refused = getenv("CAN_REFUSES");
+    if (refused != 0 && level == SOL_CAN_RAW && name == atoi(refused)) {
+        errno = EINVAL;
+        return -1;
+    }
     if (level == SOL_CAN_RAW && name == CAN_RAW_FILTER) {
         send(fd, value, size, 0); /* the bus is told what the kernel would be */
     }
@@ -120,6 +126,23 @@ def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
 
 
+def test_error_frames_are_counted_and_only_bus_off_is_for_the_node(tmp_path, planted):
+    """CAN_ERR_RESTARTED has the number of an EncoderState. Each node hears of a bus-off."""
+    words = ("--role", "node", "--nodes", "2", "--seconds", "0.3")
+    process, bus = joined(tmp_path, planted, *words)
+    for kind in (0x100, 0x004, 0x100 | BUS_OFF):
+        bus.send(frame(ERROR | kind, bytes(8)))
+    bus.send(frame(0x123, bytes(8)))
+    result = finished(tmp_path, process)
+    bus.close()
+    node = {name: count for name, count in result.summary["node"].items() if count}
+    assert node == {"bus_off": 2}
+    assert result.summary["bus_counts"]["error_frames"] == 3
+    lines = [line.split()[2] for line in result.log.read_text().splitlines()]
+    seen = [line for line in lines if line[0] == "2"]
+    assert seen == [f"{ERROR | kind:08X}#{'00' * 8}" for kind in (0x100, 0x004, 0x100 | BUS_OFF)]
+
+
 @pytest.mark.parametrize(
     ("role", "ids"),
     [("encoder", [0x111, 0x112]), ("node", [0x101, 0x131, 0x151, 0x102, 0x132, 0x152])],
@@ -132,8 +155,30 @@ def test_only_what_is_looked_at_is_asked_for(tmp_path, planted, role, ids):
         first = bus.recv(100)
         finished(tmp_path, process)
         bus.close()
-        asked = [identifier for identifier, _ in struct.iter_unpack("=II", first)]
-        assert (asked == ids) == (not options and not log)
+        asked = list(struct.iter_unpack("=II", first))
+        assert (asked == [(i, 0x7FF) for i in ids]) == (not options and not log)
+
+
+FILTER, ERR_FILTER, OWN_MSGS, FD_FRAMES = 1, 2, 4, 5  # linux/can/raw.h
+
+
+@pytest.mark.parametrize("refused", [FILTER, ERR_FILTER, OWN_MSGS, FD_FRAMES])
+def test_a_socket_that_refuses_what_is_needed_is_told(tmp_path, planted, monkeypatch, refused):
+    monkeypatch.setenv("CAN_REFUSES", str(refused))
+    process, bus = joined(tmp_path, planted, "--seconds", "0.01", log=False)
+    result = finished(tmp_path, process)
+    bus.close()
+    hint = " (its filters)" if refused == FILTER else ""
+    assert result.err == f"error: --bus socketcan:can0: Invalid argument{hint}\n"
+    assert (result.code, result.summary) == (1, {})
+
+
+def test_sixteen_nodes_and_encoders_ask_for_all_that_is_theirs(tmp_path, planted):
+    process, bus = joined(tmp_path, planted, "--nodes", "16", "--seconds", "0.01", log=False)
+    asked = {identifier for identifier, _ in struct.iter_unpack("=II", bus.recv(1000))}
+    finished(tmp_path, process)
+    bus.close()
+    assert asked == {kind + n for kind in (0x100, 0x110, 0x130, 0x150) for n in range(16)}
 
 
 def test_an_id_of_29_bits_is_sent_as_such(tmp_path, planted):
@@ -165,3 +210,13 @@ def test_a_bus_that_goes_away_is_told(tmp_path, planted):
     result = finished(tmp_path, process)
     assert result.code == 1
     assert result.err.startswith("error: --bus socketcan:can0: the bus is gone after ")
+
+
+def test_a_silent_bus_costs_no_time_of_the_processor(tmp_path, planted):
+    """It waits for a frame from tick to tick; who asked again and again would need all there is."""
+    process, bus = joined(tmp_path, planted, "--role", "node", "--seconds", "1")
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    bus.close()
+    assert process.returncode == 0
+    assert used.ru_utime + used.ru_stime < 0.3

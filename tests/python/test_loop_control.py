@@ -118,6 +118,20 @@ def test_no_chatter(tmp_path, scene):
     assert np.count_nonzero(np.diff(steps[steps != 0])) == control["reference_reversals"]
 
 
+def test_the_summary_counts_the_turns_of_motor_and_reference_apart(tmp_path):
+    """With a trembling reference these are not as many."""
+    sets = ("motion.tremor=20000", "motion.tremor_s=0.2", "motion.seconds=10")
+    trace, summary = traced(tmp_path, "parking", *sets)
+    turns = {}
+    for name, signs in (
+        ("torque_alternations", np.sign(trace["motor"])),
+        ("reference_reversals", np.sign(np.diff(trace["reference"]))),
+    ):
+        turns[name] = np.count_nonzero(np.diff(signs[signs != 0]))
+    assert {name: summary["control"][name] for name in turns} == turns
+    assert len(set(turns.values())) == 2 and min(turns.values()) > 2
+
+
 @pytest.mark.parametrize("side", [1, -1])
 def test_the_errors_of_the_summary_are_those_of_the_trace(tmp_path, side):
     """Whichever side the largest one is on."""

@@ -172,9 +172,36 @@ def test_in_virtual_time_the_reader_has_its_time(tmp_path):
     assert text == alone.log.read_text()
 
 
+def test_ctrl_c_ends_the_patience_with_a_pipe_that_nobody_reads(tmp_path):
+    """In virtual time, where a reader has 10 s at each line that finds no room: 32 a tick."""
+    process, reading = piped(tmp_path, "--virtual", "--nodes", "16")
+    time.sleep(0.7)
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    result = finished(tmp_path, process, 30)
+    os.close(reading)
+    assert time.monotonic() - begun < 6
+    assert result.code == 1
+    assert re.search(r"its reader is too slow; \d+ lines are missing\n", result.err)
+    assert 0 < result.summary["ticks"] < 30000
+
+
+def test_what_waits_at_the_end_is_given_time_to_be_read(tmp_path):
+    """Real time, and more than a pipe holds: read half a second after the last tick."""
+    process, reading = piped(tmp_path, "--seconds", "1.5")
+    time.sleep(2)
+    assert process.poll() is None
+    text = read_all(reading)
+    result = finished(tmp_path, process, 30)
+    assert (result.code, result.err) == (0, "")
+    assert text.count(" 100#") == text.count(" 110#") == 1500
+
+
 def test_a_named_pipe_without_a_reader_is_told(tmp_path):
     os.mkfifo(tmp_path / "pipe")
+    begun = time.monotonic()
     result = run(tmp_path, STEERING, "--virtual", "--log", str(tmp_path / "pipe"), timeout=20)
+    assert 1.9 < time.monotonic() - begun < 4
     assert result.code == 1
     assert result.err == f"error: --log {tmp_path}/pipe: nobody reads this pipe\n"
 

@@ -224,3 +224,23 @@ def test_restart(seen):
     """The node starts anew before a frame; nothing is lost."""
     assert seen.angles() == seen.clean
     assert sum(frame.id == 0x150 for frame in seen.came) == seen.count
+
+
+@pytest.mark.parametrize("kinds", [("drop",), ("drop", "corrupt", "length", "id", "extended")])
+def test_six_frames_in_a_row_go_missing_and_no_more(tmp_path, kinds):
+    """Where every frame meets a fault of those that hide it, each seventh comes."""
+    sets = (*SETS, *(f"faults.{kind}={1 / len(kinds)}" for kind in kinds))
+    words = [word for text in sets for word in ("--set", text)]
+    result = run(tmp_path, STEERING, "--virtual", "--seconds", "2", *words)
+    answers = [round(frame.time * 1000) for frame in read_log(result.log) if frame.id == 0x110]
+    assert {later - before for before, later in zip(answers, answers[1:], strict=False)} == {7}
+    assert result.summary["node"]["lost"] == 6 * (len(answers) - 1)
+
+
+@pytest.mark.parametrize("kind", ["glitch", "reorder", "delay"])
+def test_what_would_hide_another_fault_is_followed_by_a_good_frame(tmp_path, kind):
+    words = [word for text in (*SETS, f"faults.{kind}=1") for word in ("--set", text)]
+    result = run(tmp_path, STEERING, "--virtual", "--seconds", "2", *words)
+    answers = [round(frame.time * 1000) for frame in read_log(result.log) if frame.id == 0x110]
+    assert {later - before for before, later in zip(answers, answers[1:], strict=False)} == {2}
+    assert result.summary["faults"]["injected"][kind] == 1000  # every other one

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 
 import numpy as np
@@ -61,8 +62,13 @@ def answer(scene: str, *sets: str) -> subprocess.CompletedProcess:
     )
 
 
-def beyond(value: float, side: int) -> float:
+WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")
+
+
+def beyond(value: float, side: int, whole: bool = False) -> float:
     """The next one out that the key could be meant for."""
+    if whole:
+        return value + side
     step = 1 if float(value).is_integer() and abs(value) > 1 else 1e-10 if value == 0 else 0.01
     return value + side * (step if value == 0 or step == 1 else abs(value) * step)
 
@@ -74,11 +80,19 @@ def test_each_number_has_its_limits(scene, key, low, high):
     for value in (low, high):
         done = answer(scene, f"{key}={value!r}")
         assert (done.returncode, done.stderr) == (0, ""), value
-    for value in (beyond(low, -1), beyond(high, 1) if high != 0.9 else 0.96):
+    whole = bool(WHOLE.search(key))
+    for value in (beyond(low, -1, whole), beyond(high, 1, whole) if high != 0.9 else 0.96):
         done = answer(scene, f"{key}={value!r}")
         assert done.returncode == 2, value
         assert done.stderr.startswith("error: ")
         assert done.stderr.count("\n") == 1
+        section, name = key.split(".")
+        most = 1 if high == 0.9 else high
+        words = (
+            f"error: --set:1: [{section}] {name} = {value!r}: outside {low:.10g} to {most:.10g}\n"
+        )
+        if key not in ("rotor.viscous", "rotor.inertia"):
+            assert done.stderr == words or "rates add up" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -95,11 +109,14 @@ def test_each_number_has_its_limits(scene, key, low, high):
 def test_each_option_has_its_limits(option, least, greatest, wrong):
     scene = [program(), "--scene", str(SCENES / "steering.ini"), "--virtual"]
     short = [*scene, "--set", "motion.seconds=0.001"]
-    codes = {
-        value: subprocess.run([*short, option, value], timeout=20, check=False).returncode
-        for value in (least, greatest, *wrong)
-    }
-    assert codes == {least: 0, greatest: 0, **dict.fromkeys(wrong, 2)}
+    what = "a number" if option == "--seconds" else "an integer"
+    most = "16" if option == "--wait-clients" else greatest
+    for value in (least, greatest, *wrong):
+        done = subprocess.run(
+            [*short, option, value], capture_output=True, text=True, timeout=20, check=False
+        )
+        words = f"error: {option} {value}: not {what} from {least} to {most}\n"
+        assert (done.returncode, done.stderr) == ((2, words) if value in wrong else (0, ""))
 
 
 def test_rates_may_fill_one_and_no_more():
@@ -145,6 +162,14 @@ def test_steering_keeps_its_amplitude_its_pace_and_its_tremor(tmp_path):
     sides = np.sign(counts[np.abs(counts) > 3000])
     sweeps = np.count_nonzero(np.diff(sides))
     assert 60 / 1.4 - 3 < sweeps < 60 / 0.6 + 3
+
+
+def test_a_sweep_begins_and_ends_at_rest(tmp_path):
+    """No jerk: 6 times its way over the square of its time, and half a count of each of three."""
+    quiet = ["motion.tremor=0", "motion.hold_s=0.2", "motion.sweep_s=1", "motion.amplitude=1e6"]
+    counts = played(tmp_path, "steering", *quiet, "motion.seconds=30")
+    assert np.abs(np.diff(counts)).max() > 1500
+    assert np.abs(np.diff(counts, 2)).max() < 6 * 2e6 / 600**2 + 2
 
 
 def rests_of(counts: np.ndarray) -> list[int]:

@@ -120,6 +120,55 @@ def test_one_node_of_many_is_the_one_that_runs_alone(tmp_path):
     assert [frame for frame in log if frame.id & 15 == 0] == alone
 
 
+@pytest.mark.parametrize("model", ["dahl", "slip"])
+def test_each_of_many_runs_as_it_would_alone(tmp_path, model):
+    """Seeds go on from the first one's: motion, faults and bristles are each node's own."""
+    many = {"sigma0": "100 60", "Fc": "1 0.5", "model": "slip"} if model == "slip" else {}
+    words = [word for key, value in many.items() for word in ("--set", f"friction.{key}={value}")]
+    storm = SCENES / "fault-storm.ini"
+    common = ("--virtual", "--seconds", "4", "--set", "faults.bus_off=0", *words)
+    three = run(tmp_path / "three", storm, *common, "--nodes", "3", "--set", "friction.node=4")
+    log = [frame for frame in read_log(three.log) if 0x100 <= frame.id < 0x160]
+    for i in range(3):
+        alone = ("--seed", str(1 + i), "--set", f"friction.node={4 + i}")
+        one = run(tmp_path / f"{i}", storm, *common, *alone)
+        own = [frame for frame in read_log(one.log) if 0x100 <= frame.id < 0x160]
+        assert [frame for frame in log if frame.id & 15 == 4 + i] == own
+        assert len(own) > 7000
+
+
+def test_of_a_bus_that_has_its_own_time_only_the_load_is_told(tmp_path):
+    """--bitrate beside a served bus changes no frame; in virtual time there are no latencies."""
+    words = ("--virtual", "--seconds", "2")
+    served = run(tmp_path / "s", STEERING, *words, "--bus", "socketcand:0", "--bitrate", "1000000")
+    alone = run(tmp_path / "a", STEERING, *words)
+    assert served.code == 0, served.err
+    assert served.log.read_bytes() == alone.log.read_bytes()
+    total = sum(bits(frame.id, frame.data) for frame in read_log(served.log))
+    assert served.summary["bus_load"] == pytest.approx(total / 2 / 1e6, rel=1e-9)
+    assert not {"latency_us", "deadline_misses", "jitter_us"} & served.summary.keys()
+    assert not {"latency_us", "bitrate", "bus_load"} & alone.summary.keys()
+
+
+def test_frames_take_their_time_by_the_real_clock_too(tmp_path):
+    """A second of it: nothing is lost, and no answer comes before two frames have passed."""
+    result = run(tmp_path, STEERING, "--bitrate", "500000", "--seconds", "1")
+    summary = result.summary
+    assert (result.code, summary["frames_sent"], summary["frames_lost"]) == (0, 1000, 0)
+    length = [bits(frame.id, frame.data) for frame in read_log(result.log)]
+    assert summary["latency_us"]["p50"] > 2 * 2 * min(length)
+    assert summary["bus_load"] == pytest.approx(sum(length) / 500000, rel=0.01)
+
+
+def test_the_last_answers_come_on_a_bus_that_takes_time(tmp_path):
+    """Whatever waits when the last angle is sent: here frames of babblers go before it."""
+    words = ["--set", "friction.max_step=2000", "--set", "faults.babble=0.15"]
+    options = ("--virtual", "--bitrate", "500000", "--seconds", "0.02", *words)
+    for seed in range(12):
+        summary = run(tmp_path, STEERING, *options, "--seed", str(seed)).summary
+        assert (summary["frames_sent"], summary["frames_lost"]) == (20, 0), seed
+
+
 @pytest.mark.parametrize("seconds", [5, pytest.param(600, marks=pytest.mark.long)])
 @pytest.mark.timeout(700)
 def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):

@@ -87,7 +87,8 @@ def node(
         with client(port) as bus:
             yield Encoder(bus, database), process, results
         process.send_signal(signal.SIGTERM)
-        results.append(finished(folder, process).summary)
+        result = finished(folder, process)
+        results.append({**result.summary, "err": result.err})
 
 
 def stale_after(encoder: Encoder) -> float:
@@ -136,3 +137,4 @@ def test_in_lockstep_patience_has_an_end(tmp_path, database):
         encoder.good(0, 0, state="Init", used=False)
         assert 2 < stale_after(encoder) < 4
     assert results[0]["node"]["stale"] == 1
+    assert results[0]["err"] == "note: no angle came for 2 s; the node's clock runs on\n"

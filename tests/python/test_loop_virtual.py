@@ -229,6 +229,53 @@ def test_where_a_measured_log_is_looked_for(tmp_path):
         assert counts_of(read_log(result.log)) == [0, end], (file, options)
 
 
+def test_the_summary_says_what_was_run(tmp_path):
+    path = scene(tmp_path, "[scene]\ntitle = A shaft", FRICTION, MOTION, STATUS)
+    words = ("--seed", "9", "--seconds", "0.02")
+    for time, options in (("real", ()), ("virtual", ("--virtual", "--bus", "socketcand:0"))):
+        said = run(tmp_path / time, path, *words, *options).summary
+        assert (said["time"], said["seed"], said["ticks"]) == (time, 9, 20)
+        assert (said["title"], said["scene"]) == ("A shaft", str(path))
+        assert said["bus"] == (options[2] if options else "loopback")
+        assert ("beat_late_us" in said) == ("latency_us" in said) == (time == "real")
+    slow = run(tmp_path / "slow", path, *words, "--virtual", "--bitrate", "250000").summary
+    assert (slow["bitrate"], slow["nodes"]) == (250000, 1)
+    assert 0 < slow["wall_s"] < 5
+
+
+def test_a_scene_is_read_whatever_ends_its_lines_and_what_is_for_plots_is_left(tmp_path):
+    parts = (FRICTION, MOTION, STATUS, "[measured]\ntorque = Friction [uN]\nspring = none\n")
+    plain = run(tmp_path / "plain", scene(tmp_path, FRICTION, MOTION, STATUS), "--virtual")
+    path = scene(tmp_path, *parts)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    same = run(tmp_path / "same", path, "--virtual")
+    assert (same.code, same.err) == (0, "")
+    assert same.log.read_bytes() == plain.log.read_bytes()
+
+
+def test_a_setting_may_hold_blanks_and_equals_signs(tmp_path):
+    words = ("--set", "scene.title=a = b; c", "--set", "friction.gain=0.5")
+    again = ("--set", "friction.gain=1", "--set", "friction.limit= 0.25")  # the last one holds
+    path = scene(tmp_path, FRICTION, MOTION)
+    result = run(tmp_path / "run", path, "--virtual", *words, *again)
+    assert (result.code, result.err) == (0, "")
+    assert result.summary["title"] == "a = b; c"
+    ratios = [ratio for _, ratio in torques_of(read_log(result.log))]
+    assert (max(ratios), min(ratios)) == (2**28, -(2**28))
+
+
+@pytest.mark.parametrize("name", ["scene.ini", "./scene.ini", "../here/scene.ini"])
+def test_a_scene_may_be_named_from_where_one_is(tmp_path, name):
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "log.csv").write_text("a\n0\n7\n")
+    motion = "[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = 1\n"
+    scene(folder, FRICTION, motion)
+    words = [program(), "--scene", name, "--virtual", "--log", "run.log"]
+    subprocess.run(words, cwd=folder, timeout=20, check=True)
+    assert counts_of(read_log(folder / "run.log")) == [0, 7]
+
+
 def test_status_frames_carry_the_version_and_no_error(tmp_path):
     log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seconds", "1").log)
     statuses = [frame.data for frame in log if frame.id == 0x120]
