@@ -207,6 +207,18 @@ def test_a_picture_that_cannot_be_read_is_one_line(dahl):
     assert complaint(dahl("report", ".")) == (2, "loop.png: Is a directory")
 
 
+def test_a_broken_mf4_is_one_line_also_when_the_program_ends(run_dahl, tmp_path):
+    """Its reader, left half made, has nothing to say when it is collected."""
+    whole, cut = tmp_path / "whole.mf4", tmp_path / "cut.mf4"
+    with can.Logger(whole) as log:
+        for n in range(50):
+            log.on_message_received(can.Message(timestamp=n / 1000, arbitration_id=n, data=b"1"))
+    cut.write_bytes(whole.read_bytes()[:1000])
+    done = run_dahl("plot", cut, "--scene", "segments", "-o", tmp_path / "x.png")
+    code, said = complaint(done)
+    assert code == 2 and said.startswith(f"{cut}: broken or cut off after 0 frames (")
+
+
 def test_only_full_angles_and_answers_count(dbc):
     """Of a trace: times of the angles, rows by the counter, angle and torque in their units."""
     run = Run(dbc)
