@@ -261,6 +261,30 @@ def test_each_panel_says_what_it_shows_on_scales_that_hold_every_point(counted, 
         assert axes.get_xlabel().startswith(words)
 
 
+def test_the_results_keep_each_number_of_both_runs(counted, measured):
+    """Cost and worst error of every point; what is of the machine and of Python as it was."""
+    result = results.combine(counted, measured)
+    few = MOTIONS[:-1]
+    for core, points in result["points"].items():
+        known = {way.key: way for way in results.WAYS}
+        for key, point in points.items():
+            assert point["ours"] == (key in known and known[key].ours)
+            if key in known and core != "host":
+                costs = [counted[core]["motions"]["newlib"][m][key] for m in few]
+                assert point["cost"] == pytest.approx(np.mean(costs), abs=0.01)
+            elif key in known:
+                name = results.HOST_KEY.get(key, key)
+                costs = [measured["speed"][m][name] for m in few]
+                assert point["cost"] == pytest.approx(np.mean(costs), abs=0.01)
+                assert point["worst"] == max(measured["errors"][m][name][0] for m in few)
+    assert result["points"]["host"]["mujoco"] == {"ours": False, "cost": 6000.0, "worst": 1e-4}
+    assert "newton" not in result["points"]["host"]
+    assert result["points"]["m4f"]["rk4_25"]["worst"] == 3e-7
+    assert set(result["points"]) == {*results.CORES, "host"}
+    assert result["python"] == measured["python"] and result["missing"] == {"newton": "not here"}
+    assert result["machine"] == {k: measured[k] for k in ("cpu", "compiler", "quick", "ticks")}
+
+
 def test_a_way_that_is_beaten_is_told(counted, measured, capsys):
     """A rival that is both cheaper and better on one motion alone, on one core."""
     counted["m3"]["motions"]["newlib"]["sine_12"]["rk4"] = 1.0
