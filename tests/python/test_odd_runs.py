@@ -186,6 +186,19 @@ def test_a_record_is_drawn_with_the_log_beside_its_scene(dahl, dbc, quick):
     assert (code, said) == (2, "there/a.csv: no such file")
 
 
+def test_a_log_of_the_same_name_elsewhere_is_not_taken(dahl, dbc, monkeypatch):
+    """Not one in the folder where the verb runs, nor that of a measured set of that name."""
+    write_run(Path("there"), dbc)
+    Path("a.csv").write_text("another\n")
+    assert data.find_log("a.csv", Path("there")) == Path("there/a.csv")
+    monkeypatch.setenv("DAHL_DATA", str(Path("sets").resolve()))
+    for folder in ("sets/tribometer", "there/tribometer"):
+        Path(folder).mkdir(parents=True)
+        Path(folder, "b.tsv").write_text("t\n")
+    assert data.find_log("tribometer/b.tsv", Path("there")) == Path("there/tribometer/b.tsv")
+    assert data.find_log("tribometer/b.tsv", Path()) == Path("sets/tribometer/b.tsv").resolve()
+
+
 def test_a_run_remembers_its_log(dahl, dbc, quick):
     """The log of the summary is the run's, also where the scene's own is gone."""
     write_run(Path("there"), dbc)
