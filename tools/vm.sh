@@ -12,6 +12,7 @@ set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
+PATH=$PATH:/usr/sbin # ip and modprobe, for users who are not root
 KERNEL=$BUILD/deps/kernel
 MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw sch_tbf)
 
@@ -20,7 +21,7 @@ absent() { say "no virtual machine here: $*"; exit 77; }
 check() {
     local tool
     for tool in qemu-system-x86_64 busybox cpio ip modprobe; do
-        command -v "$tool" >/dev/null || [ -x "/usr/sbin/$tool" ] || absent "$tool is not installed"
+        command -v "$tool" >/dev/null || absent "$tool is not installed"
     done
     [ -s "$KERNEL/vmlinuz" ] || absent "no kernel in build/deps/kernel (tools/setup.sh fetches it)"
 }
@@ -30,7 +31,7 @@ module_files() {
     local name version
     version=$(ls "$KERNEL/lib/modules")
     for name in "${MODULES[@]}"; do
-        /usr/sbin/modprobe -d "$KERNEL" -S "$version" --show-depends "$name" | sed -n 's/^insmod \([^ ]*\).*/\1/p'
+        modprobe -d "$KERNEL" -S "$version" --show-depends "$name" | sed -n 's/^insmod \([^ ]*\).*/\1/p'
     done | awk '!seen[$0]++'
 }
 

@@ -95,6 +95,7 @@ def measured() -> dict:
 def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:
     """Names of the columns, and the cells of each row of the table in a block."""
     lines = [line for line in block.splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in lines}) == 1  # else no page shows it as a table
     head, _, *rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     return head[1:], {row[0]: row[1:] for row in rows}
 
@@ -124,6 +125,8 @@ def test_the_short_table_has_three_cores(counted):
 def test_the_terminal_shows_each_count(counted, capsys):
     table.show(counted)
     shown = capsys.readouterr().out
+    cores = [core["core"] for core in counted.values()]
+    assert any(all(core in line for core in cores) for line in shown.splitlines())
     for title, key in table.ROWS:
         line = next(x for x in shown.splitlines() if f"│ {re.sub('[`*]', '', title)} " in x)
         assert re.findall(r" (\d+|-) ", line)[-4:] == [
@@ -239,6 +242,94 @@ def test_each_way_has_its_number_in_every_panel_and_the_front_is_drawn(counted, 
     assert floors == [9.0, 9.0, 9.0]
 
 
+def test_each_panel_says_what_it_shows_on_scales_that_hold_every_point(counted, measured):
+    picture = figures.pareto(counted, measured)
+    for n, axes in enumerate(picture.axes):
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        low, high = axes.get_ylim()
+        drawn_errors = np.concatenate([line.get_ydata() for line in axes.lines[1:-1]])
+        assert low < drawn_errors.min() and drawn_errors.max() < high
+        assert axes.get_xlabel().startswith(("instructions", "ns")[n == 3] + " a tick, mean")
+        assert axes.get_ylabel() == ("worst error of F/Fc (triangle: diverges)", "")[n % 2]
+        [floor] = [text for text in axes.texts if not text.get_text()[0].isdigit()]
+        assert floor.get_text().strip() == ("load, multiply, store", "plain copy")[n == 3]
+        assert floor.xy[0] == drawn(axes, ":")["#999999"][0][0][0]
+    assert picture.get_suptitle() == "Speed against error"
+    panels = figures.growth(counted, measured).axes
+    for axes, words in zip(panels, ("ticks", "samples a second"), strict=True):
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        assert axes.get_xlabel().startswith(words)
+
+
+def test_the_results_keep_each_number_of_both_runs(counted, measured):
+    """Cost and worst error of every point; what is of the machine and of Python as it was."""
+    result = results.combine(counted, measured)
+    few = MOTIONS[:-1]
+    for core, points in result["points"].items():
+        known = {way.key: way for way in results.WAYS}
+        for key, point in points.items():
+            assert point["ours"] == (key in known and known[key].ours)
+            if key in known and core != "host":
+                costs = [counted[core]["motions"]["newlib"][m][key] for m in few]
+                assert point["cost"] == pytest.approx(np.mean(costs), abs=0.01)
+            elif key in known:
+                name = results.HOST_KEY.get(key, key)
+                costs = [measured["speed"][m][name] for m in few]
+                assert point["cost"] == pytest.approx(np.mean(costs), abs=0.01)
+                assert point["worst"] == max(measured["errors"][m][name][0] for m in few)
+    assert result["points"]["host"]["mujoco"] == {"ours": False, "cost": 6000.0, "worst": 1e-4}
+    assert "newton" not in result["points"]["host"]
+    assert result["points"]["m4f"]["rk4_25"]["worst"] == 3e-7
+    assert set(result["points"]) == {*results.CORES, "host"}
+    assert result["python"] == measured["python"] and result["missing"] == {"newton": "not here"}
+    assert result["machine"] == {k: measured[k] for k in ("cpu", "compiler", "quick", "ticks")}
+
+
+def test_a_way_that_is_beaten_is_told(counted, measured, capsys):
+    """A rival that is both cheaper and better on one motion alone, on one core."""
+    counted["m3"]["motions"]["newlib"]["sine_12"]["rk4"] = 1.0
+    measured["errors"]["sine_12"]["rk4"][0] = 1e-12
+    result = results.combine(counted, measured)
+    ours = [way.key for way in results.WAYS if way.ours and way.on_target]
+    expected = [{"core": "m3", "motion": "sine_12", "ours": o, "rival": "rk4"} for o in ours]
+    on_m3 = [found for found in result["dominated"] if found["core"] == "m3"]
+    assert [found for found in on_m3 if found["rival"] == "rk4"] == expected
+    report.show(result)
+    shown = capsys.readouterr().out
+    assert f"of our points, {len(result['dominated'])} are beaten in both axes" in shown
+    assert shown.count("beaten: {") == len(result["dominated"])
+    near = result["closest"]["m3"]
+    points = {p.key: p for p in results.core_points(counted, measured, "m3")}
+    best = min((p for p in points.values() if p.ours), key=results.Point.mean_cost)
+    assert near["as exact"]["way"] in points and not points[near["as exact"]["way"]].ours
+    for kind, ratio in (("as cheap", "times the error"), ("as exact", "times the cost")):
+        if kind in near:
+            rival = points[near[kind]["way"]]
+            worst, cost = rival.worst() / best.worst(), rival.mean_cost() / best.mean_cost()
+            assert near[kind][ratio] == pytest.approx(worst if kind == "as cheap" else cost)
+
+
+def test_a_picture_is_replaced_as_a_whole_and_the_same_twice(tmp_path):
+    figure = figures.plt.figure()
+    figure.add_subplot().plot([1, 2])
+    with figures.plt.rc_context({"svg.hashsalt": "one"}):
+        for name in ("a.svg", "b.svg"):
+            figures.save(figure, tmp_path / name)
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+    assert "<dc:date>" not in (tmp_path / "a.svg").read_text()
+    whole = (tmp_path / "a.svg").read_bytes()
+
+    def broken(path: Path, **_: object) -> None:
+        path.write_text("half")
+        raise OSError("disk full")
+
+    figure.savefig = broken
+    with pytest.raises(OSError, match="disk full"):
+        figures.save(figure, tmp_path / "a.svg")
+    assert (tmp_path / "a.svg").read_bytes() == whole
+    assert {path.name for path in tmp_path.iterdir()} == {"a.svg", "b.svg"}
+
+
 def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
     left, right = figures.growth(counted, measured).axes
     for line, way in zip(left.lines, figures.GROWTH_TITLES, strict=False):
@@ -322,9 +413,21 @@ def test_a_report_alone_leaves_the_docs_alone(pages, counted, measured, capsys):
     shown = capsys.readouterr().out
     points = results.combine(counted, measured)["points"]
     for core, title in figures.TITLES.items():
+        unit = "ns" if core == "host" else "instructions"
         part = shown.split(f"{title}: ")[1].split("└")[0]
+        assert part.split(maxsplit=1)[0] == unit
         names = re.findall(r"│ (\w+) +│ +[\d.e+]+ │ +\S+ │", part)
         assert names == sorted(points[core], key=lambda key: points[core][key]["cost"])
+
+
+def test_a_quick_run_is_not_for_the_docs(pages, measured, monkeypatch, capsys):
+    monkeypatch.setattr(report, "draw", lambda *_: None)  # takes longest, is no matter
+    target.write(host.RESULT, measured | {"quick": True})
+    assert report.main([]) == 0
+    with pytest.raises(target.BenchError, match="quick run"):
+        report.main(["--docs"])
+    for page in ("README.md", "docs/microcontroller.md", "docs/speed.md"):
+        assert "\nold\n" in (pages / page).read_text()
 
 
 @pytest.mark.parametrize("lacking", ["target", "host"])
@@ -334,7 +437,8 @@ def test_a_report_without_a_run_names_the_command(pages, lacking):
         report.main([])
 
 
-def test_a_page_without_its_marks_is_an_error(pages):
+def test_a_page_without_its_marks_is_an_error(pages, monkeypatch):
+    monkeypatch.setattr(report, "draw", lambda *_: None)
     (pages / "docs/microcontroller.md").write_text("no marks\n")
     with pytest.raises(target.BenchError, match=re.escape("docs/microcontroller.md lacks")):
         report.main(["--docs"])

@@ -61,6 +61,17 @@ def test_all_well(count):
     assert (counted.returncode, counted.stdout) == (0, "2 passed, 0 failed\n")
 
 
+def test_a_result_may_lie_in_a_folder_of_any_name(root, tmp_path):
+    """As a checkout may: the exit code is what stands behind the last sign."""
+    path = tmp_path / "a=1" / "x=y.xml"
+    path.parent.mkdir()
+    path.write_text(TWO_WELL)
+    for code in (0, 137):
+        words = [sys.executable, root / "tools/count_tests.py", f"{path}={code}"]
+        counted = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert counted.stdout.startswith("failed: x=y.xml: " if code else "2 passed, 0 failed\n")
+
+
 def test_the_note_comes_before_the_last_line(count):
     assert count((TWO_WELL, 0), note="more to run").stdout == "more to run\n2 passed, 0 failed\n"
 

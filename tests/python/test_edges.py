@@ -9,6 +9,7 @@ import os
 import struct
 import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import can
@@ -146,8 +147,10 @@ def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, t
     node = firmware.Firmware("m4f", (100.0, 0.5, 0.25), tmp_path, 3, 7000, tmp_path / "image")
     page = struct.unpack("<I3f2I", node.page.read_bytes())
     assert page == (int.from_bytes(b"DAHL", "little"), 100.0, 0.5, 0.25, 3, 7000)
+    begun = time.monotonic()
     with pytest.raises(RunError, match="QEMU did not start: qemu: ") as caught, node:
         pass
+    assert time.monotonic() - begun < firmware.PATIENCE / 2  # what has ended is not waited for
     board = firmware.boards()["m4f"]
     loader = f"loader,file={node.page},addr={board.page:#x},force-raw=on"
     for words in (f"-M {board.machine} ", f"-kernel {tmp_path}/image", f"-device {loader}"):

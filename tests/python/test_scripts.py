@@ -71,13 +71,17 @@ class Stage:
         return [line for line in lines if not programs or line.split()[0] in programs]
 
 
-@pytest.fixture
-def stage(root: Path, tmp_path: Path) -> Stage:
-    shutil.copytree(root / "tools", tmp_path / "tools")
-    made = Stage(tmp_path)
+def staged(root: Path, folder: Path) -> Stage:
+    shutil.copytree(root / "tools", folder / "tools")
+    made = Stage(folder)
     for name in PROGRAMS:
         made.stand_in(name)
     return made
+
+
+@pytest.fixture
+def stage(root: Path, tmp_path: Path) -> Stage:
+    return staged(root, tmp_path)
 
 
 # --- tools/demo.sh -------------------------------------------------------------------------------
@@ -164,6 +168,42 @@ def test_words_of_the_user_reach_both_kinds_of_tests(stage):
     assert "-R codec" in stage.calls("ctest")[0]
     assert stage.calls("python")[0].endswith("-k codec -x")
     assert stage.run("test", "-k").returncode == 1
+    (stage.folder / "calls").unlink()
+    stage.run("test", "-k", "codec", "--checks")
+    runs = [call for call in stage.calls("python") if "-m pytest" in call]
+    assert len(runs) == 2 and all("-k codec --checks" in call for call in runs)
+
+
+def test_results_are_where_they_are_counted_and_the_checks_are_shown(stage):
+    """The C tests of the build that was made, each result in its file, words of the checks last."""
+    stage.does("python", 'case "$*" in *tests/proof*) echo words of the checks ;; esac')
+    done = stage.run("test", "--checks")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "words of the checks"
+    assert (stage.folder / "build/checks.log").read_text() == "words of the checks\n"
+    [ctest] = stage.calls("ctest")
+    words = ctest.split()
+    assert words[words.index("--test-dir") + 1] == "build/host"
+    assert words[words.index("--output-junit") + 1] == "build/ctest.xml"
+    assert {"--no-tests=ignore", "--output-on-failure"} <= set(words)
+    runs = [call.split() for call in stage.calls("python") if "-m pytest" in call]
+    kept = {run[run.index("--junitxml") + 1]: run for run in runs}
+    assert set(kept) == {"build/python.xml", "build/checks.xml"}
+    assert "tests/python" in kept["build/python.xml"] and "-n" in kept["build/python.xml"]
+    assert all(run[run.index("-c") + 1] == "tests/pytest.ini" for run in runs)
+
+
+def test_a_build_that_fails_shows_the_end_of_its_own_log(stage):
+    """15 lines of it; the log is that of this run alone, and holds all."""
+    stage.does("cmake", "echo of the first run")
+    stage.run("demo")
+    stage.does("cmake", "for n in $(seq 40); do echo line $n; done; exit 1")
+    done = stage.run("demo")
+    shown = done.stderr.splitlines()
+    assert shown[:-1] == [f"line {n}" for n in range(26, 41)]
+    assert shown[-1] == "error: cmake could not configure; see build/build.log"
+    log = (stage.folder / "build/build.log").read_text().splitlines()
+    assert log == [f"line {n}" for n in range(1, 41)]
 
 
 def test_all_run_whatever_fails_and_each_code_is_counted(stage):
@@ -241,8 +281,24 @@ def test_rivals_are_installed_once_and_again_where_the_list_changes_or_it_failed
     assert installed() == 2
     with (stage.folder / "tools/requirements/rivals.lock").open("a") as lock:
         lock.write("# another\n")
+    (stage.folder / "build/bench/venv/old").touch()
     stage.run("bench", "host")
     assert installed() == 3
+    assert not (stage.folder / "build/bench/venv/old").exists()
+    last = [call for call in stage.calls() if "--require-hashes" in call][-1]
+    assert "--no-deps" in last and last.endswith("-r tools/requirements/rivals.lock")
+
+
+def test_an_environment_that_cannot_be_made_stops_no_bench(stage):
+    stage.does("setup.sh", "echo much; echo a warning >&2")
+    case = '*"-m venv"*) exit 1 ;; *target.py*) echo a table ;; *host.py*) exit 4 ;;'
+    stage.does("python", f'case "$*" in {case} esac')
+    done = stage.run("bench")
+    assert done.returncode == 4  # of the host's run, not of the environment
+    assert "bench: could not; see build/bench/venv.log" in done.stdout
+    assert (stage.folder / "build/bench-target.log").read_text() == "a table\n"
+    assert "a table" not in done.stdout and "much" not in done.stdout
+    assert done.stderr == "a warning\n"
 
 
 # --- tools/vm.sh ---------------------------------------------------------------------------------
@@ -273,6 +329,36 @@ def test_the_machine_has_two_buses_and_runs_the_words_as_they_are(stage, machine
         assert f"ip link set {name} up" in stage.calls("ip")
 
 
+def test_the_machine_starts_with_its_modules_in_order_and_sees_both_folders(stage, machine):
+    """Each module once, what it needs before it; all files read-only, the folder to write to."""
+    modules = stage.folder / "modules"
+    modules.mkdir()
+    for name in ("a", "b", "c"):
+        (modules / f"{name}.ko").write_text(name)
+    needs = f'echo "builtin x"; echo "insmod {modules}/a.ko "; echo "insmod {modules}/$n.ko opt=1"'
+    last = 'n=b; [[ "$*" != *sch_tbf ]] || n=c'
+    stage.does("modprobe", f"{last}; {needs}")
+    stage.does("cpio", 'cat >/dev/null; cp -r . "$STAGE/root"; echo image')
+    assert stage.run("vm", str(machine), "true").returncode == 0
+    inside = stage.folder / "root"
+    assert (inside / "modules").read_text() == "a.ko\nb.ko\nc.ko\n"
+    assert {path.name for path in (inside / "lib").iterdir()} == {"a.ko", "b.ko", "c.ko"}
+    assert (inside / "where").read_text() == f"{machine}\n"
+    assert (inside / "project").read_text() == f"{stage.folder}\n"
+    assert os.access(inside / "init", os.X_OK) and (inside / "bin/busybox").exists()
+    assert (machine / ".vm/initramfs").read_text() == "image\n"
+    assert not (machine / ".vm/root").exists()
+    [qemu] = stage.calls("qemu-system-x86_64")
+    assert "-kernel build/deps/kernel/vmlinuz -initrd work/.vm/initramfs" in qemu
+    shares = [word for word in qemu.split() if word.startswith("local,")]
+    seen = {
+        share["path"]: share for share in (dict(re.findall(r"(\w+)=([^,]+)", s)) for s in shares)
+    }
+    assert set(seen) == {"/", "work"}
+    assert (seen["/"]["mount_tag"], seen["/"]["readonly"]) == ("root", "on")
+    assert seen["work"]["mount_tag"] == "work" and "readonly" not in seen["work"]
+
+
 def test_a_machine_that_does_not_run_is_an_error(stage, machine):
     stage.does("qemu-system-x86_64", "exec sleep 50")
     (machine / ".vm").mkdir()
@@ -301,10 +387,13 @@ def test_each_lock_holds_what_those_before_it_do_not(stage):
     stage.does("python", "")
     stage.does("uv", 'echo "of-$(basename "${*: -1}" .lock)==1 \\\\" >"${*: -1}"')
     assert stage.run("lock", "--upgrade").returncode == 0
+    assert stage.calls("python3") == ["python3 -m venv --clear build/lock"]
+    assert re.fullmatch(r".* install uv==[\d.]+", stage.calls("python")[0])
     before: list[str] = []
     for call, name in zip(stage.calls("uv"), GROUPS, strict=True):
         assert call.endswith(f" --upgrade {name}.txt -o {name}.lock")
-        assert "--generate-hashes" in call
+        assert {"--generate-hashes", "--universal"} <= set(call.split())
+        assert "--python-version 3.11 " in call
         known = [] if name == "rivals" else before
         assert re.findall(r"-c (\w+)\.lock", call) == known
         assert re.findall(r"--no-emit-package=of-(\w+)", call) == known
@@ -333,8 +422,8 @@ PYTHON = """case "$*" in
 esac"""
 
 
-@pytest.fixture
-def bare(stage, root) -> Stage:
+def bared(stage: Stage, root: Path) -> Stage:
+    """Nothing is installed; what setup.sh needs is known to apt-get."""
     if not Path("/usr/lib/apt/apt-helper").exists():
         pytest.skip("this is no Debian: apt-helper is not here")
     (stage.folder / "tools/setup.sh").unlink()
@@ -362,6 +451,11 @@ def bare(stage, root) -> Stage:
     for name in ("apt-cache", "dpkg", "sleep"):
         stage.stand_in(f"bin/{name}")
     return stage
+
+
+@pytest.fixture
+def bare(stage, root) -> Stage:
+    return bared(stage, root)
 
 
 def set_up(stage: Stage, need: str) -> tuple[subprocess.CompletedProcess, list[str]]:

@@ -234,13 +234,12 @@ def find_log(relative: str, beside: Path) -> Path:
 
     Raises dahl.Error or RunError when it is not in reach.
     """
-    path = Path(relative)
-    for candidate in (path, beside / path):
-        if candidate.is_file():
-            return candidate
+    path = beside / relative
+    if path.is_file():
+        return path
     name, _, rest = relative.partition("/")
-    if path.is_absolute() or name not in SETS:
-        raise Error(f"{path if path.is_absolute() else beside / path}: no such file")
+    if Path(relative).is_absolute() or name not in SETS:
+        raise Error(f"{path}: no such file")
     found = folder(name) / rest
     if not found.is_file():
         raise Error(f"{found}: no such file in the measured set '{name}'")

@@ -101,7 +101,7 @@ def read(path: Path) -> Scene:
     """Read a scene file. Raises dahl.Error naming file and key."""
     parser = _Parser(inline_comment_prefixes=(";",), interpolation=None)
     try:
-        parser.read_string(path.read_text(encoding="utf-8"), source=str(path))
+        parser.read_string(path.read_text(encoding="utf-8-sig"), source=str(path))
     except (OSError, UnicodeDecodeError, configparser.Error) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))

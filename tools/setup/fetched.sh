@@ -93,7 +93,7 @@ unpack_kernel() { # PACKAGE FOLDER
     local part parts=('./boot/vmlinuz-*' './lib/modules/*/modules.*')
     for part in "${KERNEL_PARTS[@]}"; do parts+=("./lib/modules/*/kernel/$part*"); done
     dpkg-deb --fsys-tarfile "$1" | tar -x -C "$2" --wildcards "${parts[@]}" || return 1
-    mv "$2"/boot/vmlinuz-* "$2/vmlinuz" && /usr/sbin/depmod -b "$2" "$(ls "$2/lib/modules")"
+    mv "$2"/boot/vmlinuz-* "$2/vmlinuz" && PATH=$PATH:/usr/sbin depmod -b "$2" "$(ls "$2/lib/modules")"
 }
 
 fetch_kernel() { # FOLDER

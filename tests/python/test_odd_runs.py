@@ -1,0 +1,388 @@
+# SPDX-License-Identifier: MIT
+"""What a user of the verbs meets now and then: scenes of another editor, folders that moved, files
+that are not what they should be, words that reach a program only by a long way.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from dahl import (
+    Error,
+    RunError,
+    bus,
+    by_need,
+    cli,
+    data,
+    files,
+    firmware,
+    paths,
+    plots,
+    report,
+    scene,
+)
+from dahl.interrupt import Stop
+from identify_tools import caller
+from log_writers import DBC
+from test_monitor import frames
+from test_report import Run
+
+pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
+
+
+@pytest.fixture
+def dahl(capsys, monkeypatch, tmp_path):
+    """A verb in this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return caller(capsys)
+
+
+def complaint(done: subprocess.CompletedProcess) -> tuple[int, str]:
+    """The exit code of a verb that ended in one line, and that line."""
+    found = re.fullmatch(r"error: ([^\n]+)\n", done.stderr)
+    assert found, done.stderr
+    return done.returncode, found[1]
+
+
+SEGMENTS = """[scene]
+title = Lenkung ä² <b>
+[friction]
+sigma0 = 50
+Fc = 0.5
+theta_per_count = 1e-4
+[motion]
+kind = segments
+theta1 = 40
+theta2 = -25
+theta3 = 30
+speed = 300
+"""
+
+
+# --- scenes ---------------------------------------------------------------------------------------
+
+
+def test_a_scene_of_any_editor_is_played_and_told_on_the_page(dahl):
+    """With a mark of its encoding, lines ended by two characters, and letters beyond ASCII."""
+    Path("my.ini").write_text(SEGMENTS.replace("\n", "\r\n"), encoding="utf-8-sig", newline="")
+    words = ("--scene", "my.ini", "--seconds", 0.2, "--bus", "socketcand", "--output", "out")
+    done = dahl("demo", *words)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(Path("out/summary.json").read_text())["title"] == "Lenkung ä² <b>"
+    assert dahl("report", "out").returncode == 0
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    assert "<title>Lenkung ä² &lt;b&gt;</title>" in page
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "Is a directory"),
+        (b"[friction]\nsigma0 = \xff\n", "can't decode byte 0xff"),
+        (b"[friction]\ntheta_per_count = fine\n", "[friction] theta_per_count = 'fine' is not a"),
+        (b"[motor]\nseconds = 2 s\n", "[motor] seconds = '2 s' is not a number"),
+        (b"[measured]\noffset = 1,5\n", "[measured] offset = '1,5' is not a number"),
+    ],
+)
+def test_a_scene_that_cannot_be_read_is_one_line(tmp_path, text, words):
+    path = tmp_path / "my.ini"
+    path.mkdir() if text is None else path.write_bytes(text)
+    with pytest.raises(Error) as told:
+        scene.read(path)
+    assert str(told.value).startswith(f"{path}: ") and words in str(told.value)
+
+
+def test_a_shipped_scene_is_found_before_a_file_of_its_name(dahl):
+    Path("segments").write_text(SEGMENTS)
+    assert scene.find("segments") == paths.SCENES / "segments.ini"
+    assert scene.find(str(Path("segments").resolve())) == Path("segments").resolve()
+    with pytest.raises(Error, match="no scene 'nowhere'"):
+        scene.find("nowhere")
+
+
+OWN = {"sigma0": 40.0, "fc": 0.8, "counts_per_turn": 4096.0}
+
+
+@pytest.mark.parametrize(("time_column", "torque"), [("", ""), ("t", ""), ("", "T"), ("t", "T")])
+def test_a_scene_of_an_own_log_has_the_columns_that_there_are(tmp_path, time_column, torque):
+    log = tmp_path / "a.csv"
+    log.write_text("t,T,a\n0,5,1\n0.5,6,2\n")
+    own = scene.OwnLog(log, "a", torque, **OWN, torque_scale=-2.0, time=time_column)
+    written = scene.write_own(own, tmp_path / "own.ini")
+    found = scene.read_log(written, log)
+    assert found.rows == 2
+    assert (found.time is None) == (not time_column) and (found.torque is None) == (not torque)
+    assert found.time is None or found.time.tolist() == [0, 0.5]
+    assert found.torque is None or found.torque.tolist() == [-10, -12]
+
+
+@pytest.mark.parametrize("changed", ["angle", "torque", "time"])
+@pytest.mark.parametrize("name", ["a ; b", " a", "a "])
+def test_no_column_of_an_own_log_is_taken_for_another(tmp_path, changed, name):
+    columns = {"angle": "x", "torque": "y", "time": "z", changed: name}
+    own = scene.OwnLog(Path("x.csv"), **columns, **OWN)
+    with pytest.raises(Error, match=f"column '{name}': a scene file cannot hold this name"):
+        scene.write_own(own, tmp_path / "own.ini")
+
+
+@pytest.mark.parametrize("counts", [0.0, -1.0, float("nan"), float("inf")])
+def test_counts_of_a_turn_are_a_number_above_0(tmp_path, counts):
+    own = scene.OwnLog(Path("x.csv"), "a", "", **OWN | {"counts_per_turn": counts})
+    with pytest.raises(Error, match="--counts-per-turn .*: a number above 0 was expected"):
+        scene.write_own(own, tmp_path / "own.ini")
+    assert not (tmp_path / "own.ini").exists()
+
+
+REPLAY = SEGMENTS.partition("[motion]")[0] + "[motion]\nkind = log\nfile = a.csv\n{}"
+
+
+def test_a_scene_that_replays_a_log_must_say_which_column(dahl):
+    Path("my.ini").write_text(REPLAY.format("counts_per_unit = 1\n"))
+    Path("a.csv").write_text("a\n1\n2\n")
+    told = "my.ini: [motion] angle is missing: which column of a.csv holds the angle?"
+    assert complaint(dahl("demo", "--scene", "my.ini", "--output", "out")) == (2, told)
+
+
+# --- runs that were recorded ----------------------------------------------------------------------
+
+
+def write_run(folder: Path, dbc: Path) -> None:
+    """A record of 30 ticks, and a scene whose log lies beside it."""
+    run = Run(dbc)
+    run.tick(0, 0, state=6, used=False)
+    for n in range(1, 30):
+        run.tick(n, 7 * n)
+    folder.mkdir()
+    (folder / "run.log").write_text("".join(map(bus.candump_line, run.frames)))
+    measured = "[measured]\ntorque = T\nlabel_torque = force [N]\n"
+    (folder / "mine.ini").write_text(REPLAY.format("angle = a\n") + measured)
+    (folder / "a.csv").write_text("a,T\n" + "".join(f"{7 * n},{n}\n" for n in range(30)))
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Pictures are not painted, which takes longest; they are put where they go."""
+    monkeypatch.setattr(plots, "save", lambda figure, path: path.touch())
+
+
+def test_a_record_is_drawn_with_the_log_beside_its_scene(dahl, dbc, quick):
+    """A bare record, whose scene says where its log is: beside the scene, wherever one stands."""
+    write_run(Path("there"), dbc)
+    done = dahl("plot", "there/run.log", "--scene", "there/mine.ini")
+    assert done.stdout == "there/loop.png: 30 ticks, Lenkung ä² <b>\n", done.stderr
+    assert Path("there/loop.png").exists()
+    Path("there/a.csv").unlink()
+    code, said = complaint(dahl("plot", "there/run.log", "--scene", "there/mine.ini"))
+    assert (code, said) == (2, "there/a.csv: no such file")
+
+
+def test_a_log_of_the_same_name_elsewhere_is_not_taken(dahl, dbc, monkeypatch):
+    """Not one in the folder where the verb runs, nor that of a measured set of that name."""
+    write_run(Path("there"), dbc)
+    Path("a.csv").write_text("another\n")
+    assert data.find_log("a.csv", Path("there")) == Path("there/a.csv")
+    monkeypatch.setenv("DAHL_DATA", str(Path("sets").resolve()))
+    for folder in ("sets/tribometer", "there/tribometer"):
+        Path(folder).mkdir(parents=True)
+        Path(folder, "b.tsv").write_text("t\n")
+    assert data.find_log("tribometer/b.tsv", Path("there")) == Path("there/tribometer/b.tsv")
+    assert data.find_log("tribometer/b.tsv", Path()) == Path("sets/tribometer/b.tsv").resolve()
+
+
+def test_a_run_remembers_its_log(dahl, dbc, quick):
+    """The log of the summary is the run's, also where the scene's own is gone."""
+    write_run(Path("there"), dbc)
+    Path("there/a.csv").rename("moved.csv")
+    known = {"scene_file": "there/mine.ini", "log": str(Path("moved.csv").resolve())}
+    Path("there/summary.json").write_text(json.dumps(known))
+    assert dahl("plot", "there", "-o", "x.png").stdout.startswith("x.png: 30 ticks")
+    assert not Path("there/loop.png").exists()
+    other = dahl("plot", "there", "--scene", "segments")
+    assert other.stdout.startswith("there/loop.png: 30 ticks, ")
+    Path("there/summary.json").unlink()
+    code, said = complaint(dahl("plot", "there"))
+    assert code == 2 and said.startswith("there/run.log: which parameters did this run have?")
+
+
+def test_a_picture_that_cannot_be_read_is_one_line(dahl):
+    Path("summary.json").write_text('{"scene_file": "x"}')
+    Path("loop.png").mkdir()
+    assert complaint(dahl("report", ".")) == (2, "loop.png: Is a directory")
+
+
+def test_a_broken_mf4_is_one_line_also_when_the_program_ends(run_dahl, tmp_path):
+    """Its reader, left half made, has nothing to say when it is collected."""
+    whole, cut = tmp_path / "whole.mf4", tmp_path / "cut.mf4"
+    with can.Logger(whole) as log:
+        for n in range(50):
+            log.on_message_received(can.Message(timestamp=n / 1000, arbitration_id=n, data=b"1"))
+    cut.write_bytes(whole.read_bytes()[:1000])
+    done = run_dahl("plot", cut, "--scene", "segments", "-o", tmp_path / "x.png")
+    code, said = complaint(done)
+    assert code == 2 and said.startswith(f"{cut}: broken or cut off after 0 frames (")
+
+
+def test_only_full_angles_and_answers_count(dbc):
+    """Of a trace: times of the angles, rows by the counter, angle and torque in their units."""
+    run = Run(dbc)
+    run.tick(0, 100, state=6, used=False)
+    for n in range(1, 40):
+        run.tick(n, 100 + 5 * n)
+    trace = run.trace()
+    assert trace.row.tolist() == list(range(40)) and (trace.recorded, trace.missing) == (40, 0)
+    assert trace.time == pytest.approx(np.arange(40) / 1000)
+    model = scene.Scene(Path("a.ini"), "a", elements=((50.0, 0.5),), theta_per_count=1e-4)
+    assert trace.angle(model) == pytest.approx(np.arange(40) * 5e-4, rel=1e-6)
+    exact = 0.5 * (1 - np.exp(-100 * np.arange(40) * 5e-4))
+    assert trace.torque(model) == pytest.approx(exact, abs=1e-6)
+    assert trace.states == {"Init": 1, "OK": 39}
+
+
+# --- clients of a bus -----------------------------------------------------------------------------
+
+
+class Feed:
+    """A bus that gives these frames, None between them."""
+
+    def __init__(self, *given: object) -> None:
+        self.given = list(given)
+
+    def recv(self, _: float) -> object:
+        return self.given.pop(0) if self.given else None
+
+
+def test_a_client_ends_after_the_frames_that_came_not_after_pauses():
+    one, two, three = (can.Message(arbitration_id=n) for n in (1, 2, 3))
+    came = bus.received(Feed(None, one, None, two, three), Stop(), frames=2)
+    assert list(came) == [None, one, None, two]
+
+
+def test_a_client_ends_after_its_seconds_or_when_it_is_asked(monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr(bus.time, "monotonic", lambda: clock[0])
+    came = []
+    for message in bus.received(Feed(), Stop(), seconds=2.5):
+        came.append(message)
+        clock[0] += 1.0
+    assert came == [None] * 3
+    stop = Stop()
+    endless = bus.received(Feed(), stop)
+    next(endless)
+    stop.asked = True
+    assert list(endless) == []
+
+
+def test_a_bus_description_that_is_not_there_is_one_line(dahl):
+    words = ("monitor", "-i", "virtual", "-c", "x", "--dbc", "none.dbc")
+    assert complaint(dahl(*words)) == (2, "none.dbc: No such file or directory")
+    Path("other.dbc").write_text(DBC)
+    code, said = complaint(dahl(*words[:-1], "other.dbc"))
+    assert code == 2 and said.startswith("other.dbc: no signal 'Count' in a message 'EncoderState'")
+
+
+def test_a_record_starts_anew_and_keeps_times_and_channels(dahl, dbc, monkeypatch):
+    """What was there goes with the first frame; nothing is added to it."""
+    angle = {"Valid": 1, "Count": 5}
+    sent = list(frames(dbc, *[("EncoderState", 1e9 + n, {**angle, "Counter": n}) for n in (1, 2)]))
+    for frame in sent:
+        frame.channel = "can7"
+    feed = Feed(None, *sent)
+    feed.__class__ = type("Bus", (Feed,), {"__enter__": lambda s: s, "__exit__": lambda *_: None})
+    monkeypatch.setattr(can, "Bus", lambda **_: feed)
+    Path("x.log").write_text("(0000000001.000000) old 100#00\n" * 9)
+    done = dahl("record", "-i", "virtual", "-o", "x.log", "--force", "--frames", 2)
+    assert (done.returncode, done.stdout) == (0, "2 frames in x.log\n")
+    lines = Path("x.log").read_text().splitlines()
+    assert [line.split()[:2] for line in lines] == [
+        ["(1000000001.000000)", "can7"],
+        ["(1000000002.000000)", "can7"],
+    ]
+
+
+# --- programs and places --------------------------------------------------------------------------
+
+
+def test_a_target_runs_dahls_model_alone_on_a_core_that_is_known(dahl, monkeypatch):
+    done = dahl("demo", "--scene", "segments", "--target", "m9", "--output", "out")
+    known = "--target m9: one of m0 m3 m4f m7 m33 was expected"
+    assert complaint(done) == (2, known)
+    monkeypatch.setattr(firmware, "build", lambda core: paths.ROOT / "image")
+    Path("slip.ini").write_text(SEGMENTS.replace("[friction]\n", "[friction]\nmodel = slip\n"))
+    done = dahl("demo", "--scene", "slip.ini", "--target", "m4f", "--output", "out")
+    assert complaint(done) == (2, "--target runs model dahl, not the scene's slip")
+
+
+def test_the_build_is_the_hosts_unless_another_is_named(monkeypatch, tmp_path):
+    monkeypatch.delenv("DAHL_BUILD_DIR", raising=False)
+    assert paths.build_folder() == paths.ROOT / "build" / "host"
+    monkeypatch.setenv("DAHL_BUILD_DIR", str(tmp_path))
+    monkeypatch.delenv("DAHL_LIBRARY", raising=False)
+    with pytest.raises(RunError, match=f"{tmp_path}/lib/libdahl.so is not there; build it"):
+        paths.library()
+    (tmp_path / "mine.so").touch()
+    monkeypatch.setenv("DAHL_LIBRARY", str(tmp_path / "mine.so"))
+    assert paths.library() == tmp_path / "mine.so"
+    monkeypatch.setenv("DAHL_LIBRARY", str(tmp_path / "none.so"))
+    with pytest.raises(RunError, match=r"none\.so is not there; build it .* or set DAHL_LIBRARY"):
+        paths.library()
+
+
+def test_a_verb_and_its_words_are_what_is_brought_and_started_again(dahl, monkeypatch):
+    asked = []
+    monkeypatch.setattr(by_need, "bring", lambda *words: asked.append(words))
+    assert dahl("data", "nothing").returncode == 2
+    monkeypatch.setattr(sys, "argv", ["dahl", "data", "nothing else"])
+    assert cli.main() == 2
+    assert asked == [("data", ["data", "nothing"]), ("data", ["data", "nothing else"])]
+
+
+def test_text_that_no_encoding_holds_is_written_all_the_same(tmp_path):
+    """A file's name may be any bytes; it stands on pages and in headers."""
+    files.keep(tmp_path / "x.txt", "ä \udcff\n")
+    assert (tmp_path / "x.txt").read_bytes() == "ä ?\n".encode()
+    assert [path.name for path in tmp_path.iterdir()] == ["x.txt"]
+
+
+def test_empty_rows_of_a_measured_set_are_left_out():
+    rows = "t\tx\n8.6\t1\n\n8.7\t2\n\n"
+    assert data.cut_tribometer(rows.encode()) == b"t\tx\n8.6\t1\n8.7\t2\n"
+
+
+def test_ctrl_c_before_anything_has_begun_ends_at_once(root):
+    """One line and code 130, while the first modules are still being read."""
+    code = (
+        "import sys; sys.path.insert(0, 'tools'); from dahl import interrupt;"
+        " interrupt.at_start(); print('on', flush=True); import time; time.sleep(30)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=root
+    ) as process:
+        assert process.stdout.readline() == b"on\n"
+        begun = time.monotonic()
+        os.kill(process.pid, signal.SIGINT)
+        assert process.stderr.read() == b"interrupted\n"
+        assert process.wait(10) == 130 and time.monotonic() - begun < 5
+
+
+def test_the_fault_table_is_printed_where_no_page_is_named(root):
+    words = [sys.executable, root / "tools/fault_table.py"]
+    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert shown[0] == "| frame | counted as | state | bristle | answer |"
+    assert shown[1] == "| --- | --- | --- | --- | --- |"
+    assert {row.split(" | ")[-1] for row in shown[2:]} == {"yes |", "no |"}
+
+
+def test_the_states_that_start_anew_are_those_of_the_bus_description():
+    named = report.state_counts(np.array([0, 0, 6, 99]))
+    assert named == {"OK": 2, "Init": 1, "99": 1}
+    assert report.new_start_states() == {3, 5, 6}
