@@ -37,7 +37,8 @@ def _floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]
     )
 
 
-class _Moved:
+@checks.calls_checked
+class Element:
     """What every part does with moves in counts; torques in N m, with the sign of the motion."""
 
     def _step(self, dcounts: int) -> float:
@@ -47,8 +48,9 @@ class _Moved:
         raise NotImplementedError
 
     def step_counts(self, dcounts: int) -> float:
-        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of the sum
-        of Fc of the exact value. Raises dahl.Error for any other dcounts.
+        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of Fc (of
+        the sum of Fc, of the larger Fc) of the exact value. Raises dahl.Error for any other
+        dcounts.
         """
         return self._step(checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX))
 
@@ -69,7 +71,7 @@ class _Moved:
 
 
 @checks.calls_checked
-class Slip(_Moved):
+class Slip(Element):
     """Slip elements side by side (Maxwell slip, Prandtl-Ishlinskii), with their state, relaxed at
     first: F = sum of springs sigma0 that slip at Fc.
 
@@ -173,7 +175,7 @@ class Slip(_Moved):
 
 
 @checks.calls_checked
-class Parallel(_Moved):
+class Parallel(Element):
     """Elements on one shaft, whose torques add: any mix of Friction and Slip, each with a state of
     its own, which moves with this. The sum is rounded once, within 0.55 ulp of the sum of all Fc.
 
