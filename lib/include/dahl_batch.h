@@ -61,6 +61,22 @@ dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *param
 dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                     const float *dtheta, float *F, size_t n);
 
+/*
+ * Throughput of elements in parallel, any mix of Dahl and slip elements (dahl_parts.h): in double, in vectors, rounded once.
+ * Error: 0.5001 ulp of the sum of Fc for slip elements, DAHL_ULP_COUNTS ulp of it for any mix, without end. Limits and codes are
+ * those of dahl_throughput_counts for each element; on a code nothing is touched. No element at all gives 0 N m. Temporaries:
+ * 32 KiB of stack.
+ */
+typedef struct {
+    dahl_throughput_params_t params;
+    int32_t slips;       /* 0: Dahl's model; 1: a spring of stiffness sigma0 that slips at Fc */
+    dahl_state_t state;  /* of Dahl's model, that of the exact form; 0 is relaxed */
+    double x;            /* of a slip element, its deflection in counts; 0 is relaxed */
+} dahl_throughput_element_t;
+
+dahl_err_t dahl_throughput_parallel_counts(dahl_throughput_element_t *elements, size_t count, const int32_t *dcounts, float *F,
+                                           size_t n);
+
 #ifdef __cplusplus
 }
 #endif

@@ -12,6 +12,7 @@ The mathematics is the C library's; this package calls it and never does it agai
     Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   an Fc of each direction its own
     ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
     Loaded(plan), Work(plan)            a bearing that follows a load; one that adds up its work
+    ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of parts
     VelocityTable(torque, segment_bits)   friction that depends on speed, to be added
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
@@ -47,11 +48,15 @@ __all__ = [
     "Slip",
     "State",
     "Throughput",
+    "ThroughputParallel",
+    "ThroughputSlip",
     "VelocityTable",
     "Work",
     "counts_between",
 ]
-MODULES = dict.fromkeys(("Parallel", "Slip"), "dahl.parts") | dict.fromkeys(
+MODULES = dict.fromkeys(
+    ("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "dahl.parts"
+) | dict.fromkeys(
     ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "dahl.variants"
 )  # of names that are not of dahl.core
 

@@ -78,6 +78,17 @@ class _ThroughputParams(ctypes.Structure):
     ]
 
 
+class ThroughputElement(ctypes.Structure):
+    """dahl_throughput_element_t."""
+
+    _fields_ = [
+        ("params", _ThroughputParams),
+        ("slips", ctypes.c_int32),
+        ("state", State),
+        ("x", ctypes.c_double),
+    ]
+
+
 class Part(ctypes.Structure):
     """dahl_part_t; the library fills it in."""
 
@@ -154,6 +165,7 @@ def _typed_parts(lib: ctypes.CDLL) -> ctypes.CDLL:
     for name, result, *arguments in (
         ("batch_part", Part, plan, ctypes.POINTER(State)),
         ("batch_slip_part", Part, plan, state),
+        ("throughput_parallel_counts", code, array, size, array, array, size),
         ("slip_prepare", code, plan, params),
         ("slip_step_counts", f32, plan, state, i32),
         ("slip_step_counts_q30", i32, plan, state, i32),
