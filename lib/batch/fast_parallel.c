@@ -72,8 +72,19 @@ DAHL_INLINE void shift_limits(const block_t *block, double limit, double *lows, 
     }
 }
 
-/* x at the start of each group, and at the end of the block. */
-DAHL_INLINE void join_slip_groups(const block_t *block, lanes_t *lanes)
+/* x at the start of each group, and at the end of the block: one lane, whose x stays in a register, */
+DAHL_INLINE void join_one(const block_t *block, lanes_t *lanes)
+{
+    double x = lanes->x[0];
+    for (size_t i = 0; i < GROUPS; i++) {
+        lanes->start[0][i] = x;
+        x = cut(x + block->d[i], lanes->low[0][i], lanes->high[0][i]);
+    }
+    lanes->x[0] = x;
+}
+
+/* or all of them side by side, so that none waits for its own last step. */
+DAHL_INLINE void join_all(const block_t *block, lanes_t *lanes)
 {
     for (size_t i = 0; i < GROUPS; i++) {
         for (size_t j = 0; j < lanes->used; j++) {
@@ -99,7 +110,11 @@ DAHL_INLINE void add_slip_torques(block_t *block, double limit, double torque_pe
 DAHL_INLINE void end_lanes(block_t *block)
 {
     lanes_t *lanes = &block->lanes;
-    join_slip_groups(block, lanes);
+    if (lanes->used == 1) {
+        join_one(block, lanes);
+    } else {
+        join_all(block, lanes);
+    }
     for (size_t j = 0; j < lanes->used; j++) {
         add_slip_torques(block, lanes->limit[j], lanes->torque_per_count[j], lanes->start[j]);
         lanes->element[j]->x = lanes->x[j];

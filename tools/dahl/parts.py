@@ -250,7 +250,7 @@ class _Fast:
 @checks.calls_checked
 class ThroughputSlip(_Fast):
     """Parameters of slip elements in double, for logs of millions of ticks: the model, units and
-    limits of Slip, in vectors, 5 to 8 times as fast as Slip.run_counts. Torques are within 0.5001
+    limits of Slip, in vectors, about 5 times as fast as Slip.run_counts. Torques are within 0.5001
     ulp of the sum of Fc, without end; not the bits of Slip. Nothing is prepared, nothing is kept
     from call to call. Equal where parameters are; picklable. Raises dahl.Error as Slip does.
 
