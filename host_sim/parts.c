@@ -18,23 +18,13 @@ static uint32_t timeout_us(const parts_t *p)
     return given > 0 ? to_us(given) : DAHL_NODE_TIMEOUT_US;
 }
 
-static dahl_err_t use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const scene_friction_t *f)
-{
-    dahl_slip_params_t params = {.elements = f->Fc_of.count, .theta_per_count = (float)f->theta_per_count};
-    for (uint32_t k = 0; k < params.elements; k++) {
-        params.sigma0[k] = (float)f->sigma0_of.value[k];
-        params.Fc[k] = (float)f->Fc_of.value[k];
-    }
-    return dahl_node_use_slip(node, slip, &params);
-}
-
 static int prepare_node(parts_t *p, dahl_node_t *node, uint8_t number)
 {
     const scene_friction_t *f = &p->scene->friction;
     dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
     dahl_err_t result = dahl_node_init(node, &params, number);
-    if (result == DAHL_OK && f->is_slip) {
-        result = use_slip(node, &p->slips[number], f);
+    if (result == DAHL_OK) {
+        result = models_use(node, &p->models[number], f);
     }
     if (result != DAHL_OK) {
         return log_error("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",

@@ -6,6 +6,7 @@
 #include "encoder.h"
 #include "faults.h"
 #include "files.h"
+#include "models.h"
 #include "motion.h"
 #include "dahl_node.h"
 #include "options.h"
@@ -20,7 +21,7 @@ typedef struct {
     uint32_t node_count;
     uint32_t encoder_count;
     dahl_node_t nodes[DAHL_FRAMES_NODES];
-    dahl_node_slip_t slips[DAHL_FRAMES_NODES]; /* where the scene's model is slip */
+    models_kept_t models[DAHL_FRAMES_NODES]; /* where the scene's model is not Dahl's */
     motion_t motions[DAHL_FRAMES_NODES];
     encoder_t encoders[DAHL_FRAMES_NODES];
     faults_t faults[DAHL_FRAMES_NODES];

@@ -37,9 +37,11 @@ typedef struct {
 
 static const scene_key_t keys[] = {
     {"scene", "title", AT(title), TEXT, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "model", AT(friction.model), TEXT, 0, 0, ANY_KIND | OPTIONAL},
+    {"friction", "model", AT(friction.model_name), TEXT, 0, 0, ANY_KIND | OPTIONAL},
+    {"friction", "kinds", AT(friction.kinds), TEXT, 0, 0, ANY_KIND | OPTIONAL},
     {"friction", "sigma0", AT(friction.sigma0_of), LIST, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
     {"friction", "Fc", AT(friction.Fc_of), LIST, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
+    {"friction", "breakaway", AT(friction.breakaway), NUMBER, 1e-37, 0x1.fffffep-1, ANY_KIND | OPTIONAL},
     {"friction", "theta_per_count", AT(friction.theta_per_count), NUMBER, 1e-37, 1e37, ANY_KIND},
     {"friction", "node", AT(friction.node), WHOLE, 0, 15, ANY_KIND | OPTIONAL},
     {"friction", "timeout_ms", AT(friction.timeout_ms), NUMBER, 1, 60000, ANY_KIND | OPTIONAL},
@@ -349,25 +351,107 @@ static bool check_key(const reader_t *r, int i)
     return true;
 }
 
+/* What each model takes. */
+static const struct {
+    const char *name;
+    uint32_t sigma0, Fc; /* numbers of each; 0: one an element */
+    const char *key;     /* that it needs beside them, and no other model has */
+    const char *wants;
+} models[] = {
+    [MODEL_DAHL] = {"dahl", 1, 1, NULL, "one of each"},
+    [MODEL_SLIP] = {"slip", 0, 0, NULL, "as many of both, one an element"},
+    [MODEL_PARALLEL] = {"parallel", 0, 0, "kinds", "as many of both, one an element"},
+    [MODEL_ASYMMETRIC] = {"asymmetric", 1, 2, NULL, "one sigma0, and Fc forward and backward"},
+    [MODEL_ELASTOPLASTIC] = {"elastoplastic", 1, 1, "breakaway", "one of each"},
+};
+
+enum { MODELS = sizeof models / sizeof models[0] };
+
+static int friction_line(const reader_t *r, const char *key)
+{
+    return r->key_line[find_key("friction", key)];
+}
+
+static bool find_model(reader_t *r)
+{
+    scene_friction_t *f = &r->scene->friction;
+    for (int i = 0; i < MODELS; i++) {
+        if (strcmp(f->model_name[0] == '\0' ? "dahl" : f->model_name, models[i].name) == 0) {
+            f->model = (scene_model_t)i;
+            return true;
+        }
+    }
+    log_error("%s:%d: [friction] model = %s: not one of dahl, slip, parallel, asymmetric, elastoplastic",
+              PLACE(r, friction_line(r, "model")), f->model_name);
+    return false;
+}
+
+/* A key that one model needs and no other has. */
+static bool check_own_key(const reader_t *r, const char *key)
+{
+    const char *needed = models[r->scene->friction.model].key;
+    bool is_needed_here = needed != NULL && strcmp(needed, key) == 0, is_given = friction_line(r, key) != 0;
+    const char *name = models[r->scene->friction.model].name;
+    if (is_needed_here && !is_given) {
+        log_error("%s:%d: [friction] model = %s needs the key \"%s\"", PLACE(r, friction_line(r, "model")), name, key);
+    } else if (is_given && !is_needed_here) {
+        log_error("%s:%d: [friction] %s has no meaning for model = %s", PLACE(r, friction_line(r, key)), key, name);
+    }
+    return is_given == is_needed_here;
+}
+
+static bool check_numbers_of_elements(const reader_t *r)
+{
+    const scene_friction_t *f = &r->scene->friction;
+    uint32_t sigma0 = models[f->model].sigma0, Fc = models[f->model].Fc;
+    bool is_good = sigma0 == 0 ? f->sigma0_of.count == f->Fc_of.count : f->sigma0_of.count == sigma0 && f->Fc_of.count == Fc;
+    if (!is_good) {
+        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model %s wants %s", PLACE(r, friction_line(r, "Fc")),
+                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, models[f->model].wants);
+    }
+    return is_good;
+}
+
+/* dahl or slip for each element of a mix. */
+static bool take_kinds(reader_t *r)
+{
+    scene_friction_t *f = &r->scene->friction;
+    char copy[SCENE_TEXT], *rest = copy;
+    uint32_t count = 0;
+    strcpy(copy, f->kinds);
+    for (char *word = strtok_r(copy, " \t", &rest); word != NULL; word = strtok_r(NULL, " \t", &rest), count++) {
+        if (strcmp(word, "slip") != 0 && strcmp(word, "dahl") != 0) {
+            log_error("%s:%d: [friction] kinds = %s: %s is not one of dahl, slip", PLACE(r, friction_line(r, "kinds")), f->kinds,
+                      word);
+            return false;
+        }
+        f->slips |= count < DAHL_SLIP_MAX && word[0] == 's' ? 1u << count : 0u;
+    }
+    if (count != f->Fc_of.count) {
+        log_error("%s:%d: [friction] kinds has %u words and Fc %u numbers: one an element is wanted",
+                  PLACE(r, friction_line(r, "kinds")), count, f->Fc_of.count);
+    }
+    return count == f->Fc_of.count;
+}
+
+/* What the ratio on the bus is of. */
+static void add_up(scene_friction_t *f)
+{
+    for (uint32_t k = 0; k < f->sigma0_of.count; k++) {
+        f->sigma0 += f->sigma0_of.value[k];
+    }
+    for (uint32_t k = 0; k < f->Fc_of.count; k++) {
+        f->Fc = f->model == MODEL_ASYMMETRIC ? fmax(f->Fc, f->Fc_of.value[k]) : f->Fc + f->Fc_of.value[k];
+    }
+}
+
 static bool take_model(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
-    f->is_slip = strcmp(f->model, "slip") == 0;
-    if (!f->is_slip && f->model[0] != '\0' && strcmp(f->model, "dahl") != 0) {
-        log_error("%s:%d: [friction] model = %s: not one of dahl, slip", PLACE(r, r->key_line[find_key("friction", "model")]),
-                  f->model);
-        return false;
-    }
-    if (f->sigma0_of.count != f->Fc_of.count || (!f->is_slip && f->Fc_of.count != 1)) {
-        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model dahl wants one of each, slip as many of both",
-                  PLACE(r, r->key_line[find_key("friction", "Fc")]), f->sigma0_of.count, f->Fc_of.count);
-        return false;
-    }
-    for (uint32_t k = 0; k < f->Fc_of.count; k++) {
-        f->sigma0 += f->sigma0_of.value[k];
-        f->Fc += f->Fc_of.value[k];
-    }
-    return true;
+    bool is_good = find_model(r) && check_own_key(r, "kinds") && check_own_key(r, "breakaway") && check_numbers_of_elements(r)
+                   && (f->model != MODEL_PARALLEL || take_kinds(r));
+    add_up(f);
+    return is_good;
 }
 
 static bool check_parameter(const reader_t *r, const char *key, double value)
@@ -405,7 +489,7 @@ static bool check_friction(reader_t *r)
         return false;
     }
     for (uint32_t k = 0; k < f->Fc_of.count; k++) {
-        if (!check_travel(r, f->sigma0_of.value[k], f->Fc_of.value[k])) {
+        if (!check_travel(r, f->sigma0_of.value[k < f->sigma0_of.count ? k : 0], f->Fc_of.value[k])) {
             return false;
         }
     }

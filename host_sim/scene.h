@@ -4,8 +4,10 @@
  * not there is a part that is not run.
  *
  *   [scene]    title
- *   [friction] the node: model = dahl (also where nothing is said) | slip, sigma0 [N m/rad], Fc [N m]: of slip elements as many
- *              numbers as there are elements, 1 to 8; theta_per_count [rad/count], node (0..15),
+ *   [friction] the node: model = dahl (also where nothing is said) | slip | parallel | asymmetric | elastoplastic,
+ *              sigma0 [N m/rad], Fc [N m]: of slip and parallel as many numbers as there are elements, 1 to 8;
+ *              kinds of parallel: dahl or slip for each; Fc of asymmetric: forward and backward;
+ *              breakaway of elastoplastic: part of Fc; theta_per_count [rad/count], node (0..15),
  *              timeout_ms (default: the node's own, DAHL_NODE_TIMEOUT_US),
  *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in dahl_node.h
  *   [motion]   the encoder: kind = segments | steering | log, start_count, and
@@ -37,11 +39,15 @@ typedef struct {
     double value[DAHL_SLIP_MAX];
 } scene_list_t;
 
+typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_ELASTOPLASTIC } scene_model_t;
+
 typedef struct {
-    char model[SCENE_TEXT];
-    bool is_slip;
-    scene_list_t sigma0_of, Fc_of; /* one an element; of Dahl's model one */
-    double sigma0, Fc;             /* their sums */
+    char model_name[SCENE_TEXT], kinds[SCENE_TEXT];
+    scene_model_t model;
+    uint32_t slips;                /* of parallel: bit k where element k slips */
+    scene_list_t sigma0_of, Fc_of; /* one an element; of asymmetric one sigma0, and Fc forward and backward */
+    double sigma0, Fc;             /* what the ratio on the bus is of: their sums, the larger Fc */
+    double breakaway;
     double theta_per_count, node, timeout_ms;
     double gain, limit, ramp_ms, max_step;
 } scene_friction_t;

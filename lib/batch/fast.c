@@ -1,27 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * One long trajectory by a scan. A tick is the affine map d -> e d + c, with e = 1 - g and c = (s - w0) g, and so are
- * several ticks in a row. For a block of ticks:
- *   1. e and c of every tick, and from them the map of each group of 8 ticks
- *   2. d at the start of each group, one after the other: the only serial part, one product for 8 ticks
- *   3. d of every tick within its group, and the torque
- * The compiler makes vectors of 1 and 3.
- */
+/* One long trajectory of a Dahl element by the scan of fast_scan.h: by counts and by angles. */
 #include <stddef.h>
 
 #include <string.h>
 
-#include "fast.h"
-
-#define GROUP 8
-#define GROUPS 64
-#define BLOCK (GROUP * GROUPS)
-
-typedef struct {
-    double e[GROUP][GROUPS], c[GROUP][GROUPS]; /* of tick k of group i */
-    double group_e[GROUPS], group_c[GROUPS];
-    double d[GROUPS]; /* at the start of each group */
-} scan_t;
+#include "fast_scan.h"
 
 typedef struct {
     const dahl_throughput_scale_t *scale;
@@ -30,45 +13,6 @@ typedef struct {
     float *F;
     size_t n;
 } job_t;
-
-DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure)
-{
-    uint32_t most = measure(moves, n);
-    for (size_t left = BLOCK; left != 0; left--) {
-        uint32_t size = measure(moves, n + BLOCK - left);
-        most = size > most ? size : most;
-    }
-    return most;
-}
-
-DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, double w0, dahl_value_t value, dahl_g_t g_of)
-{
-    for (size_t i = 0; i < GROUPS; i++) {
-        double group_e = 1.0, group_c = 0.0;
-        DAHL_UNROLL_8
-        for (size_t k = 0; k < GROUP; k++) {
-            double g = g_of(a * value(moves, n + GROUP * i + k));
-            double e = 1.0 - fabs(g), c = g - w0 * fabs(g);
-            scan->e[k][i] = e;
-            scan->c[k][i] = c;
-            group_c = e * group_c + c;
-            group_e *= e;
-        }
-        scan->group_e[i] = group_e;
-        scan->group_c[i] = group_c;
-    }
-}
-
-/* Returns d at the end of the block. */
-DAHL_INLINE double join_groups(scan_t *scan)
-{
-    double d = 0.0;
-    for (int i = 0; i < GROUPS; i++) {
-        scan->d[i] = d;
-        d = scan->group_e[i] * d + scan->group_c[i];
-    }
-    return d;
-}
 
 DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *F)
 {
@@ -85,15 +29,8 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
 DAHL_INLINE void run_block(scan_t *scan, const job_t *job, const void *moves, size_t n, float *F, dahl_value_t value,
                            dahl_value_t number, dahl_measure_t measure)
 {
-    double w0 = dahl_w_of(job->state), a = job->scale->a;
-    uint32_t most = largest(moves, n, measure);
-    if (most > job->scale->small) {
-        make_maps(scan, moves, n, a, w0, value, dahl_g_any);
-    } else if (most <= job->scale->tiny) {
-        make_maps(scan, moves, n, a, w0, number, dahl_g_tiny);
-    } else {
-        make_maps(scan, moves, n, a, w0, number, dahl_g_small);
-    }
+    double w0 = dahl_w_of(job->state);
+    scan_block(scan, job->scale, w0, moves, n, value, number, measure);
     dahl_carry(job->state, join_groups(scan));
     write_torques(scan, w0, job->scale->Fc, F + n);
 }

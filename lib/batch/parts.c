@@ -27,3 +27,42 @@ void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const 
         F[t] = dahl_parallel_step_counts(parts, count, dcounts[t]);
     }
 }
+
+void dahl_batch_asymmetric_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F,
+                                  size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_asymmetric_step_counts(plan, state, dcounts[t]);
+    }
+}
+
+void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, const int32_t *dcounts,
+                              const uint32_t *load_q30, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_loaded_step_counts(plan, state, dcounts[t], load_q30[t]);
+    }
+}
+
+void dahl_batch_elastoplastic_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, const int32_t *dcounts,
+                                     float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_elastoplastic_step_counts(plan, state, dcounts[t]);
+    }
+}
+
+void dahl_batch_work_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, const int32_t *dcounts, float *F,
+                            size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_work_step_counts(plan, state, work, dcounts[t]);
+    }
+}
+
+void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcounts, float *F, size_t n)
+{
+    for (size_t t = 0; t < n; t++) {
+        F[t] = dahl_velocity_torque(plan, dcounts[t]);
+    }
+}

@@ -27,9 +27,18 @@ void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t 
 dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state);
 dahl_part_t dahl_batch_slip_part(const dahl_slip_plan_t *plan, dahl_slip_state_t *state);
 
-/* Parts (dahl_parts.h), with the bits of dahl_slip_step_counts and of dahl_parallel_step_counts. */
+/* Parts (dahl_parts.h): the bits of dahl_NAME_step_counts and of dahl_velocity_torque, tick by tick. */
 void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, const int32_t *dcounts, float *F, size_t n);
 void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts, float *F, size_t n);
+void dahl_batch_asymmetric_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F,
+                                  size_t n);
+void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, const int32_t *dcounts,
+                              const uint32_t *load_q30, float *F, size_t n);
+void dahl_batch_elastoplastic_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, const int32_t *dcounts,
+                                     float *F, size_t n);
+void dahl_batch_work_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, const int32_t *dcounts, float *F,
+                            size_t n);
+void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcounts, float *F, size_t n);
 
 /*
  * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:
@@ -51,6 +60,22 @@ dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *param
                                            const int32_t *dcounts, float *F, size_t n);
 dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
                                     const float *dtheta, float *F, size_t n);
+
+/*
+ * Throughput of elements in parallel, any mix of Dahl and slip elements (dahl_parts.h): in double, in vectors, rounded once.
+ * Error: 0.5001 ulp of the sum of Fc for slip elements, DAHL_ULP_COUNTS ulp of it for any mix, without end. Limits and codes are
+ * those of dahl_throughput_counts for each element; on a code nothing is touched. No element at all gives 0 N m. Temporaries:
+ * 32 KiB of stack.
+ */
+typedef struct {
+    dahl_throughput_params_t params;
+    int32_t slips;       /* 0: Dahl's model; 1: a spring of stiffness sigma0 that slips at Fc */
+    dahl_state_t state;  /* of Dahl's model, that of the exact form; 0 is relaxed */
+    double x;            /* of a slip element, its deflection in counts; 0 is relaxed */
+} dahl_throughput_element_t;
+
+dahl_err_t dahl_throughput_parallel_counts(dahl_throughput_element_t *elements, size_t count, const int32_t *dcounts, float *F,
+                                           size_t n);
 
 #ifdef __cplusplus
 }

@@ -105,9 +105,19 @@ typedef enum {
     DAHL_FRAMES_PARAM_TIMEOUT = 6, /* ms, 1..60000 */
     DAHL_FRAMES_PARAM_STEP = 7,    /* counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
     DAHL_FRAMES_PARAM_STATUS = 8,  /* ms, 0..60000: period of Status, 0: only after power-on, a timeout, a bus-off, a Reset */
-    DAHL_FRAMES_PARAM_MODEL = 9,   /* read only: 0: a Dahl element, n: n slip elements */
+    DAHL_FRAMES_PARAM_MODEL = 9,   /* read only: DAHL_FRAMES_MODEL_* */
     DAHL_FRAMES_PARAM_NONE = 255   /* in a reply: there is no such parameter; the value is the number that was asked for */
 } dahl_frames_param_t;
+
+/* What parameter Model says. */
+enum {
+    DAHL_FRAMES_MODEL_DAHL = 0,
+    DAHL_FRAMES_MODEL_SLIP = 0, /* and as many as there are slip elements, 1 to 8 */
+    DAHL_FRAMES_MODEL_ASYMMETRIC = 16,
+    DAHL_FRAMES_MODEL_ELASTOPLASTIC = 17,
+    DAHL_FRAMES_MODEL_LOADED = 18,
+    DAHL_FRAMES_MODEL_PARALLEL = 32 /* and as many as there are elements, 1 to 8 */
+};
 
 /* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in
  * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. */

@@ -75,11 +75,11 @@ typedef struct {
     uint8_t out_of_step;
 } dahl_node_tally_t;
 
-/* A model that answers in place of the Dahl element: dahl_node_use_slip sets one. */
+/* A model that answers in place of the Dahl element: dahl_node_use_NAME sets one. */
 typedef struct dahl_node_model {
-    int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts); /* torque over the sum of Fc after this move */
+    int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts); /* torque over Fc after this move */
     void (*relax)(struct dahl_node_model *model);
-    uint32_t elements; /* what parameter Model says */
+    uint32_t kind; /* what parameter Model says: DAHL_FRAMES_MODEL_* */
 } dahl_node_model_t;
 
 typedef struct {
@@ -119,17 +119,64 @@ typedef struct {
  * *node is untouched. */
 dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number);
 
-/* What a node of slip elements keeps beside dahl_node_t, for as long as the node lives. */
+/*
+ * OTHER MODELS (dahl_parts.h), each in a file of its own, linked only when called. dahl_node_use_NAME, after dahl_node_init:
+ * answer by that model, relaxed, from now on. What it keeps lives beside dahl_node_t, as long as the node. Parameter Model tells
+ * the model, Fc, Sigma0 and ThetaPerCount read as said here, and writing these is refused with OutOfRange. Fails as
+ * dahl_NAME_prepare does: then nothing is touched.
+ */
 typedef struct {
     dahl_node_model_t model;
     dahl_slip_plan_t plan;
     dahl_slip_state_t state;
 } dahl_node_slip_t;
 
-/* Answer by slip elements (dahl_parts.h), relaxed, from now on, after dahl_node_init. The ratio answered is of the sum of Fc;
- * parameter Model says how many elements there are, Fc, Sigma0 and ThetaPerCount read as their sums and the angle of a count, and
- * writing these is refused with OutOfRange. Fails as dahl_slip_prepare does: then nothing is touched. */
+/* Slip elements. The ratio answered is of the sum of Fc; Fc and Sigma0 read as their sums. */
 DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const dahl_slip_params_t *params);
+
+typedef struct {
+    dahl_node_model_t model;
+    dahl_asymmetric_plan_t plan;
+    dahl_state_t state;
+} dahl_node_asymmetric_t;
+
+/* An Fc of each direction its own. The ratio answered is of the larger Fc, which Fc reads as. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *kept,
+                                                   const dahl_asymmetric_params_t *params);
+
+typedef struct {
+    dahl_node_model_t model;
+    dahl_elastoplastic_plan_t plan;
+    dahl_state_t state;
+} dahl_node_elastoplastic_t;
+
+/* No creep below breakaway. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *kept,
+                                                      const dahl_params_t *params, float breakaway);
+
+typedef struct {
+    uint32_t elements;           /* 1 .. DAHL_SLIP_MAX */
+    uint32_t slips;              /* bit k: element k slips; else it is one of Dahl's */
+    float theta_per_count;       /* rad/count, not 0 */
+    float sigma0[DAHL_SLIP_MAX]; /* N m/rad, of each element */
+    float Fc[DAHL_SLIP_MAX];     /* N m */
+} dahl_node_parallel_params_t;
+
+typedef struct {
+    dahl_node_model_t model;
+    uint32_t bearings; /* elements of Dahl's */
+    dahl_slip_plan_t slip;
+    dahl_slip_state_t slip_state;
+    uint64_t slip_share; /* of the sum of Fc, Q62 */
+    dahl_plan_t plan[DAHL_SLIP_MAX];
+    dahl_state_t state[DAHL_SLIP_MAX];
+    uint64_t share[DAHL_SLIP_MAX];
+} dahl_node_parallel_t;
+
+/* Dahl and slip elements on one shaft. The ratio answered is of the sum of Fc; Fc and Sigma0 read as their sums. Its error is
+ * 1e-9 beside those of the elements. Stack: 3 KiB, here only. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *kept,
+                                                 const dahl_node_parallel_params_t *params);
 
 /* The controller went off the bus, where that is not told by an error frame: dahl_node_receive takes those. */
 void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);

@@ -430,7 +430,7 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
 {
     float unit;
     if (param == DAHL_FRAMES_PARAM_MODEL) {
-        return node->model == NULL ? 0 : node->model->elements;
+        return node->model == NULL ? DAHL_FRAMES_MODEL_DAHL : node->model->kind;
     }
     if (param > DAHL_FRAMES_PARAM_THETA) {
         return *setting_of(node, param) / settings[param].scale;

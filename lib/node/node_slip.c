@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* A node that answers by slip elements; a firmware that does not call this links none of it. */
-#include "dahl_node.h"
+#include "use_model.h"
 
 /* The model is the first member of what the node keeps for it. */
 static dahl_node_slip_t *slip_of(dahl_node_model_t *model)
@@ -23,14 +23,13 @@ dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const d
     dahl_slip_plan_t plan;
     dahl_err_t err = dahl_slip_prepare(&plan, params);
     if (err == DAHL_OK) {
-        *slip = (dahl_node_slip_t){.model = {step_q30, relax, params->elements}, .plan = plan};
-        node->model = &slip->model;
-        node->params = (dahl_params_t){.theta_per_count = params->theta_per_count};
+        dahl_params_t sums = {.theta_per_count = params->theta_per_count};
         for (uint32_t k = 0; k < params->elements; k++) {
-            node->params.sigma0 += params->sigma0[k];
-            node->params.Fc += params->Fc[k];
+            sums.sigma0 += params->sigma0[k];
+            sums.Fc += params->Fc[k];
         }
-        node->held = node->params;
+        *slip = (dahl_node_slip_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_SLIP + params->elements}, .plan = plan};
+        dahl_node_use(node, &slip->model, &sums);
     }
     return err;
 }

@@ -8,15 +8,15 @@
 #include "../arith/fixed.h"
 #include "dahl_parts.h"
 
-/* sum += addend, over words of 32 bits, lowest first. */
-static void add(uint32_t *sum, int words, uint64_t addend)
+/* sum += addend, over words of 32 bits, lowest first; what the lowest two carry is rare. */
+static inline void add(uint32_t *sum, int words, uint64_t addend)
 {
-    uint64_t carry = 0;
-    for (int i = 0; i < words; i++) {
-        carry += (uint64_t)sum[i] + (uint32_t)addend;
-        sum[i] = (uint32_t)carry;
-        carry >>= 32;
-        addend >>= 32;
+    uint64_t low = ((uint64_t)sum[1] << 32 | sum[0]) + addend;
+    sum[0] = (uint32_t)low;
+    sum[1] = (uint32_t)(low >> 32);
+    for (int i = 2, carry = low < addend; carry != 0 && i < words; i++) {
+        sum[i]++;
+        carry = sum[i] == 0;
     }
 }
 

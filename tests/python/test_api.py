@@ -397,6 +397,21 @@ PUBLIC = [
     lambda *given: dahl.Throughput(1, 1, 1).run_counts(*given),
     dahl.Throughput.run_channels,
     dahl.Throughput.run_counts_channels,
+    dahl.Slip,
+    dahl.Parallel,
+    dahl.Asymmetric,
+    dahl.ElastoPlastic,
+    dahl.Loaded,
+    dahl.Work,
+    dahl.VelocityTable,
+    lambda *given: dahl.Slip([1], [1], 1).step_counts(*given),
+    lambda *given: dahl.Asymmetric(1, 1, 1, 1).run_counts(*given),
+    lambda *given: dahl.ElastoPlastic(1, 1, 1, 0.5).step_counts(*given),
+    lambda *given: dahl.Loaded(dahl.Plan(1, 1, 1)).step_counts(*given),
+    lambda *given: dahl.Loaded(dahl.Plan(1, 1, 1)).run_counts(*given),
+    lambda *given: dahl.Work(dahl.Plan(1, 1, 1)).run_counts(*given),
+    lambda *given: dahl.Plan(1, 1, 1).tip_torque(*given),
+    lambda *given: bearing().counts_to_torque(*given),
 ]
 
 

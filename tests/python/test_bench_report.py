@@ -61,6 +61,10 @@ RUN["outside"] = {
     "mujoco": {"scenarios": {"walk_20": [1e-4, 1e-5]}, "ns": 6000.0},
     "newton": {"missing": "not here"},
 }
+RUN["mixes"] = {
+    name: {"tick": 10.0 * k + 5, "throughput": 2.0}
+    for k, name in enumerate(("slip_1", "slip_2", "slip_4", "slip_8", "mix"))
+}
 RUN["parts"] = [
     {"way": "rk4_parts", "limit": 1e-6, "parts": 25, "worst": dict.fromkeys(MOTIONS, 3e-7)},
     {"way": "euler_parts", "limit": 1e-3, "parts": 1, "worst": dict.fromkeys(MOTIONS, 3e-7)},
@@ -159,6 +163,25 @@ def test_the_ways_with_error_jumps_and_mean_cost(counted, measured):
     )
     assert "RK4, 25 parts" in rows and "forward Euler, 1 parts" not in rows
     assert "backward Euler 1e-06, trapezoid 1e-03." in block
+
+
+def test_what_vectors_bring_to_parts(counted, measured):
+    """The time of ticks over that of the vectors, in the order of the words."""
+    block = report.host_block(results.combine(counted, measured))
+    line = next(x for x in block.splitlines() if "dahl_throughput_parallel_counts" in x)
+    assert re.findall(r"\d+\.\d", line) == ["2.5", "7.5", "12.5", "17.5", "22.5"]
+    measured.pop("mixes")
+    assert "parallel" not in report.host_block(results.combine(counted, measured))
+
+
+def test_mixes_are_run_both_ways(monkeypatch):
+    """Each over the same moves, by the clock of best_time(); and the two are the same model."""
+    torques = []
+    monkeypatch.setattr(host, "best_time", lambda work: torques.append(work().copy()) or 1.0)
+    assert list(host.measure_mixes()) == ["slip_1", "slip_2", "slip_4", "slip_8", "mix"]
+    for tick, throughput in zip(torques[::2], torques[1::2], strict=True):
+        assert np.ptp(tick) > 0.5
+        assert np.abs(tick - throughput).max() <= 1.1 * np.spacing(tick.max())
 
 
 def test_what_the_host_says_is_over_the_plain_loop(counted, measured):

@@ -20,6 +20,51 @@ GOOD = {
 TABLE = "t,angle,note\n0,1,a\n1,2,b\n2,3,c\n"
 
 
+TWO = "sigma0 = 1 2\nFc = 1 2"
+MODELS = [  # model, its keys, what is said of them
+    ("parallel", TWO, ':4: [friction] model = parallel needs the key "kinds"'),
+    (
+        "parallel",
+        f"kinds = dahl lugre\n{TWO}",
+        ":5: [friction] kinds = dahl lugre: lugre is not one",
+    ),
+    ("parallel", f"kinds = dahl\n{TWO}", ":5: [friction] kinds has 1 words and Fc 2 numbers"),
+    ("parallel", f"kinds = dahl slip dahl\n{TWO}", ":5: [friction] kinds has 3 words and Fc 2"),
+    (
+        "parallel",
+        "kinds = dahl slip\nsigma0 = 1\nFc = 1 2",
+        ":7: [friction] sigma0 has 1 numbers and Fc 2: model",
+    ),
+    (
+        "parallel",
+        "kinds = dahl slip\nsigma0 = 1 1e-9\nFc = 1 1e9",
+        ":8: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18",
+    ),
+    ("slip", f"kinds = slip slip\n{TWO}", ":5: [friction] kinds has no meaning for model = slip"),
+    ("slip", f"breakaway = 0.5\n{TWO}", ":5: [friction] breakaway has no meaning for model = slip"),
+    (
+        "asymmetric",
+        "sigma0 = 1\nFc = 1",
+        ":6: [friction] sigma0 has 1 numbers and Fc 1: model asym",
+    ),
+    ("asymmetric", TWO, ":6: [friction] sigma0 has 2 numbers and Fc 2: model asymmetric wants one"),
+    (
+        "asymmetric",
+        "sigma0 = 1\nFc = 1 1e10",
+        ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-10",
+    ),
+    (
+        "elastoplastic",
+        "sigma0 = 1\nFc = 1",
+        ':4: [friction] model = elastoplastic needs the key "br',
+    ),
+    ("elastoplastic", "sigma0 = 1\nFc = 1\nbreakaway = 1", ":7: [friction] breakaway = 1: outside"),
+    ("elastoplastic", "sigma0 = 1\nFc = 1\nbreakaway = 0", ":7: [friction] breakaway = 0: outside"),
+    ("elastoplastic", "sigma0 = 1\nFc = 1\nbreakaway = nan", ":7: [friction] breakaway = nan: not"),
+    ("elastoplastic", f"{TWO}\nbreakaway = 0.5", ":6: [friction] sigma0 has 2 numbers and Fc 2"),
+]
+
+
 def write(folder, scene: str, table: str | bytes = TABLE):
     (folder / "log.csv").write_bytes(table if isinstance(table, bytes) else table.encode())
     (folder / "scene.ini").write_text(scene, encoding="utf-8")
@@ -105,7 +150,11 @@ SCENE_ERRORS = [
     ),
     (
         with_("friction", "[friction]\nmodel = lugre\nsigma0 = 1\nFc = 1\ntheta_per_count = 1"),
-        ":4: [friction] model = lugre: not one of dahl, slip",
+        ":4: [friction] model = lugre: not one of dahl, slip, parallel,",
+    ),
+    *(
+        (with_("friction", f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = 1"), words)
+        for model, keys, words in MODELS
     ),
     (
         with_("friction", "[friction]\nmodel = slip\nsigma0 = 1 2 3 4 5 6 7 8 9\nFc = 1"),

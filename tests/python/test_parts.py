@@ -17,13 +17,14 @@ SIGMA0, FC, THETA = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
 ULPS = 0.55  # of the sum of Fc: what the docstrings promise
 
 
-def exact_slip(sigma0, torques, theta, moves) -> list[Fraction]:
-    """Springs that slip, in exact fractions of the float parameters."""
-    stiff, most, theta = (
-        [Fraction(float(np.float32(x))) for x in sigma0],
-        [Fraction(float(np.float32(x))) for x in torques],
-        Fraction(float(np.float32(theta))),
-    )
+def as_float(x) -> Fraction:
+    return Fraction(float(np.float32(x)))
+
+
+def exact_slip(sigma0, torques, theta, moves, exact=as_float) -> list[Fraction]:
+    """Springs that slip, in exact fractions of the parameters, as C takes them."""
+    stiff, most = [exact(x) for x in sigma0], [exact(x) for x in torques]
+    theta = exact(theta)
     force, sums = [Fraction(0)] * len(stiff), []
     for move in moves:
         force = [
@@ -142,3 +143,52 @@ def test_bad_moves_and_parts_are_named():
     with pytest.raises(dahl.Error, match="Slip: fc = 1"):
         dahl.Slip(sigma0=[1.0], fc=1, theta_per_count=1.0)
     assert slip == dahl.Slip(SIGMA0, FC, THETA)
+
+
+def test_fast_slip_is_exact(moves):
+    """In fractions of the doubles given, whose sum is rounded once."""
+    exact = exact_slip(SIGMA0, FC, THETA, moves, Fraction)
+    found = dahl.ThroughputSlip(SIGMA0, FC, THETA).run_counts(moves)
+    ulp = Fraction(float(np.spacing(np.float32(sum(FC)))))
+    assert max(abs(Fraction(float(a)) - b) for a, b in zip(found, exact, strict=True)) <= (
+        Fraction(5001, 10000) * ulp
+    )
+
+
+def test_a_fast_mix_is_the_exact_one(moves):
+    theta, torque = (float(np.float32(value)) for value in (THETA, FC[1]))
+    exact = dahl.Parallel(
+        dahl.Friction(dahl.Plan(80.0, 2.0, theta)), dahl.Slip([100.0], [torque], theta)
+    )
+    fast = dahl.ThroughputParallel(
+        dahl.Throughput(80.0, 2.0, theta), dahl.ThroughputSlip([100.0], [torque], theta)
+    )
+    long = np.tile(moves, 10)
+    found = fast.run_counts(long)
+    ulp = float(np.spacing(np.float32(2.0 + FC[1])))
+    assert np.abs(found.astype(float) - exact.run_counts(long)).max() <= (ULPS + 0.52) * ulp
+    assert (fast.run_counts(long) == found).all()  # nothing is kept
+    assert dahl.ThroughputParallel().run_counts([1, 2]).tolist() == [0, 0]
+    assert pickle.loads(pickle.dumps(fast)) == fast != dahl.ThroughputParallel()
+    assert eval(repr(fast), {name: getattr(dahl, name) for name in dahl.__all__}) == fast
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: dahl.ThroughputSlip([1.0], [], 1.0), "sigma0 has 1 elements and Fc 0"),
+        (
+            lambda: dahl.ThroughputSlip([1.0, -1.0], [1, 1], 1.0),
+            "element 1: sigma0 = -1 is outside",
+        ),
+        (lambda: dahl.ThroughputSlip([1.0], [1.0], 0), "theta_per_count = 0 is outside"),
+        (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), "travel of one count"),
+        (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts([0.5]), r"moves\[0\] = 0.5"),
+        (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts(), "missing a required argument"),
+        (lambda: dahl.ThroughputParallel(dahl.Throughput(1, 1)), "theta_per_count = 0: no encoder"),
+        (lambda: dahl.ThroughputParallel(1), r"parts\[0\] = 1 is neither a Throughput nor"),
+    ],
+)
+def test_what_the_fast_forms_refuse(call, words):
+    with pytest.raises(dahl.Error, match=words):
+        call()

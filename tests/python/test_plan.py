@@ -28,6 +28,34 @@ int main() {{
     return std::memcmp(&made, &dahl_plan_plan, sizeof made) != 0;
 }}
 """
+ENCODER = ["--theta-per-count", "3.8e-4"]
+MODELS = {  # options, and how C makes the same
+    "slip": (
+        ["--sigma0", "100,40,7", "--fc", "0.5,0.3,1.25"],
+        "dahl_slip_params_t params = {3, 3.8e-4f, {100, 40, 7}, {0.5f, 0.3f, 1.25f}};",
+        "dahl_slip_prepare(&made, &params)",
+    ),
+    "asymmetric": (
+        ["--sigma0", "100", "--fc", "0.5,0.3"],
+        "dahl_asymmetric_params_t params = {100, 0.5f, 0.3f, 3.8e-4f};",
+        "dahl_asymmetric_prepare(&made, &params)",
+    ),
+    "elastoplastic": (
+        ["--sigma0", "100", "--fc", "0.5", "--breakaway", "0.7"],
+        "dahl_params_t params = {100, 0.5f, 3.8e-4f};",
+        "dahl_elastoplastic_prepare(&made, &params, 0.7f)",
+    ),
+}
+SAME = """
+#include <cstring>
+#include "plan.h"
+int main() {{
+    {1}
+    static dahl_{0}_plan_t made;
+    if ({2} != DAHL_OK) return 2;
+    return std::memcmp(&made, &dahl_plan_plan, sizeof made) != 0;
+}}
+"""
 KNOWN = ["--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384"]
 TURN = 6.283185307179586
 
@@ -80,6 +108,26 @@ def test_the_words_are_those_of_dahl_prepare(words, params, plan, tmp_path):
     assert subprocess.run([tmp_path / "same"], check=False).returncode == 0
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_plans_of_other_models(model, plan, tmp_path):
+    """No warning as C99, C++11 and C++17; and the words are those of dahl_MODEL_prepare."""
+    options, params, prepare = MODELS[model]
+    assert plan("--model", model, *options, *ENCODER, "-o", "plan.h").returncode == 0
+    (tmp_path / "tick.c").write_text(
+        f'#include "plan.h"\nconst dahl_{model}_plan_t *used = &dahl_plan_plan;\n'
+    )
+    (tmp_path / "same.cpp").write_text(SAME.format(model, params, prepare))
+    library = built("lib", "libdahl.a")
+    for command in (
+        ["gcc", "-std=c99", *STRICT, "-c", "tick.c", "-o", "tick.o"],
+        *(["g++", f"-std=c++{n}", *STRICT, "same.cpp", library, "-o", "same"] for n in (11, 17)),
+        ["./same"],
+    ):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    assert plan("--model", model, *options, *ENCODER, "-o", "plan.h").returncode == 0  # its own
+
+
 def test_a_plan_of_another_version_is_refused_by_the_compiler(plan, tmp_path):
     plan(*KNOWN, "-o", "plan.h")
     header = (ROOT / "lib/include/dahl.h").read_text()
@@ -117,6 +165,12 @@ def test_standard_output_and_a_name(plan, tmp_path):
         ("--counts-per-turn", "1e14", "is outside 2^-30 <= travel < 2^20"),
         ("--name", "++", "--name ++: letters, digits and _ were expected"),
         ("--theta-per-count", "1", "not allowed with argument"),
+        ("--model", "lugre", "invalid choice: 'lugre'"),
+        ("--model", "elastoplastic", "--breakaway goes with --model elastoplastic, which needs it"),
+        ("--breakaway", "0.5", "--breakaway goes with --model elastoplastic"),
+        ("--model", "asymmetric", "--fc 0.5: 1 numbers, where --model asymmetric takes 2"),
+        ("--sigma0", "1,2", "--sigma0 1,2: 2 numbers, where --model dahl takes 1"),
+        ("--fc", "1,,2", "--fc : not a number"),
         ("-o", "none/plan.h", "none/plan.h: No such file or directory"),
     ],
 )
@@ -134,6 +188,25 @@ def test_bad_values_are_one_line_with_the_limit(option, value, words, plan, tmp_
 def test_an_encoder_is_asked_for(plan):
     done = plan("--sigma0", "1", "--fc", "1", "-o", "plan.h")
     assert done.returncode == 2 and "--counts-per-turn --theta-per-count" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["slip", "--sigma0", "1,2", "--fc", "1"], "sigma0 has 2 elements and Fc 1"),
+        (["slip", "--sigma0", "1,-2", "--fc", "1,1"], "element 1: sigma0 = -2 is outside"),
+        (["slip", "--sigma0", ",".join("1" * 9), "--fc", ",".join("1" * 9)], "has 9 elements"),
+        (["asymmetric", "--sigma0", "1", "--fc", "1,0"], "Fc_backward = 0 is outside"),
+        (["elastoplastic", "--sigma0", "1", "--fc", "1", "--breakaway", "1"], "breakaway = 1.0 is"),
+        (["elastoplastic", "--sigma0", "1", "--fc", "1", "--breakaway", "b"], "b: not a number"),
+    ],
+)
+def test_bad_values_of_other_models(options, words, plan, tmp_path):
+    done = plan("--model", *options, *ENCODER, "-o", "plan.h")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
+    assert words in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -165,7 +238,7 @@ def test_the_examples_of_the_help_work(plan, tmp_path):
     examples = [
         line for line in plan("--help").stdout.splitlines() if line.startswith("  dahl plan")
     ]
-    assert len(examples) == 2
+    assert len(examples) == 4
     for line in examples:
         assert plan(*shlex.split(line)[2:]).returncode == 0
     assert (tmp_path / "dahl_plan_shaft.h").exists()

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -195,6 +196,32 @@ def measure_python() -> dict[str, float]:
     }
 
 
+def measure_mixes() -> dict[str, dict[str, float]]:
+    """ns a tick of slip elements and of a mix: the C tick after tick, and the vectors."""
+    import dahl
+
+    moves = np.random.default_rng(1).integers(-8, 9, 200_000).astype(np.int32)
+    out, theta = np.empty(len(moves), np.float32), TURN / 2**14
+    elements = [
+        ([SIGMA0 / (k + 1) for k in range(count)], [FC] * count, theta) for count in (1, 2, 4, 8)
+    ]
+    pairs: dict[str, tuple[Any, Any]] = {
+        f"slip_{len(each[0])}": (dahl.Slip(*each), dahl.ThroughputSlip(*each)) for each in elements
+    }
+    bearing, fast = dahl.Plan(SIGMA0, FC, theta), dahl.Throughput(SIGMA0, FC, theta)
+    pairs["mix"] = (
+        dahl.Parallel(dahl.Friction(bearing), dahl.Slip(*elements[1])),
+        dahl.ThroughputParallel(fast, dahl.ThroughputSlip(*elements[1])),
+    )
+    return {
+        name: {
+            way: best_time(partial(part.run_counts, moves, out)) / len(moves) * 1e9
+            for way, part in zip(("tick", "throughput"), both, strict=True)
+        }
+        for name, both in pairs.items()
+    }
+
+
 def cpu() -> str:
     names = [
         line.split(":", 1)[1].strip()
@@ -218,6 +245,7 @@ def measure(quick: bool) -> dict[str, Any]:
         "rates": measure_rates(),
         "speed": measure_speed(sizes),
         "python": measure_python(),
+        "mixes": measure_mixes(),
         "outside": measure_outside(sizes),
         "growth": measure_growth(sizes),
     }

@@ -86,6 +86,13 @@ def host_block(result: dict[str, Any]) -> str:
         f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as"
         f" `dahl_throughput_counts`, {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
     ]
+    if "mix_throughput_x" in x:
+        slips = ", ".join(f"{x[f'slip_{k}_throughput_x']:.1f}" for k in (1, 2, 4, 8))
+        lines.append(
+            "- `dahl_throughput_parallel_counts`, times as fast as the ticks of the same model one"
+            f" after the other: slip elements, 1, 2, 4 and 8 of them, {slips}; a Dahl element and"
+            f" two slip elements {x['mix_throughput_x']:.1f}"
+        )
     if "mujoco_x" in x:
         lines.append(
             f"- from Python, a tick of `Throughput.run_counts` is {x['mujoco_x']:.0f} times,"

@@ -199,6 +199,8 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
     result["copy_channels16_x"] = mean(
         [w["throughput_counts_16"] / w["copy"] for w in speed.values()]
     )
+    for name, ns in host.get("mixes", {}).items():
+        result[f"{name}_throughput_x"] = ns["tick"] / ns["throughput"]
     if "ns" in host["outside"].get("mujoco", {}):
         result["mujoco_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["throughput_ns"]
         result["mujoco_batch_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["batch_ns"]

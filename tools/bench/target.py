@@ -235,7 +235,10 @@ def measure_sizes(core: Core) -> dict[str, int]:
 
 
 # Cases of dahl_parts.h
-PARTS = ("slip_", "parallel_", "asymmetric_", "loaded_", "elastic_", "plastic_", "crossing_")
+PARTS = (
+    *("slip_", "parallel_", "asymmetric_", "loaded_", "elastic_", "plastic_", "crossing_"),
+    *("work_", "counts_to_torque", "tip_torque", "velocity_"),
+)
 
 
 def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dict[str, int]:

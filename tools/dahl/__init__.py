@@ -9,6 +9,11 @@ The mathematics is the C library's; this package calls it and never does it agai
     Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, in vectors
     Slip(sigma0, Fc, theta_per_count)   slip elements side by side, of lists of sigma0 and Fc
     Parallel(part, part, ...)           any mix of Friction and Slip on one shaft
+    Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   an Fc of each direction its own
+    ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
+    Loaded(plan), Work(plan)            a bearing that follows a load; one that adds up its work
+    ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of parts
+    VelocityTable(torque, segment_bits)   friction that depends on speed, to be added
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
     Error, RunError                     all errors that a user can cause or meet
@@ -31,18 +36,29 @@ if TYPE_CHECKING:
 
 __version__ = "0.2.0"
 __all__ = [
+    "Asymmetric",
+    "ElastoPlastic",
     "Encoder",
     "Error",
     "Friction",
+    "Loaded",
     "Parallel",
     "Plan",
     "RunError",
     "Slip",
     "State",
     "Throughput",
+    "ThroughputParallel",
+    "ThroughputSlip",
+    "VelocityTable",
+    "Work",
     "counts_between",
 ]
-PARTS = ("Parallel", "Slip")  # of dahl.parts
+MODULES = dict.fromkeys(
+    ("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "dahl.parts"
+) | dict.fromkeys(
+    ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "dahl.variants"
+)  # of names that are not of dahl.core
 
 
 def printable(text: str) -> str:
@@ -72,7 +88,7 @@ class RunError(Error):
 def __getattr__(name: str) -> Any:
     """Load the library only when one of its names is used, so that `dahl --help` is quick."""
     if name in __all__:
-        return getattr(import_module("dahl.parts" if name in PARTS else "dahl.core"), name)
+        return getattr(import_module(MODULES.get(name, "dahl.core")), name)
     raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 

@@ -63,6 +63,20 @@ def _whole(array: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(array, dtype=np.int32)
 
 
+def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
+    """A load for each move, 0 <= load < 2, as C wants it: Q30, rounded."""
+    array = _array(values)
+    if array.dtype.kind not in "fiu":
+        raise Error(f"loads has type {array.dtype}, not float64")
+    if array.shape != moves.shape:
+        raise Error(f"loads has shape {array.shape}, not {moves.shape} as moves has")
+    wrong = ~((array >= 0) & (array < 2))
+    if wrong.any():
+        place = int(np.argmax(wrong))
+        raise Error(f"loads[{place}] = {array[place].item()!r} is outside 0 <= load < 2")
+    return np.minimum(np.rint(array * 2.0**30), 2**31 - 1).astype(np.uint32)
+
+
 def out(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
     """Where the torques go: a new array, or `out` if C can write it."""
     if given is None:

@@ -78,6 +78,17 @@ class _ThroughputParams(ctypes.Structure):
     ]
 
 
+class ThroughputElement(ctypes.Structure):
+    """dahl_throughput_element_t."""
+
+    _fields_ = [
+        ("params", _ThroughputParams),
+        ("slips", ctypes.c_int32),
+        ("state", State),
+        ("x", ctypes.c_double),
+    ]
+
+
 class Part(ctypes.Structure):
     """dahl_part_t; the library fills it in."""
 
@@ -148,19 +159,40 @@ def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
 
 
 def _typed_parts(lib: ctypes.CDLL) -> ctypes.CDLL:
-    f32, i32, size, count = ctypes.c_float, ctypes.c_int32, ctypes.c_size_t, ctypes.c_uint32
-    plan = state = parts = array = ctypes.c_void_p
+    f32, i32, size, u32 = ctypes.c_float, ctypes.c_int32, ctypes.c_size_t, ctypes.c_uint32
+    code, plan = ctypes.c_int, ctypes.c_void_p
+    params = state = parts = array = work = velocity = ctypes.c_void_p
     for name, result, *arguments in (
-        ("dahl_batch_part", Part, plan, ctypes.POINTER(State)),
-        ("dahl_batch_slip_part", Part, plan, state),
-        ("dahl_slip_prepare", ctypes.c_int, plan, ctypes.c_void_p),
-        ("dahl_slip_step_counts", f32, plan, state, i32),
-        ("dahl_slip_step_counts_q30", i32, plan, state, i32),
-        ("dahl_batch_slip_counts", None, plan, state, array, array, size),
-        ("dahl_parallel_step_counts", f32, parts, count, i32),
-        ("dahl_batch_parallel_counts", None, parts, count, array, array, size),
+        ("batch_part", Part, plan, ctypes.POINTER(State)),
+        ("batch_slip_part", Part, plan, state),
+        ("throughput_parallel_counts", code, array, size, array, array, size),
+        ("slip_prepare", code, plan, params),
+        ("slip_step_counts", f32, plan, state, i32),
+        ("slip_step_counts_q30", i32, plan, state, i32),
+        ("batch_slip_counts", None, plan, state, array, array, size),
+        ("parallel_step_counts", f32, parts, u32, i32),
+        ("batch_parallel_counts", None, parts, u32, array, array, size),
+        ("asymmetric_prepare", code, plan, params),
+        ("asymmetric_step_counts", f32, plan, state, i32),
+        ("asymmetric_step_counts_q30", i32, plan, state, i32),
+        ("batch_asymmetric_counts", None, plan, state, array, array, size),
+        ("elastoplastic_prepare", code, plan, params, f32),
+        ("elastoplastic_step_counts", f32, plan, state, i32),
+        ("elastoplastic_step_counts_q30", i32, plan, state, i32),
+        ("batch_elastoplastic_counts", None, plan, state, array, array, size),
+        ("loaded_step_counts", f32, plan, state, i32, u32),
+        ("loaded_step_counts_q30", i32, plan, state, i32, u32),
+        ("batch_loaded_counts", None, plan, state, array, array, array, size),
+        ("work_step_counts", f32, plan, state, work, i32),
+        ("batch_work_counts", None, plan, state, work, array, array, size),
+        ("work", f32, params, work),
+        ("counts_to_torque", code, plan, state, f32, ctypes.POINTER(i32)),
+        ("tip_torque", f32, plan, u32),
+        ("velocity_prepare", code, velocity, params),
+        ("velocity_torque", f32, velocity, i32),
+        ("batch_velocity", None, velocity, array, array, size),
     ):
-        function = getattr(lib, name)
+        function = getattr(lib, f"dahl_{name}")
         function.restype, function.argtypes = result, arguments
     return lib
 
@@ -258,6 +290,18 @@ class Plan(_Parameters):
     def ulp(self) -> float:
         """N m from Fc to the next float away from zero; the unit of the library's error bounds."""
         return float(np.spacing(np.float32(self.Fc)))
+
+    def tip_torque(self, stroke: int) -> float:
+        """The torque in N m at the tips of the loop that a shaft runs when it goes to and fro by
+        the same stroke for ever: Fc tanh(u/2), u the travel of the stroke. stroke is in counts from
+        end to end, a whole number from 0 to 2^32-1. Error: 2^-30 of the torque, and one rounding.
+        Raises dahl.Error for any other stroke, and without theta_per_count.
+        """
+        self._need_counts()
+        torque: float = library().dahl_tip_torque(
+            self._words, checks.whole("stroke", stroke, 0, UINT32_MAX)
+        )
+        return torque
 
     def __repr__(self) -> str:
         names = ("sigma0", "Fc", "theta_per_count")
@@ -358,6 +402,22 @@ class Friction:
             self._plan._words, ctypes.byref(self._state), _float32("F", F, "a torque in N m")
         )
 
+    def counts_to_torque(self, F: float) -> int:  # noqa: N803 (the field's name)
+        """The least move in counts after which step_counts() returns a torque that has reached F in
+        N m: F or beyond, seen from the torque now; 0 if that is F. Nothing moves. Raises dahl.Error
+        for an F that is no finite number or that no move reaches, and for a plan without
+        theta_per_count.
+        """
+        self._plan._need_counts()
+        wanted, found = _float32("F", checks.finite("F", F, "N m"), "N m"), ctypes.c_int32()
+        code = library().dahl_counts_to_torque(
+            self._plan._words, ctypes.byref(self._state), wanted, ctypes.byref(found)
+        )
+        if code != 0:
+            limit = f"a move of 2^31-1 counts reaches at most {self._plan.Fc:g} N m"
+            raise Error(f"F = {wanted!r} N m is reached by no move: {limit}")
+        return found.value
+
     def change_plan(self, plan: Plan) -> None:
         """Go on with other parameters. The torque is kept while the new bristle can carry it; the
         stored energy F^2/(2 sigma0) never grows (see dahl_change_plan). Raises dahl.Error for
@@ -412,7 +472,7 @@ class Throughput(_Parameters):
     Raises dahl.Error naming the parameter, its value and its limit.
 
     >>> Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
-    array([0.10277194], dtype=float32)
+    array([0.10277178], dtype=float32)
     """
 
     sigma0: float

@@ -37,7 +37,8 @@ def _floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]
     )
 
 
-class _Moved:
+@checks.calls_checked
+class Element:
     """What every part does with moves in counts; torques in N m, with the sign of the motion."""
 
     def _step(self, dcounts: int) -> float:
@@ -47,8 +48,9 @@ class _Moved:
         raise NotImplementedError
 
     def step_counts(self, dcounts: int) -> float:
-        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of the sum
-        of Fc of the exact value. Raises dahl.Error for any other dcounts.
+        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of Fc (of
+        the sum of Fc, of the larger Fc) of the exact value. Raises dahl.Error for any other
+        dcounts.
         """
         return self._step(checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX))
 
@@ -69,7 +71,7 @@ class _Moved:
 
 
 @checks.calls_checked
-class Slip(_Moved):
+class Slip(Element):
     """Slip elements side by side (Maxwell slip, Prandtl-Ishlinskii), with their state, relaxed at
     first: F = sum of springs sigma0 that slip at Fc.
 
@@ -173,7 +175,7 @@ class Slip(_Moved):
 
 
 @checks.calls_checked
-class Parallel(_Moved):
+class Parallel(Element):
     """Elements on one shaft, whose torques add: any mix of Friction and Slip, each with a state of
     its own, which moves with this. The sum is rounded once, within 0.55 ulp of the sum of all Fc.
 
@@ -219,6 +221,143 @@ class Parallel(_Moved):
 
     def __repr__(self) -> str:
         return f"Parallel({', '.join(map(repr, self._parts))})"
+
+
+@checks.calls_checked
+class _Fast:
+    """What the throughput forms of parts do: in double, in vectors, from rest."""
+
+    def _elements(self) -> list[core.ThroughputElement]:
+        raise NotImplementedError
+
+    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+        """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
+        shape (n,), float32, into `out` if given; all is relaxed before the first one. Raises
+        dahl.Error as Friction.run_counts() does.
+        """
+        array, elements = arrays.moves(moves, np.int32), self._elements()
+        result = arrays.out(out, array)
+        core.library().dahl_throughput_parallel_counts(
+            (core.ThroughputElement * len(elements))(*elements),
+            len(elements),
+            arrays.data(array),
+            arrays.data(result),
+            array.size,
+        )
+        return result
+
+
+@checks.calls_checked
+class ThroughputSlip(_Fast):
+    """Parameters of slip elements in double, for logs of millions of ticks: the model, units and
+    limits of Slip, in vectors, about 5 times as fast as Slip.run_counts. Torques are within 0.5001
+    ulp of the sum of Fc, without end; not the bits of Slip. Nothing is prepared, nothing is kept
+    from call to call. Equal where parameters are; picklable. Raises dahl.Error as Slip does.
+
+    >>> ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
+    array([1. , 1.5], dtype=float32)
+    """
+
+    def __init__(
+        self,
+        sigma0: Sequence[float],
+        Fc: Sequence[float],  # noqa: N803 (the field's name)
+        theta_per_count: float,
+    ) -> None:
+        Slip(sigma0, Fc, theta_per_count)  # says what is wrong
+        self._sigma0 = tuple(float(value) for value in sigma0)
+        self._Fc = tuple(float(value) for value in Fc)
+        self._theta_per_count = float(theta_per_count)
+        for k, values in enumerate(zip(self._sigma0, self._Fc, strict=True)):
+            try:
+                core.Throughput(*values, self._theta_per_count)
+            except Error as error:
+                raise Error(f"element {k}: {error}") from None
+
+    @property
+    def sigma0(self) -> tuple[float, ...]:
+        """N m/rad, one an element."""
+        return self._sigma0
+
+    @property
+    def Fc(self) -> tuple[float, ...]:  # noqa: N802
+        """N m, one an element."""
+        return self._Fc
+
+    @property
+    def theta_per_count(self) -> float:
+        """rad/count"""
+        return self._theta_per_count
+
+    def _elements(self) -> list[core.ThroughputElement]:
+        return [
+            core.ThroughputElement((sigma0, torque, self._theta_per_count), 1)
+            for sigma0, torque in zip(self._sigma0, self._Fc, strict=True)
+        ]
+
+    def __reduce__(self) -> tuple[type[ThroughputSlip], tuple[Any, ...]]:
+        return ThroughputSlip, (self._sigma0, self._Fc, self._theta_per_count)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ThroughputSlip):
+            return NotImplemented
+        return self.__reduce__() == other.__reduce__()
+
+    def __hash__(self) -> int:
+        return hash(self.__reduce__())
+
+    def __repr__(self) -> str:
+        return (
+            f"ThroughputSlip(sigma0={list(self._sigma0)}, Fc={list(self._Fc)},"
+            f" theta_per_count={self._theta_per_count!r})"
+        )
+
+
+@checks.calls_checked
+class ThroughputParallel(_Fast):
+    """Elements on one shaft, whose torques add, in double, for long logs: any mix of Throughput and
+    ThroughputSlip. Within 0.52 ulp of the sum of all Fc, without end; not the bits of Parallel, 5
+    to 8 times as fast. Equal where all parts are; picklable. Raises dahl.Error for what is no part,
+    and for a Throughput without theta_per_count.
+
+    >>> bearing = core.Throughput(100.0, 0.5, 1e-3)
+    >>> ThroughputParallel(bearing, ThroughputSlip([20.0], [1.0], 1e-3)).run_counts([10**6])
+    array([1.5], dtype=float32)
+    """
+
+    def __init__(self, *parts: core.Throughput | ThroughputSlip) -> None:
+        for k, part in enumerate(parts):
+            if not isinstance(part, (core.Throughput, ThroughputSlip)):
+                what = f"parts[{k}] = {checks.shown(part)}"
+                raise Error(f"{what} is neither a Throughput nor a ThroughputSlip")
+            if isinstance(part, core.Throughput):
+                part._need_counts()
+        self._parts = parts
+
+    @property
+    def parts(self) -> tuple[core.Throughput | ThroughputSlip, ...]:
+        """As they were given."""
+        return self._parts
+
+    def _elements(self) -> list[core.ThroughputElement]:
+        return [element for part in self._parts for element in _elements_of(part)]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ThroughputParallel):
+            return NotImplemented
+        return self._parts == other._parts
+
+    def __hash__(self) -> int:
+        return hash(self._parts)
+
+    def __repr__(self) -> str:
+        return f"ThroughputParallel({', '.join(map(repr, self._parts))})"
+
+
+def _elements_of(part: core.Throughput | ThroughputSlip) -> list[core.ThroughputElement]:
+    if isinstance(part, ThroughputSlip):
+        return part._elements()
+    return [core.ThroughputElement(part._params, 0)]
 
 
 def _part_of(part: core.Friction | Slip) -> core.Part:

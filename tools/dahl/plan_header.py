@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""A prepared plan as a header for C99 and C++11, ready for flash. dahl_prepare() makes its words,
-the struct in dahl.h says what they are called; no layout is known here.
+"""A prepared plan as a header for C99 and C++11, ready for flash, of Dahl's model or of one of
+dahl_parts.h. dahl_prepare() and its like make the words, the structs in the headers say what they
+are called; no layout is known here.
 """
 
 from __future__ import annotations
@@ -13,14 +14,33 @@ from typing import Any
 
 from dahl import Error, RunError, __version__, paths
 from dahl.core import Plan
+from dahl.parts import Slip
+from dahl.variants import Asymmetric, ElastoPlastic
 
+AnyPlan = Plan | Slip | Asymmetric | ElastoPlastic
+KINDS: dict[type, tuple[str, str, tuple[str, ...]]] = {  # prefix of the C names, header, parameters
+    Plan: ("dahl_", "dahl.h", ("sigma0", "Fc", "theta_per_count")),
+    Slip: ("dahl_slip_", "dahl_parts.h", ("sigma0", "Fc", "theta_per_count")),
+    Asymmetric: (
+        "dahl_asymmetric_",
+        "dahl_parts.h",
+        ("sigma0", "Fc_forward", "Fc_backward", "theta_per_count"),
+    ),
+    ElastoPlastic: (
+        "dahl_elastoplastic_",
+        "dahl_parts.h",
+        ("sigma0", "Fc", "theta_per_count", "breakaway"),
+    ),
+}
 WORDS = {
+    "uint8_t": ctypes.c_uint8,
     "uint32_t": ctypes.c_uint32,
     "int32_t": ctypes.c_int32,
     "uint64_t": ctypes.c_uint64,
     "int64_t": ctypes.c_int64,
 }
 SUFFIX = {
+    ctypes.c_uint8: "u",
     ctypes.c_uint32: "u",
     ctypes.c_int32: "",
     ctypes.c_uint64: "ull",
@@ -28,30 +48,40 @@ SUFFIX = {
 }
 LINE = 96  # characters
 HEAD = re.compile(
-    r"/\*(?:(?!\*/).)*dahl_prepare\(\) of .*?\*/\n#ifndef DAHL_PLAN_\w+_H\n", re.DOTALL
+    r"/\*(?:(?!\*/).)*dahl_(?:\w+_)?prepare\(\) of .*?\*/\n#ifndef DAHL_PLAN_\w+_H\n", re.DOTALL
 )
 
 
 @cache
-def plan_type() -> type[ctypes.Structure]:
-    """dahl_plan_t as dahl.h declares it."""
+def _headers() -> str:
+    """dahl.h and dahl_parts.h, without comments, and with the numbers that stand for names."""
     try:
-        text = (paths.ROOT / "lib" / "include" / "dahl.h").read_text(encoding="utf-8")
+        text = "".join(
+            (paths.ROOT / "lib" / "include" / name).read_text(encoding="utf-8")
+            for name in ("dahl.h", "dahl_parts.h")
+        )
     except OSError as error:
         raise RunError(f"{error.filename}: {error.strerror}") from None
-    return _structure(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL), "dahl_plan_t")
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    for name, value in re.findall(r"#define (DAHL_\w+) (\d+)\n", text):
+        text = re.sub(rf"\[{name}\]", f"[{value}]", text)
+    return text
 
 
-def _structure(text: str, name: str) -> type[ctypes.Structure]:
-    body = re.search(rf"typedef struct\s*\w*\s*\{{([^}}]*)\}}\s*{name};", text)
+@cache
+def structure(name: str) -> type[ctypes.Structure]:
+    """A struct as the headers declare it."""
+    body = re.search(rf"typedef struct\s*\w*\s*\{{([^}}]*)\}}\s*{name};", _headers())
     if body is None:
-        raise RunError(f"dahl.h: no struct {name}")
+        raise RunError(f"dahl.h, dahl_parts.h: no struct {name}")
     fields: list[tuple[str, Any]] = []
     for kind, field, count in re.findall(r"(\w+)\s+(\w+)(?:\[(\d+)\])?;", body[1]):
-        one = WORDS.get(kind) or _structure(text, kind)
+        one = WORDS.get(kind) or structure(kind)
         fields.append((field, one * int(count) if count else one))
     if len(fields) != body[1].count(";"):
-        raise RunError(f"dahl.h: a field of {name} that is no word nor array of words")
+        raise RunError(
+            f"dahl.h, dahl_parts.h: a field of {name} that is no word nor array of words"
+        )
     return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
@@ -83,31 +113,42 @@ def _fields(value: ctypes.Structure) -> list[tuple[str, str]]:
     return [(name, _initialiser(getattr(value, name), kind)) for name, kind, *_ in value._fields_]
 
 
-def text(name: str, plan: Plan, comment: list[str]) -> str:
-    """The header: `static const dahl_plan_t dahl_plan_NAME`, the words of dahl_prepare() in the
-    order of the struct, since C++ has had designated initialisers only since C++20. Another version
-    of the library may order them otherwise, and is refused when the header is compiled.
+def _parameters(plan: AnyPlan, names: tuple[str, ...]) -> str:
+    """Name = value, of several elements as many values."""
+    values = ((name, getattr(plan, name)) for name in names)
+    return ", ".join(
+        f"{name} = "
+        + " ".join(f"{v:.9g}" for v in (value if isinstance(value, tuple) else [value]))
+        for name, value in values
+    )
+
+
+def text(name: str, plan: AnyPlan, comment: list[str]) -> str:
+    """The header: `static const dahl_plan_t dahl_plan_NAME` (or dahl_slip_plan_t, ...), the words
+    of dahl_prepare() (dahl_slip_prepare(), ...) in the order of the struct, since C++ has had
+    designated initialisers only since C++20. Another version of the library may order them
+    otherwise, and is refused when the header is compiled.
     """
-    words = plan_type().from_buffer_copy(plan._words)
+    prefix, header, names = KINDS[type(plan)]
+    words = structure(f"{prefix}plan_t").from_buffer_copy(plan._words)
     guard = f"DAHL_PLAN_{name.upper()}_H"
     major, minor, _ = __version__.split(".")
     lines = [
         "/*",
         *(f" * {line}".rstrip() for line in comment),
         *([" *"] if comment else []),
-        f" * dahl_prepare() of sigma0 = {plan.sigma0:.9g}, Fc = {plan.Fc:.9g},"
-        f" theta_per_count = {plan.theta_per_count:.9g}; keep it const.",
+        f" * {prefix}prepare() of {_parameters(plan, names)}; keep it const.",
         " */",
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
-        '#include "dahl.h"',
+        f'#include "{header}"',
         "",
         f"#if DAHL_VERSION_MAJOR != {major} || DAHL_VERSION_MINOR != {minor}",
         f'#error "this plan was made for dahl {major}.{minor}: make it again with this version"',
         "#endif",
         "",
-        f"static const dahl_plan_t dahl_plan_{name} = {{",
+        f"static const {prefix}plan_t dahl_plan_{name} = {{",
         *(line for field, value in _fields(words) for line in _folded(f"/* {field} */ {value},")),
         "};",
         "",

@@ -13,7 +13,7 @@ of the floats given.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from fractions import Fraction
 
 import mpmath
@@ -36,20 +36,11 @@ def exact_ratios(moves: Iterable[int], travel: Fraction) -> list[mpmath.mpf]:
     """
     with mpmath.workprec(PRECISION):
         a = mpmath.mpf(travel.numerator) / travel.denominator
-        return list(_anchored(moves, a))
 
+        def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
+            return s - (s - anchor) * mpmath.exp(-a * run)
 
-def _anchored(moves: Iterable[int], a: mpmath.mpf) -> Iterable[mpmath.mpf]:
-    w = anchor = mpmath.mpf(0)
-    direction, run = 0, 0
-    for move in map(int, moves):
-        sign = (move > 0) - (move < 0)
-        if sign and sign != direction:
-            anchor, direction, run = w, sign, 0
-        if sign:
-            run += abs(move)
-            w = direction - (direction - anchor) * mpmath.exp(-a * run)
-        yield w
+        return list(_from_reversals(moves, after))
 
 
 def exact_slip_ratios(
@@ -77,6 +68,84 @@ def exact_slip_ratios(
             ratio = sum(force, Fraction(0)) / total
             ratios.append(mpmath.mpf(ratio.numerator) / ratio.denominator)
     return ratios
+
+
+def exact_parallel_ratios(
+    moves: Collection[int] | np.ndarray,
+    elements: Sequence[tuple[float, float]],
+    kinds: Sequence[str],
+    theta_per_count: float,
+) -> list[mpmath.mpf]:
+    """F over the sum of Fc after each move in counts, from rest: elements (sigma0, Fc) that are of
+    Dahl's kind, or slip.
+    """
+    total = sum(Fraction(float(np.float32(torque))) for _, torque in elements)
+    with mpmath.workprec(PRECISION):
+        sums = [mpmath.mpf(0)] * len(moves)
+        for (sigma0, torque), kind in zip(elements, kinds, strict=True):
+            share = Fraction(float(np.float32(torque))) / total
+            if kind == "slip":
+                ratios = exact_slip_ratios(moves, [(sigma0, torque)], theta_per_count)
+            else:
+                ratios = exact_ratios(moves, travel_per_count(sigma0, torque, theta_per_count))
+            part = mpmath.mpf(share.numerator) / share.denominator
+            sums = [now + part * ratio for now, ratio in zip(sums, ratios, strict=True)]
+        return sums
+
+
+def exact_asymmetric_ratios(
+    moves: Iterable[int],
+    elements: Sequence[tuple[float, float]],
+    theta_per_count: float,
+) -> list[mpmath.mpf]:
+    """F over the larger Fc after each move in counts, from rest; elements: (sigma0, Fc) forward and
+    backward. In direction s it falls off to s Fc of that direction as exp(-sigma0/Fc theta).
+    """
+    torques = [mpmath.mpf(float(np.float32(torque))) for _, torque in elements]
+    with mpmath.workprec(PRECISION):
+        travels = [travel_per_count(*element, theta_per_count) for element in elements]
+        a = [mpmath.mpf(travel.numerator) / travel.denominator for travel in travels]
+
+        def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
+            end, rate = (torques[0], a[0]) if s > 0 else (-torques[1], a[1])
+            return end - (end - anchor) * mpmath.exp(-rate * run)
+
+        return [torque / max(torques) for torque in _from_reversals(moves, after)]
+
+
+def exact_elastoplastic_ratios(
+    moves: Iterable[int], travel: Fraction, breakaway: float
+) -> list[mpmath.mpf]:
+    """F/Fc after each move in counts, from rest: in direction s it grows as a spring's up to s b,
+    and what is left of it to s then falls off as exp(-u/(1 - b)).
+    """
+    with mpmath.workprec(PRECISION):
+        b = mpmath.mpf(float(np.float32(breakaway)))
+        a = mpmath.mpf(travel.numerator) / travel.denominator
+
+        def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
+            x, u = s * anchor, a * run
+            elastic = max(mpmath.mpf(0), min(u, b - x))
+            x += elastic
+            return s * (1 - (1 - x) * mpmath.exp(-(u - elastic) / (1 - b)))
+
+        return list(_from_reversals(moves, after))
+
+
+def _from_reversals(
+    moves: Iterable[int], after: Callable[[mpmath.mpf, int, int], mpmath.mpf]
+) -> Iterable[mpmath.mpf]:
+    """after(torque at the last reversal, counts since then, direction), move by move, from 0."""
+    torque = anchor = mpmath.mpf(0)
+    direction, run = 0, 0
+    for move in map(int, moves):
+        sign = (move > 0) - (move < 0)
+        if sign and sign != direction:
+            anchor, direction, run = torque, sign, 0
+        if sign:
+            run += abs(move)
+            torque = after(anchor, run, sign)
+        yield torque
 
 
 def error_in_ulp(torque: np.ndarray, exact: list[mpmath.mpf], Fc: float) -> np.ndarray:  # noqa: N803

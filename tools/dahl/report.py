@@ -208,10 +208,17 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
 
 
 def _exact_ratios(scene: Scene, moves: np.ndarray) -> list[Any]:
-    """Torque over (the sum of) Fc after each move of the scene's model, from rest."""
+    """Torque over Fc (the sum, the larger one) after each move of the scene's model, from rest."""
+    elements, theta = scene.elements, scene.theta_per_count
     if scene.model == "slip":
-        return reference.exact_slip_ratios(moves, scene.elements, scene.theta_per_count)
-    travel = reference.travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
+        return reference.exact_slip_ratios(moves, elements, theta)
+    if scene.model == "parallel":
+        return reference.exact_parallel_ratios(moves, elements, scene.kinds, theta)
+    if scene.model == "asymmetric":
+        return reference.exact_asymmetric_ratios(moves, elements, theta)
+    travel = reference.travel_per_count(scene.sigma0, scene.Fc, theta)
+    if scene.model == "elastoplastic":
+        return reference.exact_elastoplastic_ratios(moves, travel, scene.breakaway)
     return reference.exact_ratios(moves, travel)
 
 
@@ -262,6 +269,8 @@ def summary(
         "compared_from_row": scene.measured.settle,
         "model": scene.model,
         "elements": [{"sigma0": sigma0, "Fc": torque} for sigma0, torque in scene.elements],
+        **({"kinds": list(scene.kinds)} if scene.kinds else {}),
+        **({"breakaway": scene.breakaway} if scene.breakaway else {}),
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
         "scene_file": str(scene.path),
     }

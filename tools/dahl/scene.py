@@ -50,13 +50,16 @@ class Scene:
 
     path: Path
     title: str
-    model: str = "dahl"  # or slip
-    elements: tuple[tuple[float, float], ...] = ()  # sigma0, Fc of each; of Dahl's model one
+    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic
+    # sigma0, Fc of each; of Dahl's model one, of asymmetric forward and backward
+    elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
     seconds: float = 0.0  # how long the motion lasts, where the scene says it
     motion: dict[str, str] = field(default_factory=dict)
     measured: Measured = field(default_factory=Measured)
     parts: tuple[str, ...] = ()  # sections that the file has
+    kinds: tuple[str, ...] = ()  # of parallel: dahl or slip for each element
+    breakaway: float = 0.0  # of elastoplastic: part of Fc
     compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
 
     @property
@@ -66,12 +69,16 @@ class Scene:
 
     @property
     def sigma0(self) -> float:
-        """N m/rad, of all elements together."""
+        """N m/rad, of all elements together; of asymmetric that of either direction."""
+        if self.model == "asymmetric":
+            return self.elements[0][0]
         return sum(sigma0 for sigma0, _ in self.elements)
 
     @property
     def Fc(self) -> float:  # noqa: N802
-        """N m, of all elements together."""
+        """N m, what the ratio on the bus is of: all elements together, the larger of asymmetric."""
+        if self.model == "asymmetric":
+            return max(torque for _, torque in self.elements)
         return sum(torque for _, torque in self.elements)
 
     @property
@@ -107,7 +114,11 @@ def read(path: Path) -> Scene:
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
+    if scene.model == "asymmetric":
+        sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
+    scene.kinds = tuple(parser.get("friction", "kinds", fallback="").split())
+    scene.breakaway = _number(path, parser, "friction", "breakaway", 0.0)
     scene.theta_per_count = _number(path, parser, "friction", "theta_per_count", 0.0)
     scene.seconds = max(
         _number(path, parser, section, "seconds", 0.0) for section in ("motion", "motor")

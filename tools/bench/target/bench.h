@@ -24,5 +24,6 @@ void bench_parts(void);
 void bench_rivals(void);
 void bench_motions(void);
 void bench_variants(void);
+void bench_energy(void);
 
 #endif

@@ -58,5 +58,6 @@ int main(void)
     bench_rivals();
     bench_motions();
     bench_variants();
+    bench_energy();
     return 0;
 }

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: MIT
 """
-Prepare a plan for flash from known numbers: a header with a const dahl_plan_t, for C99 and C++11.
+Prepare a plan for flash from known numbers: a header with a const dahl_plan_t, for C99 and C++11;
+with --model that of another model (dahl_parts.h): slip elements, an Fc of each direction its own,
+no creep below breakaway.
 
-The words are those of dahl_prepare(), which the firmware then need not call. For linear motion read
-m for rad and N for N m. A log of your own gives sigma0 and Fc by `dahl identify`.
+The words are those of dahl_prepare(), dahl_slip_prepare() ..., which the firmware then need not
+call. For linear motion read m for rad and N for N m. A log of your own gives sigma0 and Fc by
+`dahl identify`.
 """
 
 from __future__ import annotations
@@ -15,15 +18,38 @@ from pathlib import Path
 
 from dahl import Error
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from dahl.plan_header import AnyPlan
+
 HELP = "a plan for flash from known numbers"
 EXAMPLE = """examples:
   dahl plan --sigma0 100 --fc 0.5 --counts-per-turn 16384 -o dahl_plan_shaft.h
-  dahl plan --sigma0 100 --fc 0.5 --theta-per-count 3.8e-4 --name shaft -o -"""
+  dahl plan --sigma0 100 --fc 0.5 --theta-per-count 3.8e-4 --name shaft -o -
+  dahl plan --model slip --sigma0 100,40 --fc 0.5,0.3 --theta-per-count 3.8e-4 -o seal.h
+  dahl plan --model asymmetric --sigma0 100 --fc 0.5,0.3 --theta-per-count 3.8e-4 -o rod.h"""
+MODELS = ("dahl", "slip", "asymmetric", "elastoplastic")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--sigma0", required=True, metavar="X", help="stiffness at rest, N m/rad")
-    parser.add_argument("--fc", required=True, metavar="Y", help="Coulomb torque, N m")
+    parser.add_argument("--model", choices=MODELS, default="dahl", help="default: dahl")
+    parser.add_argument(
+        "--sigma0",
+        required=True,
+        metavar="X",
+        help="stiffness at rest, N m/rad; of slip as many as there are elements: X,X",
+    )
+    parser.add_argument(
+        "--fc",
+        required=True,
+        metavar="Y",
+        help="Coulomb torque, N m; of slip as many: Y,Y; of asymmetric forward,backward",
+    )
+    parser.add_argument(
+        "--breakaway",
+        metavar="B",
+        help="of elastoplastic: part of Fc, 0 < B < 1, that does not creep",
+    )
     encoder = parser.add_mutually_exclusive_group(required=True)
     encoder.add_argument("--counts-per-turn", metavar="N", help="of the encoder, with all edges")
     encoder.add_argument(
@@ -44,10 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     from dahl import files, plan_header
-    from dahl.core import FC, SIGMA0, Plan
 
-    sigma0, fc = _number("--sigma0", args.sigma0, SIGMA0), _number("--fc", args.fc, FC)
-    plan = Plan(sigma0, fc, _theta_per_count(args))
+    plan = _plan(args)
     path = Path("shaft.h" if args.output == "-" else args.output)
     name = plan_header.identifier(args.name or path.stem.removeprefix("dahl_plan_"))
     text = plan_header.text(name, plan, [])
@@ -58,6 +82,39 @@ def run(args: argparse.Namespace) -> None:
         raise Error(f"{path}: there already, and no plan; --force overwrites it")
     files.keep(path, text)
     print(f"{path}: {plan}")
+
+
+def _plan(args: argparse.Namespace) -> AnyPlan:
+    from dahl.core import FC, SIGMA0, Plan
+    from dahl.parts import Slip
+    from dahl.variants import Asymmetric, ElastoPlastic
+
+    sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
+    theta = _theta_per_count(args)
+    if (args.breakaway is not None) != (args.model == "elastoplastic"):
+        raise Error(
+            f"--breakaway goes with --model elastoplastic, which needs it, not {args.model}"
+        )
+    if args.model == "slip":
+        return Slip(sigma0, fc, theta)
+    _counted("--sigma0", args.sigma0, sigma0, 1, args.model)
+    _counted("--fc", args.fc, fc, 2 if args.model == "asymmetric" else 1, args.model)
+    if args.model == "asymmetric":
+        return Asymmetric(sigma0[0], fc[0], fc[1], theta)
+    if args.model == "elastoplastic":
+        breakaway = _number("--breakaway", args.breakaway, "0 < breakaway < 1")
+        return ElastoPlastic(sigma0[0], fc[0], theta, breakaway)
+    return Plan(sigma0[0], fc[0], theta)
+
+
+def _numbers(option: str, text: str, limit: str) -> list[float]:
+    """One, or several with commas between them."""
+    return [_number(option, word, limit) for word in text.split(",")]
+
+
+def _counted(option: str, text: str, values: list[float], wanted: int, model: str) -> None:
+    if len(values) != wanted:
+        raise Error(f"{option} {text}: {len(values)} numbers, where --model {model} takes {wanted}")
 
 
 def _number(option: str, text: str, limit: str) -> float:

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: MIT */
+/* models: see models.h. */
+#include "models.h"
+
+static void copy(float *to, const scene_list_t *from)
+{
+    for (uint32_t k = 0; k < from->count; k++) {
+        to[k] = (float)from->value[k];
+    }
+}
+
+static dahl_err_t use_slip(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+{
+    dahl_slip_params_t params = {.elements = f->Fc_of.count, .theta_per_count = (float)f->theta_per_count};
+    copy(params.sigma0, &f->sigma0_of);
+    copy(params.Fc, &f->Fc_of);
+    return dahl_node_use_slip(node, &kept->slip, &params);
+}
+
+static dahl_err_t use_parallel(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+{
+    dahl_node_parallel_params_t params = {
+        .elements = f->Fc_of.count, .slips = f->slips, .theta_per_count = (float)f->theta_per_count};
+    copy(params.sigma0, &f->sigma0_of);
+    copy(params.Fc, &f->Fc_of);
+    return dahl_node_use_parallel(node, &kept->parallel, &params);
+}
+
+static dahl_err_t use_asymmetric(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+{
+    const dahl_asymmetric_params_t params = {(float)f->sigma0_of.value[0], (float)f->Fc_of.value[0], (float)f->Fc_of.value[1],
+                                             (float)f->theta_per_count};
+    return dahl_node_use_asymmetric(node, &kept->asymmetric, &params);
+}
+
+static dahl_err_t use_elastoplastic(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+{
+    const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
+    return dahl_node_use_elastoplastic(node, &kept->elastoplastic, &params, (float)f->breakaway);
+}
+
+dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction)
+{
+    switch (friction->model) {
+    case MODEL_SLIP: return use_slip(node, kept, friction);
+    case MODEL_PARALLEL: return use_parallel(node, kept, friction);
+    case MODEL_ASYMMETRIC: return use_asymmetric(node, kept, friction);
+    case MODEL_ELASTOPLASTIC: return use_elastoplastic(node, kept, friction);
+    default: return DAHL_OK;
+    }
+}

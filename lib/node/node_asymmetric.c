@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: MIT */
+/* A node whose Fc differs with the direction; a firmware that does not call this links none of it. */
+#include "use_model.h"
+
+static dahl_node_asymmetric_t *asymmetric_of(dahl_node_model_t *model)
+{
+    return (dahl_node_asymmetric_t *)(void *)model;
+}
+
+static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+{
+    return dahl_asymmetric_step_counts_q30(&asymmetric_of(model)->plan, &asymmetric_of(model)->state, dcounts);
+}
+
+static void relax(dahl_node_model_t *model)
+{
+    asymmetric_of(model)->state = (dahl_state_t){0};
+}
+
+dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *kept, const dahl_asymmetric_params_t *params)
+{
+    dahl_asymmetric_plan_t plan;
+    dahl_err_t err = dahl_asymmetric_prepare(&plan, params);
+    if (err == DAHL_OK) {
+        float larger = params->Fc_forward > params->Fc_backward ? params->Fc_forward : params->Fc_backward;
+        const dahl_params_t shown = {params->sigma0, larger, params->theta_per_count};
+        *kept = (dahl_node_asymmetric_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC}, .plan = plan};
+        dahl_node_use(node, &kept->model, &shown);
+    }
+    return err;
+}

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: MIT */
+/* A node that does not creep below breakaway; a firmware that does not call this links none of it. */
+#include "use_model.h"
+
+static dahl_node_elastoplastic_t *elastoplastic_of(dahl_node_model_t *model)
+{
+    return (dahl_node_elastoplastic_t *)(void *)model;
+}
+
+static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+{
+    return dahl_elastoplastic_step_counts_q30(&elastoplastic_of(model)->plan, &elastoplastic_of(model)->state, dcounts);
+}
+
+static void relax(dahl_node_model_t *model)
+{
+    elastoplastic_of(model)->state = (dahl_state_t){0};
+}
+
+dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *kept, const dahl_params_t *params,
+                                       float breakaway)
+{
+    dahl_elastoplastic_plan_t plan;
+    dahl_err_t err = dahl_elastoplastic_prepare(&plan, params, breakaway);
+    if (err == DAHL_OK) {
+        *kept = (dahl_node_elastoplastic_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC}, .plan = plan};
+        dahl_node_use(node, &kept->model, params);
+    }
+    return err;
+}
