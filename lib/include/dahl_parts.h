@@ -4,8 +4,8 @@
  * every loop; measured bearings and gears bend otherwise (docs/model.md says which part lowers the error on which log).
  *
  * GUARANTEE, as dahl.h gives it
- *   A torque returned in N m is within DAHL_ULP_PARTS = 0.55 ulp of Fc (of the sum of Fc where there are several) of the exact
- *   solution for the counts fed so far: any motion, any number of ticks, any sampling rate.
+ *   A torque returned in N m by counts is within DAHL_ULP_PARTS = 0.55 ulp of Fc (of the sum of Fc where there are several) of the
+ *   exact solution for the counts fed so far: any motion, any number of ticks, any sampling rate.
  *   The same inputs give the same bits on every processor, compiler and set of flags: inside there are integers only.
  *   There is no heap, no global, no libm, no division by a variable in a step, and no state that a bad input can poison.
  *   A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m. A part that is not called is not linked.
@@ -231,6 +231,20 @@ float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *stat
 /* The same move; returns F/Fc in Q30, -2^31 < . < 2^31, a half rounded up. Integers only.
  * Cost on Cortex-M3, M4: 37 instructions, 213 where the load grew. */
 int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30);
+
+/*
+ * LOAD THAT LEAVES THE STIFFNESS: the other passive rule. sigma0 stays and Fc alone follows the load, so that the presliding length
+ *   c Fc/sigma0 changes with it, as where a bearing's own stiffness counts and not that of its contacts. A load that falls cuts F
+ *   off at c Fc; one that grows leaves F. The state's w is F/Fc, and a tick is by angle, for no table by counts holds.
+ * Laws: passive over every closed cycle of motion and load, since the stored energy F^2/(2 sigma0) never grows by a load; at a load
+ *   of 1 the torque has the bits of dahl_step(); odd symmetry as there.
+ */
+
+/* Move by an angle of dtheta rad under the load c = load_q30 2^-30, as dahl_loaded_step_counts() takes it, and return the torque F
+ * in N m, -c Fc .. c Fc. Without load F is 0 and stays 0 until there is motion under a load. What dtheta may be, and what NaN and
+ * infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is more. A part of a load is as exact
+ * as the whole, not as its own small torque. Cost on Cortex-M3, M4: 165 instructions. */
+float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30);
 
 /*
  * ELASTO-PLASTIC FRICTION (Dupont, Hayward, Armstrong, Altpeter 2002; over space as in Hayward 2009): no creep below breakaway

@@ -142,6 +142,22 @@ static inline void bits_loaded(bits_of_part_t *run)
     }
 }
 
+static inline void bits_clamped(bits_of_part_t *run)
+{
+    dahl_plan_t plan;
+    dahl_state_t state = {0};
+    motion_t motion = MOTION_START, loading = MOTION_START;
+    if (dahl_prepare(&plan, run->params) != DAHL_OK) {
+        return;
+    }
+    for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
+        float dtheta = (float)run->next(&motion) * run->params->theta_per_count;
+        uint32_t load = motion_random(&loading) >> (t % 8);
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_clamped_step(&plan, &state, dtheta, load)));
+        run->hash = bits_fold(run->hash, (uint64_t)state.w);
+    }
+}
+
 static inline void bits_elastoplastic(bits_of_part_t *run)
 {
     dahl_elastoplastic_plan_t plan;
@@ -168,6 +184,7 @@ static const struct {
     {"asymmetric", bits_asymmetric},
     {"loaded", bits_loaded},
     {"elastoplastic", bits_elastoplastic},
+    {"clamped", bits_clamped},
 };
 
 #define BITS_PARTS_RUNS (BITS_PARAMS * (sizeof bits_parts / sizeof bits_parts[0]))

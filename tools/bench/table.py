@@ -38,6 +38,7 @@ ROWS = [
     ("under a load, F/Fc in Q30", "loaded_q30"),
     ("the same, the load grew", "loaded_more_q30"),
     ("under a load, F in N m", "loaded_float"),
+    ("under a load that leaves the stiffness, by angle, F in N m", "clamped_float"),
     ("elasto-plastic, elastic, F/Fc in Q30", "elastic_q30"),
     ("elasto-plastic, plastic, Q30", "plastic_q30"),
     ("elasto-plastic, across the breakaway, Q30", "crossing_q30"),

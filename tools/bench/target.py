@@ -236,7 +236,16 @@ def measure_sizes(core: Core) -> dict[str, int]:
 
 # Cases of dahl_parts.h
 PARTS = (
-    *("slip_", "parallel_", "asymmetric_", "loaded_", "elastic_", "plastic_", "crossing_"),
+    *(
+        "slip_",
+        "parallel_",
+        "asymmetric_",
+        "loaded_",
+        "clamped_",
+        "elastic_",
+        "plastic_",
+        "crossing_",
+    ),
     *("work_", "counts_to_torque", "tip_torque", "velocity_"),
 )
 

@@ -5,6 +5,7 @@
 
 int32_t call_asymmetric(const dahl_asymmetric_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
 int32_t call_elastoplastic(const dahl_elastoplastic_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
+float call_clamped(const dahl_plan_t *, dahl_state_t *, float, uint32_t) __asm__("bench_call");
 int32_t call_loaded(const dahl_plan_t *, dahl_loaded_state_t *, int32_t, uint32_t) __asm__("bench_call");
 
 dahl_err_t call_asymmetric_prepare(dahl_asymmetric_plan_t *, const dahl_asymmetric_params_t *) __asm__("bench_call");
@@ -50,6 +51,23 @@ static void bench_loaded(const char *name, bench_function_t step, uint32_t load)
     }
 }
 
+static void bench_clamped(void)
+{
+    static const float angles[] = {1e-9f, -1e-6f, 1e-4f, -1e-3f, 0.01f, -0.1f, 1.0f};
+    dahl_plan_t plan;
+    if (dahl_prepare(&plan, &params) != DAHL_OK) {
+        return;
+    }
+    bench_case("clamped_float");
+    bench_function = (bench_function_t)dahl_clamped_step;
+    for (unsigned i = 0; i < sizeof angles / sizeof angles[0]; i++) {
+        for (uint32_t load = LOAD_ONE / 7; load < 2 * LOAD_ONE; load += LOAD_ONE / 7) {
+            dahl_state_t state = {ONE_Q62 / 10 * 3};
+            call_clamped(&plan, &state, angles[i], load);
+        }
+    }
+}
+
 /* From w = start, in hundredths, by `least` to `most` counts: elastic, plastic, or across the breakaway at 0.5. */
 static void bench_elastoplastic(const char *name, bench_function_t step, int start, int32_t least, int32_t most)
 {
@@ -82,6 +100,7 @@ void bench_variants(void)
     bench_loaded("loaded_float", (bench_function_t)dahl_loaded_step_counts, LOAD_ONE - 1);
     bench_loaded("loaded_more_q30", (bench_function_t)dahl_loaded_step_counts_q30, LOAD_ONE + 12345);
     bench_loaded("loaded_more_float", (bench_function_t)dahl_loaded_step_counts, LOAD_ONE + 12345);
+    bench_clamped();
     bench_elastoplastic("elastic_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 0, -6, 6);
     bench_elastoplastic("elastic_float", (bench_function_t)dahl_elastoplastic_step_counts, 0, -6, 6);
     bench_elastoplastic("plastic_q30", (bench_function_t)dahl_elastoplastic_step_counts_q30, 60, 1, 8);
