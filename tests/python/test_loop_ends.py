@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import time
 
@@ -122,6 +125,11 @@ def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:
     return process, reading
 
 
+def waiting_in(reading: int) -> int:
+    """Bytes that a pipe holds."""
+    return struct.unpack("i", fcntl.ioctl(reading, termios.FIONREAD, b"\0" * 4))[0]
+
+
 def read_all(reading: int) -> str:
     with open(reading, encoding="ascii") as pipe:
         return pipe.read()
@@ -148,7 +156,8 @@ def test_a_pipe_that_nobody_reads_does_not_stop_the_loop(tmp_path):
 
 def test_a_pipe_that_is_read_later_has_whole_lines_and_says_what_is_missing(tmp_path):
     process, reading = piped(tmp_path, "--seconds", "6")
-    time.sleep(5)
+    wait_until(lambda: waiting_in(reading) > 4000)  # it has begun; there is room for less than 4 s
+    time.sleep(4.8)
     text = read_all(reading)
     result = finished(tmp_path, process, 30)
     lines = text.splitlines()
