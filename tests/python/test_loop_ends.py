@@ -35,6 +35,19 @@ STEERING = SCENES / "steering.ini"
 ENDINGS = ["HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "PIPE", "ALRM", "XCPU", "XFSZ"]
 
 
+@pytest.fixture
+def heard():
+    """No signal is ignored by what is started here, though nohup or a shell's & began the tests."""
+    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT)
+    ignored = [number for number in numbers if signal.getsignal(number) == signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, signal.SIG_DFL)
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("name", ENDINGS)
 @pytest.mark.parametrize("options", [(), ("--virtual", "--set", "motion.seconds=300")])
 def test_every_signal_that_ends_it_leaves_whole_files(tmp_path, name, options):
@@ -85,6 +98,7 @@ def is_running(pid: int) -> bool:
         return False
 
 
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
 def test_it_ends_with_its_parent_and_leaves_whole_files(tmp_path, number):
     options = ("--bus", "socketcand:0", "--wait-clients", "0")
