@@ -280,6 +280,8 @@ def test_what_is_text_is_shown_as_it_is(tmp_path):
     result = run(tmp_path, odd, "--virtual")
     assert result.summary["scene"] == f"{tmp_path}/aé€😀?ü.ini"
     wrong = run(tmp_path, odd, "--virtual", "--set", "motion.kind=é€😀")
+    shown = run(tmp_path, odd, "--virtual", "--set", "motion.kind=\x01\x1f \x7f~").err
+    assert "[motion] kind = ?? ?~: not one of" in shown
     assert (wrong.code, wrong.err.count("\n")) == (2, 1)
     assert "[motion] kind = é€😀: not one of" in wrong.err
 
