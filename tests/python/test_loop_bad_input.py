@@ -321,6 +321,20 @@ def test_the_summary_is_valid_json_whatever_the_names_are(tmp_path):
     assert result.summary["scene"] == f"{tmp_path}/caf? ??.ini"
 
 
+def test_what_is_text_is_shown_as_it_is(tmp_path):
+    """In a summary and in an error line: letters of two to four bytes, beside a wrong one."""
+    path = write(tmp_path, "\n".join(GOOD.values()))
+    odd = tmp_path / os.fsdecode("aé€😀".encode() + b"\xe9" + "ü.ini".encode())
+    path.rename(odd)
+    result = run(tmp_path, odd, "--virtual")
+    assert result.summary["scene"] == f"{tmp_path}/aé€😀?ü.ini"
+    wrong = run(tmp_path, odd, "--virtual", "--set", "motion.kind=é€😀")
+    shown = run(tmp_path, odd, "--virtual", "--set", "motion.kind=\x01\x1f \x7f~").err
+    assert "[motion] kind = ?? ?~: not one of" in shown
+    assert (wrong.code, wrong.err.count("\n")) == (2, 1)
+    assert "[motion] kind = é€😀: not one of" in wrong.err
+
+
 @pytest.mark.parametrize("option", ["--log", "--summary", "--trace"])
 @pytest.mark.parametrize("way", ["same", "link", "symlink", "dots"])
 @pytest.mark.parametrize("victim", ["scene.ini", "log.csv"])

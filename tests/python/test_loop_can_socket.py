@@ -6,6 +6,7 @@ What vcan and can-utils make of it is shown in test_socketcan.py.
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import socket
@@ -48,6 +49,18 @@ int bind(int fd, const struct sockaddr *address, socklen_t size)
     return 0;
 }
 unsigned if_nametoindex(const char *name) { (void)name; return 1; }
+ssize_t recvmsg(int fd, struct msghdr *message, int flags)
+{
+    const char *fails = getenv("CAN_RECEIVE_FAILS");
+    struct iovec *part = message->msg_iov;
+    message->msg_controllen = 0;
+    message->msg_flags = 0;
+    if (fails != 0) {
+        errno = atoi(fails);
+        return -1;
+    }
+    return recv(fd, part->iov_base, part->iov_len, flags);
+}
 """
 
 
@@ -201,6 +214,22 @@ def test_a_bus_that_takes_nothing_is_tried_again_then_the_frame_is_dropped(tmp_p
     assert result.summary["ticks"] == result.summary["frames_sent"] == 300
     assert 100 < counts["dropped"] == counts["send_failed"] < 300
     assert counts["retries"] == 5 * counts["dropped"]
+
+
+@pytest.mark.parametrize(
+    ("error", "gone"),
+    [(errno.ENETDOWN, True), (errno.ENODEV, True), (errno.EAGAIN, False), (errno.ENOBUFS, False)],
+)
+def test_who_only_listens_sees_the_interface_go_down(tmp_path, planted, monkeypatch, error, gone):
+    """What is over after a while is not."""
+    monkeypatch.setenv("CAN_RECEIVE_FAILS", str(error))
+    process, bus = joined(tmp_path, planted, "--role", "node", "--seconds", "0.2")
+    result = finished(tmp_path, process)
+    bus.close()
+    assert (result.code, "the bus is gone after" in result.err) == (
+        (1, True) if gone else (0, False)
+    )
+    assert (result.summary["ticks"] < 200) == gone
 
 
 def test_a_bus_that_goes_away_is_told(tmp_path, planted):

@@ -14,6 +14,8 @@ from scipy.integrate import solve_ivp
 SIGMA0, FC = 120.0, 1.8
 INERTIA = 0.02
 COLUMNS = ("time", "reference", "angle", "velocity", "motor", "friction", "compensation")
+NAMED = ("time_s", "reference_rad", "angle_rad", "velocity_rad_s")  # in the file, with units
+NAMED += ("motor_Nm", "friction_Nm", "compensation_Nm")
 
 
 def traced(folder: Path, scene: str, *sets: str) -> tuple[dict[str, np.ndarray], dict]:
@@ -24,6 +26,7 @@ def traced(folder: Path, scene: str, *sets: str) -> tuple[dict[str, np.ndarray],
     result = run(folder, SCENES / f"{scene}.ini", "--virtual", "--trace", str(trace), *words)
     assert result.code == 0, result.err
     table = np.loadtxt(trace, delimiter=",", skiprows=1)
+    assert trace.read_text(encoding="ascii").split("\n", 1)[0] == ",".join(NAMED)
     return dict(zip(COLUMNS, table.T, strict=True)), result.summary
 
 

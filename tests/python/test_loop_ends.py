@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import time
 
@@ -32,6 +35,19 @@ STEERING = SCENES / "steering.ini"
 ENDINGS = ["HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "PIPE", "ALRM", "XCPU", "XFSZ"]
 
 
+@pytest.fixture
+def heard():
+    """No signal is ignored by what is started here, though nohup or a shell's & began the tests."""
+    numbers = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT)
+    ignored = [number for number in numbers if signal.getsignal(number) == signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, signal.SIG_DFL)
+    yield
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("name", ENDINGS)
 @pytest.mark.parametrize("options", [(), ("--virtual", "--set", "motion.seconds=300")])
 def test_every_signal_that_ends_it_leaves_whole_files(tmp_path, name, options):
@@ -82,6 +98,7 @@ def is_running(pid: int) -> bool:
         return False
 
 
+@pytest.mark.usefixtures("heard")
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGHUP, signal.SIGTERM])
 def test_it_ends_with_its_parent_and_leaves_whole_files(tmp_path, number):
     options = ("--bus", "socketcand:0", "--wait-clients", "0")
@@ -122,6 +139,11 @@ def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:
     return process, reading
 
 
+def waiting_in(reading: int) -> int:
+    """Bytes that a pipe holds."""
+    return struct.unpack("i", fcntl.ioctl(reading, termios.FIONREAD, b"\0" * 4))[0]
+
+
 def read_all(reading: int) -> str:
     with open(reading, encoding="ascii") as pipe:
         return pipe.read()
@@ -148,7 +170,8 @@ def test_a_pipe_that_nobody_reads_does_not_stop_the_loop(tmp_path):
 
 def test_a_pipe_that_is_read_later_has_whole_lines_and_says_what_is_missing(tmp_path):
     process, reading = piped(tmp_path, "--seconds", "6")
-    time.sleep(5)
+    wait_until(lambda: waiting_in(reading) > 4000)  # it has begun; there is room for less than 4 s
+    time.sleep(4.8)
     text = read_all(reading)
     result = finished(tmp_path, process, 30)
     lines = text.splitlines()

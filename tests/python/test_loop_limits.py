@@ -164,6 +164,15 @@ def test_steering_keeps_its_amplitude_its_pace_and_its_tremor(tmp_path):
     assert 60 / 1.4 - 3 < sweeps < 60 / 0.6 + 3
 
 
+def test_a_sweep_takes_0_6_to_1_4_times_as_long_as_said(tmp_path):
+    """Without rests there is one tick without a move at each end: 100 of them, drawn evenly."""
+    quiet = ["motion.tremor=0", "motion.hold_s=0", "motion.sweep_s=1", "motion.amplitude=1e8"]
+    counts = played(tmp_path, "steering", *quiet, "motion.seconds=100")
+    ticks = np.diff(np.flatnonzero(np.diff(counts) == 0))
+    assert 599 <= ticks.min() < 650 and 1350 < ticks.max() <= 1403
+    assert ticks.mean() == pytest.approx(1000, rel=0.1)
+
+
 def test_a_sweep_begins_and_ends_at_rest(tmp_path):
     """No jerk: 6 times its way over the square of its time, and half a count of each of three."""
     quiet = ["motion.tremor=0", "motion.hold_s=0.2", "motion.sweep_s=1", "motion.amplitude=1e6"]

@@ -158,10 +158,11 @@ def test_the_place_of_a_client_that_was_dropped_is_free_and_clean(tmp_path):
                     action()
                 except BlockingIOError:
                     time.sleep(0.001)
-        assert re.fullmatch(
-            r"note: socketcand client 2 dropped: it reads too slowly, 2\d{5} bytes wait for it\n",
+        said = re.fullmatch(
+            r"note: socketcand client 2 dropped: it reads too slowly, (\d+) bytes wait for it\n",
             note,
         )
+        assert 262144 - 80 < int(said[1]) <= 262144  # what it may leave, less than one frame
         listener.close()
         deaf.close()
         time.sleep(0.2)
