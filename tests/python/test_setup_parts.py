@@ -320,6 +320,28 @@ def test_cbmc_comes_from_another_suite_and_leaves_only_what_runs(bare):
     assert "download cbmc " in bare.calls("apt-get")[-1]
 
 
+FETCHED = {"demo": "", "identify": "", "firmware": "unity", "test": "unity", "bench": "unity"}
+FETCHED |= dict.fromkeys(("checks", "all"), "cbmc kernel unity")
+
+
+@pytest.mark.parametrize("need", FETCHED)
+def test_each_need_fetches_what_it_builds_and_runs_with(bare, need):
+    """What is not in place, once, and from the network only where it is not in place."""
+    lacking = 'for x in unity kernel cbmc; do eval "${x}_is_here() { false; }"; done'
+    got = "get_unity() { echo unity; }; get_kernel() { echo kernel; }; get_cbmc() { echo cbmc; }"
+    words = f"{got}; add_need {need}; look_at_fetched; get_fetched"
+    found = sourced(bare, f"{lacking}; {words}; must_fetch && echo must")
+    assert sorted(set(found.stdout.split()) - {"must"}) == FETCHED[need].split()
+    assert ("must" in found.stdout) == ("unity" in FETCHED[need])
+    there = sourced(
+        bare, f"{lacking.replace('false', 'true')}; {words}; wants_fetched || echo none"
+    )
+    assert {line.split(": ")[1] for line in there.stdout.splitlines()[:-1]} == set(
+        FETCHED[need].split()
+    )
+    assert there.stdout.endswith("none\n")
+
+
 @pytest.mark.parametrize("left_out", [None, "test", "demo"])
 def test_words_of_a_need_are_those_of_all_that_it_brings(bare, left_out):
     """And of no other; python is told by its locks in the order in which they stand."""
