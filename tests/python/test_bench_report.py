@@ -185,6 +185,74 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     assert "not compared here: newton (not here)" in block
 
 
+WORDS = {  # in the name of a number, and in the title of its row
+    r"q30": r"Q30|the same",
+    r"loaded_float|slip_4$|_float$|^parallel": r"F in N m",
+    r"^eight|_8": r"\b8 ",
+    r"^1000": r"^1000 ",
+    r"_4(_|$)": r"^4 ",
+    r"_2(_|$)": r"^2 ",
+    r"int32_min": r"INT32_MIN",
+    r"reversal": r"reversal",
+    r"angle_worst": r"by angle",
+    r"prepare": r"prepare",
+    r"parallel": r"in parallel",
+    r"slip": r"slip",
+    r"asymmetric": r"asymmetric",
+    r"loaded": r"load",
+    r"elastic|plastic|crossing": r"elasto-plastic",
+    r"newlib": r"newlib",
+    r"picolibc": r"picolibc",
+    r"expm1f": r"`expm1f`",
+    r"expf": r"`expf`",
+    r"exp_double": r"double",
+    r"^code": r"^code bytes",
+    r"^const": r"^const data",
+    r"^static": r"static",
+    r"^stack": r"stack",
+}
+
+
+def test_the_title_of_a_row_says_what_its_number_is():
+    """Each count has one row; what its name has in it, its title has too."""
+    assert len(dict(table.ROWS)) == len({key for _, key in table.ROWS}) == len(table.ROWS)
+    for title, key in (*table.ROWS, *((title, key) for title, key, _ in table.SHORT_ROWS)):
+        told = [words for name, words in WORDS.items() if re.search(name, key)]
+        assert all(re.search(words, title) for words in told), (title, key)
+
+
+IN_WORDS = {
+    "angle": "`dahl_step`",
+    "exp_double": "`1 - exp` (double)",
+    "expf": "`1 - expf`",
+    "expm1_double": "`expm1` (double)",
+    "double_state": "state in double",
+    "anchored": "anchored",
+    "direct": "one running exponent",
+    "table": "interpolated",
+    "table_counts": "by counts",
+    "euler": "forward Euler",
+    "rk4": "RK4",
+    "backward": "backward Euler",
+    "throughput_angle": "`dahl_throughput`",
+}
+
+
+def test_a_way_is_ours_where_the_header_has_it():
+    header = "".join(path.read_text() for path in (ROOT / "lib/include").glob("*.h"))
+    assert len({way.key for way in results.WAYS}) == len(results.WAYS)
+    for way in results.WAYS:
+        name = way.title.strip("`")
+        assert way.ours == bool(re.search(rf"\b{re.escape(name)}\(", header)), way
+        told = f"`dahl_step_{way.key}`" if way.key.startswith("counts") else way.key
+        told = f"`dahl_{way.key}`" if way.key.endswith(("batch_counts", "put_counts")) else told
+        assert IN_WORDS.get(way.key, told) in way.title, way
+    solvers = (results.SOLVERS, figures.GROWTH_TITLES)
+    for key, title in ((key, title) for titles in solvers for key, title in titles.items()):
+        plain = next(figures.plain(way.title) for way in results.WAYS if way.key == key)
+        assert title.split(",")[0] in plain
+
+
 # --- pictures ------------------------------------------------------------------------------------
 
 

@@ -223,6 +223,37 @@ def test_the_state_of_an_environment_is_an_exit_code(checked):
     assert check(other) == (3, ["lacking: two 2.5"])  # what no lock names is nobody's business
 
 
+PROGRAMS = {  # and headers, with the package of Debian that has them
+    "demo": {
+        "gcc": "gcc",
+        "stdio.h": "libc6-dev",
+        "cmake": "cmake",
+        "ninja": "ninja-build",
+        "ini.h": "libinih-dev",
+        "csv.h": "libcsv-dev",
+        "cJSON.h": "libcjson-dev",
+        "python3": "python3",
+        "venv": "python3-venv",
+    },
+    "firmware": {
+        "arm-none-eabi-gcc": "gcc-arm-none-eabi",
+        "math.h": "libnewlib-arm-none-eabi",
+        "qemu-system-arm": "qemu-system-arm",
+        "dpkg-source": "dpkg-dev",
+        "unxz": "xz-utils",
+    },
+    "test": {"g++": "g++", "git": "git", "pkg-config": "pkg-config", "dpkg-source": "dpkg-dev"},
+}
+
+
+@pytest.mark.parametrize("need", PROGRAMS)
+def test_what_a_need_starts_comes_from_a_package_that_it_must_have(bare, need):
+    found = sourced(bare, f"add_need {need}; words_of MUST; echo; words_of MAY").stdout
+    must, _, may = found.partition("\n\n")
+    assert set(PROGRAMS[need].values()) <= set(must.split())
+    assert ("valgrind" in may.split()) == (need == "test")
+
+
 # --- what is fetched ------------------------------------------------------------------------------
 
 
