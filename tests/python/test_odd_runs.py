@@ -327,7 +327,10 @@ def started(monkeypatch, tmp_path):
         monkeypatch.setenv("DAHL_LOOP", str(tmp_path / "loop"))
         return loop.Program(loop.Setup(Path("a.ini"), "x", out, **setup), role, "the bus", "--more")
 
-    return start
+    # A run in the background may ignore Ctrl-C, and so would what it starts.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield start
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.mark.parametrize("left", ["", "echo '{' >out/node.json;", "echo '{}' >out/node.json;"])
