@@ -398,6 +398,22 @@ def test_a_picture_is_replaced_as_a_whole_and_the_same_twice(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"a.svg", "b.svg"}
 
 
+def test_closest_is_the_best_of_the_cheap_and_the_cheapest_of_the_good():
+    """An error within 5 % of ours is as good; what beats ours in neither is not looked at."""
+    made = {"a": (5, 1e-2), "b": (9, 1e-4), "c": (40, 1e-9), "d": (80, 1e-12), "e": (30, 1.04e-8)}
+    points = [
+        results.Point(key, key, False, {"walk": cost}, {"walk": error})
+        for key, (cost, error) in (made | {"f": (20, 1.2e-8)}).items()
+    ]
+    for key, cost in (("dear", 50.0), ("ours", 10.0)):
+        points.append(results.Point(key, key, True, {"walk": cost}, {"walk": 1e-8}))
+    assert results.closest(points) == {
+        "as cheap": {"way": "b", "times the error": pytest.approx(1e4)},
+        "as exact": {"way": "e", "times the cost": pytest.approx(3)},
+    }
+    assert results.closest(points[-2:]) == {}
+
+
 def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
     left, right = figures.growth(counted, measured).axes
     for line, way in zip(left.lines, figures.GROWTH_TITLES, strict=False):

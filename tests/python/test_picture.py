@@ -120,6 +120,21 @@ def test_angle_and_time_are_in_their_units(drawn):
 
 
 @pytest.mark.parametrize(
+    ("counted", "title"),
+    [
+        ({"crc": 4, "lost": 9}, "every one counted by the node"),
+        ({"crc": 4, "lost": 8}, "counted, due: {'lost': (8, 9)}"),
+        ({"crc": 4}, "counted, due: {'lost': (0, 9)}"),
+    ],
+)
+def test_the_picture_says_whether_each_fault_was_counted(counted, title):
+    axes = plt.figure().subplots()
+    faults = {"injected": {"bad": 13}, "expected": {"crc": 4, "lost": 9}}
+    plots._faults(axes, {"faults": faults, "node": counted})
+    assert axes.get_title(loc="left") == title
+
+
+@pytest.mark.parametrize(
     ("label", "short"),
     [("friction force [N]", "force [N]"), ("torque", "torque"), (" [N m]", " [N m]")],
 )
