@@ -349,6 +349,13 @@ def test_the_results_keep_each_number_of_both_runs(counted, measured):
     assert "newton" not in result["points"]["host"]
     assert result["points"]["m4f"]["rk4_25"]["worst"] == 3e-7
     assert set(result["points"]) == {*results.CORES, "host"}
+    ours = {
+        place: {key for key, point in points.items() if point["ours"]}
+        for place, points in result["points"].items()
+    }
+    batches = {"batch_counts", "throughput_counts", "throughput_angle"}
+    calls = {"counts_q30", "counts", "angle"}
+    assert ours == dict.fromkeys(results.CORES, calls) | {"host": batches}
     assert result["python"] == measured["python"] and result["missing"] == {"newton": "not here"}
     assert result["machine"] == {k: measured[k] for k in ("cpu", "compiler", "quick", "ticks")}
 
