@@ -489,6 +489,19 @@ def test_an_encoder_gives_back_each_move_within_half_a_round(size, sign, parts):
     assert encoder.jumps == 0
 
 
+def test_an_encoder_takes_readings_of_all_32_bits():
+    """For what it is made with, and for every reading."""
+    top = 2**32 - 1
+    wide = dahl.Encoder(modulus=top, largest_step=2**31 - 2)
+    wide.home(top - 1)
+    assert (wide.move(1), wide.move(2**31 - 2), wide.jumps) == (2, 2**31 - 3, 0)
+    assert wide.move(2**31 - 2 - 70_000) == -70_000
+    narrow = dahl.Encoder(modulus=0, largest_step=70_000)
+    narrow.home(3_000_000_000)
+    assert (narrow.move(3_000_070_000), narrow.jumps) == (70_000, 0)
+    assert (narrow.move(3_000_140_001), narrow.jumps) == (0, 1)
+
+
 def test_an_encoder_tells_a_jump_and_goes_home():
     encoder = dahl.Encoder(10000, 1, 100)
     assert [encoder.move(reading) for reading in (9990, 5, 5000, 5003)] == [0, 15, 0, 3]

@@ -208,6 +208,74 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     assert "not compared here: newton (not here)" in block
 
 
+WORDS = {  # in the name of a number, and in the title of its row
+    r"q30": r"Q30|the same",
+    r"loaded_float|slip_4$|_float$|^parallel": r"F in N m",
+    r"^eight|_8": r"\b8 ",
+    r"^1000": r"^1000 ",
+    r"_4(_|$)": r"^4 ",
+    r"_2(_|$)": r"^2 ",
+    r"int32_min": r"INT32_MIN",
+    r"reversal": r"reversal",
+    r"angle_worst": r"by angle",
+    r"prepare": r"prepare",
+    r"parallel": r"in parallel",
+    r"slip": r"slip",
+    r"asymmetric": r"asymmetric",
+    r"loaded": r"load",
+    r"elastic|plastic|crossing": r"elasto-plastic",
+    r"newlib": r"newlib",
+    r"picolibc": r"picolibc",
+    r"expm1f": r"`expm1f`",
+    r"expf": r"`expf`",
+    r"exp_double": r"double",
+    r"^code": r"^code bytes",
+    r"^const": r"^const data",
+    r"^static": r"static",
+    r"^stack": r"stack",
+}
+
+
+def test_the_title_of_a_row_says_what_its_number_is():
+    """Each count has one row; what its name has in it, its title has too."""
+    assert len(dict(table.ROWS)) == len({key for _, key in table.ROWS}) == len(table.ROWS)
+    for title, key in (*table.ROWS, *((title, key) for title, key, _ in table.SHORT_ROWS)):
+        told = [words for name, words in WORDS.items() if re.search(name, key)]
+        assert all(re.search(words, title) for words in told), (title, key)
+
+
+IN_WORDS = {
+    "angle": "`dahl_step`",
+    "exp_double": "`1 - exp` (double)",
+    "expf": "`1 - expf`",
+    "expm1_double": "`expm1` (double)",
+    "double_state": "state in double",
+    "anchored": "anchored",
+    "direct": "one running exponent",
+    "table": "interpolated",
+    "table_counts": "by counts",
+    "euler": "forward Euler",
+    "rk4": "RK4",
+    "backward": "backward Euler",
+    "throughput_angle": "`dahl_throughput`",
+}
+
+
+def test_a_way_is_ours_where_the_header_has_it():
+    header = "".join(path.read_text() for path in (ROOT / "lib/include").glob("*.h"))
+    assert len({way.key for way in results.WAYS}) == len(results.WAYS)
+    for way in results.WAYS:
+        name = way.title.strip("`")
+        assert way.ours == bool(re.search(rf"\b{re.escape(name)}\(", header)), way
+        told = f"`dahl_step_{way.key}`" if way.key.startswith("counts") else way.key
+        told = f"`dahl_{way.key}`" if way.key.endswith(("batch_counts", "put_counts")) else told
+        assert IN_WORDS.get(way.key, told) in way.title, way
+    solvers = (results.SOLVERS, figures.GROWTH_TITLES)
+    for key, title in ((key, title) for titles in solvers for key, title in titles.items()):
+        plain = next(figures.plain(way.title) for way in results.WAYS if way.key == key)
+        assert title.split(",")[0] in plain
+
+
 # --- pictures ------------------------------------------------------------------------------------
 
 
@@ -304,6 +372,13 @@ def test_the_results_keep_each_number_of_both_runs(counted, measured):
     assert "newton" not in result["points"]["host"]
     assert result["points"]["m4f"]["rk4_25"]["worst"] == 3e-7
     assert set(result["points"]) == {*results.CORES, "host"}
+    ours = {
+        place: {key for key, point in points.items() if point["ours"]}
+        for place, points in result["points"].items()
+    }
+    batches = {"batch_counts", "throughput_counts", "throughput_angle"}
+    calls = {"counts_q30", "counts", "angle"}
+    assert ours == dict.fromkeys(results.CORES, calls) | {"host": batches}
     assert result["python"] == measured["python"] and result["missing"] == {"newton": "not here"}
     assert result["machine"] == {k: measured[k] for k in ("cpu", "compiler", "quick", "ticks")}
 
@@ -351,6 +426,22 @@ def test_a_picture_is_replaced_as_a_whole_and_the_same_twice(tmp_path):
         figures.save(figure, tmp_path / "a.svg")
     assert (tmp_path / "a.svg").read_bytes() == whole
     assert {path.name for path in tmp_path.iterdir()} == {"a.svg", "b.svg"}
+
+
+def test_closest_is_the_best_of_the_cheap_and_the_cheapest_of_the_good():
+    """An error within 5 % of ours is as good; what beats ours in neither is not looked at."""
+    made = {"a": (5, 1e-2), "b": (9, 1e-4), "c": (40, 1e-9), "d": (80, 1e-12), "e": (30, 1.04e-8)}
+    points = [
+        results.Point(key, key, False, {"walk": cost}, {"walk": error})
+        for key, (cost, error) in (made | {"f": (20, 1.2e-8)}).items()
+    ]
+    for key, cost in (("dear", 50.0), ("ours", 10.0)):
+        points.append(results.Point(key, key, True, {"walk": cost}, {"walk": 1e-8}))
+    assert results.closest(points) == {
+        "as cheap": {"way": "b", "times the error": pytest.approx(1e4)},
+        "as exact": {"way": "e", "times the cost": pytest.approx(3)},
+    }
+    assert results.closest(points[-2:]) == {}
 
 
 def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):

@@ -335,6 +335,14 @@ def test_a_path_is_linked_as_a_user_would(monkeypatch, tmp_path):
     assert calls[1][-2] == str(tmp_path / "other.a")
 
 
+def test_each_path_has_what_its_firmware_calls():
+    """The ticks of one kind each, with all that the smaller path has."""
+    q30, counts, angle = (set(target.PATHS[name]) for name in ("q30", "counts", "angle"))
+    assert q30 == {"dahl_prepare", "dahl_step_counts_q30"}
+    assert counts - q30 == {"dahl_step_counts", "dahl_torque"} and q30 < counts
+    assert angle - counts == {"dahl_step"} and counts < angle
+
+
 def test_a_value_of_the_cache_is_that_of_its_key(monkeypatch, tmp_path):
     core = SimpleNamespace(build=tmp_path)
     cache = "CMAKE_C_FLAGS_DEBUG:STRING=-g\nCMAKE_C_FLAGS:STRING=-mthumb -O2\nX:BOOL=ON\n"

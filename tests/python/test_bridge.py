@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import re
 import socket
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -127,6 +129,13 @@ def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(monkeypatch, capsys) ->
     node.close()
     assert code == [1]
     assert capsys.readouterr().err == "error: bridge: the bus closed the connection\n"
+
+
+def test_a_bridge_that_does_not_open_is_a_code_other_than_0(root) -> None:
+    words = [sys.executable, "-m", "dahl.bridge", "x", "y"]
+    done = subprocess.run(words, cwd=root / "tools", capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert re.fullmatch(r"error: bridge: [^\n]+\n", done.stderr)
 
 
 @pytest.mark.parametrize("words", [["x", "y"], ["1"]])

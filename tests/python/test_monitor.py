@@ -118,6 +118,18 @@ def test_view_counts_what_it_sees(dbc):
     assert "OK 2" in shown
 
 
+def test_answers_count_before_the_first_angle_but_are_no_point_of_a_curve(dbc):
+    view = View()
+    answer = {"Counter": 0, "EchoCounter": 0, "TorqueRatio": 0.5}
+    states = ["Init", "OK", "OK"]
+    for frame in frames(
+        dbc, *[("FrictionTorque", n, answer | {"State": s}) for n, s in enumerate(states)]
+    ):
+        view.feed(frame)
+    assert dict(view.states) == {"Init": 1, "OK": 2}
+    assert (list(view.ratio), view.frames, view.others) == ([], 3, 0)
+
+
 def test_view_shows_the_node_that_is_asked_for(dbc):
     view = View(node=3)
     for node in (0, 3):

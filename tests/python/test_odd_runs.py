@@ -26,6 +26,7 @@ from dahl import (
     data,
     files,
     firmware,
+    loop,
     paths,
     plots,
     report,
@@ -34,6 +35,7 @@ from dahl import (
 from dahl.interrupt import Stop
 from identify_tools import caller
 from log_writers import DBC
+from loop_tools import wait_until
 from test_monitor import frames
 from test_report import Run
 
@@ -310,6 +312,99 @@ def test_a_record_starts_anew_and_keeps_times_and_channels(dahl, dbc, monkeypatc
 
 
 # --- programs and places --------------------------------------------------------------------------
+@pytest.fixture
+def started(monkeypatch, tmp_path):
+    """Start one dahl-loop, played by a script, with files of a run before in its folder."""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("node.json", "encoder.json"):
+        (out / name).write_text('{"ticks": 99}')
+    (out / "node.err").write_text("error: of a run before\n")
+
+    def start(script: str, role: str, **setup: object) -> loop.Program:
+        (tmp_path / "loop").write_text(f"#!/bin/sh\n{script}\n")
+        (tmp_path / "loop").chmod(0o755)
+        monkeypatch.setenv("DAHL_LOOP", str(tmp_path / "loop"))
+        return loop.Program(loop.Setup(Path("a.ini"), "x", out, **setup), role, "the bus", "--more")
+
+    # A run in the background may ignore Ctrl-C, and so would what it starts.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield start
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("left", ["", "echo '{' >out/node.json;", "echo '{}' >out/node.json;"])
+def test_what_a_run_before_left_is_not_taken_for_this_one(started, tmp_path, monkeypatch, left):
+    monkeypatch.chdir(tmp_path)
+    node = started(f"{left} exit 0", "node")
+    assert node.ends() and node.ended()
+    node.end()
+    node.check()
+    assert (node.numbers(), node.words()) == ({}, "")
+
+
+def test_each_program_gets_its_part_of_the_set_up(started, tmp_path):
+    """The motion is the encoder's; whose child it is, both are told."""
+    motion = {"log": Path("b.csv"), "seconds": 2.5, "seed": 0, "lockstep": True}
+    common = f"--scene a.ini --role {{}} --bus the bus --summary {tmp_path}/out/{{}}.json"
+    common += f" --with-parent {os.getpid()}"
+    more = {
+        "node": " --more",
+        "encoder": " --log-file b.csv --seconds 2.5 --seed 0 --lockstep --more",
+    }
+    for role, words in more.items():
+        program = started('echo "$*"', role, **motion)
+        assert program.ends()
+        program.end()
+        assert program.words() == f"{common.format(role, role)}{words}\n"
+    bare = started('echo "$*"', "both")
+    assert bare.ends()
+    bare.end()
+    assert bare.words().endswith(f"--with-parent {os.getpid()} --more\n")
+
+
+@pytest.mark.parametrize(
+    ("script", "kind", "words"),
+    [
+        ("echo odd; echo '  error: no bus '; exit 1", RunError, "no bus"),
+        ("echo error: no wheel; echo error: two; exit 2", Error, "no wheel"),
+        ("exit 1", RunError, r"dahl-loop \(encoder\) ended with code 1"),
+        ("kill -TERM $$", RunError, r"dahl-loop \(encoder\) ended with code -15"),
+        ("kill -INT $$", RunError, r"dahl-loop \(encoder\) ended with code -2"),
+    ],
+)
+def test_how_a_program_ended_is_told_with_its_own_words(started, script, kind, words):
+    program = started(script, "encoder")
+    assert program.ends()
+    program.end()
+    with pytest.raises(Error, match=f"^{words}$") as told:
+        program.check()
+    assert type(told.value) is kind
+
+
+def test_a_program_that_is_told_to_end_has_not_failed(started, monkeypatch):
+    """By Ctrl-C in order; one that does not hear it is made to."""
+    program = started("exec sleep 50", "node")
+    program.end()
+    assert program.told and program.process.returncode == -signal.SIGINT
+    program.check()
+    monkeypatch.setattr(loop, "PATIENCE", 0.3)
+    deaf = started("trap '' INT; echo on; sleep 50 & wait; wait", "node")
+    wait_until(lambda: deaf.words() == "on\n")
+    deaf.end()
+    assert deaf.process.returncode == -signal.SIGKILL
+    with pytest.raises(RunError, match="ended with code -9"):
+        deaf.check()
+
+
+@pytest.mark.parametrize(
+    ("words", "port"),
+    [("socketcand 127.0.0.1:29536 vcan0", 29536), ("warming up\nsocketcand 10.0.0.1:7 can", 7)],
+)
+def test_the_port_is_the_one_that_is_said(started, words, port):
+    program = started(f"printf '%s\\n' '{words}'; exec sleep 50", "node")
+    assert program.port() == port
+    program.end()
 
 
 def test_a_target_runs_dahls_model_alone_on_a_core_that_is_known(dahl, monkeypatch):

@@ -114,3 +114,45 @@ def test_angle_and_time_are_in_their_units(drawn):
     assert loop.get_xlabel() == "way [mm]"
     assert np.array_equal(whole.lines[0].get_xdata(), recorded.time[trace.row])
     assert set(part.lines[1].get_xdata()) <= set(whole.lines[1].get_xdata())
+    assert whole.get_xlabel() == part.get_xlabel() == "time in the log [s]"
+    assert loop.get_ylabel() == "friction torque [N m]"
+    assert whole.get_ylabel() == part.get_ylabel() == "torque [N m]"
+
+
+@pytest.mark.parametrize(
+    ("counted", "title"),
+    [
+        ({"crc": 4, "lost": 9}, "every one counted by the node"),
+        ({"crc": 4, "lost": 8}, "counted, due: {'lost': (8, 9)}"),
+        ({"crc": 4}, "counted, due: {'lost': (0, 9)}"),
+    ],
+)
+def test_the_picture_says_whether_each_fault_was_counted(counted, title):
+    axes = plt.figure().subplots()
+    faults = {"injected": {"bad": 13}, "expected": {"crc": 4, "lost": 9}}
+    plots._faults(axes, {"faults": faults, "node": counted})
+    assert axes.get_title(loc="left") == title
+
+
+@pytest.mark.parametrize(
+    ("label", "short"),
+    [("friction force [N]", "force [N]"), ("torque", "torque"), (" [N m]", " [N m]")],
+)
+def test_beside_a_low_panel_the_unit_stays(label, short):
+    assert plots._short(label) == short
+
+
+def test_a_picture_replaces_the_old_one_when_it_is_whole(monkeypatch, tmp_path):
+    """And is no longer held in memory; one that fails leaves the old one alone."""
+    path = tmp_path / "loop.png"
+    path.write_text("old")
+    figure = plt.figure()
+    monkeypatch.setattr(figure, "savefig", lambda part, **_: part.write_text("half") and 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        plots.save(figure, path)
+    assert path.read_text() == "old"
+    monkeypatch.undo()
+    plots.save(figure, path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert [each.name for each in tmp_path.iterdir()] == ["loop.png"]
+    assert figure.number not in plt.get_fignums()

@@ -5,12 +5,15 @@ archive. Every program that reaches outside only notes how it was called.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import re
 import runpy
+import shutil
 import subprocess
 import sys
 import tarfile
+import time
 from pathlib import Path
 
 import pytest
@@ -63,10 +66,41 @@ def test_by_itself_it_takes_what_the_tests_need(bare):
 
 
 def test_what_is_in_place_asks_nobody(bare):
+    """And the log is that of the last run."""
+    (bare.folder / "build").mkdir(exist_ok=True)
+    (bare.folder / "build/setup.log").write_text("of a run before\n")
     set_up(bare, "demo")
+    assert "of a run before" not in (bare.folder / "build/setup.log").read_text()
     set_up(bare, "demo")
     asked = " ".join(bare.calls())
     assert "--print-uris" not in asked and " download " not in asked
+
+
+@pytest.mark.parametrize(
+    ("script", "lock"), [("setup", "setup"), ("demo", "build"), ("test", "build")]
+)
+def test_one_set_up_and_one_build_at_a_time(root, tmp_path, script, lock):
+    """The second waits, says so, and then does its work."""
+    stage = staged(root, tmp_path)
+    if script == "setup":
+        bared(stage, root)
+    (stage.folder / "build").mkdir(exist_ok=True)
+    own = {"DAHL_UNITY_DIR": str(stage.folder / "unity") if script == "setup" else ""}
+    with (stage.folder / f"build/{lock}.lock").open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        second = subprocess.Popen(
+            [stage.folder / f"tools/{script}.sh", *["demo"] * (script == "setup")],
+            env={**os.environ, **own, "STAGE": str(stage.folder), "DAHL_PYTHON": "",
+                 "PATH": f"{stage.folder}/bin:{os.environ['PATH']}"},
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+        said = f"{script}: another {lock} is at work here; waiting for it\n"
+        assert second.stdout.readline() == said
+        time.sleep(0.2)
+        assert second.poll() is None and not stage.calls("cmake", "apt-get")
+    out, errors = second.communicate(timeout=60)
+    assert second.returncode == 0, out + errors
+    assert stage.calls("apt-get" if script == "setup" else "cmake")
 
 
 # --- rights ---------------------------------------------------------------------------------------
@@ -159,6 +193,30 @@ def test_who_cannot_install_leaves_no_download_behind(bare):
     wait_until(lambda: not process.exists() or b"sleep" not in process.read_bytes())
 
 
+def test_what_comes_is_not_said_to_be_lacking(bare):
+    done, _ = set_up(bare, "test")
+    assert done.returncode == 0 and "skipped" not in done.stdout
+    assert "valgrind" in (bare.folder / "installed").read_text().split()
+
+
+@pytest.mark.parametrize("tool", ["qemu-system-x86_64", "busybox", "cpio"])
+def test_a_machine_without_its_tools_is_none_and_says_which(root, tmp_path, tool):
+    """Code 77, by which a test knows that it cannot be run."""
+    stage = staged(root, tmp_path)
+    (stage.folder / "build/deps/kernel").mkdir(parents=True)
+    (stage.folder / "build/deps/kernel/vmlinuz").write_text("kernel")
+    for name in ("qemu-system-x86_64", "busybox", "cpio", "ip", "modprobe"):
+        stage.stand_in(f"few/{name}")
+    for name in ("bash", "env", "dirname", "basename", "sed"):
+        (stage.folder / f"few/{name}").symlink_to(shutil.which(name))
+    (stage.folder / f"few/{tool}").unlink()
+    words = [stage.folder / "tools/vm.sh", stage.folder, "true"]
+    few = {"PATH": f"{stage.folder}/few", "STAGE": str(stage.folder)}
+    done = subprocess.run(words, env=few, capture_output=True, text=True, check=False)
+    assert done.returncode == 77
+    assert done.stdout == f"vm: no virtual machine here: {tool} is not installed\n"
+
+
 # --- Python ---------------------------------------------------------------------------------------
 
 
@@ -185,6 +243,14 @@ def test_without_a_python_it_says_which_were_tried(bare):
     assert refused.returncode == 1
     tried = "(tried: /my/python python3.11 python3 /usr/bin/python3); set DAHL_PYTHON"
     assert f"error: no Python 3.11 or later with venv {tried}" in refused.stderr
+
+
+def test_another_interpreter_wants_another_environment(bare):
+    bare.does("python3.11", f'case "$*" in -VV) cat "$STAGE/version" ;; esac; {PYTHON}')
+    for version, made in (("3.11.2", True), ("3.11.2", False), ("3.12.0", True)):
+        (bare.folder / "version").write_text(version)
+        _, started = set_up(bare, "demo")
+        assert any("-m venv" in call for call in started) == made
 
 
 @pytest.fixture
@@ -221,6 +287,37 @@ def test_the_state_of_an_environment_is_an_exit_code(checked):
     assert check(one) == (4, ["changed: one.py"])
     assert check(one, other) == (4, ["lacking: two 2.5", "changed: one.py"])
     assert check(other) == (3, ["lacking: two 2.5"])  # what no lock names is nobody's business
+
+
+PROGRAMS = {  # and headers, with the package of Debian that has them
+    "demo": {
+        "gcc": "gcc",
+        "stdio.h": "libc6-dev",
+        "cmake": "cmake",
+        "ninja": "ninja-build",
+        "ini.h": "libinih-dev",
+        "csv.h": "libcsv-dev",
+        "cJSON.h": "libcjson-dev",
+        "python3": "python3",
+        "venv": "python3-venv",
+    },
+    "firmware": {
+        "arm-none-eabi-gcc": "gcc-arm-none-eabi",
+        "math.h": "libnewlib-arm-none-eabi",
+        "qemu-system-arm": "qemu-system-arm",
+        "dpkg-source": "dpkg-dev",
+        "unxz": "xz-utils",
+    },
+    "test": {"g++": "g++", "git": "git", "pkg-config": "pkg-config", "dpkg-source": "dpkg-dev"},
+}
+
+
+@pytest.mark.parametrize("need", PROGRAMS)
+def test_what_a_need_starts_comes_from_a_package_that_it_must_have(bare, need):
+    found = sourced(bare, f"add_need {need}; words_of MUST; echo; words_of MAY").stdout
+    must, _, may = found.partition("\n\n")
+    assert set(PROGRAMS[need].values()) <= set(must.split())
+    assert ("valgrind" in may.split()) == (need == "test")
 
 
 # --- what is fetched ------------------------------------------------------------------------------
@@ -307,17 +404,46 @@ def test_the_commands_of_cbmc_run_on_their_own_c_library(bare):
         assert said == [f"--library-path {top}/usr/lib/x86:{top}/usr/lib", f"I am {name}: a b c"]
 
 
-def test_cbmc_comes_from_another_suite_and_leaves_only_what_runs(bare):
-    bare.stand_in("bin/dpkg-deb", 'mkdir -p "$3/usr/bin" "$3/usr/share" "$3/etc"; echo "$2" >>pkgs')
+@pytest.mark.parametrize("broken", ["", "libc6.deb", "cbmc.deb"])
+def test_cbmc_comes_from_another_suite_and_leaves_only_what_runs(bare, broken):
+    """An archive that cannot be unpacked leaves nothing, and the rest goes on."""
+    unpack = 'mkdir -p "$3/usr/bin" "$3/usr/share" "$3/etc"; [ "$(basename "$2")" != "$BROKEN" ]'
+    bare.stand_in("bin/dpkg-deb", unpack.replace("$BROKEN", broken or "none"))
     get = 'case "$*" in *" download "*) touch cbmc.deb libc6.deb ;; *update) ;; *) exit 1 ;; esac'
     bare.does("apt-get", get)
     words = "make_cbmc_commands() { mkdir -p $1/bin; }; cbmc_is_here() { [ -d build/deps/cbmc ]; }"
     done = sourced(bare, f"{words}; mkdir -p build/deps; get_cbmc; cbmc_is_here")
-    assert done.returncode == 0, done.stderr
     place = bare.folder / "build/deps/cbmc"
-    assert {path.name for path in place.iterdir()} == {"bin", "usr"}
-    assert [path.name for path in (place / "usr").iterdir()] == ["bin"]
+    assert (done.returncode == 0) == place.exists() == (not broken), done.stderr
     assert "download cbmc " in bare.calls("apt-get")[-1]
+    if broken:
+        assert "cbmc is not to be had here" in done.stdout
+        assert (bare.folder / "build/deps/cbmc.tried").read_text() == "any\n"
+    else:
+        assert {path.name for path in place.iterdir()} == {"bin", "usr"}
+        assert [path.name for path in (place / "usr").iterdir()] == ["bin"]
+
+
+FETCHED = {"demo": "", "identify": "", "firmware": "unity", "test": "unity", "bench": "unity"}
+FETCHED |= dict.fromkeys(("checks", "all"), "cbmc kernel unity")
+
+
+@pytest.mark.parametrize("need", FETCHED)
+def test_each_need_fetches_what_it_builds_and_runs_with(bare, need):
+    """What is not in place, once, and from the network only where it is not in place."""
+    lacking = 'for x in unity kernel cbmc; do eval "${x}_is_here() { false; }"; done'
+    got = "get_unity() { echo unity; }; get_kernel() { echo kernel; }; get_cbmc() { echo cbmc; }"
+    words = f"{got}; add_need {need}; look_at_fetched; get_fetched"
+    found = sourced(bare, f"{lacking}; {words}; must_fetch && echo must")
+    assert sorted(set(found.stdout.split()) - {"must"}) == FETCHED[need].split()
+    assert ("must" in found.stdout) == ("unity" in FETCHED[need])
+    there = sourced(
+        bare, f"{lacking.replace('false', 'true')}; {words}; wants_fetched || echo none"
+    )
+    assert {line.split(": ")[1] for line in there.stdout.splitlines()[:-1]} == set(
+        FETCHED[need].split()
+    )
+    assert there.stdout.endswith("none\n")
 
 
 @pytest.mark.parametrize("left_out", [None, "test", "demo"])
