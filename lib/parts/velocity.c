@@ -66,8 +66,8 @@ dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan, const dahl_velocity
 /* From one value of the table towards the next. The rest of the counts is a fraction of the segment, in Q32. */
 static int32_t between(int32_t from, int32_t to, uint32_t fraction_q32)
 {
-    return to < from ? from - (int32_t)dahl_mulhi((uint32_t)(from - to), fraction_q32)
-                     : from + (int32_t)dahl_mulhi((uint32_t)(to - from), fraction_q32);
+    return to < from ? from - (int32_t)dahl_mulhi((uint32_t)from - (uint32_t)to, fraction_q32)
+                     : from + (int32_t)dahl_mulhi((uint32_t)to - (uint32_t)from, fraction_q32);
 }
 
 static int32_t ratio_at(const dahl_velocity_plan_t *plan, uint32_t counts)

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from conftest import BUILD, ROOT, need
 from sources import ALL, CORE, FLOAT, INCLUDES, NODE
+from sources import PARTS as PART_SOURCES
 
 HERE = "tests/fuzz"
 PARTS = ("lib", "port", "host_sim", HERE)
@@ -60,6 +61,8 @@ FUZZERS = {
         Fuzzer("step", 64, 200_000, ALL, NUMBERS),
         Fuzzer("batch", 128, 50_000, ALL, NUMBERS),
         Fuzzer("prepare", 13, 200_000, ALL, NUMBERS),
+        Fuzzer("parts_prepare", 140, 20_000, [*CORE, *PART_SOURCES], NUMBERS),
+        Fuzzer("parts", 128, 20_000, ALL, NUMBERS),
         Fuzzer("codec", 24, 200_000, [p for p in NODE if p.stem == "frames"]),
         Fuzzer("receiver", 300, 20_000, [*NODE, *CORE]),
         Fuzzer("slcan", 128, 50_000, ["port/slcan/slcan.c"]),

@@ -45,6 +45,44 @@ static inline const fuzz_plan_t *fuzz_plan(fuzz_bytes_t *bytes, fuzz_plan_t *kep
     return kept;
 }
 
+static inline int fuzz_is_positive(float x)
+{
+    return x > 0 && isfinite(x);
+}
+
+static inline int fuzz_is_in_limits(float x)
+{
+    return x >= DAHL_TORQUE_MIN && x < DAHL_TORQUE_MAX;
+}
+
+/* The travel of one count, sigma0 theta / Fc, against limit without dividing: -1, 0, 1. */
+static inline int fuzz_compare_travel(const dahl_params_t *p, long double limit)
+{
+    long double left = (long double)p->sigma0 * (long double)p->theta_per_count, right = (long double)p->Fc * limit;
+    return (left > right) - (left < right);
+}
+
+/* Of all parameters that there are. */
+static inline int fuzz_do_all(int (*test)(float), const dahl_params_t *p)
+{
+    return test(p->sigma0) && test(p->Fc) && (p->theta_per_count == 0 || test(p->theta_per_count));
+}
+
+/* What dahl_prepare says of these. */
+static inline dahl_err_t fuzz_judge(const dahl_params_t *p)
+{
+    if (!fuzz_do_all(fuzz_is_positive, p)) {
+        return DAHL_ERR_PARAM;
+    }
+    if (!fuzz_do_all(fuzz_is_in_limits, p)) {
+        return DAHL_ERR_RANGE;
+    }
+    if (p->theta_per_count == 0) {
+        return DAHL_OK;
+    }
+    return fuzz_compare_travel(p, DAHL_TRAVEL_MIN) >= 0 && fuzz_compare_travel(p, DAHL_TRAVEL_MAX) < 0 ? DAHL_OK : DAHL_ERR_RANGE;
+}
+
 /* Travel of a move by the parameters themselves, in presliding lengths. */
 static inline long double fuzz_travel(const dahl_params_t *params, long double theta)
 {
