@@ -70,9 +70,14 @@ class Trial:
     value: dict[str, float]  # sigma0, Fc
     without: dict[str, np.ndarray]  # the same with each cycle left out, (cycles,)
     cost: np.ndarray  # (cycles,), each as it was left out
-    step: float = 0.0  # of log a, that was still to go
-    active: bool = False  # a spring or a viscous part that drives the motion
     plausible: bool = field(default=False, kw_only=True)
+    step: float = 0.0  # of log a, that was still to go
+    terms: dict[str, float] = field(default_factory=dict)  # N m (N) and so on
+
+    @property
+    def active(self) -> bool:
+        """Whether a spring or a viscous part drives the motion."""
+        return any(self.terms.get(name, 0.0) < 0 for name in ("spring", "viscous"))
 
 
 def fitted(cut: Cut, a: float, choice: Choice) -> Trial | None:
@@ -108,17 +113,17 @@ def read(cut: Cut, grams: np.ndarray, a: float, choice: Choice) -> Trial | None:
     some = grams[:, used][:, :, used]
     best = least_squares(some.sum(axis=0))
     Fc, change = best[:2]  # noqa: N806
-    if not Fc > 0 or ("inertia" in choice.terms and best[2 + choice.terms.index("inertia")] < 0):
+    if not Fc > 0 or any(
+        term == "inertia" and best[2 + i] < 0 for i, term in enumerate(choice.terms)
+    ):
         return None
     result: LeftOut = left_out(some, cut.fold)
     step = float(change / Fc)
     part = result.found[:, 0]
     value = {"sigma0": a * (Fc + change), "Fc": float(Fc)}
     without = {"sigma0": a * (part + result.found[:, 1]), "Fc": part}
-    active = any(
-        best[2 + i] < 0 for i, term in enumerate(choice.terms) if term in ("spring", "viscous")
-    )
-    return Trial(choice, a, value, without, result.cost, step, active)
+    named = dict(zip(choice.terms, map(float, best[2:]), strict=True))
+    return Trial(choice, a, value, without, result.cost, step, named)
 
 
 def of_terms(
@@ -147,15 +152,19 @@ def simplest(trials: Sequence[Trial]) -> Trial:
     for trial in trials:
         more, error = excess(trial.cost, best.cost)
         trial.plausible = more <= error
-    near = [trial for trial in trials if not _clearly_better(best, trial)]
+    near = [trial for trial in trials if not clearly_better(best, trial, extra(best, trial))]
     return min(near, key=lambda trial: (trial.choice.size, float(trial.cost.sum())))
 
 
-def _clearly_better(best: Trial, trial: Trial) -> bool:
-    """Beyond chance, and by PAYS for each thing that was put in."""
-    more, error = excess(trial.cost, best.cost)
-    added = max(best.choice.size - trial.choice.size, 0)
-    return more > RELUCTANT * error and more > PAYS * added * float(best.cost.sum())
+def extra(one: Trial, other: Trial) -> int:
+    """How much more was put into one than into the other."""
+    return max(one.choice.size - other.choice.size, 0)
+
+
+def clearly_better(one: Trial, other: Trial, added: int) -> bool:
+    """Beyond chance, and by PAYS for each of the things that were added."""
+    more, error = excess(other.cost, one.cost)
+    return more > RELUCTANT * error and more > PAYS * added * float(one.cost.sum())
 
 
 def passive(trials: Sequence[Trial]) -> Sequence[Trial]:

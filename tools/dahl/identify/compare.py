@@ -24,12 +24,15 @@ from dahl.identify.sweep import CORE
 
 NODES = 1.25 ** np.arange(-6.0, 9.0)  # of a, in the dictionary
 FINER = (1.12, 1.06, 1.03, 1.015)  # of a, for one element alone
-MOST = 4  # elements
+MOST = 4  # elements side by side
 EXPONENTS = (0.3, 0.6, 1.4, 2.0)
 PARTS = (0.1, 0.2, 0.4)  # of the mean of both Fc, that each is off
 SLOW = (0.1, 0.2, 0.4)  # of the highest speed: where friction has fallen by a third
 ROUNDS = 4  # of Newton's steps to the best a
 APART = 0.02  # of log a
+
+
+Part = dict[str, float | str]  # kind, sigma0, Fc of an element
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Candidate:
 
     name: str
     trial: Trial
-    parts: list[dict[str, float | str]] = field(default_factory=list)  # kind, sigma0, Fc of each
+    parts: list[Part] = field(default_factory=list)
     size: int = 0  # parameters
     product: bool = True  # whether the library has it
 
@@ -119,14 +122,36 @@ def side_by_side(
     return found
 
 
-def pair(book: Dictionary, kind: str, name: str) -> Candidate:
-    """The best two elements of one kind, every pair of the dictionary tried."""
+def pair(book: Dictionary, kind: str, name: str, promising: float) -> Candidate:
+    """The best two elements of one kind, every pair of the dictionary tried; each a is then made
+    finer where the cost is below `promising`.
+    """
     keys = [Key(kind, float(book.a * node)) for node in NODES]
-    grams = book.grams([book.column(key) for key in keys])
-    whole, count = grams.sum(axis=0), len(keys)
-    best = min(combinations(range(count), 2), key=lambda both: _cost(whole, list(both), count))
-    used = [*best, *range(count, len(whole))]
-    return _candidate(book, name, [keys[k] for k in best], grams[:, used][:, :, used])
+    whole, count = book.grams([book.column(key) for key in keys]).sum(axis=0), len(keys)
+    costs = {both: _cost(whole, list(both), count) for both in combinations(range(count), 2)}
+    best = min(costs, key=costs.__getitem__)
+    both = [keys[k] for k in best]
+    if costs[best] < promising:
+        both = _finer(book, both)
+    return _candidate(book, name, both, book.grams([book.column(key) for key in both]))
+
+
+def _finer(book: Dictionary, keys: list[Key]) -> list[Key]:
+    """Each a moved up and down by ever smaller steps, as long as that lowers the cost."""
+
+    def cost(tried: list[Key]) -> float:
+        whole = book.grams([book.column(key) for key in tried]).sum(axis=0)
+        return cost_of(whole, constrained(whole, len(tried)))
+
+    least = cost(keys)
+    for step in FINER:
+        for place, key in enumerate(keys):
+            for factor in (step, 1 / step):
+                tried = [*keys]
+                tried[place] = Key(key.kind, key.a * factor)
+                if (here := cost(tried)) < least:
+                    least, keys = here, tried
+    return keys
 
 
 def _cost(whole: np.ndarray, chosen: list[int], count: int) -> float:
@@ -138,18 +163,20 @@ def _cost(whole: np.ndarray, chosen: list[int], count: int) -> float:
 def _candidate(book: Dictionary, name: str, keys: list[Key], grams: np.ndarray) -> Candidate:
     count = len(keys)
     solve = partial(constrained, count=count)
-    result, Fc = left_out(grams, book.cut.fold, solve), solve(grams.sum(axis=0))[:count]  # noqa: N806
+    result, best = left_out(grams, book.cut.fold, solve), solve(grams.sum(axis=0))
+    Fc, named = best[:count], dict(zip(book.terms, map(float, best[count:]), strict=True))  # noqa: N806
     a = np.array([key.a for key in keys])
     value = {"sigma0": float(a @ Fc), "Fc": float(Fc.sum())}
     without = {"sigma0": result.found[:, :count] @ a, "Fc": result.found[:, :count].sum(axis=1)}
     title = name if name == "Coulomb" else f"{name} K={count}"
     choice = Choice(book.terms, book.delay, model=title)
-    parts: list[dict[str, float | str]] = [
+    parts: list[Part] = [
         {"kind": key.kind, "sigma0": float(key.a * force), "Fc": float(force)}
         for key, force in zip(keys, Fc, strict=True)
         if force > 0
     ]
-    trial = Trial(choice, value["sigma0"] / max(value["Fc"], 1e-300), value, without, result.cost)
+    slope = value["sigma0"] / max(value["Fc"], 1e-300)
+    trial = Trial(choice, slope, value, without, result.cost, terms=named)
     return Candidate(title, trial, parts, 2 * count + choice.size)
 
 
@@ -189,7 +216,8 @@ def shaped(
         above, below = (book.of(model, a * np.exp(side * APART)) for side in (1, -1))
         grams = book.grams([w, (above - below) / (2 * APART), *(factor * w for factor in beside)])
         result = left_out(grams, book.cut.fold)
-        Fc, change = least_squares(grams.sum(axis=0))[:2]  # noqa: N806
+        best = least_squares(grams.sum(axis=0))
+        Fc, change = best[:2]  # noqa: N806
         if not Fc > 0:
             return None
         last, step = a, float(np.clip(change / Fc, -0.4, 0.4))
@@ -200,7 +228,8 @@ def shaped(
     part = result.found
     without = {"sigma0": last * (part[:, 0] + part[:, 1]), "Fc": part[:, 0]}
     choice = Choice(book.terms, book.delay, model=name)
-    trial = Trial(choice, last, value, without, result.cost)
+    named = dict(zip(book.terms, map(float, best[2 + len(beside) :]), strict=True))
+    trial = Trial(choice, last, value, without, result.cost, terms=named)
     size = 3 + len(beside) + choice.size
-    parts: list[dict[str, float | str]] = [{"kind": name, **value}]
+    parts: list[Part] = [{"kind": name, **value}]
     return Candidate(name, trial, parts, size, product=False)

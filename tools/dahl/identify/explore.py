@@ -42,6 +42,7 @@ class Asked:
 
     terms: tuple[tuple[str, ...], ...]  # sets of terms
     delays: bool
+    model: str = ""  # asked for by its name, else the simplest
 
 
 def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: Asked) -> Explored:
@@ -60,7 +61,7 @@ def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: 
             findings.append(Finding(words, NAMES))
         trials = trials + late + _terms_when_late(cut, [taken, *late], asked)
         taken = choices.simplest(trials)
-    models = model_table.compared(cut, taken, taken.a)
+    models = model_table.compared(cut, taken, taken.a, asked.model)
     plain = [one for one in trials if one.choice.plain]
     if plain and model_table.better_plainly(models, taken):
         for one in trials:

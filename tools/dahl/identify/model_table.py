@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Which model a log asks for: the simplest of those that the library has, within one standard error
-of the best score on cycles left out; and what the others say of sigma0 and Fc.
+"""Which model a log asks for: the simplest of those that the library has, from which the best is
+not clearly away by its score on cycles left out; and what the others say of sigma0 and Fc.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,13 +18,39 @@ from dahl.identify.compare import Candidate, Dictionary
 from dahl.identify.cycles import Cut, excess
 from dahl.identify.finding import Finding
 
+PROMISING = 1.2  # of the cost of Dahl's model
 SLIPS, MIXES = 4, 4  # elements side by side
+DAHL_TICK, ASYMMETRIC_TICK = 18, 33  # instructions
+SLIP_TICK, PARALLEL_TICK = (22, 16), (50.0, 62.5)  # of a tick, and for each element
 LEAST_STEP = 0.15  # of the exponent
 MORE = 0.05  # of the error, that a better model has to remove to be spoken of
 SURE, SURELY = 2.0, 3.0  # standard errors
 SLOWER, SHAPE, PAIRED = "falling with speed", "general exponent", "Dahl K=2"
 SLIP = "slip K=1"
 OF_DAHL = (SHAPE, PAIRED, "asymmetric")
+
+
+def names() -> dict[str, str]:
+    """The models that the library has, by how an option calls them."""
+    several = {"slip": range(1, SLIPS + 1), "dahl": (2,), "mixed": range(2, MIXES + 1)}
+    counted = {
+        f"{kind}-{count}": f"{kind.replace('dahl', 'Dahl')} K={count}"
+        for kind, counts in several.items()
+        for count in counts
+    }
+    return {"coulomb": "Coulomb", "dahl": "Dahl", "asymmetric": "asymmetric", **counted}
+
+
+def instructions(name: str) -> int | None:
+    """Of one tick on a Cortex-M3, at most, as counted in QEMU (docs/microcontroller.md); F/Fc in
+    Q30, or F in N m where there are several Dahl elements; nothing where the library has no such.
+    """
+    kind, _, count = name.partition(" K=")
+    if kind == "slip":
+        return SLIP_TICK[0] + SLIP_TICK[1] * int(count)
+    if count:
+        return math.ceil(PARALLEL_TICK[0] + PARALLEL_TICK[1] * int(count))
+    return {"Dahl": DAHL_TICK, "asymmetric": ASYMMETRIC_TICK}.get(name)
 
 
 @dataclass
@@ -72,12 +99,15 @@ def _all_of(book: Dictionary) -> list[Candidate]:
     dahl = choices.fitted(book.cut, book.a, Choice(book.terms, book.delay))
     found: list[Candidate | None] = [compare.coulomb(book)]
     if dahl is not None:
-        own = [{"kind": "dahl", **dahl.value}]
-        found.append(Candidate("Dahl", dahl, own, 2 + dahl.choice.size))  # type: ignore[arg-type]
+        own: compare.Part = {"kind": "dahl", **dahl.value}
+        found.append(Candidate("Dahl", dahl, [own], 2 + dahl.choice.size))
+    promising = PROMISING * float(dahl.cost.sum()) if dahl is not None else np.inf
     found.append(compare.one(book, "slip", "slip"))
-    found += compare.side_by_side(book, ["slip"], "slip", SLIPS)[1:]
-    found.append(compare.pair(book, "dahl", "Dahl"))
-    found += compare.side_by_side(book, ["dahl", "slip"], "mixed", MIXES)[1:]
+    found.append(compare.pair(book, "slip", "slip", promising))
+    found += compare.side_by_side(book, ["slip"], "slip", SLIPS)[2:]
+    found.append(compare.pair(book, "dahl", "Dahl", promising))
+    mixes = compare.side_by_side(book, ["dahl", "slip"], "mixed", MIXES)[1:]
+    found += [one for one in mixes if any(part["kind"] == "dahl" for part in one.parts)]
     found += [_best(_asymmetric(book)), _best(_exponents(book)), _best(_slower(book))]
     return [one for one in found if one is not None]
 
@@ -110,7 +140,9 @@ def _exponents(book: Dictionary) -> list[Candidate | None]:
     for _ in range(3):
         for exponent in fresh:
             shape = elements.of_exponent(exponent)
-            known[exponent] = compare.shaped(book, shape, SHAPE)
+            one = known[exponent] = compare.shaped(book, shape, SHAPE)
+            if one is not None:
+                one.parts[0]["exponent"] = exponent
         real = {i: one for i, one in known.items() if one is not None}
         if not real:
             return []
@@ -141,9 +173,13 @@ def _best(found: Sequence[Candidate | None]) -> Candidate | None:
 
 
 def _simplest(candidates: Sequence[Candidate]) -> Candidate:
-    """Within one standard error of the best."""
+    """The simplest from which the best is not clearly away."""
     best = min(candidates, key=lambda one: float(one.trial.cost.sum()))
-    near = [one for one in candidates if _near(one, best)]
+    near = [
+        one
+        for one in candidates
+        if not choices.clearly_better(best.trial, one.trial, max(best.size - one.size, 0))
+    ]
     return min(near, key=lambda one: (one.size, float(one.trial.cost.sum())))
 
 

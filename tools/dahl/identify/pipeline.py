@@ -22,6 +22,7 @@ from dahl.identify import (
     fit,
     grid,
     lowpass,
+    model_table,
     path,
     plan_quality,
     recording,
@@ -55,6 +56,7 @@ class Options:
     median: int = 0  # rows; 0: what pays
     trust_units: bool = False
     target_counts: float = 0.0  # a turn (millimetre) of the plan's encoder; 0: the log's
+    model: str = ""  # as in model_table.names(); "": the simplest that the log supports
 
 
 class Study:
@@ -271,7 +273,8 @@ def _explored(study: Study, found: Sweep, estimate: Estimate, options: Options) 
     if not estimate.Fc > 0 or estimate.sse > HOPELESS * fit.spread_of(found):
         return Explored()
     sets = fit.sets_of(found, study.candidates) if options.terms is None else [options.terms]
-    asked = explore.Asked(tuple(sets), options.delay and study.timed)
+    model = model_table.names().get(options.model, "")
+    asked = explore.Asked(tuple(sets), options.delay and study.timed, model)
     return explore.explored(study.logs, estimate, TURN / estimate.a, asked)
 
 
