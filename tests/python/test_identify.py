@@ -20,12 +20,12 @@ SEEDS = 40  # of the short form; 200 in the long one
 
 
 def errors_and_cover(
-    seeds: int, options: pipeline.Options = pipeline.Options(), **kind: float
+    seeds: int, options: pipeline.Options | None = None, **kind: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors of sigma0 and Fc, and whether their intervals hold the truth: (seeds, 2)."""
     errors, held = [], []
     for seed in range(seeds):
-        found = pipeline.identify([synthetic(seed, **kind)], options).estimate
+        found = pipeline.identify([synthetic(seed, **kind)], options or pipeline.Options()).estimate
         errors.append((found.sigma0 / SIGMA0 - 1, found.Fc / FC - 1))
         pairs = ((found.ci95["sigma0"], SIGMA0), (found.ci95["Fc"], FC))
         held.append([one.low <= truth <= one.high for one, truth in pairs])
