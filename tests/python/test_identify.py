@@ -19,11 +19,13 @@ pytestmark = pytest.mark.usefixtures("library")
 SEEDS = 40  # of the short form; 200 in the long one
 
 
-def errors_and_cover(seeds: int, **kind: float) -> tuple[np.ndarray, np.ndarray]:
+def errors_and_cover(
+    seeds: int, options: pipeline.Options | None = None, **kind: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Relative errors of sigma0 and Fc, and whether their intervals hold the truth: (seeds, 2)."""
     errors, held = [], []
     for seed in range(seeds):
-        found = pipeline.identify([synthetic(seed, **kind)]).estimate
+        found = pipeline.identify([synthetic(seed, **kind)], options or pipeline.Options()).estimate
         errors.append((found.sigma0 / SIGMA0 - 1, found.Fc / FC - 1))
         pairs = ((found.ci95["sigma0"], SIGMA0), (found.ci95["Fc"], FC))
         held.append([one.low <= truth <= one.high for one, truth in pairs])
@@ -58,7 +60,9 @@ def test_error_and_cover(shared):
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [0.0, 0.9])
 def test_error_and_cover_of_200_seeds(shared):
-    errors, held = errors_and_cover(200, shared=shared)
+    """Inside the true choice; over the choices see test_coverage_identify.py."""
+    alone = pipeline.Options(terms=(), delay=False)
+    errors, held = errors_and_cover(200, alone, shared=shared)
     if shared == 0:
         assert np.median(np.abs(errors[:100]), axis=0)[0] < 0.005
         assert np.median(np.abs(errors[:100]), axis=0)[1] < 0.001

@@ -100,6 +100,13 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         metavar="LIST",
         help="offset,spring,viscous,inertia or none beside friction (default: those that pay)",
     )
+    how.add_argument(
+        "--model",
+        default="",
+        metavar="NAME",
+        help="dahl, slip-1 .. slip-4, dahl-2, mixed-2 .. mixed-4, asymmetric, coulomb (default:"
+        " the simplest that explains cycles left out as well as the best)",
+    )
     how.add_argument("--no-delay", action="store_true", help="torque and angle are in time")
     how.add_argument(
         "--median",
@@ -147,6 +154,7 @@ def source_of(args: argparse.Namespace) -> Source:
 
 def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
+    from dahl.identify.model_table import names
     from dahl.identify.pipeline import Options
     from dahl.identify.sweep import CORE
     from dahl.logs import meant
@@ -157,8 +165,11 @@ def options_of(args: argparse.Namespace) -> Options:
         wrong = next((term for term in terms if term not in CORE), None)
         if wrong:
             raise Error(f"--terms {wrong}: no such term{meant(wrong, CORE)}")
+    model = args.model.lower()
+    if model and model not in names():
+        raise Error(f"--model {args.model}: no such model{meant(model, list(names()))}")
     target = args.target_counts_per_turn
-    return Options(terms, not args.no_delay, args.median, args.trust_units, target)
+    return Options(terms, not args.no_delay, args.median, args.trust_units, target, model)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -278,7 +289,7 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     from dahl.files import keep
-    from dahl.identify import output
+    from dahl.identify import models_output, output
     from dahl.terminal import console
 
     quiet = args.json == "-"
@@ -293,6 +304,8 @@ def _report(args: argparse.Namespace, result: Result, name: str) -> None:
         return
     out = console()
     out.print(output.table(result))
+    if result.explored.models.candidates:
+        out.print(models_output.table(result))
     if written:
         out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":

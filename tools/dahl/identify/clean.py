@@ -26,8 +26,6 @@ NEIGHBOURS = 9  # rows whose median says what a row should be like
 BAND, APART = 0.1, 0.25  # of Fc: half width of a band of torque, distance to the bands beside it
 FLAT = 2.5  # a band that takes so many times the travel of its neighbours is flat
 CUBICS = (81, 41, 21, 11)  # rows of the local cubics that are tried between counts
-MAX_DELAY = 20  # rows
-DELAY_ROWS = 50_000  # rows that are looked at for it
 MIN_ROWS = 30
 
 
@@ -199,39 +197,16 @@ def _travel(log: Log, rows: tuple[int, int]) -> float:
     )
 
 
-def delay_of(
-    drawable: list[list[np.ndarray]], torques: list[np.ndarray]
-) -> tuple[float, float, float]:
-    """The cost with the best delay, how many rows that is (the torque comes late where it is above
-    0), and the part of the cost that it saves.
-
-    Each entry of `drawable` is for one a: what the model can then draw with its linear parameters
-    free, (rows, k) for each log. The a that is best with a delay is not the best without.
-    """
-    costs = np.array([_costs(columns, torques) for columns in drawable]).min(axis=0)
-    best = int(np.argmin(costs))
-    if best in (0, len(costs) - 1):
-        return float(costs[best]), 0.0, 0.0
-    y = costs[best - 1 : best + 2]
-    part = (y[0] - y[2]) / (2 * (y[0] - 2 * y[1] + y[2]))
-    rows, saved = best - MAX_DELAY + part, 1 - costs[best] / costs[MAX_DELAY]
-    return float(costs[best]), float(rows), float(saved)
-
-
-def _costs(columns: list[np.ndarray], torques: list[np.ndarray]) -> list[float]:
-    """The cost for each shift from -MAX_DELAY to MAX_DELAY rows."""
-    keep = slice(MAX_DELAY, -MAX_DELAY)
-    orthogonal = np.linalg.qr(np.concatenate([part[keep] for part in columns]))[0]
-    costs = []
-    for shift in range(-MAX_DELAY, MAX_DELAY + 1):
-        parts = zip(torques, columns, strict=True)
-        moved = np.concatenate([np.roll(y[: len(x)], -shift)[keep] for y, x in parts])
-        costs.append(float(moved @ moved - np.sum((orthogonal.T @ moved) ** 2)))
-    return costs
-
-
 def shifted(torque: np.ndarray, rows: float) -> np.ndarray:
     """The torque `rows` earlier."""
     index = np.arange(len(torque), dtype=float)
     earlier: np.ndarray = np.interp(index + rows, index, torque)
     return earlier
+
+
+def shifted_weight(weight: np.ndarray, rows: float) -> np.ndarray:
+    """The weights that belong to a shifted torque: the lesser of the two rows it is drawn from."""
+    index = np.arange(len(weight)) + int(np.floor(rows))
+    before, after = (np.clip(index + k, 0, len(weight) - 1) for k in (0, int(rows % 1 > 0)))
+    least: np.ndarray = np.minimum(weight[before], weight[after])
+    return least

@@ -25,7 +25,7 @@ from scipy.stats import t as student
 from dahl.identify.sweep import CORE, FIRST_TERM, FRICTION, Sweep
 
 PAYS = 0.03  # of the held-out cost
-INFORMED = 0.1  # of a column's variance
+INFORMED, HARDLY = 0.1, 0.03  # of a column's variance
 FOLDS = 5
 ROUNDS, STEPS = 2, 9  # of refining the grid around its best node
 COARSE = 1.3  # ratio of neighbouring a in the first grid
@@ -167,16 +167,36 @@ def choose_terms(found: Sweep, candidates: Sequence[str]) -> list[str]:
 
 def fits_in(found: Sweep, kept: Sequence[str], term: str) -> bool:
     """Told apart by the motion, and with the sign of a passive part."""
-    total = found.total()
-    curve = curve_of(found.a, total, [*kept, term])
     if term == "offset":
         return True
-    own = FIRST_TERM + CORE.index(term)
-    for node in (curve.best, len(found.a) - 1):  # beside Dahl's curve, and beside a bare sign
-        left = _left_beside(total[node], own, columns_of(list(dict.fromkeys(["offset", *kept]))))
-        if left < INFORMED:
-            return False
-    return bool(curve.coefficient[curve.best, -1] > 0)
+    curve = curve_of(found.a, found.total(), [*kept, term])
+    return told_apart(found, kept, term) and bool(curve.coefficient[curve.best, -1] > 0)
+
+
+def told_apart(found: Sweep, kept: Sequence[str], term: str, part: float = INFORMED) -> bool:
+    """Whether the motion can tell a term from the others and from friction."""
+    total, own = found.total(), FIRST_TERM + CORE.index(term)
+    best = curve_of(found.a, total, [*kept, term]).best
+    others = columns_of(list(dict.fromkeys(["offset", *kept])))
+    nodes = (best, len(found.a) - 1)  # beside Dahl's curve, and beside a bare sign
+    return all(_left_beside(total[node], own, others) >= part for node in nodes)
+
+
+def sets_of(found: Sweep, candidates: Sequence[str]) -> list[tuple[str, ...]]:
+    """Sets of terms, the empty one first, in which the motion tells each from the others at all."""
+    subsets = [
+        kept for count in range(len(candidates) + 1) for kept in combinations(candidates, count)
+    ]
+    return [
+        kept
+        for kept in subsets
+        if ("offset" in kept or not kept)
+        and all(
+            told_apart(found, [other for other in kept if other != term], term, HARDLY)
+            for term in kept
+            if term != "offset"
+        )
+    ]
 
 
 def _left_beside(gram: np.ndarray, own: int, others: list[int]) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dahl import __version__
 from dahl.files import keep
-from dahl.identify import pipeline
+from dahl.identify import models_output, pipeline
 from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
 
@@ -78,6 +78,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "reasons": result.verdict.reasons,
         "notes": result.notes,
         **how(result),
+        **models_output.numbers(result),
     }
 
 
@@ -167,6 +168,7 @@ def header(result: Result, name: str) -> str:
     comment = [
         f"Friction identified from {titled(result)}:",
         f"{result.verdict.text}.",
+        models_output.about(result),
         f"sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
         f" Fc [{log.unit}] {interval(result, 'Fc')}.",
         f"R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
@@ -178,16 +180,16 @@ def header(result: Result, name: str) -> str:
         *(f"Note: {note}." for one in result.logs for note in one.notes),
     ]
     whole = [line.replace("*/", "* /") for line in comment]
-    folded = [part for line in whole for part in textwrap.wrap(line, COMMENT)]
+    folded = [part for line in whole if line for part in textwrap.wrap(line, COMMENT)]
     return plan_header.text(name, plan, folded)
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
     """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`."""
-    log, estimate = result.logs[0], result.estimate
+    log, terms = result.logs[0], models_output.of_scene(result).terms
     rows = slice(0, REPLAYED)
     drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
-    rest = {term: value for term, value in estimate.terms.items() if term not in drawn}
+    rest = {term: value for term, value in terms.items() if term not in drawn}
     torque = (log.torque - pipeline.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
@@ -200,18 +202,20 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
 
 def _scene(result: Result, name: str, angle: str, force: str) -> str:
     """The scene that replays NAME.csv."""
-    log, estimate = result.logs[0], result.estimate
+    log, estimate, shown = result.logs[0], result.estimate, models_output.of_scene(result)
     count = log.resolution or MADE_UP / estimate.a
     rows = min(log.rows, REPLAYED)
     travelled = np.cumsum(np.abs(log.moves[:rows]))
     settled = int(np.searchsorted(travelled, 5 / estimate.a))
     lines = [
         f"; written by dahl identify: {result.verdict.text}",
+        *(f"; {words}" for words in (models_output.about(result, shown.model),) if words),
         "[scene]",
         f"title = {name}, identified",
         "[friction]",
-        f"sigma0 = {estimate.sigma0!r} ; {log.slope_unit}",
-        f"Fc = {estimate.Fc!r} ; {log.unit}",
+        f"model = {shown.model}",
+        f"sigma0 = {shown.sigma0} ; {log.slope_unit}",
+        f"Fc = {shown.Fc} ; {log.unit}",
         f"theta_per_count = {count!r} ; {log.angle_unit}",
         "[motion]",
         "kind = log",
@@ -223,8 +227,8 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
         "[measured]",
         f"torque = {force}",
         "torque_scale = 1",
-        f"offset = {estimate.terms.get('offset', 0.0)!r}",
-        f"spring = {estimate.terms.get('spring', 0.0)!r}",
+        f"offset = {shown.terms.get('offset', 0.0)!r}",
+        f"spring = {shown.terms.get('spring', 0.0)!r}",
         f"settle = {settled if settled < rows // 2 else 0}",
         f"label_angle = angle from the start [{log.angle_unit}]",
         f"label_torque = friction [{log.unit}]",

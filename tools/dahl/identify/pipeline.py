@@ -8,7 +8,7 @@ the end the intervals and the comparison with simpler models are taken from the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -18,15 +18,18 @@ from dahl.identify import (
     angle_noise,
     clean,
     drift,
+    explore,
     fit,
     grid,
     lowpass,
+    model_table,
     path,
     plan_quality,
     recording,
     sweep,
     verdict,
 )
+from dahl.identify.explore import Explored
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
 from dahl.identify.result import Models, Result
@@ -34,11 +37,10 @@ from dahl.identify.sweep import CORE, Model, Sweep
 
 BLOCKS = 24  # of all logs together; at least 4 each
 LEAST_LOOP, MOST_STEPS = 2.0, 3.0  # a is sought from 2/range (tips at 0.76 Fc) to 3/resolution
-DELAY_AT = np.geomspace(0.4, 1.3, 9)  # of a: where a delay is tried
-DELAY_PAYS, LEAST_DELAY = 0.05, 0.3  # of the cost; rows
 LOOKED_AT = 100_000  # rows that the first looks are taken at
 BENT = 13  # values of a at which the bilinear element is tried
 NEARBY = np.sinh(np.linspace(-2, 2, 13))  # log of a around a known best
+HOPELESS = 0.7  # part of the spread not explained: no other choice will help
 POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other way round
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
 HIDDEN = 0.1  # of the change by going between the counts that may still be hidden
@@ -54,6 +56,7 @@ class Options:
     median: int = 0  # rows; 0: what pays
     trust_units: bool = False
     target_counts: float = 0.0  # a turn (millimetre) of the plan's encoder; 0: the log's
+    model: str = ""  # as in model_table.names(); "": the simplest that the log supports
 
 
 class Study:
@@ -137,23 +140,30 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     ]
     turned, sign = _positive(logs, options)
     steadied, window = _steadied(turned, options)
-    hidden, inner = 0.0, False
-    if not options.median:
-        steadied, hidden, inner = _between_counts(steadied, options)
+    steadied, hidden, inner = _between_counts(steadied, options)
     study = Study(steadied)
     found, terms = study.search(options.terms)
     slack = _without_backlash(study, fit.point(found, terms))
     if slack:
         found, terms = study.search(options.terms)
-    delay = _undelay(study, fit.point(found, terms)) if options.delay and study.timed else 0.0
-    if delay:
-        found, terms = study.search(options.terms)
     first = fit.point(found, terms)
     if _weigh(study, first):
         found = study.again(first.a, terms)
-    estimate = fit.estimate(found, terms, HIDDEN * hidden)
+        first = fit.point(found, terms)
+    seen = _explored(study, found, first, options)
+    late = _undelayed(study, seen)
+    if late and not inner:
+        study.logs, hidden, inner = _between_counts(study.logs, options)
+        if inner:
+            seen, more = _explored_again(study, options)
+            late += more
+    _name_delay(study, late)
+    if late or (seen.taken and set(seen.choice.terms) != set(terms)):
+        found, terms = study.search(seen.choice.terms)
+    estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
     _refuse_swapped(logs, found, estimate, options)
-    result = _judged(study, found, estimate, delay, slack)
+    result = _judged(study, found, estimate, late, slack)
+    result.explored = seen
     result = replace(
         result, median=window, sign=sign, inner=inner, raw=logs, options=asdict(options)
     )
@@ -167,6 +177,7 @@ def _checked(result: Result, options: Options) -> Result:
     doubted = [] if options.trust_units else grid.finding(result.raw[0])
     result.findings = [
         *doubted,
+        *result.explored.findings,
         *drift.findings(result.cycles),
         *lowpass.finding(result),
         *angle_noise.finding(result, lambda made: _refitted(result, made)),
@@ -243,6 +254,8 @@ def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float
     """Take the angle between the counts where the torque fits that better; returns by which part
     sigma0 changed, and whether it was taken.
     """
+    if options.median:
+        return logs, 0.0, False
     read = _first(logs, options)
     if read.a * max(log.resolution for log in logs) < FINE:
         return logs, 0.0, False
@@ -255,40 +268,45 @@ def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float
     return inner, abs(found.sigma0 / read.sigma0 - 1), True
 
 
-def _undelay(study: Study, estimate: Estimate) -> float:
-    """Shift the torque to the angle where that pays; returns the delay in rows.
+def _explored(study: Study, found: Sweep, estimate: Estimate, options: Options) -> Explored:
+    """What else may be chosen, where the logs tell anything."""
+    if not estimate.Fc > 0 or estimate.sse > HOPELESS * fit.spread_of(found):
+        return Explored()
+    sets = fit.sets_of(found, study.candidates) if options.terms is None else [options.terms]
+    model = model_table.names().get(options.model, "")
+    asked = explore.Asked(tuple(sets), options.delay and study.timed, model)
+    return explore.explored(study.logs, estimate, TURN / estimate.a, asked)
 
-    A loop that bends otherwise than Dahl's looks late too; so a bilinear element, which bends the
-    other way, is asked as well, and the one that fits better is believed.
+
+def _explored_again(study: Study, options: Options) -> tuple[Explored, float]:
+    """A torque that came late is in time now, and has told more of the angle between the counts,
+    which tells more of the delay: the choices, and how many rows are still to go.
     """
-    torques = [log.torque for log in study.logs]
-    _, delay, saved = min(
-        clean.delay_of(
-            [_drawable(study, a, estimate.terms, model) for a in estimate.a * DELAY_AT], torques
-        )
-        for model in (path.dahl, path.bilinear)
-    )
-    if abs(delay) < LEAST_DELAY or saved < DELAY_PAYS:
-        return 0.0
+    found, terms = study.search(options.terms)
+    seen = _explored(study, found, fit.point(found, terms), options)
+    return seen, _undelayed(study, seen)
+
+
+def _undelayed(study: Study, seen: Explored) -> float:
+    """Shift the torque to the angle by the delay that was taken, if any; returns it in rows."""
+    rows = seen.choice.delay
+    if rows:
+        for log in study.logs:
+            log.torque = clean.shifted(log.torque, rows)
+            if log.weight is not None:
+                log.weight = clean.shifted_weight(log.weight, rows)
+    return rows
+
+
+def _name_delay(study: Study, rows: float) -> None:
+    """Say what the torque was shifted by."""
+    if rows == 0:
+        return
     for log in study.logs:
-        log.torque = clean.shifted(log.torque, delay)
         assert log.time is not None  # a delay is sought only where every log has its time
         step = float(np.median(np.diff(log.time)))
-        who = "torque" if delay > 0 else "angle"
-        log.notes.append(f"{who} comes {abs(delay):.1f} rows ({abs(delay) * step:.3g} s) late")
-    return delay
-
-
-def _drawable(study: Study, a: float, terms: Iterable[str], model: Model) -> list[np.ndarray]:
-    """The columns that one model draws each torque with, the first DELAY_ROWS rows of each log."""
-    used, columns = [CORE.index(term) for term in terms], []
-    for log in study.logs:
-        rows = slice(0, min(clean.DELAY_ROWS, log.rows))
-        moves = log.moves_of(rows)
-        start = np.exp(-np.minimum(a * np.cumsum(np.abs(moves)), 700.0))
-        others = sweep.columns_of(log, rows)[:, used]
-        columns.append(np.column_stack((model(moves, a, 0.0), start, others)))
-    return columns
+        who = "torque" if rows > 0 else "angle"
+        log.notes.append(f"{who} comes {abs(rows):.1f} rows ({abs(rows) * step:.3g} s) late")
 
 
 def _without_backlash(study: Study, estimate: Estimate) -> float:

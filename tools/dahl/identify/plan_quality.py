@@ -65,7 +65,9 @@ def _drawn(result: Result, moves: np.ndarray, friction: np.ndarray) -> np.ndarra
 
 def _against(result: Result, r2: float) -> list[str]:
     """Why there should be no plan."""
+    models = result.explored.models
     found = {
+        f"a header carries Dahl's model, not {models.forced}": models.forced not in ("", "Dahl"),
         "not both parameters are identifiable": not all(result.verdict.identifiable.values()),
         f"it explains {100 * r2:.0f} % of the friction on the raw motion,"
         f" {100 * LEAST_R2:.0f} % is the least": r2 < LEAST_R2,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dahl.identify.explore import Explored
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
@@ -85,6 +86,7 @@ class Result:
     options: dict[str, Any] = field(default_factory=dict)  # what was asked for
     cycles: Cycles = field(default_factory=Cycles)
     plan: PlanQuality = field(default_factory=PlanQuality)
+    explored: Explored = field(default_factory=Explored)
 
     @property
     def notes(self) -> list[str]:

@@ -7,6 +7,7 @@ either side, and, for sigma0, when Dahl's model beats Coulomb's on what was not 
 
 from __future__ import annotations
 
+from dahl.identify import explore
 from dahl.identify.result import Result, Verdict
 
 WIDE = 0.3  # half width of the interval over the value
@@ -71,5 +72,17 @@ def _reasons(result: Result) -> list[str]:
     }
     return [
         *(words for words, holds in found.items() if holds),
+        *_hanging(result),
         *(finding.text for finding in result.findings),
     ]
+
+
+def _hanging(result: Result) -> list[str]:
+    """What a parameter hangs on whose interval the choices have made wide."""
+    log, reasons = result.logs[0], []
+    for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit)):
+        wide = result.estimate.ci95[name].relative(getattr(result.estimate, name))
+        words = explore.hangs(result.explored, name, WIDE / 3)
+        if words and WIDE < wide < float("inf"):
+            reasons.append(f"{name} hangs on {words} {unit}")
+    return reasons

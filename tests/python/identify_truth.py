@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: MIT
+"""Logs whose truth is known, one kind for each thing that can spoil an identification. The torque
+comes from recurrences of this file, row by row, with no code of the package in it.
+
+Each maker takes a seed and gives a log; the truth is always SIGMA0 and FC: the slope at rest and
+the friction at full slip, of all elements together, without what a kind adds to them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from dahl.identify.log import Log
+from identify_tools import COUNT, FC, SIGMA0, noise_of
+from scipy.signal import butter, lfilter, sosfilt
+
+ROWS, STEP = 10_000, 1e-3  # s
+LEAD = 200  # rows before the log, so that a late torque has something to show
+NOISE = 0.05  # of Fc, unless a kind says otherwise
+
+
+class Motion:
+    """A sine of its own for each seed, from LEAD rows before the log on."""
+
+    def __init__(self, seed: int, length: float | None = None) -> None:
+        draw = np.random.default_rng([seed, 7])
+        cycles, phase = draw.uniform(8, 14), draw.uniform(0, 2 * np.pi)
+        amplitude = (length or draw.uniform(6, 15)) * FC / SIGMA0  # in presliding lengths
+        rows = np.arange(-LEAD, ROWS)
+        self.seed = seed
+        self.theta = amplitude * np.sin(2 * np.pi * cycles * rows / ROWS + phase)
+        self.speed = np.gradient(self.theta, STEP)
+        self.shift = draw.uniform()  # of the counts
+
+    def log(self, torque: np.ndarray, part: float = NOISE, shared: float = 0.0) -> Log:
+        """The rows of the log, with noise of `part` of Fc, by a 14-bit encoder."""
+        theta = np.floor(self.theta[LEAD:] / COUNT + self.shift) * COUNT
+        noise = part * FC * noise_of(self.seed, ROWS, shared)
+        time = np.arange(ROWS) * STEP
+        return Log(f"seed {self.seed}", theta, torque[LEAD:] + noise, time, resolution=COUNT)
+
+
+def dahl(theta: np.ndarray, sigma0: float = SIGMA0, Fc: np.ndarray | float = FC) -> np.ndarray:  # noqa: N803
+    """Eq. 1 with a limit that may change from row to row: the exact step of each row."""
+    limits = np.broadcast_to(np.asarray(Fc, dtype=float), theta.shape).tolist()
+    F, drawn = 0.0, []  # noqa: N806
+    for move, limit in zip(np.diff(theta, prepend=theta[0]).tolist(), limits, strict=True):
+        F += (math.copysign(limit, move) - F) * -math.expm1(-sigma0 * abs(move) / limit)  # noqa: N806
+        drawn.append(F)
+    return np.array(drawn)
+
+
+def general(theta: np.ndarray, exponent: float) -> np.ndarray:
+    """Dahl's model of 1968: dw/du = |1 - s w|^exponent, by Runge and Kutta's fourth order."""
+    w, drawn = 0.0, []
+
+    def slope(gap: float) -> float:  # of the gap 1 - s w, which closes
+        return -(max(gap, 0.0) ** exponent)
+
+    for move in np.diff(theta, prepend=theta[0]).tolist():
+        side, u = math.copysign(1.0, move), SIGMA0 / FC * abs(move)
+        gap = 1 - side * w
+        k1 = slope(gap)
+        k2 = slope(gap + u / 2 * k1)
+        k3 = slope(gap + u / 2 * k2)
+        k4 = slope(gap + u * k3)
+        w = side * (1 - max(gap + u / 6 * (k1 + 2 * k2 + 2 * k3 + k4), 0.0))
+        drawn.append(FC * w)
+    return np.array(drawn)
+
+
+def plain(seed: int, part: float = NOISE, shared: float = 0.0) -> Log:
+    motion = Motion(seed)
+    return motion.log(dahl(motion.theta), part, shared)
+
+
+def outliers(seed: int) -> Log:
+    log, draw = plain(seed), np.random.default_rng([seed, 8])
+    hit = draw.choice(ROWS, ROWS // 10, replace=False)
+    log.torque[hit] += draw.normal(size=len(hit)) * 5 * FC
+    return log
+
+
+def late(seed: int, rows: int) -> Log:
+    motion = Motion(seed)
+    return motion.log(np.roll(dahl(motion.theta), rows))  # what rolls round is in the lead
+
+
+def loaded(seed: int) -> Log:
+    """A spring of a fifth of Fc and a viscous torque of a tenth, of a sensor's offset a fifth."""
+    motion = Motion(seed)
+    spring = 0.2 * FC * motion.theta / np.abs(motion.theta).max()
+    viscous = 0.1 * FC * motion.speed / np.abs(motion.speed).max()
+    return motion.log(dahl(motion.theta) + spring + viscous + 0.2 * FC)
+
+
+def short(seed: int) -> Log:
+    """Strokes that hardly slip."""
+    motion = Motion(seed, length=1.5)
+    return motion.log(dahl(motion.theta))
+
+
+def bent(seed: int, exponent: float) -> Log:
+    motion = Motion(seed)
+    return motion.log(general(motion.theta, exponent))
+
+
+def stribeck(seed: int) -> Log:
+    """A third more friction at slow speed."""
+    motion = Motion(seed)
+    slow = np.exp(-((motion.speed / (0.2 * np.abs(motion.speed).max())) ** 2))
+    return motion.log(dahl(motion.theta, Fc=FC * (1 + 0.3 * slow)))
+
+
+def two(seed: int) -> Log:
+    """Two elements, of which one slips three times as early."""
+    motion = Motion(seed)
+    parts = (dahl(motion.theta, 0.75 * SIGMA0, FC / 2), dahl(motion.theta, SIGMA0 / 4, FC / 2))
+    return motion.log(sum(parts))
+
+
+def low_passed(seed: int) -> Log:
+    """A filter of the first or the second order, or a running mean: by the seed."""
+    motion = Motion(seed)
+    filters = (
+        lambda x: lfilter([0.1], [1, -0.9], x),
+        lambda x: lfilter(np.ones(15) / 15, [1], x),
+        lambda x: sosfilt(butter(2, 0.04, output="sos"), x),
+    )
+    return motion.log(filters[seed % 3](dahl(motion.theta)))
+
+
+def shaky(seed: int) -> Log:
+    """Independent errors of five counts on the angle."""
+    motion, log = Motion(seed), plain(seed)
+    errors = 5 * COUNT * noise_of(seed + 5000, ROWS)
+    return replace(log, theta=np.floor((motion.theta[LEAD:] + errors) / COUNT) * COUNT)
+
+
+def changing(seed: int, factor: np.ndarray) -> Log:
+    motion = Motion(seed)
+    return motion.log(dahl(motion.theta, Fc=FC * np.concatenate((np.ones(LEAD), factor))))
+
+
+def gaps(seed: int) -> Log:
+    """Some of the log is lost: a tenth of a second here and there."""
+    log, draw = plain(seed), np.random.default_rng([seed, 9])
+    kept = np.ones(ROWS, dtype=bool)
+    for start in draw.integers(0, ROWS - 300, size=6):
+        kept[start : start + int(draw.integers(80, 300))] = False
+    return replace(log, theta=log.theta[kept], torque=log.torque[kept], time=log.time[kept])
+
+
+def wrapped(seed: int) -> Log:
+    """A counter of 10 bits less than the motion needs; centred so that it does wrap."""
+    motion = Motion(seed, length=30)
+    log = motion.log(dahl(motion.theta))
+    return replace(log, theta=np.mod(log.theta + 128 * COUNT, 512 * COUNT))
+
+
+RAMP, HALF = np.linspace(-0.1, 0.1, ROWS), np.arange(ROWS) >= ROWS // 2
+
+KINDS: dict[str, Callable[[int], Log]] = {
+    "white 1 %": lambda seed: plain(seed, 0.01),
+    "white 5 %": plain,
+    "white 20 %": lambda seed: plain(seed, 0.2),
+    "AR .95, 5 %": lambda seed: plain(seed, NOISE, 0.95),
+    "outliers 10 %": outliers,
+    "delay of 1 row": lambda seed: late(seed, 1),
+    "delay of 3 rows": lambda seed: late(seed, 3),
+    "delay of 10 rows": lambda seed: late(seed, 10),
+    "delay of 60 rows": lambda seed: late(seed, 60),
+    "spring and viscous": loaded,
+    "a A = 1.5": short,
+    "exponent .3": lambda seed: bent(seed, 0.3),
+    "exponent 1.6": lambda seed: bent(seed, 1.6),
+    "Stribeck 30 %": stribeck,
+    "two elements": two,
+    "low-passed torque": low_passed,
+    "angle noise, 5 counts": shaky,
+    "Fc trend 20 %": lambda seed: changing(seed, 1 + RAMP),
+    "Fc step 20 %": lambda seed: changing(seed, np.where(HALF, 1.1, 0.9)),
+    "gaps": gaps,
+    "wrap": wrapped,
+}
+MUST_CLAIM = ("white 1 %", "white 5 %", "AR .95, 5 %", "outliers 10 %")

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: MIT
+"""What else may be chosen for logs that were cleaned, as far as they tell: terms, delay and model
+are tried, the simplest is taken, and the rest says how far the numbers may be off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from dahl.identify import choices, delay, model_table
+from dahl.identify.choices import Choice, Trial
+from dahl.identify.cycles import Cut
+from dahl.identify.finding import Finding
+from dahl.identify.fit import Estimate
+from dahl.identify.log import Log
+from dahl.identify.model_table import Compared
+
+LEAST_CYCLES = 6  # or strokes, that a choice is scored by
+NAMES = ("sigma0", "Fc")
+
+
+@dataclass
+class Explored:
+    """All choices that were tried; `taken` is the one that the numbers are given for."""
+
+    trials: list[Trial] = field(default_factory=list)
+    taken: Trial | None = None
+    spread: float = 1.0  # squares of the torque around its mean, on the rows that were scored
+    models: Compared = field(default_factory=Compared)
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def choice(self) -> Choice:
+        """The one that was taken."""
+        return self.taken.choice if self.taken else Choice()
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What may be tried."""
+
+    terms: tuple[tuple[str, ...], ...]  # sets of terms
+    delays: bool
+    model: str = ""  # asked for by its name, else the simplest
+
+
+def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: Asked) -> Explored:
+    """Try all choices around an estimate; `least_turn` in rad (m) tells the cycles."""
+    cut = Cut(logs, estimate.a, least_turn, int(delay.LONGEST))
+    if len(cut.spans) < LEAST_CYCLES:
+        return Explored()
+    trials = choices.of_terms(cut, estimate.a, asked.terms)
+    if not trials:
+        return Explored()
+    taken, findings = choices.simplest(trials), []
+    if asked.delays:
+        late = delay.tried(cut, trials)
+        if delay.at_the_end([taken, *late]):
+            words = f"the best delay is at the end of the search ({delay.LONGEST:g} rows)"
+            findings.append(Finding(words, NAMES))
+        trials = trials + late + _terms_when_late(cut, [taken, *late], asked)
+        taken = choices.simplest(trials)
+    models = model_table.compared(cut, taken, taken.a, asked.model)
+    plain = [one for one in trials if one.choice.plain]
+    if plain and model_table.better_plainly(models, taken):
+        for one in trials:
+            one.plausible = False
+        taken, models = choices.simplest(plain), models.plainly()
+    findings += model_table.findings(models)
+    trials = trials + model_table.plausible(models)
+    return Explored(trials, taken, cut.spread, models, findings)
+
+
+def _terms_when_late(cut: Cut, trials: Sequence[Trial], asked: Asked) -> list[Trial]:
+    """All subsets of the terms again, with the best delay."""
+    best = min(trials, key=lambda trial: float(trial.cost.sum()))
+    if len(asked.terms) == 1 or best.choice.delay == 0:
+        return []
+    return choices.of_terms(cut, best.a, asked.terms, best.choice.delay)
+
+
+def widened(estimate: Estimate, seen: Explored) -> Estimate:
+    """With intervals that go over all plausible choices."""
+    if seen.taken is None:
+        return estimate
+    value = {name: getattr(estimate, name) for name in NAMES}
+    return replace(estimate, ci95=choices.over(seen.trials, seen.taken, value, estimate.ci95))
+
+
+def hangs(seen: Explored, name: str, least: float) -> str:
+    """What moves a parameter by more than `least` of it to either side: "the delay: 90 to 140"; ""
+    where nothing does.
+    """
+    if seen.taken is None:
+        return ""
+    kind, low, high = choices.hangs_on(seen.trials, seen.taken, name)
+    much = high - low > 2 * least * seen.taken.value[name]
+    return f"{kind}: {low:.4g} to {high:.4g}" if kind and much else ""
