@@ -272,6 +272,16 @@ def test_the_plain_objects_are_all_c_without_optimisation(monkeypatch, tmp_path)
         assert call[call.index("-I") + 1] == str(ROOT / "lib/include")
 
 
+def test_a_core_is_configured_before_it_is_built(monkeypatch):
+    """A build folder may be of an older tree; only what is asked for is built."""
+    calls: list[list[str]] = []
+    monkeypatch.setattr(target, "run", lambda *w, cwd: calls.append([*map(str, w), str(cwd)]))
+    core = target.CORES["m0"]
+    target.build(core, "one", "two")
+    built = ["cmake", "--build", str(core.build), "--target", "one", "two", str(ROOT)]
+    assert calls == [["cmake", "--preset", "m0", str(ROOT)], built]
+
+
 def test_sizes_are_of_each_path_by_its_name(monkeypatch):
     size = {"q30": 10, "counts": 20, "angle": 30}
     monkeypatch.setattr(target, "link_path", lambda core, name: name)
@@ -407,6 +417,7 @@ def test_newton_gets_angles_and_says_torques(monkeypatch):
         return np.array(values, np.float32)
 
     def launch(advance: object, dim: int, inputs: list, device: str) -> None:
+        assert dim == 1  # a tick needs the one before it
         moves, out, Fc, tau = inputs  # noqa: N806
         out += [Fc / tau * move for move in moves]
 

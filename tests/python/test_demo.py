@@ -389,6 +389,14 @@ def test_what_makes_a_run_a_failed_one(numbers, words):
     assert demo_command._wrong({**NUMBERS, **numbers}) == words
 
 
+def test_faults_that_a_scene_does_not_have_are_not_listed():
+    faults = {"injected": {"bad_crc": 3, "lost": 0, "bus_off": 1}, "expected": {"crc": 3}}
+    rows = demo_command._special({"faults": faults, "node": {"crc": 2}})
+    told = {"faults": "bad_crc 3, bus_off 1", "faults counted by the node": "{'crc': (2, 3)}"}
+    assert rows == told
+    assert demo_command._special({}) == {}
+
+
 def test_a_node_that_is_wrong_is_a_code_other_than_0(run_dahl, tmp_path):
     """It computes with another sigma0 than the scene's; the files are there all the same."""
     script = tmp_path / "loop"

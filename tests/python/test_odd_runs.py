@@ -477,6 +477,16 @@ def test_the_fault_table_is_printed_where_no_page_is_named(root):
     assert {row.split(" | ")[-1] for row in shown[2:]} == {"yes |", "no |"}
 
 
+def test_a_project_without_its_bus_description_is_a_failed_run(dahl, monkeypatch):
+    """Not bad input of the user's: code 1."""
+    monkeypatch.setattr(paths, "DBC", Path("none.dbc"))
+    report.database.cache_clear()
+    try:
+        assert complaint(dahl("dbc")) == (1, "none.dbc: No such file or directory")
+    finally:
+        report.database.cache_clear()
+
+
 def test_the_states_that_start_anew_are_those_of_the_bus_description():
     named = report.state_counts(np.array([0, 0, 6, 99]))
     assert named == {"OK": 2, "Init": 1, "99": 1}

@@ -260,3 +260,5 @@ def test_the_bars_of_the_page_are_the_histogram():
     assert y + tall == pytest.approx([180] * 3, abs=0.2)  # they stand on the ground
     assert np.diff(x) == pytest.approx([x[1] - x[0]] * 2, abs=0.2) and 0 < x[0] < x[2] < 900
     assert "p50 100 us, p99 1000 us, max 10000 us" in page
+    wide, high = map(float, re.search(r'viewBox="0 0 (\S+) (\S+)"', page).groups())
+    assert x.max() < wide < 2 * x.max() and (y + tall).max() <= high < 1.2 * (y + tall).max()
