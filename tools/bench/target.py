@@ -234,10 +234,11 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
-# Cases of dahl_parts.h
+# Cases of dahl_parts.h, and what measured.py compares them with
 PARTS = (
     *("slip_", "parallel_", "asymmetric_", "loaded_", "elastic_", "plastic_", "crossing_"),
     *("work_", "counts_to_torque", "tip_torque", "velocity_"),
+    "coulomb",
 )
 
 
