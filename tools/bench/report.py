@@ -14,6 +14,7 @@ from typing import Any
 
 import figures
 import host as host_bench
+import measured
 import results
 import table
 import target as target_bench
@@ -160,7 +161,19 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
     write_block(DOCS / "speed.md", HOST_MARKS, host_block(results.combine(target, host)))
     for name in PICTURES:
         target_bench.put(DOCS / "pictures" / name, (OUT / name).read_bytes())
+    write_measured(target)
     print("bench: tables of README.md and docs/, and docs/pictures/ written")
+
+
+def write_measured(target: dict[str, Any]) -> None:
+    """Models against measured logs; where these are not in reach, what docs/ shows stays."""
+    try:
+        scores = measured.measure()
+    except BenchError as error:
+        print(f"bench: models are not compared with measured logs anew: {error}")
+        return
+    write_block(DOCS / "speed.md", measured.MARKS, measured.block(scores, target))
+    figures.save(measured.picture(scores, target), DOCS / "pictures" / "measured.png")
 
 
 def main(arguments: list[str]) -> int:

@@ -234,7 +234,7 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
-# Cases of dahl_parts.h
+# Cases of dahl_parts.h, and what measured.py compares them with
 PARTS = (
     *(
         "slip_",
@@ -247,6 +247,7 @@ PARTS = (
         "crossing_",
     ),
     *("work_", "counts_to_torque", "tip_torque", "velocity_"),
+    "coulomb",
 )
 
 

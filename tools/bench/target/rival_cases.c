@@ -3,6 +3,7 @@
 #include "bench.h"
 #include "rivals.h"
 
+int32_t call_coulomb(int32_t *, int32_t) __asm__("bench_call");
 float call_rival(const rival_plan_t *, rival_state_t *, int32_t) __asm__("bench_call");
 
 static rival_plan_t plan;
@@ -34,8 +35,19 @@ static void from_all_starts(rival_step_t step, int32_t dcounts)
     }
 }
 
+static void bench_coulomb(void)
+{
+    int32_t last = 0;
+    bench_case("coulomb");
+    bench_function = (bench_function_t)rival_coulomb;
+    for (int32_t n = -3; n <= 3; n++) {
+        call_coulomb(&last, n);
+    }
+}
+
 void bench_rivals(void)
 {
+    bench_coulomb();
     rival_prepare(&plan, 100.0f, 0.5f, 3.8349519e-4f);
     for (unsigned k = 0; k < sizeof rivals / sizeof rivals[0]; k++) {
         bench_case(rivals[k].name);

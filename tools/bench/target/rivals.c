@@ -167,3 +167,11 @@ float rival_floor(const rival_plan_t *plan, rival_state_t *state, int32_t dcount
     state->counts *= (uint32_t)dcounts;
     return 0.0f;
 }
+
+int32_t rival_coulomb(int32_t *last, int32_t dcounts)
+{
+    if (dcounts != 0) {
+        *last = dcounts > 0 ? INT32_C(1) << 30 : -(INT32_C(1) << 30);
+    }
+    return *last;
+}

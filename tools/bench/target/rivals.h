@@ -56,4 +56,7 @@ float rival_trapezoid_parts(const rival_plan_t *plan, rival_state_t *state, int3
 /* What no way can do without: the state read, multiplied, written. */
 float rival_floor(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
+/* Coulomb's model: F/Fc in Q30 is the direction of the last motion. */
+int32_t rival_coulomb(int32_t *last, int32_t dcounts);
+
 #endif
