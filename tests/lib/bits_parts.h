@@ -151,7 +151,8 @@ static inline void bits_clamped(bits_of_part_t *run)
         return;
     }
     for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
-        float dtheta = (float)run->next(&motion) * run->params->theta_per_count;
+        volatile float counts = (float)run->next(&motion);
+        volatile float dtheta = counts * run->params->theta_per_count;
         uint32_t load = motion_random(&loading) >> (t % 8);
         run->hash = bits_fold(run->hash, bits_of_float(dahl_clamped_step(&plan, &state, dtheta, load)));
         run->hash = bits_fold(run->hash, (uint64_t)state.w);
