@@ -183,19 +183,13 @@ def _simplest(candidates: Sequence[Candidate]) -> Candidate:
     return min(near, key=lambda one: (one.size, float(one.trial.cost.sum())))
 
 
-def _near(one: Candidate, best: Candidate) -> bool:
-    more, error = excess(one.trial.cost, best.trial.cost)
-    return more <= error
-
-
 def plausible(table: Compared) -> list[Trial]:
     """The trials of the models that explain more than Dahl's, by one standard error, for the
-    intervals; none where Dahl's is within one of the best: more elements then draw noise. Only
+    intervals; none where no model is clearly better: more elements then draw noise. Only
     those whose sigma0 is a slope at rest, as Dahl's: slip elements are as stiff behind a reversal.
     """
-    best = min(table.candidates, key=lambda one: float(one.trial.cost.sum()))
     dahl = table.of("Dahl")
-    if dahl is None or _near(dahl, best):
+    if dahl is None or better(table) is None:
         return []
     ahead = [
         one.trial for one in table.candidates if one.name in OF_DAHL and _ahead(one, dahl, 1.0)
