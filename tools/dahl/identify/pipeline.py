@@ -151,6 +151,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     if _weigh(study, first):
         found = study.again(first.a, terms)
         first = fit.point(found, terms)
+    _refuse_swapped(logs, found, first, options)
     seen = _explored(study, found, first, options)
     late = _undelayed(study, seen)
     if late and not inner:
@@ -162,7 +163,6 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     if late or (seen.taken and set(seen.choice.terms) != set(terms)):
         found, terms = study.search(seen.choice.terms)
     estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
-    _refuse_swapped(logs, found, estimate, options)
     result = _judged(study, found, estimate, late, slack)
     result.explored = seen
     result = replace(
