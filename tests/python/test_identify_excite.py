@@ -28,8 +28,8 @@ def run_dahl(capsys):
     return caller(capsys)
 
 
-# What the bound of a design knows of: an offset and no delay. What may be chosen beside these widens
-# the interval.
+# What the bound of a design knows of: an offset and no delay. What else may be chosen widens the
+# interval.
 KNOWN = pipeline.Options(terms=("offset",), delay=False)
 
 
