@@ -112,7 +112,7 @@ def test_the_general_truth_solves_its_equation():
             length = SIGMA0 / FC * abs(move)
             w = solve_ivp(slope, (0, length), [w], rtol=1e-10, atol=1e-12).y[0, -1]
             truth.append(FC * w)
-        assert np.abs(general(theta, exponent) - truth).max() < 1e-4 * FC
+        assert np.abs(general(theta, exponent) - truth).max() < 2e-3 * FC
 
 
 def test_a_wrong_claim_would_be_told():

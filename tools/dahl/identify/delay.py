@@ -15,21 +15,23 @@ from dahl.identify.cycles import Cut, excess
 
 FAR = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)  # rows, both ways
 HALVINGS, VERTICES, LEAST = 2, 2, 0.01  # steps to the best delay; rows
+SKEW = 0.3  # rows; below it two channels are taken as read together
 LIKE_DELAY = {"viscous", "inertia"}
 GIVE_UP, CLEARLY = 2, 3.0  # delays in a row; standard errors
 LONGEST = float(FAR[-1])
 
 
-def tried(cut: Cut, trials: Sequence[Trial]) -> list[Trial]:
+def tried(cut: Cut, trials: Sequence[Trial], least: float = SKEW) -> list[Trial]:
     """Trials with a delay, from the best of `trials`, which have none, that lacks what resembles
-    one: viscous friction, inertia and parts that drive the motion.
+    one: viscous friction, inertia and parts that drive the motion; `least` is in rows.
     """
     free = [one for one in trials if not one.active and LIKE_DELAY.isdisjoint(one.choice.terms)]
     if not free:
         return []
     start = min(free, key=lambda trial: float(trial.cost.sum()))
     far = [*_walk(cut, start, 1), *_walk(cut, start, -1)]
-    return far + _closer(cut, [start, *far])
+    found = far + _closer(cut, [start, *far])
+    return [trial for trial in found if abs(trial.choice.delay) >= least]
 
 
 def _walk(cut: Cut, base: Trial, side: int) -> list[Trial]:

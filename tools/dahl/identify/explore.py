@@ -17,6 +17,7 @@ from dahl.identify.log import Log
 from dahl.identify.model_table import Compared
 
 LEAST_CYCLES = 6  # or strokes, that a choice is scored by
+LONG = 40.0  # rows: from here on a delay is corrected, but its numbers are not claimed
 NAMES = ("sigma0", "Fc")
 
 
@@ -42,6 +43,7 @@ class Asked:
 
     terms: tuple[tuple[str, ...], ...]  # sets of terms
     delays: bool
+    least_delay: float = delay.SKEW  # rows
     model: str = ""  # asked for by its name, else the simplest
 
 
@@ -55,7 +57,7 @@ def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: 
         return Explored()
     taken, findings = choices.simplest(trials), []
     if asked.delays:
-        late = delay.tried(cut, trials)
+        late = delay.tried(cut, trials, asked.least_delay)
         if delay.at_the_end([taken, *late]):
             words = f"the best delay is at the end of the search ({delay.LONGEST:g} rows)"
             findings.append(Finding(words, NAMES))
@@ -97,3 +99,10 @@ def hangs(seen: Explored, name: str, least: float) -> str:
     kind, low, high = choices.hangs_on(seen.trials, seen.taken, name)
     much = high - low > 2 * least * seen.taken.value[name]
     return f"{kind}: {low:.4g} to {high:.4g}" if kind and much else ""
+
+
+def long_delay(rows: float) -> list[Finding]:
+    """A torque so late that its clock is to be mended first."""
+    if abs(rows) < LONG:
+        return []
+    return [Finding(f"the torque is {rows:.0f} rows late: mend the clocks first", NAMES)]

@@ -23,6 +23,7 @@ SLIPS, MIXES = 4, 4  # elements side by side
 DAHL_TICK, ASYMMETRIC_TICK = 18, 33  # instructions
 SLIP_TICK, PARALLEL_TICK = (22, 16), (50.0, 62.5)  # of a tick, and for each element
 LEAST_STEP = 0.15  # of the exponent
+PLAINLY = 0.1  # of the error, that it has to remove to do without a delay and the like
 MORE = 0.05  # of the error, that a better model has to remove to be spoken of
 SURE, SURELY = 2.0, 3.0  # standard errors
 SLOWER, SHAPE, PAIRED = "falling with speed", "general exponent", "Dahl K=2"
@@ -183,19 +184,13 @@ def _simplest(candidates: Sequence[Candidate]) -> Candidate:
     return min(near, key=lambda one: (one.size, float(one.trial.cost.sum())))
 
 
-def _near(one: Candidate, best: Candidate) -> bool:
-    more, error = excess(one.trial.cost, best.trial.cost)
-    return more <= error
-
-
 def plausible(table: Compared) -> list[Trial]:
     """The trials of the models that explain more than Dahl's, by one standard error, for the
-    intervals; none where Dahl's is within one of the best: more elements then draw noise. Only
+    intervals; none where no model is clearly better: more elements then draw noise. Only
     those whose sigma0 is a slope at rest, as Dahl's: slip elements are as stiff behind a reversal.
     """
-    best = min(table.candidates, key=lambda one: float(one.trial.cost.sum()))
     dahl = table.of("Dahl")
-    if dahl is None or _near(dahl, best):
+    if dahl is None or better(table) is None:
         return []
     ahead = [
         one.trial for one in table.candidates if one.name in OF_DAHL and _ahead(one, dahl, 1.0)
@@ -252,4 +247,9 @@ def better_plainly(table: Compared, base: Trial) -> bool:
     if not set(base.choice.terms) - {"offset", "spring"} and base.choice.delay == 0:
         return False
     own = Candidate("Dahl", base)
-    return any(_ahead(one, own, 1.0) for one in table.plain if one.name in (SLIP, *OF_DAHL))
+    limit = (1 - PLAINLY) * float(base.cost.sum())
+    return any(
+        _ahead(one, own, 1.0) and float(one.trial.cost.sum()) < limit
+        for one in table.plain
+        if one.name in (SLIP, *OF_DAHL)
+    )

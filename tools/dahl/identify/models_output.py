@@ -51,18 +51,18 @@ class SceneFriction:
     sigma0: str
     Fc: str
     terms: dict[str, float]
+    earlier: float = 0.0  # rows that the torque is to come earlier than it was shifted to
 
 
 def of_scene(result: Result) -> SceneFriction:
-    """Slip elements, where they were chosen and fit the log as it was shifted for Dahl's model;
-    else Dahl's model.
-    """
+    """Slip elements, where they were chosen, else Dahl's model."""
     seen, estimate = result.explored, result.estimate
     one = seen.models.of(seen.models.chosen)
-    if one is None or not is_slip(one.name) or one.trial.choice.delay != seen.choice.delay:
+    if one is None or not is_slip(one.name):
         return SceneFriction("dahl", f"{estimate.sigma0!r}", f"{estimate.Fc!r}", estimate.terms)
     sigma0, force = (" ".join(f"{part[name]!r}" for part in one.parts) for name in ("sigma0", "Fc"))
-    return SceneFriction("slip", sigma0, force, one.trial.terms)
+    earlier = one.trial.choice.delay - seen.choice.delay
+    return SceneFriction("slip", sigma0, force, one.trial.terms, earlier)
 
 
 def is_slip(name: str) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from dahl import __version__
 from dahl.files import keep
-from dahl.identify import models_output, pipeline
+from dahl.identify import clean, models_output, pipeline
 from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
 
@@ -186,11 +186,12 @@ def header(result: Result, name: str) -> str:
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
     """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`."""
-    log, terms = result.logs[0], models_output.of_scene(result).terms
+    log, friction = result.logs[0], models_output.of_scene(result)
     rows = slice(0, REPLAYED)
     drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
-    rest = {term: value for term, value in terms.items() if term not in drawn}
-    torque = (log.torque - pipeline.extra(log, rest))[rows]
+    rest = {term: value for term, value in friction.terms.items() if term not in drawn}
+    torque = clean.shifted(log.torque, friction.earlier)
+    torque = (torque - pipeline.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
     columns = np.column_stack((theta, torque))

@@ -17,6 +17,7 @@ from dahl import Error
 from dahl.identify import (
     angle_noise,
     clean,
+    delay,
     drift,
     explore,
     fit,
@@ -150,6 +151,7 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     if _weigh(study, first):
         found = study.again(first.a, terms)
         first = fit.point(found, terms)
+    _refuse_swapped(logs, found, first, options)
     seen = _explored(study, found, first, options)
     late = _undelayed(study, seen)
     if late and not inner:
@@ -161,7 +163,6 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     if late or (seen.taken and set(seen.choice.terms) != set(terms)):
         found, terms = study.search(seen.choice.terms)
     estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
-    _refuse_swapped(logs, found, estimate, options)
     result = _judged(study, found, estimate, late, slack)
     result.explored = seen
     result = replace(
@@ -178,6 +179,7 @@ def _checked(result: Result, options: Options) -> Result:
     result.findings = [
         *doubted,
         *result.explored.findings,
+        *explore.long_delay(result.delay),
         *drift.findings(result.cycles),
         *lowpass.finding(result),
         *angle_noise.finding(result, lambda made: _refitted(result, made)),
@@ -268,13 +270,15 @@ def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float
     return inner, abs(found.sigma0 / read.sigma0 - 1), True
 
 
-def _explored(study: Study, found: Sweep, estimate: Estimate, options: Options) -> Explored:
-    """What else may be chosen, where the logs tell anything."""
+def _explored(
+    study: Study, found: Sweep, estimate: Estimate, options: Options, least: float = delay.SKEW
+) -> Explored:
+    """What else may be chosen, where the logs tell anything; `least` delay in rows."""
     if not estimate.Fc > 0 or estimate.sse > HOPELESS * fit.spread_of(found):
         return Explored()
     sets = fit.sets_of(found, study.candidates) if options.terms is None else [options.terms]
     model = model_table.names().get(options.model, "")
-    asked = explore.Asked(tuple(sets), options.delay and study.timed, model)
+    asked = explore.Asked(tuple(sets), options.delay and study.timed, least, model)
     return explore.explored(study.logs, estimate, TURN / estimate.a, asked)
 
 
@@ -283,7 +287,7 @@ def _explored_again(study: Study, options: Options) -> tuple[Explored, float]:
     which tells more of the delay: the choices, and how many rows are still to go.
     """
     found, terms = study.search(options.terms)
-    seen = _explored(study, found, fit.point(found, terms), options)
+    seen = _explored(study, found, fit.point(found, terms), options, least=0.0)
     return seen, _undelayed(study, seen)
 
 
