@@ -157,23 +157,29 @@ DAHL_INLINE void add_dahl(block_t *block, dahl_throughput_element_t *element, co
     }
 }
 
+/* The counts of a group, its way as a whole, and how far back and ahead it goes. */
+DAHL_INLINE void start_group(block_t *block, size_t i, const int32_t *dcounts)
+{
+    double d = 0.0, back = 0.0, ahead = 0.0;
+    DAHL_UNROLL_8
+    for (size_t k = 0; k < GROUP; k++) {
+        double count = (double)dcounts[k];
+        block->count[k][i] = count;
+        block->torque[k][i] = 0.0;
+        d += count;
+        back = d < back ? d : back;
+        ahead = d > ahead ? d : ahead;
+    }
+    block->d[i] = d;
+    block->back[i] = back;
+    block->ahead[i] = ahead;
+}
+
 DAHL_INLINE void start_block(block_t *block, const int32_t *dcounts)
 {
     double widest = 0.0;
     for (size_t i = 0; i < GROUPS; i++) {
-        double d = 0.0, back = 0.0, ahead = 0.0;
-        DAHL_UNROLL_8
-        for (size_t k = 0; k < GROUP; k++) {
-            double count = (double)dcounts[GROUP * i + k];
-            block->count[k][i] = count;
-            block->torque[k][i] = 0.0;
-            d += count;
-            back = d < back ? d : back;
-            ahead = d > ahead ? d : ahead;
-        }
-        block->d[i] = d;
-        block->back[i] = back;
-        block->ahead[i] = ahead;
+        start_group(block, i, &dcounts[GROUP * i]);
     }
     for (size_t i = 0; i < GROUPS; i++) {
         double width = block->ahead[i] - block->back[i];

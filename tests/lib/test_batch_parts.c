@@ -55,10 +55,84 @@ static void test_a_mix_over_a_log(void)
     TEST_ASSERT_EQUAL_MEMORY(&elements_by_tick, &elements, sizeof elements);
 }
 
+static void test_an_fc_of_each_direction_over_a_log(void)
+{
+    const dahl_asymmetric_params_t params = {100.0f, 0.5f, 0.3f, 1e-3f};
+    dahl_asymmetric_plan_t plan;
+    dahl_state_t by_log = {0}, by_tick = {0};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&plan, &params));
+    make_log();
+    dahl_batch_asymmetric_counts(&plan, &by_log, dcounts, F, TICKS);
+    for (int t = 0; t < TICKS; t++) {
+        TEST_ASSERT_TRUE(F[t] == dahl_asymmetric_step_counts(&plan, &by_tick, dcounts[t]));
+    }
+    TEST_ASSERT_TRUE(by_log.w == by_tick.w);
+}
+
+static void test_a_load_over_a_log(void)
+{
+    static uint32_t load[TICKS];
+    const dahl_params_t params = params_for(1e-3, 0.5f);
+    const dahl_plan_t plan = plan_for(&params);
+    dahl_loaded_state_t by_log = {{0}, 0}, by_tick = {{0}, 0};
+    motion_t m = MOTION_START;
+    make_log();
+    for (int t = 0; t < TICKS; t++) {
+        load[t] = motion_random(&m) >> 1;
+    }
+    dahl_batch_loaded_counts(&plan, &by_log, dcounts, load, F, TICKS);
+    for (int t = 0; t < TICKS; t++) {
+        TEST_ASSERT_TRUE(F[t] == dahl_loaded_step_counts(&plan, &by_tick, dcounts[t], load[t]));
+    }
+    TEST_ASSERT_TRUE(by_log.bristle.w == by_tick.bristle.w && by_log.load_q30 == by_tick.load_q30);
+}
+
+static void test_elastoplastic_friction_over_a_log(void)
+{
+    const dahl_params_t params = params_for(1e-3, 0.5f);
+    dahl_elastoplastic_plan_t plan;
+    dahl_state_t by_log = {0}, by_tick = {0};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_elastoplastic_prepare(&plan, &params, 0.6f));
+    make_log();
+    dahl_batch_elastoplastic_counts(&plan, &by_log, dcounts, F, TICKS);
+    for (int t = 0; t < TICKS; t++) {
+        TEST_ASSERT_TRUE(F[t] == dahl_elastoplastic_step_counts(&plan, &by_tick, dcounts[t]));
+    }
+    TEST_ASSERT_TRUE(by_log.w == by_tick.w);
+}
+
+static void test_work_and_a_table_over_a_log(void)
+{
+    const dahl_params_t params = params_for(1e-3, 0.5f);
+    const dahl_plan_t plan = plan_for(&params);
+    dahl_velocity_params_t table = {.segment_bits = 4};
+    dahl_velocity_plan_t over_speed;
+    dahl_state_t by_log = {0}, by_tick = {0};
+    dahl_work_t work = {{0}, {0}}, work_by_tick = {{0}, {0}};
+    make_log();
+    dahl_batch_work_counts(&plan, &by_log, &work, dcounts, F, TICKS);
+    for (int t = 0; t < TICKS; t++) {
+        TEST_ASSERT_TRUE(F[t] == dahl_work_step_counts(&plan, &by_tick, &work_by_tick, dcounts[t]));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(&work_by_tick, &work, sizeof work);
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        table.torque[k] = 0.1f * (float)(k + 1);
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&over_speed, &table));
+    dahl_batch_velocity(&over_speed, dcounts, F, TICKS);
+    for (int t = 0; t < TICKS; t++) {
+        TEST_ASSERT_TRUE(F[t] == dahl_velocity_torque(&over_speed, dcounts[t]));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_slip_elements_over_a_log);
     RUN_TEST(test_a_mix_over_a_log);
+    RUN_TEST(test_an_fc_of_each_direction_over_a_log);
+    RUN_TEST(test_a_load_over_a_log);
+    RUN_TEST(test_elastoplastic_friction_over_a_log);
+    RUN_TEST(test_work_and_a_table_over_a_log);
     return UNITY_END();
 }

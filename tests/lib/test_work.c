@@ -115,6 +115,9 @@ static void test_sums_carry(void)
     (void)dahl_work_step_counts(&plan, &state, &sums, 1);
     TEST_ASSERT_EQUAL_UINT32(0, sums.way[2]);
     TEST_ASSERT_EQUAL_UINT32(8, sums.way[3]);
+    dahl_work_t full = {{UINT32_MAX, UINT32_MAX, UINT32_MAX}, {0}}; /* after 2^65 ticks: around, and nothing beside it */
+    (void)dahl_work_step_counts(&plan, &state, &full, 1);
+    TEST_ASSERT_TRUE(full.counts[0] == 0 && full.counts[1] == 0 && full.counts[2] == 0);
 }
 
 static void test_nothing_moved_is_no_work(void)

@@ -39,6 +39,7 @@ CLAIM = "100 % of lines, branches and MC/DC"
 # can't happen too. GCC_PLAIN has them once.
 COPIED = re.compile(r"lib/batch")
 # Those that are compiled once for each set of vectors.
+BY_CPU = ("test_batch", "test_fast_parallel")  # programs that ask the processor for vectors
 VARIED = re.compile(r"channels|throughput$|fast$")
 
 
@@ -62,21 +63,19 @@ def tools() -> None:
 
 @pytest.fixture(scope="session")
 def native() -> list[Path]:
-    """Profiles of all programs but test_batch, which runs once for each processor."""
+    """Profiles of all programs; those of the fast batches run once for each processor."""
     tools()
     NATIVE.make()
     profiles = FOLDER / "profiles"
-    runs = [
-        coverage_build.run_llvm(program, profiles / f"{program.name}.profraw")
-        for program in NATIVE.programs
-        if program.name != "test_batch"
-    ]
-    batch = next(program for program in NATIVE.programs if program.name == "test_batch")
-    return runs + [
-        coverage_build.run_llvm(batch, profiles / f"batch_{name_of(cpu)}.profraw", cpu)
-        for cpu in CPUS
-        if has(cpu)
-    ]
+    runs = []
+    for program in NATIVE.programs:
+        name = program.name
+        if name not in BY_CPU:
+            runs.append(coverage_build.run_llvm(program, profiles / f"{name}.profraw"))
+        for cpu in filter(has, CPUS if name in BY_CPU else ()):
+            place = profiles / f"{name.removeprefix('test_')}_{name_of(cpu)}.profraw"
+            runs.append(coverage_build.run_llvm(program, place, cpu))
+    return runs
 
 
 def report(files: dict[Path, coverage_llvm.FileCoverage]) -> None:
