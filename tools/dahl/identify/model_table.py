@@ -24,6 +24,7 @@ DAHL_TICK, ASYMMETRIC_TICK = 18, 33  # instructions
 SLIP_TICK, PARALLEL_TICK = (22, 16), (50.0, 62.5)  # of a tick, and for each element
 LEAST_STEP = 0.15  # of the exponent
 PLAINLY = 0.1  # of the error, that it has to remove to do without a delay and the like
+NOTHING = 1e-6  # of the torque's variance: what rounding leaves, and no model explains
 MORE = 0.05  # of the error, that a better model has to remove to be spoken of
 SURE, SURELY = 2.0, 3.0  # standard errors
 SLOWER, SHAPE, PAIRED = "falling with speed", "general exponent", "Dahl K=2"
@@ -209,7 +210,7 @@ def _ahead(one: Candidate, other: Candidate, errors: float) -> bool:
 def better(table: Compared) -> Candidate | None:
     """The simplest model that explains clearly more than Dahl's, if any."""
     dahl = table.of("Dahl")
-    if dahl is None:
+    if dahl is None or 1 - table.r2(dahl) < NOTHING:
         return None
     clearly = [one for one in table.candidates if one.name != SLOWER and _clearly(one, dahl)]
     return _simplest(clearly) if clearly else None
@@ -236,6 +237,8 @@ def findings(table: Compared) -> list[Finding]:
 
 def _is_slower(table: Compared, slower: Candidate, dahl: Candidate) -> bool:
     """Whether the speed explains what is left, and no other model does."""
+    if 1 - table.r2(dahl) < NOTHING:
+        return False
     others = [one for one in table.candidates if one is not slower]
     return _ahead(slower, dahl, SURELY) and not any(_ahead(one, slower, 1.0) for one in others)
 
