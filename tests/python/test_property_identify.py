@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dahl.identify import choices, design, fit, path, pipeline, sweep, units
+from dahl.identify import design, fit, path, pipeline, sweep, units
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.result import Result
 from hypothesis import strategies as st
@@ -340,24 +340,6 @@ def test_planted_asymmetric_model_is_found(monkeypatch):
     monkeypatch.setattr(path, "dahl", lopsided)
     with pytest.raises(AssertionError):
         test_a_path_and_its_mirror_image(100)
-
-
-def test_planted_absolute_threshold_is_found(monkeypatch):
-    """A limit in N m where a part of the torque is meant."""
-    monkeypatch.setattr(fit, "curve_of", ridged(fit.curve_of))
-    sound = choices.least_squares
-    monkeypatch.setattr(
-        choices, "least_squares", lambda gram: sound(gram + 1e-2 * np.eye(len(gram)))
-    )
-    with pytest.raises(AssertionError):
-        test_torque_in_another_unit_scales_both_parameters(4)
-
-
-def ridged(sound):
-    def curve(a: np.ndarray, gram: np.ndarray, terms: list[str]) -> fit.Curve:
-        return sound(a, gram + 1e-2 * np.eye(gram.shape[-1]), terms)
-
-    return curve
 
 
 def test_planted_lost_block_is_found(monkeypatch):
