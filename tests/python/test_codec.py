@@ -107,6 +107,7 @@ BOUNDED = (
     "MaxStep",
     "StatusPeriod",
     "Model",
+    "Load",
     "Param",
 )
 PARAMS = (
@@ -120,6 +121,7 @@ PARAMS = (
     "MaxStep",
     "StatusPeriod",
     "Model",
+    "Load",
 )
 
 

@@ -50,7 +50,7 @@ class Scene:
 
     path: Path
     title: str
-    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic
+    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic, loaded
     # sigma0, Fc of each; of Dahl's model one, of asymmetric forward and backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
