@@ -92,7 +92,8 @@ def _run(argv: list[str] | None) -> int:
     _open_streams()
     try:
         args = build_parser().parse_args(argv)
-        by_need.bring(args.command, sys.argv[1:] if argv is None else argv)
+        args.words = sys.argv[1:] if argv is None else argv
+        by_need.bring(args.command, args.words)
         if argv is None:
             by_need.spare_mf4(args.command, sys.argv[1:])
         code = args.run(args) or 0

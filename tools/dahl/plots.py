@@ -132,9 +132,9 @@ def _strokes(
 
 def _caption(scene: Scene, trace: report.Trace, numbers: dict[str, Any]) -> str:
     """Parameters, length and fit of a run, and its bus where that is known."""
-    unit = scene.measured.unit
-    slope = "N/m" if unit == "N" else f"{unit}/rad"
-    words = f"sigma0 = {scene.sigma0:g} {slope}, Fc = {scene.Fc:g} {unit}, {len(trace.row)} ticks"
+    units = scene.measured.units
+    words = f"sigma0 = {scene.sigma0:g} {units['sigma0']}, Fc = {scene.Fc:g} {units['Fc']}"
+    words += f", {len(trace.row)} ticks"
     words += f" over {numbers['bus']}" if "bus" in numbers else ""
     fit = numbers.get("r2_measured")
     return words + ("" if fit is None else f", R² = {fit:.4f}")

@@ -291,5 +291,6 @@ def summary(
         **({"kinds": list(scene.kinds)} if scene.kinds else {}),
         **({"breakaway": scene.breakaway} if scene.breakaway else {}),
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
+        "units": scene.measured.units,
         "scene_file": str(scene.path),
     }

@@ -43,6 +43,12 @@ class Measured:
         """N m, or N where motion is linear: as the label of the torque has it."""
         return self.label_torque.rpartition("[")[2].rstrip("]")
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Of each parameter; of a linear rig, where the torque is a force, by its metres."""
+        way = "m" if self.unit == "N" else "rad"
+        return {"sigma0": f"{self.unit}/{way}", "Fc": self.unit, "theta_per_count": way}
+
 
 @dataclass
 class Scene:

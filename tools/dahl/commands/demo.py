@@ -13,10 +13,12 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError, paths
+from dahl import Error, RunError, __version__, paths
 from dahl.arguments import seconds, whole
 
 if TYPE_CHECKING:
@@ -233,6 +235,8 @@ def _play(
         done = numbers.get("ticks", 0)
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
     numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
+    now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
+    numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
