@@ -5,10 +5,13 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
+import tomllib
 
 import pytest
 from dahl import RunError, by_need, paths
+from dahl.cli import COMMANDS
 
 
 @pytest.fixture
@@ -48,8 +51,22 @@ def test_what_needs_no_more_starts_at_once(without_scipy):
 def test_each_command_knows_its_packages(monkeypatch, need):
     monkeypatch.setenv(by_need.TRIED, "1")
     monkeypatch.setattr(by_need, "find_spec", lambda name: None if name == need[1] else name)
-    with pytest.raises(RunError, match=f"{need[0]} needs .*: {need[1]}$"):
+    with pytest.raises(RunError, match=f"dahl {need[0]} needs {need[1]}; pip install 'dahl"):
         by_need.bring(need[0], [need[0]])
+
+
+def test_each_command_names_extras_that_bring_what_it_needs(root):
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    extras = {
+        name: {re.split(r"[\[><=]", one)[0].lower() for one in wanted}
+        for name, wanted in project["optional-dependencies"].items()
+    }
+    needs = [*by_need.NEEDS.values(), *((extra, [x]) for x, extra in by_need.AT_TIMES.items())]
+    assert {*COMMANDS} - {*by_need.NEEDS} == {"plan"}  # with numpy alone
+    for names, modules in needs:
+        brought = set().union(*(extras[name] for name in names.split(",")))
+        wanted = {by_need.DISTRIBUTED_AS.get(name, name).partition("[")[0] for name in modules}
+        assert wanted - {"pyserial"} <= brought, names  # python-can[serial] brings that
 
 
 def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):
@@ -68,7 +85,7 @@ def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):
 def test_a_set_up_that_fails_is_one_error(without_scipy):
     folder, _ = without_scipy
     (folder / "code").write_text("1")
-    with pytest.raises(RunError, match="scipy; tools/setup.sh identify failed"):
+    with pytest.raises(RunError, match="scipy, and tools/setup.sh identify failed"):
         by_need.bring("identify", ["identify"])
 
 
@@ -79,7 +96,7 @@ def test_it_never_sets_up_twice_nor_for_others(without_scipy, monkeypatch, why):
         monkeypatch.setenv(by_need.TRIED, "1")
     else:
         monkeypatch.setattr(sys, "prefix", "/usr")
-    with pytest.raises(RunError, match="needs Python packages that are not here: scipy"):
+    with pytest.raises(RunError, match="dahl identify needs scipy; pip install 'dahl.identify.'"):
         by_need.bring("identify", ["identify"])
     assert not (folder / "asked").exists()
 

@@ -61,7 +61,7 @@ def matching(globs: list[str]) -> set[str]:
 
 
 def test_every_place_tells_the_version_of_the_header() -> None:
-    """CMake reads it there, tools/pyproject.toml in dahl/__init__.py; these say it themselves."""
+    """CMake reads it there, pyproject.toml in tools/dahl/__init__.py; these say it themselves."""
     told = {
         "library.json": json.loads((ROOT / "library.json").read_text())["version"],
         "idf_component.yml": read_yaml(ROOT / "idf_component.yml")["version"],

@@ -73,6 +73,7 @@ class Stage:
 
 def staged(root: Path, folder: Path) -> Stage:
     shutil.copytree(root / "tools", folder / "tools")
+    shutil.copy(root / "pyproject.toml", folder)
     made = Stage(folder)
     for name in PROGRAMS:
         made.stand_in(name)
@@ -608,10 +609,10 @@ def test_on_another_system_it_says_what_the_build_will_miss(bare, lacking):
 
 def test_a_changed_package_is_installed_again_into_the_same_environment(bare):
     set_up(bare, "demo")
-    project = bare.folder / "tools/pyproject.toml"
+    project = bare.folder / "pyproject.toml"
     project.write_text(project.read_text().replace("[project]", "[project]\n# changed", 1))
     started = set_up(bare, "demo")[1]
-    assert any("--editable tools" in call for call in started)
+    assert any("--editable" in call for call in started)
     assert not any("-m venv" in call for call in started)
 
 

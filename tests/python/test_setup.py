@@ -35,7 +35,8 @@ def run(*command, timeout: float = 60, **variables) -> subprocess.CompletedProce
 @pytest.fixture
 def elsewhere(root: Path, tmp_path: Path) -> Path:
     """A copy of the scripts, where nothing is set up yet."""
-    for part in ("common.sh", "setup.sh", "setup", "requirements", "pyproject.toml"):
+    shutil.copy(root / "pyproject.toml", tmp_path)
+    for part in ("common.sh", "setup.sh", "setup", "requirements"):
         source = root / "tools" / part
         copy = shutil.copytree if source.is_dir() else shutil.copy
         (tmp_path / "tools").mkdir(exist_ok=True)

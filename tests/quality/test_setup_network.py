@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGES = ("flit-core", "mdurl")  # small ones, and what installs tools/dahl
+PACKAGES = ("mdurl", "packaging", "pathspec", "scikit-build-core")  # small, or install tools/dahl
 
 
 def setup(root: Path, need: str = "demo") -> subprocess.Popen:
@@ -38,8 +38,10 @@ def said(process: subprocess.Popen) -> str:
 
 @pytest.fixture
 def elsewhere(root: Path, tmp_path: Path) -> Path:
-    """The scripts, the package dahl and locks of two packages, and nothing set up."""
+    """The scripts, the package dahl and locks of few packages, and nothing set up."""
     shutil.copytree(root / "tools", tmp_path / "tools")
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(root / name, tmp_path)
     for lock in (tmp_path / "tools/requirements").glob("*.lock"):
         pins = re.findall(r"^\S+==(?:.*\\\n)*.*\n", lock.read_text(), re.MULTILINE)
         lock.write_text("".join(pin for pin in pins if pin.startswith(PACKAGES)))
@@ -69,8 +71,8 @@ def test_it_makes_grows_and_mends_the_environment(elsewhere):
 
 def test_a_package_with_another_sum_is_not_installed(elsewhere):
     lock = elsewhere / "tools/requirements/demo.lock"
-    flit, mdurl = re.split(r"(?=^mdurl)", lock.read_text(), flags=re.MULTILINE)
-    lock.write_text(re.sub(r"sha256:..", "sha256:00", flit) + mdurl)
+    others, last = re.split(r"(?=^scikit)", lock.read_text(), flags=re.MULTILINE)
+    lock.write_text(others + re.sub(r"sha256:..", "sha256:00", last))
     tried = setup(elsewhere)
     text = said(tried)
     assert tried.returncode == 1

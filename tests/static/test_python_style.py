@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The Python of the project in one style: ruff's rules (complexity at most 8 among them), ruff's
-format, functions of at most 40 lines. The rules stand in tools/pyproject.toml.
+format, functions of at most 40 lines. The rules stand in pyproject.toml.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 
 from conftest import ROOT
 
-CONFIG = ROOT / "tools" / "pyproject.toml"
+CONFIG = ROOT / "pyproject.toml"
 LONGEST = 40  # lines of a function, from its def to its end
 
 

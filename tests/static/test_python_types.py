@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The Python of tools/ as mypy --strict sees it: no finding, and no blanket ignore. The settings
-stand in tools/pyproject.toml, each package without types with its reason.
+stand in pyproject.toml, each package without types with its reason.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ REASONED = re.compile(r"# type: ignore\[[a-z, -]+\]  # \S+")  # a code, then why
 
 def mypy(*files: Path) -> subprocess.CompletedProcess[str]:
     """Run it; what it learned of the libraries is kept in the build."""
-    command = [sys.executable, "-m", "mypy", "--config-file", TOOLS / "pyproject.toml"]
+    command = [sys.executable, "-m", "mypy", "--config-file", ROOT / "pyproject.toml"]
     command += ["--cache-dir", BUILD.parent / "mypy", "--no-error-summary", *files]
     return subprocess.run(
         list(map(str, command)), capture_output=True, text=True, check=False, timeout=240
@@ -26,7 +26,7 @@ def mypy(*files: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_strict() -> None:
-    assert "\nstrict = true\n" in (TOOLS / "pyproject.toml").read_text()
+    assert "\nstrict = true\n" in (ROOT / "pyproject.toml").read_text()
     done = mypy(TOOLS / "dahl", TOOLS / "bench", *TOOLS.glob("*.py"))
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -44,7 +44,7 @@ def _number(text: str, low: float, high: float) -> float:
 
 def add_output(parser: argparse._ActionsContainer) -> None:
     """-o, the folder that identification leaves its files in."""
-    folder = paths.ROOT / "build" / "identify"
+    folder = paths.OUTPUT / "identify"
     parser.add_argument(
         "-o", "--output", type=Path, default=folder, metavar="FOLDER", help="where files go"
     )

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""What tools/demo.sh sets up suffices for `dahl demo`; the first other command that needs more
-brings it, by tools/setup.sh, where this package runs from build/venv of a checkout.
+"""Which command needs which Python packages, and how they come.
+
+The package itself needs numpy alone. In a checkout tools/demo.sh sets up what `dahl demo` imports,
+and the first command that needs more brings it, by tools/setup.sh. Elsewhere one line says which
+extra of the package to install.
 """
 
 from __future__ import annotations
@@ -14,28 +17,72 @@ from typing import cast
 
 from dahl import RunError, paths
 
-NEEDS = {
-    "identify": ("scipy", "pandas", "joblib"),
-    "excite": ("scipy",),
-    "monitor": ("plotext",),
-    "report": ("jinja2",),
+NEEDS = {  # command: extras of pyproject.toml that bring its packages, and these, as imported
+    "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch")),
+    "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "rich", "can")),
+    "excite": ("identify", ("scipy",)),
+    "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
+    "record": ("can", ("can",)),
+    "plot": ("plot", ("matplotlib", "can", "cantools", "mpmath")),
+    "report": ("plot", ("jinja2", "mpmath")),
+    "data": ("plot", ("pooch",)),
+    "dbc": ("can", ("cantools", "mpmath")),
 }
+AT_TIMES = {  # packages that some options or files want, and the extra that brings each
+    "asammdf": "identify",
+    "cantools": "can",
+    "dask": "cluster",
+    "pooch": "plot",
+    "pyarrow": "identify",
+    "serial": "can",
+}
+DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
 WITHOUT_MF4 = ("demo", "monitor", "record")  # unless a word of the command line ends in .mf4
 TRIED = "DAHL_SETUP_TRIED"  # set for the second start, so that there is no third
 
 
 def bring(command: str, words: list[str]) -> None:
-    """Return if the packages of a command are there; else set them up and start it again."""
-    lacking = [name for name in NEEDS.get(command, ()) if find_spec(name) is None]
+    """Return if the packages of a command are there; else set them up and start it again. Raises
+    RunError where this is not build/venv of a checkout, or the set-up failed.
+    """
+    lacking = _lacking(command)
     if not lacking:
         return
+    if not _is_own_environment() or TRIED in os.environ:
+        raise refusal(command)
     setup = paths.ROOT / "tools" / "setup.sh"
-    here = os.path.realpath(sys.prefix) == os.path.realpath(paths.ROOT / "build" / "venv")
-    if not here or TRIED in os.environ:
-        raise RunError(f"{command} needs Python packages that are not here: {' '.join(lacking)}")
     if subprocess.run([setup, "identify"], stdout=sys.stderr, check=False).returncode:
-        raise RunError(f"{command} needs {' '.join(lacking)}; tools/setup.sh identify failed")
+        raise RunError(
+            f"dahl {command} needs {_named(lacking)}, and tools/setup.sh identify failed"
+        )
     os.execve(sys.executable, [sys.executable, "-m", "dahl", *words], {**os.environ, TRIED: "1"})
+
+
+def refusal(command: str, module: str = "") -> RunError:
+    """What to install for a command that lacks packages, or could not import this module."""
+    lacking = _lacking(command) or [module.partition(".")[0]]
+    extras = NEEDS[command][0] if _lacking(command) else AT_TIMES.get(lacking[0], "all")
+    return RunError(f"dahl {command} needs {_named(lacking)}; pip install 'dahl[{extras}]'")
+
+
+def is_lacking(command: str, module: str | None) -> bool:
+    """Whether an extra brings a module that could not be imported."""
+    return bool(_lacking(command)) or (module or "").partition(".")[0] in AT_TIMES
+
+
+def _lacking(command: str) -> list[str]:
+    """Packages that a command always needs, and that are not here."""
+    return [name for name in NEEDS.get(command, ("", ()))[1] if find_spec(name) is None]
+
+
+def _named(packages: list[str]) -> str:
+    return ", ".join(DISTRIBUTED_AS.get(name, name) for name in packages)
+
+
+def _is_own_environment() -> bool:
+    """Whether this is build/venv of a checkout, which tools/setup.sh fills."""
+    own = paths.ROOT / "build" / "venv"
+    return not paths.INSTALLED and os.path.realpath(sys.prefix) == os.path.realpath(own)
 
 
 def spare_mf4(command: str, words: list[str]) -> None:

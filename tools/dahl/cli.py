@@ -13,7 +13,7 @@ import contextlib
 import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, by_need, interrupt, printable
@@ -32,8 +32,18 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
         fill, self._fill = self._fill, None
         if fill is not None:
-            fill(self)
+            try:
+                fill(self)
+            except ModuleNotFoundError as error:  # python-can, whose options they are
+                self._help_without(error, *args)
         return super().parse_known_args(*args, **kwargs)
+
+    def _help_without(self, error: ModuleNotFoundError, words: Sequence[str] = (), *_: Any) -> None:
+        """Go on where help is wanted, and say there what it lacks."""
+        if not {"-h", "--help"} & set(words):
+            raise error
+        lacking = by_need.refusal(self.prog.split()[-1], str(error.name))
+        self.epilog = f"{self.epilog}\n\nMore options, of the bus: {lacking}"
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"error: {printable(message)} (see {self.prog} --help)\n")
@@ -91,14 +101,9 @@ def main(argv: list[str] | None = None) -> int:
 def _run(argv: list[str] | None) -> int:
     _open_streams()
     try:
-        args = build_parser().parse_args(argv)
-        args.words = sys.argv[1:] if argv is None else argv
-        by_need.bring(args.command, args.words)
-        if argv is None:
-            by_need.spare_mf4(args.command, sys.argv[1:])
-        code = args.run(args) or 0
+        code = _run_command(sys.argv[1:] if argv is None else argv, alone=argv is None)
         sys.stdout.flush()  # here a full disk can still be told
-        return int(code)
+        return code
     except Error as error:
         return _complain(error, 1 if isinstance(error, RunError) else 2)
     except BrokenPipeError:  # the reader of our output has gone (| head)
@@ -112,6 +117,22 @@ def _run(argv: list[str] | None) -> int:
         return _complain(Error(f"{error.filename or 'output'}: {error.strerror or error}"), 1)
     except MemoryError:
         return _complain("not enough memory", 1)
+
+
+def _run_command(words: list[str], alone: bool) -> int:
+    """The exit code of one command; `alone` in this program."""
+    try:
+        args = build_parser().parse_args(words)
+        args.words = words
+        by_need.bring(args.command, words)
+        if alone:
+            by_need.spare_mf4(args.command, words)
+        return int(args.run(args) or 0)
+    except ModuleNotFoundError as error:
+        command = next((word for word in words if word in COMMANDS), "")
+        if not by_need.is_lacking(command, error.name):
+            raise
+        raise by_need.refusal(command, str(error.name)) from None
 
 
 def _open_streams() -> None:

@@ -151,10 +151,8 @@ def cache_folder() -> Path:
 def local_folder(name: str) -> Path | None:
     """The folder of a set that is already on this machine, else None."""
     named(name)
-    roots: list[str | Path | None] = [
-        os.environ.get("DAHL_DATA"),
-        paths.ROOT.parent / "shared" / "data",
-    ]
+    beside = None if paths.INSTALLED else paths.ROOT.parent / "shared" / "data"
+    roots: list[str | Path | None] = [os.environ.get("DAHL_DATA"), beside]
     for root in roots:
         if root and (Path(root) / name).is_dir():
             return Path(root) / name

@@ -46,7 +46,7 @@ class Board:
 @functools.cache
 def boards() -> dict[str, Board]:
     """Board by core, as the toolchain file and the board's linker script have it."""
-    folder = paths.ROOT / "port" / "cortex_m"
+    folder = paths.checkout("the firmware of --target") / "port" / "cortex_m"
     toolchain = (folder / "toolchain.cmake").read_text(encoding="utf-8")
     found = {}
     for core, machine in re.findall(r"^dahl_core\((\w+) (\S+)", toolchain, re.MULTILINE):

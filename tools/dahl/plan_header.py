@@ -57,7 +57,7 @@ def _headers() -> str:
     """dahl.h and dahl_parts.h, without comments, and with the numbers that stand for names."""
     try:
         text = "".join(
-            (paths.ROOT / "lib" / "include" / name).read_text(encoding="utf-8")
+            (paths.INCLUDE / name).read_text(encoding="utf-8")
             for name in ("dahl.h", "dahl_parts.h")
         )
     except OSError as error:

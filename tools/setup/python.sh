@@ -23,7 +23,7 @@ find_python() {
 venv_key() { { echo "$VENV"; "$PYTHON" -VV; } | sha256sum; }
 
 # What the command `dahl` in it was made from: a change installs it again, and nothing else.
-package_key() { sed '/^\[tool/,$d' "$ROOT/tools/pyproject.toml" | sha256sum; }
+package_key() { sed '/^\[tool\.ruff/,$d' "$ROOT/pyproject.toml" | sha256sum; }
 
 stamp_holds() { # LINE KEY
     [ "$(sed -n "$1p" "$VENV/.complete" 2>/dev/null)" = "$2" ]
@@ -93,7 +93,7 @@ fill_venv() {
     say "installing Python packages: tools/requirements/$(words_of LOCK | tail -n 1).lock and what it stands on"
     rm -f "$VENV/.complete"
     pip_install --no-deps --require-hashes "${list[@]}"
-    pip_install --no-deps --no-build-isolation --editable "$ROOT/tools"
+    pip_install --no-deps --no-build-isolation --editable "$ROOT"
     printf '%s\n' "$(venv_key)" "$(package_key)" >"$VENV/.complete"
 }
 

@@ -105,7 +105,11 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
     )
     parser.add_argument(
-        "--output", type=Path, default=paths.DEMO, metavar="FOLDER", help="where the files go"
+        "--output",
+        type=Path,
+        default=paths.OUTPUT / "demo",
+        metavar="FOLDER",
+        help="where the files go",
     )
 
 

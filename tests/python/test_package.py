@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: MIT
+"""The Python package as a user gets it: wheel and sdist by `python -m build`, installed into a
+fresh environment outside the tree, where nothing of the tree is read.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.checks
+
+OURS = ("PYTHONPATH", "DAHL_BUILD_DIR", "DAHL_LIBRARY", "DAHL_LOOP", "DAHL_DATA")
+ISSUE = (
+    "import dahl; print(dahl.Friction(dahl.Plan(sigma0=100, Fc=.5, theta_per_count=1e-4))"
+    ".step_counts(100))"
+)
+MOST = 120e6  # bytes of dahl and numpy, installed
+PLAN = ["plan", "--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384", "-o", "-"]
+
+
+def run(*command: object, code: int | None = 0, **more: object) -> subprocess.CompletedProcess[str]:
+    """A command in an environment that knows nothing of this tree."""
+    clean = {name: value for name, value in os.environ.items() if name not in OURS}
+    more = {"env": clean, "timeout": 240, **more}
+    words = list(map(str, command))
+    done = subprocess.run(words, capture_output=True, text=True, check=False, **more)
+    assert code is None or done.returncode == code, done.stdout + done.stderr
+    return done
+
+
+class Environment:
+    """A fresh one, with one wheel and with numpy as it is here, so that no network is asked."""
+
+    def __init__(self, folder: Path, wheel: Path, packages: Sequence[str] = ()) -> None:
+        run(sys.executable, "-m", "venv", "--without-pip", folder)
+        self.folder, self.bin = folder, folder / "bin"
+        (self.site,) = folder.glob("lib/python3*/site-packages")
+        for file in importlib.metadata.files("numpy") or ():
+            if ".." not in file.parts and "__pycache__" not in file.parts:
+                (self.site / file).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file.locate(), self.site / file)
+        if packages:  # of the extras: those that are here
+            (self.site / "extras.pth").write_text("\n".join(packages))
+        pip = [sys.executable, "-m", "pip", "--python", self.bin / "python", "install", "--quiet"]
+        run(*pip, "--no-index", "--no-deps", "--no-warn-script-location", wheel)
+
+    def dahl(self, *words: object, **more: object) -> subprocess.CompletedProcess[str]:
+        return run(self.bin / "dahl", *words, cwd=self.folder, **more)
+
+    def python(self, *words: object, **more: object) -> subprocess.CompletedProcess[str]:
+        return run(self.bin / "python", *words, cwd=self.folder, **more)
+
+
+@pytest.fixture(scope="module")
+def dist(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sdist, the wheel made from it, and in tree/ the wheel made from the tree."""
+    folder = tmp_path_factory.mktemp("dist")
+    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, root)
+    wheel = [sys.executable, "-m", "build", "--no-isolation", "--wheel"]
+    run(*wheel, "--outdir", folder / "tree", root)
+    return folder
+
+
+def only(folder: Path, pattern: str) -> Path:
+    (found,) = folder.glob(pattern)
+    return found
+
+
+@pytest.fixture(scope="module")
+def core(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    """The wheel that was made from the sdist, with numpy and no extra."""
+    return Environment(tmp_path_factory.mktemp("core"), only(dist, "*.whl"))
+
+
+@pytest.fixture(scope="module")
+def full(dist: Path, tmp_path_factory: pytest.TempPathFactory) -> Environment:
+    """The wheel that was made from the tree, with what the extras bring."""
+    here = [path for path in sys.path if path.endswith("-packages")]
+    return Environment(tmp_path_factory.mktemp("full"), only(dist / "tree", "*.whl"), here)
+
+
+def listed(*folders: object) -> set[Path]:
+    return {path for folder in folders for path in Path(str(folder)).rglob("*")}
+
+
+def test_twine_finds_nothing(dist: Path) -> None:
+    done = run(sys.executable, "-m", "twine", "check", "--strict", *dist.glob("dahl-*"))
+    assert done.stdout.count("PASSED") == 2
+
+
+def test_both_wheels_hold_the_same_files(dist: Path) -> None:
+    first, second = (
+        {one.filename: one.CRC for one in zipfile.ZipFile(path).infolist()}
+        for path in (only(dist, "*.whl"), only(dist / "tree", "*.whl"))
+    )
+    built = {"dahl/lib/libdahl.so", "dahl/bin/dahl-loop"}
+    assert first.keys() == second.keys() >= built | {"dahl/py.typed", "dahl/share/dahl.dbc"}
+    differ = {name for name in first if first[name] != second[name]}
+    assert differ <= built | {name for name in first if name.endswith("/RECORD")}
+
+
+def test_the_sdist_holds_no_more_than_it_needs(dist: Path) -> None:
+    with tarfile.open(only(dist, "*.tar.gz")) as sdist:
+        names = {Path(name).parts[1] for name in sdist.getnames()}
+    assert names == {
+        *("CHANGELOG.md", "CMakeLists.txt", "LICENSE", "PKG-INFO", "README.md", "host_sim", "lib"),
+        *("port", "pyproject.toml", "tools"),
+    }
+
+
+def test_what_the_issue_asks_for_works_anywhere(core: Environment) -> None:
+    assert float(core.python("-c", ISSUE).stdout) == pytest.approx(0.4323323, rel=1e-6)
+    assert core.dahl("--help").stdout.startswith("usage: dahl")
+    assert "dahl_plan_t dahl_plan_shaft = {" in core.dahl(*PLAN).stdout
+    assert "--node" in core.dahl("monitor", "--help").stdout
+
+
+def test_numpy_is_all_that_the_core_needs(core: Environment) -> None:
+    metadata = core.python(
+        *("-c", "import importlib.metadata as m, json; print(json.dumps(m.requires('dahl')))")
+    )
+    needed = [one for one in json.loads(metadata.stdout) if "extra ==" not in one]
+    assert [one.partition(">")[0] for one in needed] == ["numpy"]
+    size = sum(path.stat().st_size for path in listed(core.site) if path.is_file())
+    assert size < MOST
+
+
+@pytest.mark.parametrize(
+    ("words", "packages", "extra"),
+    [
+        (["monitor", "-i", "virtual"], "python-can, cantools, rich, plotext, mpmath", "can"),
+        (["record", "-o", "x.log"], "python-can", "can"),
+        (["identify", "x.csv"], "scipy, pandas, joblib, matplotlib, rich, python-can", "identify"),
+        (["report", "."], "jinja2, mpmath", "plot"),
+        (["demo"], "python-can, cantools, rich, matplotlib, mpmath, pooch", "can,plot"),
+    ],
+)
+def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, extra) -> None:
+    done = core.dahl(*words, code=1)
+    assert done.stderr == f"error: dahl {words[0]} needs {packages}; pip install 'dahl[{extra}]'\n"
+
+
+def test_nothing_of_the_tree_is_read(core: Environment, root: Path) -> None:
+    """Each file that Python or its loader opens, as the interpreter itself tells it."""
+    watched = f"""
+import sys
+opened = []
+sys.addaudithook(lambda event, args: opened.append(str(args[0]))
+                 if event in ("open", "ctypes.dlopen", "os.listdir", "os.scandir") else None)
+from dahl.cli import main
+import dahl, dahl.scene
+codes = [main({PLAN!r}), main(["data", "tribometer"]), main(["demo"])]
+dahl.scene.read(dahl.scene.find("steering"))
+print("\\n".join(one for one in opened if one.startswith({str(root)!r})), file=sys.stderr)
+assert any(one.endswith("libdahl.so") for one in opened) and codes[0] == 0
+"""
+    done = core.python("-c", watched)
+    assert [line for line in done.stderr.splitlines() if line.startswith(str(root))] == []
+
+
+def test_nothing_is_written_into_the_interpreters_folders(full: Environment) -> None:
+    """Neither into those of this environment nor into those of the interpreter it is made of."""
+    base = sysconfig.get_paths(vars={"base": sys.base_prefix, "platbase": sys.base_prefix})
+    folders = [full.site / "dahl", full.bin, base["purelib"], base["scripts"]]
+    run_once = ["demo", "--scene", "steering", "--seconds", "0.2", "--output", full.folder / "out"]
+    full.dahl(*run_once)
+    before = listed(*folders)
+    full.dahl(*run_once)
+    assert listed(*folders) == before
+
+
+def test_the_demo_runs_with_what_the_wheel_carries(full: Environment) -> None:
+    """Into a folder of its own below the one that it is called in; and its picture is drawn."""
+    full.dahl("demo", "--scene", "steering", "--seconds", "0.5")
+    folder = full.folder / "dahl-out/demo"
+    known = json.loads((folder / "summary.json").read_text())
+    assert known["ticks"] == 500
+    assert 0 < known["max_error_ulp_Fc"] < 0.6
+    assert Path(known["scene_file"]).is_relative_to(full.site)
+    full.dahl("report", folder)
+    full.dahl("plot", folder)
+
+
+def test_firmware_needs_a_checkout(full: Environment) -> None:
+    done = full.dahl("demo", "--target", "m4f", "--output", full.folder / "m4f", code=1)
+    assert done.stderr.startswith("error: the firmware of --target is built from a checkout")
+
+
+def test_a_wheel_without_the_loop_says_so(root: Path, tmp_path: Path, full: Environment) -> None:
+    """Built where the parsers of dahl-loop are not there, the rest works."""
+    nowhere = ["CMAKE_FIND_ROOT_PATH=/nowhere", "CMAKE_FIND_ROOT_PATH_MODE_LIBRARY=ONLY"]
+    settings = [word for one in nowhere for word in ("-C", f"cmake.define.{one}")]
+    words = ["--no-isolation", "--wheel", "--outdir", tmp_path, *settings, root]
+    said = run(sys.executable, "-m", "build", *words)
+    lacking = "libinih-dev libcsv-dev libcjson-dev"
+    assert "without dahl-loop" in said.stdout + said.stderr
+    here = (full.site / "extras.pth").read_text().splitlines()
+    made = Environment(tmp_path / "env", only(tmp_path, "*.whl"), here)
+    assert float(made.python("-c", ISSUE).stdout) == pytest.approx(0.4323323, rel=1e-6)
+    done = made.dahl("demo", "--scene", "steering", code=1)
+    assert f"this package was built where {lacking} was missing" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_cmake_installs_the_library_and_the_bus_description(root: Path, tmp_path: Path) -> None:
+    options = ["-DDAHL_BUILD_SHARED=ON", f"-DCMAKE_INSTALL_PREFIX={tmp_path}/prefix"]
+    run("cmake", "-S", root, "-B", tmp_path / "b", "-G", "Ninja", *options)
+    run("cmake", "--build", tmp_path / "b")
+    run("cmake", "--install", tmp_path / "b")
+    (library,) = (tmp_path / "prefix").rglob("libdahl.so")
+    own = {**os.environ, "DAHL_LIBRARY": str(library)}
+    done = run(sys.executable, "-c", ISSUE, env=own, cwd=tmp_path)
+    assert float(done.stdout) == pytest.approx(0.4323323, rel=1e-6)
+    (dbc,) = (tmp_path / "prefix").rglob("dahl.dbc")
+    assert dbc.read_bytes() == (root / "lib/node/dahl.dbc").read_bytes()
