@@ -200,7 +200,7 @@ def test_any_frame_is_answered_as_the_program_does(tmp_path, model):
     process, bus = joined(tmp_path, plant(tmp_path), "--role", "node", scene=scene)
     answers = 0
     assert [heard(bus)] == said(python.tick())
-    for message in script(random.Random(model), 3000):
+    for message in script(random.Random(model), 6000):
         bus.send(wire(message))
         expected = said(python.receive(message)) + said(python.tick())
         assert [heard(bus) for _ in expected] == expected, message
