@@ -133,7 +133,7 @@ def params(rng: random.Random) -> ParamWrite:
         Param.LIMIT: rng.randrange(70000),
         Param.RAMP: rng.choice([0, 60001]),
         Param.TIMEOUT: rng.choice([0, 59000, 60001]),
-        Param.STEP: rng.choice([0, 1000, 2**31 - 1, 2**31]),
+        Param.STEP: rng.choice([0, 1000, 1000, 2**31 - 1, 2**31]),
         Param.STATUS: rng.choice([0, 60001]),
         Param.MODEL: 1,
         Param.LOAD: rng.randrange(70000),
@@ -212,7 +212,7 @@ def test_any_frame_is_answered_as_the_program_does(tmp_path, model):
     counts = {name: getattr(python.counts, name) for name in result.summary["node"]}
     assert counts == result.summary["node"]
     assert answers > 1000
-    assert min(count for name, count in counts.items() if name != "stale") > 0
+    assert [name for name, count in counts.items() if count == 0] in ([], ["stale"])
 
 
 def test_the_structure_is_that_of_the_header(tmp_path):
