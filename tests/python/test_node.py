@@ -107,6 +107,12 @@ def test_a_load_is_answered_as_the_program_does(tmp_path):
     assert python.counts.params > 900
 
 
+def test_a_load_that_leaves_the_stiffness_is_refused():
+    loaded = dahl.Loaded(dahl.Plan(100, 0.5), fixed_stiffness=True)
+    with pytest.raises(dahl.Error, match="fixed_stiffness steps by angle; a node counts"):
+        dahl.Node(loaded)
+
+
 def test_a_storm_of_faults_is_answered_as_the_program_does(tmp_path):
     """Frames lost, doubled, late, spoiled, cut, foreign; silences, bus-offs and restarts."""
     often = [f"--set=faults.{kind}=0.001" for kind in ("silence", "bus_off", "restart")]

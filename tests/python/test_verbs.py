@@ -74,8 +74,9 @@ def test_a_verb_brings_its_packages_first(dahl, monkeypatch):
     monkeypatch.setenv(by_need.TRIED, "1")
     monkeypatch.setattr(by_need, "find_spec", lambda name: None)
     code, said = complaint(dahl("monitor", "-i", "virtual", "-c", "x", "--seconds", 0.2))
-    assert code == 1 and said.startswith("monitor needs Python packages")
-    assert dahl("data").returncode == 0
+    assert code == 1 and said.startswith("dahl monitor needs python-can, cantools, rich")
+    words = ("--sigma0", 100, "--fc", 0.5, "--theta-per-count", 0, "-o", "-")
+    assert dahl("plan", *words).returncode == 0
 
 
 # --- demo -----------------------------------------------------------------------------------------

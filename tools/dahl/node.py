@@ -193,7 +193,7 @@ class Node:
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
         """Take one frame, any frame; returns the answer to send at once, None where there is none.
-        `now` in s.
+        `now` in s. Raises dahl.Error for anything that is no can.Message and no finite time.
         """
         moment, frame = self._at(now), codec.raw_of(message)
         if message.is_error_frame and not frame.id & BUS_OFF:
@@ -206,7 +206,7 @@ class Node:
 
     def tick(self, now: float | None = None) -> can.Message | None:
         """Look at the clock, every few ms; returns a Status to send, None where none is due. The
-        first call gives one at once. `now` in s.
+        first call gives one at once. `now` in s. Raises dahl.Error for a time that is not finite.
         """
         moment, out = self._at(now), codec.CanFrame()
         due = core.library().dahl_node_tick(ctypes.byref(self._node), moment, ctypes.byref(out))
@@ -255,10 +255,7 @@ class Node:
     __hash__ = None  # type: ignore[assignment]  # it changes with each frame
 
     def __repr__(self) -> str:
-        return (
-            f"Node({self._friction!r}, number={self.number}, state={self.state.name},"
-            f" ok={self._node.ok})"
-        )
+        return f"Node({self._friction!r}, number={self.number})"
 
 
 def _within(name: str, value: float, least: float, most: float, unit: str) -> float:
@@ -300,6 +297,8 @@ def _use_elastoplastic(one: variants.ElastoPlastic) -> tuple[core.Plan, str, tup
 
 def _use_loaded(one: variants.Loaded) -> tuple[core.Plan, str, tuple[Any, ...]]:
     plan = one.plan
+    if one.fixed_stiffness:
+        raise Error("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
     params = (ctypes.c_float * 3)(plan.sigma0, plan.Fc, plan.theta_per_count)
     return plan, "loaded", (params,)
 
