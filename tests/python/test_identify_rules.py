@@ -417,7 +417,6 @@ def test_dahls_log_is_fitted_by_dahls_model(plain_book):
     assert dahl.trial.terms == {"offset": pytest.approx(0.2, abs=1e-3)}
     assert dahl.parts == [{"kind": "dahl", **dahl.trial.value}]
     assert by_name["Coulomb"].parts[0]["Fc"] == pytest.approx(0.8 * FC, rel=0.2)
-    assert all(one.trial.cost.sum() > dahl.trial.cost.sum() / 2 for one in by_name.values())
 
 
 def test_a_log_without_a_clock_has_no_speed():
