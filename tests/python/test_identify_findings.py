@@ -299,6 +299,49 @@ def test_filters_are_what_they_are_called():
     assert [lowpass._delay(10, x)[k, 0] for k in (59, 60)] == [3, 4]
 
 
+def test_the_parameters_behind_a_filter_are_found_again():
+    """Of a torque that went through it, with an offset, and odd rows that weigh nothing."""
+    log = synthetic(1, rows=3000, cycles=6)
+    theta = sine(1, rows=3000, cycles=6)
+    log = replace(log, theta=theta, resolution=0.0, weight=np.ones(3000))
+    log.torque = -(lowpass._first_order(10, dahl_torque(theta)) + 0.3)
+    log.torque[1000:1100], log.weight[1000:1100] = 7.0, 0.0
+    turned = replace(log, torque=-log.torque)
+    found = SimpleNamespace(
+        logs=[turned], raw=[log], sign=-1.0, estimate=SimpleNamespace(terms={"offset": 0.3})
+    )
+    measured = lowpass.Measured(found)
+    filters = dict(lowpass._filters((lowpass._first_order,), (10, 20)))
+    right, wrong = measured.fits(list(filters.items()), 0.93 * SIGMA0 / FC * lowpass.NODES)
+    assert right.words == "time constant of 10 rows"
+    assert right.sigma0 == pytest.approx(SIGMA0, rel=2e-3)
+    assert right.Fc == pytest.approx(FC, rel=2e-3)
+    assert right.cost == pytest.approx(right.squares.sum()) and len(right.squares) == 3000
+    assert right.cost < 0.2 * wrong.cost
+    closer = measured.fits(list(filters.items())[:1], right.a * lowpass.CLOSER)[0]
+    assert closer.sigma0 == pytest.approx(SIGMA0, rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [(1.0, 0.81, False), (1.0, 0.79, True), (0.9, 1.0, False)],
+)
+def test_a_filter_explains_clearly_more(before, after, said):
+    """A fifth of the squares, or surely something."""
+    uneven = np.resize(np.repeat([1.0, -1.0], 20), 800)
+    assert lowpass._better(before + 0.9 * uneven, np.full(800, after)) is said
+    steady = np.full(800, 1.0)
+    assert lowpass._better(steady + 0.01 * np.resize([1, -1], 800), steady - 0.01)
+
+
+def test_a_bilinear_loop_is_no_filtered_one(good):
+    """By the cost of a row."""
+    rmse = good.models.rmse["bilinear"]
+    cost = rmse**2 * good.logs[0].rows
+    assert lowpass._bent_otherwise(good, 1.01 * cost)
+    assert not lowpass._bent_otherwise(good, 0.99 * cost)
+
+
 def test_a_log_without_a_clock_is_not_asked_for_filters(good):
     late = replace(good, delay=5.0, logs=[replace(good.logs[0], time=None)])
     assert lowpass.finding(late) == []
