@@ -604,3 +604,15 @@ def test_a_live_bus_is_looked_at_each_time_it_has_grown_by_a_quarter(monkeypatch
     end = follow.follow(frames, None, "options", 0.1, lambda *seen: looks.append(seen))
     assert looks == [(rows, None, "as yet") for rows in (500, 625, 781, 976)]
     assert end == (["all"], "options")
+
+
+@pytest.mark.parametrize(("noise", "told"), [(0.6, True), (3.0, False)])
+def test_a_noisy_log_is_asked_for_choices_and_a_hopeless_one_is_not(noise, told):
+    """As long as the model explains some three tenths."""
+    log = synthetic(1, rows=3000, cycles=12, part=noise)
+    log.torque = np.roll(log.torque, 15)
+    found = pipeline.identify([log], pipeline.Options(terms=()))
+    assert (found.explored.taken is not None) is told
+    assert (found.r2 > 0.3) is told
+    if told:
+        assert found.delay == pytest.approx(15, abs=5)
