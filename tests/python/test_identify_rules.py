@@ -616,3 +616,28 @@ def test_a_noisy_log_is_asked_for_choices_and_a_hopeless_one_is_not(noise, told)
     assert (found.r2 > 0.3) is told
     if told:
         assert found.delay == pytest.approx(15, abs=5)
+
+
+def test_a_log_that_rests_at_first_is_understood():
+    """Two thousand rows of nothing, then a torque of the other sign that flickers."""
+    log = synthetic(3, rows=3000, cycles=6)
+    still = np.zeros(2000)
+    theta = np.concatenate((still + log.theta[0], log.theta))
+    torque = np.concatenate((still + 0.01 * FC * np.resize([1, -1, 2], 2000), log.torque))
+    late = replace(log, theta=theta, torque=-torque, time=np.arange(5000) * 1e-3)
+    found = pipeline.identify([late])
+    assert found.sign == -1.0
+    assert found.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.03)
+    assert found.estimate.Fc == pytest.approx(FC, rel=0.01)
+
+
+def test_each_simpler_model_has_the_terms_that_suit_it():
+    """A stroke of two presliding lengths: to Coulomb's model the stiffness is a spring."""
+    theta = sine(1, rows=3000, cycles=6, amplitude=0.01)
+    log = synthetic(1, rows=3000, cycles=6)
+    torque = dahl_torque(theta) + 0.02 * FC * np.random.default_rng(1).normal(size=3000)
+    found = pipeline.identify([replace(log, theta=theta, torque=torque, resolution=0.0)])
+    assert "spring" not in found.estimate.terms
+    assert "spring" in found.models.terms["coulomb"]
+    assert found.models.terms["dahl"] == list(found.estimate.terms)
+    assert found.models.r2["none"] < found.models.r2["coulomb"] < found.models.r2["dahl"]
