@@ -150,6 +150,15 @@ def run_dahl(root: Path):
 
 
 @pytest.fixture
+def dahl(capsys, monkeypatch, tmp_path):
+    """A verb of `dahl` in this process, in an empty folder; called as run_dahl is."""
+    from identify_tools import caller
+
+    monkeypatch.chdir(tmp_path)
+    return caller(capsys)
+
+
+@pytest.fixture
 def measured_file():
     """Path of a measured file by data set and name; skips with the reason where it is out of
     reach.

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unity.h>
 
+#include "ask_node.h"
 #include "dahl_node.h"
 
 static const dahl_params_t bearing = {100.0f, 0.5f, 1e-4f};
@@ -51,13 +52,7 @@ static int32_t move_at(uint32_t i)
 
 static dahl_param_reply_t ask(uint8_t param, uint8_t write)
 {
-    const dahl_param_write_t asked = {.param = param, .write = write, .value = 1u << 19};
-    dahl_param_reply_t reply;
-    dahl_can_frame_t in, out;
-    dahl_frames_pack_param_write(&in, 3, &asked);
-    TEST_ASSERT_TRUE(dahl_node_receive(&node, &in, now_us, &out));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_param_reply(&out, &reply));
-    return reply;
+    return ask_node(&node, now_us, param, write, 1u << 19);
 }
 
 static void check_told(uint32_t kind, uint32_t sigma0_q10, uint32_t Fc_q20)

@@ -356,6 +356,26 @@ def test_the_fit_is_the_least_squares_one():
     assert found.Fc == pytest.approx(direct.x[1], rel=1e-4)
 
 
+def test_a_part_that_is_held_out_is_predicted_by_the_others():
+    """Two logs of ten blocks each, cut into five parts each; every part against a fit by numpy."""
+    draw = np.random.default_rng(3)
+    rows = draw.normal(size=(20, 30, sweep.WIDTH))  # blocks, rows, columns
+    rows[:, :, sweep.START], rows[:, :, sweep.FIRST_TERM] = 0, 1
+    rows[:, :, -1] += 2 * rows[:, :, sweep.FRICTION]
+    gram, owner = np.swapaxes(rows, 1, 2) @ rows, np.repeat([0, 1], 10)
+    held = fit.held_out(sweep.Sweep(np.array([1.0]), gram[None], owner), fit.columns_of(["offset"]))
+    lost, part = 0.0, np.tile(np.repeat(np.arange(5), 2), 2)
+    for left_out in range(5):
+        rest, own = (np.concatenate(rows[where]) for where in (part != left_out, part == left_out))
+        used = [sweep.FRICTION, sweep.FIRST_TERM]
+        best = np.linalg.lstsq(rest[:, used], rest[:, -1], rcond=None)[0]
+        lost += float(np.sum((own[:, -1] - own[:, used] @ best) ** 2))
+    assert held.sse == pytest.approx(lost, rel=1e-9)
+    assert held.r2 == pytest.approx(
+        1 - lost / np.sum((rows[:, :, -1] - rows[:, :, -1].mean()) ** 2)
+    )
+
+
 def test_bilinear_against_its_definition():
     moves = np.random.default_rng(1).normal(size=3000)
     ratio, drawn = 0.2, []

@@ -101,6 +101,19 @@ def test_travel_over_lost_frames_counts(run, state):
     assert report.max_error_ulp(SCENE, trace) <= BOUND
 
 
+def test_a_restart_behind_frames_that_were_not_recorded_relaxes_its_own_tick(run):
+    """Two records are lost before the Reset, and one answer behind it."""
+    run.tick(5, -440, state=2)
+    run.add("Reset", Counter=0, What=2)
+    run.bearing = Friction(Plan(SIGMA0, FC, THETA))
+    run.tick(6, -400, state=6, used=False)
+    run.tick(7, 300)
+    trace = run.trace()
+    assert trace.row.tolist() == [0, 1, 2, 5, 6, 7]
+    assert trace.relaxed.tolist() == [False] * 4 + [True, False]
+    assert report.max_error_ulp(SCENE, trace) <= BOUND
+
+
 def test_a_travel_that_the_node_left_out_is_an_error(run):
     """The state says that it was used, the torque says that it was not."""
     run.tick(3, 500, state=0, used=False)

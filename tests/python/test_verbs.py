@@ -22,27 +22,12 @@ from can.interfaces.virtual import channels
 from dahl import RunError, by_need, cli, data, firmware, html_report, loop, paths, plots, scene
 from dahl.cli import build_parser
 from dahl.identify import folder_runs, pipeline
-from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, write_csv
+from identify_tools import COUNT, FC, complaint, dahl_torque, noise_of, sine, write_csv
 from log_writers import DBC, STEP
 from log_writers import frames as write_frames
 from test_monitor import frames, sending
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
-
-
-@pytest.fixture
-def dahl(capsys, monkeypatch, tmp_path):
-    """A verb in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    return caller(capsys)
-
-
-def complaint(done: subprocess.CompletedProcess) -> tuple[int, str]:
-    """The exit code of a verb that ended in one line, and that line."""
-    found = re.fullmatch(r"error: ([^\n]+)\n", done.stderr)
-    assert found, done.stderr
-    return done.returncode, found[1]
-
 
 # --- all verbs ------------------------------------------------------------------------------------
 
