@@ -255,7 +255,10 @@ class Node:
     __hash__ = None  # type: ignore[assignment]  # it changes with each frame
 
     def __repr__(self) -> str:
-        return f"Node({self._friction!r}, number={self.number})"
+        return (
+            f"<Node {self._friction!r}, number={self.number}, state={self.state.name},"
+            f" ok={self._node.ok}>"
+        )
 
 
 def _within(name: str, value: float, least: float, most: float, unit: str) -> float:
