@@ -24,7 +24,7 @@ import dahl
 import pytest
 from can_socket import BUS_OFF, ERROR, EXTENDED, REMOTE, frame, joined, plant
 from conftest import ROOT
-from dahl import codec, node
+from dahl import codec, node, scene
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What, Write
 from loop_tools import SCENES, finished, read_log, run, wait_until
 
@@ -74,14 +74,14 @@ def replayed(log: Path, python: dahl.Node) -> tuple[list, list]:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_each_model_answers_as_the_program_does(tmp_path, model):
-    scene = tmp_path / "model.ini"
-    scene.write_text(
+    path = tmp_path / "model.ini"
+    path.write_text(
         f"[friction]\nmodel = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
         "gain = 0.9\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
         "[motion]\nkind = steering\namplitude = 900\nsweep_s = 0.7\nhold_s = 0.1\n"
         "tremor = 20\ntremor_s = 0.05\nseconds = 1.5\n[status]\nperiod_ms = 70\n"
     )
-    result = run(tmp_path, scene, "--virtual")
+    result = run(tmp_path, path, "--virtual")
     assert result.code == 0, result.err
     settings = {"gain": 0.9, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
     program, here = replayed(result.log, dahl.Node(MODELS[model][1], **settings))
@@ -199,11 +199,11 @@ def heard(bus: socket.socket) -> tuple[int, bytes]:
 @pytest.mark.parametrize("model", ["dahl", "parallel"])
 def test_any_frame_is_answered_as_the_program_does(tmp_path, model):
     """CRC errors, lost counters, short, remote, extended and FD frames, parameters, resets."""
-    scene = tmp_path / "node.ini"
+    path = tmp_path / "node.ini"
     words = f"model = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
-    scene.write_text(f"[friction]\n{words}timeout_ms = 60000\n")
+    path.write_text(f"[friction]\n{words}timeout_ms = 60000\n")
     python = dahl.Node(MODELS[model][1], timeout=60, status_period=0)
-    process, bus = joined(tmp_path, plant(tmp_path), "--role", "node", scene=scene)
+    process, bus = joined(tmp_path, plant(tmp_path), "--role", "node", scene=path)
     answers = 0
     assert [heard(bus)] == said(python.tick())
     for message in script(random.Random(model), 6000):
@@ -413,3 +413,19 @@ def test_a_bus_that_takes_nothing_is_counted(ends):
     wait_until(lambda: listener.traffic.sent == 1)
     listener.stop()
     assert replace(listener.traffic) == node.Traffic(0, 1, 0)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_scene_names_the_same_node(tmp_path, model):
+    """What `dahl node` makes of a scene is what dahl-loop makes of it."""
+    path = tmp_path / "scene.ini"
+    words = f"model = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
+    kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 7\ntimeout_ms = 20\n"
+    path.write_text(f"[friction]\n{words}{kept}[status]\nperiod_ms = 40\n")
+    read = scene.read(path)
+    made = dahl.Node(scene.element(read), **scene.settings(read))
+    assert made == dahl.Node(
+        MODELS[model][1],
+        **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},
+        status_period=0.04,
+    )

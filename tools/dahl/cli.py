@@ -17,7 +17,19 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, by_need, interrupt, printable
-from dahl.commands import data, dbc, demo, excite, identify, monitor, plan, plot, record, report
+from dahl.commands import (
+    data,
+    dbc,
+    demo,
+    excite,
+    identify,
+    monitor,
+    node,
+    plan,
+    plot,
+    record,
+    report,
+)
 
 
 class Parser(argparse.ArgumentParser):
@@ -62,6 +74,7 @@ COMMANDS = {
     "identify": identify,
     "excite": excite,
     "plan": plan,
+    "node": node,
     "monitor": monitor,
     "record": record,
     "plot": plot,
