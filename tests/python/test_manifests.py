@@ -19,7 +19,9 @@ import dahl
 import pytest
 from conftest import BUILD, ROOT
 
-PUBLIC = {f"lib/include/{name}.h" for name in ("dahl", "dahl_encoder", "dahl_parts")}
+PUBLIC = {
+    f"lib/include/{name}" for name in ("dahl.h", "dahl_encoder.h", "dahl_parts.h", "dahl.hpp")
+}
 CORE = {
     path.relative_to(ROOT).as_posix()
     for folder in ("arith", "model", "parts")
