@@ -14,8 +14,9 @@
 #ifndef DAHL_HPP
 #define DAHL_HPP
 
-#include <cstddef>
-#include <cstdint>
+// Not <cstddef> and <cstdint>: avr-gcc has no C++ library.
+#include <stddef.h>
+#include <stdint.h>
 
 #include "dahl.h"
 #include "dahl_encoder.h"
@@ -23,9 +24,9 @@
 namespace dahl {
 
 // Bytes, for a static_assert of one's own.
-constexpr std::size_t plan_size = sizeof(dahl_plan_t);
-constexpr std::size_t state_size = sizeof(dahl_state_t);
-constexpr std::size_t encoder_size = sizeof(dahl_encoder_t);
+constexpr size_t plan_size = sizeof(dahl_plan_t);
+constexpr size_t state_size = sizeof(dahl_state_t);
+constexpr size_t encoder_size = sizeof(dahl_encoder_t);
 
 // Parameters, prepared once; shared by any number of bearings. Of all zeros until prepare(): every torque is then 0 N m.
 class Plan {
@@ -51,8 +52,8 @@ public:
     explicit constexpr Bearing(const Plan &plan) : plan_(&plan.c()), state_() {}
     explicit constexpr Bearing(const dahl_plan_t &plan) : plan_(&plan), state_() {}
 
-    float step_counts(std::int32_t dcounts) { return dahl_step_counts(plan_, &state_, dcounts); }
-    std::int32_t step_counts_q30(std::int32_t dcounts) { return dahl_step_counts_q30(plan_, &state_, dcounts); }
+    float step_counts(int32_t dcounts) { return dahl_step_counts(plan_, &state_, dcounts); }
+    int32_t step_counts_q30(int32_t dcounts) { return dahl_step_counts_q30(plan_, &state_, dcounts); }
     float step(float dtheta) { return dahl_step(plan_, &state_, dtheta); }
 
     float torque() const { return dahl_torque(plan_, &state_); }
@@ -78,21 +79,21 @@ class Encoder {
 public:
     constexpr Encoder() : encoder_() {}
 
-    DAHL_NODISCARD dahl_err_t init(std::uint32_t modulus, int sign = 1, std::uint32_t largest_step = 0)
+    DAHL_NODISCARD dahl_err_t init(uint32_t modulus, int sign = 1, uint32_t largest_step = 0)
     {
         return dahl_encoder_init(&encoder_, modulus, sign, largest_step);
     }
 
-    std::int32_t move(std::uint32_t reading) { return dahl_encoder_move(&encoder_, reading); }
-    void home(std::uint32_t reading) { dahl_encoder_home(&encoder_, reading); }
-    constexpr std::uint32_t jumps() const { return encoder_.jumps; }
+    int32_t move(uint32_t reading) { return dahl_encoder_move(&encoder_, reading); }
+    void home(uint32_t reading) { dahl_encoder_home(&encoder_, reading); }
+    constexpr uint32_t jumps() const { return encoder_.jumps; }
 
 private:
     dahl_encoder_t encoder_;
 };
 
 // Shortest signed way from one reading to the next; modulus is where the reading wraps, 0 for all 32 bits.
-inline std::int32_t counts_between(std::uint32_t before, std::uint32_t now, std::uint32_t modulus = 0)
+inline int32_t counts_between(uint32_t before, uint32_t now, uint32_t modulus = 0)
 {
     return dahl_counts_between(before, now, modulus);
 }

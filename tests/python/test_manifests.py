@@ -67,6 +67,9 @@ def test_every_place_tells_the_version_of_the_header() -> None:
     told = {
         "library.json": json.loads((ROOT / "library.json").read_text())["version"],
         "idf_component.yml": read_yaml(ROOT / "idf_component.yml")["version"],
+        "port/arduino": re.search(
+            r"^version=(.*)", (ROOT / "port/arduino/library.properties").read_text(), re.M
+        )[1],
         "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
         "tools/dahl/__init__.py": dahl.__version__,
         "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],
