@@ -641,3 +641,15 @@ def test_each_simpler_model_has_the_terms_that_suit_it():
     assert "spring" in found.models.terms["coulomb"]
     assert found.models.terms["dahl"] == list(found.estimate.terms)
     assert found.models.r2["none"] < found.models.r2["coulomb"] < found.models.r2["dahl"]
+
+
+def test_a_trial_is_fitted_with_the_terms_of_the_result(found):
+    """And no others, whatever the trial asks for."""
+    log = synthetic(1, rows=2000, cycles=8)
+    log.torque = log.torque + 0.4
+    assert pipeline._refitted(found, [log]).terms == {}
+    estimate = replace(found.estimate, terms={"offset": 0.0})
+    again = pipeline._refitted(replace(found, estimate=estimate), [log])
+    assert again.terms == {"offset": pytest.approx(0.4, abs=0.02)}
+    turned = replace(log, torque=-log.torque)
+    assert pipeline._refitted(replace(found, estimate=estimate, sign=-1.0), [turned]).Fc < 0
