@@ -225,6 +225,18 @@ def test_the_end_of_the_search(rows, end):
     assert delay.at_the_end([trial(cost=1.1), trial(Choice(delay=rows))]) is end
 
 
+def test_terms_are_tried_again_with_the_best_delay(monkeypatch):
+    """Where the best has one, and where there is a choice of terms."""
+    seen, sets = [], (("offset",), ("offset", "viscous"))
+    monkeypatch.setattr(choices, "of_terms", lambda *words: seen.append(words) or ["tried"])
+    late, later = trial(Choice(delay=3.0), 0.5, sigma0=120.0), trial(Choice(delay=9.0), 2.0)
+    asked = explore.Asked(sets, True)
+    assert explore._terms_when_late("cut", [trial(), late, later], asked) == ["tried"]
+    assert seen == [("cut", 120.0 / FC, sets, 3.0)]
+    assert explore._terms_when_late("cut", [trial(), later], asked) == []
+    assert explore._terms_when_late("cut", [late], explore.Asked(sets[:1], True)) == []
+
+
 # --- which model ----------------------------------------------------------------------------------
 
 
