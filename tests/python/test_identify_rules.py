@@ -225,6 +225,18 @@ def test_the_end_of_the_search(rows, end):
     assert delay.at_the_end([trial(cost=1.1), trial(Choice(delay=rows))]) is end
 
 
+def test_terms_are_tried_again_with_the_best_delay(monkeypatch):
+    """Where the best has one, and where there is a choice of terms."""
+    seen, sets = [], (("offset",), ("offset", "viscous"))
+    monkeypatch.setattr(choices, "of_terms", lambda *words: seen.append(words) or ["tried"])
+    late, later = trial(Choice(delay=3.0), 0.5, sigma0=120.0), trial(Choice(delay=9.0), 2.0)
+    asked = explore.Asked(sets, True)
+    assert explore._terms_when_late("cut", [trial(), late, later], asked) == ["tried"]
+    assert seen == [("cut", 120.0 / FC, sets, 3.0)]
+    assert explore._terms_when_late("cut", [trial(), later], asked) == []
+    assert explore._terms_when_late("cut", [late], explore.Asked(sets[:1], True)) == []
+
+
 # --- which model ----------------------------------------------------------------------------------
 
 
@@ -641,3 +653,15 @@ def test_each_simpler_model_has_the_terms_that_suit_it():
     assert "spring" in found.models.terms["coulomb"]
     assert found.models.terms["dahl"] == list(found.estimate.terms)
     assert found.models.r2["none"] < found.models.r2["coulomb"] < found.models.r2["dahl"]
+
+
+def test_a_trial_is_fitted_with_the_terms_of_the_result(found):
+    """And no others, whatever the trial asks for."""
+    log = synthetic(1, rows=2000, cycles=8)
+    log.torque = log.torque + 0.4
+    assert pipeline._refitted(found, [log]).terms == {}
+    estimate = replace(found.estimate, terms={"offset": 0.0})
+    again = pipeline._refitted(replace(found, estimate=estimate), [log])
+    assert again.terms == {"offset": pytest.approx(0.4, abs=0.02)}
+    turned = replace(log, torque=-log.torque)
+    assert pipeline._refitted(replace(found, estimate=estimate, sign=-1.0), [turned]).Fc < 0
