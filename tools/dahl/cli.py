@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, by_need, interrupt, printable
 from dahl.commands import (
+    completion,
     data,
     dbc,
     demo,
@@ -41,13 +42,17 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
         self._fill = fill
 
-    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+    def fill(self) -> None:
+        """Add the arguments, once."""
         fill, self._fill = self._fill, None
         if fill is not None:
-            try:
-                fill(self)
-            except ModuleNotFoundError as error:  # python-can, whose options they are
-                self._help_without(error, *args)
+            fill(self)
+
+    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+        try:
+            self.fill()
+        except ModuleNotFoundError as error:  # python-can, whose options they are
+            self._help_without(error, *args)
         return super().parse_known_args(*args, **kwargs)
 
     def _help_without(self, error: ModuleNotFoundError, words: Sequence[str] = (), *_: Any) -> None:
@@ -81,6 +86,7 @@ COMMANDS = {
     "report": report,
     "data": data,
     "dbc": dbc,
+    "completion": completion,
 }
 
 
@@ -102,7 +108,7 @@ def build_parser() -> argparse.ArgumentParser:
             epilog=module.EXAMPLE,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        sub.set_defaults(run=module.run)
+        sub.set_defaults(run=module.run, parser=parser)
     return parser
 
 

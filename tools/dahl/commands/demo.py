@@ -105,6 +105,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
     )
     parser.add_argument(
+        "--json", action="store_true", help="print summary.json; all else goes to standard error"
+    )
+    parser.add_argument(
         "--output",
         type=Path,
         default=paths.OUTPUT / "demo",
@@ -116,12 +119,14 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from dahl import terminal
 
-    console = terminal.console(soft_wrap=True)
+    console = terminal.console(stderr=args.json, soft_wrap=True)
     with paths.owned(args.output):
         _spare(args)
         scene, log, recorded = _choose(args, console)
         numbers, trace = _play(args, scene, log, recorded, console)
         _keep(args.output, scene, trace, recorded, numbers, console)
+    if args.json:
+        print(json.dumps(numbers, indent=2))
     if numbers["interrupted"]:
         return 130
     wrong = _wrong(numbers)

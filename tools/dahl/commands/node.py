@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dahl.loop import Program
     from dahl.scene import Scene
 
-HELP = "a node to speak to: in Python, dahl-loop's, or firmware on an emulated core"
+HELP = "a node to speak to, on any bus or on a served one"
 EXAMPLE = """examples:
   dahl node                                 a served bus, for as many as 16 clients
   dahl node --scene tribometer-slip --port 28600
