@@ -452,6 +452,8 @@ def test_at_the_ends_and_the_beginning_nothing_counts():
         assert counted[0] == max(np.flatnonzero(travel > lost)[0], reach)
         assert counted[-1] == 2999 - reach
         assert len(counted) == counted[-1] - counted[0] + 1
+    short = cycles.Cut([log.head(600)], 200.0, 0.003, 90)  # a twentieth of a short log at most
+    assert np.flatnonzero(short.root)[-1] == 599 - 30
 
 
 def test_columns_are_moved_within_their_own_log():

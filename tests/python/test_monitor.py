@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import itertools
 import os
 import pty
 import re
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -484,8 +486,12 @@ def test_the_options_of_a_bus_are_those_of_python_can(run_dahl, tmp_path):
         (["-i", "nothing", "-c", "x"], "error: argument -i/--interface: invalid choice: 'nothing'"),
     ],
 )
-def test_a_bus_that_is_not_there_is_one_line(run_dahl, arguments, words):
-    done = run_dahl("monitor", *arguments)
+def test_a_bus_that_is_not_there_is_one_line(capsys, monkeypatch, arguments, words):
+    """python-can tries for ten seconds, which pass quickly here."""
+    ticks = itertools.count()
+    quick = SimpleNamespace(time=lambda: next(ticks), sleep=time.sleep)
+    monkeypatch.setattr("can.interfaces.socketcand.socketcand.time", quick)
+    done = caller(capsys)("monitor", *arguments)
     assert done.returncode == (2 if "nothing" in arguments else 1)
     assert done.stderr.startswith(words)
     assert done.stderr.count("\n") == 1
