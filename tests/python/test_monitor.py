@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import io
-import json
 import itertools
+import json
 import os
 import pty
 import re
