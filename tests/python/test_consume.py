@@ -95,7 +95,9 @@ def test_cmake_with_the_node(way: str, own_headers: Path, tmp_path: Path) -> Non
     if way == "find_package":
         prefix = install(tmp_path, "-DDAHL_BUILD_NODE=ON")
         node = {"dahl_node.h", "dahl_frames.h", "dahl_can_bus.h"}
-        assert {path.name for path in (prefix / "include").iterdir()} == HEADERS | node
+        assert {path.name for path in (prefix / "include").iterdir()} == HEADERS | node | {
+            "dahl.hpp"
+        }
         options += [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     options.append(f"-DOWN_HEADERS={own_headers}")
     run("cmake", "-S", CONSUMER, "-B", tmp_path / "b", "-G", "Ninja", *options)
@@ -117,9 +119,28 @@ def test_pkg_config(prefix: Path, own_headers: Path, tmp_path: Path) -> None:
     assert float(run(tmp_path / "consumer")) == pytest.approx(EXPECTED, rel=1e-6)
 
 
+@pytest.mark.parametrize("standard", ["11", "14", "17", "20"])
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_the_wrapper_for_cpp_has_the_bits_of_c(
+    compiler: str, standard: str, prefix: Path, tmp_path: Path
+) -> None:
+    """Without a warning, without exceptions and RTTI, and with nothing that runs before main()."""
+    need(compiler, "dahl.hpp compiles without a warning")
+    (library,) = prefix.rglob("libdahl.a")
+    flags = ["-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow", "-O2"]
+    flags += ["-fno-exceptions", "-fno-rtti", f"-std=c++{standard}", f"-I{prefix}/include"]
+    if compiler == "clang++":
+        flags.append("-Wglobal-constructors")
+    program = tmp_path / "wrapper"
+    run(compiler, *flags, CONSUMER / "wrapper.cpp", library, "-o", program)
+    assert run(program) == "same bits\n"
+    made = run("nm", program)
+    assert "_GLOBAL__sub_I" not in made  # what gcc calls such code
+
+
 def test_an_installed_tree_names_no_place_of_this_machine(prefix: Path) -> None:
     for file in prefix.rglob("*"):
-        if file.suffix in (".pc", ".cmake", ".h"):
+        if file.suffix in (".pc", ".cmake", ".h", ".hpp"):
             assert str(ROOT) not in file.read_text() and str(prefix) not in file.read_text(), file
 
 

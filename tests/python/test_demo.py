@@ -239,7 +239,7 @@ def test_without_any_log_it_says_so_and_runs_steering(run_dahl, tmp_path):
     script = (
         "import sys, pathlib, dahl.paths as p, dahl.data as d\n"
         "real = d.paths\n"
-        "class Elsewhere:\n    ROOT = pathlib.Path(sys.argv.pop(1))\n"
+        "class Elsewhere:\n    ROOT, INSTALLED = pathlib.Path(sys.argv.pop(1)), False\n"
         "d.paths = Elsewhere\n"
         "from dahl.cli import main\nsys.exit(main())\n"
     )

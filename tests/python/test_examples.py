@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""The examples that need no emulator, run as their page says."""
+"""The examples, run as their page says."""
 
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from conftest import need
+from firmware_examples import expected_torques
 
 
 @pytest.fixture
@@ -30,3 +34,34 @@ def test_python_can_asks_a_node(node, root, tmp_path):
         command, cwd=root, capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
+
+
+def test_asyncio_asks_a_node(node, root):
+    """A sine of 500 counts, asked tick by tick: in each direction F/Fc grows up to 1."""
+    command = [sys.executable, root / "examples/python_can/asyncio_node.py", node]
+    done = subprocess.run(
+        command, cwd=root, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    found = [float(ratio) for ratio in re.findall(r"F/Fc ([+-][\d.]+)", done.stdout)]
+    assert len(found) == 10 and found[0] == 0
+    assert max(found) > 0.99 and min(found) < -0.99 and max(map(abs, found)) <= 1
+    assert "states: " in done.stdout and "OK" in done.stdout
+
+
+@pytest.mark.checks
+def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
+    """Away from the tree, as a project of one's own, without a warning; its torques are right."""
+    need("arm-none-eabi-gcc", "a Makefile builds a firmware")
+    need("make", "a Makefile builds a firmware")
+    need("qemu-system-arm", "a firmware of a Makefile runs")
+    project = shutil.copytree(root / "examples/makefile_firmware", tmp_path / "project")
+    for words in ([], ["run"]):
+        command = ["make", f"DAHL={root}", *words]
+        done = subprocess.run(
+            command, cwd=project, capture_output=True, text=True, timeout=60, check=False
+        )
+        assert done.returncode == 0 and "warning" not in done.stderr, done.stderr
+    said = re.findall(r"tick +(\d+) +(-?\d+) nN m", done.stdout + done.stderr)
+    found = {int(tick): int(torque) * 1e-9 for tick, torque in said}
+    assert found == pytest.approx(expected_torques(), abs=1e-7)

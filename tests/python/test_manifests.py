@@ -19,7 +19,9 @@ import dahl
 import pytest
 from conftest import BUILD, ROOT
 
-PUBLIC = {f"lib/include/{name}.h" for name in ("dahl", "dahl_encoder", "dahl_parts")}
+PUBLIC = {
+    f"lib/include/{name}" for name in ("dahl.h", "dahl_encoder.h", "dahl_parts.h", "dahl.hpp")
+}
 CORE = {
     path.relative_to(ROOT).as_posix()
     for folder in ("arith", "model", "parts")
@@ -65,6 +67,9 @@ def test_every_place_tells_the_version_of_the_header() -> None:
     told = {
         "library.json": json.loads((ROOT / "library.json").read_text())["version"],
         "idf_component.yml": read_yaml(ROOT / "idf_component.yml")["version"],
+        "port/arduino": re.search(
+            r"^version=(.*)", (ROOT / "port/arduino/library.properties").read_text(), re.M
+        )[1],
         "lib/node/dahl.dbc": cantools.database.load_file(ROOT / "lib/node/dahl.dbc").version,
         "tools/dahl/__init__.py": dahl.__version__,
         "CHANGELOG.md": re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1],

@@ -239,7 +239,7 @@ def test_a_node_is_a_value_that_changes(model):
         further = moved(same, 900)
         assert same != one
         assert further == moved(copy.copy(one), 900)
-    assert repr(one).startswith(f"Node({type(MODELS[model][1]).__name__}(")
+    assert repr(one).startswith(f"<Node {type(MODELS[model][1]).__name__}(")
     assert "state=OK, ok=3" in repr(one)
 
 

@@ -11,6 +11,7 @@ import pickle
 from fractions import Fraction
 
 import dahl
+import mpmath
 import numpy as np
 import pytest
 
@@ -58,6 +59,69 @@ def test_a_loaded_log_has_the_bits_of_its_moves(moves):
     assert steady.step_counts_q30(7, 1) == bearing.step_counts_q30(7)
 
 
+def exact_clamped(plan, moves, loads):
+    """F' = sigma0 (1 - F/(load Fc)) forward, from tick to tick in 50 digits; sigma0 stays, F is cut
+    off at load*Fc.
+    """
+    sigma0, torque = mpmath.mpf(plan.sigma0), mpmath.mpf(plan.Fc)
+    found, F = [], mpmath.mpf(0)
+    for angle, load in zip(moves, loads, strict=True):
+        most = torque * load
+        F = max(-most, min(most, F))
+        if load and angle:
+            end = most if angle > 0 else -most
+            F = end - (end - F) * mpmath.exp(-sigma0 * abs(mpmath.mpf(float(angle))) / most)
+        found.append(F if load else mpmath.mpf(0))
+        F = found[-1]
+    return found
+
+
+def test_a_load_that_leaves_the_stiffness_is_exact(moves):
+    """Within 0.6 ulp of Fc, or of load*Fc where that is more; a log has the bits of its moves."""
+    rng, plan = np.random.default_rng(6), dahl.Plan(*PLAN[:2])
+    angles = (moves[:1000] * 2e-4).astype(np.float32)
+    loads = rng.integers(0, 2**11, angles.size) / 2**10  # of which 2^30 is a multiple
+    one, many = (dahl.Loaded(plan, fixed_stiffness=True) for _ in range(2))
+    found = many.run(angles, loads)
+    assert found.tolist() == [
+        one.step(float(angle), float(load)) for angle, load in zip(angles, loads, strict=True)
+    ]
+    assert one == many and many.torque == found[-1]
+    with mpmath.workdps(50):
+        exact = exact_clamped(plan, angles, loads)
+        ulp = np.spacing(np.float32(plan.Fc) * np.maximum(loads, 1).astype(np.float32))
+        errors = [
+            abs(mpmath.mpf(float(F)) - E) / float(u)
+            for F, E, u in zip(found, exact, ulp, strict=True)
+        ]
+    assert max(errors) <= 0.6
+    bearing, steady = dahl.Friction(plan), dahl.Loaded(plan, fixed_stiffness=True)
+    assert (steady.run(angles, np.ones(angles.size)) == bearing.run(angles)).all()
+
+
+def test_each_rule_of_a_load_has_its_own_moves():
+    fixed, loaded = dahl.Loaded(dahl.Plan(*PLAN), True), dahl.Loaded(dahl.Plan(*PLAN))
+    assert fixed.step(1e-3, 1.0) > 0 and fixed.fixed_stiffness and not loaded.fixed_stiffness
+    kept = pickle.loads(pickle.dumps(fixed))
+    assert kept == fixed != loaded
+    for call, words in (
+        (lambda: fixed.step_counts(1, 1.0), "Loaded.step_counts: fixed_stiffness = True moves by"),
+        (lambda: fixed.step_counts_q30(1, 1.0), "fixed_stiffness = True moves by step"),
+        (lambda: fixed.run_counts([1], [1.0]), "fixed_stiffness = True moves by step"),
+        (lambda: loaded.step(1e-3, 1.0), "fixed_stiffness = False moves by step_counts"),
+        (lambda: loaded.run([1e-3], [1.0]), "fixed_stiffness = False moves by step_counts"),
+        (lambda: fixed.step("1", 1.0), "dtheta = '1' is not a number"),
+        (lambda: fixed.step(1e-3, 2.0), "load = 2.0 is outside 0 <= load < 2"),
+        (lambda: fixed.run([1e-3, 1.0], [1.0, 3.0]), r"loads\[1\] = 3.0 is outside"),
+        (lambda: dahl.Loaded(dahl.Plan(*PLAN), 1), "fixed_stiffness = 1 is not a bool"),
+    ):
+        with pytest.raises(dahl.Error, match=words):
+            call()
+    assert kept == fixed
+    assert fixed.step(math.inf, 0.5) == 0.25 and fixed.step(math.nan, 1.0) == 0.25
+    assert fixed.step(1e300, 1.5) == 0.75
+
+
 def test_work_has_the_torques_of_a_bearing(moves):
     bearing, work = dahl.Friction(dahl.Plan(*PLAN)), MADE["work"]()
     assert (work.run_counts(moves) == bearing.run_counts(moves)).all()
@@ -99,6 +163,7 @@ def test_a_loaded_copy_keeps_its_load():
         MADE["asymmetric"](),
         MADE["elastoplastic"](),
         dahl.Loaded(dahl.Plan(*PLAN)),
+        dahl.Loaded(dahl.Plan(*PLAN), fixed_stiffness=True),
         dahl.VelocityTable(TABLE, 3),
     ],
     ids=lambda made: type(made).__name__,

@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, need
 
-SCRIPTS = sorted(path for part in ("tools", "tests") for path in ROOT.glob(f"{part}/**/*.sh"))
+SCRIPTS = sorted(
+    path for part in ("tools", "tests", "port") for path in ROOT.glob(f"{part}/**/*.sh")
+)
 SOURCED = ("common.sh", "needs.sh", "packages.sh", "fetched.sh", "python.sh")  # with those who do
 
 

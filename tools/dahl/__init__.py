@@ -33,8 +33,13 @@ from __future__ import annotations
 from importlib import import_module
 
 TYPE_CHECKING = False  # typing itself would cost as much as the rest of `dahl --help`
-if TYPE_CHECKING:
-    from typing import Any
+if TYPE_CHECKING:  # for those who check types the names are what they are; else see __getattr__
+    from dahl import codec as codec
+    from dahl import node as node
+    from dahl.core import Encoder, Friction, Plan, State, Throughput, counts_between
+    from dahl.node import Node
+    from dahl.parts import Parallel, Slip, ThroughputParallel, ThroughputSlip
+    from dahl.variants import Asymmetric, ElastoPlastic, Loaded, VelocityTable, Work
 
 __version__ = "0.2.0"
 __all__ = [
@@ -55,7 +60,9 @@ __all__ = [
     "ThroughputSlip",
     "VelocityTable",
     "Work",
+    "codec",
     "counts_between",
+    "node",
 ]
 SUBMODULES = ("codec", "node")
 MODULES = (
@@ -91,14 +98,16 @@ class RunError(Error):
     """
 
 
-def __getattr__(name: str) -> Any:
-    """Load the library only when one of its names is used, so that `dahl --help` is quick."""
-    if name in SUBMODULES:
-        return import_module(f"dahl.{name}")
-    if name in __all__:
-        return getattr(import_module(MODULES.get(name, "dahl.core")), name)
-    raise AttributeError(f"module 'dahl' has no attribute '{name}'")
+if not TYPE_CHECKING:  # where it would make any name at all a right one
+
+    def __getattr__(name: str) -> object:
+        """Load the library only when one of its names is used, so that `dahl --help` is quick."""
+        if name in SUBMODULES:
+            return import_module(f"dahl.{name}")
+        if name in __all__:
+            return getattr(import_module(MODULES.get(name, "dahl.core")), name)
+        raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *SUBMODULES, "__doc__", "__version__"})
+    return sorted({*__all__, "__doc__", "__version__"})

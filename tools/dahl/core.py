@@ -15,7 +15,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dahl import Error, RunError, arrays, checks, paths
 from dahl.arrays import INT32_MAX, INT32_MIN
@@ -183,6 +183,7 @@ def _typed_parts(lib: ctypes.CDLL) -> ctypes.CDLL:
         ("loaded_step_counts", f32, plan, state, i32, u32),
         ("loaded_step_counts_q30", i32, plan, state, i32, u32),
         ("batch_loaded_counts", None, plan, state, array, array, array, size),
+        ("clamped_step", f32, plan, state, f32, u32),
         ("work_step_counts", f32, plan, state, work, i32),
         ("batch_work_counts", None, plan, state, work, array, array, size),
         ("work", f32, params, work),
@@ -314,8 +315,8 @@ class Plan(_Parameters):
 
 @checks.calls_checked
 class Friction:
-    """One bearing: a Plan and its state, relaxed at first. Torques in N m, with the sign of the
-    motion.
+    """One bearing: a Plan and its state, relaxed at first (dahl_plan_t, dahl_state_t; Eqs. 7, 18,
+    27). Torques in N m, with the sign of the motion.
 
     Two are equal where plan and state are; picklable; a copy shares the plan and has a state of its
     own. One thread at a time. A single step costs about 1 us from Python, a tick in a batch about
@@ -427,7 +428,9 @@ class Friction:
         library().dahl_change_plan(self._plan._words, plan._words, ctypes.byref(self._state))
         self._plan = plan
 
-    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+    def run_counts(
+        self, moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
         shape (n,), float32, into `out` if given: the bits of step_counts(), move by move.
 
@@ -439,7 +442,7 @@ class Friction:
         self._plan._need_counts()
         return self._run(library().dahl_batch_counts, arrays.moves(moves, np.int32), out)
 
-    def run(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+    def run(self, moves: ArrayLike, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Moves in rad, shape (n,) -> torques in N m after each, shape (n,), float32, into `out` if
         given: the bits of step(), move by move. As in C, NaN is no motion, infinite saturates.
 
@@ -464,9 +467,10 @@ class Friction:
 @checks.calls_checked
 @dataclass(frozen=True)
 class Throughput(_Parameters):
-    """dahl_throughput_params_t: parameters in double, for logs of millions of ticks.
+    """dahl_throughput_params_t: parameters in double (sigma0 in N m/rad, Fc in N m, theta_per_count
+    in rad), for logs of millions of ticks.
 
-    The same model, parameters, limits and units as Plan and the same 0.52 ulp of Fc, but not the
+    The same model, parameters and limits as Plan and the same 0.52 ulp of Fc, but not the
     same bits: computed in double, in vectors, 3 to 10 times as fast as Friction.run_counts. Nothing
     is prepared, so new parameters for every call cost nothing. Immutable, comparable, picklable.
     Raises dahl.Error naming the parameter, its value and its limit.
@@ -495,8 +499,8 @@ class Throughput(_Parameters):
         self,
         moves: ArrayLike,
         F: float = 0.0,  # noqa: N803
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:
+        out: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
         shape (n,), float32, into `out` if given. F in N m is the torque before the first move, a
         finite number, clamped to +-Fc. Raises dahl.Error as Friction.run_counts() does, and for F.
@@ -508,8 +512,8 @@ class Throughput(_Parameters):
         self,
         moves: ArrayLike,
         F: float = 0.0,  # noqa: N803
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:
+        out: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
         """As run_counts(), with moves in rad (rounded to float32; NaN is no motion, infinite
         saturates); theta_per_count is not used.
         """
@@ -529,8 +533,8 @@ class Throughput(_Parameters):
 
     @staticmethod
     def run_counts_channels(
-        params: Iterable[Throughput], moves: ArrayLike, out: np.ndarray | None = None
-    ) -> np.ndarray:
+        params: Iterable[Throughput], moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """Moves in counts, shape (n, channels), a Throughput for each channel -> torques in N m,
         same shape, float32, into `out` if given; all channels start relaxed. Raises dahl.Error as
         Friction.run_counts() does, and for params that are no Throughputs.
@@ -543,8 +547,8 @@ class Throughput(_Parameters):
 
     @staticmethod
     def run_channels(
-        params: Iterable[Throughput], moves: ArrayLike, out: np.ndarray | None = None
-    ) -> np.ndarray:
+        params: Iterable[Throughput], moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """As run_counts_channels(), with moves in rad."""
         params = _channels(params)
         moves = arrays.moves(moves, np.float32, len(params))
@@ -632,7 +636,9 @@ class Encoder:
         return moved
 
     def home(self, reading: int) -> None:
-        """The counter was set to `reading` without motion; the next move starts there."""
+        """The counter was set to `reading`, in counts as in move(), without motion; the next move
+        starts there. The same errors as move().
+        """
         library().dahl_encoder_home(ctypes.byref(self._encoder), self._checked(reading))
 
     @property

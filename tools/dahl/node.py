@@ -186,8 +186,10 @@ class Node:
         return Counts(*(getattr(self._node, name) for name in COUNTS))
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
-        """Take one frame, any frame; returns the answer to send at once, None where there is none.
-        `now` in s.
+        """Take one frame, any frame; returns the answer to send at once, None where there is none:
+        to the counts of an EncoderState a FrictionTorque, to a ParamWrite a ParamReply, to a Reset
+        a Status. `now` in s. Raises dahl.Error for what is no can.Message, and for a `now` that is
+        no finite number.
         """
         moment, frame = self._at(now), codec.raw_of(message)
         if message.is_error_frame and not frame.id & BUS_OFF:
@@ -199,8 +201,9 @@ class Node:
         return codec.message_of(out) if answers & 1 else None
 
     def tick(self, now: float | None = None) -> can.Message | None:
-        """Look at the clock, every few ms; returns a Status to send, None where none is due. The
-        first call gives one at once. `now` in s.
+        """Look at the clock, every few ms; returns a Status, with its counts of frames, to send,
+        None where none is due. The first call gives one at once. `now` in s. Raises dahl.Error for
+        a `now` that is no finite number.
         """
         moment, out = self._at(now), codec.CanFrame()
         due = core.library().dahl_node_tick(ctypes.byref(self._node), moment, ctypes.byref(out))
@@ -250,8 +253,8 @@ class Node:
 
     def __repr__(self) -> str:
         return (
-            f"Node({self._friction!r}, number={self.number}, state={self.state.name},"
-            f" ok={self._node.ok})"
+            f"<Node {self._friction!r}, number={self.number}, state={self.state.name},"
+            f" ok={self._node.ok}>"
         )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dahl import Error, arrays, checks, core
 
@@ -59,7 +59,9 @@ class Element:
         """F in N m, without motion."""
         return self._step(0)
 
-    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+    def run_counts(
+        self, moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
         shape (n,), float32, into `out` if given: the bits of step_counts(), move by move. Raises
         dahl.Error, before any move, as Friction.run_counts() does.
@@ -70,10 +72,39 @@ class Element:
         return result
 
 
+class _SlipParameters:
+    """Of slip elements side by side, exact or fast."""
+
+    _sigma0: tuple[float, ...]
+    _Fc: tuple[float, ...]
+    _theta_per_count: float
+
+    @property
+    def sigma0(self) -> tuple[float, ...]:
+        """N m/rad, one an element."""
+        return self._sigma0
+
+    @property
+    def Fc(self) -> tuple[float, ...]:  # noqa: N802
+        """N m, one an element."""
+        return self._Fc
+
+    @property
+    def theta_per_count(self) -> float:
+        """rad/count"""
+        return self._theta_per_count
+
+    def __repr__(self) -> str:
+        return (
+            f"{type(self).__name__}(sigma0={list(self._sigma0)}, Fc={list(self._Fc)},"
+            f" theta_per_count={self._theta_per_count!r})"
+        )
+
+
 @checks.calls_checked
-class Slip(Element):
-    """Slip elements side by side (Maxwell slip, Prandtl-Ishlinskii), with their state, relaxed at
-    first: F = sum of springs sigma0 that slip at Fc.
+class Slip(_SlipParameters, Element):
+    """Slip elements side by side (Maxwell slip, Prandtl-Ishlinskii; dahl_slip_plan_t), with their
+    state, relaxed at first: F = sum of springs sigma0 that slip at Fc.
 
     sigma0           N m/rad  one an element, 1 to 8 of them; ranges as in Plan
     Fc               N m      torque at which each slips, as many
@@ -125,21 +156,6 @@ class Slip(Element):
                 return f"element {k}: {error}"
         return f"{self!r} is refused by dahl_slip_prepare"
 
-    @property
-    def sigma0(self) -> tuple[float, ...]:
-        """N m/rad, one an element."""
-        return self._sigma0
-
-    @property
-    def Fc(self) -> tuple[float, ...]:  # noqa: N802
-        """N m, one an element."""
-        return self._Fc
-
-    @property
-    def theta_per_count(self) -> float:
-        """rad/count"""
-        return self._theta_per_count
-
     def step_counts_q30(self, dcounts: int) -> int:
         """The same move, the same errors; returns F over the sum of Fc in Q30, -2^30 .. 2^30."""
         moved = checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX)
@@ -163,21 +179,18 @@ class Slip(Element):
         self._x[:] = kept[3]
 
     def __eq__(self, other: object) -> bool:
-        return self.__getstate__() == other.__getstate__() if isinstance(other, Slip) else False
+        if not isinstance(other, Slip):
+            return NotImplemented
+        return self.__getstate__() == other.__getstate__()
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
-
-    def __repr__(self) -> str:
-        return (
-            f"Slip(sigma0={list(self._sigma0)}, Fc={list(self._Fc)},"
-            f" theta_per_count={self._theta_per_count!r})"
-        )
 
 
 @checks.calls_checked
 class Parallel(Element):
-    """Elements on one shaft, whose torques add: any mix of Friction and Slip, each with a state of
-    its own, which moves with this. The sum is rounded once, within 0.55 ulp of the sum of all Fc.
+    """Elements on one shaft, whose torques add (dahl_part_t): any mix of Friction and Slip, each
+    with a state of its own, which moves with this. The sum in N m is rounded once, within 0.55 ulp
+    of the sum of all Fc.
 
     Equal where all parts are; picklable. Raises dahl.Error for what is no part, for a part that
     stands there twice, and for a Friction without theta_per_count.
@@ -215,7 +228,9 @@ class Parallel(Element):
         )
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Parallel) and self._parts == other._parts
+        if not isinstance(other, Parallel):
+            return NotImplemented
+        return self._parts == other._parts
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
@@ -230,7 +245,9 @@ class _Fast:
     def _elements(self) -> list[core.ThroughputElement]:
         raise NotImplementedError
 
-    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+    def run_counts(
+        self, moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
         shape (n,), float32, into `out` if given; all is relaxed before the first one. Raises
         dahl.Error as Friction.run_counts() does.
@@ -248,11 +265,12 @@ class _Fast:
 
 
 @checks.calls_checked
-class ThroughputSlip(_Fast):
-    """Parameters of slip elements in double, for logs of millions of ticks: the model, units and
-    limits of Slip, in vectors, about 5 times as fast as Slip.run_counts. Torques are within 0.5001
-    ulp of the sum of Fc, without end; not the bits of Slip. Nothing is prepared, nothing is kept
-    from call to call. Equal where parameters are; picklable. Raises dahl.Error as Slip does.
+class ThroughputSlip(_SlipParameters, _Fast):
+    """Parameters of slip elements in double, for logs of millions of ticks
+    (dahl_throughput_element_t): the model, units and limits of Slip, in vectors, about 5 times as
+    fast as Slip.run_counts. Torques in N m are within 0.5001 ulp of the sum of Fc, without end; not
+    the bits of Slip. Nothing is prepared, nothing is kept from call to call. Equal where parameters
+    are; picklable. Raises dahl.Error as Slip does.
 
     >>> ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
     array([1. , 1.5], dtype=float32)
@@ -274,21 +292,6 @@ class ThroughputSlip(_Fast):
             except Error as error:
                 raise Error(f"element {k}: {error}") from None
 
-    @property
-    def sigma0(self) -> tuple[float, ...]:
-        """N m/rad, one an element."""
-        return self._sigma0
-
-    @property
-    def Fc(self) -> tuple[float, ...]:  # noqa: N802
-        """N m, one an element."""
-        return self._Fc
-
-    @property
-    def theta_per_count(self) -> float:
-        """rad/count"""
-        return self._theta_per_count
-
     def _elements(self) -> list[core.ThroughputElement]:
         return [
             core.ThroughputElement((sigma0, torque, self._theta_per_count), 1)
@@ -306,19 +309,14 @@ class ThroughputSlip(_Fast):
     def __hash__(self) -> int:
         return hash(self.__reduce__())
 
-    def __repr__(self) -> str:
-        return (
-            f"ThroughputSlip(sigma0={list(self._sigma0)}, Fc={list(self._Fc)},"
-            f" theta_per_count={self._theta_per_count!r})"
-        )
-
 
 @checks.calls_checked
 class ThroughputParallel(_Fast):
-    """Elements on one shaft, whose torques add, in double, for long logs: any mix of Throughput and
-    ThroughputSlip. Within 0.52 ulp of the sum of all Fc, without end; not the bits of Parallel, 5
-    to 8 times as fast. Equal where all parts are; picklable. Raises dahl.Error for what is no part,
-    and for a Throughput without theta_per_count.
+    """Elements on one shaft, whose torques in N m add, in double, for long logs
+    (dahl_throughput_element_t): any mix of Throughput and ThroughputSlip. Within 0.52 ulp of the
+    sum of all Fc, without end; not the bits of Parallel, 5 to 8 times as fast. Equal where all
+    parts are; picklable. Raises dahl.Error for what is no part, and for a Throughput without
+    theta_per_count.
 
     >>> bearing = core.Throughput(100.0, 0.5, 1e-3)
     >>> ThroughputParallel(bearing, ThroughputSlip([20.0], [1.0], 1e-3)).run_counts([10**6])

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dahl import Error, arrays, checks, core
 from dahl.parts import Element
@@ -100,7 +100,7 @@ class _Bristle(Element):
 
 @checks.calls_checked
 class Asymmetric(_Bristle):
-    """Friction with an Fc of each direction its own, with its state, relaxed at first:
+    """Friction with an Fc of each direction its own (dahl_asymmetric_plan_t), relaxed at first:
     dF/dtheta = sigma0 (1 - F/Fc_forward) forward, sigma0 (1 + F/Fc_backward) backward. Passive over
     every closed cycle.
 
@@ -172,9 +172,10 @@ class Asymmetric(_Bristle):
 
 @checks.calls_checked
 class ElastoPlastic(_Bristle):
-    """Elasto-plastic friction (Dupont 2002; over space as in Hayward 2009), with its state, relaxed
-    at first: a spring up to F = breakaway*Fc in the direction of motion, which creeps by nothing
-    however often it goes to and fro, and then Dahl's curve, without a corner.
+    """Elasto-plastic friction (Dupont 2002; over space as in Hayward 2009;
+    dahl_elastoplastic_plan_t), with its state, relaxed at first: a spring up to F = breakaway*Fc in
+    the direction of motion, which creeps by nothing however often it goes to and fro, and then
+    Dahl's curve, without a corner.
 
     sigma0           N m/rad  stiffness of the spring, range as in Plan
     Fc               N m      Coulomb torque, range as in Plan
@@ -243,32 +244,48 @@ class _LoadedState(ctypes.Structure):
 
 @checks.calls_checked
 class Loaded:
-    """A bearing of a Plan whose sigma0 and Fc both follow a load, given with each tick: normal
-    force, torque through a gear, preload, temperature. Where the load falls F falls with it, where
-    it grows F is kept; so no closed cycle of motion and load gives energy.
+    """A bearing of a Plan whose Fc follows a load, given with each tick: normal force, torque
+    through a gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t):
+    where the load falls F falls with it, where it grows F is kept. With fixed_stiffness sigma0
+    stays (dahl_clamped_step): a load that falls cuts F off at load*Fc, one that grows leaves it,
+    and ticks are by angle. By either rule no closed cycle of motion and load gives energy.
 
-    plan   of the bearing at a load of 1
-    load   0 <= load < 2, rounded to 2^-30; at 1 the torques have the bits of Friction(plan)
+    plan             of the bearing at a load of 1
+    load             0 <= load < 2, rounded to 2^-30; at 1 the torques have the bits of
+                     Friction(plan)
+    fixed_stiffness  True: step() and run(), in rad; False: step_counts() and the like, in counts
 
-    Torques are within 0.55 ulp of load*Fc, -load*Fc .. load*Fc. A step costs about 1 us from
-    Python, a tick in run_counts() about 20 ns. Relaxed and without load at first. Two are equal
-    where plan and state are; picklable; a copy has a state of its own. Raises dahl.Error for
-    anything that is no Plan, and for a plan without theta_per_count.
+    Torques are within 0.55 ulp of load*Fc, -load*Fc .. load*Fc; with fixed_stiffness within 0.6 ulp
+    of Fc, or of load*Fc where that is more. A step costs about 1 us from Python, and so does a tick
+    in run(); a tick in run_counts() about 20 ns. Relaxed and without load at first. Two are equal
+    where plan, rule and state are; picklable; a copy has a state of its own. Raises dahl.Error for
+    anything that is no Plan or no rule, for a plan without theta_per_count where counts are wanted,
+    and for a move of the other rule's kind.
 
     >>> gear = Loaded(core.Plan(100.0, 0.5, 1e-3))
     >>> gear.step_counts(10**6, load=1.5), gear.step_counts(0, load=0.5)
     (0.75, 0.25)
+    >>> seat = Loaded(core.Plan(100.0, 0.5), fixed_stiffness=True)
+    >>> seat.step(1e6, load=0.5), seat.step(0.0, load=1.5)
+    (0.25, 0.25)
     """
 
-    def __init__(self, plan: core.Plan) -> None:
+    def __init__(self, plan: core.Plan, fixed_stiffness: bool = False) -> None:
         self._plan = checks.instance("plan", plan, core.Plan)
-        self._plan._need_counts()
+        self._fixed_stiffness = checks.instance("fixed_stiffness", fixed_stiffness, bool)
+        if not fixed_stiffness:
+            self._plan._need_counts()
         self._state = _LoadedState()
 
     @property
     def plan(self) -> core.Plan:
         """The parameters at a load of 1."""
         return self._plan
+
+    @property
+    def fixed_stiffness(self) -> bool:
+        """Whether sigma0 stays when the load changes; moves are then in rad."""
+        return self._fixed_stiffness
 
     @property
     def load(self) -> float:
@@ -278,31 +295,60 @@ class Loaded:
     @property
     def torque(self) -> float:
         """F in N m at the last load, without motion."""
-        return self._step(0, self._state.load_q30)
+        step = self._clamped if self._fixed_stiffness else self._step
+        return step(0, self._state.load_q30)
 
     def step_counts(self, dcounts: int, load: float) -> float:
         """Take the load, then move by dcounts, a whole number within int32; returns F in N m.
-        Raises dahl.Error for any other dcounts, and for a load outside 0 <= load < 2.
+        Raises dahl.Error for any other dcounts, for a load outside 0 <= load < 2, and with
+        fixed_stiffness.
         """
+        self._need_rule(False, "step_counts")
         return self._step(_moved(dcounts), _load_q30(load))
+
+    def step(self, dtheta: float, load: float) -> float:
+        """Take the load, then move by dtheta rad, with fixed_stiffness; returns F in N m. As in C,
+        NaN is no motion and an infinite angle saturates at +-load*Fc. Raises dahl.Error for what is
+        no number, for a load outside 0 <= load < 2, and without fixed_stiffness.
+        """
+        self._need_rule(True, "step")
+        angle = checks.real("dtheta", dtheta, "an angle in rad")
+        return self._clamped(angle, _load_q30(load))
+
+    def run(
+        self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Moves in rad and a load for each, both of shape (n,), with fixed_stiffness -> torques in
+        N m after each, shape (n,), float32, into `out` if given: the bits of step(), move by move.
+        Raises dahl.Error, before any move, as Friction.run() does, for the first load outside
+        0 <= load < 2, and without fixed_stiffness.
+        """
+        self._need_rule(True, "run")
+        array = arrays.moves(moves, np.float32)
+        given, result = arrays.loads(loads, array), arrays.out(out, array)
+        for k, (angle, load) in enumerate(zip(array.tolist(), given.tolist(), strict=True)):
+            result[k] = self._clamped(angle, load)
+        return result
 
     def step_counts_q30(self, dcounts: int, load: float) -> int:
         """The same move, the same errors; returns F/Fc in Q30, -2^31 .. 2^31: beyond 2^30 at a load
         above 1.
         """
+        self._need_rule(False, "step_counts_q30")
         moved, load_q30 = _moved(dcounts), _load_q30(load)
         call, state = core.library().dahl_loaded_step_counts_q30, ctypes.byref(self._state)
         ratio: int = call(self._plan._words, state, moved, load_q30)
         return ratio
 
     def run_counts(
-        self, moves: ArrayLike, loads: ArrayLike, out: np.ndarray | None = None
-    ) -> np.ndarray:
+        self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """Moves in counts and a load for each, both of shape (n,) -> torques in N m after each,
         shape (n,), float32, into `out` if given: the bits of step_counts(), move by move. Raises
         dahl.Error, before any move, as Friction.run_counts() does, and for the first load outside
         0 <= load < 2.
         """
+        self._need_rule(False, "run_counts")
         array = arrays.moves(moves, np.int32)
         given, result = arrays.loads(loads, array), arrays.out(out, array)
         core.library().dahl_batch_loaded_counts(
@@ -318,11 +364,27 @@ class Loaded:
         torque: float = call(self._plan._words, state, dcounts, load_q30)
         return torque
 
-    def __getstate__(self) -> tuple[core.Plan, int, int]:
-        return self._plan, self._state.w, self._state.load_q30
+    def _clamped(self, dtheta: float, load_q30: int) -> float:
+        """The rule of fixed_stiffness, whose state in C has no load: F/Fc in Q62 alone."""
+        self._state.load_q30 = load_q30
+        torque: float = core.library().dahl_clamped_step(
+            self._plan._words, ctypes.byref(self._state), dtheta, load_q30
+        )
+        return torque
 
-    def __setstate__(self, kept: tuple[core.Plan, int, int]) -> None:
-        self._plan, self._state = kept[0], _LoadedState(*kept[1:])
+    def _need_rule(self, fixed: bool, call: str) -> None:
+        if self._fixed_stiffness != fixed:
+            there = "step(), run()" if self._fixed_stiffness else "step_counts(), run_counts()"
+            raise Error(
+                f"Loaded.{call}: fixed_stiffness = {self._fixed_stiffness} moves by {there}"
+            )
+
+    def __getstate__(self) -> tuple[core.Plan, bool, int, int]:
+        return self._plan, self._fixed_stiffness, self._state.w, self._state.load_q30
+
+    def __setstate__(self, kept: tuple[core.Plan, bool, int, int]) -> None:
+        self._plan, self._fixed_stiffness = kept[:2]
+        self._state = _LoadedState(*kept[2:])
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Loaded):
@@ -332,7 +394,8 @@ class Loaded:
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
     def __repr__(self) -> str:
-        return f"Loaded({self._plan!r})"
+        rule = ", fixed_stiffness=True" if self._fixed_stiffness else ""
+        return f"Loaded({self._plan!r}{rule})"
 
 
 def _moved(dcounts: int) -> int:
@@ -352,8 +415,9 @@ class _Sums(ctypes.Structure):
 
 @checks.calls_checked
 class Work(Element):
-    """One bearing of a Plan that adds up what it takes: the torques of Friction(plan), bit for bit,
-    and the work along the path, in whole numbers that do not overflow for 2^63 ticks.
+    """One bearing of a Plan that adds up what it takes (dahl_work_t): the torques of
+    Friction(plan), bit for bit, and the work along the path in J, in whole numbers that do not
+    overflow for 2^63 ticks.
 
     A step costs about 1 us from Python, a tick in run_counts() about 10 ns. Relaxed at first. Two
     are equal where plan, state and sums are; picklable; a copy goes its own way. Raises dahl.Error
@@ -415,7 +479,9 @@ class Work(Element):
         self._sums = _Sums.from_buffer_copy(kept[2])
 
     def __eq__(self, other: object) -> bool:
-        return self.__getstate__() == other.__getstate__() if isinstance(other, Work) else False
+        if not isinstance(other, Work):
+            return NotImplemented
+        return self.__getstate__() == other.__getstate__()
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
@@ -435,9 +501,9 @@ TORQUES = "0, or 2^-64 <= |torque| < 2^64 (N m)"
 
 @checks.calls_checked
 class VelocityTable:
-    """Friction that depends on speed (viscous, Stribeck), beside what depends on the path: an odd
-    table over the counts of one tick, linear in between, the last value beyond. Add its torques to
-    those of a part.
+    """Friction that depends on speed (viscous, Stribeck; dahl_velocity_plan_t), beside what depends
+    on the path: an odd table over the counts of one tick, linear in between, the last value beyond.
+    Add its torques to those of a part.
 
     torque        N m  16 of them: torque[k] at (k + 1) 2^segment_bits counts a tick forward, its
                        negative backward; each 0, or 2^-64 <= |torque| < 2^64
@@ -491,7 +557,9 @@ class VelocityTable:
         torque: float = core.library().dahl_velocity_torque(self._words, _moved(dcounts))
         return torque
 
-    def run_counts(self, moves: ArrayLike, out: np.ndarray | None = None) -> np.ndarray:
+    def run_counts(
+        self, moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
         """Moves in counts of each tick, shape (n,), whole numbers within int32 -> torques in N m,
         shape (n,), float32, into `out` if given: the bits of step_counts(). Raises dahl.Error as
         Friction.run_counts() does.
