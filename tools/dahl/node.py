@@ -21,15 +21,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
 from dahl import Error, RunError, checks, codec, core, parts, variants
 from dahl.bus import receive
 
-try:
+if TYPE_CHECKING:
     import can
-except ImportError:
-    raise RunError("dahl.node needs python-can: pip install 'dahl[can]'") from None
 
 PERIOD = 0.005  # s at most from one look at the clock to the next
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
@@ -339,15 +337,15 @@ class Traffic:
     refused: int = 0
 
 
-class Listener(can.Listener):
+class Listener:
     """Nodes on a bus, for a can.Notifier: it hands over the frames, their clock is a thread of its
-    own until stop(), which the Notifier calls. `traffic` counts.
+    own until stop(), which the Notifier calls. A can.Listener. `traffic` counts.
 
         notifier = can.Notifier(bus, [Listener(bus, node)])
     """
 
     def __init__(self, bus: can.BusABC, *nodes: Node) -> None:
-        super().__init__()
+        codec.python_can().Listener.register(type(self))
         self._link = _Link(bus, nodes)
         self._ended = threading.Event()
         self._clock = threading.Thread(target=self._tick, name="dahl.node", daemon=True)
@@ -361,6 +359,13 @@ class Listener(can.Listener):
     def on_message_received(self, msg: can.Message) -> None:
         """Answer one frame."""
         self._link.take(msg)
+
+    def __call__(self, msg: can.Message) -> None:
+        """The same."""
+        self._link.take(msg)
+
+    def on_error(self, exc: Exception) -> None:
+        """The Notifier keeps it as its `exception`."""
 
     def stop(self) -> None:
         """No Status from now on."""
@@ -398,7 +403,7 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
     the bus goes away. The bus has no other can.Notifier; where it has one, give that a Listener.
     """
     link = _Link(bus, nodes)
-    notifier = can.Notifier(bus, [link.take], loop=asyncio.get_running_loop())
+    notifier = codec.python_can().Notifier(bus, [link.take], loop=asyncio.get_running_loop())
     try:
         while notifier.exception is None:
             link.tick()
@@ -465,6 +470,7 @@ class _Link:
         if len({node.number for node in nodes}) < len(nodes):
             raise Error("two nodes of one number on one bus")
         self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
+        self._refusals = (codec.python_can().CanError, OSError)
 
     def take(self, message: can.Message) -> None:
         with self._lock:
@@ -491,5 +497,5 @@ class _Link:
         try:
             self._bus.send(message)
             self.traffic.sent += 1
-        except (can.CanError, OSError):  # its queue is full, or it has gone: who receives will know
+        except self._refusals:  # its queue is full, or it has gone: who receives will know
             self.traffic.refused += 1
