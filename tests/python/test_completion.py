@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The script of `dahl completion`, asked as bash asks it; and --json of the verbs that print."""
+"""The script of `dahl complete`, asked as bash asks it; and --json of the verbs that print."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def script() -> str:
 
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
-        assert main(["completion"]) == 0
+        assert main(["complete"]) == 0
     return out.getvalue()
 
 

@@ -14,6 +14,7 @@ import re
 import socket
 import struct
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -344,6 +345,7 @@ def test_a_notifier_serves_nodes(ends):
     here, there = ends
     nodes = [dahl.Node(PLAN, number) for number in (0, 3)]
     listener = node.Listener(here, *nodes)
+    assert isinstance(listener, can.Listener)
     notifier = can.Notifier(here, [listener])
     try:
         for number in (0, 3):
@@ -429,3 +431,13 @@ def test_a_scene_names_the_same_node(tmp_path, model):
         **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},
         status_period=0.04,
     )
+
+
+def test_what_needs_python_can_says_so(monkeypatch):
+    """The frames as bytes do not."""
+    monkeypatch.setitem(sys.modules, "can", None)
+    data = codec.to_bytes(EncoderState(5))
+    assert codec.from_bytes(0x100, data) == EncoderState(5)
+    for call in (lambda: codec.pack(EncoderState(5)), lambda: dahl.Node(PLAN).tick()):
+        with pytest.raises(dahl.RunError, match="python-can is not here; pip install"):
+            call()

@@ -258,6 +258,16 @@ def test_the_demo_runs_with_what_the_wheel_carries(full: Environment) -> None:
     full.dahl("plot", folder)
 
 
+def test_the_test_of_the_readme_finds_its_fixtures(root: Path, full: Environment) -> None:
+    """By the plugin's entry point: nothing names it."""
+    readme = (root / "README.md").read_text()
+    (example,) = re.findall(r"```python\n(from dahl.*?)```", readme, re.DOTALL)
+    (full.folder / "test_readme.py").write_text(example)
+    done = full.python("-m", "pytest", "-q", "-p", "no:cacheprovider", "test_readme.py")
+    assert "1 passed" in done.stdout
+    assert "--dahl-interface" in full.python("-m", "pytest", "--help").stdout
+
+
 def test_firmware_needs_a_checkout(full: Environment) -> None:
     done = full.dahl("demo", "--target", "m4f", "--output", full.folder / "m4f", code=1)
     assert done.stderr.startswith("error: the firmware of --target is built from a checkout")

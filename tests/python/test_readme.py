@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The C of the pages compiles as it stands, and each place for a generated table has its end."""
+"""The C of the pages compiles and their Python runs as it stands, and each place for a generated
+table has its end.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +18,25 @@ BLOCKS = [
     for path in PAGES
     for number, block in enumerate(re.findall(r"```c\n(.*?)```", path.read_text(), re.DOTALL), 1)
 ]
+PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
+SCRIPTS = [  # but those of pytest, which test_pytest_plugin.py runs
+    pytest.param(block, id=f"{path.stem}-{number}")
+    for path in PAGES
+    for number, block in enumerate(
+        re.findall(r"```python\n(.*?)```", path.read_text(), re.DOTALL), 1
+    )
+    if "def test_" not in block
+]
+
+
+@pytest.mark.usefixtures("library")
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_a_block_of_python_runs_and_prints(
+    script: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(script, "the page", "exec"), {})
+    assert capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("library")

@@ -60,7 +60,9 @@ __all__ = [
     "ThroughputSlip",
     "VelocityTable",
     "Work",
+    "codec",
     "counts_between",
+    "node",
 ]
 SUBMODULES = ("codec", "node")
 MODULES = (
@@ -108,4 +110,4 @@ if not TYPE_CHECKING:  # where it would make any name at all a right one
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, *SUBMODULES, "__doc__", "__version__"})
+    return sorted({*__all__, "__doc__", "__version__"})

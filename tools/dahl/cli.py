@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, by_need, interrupt, printable
 from dahl.commands import (
-    completion,
+    complete,
     data,
     dbc,
     demo,
@@ -86,7 +86,7 @@ COMMANDS = {
     "report": report,
     "data": data,
     "dbc": dbc,
-    "completion": completion,
+    "complete": complete,
 }
 
 

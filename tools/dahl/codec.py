@@ -17,9 +17,11 @@ from __future__ import annotations
 import ctypes
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from dahl import Error, checks, core
+from dahl import Error, RunError, checks, core
 from dahl.arrays import INT32_MAX, INT32_MIN
 
 if TYPE_CHECKING:
@@ -428,6 +430,14 @@ def unpack(message: can.Message) -> Frame:
     return from_bytes(raw.id, message.data)
 
 
+def python_can() -> ModuleType:
+    """The package `can`. Raises dahl.RunError where it is not here."""
+    try:
+        return import_module("can")
+    except ImportError:
+        raise RunError("python-can is not here; pip install 'dahl[can]'") from None
+
+
 def raw_of(message: can.Message) -> CanFrame:
     """A message of python-can as the library takes it: of CAN FD the first 8 bytes."""
     if not hasattr(message, "arbitration_id"):
@@ -446,14 +456,13 @@ def raw_of(message: can.Message) -> CanFrame:
 
 def message_of(raw: CanFrame) -> can.Message:
     """A frame of the library as a message of python-can."""
-    import can
-
-    return can.Message(
+    message: can.Message = python_can().Message(
         arbitration_id=raw.id,
         data=bytes(raw.data[: raw.length]),
         is_extended_id=bool(raw.flags & EXTENDED),
         is_rx=False,
     )
+    return message
 
 
 def _named(identifier: int) -> str:

@@ -21,15 +21,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
 from dahl import Error, RunError, checks, codec, core, parts, variants
 from dahl.bus import receive
 
-try:
+if TYPE_CHECKING:
     import can
-except ImportError:
-    raise RunError("dahl.node needs python-can: pip install 'dahl[can]'") from None
 
 PERIOD = 0.005  # s at most from one look at the clock to the next
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
@@ -192,8 +190,10 @@ class Node:
         return Counts(*(getattr(self._node, name) for name in COUNTS))
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
-        """Take one frame, any frame; returns the answer to send at once, None where there is none.
-        `now` in s. Raises dahl.Error for anything that is no can.Message and no finite time.
+        """Take one frame, any frame; returns the answer to send at once, None where there is none:
+        to the counts of an EncoderState a FrictionTorque, to a ParamWrite a ParamReply, to a Reset
+        a Status. `now` in s. Raises dahl.Error for what is no can.Message, and for a `now` that is
+        no finite number.
         """
         moment, frame = self._at(now), codec.raw_of(message)
         if message.is_error_frame and not frame.id & BUS_OFF:
@@ -205,8 +205,9 @@ class Node:
         return codec.message_of(out) if answers & 1 else None
 
     def tick(self, now: float | None = None) -> can.Message | None:
-        """Look at the clock, every few ms; returns a Status to send, None where none is due. The
-        first call gives one at once. `now` in s. Raises dahl.Error for a time that is not finite.
+        """Look at the clock, every few ms; returns a Status, with its counts of frames, to send,
+        None where none is due. The first call gives one at once. `now` in s. Raises dahl.Error for
+        a `now` that is no finite number.
         """
         moment, out = self._at(now), codec.CanFrame()
         due = core.library().dahl_node_tick(ctypes.byref(self._node), moment, ctypes.byref(out))
@@ -351,15 +352,15 @@ class Traffic:
     refused: int = 0
 
 
-class Listener(can.Listener):
+class Listener:
     """Nodes on a bus, for a can.Notifier: it hands over the frames, their clock is a thread of its
-    own until stop(), which the Notifier calls. `traffic` counts.
+    own until stop(), which the Notifier calls. A can.Listener. `traffic` counts.
 
         notifier = can.Notifier(bus, [Listener(bus, node)])
     """
 
     def __init__(self, bus: can.BusABC, *nodes: Node) -> None:
-        super().__init__()
+        codec.python_can().Listener.register(type(self))
         self._link = _Link(bus, nodes)
         self._ended = threading.Event()
         self._clock = threading.Thread(target=self._tick, name="dahl.node", daemon=True)
@@ -373,6 +374,13 @@ class Listener(can.Listener):
     def on_message_received(self, msg: can.Message) -> None:
         """Answer one frame."""
         self._link.take(msg)
+
+    def __call__(self, msg: can.Message) -> None:
+        """The same."""
+        self._link.take(msg)
+
+    def on_error(self, exc: Exception) -> None:
+        """The Notifier keeps it as its `exception`."""
 
     def stop(self) -> None:
         """No Status from now on."""
@@ -410,7 +418,7 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
     the bus goes away. The bus has no other can.Notifier; where it has one, give that a Listener.
     """
     link = _Link(bus, nodes)
-    notifier = can.Notifier(bus, [link.take], loop=asyncio.get_running_loop())
+    notifier = codec.python_can().Notifier(bus, [link.take], loop=asyncio.get_running_loop())
     try:
         while notifier.exception is None:
             link.tick()
@@ -477,6 +485,7 @@ class _Link:
         if len({node.number for node in nodes}) < len(nodes):
             raise Error("two nodes of one number on one bus")
         self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
+        self._refusals = (codec.python_can().CanError, OSError)
 
     def take(self, message: can.Message) -> None:
         with self._lock:
@@ -503,5 +512,5 @@ class _Link:
         try:
             self._bus.send(message)
             self.traffic.sent += 1
-        except (can.CanError, OSError):  # its queue is full, or it has gone: who receives will know
+        except self._refusals:  # its queue is full, or it has gone: who receives will know
             self.traffic.refused += 1

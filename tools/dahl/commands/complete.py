@@ -12,8 +12,8 @@ from collections.abc import Iterator
 
 HELP = "completion for bash and zsh"
 EXAMPLE = """examples:
-  source <(dahl completion)                                   # bash, in ~/.bashrc
-  autoload -U bashcompinit; bashcompinit; source <(dahl completion)   # zsh, in ~/.zshrc"""
+  source <(dahl complete)                                   # bash, in ~/.bashrc
+  autoload -U bashcompinit; bashcompinit; source <(dahl complete)   # zsh, in ~/.zshrc"""
 
 SCRIPT = """_dahl() {{
     local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}} words=
