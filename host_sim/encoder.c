@@ -3,6 +3,7 @@
 #include "encoder.h"
 
 #include "dahl_frames.h"
+#include "load.h"
 
 static uint8_t counter_of(uint64_t sequence)
 {
@@ -24,6 +25,21 @@ bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out)
         encoder->next++;
     }
     dahl_frames_pack_encoder(out, encoder->node, &state);
+    return true;
+}
+
+bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out)
+{
+    if (encoder->load == NULL) {
+        return false;
+    }
+    dahl_param_write_t asked = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE};
+    asked.value = load_of(encoder->load, encoder->motion->load);
+    if (asked.value == encoder->load_told) {
+        return false;
+    }
+    encoder->load_told = asked.value;
+    dahl_frames_pack_param_write(out, encoder->node, &asked);
     return true;
 }
 

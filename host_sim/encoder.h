@@ -34,6 +34,8 @@ typedef struct {
     uint64_t last_ns;   /* latency of the last answer */
     int32_t torque_q30; /* of the last answer */
     uint64_t torque_of; /* sequence number of the frame that it answers, plus 1 */
+    const scene_load_t *load; /* what the node's friction follows; NULL: none */
+    uint32_t load_told;       /* of DAHL_NODE_ONE: what the node knows */
     faults_t *faults;   /* what meets its frames on their way; NULL: nothing */
     histogram_t latency;
     histogram_t jitter; /* change of the latency from one answer to the next */
@@ -41,6 +43,9 @@ typedef struct {
 
 /* True: *out is to be sent now. False: the motion has ended or failed. */
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out);
+
+/* True: *out tells the node the load of the tick that was just made, and goes before its angle. False: it has not changed. */
+bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out);
 
 static inline bool encoder_waits(const encoder_t *encoder)
 {

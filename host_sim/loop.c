@@ -187,6 +187,14 @@ static void send_angle(loop_t *loop, const encoder_t *encoder, const dahl_can_fr
     }
 }
 
+static void send_load(loop_t *loop, encoder_t *encoder)
+{
+    dahl_can_frame_t load;
+    if (encoder_load(encoder, &load)) {
+        transmit(loop, &load);
+    }
+}
+
 static void send_status(loop_t *loop)
 {
     dahl_can_frame_t status;
@@ -212,6 +220,7 @@ static void tick(loop_t *loop)
     loop->heard = false;
     send_status(loop);
     for (uint32_t i = 0; i < ready; i++) {
+        send_load(loop, &loop->encoders[i]);
         send_angle(loop, &loop->encoders[i], &angles[i]);
     }
     if (loop->bitrate > 0 && loop->ticks >= loop->second_end) {

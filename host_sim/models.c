@@ -39,6 +39,12 @@ static dahl_err_t use_elastoplastic(dahl_node_t *node, models_kept_t *kept, cons
     return dahl_node_use_elastoplastic(node, &kept->elastoplastic, &params, (float)f->breakaway);
 }
 
+static dahl_err_t use_loaded(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+{
+    const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
+    return dahl_node_use_loaded(node, &kept->loaded, &params);
+}
+
 dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction)
 {
     switch (friction->model) {
@@ -46,6 +52,7 @@ dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_fricti
     case MODEL_PARALLEL: return use_parallel(node, kept, friction);
     case MODEL_ASYMMETRIC: return use_asymmetric(node, kept, friction);
     case MODEL_ELASTOPLASTIC: return use_elastoplastic(node, kept, friction);
+    case MODEL_LOADED: return use_loaded(node, kept, friction);
     default: return DAHL_OK;
     }
 }

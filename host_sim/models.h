@@ -12,6 +12,7 @@ typedef union {
     dahl_node_parallel_t parallel;
     dahl_node_asymmetric_t asymmetric;
     dahl_node_elastoplastic_t elastoplastic;
+    dahl_node_loaded_t loaded;
 } models_kept_t;
 
 /* After dahl_node_init. The library's code. */

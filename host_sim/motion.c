@@ -123,13 +123,14 @@ static int next_steering(motion_t *self, int64_t *place)
 static int next_row(motion_t *self, int64_t *place)
 {
     int32_t count = 0;
-    int result = recording_next(&self->recording, &count);
+    int result = recording_next(&self->recording, &count, &self->load);
     *place = count;
     return result;
 }
 
-bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, uint64_t seed)
+bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, const char *load, uint64_t seed)
 {
+    const recording_columns_t columns = {scene->angle, scene->time, load, scene->counts_per_unit};
     *self = (motion_t){.scene = scene, .random = seed, .side = 1};
     switch (scene->kind) {
     case MOTION_SEGMENTS:
@@ -143,7 +144,7 @@ bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, 
         return true;
     default:
         self->next = next_row;
-        return recording_open(&self->recording, path, scene->angle, scene->time, scene->counts_per_unit);
+        return recording_open(&self->recording, path, &columns);
     }
 }
 

@@ -35,11 +35,12 @@ struct motion {
     motion_move_t sweep;
     double bump;                      /* height of the present tremor */
     uint64_t bump_tick, bump_ticks;   /* bump_ticks 0: between two tremors, until bump_tick is 0 */
+    double load;                      /* of this tick, in the unit of the log's column, or N m of a motor */
     recording_t recording;
 };
 
-/* path: of the log file, used by kind = log only. False: one error line was printed. */
-bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, uint64_t seed);
+/* path: of the log file, used by kind = log only; load: its column of a load, "" for none. False: one error line was printed. */
+bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, const char *load, uint64_t seed);
 
 /* The count of the next tick, modulo 2^32: 1; the end: 0; an error, printed: -1. */
 int motion_next(motion_t *self, int32_t *count);

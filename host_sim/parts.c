@@ -72,8 +72,12 @@ static int prepare_encoder(parts_t *p, uint32_t i)
     uint64_t seed = p->options->seed + i;
     encoder->motion = &p->motions[i];
     encoder->node = parts_number(p, i);
-    if (p->scene->has_motion && !motion_open(&p->motions[i], &p->scene->motion, p->log_path, seed)) {
+    if (p->scene->has_motion && !motion_open(&p->motions[i], &p->scene->motion, p->log_path, p->scene->load.column, seed)) {
         return -1;
+    }
+    if (p->scene->has_load) {
+        encoder->load = &p->scene->load;
+        encoder->load_told = DAHL_NODE_ONE;
     }
     if (p->scene->has_faults) {
         faults_open(&p->faults[i], p->scene->faults, ~seed, timeout_us(p));

@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+#include "load.h"
 #include "messages.h"
 
 enum { FRESH_TICKS = 3 };
@@ -99,6 +100,15 @@ static void write_row(const plant_t *p, double angle, double omega)
     }
 }
 
+/* The bearing carries what the motor's torque puts on it, where the scene says so. */
+static void carry(plant_t *p, double torque)
+{
+    p->motion.load = torque;
+    if (p->scene->has_load) {
+        p->rotor.load_q30 = load_of(&p->scene->load, torque) << 14;
+    }
+}
+
 static void advance(plant_t *p, double torque)
 {
     int sign = sign_of(torque);
@@ -107,6 +117,7 @@ static void advance(plant_t *p, double torque)
     }
     p->torque = sign != 0 ? torque : p->torque;
     write_row(p, p->rotor.theta, p->rotor.omega);
+    carry(p, torque);
     rotor_advance(&p->rotor, torque);
     p->ticks++;
 }

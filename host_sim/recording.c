@@ -47,6 +47,7 @@ static void on_header_field(recording_t *self, const char *text)
     note_header(self, name);
     find(self, name, self->angle_name, &self->angle_column);
     find(self, name, self->time_name, &self->time_column);
+    find(self, name, self->load_name, &self->load_column);
 }
 
 static void take_number(recording_t *self, const char *text, const char *name, double *to)
@@ -68,6 +69,9 @@ static void on_data_field(recording_t *self, const char *text)
     if (self->column == self->time_column) {
         take_number(self, text, self->time_name, &self->time);
     }
+    if (self->column == self->load_column) {
+        take_number(self, text, self->load_name, &self->load);
+    }
 }
 
 static void on_field(void *field, size_t length, void *user)
@@ -86,13 +90,24 @@ static void on_field(void *field, size_t length, void *user)
     self->column++;
 }
 
+/* A column that is asked for and not in the header; NULL: none. */
+static const char *missing(const recording_t *self)
+{
+    if (self->angle_column == NO_COLUMN) {
+        return self->angle_name;
+    }
+    if (self->time_name[0] != '\0' && self->time_column == NO_COLUMN) {
+        return self->time_name;
+    }
+    return self->load_name[0] != '\0' && self->load_column == NO_COLUMN ? self->load_name : NULL;
+}
+
 static void end_header(recording_t *self)
 {
-    bool no_time = self->time_name[0] != '\0' && self->time_column == NO_COLUMN;
+    const char *name = missing(self);
     self->columns = self->column;
-    if (self->angle_column == NO_COLUMN || no_time) {
-        log_error("%s:%llu: no column \"%s\"; there is %s", self->path, (unsigned long long)self->line,
-                 self->angle_column == NO_COLUMN ? self->angle_name : self->time_name, self->header);
+    if (name != NULL) {
+        log_error("%s:%llu: no column \"%s\"; there is %s", self->path, (unsigned long long)self->line, name, self->header);
         fail(self);
     }
 }
@@ -138,6 +153,7 @@ static void end_data(recording_t *self)
         return;
     }
     self->last_time = self->time;
+    self->loads[self->tail] = self->load;
     self->counts[self->tail++] = (int32_t)lround(counts - self->first);
     self->rows++;
 }
@@ -233,6 +249,7 @@ static void forget(recording_t *self)
     self->column = 0;
     self->angle_column = NO_COLUMN;
     self->time_column = NO_COLUMN;
+    self->load_column = NO_COLUMN;
     self->header[0] = '\0';
     self->head = 0;
     self->tail = 0;
@@ -266,11 +283,13 @@ static bool check_all(recording_t *self)
     return !self->failed;
 }
 
-bool recording_open(recording_t *self, const char *path, const char *angle_name, const char *time_name,
-                    double counts_per_unit)
+bool recording_open(recording_t *self, const char *path, const recording_columns_t *columns)
 {
-    *self = (recording_t){
-        .path = path, .angle_name = angle_name, .time_name = time_name, .counts_per_unit = counts_per_unit};
+    *self = (recording_t){.path = path,
+                          .angle_name = columns->angle,
+                          .time_name = columns->time,
+                          .load_name = columns->load,
+                          .counts_per_unit = columns->counts_per_unit};
     self->file = fopen(path, "rb");
     if (self->file == NULL) {
         log_error("%s: %s", path, strerror(errno));
@@ -279,7 +298,7 @@ bool recording_open(recording_t *self, const char *path, const char *angle_name,
     return rewind_to_start(self) && check_all(self) && rewind_to_start(self);
 }
 
-int recording_next(recording_t *self, int32_t *count)
+int recording_next(recording_t *self, int32_t *count, double *load)
 {
     while (self->head == self->tail) {
         if (self->failed || self->ended) {
@@ -287,6 +306,7 @@ int recording_next(recording_t *self, int32_t *count)
         }
         read_chunk(self);
     }
+    *load = self->loads[self->head];
     *count = self->counts[self->head++];
     return 1;
 }

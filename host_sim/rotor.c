@@ -9,7 +9,7 @@ enum { STEPS = 50 }; /* of ROTOR_STEP_S in a millisecond */
 dahl_err_t rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc)
 {
     dahl_params_t params = {.sigma0 = (float)sigma0, .Fc = (float)Fc};
-    *rotor = (rotor_t){.inertia = inertia, .viscous = viscous};
+    *rotor = (rotor_t){.inertia = inertia, .viscous = viscous, .load_q30 = 1u << 30};
     return dahl_prepare(&rotor->plan, &params);
 }
 
@@ -28,7 +28,7 @@ static void step(rotor_t *rotor, double torque)
     accelerate(rotor, torque, ROTOR_STEP_S / 2);
     float moved = (float)(rotor->omega * ROTOR_STEP_S); /* what the friction is told, and no more, is where the shaft goes */
     rotor->theta += (double)moved;
-    rotor->friction = (double)dahl_step(&rotor->plan, &rotor->bristle, moved);
+    rotor->friction = (double)dahl_clamped_step(&rotor->plan, &rotor->bristle, moved, rotor->load_q30);
     accelerate(rotor, torque, ROTOR_STEP_S / 2);
 }
 

@@ -49,6 +49,9 @@ static const scene_key_t keys[] = {
     {"friction", "limit", AT(friction.limit), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
     {"friction", "ramp_ms", AT(friction.ramp_ms), NUMBER, 0, 60000, ANY_KIND | OPTIONAL},
     {"friction", "max_step", AT(friction.max_step), WHOLE, 1, COUNTS, ANY_KIND | OPTIONAL},
+    {"load", "full", AT(load.full), NUMBER, TINY, 1e12, ANY_KIND},
+    {"load", "rest", AT(load.rest), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
+    {"load", "column", AT(load.column), TEXT, 0, 0, ANY_KIND | OPTIONAL},
     {"motion", "kind", AT(motion.kind_name), TEXT, 0, 0, ANY_KIND},
     {"motion", "start_count", AT(motion.start_count), WHOLE, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
     {"motion", "theta1", AT(motion.theta1), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
@@ -95,8 +98,8 @@ static const scene_key_t keys[] = {
 
 enum { KEYS = sizeof keys / sizeof keys[0] };
 
-static const char *const sections[] = {"scene", "friction", "motion", "rotor", "motor", "control", "faults", "status",
-                                       "measured"};
+static const char *const sections[] = {"scene", "friction", "load", "motion", "rotor", "motor", "control", "faults",
+                                       "status", "measured"};
 
 enum { MAX_SECTIONS = sizeof sections / sizeof sections[0] };
 
@@ -363,6 +366,7 @@ static const struct {
     [MODEL_PARALLEL] = {"parallel", 0, 0, "kinds", "as many of both, one an element"},
     [MODEL_ASYMMETRIC] = {"asymmetric", 1, 2, NULL, "one sigma0, and Fc forward and backward"},
     [MODEL_ELASTOPLASTIC] = {"elastoplastic", 1, 1, "breakaway", "one of each"},
+    [MODEL_LOADED] = {"loaded", 1, 1, NULL, "one of each"},
 };
 
 enum { MODELS = sizeof models / sizeof models[0] };
@@ -381,7 +385,7 @@ static bool find_model(reader_t *r)
             return true;
         }
     }
-    log_error("%s:%d: [friction] model = %s: not one of dahl, slip, parallel, asymmetric, elastoplastic",
+    log_error("%s:%d: [friction] model = %s: not one of dahl, slip, parallel, asymmetric, elastoplastic, loaded",
               PLACE(r, friction_line(r, "model")), f->model_name);
     return false;
 }
@@ -510,6 +514,41 @@ static bool needs(const reader_t *r, const char *section, const char *other)
     return true;
 }
 
+/* Where a load comes from. */
+static bool check_load_source(const reader_t *r)
+{
+    bool from_log = r->scene->motion.kind == MOTION_LOG && !has(r, "rotor"), is_given = r->scene->load.column[0] != '\0';
+    int line = r->section_line[find_section("load")];
+    if (!from_log && !has(r, "rotor")) {
+        log_error("%s:%d: [load] needs a [rotor], or [motion] kind = log with a column of the load", PLACE(r, line));
+        return false;
+    }
+    if (from_log && !is_given) {
+        log_error("%s:%d: [load] has no key \"column\": which column of the log holds the load?", PLACE(r, line));
+    } else if (is_given && !from_log) {
+        log_error("%s:%d: [load] column has no meaning with a [rotor]", PLACE(r, r->key_line[find_key("load", "column")]));
+    }
+    return from_log == is_given;
+}
+
+static bool check_load(const reader_t *r)
+{
+    bool follows = r->scene->friction.model == MODEL_LOADED;
+    if (!needs(r, "load", "friction")) {
+        return false;
+    }
+    if (follows && !has(r, "load")) {
+        log_error("%s:%d: [friction] model = loaded needs [load]", PLACE(r, friction_line(r, "model")));
+        return false;
+    }
+    if (has(r, "load") && !follows) {
+        log_error("%s:%d: [load] has no meaning for model = %s", PLACE(r, r->section_line[find_section("load")]),
+                  models[r->scene->friction.model].name);
+        return false;
+    }
+    return !has(r, "load") || check_load_source(r);
+}
+
 static bool check_rotor(const reader_t *r)
 {
     if (has(r, "rotor") && has(r, "motor") == has(r, "control")) {
@@ -569,6 +608,7 @@ static void note_sections(const reader_t *r)
     scene->has_motor = has(r, "motor");
     scene->has_control = has(r, "control");
     scene->has_faults = has(r, "faults");
+    scene->has_load = has(r, "load");
 }
 
 static bool check_keys(const reader_t *r)
@@ -592,7 +632,8 @@ static bool check(reader_t *r)
     if (scene->has_motion && !take_kind(r)) {
         return false;
     }
-    return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_friction(r));
+    return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_friction(r))
+           && check_load(r);
 }
 
 /* "section.key=value", as if it stood in the file instead of what does. */

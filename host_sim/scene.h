@@ -4,12 +4,15 @@
  * not there is a part that is not run.
  *
  *   [scene]    title
- *   [friction] the node: model = dahl (also where nothing is said) | slip | parallel | asymmetric | elastoplastic,
+ *   [friction] the node: model = dahl (also where nothing is said) | slip | parallel | asymmetric | elastoplastic | loaded,
  *              sigma0 [N m/rad], Fc [N m]: of slip and parallel as many numbers as there are elements, 1 to 8;
  *              kinds of parallel: dahl or slip for each; Fc of asymmetric: forward and backward;
  *              breakaway of elastoplastic: part of Fc; theta_per_count [rad/count], node (0..15),
  *              timeout_ms (default: the node's own, DAHL_NODE_TIMEOUT_US),
  *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in dahl_node.h
+ *   [load]     what model = loaded follows, told to the node as parameter Load: min(1, rest + |x|/full), 1 is the load at which
+ *              Fc and sigma0 hold. x is the motor's torque [N m] where there is a [rotor], else a column of the log;
+ *              full [unit of x], rest (0..1, part without x, default 0), column
  *   [motion]   the encoder: kind = segments | steering | log, start_count, and
  *              segments: theta1 theta2 theta3 [counts], speed [counts/s], hold_s
  *              steering: amplitude [counts], sweep_s, hold_s, tremor [counts], tremor_s, seconds
@@ -39,7 +42,7 @@ typedef struct {
     double value[DAHL_SLIP_MAX];
 } scene_list_t;
 
-typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_ELASTOPLASTIC } scene_model_t;
+typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_ELASTOPLASTIC, MODEL_LOADED } scene_model_t;
 
 typedef struct {
     char model_name[SCENE_TEXT], kinds[SCENE_TEXT];
@@ -65,6 +68,11 @@ typedef struct {
 } scene_control_t;
 
 typedef struct {
+    double full, rest;
+    char column[SCENE_TEXT];
+} scene_load_t;
+
+typedef struct {
     motion_kind_t kind;
     char kind_name[SCENE_TEXT];
     double start_count;
@@ -76,9 +84,10 @@ typedef struct {
 } scene_motion_t;
 
 typedef struct {
-    bool has_friction, has_motion, has_status, has_rotor, has_motor, has_control, has_faults;
+    bool has_friction, has_motion, has_status, has_rotor, has_motor, has_control, has_faults, has_load;
     char title[SCENE_TEXT];
     scene_friction_t friction;
+    scene_load_t load;
     scene_motion_t motion;
     scene_rotor_t rotor;
     scene_motor_t motor;

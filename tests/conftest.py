@@ -19,11 +19,7 @@ import hypothesis
 import pytest
 from _pytest.junitxml import xml_key
 
-# The same examples on every machine: a red test stays red until it is mended.
-hypothesis.settings.register_profile(
-    "dahl", deadline=None, database=None, derandomize=True, max_examples=200
-)
-hypothesis.settings.load_profile("dahl")
+EXAMPLES, MORE_EXAMPLES = 50, 200  # of each law, by default and with --checks or more
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
@@ -37,6 +33,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--long", action="store_true", help="also those marked checks or long")
     parser.addoption("--full", action="store_true", help="the same as --long")
     parser.addoption("--soak", action="store_true", help="the tests marked soak, no others")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """The same examples on every machine: a red test stays red until it is mended."""
+    more = any(config.getoption(mode) for mode in ("--checks", "--long", "--full", "--soak"))
+    hypothesis.settings.register_profile(
+        "dahl",
+        deadline=None,
+        database=None,
+        derandomize=True,
+        max_examples=MORE_EXAMPLES if more else EXAMPLES,
+    )
+    hypothesis.settings.load_profile("dahl")
 
 
 def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
@@ -138,6 +147,15 @@ def run_dahl(root: Path):
         )
 
     return run
+
+
+@pytest.fixture
+def dahl(capsys, monkeypatch, tmp_path):
+    """A verb of `dahl` in this process, in an empty folder; called as run_dahl is."""
+    from identify_tools import caller
+
+    monkeypatch.chdir(tmp_path)
+    return caller(capsys)
 
 
 @pytest.fixture

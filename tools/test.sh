@@ -76,9 +76,10 @@ end_checks() {
     RUNS+=("$BUILD/checks.xml=$code")
 }
 
+# One process more than there are cores, since many tests wait for a bus in real time.
 run_python() {
     local code=0
-    run_pytest python "$ROOT/tests/python" -n 2 --dist loadfile || code=$?
+    run_pytest python "$ROOT/tests/python" -n "$(($(nproc) + 1))" --dist loadfile || code=$?
     RUNS+=("$BUILD/python.xml=$code")
 }
 

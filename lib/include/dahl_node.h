@@ -79,7 +79,8 @@ typedef struct {
 typedef struct dahl_node_model {
     int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts); /* torque over Fc after this move */
     void (*relax)(struct dahl_node_model *model);
-    uint32_t kind; /* what parameter Model says: DAHL_FRAMES_MODEL_* */
+    uint32_t kind;     /* what parameter Model says: DAHL_FRAMES_MODEL_* */
+    uint32_t load_q30; /* of the next move, told by the node; for the model Loaded only */
 } dahl_node_model_t;
 
 typedef struct {
@@ -89,8 +90,9 @@ typedef struct {
     dahl_state_t bearing;
     dahl_node_model_t *model; /* none: plan and bearing */
     dahl_node_counts_t counts;
-    uint32_t gain;         /* of DAHL_NODE_ONE; this and the next five may be changed after dahl_node_init */
+    uint32_t gain;         /* of DAHL_NODE_ONE; this and the next six may be changed after dahl_node_init */
     uint32_t limit;        /* of DAHL_NODE_ONE */
+    uint32_t load;         /* of DAHL_NODE_ONE: part of the load at which Fc holds; the model Loaded alone looks at it */
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none */
     uint32_t timeout_us;
     uint32_t max_step;     /* counts per ms; 0: no limit known */
@@ -153,6 +155,16 @@ typedef struct {
 /* No creep below breakaway. */
 DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *kept,
                                                       const dahl_params_t *params, float breakaway);
+
+typedef struct {
+    dahl_node_model_t model;
+    dahl_plan_t plan;
+    dahl_loaded_state_t state;
+} dahl_node_loaded_t;
+
+/* Fc and sigma0 follow a load, which parameter Load tells: 1 after dahl_node_init, at most 1, and as it was last written. params
+ * hold at load 1, and the ratio answered is of that Fc. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *kept, const dahl_params_t *params);
 
 typedef struct {
     uint32_t elements;           /* 1 .. DAHL_SLIP_MAX */

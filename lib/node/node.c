@@ -58,6 +58,7 @@ dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_
             .params = *params,
             .gain = DAHL_NODE_ONE,
             .limit = DAHL_NODE_ONE,
+            .load = DAHL_NODE_ONE,
             .timeout_us = DAHL_NODE_TIMEOUT_US,
             .status_us = DAHL_NODE_STATUS_US,
             .number = number & 0x0F,
@@ -126,8 +127,11 @@ static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t
 /* Move the model that the node has; returns torque over Fc in Q30. */
 static int32_t moved(dahl_node_t *node, int32_t dcounts)
 {
-    return node->model == NULL ? dahl_step_counts_q30(&node->plan, &node->bearing, dcounts)
-                               : node->model->step_q30(node->model, dcounts);
+    if (node->model == NULL) {
+        return dahl_step_counts_q30(&node->plan, &node->bearing, dcounts);
+    }
+    node->model->load_q30 = node->load << 14;
+    return node->model->step_q30(node->model, dcounts);
 }
 
 /* The count is a starting point: a move of 0 counts only reads the torque. */
@@ -350,6 +354,7 @@ static const setting_t settings[] = {
     [DAHL_FRAMES_PARAM_TIMEOUT] = {offsetof(dahl_node_t, timeout_us), 1, 60000, 1000},
     [DAHL_FRAMES_PARAM_STEP] = {offsetof(dahl_node_t, max_step), 0, INT32_MAX, 1},
     [DAHL_FRAMES_PARAM_STATUS] = {offsetof(dahl_node_t, status_us), 0, 60000, 1000},
+    [DAHL_FRAMES_PARAM_LOAD] = {offsetof(dahl_node_t, load), 0, DAHL_NODE_ONE, 1},
 };
 
 static uint32_t *setting_of(dahl_node_t *node, uint8_t param)
@@ -402,9 +407,17 @@ static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *asked)
     return asked->write == DAHL_FRAMES_PARAM_HOLD ? DAHL_FRAMES_PARAM_DONE : take_held(node);
 }
 
+static bool follows_load(const dahl_node_t *node)
+{
+    return node->model != NULL && node->model->kind == DAHL_FRAMES_MODEL_LOADED;
+}
+
 static uint8_t write_setting(dahl_node_t *node, const dahl_param_write_t *asked)
 {
     const setting_t *setting = &settings[asked->param];
+    if (asked->param == DAHL_FRAMES_PARAM_LOAD && !follows_load(node)) {
+        return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
+    }
     if (asked->write != DAHL_FRAMES_PARAM_WRITE || asked->value < setting->low || asked->value > setting->high) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
@@ -414,7 +427,7 @@ static uint8_t write_setting(dahl_node_t *node, const dahl_param_write_t *asked)
 
 static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
 {
-    if (asked->param > DAHL_FRAMES_PARAM_MODEL) {
+    if (asked->param > DAHL_FRAMES_PARAM_LOAD) {
         return DAHL_FRAMES_PARAM_UNKNOWN;
     }
     if (asked->write == DAHL_FRAMES_PARAM_READ) {

@@ -24,7 +24,7 @@ dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *k
     if (err == DAHL_OK) {
         float larger = params->Fc_forward > params->Fc_backward ? params->Fc_forward : params->Fc_backward;
         const dahl_params_t shown = {params->sigma0, larger, params->theta_per_count};
-        *kept = (dahl_node_asymmetric_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC}, .plan = plan};
+        *kept = (dahl_node_asymmetric_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC, 0}, .plan = plan};
         dahl_node_use(node, &kept->model, &shown);
     }
     return err;

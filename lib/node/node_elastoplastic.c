@@ -23,7 +23,7 @@ dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplasti
     dahl_elastoplastic_plan_t plan;
     dahl_err_t err = dahl_elastoplastic_prepare(&plan, params, breakaway);
     if (err == DAHL_OK) {
-        *kept = (dahl_node_elastoplastic_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC}, .plan = plan};
+        *kept = (dahl_node_elastoplastic_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0}, .plan = plan};
         dahl_node_use(node, &kept->model, params);
     }
     return err;

@@ -140,7 +140,7 @@ static dahl_err_t check(const dahl_node_parallel_params_t *params)
 
 dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *kept, const dahl_node_parallel_params_t *params)
 {
-    dahl_node_parallel_t made = {.model = {step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements}};
+    dahl_node_parallel_t made = {.model = {step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0}};
     dahl_params_t sums = {.theta_per_count = params->theta_per_count};
     dahl_err_t err = check(params);
     err = err == DAHL_OK ? prepare_bearings(&made, params) : err;

@@ -28,7 +28,7 @@ dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const d
             sums.sigma0 += params->sigma0[k];
             sums.Fc += params->Fc[k];
         }
-        *slip = (dahl_node_slip_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_SLIP + params->elements}, .plan = plan};
+        *slip = (dahl_node_slip_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_SLIP + params->elements, 0}, .plan = plan};
         dahl_node_use(node, &slip->model, &sums);
     }
     return err;

@@ -245,18 +245,23 @@ static socketcand_client_t *free_client(socketcand_server_t *self)
     return NULL;
 }
 
-static void join(socketcand_server_t *self)
+/* python-can shows these words to its user; without them it would only say that no greeting came. */
+static void refuse(socketcand_server_t *self, int fd)
+{
+    char text[80];
+    int length = snprintf(text, sizeof text, "< error %d clients are here, no more >", (int)SOCKETCAND_CLIENTS);
+    (void)!send(fd, text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT); /* whoever has gone by now need not know */
+    close(fd);
+    if (self->report != NULL) {
+        snprintf(text, sizeof text, "socketcand client refused: %d are here, no more", (int)SOCKETCAND_CLIENTS);
+        self->report(text);
+    }
+}
+
+static void greet(socketcand_server_t *self, socketcand_client_t *client, int fd)
 {
     const int on = 1;
     const int kernel_bytes = KERNEL_BYTES;
-    socketcand_client_t *client = free_client(self);
-    int fd = accept4(self->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-    if (fd < 0 || client == NULL) {
-        if (fd >= 0) {
-            close(fd);
-        }
-        return;
-    }
     setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
     setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kernel_bytes, sizeof kernel_bytes);
     client->fd = fd;
@@ -267,6 +272,17 @@ static void join(socketcand_server_t *self)
     client->outbox.begin = 0;
     client->outbox.end = 0;
     put_word(self, client, "< hi >");
+}
+
+static void join(socketcand_server_t *self)
+{
+    socketcand_client_t *client = free_client(self);
+    int fd = accept4(self->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+    if (fd >= 0 && client != NULL) {
+        greet(self, client, fd);
+    } else if (fd >= 0) {
+        refuse(self, fd);
+    }
 }
 
 static void watch(const socketcand_server_t *self, struct pollfd *fds)

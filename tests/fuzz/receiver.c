@@ -141,7 +141,7 @@ static void check_reply(const receiver_t *r, const dahl_can_frame_t *in, const d
     LAW(asked.write != DAHL_FRAMES_PARAM_WRITE || reply.result != DAHL_FRAMES_PARAM_DONE || reply.value == asked.value ||
             (asked.param <= DAHL_FRAMES_PARAM_THETA && asked.value > 1u << 24),
         "what was written is read back");
-    LAW(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_MODEL, "known parameters are known");
+    LAW(reply.result != DAHL_FRAMES_PARAM_UNKNOWN || asked.param > DAHL_FRAMES_PARAM_LOAD, "known parameters are known");
     LAW(r->node.gain <= DAHL_NODE_ONE && r->node.limit <= DAHL_NODE_ONE && r->node.timeout_us >= 1000, "settings stay in range");
 }
 

@@ -19,18 +19,21 @@ typedef struct {
 static void read_all(rows_t *rows, double counts_per_unit, const char *time)
 {
     static recording_t recording;
-    int good = recording_open(&recording, "log", "a", time, counts_per_unit);
+    const recording_columns_t columns = {"a", time, time, counts_per_unit};
+    double load = 0;
+    int good = recording_open(&recording, "log", &columns);
     rows->rows = good ? 0 : -1;
     if (good) {
         int32_t count;
         int result;
-        while ((result = recording_next(&recording, &count)) == 1) {
+        while ((result = recording_next(&recording, &count, &load)) == 1) {
             LAW(rows->rows > 0 || count == 0, "counts begin at 0");
+            LAW(time[0] == '\0' ? load == 0 : isfinite(load), "a load is a finite number, and 0 where there is none");
             if (rows->rows < ROWS_MAX) {
                 rows->counts[rows->rows++] = count;
             }
         }
-        LAW(result == 0 && recording_next(&recording, &count) == 0, "what was checked is read without an error, to its end");
+        LAW(result == 0 && recording_next(&recording, &count, &load) == 0, "what was checked is read without an error, to its end");
         LAW(rows->rows > 0, "a log without rows is refused");
     }
     recording_close(&recording);

@@ -62,7 +62,7 @@ static void run_rotor(const scene_t *scene, motion_t *reference)
 static void run_motion(const scene_t *scene, motion_t *motion)
 {
     int32_t count;
-    LAW(motion_open(motion, &scene->motion, "", 1), "a scene that is taken can be moved");
+    LAW(motion_open(motion, &scene->motion, "", "", 1), "a scene that is taken can be moved");
     for (int i = 0; i < TICKS && motion_next(motion, &count) == 1; i++) {
     }
 }

@@ -482,7 +482,7 @@ static bool params_of(uint8_t param, uint32_t value, uint8_t write, dahl_param_r
     TEST_ASSERT_EQUAL_HEX32(DAHL_FRAMES_ID_PARAM_REPLY | NUMBER, out.id);
     TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_param_reply(&out, reply));
     TEST_ASSERT_EQUAL(5, reply->counter);
-    TEST_ASSERT_EQUAL(param <= DAHL_FRAMES_PARAM_MODEL ? param : DAHL_FRAMES_PARAM_NONE, reply->param);
+    TEST_ASSERT_EQUAL(param <= DAHL_FRAMES_PARAM_LOAD ? param : DAHL_FRAMES_PARAM_NONE, reply->param);
     return reply->result == DAHL_FRAMES_PARAM_DONE;
 }
 
@@ -962,7 +962,7 @@ static void test_parameters_out_of_range_change_nothing(void)
         TEST_ASSERT_EQUAL(before, reply.value);
         TEST_ASSERT_EQUAL(before, param_now(bad[i].param));
     }
-    params_of(DAHL_FRAMES_PARAM_MODEL + 1, 1, DAHL_FRAMES_PARAM_WRITE, &reply);
+    params_of(DAHL_FRAMES_PARAM_LOAD + 1, 1, DAHL_FRAMES_PARAM_WRITE, &reply);
     TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
     params_of(255, 1, DAHL_FRAMES_PARAM_READ, &reply);
     TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
@@ -974,7 +974,7 @@ static void test_parameters_out_of_range_change_nothing(void)
 static void test_an_unknown_parameter_is_answered_by_its_number(void)
 {
     dahl_param_reply_t reply;
-    for (uint32_t param = DAHL_FRAMES_PARAM_MODEL + 1; param < 256; param++) {
+    for (uint32_t param = DAHL_FRAMES_PARAM_LOAD + 1; param < 256; param++) {
         TEST_ASSERT_FALSE(params_of((uint8_t)param, 77, param % 4, &reply));
         TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
         TEST_ASSERT_EQUAL(param, reply.value);

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <unity.h>
 
+#include "ask_node.h"
 #include "dahl_node.h"
 
 static const dahl_params_t bearing = {100.0f, 0.5f, 1e-4f};
@@ -14,6 +15,7 @@ static dahl_node_t node;
 static dahl_node_asymmetric_t asymmetric;
 static dahl_node_elastoplastic_t elastoplastic;
 static dahl_node_parallel_t parallel;
+static dahl_node_loaded_t loaded;
 static dahl_friction_torque_t torque;
 static uint32_t now_us, counter;
 static int32_t place;
@@ -50,13 +52,7 @@ static int32_t move_at(uint32_t i)
 
 static dahl_param_reply_t ask(uint8_t param, uint8_t write)
 {
-    const dahl_param_write_t asked = {.param = param, .write = write, .value = 1u << 19};
-    dahl_param_reply_t reply;
-    dahl_can_frame_t in, out;
-    dahl_frames_pack_param_write(&in, 3, &asked);
-    TEST_ASSERT_TRUE(dahl_node_receive(&node, &in, now_us, &out));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_param_reply(&out, &reply));
-    return reply;
+    return ask_node(&node, now_us, param, write, 1u << 19);
 }
 
 static void check_told(uint32_t kind, uint32_t sigma0_q10, uint32_t Fc_q20)
@@ -104,6 +100,58 @@ static void test_elastoplastic_answers_are_the_librarys(void)
     }
     check_told(DAHL_FRAMES_MODEL_ELASTOPLASTIC, 100u << 10, 1u << 19);
     check_restart_relaxes();
+}
+
+static dahl_param_reply_t carry(uint32_t load)
+{
+    const dahl_param_write_t asked = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE, .value = load};
+    dahl_param_reply_t reply;
+    dahl_can_frame_t in, out;
+    dahl_frames_pack_param_write(&in, 3, &asked);
+    TEST_ASSERT_TRUE(dahl_node_receive(&node, &in, now_us, &out));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_param_reply(&out, &reply));
+    return reply;
+}
+
+static void test_loaded_answers_are_the_librarys(void)
+{
+    dahl_plan_t plan;
+    dahl_loaded_state_t state = {{0}, 0};
+    uint32_t load = DAHL_NODE_ONE;
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &bearing));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_use_loaded(&node, &loaded, &bearing));
+    TEST_ASSERT_EQUAL_INT32(0, moved(0));
+    for (uint32_t i = 1; i < 3000; i++) {
+        if (i % 7 == 0) {
+            load = i * 7919u % (DAHL_NODE_ONE + 1);
+            TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, carry(load).result);
+        }
+        TEST_ASSERT_EQUAL_INT32(dahl_loaded_step_counts_q30(&plan, &state, move_at(i), load << 14), moved(move_at(i)));
+    }
+    carry(DAHL_NODE_ONE);
+    check_told(DAHL_FRAMES_MODEL_LOADED, 100u << 10, 1u << 19);
+    carry(3 * (DAHL_NODE_ONE / 4));
+    check_restart_relaxes();
+    TEST_ASSERT_EQUAL_UINT32(3 * (DAHL_NODE_ONE / 4), ask(DAHL_FRAMES_PARAM_LOAD, DAHL_FRAMES_PARAM_READ).value);
+    TEST_ASSERT_EQUAL_INT32(3 * (1 << 28), moved(1 << 28));
+}
+
+static void test_a_load_is_of_the_model_that_follows_one(void)
+{
+    dahl_param_reply_t reply = carry(1);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+    TEST_ASSERT_EQUAL_UINT32(DAHL_NODE_ONE, reply.value);
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_use_elastoplastic(&node, &elastoplastic, &bearing, 0.7f));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, carry(1).result);
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_use_loaded(&node, &loaded, &bearing));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, carry(0).result);
+    reply = carry(DAHL_NODE_ONE + 1);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, reply.result);
+    TEST_ASSERT_EQUAL_UINT32(0, reply.value);
+    moved(0);
+    TEST_ASSERT_EQUAL_INT32(0, moved(1 << 28));
+    carry(DAHL_NODE_ONE);
+    TEST_ASSERT_EQUAL_INT32(0, moved(0)); /* without load it relaxed */
 }
 
 /* Against the sum in double of each element's own torque. */
@@ -198,6 +246,7 @@ static void test_bad_parameters_touch_nothing(void)
     dahl_node_t before = node;
     bad.Fc_backward = -1.0f;
     TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, dahl_node_use_asymmetric(&node, &asymmetric, &bad));
+    TEST_ASSERT_TRUE(dahl_node_use_loaded(&node, &loaded, &(const dahl_params_t){100.0f, -0.5f, 1e-4f}) != DAHL_OK);
     TEST_ASSERT_EQUAL(DAHL_ERR_RANGE, dahl_node_use_elastoplastic(&node, &elastoplastic, &bearing, 1.0f));
     TEST_ASSERT_EQUAL_MEMORY(&before, &node, sizeof node);
 }
@@ -207,6 +256,8 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(test_asymmetric_answers_are_the_librarys);
     RUN_TEST(test_elastoplastic_answers_are_the_librarys);
+    RUN_TEST(test_loaded_answers_are_the_librarys);
+    RUN_TEST(test_a_load_is_of_the_model_that_follows_one);
     RUN_TEST(test_a_mix_answers_the_sum);
     RUN_TEST(test_a_mix_tells_its_sums);
     RUN_TEST(test_bad_elements_touch_nothing);

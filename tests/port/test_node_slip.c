@@ -3,6 +3,7 @@
 #include <string.h>
 #include <unity.h>
 
+#include "ask_node.h"
 #include "dahl_node.h"
 
 static const dahl_params_t dahl_params = {50.0f, 0.5f, 1e-4f};
@@ -34,13 +35,7 @@ static bool feed(uint32_t counter, int32_t count)
 
 static dahl_param_reply_t ask(uint8_t param, uint8_t write, uint32_t value)
 {
-    const dahl_param_write_t asked = {.param = param, .write = write, .value = value};
-    dahl_param_reply_t reply;
-    dahl_can_frame_t in, out;
-    dahl_frames_pack_param_write(&in, 3, &asked);
-    TEST_ASSERT_TRUE(dahl_node_receive(&node, &in, now_us, &out));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_param_reply(&out, &reply));
-    return reply;
+    return ask_node(&node, now_us, param, write, value);
 }
 
 static void test_answers_are_the_librarys(void)

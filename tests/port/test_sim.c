@@ -24,7 +24,7 @@ static encoder_t encoder;
 void setUp(void)
 {
     still = (scene_motion_t){.kind = MOTION_STEERING, .sweep_s = 1, .seconds = 1000};
-    TEST_ASSERT_TRUE(motion_open(&motion, &still, "", 1));
+    TEST_ASSERT_TRUE(motion_open(&motion, &still, "", "", 1));
     encoder = (encoder_t){.motion = &motion};
 }
 
@@ -371,7 +371,7 @@ static void test_segments_go_where_they_should(void)
     int32_t count = 99;
     int32_t low = 0;
     int32_t ticks = 0;
-    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", "", 1));
     TEST_ASSERT_EQUAL(1, motion_next(&motion, &count));
     TEST_ASSERT_EQUAL(0, count);
     while (motion_next(&motion, &count) == 1) {
@@ -391,7 +391,7 @@ static void test_segments_rest_at_each_end(void)
     const int32_t want[] = {0, 1, 2, 2, 2, 2, 1, 1, 1, 1, 2, 2, 2, 2};
     int32_t got[32] = {0};
     size_t ticks = 0;
-    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", "", 1));
     while (ticks < 32 && motion_next(&motion, &got[ticks]) == 1) {
         ticks++;
     }
@@ -403,7 +403,7 @@ static void test_start_count_wraps(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 20, .speed = 1e9, .start_count = 2147483647};
     int32_t count = 0;
-    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", "", 1));
     TEST_ASSERT_EQUAL(1, motion_next(&motion, &count));
     TEST_ASSERT_EQUAL(INT32_MAX, count);
     TEST_ASSERT_EQUAL(1, motion_next(&motion, &count));
@@ -420,8 +420,8 @@ static void test_steering_is_smooth_and_its_seed_decides(void)
     int32_t before = 0;
     uint32_t differ = 0;
     uint32_t ticks = 0;
-    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", 1));
-    TEST_ASSERT_TRUE(motion_open(&other, &scene, "", 2));
+    TEST_ASSERT_TRUE(motion_open(&motion, &scene, "", "", 1));
+    TEST_ASSERT_TRUE(motion_open(&other, &scene, "", "", 2));
     while (motion_next(&motion, &a) == 1 && motion_next(&other, &b) == 1) {
         TEST_ASSERT_INT_WITHIN(80, before, a);
         TEST_ASSERT_INT_WITHIN(10100, 0, a);

@@ -5,6 +5,7 @@ between reversals, with no code of the package in it; the encoder rounds a motio
 
 from __future__ import annotations
 
+import re
 import subprocess
 from collections.abc import Callable
 
@@ -80,6 +81,13 @@ def caller(capsys: pytest.CaptureFixture) -> Callable[..., subprocess.CompletedP
         return subprocess.CompletedProcess(words, code, out, err)
 
     return run
+
+
+def complaint(done: subprocess.CompletedProcess) -> tuple[int, str]:
+    """The exit code of a verb that ended in one line, and that line."""
+    found = re.fullmatch(r"error: ([^\n]+)\n", done.stderr)
+    assert found, done.stderr
+    return done.returncode, found[1]
 
 
 def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angle_deg,torque_Nm"):

@@ -149,6 +149,7 @@ class Logged:
     time: float
     id: int
     data: bytes
+    is_extended: bool = False
 
 
 def read_log(path: Path) -> list[Logged]:
@@ -158,7 +159,12 @@ def read_log(path: Path) -> list[Logged]:
     matches = [LINE.fullmatch(line) for line in text.splitlines()]
     assert all(matches), "a line of the log is not whole"
     return [
-        Logged(float(m[1]), int(m[3], 16), b"" if m[4] == "R" else bytes.fromhex(m[4]))
+        Logged(
+            float(m[1]),
+            int(m[3], 16),
+            b"" if m[4] == "R" else bytes.fromhex(m[4]),
+            len(m[3]) == 8,
+        )
         for m in matches
     ]
 

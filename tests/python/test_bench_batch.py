@@ -158,6 +158,7 @@ def test_channels_of_another_number_are_refused():
         dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]])
 
 
+@pytest.mark.checks
 @pytest.mark.parametrize(
     "command", ["gcc -O0", "gcc -m32 -O2", "gcc -O3 -ffast-math", "clang -O3 -ffast-math"]
 )

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -523,6 +524,20 @@ def test_the_docs_get_each_block_and_picture_in_its_place(pages, counted, measur
     assert json.loads((pages / "out/results.json").read_text()) == json.loads(json.dumps(result))
     growth, pareto = ((pages / f"out/{name}.svg").read_text() for name in ("growth", "pareto"))
     assert "Error over ticks" in growth and "Speed against error" in pareto
+
+
+def test_models_against_measured_logs_stand_in_their_place(pages, counted, measured, monkeypatch):
+    page, (start, end) = pages / "docs/speed.md", report.measured.MARKS
+    page.write_text(page.read_text() + f"{start}\nold\n{end}\nlast\n")
+    monkeypatch.setattr(report.measured, "measure", lambda: "scores")
+    words = lambda scores, costs: f"{start}\n{scores} {costs == counted}\n{end}"  # noqa: E731
+    monkeypatch.setattr(report.measured, "block", words)
+    monkeypatch.setattr(report.measured, "picture", lambda scores, costs: plt.figure())
+    for name in report.PICTURES:
+        (pages / "out" / name).write_bytes(b"a picture")
+    report.write_docs(counted, measured)
+    assert page.read_text().endswith(f"{start}\nscores True\n{end}\nlast\n")
+    assert (pages / "docs/pictures/measured.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_a_report_alone_leaves_the_docs_alone(pages, counted, measured, capsys):

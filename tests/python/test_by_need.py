@@ -62,7 +62,7 @@ def test_each_command_names_extras_that_bring_what_it_needs(root):
         for name, wanted in project["optional-dependencies"].items()
     }
     needs = [*by_need.NEEDS.values(), *((extra, [x]) for x, extra in by_need.AT_TIMES.items())]
-    assert {*COMMANDS} - {*by_need.NEEDS} == {"plan"}  # with numpy alone
+    assert {*COMMANDS} - {*by_need.NEEDS} == {"completion", "plan"}  # with numpy alone
     for names, modules in needs:
         brought = set().union(*(extras[name] for name in names.split(",")))
         wanted = {by_need.DISTRIBUTED_AS.get(name, name).partition("[")[0] for name in modules}

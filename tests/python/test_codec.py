@@ -13,19 +13,11 @@ from pathlib import Path
 
 import cantools
 import pytest
-from codec_tools import EncoderState, Frame
+from codec_tools import KINDS, PARAMS, EncoderState, Frame, data_ids, signals_of
 from conftest import built
 from crccheck.crc import Crc8Autosar
 from e2e import p02
 
-KINDS = {
-    "EncoderState": ("encoder", 0x3),
-    "FrictionTorque": ("torque", 0xC),
-    "Status": ("status", 0x5),
-    "ParamWrite": ("param_write", 0x6),
-    "ParamReply": ("param_reply", 0x9),
-    "Reset": ("reset", 0xA),
-}
 ROUNDS = 5000
 
 
@@ -95,7 +87,6 @@ STRUCTS = {
     "ParamReply": ParamReply,
     "Reset": Reset,
 }
-ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
 # Signals whose range the meaning bounds, not the number of bits.
 BOUNDED = (
     "TorqueRatio",
@@ -107,19 +98,8 @@ BOUNDED = (
     "MaxStep",
     "StatusPeriod",
     "Model",
+    "Load",
     "Param",
-)
-PARAMS = (
-    "Sigma0",
-    "Fc",
-    "ThetaPerCount",
-    "Gain",
-    "Limit",
-    "Ramp",
-    "Timeout",
-    "MaxStep",
-    "StatusPeriod",
-    "Model",
 )
 
 
@@ -150,39 +130,6 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
     return Status(nibble(), nibble(), *counts, nibble(), nibble(), byte())
 
 
-def signals_of(kind: str, s: ctypes.Structure, crc: int) -> dict[str, int]:
-    """Raw signal values by their names in the DBC."""
-    if kind == "EncoderState":
-        return {"Crc": crc, "Counter": s.counter, "Valid": int(s.valid), "Count": s.count}
-    if kind == "FrictionTorque":
-        return {
-            "Crc": crc,
-            "Counter": s.counter,
-            "State": s.state,
-            "EchoCounter": s.echo,
-            "TorqueRatio": s.torque_q30,
-        }
-    if kind.startswith("Param"):
-        high = {"Write": s.write} if kind == "ParamWrite" else {"Result": s.result}
-        value = {PARAMS[s.param]: s.value}
-        return {"Crc": crc, "Counter": s.counter, **high, "Param": s.param, **value}
-    if kind == "Reset":
-        return {"Crc": crc, "Counter": s.counter, "What": s.what}
-    errors = {f"Error{name}": s.errors >> bit & 1 for bit, name in enumerate(ERRORS)}
-    return {
-        "Crc": crc,
-        "Counter": s.counter,
-        "State": s.state,
-        **errors,
-        "Lost": s.lost,
-        "Corrupt": s.corrupt,
-        "OutOfStep": s.out_of_step,
-        "VersionMajor": s.version_major,
-        "VersionMinor": s.version_minor,
-        "Timeout": s.timeout,
-    }
-
-
 def pack(codec: ctypes.CDLL, kind: str, values: ctypes.Structure, node: int = 0) -> Frame:
     frame = Frame()
     getattr(codec, f"dahl_frames_pack_{KINDS[kind][0]}")(
@@ -199,10 +146,6 @@ def unpack(codec: ctypes.CDLL, kind: str, frame: Frame, into: ctypes.Structure) 
 
 def fields(values: ctypes.Structure) -> list[int]:
     return [getattr(values, name) for name, _ in values._fields_]
-
-
-def data_ids(kind: str) -> bytes:
-    return bytes(KINDS[kind][1] << 4 | counter for counter in range(16))
 
 
 @pytest.mark.parametrize("kind", KINDS)

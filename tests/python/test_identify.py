@@ -47,7 +47,7 @@ def test_the_reference_solves_the_equation():
     assert np.abs(dahl_torque(theta) - truth).max() < 1e-5 * FC
 
 
-@pytest.mark.parametrize("shared", [0.0, 0.9])
+@pytest.mark.parametrize("shared", [0.0, pytest.param(0.9, marks=pytest.mark.checks)])
 def test_error_and_cover(shared):
     errors, held = errors_and_cover(SEEDS, shared=shared)
     if shared == 0:
@@ -354,6 +354,91 @@ def test_the_fit_is_the_least_squares_one():
     direct = least_squares(residual, start, x_scale=[1, 0.01, 0.01, 0.01], diff_step=1e-5)
     assert found.sigma0 == pytest.approx(direct.x[0], rel=1e-4)
     assert found.Fc == pytest.approx(direct.x[1], rel=1e-4)
+
+
+def test_a_part_that_is_held_out_is_predicted_by_the_others():
+    """Two logs of ten blocks each, cut into five parts each; every part against a fit by numpy."""
+    draw = np.random.default_rng(3)
+    rows = draw.normal(size=(20, 30, sweep.WIDTH))  # blocks, rows, columns
+    rows[:, :, sweep.START], rows[:, :, sweep.FIRST_TERM] = 0, 1
+    rows[:, :, -1] += 2 * rows[:, :, sweep.FRICTION]
+    gram, owner = np.swapaxes(rows, 1, 2) @ rows, np.repeat([0, 1], 10)
+    held = fit.held_out(sweep.Sweep(np.array([1.0]), gram[None], owner), fit.columns_of(["offset"]))
+    lost, part = 0.0, np.tile(np.repeat(np.arange(5), 2), 2)
+    for left_out in range(5):
+        rest, own = (np.concatenate(rows[where]) for where in (part != left_out, part == left_out))
+        used = [sweep.FRICTION, sweep.FIRST_TERM]
+        best = np.linalg.lstsq(rest[:, used], rest[:, -1], rcond=None)[0]
+        lost += float(np.sum((own[:, -1] - own[:, used] @ best) ** 2))
+    assert held.sse == pytest.approx(lost, rel=1e-9)
+    assert held.r2 == pytest.approx(
+        1 - lost / np.sum((rows[:, :, -1] - rows[:, :, -1].mean()) ** 2)
+    )
+
+
+def test_the_speed_and_its_change():
+    """Of a motion at constant acceleration, whichever rows are asked for; a clock that stands
+    still for a row borrows its neighbours; none without a clock, or from a few rows.
+    """
+    time = np.arange(200) * 0.01
+    log = replace(synthetic(1, rows=200), theta=2 * time**2 + time, time=time)
+    speed, change = sweep.speed_of(log)
+    assert speed[10:-10] == pytest.approx(4 * time[10:-10] + 1, rel=1e-9)
+    assert change[20:-20] == pytest.approx(4, rel=1e-9)
+    for rows in (slice(0, 200), slice(50, 120), slice(0, 30), slice(150, 200)):
+        some = sweep.speed_of(log, rows)
+        assert some[0] == pytest.approx(speed[rows]) and some[1] == pytest.approx(change[rows])
+    coarse = replace(log, time=np.floor(time / 0.02 + 1e-6) * 0.02)
+    assert sweep.speed_of(coarse)[0][10:-10] == pytest.approx(speed[10:-10], rel=0.2, abs=0.1)
+    assert not np.any(sweep.speed_of(replace(log, time=None)))
+    assert not np.any(sweep.speed_of(log.head(26))) and np.any(sweep.speed_of(log.head(27)))
+
+
+def test_the_columns_of_a_fit():
+    log = replace(synthetic(1, rows=200), zero=0.01)
+    columns = sweep.columns_of(log, slice(20, 90)).T
+    assert np.all(columns[0] == 1)
+    assert columns[1] == pytest.approx(log.theta[20:90] - 0.01)
+    assert columns[2] == pytest.approx(sweep.speed_of(log)[0][20:90])
+    assert columns[3] == pytest.approx(sweep.speed_of(log)[1][20:90])
+    assert columns[4] == pytest.approx(log.torque[20:90])
+
+
+@pytest.mark.parametrize(("rows", "blocks"), [(100, 7), (101, 7), (5, 7), (70_000, 1), (99_000, 2)])
+def test_blocks_are_of_one_length(rows, blocks):
+    """As many as were asked for at most; the last one may be shorter, one alone may be in parts."""
+    length = -(-rows // blocks)
+    covered = np.concatenate([np.arange(one.rows.start, one.rows.stop) for one in
+                              sweep.pieces(rows, blocks)])  # fmt: skip
+    assert covered.tolist() == list(range(rows))
+    for one in sweep.pieces(rows, blocks):
+        assert one.block == one.rows.start // length and one.rows.stop <= rows
+        assert one.rows.stop - one.rows.start <= sweep.PIECE
+
+
+@pytest.mark.parametrize("place", [0.0, 0.02, -0.05])
+def test_the_lowest_of_a_parabola(place):
+    """In log a, with neighbours at unlike distances; at an end of the nodes the node itself."""
+    x = np.array([-0.9, -0.3, 0.0, 0.2, 0.7])
+    cost = 5 + (x - place) ** 2
+    assert fit._lowest(200 * np.exp(x), cost) == pytest.approx(200 * np.exp(place), rel=1e-12)
+    assert fit._lowest(200 * np.exp(x), x) == pytest.approx(200 * np.exp(-0.9))
+
+
+def test_terms_that_a_motion_tells_apart():
+    """In one sine a mass is a spring; at rest a speed is nothing."""
+    log = replace(
+        synthetic(7, rows=4000, cycles=8), resolution=0.0, theta=sine(7, rows=4000, cycles=8)
+    )
+    found = pipeline.Study([log]).at(np.array([200.0, 1e5]))
+    assert not fit.told_apart(found, ["offset", "inertia"], "spring")
+    assert fit.told_apart(found, ["offset"], "spring", 0.02)
+    sets = fit.sets_of(found, ["offset", "spring", "viscous", "inertia"])
+    assert sets[0] == () and sets[1] == ("offset",)
+    assert all("offset" in one for one in sets[1:])
+    assert not any({"spring", "inertia"} <= set(one) for one in sets)
+    still = pipeline.Study([replace(log, time=None)]).at(np.array([200.0, 1e5]))
+    assert not fit.told_apart(still, ["offset"], "viscous", 1e-9)
 
 
 def test_bilinear_against_its_definition():

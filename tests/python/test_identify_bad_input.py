@@ -211,6 +211,18 @@ def test_truncated_anywhere(files, tmp_path):
         ),
         ("wide.csv", "angle,torque\n1,2,3\n1,2,4\n", "wide.csv:1: fewer names than"),
         ("mixed.json", '[{"angle": 1, "torque": 2}, 5]', "cannot be read as .json"),
+        ("none.json", '{"a": 1, "b": ["c"]}', "none.json: no list of rows and no columns of equal"),
+        ("long.json", '{"angle": [1, 2], "torque": [1, 2, 3]}', "no columns of equal length in it"),
+        ("text.csv", "angle,torque\n1,2\n\0,3\n", "not a text file (byte 17)"),
+        ("blank.csv", "\n \n", "a first line with column names was expected"),
+        ("new.mat", "MATLAB 7.3 MAT-file".ljust(124) + "\0\2IM", "MATLAB 7.3 (HDF5); save it with"),
+        ("hole.csv", "angle,torque\n1,2\n3,\n", "hole.csv:3: column 'torque': no finite number"),
+        ("hole.json", '{"angle": [1, 2], "torque": [2, "x"]}', "hole.json: row 2: column 'torque'"),
+        (
+            "bare.csv",
+            "1 2\n3 x\n",
+            "which column is the angle? Name it with --angle (there are: 1, 2)",
+        ),
     ],
 )
 def test_files_that_a_library_did_not_expect(run_dahl, tmp_path, name, text, words):
@@ -218,6 +230,50 @@ def test_files_that_a_library_did_not_expect(run_dahl, tmp_path, name, text, wor
     said = refused(run_dahl, tmp_path / name)
     assert name in said
     assert words in said
+
+
+def test_rows_and_columns_are_found_wherever_they_are(tmp_path):
+    """In nested JSON, lists without names, structures and matrices of MATLAB, tables without names
+    or with blanks.
+    """
+    from scipy.io import savemat
+
+    source = readers.Source("2", "1", angle_unit="rad", torque_unit="Nm")
+    for name, text in (
+        ("a.json", '{"about": ["x"], "run": {"data": [[5, 1], [6, 2]]}}'),
+        ("b.json", '{"run": {"load": [5, 6], "way": [1, 2], "n": 3}}'),
+        ("a.csv", "5 1\n6 2\n"),
+        ("b.csv", "\n x ;  y\n5;1\n6; 2\n"),
+        ("c.txt", "x\ty\n5\t1\n6\t2\n"),
+    ):
+        (tmp_path / name).write_text(text)
+        log = readers.read(tmp_path / name, source)
+        assert (log.theta.tolist(), log.torque.tolist()) == ([1, 2], [5, 6]), name
+    both = np.array([[5.0, 1.0], [6.0, 2.0]])
+    savemat(
+        tmp_path / "a.mat", {"run": {"way": both[:, 1], "n": 3.0, "load": both[:, 0]}, "k": 1.0}
+    )
+    savemat(tmp_path / "b.mat", {"run": both, "short": np.arange(1.0)})
+    for name, angle, torque in (("a.mat", "run.way", "run.load"), ("b.mat", "run.2", "run.1")):
+        log = readers.read(tmp_path / name, readers.Source(angle, torque, angle_unit="rad"))
+        assert (log.theta.tolist(), log.torque.tolist()) == ([1, 2], [5, 6]), name
+    (tmp_path / "d.csv").write_text("5 1\n6 x\n")
+    with pytest.raises(Error, match=r"d\.csv:2: column '2': 'x' is not a number"):
+        readers.read(tmp_path / "d.csv", source)
+    savemat(tmp_path / "c.mat", {"k": 1.0})
+    with pytest.raises(Error, match=r"c\.mat: no vectors in it"):
+        readers.read(tmp_path / "c.mat", source)
+
+
+def test_a_can_log_lacks_what_tells_its_signals(files, tmp_path):
+    for source, words in (
+        (readers.Source(dbc=files["dbc"]), "name the signals with --angle SIGNAL"),
+        (readers.Source(angle="Angle", dbc=files["dbc"]), "name the signals with --angle SIGNAL"),
+        (readers.Source("Angle", "Torque", dbc=tmp_path / "none.dbc"), "none.dbc: No such file"),
+        (readers.Source("Angle", "Torque"), "needs --dbc FILE"),
+    ):
+        with pytest.raises(Error, match=words):
+            readers.read(files["blf"], source)
 
 
 def test_a_file_on_which_its_library_crashes_is_one_line(files, run_dahl, tmp_path):

@@ -373,3 +373,14 @@ def test_between_counts_is_within_half_a_count_of_what_was_read():
     assert np.abs(between - log.theta).max() <= 0.5 * COUNT * (1 + 1e-9)
     assert np.abs(np.diff(between, 2)).max() < 0.5 * np.abs(np.diff(log.theta, 2)).max()
     assert clean.between_counts(replace(log, resolution=0.0)) is log.theta
+
+
+@pytest.mark.parametrize("part", [0.03, 0.1])
+def test_small_strokes_are_no_flicker(part):
+    """Forty of them within a large one, each by a part of its range; spikes are."""
+    x = np.linspace(0, 1, 4000)
+    theta = np.sin(np.pi * x) + part * np.sin(2 * np.pi * 40 * x)
+    log = Log("x", theta, theta)
+    assert clean.flickers(log) < 8
+    theta[100:4000:100] += 3 * part
+    assert clean.flickers(log) > 39

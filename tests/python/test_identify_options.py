@@ -17,6 +17,7 @@ import pytest
 from dahl import logs, plots, scene
 from dahl.cli import build_parser
 from dahl.identify import draw, output, pipeline
+from dahl.identify.finding import Finding
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, synthetic
 from log_writers import DBC
 from rich.console import Console
@@ -280,6 +281,121 @@ def test_the_table_has_each_number_under_its_name(result):
     assert any("0.9525" in value and "0.0215 N" in value for value in shown.values())
     assert any(value.startswith("34 %") for value in shown.values())
     assert any("a note" in value for _, value in cells)
+
+
+def test_the_rows_of_the_table_that_have_names_alike(result):
+    text = io.StringIO()
+    quality = replace(result.plan, r2=0.7775)
+    Console(file=text, width=250).print(output.table(replace(result, plan=quality)))
+    rows = [[cell.strip() for cell in line.split("│")[1:3]] for line in text.getvalue().split("\n")]
+    shown = dict(row for row in rows if len(row) == 2)
+    none = result.models
+    assert shown["held out: no friction"] == f"R2 0.1325, rms {none.rmse['none']:.3g} N"
+    assert shown["R2 of the plan, raw motion"] == "0.7775, friction alone"
+
+
+def comment_of(header: str) -> str:
+    """The words of the first comment, on one line."""
+    return " ".join(header.partition("*/")[0].replace("*", " ").split())
+
+
+def test_the_header_says_what_its_plan_rests_on(result):
+    """Each number with its unit, each note, each objection; nothing of a fit that is not so."""
+    quality = replace(result.plan, r2=0.7775, against=["it is wrong", "it is */ odd"])
+    found = replace(result, plan=quality)
+    words, ends = comment_of(output.header(found, "x")), result.estimate.ci95
+    sigma0, force = ends["sigma0"], ends["Fc"]
+    for wanted in (
+        f"identified from {', '.join(Path(log.name).name for log in result.logs)}: ",
+        f"{result.verdict.text}.",
+        f"sigma0 [N/m] 95 %: {sigma0.low:.5g} to {sigma0.high:.5g};",
+        f"Fc [N] 95 %: {force.low:.5g} to {force.high:.5g}.",
+        "R2 held out 0.9125; of this plan alone on the raw motion 0.7775.",
+        "theta_per_count is that of the encoder in the log",
+        "FORCED, although it is wrong.",
+        "FORCED, although it is / odd.",
+        "Note: a note.",
+    ):
+        assert wanted in words
+    for change, wanted in (
+        ({"of_target": True}, "theta_per_count is the target's"),
+        ({"theta_per_count": 0.0}, "The log shows no encoder: this plan is for dahl_step() alone."),
+    ):
+        words = comment_of(output.header(replace(found, plan=replace(quality, **change)), "x"))
+        assert wanted in words and "of the encoder in the log" not in words
+    calm = comment_of(output.header(replace(result, plan=replace(quality, against=[])), "x"))
+    assert "FORCED" not in calm
+    open_end = replace(ends["Fc"], high=np.inf)
+    estimate = replace(result.estimate, ci95={**ends, "Fc": open_end})
+    words = comment_of(output.header(replace(found, estimate=estimate), "x"))
+    assert f"Fc [N] 95 %: {force.low:.5g} to no end." in words
+
+
+def test_the_scene_says_what_it_rests_on(result, tmp_path):
+    """No number without its verdict; the plan's own numbers, in the units of the log."""
+    path = output.write_scene(result, "x", tmp_path)
+    assert path == tmp_path / "x.ini"
+    first, *_ = path.read_text().splitlines()
+    assert first == f"; written by dahl identify: {result.verdict.text}"
+    played = scene.read(path)
+    assert (played.title, played.model, played.log) == ("x, identified", "dahl", "x.csv")
+    assert (played.sigma0, played.Fc) == (result.estimate.sigma0, result.estimate.Fc)
+    assert played.measured.label_torque == "friction [N]"
+    assert (played.measured.offset, played.measured.spring) == (0.125, 4.5)
+    turning = replace(result, logs=[replace(log, linear=False) for log in result.logs])
+    output.write_scene(turning, "y", tmp_path)
+    played = scene.read(tmp_path / "y.ini")
+    assert (played.motion["angle"], played.measured.torque) == ("theta_rad", "torque_Nm")
+    assert played.measured.label_angle.endswith("[rad]")
+    assert played.measured.label_torque == "friction [N m]"
+
+
+def test_the_scene_of_a_log_without_an_encoder_counts_finely(result, tmp_path):
+    """A thousandth of a presliding length; what is short of five lengths is not left out."""
+    log = replace(result.logs[0], resolution=0.0).head(20)
+    bare = replace(result, logs=[log])
+    output.write_scene(bare, "x", tmp_path)
+    played = scene.read(tmp_path / "x.ini")
+    assert played.theta_per_count == pytest.approx(1e-3 / result.estimate.a)
+    assert float(played.motion["counts_per_unit"]) == pytest.approx(1e3 * result.estimate.a)
+    assert np.abs(log.moves).sum() < 5 / result.estimate.a and played.measured.settle == 0
+
+
+def test_a_scene_replays_the_first_rows_of_a_long_log(result, tmp_path, monkeypatch):
+    monkeypatch.setattr(output, "REPLAYED", 1000)
+    output.write_scene(result, "x", tmp_path)
+    assert len((tmp_path / "x.csv").read_text().splitlines()) == 1001
+
+
+def test_json_says_how_a_log_was_treated(result):
+    """Under its own name, what the fit did: weights, pieces, findings, options, sign."""
+    weights = np.ones(1500)
+    weights[:7] = 0.5
+    logs = [replace(result.logs[0], weight=weights), result.logs[1].head(400)]
+    said = [Finding("this", ("Fc",)), Finding("that")]
+    found = replace(result, logs=logs, findings=said, sign=-1.0, inner=True, median=9)
+    kept = json.loads(output.as_json(replace(found, options={"terms": ["offset"]})))
+    wanted = {
+        "rows": 1900,
+        "pieces": [1500, 400],
+        "rows_weighing_less": 7,
+        "sum_of_weights": result.estimate.rows,
+        "torque_sign": -1.0,
+        "angle_between_counts": True,
+        "median_rows": 9,
+        "options": {"terms": ["offset"]},
+        "findings": [{"text": "this", "doubts": ["Fc"]}, {"text": "that", "doubts": []}],
+        "r2_plan": result.plan.r2,
+        "plan": {
+            "theta_per_count": result.plan.theta_per_count,
+            "of_target": False,
+            "against": result.plan.against,
+        },
+    }
+    assert {name: kept[name] for name in wanted} == wanted
+    assert kept["cycles"]["first_row"] == result.cycles.rows.tolist()
+    for name in ("Fc", "sigma0", "offset"):
+        assert kept["cycles"][name] == result.cycles.value[name].tolist()
 
 
 def test_the_scene_and_its_log_are_those_of_the_first_log(result, tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from dahl import Error
 from dahl.identify import pipeline, readers, recording
+from dahl.identify.log import Log
 from identify_tools import (
     COUNT,
     FC,
@@ -201,11 +202,17 @@ def test_repeated_rows_are_left_out_and_named(kind):
     assert str(len(rows) - log.rows) in kept.notes[0]
 
 
-@pytest.mark.parametrize("kind", ["noise", "computed", "coarse torque", "at rest"])
+@pytest.mark.parametrize(
+    "kind", ["noise", "computed", "computed, with rests", "coarse torque", "at rest"]
+)
 def test_rows_that_are_alike_for_other_reasons_stay(kind):
     log = synthetic(1)
     if kind == "computed":
         log.torque = dahl_torque(log.theta)
+    elif kind == "computed, with rests":
+        rests = np.repeat(np.arange(log.rows), np.where(np.arange(log.rows) % 50, 1, 2))
+        theta = sine(1)[rests]
+        log = Log("x", theta, dahl_torque(theta), np.arange(len(rests)) * 1e-3)
     elif kind == "coarse torque":
         log.torque = np.round(log.torque / 0.05) * 0.05
     elif kind == "at rest":

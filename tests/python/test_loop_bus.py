@@ -376,16 +376,23 @@ def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
 
 
 def test_more_clients_than_there_is_room_for(tmp_path):
-    with serving(tmp_path, STEERING, "--role", "node") as (_, port):
+    """python-can says why, and so does `dahl`; a place that is left is free again."""
+    refused = "16 clients are here, no more"
+    with serving(tmp_path, STEERING, "--role", "node") as (process, port):
         inside = [raw_client(port) for _ in range(16)]
-        outside = socket.create_connection(("127.0.0.1", port))
-        outside.settimeout(10)
-        assert outside.recv(100) == b""
+        with pytest.raises(can.CanError, match=f"got: '< error {refused} >'"), client(port):
+            pass
+        joined = start(tmp_path / "joined", STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
+        assert joined.communicate(timeout=20)[1].startswith("error: --bus socketcand:127.0.0.1:")
+        assert joined.returncode == 1
         inside.pop().close()
         time.sleep(0.1)
         inside.append(raw_client(port))
-        for peer in [*inside, outside]:
+        process.send_signal(signal.SIGTERM)
+        result = finished(tmp_path, process)
+        for peer in inside:
             peer.close()
+    assert result.err == "note: socketcand client refused: 16 are here, no more\n" * 2
 
 
 def test_handshake_answers_and_errors(tmp_path):

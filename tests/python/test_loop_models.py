@@ -5,6 +5,8 @@ from reversal to reversal, and what the summary says of them.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import can
 import numpy as np
 import pytest
@@ -53,6 +55,126 @@ def test_every_model_is_exact_over_the_bus(tmp_path, model):
     numbers = report.summary(known, trace, None, {})
     assert (numbers["model"], len(numbers["elements"])) == (model, len(known.elements))
     assert numbers.get("kinds", []) == (["dahl", "slip", "dahl"] if model == "parallel" else [])
+
+
+LOADED = "[friction]\nmodel = loaded\nsigma0 = 100\nFc = 0.7\ntheta_per_count = 3.8e-4\n"
+
+
+def told_loads(log):
+    """Raw parameter Load of each ParamWrite, and how many were refused."""
+    writes, refused = [], 0
+    message = report.database().get_message_by_name("ParamWrite")
+    reply = report.database().get_message_by_name("ParamReply")
+    with can.CanutilsLogReader(log) as frames:
+        for frame in frames:
+            if frame.arbitration_id == message.frame_id:
+                writes.append(message.decode(frame.data, scaling=False)["Load"])
+            if frame.arbitration_id == reply.frame_id:
+                refused += str(reply.decode(frame.data)["Result"]) != "Done"
+    return writes, refused
+
+
+def check_loaded(result, path):
+    """Exact by an independent solution, and not that of a constant load."""
+    assert result.code == 0, result.err
+    with can.CanutilsLogReader(result.log) as frames:
+        trace = report.trace_of(frames)
+    known = read(path)
+    error = report.max_error_ulp(known, trace)
+    assert error is not None
+    assert error <= 0.55
+    constant = report.max_error_ulp(known, replace(trace, load=None))
+    assert constant is not None
+    assert constant > 1000
+    return trace
+
+
+def test_friction_follows_a_load_of_the_log(tmp_path):
+    ticks = np.arange(1500)
+    load = 3 + 5 * np.sin(ticks / 91)  # of both signs: its size counts; clamped at 1
+    load[1400:] = 0
+    angle = np.round(400 * np.sin(ticks / 57))
+    rows = [f"{a:.0f},{c:.9f}" for a, c in zip(angle, load, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["angle,carried", *rows]) + "\n")
+    path = tmp_path / "loaded.ini"
+    path.write_text(
+        LOADED + "[load]\ncolumn = carried\nfull = 5\nrest = 0.125\n"
+        "[motion]\nkind = log\nfile = log.csv\nangle = angle\ncounts_per_unit = 1\n"
+    )
+    result = run(tmp_path, path, "--virtual")
+    trace = check_loaded(result, path)
+    share = np.minimum(1, 0.125 + np.abs(load) / 5)
+    assert np.abs(trace.load / 65536 - share).max() <= 0.5 / 65536 + 1e-9
+    assert np.abs(trace.torque(read(path))).max() <= 0.7
+    assert np.abs(trace.torque(read(path))[1450:]).max() <= 0.125 * 0.7 * (1 + 1e-6)
+    writes, refused = told_loads(result.log)
+    assert refused == 0
+    assert writes == [int(c) for c in trace.load[np.diff(trace.load, prepend=65536) != 0]]
+
+
+def test_friction_follows_the_motors_torque(tmp_path):
+    """Of a shaft that is driven, and the shaft's own friction with it."""
+    path = tmp_path / "loaded.ini"
+    path.write_text(
+        LOADED + "[load]\nfull = 4\nrest = 0.25\n"
+        "[rotor]\ninertia = 0.01\nsigma0 = 100\nFc = 0.7\n"
+        "[motor]\namplitude = 2\nfrequency = 3\nseconds = 1\n"
+    )
+    result = run(tmp_path, path, "--virtual", "--trace", tmp_path / "trace.csv")
+    trace = check_loaded(result, path)
+    motor, friction = np.loadtxt(
+        tmp_path / "trace.csv", delimiter=",", skiprows=1, usecols=(4, 5)
+    ).T
+    carried = 0.25 + np.abs(motor[1:]) / 4  # row 0 keeps no torque of before
+    assert np.abs(trace.load[1:] / 65536 - carried).max() < 1e-5
+    assert np.abs(friction[1:]).max() < 0.7 * 0.76
+    assert (np.abs(friction[2:]) <= 0.7 * (carried[:-1] + 1 / 65536)).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (LOADED, "model = loaded needs [load]"),
+        ("[load]\nfull = 1\n", "[load] needs [friction]"),
+        (LOADED + "[load]\nfull = 1\n", "[load] needs a [rotor], or [motion] kind = log"),
+        (LOADED + "[load]\nfull = 0\n", ":7: [load] full = 0: outside 1e-09 to"),
+        (LOADED + "[load]\nfull = 1\nrest = 1.5\n", ":8: [load] rest = 1.5: outside 0 to 1"),
+        (LOADED + "[load]\nrest = 1\n", '[load] has no key "full"'),
+        (
+            LOADED.replace("loaded", "dahl") + "[load]\nfull = 1\n",
+            "[load] has no meaning for model = dahl",
+        ),
+    ],
+)
+def test_a_load_that_cannot_be_is_one_line(tmp_path, text, words):
+    motion = (
+        "[motion]\nkind = steering\namplitude = 900\nsweep_s = 0.7\ntremor = 20\n"
+        "tremor_s = 0.05\nseconds = 3\n"
+    )
+    path = tmp_path / "bad.ini"
+    path.write_text(text + motion)
+    result = run(tmp_path, path, "--virtual")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert words in result.err
+
+
+@pytest.mark.parametrize(
+    ("header", "column", "words"),
+    [
+        ("angle,load", "", '[load] has no key "column"'),
+        ("angle,other", "column = load\n", 'no column "load"; there is "angle", "other"'),
+        ("load,angle,load", "column = load\n", 'two columns "load"'),
+    ],
+)
+def test_a_column_of_a_load_that_is_not_there_is_one_line(tmp_path, header, column, words):
+    (tmp_path / "log.csv").write_text(f"{header}\n" + "0,0,0\n"[: 2 * header.count(",") + 1] + "\n")
+    path = tmp_path / "bad.ini"
+    path.write_text(
+        LOADED + f"[load]\nfull = 1\n{column}"
+        "[motion]\nkind = log\nfile = log.csv\nangle = angle\ncounts_per_unit = 1\n"
+    )
+    result = run(tmp_path, path, "--virtual")
+    assert result.code == 2 and words in result.err
 
 
 def test_where_the_references_end():

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
+import json
 import os
 import pty
 import re
@@ -14,16 +16,18 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
 from dahl import Error, logs, report
+from dahl.monitor_curves import even_ticks
 from dahl.monitor_view import View
 from identify_tools import caller
 from loop_tools import wait_until
 
-KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5}
+KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5, "ParamReply": 0x9}
 
 
 class Served:
@@ -114,7 +118,8 @@ def test_view_counts_what_it_sees(dbc):
     assert list(view.ratio) == pytest.approx([0.5, 0.5])
     shown = text_of(view)
     assert "F/Fc over counts" in shown
-    assert re.search(r"^ EncoderState +2 +500 +1 +3 .*Count 8 ", shown, re.MULTILINE)
+    assert re.search(r"^EncoderState +2 +500 +1 +3$", shown.replace(" \n", "\n"), re.MULTILINE)
+    assert re.search(r"^EncoderState +Valid Valid +Count 8 ", shown, re.MULTILINE)
     assert "OK 2" in shown
 
 
@@ -155,25 +160,120 @@ def test_each_curve_has_its_own_axes(dbc):
             view.feed(frame)
     lines = text_of(view, 100, 40).splitlines()
     top, low = (n for n, line in enumerate(lines) if "F/Fc over" in line)
-    counts, ratio, seconds = [5000, 5900], [0.25, 0.5], [0, 0.9]
+    counts, ratio, seconds = (5000, 5900), (0.25, 0.5), (0, 0.9)
     assert "counts" in lines[top] and "counts over s" in lines[low][50:]
-    assert axes_of(lines[top:]) == (counts, ratio)
-    assert axes_of([line[:50] for line in lines[low:]]) == (seconds, ratio)
-    assert axes_of([line[50:] for line in lines[low:]]) == (seconds, counts)
+    assert axes_hold(lines[top:], counts, ratio)
+    assert axes_hold([line[:50] for line in lines[low:]], seconds, ratio)
+    assert axes_hold([line[50:] for line in lines[low:]], seconds, counts)
 
 
-def axes_of(lines: list[str]) -> tuple[list[float], list[float]]:
-    """Ends of the x axis and of the y axis of the first panel in these lines."""
+def axes_hold(lines: list[str], *spans: tuple[float, float]) -> bool:
+    """Whether the x axis and the y axis of the first panel in these lines hold each span, with even
+    ticks, and no more than a tick on either side is empty.
+    """
     end = next(n for n, line in enumerate(lines) if "└" in line)
-    x = [float(word) for word in lines[end + 1].split()]
-    y = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line]
-    return [x[0], x[-1]], [y[-1], y[0]]
+    across = [float(word) for word in lines[end + 1].split()]
+    up = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line][::-1]
+    for ticks, (low, high) in zip((across, up), spans, strict=True):
+        steps = np.diff(ticks)
+        assert steps == pytest.approx(steps[0]), ticks
+        assert float(f"{steps[0]:.6e}"[:8].rstrip("0e")) in (1, 2, 5), ticks
+        assert low - steps[0] < ticks[0] <= low and high <= ticks[-1] < high + steps[0], ticks
+    return True
 
 
-@pytest.mark.parametrize(("width", "height"), [(40, 16), (80, 24), (200, 60)])
-def test_view_fits_small_and_large_terminals(width, height):
-    lines = text_of(View(), width, height).splitlines()
+@pytest.mark.parametrize("low", [-3.7e5, -1.0, 0.0, 0.123, 7e8])
+@pytest.mark.parametrize("span", [0.0, 0.003, 0.3, 99.0, 1e6])
+@pytest.mark.parametrize("most", [1, 3, 17])
+def test_ticks_are_round_numbers_around_what_there_is(low, span, most):
+    ticks = even_ticks(low, low + span, most)
+    step = ticks[1] - ticks[0]
+    slack = 1e-6 * (step + span) + 1e-9 * abs(low)
+    assert ticks[0] <= low + slack and low + span <= ticks[-1] + slack
+    assert np.diff(ticks) == pytest.approx(step, rel=1e-3)
+    assert 2 <= len(ticks) <= most + 3
+
+
+def spoiled_run(dbc, view: View) -> View:
+    """Some ticks of a node in trouble, all messages, each error seen."""
+    errors = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
+    status = {"State": "Stale", "Lost": 90, "Corrupt": 34, "OutOfStep": 43, "Timeout": 100}
+    status |= {f"Error{name}": 1 for name in errors} | {"VersionMajor": 0, "VersionMinor": 2}
+    for n in range(90):
+        counter = {"Counter": n % 16}
+        torque = {"EchoCounter": n % 16, "State": "Lost", "TorqueRatio": np.sin(n / 9)}
+        angle = {"Valid": 1, "Count": -(10**9) + 12345 * n}
+        for frame in frames(
+            dbc,
+            ("EncoderState", n / 1000, counter | angle),
+            ("FrictionTorque", n / 1000, counter | torque),
+            ("Status", n / 1000, counter | status),
+        ):
+            view.feed(frame)
+    return view
+
+
+@pytest.mark.parametrize(("width", "height"), [(40, 16), (60, 18), (80, 24), (200, 60)])
+@pytest.mark.parametrize("made", [lambda _: View(), lambda dbc: spoiled_run(dbc, View())])
+def test_view_fits_small_and_large_terminals(dbc, width, height, made):
+    """Counters above all else, and a curve below them."""
+    view = made(dbc)
+    view.fills_screen = True
+    shown = text_of(view, width, height).rstrip("\n")
+    lines = shown.splitlines()
     assert max(map(len, lines)) <= width
+    assert len(lines) <= height
+    first = {name: n for n, line in enumerate(lines) for name in SHOWN if name in line}
+    assert first.keys() == SHOWN
+    assert first["EncoderState"] < first["node states"] < first["over counts"]
+    assert "└" in shown, "no axis is left"
+    assert ("over s" in shown) == (width >= 80)
+
+
+SHOWN = {"EncoderState", "FrictionTorque", "Status", "node states", "over counts"}
+
+
+def test_a_torque_is_in_its_unit_where_fc_is_known(dbc, tmp_path):
+    """By the caller, or by a reply of the node itself."""
+    assert "F/Fc over counts" in text_of(spoiled_run(dbc, View()))
+    view = spoiled_run(dbc, View(Fc=2.0, unit="N"))
+    shown = text_of(view)
+    assert "F [N] over counts" in shown
+    assert f"{2 * np.sin(89 / 9):+.6f} N " in shown
+    heard = View()
+    reply = {"Counter": 0, "Result": "Done", "Param": "Fc", "Fc": 4.5}
+    (frame,) = frames(dbc, ("ParamReply", 0.0, reply))
+    heard.feed(frame)
+    assert heard.Fc == 4.5
+    assert "F [N m] over counts" in text_of(heard)
+
+
+def test_what_is_wrong_has_colour_on_a_terminal(dbc):
+    from rich.console import Console
+
+    out = io.StringIO()
+    console = Console(width=80, height=24, file=out, force_terminal=True, color_system="standard")
+    console.print(spoiled_run(dbc, View()))
+    assert "\x1b[33mseen: Format Repeated Lost Sequence Crc Stale Invalid Jump" in out.getvalue()
+    assert re.search("\x1b\\[3[68][^m]*m[⠁-⣿]", out.getvalue()), "the curve is coloured"
+
+
+def test_json_holds_the_same_numbers(dbc):
+    known = json.loads(json.dumps(spoiled_run(dbc, View(Fc=2.0)).as_dict()))
+    encoder, status = known["messages"]["EncoderState"], known["messages"]["Status"]
+    assert (known["frames"], known["other_frames"], known["Fc"]) == (270, 0, 2.0)
+    assert known["states"] == {"Lost": 90}
+    assert (encoder["frames"], encoder["missing"], encoder["bad"]) == (90, 0, 0)
+    assert encoder["per_s"] == pytest.approx(1000)
+    assert encoder["last"]["Count"] == -(10**9) + 12345 * 89
+    assert (status["last"]["State"], status["last"]["ErrorJump"]) == ("Stale", "Seen")
+
+
+def test_monitor_prints_json_when_it_is_asked_to(served, run_dahl):
+    done = run_dahl("monitor", *served, "--frames", "100", "--json", "--scene", "steering")
+    assert (done.returncode, done.stderr) == (0, "")
+    known = json.loads(done.stdout)
+    assert (known["frames"], known["Fc"]) == (100, 1.8)
 
 
 def test_monitor_without_a_terminal_prints_one_picture(served, run_dahl):
@@ -182,7 +282,7 @@ def test_monitor_without_a_terminal_prints_one_picture(served, run_dahl):
     assert "\x1b" not in done.stdout
     assert done.stdout.count("F/Fc over counts") == 1
     rows = re.findall(
-        r"^ *(?:EncoderState|FrictionTorque) +(\d+) +(\d+) +0 +0 ", done.stdout, re.MULTILINE
+        r"^ *(?:EncoderState|FrictionTorque) +(\d+) +(\d+) +0 +0\s", done.stdout, re.MULTILINE
     )
     assert len(rows) == 2, done.stdout
     rates = [int(rate) for _, rate in rows]
@@ -314,9 +414,10 @@ def test_the_monitor_shows_what_its_options_say(dbc, capsys, tmp_path):
     with sending("nodes", sent, lambda: len(channels["nodes"]) == 2):
         done = caller(capsys)("monitor", *words, "--dbc", tmp_path / "own.dbc")
     assert done.returncode == 0, done.stderr
-    assert re.search(r"EncoderState +6 +1 +0 +0 .*Count 10000 ", done.stdout)
-    assert re.search(r"other frames +12 ", done.stdout)
-    assert axes_of(done.stdout.splitlines())[0] == [8000, 10000]
+    assert re.search(r"EncoderState +6 +1 +0 +0\s", done.stdout)
+    assert re.search(r"EncoderState .*Count 10000\s", done.stdout)
+    assert re.search(r"other frames +12\s", done.stdout)
+    assert axes_hold(done.stdout.splitlines(), (8000, 10000), (0.45, 0.55))
 
 
 def test_a_record_is_not_overwritten_without_being_told(served, run_dahl, tmp_path):
@@ -385,8 +486,12 @@ def test_the_options_of_a_bus_are_those_of_python_can(run_dahl, tmp_path):
         (["-i", "nothing", "-c", "x"], "error: argument -i/--interface: invalid choice: 'nothing'"),
     ],
 )
-def test_a_bus_that_is_not_there_is_one_line(run_dahl, arguments, words):
-    done = run_dahl("monitor", *arguments)
+def test_a_bus_that_is_not_there_is_one_line(capsys, monkeypatch, arguments, words):
+    """python-can tries for ten seconds, which pass quickly here."""
+    ticks = itertools.count()
+    quick = SimpleNamespace(time=lambda: next(ticks), sleep=time.sleep)
+    monkeypatch.setattr("can.interfaces.socketcand.socketcand.time", quick)
+    done = caller(capsys)("monitor", *arguments)
     assert done.returncode == (2 if "nothing" in arguments else 1)
     assert done.stderr.startswith(words)
     assert done.stderr.count("\n") == 1
@@ -454,8 +559,10 @@ def test_the_monitor_shows_a_storm(dahl_loop, root, run_dahl):
     assert done.returncode == 0, done.stderr
     states = re.search(r"node states +(.*)", done.stdout)[1]
     assert re.match(r"OK \d{4,}, Lost \d{3,}", states), states
-    bad = re.search(r"^ *EncoderState +\d+ +\d+ +\d+ +(\d+) ", done.stdout, re.MULTILINE)
+    bad = re.search(r"^ *EncoderState +\d+ +\d+ +\d+ +(\d+)\s", done.stdout, re.MULTILINE)
     assert int(bad[1]) > 200
     shown = " ".join(done.stdout.split())
-    for word in ("ErrorCrc Seen", "ErrorJump Seen", "ErrorLost Seen", "Corrupt", "OutOfStep"):
-        assert word in shown
+    seen = re.search(r"seen: ([A-Z][a-z]+(?: [A-Z][a-z]+)*)", shown)[1].split()
+    assert {"Crc", "Jump", "Lost"} <= set(seen)
+    for word in ("Corrupt", "OutOfStep"):
+        assert re.search(rf"{word} \d+", shown)

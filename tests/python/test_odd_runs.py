@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -33,28 +32,13 @@ from dahl import (
     scene,
 )
 from dahl.interrupt import Stop
-from identify_tools import caller
+from identify_tools import complaint
 from log_writers import DBC
 from loop_tools import wait_until
 from test_monitor import frames
 from test_report import Run
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
-
-
-@pytest.fixture
-def dahl(capsys, monkeypatch, tmp_path):
-    """A verb in this process, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    return caller(capsys)
-
-
-def complaint(done: subprocess.CompletedProcess) -> tuple[int, str]:
-    """The exit code of a verb that ended in one line, and that line."""
-    found = re.fullmatch(r"error: ([^\n]+)\n", done.stderr)
-    assert found, done.stderr
-    return done.returncode, found[1]
-
 
 SEGMENTS = """[scene]
 title = Lenkung ä² <b>

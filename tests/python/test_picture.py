@@ -7,18 +7,24 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from dahl import plots, report
 from dahl.scene import Measured, Recorded, Scene
+from matplotlib.figure import Figure
 
 
 @pytest.fixture
-def drawn(monkeypatch, tmp_path):
+def figures(monkeypatch):
+    """All that was drawn, in its order, instead of files."""
+    drawn = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: drawn.append(figure))
+    return drawn
+
+
+@pytest.fixture
+def drawn(figures, tmp_path):
     """The figure of a short run with a measurement, and what went into it."""
-    figures = []
-    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
     measured = Measured("T", offset=0.25, angle_scale=1000.0, label_angle="way [mm]")
     scene = Scene(Path("x.ini"), "a title", "dahl", ((50.0, 0.5),), 1e-4, measured=measured)
     count, rows = np.arange(100, 400), np.arange(300) * 2
@@ -53,15 +59,15 @@ def test_each_panel_has_both_curves(drawn):
     assert [words.split(",")[0] for words in legend] == ["measured", "computed"]
 
 
-def test_without_a_clock_in_the_log_time_starts_with_the_run(drawn, tmp_path):
+def test_without_a_clock_in_the_log_time_starts_with_the_run(drawn, figures, tmp_path):
     figure, scene, trace, _ = drawn
     plots.draw(tmp_path / "x.png", scene, replace(trace, time=trace.time + 1.7e9), None)
-    whole = plt.figure(plt.get_fignums()[-1]).axes[1]
+    whole = figures[-1].axes[1]
     assert whole.get_xlabel() == "time on the bus [s]"
     assert whole.lines[0].get_xdata() == pytest.approx(trace.time, abs=1e-6)
 
 
-def test_what_only_some_runs_have_is_shown_as_it_was(drawn, tmp_path):
+def test_what_only_some_runs_have_is_shown_as_it_was(drawn, figures, tmp_path):
     """Latencies, faults, and how far the angle is behind its reference."""
     figure, scene, trace, _ = drawn
     text = "time_s,reference_rad,angle_rad\n0,0.5,0.25\n0.001,1,1.5\n0.002,2,2\n"
@@ -73,7 +79,7 @@ def test_what_only_some_runs_have_is_shown_as_it_was(drawn, tmp_path):
     numbers |= {"faults": {"injected": {"crc": 4, "lost": 9}, "expected": {}}}
     numbers |= {"bus": "socketcand", "r2_measured": 0.98765}
     plots.draw(tmp_path / "x.png", scene, trace, None, numbers)
-    drawn_again = plt.figure(plt.get_fignums()[-1])
+    drawn_again = figures[-1]
     latencies, faults, tracking = drawn_again.axes[3:]
     edges = [bar.get_x() + max(bar.get_width(), 0) for bar in latencies.patches]
     assert edges == pytest.approx([100, 200, 400])
@@ -90,17 +96,54 @@ def test_what_only_some_runs_have_is_shown_as_it_was(drawn, tmp_path):
     assert "50 N m/rad" in words and "0.5 N m," in words and "socketcand" in words
     linear = replace(scene, measured=Measured(label_torque="force [N]"))
     plots.draw(tmp_path / "x.png", linear, trace, None)
-    words = plt.figure(plt.get_fignums()[-1]).axes[0].get_title(loc="left")
+    words = figures[-1].axes[0].get_title(loc="left")
     assert "50 N/m" in words and "0.5 N," in words
     assert drawn_again.get_suptitle() == scene.title
 
 
-def test_the_last_panel_shows_where_the_torque_moves_most(drawn, tmp_path):
+def test_faults_and_restarts_are_marked_where_they_were(drawn, figures, tmp_path):
+    """Ticks without an answer, new starts and restarts, in the panels over time; none else."""
+    _, scene, trace, _ = drawn
+    rows = np.arange(300)
+    plots.draw(tmp_path / "x.png", scene, replace(trace, row=rows), None)
+    assert not any(axes.collections for axes in figures[-1].axes)
+    at = [0, 100, 200]  # a run's first tick is a new start that says nothing
+    some = replace(
+        trace,
+        row=np.where(rows < 50, rows, rows + 3),
+        time=rows / 1000,
+        fresh=np.isin(rows, at),
+        relaxed=rows == 200,
+    )
+    plots.draw(tmp_path / "x.png", scene, some, None)
+    _, whole, _ = figures[-1].axes
+    places = [[stroke[0][0] for stroke in each.get_segments()] for each in whole.collections]
+    assert places == [[pytest.approx(0.05)], [pytest.approx(0.1)], [pytest.approx(0.2)]]
+    words = [text.get_text() for text in whole.get_legend().get_texts()]
+    assert [each.split()[0] for each in words] == ["no", "new", "restart,"]
+
+
+def test_no_words_lie_on_a_curve_or_on_each_other(drawn):
+    """Legend and caption of the loop are above it, the legend below the caption."""
+    figure, *_ = drawn
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    loop = figure.axes[0]
+    figure.draw_without_rendering()
+    legend = loop.get_legend().get_window_extent(renderer)
+    caption = loop._left_title.get_window_extent(renderer)
+    title = figure._suptitle.get_window_extent(renderer)
+    assert loop.bbox.y1 <= legend.y0 < legend.y1 <= caption.y0 < caption.y1 <= title.y0
+    assert title.y1 <= figure.bbox.y1
+
+
+def test_the_last_panel_shows_where_the_torque_moves_most(drawn, figures, tmp_path):
     _, scene, trace, _ = drawn
     busy = np.zeros(300, int)
     busy[80:] = np.where(np.arange(220) % 2, 2**28, -(2**28))
     plots.draw(tmp_path / "x.png", scene, replace(trace, ratio=busy), None)
-    _, whole, part = plt.figure(plt.get_fignums()[-1]).axes
+    _, whole, part = figures[-1].axes
     shown = part.lines[0].get_ydata()
     assert len(whole.lines[0].get_ydata()) == 300
     assert len(shown) == 200 and np.all(np.diff(shown)[1:] != 0)
@@ -128,7 +171,7 @@ def test_angle_and_time_are_in_their_units(drawn):
     ],
 )
 def test_the_picture_says_whether_each_fault_was_counted(counted, title):
-    axes = plt.figure().subplots()
+    axes = Figure().subplots()
     faults = {"injected": {"bad": 13}, "expected": {"crc": 4, "lost": 9}}
     plots._faults(axes, {"faults": faults, "node": counted})
     assert axes.get_title(loc="left") == title
@@ -143,10 +186,10 @@ def test_beside_a_low_panel_the_unit_stays(label, short):
 
 
 def test_a_picture_replaces_the_old_one_when_it_is_whole(monkeypatch, tmp_path):
-    """And is no longer held in memory; one that fails leaves the old one alone."""
+    """One that fails leaves the old one alone."""
     path = tmp_path / "loop.png"
     path.write_text("old")
-    figure = plt.figure()
+    figure = Figure()
     monkeypatch.setattr(figure, "savefig", lambda part, **_: part.write_text("half") and 1 / 0)
     with pytest.raises(ZeroDivisionError):
         plots.save(figure, path)
@@ -155,4 +198,3 @@ def test_a_picture_replaces_the_old_one_when_it_is_whole(monkeypatch, tmp_path):
     plots.save(figure, path)
     assert path.read_bytes().startswith(b"\x89PNG")
     assert [each.name for each in tmp_path.iterdir()] == ["loop.png"]
-    assert figure.number not in plt.get_fignums()

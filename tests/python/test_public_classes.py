@@ -17,6 +17,7 @@ import dahl
 import numpy as np
 import pytest
 from conftest import ROOT
+from dahl import codec
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -57,6 +58,11 @@ KINDS = {
         lambda: dahl.Loaded(dahl.Plan(*PLAN)),
         lambda: dahl.Loaded(dahl.Plan(*PLAN), fixed_stiffness=True),
         lambda one: one.step_counts(7, 0.75),
+    ),
+    "Node": Kind(
+        lambda: dahl.Node(dahl.Plan(*PLAN)),
+        lambda: dahl.Node(dahl.Plan(*PLAN), number=3),
+        lambda one: one.receive(codec.pack(codec.EncoderState(12))),
     ),
     "Parallel": Kind(
         lambda: dahl.Parallel(dahl.Friction(dahl.Plan(*PLAN)), dahl.Slip([1.0], [1.0], 1e-3)),
@@ -143,7 +149,7 @@ def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:
 DECLARED = set(re.findall(r"dahl_\w+", "".join(
     path.read_text() for path in sorted((ROOT / "lib/include").glob("*.h"))
 )))  # fmt: skip
-UNIT = re.compile(r"\bN m\b|\brad\b|\bcounts?\b|\bQ62\b", re.IGNORECASE)
+UNIT = re.compile(r"\bN m\b|\brad\b|\bcounts?\b|\bQ62\b|`now` in s\b", re.IGNORECASE)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -179,7 +185,7 @@ def test_each_call_is_typed_and_tells_unit_shape_and_errors(name: str, call: Any
 
 
 def test_the_names_of_the_api_are_listed_and_no_others() -> None:
-    assert set(dir(dahl)) == {*dahl.__all__, "__doc__", "__version__"}
+    assert set(dir(dahl)) == {*dahl.__all__, "codec", "node", "__doc__", "__version__"}
     with pytest.raises(AttributeError, match="no attribute 'Frction'"):
         _ = dahl.Frction
 

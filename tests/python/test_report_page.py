@@ -9,7 +9,10 @@ import re
 import shutil
 import subprocess
 
+import dahl
 import pytest
+from dahl import html_report
+from dahl.scene import Measured
 
 pytestmark = pytest.mark.checks
 
@@ -18,9 +21,12 @@ PROBE = """<script>window.onload = () => {
   const seen = {wide: picture.naturalWidth, tall: picture.naturalHeight,
     sections: [...document.querySelectorAll("section")].map(s => s.id),
     cells: [...document.querySelectorAll("#faults td")].map(c => c.innerText),
-    bars: [...document.querySelectorAll("#histogram rect")]
-      .filter(b => b.getBBox().height > 0).length,
-    wrong: document.querySelectorAll(".wrong").length, width: document.body.scrollWidth,
+    rows: [...document.querySelectorAll("#numbers tr")].map(r => r.innerText),
+    made: document.getElementById("made")?.innerText,
+    paper: getComputedStyle(document.body).backgroundColor,
+    ink: getComputedStyle(document.body).color,
+    wrong: document.querySelectorAll(".wrong").length, wide_page: document.body.scrollWidth,
+    window: window.innerWidth,
     loaded: performance.getEntriesByType("resource").map(r => r.name)};
   document.title = JSON.stringify(seen);
 };</script>"""
@@ -41,7 +47,7 @@ def demo(folder, root, *words):
     return folder
 
 
-def shown(page, folder) -> dict:
+def shown(page, folder, *options) -> dict:
     """What a headless browser finds in a page."""
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if not browser:
@@ -50,6 +56,7 @@ def shown(page, folder) -> dict:
     probed.write_text(page.read_text(encoding="utf-8").replace("</body>", PROBE + "</body>"))
     command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
     command += ["--virtual-time-budget=5000", f"--user-data-dir={folder}/profile", "--dump-dom"]
+    command += options
     done = subprocess.run(
         [*command, probed.as_uri()], capture_output=True, text=True, timeout=120, check=False
     )
@@ -91,9 +98,43 @@ def test_latencies_of_a_run_in_real_time(run_dahl, tmp_path, root, dahl_loop, li
     folder = demo(tmp_path / "run", root, "--scene", "steering", "--seconds", "2")
     assert run_dahl("report", folder).returncode == 0
     seen = shown(folder / "report.html", tmp_path)
-    assert seen["sections"] == ["numbers", "histogram", "states", "counters"]
+    assert seen["sections"] == ["numbers", "states", "counters"]
     numbers = json.loads((folder / "summary.json").read_text())
-    assert seen["bars"] == len(numbers["latency_histogram"]) > 3
+    (latency,) = (row for row in seen["rows"] if row.startswith("latency"))
+    quantiles = [float(word) for word in re.findall(r"\s(\d+)\b", latency)]
+    assert quantiles == [round(numbers["latency_us"][key]) for key in ("p50", "p99", "max")]
+    assert seen["made"].startswith(numbers["date"])
+    assert f"dahl {dahl.__version__}: dahl demo" in seen["made"]
+    assert "--scene steering --seconds 2" in seen["made"]
+
+
+def test_it_is_read_on_a_telephone_and_in_the_dark(storm, run_dahl, tmp_path):
+    """Nothing is wider than a window of 400 px, and dark paper has light ink."""
+    assert run_dahl("report", storm, "-o", tmp_path / "page.html").returncode == 0
+    narrow = shown(tmp_path / "page.html", tmp_path, "--window-size=400,800")
+    assert narrow["wide_page"] <= narrow["window"] <= 500  # what the browser gives for 400
+
+    def light(colour: str) -> float:
+        return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3
+
+    assert light(narrow["paper"]) - light(narrow["ink"]) > 150
+    dark = shown(
+        tmp_path / "page.html",
+        tmp_path,
+        "--force-dark-mode",
+        "--blink-settings=preferredColorScheme=0",
+    )
+    assert light(dark["ink"]) - light(dark["paper"]) > 150
+
+
+@pytest.mark.parametrize(("label", "unit"), [("force [N]", "N/m"), ("torque [N m]", "N m/rad")])
+def test_parameters_have_the_units_of_the_rig(label, unit):
+    numbers = {"parameters": {"sigma0": 36500.0, "Fc": 2.7}, "title": "a run"}
+    numbers["units"] = Measured(label_torque=label).units
+    page = html_report.page(numbers | {"rmse_measured": 0.25}, b"")
+    assert f"<td>36500 {unit}</td>" in page
+    own = unit.partition("/")[0]
+    assert f"<td>2.7 {own}</td>" in page and f"<td>0.25 {own}</td>" in page
 
 
 class Links(html.parser.HTMLParser):

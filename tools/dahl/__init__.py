@@ -16,6 +16,8 @@ The mathematics is the C library's; this package calls it and never does it agai
     VelocityTable(torque, segment_bits)   friction that depends on speed, to be added
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
+    Node(plan, number)                  the friction node of a bus: python-can messages in and out
+    node, codec                         modules: nodes on any bus, and the frames that they speak
     Error, RunError                     all errors that a user can cause or meet
 
 >>> import dahl
@@ -32,7 +34,10 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # typing itself would cost as much as the rest of `dahl --help`
 if TYPE_CHECKING:  # for those who check types the names are what they are; else see __getattr__
+    from dahl import codec as codec  # the form that says: also for users
+    from dahl import node as node
     from dahl.core import Encoder, Friction, Plan, State, Throughput, counts_between
+    from dahl.node import Node
     from dahl.parts import Parallel, Slip, ThroughputParallel, ThroughputSlip
     from dahl.variants import Asymmetric, ElastoPlastic, Loaded, VelocityTable, Work
 
@@ -44,6 +49,7 @@ __all__ = [
     "Error",
     "Friction",
     "Loaded",
+    "Node",
     "Parallel",
     "Plan",
     "RunError",
@@ -56,10 +62,13 @@ __all__ = [
     "Work",
     "counts_between",
 ]
-MODULES = dict.fromkeys(
-    ("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "dahl.parts"
-) | dict.fromkeys(
-    ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "dahl.variants"
+SUBMODULES = ("codec", "node")
+MODULES = (
+    dict.fromkeys(("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "dahl.parts")
+    | dict.fromkeys(
+        ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "dahl.variants"
+    )
+    | {"Node": "dahl.node"}
 )  # of names that are not of dahl.core
 
 
@@ -91,10 +100,12 @@ if not TYPE_CHECKING:  # where it would make any name at all a right one
 
     def __getattr__(name: str) -> object:
         """Load the library only when one of its names is used, so that `dahl --help` is quick."""
+        if name in SUBMODULES:
+            return import_module(f"dahl.{name}")
         if name in __all__:
             return getattr(import_module(MODULES.get(name, "dahl.core")), name)
         raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*__all__, "__doc__", "__version__"})
+    return sorted({*__all__, *SUBMODULES, "__doc__", "__version__"})

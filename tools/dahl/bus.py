@@ -105,16 +105,17 @@ def received(
     until = time.monotonic() + seconds if seconds else float("inf")
     count = 0
     while not stop.asked and count != frames and time.monotonic() < until:
-        message = _receive(bus)
+        message = receive(bus, QUIET)
         count += message is not None
         yield message
 
 
-def _receive(bus: can.BusABC) -> can.Message | None:
+def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
+    """The next frame, None where none comes in time. Raises RunError when the bus goes away."""
     import can
 
     try:
-        message = bus.recv(QUIET)
+        message = bus.recv(seconds)
     except (can.CanError, OSError) as error:
         raise RunError(f"the bus has gone: {error}") from None
     if message is None and _hung_up(bus):

@@ -22,6 +22,7 @@ NEEDS = {  # command: extras of pyproject.toml that bring its packages, and thes
     "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "rich", "can")),
     "excite": ("identify", ("scipy",)),
     "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
+    "node": ("can", ("can", "rich")),
     "record": ("can", ("can",)),
     "plot": ("plot", ("matplotlib", "can", "cantools", "mpmath")),
     "report": ("plot", ("jinja2", "mpmath")),
@@ -37,7 +38,12 @@ AT_TIMES = {  # packages that some options or files want, and the extra that bri
     "serial": "can",
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
-WITHOUT_MF4 = ("demo", "monitor", "record")  # unless a word of the command line ends in .mf4
+WITHOUT_MF4 = (
+    "demo",
+    "monitor",
+    "node",
+    "record",
+)  # unless a word of the command line ends in .mf4
 TRIED = "DAHL_SETUP_TRIED"  # set for the second start, so that there is no third
 
 

@@ -17,7 +17,20 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from dahl import Error, RunError, __version__, by_need, interrupt, printable
-from dahl.commands import data, dbc, demo, excite, identify, monitor, plan, plot, record, report
+from dahl.commands import (
+    completion,
+    data,
+    dbc,
+    demo,
+    excite,
+    identify,
+    monitor,
+    node,
+    plan,
+    plot,
+    record,
+    report,
+)
 
 
 class Parser(argparse.ArgumentParser):
@@ -29,13 +42,17 @@ class Parser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
         self._fill = fill
 
-    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+    def fill(self) -> None:
+        """Add the arguments, once."""
         fill, self._fill = self._fill, None
         if fill is not None:
-            try:
-                fill(self)
-            except ModuleNotFoundError as error:  # python-can, whose options they are
-                self._help_without(error, *args)
+            fill(self)
+
+    def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
+        try:
+            self.fill()
+        except ModuleNotFoundError as error:  # python-can, whose options they are
+            self._help_without(error, *args)
         return super().parse_known_args(*args, **kwargs)
 
     def _help_without(self, error: ModuleNotFoundError, words: Sequence[str] = (), *_: Any) -> None:
@@ -62,12 +79,14 @@ COMMANDS = {
     "identify": identify,
     "excite": excite,
     "plan": plan,
+    "node": node,
     "monitor": monitor,
     "record": record,
     "plot": plot,
     "report": report,
     "data": data,
     "dbc": dbc,
+    "completion": completion,
 }
 
 
@@ -89,7 +108,7 @@ def build_parser() -> argparse.ArgumentParser:
             epilog=module.EXAMPLE,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        sub.set_defaults(run=module.run)
+        sub.set_defaults(run=module.run, parser=parser)
     return parser
 
 
@@ -123,6 +142,7 @@ def _run_command(words: list[str], alone: bool) -> int:
     """The exit code of one command; `alone` in this program."""
     try:
         args = build_parser().parse_args(words)
+        args.words = words
         by_need.bring(args.command, words)
         if alone:
             by_need.spare_mf4(args.command, words)

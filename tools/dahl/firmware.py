@@ -181,10 +181,10 @@ def hub(folder: Path) -> Path:
 
 @contextlib.contextmanager
 def attached(
-    core: str, params: tuple[float, float, float], folder: Path, port: int
+    core: str, params: tuple[float, float, float], folder: Path, port: int, number: int = 0
 ) -> Iterator[None]:
-    """Firmware as node 0 of the bus that is served on `port`."""
-    with Firmware(core, params, folder, 0, STALL_US) as node:
+    """Firmware as a node of the bus that is served on `port`."""
+    with Firmware(core, params, folder, number, STALL_US) as node:
         command = [*with_parent(), sys.executable, "-m", "dahl.bridge", str(node.port), str(port)]
         with subprocess.Popen(
             command,

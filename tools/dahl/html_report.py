@@ -6,7 +6,6 @@ that comes from them.
 from __future__ import annotations
 
 import base64
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "bus_load": ("bus load", "", ".1%"),
     "realtime_factor": ("times real time", "", ".1f"),
 }
-WIDTH, HEIGHT = 900, 180  # of the histogram
+LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "change of it"}
 
 
 def page(numbers: dict[str, Any], picture: bytes) -> str:
@@ -42,29 +41,26 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         picture=base64.b64encode(picture).decode("ascii"),
         rows=dict(_numbers(numbers)),
         wrong=report.disagreements(numbers) if "faults" in numbers else {},
-        bars=list(_bars(numbers)),
-        width=WIDTH + 10,
-        height=HEIGHT,
+        made=_made(numbers),
     )
 
 
+def _made(numbers: dict[str, Any]) -> str:
+    """When and by which version, as far as the summary says it."""
+    words = [numbers.get("date", ""), "dahl " + numbers["version"] if "version" in numbers else ""]
+    return ", ".join(word for word in words if word)
+
+
 def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Name and value with its unit; those of the parameters are a linear rig's where it is one."""
+    units = numbers.get("units", {})
+    units = units | {"rmse_measured": units.get("Fc", "")}
     for key, (name, unit, form) in NUMBERS.items():
         if numbers.get(key) is not None:
-            yield name, f"{format(numbers[key], form)} {unit}".strip()
+            yield name, f"{format(numbers[key], form)} {unit or units.get(key, '')}".strip()
+    for key, name in LATENCIES.items():
+        if numbers.get(key, {}).get("max"):
+            words = (f"{each} {value:.0f}" for each, value in numbers[key].items())
+            yield name, ", ".join(words) + " us"
     for name, value in numbers.get("parameters", {}).items():
-        yield name, f"{value:.6g}"
-
-
-def _bars(numbers: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """A bar for each latency, on two logarithmic scales; none where no time was measured."""
-    bins = numbers.get("latency_histogram")
-    if not bins or numbers["latency_us"]["max"] <= 0:
-        return
-    low, high = math.log(max(bins[0][0], 1e-3) / 1.1), math.log(max(bins[-1][0], 1e-3) * 1.1)
-    top = math.log1p(max(1, *(count for _, count in bins)))
-    for edge, count in bins:
-        x = WIDTH * (math.log(max(edge, 1e-3)) - low) / (high - low)
-        tall = HEIGHT * math.log1p(count) / top
-        words = f"up to {edge:.0f} us: {count:.0f}"
-        yield {"x": f"{x:.1f}", "y": f"{HEIGHT - tall:.1f}", "tall": f"{tall:.1f}", "words": words}
+        yield name, f"{value:.6g} {units.get(name, '')}".strip()

@@ -90,11 +90,12 @@ def is_asked() -> bool:
 
 class Stop:
     """Set by Ctrl-C, SIGTERM or a hang-up while it is entered; a second signal then ends the
-    program at once.
+    program at once. Where Ctrl-C is the end that a command is meant to have (is_its_end), its exit
+    code is its own, else CODE.
     """
 
-    def __init__(self) -> None:
-        self.asked = False
+    def __init__(self, is_its_end: bool = False) -> None:
+        self.asked, self._is_its_end = False, is_its_end
 
     def __enter__(self) -> Stop:
         self.asked = _Now.running and _Now.asked  # before, and something swallowed the exception
@@ -110,5 +111,5 @@ class Stop:
 
     def _ask(self, number: int, _: object) -> None:
         self.asked = True
-        _Now.asked = _Now.asked or number == signal.SIGINT
+        _Now.asked = _Now.asked or (number == signal.SIGINT and not self._is_its_end)
         signal.signal(number, _interrupt)

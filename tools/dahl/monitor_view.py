@@ -1,26 +1,34 @@
 # SPDX-License-Identifier: MIT
-"""What the monitor shows: the last ticks as curves, and a table of what has been seen of each
-message.
+"""What the monitor shows: what has been seen of each message, and in the rows that are left the
+last ticks as curves.
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, ConsoleOptions, Group, RenderResult
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
 from dahl import Error, e2e, paths
+from dahl.monitor_curves import panel
 
 if TYPE_CHECKING:
     import can
     from cantools.database.can import Message
 
 COUNTERS = 16
+WIDE = 110  # columns from which on the table holds what each message last said
+UNLIMITED_ROWS = 27  # of curves, where the height is not limited
+LEAST_ROWS, TWO_ROWS = 6, 18  # for a row of panels, and for two
+LEAST_BESIDE = 40  # columns of each of two panels side by side
+ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
+FINE = {"OK", "Init"}  # states that need no colour
 SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
 
@@ -44,7 +52,16 @@ class Seen:
 class View:
     """Feed it frames; rich draws it, in the width and height that it is given."""
 
-    def __init__(self, node: int = 0, window: int = 4000, dbc: Path | None = None) -> None:
+    def __init__(
+        self,
+        node: int = 0,
+        window: int = 4000,
+        dbc: Path | None = None,
+        Fc: float | None = None,  # noqa: N803 (the field's name)
+        unit: str = "N m",
+    ) -> None:
+        self.fills_screen = False  # of the terminal that it is drawn on
+        self.Fc, self.unit = Fc, unit  # of the ratio on the bus; None until a ParamReply tells
         self.seen = {one.frame_id + node: Seen(one) for one in _messages(dbc)}
         self.names = {seen.message.name: seen for seen in self.seen.values()}
         self.time: deque[float] = deque(maxlen=window)
@@ -70,6 +87,9 @@ class View:
         self._count(seen, signals, frame.timestamp)
         if seen.message.name == "FrictionTorque":
             self._answer(signals, frame.timestamp)
+        elif seen.message.name == "ParamReply":
+            told = signals.get("Fc")
+            self.Fc = float(told) if isinstance(told, (int, float)) else self.Fc
 
     def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
         if seen.last is None:
@@ -86,73 +106,138 @@ class View:
             self.count.append(encoder["Count"])
             self.ratio.append(signals["TorqueRatio"])
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        height = options.height or 36
-        top, low = max(10, (height - 12) * 3 // 5), max(7, (height - 12) * 2 // 5)
-        width = options.max_width
-        yield Group(
-            self._curve(self.count, self.ratio, "F/Fc over counts", width, top),
-            self._beside(width, low),
-            self._table(),
-        )
+    def as_dict(self) -> dict[str, Any]:
+        """The same as numbers, for JSON."""
+        return {
+            "frames": self.frames,
+            "other_frames": self.others,
+            "states": dict(self.states.most_common()),
+            "Fc": self.Fc,
+            "messages": {
+                name: {
+                    "frames": seen.frames,
+                    "per_s": seen.rate(),
+                    "missing": seen.missing,
+                    "bad": seen.wrong,
+                    "last": {key: _plain(value) for key, value in (seen.last or {}).items()},
+                }
+                for name, seen in self.names.items()
+            },
+        }
 
-    def _beside(self, width: int, height: int) -> Table:
-        start = self.time[0] if self.time else 0.0
-        seconds = [moment - start for moment in self.time]
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        height = console.size.height if self.fills_screen else options.height
+        words = Group(*self._words(options.max_width, fold=height is None))
+        used = len(console.render_lines(words, options.update(height=None)))
+        rows = UNLIMITED_ROWS if height is None else height - used
+        yield words
+        yield from self._panels(options.max_width, rows)
+
+    def _panels(self, width: int, rows: int) -> Iterator[RenderableType]:
+        """The loop first; both over time where there is room."""
+        if rows < LEAST_ROWS:
+            return
+        low = rows * 2 // 5 if rows >= TWO_ROWS else 0
+        beside = width >= 2 * LEAST_BESIDE
+        if not low and beside:
+            yield self._side_by_side(self._loop(width // 2, rows), self._times(width, rows)[0])
+            return
+        yield self._loop(width, rows - low)
+        if low:
+            first, second = self._times(width if beside else 2 * width, low)
+            yield self._side_by_side(first, second) if beside else first
+
+    @staticmethod
+    def _side_by_side(*panels: RenderableType) -> Table:
         row = Table.grid()
-        row.add_row(
-            self._curve(seconds, self.ratio, "F/Fc over s", width // 2, height),
-            self._curve(seconds, self.count, "counts over s", width - width // 2, height),
-        )
+        row.add_row(*panels)
         return row
 
-    def _curve(self, x: Any, y: Any, title: str, width: int, height: int) -> Text:
-        import plotext
+    def _torque(self) -> tuple[list[float], str]:
+        """Torques, and what they are: in N m where Fc is known."""
+        if self.Fc is None:
+            return list(self.ratio), "F/Fc"
+        return [ratio * self.Fc for ratio in self.ratio], f"F [{self.unit}]"
 
-        plotext.clear_figure()
-        plotext.theme("clear")
-        plotext.plotsize(width, height)
-        plotext.title(title)
-        if x:
-            plotext.plot(list(x), list(y), marker="braille")
-        return Text.from_ansi(plotext.build())
+    def _loop(self, width: int, rows: int) -> Text:
+        torque, name = self._torque()
+        return panel(self.count, torque, f"{name} over counts", width, rows, "cyan")
 
-    def _table(self) -> Table:
-        table = Table(
-            "message",
-            "frames",
-            "1/s",
-            "missing",
-            "bad",
-            "last",
-            expand=True,
-            box=None,
-            header_style="bold",
+    def _times(self, width: int, rows: int) -> tuple[Text, Text]:
+        start = self.time[0] if self.time else 0.0
+        seconds = [moment - start for moment in self.time]
+        torque, name = self._torque()
+        half = width // 2
+        return (
+            panel(seconds, torque, f"{name} over s", half, rows, "cyan"),
+            panel(seconds, self.count, "counts over s", width - half, rows, "green"),
         )
-        for seen in self.names.values():
-            table.add_row(
-                seen.message.name,
-                str(seen.frames),
-                f"{seen.rate():.0f}",
-                str(seen.missing),
-                str(seen.wrong),
-                _words(seen.last),
-            )
+
+    def _words(self, width: int, fold: bool) -> Iterator[RenderableType]:
+        """The counters, one row each, and what was last said: beside them or below. Without `fold`
+        each is one row.
+        """
+        wide = width >= WIDE
+        shown = [seen for name, seen in self.names.items() if seen.frames or name in ALWAYS]
+        table = Table(expand=wide, box=None, header_style="bold", pad_edge=False)
+        table.add_column("message", no_wrap=True)
+        for name in ("frames", "1/s", "missing", "bad"):
+            table.add_column(name, justify="right", no_wrap=True)
+        if wide:
+            table.add_column("last", ratio=1, no_wrap=not fold, overflow="ellipsis")
+        for seen in shown:
+            table.add_row(*_row(seen), *([self._last(seen)] if wide else []))
+        yield table
+        told = [seen for seen in shown if seen.last and (fold or seen.message.name in ALWAYS)]
+        lines = [] if wide else [self._below(seen) for seen in told]
         states = ", ".join(f"{name} {count}" for name, count in self.states.most_common())
-        table.add_row("node states", "", "", "", "", states or "none yet")
-        table.add_row("other frames", str(self.others))
-        return table
+        style = "" if set(self.states) <= FINE else "yellow"
+        lines.append(Text.assemble("node states  ", (states or "none yet", style)))
+        lines.append(Text(f"other frames  {self.others}"))
+        for line in lines:
+            line.no_wrap, line.overflow = not fold, "fold" if fold else "ellipsis"
+            yield line
+
+    def _below(self, seen: Seen) -> Text:
+        return Text.assemble((f"{seen.message.name}  ", "bold"), self._last(seen))
+
+    def _last(self, seen: Seen) -> Text:
+        """What a message last said: the torque in its unit, what is not as it should be in
+        colour.
+        """
+        words = Text()
+        signals = dict(seen.last or {})
+        if seen.last is None:
+            words.append("not seen")
+        if self.Fc is not None and "TorqueRatio" in signals:
+            words.append(f"{signals['TorqueRatio'] * self.Fc:+.6f} {self.unit}  ", "cyan")
+        if "State" in signals:
+            state = str(signals.pop("State"))
+            words.append(f"State {state}  ", "" if state in FINE else "yellow")
+        errors = [name.removeprefix("Error") for name, v in signals.items() if str(v) == "Seen"]
+        if errors:
+            words.append(f"seen: {' '.join(errors)}  ", "yellow")
+        for name, value in signals.items():
+            if name not in ("Crc", "Counter") and str(value) not in ("None", "Seen"):
+                words.append(
+                    f"{name} {value:.6f}  " if isinstance(value, float) else f"{name} {value}  "
+                )
+        return words
 
 
-def _words(signals: dict[str, Any] | None) -> str:
-    if signals is None:
-        return "not seen"
-    shown = (
-        f"{name} {value:.6f}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in signals.items()
-        if name not in ("Crc", "Counter") and str(value) != "None"
+def _row(seen: Seen) -> tuple[Text, ...]:
+    """Name and counts of a message, with colour where they are not 0 and ought to be."""
+    return (
+        Text(seen.message.name),
+        Text(str(seen.frames)),
+        Text(f"{seen.rate():.0f}"),
+        Text(str(seen.missing), "yellow" if seen.missing else ""),
+        Text(str(seen.wrong), "red" if seen.wrong else ""),
     )
-    return "  ".join(shown)
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (int, float)) else str(value)
 
 
 def _messages(dbc: Path | None) -> list[Message]:

@@ -7,21 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import matplotlib
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-matplotlib.use("Agg")
+from dahl import files, logs, report
+from dahl.scene import Recorded, Scene
 
-import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
-import numpy as np  # noqa: E402
-from matplotlib.axes import Axes  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-from dahl import files, logs, report  # noqa: E402
-from dahl.scene import Recorded, Scene  # noqa: E402
-
-MEASURED, COMPUTED = "#7c8b9c", "#d1495b"
+MEASURED, COMPUTED, MARK = "#7c8b9c", "#d1495b", "#e9a23b"
 STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() takes
     "font.size": 11,
     "axes.spines.top": False,
@@ -34,6 +30,9 @@ STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() ta
     "figure.facecolor": "white",
 }
 WINDOW = 0.08  # part of the run that the last panel shows enlarged
+WIDTH, ABOVE, BELOW, BETWEEN = 11.0, 1.35, 0.65, 0.9  # inches; room above, below, between panels
+LEFT, RIGHT = 1.0, 0.15  # inches beside the panels
+LOOP, TRACE = 4.9, 2.0  # inches: height of the loop, of each panel below it
 
 
 def draw(
@@ -54,33 +53,88 @@ def draw(
     computed = report.modelled(scene, trace)
     time, time_label = _time(trace, recorded)
     more = _more_panels(numbers, (folder or path.parent) / "trace.csv")
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(11, 11 + 3 * len(more)), layout="constrained")
-        panels = figure.subplots(3 + len(more), 1, height_ratios=(2.6, 1, 1, *(1 for _ in more)))
+    with rc_context(STYLE):
+        figure = Figure()
+        panels = _stacked(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
         _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed)
         loop.set(xlabel=scene.measured.label_angle, ylabel=scene.measured.label_torque)
-        loop.legend(loc="upper left")
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
             _panel(
                 axes, time[where], None if measured is None else measured[where], computed[where]
             )
+            _mark(axes, trace, time, where)
             axes.set(xlabel=time_label, ylabel=_short(scene.measured.label_torque))
             axes.margins(x=0.01)
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         for axes, panel in zip(panels[3:], more, strict=True):
             panel(axes)
-        figure.suptitle(scene.title, fontsize=15, fontweight="bold", x=0.01, ha="left")
-        words = _caption(scene, trace, numbers)
-        loop.set_title(words, loc="left", fontsize=10, color="#555555")
+        _head(figure, loop, scene.title, _caption(scene, trace, numbers))
         save(figure, path)
+
+
+def _stacked(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
+    """Panels of these heights in inches, one below the other, with room for their words."""
+    whole = ABOVE + sum(heights) + BETWEEN * (len(heights) - 1) + BELOW
+    figure.set_size_inches(WIDTH, whole)
+    grid = figure.add_gridspec(
+        len(heights),
+        1,
+        height_ratios=heights,
+        left=LEFT / WIDTH,
+        right=1 - RIGHT / WIDTH,
+        top=1 - ABOVE / whole,
+        bottom=BELOW / whole,
+        hspace=BETWEEN * len(heights) / sum(heights),
+    )
+    return [figure.add_subplot(grid[row]) for row in range(len(heights))]
+
+
+def _head(figure: Figure, loop: Axes, title: str, caption: str) -> None:
+    """Title, caption and legend in lines of their own above the loop, so that none lies on a curve
+    or on another.
+    """
+    height = figure.get_size_inches()[1]
+    figure.suptitle(
+        title, fontsize=15, fontweight="bold", x=0.01, y=1 - 0.2 / height, ha="left", va="top"
+    )
+    loop.set_title(caption, loc="left", fontsize=10, color="#555555", pad=36)
+    loop.legend(
+        loc="lower left", bbox_to_anchor=(0, 1.005), ncols=2, borderaxespad=0.3, handlelength=1.6
+    )
+
+
+def _mark(axes: Axes, trace: report.Trace, time: np.ndarray, where: slice) -> None:
+    """A line where the node started anew after a fault, one where a Reset relaxed it, and a short
+    stroke where ticks of the motion have no answer. The first tick is a new start of every run.
+    """
+    later = np.arange(len(time)) > 0
+    skipped = np.diff(trace.row, prepend=trace.row[:1]) > 1
+    _strokes(axes, time[where][skipped[where]], "no answer just before", 0.08, "-")
+    started = trace.fresh & later & ~trace.relaxed
+    _strokes(axes, time[where][started[where]], "new start", 1.0, "--")
+    relaxed = trace.relaxed & later
+    _strokes(axes, time[where][relaxed[where]], "restart, relaxed", 1.0, "-")
+    if axes.collections:
+        handles = list(axes.collections)
+        axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=9)
+
+
+def _strokes(
+    axes: Axes, times: np.ndarray, name: str, height: float, style: Literal["-", "--"]
+) -> None:
+    """One stroke at each time, over this part of the panel's height; nothing for none."""
+    if len(times):
+        words = f"{name} ({len(times)})"
+        drawn = axes.vlines(times, 0, height, colors=MARK, linestyles=style, label=words)
+        drawn.set(transform=axes.get_xaxis_transform(), linewidth=1, zorder=0)
 
 
 def _caption(scene: Scene, trace: report.Trace, numbers: dict[str, Any]) -> str:
     """Parameters, length and fit of a run, and its bus where that is known."""
-    unit = scene.measured.unit
-    slope = "N/m" if unit == "N" else f"{unit}/rad"
-    words = f"sigma0 = {scene.sigma0:g} {slope}, Fc = {scene.Fc:g} {unit}, {len(trace.row)} ticks"
+    units = scene.measured.units
+    words = f"sigma0 = {scene.sigma0:g} {units['sigma0']}, Fc = {scene.Fc:g} {units['Fc']}"
+    words += f", {len(trace.row)} ticks"
     words += f" over {numbers['bus']}" if "bus" in numbers else ""
     fit = numbers.get("r2_measured")
     return words + ("" if fit is None else f", R² = {fit:.4f}")
@@ -114,7 +168,7 @@ def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
     bars = axes.bar(list(injected), list(injected.values()), color=COMPUTED)
     axes.bar_label(bars, fontsize=9)
-    axes.set(ylabel="faults injected", yscale="symlog")
+    axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
     axes.tick_params(axis="x", labelsize=9)
     wrong = report.disagreements(numbers)
     words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
@@ -161,4 +215,3 @@ def save(figure: Figure, path: Path) -> None:
     """Write a picture; the old one stays until the new one is whole."""
     with files.replacing(path) as part:
         figure.savefig(part, dpi=130, format="png")
-    plt.close(figure)

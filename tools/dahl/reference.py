@@ -132,6 +132,24 @@ def exact_elastoplastic_ratios(
         return list(_from_reversals(moves, after))
 
 
+def exact_loaded_ratios(
+    moves: Iterable[int], loads: Iterable[Fraction], travel: Fraction
+) -> list[mpmath.mpf]:
+    """F/Fc after each move, of Dahl's model whose Fc and sigma0 are in proportion to a load c, told
+    anew with each move: w = F/(c Fc) stays where the load falls, F where it grows.
+    """
+    ratios, before = [], Fraction(0)
+    with mpmath.workprec(PRECISION):
+        w, a = mpmath.mpf(0), mpmath.mpf(travel.numerator) / travel.denominator
+        for move, load in zip(moves, loads, strict=True):
+            if load > before:
+                w = w * before.numerator * load.denominator / (before.denominator * load.numerator)
+            before, s = load, 1 if move > 0 else -1
+            w = s - (s - w) * mpmath.exp(-a * abs(int(move)))
+            ratios.append(w * load.numerator / load.denominator)
+    return ratios
+
+
 def _from_reversals(
     moves: Iterable[int], after: Callable[[mpmath.mpf, int, int], mpmath.mpf]
 ) -> Iterable[mpmath.mpf]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cache
 from itertools import islice
 from typing import TYPE_CHECKING, Any, cast
@@ -27,6 +28,8 @@ TOGETHER = 0.005  # s between two frames; after more a counter that went back is
 COUNTERS = 16  # EncoderState.Counter runs 0..15
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 RESTART = 2  # Reset.What
+WRITE = 1  # ParamWrite.Write
+LOAD_ONE = 65536  # raw ParamWrite.Load of the load at which Fc holds
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
 
@@ -43,6 +46,7 @@ class Trace:
     states: dict[str, int]  # answers by the state that they say
     recorded: int  # EncoderState frames in the log
     missing: int  # EncoderState frames that the counter says are not in the log
+    load: np.ndarray | None = None  # of LOAD_ONE, as it was last told; None: 1 throughout
 
     def angle(self, scene: Scene) -> np.ndarray:
         """rad (m) from the start, shape (n,)."""
@@ -99,11 +103,12 @@ class Pairing:
     """
 
     def __init__(self, node: int = 0) -> None:
-        names = ("EncoderState", "FrictionTorque", "Reset")
+        names = ("EncoderState", "FrictionTorque", "Reset", "ParamWrite")
         self.messages = {
             database().get_message_by_name(name).frame_id + node: name for name in names
         }
-        self.ticks: list[tuple[int, float, int]] = []  # row, time, count
+        self.ticks: list[tuple[int, float, int, int]] = []  # row, time, count, load
+        self.load = LOAD_ONE
         self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
         self.waiting: deque[tuple[int, int]] = deque()  # counter, index in ticks; not yet passed
         self.relaxed: set[int] = set()  # indices in answers' order of ticks
@@ -124,8 +129,14 @@ class Pairing:
             self._answer(signals)
         elif name == "Reset":
             self.restarted |= signals["What"] == RESTART
+        elif name == "ParamWrite":
+            self._told(signals)
         elif signals["Valid"]:
             self._tick(signals, frame.timestamp)
+
+    def _told(self, signals: dict[str, Any]) -> None:
+        if signals["Write"] == WRITE and signals.get("Load", LOAD_ONE + 1) <= LOAD_ONE:
+            self.load = signals["Load"]
 
     def _tick(self, signals: dict[str, Any], time: float) -> None:
         counter = signals["Counter"]
@@ -136,7 +147,7 @@ class Pairing:
         self.row += step or COUNTERS
         self._counter = counter
         self.waiting.append((counter, len(self.ticks)))
-        self.ticks.append((self.row, time, signals["Count"]))
+        self.ticks.append((self.row, time, signals["Count"], self.load))
 
     def _answer(self, signals: dict[str, Any]) -> None:
         index = self._echoed(signals["EchoCounter"], signals["State"] in self.new_start)
@@ -160,7 +171,7 @@ class Pairing:
         if not self.answers:
             raise Error("no EncoderState with its FrictionTorque among the recorded frames")
         answered = sorted(self.answers)
-        row, time, count = (
+        row, time, count, load = (
             np.array(column) for column in zip(*(self.ticks[i] for i in answered), strict=True)
         )
         ratio, state = (
@@ -176,6 +187,7 @@ class Pairing:
             state_counts(state),
             len(self.ticks),
             self.row + 1 - len(self.ticks),
+            load,
         )
 
 
@@ -202,13 +214,17 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
     """
     if scene.compensates:
         return None
-    parts = np.split(trace.moves(), np.flatnonzero(trace.relaxed))
-    exact = [ratio for part in parts for ratio in _exact_ratios(scene, part)]
+    load = np.full(len(trace.row), LOAD_ONE) if trace.load is None else trace.load
+    apart = np.flatnonzero(trace.relaxed)
+    parts = zip(np.split(trace.moves(), apart), np.split(load, apart), strict=True)
+    exact = [ratio for part in parts for ratio in _exact_ratios(scene, *part)]
     return float(reference.error_in_ulp(trace.torque(scene), exact, scene.Fc).max())
 
 
-def _exact_ratios(scene: Scene, moves: np.ndarray) -> list[Any]:
-    """Torque over Fc (the sum, the larger one) after each move of the scene's model, from rest."""
+def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any]:
+    """Torque over Fc (the sum, the larger one) after each move of the scene's model, from rest;
+    load of LOAD_ONE at each.
+    """
     elements, theta = scene.elements, scene.theta_per_count
     if scene.model == "slip":
         return reference.exact_slip_ratios(moves, elements, theta)
@@ -219,6 +235,9 @@ def _exact_ratios(scene: Scene, moves: np.ndarray) -> list[Any]:
     travel = reference.travel_per_count(scene.sigma0, scene.Fc, theta)
     if scene.model == "elastoplastic":
         return reference.exact_elastoplastic_ratios(moves, travel, scene.breakaway)
+    if scene.model == "loaded":
+        loads = (Fraction(int(raw), LOAD_ONE) for raw in load)
+        return reference.exact_loaded_ratios(moves, loads, travel)
     return reference.exact_ratios(moves, travel)
 
 
@@ -272,5 +291,6 @@ def summary(
         **({"kinds": list(scene.kinds)} if scene.kinds else {}),
         **({"breakaway": scene.breakaway} if scene.breakaway else {}),
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
+        "units": scene.measured.units,
         "scene_file": str(scene.path),
     }

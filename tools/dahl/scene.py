@@ -13,16 +13,23 @@ import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl import Error, files, logs, paths
+from dahl import Error, core, files, logs, parts, paths, variants
+
+if TYPE_CHECKING:
+    from dahl import node
 
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
     "rad": (1.0, "N m"),
     "mm": (1e-3, "N"),
 }
+
+
+NODE_KEYS = ("gain", "limit", "ramp_ms", "timeout_ms", "max_step")  # of [friction]
 
 
 @dataclass
@@ -43,6 +50,12 @@ class Measured:
         """N m, or N where motion is linear: as the label of the torque has it."""
         return self.label_torque.rpartition("[")[2].rstrip("]")
 
+    @property
+    def units(self) -> dict[str, str]:
+        """Of each parameter; of a linear rig, where the torque is a force, by its metres."""
+        way = "m" if self.unit == "N" else "rad"
+        return {"sigma0": f"{self.unit}/{way}", "Fc": self.unit, "theta_per_count": way}
+
 
 @dataclass
 class Scene:
@@ -50,7 +63,7 @@ class Scene:
 
     path: Path
     title: str
-    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic
+    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic, loaded
     # sigma0, Fc of each; of Dahl's model one, of asymmetric forward and backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
@@ -61,6 +74,8 @@ class Scene:
     kinds: tuple[str, ...] = ()  # of parallel: dahl or slip for each element
     breakaway: float = 0.0  # of elastoplastic: part of Fc
     compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
+    friction: dict[str, float] = field(default_factory=dict)  # other keys that it has, numbers
+    status_ms: float = 0.0  # period of Status; 0: only after an event
 
     @property
     def name(self) -> str:
@@ -85,6 +100,37 @@ class Scene:
     def log(self) -> str:
         """[motion] file of a scene that replays a log, else ''."""
         return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
+
+
+def element(scene: Scene) -> node.Friction:
+    """What a Node of this scene is made of. Raises dahl.Error for parameters that no node takes."""
+    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+    if not scene.elements:
+        raise Error(f"{scene.path}: [friction] has no sigma0 and Fc")
+    if scene.model == "slip":
+        return parts.Slip(sigma0, torques, scene.theta_per_count)
+    if scene.model == "asymmetric":
+        return variants.Asymmetric(sigma0[0], torques[0], torques[-1], scene.theta_per_count)
+    if scene.model == "elastoplastic":
+        theta, breakaway = scene.theta_per_count, scene.breakaway
+        return variants.ElastoPlastic(sigma0[0], torques[0], theta, breakaway)
+    plans = [core.Plan(*pair, scene.theta_per_count) for pair in scene.elements]
+    return parts.Parallel(*map(_part, scene.kinds, plans)) if scene.kinds else plans[0]
+
+
+def _part(kind: str, plan: core.Plan) -> core.Friction | parts.Slip:
+    if kind == "slip":
+        return parts.Slip([plan.sigma0], [plan.Fc], plan.theta_per_count)
+    return core.Friction(plan)
+
+
+def settings(scene: Scene) -> dict[str, Any]:
+    """The keywords of a Node of this scene, beside its element and its number."""
+    found: dict[str, Any] = {"status_period": scene.status_ms / 1e3}
+    for key, value in scene.friction.items():
+        name = key.removesuffix("_ms")
+        found[name] = value if name == key else value / 1e3
+    return found
 
 
 def find(name: str) -> Path:
@@ -126,6 +172,12 @@ def read(path: Path) -> Scene:
     scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
     scene.measured = _measured(path, parser)
     scene.parts = tuple(parser.sections())
+    scene.friction = {
+        key: _number(path, parser, "friction", key, 0.0)
+        for key in NODE_KEYS
+        if parser.has_option("friction", key)
+    }
+    scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
     scene.compensates = any(
         parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
     )

@@ -13,10 +13,12 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError, paths
+from dahl import Error, RunError, __version__, paths
 from dahl.arguments import seconds, whole
 
 if TYPE_CHECKING:
@@ -103,6 +105,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
     )
     parser.add_argument(
+        "--json", action="store_true", help="print summary.json; all else goes to standard error"
+    )
+    parser.add_argument(
         "--output",
         type=Path,
         default=paths.OUTPUT / "demo",
@@ -114,12 +119,14 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     from dahl import terminal
 
-    console = terminal.console(soft_wrap=True)
+    console = terminal.console(stderr=args.json, soft_wrap=True)
     with paths.owned(args.output):
         _spare(args)
         scene, log, recorded = _choose(args, console)
         numbers, trace = _play(args, scene, log, recorded, console)
         _keep(args.output, scene, trace, recorded, numbers, console)
+    if args.json:
+        print(json.dumps(numbers, indent=2))
     if numbers["interrupted"]:
         return 130
     wrong = _wrong(numbers)
@@ -237,6 +244,8 @@ def _play(
         done = numbers.get("ticks", 0)
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
     numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
+    now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
+    numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))

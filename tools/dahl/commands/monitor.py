@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: MIT
 """
-Watch a friction node live in the terminal: torque over angle, both over time, and the counters.
+Watch a friction node live in the terminal: the counters, torque over angle, both over time.
 
-Frames are decoded with lib/node/dahl.dbc (or --dbc). Works with any interface that python-can has.
-Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the
-state at the end.
+Frames are decoded with lib/node/dahl.dbc (or --dbc). Works with any interface that python-can has,
+from 60 columns and 18 rows on. Torques are in N m where Fc is known: by --fc, by --scene, or by a
+ParamReply on the bus. Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it
+prints one picture of the state at the end, with --json the numbers.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl.arguments import add_limits, whole
+from dahl.arguments import add_limits, positive, whole
 from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
@@ -43,6 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TICKS",
         help="ticks that are shown",
     )
+    known = parser.add_mutually_exclusive_group()
+    known.add_argument("--fc", type=positive, metavar="Y", help="Fc of the node, N m")
+    known.add_argument("--scene", metavar="NAME", help="scene whose Fc the node has")
+    parser.add_argument("--json", action="store_true", help="print the numbers at the end, as JSON")
     add_limits(parser)
     add_bus_arguments(parser)
 
@@ -56,21 +62,35 @@ def run(args: argparse.Namespace) -> None:
     from dahl.monitor_view import View
 
     console = terminal.console()
-    view = View(args.node, args.window, args.dbc)
+    view = View(args.node, args.window, args.dbc, *_known(args))
     begin = time.monotonic()
     try:
         with open_from(args) as bus, Stop() as stop:
             frames = received(bus, stop, args.seconds, args.frames)
-            if console.is_terminal:
+            if console.is_terminal and not args.json:
+                view.fills_screen = True
                 with Live(view, console=console, screen=True, auto_refresh=False) as live:
                     _watch(frames, view, live.refresh)
             else:
                 _watch(frames, view, lambda: None)
     finally:
-        if view.frames:
+        view.fills_screen = False
+        if view.frames and args.json:
+            print(json.dumps(view.as_dict(), indent=2))
+        elif view.frames:
             console.print(view)
     if not view.frames:
         raise silent(args, time.monotonic() - begin)
+
+
+def _known(args: argparse.Namespace) -> tuple[float | None, str]:
+    """Fc and the unit of the torque, as far as they are told."""
+    from dahl import scene
+
+    if args.scene is None:
+        return args.fc, "N m"
+    found = scene.read(scene.find(args.scene))
+    return found.Fc, found.measured.unit
 
 
 def _watch(frames: Iterable[can.Message | None], view: View, draw: Callable[[], None]) -> None:

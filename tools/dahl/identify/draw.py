@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -59,8 +59,8 @@ def draw(path: Path, result: Result) -> None:
     index = int(np.argmax([log.rows for log in result.logs]))  # the longest piece
     shown = shown_of(result, index)
     unit = result.logs[0]
-    with plt.rc_context(plots.STYLE):
-        figure = plt.figure(figsize=(11, 14), layout="constrained")
+    with rc_context(plots.STYLE):
+        figure = Figure(figsize=(11, 14), layout="constrained")
         loop, rests, by_cycle, cost = figure.subplots(4, 2, height_ratios=(2.6, 1, 1, 1.1))
         whole = _merged(figure, loop)
         _loop(whole, result, shown, index)

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: MIT */
+/* load: how much a bearing carries, as parameter Load tells it. */
+#ifndef LOAD_H
+#define LOAD_H
+
+#include <math.h>
+
+#include "dahl_node.h"
+#include "scene.h"
+
+/* min(1, rest + |x|/full) of DAHL_NODE_ONE; x in the unit of full. */
+static inline uint32_t load_of(const scene_load_t *load, double x)
+{
+    return (uint32_t)lround(fmin(1, load->rest + fabs(x) / load->full) * DAHL_NODE_ONE);
+}
+
+#endif

@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT */
+/* A node whose friction follows a load; a firmware that does not call this links none of it. */
+#include "use_model.h"
+
+static dahl_node_loaded_t *loaded_of(dahl_node_model_t *model)
+{
+    return (dahl_node_loaded_t *)(void *)model;
+}
+
+static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
+{
+    return dahl_loaded_step_counts_q30(&loaded_of(model)->plan, &loaded_of(model)->state, dcounts, model->load_q30);
+}
+
+static void relax(dahl_node_model_t *model)
+{
+    loaded_of(model)->state = (dahl_loaded_state_t){{0}, 0};
+}
+
+dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *kept, const dahl_params_t *params)
+{
+    dahl_plan_t plan;
+    dahl_err_t err = dahl_prepare(&plan, params);
+    if (err == DAHL_OK) {
+        *kept = (dahl_node_loaded_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_LOADED, 0}, .plan = plan};
+        dahl_node_use(node, &kept->model, params);
+    }
+    return err;
+}

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: MIT
+"""dahl.codec against the DBC by cantools and against autosar-e2e, and what it refuses."""
+
+from __future__ import annotations
+
+import pickle
+import random
+
+import can
+import cantools
+import pytest
+from codec_tools import KINDS, data_ids, signals_of
+from dahl import Error, codec
+from e2e import p02
+
+ROUNDS = 500
+FRAMES = {kind.__name__: kind for kind in codec.KINDS.values()}
+
+
+@pytest.fixture(scope="module")
+def database(dbc):
+    return cantools.database.load_file(dbc)
+
+
+def any_of(kind: str, rng: random.Random) -> codec.Frame:
+    """A frame of this kind with any values, corners more often than chance would have it."""
+    values = {}
+    for name, limit in FRAMES[kind]._limits.items():
+        if isinstance(limit, tuple):
+            values[name] = rng.choice([*limit, rng.randint(*limit)])
+        elif limit is codec.Errors:
+            values[name] = rng.randrange(256)
+        else:
+            known = [False, True] if limit is bool else list(limit)
+            values[name] = rng.choice([one for one in known if one is not codec.Param.NONE])
+    return FRAMES[kind](**values)
+
+
+def test_every_message_of_the_dbc_has_a_frame(database):
+    assert {one.name: one.frame_id for one in database.messages} == {
+        name: kind.base for name, kind in FRAMES.items()
+    }
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_frames_are_those_of_the_dbc_protected_by_autosar_e2e(database, kind):
+    rng = random.Random(kind)
+    message = database.get_message_by_name(kind)
+    for _ in range(ROUNDS):
+        frame, node = any_of(kind, rng), rng.randrange(16)
+        signals = signals_of(kind, frame, 0)
+        data = bytearray(message.encode(signals, scaling=False, strict=False))
+        data[1] = data[1] & 0xF0 | (data[1] - 1) & 15  # protect counts up
+        p02.e2e_p02_protect(data, data_ids(kind))
+        packed = codec.pack(frame, node)
+        assert (bytes(packed.data), packed.dlc) == (bytes(data), 8)
+        assert packed.arbitration_id == message.frame_id + node
+        assert not packed.is_extended_id
+        assert codec.unpack(packed) == frame == codec.from_bytes(packed.arbitration_id, data)
+        assert pickle.loads(pickle.dumps(frame)) == frame
+        data[rng.randrange(8)] ^= 1 << rng.randrange(8)
+        with pytest.raises(Error, match=f"^{kind} 0x1[0-5][0-9a-f]: CRC 0x"):
+            codec.from_bytes(message.frame_id + node, data)
+
+
+def test_units_are_those_of_the_dbc(database):
+    """A parameter in SI is what cantools makes of it, at the steps of both."""
+    message = database.get_message_by_name("ParamWrite")
+    scale = {"ms": 1e-3}
+    for number, name in message.get_signal_by_name("Param").choices.items():
+        if str(name) not in {signal.name for signal in message.signals}:
+            continue
+        signal = message.get_signal_by_name(str(name))
+        asked = codec.ParamWrite.of_si(number, 0.625 * codec.UNITS[number] * 2**12)
+        decoded = message.decode(codec.to_bytes(asked))[str(name)]
+        assert asked.si == pytest.approx(decoded * scale.get(signal.unit, 1.0)), name
+        assert asked.value == 2560
+
+
+def test_a_ratio_and_a_timeout_are_those_of_the_dbc(database):
+    torque = codec.FrictionTorque(-123456789)
+    decoded = database.decode_message("FrictionTorque", codec.to_bytes(torque))
+    assert torque.ratio == decoded["TorqueRatio"]
+    status = codec.Status(1, codec.State.OK, codec.Errors(0), 0, 0, 0, 0, 2, 25)
+    decoded = database.decode_message("Status", codec.to_bytes(status))
+    assert status.timeout_s == pytest.approx(decoded["Timeout"] / 1000)
+
+
+GOOD = codec.to_bytes(codec.EncoderState(5))
+
+
+def sealed(kind: str, data: bytes) -> bytes:
+    """With a CRC that is right."""
+    changed = bytearray(data)
+    p02.e2e_p02_protect(changed, data_ids(kind))
+    return bytes(changed)
+
+
+def message(**changes) -> can.Message:
+    return can.Message(**{"arbitration_id": 0x100, "is_extended_id": False, "data": GOOD} | changes)
+
+
+REFUSED = {
+    "short": (lambda: codec.from_bytes(0x100, GOOD[:7]), "EncoderState 0x100: 7 bytes, 8 were"),
+    "empty": (lambda: codec.from_bytes(0x105, b""), "EncoderState 0x105: 0 bytes, 8 were expected"),
+    "long": (lambda: codec.from_bytes(0x100, GOOD + b"1"), "EncoderState 0x100: 9 bytes"),
+    "crc": (lambda: codec.from_bytes(0x110, GOOD), "FrictionTorque 0x110: CRC 0x"),
+    "id": (lambda: codec.from_bytes(0x160, GOOD), "id 0x160: no frame of a node"),
+    "wide id": (lambda: codec.from_bytes(0x800, GOOD), "identifier = 2048 is not a whole number"),
+    "number": (lambda: codec.from_bytes(0x100, 8), "data = 8 is neither bytes nor a bytearray"),
+    "text": (lambda: codec.from_bytes(0x100, "12345678"), "data = '12345678' is neither bytes"),
+    "state": (
+        lambda: codec.from_bytes(0x110, sealed("FrictionTorque", bytes([0, 0x90, *bytes(6)]))),
+        "FrictionTorque 0x110: state = 9 is none of 0 OK, 1 REPEATED",
+    ),
+    "ratio": (
+        lambda: codec.from_bytes(0x110, sealed("FrictionTorque", b"\0\0\0\0\1\0\0\x40")),
+        "FrictionTorque 0x110: torque_q30 = 1073741825 is not a whole number from",
+    ),
+    "extended": (lambda: codec.unpack(message(is_extended_id=True)), "EncoderState 0x100: an ext"),
+    "remote": (
+        lambda: codec.unpack(message(is_remote_frame=True, data=None, dlc=8)),
+        "EncoderState 0x100: a remote frame; a classic data frame was expected",
+    ),
+    "fd": (lambda: codec.unpack(message(is_fd=True)), "EncoderState 0x100: a CAN FD frame"),
+    "error": (lambda: codec.unpack(message(is_error_frame=True)), "EncoderState 0x100: an error"),
+    "no message": (lambda: codec.unpack(GOOD), "message = b'"),
+    "no frame": (lambda: codec.pack(GOOD), "frame = b'"),
+    "node": (lambda: codec.pack(codec.EncoderState(1), 16), "node = 16 is not a whole number"),
+    "count": (lambda: codec.EncoderState(2**31), "count = 2147483648 is not a whole number"),
+    "counter": (lambda: codec.EncoderState(1, counter=16), "counter = 16 is not a whole number"),
+    "valid": (lambda: codec.EncoderState(1, valid=2), "valid = 2 is not a whole number"),
+    "keyword": (lambda: codec.EncoderState(1, x=2), "EncoderState: x = 2: no such argument"),
+    "what": (lambda: codec.Reset(3), "what = 3 is none of 1 ERRORS, 2 RESTART"),
+    "si": (
+        lambda: codec.ParamWrite.of_si(codec.Param.FC, 4096.5),
+        "value = 4096.5 of parameter FC is outside 0 .. 4096",
+    ),
+    "negative": (lambda: codec.ParamWrite.of_si(codec.Param.FC, -1), "value = -1 of parameter FC"),
+    "nan": (
+        lambda: codec.ParamWrite.of_si(codec.Param.FC, float("nan")),
+        "value = nan is not a finite number",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_refusal_is_one_line_with_value_and_limit(name):
+    call, complaint = REFUSED[name]
+    with pytest.raises(Error) as caught:
+        call()
+    assert str(caught.value).startswith(complaint)
+    assert "\n" not in str(caught.value)

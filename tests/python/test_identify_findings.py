@@ -1,0 +1,526 @@
+# SPDX-License-Identifier: MIT
+"""What is said of a log, word for number: each finding with its size and its place, which parameter
+it takes the claim from, and both sides of the limit from which on it is said. The logs and results
+are made by hand, so that each number is known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from dahl import Error
+from dahl.identify import (
+    angle_noise,
+    clean,
+    drift,
+    explore,
+    grid,
+    lowpass,
+    pipeline,
+    plan_quality,
+    recording,
+)
+from dahl.identify.fit import Interval
+from dahl.identify.log import Log
+from dahl.identify.result import Cycles, Result, Verdict
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
+
+pytestmark = pytest.mark.usefixtures("library")
+
+BOTH = ("sigma0", "Fc")
+
+
+@pytest.fixture(scope="module")
+def good(library) -> Result:
+    return pipeline.identify([synthetic(5, rows=3000, cycles=6)], pipeline.Options(terms=()))
+
+
+# --- parameters by cycle --------------------------------------------------------------------------
+
+
+def by_cycle(count: int = 12, **change) -> Cycles:
+    """Cycles of 100 rows with errors of a tenth of a percent; `change` are factors of a value."""
+    wobble = 1 + 1e-4 * np.resize([1, -1, 0.5, -0.5], count)
+    usual = {"Fc": FC, "sigma0": SIGMA0, "offset": 0.01 * FC}
+    value = {name: one * wobble * change.get(name, 1.0) for name, one in usual.items()}
+    error = {name: np.full(count, 1e-3 * abs(one)) for name, one in usual.items()}
+    error["offset"] = np.full(count, 1e-3 * FC)
+    return Cycles(value, error, 100 * np.arange(count) + 7)
+
+
+def ramp(part: float, count: int = 12) -> np.ndarray:
+    return 1 + part * np.linspace(-0.5, 0.5, count)
+
+
+def step(part: float, place: int, count: int = 12) -> np.ndarray:
+    """The larger side is as usual."""
+    behind = np.arange(count) >= place
+    if place > count / 2:
+        return np.where(behind, 1 + part, 1.0)
+    return np.where(behind, 1.0, 1 - part)
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "doubts"),
+    [
+        ({}, "", ()),
+        ({"Fc": ramp(0.2)}, "Fc drifts by +20 % over 12 cycles", BOTH),
+        ({"Fc": ramp(-0.2)}, "Fc drifts by -20 % over 12 cycles", BOTH),
+        ({"Fc": ramp(0.034)}, "Fc drifts by +3 % over 12 cycles", BOTH),
+        ({"Fc": ramp(0.026)}, "", ()),
+        ({"sigma0": ramp(0.11)}, "sigma0 drifts by +11 % over 12 cycles", ("sigma0",)),
+        ({"sigma0": ramp(0.09)}, "", ()),
+        ({"sigma0": step(0.3, 5)}, "sigma0 steps by +30 % at cycle 6 (row 508)", ("sigma0",)),
+        ({"Fc": step(-0.3, 2)}, "Fc steps by -30 % at cycle 3 (row 208)", BOTH),
+        ({"Fc": step(-0.3, 10)}, "Fc steps by -30 % at cycle 11 (row 1008)", BOTH),
+        ({"offset": 1 + 30 * ramp(1)}, "offset drifts by +30 % of Fc over 12 cycles", ()),
+        ({"offset": 1 + 4 * ramp(1)}, "", ()),
+    ],
+)
+def test_how_a_parameter_changes_and_where(change, said, doubts):
+    found = drift.findings(by_cycle(**change))
+    assert [(one.text, one.doubts) for one in found] == ([(said, doubts)] if said else [])
+
+
+@pytest.mark.parametrize(("count", "named"), [(4, False), (5, True)])
+def test_a_drift_takes_five_cycles(count, named):
+    assert bool(drift.findings(by_cycle(count, Fc=ramp(0.5, count)))) is named
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "odd", "said", "doubts"),
+    [
+        ("Fc", 0.08, [3], "Fc of cycle 4 disagrees with the others", ()),
+        ("Fc", -0.08, [3], "Fc of cycle 4 disagrees with the others", ()),
+        ("Fc", 0.05, [3], "", ()),
+        ("Fc", 0.08, [3, 14], "Fc of cycle 4, 15 disagrees with the others", ()),
+        ("Fc", 0.08, [3, 9, 14], "Fc of cycle 4, 10, 15 disagrees with the others", BOTH),
+        (
+            "sigma0",
+            0.3,
+            [3, 9, 14],
+            "sigma0 of cycle 4, 10, 15 disagrees with the others",
+            BOTH[:1],
+        ),
+        ("sigma0", 0.15, [3], "", ()),
+    ],
+)
+def test_which_cycles_are_odd(name, part, odd, said, doubts):
+    """Of 24: more than a tenth takes the claim away. Alternating signs, so that nothing drifts."""
+    factor = np.ones(24)
+    factor[odd] += part
+    found = drift.findings(by_cycle(24, **{name: factor}))
+    assert [(one.text, one.doubts) for one in found] == ([(said, doubts)] if said else [])
+
+
+def test_of_many_odd_cycles_the_first_eight_are_named():
+    factor = np.ones(60)
+    factor[2:60:6] += 0.3
+    (found,) = drift.findings(by_cycle(60, Fc=factor))
+    assert found.text == "Fc of cycle 3, 9, 15, 21, 27, 33, 39, 45 ... disagrees with the others"
+
+
+def test_a_cycle_that_is_known_badly_counts_less():
+    """The same step, but the cycles behind it have errors as large as itself."""
+    cycles = by_cycle(Fc=step(0.2, 10))
+    assert drift.findings(cycles)
+    cycles.error["Fc"][10:] = FC
+    assert drift.findings(cycles) == []
+
+
+# --- encoder and unit -----------------------------------------------------------------------------
+
+
+def on_grid(step: float, told: float, linear: bool = False, rows: int = 3000) -> Log:
+    theta = np.round(sine(1, rows=rows, cycles=4) / step) * step
+    return Log("x.csv", theta, dahl_torque(theta), linear=linear, resolution=told)
+
+
+@pytest.mark.parametrize(
+    ("linear", "words"),
+    [
+        (False, "the angle lies on a grid of 16384 counts a turn, not of 8192:"),
+        (True, "the angle lies on a grid of 5 counts a millimetre, not of 2.5:"),
+    ],
+)
+def test_the_grid_of_the_angle_in_counts(linear, words):
+    (found,) = grid.finding(
+        on_grid(2e-4 if linear else COUNT, 4e-4 if linear else 2 * COUNT, linear)
+    )
+    assert found.text.startswith(words)
+    assert found.doubts == ()
+
+
+@pytest.mark.parametrize(("off", "said"), [(0.991, False), (1.009, False), (0.985, True)])
+def test_a_grid_agrees_within_a_hundredth(off, said):
+    assert bool(grid.finding(on_grid(COUNT, off * COUNT))) is said
+
+
+def test_a_coarser_grid_takes_many_steps_to_be_believed():
+    """A log that by chance read each second count alone."""
+    few = on_grid(COUNT, COUNT / 2)
+    assert grid.finding(few)
+    few.theta = np.repeat(COUNT * np.array([0.0, 1, 2, 3, 4, 5, 3, 2]), 30)
+    assert grid.finding(few) == []
+    few.resolution = 0.0
+    assert grid.finding(few) == []
+
+
+def test_the_other_unit_is_named_with_its_counts():
+    log = on_grid(360 / 4096, 360 / 4096)
+    log.theta = log.theta * 1000
+    with pytest.raises(
+        Error,
+        match=r"^x\.csv: steps of 0\.0878906 rad would be 71\.5 counts a turn"
+        r" with the angle in rad, but 4096 in deg: is the angle in deg ",
+    ):
+        grid.refuse(log)
+    log.resolution = np.radians(2 * np.pi / 4096)
+    with pytest.raises(Error, match=r"234683\.5 .* in deg, but 4096 in rad: is the angle in rad "):
+        grid.refuse(log)
+    for counts in (4096 * (1 + 4e-4), 4096.0, 4096 * (1 + 6e-4), 128 * 1.0, 2.0**27):
+        log.resolution = np.radians(360 / counts)
+        grid.refuse(log)
+
+
+# --- the recording --------------------------------------------------------------------------------
+
+
+def test_a_gap_is_named_with_its_length_and_its_row():
+    log = synthetic(1, rows=3000, cycles=3)
+    keep = np.ones(3000, dtype=bool)
+    keep[500:700] = keep[1500:1800] = False
+    first, *others = recording.split_at_gaps(recording.taken(log, keep, ["before"]))
+    assert [first.rows, *(one.rows for one in others)] == [500, 800, 1200]
+    assert first.notes == [
+        "before",
+        "the clock has 2 gaps (0.502 s in all, the first after row 500): split there into 3 pieces",
+    ]
+    assert others[0].notes == others[1].notes == []
+    assert others[0].time[0] == log.time[700] and others[0].torque[0] == log.torque[700]
+    keep[1500:1800] = True
+    assert "1 gap (0.201 s" in recording.split_at_gaps(recording.taken(log, keep, []))[0].notes[0]
+
+
+@pytest.mark.parametrize(("steps", "pieces"), [(4.9, 1), (5.1, 2)])
+def test_a_gap_is_more_than_five_usual_steps(steps, pieces):
+    log = synthetic(1, rows=600, cycles=3)
+    log.time[300:] += (steps - 1) * 1e-3
+    assert len(recording.split_at_gaps(log)) == pieces
+
+
+def test_a_log_of_nothing_but_short_pieces_is_refused():
+    log = synthetic(1, rows=290, cycles=3)
+    log.time += 0.02 * (np.arange(290) // 29)
+    with pytest.raises(Error, match="9 gaps .* 0 pieces; 290 rows in pieces too short left out"):
+        recording.split_at_gaps(log)
+    whole = synthetic(1, rows=300, cycles=3)
+    whole.time += 0.02 * (np.arange(300) // 30)
+    assert len(recording.split_at_gaps(whole)) == 10
+
+
+def test_a_wrap_is_named_with_its_period():
+    log = synthetic(1)
+    counts = np.round(log.theta / COUNT).astype(int)
+    wrapped = replace(log, theta=(counts % 128) * COUNT, notes=["before"])
+    jumps = np.count_nonzero(np.abs(np.diff(counts % 128)) > 64)
+    mended = recording.unwrapped(wrapped)
+    period = 128 * COUNT
+    assert mended.notes == [
+        "before",
+        f"angle wraps {jumps} times at {period:.6g} rad (128 counts): unwrapped",
+    ]
+    assert np.allclose(np.diff(mended.theta), np.diff(counts) * COUNT)
+    assert recording.unwrapped(wrapped, trust_units=True) is wrapped
+    with pytest.raises(
+        Error, match=f" {np.count_nonzero(np.abs(np.diff(counts % 200)) > 100)} times"
+    ):
+        recording.unwrapped(replace(log, theta=(counts % 200) * COUNT))
+
+
+@pytest.mark.parametrize("linear", [False, True])
+def test_a_linear_motion_has_no_turn_to_wrap_at(linear):
+    theta = (3.0 * np.sin(np.linspace(0, 40, 4000)) + 3) * 1.5 % (2 * np.pi)
+    log = Log("x.csv", theta, np.arange(4000.0), linear=linear)
+    if linear:
+        with pytest.raises(Error, match="unwrap it first"):
+            recording.unwrapped(log)
+    else:
+        assert " at 6.28319 rad: unwrapped" in recording.unwrapped(log).notes[0]
+
+
+# --- filters, noise, delays -----------------------------------------------------------------------
+
+
+@dataclass
+class Filtered:
+    """A fit with a filter."""
+
+    sigma0: float
+    Fc: float
+    words: str = "time constant of 10 rows"
+
+
+@pytest.mark.parametrize(
+    ("fits", "doubts"),
+    [
+        ([(101.0, 0.5), (99.0, 0.5)], ()),
+        ([(101.0, 0.5), (107.0, 0.5)], ("sigma0",)),
+        ([(101.0, 0.52), (99.0, 0.5)], ("Fc",)),
+        ([(107.0, 0.5), (90.0, 0.48)], BOTH),
+    ],
+)
+def test_filters_that_disagree_take_the_claim(good, fits, doubts):
+    ends = {"sigma0": Interval(95.0, 105.0), "Fc": Interval(0.49, 0.51), "a": Interval(1, 2)}
+    result = replace(good, estimate=replace(good.estimate, ci95=ends))
+    made = [Filtered(*one) for one in fits]
+    found = lowpass._told(result, made[0], made)
+    assert tuple(name for one in found for name in one.doubts) == doubts
+    for one in found:
+        low, high = sorted(sigma0 for sigma0, _ in fits)
+        assert one.text == (
+            "torque looks late or low-passed (time constant of 10 rows): sigma0 is then"
+            f" {low:.4g} to {high:.4g} N m/rad"
+        )
+
+
+def test_filters_are_what_they_are_called():
+    """On a step: how late, how long, how far after a time constant; each from its first value."""
+    x = np.concatenate((np.zeros(50), np.ones(100)))[:, None] + 3.0
+    for kind, words in lowpass.KINDS.items():
+        y = kind(10, x)
+        assert y.shape == x.shape and np.all(y[:50] == pytest.approx(3)), words
+        assert y[-1] == pytest.approx(4, abs=1e-3), words
+        after = {"time constant": 1 - np.exp(-1), "mean": 1.0, "delay": 0.0}[words.split(" of")[0]]
+        assert y[59, 0] - 3 == pytest.approx(after, abs=1e-3), words
+    assert [lowpass._delay(10, x)[k, 0] for k in (59, 60)] == [3, 4]
+
+
+def test_the_parameters_behind_a_filter_are_found_again():
+    """Of a torque that went through it, with an offset, and odd rows that weigh nothing."""
+    log = synthetic(1, rows=3000, cycles=6)
+    theta = sine(1, rows=3000, cycles=6)
+    log = replace(log, theta=theta, resolution=0.0, weight=np.ones(3000))
+    log.torque = -(lowpass._first_order(10, dahl_torque(theta)) + 0.3)
+    log.torque[1000:1100], log.weight[1000:1100] = 7.0, 0.0
+    turned = replace(log, torque=-log.torque)
+    found = SimpleNamespace(
+        logs=[turned], raw=[log], sign=-1.0, estimate=SimpleNamespace(terms={"offset": 0.3})
+    )
+    measured = lowpass.Measured(found)
+    filters = dict(lowpass._filters((lowpass._first_order,), (10, 20)))
+    right, wrong = measured.fits(list(filters.items()), 0.93 * SIGMA0 / FC * lowpass.NODES)
+    assert right.words == "time constant of 10 rows"
+    assert right.sigma0 == pytest.approx(SIGMA0, rel=2e-3)
+    assert right.Fc == pytest.approx(FC, rel=2e-3)
+    assert right.cost == pytest.approx(right.squares.sum()) and len(right.squares) == 3000
+    assert right.cost < 0.2 * wrong.cost
+    closer = measured.fits(list(filters.items())[:1], right.a * lowpass.CLOSER)[0]
+    assert closer.sigma0 == pytest.approx(SIGMA0, rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [(1.0, 0.81, False), (1.0, 0.79, True), (0.9, 1.0, False)],
+)
+def test_a_filter_explains_clearly_more(before, after, said):
+    """A fifth of the squares, or surely something."""
+    uneven = np.resize(np.repeat([1.0, -1.0], 20), 800)
+    assert lowpass._better(before + 0.9 * uneven, np.full(800, after)) is said
+    steady = np.full(800, 1.0)
+    assert lowpass._better(steady + 0.01 * np.resize([1, -1], 800), steady - 0.01)
+
+
+def test_a_bilinear_loop_is_no_filtered_one(good):
+    """By the cost of a row."""
+    rmse = good.models.rmse["bilinear"]
+    cost = rmse**2 * good.logs[0].rows
+    assert lowpass._bent_otherwise(good, 1.01 * cost)
+    assert not lowpass._bent_otherwise(good, 0.99 * cost)
+
+
+def test_a_log_without_a_clock_is_not_asked_for_filters(good):
+    late = replace(good, delay=5.0, logs=[replace(good.logs[0], time=None)])
+    assert lowpass.finding(late) == []
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "Fc", "size", "doubts", "moved"),
+    [
+        (1.0, 1.0, 1.0, (), ""),
+        (0.98, 1.0, 1.0, (), ""),
+        (0.96, 1.0, 1.0, ("sigma0",), "sigma0 by -4.0 %"),
+        (1.04, 1.0, 1.0, ("sigma0",), "sigma0 by +4.0 %"),
+        (1.0, 0.95, 1.0, ("Fc",), "Fc by -5.0 %"),
+        (0.9, 0.9, 1.0, BOTH, "sigma0 by -10.0 %, Fc by -10.0 %"),
+        (1.0, 1.0, 5.0, ("sigma0",), "sigma0 by +0.0 %"),
+    ],
+)
+def test_what_the_noise_of_the_angle_moves(good, monkeypatch, sigma0, Fc, size, doubts, moved):  # noqa: N803
+    """By more than half of the half width of an interval, here 6 %; or a sixteenth of a presliding
+    length, 5 counts of noise.
+    """
+    estimate = good.estimate
+    values = {name: getattr(estimate, name) for name in BOTH}
+    ends = {name: Interval(0.94 * value, 1.06 * value) for name, value in values.items()}
+    result = replace(good, estimate=replace(estimate, ci95=ends))
+    most = max(size * 0.0625 / 5 / estimate.a, 0.0)
+    monkeypatch.setattr(angle_noise, "noise_of", lambda theta, count: most)
+    again = SimpleNamespace(sigma0=sigma0 * values["sigma0"], Fc=Fc * values["Fc"])
+    monkeypatch.setattr(angle_noise, "MORE_THAN_ROUNDING", 0.1)
+    found = angle_noise.finding(result, lambda made: again)
+    assert tuple(name for one in found for name in one.doubts) == doubts
+    for one in found:
+        counts = f"{most:.3g} rad ({most / COUNT:.1f} counts)"
+        assert one.text == f"angle noise of {counts} moves {moved}"
+
+
+def test_noise_below_the_rounding_is_not_tried(good):
+    assert angle_noise.finding(good, lambda made: pytest.fail("tried")) == []
+
+
+def test_the_trial_of_the_noise_is_a_log_of_the_found_parameters(good):
+    """On nearly the motion that was measured, with that noise on its counts, none on its torque."""
+    log = good.raw[0]
+    made = angle_noise._made(log, 3 * COUNT, good.estimate)
+    assert np.std(made.theta - log.theta) == pytest.approx(3 * COUNT, rel=0.1)
+    assert np.allclose(made.theta / COUNT, np.round(made.theta / COUNT), atol=1e-6)
+    truth = dahl_torque(sine(5, rows=3000, cycles=6), good.estimate.sigma0, good.estimate.Fc)
+    assert np.abs(made.torque - truth)[300:].max() < 0.05 * FC
+    smooth = angle_noise._made(replace(log, resolution=0.0), 0.0, good.estimate).theta
+    assert np.abs(smooth - sine(5, rows=3000, cycles=6)).max() < 2 * COUNT
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"), [(39.9, ""), (40.0, "40 rows late"), (-55.0, "-55 rows")]
+)
+def test_a_long_delay_claims_nothing(rows, said):
+    found = explore.long_delay(rows)
+    assert [one.doubts for one in found] == ([BOTH] if said else [])
+    assert all(said in one.text for one in found)
+
+
+# --- the plan -------------------------------------------------------------------------------------
+
+
+def judged(good: Result, **changed) -> list[str]:
+    sure = Verdict(True, True, "good")
+    return plan_quality.of(replace(good, **{"verdict": sure, **changed})).against
+
+
+def test_what_speaks_against_a_plan(good):
+    assert judged(good) == []
+    for verdict in (Verdict(False, True), Verdict(True, False)):
+        assert judged(good, verdict=verdict) == ["not both parameters are identifiable"]
+    assert judged(good, backlash=1e-3) == ["it does not know of the backlash"]
+    for name, against in (
+        ("Dahl", []),
+        ("slip K=2", ["a header carries Dahl's model, not slip K=2"]),
+    ):
+        models = replace(good.explored.models, forced=name)
+        assert judged(good, explored=replace(good.explored, models=models)) == against
+    doubted = [plan_quality.of(good, counts, True).against for counts in (0.0, 4096.0)]
+    assert ["the counts a turn are in doubt" in words for words in doubted] == [True, False]
+
+
+@pytest.mark.parametrize(("part", "against"), [(0.25, False), (0.4, True)])
+def test_a_plan_explains_nine_tenths_at_least(good, part, against):
+    """White noise of a part of the spread of the torque, beside what the log has."""
+    raw = good.raw[0]
+    noisy = raw.torque + part * raw.torque.std() * noise_of(9, raw.rows)
+    result = replace(good, raw=[replace(raw, torque=noisy)])
+    quality = plan_quality.of(replace(result, verdict=Verdict(True, True)))
+    left = (part * raw.torque.std()) ** 2 + (0.05 * FC) ** 2
+    assert quality.r2 == pytest.approx(1 - left / np.var(noisy), abs=0.01)
+    words = [f"it explains {100 * quality.r2:.0f} % of the friction on the raw motion, 90 % is the"]
+    assert [one[: len(words[0])] for one in quality.against] == words * against
+
+
+def test_a_plan_does_not_draw_the_load(good):
+    """Offset, spring and the sign of the sensor are taken off before it is judged."""
+    raw = good.raw[0]
+    terms = {"offset": 0.4, "spring": 3.0, "viscous": 9.0}
+    load = 0.4 + 3.0 * (raw.theta - good.logs[0].zero)
+    turned = replace(raw, torque=-(raw.torque + load))
+    estimate = replace(good.estimate, terms=terms)
+    result = replace(good, raw=[turned], estimate=estimate, sign=-1.0)
+    assert plan_quality.of(result).r2 == pytest.approx(good.plan.r2, abs=1e-6)
+
+
+@pytest.mark.parametrize(("linear", "turn"), [(False, 2 * np.pi), (True, 1e-3)])
+def test_a_plan_counts_by_the_turn_or_by_the_millimetre(good, linear, turn):
+    result = replace(good, logs=[replace(one, linear=linear) for one in good.logs])
+    for counts, wanted, target in ((5000.0, turn / 5000, True), (0.0, COUNT, False)):
+        quality = plan_quality.of(result, counts)
+        assert quality.theta_per_count == pytest.approx(wanted)
+        assert quality.of_target is target
+
+
+def test_a_coarse_target_explains_less(good):
+    """As the counts hide the presliding."""
+    fine, coarse = (plan_quality.of(good, counts).r2 for counts in (16384.0, 512.0))
+    assert coarse < fine - 0.005
+
+
+# --- cleaning -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "wanted"),
+    [
+        (0.0, [1, 0.5, 1, 0.2, 1]),
+        (1.0, [0.5, 1, 0.2, 1, 1]),
+        (-1.0, [1, 1, 0.5, 1, 0.2]),
+        (0.5, [0.5, 0.5, 0.2, 0.2, 1]),
+        (-0.5, [1, 0.5, 0.5, 0.2, 0.2]),
+    ],
+)
+def test_weights_go_with_their_torques(rows, wanted):
+    """The lesser of both rows that a torque is drawn from."""
+    weight = np.array([1, 0.5, 1, 0.2, 1])
+    assert clean.shifted_weight(weight, rows).tolist() == wanted
+
+
+def test_a_constant_channel_is_refused_with_its_value():
+    log = synthetic(1, rows=300, cycles=2)
+    for name, change in (
+        ("angle", {"theta": log.theta * 0 + 0.25}),
+        ("torque", {"torque": log.torque * 0 - 1.5}),
+    ):
+        value = {"angle": "0.25", "torque": "-1.5"}[name]
+        with pytest.raises(Error, match=rf"{name} is constant \({value} in all 300 rows\)"):
+            clean.refuse(replace(log, **change))
+
+
+def test_a_clipped_torque_is_named_with_limit_and_row():
+    for side in (1, -1):
+        log = synthetic(1, rows=4000, cycles=4)
+        top = 1.1 * np.abs(log.torque).max()
+        log.torque[1000:1200] = side * top
+        with pytest.raises(
+            Error,
+            match=rf"clipped at {side * top:g} N m \(200 of 4000 rows, the"
+            " first is row 1001",
+        ):
+            clean.refuse(log)
+    log.theta[999:1200] = log.theta[999]
+    clean.refuse(log)  # a shaft that rests
+
+
+def test_how_much_of_the_motion_informs_sigma0(good):
+    """Of the rows that move: those where the slope is at least a tenth of sigma0, by the
+    closed form.
+    """
+    theta = np.repeat(0.2 * np.abs(np.arange(-100, 401) % 200 - 100.0), 3)
+    log = Log("x", theta, dahl_torque(theta), np.arange(len(theta)) * 1e-3)
+    study = pipeline.Study([log])
+    moves = np.diff(theta, prepend=theta[0])
+    for a in (0.5, 1.0):
+        ratio = dahl_torque(theta, a, 1.0)
+        steep = (1 - np.sign(moves) * ratio > 0.1)[moves != 0]
+        informs = pipeline._informs(study, SimpleNamespace(a=a))
+        assert informs == pytest.approx(steep.mean(), abs=0.005)
+        assert 0.05 < informs < 0.95

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: MIT
+"""The fixtures of pytest as a user's test file has them, in a folder that is not ours."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from conftest import ROOT
+from loop_tools import serving
+
+pytest_plugins = ["pytester"]
+README = re.findall(r"```python\n(from dahl.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\ntimeout_ms = 60000\n"
+
+
+class Outcome(NamedTuple):
+    """Code, last line and all lines of a run of pytest."""
+
+    code: int
+    last: str
+    said: str
+
+
+@pytest.fixture
+def outcome(
+    pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, library: Path
+) -> Callable[..., Outcome]:
+    """Run pytest on a test file with these lines; the plugin by name, installed or not."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+
+    def run(text: str, *options: str) -> Outcome:
+        path = pytester.makepyfile(text)
+        words = ("-p", "dahl.pytest_plugin", "-p", "no:cacheprovider", "-q")
+        done = pytester.runpytest_inprocess(*words, *options, path)
+        return Outcome(int(done.ret), done.outlines[-1], done.stdout.str())
+
+    return run
+
+
+def test_the_example_of_the_readme(outcome):
+    (example,) = README
+    assert len([line for line in example.splitlines() if line]) <= 5
+    done = outcome(example)
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+    wrong = outcome(example.replace("ratio == 1", "ratio == 0.5"))
+    assert (wrong.code, wrong.last[:8]) == (1, "1 failed"), wrong.said
+
+
+def test_each_test_has_a_node_and_a_bus_of_its_own(outcome):
+    done = outcome("""
+import dahl, pytest
+from dahl import codec, node
+
+@pytest.fixture
+def dahl_plan():
+    return dahl.Plan(50, 2, 1e-3)
+
+@pytest.mark.parametrize("counter", [3, 9])
+def test_plan(dahl_bus, dahl_node, counter):
+    assert dahl_node.counts.ok == 0 and dahl_node.friction == dahl.Plan(50, 2, 1e-3)
+    assert node.ask(dahl_bus, codec.EncoderState(5, counter)).state == codec.State.INIT
+    assert node.ask(dahl_bus, codec.ParamWrite(codec.Param.FC)).si == 2
+    assert dahl_node.counts.ok == 1
+""")
+    assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
+
+
+@contextlib.contextmanager
+def elsewhere(folder: Path) -> Iterator[list[str]]:
+    """The options for a bus with a node of its own: dahl-loop's."""
+    (folder / "scene.ini").write_text(SCENE)
+    with serving(folder / "loop", folder / "scene.ini", "--role", "node") as (_, port):
+        words = ["--dahl-interface", "socketcand", "--dahl-channel", "vcan0"]
+        yield [*words, "--dahl-bus-kwargs", f"host=127.0.0.1 port={port}"]
+
+
+def test_the_same_test_asks_the_node_of_another_bus(outcome, tmp_path, dahl_loop):
+    text = README[0] + "    assert dahl_node is None\n"
+    with elsewhere(tmp_path) as options:
+        done = outcome(text, *options)
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
+def test_a_bus_that_is_not_there_is_one_line(outcome):
+    options = ("--dahl-interface", "socketcand", "--dahl-channel", "vcan0")
+    done = outcome(README[0], *options)
+    assert done.code == 1
+    assert "dahl.RunError: cannot open the bus (interface=socketcand channel=vcan0)" in done.said

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: MIT
+"""
+Start a friction node and say how to speak to it, until Ctrl-C.
+
+With -i it answers on that bus of python-can, in Python; without, dahl-loop serves a bus to as many
+as 16 clients (--port says where); with --target it is the firmware on an emulated core, on such a
+bus. Parameters are those of a scene, or --sigma0, --fc and --theta-per-count. At the end it says
+what became of the frames.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import shlex
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dahl import Error
+from dahl.arguments import seconds, whole
+from dahl.bus import add_bus_arguments
+
+if TYPE_CHECKING:
+    import can
+
+    from dahl.interrupt import Stop
+    from dahl.loop import Program
+    from dahl.scene import Scene
+
+HELP = "a node to speak to, on any bus or on a served one"
+EXAMPLE = """examples:
+  dahl node                                 a served bus, for as many as 16 clients
+  dahl node --scene tribometer-slip --port 28600
+  dahl node -i socketcan -c vcan0 --sigma0 100 --fc 0.5 --theta-per-count 3.8e-4
+  dahl node --target m4f"""
+
+SCENE = "steering"
+OWN = ("sigma0", "fc", "theta_per_count")
+HOST = "127.0.0.1"
+LOOK = 0.05  # s
+DRAIN = 0.2  # s to read what had come at the end
+PATIENCE = 10.0  # s for firmware to answer
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--scene", metavar="NAME", help=f"whose node (default: {SCENE})")
+    parser.add_argument("--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad")
+    parser.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m")
+    parser.add_argument(
+        "--theta-per-count", type=float, metavar="T", help="rad per count of the encoder"
+    )
+    parser.add_argument(
+        "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
+    )
+    parser.add_argument(
+        "--target", metavar="CORE", help="firmware on an emulated core, such as m4f"
+    )
+    parser.add_argument("--seconds", type=seconds, metavar="S", help="end after S seconds")
+    add_bus_arguments(parser)
+
+
+def run(args: argparse.Namespace) -> None:
+    from dahl import terminal
+    from dahl.interrupt import Stop
+
+    console = terminal.console(soft_wrap=True)
+    _check(args)
+    with tempfile.TemporaryDirectory(prefix="dahl-node-") as folder, Stop(is_its_end=True) as stop:
+        scene = _scene(args, Path(folder))
+        begin = time.monotonic()
+        serve = _on_bus if _interface(args) else _on_target if args.target else _served
+        counts = serve(args, scene, Path(folder), stop, console)
+        words = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        console.print(f"ended after {time.monotonic() - begin:.1f} s: {words or 'no frame came'}")
+
+
+def _interface(args: argparse.Namespace) -> str | None:
+    return getattr(args, "interface", None)
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raise dahl.Error for options that do not go together."""
+    if _interface(args) and args.target:
+        raise Error("-i and --target: one of both; firmware has a bus of its own")
+    channel = getattr(args, "channel", None)  # python-can leaves out what is not given
+    if not _interface(args) and channel:
+        raise Error(f"-c {channel}: of which interface? Name it with -i")
+    if not _interface(args) and args.host not in (None, HOST):
+        raise Error(f"--host {args.host}: it serves {HOST}; -i socketcand joins another server")
+    given = [name for name in OWN if getattr(args, name) is not None]
+    if given and (args.scene or len(given) < len(OWN)):
+        names = ", ".join("--" + name.replace("_", "-") for name in OWN)
+        raise Error(f"{names}: all three, or a --scene")
+
+
+def _scene(args: argparse.Namespace, folder: Path) -> Scene:
+    """That of the name, or one of the parameters given."""
+    from dahl import scene
+
+    if args.sigma0 is None:
+        return scene.read(scene.find(args.scene or SCENE))
+    lines = f"sigma0 = {args.sigma0}\nFc = {args.fc}\ntheta_per_count = {args.theta_per_count}\n"
+    path = folder / "own.ini"
+    head = "[scene]\ntitle = parameters of your own\n[status]\nperiod_ms = 100\n"
+    path.write_text(f"{head}[friction]\n{lines}", encoding="ascii")
+    return scene.read(path)
+
+
+def _say(console: Any, args: argparse.Namespace, scene: Scene, where: str, **bus: Any) -> None:
+    """What there is, and how to speak to it."""
+    call = ", ".join(f"{key}={value!r}" for key, value in bus.items())
+    short = {"interface": "-i", "channel": "-c"}
+    words = " ".join(f"{short.get(k, f'--{k}')} {shlex.quote(str(v))}" for k, v in bus.items())
+    number = f" --node {args.node}" if args.node else ""
+    of = f"{scene.title}: {scene.model}, Fc {scene.Fc:g} {scene.measured.unit}"
+    console.print(f"node    {args.node} {where} ({of})")
+    console.print(f"open    can.Bus({call})")
+    console.print(f"watch   dahl monitor {words}{number}")
+    console.print("Ctrl-C ends")
+    sys.stdout.flush()
+
+
+def _on_bus(
+    args: argparse.Namespace, scene: Scene, _: Path, stop: Stop, console: Any
+) -> dict[str, int]:
+    """In Python, on a bus of python-can."""
+    from dataclasses import asdict
+
+    from dahl.bus import named, open_from
+    from dahl.node import Node, run
+    from dahl.scene import element, settings
+
+    node = Node(element(scene), args.node, **settings(scene))
+    with open_from(args) as bus:
+        keys = {key: value for key, value in named(args).items() if key != "bus_kwargs"}
+        _say(console, args, scene, "in Python", **keys, **(getattr(args, "bus_kwargs", None) or {}))
+        traffic = run(bus, node, seconds=args.seconds, ended=lambda: stop.asked)
+    return {**asdict(node.counts), "not sent": traffic.refused}
+
+
+def _served(
+    args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
+) -> dict[str, int]:
+    """By dahl-loop, on a bus that it serves."""
+    with _hub(args, scene.path, folder, args.node) as (hub, port):
+        _say(console, args, scene, "of dahl-loop", **_client(port))
+        _wait(args, stop, [hub])
+    counts: dict[str, int] = hub.numbers().get("node", {})
+    return counts
+
+
+def _on_target(
+    args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
+) -> dict[str, int]:
+    """In firmware, on a bus that dahl-loop serves; what it has counted comes with its Status."""
+    from dahl import firmware
+    from dahl.bus import open_bus
+    from dahl.codec import Param, ParamWrite
+    from dahl.node import ask
+
+    if scene.model != "dahl" or scene.compensates:
+        raise Error(f"--target runs model dahl alone, not the scene's ({scene.path.name})")
+    image = firmware.build(args.target)
+    params = (scene.sigma0, scene.Fc, scene.theta_per_count)
+    other = 15 if args.node != 15 else 14  # serves the bus, and is never asked
+    with (
+        _hub(args, firmware.hub(folder), folder, other) as (_, port),
+        firmware.attached(args.target, params, folder, port, args.node),
+        open_bus(**_client(port)) as bus,
+    ):
+        ask(bus, ParamWrite(Param.MODEL), args.node, timeout=PATIENCE)  # it is there
+        board = firmware.boards()[args.target].machine
+        _say(console, args, scene, f"{image.name} on {board} in QEMU", **_client(port))
+        return _watch(args, stop, bus)
+
+
+def _watch(args: argparse.Namespace, stop: Stop, bus: can.BusABC) -> dict[str, int]:
+    """Frames of the bus, answers and the last Status of the node, until the end."""
+    from dahl import codec
+    from dahl.bus import receive
+
+    counts = {"frames": 0, "answers": 0}
+    end, last = time.monotonic() + (args.seconds or math.inf), math.inf
+    while time.monotonic() < last:
+        message = receive(bus, LOOK)
+        if last == math.inf and (stop.asked or time.monotonic() > end):
+            last = time.monotonic() + DRAIN
+        if message is None:
+            continue
+        counts["frames"] += 1
+        counts["answers"] += message.arbitration_id == codec.FrictionTorque.base + args.node
+        if message.arbitration_id == codec.Status.base + args.node:
+            with contextlib.suppress(Error):
+                counts |= _told(codec.unpack(message))
+    return counts
+
+
+def _told(status: Any) -> dict[str, int]:
+    return {name: getattr(status, name) for name in ("lost", "corrupt", "out_of_step")}
+
+
+@contextlib.contextmanager
+def _hub(
+    args: argparse.Namespace, scene: Path, folder: Path, number: int
+) -> Iterator[tuple[Program, int]]:
+    """dahl-loop's node as the server of a bus, and the port."""
+    from dahl.loop import Program, Setup
+
+    hub = Program(
+        Setup(scene, "socketcand", folder),
+        "node",
+        f"socketcand:{args.port or 0}",
+        *("--set", f"friction.node={number}"),
+    )
+    try:
+        yield hub, hub.port()
+    finally:
+        hub.end()
+        hub.check()
+
+
+def _wait(args: argparse.Namespace, stop: Stop, programs: list[Program]) -> None:
+    end = time.monotonic() + (args.seconds or math.inf)
+    while not stop.asked and time.monotonic() < end:
+        if any(program.ended() for program in programs):
+            return  # its own words come with check()
+        time.sleep(LOOK)
+
+
+def _client(port: int) -> dict[str, Any]:
+    from dahl.bus import VCAN
+
+    return {"interface": "socketcand", "channel": VCAN, "host": HOST, "port": port}

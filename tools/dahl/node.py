@@ -1,0 +1,507 @@
+# SPDX-License-Identifier: MIT
+"""The friction node in Python: lib/node as a firmware links it, on any bus that python-can opens.
+
+Node decides, bit for bit as the firmware does, and has no bus and no clock. run() serves nodes on a
+bus until it is told to end, Listener does so in a can.Notifier, serve() in asyncio; ask() is the
+other end.
+
+>>> node = Node(core.Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-3))
+>>> for counter, count in enumerate((0, 5)):
+...     answer = node.receive(codec.pack(codec.EncoderState(count, counter)))
+>>> codec.unpack(answer).ratio
+0.6321205766871572
+"""
+
+from __future__ import annotations
+
+import asyncio
+import copy
+import ctypes
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias, overload
+
+from dahl import Error, RunError, checks, codec, core, parts, variants
+from dahl.bus import receive
+
+try:
+    import can
+except ImportError:
+    raise RunError("dahl.node needs python-can: pip install 'dahl[can]'") from None
+
+PERIOD = 0.005  # s at most from one look at the clock to the next
+ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
+MODEL_BYTES = 24  # of a dahl_node_model_t, which every kept model begins with
+KEPT_ROOM = 512  # 8-byte words for what a model keeps (346 are used at most)
+BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
+ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
+LONG, INT32_MAX = 60.0, 2**31 - 1  # s; what a parameter on the bus can say
+
+Friction: TypeAlias = (
+    core.Plan
+    | parts.Slip
+    | parts.Parallel
+    | variants.Asymmetric
+    | variants.ElastoPlastic
+    | variants.Loaded
+)
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Frames by what became of them, since the node was made; lost ones never came in time."""
+
+    ok: int
+    repeated: int
+    lost: int
+    wrong_sequence: int
+    crc: int
+    format: int
+    invalid: int
+    jump: int
+    stale: int
+    rearm: int
+    ignored: int
+    params: int
+    resets: int
+    bus_off: int
+
+
+COUNTS = tuple(Counts.__dataclass_fields__)
+SETTINGS = ("gain", "limit", "load", "ramp_us", "timeout_us", "max_step", "status_us")
+TIMES = ("gain_now", "count", "good_us", "sent_us", "bus_off_us")
+BYTES = (
+    *("number", "state", "errors", "counter", "good_in_a_row", "candidate", "bus_off_count"),
+    *("torque_counter", "status_counter"),
+    *("cleared_lost", "cleared_corrupt", "cleared_out_of_step", "primed", "silenced", "urgent"),
+)
+
+
+class NodeStructure(ctypes.Structure):
+    """dahl_node_t; a test holds both together."""
+
+    _fields_: ClassVar[list[tuple[str, Any]]] = [
+        ("plan", ctypes.c_uint64 * 39),
+        ("params", core._Params),
+        ("held", core._Params),
+        ("bearing", core.State),
+        ("model", ctypes.c_void_p),
+        *((name, ctypes.c_uint32) for name in (*COUNTS, *SETTINGS, *TIMES)),
+        *((name, ctypes.c_uint8) for name in BYTES),
+    ]
+
+
+class _ParallelParams(ctypes.Structure):
+    _fields_ = [
+        ("elements", ctypes.c_uint32),
+        ("slips", ctypes.c_uint32),
+        ("theta_per_count", ctypes.c_float),
+        ("sigma0", ctypes.c_float * parts.SLIP_MAX),
+        ("Fc", ctypes.c_float * parts.SLIP_MAX),
+    ]
+
+
+@checks.calls_checked
+class Node:
+    """A friction node (dahl_node_t): frames in, frames out, relaxed and unaware at first.
+
+    friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded, of which the
+                   parameters are taken: the node has a state of its own. Parameter Load tells the
+                   load of a Loaded, 0 .. 1; 1 at first
+    number         0 .. 15, the low 4 bits of its ids
+    gain           part of the torque that is answered, 0 .. 1
+    limit          part of Fc that the answer is clamped to, 0 .. 1
+    ramp           s that the gain needs from 0 to 1, 0 .. 60
+    timeout        s without a good EncoderState after which it is stale, 0.001 .. 60
+    max_step       counts per ms; what is faster is not believed. 0: no limit known
+    status_period  s from one Status to the next, 0 .. 60; 0: only after an event
+
+    Like the C, it has no clock: `now` is the caller's, in s, on any clock; a call without it is
+    at the last `now` that was given, 0 at first. Every frame is welcome, whatever it is; what
+    becomes of it is one table in docs/loop.md. Comparable, picklable; a copy goes its own way. One
+    thread at a time. About 10 us a frame. Raises dahl.Error naming the argument, its value and its
+    limit.
+    """
+
+    def __init__(
+        self,
+        friction: Friction,
+        number: int = 0,
+        *,
+        gain: float = 1.0,
+        limit: float = 1.0,
+        ramp: float = 0.0,
+        timeout: float = 0.1,
+        max_step: int = 0,
+        status_period: float = 0.1,
+    ) -> None:
+        self._now = 0.0
+        self._node = NodeStructure()
+        self._kept = (ctypes.c_uint64 * KEPT_ROOM)()
+        self._friction = copy.deepcopy(friction)
+        self._begin(checks.whole("number", number, 0, codec.NODES - 1))
+        self._node.gain = round(_within("gain", gain, 0, 1, "") * ONE)
+        self._node.limit = round(_within("limit", limit, 0, 1, "") * ONE)
+        self._node.ramp_us = _us(_within("ramp", ramp, 0, LONG, "s"))
+        self._node.timeout_us = _us(_within("timeout", timeout, 0.001, LONG, "s"))
+        self._node.max_step = checks.whole("max_step", max_step, 0, INT32_MAX)
+        self._node.status_us = _us(_within("status_period", status_period, 0, LONG, "s"))
+        self._node.gain_now = 0 if self._node.ramp_us else self._node.gain
+
+    def _begin(self, number: int) -> None:
+        """dahl_node_init, and dahl_node_use_NAME where it is no Plan."""
+        use = USES.get(type(self._friction))
+        if use is None:
+            known = ", ".join(kind.__name__ for kind in USES)
+            raise Error(f"friction = {checks.shown(self._friction)} is none of {known}")
+        first, name, arguments = use(self._friction)
+        first._need_counts()
+        params = core._Params(first.sigma0, first.Fc, first.theta_per_count)
+        lib, node = core.library(), ctypes.byref(self._node)
+        failed = lib.dahl_node_init(node, ctypes.byref(params), number)
+        if name and not failed:
+            failed = getattr(lib, f"dahl_node_use_{name}")(node, self._kept, *arguments)
+        if failed:
+            raise Error(f"friction = {self._friction!r} is refused by the node")
+
+    @property
+    def friction(self) -> Friction:
+        """What it was made of; a ParamWrite may have changed the node since."""
+        return self._friction
+
+    @property
+    def number(self) -> int:
+        """0 .. 15."""
+        return int(self._node.number)
+
+    @property
+    def state(self) -> codec.State:
+        """What it thinks of its input."""
+        return codec.State(self._node.state)
+
+    @property
+    def errors(self) -> codec.Errors:
+        """Sticky bits of Status."""
+        return codec.Errors(self._node.errors)
+
+    @property
+    def counts(self) -> Counts:
+        """Frames by what became of them."""
+        return Counts(*(getattr(self._node, name) for name in COUNTS))
+
+    def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
+        """Take one frame, any frame; returns the answer to send at once, None where there is none.
+        `now` in s. Raises dahl.Error for anything that is no can.Message and no finite time.
+        """
+        moment, frame = self._at(now), codec.raw_of(message)
+        if message.is_error_frame and not frame.id & BUS_OFF:
+            return None  # an event of the controller that says nothing of the encoder
+        out = codec.CanFrame()
+        answers = core.library().dahl_node_receive(
+            ctypes.byref(self._node), ctypes.byref(frame), moment, ctypes.byref(out)
+        )
+        return codec.message_of(out) if answers & 1 else None
+
+    def tick(self, now: float | None = None) -> can.Message | None:
+        """Look at the clock, every few ms; returns a Status to send, None where none is due. The
+        first call gives one at once. `now` in s. Raises dahl.Error for a time that is not finite.
+        """
+        moment, out = self._at(now), codec.CanFrame()
+        due = core.library().dahl_node_tick(ctypes.byref(self._node), moment, ctypes.byref(out))
+        return codec.message_of(out) if due & 1 else None
+
+    def _at(self, now: float | None) -> ctypes.c_uint32:
+        if now is not None:
+            self._now = checks.finite("now", now, "s")
+        return ctypes.c_uint32(_us(self._now) & core.UINT32_MAX)
+
+    def __getstate__(self) -> tuple[Any, ...]:
+        """All that it is made of, but for addresses."""
+        kept = NodeStructure.from_buffer_copy(self._node)
+        kept.model = None
+        return self._friction, self._now, bytes(kept), bytes(self._kept)[MODEL_BYTES:]
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        friction, now, node, kept = state
+        self.__init__(friction)  # type: ignore[misc]  # of the library that is there now
+        model, self._now = self._node.model, now
+        self._node = NodeStructure.from_buffer_copy(node)
+        self._node.model = model
+        here = (ctypes.c_uint64 * KEPT_ROOM).from_buffer_copy(self._kept)
+        ctypes.memmove(ctypes.addressof(self._kept) + MODEL_BYTES, kept, len(kept))
+        ctypes.memmove(self._kept, here, MODEL_BYTES)
+
+    def __deepcopy__(self, _: object) -> Node:
+        return self.__copy__()
+
+    def __copy__(self) -> Node:
+        other = Node.__new__(Node)
+        other.__setstate__(self.__getstate__())
+        return other
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Node):
+            return NotImplemented
+        return self._compared() == other._compared()
+
+    def _compared(self) -> tuple[Any, ...]:
+        """All but addresses, and padding that C leaves as it is."""
+        first, last = NodeStructure.params.offset, NodeStructure.urgent.offset
+        friction, _, node, kept = self.__getstate__()
+        return type(friction), node[first : last + 1], kept
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each frame
+
+    def __repr__(self) -> str:
+        return (
+            f"<Node {self._friction!r}, number={self.number}, state={self.state.name},"
+            f" ok={self._node.ok}>"
+        )
+
+
+def _within(name: str, value: float, least: float, most: float, unit: str) -> float:
+    number = checks.finite(name, value, unit or "a part")
+    if not least <= number <= most:
+        raise Error(f"{name} = {number:g} is outside {least:g} .. {most:g} {unit}".rstrip())
+    return number
+
+
+def _us(seconds: float) -> int:
+    return round(seconds * 1e6)
+
+
+# --- models: a Plan of the first element, the call, and its arguments -----------------------------
+
+
+def _use_plan(plan: core.Plan) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    return plan, "", ()
+
+
+def _use_slip(slip: parts.Slip) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    params = parts._SlipParams(len(slip.sigma0), slip.theta_per_count)
+    params.sigma0[: params.elements], params.Fc[: params.elements] = slip.sigma0, slip.Fc
+    first = core.Plan(slip.sigma0[0], slip.Fc[0], slip.theta_per_count)
+    return first, "slip", (ctypes.byref(params),)
+
+
+def _use_asymmetric(seal: variants.Asymmetric) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    first = core.Plan(seal.sigma0, seal.Fc_forward, seal.theta_per_count)
+    values = (seal.sigma0, seal.Fc_forward, seal.Fc_backward, seal.theta_per_count)
+    return first, "asymmetric", ((ctypes.c_float * 4)(*values),)
+
+
+def _use_elastoplastic(one: variants.ElastoPlastic) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    first = core.Plan(one.sigma0, one.Fc, one.theta_per_count)
+    params = (ctypes.c_float * 3)(one.sigma0, one.Fc, one.theta_per_count)
+    return first, "elastoplastic", (params, ctypes.c_float(one.breakaway))
+
+
+def _use_loaded(one: variants.Loaded) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    plan = one.plan
+    if one.fixed_stiffness:
+        raise Error("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
+    params = (ctypes.c_float * 3)(plan.sigma0, plan.Fc, plan.theta_per_count)
+    return plan, "loaded", (params,)
+
+
+def _use_parallel(mix: parts.Parallel) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    elements = [element for part in mix.parts for element in _elements(part)]
+    if not 1 <= len(elements) <= parts.SLIP_MAX:
+        raise Error(f"friction has {len(elements)} elements, 1 to {parts.SLIP_MAX} were expected")
+    sigma0, torques, thetas, slips = zip(*elements, strict=True)
+    if len(set(thetas)) > 1:
+        raise Error(f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one")
+    bits = sum(is_slip << k for k, is_slip in enumerate(slips))
+    params = _ParallelParams(len(elements), bits, thetas[0])
+    params.sigma0[: len(elements)], params.Fc[: len(elements)] = sigma0, torques
+    return core.Plan(sigma0[0], torques[0], thetas[0]), "parallel", (ctypes.byref(params),)
+
+
+def _elements(part: core.Friction | parts.Slip) -> list[tuple[float, float, float, bool]]:
+    """sigma0, Fc, theta_per_count, and whether it slips, of each element of a part."""
+    if isinstance(part, parts.Slip):
+        pairs = zip(part.sigma0, part.Fc, strict=True)
+        return [(sigma0, torque, part.theta_per_count, True) for sigma0, torque in pairs]
+    return [(part.plan.sigma0, part.plan.Fc, part.plan.theta_per_count, False)]
+
+
+USES: dict[type, Callable[[Any], tuple[core.Plan, str, tuple[Any, ...]]]] = {
+    core.Plan: _use_plan,
+    parts.Slip: _use_slip,
+    parts.Parallel: _use_parallel,
+    variants.Asymmetric: _use_asymmetric,
+    variants.ElastoPlastic: _use_elastoplastic,
+    variants.Loaded: _use_loaded,
+}
+
+
+# --- on a bus -------------------------------------------------------------------------------------
+
+
+@dataclass
+class Traffic:
+    """What a served bus has seen: frames that came, answers and Status frames that went, and those
+    of them that the bus did not take.
+    """
+
+    received: int = 0
+    sent: int = 0
+    refused: int = 0
+
+
+class Listener(can.Listener):
+    """Nodes on a bus, for a can.Notifier: it hands over the frames, their clock is a thread of its
+    own until stop(), which the Notifier calls. `traffic` counts.
+
+        notifier = can.Notifier(bus, [Listener(bus, node)])
+    """
+
+    def __init__(self, bus: can.BusABC, *nodes: Node) -> None:
+        super().__init__()
+        self._link = _Link(bus, nodes)
+        self._ended = threading.Event()
+        self._clock = threading.Thread(target=self._tick, name="dahl.node", daemon=True)
+        self._clock.start()
+
+    @property
+    def traffic(self) -> Traffic:
+        """What has come and gone so far."""
+        return self._link.traffic
+
+    def on_message_received(self, msg: can.Message) -> None:
+        """Answer one frame."""
+        self._link.take(msg)
+
+    def stop(self) -> None:
+        """No Status from now on."""
+        self._ended.set()
+        if threading.current_thread() is not self._clock:
+            self._clock.join()
+
+    def _tick(self) -> None:
+        while not self._ended.is_set():
+            self._link.tick()
+            self._ended.wait(PERIOD)
+
+
+def run(
+    bus: can.BusABC,
+    *nodes: Node,
+    seconds: float | None = None,
+    ended: Callable[[], bool] = lambda: False,
+) -> Traffic:
+    """Serve nodes on a bus until `ended()`, asked every few ms, or for `seconds`; without either
+    for ever. Returns what came and went. Raises dahl.RunError where the bus goes away.
+    """
+    link = _Link(bus, nodes)
+    end = time.monotonic() + (float("inf") if seconds is None else seconds)
+    while not ended() and time.monotonic() < end:
+        link.tick()
+        message = receive(bus, PERIOD)
+        if message is not None:
+            link.take(message)
+    return link.traffic
+
+
+async def serve(bus: can.BusABC, *nodes: Node) -> None:
+    """Serve nodes on a bus within asyncio, until the task is cancelled. Raises dahl.RunError where
+    the bus goes away. The bus has no other can.Notifier; where it has one, give that a Listener.
+    """
+    link = _Link(bus, nodes)
+    notifier = can.Notifier(bus, [link.take], loop=asyncio.get_running_loop())
+    try:
+        while notifier.exception is None:
+            link.tick()
+            await asyncio.sleep(PERIOD)
+        raise RunError(f"the bus has gone: {notifier.exception}")
+    finally:
+        notifier.stop()
+
+
+@overload
+def ask(
+    bus: can.BusABC, frame: codec.EncoderState, node: int = 0, timeout: float = 1.0
+) -> codec.FrictionTorque: ...
+@overload
+def ask(
+    bus: can.BusABC, frame: codec.ParamWrite, node: int = 0, timeout: float = 1.0
+) -> codec.ParamReply: ...
+@overload
+def ask(
+    bus: can.BusABC, frame: codec.Reset, node: int = 0, timeout: float = 1.0
+) -> codec.Status: ...
+def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
+    """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
+    EncoderState, ParamReply to a ParamWrite, Status to a Reset. Other frames are passed over.
+    Raises dahl.RunError where none comes within `timeout` s.
+    """
+    kind = ASKED.get(type(frame))
+    if kind is None:
+        raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
+    bus.send(codec.pack(frame, node))
+    until = time.monotonic() + checks.finite("timeout", timeout, "s")
+    while (left := until - time.monotonic()) > 0:
+        message = receive(bus, left)
+        if message is not None and message.arbitration_id == kind.base + node:
+            answer = codec.unpack(message)
+            if _answers(answer, frame):
+                return answer
+    raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}")
+
+
+ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
+    codec.EncoderState: codec.FrictionTorque,
+    codec.ParamWrite: codec.ParamReply,
+    codec.Reset: codec.Status,
+}
+
+
+def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
+    """Whether it repeats the counter of what was asked; Status has none to repeat."""
+    if isinstance(answer, codec.FrictionTorque) and isinstance(frame, codec.EncoderState):
+        return answer.echo == frame.counter
+    if isinstance(answer, codec.ParamReply) and isinstance(frame, codec.ParamWrite):
+        return answer.counter == frame.counter
+    return True
+
+
+class _Link:
+    """Nodes and the bus that they answer on, from any thread."""
+
+    def __init__(self, bus: can.BusABC, nodes: tuple[Node, ...]) -> None:
+        if not nodes:
+            raise Error("no node to serve")
+        self._nodes = [checks.instance(f"nodes[{k}]", node, Node) for k, node in enumerate(nodes)]
+        if len({node.number for node in nodes}) < len(nodes):
+            raise Error("two nodes of one number on one bus")
+        self._bus, self._lock, self.traffic = bus, threading.Lock(), Traffic()
+
+    def take(self, message: can.Message) -> None:
+        with self._lock:
+            self.traffic.received += 1
+            for node in self._nodes:
+                if self._is_for(node, message):
+                    self._send(node.receive(message, time.monotonic()))
+
+    def tick(self) -> None:
+        with self._lock:
+            for node in self._nodes:
+                self._send(node.tick(time.monotonic()))
+
+    def _is_for(self, node: Node, message: can.Message) -> bool:
+        """Not what nodes themselves have sent; of several nodes each sees what has its number."""
+        if message.is_error_frame:
+            return True
+        own = not message.is_rx and message.arbitration_id & ~15 in ANSWERS
+        return not own and (len(self._nodes) == 1 or message.arbitration_id & 15 == node.number)
+
+    def _send(self, message: can.Message | None) -> None:
+        if message is None:
+            return
+        try:
+            self._bus.send(message)
+            self.traffic.sent += 1
+        except (can.CanError, OSError):  # its queue is full, or it has gone: who receives will know
+            self.traffic.refused += 1
