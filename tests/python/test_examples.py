@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -65,3 +66,20 @@ def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path
     said = re.findall(r"tick +(\d+) +(-?\d+) nN m", done.stdout + done.stderr)
     found = {int(tick): int(torque) * 1e-9 for tick, torque in said}
     assert found == pytest.approx(expected_torques(), abs=1e-7)
+
+
+@pytest.mark.checks
+def test_the_notebook_goes_from_a_log_to_the_bus(dahl_loop, root: Path, tmp_path: Path) -> None:
+    """Each cell runs; what it finds is what the log was made of, and the node answers with it."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    book = nbformat.read(root / "examples/notebook/log_to_bus.ipynb", 4)
+    assert not any(cell.get("outputs") or cell.get("execution_count") for cell in book.cells)
+    where = {"metadata": {"path": tmp_path}}
+    done = nbclient.NotebookClient(book, timeout=120, resources=where).execute()
+    found = json.loads((tmp_path / "log_to_bus/rig.json").read_text())
+    assert found["sigma0"] == pytest.approx(120.0, rel=0.01)
+    assert found["Fc"] == pytest.approx(0.8, rel=0.01)
+    run = json.loads((tmp_path / "log_to_bus/run/summary.json").read_text())
+    assert run["ticks"] == 8000 and run["max_error_ulp_Fc"] < 0.6 and run["r2_measured"] > 0.99
+    shown = [out for cell in done.cells for out in cell.get("outputs", []) if "data" in out]
+    assert sum("image/png" in out["data"] for out in shown) == 3

@@ -551,3 +551,14 @@ def test_units_of_the_torque(tmp_path, unit):
         pd.DataFrame({"angle": np.arange(9.0), name: np.arange(9.0)}).to_csv(path, index=False)
         read = readers.read(path, source)
         assert read.torque[-1] == pytest.approx(8 * UNITS_OF_TORQUE[unit], rel=1e-8)
+
+
+def test_a_log_is_never_written_over(log, run_dahl, tmp_path):
+    """Its own name is the default for the files that are left beside it."""
+    path = log()
+    before = path.read_bytes()
+    done = run_dahl("identify", path, "-o", tmp_path)
+    assert done.returncode == 2 and path.read_bytes() == before
+    assert re.fullmatch(r"error: .*log\.csv: what is written into [^\n]+--name\n", done.stderr)
+    assert run_dahl("identify", path, "-o", tmp_path, "--name", "rig").returncode == 0
+    assert path.read_bytes() == before and (tmp_path / "rig.csv").exists()

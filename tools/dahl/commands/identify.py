@@ -183,6 +183,8 @@ def run(args: argparse.Namespace) -> int:
     if args.follow:
         return _follow(args)
     source, options = source_of(args), options_of(args)
+    name = plan_header.identifier(args.name or args.logs[0].stem)
+    _spare(args, name)
     logs, broken = _readable(args, source, options)
     try:
         result = pipeline.identify(logs, options)
@@ -191,8 +193,17 @@ def run(args: argparse.Namespace) -> int:
         raise RunError(f"{rows} rows do not fit into memory (100 bytes a row)") from None
     for path in args.check:
         result.checks[str(path)] = pipeline.check(result, readers.read(path, source))
-    _report(args, result, plan_header.identifier(args.name or args.logs[0].stem))
+    _report(args, result, name)
     return 2 if broken else 0
+
+
+def _spare(args: argparse.Namespace, name: str) -> None:
+    """Raise dahl.Error where a file that this run writes is a log that it reads."""
+    endings = () if args.no_files else (".csv", ".ini", ".json", ".png")
+    written = [path for end in endings if (path := args.output / f"{name}{end}").exists()]
+    for log in (*args.logs, *args.check):
+        if log.exists() and any(map(log.samefile, written)):
+            raise Error(f"{log}: what is written into {args.output} would destroy it; use --name")
 
 
 def _readable(
