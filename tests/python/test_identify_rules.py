@@ -399,7 +399,7 @@ def test_the_exponent_is_found(exponent):
     assert not found.product
 
 
-@pytest.mark.parametrize("times", [0.71, 1.3])
+@pytest.mark.parametrize("times", [0.94, 1.3])
 def test_one_slipping_spring_is_found(times):
     moves = np.diff(THETA, prepend=THETA[0])
     book = book_of(FC * path.bilinear(moves, times * SIGMA0 / FC))
