@@ -5,6 +5,7 @@ claimed of what changes.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +44,10 @@ def test_a_change_of_fc_is_named_and_nothing_claimed(change, said, noise):
 
 def test_a_change_of_sigma0_leaves_fc():
     result = pipeline.identify([changing(1, sigma0=0.3 * RAMP)])
-    assert "sigma0 drifts" in result.verdict.text
+    (part,) = re.findall(r"sigma0 drifts by (\S+) %", result.verdict.text)
+    assert float(part) == pytest.approx(27, abs=5)  # of nine of ten cycles
+    sigma0 = result.cycles.value["sigma0"]
+    assert sigma0[-1] / sigma0[0] == pytest.approx(1.13 / 0.87, rel=0.1)
     assert result.verdict.identifiable == {"sigma0": False, "Fc": True}
 
 

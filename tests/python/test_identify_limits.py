@@ -384,3 +384,10 @@ def test_small_strokes_are_no_flicker(part):
     assert clean.flickers(log) < 8
     theta[100:4000:100] += 3 * part
     assert clean.flickers(log) > 39
+
+
+@pytest.mark.parametrize("counts", [300, 30_000, 3_000_000])
+def test_an_encoder_is_seen_over_any_range(counts):
+    """A slow end of a stroke shows neighbouring counts, however many there are in all."""
+    theta = np.round(counts / 2 * np.sin(np.linspace(-1.58, 1.58, 60_000))) * COUNT
+    assert resolution_of(theta) == pytest.approx(COUNT)

@@ -122,12 +122,14 @@ def test_a_log_is_split_at_the_gaps_of_its_clock(seed):
     assert pipeline.check(result, log) == pytest.approx(result.r2, abs=0.002)
 
 
-@pytest.mark.parametrize("clock", ["steady", "jitter", "coarse", "by edge"])
+@pytest.mark.parametrize("clock", ["steady", "jitter", "coarse", "in bursts", "by edge"])
 def test_a_clock_without_gaps_splits_nothing(clock):
     rng = np.random.default_rng(1)
     log = synthetic(1, rows=3000, cycles=3)
     if clock == "jitter":
         log.time = np.cumsum(rng.uniform(0.5e-3, 1.5e-3, log.rows))
+    elif clock == "in bursts":
+        log.time = np.cumsum(np.where(np.arange(log.rows) % 10, 1e-4, 1e-3))
     elif clock == "coarse":
         log.time = np.floor(log.time / 0.004) * 0.004
     elif clock == "by edge":

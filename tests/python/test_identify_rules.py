@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -33,6 +33,7 @@ from dahl.identify.fit import Interval
 from dahl.identify.model_table import Compared
 from identify_tools import FC, SIGMA0, dahl_torque, sine, synthetic
 from rich.console import Console
+from scipy.optimize import nnls
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -399,15 +400,34 @@ def test_the_exponent_is_found(exponent):
     assert not found.product
 
 
-def test_one_slipping_spring_is_found():
+@pytest.mark.parametrize("times", [0.94, 1.3])
+def test_one_slipping_spring_is_found(times):
     moves = np.diff(THETA, prepend=THETA[0])
-    book = book_of(FC * path.bilinear(moves, 1.3 * SIGMA0 / FC))
+    book = book_of(FC * path.bilinear(moves, times * SIGMA0 / FC))
     (part,) = compare.one(book, "slip", "slip").parts
     assert part == {
         "kind": "slip",
-        "sigma0": pytest.approx(1.3 * SIGMA0, rel=0.02),
+        "sigma0": pytest.approx(times * SIGMA0, rel=0.02),
         "Fc": pytest.approx(FC, rel=0.01),
     }
+
+
+def test_the_best_pair_of_all_rows_is_taken():
+    """Against non-negative least squares over each pair, in a log whose first cycles are odd."""
+    moves = np.diff(THETA, prepend=THETA[0])
+    a = SIGMA0 / FC * compare.NODES
+    drawn = {one: path.bilinear(moves, one) for one in a}
+    torque = 0.3 * drawn[a[4]] + 0.2 * drawn[a[10]]
+    torque[:900] = 0.5 * drawn[a[7]][:900]
+    book = book_of(torque)
+    used = book.cut.root > 0
+    costs = {
+        (one, two): nnls(np.column_stack((drawn[one], drawn[two]))[used], torque[used])[1]
+        for one, two in combinations(a, 2)
+    }
+    found = compare.pair(book, "slip", "slip", 0.0)
+    chosen = tuple(sorted(part["sigma0"] / part["Fc"] for part in found.parts))
+    assert chosen == pytest.approx(min(costs, key=costs.get), rel=1e-6)
 
 
 def test_the_size_of_a_model_is_its_parameters(plain_book):
@@ -473,6 +493,7 @@ def test_many_cycles_are_put_together():
     cut = cycles.Cut([synthetic(1, rows=10_000, cycles=60)], 200.0, 0.003, 10)
     assert 24 <= len(cut.spans) < 40  # of 59
     assert all(one.stop == two.start for one, two in pairwise(cut.spans))
+    assert cut.spans[-1].stop == cut.ends[-1] and cut.spans[0].start < 0.1 * cut.ends[-1]
 
 
 def test_few_cycles_are_strokes():

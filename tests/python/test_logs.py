@@ -143,3 +143,11 @@ def test_candump_round_trip(written):
 def test_bad_candump_logs_are_named_by_line(written, text, words):
     with pytest.raises(Error, match=re.escape(words)):
         logs.read_candump(written(text, "run.log"))
+
+
+@pytest.mark.parametrize(("count", "more"), [(30, ""), (31, ", and 1 more"), (75, ", and 45 more")])
+def test_a_complaint_lists_thirty_names(count, more):
+    names = [f"column{number}" for number in range(count)]
+    shown = ", ".join(names[:30])
+    assert logs.meant("nothing like it", names) == f" (there are: {shown}{more})"
+    assert logs.meant("COLUMN7x", names).startswith("; did you mean 'column7'? (there are: ")

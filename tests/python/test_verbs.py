@@ -31,6 +31,33 @@ pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 # --- all verbs ------------------------------------------------------------------------------------
 
+NEEDED = {
+    "plan --sigma0 1 --fc 1 --theta-per-count 0 -o -": (
+        "--sigma0",
+        "--fc",
+        "--theta-per-count",
+        "-o",
+    ),
+    "excite --counts-per-turn 1 --sigma0 1": ("--counts-per-turn",),
+    "record -i virtual -c x -o x.log": ("-o",),
+    "plot build/demo": ("build/demo",),
+    "report build/demo": ("build/demo",),
+}
+
+
+@pytest.mark.parametrize(
+    ("words", "needed"), [(words, one) for words, many in NEEDED.items() for one in many]
+)
+def test_what_has_to_be_said_is_asked_for(dahl, words, needed):
+    """In one line that names it, and before anything is looked for or written."""
+    given = words.split()
+    place = given.index(needed)
+    code, said = complaint(dahl(*given[:place], *given[place + 1 + needed.startswith("-") :]))
+    assert code == 2 and re.search("required", said)
+    assert ("RUN" if needed == "build/demo" else needed) in said
+    assert not list(Path.cwd().iterdir())
+
+
 DEFAULTS = {
     "demo": {"torque_scale": 1.0, "offset": 0.0, "spring": 0.0, "seconds": None, "seed": None},
     "identify": {"jobs": -1, "within": 2.0, "median": 0, "counts_per_turn": 0.0, "terms": None},
