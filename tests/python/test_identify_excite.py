@@ -170,3 +170,12 @@ def test_bad_input(run_dahl, words, said):
     assert done.returncode == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["{}", '{"sigma0": 1}', "[]", "5", '{"sigma0": "x", "Fc": 1}'])
+def test_a_json_that_is_no_identification_is_one_line(run_dahl, tmp_path, text):
+    (tmp_path / "x.json").write_text(text)
+    done = run_dahl("excite", "--from", tmp_path / "x.json", "--counts-per-turn", 1000)
+    assert done.returncode == 2
+    words = f"error: {tmp_path / 'x.json'}: not what dahl identify leaves (sigma0 and Fc)\n"
+    assert done.stderr == words

@@ -371,11 +371,13 @@ def test_json_says_how_a_log_was_treated(result):
     """Under its own name, what the fit did: weights, pieces, findings, options, sign."""
     weights = np.ones(1500)
     weights[:7] = 0.5
-    logs = [replace(result.logs[0], weight=weights), result.logs[1].head(400)]
+    name = result.logs[0].name  # two pieces of one log
+    logs = [replace(result.logs[0], weight=weights), replace(result.logs[1].head(400), name=name)]
     said = [Finding("this", ("Fc",)), Finding("that")]
     found = replace(result, logs=logs, findings=said, sign=-1.0, inner=True, median=9)
     kept = json.loads(output.as_json(replace(found, options={"terms": ["offset"]})))
     wanted = {
+        "logs": [name],
         "rows": 1900,
         "pieces": [1500, 400],
         "rows_weighing_less": 7,

@@ -412,6 +412,16 @@ def test_one_slipping_spring_is_found(times):
     }
 
 
+def test_all_columns_of_a_late_torque_are_late(plain_book):
+    """Those of the elements and those of the terms."""
+    late = compare.Dictionary(plain_book.cut, plain_book.a, ("spring",), 4.0)
+    there = compare.Dictionary(plain_book.cut, plain_book.a, ("spring",), 0.0)
+    key = compare.Key("slip", 150.0)
+    for moved, still in ((late.column(key), there.column(key)), (late.beside, there.beside)):
+        assert moved[4:] == pytest.approx(still[:-4])
+        assert np.abs(moved - still).max() > 0
+
+
 def test_the_best_pair_of_all_rows_is_taken():
     """Against non-negative least squares over each pair, in a log whose first cycles are odd."""
     moves = np.diff(THETA, prepend=THETA[0])
