@@ -26,6 +26,7 @@ from dahl.monitor_curves import even_ticks
 from dahl.monitor_view import View
 from identify_tools import caller
 from loop_tools import wait_until
+from rich.screen import Screen
 
 KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Status": 0x5, "ParamReply": 0x9}
 
@@ -76,7 +77,7 @@ def frames(dbc, *messages):
         )
 
 
-def text_of(view: View, width: int = 100, height: int = 40) -> str:
+def text_of(view: View | Screen, width: int = 100, height: int = 40) -> str:
     from rich.console import Console
 
     console = Console(width=width, height=height, record=True, file=io.StringIO())
@@ -219,7 +220,7 @@ def test_view_fits_small_and_large_terminals(dbc, width, height, made):
     """Counters above all else, and a curve below them."""
     view = made(dbc)
     view.fills_screen = True
-    shown = text_of(view, width, height).rstrip("\n")
+    shown = text_of(Screen(view), width, height).rstrip("\n")  # as rich's Live draws it
     lines = shown.splitlines()
     assert max(map(len, lines)) <= width
     assert len(lines) <= height
