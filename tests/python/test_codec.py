@@ -88,19 +88,7 @@ STRUCTS = {
     "Reset": Reset,
 }
 # Signals whose range the meaning bounds, not the number of bits.
-BOUNDED = (
-    "TorqueRatio",
-    "Write",
-    "Gain",
-    "Limit",
-    "Ramp",
-    "Timeout",
-    "MaxStep",
-    "StatusPeriod",
-    "Model",
-    "Load",
-    "Param",
-)
+BOUNDED = ("TorqueRatio", "Write", *PARAMS[PARAMS.index("Gain") :], "Param")
 
 
 @pytest.fixture(scope="module")
