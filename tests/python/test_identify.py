@@ -179,8 +179,10 @@ def test_backlash_is_named_and_its_travel_not_counted():
     log = replace(synthetic(1), theta=theta, torque=torque, resolution=0.0)
     result = pipeline.identify([log])
     assert result.backlash == pytest.approx(gap, rel=0.35)
-    assert "backlash" in result.verdict.text
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.15)
+    assert result.estimate.ci95["sigma0"].low < 0.5 * SIGMA0  # as soft as the zone if that is none
+    assert not result.verdict.sigma0
+    assert "sigma0 hangs on the backlash" in result.verdict.text
 
 
 def with_play(theta: np.ndarray, gap: float) -> np.ndarray:

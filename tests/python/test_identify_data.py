@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from dahl import data
 from identify_tools import caller
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -19,6 +20,12 @@ DAMPER = (
     *("--time", "1", "--angle", "2", "--torque", "3"),
     *("--time-unit", "s", "--angle-unit", "in", "--torque-unit", "kip"),
 )
+PENDULUM = ["2026-01-15_10h28m10.json", "2026-01-15_10h29m04.json"]
+DAMPERS = [
+    "dataset-1_0.5Hz80lbtension.json",
+    "dataset-3_0.5Hz30lbtension0.5amplitude.json",
+    "dataset-4_harmonic0.015forward.json",
+]
 NAMES = (
     "sigma0",
     "Fc",
@@ -37,15 +44,24 @@ def run_dahl(capsys):
     return caller(capsys)
 
 
+@pytest.fixture(scope="module")
+def known():
+    """What was found before, by the words of the call."""
+    return {}
+
+
 @pytest.fixture
-def identified(run_dahl):
-    """Run the command on files, return its JSON."""
+def identified(run_dahl, known):
+    """Run the command on files, once each, return its JSON."""
 
     def run(*words) -> dict:
+        if words in known:
+            return known[words]
         done = run_dahl("identify", *words, "--json", "-", "--no-files")
         assert done.returncode == 0, done.stderr
         found = json.loads(done.stdout)
         assert all(name in found for name in NAMES)
+        known[words] = found
         return found
 
     return run
@@ -61,17 +77,15 @@ def test_tribometer(identified, measured_file):
     assert "loop is bilinear" in found["verdict"]
 
 
-@pytest.mark.parametrize(("left_out", "least"), [("1", 0.92), ("2", 0.915), ("3", 0.92)])
+@pytest.mark.parametrize(("left_out", "least"), [("1", 0.94), ("2", 0.94), ("3", 0.95)])
 def test_cycloidal_play_on_a_repetition_not_fitted(identified, measured_file, left_out, least):
-    """0.920, 0.918 and 0.920: the goal of 0.92 is missed with the second left out."""
+    """Offset and spring are found by whole logs left out."""
     files = {n: measured_file("cycloidal", f"play_test{n}.csv") for n in "123"}
     check = files.pop(left_out)
     found = identified(*files.values(), "--check", check)
     assert found["checks"][str(check)] >= least
-    assert found["r2"] > 0.92
-    assert found["r2_coulomb"] < 0.8
-    assert found["held_out"]["dahl"]["r2"] > found["held_out"]["coulomb"]["r2"] + 0.3
-    assert found["identifiable"] == {"sigma0": True, "Fc": True}
+    assert set(found["extra"]) == {"offset", "spring"}
+    assert found["held_out"]["dahl"]["r2"] > found["held_out"]["coulomb"]["r2"] + 0.2
     assert any("turns back at once" in note for note in found["notes"])
 
 
@@ -83,7 +97,7 @@ def test_cycloidal_stiffness(identified, measured_file, tests):
     assert found["extra"]["spring"] == pytest.approx(240, rel=0.05)  # N m/rad
 
 
-@pytest.mark.parametrize("file", ["2026-01-15_10h28m10.json", "2026-01-15_10h29m04.json"])
+@pytest.mark.parametrize("file", PENDULUM)
 def test_servo_pendulum(identified, measured_file, file):
     found = identified(measured_file("servo_pendulum", file), *SERVO)
     assert "Dahl no better than Coulomb" in found["verdict"]
@@ -101,47 +115,65 @@ def test_pneumatic_with_its_spikes(identified, measured_file):
     assert found["extra"]["offset"] == pytest.approx(5 * 49.5, rel=0.02)  # N, the pressure's load
 
 
-@pytest.mark.parametrize(
-    "file", ["dataset-1_0.5Hz80lbtension.json", "dataset-3_0.5Hz30lbtension0.5amplitude.json"]
-)
+@pytest.mark.parametrize("file", DAMPERS[:2])
 def test_friction_damper(identified, measured_file, file):
     found = identified(measured_file("friction_damper", file), *DAMPER)
-    assert "backlash" in found["verdict"]
     assert 1.5e-3 < found["backlash"] < 3.5e-3  # m
     assert any("backlash" in note for note in found["notes"])
+    assert any("backlash" in words for words in found["plan"]["against"])
 
 
-VERDICTS = {  # of each set: files, words of the call, what is claimed of sigma0 and Fc, the reason
-    "pneumatic 1 bar": ("pneumatic", ["Circle_1bar.csv"], PNEUMATIC, ""),
-    "pneumatic 3 bar": ("pneumatic", ["PK_3bar.csv"], PNEUMATIC, ""),
-    "pneumatic 5 bar": ("pneumatic", ["Circle_5bar.csv"], PNEUMATIC, "Fc drifts"),
-    "moving load": ("friction_damper", ["dataset-4_harmonic0.015forward.json"], DAMPER, ""),
+BOTH, NEITHER = {"sigma0": True, "Fc": True}, {"sigma0": False, "Fc": False}
+ONLY_FC = {"sigma0": False, "Fc": True}
+PLAY, STIFFNESS = (["play_test1.csv", "play_test2.csv", "play_test3.csv"], ["stiffness_test1.csv"])
+NESTED = ("--angle", "1", "--torque", "2", "--angle-unit", "mm")
+VERDICTS = {  # of each set: files, words of the call, what is claimed, the reason
+    # One slip element explains more, and its slope at rest lies within the interval.
+    "tribometer": ("tribometer", ["reciprocating.tsv"], (), BOTH, "slip K=1 explains more"),
+    # Six strokes: models with 3120 to 9450 N m/rad predict a log left out as well as each other.
+    "play": ("cycloidal", PLAY, (), NEITHER, "sigma0 hangs on the model"),
+    # Two strokes: a spring or none, 1540 or 3500 N m/rad.
+    "one play": ("cycloidal", PLAY[:1], (), ONLY_FC, "sigma0 hangs on the terms"),
+    # A control: the spring of the gear hides presliding.
+    "stiffness": ("cycloidal", STIFFNESS, (), ONLY_FC, "sigma0 known within"),
+    # Controls: a load that swings is no friction.
+    "pendulum 1": ("servo_pendulum", PENDULUM[:1], SERVO, NEITHER, "no better than Coulomb"),
+    "pendulum 2": ("servo_pendulum", PENDULUM[1:], SERVO, NEITHER, "no better than Coulomb"),
+    # Seals bend more slowly than one exponential: two slip elements are half as stiff again.
+    "pneumatic 1 bar": ("pneumatic", ["Circle_1bar.csv"], PNEUMATIC, ONLY_FC, "hangs on the model"),
+    "pneumatic 3 bar": ("pneumatic", ["PK_3bar.csv"], PNEUMATIC, ONLY_FC, "hangs on the model"),
+    # Cycle by cycle Fc goes from 8.6 to 9.2 N.
+    "pneumatic 5 bar": ("pneumatic", ["Circle_5bar.csv"], PNEUMATIC, NEITHER, "Fc drifts"),
+    # Play counted as travel or not, all within the interval.
+    "damper 1": ("friction_damper", DAMPERS[:1], DAMPER, BOTH, "backlash"),
+    "damper 3": ("friction_damper", DAMPERS[1:2], DAMPER, BOTH, "backlash"),
+    # The load moves within the log.
+    "moving load": ("friction_damper", DAMPERS[2:], DAMPER, ONLY_FC, "sigma0 hangs on the model"),
+    # Steel hardens: Fc grows with the amplitude.
+    "nested loops": ("nested_loops", ["damper1.csv"], NESTED, NEITHER, "Fc drifts"),
 }
 
 
 @pytest.mark.parametrize("name", VERDICTS)
 def test_the_verdict_of_each_set(identified, measured_file, name):
-    """What drifts is not claimed; what is claimed has a plan that is good on the raw motion."""
-    folder, files, words, reason = VERDICTS[name]
+    """What is claimed has an interval that says so; what is not has the reason in the same line."""
+    folder, files, words, claimed, reason = VERDICTS[name]
     found = identified(*[measured_file(folder, file) for file in files], *words)
-    assert found["identifiable"] == dict.fromkeys(("sigma0", "Fc"), not reason)
+    assert found["identifiable"] == claimed
     assert reason in found["verdict"]
-    assert found["r2_plan"] > 0.9
+    for parameter in (name for name, is_claimed in claimed.items() if is_claimed):
+        low, high = found["ci95"][parameter]
+        assert low < found[parameter] < high < 2 * low
+
+
+def test_every_set_has_a_verdict():
+    """That of the car has a test of its own."""
+    assert set(data.SETS) == {folder for folder, *_ in VERDICTS.values()} | {"can_steering"}
 
 
 def test_nested_loops(identified, measured_file):
-    found = identified(
-        measured_file("nested_loops", "damper1.csv"),
-        "--angle",
-        "1",
-        "--torque",
-        "2",
-        "--angle-unit",
-        "mm",
-    )
+    found = identified(measured_file("nested_loops", "damper1.csv"), *NESTED)
     assert found["r2"] > 0.98
-    assert found["identifiable"] == {"sigma0": False, "Fc": False}
-    assert "Fc drifts" in found["verdict"]  # steel hardens: Fc grows with the amplitude
 
 
 def test_can_logs_of_a_parked_car_are_read_alike_and_claim_nothing(identified, measured_file):

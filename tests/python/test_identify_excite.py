@@ -28,11 +28,6 @@ def run_dahl(capsys):
     return caller(capsys)
 
 
-# What the bound of a design knows of: an offset and no delay. What else may be chosen widens the
-# interval.
-KNOWN = pipeline.Options(terms=("offset",), delay=False)
-
-
 def measured(motion: design.Motion, seed: int, noise: float = 0.05) -> Log:
     """What a rig would log of the motion."""
     random = np.random.default_rng(seed)
@@ -45,10 +40,11 @@ def measured(motion: design.Motion, seed: int, noise: float = 0.05) -> Log:
 
 @pytest.mark.parametrize("within", [0.02, 0.005])
 def test_the_interval_asked_for_is_reached(within):
+    """With everything to be chosen: the interval over all choices is at most twice as wide."""
     motion = design.propose(replace(WANTED, within=within))
     errors, widths = [], []
-    for seed in range(12):
-        result = pipeline.identify([measured(motion, seed)], KNOWN)
+    for seed in range(5):
+        result = pipeline.identify([measured(motion, seed)])
         errors.append(abs(result.estimate.sigma0 / SIGMA0 - 1))
         widths.append(result.estimate.ci95["sigma0"].relative(SIGMA0))
     assert np.median(errors) < within
@@ -57,21 +53,11 @@ def test_the_interval_asked_for_is_reached(within):
 
 
 def test_a_quarter_of_the_motion_is_not_enough():
-    motion = design.propose(replace(WANTED, within=0.003))
-    part = replace(motion, cycles=max(motion.cycles // 4, 1))
-    widths = [
-        np.median(
-            [
-                pipeline.identify([measured(one, seed)], KNOWN)
-                .estimate.ci95["sigma0"]
-                .relative(SIGMA0)
-                for seed in range(5)
-            ]
-        )
-        for one in (part, motion)
-    ]
-    assert widths[0] > 1.5 * 0.003
-    assert widths[1] < 1.5 * 0.003
+    motion = design.propose(replace(WANTED, within=0.005))
+    part = replace(motion, cycles=motion.cycles // 4)
+    results = [pipeline.identify([measured(part, seed)]) for seed in range(3)]
+    widths = [one.estimate.ci95["sigma0"].relative(SIGMA0) for one in results]
+    assert np.median(widths) > 2 * 0.005
 
 
 def test_speed_and_reversals_are_kept():

@@ -23,14 +23,6 @@ FILTERS = {
 }
 
 
-def misses_the_truth(result) -> bool:
-    ends = result.estimate.ci95
-    return not (
-        ends["sigma0"].low <= SIGMA0 <= ends["sigma0"].high
-        and ends["Fc"].low <= FC <= ends["Fc"].high
-    )
-
-
 @pytest.mark.parametrize("place", ["before the noise", "behind it"])
 @pytest.mark.parametrize("name", FILTERS)
 def test_a_low_passed_torque_is_not_believed(name, place):
@@ -39,9 +31,11 @@ def test_a_low_passed_torque_is_not_believed(name, place):
     behind = place == "behind it"
     log.torque = FILTERS[name](drawn + noise * behind) + noise * (not behind)
     result = pipeline.identify([log], pipeline.Options(delay=False))
-    assert misses_the_truth(result)
+    sigma0 = result.estimate.sigma0
+    assert sigma0 < 0.95 * SIGMA0  # as a fit sees it
+    assert result.estimate.ci95["sigma0"].high > 1.1 * sigma0
     assert not result.verdict.sigma0
-    assert "low-passed" in result.verdict.text
+    assert any(words in result.verdict.text for words in ("low-passed", "sigma0 hangs on"))
 
 
 @pytest.mark.parametrize("kind", [{"part": 0.2}, {}, {"shared": 0.95}])

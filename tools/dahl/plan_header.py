@@ -123,38 +123,52 @@ def _parameters(plan: AnyPlan, names: tuple[str, ...]) -> str:
     )
 
 
-def text(name: str, plan: AnyPlan, comment: list[str]) -> str:
+def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> str:
     """The header: `static const dahl_plan_t dahl_plan_NAME` (or dahl_slip_plan_t, ...), the words
     of dahl_prepare() (dahl_slip_prepare(), ...) in the order of the struct, since C++ has had
-    designated initialisers only since C++20. Another version of the library may order them
-    otherwise, and is refused when the header is compiled.
+    designated initialisers only since C++20; of several plans each with an ending of its own.
+    Another version of the library may order them otherwise, and is refused when the header is
+    compiled.
     """
-    prefix, header, names = KINDS[type(plan)]
-    words = structure(f"{prefix}plan_t").from_buffer_copy(plan._words)
+    plans = plan if isinstance(plan, dict) else {"": plan}
+    kinds = [KINDS[type(one)] for one in plans.values()]
     guard = f"DAHL_PLAN_{name.upper()}_H"
     major, minor, _ = __version__.split(".")
+    said = [
+        f"{prefix}prepare() of {_parameters(one, names)}; keep it const."
+        for one, (prefix, _, names) in zip(plans.values(), kinds, strict=True)
+    ]
     lines = [
         "/*",
         *(f" * {line}".rstrip() for line in comment),
         *([" *"] if comment else []),
-        f" * {prefix}prepare() of {_parameters(plan, names)}; keep it const.",
+        *(f" * {line}" for line in said),
         " */",
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
-        f'#include "{header}"',
+        *(f'#include "{header}"' for header in sorted({header for _, header, _ in kinds})),
         "",
         f"#if DAHL_VERSION_MAJOR != {major} || DAHL_VERSION_MINOR != {minor}",
         f'#error "this plan was made for dahl {major}.{minor}: make it again with this version"',
         "#endif",
         "",
+        *(line for ending, one in plans.items() for line in _words(f"{name}{ending}", one)),
+        f"#endif /* {guard} */",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _words(name: str, plan: AnyPlan) -> list[str]:
+    """One plan."""
+    prefix = KINDS[type(plan)][0]
+    words = structure(f"{prefix}plan_t").from_buffer_copy(plan._words)
+    return [
         f"static const {prefix}plan_t dahl_plan_{name} = {{",
         *(line for field, value in _fields(words) for line in _folded(f"/* {field} */ {value},")),
         "};",
         "",
-        f"#endif /* {guard} */",
     ]
-    return "\n".join(lines) + "\n"
 
 
 def _folded(field: str) -> list[str]:

@@ -27,6 +27,7 @@ MORE_THAN_ROUNDING = 0.3  # counts of noise beside the rounding
 SHOWS = 1e-3  # presliding lengths of noise, where the log shows no encoder
 BIAS = 0.5  # of the half width of an interval, that may pass unsaid
 TOO_MUCH = 0.06  # presliding lengths: from here on the trial tells too little of the error
+LEAST_LEFT = 0.1  # of a parameter: farther its interval is not drawn out
 STROKE = 0.5  # of the range of the angle, that a stroke covers at least
 KEPT, MEAN_OF_KEPT = 0.95, 0.717  # of the sizes, spikes apart; their mean over the standard error
 ALTERNATES = -0.3  # correlation of third differences; independent errors give -0.75
@@ -70,7 +71,9 @@ def finding(result: Result, refit: Refit) -> list[Finding]:
     moved = ", ".join(f"{name} by {100 * shift[name]:+.1f} %" for name in doubts)
     log, most = result.raw[0], max(noises)
     counts = f" ({most / log.resolution:.1f} counts)" if log.resolution else ""
-    return [Finding(f"angle noise of {most:.3g} {log.angle_unit}{counts} moves {moved}", doubts)]
+    words = f"angle noise of {most:.3g} {log.angle_unit}{counts} moves {moved}"
+    true = {name: getattr(estimate, name) / max(1 + shift[name], LEAST_LEFT) for name in doubts}
+    return [Finding(words, doubts, {name: (value, value) for name, value in true.items()})]
 
 
 def _shows(log: Log, noise: float, a: float) -> bool:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""All that may be chosen beside sigma0 and Fc (the terms, the delay of the torque, the angle as it
-was read or between the counts), each choice fitted and scored by cycles left out.
+"""All that may be chosen beside sigma0 and Fc (the terms, the delay of the torque, whether backlash
+is travel), each choice fitted and scored by cycles left out.
 
 The simplest choice within one standard error of the best is taken. All choices within it are
 plausible, and the interval of a parameter goes over all of them: by how much a choice moves it, and
@@ -20,14 +20,14 @@ from scipy.stats import t as student
 
 from dahl.identify import path
 from dahl.identify.cycles import Cut, LeftOut, excess, jackknife, least_squares, left_out
-from dahl.identify.fit import Interval
+from dahl.identify.fit import Estimate, Interval
 from dahl.identify.sweep import CORE
 
 APART = 0.02  # of log a: where the change with it is taken
 STEPS, LONGEST = 6, 0.4  # of Gauss and Newton; of log a
 RELUCTANT = 2.0  # standard errors: what is not there is not put in for less
 PAYS, MUCH = 0.03, 1.4  # of a cost
-DOUBT = 1 / 3  # of what another model makes a number move: it is but one of many
+DOUBT = 1 / 2  # of what another model makes a number move: it is but one of many
 STILL = 2e-3  # of log a, from where on a step ends the search
 
 
@@ -37,7 +37,7 @@ class Choice:
 
     terms: tuple[str, ...] = ()
     delay: float = 0.0  # rows, the torque late where above 0
-    angle: str = ""  # how it differs from the one that was cleaned
+    backlash: bool = False  # counted as travel, where the one that was cleaned leaves it out
     model: str = "Dahl"
 
     @property
@@ -56,7 +56,7 @@ class Choice:
         return {
             "the delay": self.delay,
             "the terms": self.terms,
-            "the angle between counts": self.angle,
+            "the backlash": self.backlash,
             "the model": self.model,
         }
 
@@ -73,6 +73,15 @@ class Trial:
     plausible: bool = field(default=False, kw_only=True)
     step: float = 0.0  # of log a, that was still to go
     terms: dict[str, float] = field(default_factory=dict)  # N m (N) and so on
+    errors: dict[str, float] = field(default_factory=dict)  # standard errors of the terms
+
+    @classmethod
+    def unscored(cls, choice: Choice, point: Estimate, plausible: bool) -> Trial:
+        """A fit of all rows, of which no cycle was left out."""
+        value = {name: float(getattr(point, name)) for name in ("sigma0", "Fc")}
+        without = {name: np.array([number]) for name, number in value.items()}
+        cost = np.array([point.sse])
+        return cls(choice, point.a, value, without, cost, plausible=plausible, terms=point.terms)
 
     @property
     def active(self) -> bool:
@@ -123,7 +132,8 @@ def read(cut: Cut, grams: np.ndarray, a: float, choice: Choice) -> Trial | None:
     value = {"sigma0": a * (Fc + change), "Fc": float(Fc)}
     without = {"sigma0": a * (part + result.found[:, 1]), "Fc": part}
     named = dict(zip(choice.terms, map(float, best[2:]), strict=True))
-    return Trial(choice, a, value, without, result.cost, step, named)
+    apart = dict(zip(choice.terms, map(jackknife, result.found[:, 2:].T), strict=True))
+    return Trial(choice, a, value, without, result.cost, step, named, apart)
 
 
 def of_terms(

@@ -138,9 +138,12 @@ def _later(columns: np.ndarray, by: int) -> np.ndarray:
 
 def units_of(log: Log, least_turn: float) -> np.ndarray:
     """The number of its cycle for each row: between every second reversal, or between all of them
-    where these are few.
+    where these are few, with what is before the first and behind the last where there are hardly
+    any (one log of several that are short).
     """
     turns = path.reversals(log.theta, least_turn)
+    if 2 * len(turns) <= LEAST:
+        return np.searchsorted(turns, np.arange(log.rows), side="right")
     starts = turns[::2] if len(turns) > 2 * LEAST else turns
     cycle = np.searchsorted(starts, np.arange(log.rows), side="right") - 1
     return np.clip(cycle, 0, max(len(starts) - 2, 0))
@@ -194,9 +197,3 @@ def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
     """By how much a cost is above the best one, and the standard error of that, from cycles."""
     apart = cost - best
     return float(apart.sum()), float(apart.std(ddof=1) * np.sqrt(len(apart)))
-
-
-def within_one_error(cost: np.ndarray, best: np.ndarray) -> bool:
-    """The rule of one standard error, of the difference, cycle by cycle."""
-    more, error = excess(cost, best)
-    return more <= error

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dahl.identify.choices import Trial, fitted
-from dahl.identify.cycles import Cut, excess
+from dahl.identify.cycles import Cut, excess, jackknife
 
 FAR = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)  # rows, both ways
 HALVINGS, VERTICES, LEAST = 2, 2, 0.01  # steps to the best delay; rows
@@ -83,6 +83,22 @@ def _vertex(around: Sequence[Trial]) -> list[float]:
     place = -slope / (2 * bend) if bend > 0 else delays[1]
     inside = delays[0] < place < delays[2]
     return [float(place)] if inside and abs(place - delays[1]) > LEAST else []
+
+
+def standard_error(trials: Sequence[Trial], taken: Trial) -> float:
+    """Of the delay that was taken, rows: by the best one beside it when each cycle is left out; 0
+    where none was taken.
+    """
+    same = {one.choice.delay: one for one in trials if one.choice.terms == taken.choice.terms}
+    near = sorted(same.values(), key=lambda one: abs(one.choice.delay - taken.choice.delay))[:3]
+    if taken.choice.delay == 0 or len(near) < 3:
+        return 0.0
+    delays = [one.choice.delay for one in near]
+    costs = np.array([one.cost for one in near])
+    rest = costs.sum(axis=1, keepdims=True) - costs  # (3, cycles), without each cycle
+    bend, slope, _ = np.polyfit(delays, rest, 2)
+    places = np.clip(-slope / (2 * bend), min(delays), max(delays))
+    return jackknife(np.where(bend > 0, places, taken.choice.delay))
 
 
 def at_the_end(trials: list[Trial]) -> bool:

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: MIT
 """Which motion tells sigma0 and Fc best: the design of the experiment behind `dahl excite`.
 
-For guessed parameters the sensitivities of the torque to sigma0, Fc and an offset are known along
-any motion; their products, summed over the rows, give the interval that a fit can reach (the
-Cramer-Rao bound). A sine is proposed: its amplitude gives most about sigma0 per second, its number
-of cycles is what the wanted interval needs. The encoder adds noise of its own (a uniform error of
-one count, times the slope) and sets a lower limit: presliding must be several counts long.
+For guessed parameters the sensitivities of the torque to sigma0 and Fc, and to the offset, spring
+and viscous part that a log may have beside them, are known along any motion; their products, summed
+over the rows, give the interval that a fit can reach (the Cramer-Rao bound). A sine is proposed:
+its amplitude gives most about sigma0 per second, its number of cycles is what the wanted interval
+needs. The encoder adds noise of its own (a uniform error of one count, times the slope) and sets a
+lower limit: presliding must be several counts long.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ def _sine(wanted: Wanted, amplitude: float) -> Motion:
 
 
 def _information(wanted: Wanted, amplitude: float, rows: int) -> np.ndarray:
-    """Of one cycle in the steady loop, about sigma0, Fc and an offset: (3, 3)."""
+    """Of one cycle in the steady loop, about sigma0, Fc and three terms: (5, 5)."""
     theta = amplitude * np.sin(2 * np.pi * np.arange(3 * rows) / rows)
     moves = np.diff(theta, prepend=0.0)
 
@@ -115,6 +116,8 @@ def _information(wanted: Wanted, amplitude: float, rows: int) -> np.ndarray:
         )
         / (2 * step * wanted.Fc),
         np.ones(len(theta)),
+        theta,
+        moves,  # as the speed, for a viscous part
     ]
     ratio = torque(wanted.sigma0, wanted.Fc) / wanted.Fc
     slope = wanted.sigma0 * (1 - np.sign(moves) * ratio)

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dahl import plots
+from dahl.identify import carried, pipeline, plan_quality
 from dahl.identify import path as paths
-from dahl.identify import plan_quality
 from dahl.identify.fit import dense_of, profile_of
 from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
@@ -24,7 +24,7 @@ from dahl.plots import COMPUTED, MEASURED
 POINTS = 20_000  # drawn of a long log
 ODD = 0.5  # weight below which a row is marked
 SPEED_ROWS = 9  # over which a speed is taken
-COULOMB, MARK = "#3d7ea6", "#e9a23b"
+COULOMB, MARK, CHOSEN = "#3d7ea6", "#e9a23b", "#3c8f5a"
 SMALL = 1.0  # m: a linear motion of less is shown in mm
 
 
@@ -107,10 +107,11 @@ def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
     axes.plot(shown.angle, measured[some], color=MEASURED, linewidth=1.1, label="as measured")
     drawn = result.predicted[index]
     sign = paths.coulomb(log.moves, 0.0) * result.estimate.Fc
-    sign = sign + plan_quality.load_of(result, log)
+    sign = sign + plan_quality.load_of(result, log, result.estimate.terms)
     angle = (log.theta - shown.raw.theta[0])[some] / shown.size
     axes.plot(angle, sign[some], color=COULOMB, linewidth=1.0, label="Coulomb")
     axes.plot(angle, drawn[some], color=COMPUTED, linewidth=1.4, label="fitted")
+    _chosen(axes, result, log, angle, some)
     for label, marks, style in marks_of(shown):
         if marks.any():
             words = f"{label}: {100 * marks.mean():.1f} % of the rows"
@@ -120,6 +121,16 @@ def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
     if log.linear:
         axes.set_xlabel(f"position from the start [{shown.unit}]")
     axes.legend(loc="best", fontsize=9)
+
+
+def _chosen(axes: Axes, result: Result, log: Log, angle: np.ndarray, some: slice) -> None:
+    """The model that header and scene carry, where that is not Dahl's."""
+    friction = carried.of(result)
+    if friction.model != "dahl":
+        load = pipeline.extra(log, friction.terms)
+        drawn = plan_quality.drawn(friction, log.moves, log.torque - load) + load
+        label = f"{result.explored.models.chosen} (chosen)"
+        axes.plot(angle, drawn[some], color=CHOSEN, linewidth=1.4, label=label)
 
 
 def marks_of(shown: Shown) -> list[tuple[str, np.ndarray, str]]:

@@ -44,12 +44,12 @@ def _closed(left: float, power: float) -> float:
     return float(max(left, CLOSED) ** power)
 
 
-def asymmetric(moves: np.ndarray, a: float, part: float) -> np.ndarray:
+def asymmetric(moves: np.ndarray, a: float, part: float, before: float = 0.0) -> np.ndarray:
     """Dahl's with Fc+ = h (1 + part) and Fc- = h (1 - part), one sigma0 for both, as F = m + h w:
-    w alone; a = sigma0/h.
+    w alone, from `before` on; a = sigma0/h. Relaxed is w = -part.
     """
     forward = moves > 0
-    return path.dahl(np.where(forward, moves / (1 + part), moves / (1 - part)), a)
+    return path.dahl(np.where(forward, moves / (1 + part), moves / (1 - part)), a, before)
 
 
 def of_exponent(exponent: float) -> Element:

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from dahl.identify import choices, delay, model_table
+from dahl.identify import choices, delay, fit, model_table
 from dahl.identify.choices import Choice, Trial
 from dahl.identify.cycles import Cut
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
 from dahl.identify.model_table import Compared
+from dahl.identify.sweep import Sweep
 
 LEAST_CYCLES = 6  # or strokes, that a choice is scored by
 LONG = 40.0  # rows: from here on a delay is corrected, but its numbers are not claimed
@@ -72,6 +73,29 @@ def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: 
     findings += model_table.findings(models)
     trials = trials + model_table.plausible(models)
     return Explored(trials, taken, cut.spread, models, findings)
+
+
+def unscored(found: Sweep, estimate: Estimate, sets: Sequence[tuple[str, ...]]) -> Explored:
+    """Where there are too few cycles to score a choice, each set of terms is plausible with which
+    the logs are drawn as well as with those of the estimate.
+    """
+    limit = (1 + choices.PAYS) * estimate.sse
+    points = {terms: fit.point(found, terms) for terms in sets}
+    trials = [
+        Trial.unscored(Choice(terms), one, plausible=one.sse <= limit)
+        for terms, one in points.items()
+        if one.Fc > 0
+    ]
+    own = [one for one in trials if set(one.choice.terms) == set(estimate.terms)]
+    return Explored(trials, own[0], fit.spread_of(found)) if own else Explored()
+
+
+def with_backlash(seen: Explored, counted: Estimate) -> Explored:
+    """With what the fit said when the travel of the flat zones still counted: how much of them is
+    play, and how much a soft bearing, no log tells.
+    """
+    choice = replace(seen.choice, backlash=True)
+    return replace(seen, trials=[*seen.trials, Trial.unscored(choice, counted, plausible=True)])
 
 
 def _terms_when_late(cut: Cut, trials: Sequence[Trial], asked: Asked) -> list[Trial]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -12,3 +12,4 @@ class Finding:
 
     text: str
     doubts: tuple[str, ...] = ()  # parameters that cannot be claimed beside it
+    reach: dict[str, tuple[float, float]] = field(default_factory=dict)  # that they may have too

@@ -111,12 +111,11 @@ class HeldOut:
 
 
 def folds_of(owner: np.ndarray) -> np.ndarray:
-    """Contiguous parts of each log: the fold of each block."""
-    fold = np.empty(len(owner), dtype=int)
-    for log in np.unique(owner):
-        mine = np.flatnonzero(owner == log)
-        fold[mine] = np.arange(len(mine)) * FOLDS // len(mine)
-    return fold
+    """The fold of each block: whole logs where there are several, else parts of the one log."""
+    logs, index = np.unique(owner, return_inverse=True)
+    if len(logs) > 1:
+        return np.asarray(index * min(FOLDS, len(logs)) // len(logs))
+    return np.arange(len(owner)) * FOLDS // len(owner)
 
 
 def held_out(found: Sweep, columns: list[int]) -> HeldOut:

@@ -76,9 +76,12 @@ def _told(result: Result, best: Fit, near: list[Fit]) -> list[Finding]:
     doubts = tuple(name for name in ("sigma0", "Fc") if _disagrees(result, near, name))
     if not doubts:
         return []
-    low, high = min(one.sigma0 for one in near), max(one.sigma0 for one in near)
+    values = {name: [getattr(one, name) for one in near] for name in doubts + ("sigma0",)}
+    reach = {name: (min(some), max(some)) for name, some in values.items()}
+    low, high = reach["sigma0"]
     words = f"torque looks late or low-passed ({best.words}): sigma0 is then"
-    return [Finding(f"{words} {low:.4g} to {high:.4g} {result.logs[0].slope_unit}", doubts)]
+    text = f"{words} {low:.4g} to {high:.4g} {result.logs[0].slope_unit}"
+    return [Finding(text, doubts, reach)]
 
 
 def _disagrees(result: Result, fits: list[Fit], name: str) -> bool:

@@ -187,14 +187,19 @@ def _simplest(candidates: Sequence[Candidate]) -> Candidate:
 
 def plausible(table: Compared) -> list[Trial]:
     """The trials of the models that explain more than Dahl's, by one standard error, for the
-    intervals; none where no model is clearly better: more elements then draw noise. Only
-    those whose sigma0 is a slope at rest, as Dahl's: slip elements are as stiff behind a reversal.
+    intervals; none where no model is clearly better: more elements then draw noise. Of those with
+    more elements only the ones that are no larger than what the log asks for.
     """
     dahl = table.of("Dahl")
     if dahl is None or better(table) is None:
         return []
+    largest = _simplest([one for one in table.candidates if one.product]).size
     ahead = [
-        one.trial for one in table.candidates if one.name in OF_DAHL and _ahead(one, dahl, 1.0)
+        one.trial
+        for one in table.candidates
+        if one.name != SLOWER
+        and (one.name in OF_DAHL or one.size <= largest)
+        and _ahead(one, dahl, 1.0)
     ]
     for trial in ahead:
         trial.plausible = True
@@ -202,9 +207,13 @@ def plausible(table: Compared) -> list[Trial]:
 
 
 def _ahead(one: Candidate, other: Candidate, errors: float) -> bool:
-    """Whether one explains more than the other, by so many standard errors."""
-    more, error = excess(other.trial.cost, one.trial.cost)
-    return more > errors * error
+    """Whether one explains more than the other, by so many standard errors: of the cost, or where
+    single cycles make most of it, of its logarithm, in which all count alike.
+    """
+    costs = other.trial.cost, one.trial.cost
+    logs = [np.log(np.maximum(cost, 1e-300)) for cost in costs]
+    gains = (excess(*costs), excess(*logs))
+    return costs[0].sum() > costs[1].sum() and any(more > errors * e for more, e in gains)
 
 
 def better(table: Compared) -> Candidate | None:

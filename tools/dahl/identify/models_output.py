@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from dahl.identify import delay
 from dahl.identify.compare import Candidate
 from dahl.identify.model_table import instructions
 from dahl.identify.result import Result
@@ -43,37 +43,18 @@ def _words(part: dict[str, float | str]) -> str:
     return f"{part['kind']} {', '.join(shown)}"
 
 
-@dataclass(frozen=True)
-class SceneFriction:
-    """What a scene says of the friction: a model that it knows, numbers as they are written."""
-
-    model: str
-    sigma0: str
-    Fc: str
-    terms: dict[str, float]
-    earlier: float = 0.0  # rows that the torque is to come earlier than it was shifted to
-
-
-def of_scene(result: Result) -> SceneFriction:
-    """Slip elements, where they were chosen, else Dahl's model."""
-    seen, estimate = result.explored, result.estimate
-    one = seen.models.of(seen.models.chosen)
-    if one is None or not is_slip(one.name):
-        return SceneFriction("dahl", f"{estimate.sigma0!r}", f"{estimate.Fc!r}", estimate.terms)
-    sigma0, force = (" ".join(f"{part[name]!r}" for part in one.parts) for name in ("sigma0", "Fc"))
-    earlier = one.trial.choice.delay - seen.choice.delay
-    return SceneFriction("slip", sigma0, force, one.trial.terms, earlier)
-
-
-def is_slip(name: str) -> bool:
-    return name.startswith("slip")
-
-
-def about(result: Result, carried: str = "dahl") -> str:
-    """That another model was chosen than the one that a header or a scene carries; "" otherwise."""
-    chosen = result.explored.models.chosen or "Dahl"
-    same = is_slip(chosen) if carried == "slip" else chosen == "Dahl"
-    return "" if same else f"The model chosen for this log is {chosen}; this carries Dahl's"
+def about(result: Result) -> str:
+    """Which model a header and a scene carry, where it is not Dahl's."""
+    models = result.explored.models
+    why = "asked for" if models.forced else "chosen: it explains cycles that were left out better"
+    chosen = models.of(models.chosen)
+    if chosen is None or chosen.name == "Dahl":
+        return ""
+    shown = "; ".join(_words(part) for part in chosen.parts)
+    lacking = "; this carries Dahl's, as the library has no plan for it" * (
+        chosen.name == "Coulomb"
+    )
+    return f"The model is {chosen.name}, {why}: {shown}, R2 {models.r2(chosen):.4f}{lacking}"
 
 
 def numbers(result: Result) -> dict[str, Any]:
@@ -81,7 +62,10 @@ def numbers(result: Result) -> dict[str, Any]:
     seen = result.explored
     models = seen.models
     trials = sorted(seen.trials, key=lambda trial: float(trial.cost.sum()))[:LISTED]
+    taken = seen.taken
     return {
+        "extra_standard_errors": taken.errors if taken else {},
+        "delay_rows_standard_error": delay.standard_error(seen.trials, taken) if taken else 0.0,
         "model": models.chosen or "Dahl",
         "models": [_model(result, one) for one in models.candidates],
         "choices": [
@@ -89,6 +73,7 @@ def numbers(result: Result) -> dict[str, Any]:
                 "model": one.choice.model,
                 "terms": list(one.choice.terms),
                 "delay_rows": one.choice.delay,
+                "backlash_counted": one.choice.backlash,
                 "r2": 1 - float(one.cost.sum()) / seen.spread,
                 "sigma0": float(one.value["sigma0"]),
                 "Fc": float(one.value["Fc"]),

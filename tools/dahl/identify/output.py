@@ -16,7 +16,7 @@ import numpy as np
 
 from dahl import __version__
 from dahl.files import keep
-from dahl.identify import clean, models_output, pipeline
+from dahl.identify import carried, clean, models_output, pipeline
 from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
 
@@ -160,16 +160,15 @@ def term_unit(name: str, log: Log) -> str:
 def header(result: Result, name: str) -> str:
     """dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() refuses."""
     from dahl import plan_header
-    from dahl.core import Plan
 
     log, count = result.logs[0], result.plan.theta_per_count
-    plan = Plan(result.estimate.sigma0, result.estimate.Fc, count)
+    plans = carried.of(result).plans(count)
     whose = "the target's" if result.plan.of_target else "that of the encoder in the log"
     comment = [
         f"Friction identified from {titled(result)}:",
         f"{result.verdict.text}.",
         models_output.about(result),
-        f"sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
+        f"Dahl's sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
         f" Fc [{log.unit}] {interval(result, 'Fc')}.",
         f"R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
         f" {result.plan.r2:.4f}.",
@@ -181,12 +180,12 @@ def header(result: Result, name: str) -> str:
     ]
     whole = [line.replace("*/", "* /") for line in comment]
     folded = [part for line in whole if line for part in textwrap.wrap(line, COMMENT)]
-    return plan_header.text(name, plan, folded)
+    return plan_header.text(name, plans, folded)
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
     """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`."""
-    log, friction = result.logs[0], models_output.of_scene(result)
+    log, friction = result.logs[0], carried.of(result)
     rows = slice(0, REPLAYED)
     drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
     rest = {term: value for term, value in friction.terms.items() if term not in drawn}
@@ -203,20 +202,22 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
 
 def _scene(result: Result, name: str, angle: str, force: str) -> str:
     """The scene that replays NAME.csv."""
-    log, estimate, shown = result.logs[0], result.estimate, models_output.of_scene(result)
+    log, estimate, shown = result.logs[0], result.estimate, carried.of(result)
+    sigma0, Fc = (" ".join(map(repr, some)) for some in (shown.sigma0, shown.Fc))  # noqa: N806
     count = log.resolution or MADE_UP / estimate.a
     rows = min(log.rows, REPLAYED)
     travelled = np.cumsum(np.abs(log.moves[:rows]))
     settled = int(np.searchsorted(travelled, 5 / estimate.a))
     lines = [
         f"; written by dahl identify: {result.verdict.text}",
-        *(f"; {words}" for words in (models_output.about(result, shown.model),) if words),
+        *(f"; {words}" for words in (models_output.about(result),) if words),
         "[scene]",
         f"title = {name}, identified",
         "[friction]",
         f"model = {shown.model}",
-        f"sigma0 = {shown.sigma0} ; {log.slope_unit}",
-        f"Fc = {shown.Fc} ; {log.unit}",
+        f"sigma0 = {sigma0} ; {log.slope_unit}",
+        f"Fc = {Fc} ; {log.unit}",
+        *([f"kinds = {' '.join(shown.kinds)}"] if shown.kinds else []),
         f"theta_per_count = {count!r} ; {log.angle_unit}",
         "[motion]",
         "kind = log",

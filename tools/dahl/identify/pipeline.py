@@ -31,7 +31,8 @@ from dahl.identify import (
     verdict,
 )
 from dahl.identify.explore import Explored
-from dahl.identify.fit import Estimate
+from dahl.identify.finding import Finding
+from dahl.identify.fit import Estimate, Interval
 from dahl.identify.log import Log
 from dahl.identify.result import Models, Result
 from dahl.identify.sweep import CORE, Model, Sweep
@@ -45,6 +46,7 @@ HOPELESS = 0.7  # part of the spread not explained: no other choice will help
 POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other way round
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
 HIDDEN = 0.1  # of the change by going between the counts that may still be hidden
+LOADS = ("offset", "spring")  # terms of a first look: what no cleaning is to make up for
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
 
 
@@ -132,19 +134,14 @@ def extra(log: Log, terms: dict[str, float]) -> np.ndarray:
 
 def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     """The whole of it. Raises dahl.Error for logs that no fit can use."""
-    for log in logs:
-        clean.refuse(log, options.trust_units)
-    logs = [
-        replace(piece, notes=list(piece.notes))
-        for log in logs
-        for piece in recording.mended(log, options.trust_units)
-    ]
+    logs = _mended(logs, options)
     turned, sign = _positive(logs, options)
     steadied, window = _steadied(turned, options)
     steadied, hidden, inner = _between_counts(steadied, options)
     study = Study(steadied)
     found, terms = study.search(options.terms)
-    slack = _without_backlash(study, fit.point(found, terms))
+    counted = fit.point(found, terms)
+    slack = _without_backlash(study, counted)
     if slack:
         found, terms = study.search(options.terms)
     first = fit.point(found, terms)
@@ -162,6 +159,8 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     _name_delay(study, late)
     if late or (seen.taken and set(seen.choice.terms) != set(terms)):
         found, terms = study.search(seen.choice.terms)
+    if slack and seen.taken:
+        seen = explore.with_backlash(seen, counted)
     estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
     result = _judged(study, found, estimate, late, slack)
     result.explored = seen
@@ -169,6 +168,17 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
         result, median=window, sign=sign, inner=inner, raw=logs, options=asdict(options)
     )
     return _checked(result, options)
+
+
+def _mended(logs: Sequence[Log], options: Options) -> list[Log]:
+    """The pieces of the logs, as far as a fit can use them. Raises dahl.Error where it cannot."""
+    for log in logs:
+        clean.refuse(log, options.trust_units)
+    return [
+        replace(piece, notes=list(piece.notes))
+        for log in logs
+        for piece in recording.mended(log, options.trust_units)
+    ]
 
 
 def _checked(result: Result, options: Options) -> Result:
@@ -184,9 +194,18 @@ def _checked(result: Result, options: Options) -> Result:
         *lowpass.finding(result),
         *angle_noise.finding(result, lambda made: _refitted(result, made)),
     ]
+    result.estimate = replace(estimate, ci95=_drawn_out(estimate.ci95, result.findings))
     result.verdict = verdict.judge(result)
     result.plan = plan_quality.of(result, options.target_counts, bool(doubted))
     return result
+
+
+def _drawn_out(ci95: dict[str, Interval], findings: Sequence[Finding]) -> dict[str, Interval]:
+    """Intervals that hold what the findings say that a parameter may be."""
+    for found in findings:
+        for name, (low, high) in found.reach.items():
+            ci95 = {**ci95, name: ci95[name].around(low).around(high)}
+    return ci95
 
 
 def _refitted(result: Result, made: Sequence[Log]) -> Estimate:
@@ -249,7 +268,10 @@ def _through_median(logs: list[Log], shaky: list[bool], window: int) -> list[Log
 def _first(logs: list[Log], options: Options) -> Estimate:
     """A first look at the first rows, without intervals."""
     study = Study([log.head(LOOKED_AT) for log in logs])
-    return fit.point(*study.search(options.terms or ("offset",)))
+    found, terms = study.search(options.terms or LOADS)
+    if options.terms is None and not fit.told_apart(found, ("offset",), "spring"):
+        found, terms = study.search(("offset",))
+    return fit.point(found, terms)
 
 
 def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float, bool]:
@@ -279,7 +301,8 @@ def _explored(
     sets = fit.sets_of(found, study.candidates) if options.terms is None else [options.terms]
     model = model_table.names().get(options.model, "")
     asked = explore.Asked(tuple(sets), options.delay and study.timed, least, model)
-    return explore.explored(study.logs, estimate, TURN / estimate.a, asked)
+    seen = explore.explored(study.logs, estimate, TURN / estimate.a, asked)
+    return seen if seen.taken else explore.unscored(found, estimate, sets)
 
 
 def _explored_again(study: Study, options: Options) -> tuple[Explored, float]:

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from dahl.identify import path
+from dahl.identify import carried
+from dahl.identify.carried import Friction
 from dahl.identify.log import Log
 from dahl.identify.result import PlanQuality, Result
 
@@ -25,14 +26,17 @@ def of(result: Result, target_counts: float = 0.0, doubted: bool = False) -> Pla
     log = result.logs[0]
     turn = 1e-3 if log.linear else 2 * math.pi
     count = turn / target_counts if target_counts else log.resolution
-    r2 = r2_on_raw(result, count)
+    friction = carried.of(result)
+    r2 = r2_on_raw(result, count, friction)
     against = _against(result, r2)
+    if not count and friction.model != "dahl":
+        against.append("the log shows no encoder, and this model goes by counts alone")
     if doubted and not target_counts:
         against.append("the counts a turn are in doubt")
     return PlanQuality(count, bool(target_counts), r2, against)
 
 
-def r2_on_raw(result: Result, count: float) -> float:
+def r2_on_raw(result: Result, count: float, friction: Friction) -> float:
     """R2 of the plan's torque, by raw counts of `count` rad (m); 0: by the raw angle. Offset and
     spring are taken off what was measured, each log has its own torque at its first row.
     """
@@ -40,34 +44,32 @@ def r2_on_raw(result: Result, count: float) -> float:
     for log in result.raw:
         theta = log.theta - log.theta[0]
         theta = np.round(theta / count) * count if count else theta
-        friction = result.sign * log.torque - load_of(result, log)
-        left = friction - _drawn(result, np.diff(theta, prepend=theta[:1]), friction)
+        measured = result.sign * log.torque - load_of(result, log, friction.terms)
+        left = measured - drawn(friction, np.diff(theta, prepend=theta[:1]), measured)
         lost += float(left @ left)
-        spread += float(np.sum((friction - friction.mean()) ** 2))
+        spread += float(np.sum((measured - measured.mean()) ** 2))
     return 1 - lost / spread if spread else 0.0
 
 
-def load_of(result: Result, log: Log) -> np.ndarray:
+def load_of(result: Result, log: Log, terms: dict[str, float]) -> np.ndarray:
     """Offset and spring: (rows,) N m (N)."""
-    terms = result.estimate.terms
     spring = terms.get("spring", 0.0) * (log.theta - result.logs[0].zero)
     return spring + terms.get("offset", 0.0)
 
 
-def _drawn(result: Result, moves: np.ndarray, friction: np.ndarray) -> np.ndarray:
+def drawn(friction: Friction, moves: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """The plan's torque, with the best one at the first row: (rows,) N m (N)."""
-    estimate = result.estimate
-    drawn = estimate.Fc * path.dahl(moves, estimate.a)
-    start = np.exp(-np.minimum(estimate.a * np.cumsum(np.abs(moves)), 700.0))
-    drawn = drawn + start * float(start @ (friction - drawn) / (start @ start))
-    return drawn
+    torque = friction.torque(moves)
+    start = np.exp(-np.minimum(friction.a * np.cumsum(np.abs(moves)), 700.0))
+    torque = torque + start * float(start @ (measured - torque) / (start @ start))
+    return torque
 
 
 def _against(result: Result, r2: float) -> list[str]:
     """Why there should be no plan."""
     models = result.explored.models
     found = {
-        f"a header carries Dahl's model, not {models.forced}": models.forced not in ("", "Dahl"),
+        "the library has no plan for Coulomb's model": models.chosen == "Coulomb",
         "not both parameters are identifiable": not all(result.verdict.identifiable.values()),
         f"it explains {100 * r2:.0f} % of the friction on the raw motion,"
         f" {100 * LEAST_R2:.0f} % is the least": r2 < LEAST_R2,
