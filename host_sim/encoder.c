@@ -35,9 +35,10 @@ bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out)
     }
     dahl_param_write_t asked = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE};
     asked.value = load_of(encoder->load, encoder->motion->load);
-    if (asked.value == encoder->load_told) {
+    if (asked.value == encoder->load_told && encoder->sent % ENCODER_LOAD_TICKS != 0) {
         return false;
     }
+    asked.counter = counter_of(encoder->loads++);
     encoder->load_told = asked.value;
     dahl_frames_pack_param_write(out, encoder->node, &asked);
     return true;

@@ -17,6 +17,7 @@
 #include "motion.h"
 
 #define ENCODER_PERIOD_NS UINT64_C(1000000)
+#define ENCODER_LOAD_TICKS 1000u
 #define ENCODER_WAITING 1024u /* frames that can wait for an answer; older ones are lost */
 
 typedef struct {
@@ -36,6 +37,7 @@ typedef struct {
     uint64_t torque_of; /* sequence number of the frame that it answers, plus 1 */
     const scene_load_t *load; /* what the node's friction follows; NULL: none */
     uint32_t load_told;       /* of DAHL_NODE_ONE: what the node knows */
+    uint64_t loads;           /* times that it was told */
     faults_t *faults;   /* what meets its frames on their way; NULL: nothing */
     histogram_t latency;
     histogram_t jitter; /* change of the latency from one answer to the next */
@@ -44,7 +46,8 @@ typedef struct {
 /* True: *out is to be sent now. False: the motion has ended or failed. */
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out);
 
-/* True: *out tells the node the load of the tick that was just made, and goes before its angle. False: it has not changed. */
+/* True: *out tells the node the load of the tick that was just made, and goes before its angle. False: it has not changed. It is
+ * told again every ENCODER_LOAD_TICKS, for a node that missed it or was switched on anew. */
 bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out);
 
 static inline bool encoder_waits(const encoder_t *encoder)

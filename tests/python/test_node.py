@@ -385,7 +385,63 @@ def test_asyncio_serves_until_the_task_is_cancelled(ends):
             await server
 
     asyncio.run(asyncio.wait_for(both(), 30))
-    assert not [one for one in threading.enumerate() if one.name.startswith("can.notifier")]
+
+
+def test_asyncio_hears_that_the_bus_has_gone():
+    class Cut(can.BusABC):
+        def __init__(self):
+            super().__init__("x")
+
+        def send(self, msg, timeout=None):
+            pass
+
+        def _recv_internal(self, timeout):
+            raise can.CanOperationError("cable out")
+
+    with Cut() as bus, pytest.raises(dahl.RunError, match="the bus has gone: cable out"):
+        asyncio.run(asyncio.wait_for(node.serve(bus, dahl.Node(PLAN)), 10))
+
+
+class Waiting:
+    """A bus on which some frames wait, and others come after something was sent."""
+
+    def __init__(self, before=(), after=(), refuses=False):
+        self.queue, self.after, self.refuses = list(before), list(after), refuses
+
+    def recv(self, timeout=None):
+        return self.queue.pop(0) if self.queue else None
+
+    def send(self, message, timeout=None):
+        if self.refuses:
+            raise can.CanOperationError("no buffer space")
+        self.queue += self.after
+
+
+def reply(value, counter=4, param=Param.FC):
+    return codec.pack(codec.ParamReply(param, value, counter=counter))
+
+
+def test_an_answer_is_to_what_was_asked():
+    """Not one that waited, not to another counter or parameter, and nothing that is not whole."""
+    spoiled = reply(7)
+    spoiled.data[5] ^= 1
+    extended = reply(8)
+    extended.is_extended_id = True
+    asked = ParamWrite(Param.FC, counter=4)
+    others = [reply(2, counter=5), reply(3, param=Param.GAIN), spoiled, extended]
+    assert node.ask(Waiting([reply(1)], [*others, reply(5), reply(6)]), asked).value == 5
+    none = reply(77, param=Param.NONE)
+    assert node.ask(Waiting((), [none]), ParamWrite(77, counter=4)).param == Param.NONE
+    with pytest.raises(dahl.RunError, match="no ParamReply of node 0 in 0.02 s"):
+        node.ask(Waiting((), [none]), asked, timeout=0.02)
+
+
+def test_a_bus_that_takes_nothing_is_one_line():
+    with pytest.raises(dahl.RunError, match="does not take Reset.*: no buffer space"):
+        node.ask(Waiting(refuses=True), Reset(What.RESTART))
+    for timeout in (-1, float("nan"), 1e9, "x"):
+        with pytest.raises(dahl.Error, match="timeout = "):
+            node.ask(Waiting(refuses=True), Reset(What.RESTART), timeout=timeout)
 
 
 def test_nobody_there_is_said(ends):
@@ -417,20 +473,24 @@ def test_a_bus_that_takes_nothing_is_counted(ends):
     assert replace(listener.traffic) == node.Traffic(0, 1, 0)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", [*MODELS, "loaded"])
 def test_a_scene_names_the_same_node(tmp_path, model):
     """What `dahl node` makes of a scene is what dahl-loop makes of it."""
     path = tmp_path / "scene.ini"
-    words = f"model = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
+    keys, friction = {**MODELS, "loaded": (MODELS["dahl"][0], dahl.Loaded(PLAN))}[model]
+    words = f"model = {model}\n{keys}\ntheta_per_count = {THETA}\n"
     kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 7\ntimeout_ms = 20\n"
     path.write_text(f"[friction]\n{words}{kept}[status]\nperiod_ms = 40\n")
     read = scene.read(path)
     made = dahl.Node(scene.element(read), **scene.settings(read))
     assert made == dahl.Node(
-        MODELS[model][1],
+        friction,
         **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},
         status_period=0.04,
     )
+    path.write_text(f"[friction]\n{words}".replace(f"model = {model}", "model = dhal"))
+    with pytest.raises(dahl.Error, match=r"\[friction\] model = dhal is none of dahl, slip"):
+        scene.element(scene.read(path))
 
 
 def test_what_needs_python_can_says_so(monkeypatch):

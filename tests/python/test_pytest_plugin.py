@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import contextlib
 import re
+import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +17,7 @@ from loop_tools import serving
 
 pytest_plugins = ["pytester"]
 README = re.findall(r"```python\n(from dahl.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\ntimeout_ms = 60000\n"
+SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\n"
 
 
 class Outcome(NamedTuple):
@@ -72,9 +74,9 @@ def test_plan(dahl_bus, dahl_node, counter):
 
 
 @contextlib.contextmanager
-def elsewhere(folder: Path) -> Iterator[list[str]]:
+def elsewhere(folder: Path, timeout_ms: int = 60000) -> Iterator[list[str]]:
     """The options for a bus with a node of its own: dahl-loop's."""
-    (folder / "scene.ini").write_text(SCENE)
+    (folder / "scene.ini").write_text(f"{SCENE}timeout_ms = {timeout_ms}\n")
     with serving(folder / "loop", folder / "scene.ini", "--role", "node") as (_, port):
         words = ["--dahl-interface", "socketcand", "--dahl-channel", "vcan0"]
         yield [*words, "--dahl-bus-kwargs", f"host=127.0.0.1 port={port}"]
@@ -85,6 +87,21 @@ def test_the_same_test_asks_the_node_of_another_bus(outcome, tmp_path, dahl_loop
     with elsewhere(tmp_path) as options:
         done = outcome(text, *options)
     assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
+def test_the_node_of_a_rig_is_asked_again_and_again(outcome, tmp_path, dahl_loop):
+    """Counters that start anew, and pauses after which it is stale, are no matter."""
+    with elsewhere(tmp_path, timeout_ms=100) as options:
+        for _ in range(2):
+            done = outcome(README[0], *options)
+            assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+            time.sleep(0.3)
+
+
+def test_without_python_can_it_says_what_to_install(outcome, monkeypatch):
+    monkeypatch.setitem(sys.modules, "can", None)
+    done = outcome(README[0])
+    assert done.code == 1 and "RunError: python-can is not here; pip install" in done.said
 
 
 def test_a_bus_that_is_not_there_is_one_line(outcome):

@@ -230,9 +230,7 @@ class Node:
         model, self._now = self._node.model, now
         self._node = NodeStructure.from_buffer_copy(node)
         self._node.model = model
-        here = (ctypes.c_uint64 * KEPT_ROOM).from_buffer_copy(self._kept)
         ctypes.memmove(ctypes.addressof(self._kept) + MODEL_BYTES, kept, len(kept))
-        ctypes.memmove(self._kept, here, MODEL_BYTES)
 
     def __deepcopy__(self, _: object) -> Node:
         return self.__copy__()
@@ -414,18 +412,17 @@ def run(
 
 
 async def serve(bus: can.BusABC, *nodes: Node) -> None:
-    """Serve nodes on a bus within asyncio, until the task is cancelled. Raises dahl.RunError where
-    the bus goes away. The bus has no other can.Notifier; where it has one, give that a Listener.
+    """Serve nodes on a bus within asyncio, until the task is cancelled; run() does it in a thread.
+    Raises dahl.RunError where the bus goes away. Nobody else receives from this bus; where it has a
+    can.Notifier, give that a Listener.
     """
-    link = _Link(bus, nodes)
-    notifier = codec.python_can().Notifier(bus, [link.take], loop=asyncio.get_running_loop())
+    ended = threading.Event()
+    served = asyncio.create_task(asyncio.to_thread(run, bus, *nodes, ended=ended.is_set))
     try:
-        while notifier.exception is None:
-            link.tick()
-            await asyncio.sleep(PERIOD)
-        raise RunError(f"the bus has gone: {notifier.exception}")
+        await asyncio.shield(served)
     finally:
-        notifier.stop()
+        ended.set()
+        await asyncio.wait([served])
 
 
 @overload
@@ -442,20 +439,25 @@ def ask(
 ) -> codec.Status: ...
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
     """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
-    EncoderState, ParamReply to a ParamWrite, Status to a Reset. Other frames are passed over.
-    Raises dahl.RunError where none comes within `timeout` s.
+    EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
+    bus are dropped first, and others than the answer are passed over. Raises dahl.RunError where
+    none comes within `timeout` s, and where the bus does not take the frame.
     """
     kind = ASKED.get(type(frame))
     if kind is None:
         raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
-    bus.send(codec.pack(frame, node))
-    until = time.monotonic() + checks.finite("timeout", timeout, "s")
+    until = time.monotonic() + _within("timeout", timeout, 0, LONG, "s")
+    message = codec.pack(frame, node)
+    while receive(bus, 0) is not None and time.monotonic() < until:
+        pass
+    try:
+        bus.send(message)
+    except (codec.python_can().CanError, OSError) as error:
+        raise RunError(f"the bus does not take {frame}: {error}") from None
     while (left := until - time.monotonic()) > 0:
-        message = receive(bus, left)
-        if message is not None and message.arbitration_id == kind.base + node:
-            answer = codec.unpack(message)
-            if _answers(answer, frame):
-                return answer
+        answer = _answer_in(receive(bus, left), kind.base + node)
+        if isinstance(answer, kind) and _answers(answer, frame):
+            return answer
     raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}")
 
 
@@ -466,12 +468,23 @@ ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
 }
 
 
+def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | None:
+    """The frame in a message of this id; None where it is none or not whole."""
+    if message is None or message.arbitration_id != identifier:
+        return None
+    try:
+        return codec.unpack(message)
+    except Error:
+        return None
+
+
 def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
-    """Whether it repeats the counter of what was asked; Status has none to repeat."""
+    """Whether it repeats the counter, and the parameter, of what was asked; Status has none."""
     if isinstance(answer, codec.FrictionTorque) and isinstance(frame, codec.EncoderState):
         return answer.echo == frame.counter
     if isinstance(answer, codec.ParamReply) and isinstance(frame, codec.ParamWrite):
-        return answer.counter == frame.counter
+        known = answer.value if answer.param == codec.Param.NONE else answer.param
+        return (answer.counter, known) == (frame.counter, frame.param)
     return True
 
 

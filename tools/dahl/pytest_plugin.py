@@ -3,8 +3,10 @@
 
     dahl_bus     a python-can bus; of this process unless --dahl-interface names another
     dahl_node    the dahl.Node that answers on it; on a bus that --dahl-interface names it is
-                 the one that is there (None), unless --dahl-serve starts it there too
-    dahl_plan    of that node; a test file that has a fixture of this name has its own
+                 the one that is there (None), restarted by a Reset before each test, unless
+                 --dahl-serve starts it there too
+    dahl_plan, dahl_node_settings
+                 of that node; a test file that has a fixture of this name has its own
 
 pytest loads this by itself where dahl is installed; it costs nothing until a fixture is used.
 """
@@ -60,10 +62,17 @@ def dahl_plan() -> Plan:
 
 
 @pytest.fixture
+def dahl_node_settings() -> dict[str, Any]:
+    """What Node() takes beside dahl_plan: a timeout in s that a busy machine does not reach."""
+    return {"timeout": 10.0}
+
+
+@pytest.fixture
 def dahl_bus_settings(request: pytest.FixtureRequest) -> dict[str, Any]:
     """What can.Bus() takes to open the bus; a channel of its own for each test if virtual."""
-    from can.util import cast_from_string
+    from dahl import codec
 
+    cast_from_string = codec.python_can().util.cast_from_string
     option = request.config.getoption
     interface, channel = option("--dahl-interface"), option("--dahl-channel")
     if channel is None and interface == VIRTUAL:
@@ -88,18 +97,22 @@ def dahl_node(
     dahl_bus: can.BusABC,
     dahl_bus_settings: dict[str, Any],
     dahl_plan: Plan,
+    dahl_node_settings: dict[str, Any],
 ) -> Iterator[Node | None]:
     """The node at the other end; None where it is not of this process."""
+    from dahl import codec
+    from dahl.node import Listener, Node, ask
+
     if dahl_bus_settings["interface"] != VIRTUAL and not request.config.getoption("--dahl-serve"):
+        ask(dahl_bus, codec.Reset(codec.What.RESTART))
         yield None
         return
     import can
 
     from dahl.bus import open_bus
-    from dahl.node import Listener, Node
 
     with open_bus(**dahl_bus_settings) as bus:
-        node = Node(dahl_plan)
+        node = Node(dahl_plan, **dahl_node_settings)
         notifier = can.Notifier(bus, [Listener(bus, node)], timeout=0.05)
         try:
             yield node

@@ -31,6 +31,8 @@ UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
 
 NODE_KEYS = ("gain", "limit", "ramp_ms", "timeout_ms", "max_step")  # of [friction]
 
+MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
+
 
 @dataclass
 class Measured:
@@ -115,7 +117,13 @@ def element(scene: Scene) -> node.Friction:
         theta, breakaway = scene.theta_per_count, scene.breakaway
         return variants.ElastoPlastic(sigma0[0], torques[0], theta, breakaway)
     plans = [core.Plan(*pair, scene.theta_per_count) for pair in scene.elements]
-    return parts.Parallel(*map(_part, scene.kinds, plans)) if scene.kinds else plans[0]
+    if scene.model == "parallel":
+        return parts.Parallel(*map(_part, scene.kinds, plans))
+    if scene.model == "loaded":
+        return variants.Loaded(plans[0])
+    if scene.model == "dahl":
+        return plans[0]
+    raise Error(f"{scene.path}: [friction] model = {scene.model} is none of {', '.join(MODELS)}")
 
 
 def _part(kind: str, plan: core.Plan) -> core.Friction | parts.Slip:
