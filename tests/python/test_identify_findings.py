@@ -418,9 +418,9 @@ def test_what_speaks_against_a_plan(good):
     assert judged(good, backlash=1e-3) == ["it does not know of the backlash"]
     for name, against in (
         ("Dahl", []),
-        ("slip K=2", ["a header carries Dahl's model, not slip K=2"]),
+        ("Coulomb", ["the library has no plan for Coulomb's model"]),
     ):
-        models = replace(good.explored.models, forced=name)
+        models = replace(good.explored.models, chosen=name)
         assert judged(good, explored=replace(good.explored, models=models)) == against
     doubted = [plan_quality.of(good, counts, True).against for counts in (0.0, 4096.0)]
     assert ["the counts a turn are in doubt" in words for words in doubted] == [True, False]
