@@ -71,7 +71,7 @@ FUZZERS = {
             "scene",
             1200,
             20_000,
-            [*STREAMS, *SCENE, *NODE, *CORE, *FLOAT],
+            [*STREAMS, *SCENE, *NODE, *CORE, *PART_SOURCES, *FLOAT],
             ["-Dfopen=play_fopen"],
             ["-linih", "-lcsv"],
         ),
