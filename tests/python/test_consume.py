@@ -168,6 +168,7 @@ def test_a_plain_build_needs_a_compiler_and_nothing_else(tmp_path: Path) -> None
     assert {file.name for file in prefix.rglob("*.a")} == {"libdahl.a"}
 
 
+@pytest.mark.checks
 @pytest.mark.parametrize("way", ["add_subdirectory", "FetchContent"])
 @pytest.mark.parametrize("asked", [False, True])
 def test_a_parent_installs_it_only_where_asked(

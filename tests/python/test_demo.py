@@ -635,6 +635,7 @@ def test_the_tribometer_is_met(measured_file, run_dahl, tmp_path):
     assert numbers["frames_not_recorded"] == 0
 
 
+@pytest.mark.checks
 def test_a_slip_element_follows_the_tribometer_closer(measured_file, run_dahl, tmp_path):
     """Half of the log, over the bus; Dahl's model has .987 on all of it, one slip element .9973."""
     measured_file("tribometer", "reciprocating.tsv")

@@ -240,7 +240,7 @@ def test_a_disk_that_is_full_leaves_the_old_file(shaft, tmp_path, kept, words):
     assert not list(tmp_path.glob(".*"))
 
 
-@pytest.mark.parametrize("buffered", ["", "1"])
+@pytest.mark.parametrize("buffered", ["", pytest.param("1", marks=pytest.mark.checks)])
 @pytest.mark.parametrize("words", ["--help", "data", "report run", "identify --no-files shaft.csv"])
 def test_standard_output_that_is_full_or_has_no_reader(storm, shaft, tmp_path, words, buffered):
     storm(), shaft()
@@ -252,6 +252,7 @@ def test_standard_output_that_is_full_or_has_no_reader(storm, shaft, tmp_path, w
     assert (gone.returncode, gone.stderr) == (0, "")
 
 
+@pytest.mark.checks
 def test_closed_streams_change_no_exit_code(shaft, tmp_path):
     shaft()
     assert shell("dahl identify --no-files shaft.csv >&-", tmp_path).returncode == 0
@@ -264,8 +265,8 @@ def test_closed_streams_change_no_exit_code(shaft, tmp_path):
     "terminal",
     [
         {"PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"},
-        {"PYTHONIOENCODING": "latin-1"},
-        {"LC_ALL": "C"},
+        pytest.param({"PYTHONIOENCODING": "latin-1"}, marks=pytest.mark.checks),
+        pytest.param({"LC_ALL": "C"}, marks=pytest.mark.checks),
     ],
 )
 def test_a_terminal_without_utf8(recorded, tmp_path, terminal):

@@ -47,7 +47,8 @@ def test_the_reference_solves_the_equation():
     assert np.abs(dahl_torque(theta) - truth).max() < 1e-5 * FC
 
 
-@pytest.mark.parametrize("shared", [0.0, pytest.param(0.9, marks=pytest.mark.checks)])
+@pytest.mark.checks
+@pytest.mark.parametrize("shared", [0.0, 0.9])
 def test_error_and_cover(shared):
     errors, held = errors_and_cover(SEEDS, shared=shared)
     if shared == 0:

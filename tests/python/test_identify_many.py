@@ -282,12 +282,14 @@ def test_following_a_bus_with_python_can(source, monkeypatch):
     assert result.logs[0].rows > 1100
 
 
+@pytest.mark.checks
 def test_following_a_running_loop(tmp_path, run_dahl):
     """The node answers over TCP; its torque is in Fc, so Fc is 1 and sigma0 is the scene's a."""
     guess = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384", "--within", "0.5")
     assert run_dahl("excite", *guess, "--name", "loop", "-o", tmp_path).returncode == 0
     words = ("--angle", "Count", "--angle-unit", "counts", "--counts-per-turn", "16384")
-    with serving(tmp_path / "run", tmp_path / "loop.ini", "--wait-clients", "1") as (_, port):
+    pace = ("--wait-clients", "1", "--lockstep")  # each angle has its answer before the next
+    with serving(tmp_path / "run", tmp_path / "loop.ini", *pace) as (_, port):
         bus = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", port)
         signals = ("--dbc", paths.DBC, *words, "--torque", "TorqueRatio")
         out = ("--torque-unit", "Nm", "--within", "2", "--seconds", "30", "-o", tmp_path / "out")

@@ -343,7 +343,13 @@ def test_ctrl_c_leaves_a_whole_record(served, root, tmp_path):
     assert logs.read_candump(tmp_path / "run.log")
 
 
-@pytest.mark.parametrize("ending", [".asc", ".blf", ".LOG", ".mf4", ".trc"])
+@pytest.mark.parametrize(
+    "ending",
+    [
+        ".asc",
+        *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
+    ],
+)
 def test_plot_draws_whatever_record_writes(served, run_dahl, tmp_path, ending):
     log = tmp_path / f"run{ending}"
     done = run_dahl("record", *served, "-o", log, "--frames", "400")
