@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
-# What the Python package carries beside its modules, for the build of a wheel (pyproject.toml): the library, dahl-loop with
-# the libraries that it links to, the public headers, the bus description, the scenes. tools/dahl/paths.py finds them.
+# What the Python package carries beside its modules, for the build of a wheel (pyproject.toml): the library, dahl-loop,
+# the public headers, the bus description, the scenes. tools/dahl/paths.py finds them.
 set(DAHL_BUILD_FLOAT ON)
 set(DAHL_BUILD_BATCH ON)
 set(DAHL_BUILD_SHARED ON)
 set(DAHL_INSTALL OFF)
 
-# dahl-loop wants three small libraries and Linux. A wheel without it has all else, and `dahl demo` says what was missing.
+# dahl-loop wants Linux and three small libraries. They are not carried: at run time it finds those of the system, and
+# tools/dahl/loop.py says what is missing. A wheel without it has all else, and `dahl demo` says what was missing.
 find_path(INIH_INCLUDE ini.h)
 find_library(INIH_LIBRARY inih)
 find_path(CSV_INCLUDE csv.h)
@@ -39,9 +40,7 @@ function(dahl_install_wheel)
     install(FILES lib/node/dahl.dbc DESTINATION dahl/share COMPONENT python)
     install(DIRECTORY host_sim/scenes DESTINATION dahl/share COMPONENT python)
     if(TARGET dahl-loop)
-        set_target_properties(dahl-loop PROPERTIES INSTALL_RPATH "$ORIGIN/../lib")
-        install(TARGETS dahl-loop RUNTIME_DEPENDENCIES PRE_INCLUDE_REGEXES "lib(inih|csv|cjson)" PRE_EXCLUDE_REGEXES ".*"
-            RUNTIME DESTINATION dahl/bin COMPONENT python LIBRARY DESTINATION dahl/lib COMPONENT python)
+        install(TARGETS dahl-loop RUNTIME DESTINATION dahl/bin COMPONENT python)
     else()
         file(CONFIGURE OUTPUT no-dahl-loop.txt CONTENT "${dahl_wheel_lacks}\n")
         install(FILES ${CMAKE_CURRENT_BINARY_DIR}/no-dahl-loop.txt DESTINATION dahl/share COMPONENT python)

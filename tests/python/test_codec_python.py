@@ -136,6 +136,10 @@ REFUSED = {
         lambda: codec.ParamWrite.of_si(codec.Param.FC, 4096.5),
         "value = 4096.5 of parameter FC is outside 0 .. 4096",
     ),
+    "far": (
+        lambda: codec.ParamWrite.of_si(codec.Param.THETA, 1e300),
+        "value = 1e+300 of parameter THETA is outside 0 .. 0.015625",
+    ),
     "negative": (lambda: codec.ParamWrite.of_si(codec.Param.FC, -1), "value = -1 of parameter FC"),
     "nan": (
         lambda: codec.ParamWrite.of_si(codec.Param.FC, float("nan")),

@@ -124,6 +124,20 @@ def test_view_counts_what_it_sees(dbc):
     assert "OK 2" in shown
 
 
+def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
+    """That of a ParamReply is the asker's own, whatever it is."""
+    replies = [("ParamReply", n, {"Param": "Fc", "Result": "Done", "Fc": 1, "Counter": counter})
+               for n, counter in enumerate((0, 0, 7, 3))]  # fmt: skip
+    angles = [("EncoderState", 9, {"Valid": 1, "Count": 0, "Counter": counter})
+              for counter in (15, 0, 3)]  # fmt: skip
+    view = View()
+    for frame in frames(dbc, *replies, *angles):
+        view.feed(frame)
+    seen = view.as_dict()["messages"]
+    assert (seen["ParamReply"]["frames"], seen["ParamReply"]["missing"]) == (4, 0)
+    assert (seen["EncoderState"]["frames"], seen["EncoderState"]["missing"]) == (3, 2)
+
+
 def test_answers_count_before_the_first_angle_but_are_no_point_of_a_curve(dbc):
     view = View()
     answer = {"Counter": 0, "EchoCounter": 0, "TorqueRatio": 0.5}

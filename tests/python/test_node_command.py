@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -14,12 +15,15 @@ from collections.abc import Iterator
 import can
 import pytest
 from dahl import Friction, Plan, node
+from dahl.bus import named
+from dahl.cli import build_parser
 from dahl.codec import EncoderState, Param, ParamWrite
 from identify_tools import caller
 from loop_tools import SCENES, serving
 
 OWN = ("--sigma0", "100", "--fc", "0.5", "--theta-per-count", "3.8e-4")
 PLAN = Plan(100, 0.5, 3.8e-4)
+TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_samples=1")
 
 
 @contextlib.contextmanager
@@ -80,15 +84,46 @@ def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path, dahl_loop, li
     assert (counts["ok"], counts["params"]) == ("4", "1")
 
 
+def test_the_printed_lines_name_the_same_bus(capsys, library):
+    """`watch` as the monitor's own parser takes it, `open` as Python does: nothing left out."""
+    words = ("-i", "virtual", "-c", "a rig", "-b", "500000", "--fd", "--data-bitrate", "2000000")
+    words += ("--timing", *TIMING, "--bus-kwargs", "preserve_timestamps=True", "rx_queue_size=7")
+    words += ("--node", "3")
+    done = caller(capsys)("node", *OWN, *words, "--seconds", "0.05")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines(keepends=True)
+    (watch,) = [line for line in lines if line.startswith("watch   dahl monitor ")]
+    read = build_parser().parse_args(shlex.split(watch)[2:])
+    meant = build_parser().parse_args(["monitor", *words])
+    assert len(named(meant)) == 7
+    assert (read.node, named(read)) == (3, named(meant))
+    with opened(lines) as bus:
+        assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("a rig", True, 7)
+
+
+def test_a_timing_without_an_interface_is_refused(capsys):
+    """In one line, below that in which python-can repeats it."""
+    done = caller(capsys)("node", "--timing", *TIMING)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert done.stderr.startswith("error: --timing f_clock=8000000 brp=2 tseg1=5")
+
+
 @pytest.mark.checks
-def test_firmware_on_an_emulated_core(root, dahl_loop, library):
+def test_firmware_on_an_emulated_core(root, tmp_path, dahl_loop, library):
+    """With all that the scene says of it."""
     for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
         if not shutil.which(program):
             pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
-    with started(root, *OWN, "--target", "m4f") as (lines, last):
+    scene = tmp_path / "own.ini"
+    keys = "sigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\nmax_step = 2000\ntimeout_ms = 9000\n"
+    scene.write_text(f"[friction]\n{keys}[status]\nperiod_ms = 70\n")
+    with started(root, "--scene", str(scene), "--target", "m4f") as (lines, last):
         assert "node_image on mps2-an386 in QEMU" in lines[0], lines
         with opened(lines) as bus:
             asked(bus)
+            values = {Param.STEP: 2000, Param.TIMEOUT: 9, Param.STATUS: 0.07}
+            for param, value in values.items():
+                assert node.ask(bus, ParamWrite(param), timeout=10).si == pytest.approx(value)
     counts = dict(re.findall(r"(\w+) (\d+)(?:,|$)", last[-1]))
     assert counts["answers"] == "4"
 
@@ -98,6 +133,14 @@ def test_firmware_on_an_emulated_core(root, dahl_loop, library):
     [
         (("-i", "virtual", "--target", "m4f"), "-i and --target: one of both"),
         (("-c", "vcan0"), "-c vcan0: of which interface?"),
+        (("-b", "500000"), "-b 500000: of which interface?"),
+        (("--fd",), "--fd: of which interface?"),
+        (("--data-bitrate", "9"), "--data-bitrate 9: of which interface?"),
+        (("--bus-kwargs", "a=1", "b=2"), "--bus-kwargs a=1 b=2: of which interface?"),
+        (
+            ("-i", "virtual", "--host", "x", "--bus-kwargs", "host=y"),
+            "host=y: --host x says it too",
+        ),
         (("--fc", "3"), "--sigma0, --fc, --theta-per-count: all three, or a --scene"),
         ((*OWN, "--scene", "steering"), "--sigma0, --fc, --theta-per-count: all three, or a"),
         (("--scene", "nowhere"), "no scene 'nowhere'"),

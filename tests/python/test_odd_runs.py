@@ -366,6 +366,22 @@ def test_how_a_program_ended_is_told_with_its_own_words(started, script, kind, w
     assert type(told.value) is kind
 
 
+def test_a_library_that_the_system_lacks_is_named(dahl_loop, tmp_path, monkeypatch):
+    """A dahl-loop that asks for one that is nowhere, as its loader finds it."""
+    program = tmp_path / "dahl-loop"
+    program.write_bytes(dahl_loop.read_bytes().replace(b"libinih.so.1", b"libnone.so.1"))
+    program.chmod(0o755)
+    monkeypatch.setenv("DAHL_LOOP", str(program))
+    started = loop.Program(
+        loop.Setup(paths.SCENES / "steering.ini", "loopback", tmp_path), "both", "x"
+    )
+    assert started.ends()
+    started.end()
+    packages = "libinih1 libcsv3 libcjson1"
+    with pytest.raises(RunError, match=f"needs libnone.so.1, not here: apt-get install {packages}"):
+        started.check()
+
+
 def test_a_program_that_is_told_to_end_has_not_failed(started, monkeypatch):
     """By Ctrl-C in order; one that does not hear it is made to."""
     program = started("exec sleep 50", "node")

@@ -109,6 +109,8 @@ def test_both_wheels_hold_the_same_files(dist: Path) -> None:
     built = {"dahl/lib/libdahl.so", "dahl/bin/dahl-loop"}
     assert first.keys() == second.keys() >= built | {"dahl/py.typed", "dahl/share/dahl.dbc"}
     differ = {name for name in first if first[name] != second[name]}
+    libraries = {name for name in first if re.search(r"\.so(\.|$)", name)}
+    assert libraries == {"dahl/lib/libdahl.so"}  # none of other people's
     assert differ <= built | {name for name in first if name.endswith("/RECORD")}
 
 

@@ -18,7 +18,9 @@ pytestmark = pytest.mark.checks
 
 PROBE = """<script>window.onload = () => {
   const picture = document.getElementById("picture");
-  const seen = {wide: picture.naturalWidth, tall: picture.naturalHeight,
+  const scrolled = document.getElementById("scrolled");
+  const seen = {drawn: picture.clientWidth, box: scrolled.clientWidth, inside: scrolled.scrollWidth,
+    wide: picture.naturalWidth, tall: picture.naturalHeight,
     sections: [...document.querySelectorAll("section")].map(s => s.id),
     cells: [...document.querySelectorAll("#faults td")].map(c => c.innerText),
     rows: [...document.querySelectorAll("#numbers tr")].map(r => r.innerText),
@@ -109,10 +111,13 @@ def test_latencies_of_a_run_in_real_time(run_dahl, tmp_path, root, dahl_loop, li
 
 
 def test_it_is_read_on_a_telephone_and_in_the_dark(storm, run_dahl, tmp_path):
-    """Nothing is wider than a window of 400 px, and dark paper has light ink."""
+    """Nothing is wider than a window of 400 px but the picture, which is scrolled within the page;
+    and dark paper has light ink.
+    """
     assert run_dahl("report", storm, "-o", tmp_path / "page.html").returncode == 0
     narrow = shown(tmp_path / "page.html", tmp_path, "--window-size=400,800")
     assert narrow["wide_page"] <= narrow["window"] <= 500  # what the browser gives for 400
+    assert narrow["box"] < narrow["window"] < 700 <= narrow["drawn"] == narrow["inside"]
 
     def light(colour: str) -> float:
         return sum(map(int, re.findall(r"\d+", colour)[:3])) / 3

@@ -12,7 +12,7 @@ import shutil
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,17 @@ if TYPE_CHECKING:
 
 VCAN = "vcan0"
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
+FLAGS = {  # the options that name a bus, by their names in python-can
+    "interface": "-i",
+    "channel": "-c",
+    "bitrate": "-b",
+    "fd": "--fd",
+    "data_bitrate": "--data-bitrate",
+    "timing": "--timing",
+    "host": "--host",
+    "port": "--port",
+    "bus_kwargs": "--bus-kwargs",
+}
 QUIET = 0.05  # s without a frame, after which the caller has its turn
 
 
@@ -41,8 +52,29 @@ def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
 
 def named(args: argparse.Namespace) -> dict[str, Any]:
     """What the arguments say of the bus."""
-    keys = ("interface", "channel", "bitrate", "fd", "data_bitrate", "host", "port", "bus_kwargs")
-    return {key: value for key in keys if (value := getattr(args, key, None)) is not None}
+    return {key: value for key in FLAGS if (value := getattr(args, key, None)) is not None}
+
+
+def keywords(said: dict[str, Any]) -> dict[str, Any]:
+    """Of can.Bus, by what named() has found. Raises dahl.Error for one that is said twice."""
+    more: dict[str, Any] = said.get("bus_kwargs", {})
+    first = {key: value for key, value in said.items() if key != "bus_kwargs"}
+    for key in more:
+        if key in first:
+            raise Error(f"--bus-kwargs {key}={more[key]}: {FLAGS[key]} {first[key]} says it too")
+    return first | more
+
+
+def words(said: dict[str, Any]) -> list[str]:
+    """What named() has found as words of a command line."""
+    found = []
+    for key, value in said.items():
+        found.append(FLAGS[key])
+        if isinstance(value, Mapping):
+            found += [f"{name}={one}" for name, one in value.items()]
+        elif key != "fd":  # a flag
+            found.append(str(value))
+    return found
 
 
 def open_from(args: argparse.Namespace) -> can.BusABC:
@@ -50,7 +82,8 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     import can.cli
 
     _silence()
-    server = {key: value for key, value in named(args).items() if key in ("host", "port")}
+    said = keywords(named(args))
+    server = {key: said[key] for key in ("host", "port") if key in said}
     try:
         return can.cli.create_bus_from_namespace(args, **server)
     except argparse.ArgumentError as error:

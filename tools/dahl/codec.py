@@ -339,7 +339,7 @@ class ParamWrite(_Valued):
         known = _checked("param", param, Param)
         unit = UNITS.get(known, 1.0)
         steps = checks.finite("value", value, "the parameter's unit") / unit
-        if not 0 <= round(steps) <= core.UINT32_MAX:
+        if not 0 <= steps <= core.UINT32_MAX:
             shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
             raise Error(f"{shown} is outside 0 .. {core.UINT32_MAX * unit:g}")
         return ParamWrite(known, round(steps), write, counter)

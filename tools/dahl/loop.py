@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
 DRAIN = 0.3  # s to go on recording after the encoder has ended
 SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
+LACKS = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
+PACKAGES = "libinih1 libcsv3 libcjson1"  # of Debian, with what dahl-loop links to
 SILENCE = 10.0  # s without any frame, after which a run has failed
 
 
@@ -102,6 +104,9 @@ class Program:
         code = self.process.returncode
         if code in (0, None) or (self.told and code == -signal.SIGINT):  # before it could listen
             return
+        lacks = LACKS.search(self.words())
+        if lacks:
+            raise RunError(f"dahl-loop needs {lacks[1]}, not here: apt-get install {PACKAGES}")
         lines = [line.strip() for line in self.words().split("\n") if line.strip()]
         words = next(
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""

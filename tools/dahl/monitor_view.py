@@ -28,13 +28,14 @@ UNLIMITED_ROWS = 27  # of curves, where the height is not limited
 LEAST_ROWS, TWO_ROWS = 6, 18  # for a row of panels, and for two
 LEAST_BESIDE = 40  # columns of each of two panels side by side
 ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
+NUMBERED = ALWAYS  # one more with each frame; any other's counter is the asker's own
 FINE = {"OK", "Init"}  # states that need no colour
 SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
 
 @dataclass
 class Seen:
-    """One message: how often, how many are missing by its counter, what it last said."""
+    """One message: how often, how many are missing where its counter tells it, its last word."""
 
     message: Message
     frames: int = 0
@@ -94,7 +95,7 @@ class View:
     def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
         if seen.last is None:
             seen.first_time = now
-        elif "Counter" in signals:
+        elif seen.message.name in NUMBERED and "Counter" in signals:
             seen.missing += (signals["Counter"] - seen.last["Counter"] - 1) % COUNTERS
         seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
 

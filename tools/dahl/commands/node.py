@@ -4,8 +4,10 @@ Start a friction node and say how to speak to it, until Ctrl-C.
 
 With -i it answers on that bus of python-can, in Python; without, dahl-loop serves a bus to as many
 as 16 clients (--port says where); with --target it is the firmware on an emulated core, on such a
-bus. Parameters are those of a scene, or --sigma0, --fc and --theta-per-count. At the end it says
-what became of the frames.
+bus. Parameters are those of a scene, or --sigma0, --fc and --theta-per-count; firmware is sent the
+scene's max_step, timeout_ms and [status] over the bus as it starts, waits 10 s for an angle where
+the scene has no timeout_ms, and takes no scene of another model or with gain, limit or ramp_ms. At
+the end it says what became of the frames.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from dahl import Error
 from dahl.arguments import seconds, whole
-from dahl.bus import add_bus_arguments
+from dahl.bus import add_bus_arguments, keywords, named, words
 
 if TYPE_CHECKING:
     import can
@@ -45,6 +47,7 @@ HOST = "127.0.0.1"
 LOOK = 0.05  # s
 DRAIN = 0.2  # s to read what had come at the end
 PATIENCE = 10.0  # s for firmware to answer
+SENT = {"status_period": "STATUS", "timeout": "TIMEOUT", "max_step": "STEP"}  # to firmware
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -75,8 +78,8 @@ def run(args: argparse.Namespace) -> None:
         begin = time.monotonic()
         serve = _on_bus if _interface(args) else _on_target if args.target else _served
         counts = serve(args, scene, Path(folder), stop, console)
-        words = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-        console.print(f"ended after {time.monotonic() - begin:.1f} s: {words or 'no frame came'}")
+        told = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        console.print(f"ended after {time.monotonic() - begin:.1f} s: {told or 'no frame came'}")
 
 
 def _interface(args: argparse.Namespace) -> str | None:
@@ -85,17 +88,26 @@ def _interface(args: argparse.Namespace) -> str | None:
 
 def _check(args: argparse.Namespace) -> None:
     """Raise dahl.Error for options that do not go together."""
-    if _interface(args) and args.target:
-        raise Error("-i and --target: one of both; firmware has a bus of its own")
-    channel = getattr(args, "channel", None)  # python-can leaves out what is not given
-    if not _interface(args) and channel:
-        raise Error(f"-c {channel}: of which interface? Name it with -i")
-    if not _interface(args) and args.host not in (None, HOST):
-        raise Error(f"--host {args.host}: it serves {HOST}; -i socketcand joins another server")
+    _check_bus(args)
     given = [name for name in OWN if getattr(args, name) is not None]
     if given and (args.scene or len(given) < len(OWN)):
         names = ", ".join("--" + name.replace("_", "-") for name in OWN)
         raise Error(f"{names}: all three, or a --scene")
+
+
+def _check_bus(args: argparse.Namespace) -> None:
+    """Raise dahl.Error for options of a bus that is not theirs."""
+    said = named(args)
+    if "interface" in said:
+        if args.target:
+            raise Error("-i and --target: one of both; firmware has a bus of its own")
+        return
+    for key in said:
+        if key not in ("host", "port"):
+            option = " ".join(words({key: said[key]}))
+            raise Error(f"{option}: of which interface? Name it with -i")
+    if args.host not in (None, HOST):
+        raise Error(f"--host {args.host}: it serves {HOST}; -i socketcand joins another server")
 
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
@@ -111,16 +123,16 @@ def _scene(args: argparse.Namespace, folder: Path) -> Scene:
     return scene.read(path)
 
 
-def _say(console: Any, args: argparse.Namespace, scene: Scene, where: str, **bus: Any) -> None:
-    """What there is, and how to speak to it."""
-    call = ", ".join(f"{key}={value!r}" for key, value in bus.items())
-    short = {"interface": "-i", "channel": "-c"}
-    words = " ".join(f"{short.get(k, f'--{k}')} {shlex.quote(str(v))}" for k, v in bus.items())
+def _say(
+    console: Any, args: argparse.Namespace, scene: Scene, where: str, bus: dict[str, Any]
+) -> None:
+    """What there is, and how to speak to it; `bus` as dahl.bus.named() has it."""
+    call = ", ".join(f"{key}={value!r}" for key, value in keywords(bus).items())
     number = f" --node {args.node}" if args.node else ""
     of = f"{scene.title}: {scene.model}, Fc {scene.Fc:g} {scene.measured.unit}"
     console.print(f"node    {args.node} {where} ({of})")
     console.print(f"open    can.Bus({call})")
-    console.print(f"watch   dahl monitor {words}{number}")
+    console.print(f"watch   dahl monitor {shlex.join(words(bus))}{number}")
     console.print("Ctrl-C ends")
     sys.stdout.flush()
 
@@ -131,14 +143,13 @@ def _on_bus(
     """In Python, on a bus of python-can."""
     from dataclasses import asdict
 
-    from dahl.bus import named, open_from
+    from dahl.bus import open_from
     from dahl.node import Node, run
     from dahl.scene import element, settings
 
     node = Node(element(scene), args.node, **settings(scene))
     with open_from(args) as bus:
-        keys = {key: value for key, value in named(args).items() if key != "bus_kwargs"}
-        _say(console, args, scene, "in Python", **keys, **(getattr(args, "bus_kwargs", None) or {}))
+        _say(console, args, scene, "in Python", named(args))
         traffic = run(bus, node, seconds=args.seconds, ended=lambda: stop.asked)
     return {**asdict(node.counts), "not sent": traffic.refused}
 
@@ -148,7 +159,7 @@ def _served(
 ) -> dict[str, int]:
     """By dahl-loop, on a bus that it serves."""
     with _hub(args, scene.path, folder, args.node) as (hub, port):
-        _say(console, args, scene, "of dahl-loop", **_client(port))
+        _say(console, args, scene, "of dahl-loop", _client(port))
         _wait(args, stop, [hub])
     counts: dict[str, int] = hub.numbers().get("node", {})
     return counts
@@ -174,9 +185,25 @@ def _on_target(
         open_bus(**_client(port)) as bus,
     ):
         ask(bus, ParamWrite(Param.MODEL), args.node, timeout=PATIENCE)  # it is there
+        _configure(bus, args.node, scene)
         board = firmware.boards()[args.target].machine
-        _say(console, args, scene, f"{image.name} on {board} in QEMU", **_client(port))
+        _say(console, args, scene, f"{image.name} on {board} in QEMU", _client(port))
         return _watch(args, stop, bus)
+
+
+def _configure(bus: can.BusABC, number: int, scene: Scene) -> None:
+    """Send firmware what its page of flash has no room for. Raises dahl.Error for a value that it
+    does not take, or not exactly.
+    """
+    from dahl.codec import Param, ParamWrite
+    from dahl.node import ask
+    from dahl.scene import settings
+
+    for name, value in settings(scene).items():
+        asked = ParamWrite.of_si(Param[SENT[name]], value)
+        reply = ask(bus, asked, number, timeout=PATIENCE)
+        if not math.isclose(reply.si, value):
+            raise Error(f"{scene.path}: {name} = {value:g}: the firmware keeps {reply.si:g}")
 
 
 def _watch(args: argparse.Namespace, stop: Stop, bus: can.BusABC) -> dict[str, int]:
