@@ -59,9 +59,9 @@ def keywords(said: dict[str, Any]) -> dict[str, Any]:
     """Of can.Bus, by what named() has found. Raises dahl.Error for one that is said twice."""
     more: dict[str, Any] = said.get("bus_kwargs", {})
     first = {key: value for key, value in said.items() if key != "bus_kwargs"}
-    for key in more:
+    for key, value in more.items():
         if key in first:
-            raise Error(f"--bus-kwargs {key}={more[key]}: {FLAGS[key]} {first[key]} says it too")
+            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} says it too")
     return first | more
 
 
