@@ -19,12 +19,12 @@ static void relax(dahl_node_model_t *model)
 
 dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *kept, const dahl_asymmetric_params_t *params)
 {
-    dahl_asymmetric_plan_t plan;
-    dahl_err_t err = dahl_asymmetric_prepare(&plan, params);
+    dahl_err_t err = dahl_asymmetric_prepare(&kept->plan, params);
     if (err == DAHL_OK) {
         float larger = params->Fc_forward > params->Fc_backward ? params->Fc_forward : params->Fc_backward;
         const dahl_params_t shown = {params->sigma0, larger, params->theta_per_count};
-        *kept = (dahl_node_asymmetric_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC, 0}, .plan = plan};
+        kept->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC, 0};
+        kept->state = (dahl_state_t){0};
         dahl_node_use(node, &kept->model, &shown);
     }
     return err;

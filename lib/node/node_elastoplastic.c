@@ -20,10 +20,10 @@ static void relax(dahl_node_model_t *model)
 dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *kept, const dahl_params_t *params,
                                        float breakaway)
 {
-    dahl_elastoplastic_plan_t plan;
-    dahl_err_t err = dahl_elastoplastic_prepare(&plan, params, breakaway);
+    dahl_err_t err = dahl_elastoplastic_prepare(&kept->plan, params, breakaway);
     if (err == DAHL_OK) {
-        *kept = (dahl_node_elastoplastic_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0}, .plan = plan};
+        kept->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0};
+        kept->state = (dahl_state_t){0};
         dahl_node_use(node, &kept->model, params);
     }
     return err;

@@ -19,10 +19,10 @@ static void relax(dahl_node_model_t *model)
 
 dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *kept, const dahl_params_t *params)
 {
-    dahl_plan_t plan;
-    dahl_err_t err = dahl_prepare(&plan, params);
+    dahl_err_t err = dahl_prepare(&kept->plan, params);
     if (err == DAHL_OK) {
-        *kept = (dahl_node_loaded_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_LOADED, 0}, .plan = plan};
+        kept->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_LOADED, 0};
+        kept->state = (dahl_loaded_state_t){{0}, 0};
         dahl_node_use(node, &kept->model, params);
     }
     return err;

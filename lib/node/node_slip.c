@@ -20,15 +20,15 @@ static void relax(dahl_node_model_t *model)
 
 dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const dahl_slip_params_t *params)
 {
-    dahl_slip_plan_t plan;
-    dahl_err_t err = dahl_slip_prepare(&plan, params);
+    dahl_err_t err = dahl_slip_prepare(&slip->plan, params);
     if (err == DAHL_OK) {
         dahl_params_t sums = {.theta_per_count = params->theta_per_count};
         for (uint32_t k = 0; k < params->elements; k++) {
             sums.sigma0 += params->sigma0[k];
             sums.Fc += params->Fc[k];
         }
-        *slip = (dahl_node_slip_t){.model = {step_q30, relax, DAHL_FRAMES_MODEL_SLIP + params->elements, 0}, .plan = plan};
+        slip->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_SLIP + params->elements, 0};
+        slip->state = (dahl_slip_state_t){{0}};
         dahl_node_use(node, &slip->model, &sums);
     }
     return err;
