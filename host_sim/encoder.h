@@ -17,7 +17,7 @@
 #include "motion.h"
 
 #define ENCODER_PERIOD_NS UINT64_C(1000000)
-#define ENCODER_LOAD_TICKS 1000u
+#define ENCODER_LOAD_TICKS 1000u /* after so many ticks the load is told again */
 #define ENCODER_WAITING 1024u /* frames that can wait for an answer; older ones are lost */
 
 typedef struct {

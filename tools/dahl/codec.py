@@ -294,6 +294,9 @@ class Status(Frame):
         return self.timeout * TIMEOUT_UNIT
 
 
+_VALUED: dict[str, Any] = {"param": Param, "value": (0, core.UINT32_MAX), "counter": NIBBLE}
+
+
 class _Valued(Frame):
     """A frame with a parameter's value."""
 
@@ -324,12 +327,7 @@ class ParamWrite(_Valued):
 
     base = 0x130
     _calls, _kind, _structure = "param_write", 0x6, _ParamWrite
-    _limits: ClassVar[dict[str, Any]] = {
-        "param": Param,
-        "value": (0, core.UINT32_MAX),
-        "write": Write,
-        "counter": NIBBLE,
-    }
+    _limits: ClassVar[dict[str, Any]] = _VALUED | {"write": Write}
 
     @staticmethod
     def of_si(
@@ -363,12 +361,7 @@ class ParamReply(_Valued):
 
     base = 0x140
     _calls, _kind, _structure = "param_reply", 0x9, _ParamReply
-    _limits: ClassVar[dict[str, Any]] = {
-        "param": Param,
-        "value": (0, core.UINT32_MAX),
-        "result": Result,
-        "counter": NIBBLE,
-    }
+    _limits: ClassVar[dict[str, Any]] = _VALUED | {"result": Result}
 
 
 @checks.calls_checked
@@ -465,6 +458,17 @@ def message_of(raw: CanFrame) -> can.Message:
     return message
 
 
+def is_whole(identifier: int, data: bytes | bytearray) -> bool:
+    """True for 8 bytes of one of a node's frames, with the CRC that they need."""
+    kind = KINDS.get(identifier & ~15)
+    return kind is not None and len(data) == 8 and _crc(data, kind) == data[0]
+
+
+def _crc(data: bytes | bytearray, kind: type[Frame]) -> int:
+    call = core.library().dahl_frames_crc
+    return int(call(bytes(data), ctypes.c_uint8(kind._kind))) & 0xFF
+
+
 def _named(identifier: int) -> str:
     kind = KINDS.get(identifier & ~15)
     return f"{kind.__name__} {identifier:#05x}" if kind else f"id {identifier:#05x}"
@@ -487,7 +491,7 @@ def _unpacked(raw: CanFrame) -> Frame:
     values = kind._structure()
     call = getattr(core.library(), f"dahl_frames_unpack_{kind._calls}")
     if call(ctypes.byref(raw), ctypes.byref(values)) != 0:
-        due = core.library().dahl_frames_crc(raw.data, ctypes.c_uint8(kind._kind)) & 0xFF
+        due = _crc(bytes(raw.data), kind)
         raise Error(f"{_named(raw.id)}: CRC {raw.data[0]:#04x}, {due:#04x} was expected")
     try:
         return kind(**{name: getattr(values, name) for name in kind._limits})

@@ -15,7 +15,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
-from dahl import Error, e2e, paths
+from dahl import Error, codec, paths
 from dahl.monitor_curves import panel
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class View:
             self.others += 1
             return
         try:
-            if not e2e.is_whole(frame.arbitration_id, frame.data):
+            if not codec.is_whole(frame.arbitration_id, frame.data):
                 raise ValueError("a wrong CRC or length")
             signals = seen.message.decode_simple(bytes(frame.data))
         except Exception:  # cantools has several for frames that are too short

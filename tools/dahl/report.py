@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dahl import Error, RunError, e2e, paths, reference
+from dahl import Error, RunError, codec, paths, reference
 from dahl.scene import Measured, Recorded, Scene
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ class Pairing:
         name = self.messages.get(frame.arbitration_id)
         if name is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
             return
-        if not e2e.is_whole(frame.arbitration_id, frame.data):
+        if not codec.is_whole(frame.arbitration_id, frame.data):
             return
         message = database().get_message_by_name(name)
         signals = message.decode_simple(bytes(frame.data), decode_choices=False, scaling=False)
