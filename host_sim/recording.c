@@ -54,13 +54,14 @@ static void take_number(recording_t *self, const char *text, const char *name, d
 {
     char *end;
     *to = strtod(text, &end);
-    if (end == text || *end != '\0' || !isfinite(*to)) {
+    if (!self->failed && (end == text || *end != '\0' || !isfinite(*to))) {
         log_error("%s:%llu: column \"%s\": \"%.40s\" is not a finite number", self->path,
                  (unsigned long long)self->line, name, text);
         fail(self);
     }
 }
 
+/* One field may serve as several columns; it is complained of once. */
 static void on_data_field(recording_t *self, const char *text)
 {
     if (self->column == self->angle_column) {

@@ -179,6 +179,18 @@ def test_a_column_of_a_load_that_is_not_there_is_one_line(tmp_path, header, colu
     assert result.code == 2 and words in result.err
 
 
+def test_one_column_as_angle_and_load_is_complained_of_once(tmp_path):
+    (tmp_path / "log.csv").write_text("angle\n0\nx\n")
+    path = tmp_path / "bad.ini"
+    path.write_text(
+        LOADED + "[load]\nfull = 1\ncolumn = angle\n"
+        "[motion]\nkind = log\nfile = log.csv\nangle = angle\ncounts_per_unit = 1\n"
+    )
+    result = run(tmp_path, path, "--virtual")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert '"x" is not a finite number' in result.err
+
+
 def test_where_the_references_end():
     """Far in one direction each stands at its Fc; and none of them is another."""
     far, elements = [10**6], [(100.0, 0.2), (100.0, 0.7)]
