@@ -5,7 +5,7 @@
 #
 #   (none)   all of it: target, host, report and, but for --quick, the tables and pictures of docs/.
 #            10 minutes on two cores, 1 with --quick
-#   target   counts instructions, bytes and stack on m0 m3 m4f m7 m33 rv32 (or those named) in QEMU, beside what else one
+#   target   counts instructions, bytes and stack on every small core (or those named: m4f rv32 ...) in QEMU, beside what else one
 #            could write; prints a table and writes build/bench/target.json. --quick leaves picolibc out.
 #   host     errors of every way against long double, speed on this machine, and rivals from outside (MuJoCo, Newton, SciPy,
 #            in a Python environment of their own); writes build/bench/host.json. --quick takes shorter motions.
