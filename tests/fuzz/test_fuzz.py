@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Coverage-guided fuzzers of everything that takes input, each half a minute; every seed at once; and
-1e9 executions of each where asked to (--soak). Their laws stand in tests/fuzz/*.c and readers.py.
+"""Coverage-guided fuzzers of everything that takes input, each half a minute; every seed at once;
+and 1e9 executions of each where asked to (--soak). Their laws stand in tests/fuzz/*.c and
+readers.py.
 """
 
 from __future__ import annotations

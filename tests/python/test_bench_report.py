@@ -741,6 +741,7 @@ def test_errors_are_worst_and_rms():
     assert outside.errors([1.0, 2.0, 5.0], [1.0, 6.0, 2.0]) == [4.0, pytest.approx((25 / 3) ** 0.5)]
 
 
+@pytest.mark.checks
 def test_a_rival_that_is_not_here_is_named_and_stops_no_other(task):
     own = ROOT / "build/bench/venv/bin/python"
     done = subprocess.run(
@@ -761,6 +762,7 @@ def test_a_rival_that_is_not_here_is_named_and_stops_no_other(task):
 # --- what an identification costs ----------------------------------------------------------------
 
 
+@pytest.mark.checks
 def test_the_cost_of_an_identification_is_told():
     """Both fits find the parameters; the ratio is the rival's time over ours."""
     words = [sys.executable, ROOT / "tools/bench/identify.py", "--rows", "3000", "--short", "1000"]

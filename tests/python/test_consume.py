@@ -22,8 +22,6 @@ PRIVATE = {
 USUAL = {"bits.h", "fixed.h", "kernel.h", "torque.h", "multiply.h", "compiler.h"}
 HEADERS = {"dahl.h", "dahl_encoder.h", "dahl_parts.h"}
 WANTED = dahl.__version__.rpartition(".")[0]  # of find_package: 0.2 takes any 0.2.x and no other
-MANIFEST_WAYS = ["platformio", "esp_idf", "zephyr"]
-WAYS = ["add_subdirectory", "FetchContent", "find_package", *MANIFEST_WAYS]
 # Eq. 7: F = Fc (1 - exp(-sigma0/Fc theta)), sigma0 = 100, Fc = 0.5, theta = 100 counts of 14 bits.
 EXPECTED = 0.5 * (1 - math.exp(-100 / 0.5 * 100 * 2 * math.pi / 16384))
 
@@ -69,7 +67,16 @@ def own_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(
+    "way",
+    [
+        *("add_subdirectory", "find_package", "platformio"),
+        *(
+            pytest.param(way, marks=pytest.mark.checks)
+            for way in ("FetchContent", "esp_idf", "zephyr")
+        ),
+    ],
+)
 def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> None:
     options = [f"-DWAY={way}", f"-DOWN_HEADERS={own_headers}", f"-DDAHL_ROOT={ROOT}"]
     options += [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]

@@ -335,7 +335,12 @@ def is_running(pid: int) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGKILL, -9), (signal.SIGHUP, 130), (signal.SIGTERM, 130)]
+    ("number", "code"),
+    [
+        (signal.SIGKILL, -9),
+        pytest.param(signal.SIGHUP, 130, marks=pytest.mark.checks),
+        pytest.param(signal.SIGTERM, 130, marks=pytest.mark.checks),
+    ],
 )
 def test_nobody_is_left_behind(running, number, code):
     """However the demo ends, its two programs end with it, and its code says so."""
@@ -426,7 +431,14 @@ def test_a_log_in_the_place_of_an_output_is_refused(own_log, run_dahl, tmp_path)
         victim.unlink()
 
 
-@pytest.mark.parametrize("scene_name", ["segments", "creep", "fault-storm"])
+@pytest.mark.parametrize(
+    "scene_name",
+    [
+        "segments",
+        pytest.param("creep", marks=pytest.mark.checks),
+        pytest.param("fault-storm", marks=pytest.mark.checks),
+    ],
+)
 def test_progress_ends_at_100_percent(run_dahl, tmp_path, scene_name):
     done = run_dahl("demo", "--scene", scene_name, "--seconds", "1", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
@@ -690,7 +702,7 @@ def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tm
     assert again.read_bytes() == (tmp_path / "loop.png").read_bytes()  # no panel less
 
 
-@pytest.mark.parametrize("seed", [3, 2**64 - 1])
+@pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.checks), 2**64 - 1])
 def test_the_seed_is_the_runs(run_dahl, tmp_path, seed):
     """In the summary, and in what was played."""
     for name, scene_name in (("real", "steering"), ("virtual", "fault-storm")):

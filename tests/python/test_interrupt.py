@@ -154,7 +154,7 @@ FEW, MANY = (0.0, 0.4, 1.5), (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5, 4.0)
 @pytest.mark.parametrize(
     ("whole_group", "latest"),
     [
-        pytest.param(False, FEW, id="alone"),
+        pytest.param(False, FEW, id="alone", marks=pytest.mark.checks),
         pytest.param(False, MANY, id="often", marks=pytest.mark.long),
         pytest.param(True, MANY, id="group", marks=pytest.mark.long),
     ],

@@ -38,12 +38,7 @@ AT_TIMES = {  # packages that some options or files want, and the extra that bri
     "serial": "can",
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
-WITHOUT_MF4 = (
-    "demo",
-    "monitor",
-    "node",
-    "record",
-)  # unless a word of the command line ends in .mf4
+WITHOUT_MF4 = ("demo", "monitor", "node", "plot", "record", "report")  # where no word is an .mf4
 TRIED = "DAHL_SETUP_TRIED"  # set for the second start, so that there is no third
 
 
@@ -95,5 +90,6 @@ def spare_mf4(command: str, words: list[str]) -> None:
     """Leave out asammdf, which python-can imports wherever it is installed: most of the start of a
     command that reads and writes no MF4. For the program, where no other command follows.
     """
-    if command in WITHOUT_MF4 and not any(word.lower().endswith(".mf4") for word in words):
+    spares = command in WITHOUT_MF4 and not any(word.lower().endswith(".mf4") for word in words)
+    if spares or {"-h", "--help"} & set(words):
         sys.modules.setdefault("asammdf", cast(ModuleType, None))  # its import then fails

@@ -140,15 +140,15 @@ def _run(argv: list[str] | None) -> int:
 
 def _run_command(words: list[str], alone: bool) -> int:
     """The exit code of one command; `alone` in this program."""
+    command = next((word for word in words if word in COMMANDS), "")
+    if alone:
+        by_need.spare_mf4(command, words)
     try:
         args = build_parser().parse_args(words)
         args.words = words
         by_need.bring(args.command, words)
-        if alone:
-            by_need.spare_mf4(args.command, words)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:
-        command = next((word for word in words if word in COMMANDS), "")
         if not by_need.is_lacking(command, error.name):
             raise
         raise by_need.refusal(command, str(error.name)) from None
