@@ -10,40 +10,33 @@ import math
 import sys
 
 import can
-import cantools
-from dahl.e2e import checksum
-from dahl.paths import DBC
+from dahl import Error, codec
 
-ENCODER_STATE, FRICTION_TORQUE, STATUS = 0x100, 0x110, 0x120  # of node 0
 PATIENCE = 1.0  # s for an answer
 
 
 class Node:
-    """The client's side of one node on a bus that is open."""
+    """The client's side of node 0 on a bus that is open."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.bus, self.database = bus, cantools.database.load_file(DBC)
-        self.counter, self.waiting, self.states = 0, {}, []
+        self.bus, self.counter, self.waiting, self.states = bus, 0, {}, []
 
     def receive(self, message: can.Message) -> None:
         """A listener of can.Notifier: it is called in the loop, frame by frame."""
-        if message.arbitration_id not in (FRICTION_TORQUE, STATUS):
-            return
-        signals = self.database.decode_message(message.arbitration_id, message.data)
-        if message.arbitration_id == STATUS:
-            self.states.append(str(signals["State"]))
-        elif answer := self.waiting.pop(signals["EchoCounter"], None):
-            answer.set_result(signals["TorqueRatio"])
+        try:
+            frame = codec.unpack(message)
+        except Error:
+            return  # of somebody else, or damaged
+        if isinstance(frame, codec.Status):
+            self.states.append(frame.state.name)
+        elif isinstance(frame, codec.FrictionTorque) and frame.echo in self.waiting:
+            self.waiting.pop(frame.echo).set_result(frame.ratio)
 
     async def torque_ratio(self, count: int) -> float:
         """F/Fc after the shaft has moved to this count of the encoder."""
         counter, self.counter = self.counter, (self.counter + 1) % 16
-        signals = {"Crc": 0, "Counter": counter, "Valid": 1, "Count": count}
-        data = bytearray(self.database.encode_message("EncoderState", signals))
-        data[0] = checksum(ENCODER_STATE, data)
-        self.waiting[counter] = asyncio.get_running_loop().create_future()
-        answer = self.waiting[counter]
-        self.bus.send(can.Message(arbitration_id=ENCODER_STATE, data=data, is_extended_id=False))
+        self.waiting[counter] = answer = asyncio.get_running_loop().create_future()
+        self.bus.send(codec.pack(codec.EncoderState(count=count, counter=counter)))
         return await asyncio.wait_for(answer, PATIENCE)
 
 
