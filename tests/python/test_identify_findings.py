@@ -22,6 +22,7 @@ from dahl.identify import (
     pipeline,
     plan_quality,
     recording,
+    torque_steps,
 )
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log
@@ -524,3 +525,42 @@ def test_how_much_of_the_motion_informs_sigma0(good):
         informs = pipeline._informs(study, SimpleNamespace(a=a))
         assert informs == pytest.approx(steep.mean(), abs=0.005)
         assert 0.05 < informs < 0.95
+
+
+# --- a torque in steps ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("steps", "noise", "off"),  # steps in Fc, noise over a step, part of Fc that it may be off
+    [(4, 0.0, 1 / 8), (10, 0.0, 1 / 20), (4, 0.6, 0.0), (1000, 0.0, 0.0)],
+)
+def test_a_torque_in_steps_may_be_half_a_step_off(good, steps, noise, off):
+    """sigma0 twice that part; noise as large as a step takes it away, and so do fine steps."""
+    log, step = good.raw[0], FC / steps
+    torque = dahl_torque(log.theta) + noise * step * np.random.default_rng(1).normal(size=3000)
+    coarse = replace(log, torque=np.round(torque / step) * step)
+    ci95 = {"Fc": Interval(FC * 0.99, FC * 1.01), "sigma0": good.estimate.ci95["sigma0"]}
+    estimate = replace(good.estimate, Fc=FC, a=SIGMA0 / FC, ci95=ci95)
+    found = torque_steps.finding([coarse], estimate)
+    if off == 0:
+        assert not found
+        return
+    assert found[0].text.startswith(f"torque comes in steps of {step:.3g} N m ")
+    assert found[0].text.endswith(f"Fc may be {100 * off:.2g} % off, sigma0 {200 * off:.2g} %")
+    assert found[0].reach["Fc"] == pytest.approx((FC * (1 - off), FC * (1 + off)))
+    assert found[0].reach["sigma0"] == pytest.approx(
+        (SIGMA0 * (1 - 2 * off), SIGMA0 * (1 + 2 * off))
+    )
+    assert found[0].doubts == ()
+
+
+def test_a_coarse_torque_has_the_truth_in_its_intervals():
+    """Half a step from one of its levels to the next, where rounding moves Fc the most."""
+    made = synthetic(5, rows=3000, cycles=6)
+    for part in (0.9, 1.0, 1.1):
+        coarse = replace(made, torque=np.round(made.torque / (part * FC / 3)) * part * FC / 3)
+        result = pipeline.identify([coarse], pipeline.Options(terms=()))
+        for name, truth in (("Fc", FC), ("sigma0", SIGMA0)):
+            within = result.estimate.ci95[name]
+            assert within.low <= truth <= within.high or not result.verdict.identifiable[name]
+        assert "torque comes in steps" in result.verdict.text

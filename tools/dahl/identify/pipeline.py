@@ -28,6 +28,7 @@ from dahl.identify import (
     plan_quality,
     recording,
     sweep,
+    torque_steps,
     verdict,
 )
 from dahl.identify.explore import Explored
@@ -192,6 +193,7 @@ def _checked(result: Result, options: Options) -> Result:
         *explore.long_delay(result.delay),
         *drift.findings(result.cycles),
         *lowpass.finding(result),
+        *torque_steps.finding(result.raw, estimate),
         *angle_noise.finding(result, lambda made: _refitted(result, made)),
     ]
     result.estimate = replace(estimate, ci95=_drawn_out(estimate.ci95, result.findings))
