@@ -25,6 +25,7 @@ ROWS = [
     ("`dahl_counts_between`, worst", "counts_between"),
     ("prepare", "prepare"),
     ("a move from an encoder's reading", "encoder_move"),
+    ("a whole control tick: encoder, friction in N m, sum of torques", "control_tick"),
     ("2 slip elements, F / sum of Fc in Q30", "slip_2_q30"),
     ("4 slip elements, Q30", "slip_4_q30"),
     ("8 slip elements, Q30", "slip_8_q30"),

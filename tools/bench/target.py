@@ -274,6 +274,7 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
         "counts_between",
         "counts_between_below",
         "encoder_move",
+        "control_tick",
     )
     result |= {name: worst[name] for name in others}
     result |= {name: count for name, count in worst.items() if name.startswith(PARTS)}
