@@ -19,7 +19,9 @@ class Node:
     """The client's side of node 0 on a bus that is open."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.bus, self.counter, self.waiting, self.states = bus, 0, {}, []
+        self.bus, self.counter = bus, 0
+        self.waiting: dict[int, asyncio.Future[float]] = {}  # by the counter that was sent
+        self.states: list[str] = []
 
     def receive(self, message: can.Message) -> None:
         """A listener of can.Notifier: it is called in the loop, frame by frame."""

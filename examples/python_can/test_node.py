@@ -5,11 +5,18 @@ Start a node first, for instance the one on the desk (examples/README.md), then 
     pytest examples/python_can/test_node.py
 """
 
+from typing import Any
+
 import can
 import pytest
 from dahl import codec, node
 
-BUS = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": 28600}
+BUS: dict[str, Any] = {
+    "interface": "socketcand",
+    "channel": "vcan0",
+    "host": "127.0.0.1",
+    "port": 28600,
+}
 
 
 def ask(bus: can.BusABC, counter: int, count: int) -> float:

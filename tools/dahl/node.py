@@ -8,7 +8,7 @@ other end.
 >>> node = Node(core.Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-3))
 >>> for counter, count in enumerate((0, 5)):
 ...     answer = node.receive(codec.pack(codec.EncoderState(count, counter)))
->>> codec.unpack(answer).ratio
+>>> codec.unpack(answer, codec.FrictionTorque).ratio
 0.6321205766871572
 """
 
