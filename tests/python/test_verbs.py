@@ -82,6 +82,14 @@ def test_the_help_lists_each_verb_and_each_verb_tells_what_it_does(dahl):
         assert about in dahl(name, "--help").stdout
 
 
+def test_the_help_names_the_folder_of_an_installed_package(dahl, monkeypatch):
+    monkeypatch.setattr(paths, "INSTALLED", True)
+    monkeypatch.setattr(paths, "OUTPUT", Path("dahl-out"))
+    shown = {name: dahl(name, "--help").stdout for name in cli.COMMANDS}
+    assert [name for name, text in shown.items() if re.search(r"\b(build|lib)/", text)] == []
+    assert "in dahl-out/demo" in shown["demo"] and "dahl plot dahl-out/demo" in shown["plot"]
+
+
 def test_a_verb_brings_its_packages_first(dahl, monkeypatch):
     monkeypatch.setenv(by_need.TRIED, "1")
     monkeypatch.setattr(by_need, "find_spec", lambda name: None)
