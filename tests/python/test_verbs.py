@@ -242,8 +242,12 @@ def test_numbers_of_an_own_log_without_one(dahl, words):
 @pytest.mark.parametrize(
     ("script", "words"),
     [
-        ("echo odd >&2; echo broken tool >&2; exit 1", "m4f could not be built: broken tool"),
-        ("echo only here; exit 1", "m4f could not be built: only here"),
+        ("echo odd >&2; echo broken tool >&2; exit 1", "m4f could not be built, .*: broken tool"),
+        ("echo only here; exit 1", "tools/setup.sh firmware brings what is needed: only here"),
+        (
+            "printf 'odd\\nfatal: no host\\n  where (include)\\n' >&2; exit 1",
+            "needed: fatal: no host",
+        ),
         (None, "cmake is not installed; tools/setup.sh installs it"),
     ],
 )
