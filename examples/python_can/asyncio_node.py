@@ -47,6 +47,7 @@ async def main(port: int) -> None:
     node = Node(bus)
     notifier = can.Notifier(bus, [node.receive], loop=asyncio.get_running_loop())
     try:
+        bus.send(codec.pack(codec.Reset(codec.What.RESTART)))  # whoever came before
         for tick in range(100):
             ratio = await node.torque_ratio(round(500 * math.sin(tick / 10)))
             if tick % 10 == 0:

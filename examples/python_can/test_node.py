@@ -26,6 +26,7 @@ def ask(bus: can.BusABC, counter: int, count: int) -> float:
 
 def test_torque_follows_the_motion() -> None:
     with can.Bus(**BUS) as bus:
+        node.ask(bus, codec.Reset(codec.What.RESTART))  # as after power-on, whoever came before
         assert ask(bus, 0, 1000) == 0.0  # the first count is where it starts
         forward = [ask(bus, counter, 1000 + 200 * counter) for counter in (1, 2)]
         assert 0 < forward[0] < forward[1] <= 1  # towards +Fc
