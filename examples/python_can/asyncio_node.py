@@ -19,7 +19,9 @@ class Node:
     """The client's side of node 0 on a bus that is open."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self.bus, self.counter, self.waiting, self.states = bus, 0, {}, []
+        self.bus, self.counter = bus, 0
+        self.waiting: dict[int, asyncio.Future[float]] = {}  # by the counter that was sent
+        self.states: list[str] = []
 
     def receive(self, message: can.Message) -> None:
         """A listener of can.Notifier: it is called in the loop, frame by frame."""
@@ -45,6 +47,7 @@ async def main(port: int) -> None:
     node = Node(bus)
     notifier = can.Notifier(bus, [node.receive], loop=asyncio.get_running_loop())
     try:
+        bus.send(codec.pack(codec.Reset(codec.What.RESTART)))  # whoever came before
         for tick in range(100):
             ratio = await node.torque_ratio(round(500 * math.sin(tick / 10)))
             if tick % 10 == 0:

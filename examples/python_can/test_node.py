@@ -5,11 +5,18 @@ Start a node first, for instance the one on the desk (examples/README.md), then 
     pytest examples/python_can/test_node.py
 """
 
+from typing import Any
+
 import can
 import pytest
 from dahl import codec, node
 
-BUS = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": 28600}
+BUS: dict[str, Any] = {
+    "interface": "socketcand",
+    "channel": "vcan0",
+    "host": "127.0.0.1",
+    "port": 28600,
+}
 
 
 def ask(bus: can.BusABC, counter: int, count: int) -> float:
@@ -19,6 +26,7 @@ def ask(bus: can.BusABC, counter: int, count: int) -> float:
 
 def test_torque_follows_the_motion() -> None:
     with can.Bus(**BUS) as bus:
+        node.ask(bus, codec.Reset(codec.What.RESTART))  # as after power-on, whoever came before
         assert ask(bus, 0, 1000) == 0.0  # the first count is where it starts
         forward = [ask(bus, counter, 1000 + 200 * counter) for counter in (1, 2)]
         assert 0 < forward[0] < forward[1] <= 1  # towards +Fc

@@ -12,6 +12,7 @@ import tomllib
 import pytest
 from dahl import RunError, by_need, paths
 from dahl.cli import COMMANDS
+from packaging.requirements import Requirement
 
 
 @pytest.fixture
@@ -67,6 +68,19 @@ def test_each_command_names_extras_that_bring_what_it_needs(root):
         brought = set().union(*(extras[name] for name in names.split(",")))
         wanted = {by_need.DISTRIBUTED_AS.get(name, name).partition("[")[0] for name in modules}
         assert wanted - {"pyserial"} <= brought, names  # python-can[serial] brings that
+
+
+def test_extras_take_what_is_tested_here_and_no_plotext_with_other_calls(root):
+    """pip takes the newest that an extra allows; plotext 6 lacks what the monitor calls."""
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    wanted = [*map(Requirement, sum(project["optional-dependencies"].values(), []))]
+    locks = (lock.read_text() for lock in (root / "tools/requirements").glob("*.lock"))
+    pins = dict(re.findall(r"^([\w-]+)(?:\[\w+\])?==(\S+)", "".join(locks), re.MULTILINE))
+    tested = [one for one in wanted if one.name in pins]
+    assert len(tested) > 10
+    assert [one for one in tested if not one.specifier.contains(pins[one.name])] == []
+    (plotext,) = {one.specifier for one in wanted if one.name == "plotext"}
+    assert not any(map(plotext.contains, ("6.0.0", "6.1.0", "7.0")))
 
 
 def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):

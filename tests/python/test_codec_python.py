@@ -56,7 +56,8 @@ def test_frames_are_those_of_the_dbc_protected_by_autosar_e2e(database, kind):
         assert (bytes(packed.data), packed.dlc) == (bytes(data), 8)
         assert packed.arbitration_id == message.frame_id + node
         assert not packed.is_extended_id
-        assert codec.unpack(packed) == frame == codec.from_bytes(packed.arbitration_id, data)
+        assert codec.unpack(packed, type(frame)) == codec.unpack(packed) == frame
+        assert frame == codec.from_bytes(packed.arbitration_id, data)
         assert pickle.loads(pickle.dumps(frame)) == frame
         data[rng.randrange(8)] ^= 1 << rng.randrange(8)
         with pytest.raises(Error, match=f"^{kind} 0x1[0-5][0-9a-f]: CRC 0x"):
@@ -125,6 +126,11 @@ REFUSED = {
     "fd": (lambda: codec.unpack(message(is_fd=True)), "EncoderState 0x100: a CAN FD frame"),
     "error": (lambda: codec.unpack(message(is_error_frame=True)), "EncoderState 0x100: an error"),
     "no message": (lambda: codec.unpack(GOOD), "message = b'"),
+    "other kind": (
+        lambda: codec.unpack(message(), codec.Status),
+        "EncoderState 0x100: Status was expected",
+    ),
+    "no kind": (lambda: codec.unpack(message(), int), "kind = <class 'int'> is no kind of frame"),
     "no frame": (lambda: codec.pack(GOOD), "frame = b'"),
     "node": (lambda: codec.pack(codec.EncoderState(1), 16), "node = 16 is not a whole number"),
     "count": (lambda: codec.EncoderState(2**31), "count = 2147483648 is not a whole number"),

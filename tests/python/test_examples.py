@@ -8,20 +8,29 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import can
 import pytest
 from conftest import need
+from dahl.codec import EncoderState
+from dahl.node import ask
 from firmware_examples import expected_torques
 
 
 @pytest.fixture
 def node(dahl_loop, root):
-    """A node on the desk that serves one client, and the port that it serves on."""
+    """A node on the desk that was asked before and is stale, and the port that it serves on."""
     command = [dahl_loop, "--scene", root / "host_sim/scenes/segments.ini", "--role", "node"]
-    command += ["--bus", "socketcand:0", "--wait-clients", "1", "--until-idle"]
+    command += ["--bus", "socketcand:0", "--wait-clients", "1"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        yield re.search(r":(\d+) ", process.stdout.readline())[1]
+        port = re.search(r":(\d+) ", process.stdout.readline())[1]
+        where = {"channel": "vcan0", "host": "127.0.0.1", "port": int(port)}
+        with can.Bus(interface="socketcand", **where) as bus:
+            ask(bus, EncoderState(count=0, counter=9))
+        time.sleep(0.3)  # its timeout is 0.1 s
+        yield port
         process.kill()
 
 

@@ -165,6 +165,7 @@ def test_empty_and_truncated_and_absent_files(run_dahl, log, tmp_path):
     (tmp_path / "none.csv").write_text("")
     assert "none.csv: empty" in refused(run_dahl, tmp_path / "none.csv")
     assert "no such file" in refused(run_dahl, tmp_path / "absent.csv")
+    assert f"{tmp_path}: a folder; --each {tmp_path} takes" in refused(run_dahl, tmp_path)
     assert "no rows" in refused(run_dahl, log(lambda lines: lines[:1]))
     assert "10 rows; at least 30" in refused(run_dahl, log(lambda lines: lines[:11]))
     said = refused(run_dahl, log(lambda lines: [*lines[:-1], "1.199,0"]))

@@ -245,6 +245,20 @@ def test_view_fits_small_and_large_terminals(dbc, width, height, made):
     assert ("over s" in shown) == (width >= 80)
 
 
+def test_a_status_without_errors_fits_80_columns(dbc):
+    """All that it says, the timeout too."""
+    view = View()
+    errors = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
+    status = {"Counter": 1, "State": "OK", "Lost": 90, "Corrupt": 34, "OutOfStep": 43}
+    status |= {f"Error{name}": 0 for name in errors}
+    status |= {"Timeout": 1000, "VersionMajor": 0, "VersionMinor": 2}
+    for frame in frames(dbc, ("Status", 0.0, status)):
+        view.feed(frame)
+    view.fills_screen = True
+    shown = text_of(Screen(view), 80, 24)
+    assert "OutOfStep 43  Timeout 1000  Version 0.2" in shown and "…" not in shown
+
+
 SHOWN = {"EncoderState", "FrictionTorque", "Status", "node states", "over counts"}
 
 

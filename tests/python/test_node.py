@@ -16,6 +16,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -450,6 +451,21 @@ def test_nobody_there_is_said(ends):
     assert str(caught.value).startswith("no FrictionTorque of node 5 in 0.05 s, to EncoderState(")
     with pytest.raises(dahl.Error, match="none that a node answers"):
         node.ask(ends[0], codec.FrictionTorque(5))
+
+
+def test_a_node_that_does_not_answer_has_its_state_told(ends):
+    """After a pause it is stale: what leads out of that stands in the error, and does so."""
+    theirs, ours = ends
+    notifier = can.Notifier(theirs, [node.Listener(theirs, dahl.Node(PLAN, timeout=0.05))])
+    try:
+        node.ask(ours, EncoderState(0, 0))
+        time.sleep(0.2)
+        with pytest.raises(dahl.RunError, match="its Status says STALE; a Reset with What.RESTART"):
+            node.ask(ours, EncoderState(0, 1), timeout=0.3)
+        node.ask(ours, Reset(What.RESTART))
+        assert node.ask(ours, EncoderState(0, 0)).ratio == 0
+    finally:
+        notifier.stop()
 
 
 def test_two_nodes_of_one_number_are_refused(ends):

@@ -84,6 +84,15 @@ def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path, dahl_loop, li
     assert (counts["ok"], counts["params"]) == ("4", "1")
 
 
+def test_a_second_node_of_the_same_number_is_refused(tmp_path, capsys, dahl_loop, library):
+    """Two would answer each angle with the same id; clients see one torque twice, or two."""
+    with serving(tmp_path, SCENES / "segments.ini", "--role", "node") as (_, port):
+        where = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
+        done = caller(capsys)("node", *OWN, *where, "--seconds", "1")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "error: node 0 is on this bus already; --node takes another number\n"
+
+
 def test_the_printed_lines_name_the_same_bus(capsys, library):
     """`watch` as the monitor's own parser takes it, `open` as Python does: nothing left out."""
     words = ("-i", "virtual", "-c", "a rig", "-b", "500000", "--fd", "--data-bitrate", "2000000")

@@ -109,3 +109,21 @@ def test_a_bus_that_is_not_there_is_one_line(outcome):
     done = outcome(README[0], *options)
     assert done.code == 1
     assert "dahl.RunError: cannot open the bus (interface=socketcand channel=vcan0)" in done.said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--dahl-channel", "can0"), "--dahl-channel goes with --dahl-interface"),
+        (("--dahl-serve",), "--dahl-serve goes with --dahl-interface"),
+        (("--dahl-interface", "virtual", "--dahl-bus-kwargs", "fd=True bitrate"), "bitrate: KEY="),
+        (("--dahl-interface", "virtual", "--dahl-bus-kwargs", "=1"), "=1: KEY=VALUE was expected"),
+    ],
+)
+def test_an_option_that_would_be_passed_over_is_refused(pytester, monkeypatch, options, said):
+    """A test that should ask can0 must not pass on a bus of its own."""
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    words = ("-p", "dahl.pytest_plugin", "-p", "no:cacheprovider", "-q")
+    done = pytester.runpytest_inprocess(*words, *options, pytester.makepyfile(README[0]))
+    assert done.ret == pytest.ExitCode.USAGE_ERROR
+    assert said in done.stderr.str() and "passed" not in done.stdout.str()

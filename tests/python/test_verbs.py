@@ -82,6 +82,14 @@ def test_the_help_lists_each_verb_and_each_verb_tells_what_it_does(dahl):
         assert about in dahl(name, "--help").stdout
 
 
+def test_the_help_names_the_folder_of_an_installed_package(dahl, monkeypatch):
+    monkeypatch.setattr(paths, "INSTALLED", True)
+    monkeypatch.setattr(paths, "OUTPUT", Path("dahl-out"))
+    shown = {name: dahl(name, "--help").stdout for name in cli.COMMANDS}
+    assert [name for name, text in shown.items() if re.search(r"\b(build|lib)/", text)] == []
+    assert "in dahl-out/demo" in shown["demo"] and "dahl plot dahl-out/demo" in shown["plot"]
+
+
 def test_a_verb_brings_its_packages_first(dahl, monkeypatch):
     monkeypatch.setenv(by_need.TRIED, "1")
     monkeypatch.setattr(by_need, "find_spec", lambda name: None)
@@ -234,8 +242,12 @@ def test_numbers_of_an_own_log_without_one(dahl, words):
 @pytest.mark.parametrize(
     ("script", "words"),
     [
-        ("echo odd >&2; echo broken tool >&2; exit 1", "m4f could not be built: broken tool"),
-        ("echo only here; exit 1", "m4f could not be built: only here"),
+        ("echo odd >&2; echo broken tool >&2; exit 1", "m4f could not be built, .*: broken tool"),
+        ("echo only here; exit 1", "tools/setup.sh firmware brings what is needed: only here"),
+        (
+            "printf 'odd\\nfatal: no host\\n  where (include)\\n' >&2; exit 1",
+            "needed: fatal: no host",
+        ),
         (None, "cmake is not installed; tools/setup.sh installs it"),
     ],
 )

@@ -16,7 +16,7 @@ TOOLS = ROOT / "tools"
 REASONED = re.compile(r"# type: ignore\[[a-z, -]+\]  # \S+")  # a code, then why
 
 
-def mypy(*files: Path) -> subprocess.CompletedProcess[str]:
+def mypy(*files: Path | str) -> subprocess.CompletedProcess[str]:
     """Run it; what it learned of the libraries is kept in the build."""
     command = [sys.executable, "-m", "mypy", "--config-file", ROOT / "pyproject.toml"]
     command += ["--cache-dir", BUILD.parent / "mypy", "--no-error-summary", *files]
@@ -28,6 +28,22 @@ def mypy(*files: Path) -> subprocess.CompletedProcess[str]:
 def test_strict() -> None:
     assert "\nstrict = true\n" in (ROOT / "pyproject.toml").read_text()
     done = mypy(TOOLS / "dahl", TOOLS / "bench", *TOOLS.glob("*.py"))
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_what_users_copy_is_typed(tmp_path: Path) -> None:
+    """The examples, and each Python block of the pages: no finding but a test's missing types."""
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    blocks = [
+        block
+        for page in pages
+        for block in re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
+    ]
+    assert len(blocks) >= 3
+    files = [tmp_path / f"block_{number}.py" for number in range(len(blocks))]
+    for path, block in zip(files, blocks, strict=True):
+        path.write_text(block)
+    done = mypy("--allow-untyped-defs", *files, *(ROOT / "examples").rglob("*.py"))
     assert done.returncode == 0, done.stdout + done.stderr
 
 

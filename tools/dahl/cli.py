@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
-from dahl import Error, RunError, __version__, by_need, interrupt, printable
+from dahl import Error, RunError, __version__, by_need, interrupt, paths, printable
 from dahl.commands import (
     complete,
     data,
@@ -104,12 +104,17 @@ def build_parser() -> argparse.ArgumentParser:
             name,
             fill=module.add_arguments,
             help=module.HELP,
-            description=(module.__doc__ or "").partition("\n")[2].strip(),
-            epilog=module.EXAMPLE,
+            description=_as_here((module.__doc__ or "").partition("\n")[2].strip()),
+            epilog=_as_here(module.EXAMPLE),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         sub.set_defaults(run=module.run, parser=parser)
     return parser
+
+
+def _as_here(text: str) -> str:
+    """The folder where commands leave files is another where there is no checkout."""
+    return text.replace(" build/", f" {paths.OUTPUT}/") if paths.INSTALLED else text
 
 
 def main(argv: list[str] | None = None) -> int:

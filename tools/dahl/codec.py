@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from dahl import Error, RunError, checks, core
 from dahl.arrays import INT32_MAX, INT32_MIN
@@ -33,6 +33,8 @@ EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # DAHL_CAN_FRAME_*
 STANDARD_MAX = 0x7FF  # the highest 11-bit id
 BYTE, NIBBLE = (0, 255), (0, 15)
 TIMEOUT_UNIT = 0.01  # s, DAHL_FRAMES_TIMEOUT_US
+
+F = TypeVar("F", bound="Frame")
 
 
 class CanFrame(ctypes.Structure):
@@ -410,17 +412,26 @@ def pack(frame: Frame, node: int = 0) -> can.Message:
     return message_of(_packed(frame, checks.whole("node", node, 0, NODES - 1)))
 
 
+@overload
+def unpack(message: can.Message) -> Frame: ...
+@overload
+def unpack(message: can.Message, kind: type[F]) -> F: ...
 @checks.names_checked
-def unpack(message: can.Message) -> Frame:
+def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     """The frame in a message of python-can, whose node is arbitration_id & 15. Raises dahl.Error
-    unless it is a whole one.
+    unless it is a whole one, and of this kind where one is given, such as FrictionTorque.
     """
     raw = raw_of(message)
     if raw.flags:
         names = ("an extended id", "a remote frame", "an error frame", "a CAN FD frame")
         what = next(name for bit, name in enumerate(names) if raw.flags & 1 << bit)
         raise Error(f"{_named(raw.id)}: {what}; a classic data frame was expected")
-    return from_bytes(raw.id, message.data)
+    if kind not in (Frame, *KINDS.values()):
+        raise Error(f"kind = {checks.shown(kind)} is no kind of frame, such as FrictionTorque")
+    frame = from_bytes(raw.id, message.data)
+    if not isinstance(frame, kind):
+        raise Error(f"{_named(raw.id)}: {kind.__name__} was expected")
+    return frame
 
 
 def python_can() -> ModuleType:

@@ -24,6 +24,7 @@ from pathlib import Path
 from dahl import Error, RunError, paths
 
 PATIENCE = 20.0  # s for QEMU to listen
+TELLING = re.compile(r"^fatal: |\berror: ", re.IGNORECASE)  # a line of git, cmake or a compiler
 PAGE_WRITTEN = 0x4C484144  # "DAHL", see node_image.c
 
 
@@ -74,8 +75,12 @@ def build(core: str) -> Path:
         except FileNotFoundError:
             raise RunError("cmake is not installed; tools/setup.sh installs it") from None
         if done.returncode:
-            lines = (done.stderr or done.stdout).strip().splitlines()
-            raise RunError(f"the image for {core} could not be built: {lines[-1] if lines else ''}")
+            lines = (done.stderr or done.stdout).strip().splitlines() or [""]
+            telling = next((line for line in lines if TELLING.search(line)), lines[-1])
+            raise RunError(
+                f"the image for {core} could not be built, for which tools/setup.sh firmware"
+                f" brings what is needed: {telling.strip()}"
+            )
     return folder / "port" / "node_image"
 
 

@@ -218,6 +218,9 @@ class View:
         errors = [name.removeprefix("Error") for name, v in signals.items() if str(v) == "Seen"]
         if errors:
             words.append(f"seen: {' '.join(errors)}  ", "yellow")
+        version = [signals.pop(name, None) for name in ("VersionMajor", "VersionMinor")]
+        if None not in version:  # last, since a narrow window cuts the line
+            signals["Version"] = "{}.{}".format(*version)
         for name, value in signals.items():
             if name not in ("Crc", "Counter") and str(value) not in ("None", "Seen"):
                 words.append(

@@ -8,7 +8,7 @@ other end.
 >>> node = Node(core.Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-3))
 >>> for counter, count in enumerate((0, 5)):
 ...     answer = node.receive(codec.pack(codec.EncoderState(count, counter)))
->>> codec.unpack(answer).ratio
+>>> codec.unpack(answer, codec.FrictionTorque).ratio
 0.6321205766871572
 """
 
@@ -441,7 +441,8 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
     EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
     bus are dropped first, and others than the answer are passed over. Raises dahl.RunError where
-    none comes within `timeout` s, and where the bus does not take the frame.
+    none comes within `timeout` s, with the state that the node tells, such as STALE after a pause:
+    then a Reset(What.RESTART) comes first; and where the bus does not take the frame.
     """
     kind = ASKED.get(type(frame))
     if kind is None:
@@ -454,11 +455,14 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
         bus.send(message)
     except (codec.python_can().CanError, OSError) as error:
         raise RunError(f"the bus does not take {frame}: {error}") from None
+    why = ""
     while (left := until - time.monotonic()) > 0:
-        answer = _answer_in(receive(bus, left), kind.base + node)
+        told = receive(bus, left)
+        answer = _answer_in(told, kind.base + node)
         if isinstance(answer, kind) and _answers(answer, frame):
             return answer
-    raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}")
+        why = _why_silent(_answer_in(told, codec.Status.base + node)) or why
+    raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
 ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
@@ -476,6 +480,15 @@ def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | No
         return codec.unpack(message)
     except Error:
         return None
+
+
+def _why_silent(status: codec.Frame | None) -> str:
+    """What a Status says of a node that did not answer, and what it waits for; else nothing."""
+    if not isinstance(status, codec.Status) or status.state == codec.State.OK:
+        return ""
+    waits = status.state in (codec.State.STALE, codec.State.WRONG_SEQUENCE)
+    hint = "; a Reset with What.RESTART, or three good frames in a row, and it answers"
+    return f"; its Status says {status.state.name}{hint if waits else ''}"
 
 
 def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:

@@ -35,7 +35,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("dahl", "a friction node on a CAN bus")
     group.addoption(
         "--dahl-interface",
-        default=VIRTUAL,
         metavar="NAME",
         help="python-can interface of dahl_bus, such as socketcan (default: virtual)",
     )
@@ -51,6 +50,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="let dahl_node answer on that bus too, where no node is there (vcan0)",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse options that would be passed over, or that no test could use."""
+    words = str(config.getoption("--dahl-bus-kwargs")).split()
+    if bad := next((word for word in words if "=" not in word.strip("=")), None):
+        raise pytest.UsageError(f"--dahl-bus-kwargs {bad}: KEY=VALUE was expected")
+    if config.getoption("--dahl-interface") is None:
+        for option in ("--dahl-channel", "--dahl-bus-kwargs", "--dahl-serve"):
+            if config.getoption(option):
+                raise pytest.UsageError(f"{option} goes with --dahl-interface, such as socketcan")
 
 
 @pytest.fixture
@@ -74,7 +84,7 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> dict[str, Any]:
 
     cast_from_string = codec.python_can().util.cast_from_string
     option = request.config.getoption
-    interface, channel = option("--dahl-interface"), option("--dahl-channel")
+    interface, channel = option("--dahl-interface") or VIRTUAL, option("--dahl-channel")
     if channel is None and interface == VIRTUAL:
         channel = f"dahl-{next(_numbers)}"
     pairs = (word.partition("=") for word in option("--dahl-bus-kwargs").split())

@@ -182,6 +182,8 @@ def run(args: argparse.Namespace) -> int:
         return _each(args)
     if args.follow:
         return _follow(args)
+    if folder := next((log for log in args.logs if log.is_dir()), None):
+        raise Error(f"{folder}: a folder; --each {folder} takes the logs in it one by one")
     source, options = source_of(args), options_of(args)
     name = plan_header.identifier(args.name or args.logs[0].stem)
     _spare(args, name)

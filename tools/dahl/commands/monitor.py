@@ -2,7 +2,7 @@
 """
 Watch a friction node live in the terminal: the counters, torque over angle, both over time.
 
-Frames are decoded with lib/node/dahl.dbc (or --dbc). Works with any interface that python-can has,
+Frames are decoded with the node's own DBC (or --dbc). Works with any interface that python-can has,
 from 60 columns and 18 rows on. Torques are in N m where Fc is known: by --fc, by --scene, or by a
 ParamReply on the bus. Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it
 prints one picture of the state at the end, with --json the numbers.
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
     )
-    parser.add_argument("--dbc", type=Path, help="bus description, if not lib/node/dahl.dbc")
+    parser.add_argument("--dbc", type=Path, help="bus description, if not that of `dahl dbc`")
     parser.add_argument(
         "--window",
         type=whole(2, 1000000),

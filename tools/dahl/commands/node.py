@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error
+from dahl import Error, RunError
 from dahl.arguments import seconds, whole
 from dahl.bus import add_bus_arguments, keywords, named, words
 
@@ -44,6 +44,7 @@ EXAMPLE = """examples:
 SCENE = "steering"
 OWN = ("sigma0", "fc", "theta_per_count")
 HOST = "127.0.0.1"
+LISTEN = 0.25  # s, in which a node that is there tells its Status
 LOOK = 0.05  # s
 DRAIN = 0.2  # s to read what had come at the end
 PATIENCE = 10.0  # s for firmware to answer
@@ -149,9 +150,25 @@ def _on_bus(
 
     node = Node(element(scene), args.node, **settings(scene))
     with open_from(args) as bus:
+        _refuse_second(bus, args.node)
         _say(console, args, scene, "in Python", named(args))
         traffic = run(bus, node, seconds=args.seconds, ended=lambda: stop.asked)
     return {**asdict(node.counts), "not sent": traffic.refused}
+
+
+def _refuse_second(bus: can.BusABC, number: int) -> None:
+    """Raise dahl.RunError where a node of this number speaks already: both would answer each angle,
+    with the same id.
+    """
+    from dahl import codec
+    from dahl.bus import receive
+
+    own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
+    until = time.monotonic() + LISTEN
+    while (left := until - time.monotonic()) > 0:
+        message = receive(bus, left)
+        if message is not None and message.arbitration_id in own and not message.is_extended_id:
+            raise RunError(f"node {number} is on this bus already; --node takes another number")
 
 
 def _served(
