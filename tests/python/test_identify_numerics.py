@@ -650,6 +650,32 @@ def test_a_choice_is_fitted_from_either_side(cut, guess):
     assert found.errors == pytest.approx({"offset": error}, rel=1e-2)
 
 
+def test_a_step_of_a_fit_is_not_too_long(cut):
+    """From far away six looks, at most .4 of log a apart."""
+    for far in (20.0, 40.0):
+        found = choices.fitted(cut, far * A, Choice(("offset",)))
+        assert np.log(found.a / A / far) == pytest.approx(-5 * 0.4)
+    near = choices.fitted(cut, 5 * A, Choice(("offset",)))
+    assert near.a == pytest.approx(A, rel=0.01)
+
+
+def test_the_end_of_a_column_is_drawn_out(cut):
+    up = np.arange(3000.0)[:, None]
+    assert cut.moved(up, 2.0)[:4, 0].tolist() == [0, 0, 0, 1]
+    assert cut.moved(up, -2.0)[-4:, 0].tolist() == [2998, 2999, 2999, 2999]
+    assert cut.moved(up, 1.5)[:3, 0].tolist() == [0, 0, 0.5]
+    assert cut.moved(up, 0.0) is up
+
+
+@pytest.mark.parametrize(("weight", "counts"), [(0.09, False), (0.11, True)])
+def test_a_cycle_that_weighs_a_tenth_counts(weight, counts):
+    log = log_of(1, rows=3000, cycled=9)
+    spans = cycles.Cut([log], A, 0.003, 10).spans
+    log.weight = np.ones(3000)
+    log.weight[spans[3]] = weight
+    assert len(cycles.Cut([log], A, 0.003, 10).spans) == len(spans) - (not counts)
+
+
 def test_a_mass_is_never_negative_and_friction_never_drives(cut):
     grams = choices.grams_at(cut, A, 0.0)
     other = grams.copy()
@@ -729,5 +755,7 @@ def test_the_lowest_of_three_delays():
     assert delay._vertex([at(k, 2.7) for k in (1.0, 3.0, 5.0)]) == pytest.approx([2.7])
     assert delay._vertex([at(k, 3.005) for k in (1.0, 3.0, 5.0)]) == []
     assert delay._vertex([at(k, 9.0) for k in (1.0, 3.0, 5.0)]) == []
+    assert delay._vertex([at(k, -1.0) for k in (1.0, 3.0, 5.0)]) == []
+    assert delay._vertex([at(k, 1.2) for k in (1.0, 3.0, 5.0)]) == pytest.approx([1.2])
     assert delay._vertex([at(k, 2.0, -1.0) for k in (1.0, 3.0, 5.0)]) == []
     assert delay._vertex([at(k, 2.0) for k in (1.0, 3.0)]) == []

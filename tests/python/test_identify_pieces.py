@@ -41,6 +41,7 @@ from dahl.identify.explore import Explored
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
+from dahl.identify.result import Cycles
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
@@ -377,6 +378,11 @@ def test_no_backlash_is_made_up():
     slack, place, moves = clean.backlash(log, ratio, turns)
     assert (slack, place) == (0, 0) and moves == pytest.approx(log.moves)
     log, ratio, turns = played(0.01, 0.0)
+    ends = [0, *turns.tolist(), log.rows - 1]
+    parts = [(i, j) for i, j in zip(ends, ends[1:], strict=False) if j - i > 8]
+    share, extra, crossed = clean._flatness(log, ratio, parts, 0.0)
+    assert crossed >= len(parts) - 1  # forward and backward
+    assert share > 3 and extra == pytest.approx(0.01, rel=0.15)
     coarse = replace(log, resolution=0.004)  # three counts are more than the flat zone
     assert clean.backlash(coarse, ratio, turns)[0] == 0
 
@@ -454,6 +460,58 @@ def test_pieces_of_a_log_keep_what_belongs_to_them():
     assert recording.gaps_of(log.head(30)).tolist() == []
 
 
+@pytest.mark.parametrize("rows", [2, 3, 10])
+def test_a_clock_coarser_than_the_rows(rows):
+    """Of so many rows at one time each has a speed, and a viscous part its size."""
+    theta = sine(1, rows=2000, cycles=8)
+    log = log_of(dahl_torque(theta) + 0.05 * np.gradient(theta, 1e-3), theta, 0.01)
+    true, log.time = log.time, np.arange(2000) // rows * rows * 1e-3
+    (even,) = recording.mended(log)
+    assert even.time == pytest.approx(true, abs=1e-9)
+    count = 2000 - -(-2000 // rows)
+    assert even.notes == [f"{count} of 2000 rows have the time of the row before: spread evenly"]
+    options = pipeline.Options(terms=("viscous",), delay=False)
+    found = pipeline.identify([log], options)
+    assert found.estimate.terms["viscous"] == pytest.approx(0.05, rel=0.05)
+
+
+def test_a_clock_that_goes_and_one_that_stands():
+    log = synthetic(1, rows=300, cycles=4)
+    assert recording.evened(log) is log
+    bare = replace(log, time=None)
+    assert recording.evened(bare) is bare
+    stands = recording.evened(replace(log, time=np.full(300, 5.0)))
+    assert stands.time is None and stands.notes == ["the clock stands still: not used"]
+    ragged = replace(log.head(6), time=np.array([0.0, 0, 1, 4, 4, 4]), notes=[])
+    assert recording.evened(ragged).time.tolist() == [0, 0.5, 1, 4, 7, 10]
+
+
+@pytest.mark.parametrize(("rest", "left_out"), [(0.88, True), (0.92, False)])
+def test_a_log_mostly_at_rest_keeps_its_rows(rest, left_out):
+    still = np.arange(3000) % 100 < 100 * rest
+    theta = np.cumsum(np.where(still, 0.0, 1e-3))
+    torque = np.cumsum(np.where(still, 0.0, RNG.normal(size=3000)))
+    log = Log("", theta, torque)
+    assert (recording.without_repeats(log) is not log) is left_out
+
+
+@pytest.mark.parametrize(("chance", "left_out"), [(0.08, True), (0.12, False)])
+def test_torques_that_stay_by_chance(chance, left_out):
+    """A third of the rows repeat; of those that move, a part of that third keeps its torque."""
+    again = np.arange(3000) % 3 == 2
+    moves = np.where(again, 0.0, 1e-3)
+    kept = np.zeros(3000, dtype=bool)
+    moving = np.flatnonzero(~again)
+    kept[moving[: round(chance / 3 * len(moving))]] = True
+    torque = np.cumsum(np.where(again | kept, 0.0, RNG.normal(size=3000)))
+    log = Log("", np.cumsum(moves), torque)
+    found = recording.without_repeats(log)
+    assert (found is not log) is left_out
+    if left_out:
+        assert found.notes == ["1000 of 3000 rows repeat the row before: left out"]
+        assert found.rows == 2000
+
+
 @pytest.mark.parametrize(
     ("bits", "off", "said"),
     [(7, 0.0, False), (8, 0.0, True), (14, 4e-4, True), (14, 6e-4, False), (26, 0, True)],
@@ -519,6 +577,16 @@ def test_trends_and_steps_against_least_squares():
         shape, change, _ = drift._best_shape(1 + 0.3 * column + rough, weight)
         assert shape == name and change == pytest.approx(0.3, abs=0.03)
     assert drift._best_shape(1 + rough, weight)[0] == ""
+
+
+@pytest.mark.parametrize(("count", "said"), [(8, "1, 2, 3, 4, 5, 6, 7, 8"), (9, "7, 8 ...")])
+def test_how_many_odd_cycles_are_listed(count, said):
+    value = 1 + 1e-5 * np.resize([1, -1], 60)
+    value[:count] += np.resize([0.5, -0.5], count)
+    numbers = {"Fc": value, "sigma0": np.ones(60), "offset": np.zeros(60)}
+    errors = {name: np.full(60, 1e-3) for name in numbers}
+    found = drift._of_one(Cycles(numbers, errors, np.arange(60)), "Fc", 1.0)
+    assert [one.text.endswith(f"{said} disagrees with the others") for one in found] == [True]
 
 
 def test_cycles_that_are_far_off():
