@@ -11,7 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from dahl import Error
+from dahl import Error, plots
 from dahl.identify import (
     angle_noise,
     carried,
@@ -20,10 +20,12 @@ from dahl.identify import (
     compare,
     cycles,
     design,
+    draw,
     drift,
     explore,
     fit,
     folder_runs,
+    follow,
     grid,
     lowpass,
     model_table,
@@ -1224,3 +1226,270 @@ def test_what_is_kept_as_a_result():
         {"ci95": ends, "sigma0": 1},
     ):
         assert not folder_runs.is_result(wrong)
+
+
+# --- the picture ----------------------------------------------------------------------------------
+
+
+def test_the_longest_piece_is_drawn(library, tmp_path, monkeypatch):
+    logs = [synthetic(k, rows=rows, cycles=4) for k, rows in ((1, 700), (2, 1100))]
+    found = pipeline.identify(logs, pipeline.Options(terms=()))
+    figures = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+    draw.draw(tmp_path / "x.png", found)
+    rows = {len(line.get_xdata()) for axes in figures[0].axes for line in axes.lines}
+    assert 1100 in rows and 700 not in rows
+
+
+@pytest.mark.parametrize(
+    ("linear", "size", "unit", "part"),
+    [(False, 0.05, "rad", 1), (True, 0.05, "mm", 1e-3), (True, 3.0, "m", 1)],
+)
+def test_the_angle_and_the_speed_that_are_drawn(linear, size, unit, part):
+    theta = 0.4 + size * np.sin(np.arange(50_000) / 3000)
+    log = Log("", theta, theta, 2e-3 * np.arange(50_000), linear=linear)
+    weight, free = np.ones(50_000), log.moves.copy()
+    weight[10_000:20_000], free[:5_000] = 0.4, 0.4 * log.moves[:5_000]
+    log = replace(log, weight=weight, free_moves=free)
+    shown = draw.shown_of(SimpleNamespace(logs=[log], raw=[log]), 0)
+    assert (shown.unit, shown.size, shown.some.step) == (unit, part, 2)
+    assert shown.angle == pytest.approx((theta - theta[0])[::2] / part)
+    speed = np.gradient(theta, 2e-3)[::2] / part
+    assert shown.speed[10:-10] == pytest.approx(speed[10:-10], rel=1e-3, abs=1e-3 * speed.max())
+    bare = draw.shown_of(SimpleNamespace(logs=[replace(log, time=None)], raw=[log]), 0)
+    assert bare.speed == pytest.approx(2e-3 * shown.speed)
+    (odd, odd_rows, _), (flat, flat_rows, _) = draw.marks_of(shown)
+    assert (odd, flat) == ("weighs less", "travel taken out as backlash")
+    assert (odd_rows.sum(), flat_rows.sum()) == (5000, pytest.approx(2500, abs=2))
+    plain = draw.shown_of(SimpleNamespace(logs=[replace(log, weight=None)], raw=[log]), 0)
+    assert not draw.marks_of(plain)[0][1].any()
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+BUS = """VERSION ""
+NS_ :
+BS_:
+BU_: A
+BO_ 256 Shaft: 8 A
+ SG_ Angle : 0|16@1- (0.5,0) [-1000|1000] "deg" A
+ SG_ Gear : 32|8@1+ (1,0) [0|5] "" A
+BO_ 257 Load: 8 A
+ SG_ Torque : 0|16@1- (0.01,0) [0|0] "Nm" A
+VAL_ 256 Gear 1 "first" ;
+"""
+
+
+def sent(number: int, data: bytes, time: float, **more):
+    import can
+
+    return can.Message(
+        arbitration_id=number, data=data, timestamp=time, is_extended_id=False, **more
+    )
+
+
+def test_what_a_frame_says_of_a_signal(tmp_path):
+    (tmp_path / "x.dbc").write_text(BUS)
+    signals = readers.Signals(tmp_path / "x.dbc", "Angle", "Torque")
+    assert signals.columns == {"angle": "Angle [deg]", "torque": "Torque [Nm]", "time": "time [s]"}
+    little = lambda bits: int(bits).to_bytes(2, "little", signed=True)  # noqa: E731
+    for k, bits in enumerate((-2000, -2001, 2000, 2001, 7)):
+        signals.feed(sent(256, little(bits) + bytes(6), float(k)))
+    signals.feed(sent(256, little(9), 5.0))  # the frame is shorter than the DBC says
+    signals.feed(sent(256, little(9) + bytes(6), 6.0, is_error_frame=True))
+    signals.feed(sent(256, b"", 6.0, is_remote_frame=True))
+    signals.feed(sent(258, little(9) + bytes(6), 6.0))
+    signals.feed(sent(257, little(-30000) + bytes(6), 0.0))
+    assert signals.found["Angle"] == [(0, -1000), (2, 1000), (4, 3.5), (5, 4.5)]
+    assert signals.found["Torque"] == [(0, -300)]  # [0|0] is no range
+    with pytest.raises(Error, match="x.log: signal 'Torque' comes in 1 valid frames"):
+        signals.values("x.log")
+    signals.feed(sent(257, little(100) + bytes(6), 5.0))
+    values = signals.values("x.log")
+    assert values["angle"].tolist() == [-1000, 1000, 3.5, 4.5]
+    assert values["time"].tolist() == [0, 2, 4, 5]
+    assert values["torque"] == pytest.approx([-300, -179.6, -59.2, 1])
+    log = signals.log("bus", source())
+    assert log.theta == pytest.approx(np.radians(values["angle"])) and log.name == "bus"
+    both = readers.Signals(tmp_path / "x.dbc", "Angle", "Gear")
+    both.feed(sent(256, little(4) + bytes([0, 0, 1, 0, 0, 0]), 1.0))
+    assert both.found == {"Angle": [(1.0, 2.0)], "Gear": [(1.0, 1.0)]}
+    with pytest.raises(Error, match="no signal 'Angel' in the DBC.*Angle"):
+        readers.Signals(tmp_path / "x.dbc", "Angel", "Torque")
+
+
+def test_an_angle_and_its_torque_at_one_time():
+    """Frames of one time belong together, also where one of them is missing."""
+    angle = np.arange(500.0)
+    torque = np.delete(angle, 200)
+    rows, values = readers._torque_at(angle, torque, torque)
+    assert rows.tolist() == torque.tolist() and values.tolist() == torque.tolist()
+
+
+@pytest.mark.parametrize(
+    ("reversals", "width", "claimed", "enough"),
+    [
+        (8, 0.02, True, True),
+        (7, 0.02, True, False),
+        (8, 0.021, True, False),
+        (8, 0.02, False, False),
+    ],
+)
+def test_when_a_live_estimate_is_good_enough(reversals, width, claimed, enough):
+    ends = {"sigma0": Interval(100 * (1 - width), 100 * (1 + width)), "Fc": Interval(0.499, 0.501)}
+    estimate = SimpleNamespace(sigma0=100.0, Fc=0.5, ci95=ends)
+    said = SimpleNamespace(identifiable={"sigma0": claimed, "Fc": True})
+    result = SimpleNamespace(estimate=estimate, reversals=reversals, verdict=said)
+    assert follow.small_enough(result, 0.02 + 1e-12) is enough
+
+
+# --- how the steps hang together ------------------------------------------------------------------
+
+
+def taken(choice: Choice) -> Explored:
+    """That this choice was taken, and nothing else tried."""
+    value = {"sigma0": SIGMA0, "Fc": FC}
+    without = {name: np.full(8, one) for name, one in value.items()}
+    one = Trial(choice, A, value, without, np.ones(8))
+    return Explored([one], one)
+
+
+def test_what_is_found_on_the_way_reaches_the_result(monkeypatch):
+    """A delay that was taken out lets the angle be taken between the counts, which tells more of
+    the delay: both are added up; the terms are those of the choice; what the counts hide is told.
+    """
+    log, inner, hidden = synthetic(3, rows=1200, cycles=7), iter([False, True]), []
+
+    def between(logs, options):
+        found = next(inner)
+        return logs, 0.4 * found, found
+
+    estimate = fit.estimate
+    monkeypatch.setattr(pipeline, "_between_counts", between)
+    monkeypatch.setattr(pipeline, "_explored", lambda *_: taken(Choice((), 2.0)))
+    again = taken(Choice(("offset", "spring"), 0.5))
+    monkeypatch.setattr(pipeline, "_explored_again", lambda *_: (again, 0.5))
+    monkeypatch.setattr(fit, "estimate", lambda *words: hidden.append(words[2]) or estimate(*words))
+    found = pipeline.identify([log], pipeline.Options(target_counts=5000))
+    assert found.delay == 2.5 and found.inner and found.explored is again
+    assert found.notes[-1].endswith("torque comes 2.5 rows (0.0025 s) late")
+    assert list(found.estimate.terms) == ["offset", "spring"]
+    assert hidden == [pytest.approx(0.04)]
+    assert found.raw[0].torque.tolist() == log.torque.tolist()
+    assert found.logs[0].torque[:-3] == pytest.approx(clean.shifted(log.torque, 2.0)[:-3])
+    assert found.options["target_counts"] == 5000 and found.plan.of_target
+    assert found.plan.theta_per_count == pytest.approx(2 * np.pi / 5000)
+    assert found.backlash == 0 and found.median == 1 and found.sign == 1
+
+
+def test_what_was_between_the_counts_from_the_start_is_not_asked_again(monkeypatch):
+    log = synthetic(3, rows=1200, cycles=7)
+    monkeypatch.setattr(pipeline, "_between_counts", lambda logs, _: (logs, 0.0, True))
+    monkeypatch.setattr(pipeline, "_explored", lambda *_: taken(Choice((), 2.0)))
+    found = pipeline.identify([log])
+    assert found.delay == 2.0 and found.inner
+
+
+@pytest.mark.parametrize(
+    ("options", "asked"),
+    [
+        ({}, (None, True, "")),
+        ({"delay": False}, (None, False, "")),
+        ({"terms": ("offset",)}, ((("offset",),), True, "")),
+        ({"model": "slip-2"}, (None, True, "slip K=2")),
+        ({"model": "coulomb"}, (None, True, "Coulomb")),
+    ],
+)
+def test_what_may_be_tried_is_what_was_asked_for(monkeypatch, options, asked):
+    tried = []
+
+    def explored(logs, estimate, least_turn, wanted):
+        tried.append((wanted, least_turn, estimate))
+        return Explored()
+
+    monkeypatch.setattr(explore, "explored", explored)
+    log = synthetic(3, rows=1200, cycles=7)
+    for timed in (True, False):
+        study = pipeline.Study([log if timed else replace(log, time=None)])
+        found, terms = study.search(("offset",))
+        estimate = fit.point(found, terms)
+        given = pipeline.Options(**options)
+        seen = pipeline._explored(study, found, estimate, given, least=0.2)
+        wanted, turn, at = tried.pop()
+        sets, delays, model = asked
+        assert wanted.delays is (delays and timed) and wanted.model == model
+        assert wanted.terms == (sets or tuple(fit.sets_of(found, study.candidates)))
+        assert wanted.least_delay == 0.2 and turn == pytest.approx(0.3 / estimate.a)
+        assert at is estimate
+        assert seen.taken is None or len(seen.taken.cost) == 1  # no cycle was left out
+    lost = replace(estimate, sse=0.71 * fit.spread_of(found))
+    assert pipeline._explored(study, found, lost, given).trials == [] and tried == []
+    lost = replace(estimate, sse=0.69 * fit.spread_of(found))
+    pipeline._explored(study, found, lost, given)
+    assert tried.pop()[0].least_delay == 0.3
+    other = replace(estimate, Fc=-FC)
+    assert pipeline._explored(study, found, other, given).trials == [] and tried == []
+
+
+@pytest.mark.parametrize(
+    ("counts", "sse", "median", "inner"),
+    [(0.0031, 0.9, 0, True), (0.0029, 0.9, 0, False), (0.01, 1.0, 0, False), (0.01, 0.9, 3, False)],
+)
+def test_when_the_angle_is_taken_between_the_counts(monkeypatch, counts, sse, median, inner):
+    """Counts of three thousandths of a presliding length, and a torque that fits better."""
+    log = replace(synthetic(3, rows=1200, cycles=7), resolution=counts / A)
+    read = SimpleNamespace(a=A, sse=1.0, sigma0=100.0)
+    looks = iter([read, SimpleNamespace(a=A, sse=sse, sigma0=104.0)])
+    monkeypatch.setattr(pipeline, "_first", lambda *_: next(looks))
+    logs, change, found = pipeline._between_counts([log], pipeline.Options(median=median))
+    assert found is inner and change == pytest.approx(0.04 * inner)
+    assert (logs[0] is log) is not inner
+    if inner:
+        assert logs[0].theta == pytest.approx(clean.between_counts(log))
+        assert logs[0].notes == [
+            "angle taken between the counts of the encoder: the torque fits it better"
+        ]
+
+
+def test_a_log_to_check_is_cleaned_as_the_others(result):
+    log = synthetic(4, rows=900, cycles=5)
+    way = replace(result, median=5, sign=-1.0, delay=2.0, inner=False)
+    found = pipeline._as_fitted(way, log)
+    assert found.theta == pytest.approx(median_filter(log.theta, 5, mode="nearest"))
+    assert found.torque[:-2] == pytest.approx(-log.torque[2:])
+    between = pipeline._as_fitted(replace(result, inner=True), log)
+    assert between.theta == pytest.approx(clean.between_counts(log))
+    assert between.torque == pytest.approx(log.torque)
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_choices_of_logs_with_many_cycles(monkeypatch, asks):
+    """The model that is asked for reaches the table; no delay is tried where none is wanted; a
+    delay at the end of the search is a finding.
+    """
+    theta = sine(2, rows=1500, cycles=8)
+    log = log_of(dahl_torque(theta), theta)
+    estimate = SimpleNamespace(a=A)
+    late = replace(taken(Choice((), 90.0)).taken, cost=np.full(7, 1e-12))
+    monkeypatch.setattr(explore.delay, "tried", lambda *_: [late])
+    wanted = explore.Asked(((), ("offset",)), asks, model="slip K=2" if asks else "")
+    monkeypatch.setattr(explore, "_terms_when_late", lambda *_: [])
+    compared = []
+
+    def table(cut, base, a, forced=""):
+        compared.append((base, a, forced))
+        return model_table.Compared()
+
+    monkeypatch.setattr(model_table, "compared", table)
+    monkeypatch.setattr(model_table, "better_plainly", lambda *_: False)
+    seen = explore.explored([log], estimate, 0.3 / A, wanted)
+    ((base, a, forced),) = compared
+    assert base is seen.taken and a == base.a and forced == wanted.model
+    assert (seen.taken is late) is asks and (late in seen.trials) is asks
+    texts = [one.text for one in seen.findings]
+    assert texts == ["the best delay is at the end of the search (90 rows)"] * asks
+    assert all(one.doubts == ("sigma0", "Fc") for one in seen.findings)
+    counted = cycles.Cut([log], A, 0.3 / A, 90)
+    assert seen.spread == pytest.approx(counted.spread)
+    few = explore.explored([log.head(600)], estimate, 0.3 / A, wanted)
+    assert few.trials == [] and few.taken is None and few.choice == Choice()
