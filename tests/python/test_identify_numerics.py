@@ -176,7 +176,9 @@ def two(library) -> list[Log]:
     return [first, replace(log_of(2, rows=700, cycled=3), zero=0.01)]
 
 
-@pytest.mark.parametrize(("piece", "blocks"), [(100, 3), (700, 3), (32768, 1), (90, 10)])
+@pytest.mark.parametrize(
+    ("piece", "blocks"), [(100, 3), (700, 3), (32768, 1), (32768, 7), (90, 10)]
+)
 def test_products_of_all_columns_by_block(two, piece, blocks, monkeypatch):
     monkeypatch.setattr(sweep, "PIECE", piece)
     found = sweep.sweep(two, blocks, np.array([3000.0, 50.0, A]))

@@ -398,7 +398,12 @@ def test_steps_of_an_encoder():
         assert resolution_of(step * walk) == pytest.approx(step)
         printed = np.round(step * walk, 8 if step < 1e-5 else 3)
         assert resolution_of(printed) == pytest.approx(step, rel=0.01)
+        off = step * (walk + 0.03 * np.sign(np.sin(7 * walk)))  # printed with few digits
+        assert resolution_of(off) == pytest.approx(step, rel=0.01)
     assert resolution_of(RNG.normal(size=400)) == 0
+    for odd, found in ((4, True), (6, False)):  # of a hundred steps, that are none
+        gaps = np.where(np.arange(100) < odd, 1.5, 1.0)
+        assert (resolution_of(np.cumsum(gaps)) > 0.9) is found
     assert resolution_of(np.zeros(10)) == 0
     assert resolution_of(np.array([0.0, 1, 2])) == 0  # two gaps are no grid
     assert resolution_of(np.array([0.0, 1, 2, 3])) == 1
