@@ -28,7 +28,7 @@ DAHL_COLD uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator)
     return quotient;
 }
 
-DAHL_COLD uint64_t dahl_quotient(uint64_t numerator, uint64_t denominator, int bits)
+uint64_t dahl_quotient(uint64_t numerator, uint64_t denominator, int bits)
 {
     uint64_t quotient = 0;
     for (; bits > 0; bits--) {
