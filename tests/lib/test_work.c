@@ -59,7 +59,7 @@ static void test_work_is_the_integral_of_the_torque(void)
     for (size_t i = 0; i < TRAVELS; i++) {
         dahl_params_t p = params_for(travels[i], i % 2 ? 2.739f : 0.0371f);
         for (size_t m = 0; m < MOTIONS; m++) {
-            check_motion(&p, motions[m].next, TEST_TICKS / 20);
+            check_motion(&p, motions[m].next, TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 20);
         }
     }
 }

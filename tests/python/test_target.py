@@ -26,7 +26,8 @@ pytestmark = pytest.mark.checks
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
 ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
 TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "encoder", "float"]
-TESTS += ["slip", "parallel"]
+TESTS += ["slip", "parallel", "asymmetric", "loaded", "elastoplastic"]
+TESTS += ["clamped", "inverse", "work", "velocity"]
 CASES = [f"test_{name}" for name in TESTS] + ["bits"]
 
 
