@@ -51,6 +51,7 @@ ROWS = [
     ("`dahl_tip_torque`, 1000 counts", "tip_torque_1000"),
     ("`dahl_tip_torque`, worst", "tip_torque"),
     ("the same, by counts of 1e-6 presliding lengths", "tip_torque_fine"),
+    ("a table over speed, F / largest in Q30", "velocity_torque_q30"),
     ("a table over speed, F in N m", "velocity_torque"),
     ("*newlib `expm1f` step*", "newlib_expm1f"),
     ("*newlib `expf` step*", "newlib_expf"),

@@ -11,6 +11,8 @@ float call_tip_torque(const dahl_plan_t *, uint32_t) __asm__("bench_call");
 dahl_err_t call_velocity_prepare(dahl_velocity_plan_t *, const dahl_velocity_params_t *) __asm__("bench_call");
 float call_velocity(const dahl_velocity_plan_t *, int32_t) __asm__("bench_call");
 
+int32_t call_velocity_q30(const dahl_velocity_plan_t *, int32_t) __asm__("bench_call");
+
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
 static const dahl_params_t fine_params = {100.0f, 0.5f, 5e-9f};      /* travel 1e-6 a count */
 
@@ -78,6 +80,11 @@ static void bench_velocity(void)
     bench_function = (bench_function_t)dahl_velocity_torque;
     for (int32_t n = -300; n <= 300; n += 7) {
         call_velocity(&plan, n);
+    }
+    bench_case("velocity_torque_q30");
+    bench_function = (bench_function_t)dahl_velocity_torque_q30;
+    for (int32_t n = -300; n <= 300; n += 7) {
+        call_velocity_q30(&plan, n);
     }
 }
 
