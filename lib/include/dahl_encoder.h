@@ -38,7 +38,7 @@ typedef struct {
  * counts that the shaft can turn between two readings; 0: no limit.
  * Fails with DAHL_ERR_PARAM iff sign is neither; with DAHL_ERR_RANGE iff modulus is 1 or 2 (two values tell no direction)
  * or largest_step >= modulus/2 (no move is longer, so the limit would never hold). Then *encoder is untouched. */
-dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign, uint32_t largest_step);
+DAHL_NODISCARD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign, uint32_t largest_step);
 
 /* The counts since the last reading, the shortest way (half of the modulus is taken as negative). Any reading is
  * accepted, and taken modulo. 0 for the first reading, for a jump, and where the encoder was not initialised. */

@@ -41,7 +41,7 @@ typedef struct {
 } dahl_float_state_t;
 
 /* As their namesakes of dahl.h: same units, same laws, same bad inputs, other bound. */
-dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params);
+DAHL_NODISCARD dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params);
 float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t dcounts);
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta);
 

@@ -119,7 +119,7 @@ typedef struct {
 
 /* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. Fails as dahl_prepare does: then
  * *node is untouched. */
-dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number);
+DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number);
 
 /*
  * OTHER MODELS (dahl_parts.h), each in a file of its own, linked only when called. dahl_node_use_NAME, after dahl_node_init:

@@ -231,7 +231,7 @@ static void change(walk_t *walk)
     LAW(now * now / (long double)to->sigma0 <= F * F / (long double)from->sigma0, "stored energy never grows");
     walk->plan = walk->other;
     walk->other = left;
-    dahl_float_prepare(&walk->float_plan, to);
+    LAW(dahl_float_prepare(&walk->float_plan, to) == DAHL_OK, "the literal form takes what the plan took");
     start_float(walk);
     begin_batch(walk);
 }
@@ -299,7 +299,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!first.good || !second.good) {
         return 0;
     }
-    dahl_float_prepare(&walk.float_plan, &first.params);
+    LAW(dahl_float_prepare(&walk.float_plan, &first.params) == DAHL_OK, "the literal form takes what the plan took");
     start_float(&walk);
     for (int i = 0; i < STEPS_MAX && bytes.left > 0; i++) {
         act(&walk, &bytes);

@@ -136,7 +136,7 @@ static void test_one_frame_out_of_sequence_has_no_effect(void)
 {
     for (uint32_t step = DAHL_NODE_GAP_MAX + 1; step < 16; step++) {
         dahl_state_t reference = {0};
-        dahl_node_init(&node, &params, NUMBER);
+        TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &params, NUMBER));
         feed(0, 0);
         TEST_ASSERT_FALSE(feed(step, 99999));
         TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, node.state);

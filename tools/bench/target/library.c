@@ -297,7 +297,8 @@ static void bench_encoder(void)
     for (unsigned i = 0; i < sizeof moduli / sizeof moduli[0]; i++) {
         for (int sign = -1; sign <= 1; sign += 2) {
             dahl_encoder_t encoder;
-            dahl_encoder_init(&encoder, moduli[i], sign, 1000);
+            while (dahl_encoder_init(&encoder, moduli[i], sign, 1000) != DAHL_OK) {
+            }
             dahl_encoder_home(&encoder, moduli[i] - 1);
             call_encoder(&encoder, 0);
             call_encoder(&encoder, moduli[i] - 1);
