@@ -37,19 +37,28 @@ static void on_signal(int number)
     stop = 1;
 }
 
-/* Every signal that ends a program and can be caught ends a run early, with whole files. What was ignored at the start
- * (SIGHUP under nohup) stays ignored, but for Ctrl-C, which a shell ignores for what it starts in the background. */
-static void catch_signals(void)
+/* What was ignored at the start (SIGHUP under nohup) stays ignored, but for Ctrl-C, which a shell ignores for what it starts in
+ * the background. */
+static void catch_signal(int number)
 {
-    static const int endings[] = {SIGHUP,  SIGINT,  SIGQUIT, SIGTERM, SIGUSR1, SIGUSR2,  SIGPIPE,
-                                  SIGALRM, SIGXCPU, SIGXFSZ, SIGIO,   SIGPROF, SIGVTALRM};
     const struct sigaction action = {.sa_handler = on_signal};
     struct sigaction before;
+    bool known = sigaction(number, NULL, &before) == 0;
+    if (known && (before.sa_handler != SIG_IGN || number == SIGINT || number == SIGPIPE)) {
+        sigaction(number, &action, NULL);
+    }
+}
+
+/* Every signal that ends a program and can be caught ends a run early, with whole files; those of a program gone wrong do not. */
+static void catch_signals(void)
+{
+    static const int endings[] = {SIGHUP,  SIGINT,  SIGQUIT, SIGTERM, SIGUSR1,   SIGUSR2, SIGPIPE,  SIGALRM,
+                                  SIGXCPU, SIGXFSZ, SIGIO,   SIGPROF, SIGVTALRM, SIGPWR,  SIGSTKFLT};
     for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++) {
-        bool known = sigaction(endings[i], NULL, &before) == 0;
-        if (known && (before.sa_handler != SIG_IGN || endings[i] == SIGINT || endings[i] == SIGPIPE)) {
-            sigaction(endings[i], &action, NULL);
-        }
+        catch_signal(endings[i]);
+    }
+    for (int number = SIGRTMIN; number <= SIGRTMAX; number++) {
+        catch_signal(number);
     }
 }
 

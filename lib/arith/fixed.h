@@ -119,6 +119,9 @@ uint64_t dahl_mulhi64(uint64_t a, uint64_t b);
 /* numerator/denominator in Q63, truncated, for mantissas with the top bit set: in (2^62, 2^64). */
 uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator);
 
+/* numerator/denominator in units of 2^-bits, truncated, for numerator <= denominator < 2^63; of equal ones a unit less. */
+uint64_t dahl_quotient(uint64_t numerator, uint64_t denominator, int bits);
+
 /* x/y in Q62, rounded, clamped to 1. The lowest bit of both mantissas is not used. */
 uint64_t dahl_ratio_q62(dahl_real_t x, dahl_real_t y);
 

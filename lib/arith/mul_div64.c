@@ -27,3 +27,17 @@ DAHL_COLD uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator)
     }
     return quotient;
 }
+
+uint64_t dahl_quotient(uint64_t numerator, uint64_t denominator, int bits)
+{
+    uint64_t quotient = 0;
+    for (; bits > 0; bits--) {
+        numerator <<= 1;
+        quotient <<= 1;
+        if (numerator >= denominator) {
+            numerator -= denominator;
+            quotient |= 1;
+        }
+    }
+    return quotient;
+}

@@ -116,8 +116,11 @@ typedef struct {
     uint32_t way[4];    /* of w = F/Fc in the direction of travel, in Q62, lowest word first */
 } dahl_work_t;
 
-/* dahl_step_counts() that also adds up the work. Cost on Cortex-M3: 79 instructions up to 8 counts. */
+/* dahl_step_counts() that also adds up the work. Cost on Cortex-M3: 73 instructions up to 8 counts. */
 float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+
+/* dahl_step_counts_q30() that also adds up the work. Cost on Cortex-M3: 50 instructions up to 8 counts. */
+int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
 /* The work so far, the sum of F dtheta along the path, in J (N m rad), for the params of the plan: positive where the bearing
  * took energy, negative only where the state at the start had some to give back (F^2/(2 sigma0)). Infinite beyond the floats,
@@ -128,12 +131,12 @@ float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 /* The least move, in counts, after which dahl_step_counts() returns a torque that has reached F [N m]: F or beyond, seen from
  * the torque now. 0 if that is F. State and plan stay as they are.
  * DAHL_ERR_PARAM: F is NaN or infinite. DAHL_ERR_RANGE: no move of up to 2^31 - 1 counts reaches F. *dcounts is then untouched.
- * Cost: about 3000 instructions on Cortex-M3, 20000 at worst. */
+ * Cost on Cortex-M3: about 1000 instructions; 30000 at most, where counts change the torque by less than their rounding. */
 DAHL_NODISCARD dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state, float F, int32_t *dcounts);
 
 /* The torque in N m at the tips of the loop that a shaft runs when it goes to and fro by the same stroke (counts from end to
  * end) for ever: Fc tanh(u/2), u the travel of the stroke. Error: 2^-30 of it, and one rounding.
- * Cost on Cortex-M3: 870 instructions for 1000 counts, 1500 at most. */
+ * Cost on Cortex-M3: 530 instructions for 1000 counts, 900 at most. */
 float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke);
 
 /*
@@ -160,8 +163,11 @@ typedef struct {
 DAHL_NODISCARD dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params);
 
 /* The torque in N m at a speed of dcounts a tick, any int32_t; 0 for a plan of all zeros. Error: 1.5 2^-30 of the largest torque
- * against the straight lines between the given values, and one rounding. Cost on Cortex-M3: 49 instructions. */
+ * against the straight lines between the given values, and one rounding. Cost on Cortex-M3: 45 instructions. */
 float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts);
+
+/* The same in parts of the largest |torque|, in Q30. Cost on Cortex-M3: 27 instructions. */
+int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts);
 
 /*
  * ASYMMETRIC FRICTION: Fc of each direction its own, as under a preload, on a seal or in a gear with one flank worn

@@ -114,8 +114,14 @@ static uint32_t breakaway_q31(dahl_real_t b)
     return shift > 32 ? 0 : ((b.mantissa >> (shift - 1)) + 1) >> 1;
 }
 
+/* 2^(what this returns) presliding lengths is the unit of plan->travel, for the travel u of one count. */
+static int32_t unit_of(dahl_wide_t u)
+{
+    return u.exponent < -62 ? -62 : COARSE_BITS - 62;
+}
+
 /* The plan of the plastic range: Dahl's model with kappa sigma0, for the travel u of a count in presliding lengths. What
- * it has of a is kappa/ln 2 for a presliding length. */
+ * it has of a is kappa/ln 2 for a unit of travel. */
 static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_t gap_q31)
 {
     const dahl_real_t log2_e = {DAHL_LOG2_E_Q31, -31};
@@ -124,29 +130,30 @@ static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_
     int32_t exponent = (int32_t)zeros - 63;
     dahl_wide_t kappa_per_ln2 = dahl_product(kappa, exponent, log2_e);
     plastic->a_mantissa = (uint32_t)(kappa_per_ln2.mantissa >> 32);
-    plastic->a_exponent = kappa_per_ln2.exponent + 32;
+    plastic->a_exponent = kappa_per_ln2.exponent + 32 + unit_of(u);
     u = dahl_normalise(dahl_mulhi64(kappa, u.mantissa), exponent + u.exponent + 64);
     dahl_write_table(plastic->g, (int)(sizeof plastic->g / sizeof plastic->g[0]), dahl_left_by(u));
 }
 
 /* Travel u of one count, rounded to a unit, and of as many as travel less than 2, up to 8. (A u of 64 or more is taken as 32 to 64,
- * which is all the way too.) */
+ * which is all the way too.) As in prepare.c, each word of the plan is written once. */
 static DAHL_COLD void write_travel(dahl_elastoplastic_plan_t *plan, dahl_wide_t u)
 {
-    int32_t unit = u.exponent < -62 ? -62 : COARSE_BITS - 62;
     uint64_t half_units = u.mantissa;
-    plan->counts_max = u.exponent < -62 ? 1 : 0;
-    for (int32_t exponent = u.exponent; exponent < unit - 1; exponent++) {
+    uint32_t counts_max = u.exponent < -62 ? 1 : 0;
+    for (int32_t exponent = u.exponent; exponent < unit_of(u) - 1; exponent++) {
         half_units >>= 1;
-        plan->counts_max <<= 1;
+        counts_max <<= 1;
     }
-    plan->direct_counts = plan->counts_max < DAHL_DIRECT_COUNTS_MAX ? plan->counts_max : DAHL_DIRECT_COUNTS_MAX;
-    plan->travel[0] = 0;
-    plan->travel[1] = (half_units >> 1) + (half_units & 1);
-    for (uint32_t n = 2; n <= DAHL_DIRECT_COUNTS_MAX; n++) {
-        plan->travel[n] = n <= plan->direct_counts ? plan->travel[n - 1] + plan->travel[1] : 0;
+    const uint32_t direct_counts = counts_max < DAHL_DIRECT_COUNTS_MAX ? counts_max : DAHL_DIRECT_COUNTS_MAX;
+    const uint64_t one = (half_units >> 1) + (half_units & 1);
+    plan->counts_max = counts_max;
+    plan->direct_counts = direct_counts;
+    uint64_t travel = 0;
+    for (uint32_t n = 0; n <= DAHL_DIRECT_COUNTS_MAX; n++) {
+        plan->travel[n] = n <= 1 || n <= direct_counts ? travel : 0;
+        travel += one;
     }
-    plan->plastic.a_exponent += unit; /* for a unit of travel */
 }
 
 static DAHL_COLD void write_elastoplastic(dahl_elastoplastic_plan_t *plan, const dahl_params_t *params, uint32_t b_q31)
@@ -158,7 +165,7 @@ static DAHL_COLD void write_elastoplastic(dahl_elastoplastic_plan_t *plan, const
     plan->plastic.Fc_exponent = Fc.exponent;
     plan->gap_q31 = DAHL_TOP_BIT - b_q31;
     plan->breakaway = (int64_t)((uint64_t)b_q31 << 31);
-    write_plastic(&plan->plastic, u, plan->gap_q31);
+    write_plastic(&plan->plastic, u, DAHL_TOP_BIT - b_q31);
     write_travel(plan, u);
 }
 

@@ -1,93 +1,115 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * From a torque back to counts, without a logarithm: the digits of the travel, highest first, each taken while it does not
- * reach the torque. A real move takes the digits the other way round, and rounds a little otherwise; so what the digits find is
- * checked by real moves, and corrected by a count where it rounds to the other side.
+ * From a torque back to counts, without a logarithm. In the direction of travel let d = Fc - F be what the torque lacks of Fc: n
+ * counts leave d exp(-n u) of it. So n has the binary digits, highest first, that leave more than the wanted torque lacks.
+ * A real move takes its digits the other way round and rounds a little otherwise: what the digits find is a guess, mostly right,
+ * and real moves decide.
  */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
+#include "shift.h"
 
 #define COUNTS_MOST UINT32_C(0x7fffffff)
-#define TOP_DIGIT 27 /* 8 counts times 2^27 */
+#define TOP_DIGIT 30
 
-/* Where to, and from where. Backward everything is mirrored: w is the complement (step_large.c). */
+/* From where and to where: torques by their order, in the direction of travel. */
 typedef struct {
     const dahl_plan_t *plan;
-    uint64_t w;
-    uint32_t target; /* as rank() has it */
-    int is_backward;
+    dahl_state_t state;
+    int32_t direction; /* 1 or -1 */
+    int32_t target;
 } dahl_search_t;
 
-/* Floats in their order, as unsigned integers; -0 is 0. */
-static uint32_t rank(float F)
+/* Floats in their order, as integers: one more is the next float, and the negative is that of -F. */
+static int32_t order_of(float F)
 {
-    uint32_t bits = dahl_bits_of(F);
-    if ((bits & DAHL_BITS_MAGNITUDE) == 0) {
-        return DAHL_TOP_BIT;
-    }
-    return (bits & DAHL_BITS_SIGN) != 0 ? ~bits : bits | DAHL_TOP_BIT;
-}
-
-static int has_reached(const dahl_search_t *search, uint64_t w)
-{
-    uint32_t here = rank(dahl_torque_of(search->plan, search->is_backward ? ~w : w));
-    return search->is_backward ? here <= search->target : here >= search->target;
+    uint32_t bits = dahl_bits_of(F), magnitude = bits & DAHL_BITS_MAGNITUDE;
+    return (bits & DAHL_BITS_SIGN) != 0 ? -(int32_t)magnitude : (int32_t)magnitude;
 }
 
 static int reaches(const dahl_search_t *search, uint32_t counts)
 {
-    dahl_state_t state = {(int64_t)(search->is_backward ? ~search->w : search->w)};
-    (void)dahl_step_counts_q30(search->plan, &state, search->is_backward ? -(int32_t)counts : (int32_t)counts);
-    return has_reached(search, search->is_backward ? ~(uint64_t)state.w : (uint64_t)state.w);
+    dahl_state_t state = search->state;
+    float F = dahl_step_counts(search->plan, &state, search->direction * (int32_t)counts);
+    return search->direction * order_of(F) >= search->target;
+}
+
+/* What the torque of the state lacks of Fc, in units of 2^-30 of the last bit of Fc's mantissa. */
+static uint64_t lacks(const dahl_search_t *search)
+{
+    uint64_t w = (uint64_t)search->state.w, gap = DAHL_ONE_Q62 - (search->direction < 0 ? 0u - w : w);
+    return dahl_mul_fraction(search->plan->Fc_mantissa, (uint32_t)(gap >> 32), (uint32_t)gap);
+}
+
+/* The same of the least torque that is rounded to the target: half-way to it from the float before. */
+static uint64_t target_lacks(const dahl_search_t *search)
+{
+    uint32_t before = (uint32_t)(search->target > 0 ? search->target - 1 : -search->target);
+    dahl_real_t F = dahl_real_of(before);
+    uint64_t Fc = (uint64_t)search->plan->Fc_mantissa << 30;
+    uint64_t size = dahl_shifted_right((uint64_t)(F.mantissa | 128) << 30, (uint32_t)(search->plan->Fc_exponent - F.exponent));
+    return search->target > 0 ? Fc - size : Fc + size;
+}
+
+/* What a power of two counts takes of what is lacking. */
+static inline dahl_q64_t taken_by_digit(const dahl_plan_t *plan, int digit)
+{
+    return plan->g[digit < 3 ? 1 << digit : DAHL_DIRECT_COUNTS_MAX - 3 + digit];
 }
 
 /* The most counts that do not reach the torque, as the digits find them. */
 static uint32_t counts_below(const dahl_search_t *search)
 {
-    uint64_t w = search->w;
+    const uint64_t wanted = target_lacks(search);
+    uint64_t left = lacks(search);
     uint32_t counts = 0;
     for (int digit = TOP_DIGIT; digit >= 0; digit--) {
-        uint64_t further = dahl_forward(w, search->plan->g[DAHL_DIRECT_COUNTS_MAX + digit]);
-        if (!has_reached(search, further)) {
-            w = further;
-            counts += (uint32_t)DAHL_DIRECT_COUNTS_MAX << digit;
-        }
-    }
-    for (uint32_t low = DAHL_DIRECT_COUNTS_MAX - 1; low > 0; low--) {
-        if (!has_reached(search, dahl_forward(w, search->plan->g[low]))) {
-            return counts + low;
+        dahl_q64_t g = taken_by_digit(search->plan, digit);
+        uint64_t further = left - dahl_mul_fraction(dahl_q30(left), g.hi, g.lo);
+        if ((int64_t)further > (int64_t)wanted) { /* a product of a gap that was rounded up may pass 0 */
+            left = further;
+            counts += UINT32_C(1) << digit;
         }
     }
     return counts;
 }
 
-/* The least counts that reach it. What the digits find is at most a count or two off: a float's spacing is far wider than the
- * 2^-61 by which two ways of taking the digits differ. Counts of none never reach, the most ever do. */
-static uint32_t least_counts(const dahl_search_t *search)
+/* The least counts that reach it, or more than COUNTS_MOST, from a guess: steps from there that grow, until it is between two
+ * moves, and then halves. */
+static uint32_t least_counts(const dahl_search_t *search, uint32_t guess)
 {
-    uint32_t below = counts_below(search);
-    while (reaches(search, below)) {
-        below--;
+    uint32_t below = 0, reached = COUNTS_MOST + 1, probe = guess;
+    for (uint32_t step = 1; reached - below > 1; step = 2 * step + 1) {
+        int is_reached = reaches(search, probe);
+        reached = is_reached ? probe : reached;
+        below = is_reached ? below : probe;
+        uint32_t half = (reached - below) / 2, way = step < half ? step : half;
+        probe = is_reached ? reached - way : below + way;
     }
-    while (!reaches(search, below + 1)) {
-        below++;
-    }
-    return below + 1;
+    return reached;
+}
+
+static int is_beyond_Fc(const dahl_search_t *search)
+{
+    const dahl_state_t at_Fc = {(int64_t)DAHL_ONE_Q62};
+    return search->target > order_of(dahl_torque(search->plan, &at_Fc));
 }
 
 dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state, float F, int32_t *dcounts)
 {
-    uint64_t w = (uint64_t)state->w;
-    uint32_t here = rank(dahl_torque_of(plan, w)), target = rank(F);
-    dahl_search_t search = {plan, target < here ? ~w : w, target, target < here};
+    int32_t here = order_of(dahl_torque(plan, state)), target = order_of(F), direction = target < here ? -1 : 1;
+    const dahl_search_t search = {plan, *state, direction, direction * target};
+    uint32_t counts = 0;
     if ((dahl_bits_of(F) & DAHL_BITS_MAGNITUDE) >= DAHL_BITS_INF) {
         return DAHL_ERR_PARAM;
     }
-    if (target != here && !reaches(&search, COUNTS_MOST)) {
+    if (target != here) {
+        counts = is_beyond_Fc(&search) ? COUNTS_MOST + 1 : least_counts(&search, counts_below(&search));
+    }
+    if (counts > COUNTS_MOST) {
         return DAHL_ERR_RANGE;
     }
-    uint32_t counts = target == here ? 0 : least_counts(&search);
-    *dcounts = search.is_backward ? -(int32_t)counts : (int32_t)counts;
+    *dcounts = direction * (int32_t)counts;
     return DAHL_OK;
 }

@@ -14,21 +14,6 @@
 #define SHIFT_MOST 31            /* a count is then the way from one limit to the other, or more */
 #define LIMIT_OF_SHIFT_MOST DAHL_ONE_Q30
 
-/* numerator/denominator in units of 2^-bits, truncated, for numerator <= denominator < 2^63; of equal ones a unit less. */
-static DAHL_COLD uint64_t quotient(uint64_t numerator, uint64_t denominator, int bits)
-{
-    uint64_t result = 0;
-    for (; bits > 0; bits--) {
-        numerator <<= 1;
-        result <<= 1;
-        if (numerator >= denominator) {
-            numerator -= denominator;
-            result |= 1;
-        }
-    }
-    return result;
-}
-
 static dahl_real_t real_of(float x)
 {
     return dahl_real_of(dahl_bits_of(x));
@@ -36,7 +21,7 @@ static dahl_real_t real_of(float x)
 
 /* Limit, and returns the shift, from 1/u = Fc/(sigma0 theta_per_count), the counts from rest to slipping: 2^-20 < 1/u <= 2^30. All is exact
  * but the last rounding, since floats have mantissas of 24 bits. */
-static DAHL_COLD uint8_t write_limit(dahl_slip_element_t *element, const dahl_params_t *params)
+static DAHL_COLD uint32_t write_limit(uint32_t *limit, const dahl_params_t *params)
 {
     const dahl_real_t sigma0 = real_of(params->sigma0), Fc = real_of(params->Fc), theta = real_of(params->theta_per_count);
     uint64_t numerator = (uint64_t)Fc.mantissa << 30, denominator = dahl_mul(sigma0.mantissa, theta.mantissa) >> 2;
@@ -44,19 +29,21 @@ static DAHL_COLD uint8_t write_limit(dahl_slip_element_t *element, const dahl_pa
     for (; numerator >= denominator; exponent++) {
         numerator >>= 1;
     }
-    uint64_t limit = (quotient(numerator, denominator, 32) + 1) >> 1;
+    uint64_t rounded = (dahl_quotient(numerator, denominator, 32) + 1) >> 1;
     if (exponent < 31 - SHIFT_MOST) {
-        element->limit = LIMIT_OF_SHIFT_MOST;
+        *limit = LIMIT_OF_SHIFT_MOST;
         return SHIFT_MOST;
     }
-    element->limit = limit < DAHL_TOP_BIT ? (uint32_t)limit : DAHL_TOP_BIT - 1;
-    return (uint8_t)(31 - exponent);
+    *limit = rounded < DAHL_TOP_BIT ? (uint32_t)rounded : DAHL_TOP_BIT - 1;
+    return (uint32_t)(31 - exponent);
 }
 
-/* A plan while it is made: of each element its Fc, in units of 2^exponent, and what its weight lacks for its share. */
+/* A plan while it is made: of each element its Fc, in units of 2^exponent, and what its weight lacks for its share. (An
+ * array for each, since compilers make a memcpy of a loop that copies whole elements, and a bare link has none.) */
 typedef struct {
-    dahl_slip_element_t element[DAHL_SLIP_MAX];
-    uint8_t shift[DAHL_SLIP_MAX];
+    uint32_t limit[DAHL_SLIP_MAX];
+    uint32_t weight[DAHL_SLIP_MAX];
+    uint32_t shift[DAHL_SLIP_MAX];
     uint64_t Fc[DAHL_SLIP_MAX];
     uint64_t rest[DAHL_SLIP_MAX];
     uint64_t sum;
@@ -83,11 +70,11 @@ static DAHL_COLD void add_up(draft_t *draft, const dahl_slip_params_t *params, u
 /* The torque of an element at its limit is weight times limit. A weight is truncated, which leaves a rest of that torque. */
 static DAHL_COLD void weigh(draft_t *draft, uint32_t k)
 {
-    dahl_slip_element_t *element = &draft->element[k];
-    uint64_t share = quotient(draft->Fc[k], draft->sum, 62), most = dahl_mul(UINT32_MAX, element->limit);
+    const uint32_t limit = draft->limit[k];
+    uint64_t share = dahl_quotient(draft->Fc[k], draft->sum, 62), most = dahl_mul(UINT32_MAX, limit);
     share = share < most ? share : most;
-    element->weight = (uint32_t)quotient(share, (uint64_t)element->limit << 32, 32);
-    draft->rest[k] = share - dahl_mul(element->weight, element->limit);
+    draft->weight[k] = (uint32_t)dahl_quotient(share, (uint64_t)limit << 32, 32);
+    draft->rest[k] = share - dahl_mul(draft->weight[k], limit);
 }
 
 /* The element that a unit more of weight brings nearest to its share. */
@@ -96,8 +83,8 @@ static DAHL_COLD uint32_t most_in_need(const draft_t *draft, uint32_t elements)
     uint32_t found = 0;
     int64_t most = -(int64_t)DAHL_TOP_BIT; /* less than any */
     for (uint32_t k = 0; k < elements; k++) {
-        int64_t need = 2 * (int64_t)draft->rest[k] - (int64_t)draft->element[k].limit;
-        if (need > most && draft->element[k].weight != UINT32_MAX) {
+        int64_t need = 2 * (int64_t)draft->rest[k] - (int64_t)draft->limit[k];
+        if (need > most && draft->weight[k] != UINT32_MAX) {
             most = need;
             found = k;
         }
@@ -113,9 +100,9 @@ static DAHL_COLD void share_the_rests(draft_t *draft, uint32_t elements)
         rests += (int64_t)draft->rest[k];
     }
     uint32_t k = most_in_need(draft, elements);
-    while (2 * rests > (int64_t)draft->element[k].limit) {
-        rests -= (int64_t)draft->element[k].limit;
-        draft->element[k].weight++;
+    while (2 * rests > (int64_t)draft->limit[k]) {
+        rests -= (int64_t)draft->limit[k];
+        draft->weight[k]++;
         draft->rest[k] = 0;
         k = most_in_need(draft, elements);
     }
@@ -129,9 +116,10 @@ static DAHL_COLD void write_plan(dahl_slip_plan_t *plan, const draft_t *draft, u
     uint32_t high = (uint32_t)(sum.mantissa >> 32) + ((uint32_t)sum.mantissa != 0);
     uint64_t full = 0;
     for (uint32_t k = 0; k < elements; k++) {
-        plan->element[k] = draft->element[k];
-        plan->shift[k] = draft->shift[k];
-        full += dahl_mul(draft->element[k].weight, draft->element[k].limit);
+        plan->element[k].limit = draft->limit[k];
+        plan->element[k].weight = draft->weight[k];
+        plan->shift[k] = (uint8_t)draft->shift[k];
+        full += dahl_mul(draft->weight[k], draft->limit[k]);
     }
     plan->full = full;
     plan->Fc_mantissa = high != 0 ? high : DAHL_TOP_BIT;
@@ -164,7 +152,7 @@ static DAHL_COLD void make(dahl_slip_plan_t *plan, const dahl_slip_params_t *par
     add_up(&draft, params, elements);
     for (uint32_t k = 0; k < elements; k++) {
         dahl_params_t one = params_of(params, k);
-        draft.shift[k] = write_limit(&draft.element[k], &one);
+        draft.shift[k] = write_limit(&draft.limit[k], &one);
         weigh(&draft, k);
     }
     share_the_rests(&draft, elements);

@@ -7,28 +7,33 @@
 #include "../model/torque.h"
 #include "dahl_parts.h"
 
-/* g of any counts, in Q64: what each digit takes of what is left. */
-static uint64_t g_of(const dahl_plan_t *plan, uint32_t counts)
+/* 2 g of any counts, in Q62: the way of w from -1, digit by digit, until nothing is left of it. */
+static uint64_t twice_g(const dahl_plan_t *plan, uint32_t counts)
 {
     const dahl_q64_t *entry = &plan->g[DAHL_DIRECT_COUNTS_MAX];
-    const dahl_q64_t *low = &plan->g[counts % DAHL_DIRECT_COUNTS_MAX];
-    uint64_t g = (uint64_t)low->hi << 32 | low->lo;
-    for (uint32_t digits = counts / DAHL_DIRECT_COUNTS_MAX; digits != 0; digits >>= 1, entry++) {
+    uint64_t w = dahl_forward(0u - DAHL_ONE_Q62, plan->g[counts % DAHL_DIRECT_COUNTS_MAX]);
+    for (uint32_t digits = counts / DAHL_DIRECT_COUNTS_MAX; digits != 0 && dahl_q30(w) != DAHL_ONE_Q30; digits >>= 1, entry++) {
         if (digits & 1) {
-            g += dahl_mulhi64(~g, (uint64_t)entry->hi << 32 | entry->lo);
+            w = dahl_forward(w, *entry);
         }
     }
-    return g;
+    return w + DAHL_ONE_Q62;
 }
 
+/* tip = 2 g/(4 - 2 g). One count travels 2^-30 or more, so the upper word of 2 g is 0 for none alone. */
 float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke)
 {
-    uint64_t g = g_of(plan, stroke);
-    if (g == 0) {
+    const dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
+    uint64_t way = twice_g(plan, stroke), denominator = (0u - way) >> 1;
+    uint32_t high = (uint32_t)(way >> 32), low = (uint32_t)way;
+    if (high == 0) {
         return 0.0f;
     }
-    dahl_wide_t numerator = dahl_normalise(g, 0);                            /* g = mantissa 2^(exponent - 64) */
-    uint32_t denominator = DAHL_TOP_BIT | (uint32_t)(~g >> 33);              /* (2 - g) 2^31 */
-    uint64_t quotient = dahl_quotient_q63((uint32_t)(numerator.mantissa >> 32), denominator);
-    return dahl_torque_of(plan, quotient >> (2 - numerator.exponent));       /* Q62 */
+    uint32_t zeros = dahl_leading_zeros(high);
+    uint64_t numerator = (uint64_t)(high << zeros | low >> 1 >> (31 - zeros)) << 31; /* way 2^(zeros - 1), and 32 bits of it */
+    if (numerator >= denominator) {
+        numerator >>= 1;
+        zeros--;
+    }
+    return dahl_float_of(dahl_torque_bits(Fc, (uint32_t)dahl_quotient(numerator, denominator, 32), zeros + 2));
 }

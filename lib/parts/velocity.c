@@ -70,15 +70,21 @@ static int32_t between(int32_t from, int32_t to, uint32_t fraction_q32)
                      : from + (int32_t)dahl_mulhi((uint32_t)to - (uint32_t)from, fraction_q32);
 }
 
-static int32_t ratio_at(const dahl_velocity_plan_t *plan, uint32_t counts)
+static inline int32_t ratio_at(const dahl_velocity_plan_t *plan, uint32_t counts)
 {
     uint32_t segment = counts >> plan->segment_bits;
     if (segment >= DAHL_VELOCITY_SEGMENTS) {
         return plan->ratio_q30[DAHL_VELOCITY_SEGMENTS - 1];
     }
-    uint32_t rest = counts - (segment << plan->segment_bits); /* 0 where a segment is one count */
+    uint32_t fraction_q32 = counts << 1 << (31 - plan->segment_bits); /* 0 where a segment is one count */
     int32_t from = segment == 0 ? 0 : plan->ratio_q30[segment - 1];
-    return between(from, plan->ratio_q30[segment], rest << ((32 - plan->segment_bits) & 31));
+    return between(from, plan->ratio_q30[segment], fraction_q32);
+}
+
+int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts)
+{
+    int32_t ratio = ratio_at(plan, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
+    return dcounts < 0 ? -ratio : ratio;
 }
 
 float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts)

@@ -8,15 +8,28 @@
 #include "../arith/fixed.h"
 #include "dahl_parts.h"
 
-/* sum += addend, over words of 32 bits, lowest first; what the lowest two carry is rare. */
-static inline void add(uint32_t *sum, int words, uint64_t addend)
+/* What the words of a sum below these carry, which is rare; beyond the last word it is lost. */
+static void carry(uint32_t *word, int words)
 {
-    uint64_t low = ((uint64_t)sum[1] << 32 | sum[0]) + addend;
-    sum[0] = (uint32_t)low;
-    sum[1] = (uint32_t)(low >> 32);
-    for (int i = 2, carry = low < addend; carry != 0 && i < words; i++) {
-        sum[i]++;
-        carry = sum[i] == 0;
+    for (int left = words; left > 0 && ++*word == 0; left--) {
+        word++;
+    }
+}
+
+/* Both sums after a move from `before`. */
+static inline void add_up(dahl_work_t *work, uint64_t before, uint64_t after, int32_t dcounts)
+{
+    uint64_t way = ((uint64_t)work->way[1] << 32 | work->way[0]), forward = dcounts < 0 ? before - after : after - before;
+    uint32_t counts = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
+    work->counts[0] += counts;
+    if (work->counts[0] < counts) {
+        carry(&work->counts[1], 2);
+    }
+    way += forward;
+    work->way[0] = (uint32_t)way;
+    work->way[1] = (uint32_t)(way >> 32);
+    if (way < forward) {
+        carry(&work->way[2], 2);
     }
 }
 
@@ -24,10 +37,16 @@ float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_w
 {
     uint64_t before = (uint64_t)state->w;
     float F = dahl_step_counts(plan, state, dcounts);
-    uint64_t forward = (uint64_t)state->w - before;
-    add(work->counts, 3, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
-    add(work->way, 4, dcounts < 0 ? 0u - forward : forward);
+    add_up(work, before, (uint64_t)state->w, dcounts);
     return F;
+}
+
+int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts)
+{
+    uint64_t before = (uint64_t)state->w;
+    int32_t ratio = dahl_step_counts_q30(plan, state, dcounts);
+    add_up(work, before, (uint64_t)state->w, dcounts);
+    return ratio;
 }
 
 /* The 64 highest bits of a sum whose highest word is words[top]. */

@@ -175,9 +175,11 @@ static inline void bits_elastoplastic(bits_of_part_t *run)
     }
 }
 
+typedef void (*bits_fold_part_t)(bits_of_part_t *run);
+
 static const struct {
     const char *name;
-    void (*fold)(bits_of_part_t *run);
+    bits_fold_part_t fold;
 } bits_parts[] = {
     {"slip", bits_slip},
     {"mix", bits_mix},
@@ -190,15 +192,21 @@ static const struct {
 
 #define BITS_PARTS_RUNS (BITS_PARAMS * (sizeof bits_parts / sizeof bits_parts[0]))
 
+/* One part with one parameter set. */
+static inline uint64_t bits_of_part(bits_fold_part_t fold, unsigned set)
+{
+    bits_of_part_t part = {14695981039346656037u, motions[0].next, &bits_params[set]};
+    for (unsigned m = 0; m < MOTIONS; m++) {
+        part.next = motions[m].next;
+        fold(&part);
+    }
+    return part.hash;
+}
+
 /* Run 0 .. BITS_PARTS_RUNS - 1. */
 static inline uint64_t bits_parts_run(unsigned run)
 {
-    bits_of_part_t part = {14695981039346656037u, motions[0].next, &bits_params[run % BITS_PARAMS]};
-    for (unsigned m = 0; m < MOTIONS; m++) {
-        part.next = motions[m].next;
-        bits_parts[run / BITS_PARAMS].fold(&part);
-    }
-    return part.hash;
+    return bits_of_part(bits_parts[run / BITS_PARAMS].fold, run % BITS_PARAMS);
 }
 
 #endif

@@ -5,6 +5,14 @@
 #include "motions.h"
 #include "plans.h"
 
+#include <stdlib.h>
+
+#ifndef TEST_TICKS
+#define TRIES 20000
+#else
+#define TRIES (TEST_TICKS < 20000 ? TEST_TICKS : 20000)
+#endif
+
 static const double travels[] = {1.1e-9, 1e-7, 1e-5, 1e-3, 0.1, 3.0, 20.0};
 #define TRAVELS (sizeof travels / sizeof travels[0])
 
@@ -44,10 +52,30 @@ static void test_the_least_move_to_a_torque(void)
     for (size_t i = 0; i < TRAVELS; i++) {
         dahl_params_t p = params_for(travels[i], 0.5f);
         dahl_plan_t plan = plan_for(&p);
-        for (int k = 0; k < 20000; k++) {
+        for (int k = 0; k < TRIES; k++) {
             dahl_state_t state = {0};
             dahl_set_torque(&plan, &state, random_torque(&m, p.Fc));
             check_one(&plan, &state, random_torque(&m, p.Fc));
+        }
+    }
+}
+
+/* Each shorter move is tried, where a count is more than any rounding. */
+static void test_no_shorter_move_reaches(void)
+{
+    motion_t m = MOTION_START;
+    for (size_t i = 3; i < TRAVELS; i++) {
+        dahl_params_t p = params_for(travels[i], 0.5f);
+        dahl_plan_t plan = plan_for(&p);
+        for (int k = 0; k < TRIES / 20; k++) {
+            dahl_state_t state = {0};
+            int32_t n = 0;
+            dahl_set_torque(&plan, &state, random_torque(&m, p.Fc));
+            float F = random_torque(&m, p.Fc);
+            (void)!dahl_counts_to_torque(&plan, &state, F, &n);
+            for (int32_t shorter = 1; shorter < abs(n); shorter++) {
+                TEST_ASSERT_TRUE(n > 0 ? after(&plan, state, shorter) < F : after(&plan, state, -shorter) > F);
+            }
         }
     }
 }
@@ -107,7 +135,7 @@ static void test_the_tip_of_a_loop(void)
         dahl_params_t p = params_for(travels[i], 0.5f);
         dahl_plan_t plan = plan_for(&p);
         long double u = reference_by_counts(&p).a;
-        for (int k = 0; k < 20000; k++) {
+        for (int k = 0; k < TRIES; k++) {
             uint32_t stroke = motion_random(&m) >> (motion_random(&m) & 31u);
             long double exact = p.Fc * tanhl(u * stroke / 2), error = fabsl(dahl_tip_torque(&plan, stroke) - exact);
             TEST_ASSERT_TRUE(error <= 0x1p-30L * exact + 0.51L * ulp_of((float)exact));
@@ -144,6 +172,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_the_least_move_to_a_torque);
+    RUN_TEST(test_no_shorter_move_reaches);
     RUN_TEST(test_the_ends);
     RUN_TEST(test_odd_symmetry);
     RUN_TEST(test_what_cannot_be_reached_is_refused);

@@ -40,6 +40,8 @@ static void check(const dahl_velocity_plan_t *plan, const dahl_velocity_params_t
     long double exact = lines(p, dcounts);
     float F = dahl_velocity_torque(plan, dcounts);
     TEST_ASSERT_TRUE(fabsl(F - exact) <= 1.5L * 0x1p-30L * largest(p) + 0.51L * ulp_of((float)fabsl(exact)));
+    long double of_q30 = dahl_velocity_torque_q30(plan, dcounts) * 0x1p-30L * largest(p);
+    TEST_ASSERT_TRUE(fabsl(of_q30 - exact) <= 1.5L * 0x1p-30L * largest(p));
     TEST_ASSERT_TRUE(dcounts == INT32_MIN || dahl_velocity_torque(plan, -dcounts) == -F);
 }
 

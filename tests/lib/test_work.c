@@ -29,8 +29,8 @@ static long double bound(const dahl_params_t *p, long double work, int reversals
 static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
 {
     dahl_plan_t plan = plan_for(p);
-    dahl_state_t state = {0};
-    dahl_work_t sums = {0};
+    dahl_state_t state = {0}, q30 = {0};
+    dahl_work_t sums = {0}, sums_q30 = {0};
     reference_t exact = reference_by_counts(p);
     motion_t motion = MOTION_START;
     long double work = 0, w = 0;
@@ -44,6 +44,10 @@ static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
         direction = d == 0 ? direction : (d > 0 ? 1 : -1);
         TEST_ASSERT_TRUE(dahl_work_step_counts(&plan, &state, &sums, d) == dahl_step_counts(&plan, &alone, d));
         TEST_ASSERT_TRUE(state.w == alone.w);
+        dahl_state_t before = q30;
+        TEST_ASSERT_EQUAL_INT32(dahl_step_counts_q30(&plan, &before, d), dahl_work_step_counts_q30(&plan, &q30, &sums_q30, d));
+        TEST_ASSERT_TRUE(q30.w == state.w);
+        TEST_ASSERT_EQUAL_MEMORY(&sums, &sums_q30, sizeof sums);
         if ((t & (t - 1)) == 0 || t == ticks - 1) { /* at 1, 2, 4 ... ticks */
             TEST_ASSERT_TRUE(fabsl(dahl_work(p, &sums) - work) <= bound(p, work, reversals) + 0x1p-60L * t * fabsl(work));
         }
@@ -55,7 +59,7 @@ static void test_work_is_the_integral_of_the_torque(void)
     for (size_t i = 0; i < TRAVELS; i++) {
         dahl_params_t p = params_for(travels[i], i % 2 ? 2.739f : 0.0371f);
         for (size_t m = 0; m < MOTIONS; m++) {
-            check_motion(&p, motions[m].next, TEST_TICKS / 20);
+            check_motion(&p, motions[m].next, TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 20);
         }
     }
 }

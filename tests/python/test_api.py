@@ -129,6 +129,8 @@ def test_states_that_no_step_can_leave_are_named(name, value):
         ((10**400, 1, 1), ("sigma0 = inf", "2^-64 <= sigma0 < 2^64")),
         ((1, 1, math.nan), ("theta_per_count = nan", "rad/count")),
         ((1, 1, -1.0), ("theta_per_count = -1", "or 0 for no encoder")),
+        ((1, 1, 1e-50), ("theta_per_count = 1e-50", "or 0 for no encoder")),  # 0 as a float
+        ((np.timedelta64(1, "s"), 1, 1), ("sigma0 = ", "is not a number")),
         ((2.0**64, 1, 1), ("sigma0 = 1.8446744073709552e+19", "2^-64 <= sigma0 < 2^64")),
         ((1, 2.0**-65, 0), ("Fc = 2.71051e-20", "2^-64 <= Fc")),
         ((1, 1, 2.0**20), ("= 1.04858e+06", "2^-30 <= travel < 2^20", "theta_per_count = 1.0")),

@@ -71,8 +71,9 @@ def test_one_for_n_nodes_keeps_all_that_the_dbc_says(
 def test_without_a_file_it_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     described(2, tmp_path)
     capsys.readouterr()
-    assert cli.main(["dbc", "--nodes", "2"]) == 0
-    assert capsys.readouterr().out == (tmp_path / "2.dbc").read_text()
+    for words in ([], ["-o", "-"]):
+        assert cli.main(["dbc", "--nodes", "2", *words]) == 0
+        assert capsys.readouterr().out == (tmp_path / "2.dbc").read_text()
 
 
 @pytest.mark.parametrize("nodes", ["0", "17", "two"])

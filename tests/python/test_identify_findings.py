@@ -152,7 +152,7 @@ def test_the_grid_of_the_angle_in_counts(linear, words):
         on_grid(2e-4 if linear else COUNT, 4e-4 if linear else 2 * COUNT, linear)
     )
     assert found.text.startswith(words)
-    assert found.doubts == ()
+    assert found.doubts == ("sigma0",)
 
 
 @pytest.mark.parametrize(("off", "said"), [(0.991, False), (1.009, False), (0.985, True)])

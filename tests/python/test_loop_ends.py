@@ -33,6 +33,7 @@ from loop_tools import (
 
 STEERING = SCENES / "steering.ini"
 ENDINGS = ["HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "PIPE", "ALRM", "XCPU", "XFSZ"]
+ENDINGS += ["PWR", "RTMIN"]
 
 
 @pytest.fixture

@@ -465,6 +465,13 @@ def test_a_record_is_not_overwritten_without_being_told(served, run_dahl, tmp_pa
     assert len(logs.read_candump(log)) == 10
 
 
+def test_a_full_disk_is_told_with_the_name_of_the_record(served, run_dahl, tmp_path):
+    log = tmp_path / "run.log"
+    log.symlink_to("/dev/full")
+    done = run_dahl("record", *served, "-o", log, "--frames", "10", "--force")
+    assert (done.returncode, done.stderr) == (1, f"error: {log}: No space left on device\n")
+
+
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.log.gz"])
 def test_an_ending_that_plot_cannot_read_is_refused(run_dahl, tmp_path, name):
     done = run_dahl("record", "-i", "virtual", "-c", "x", "-o", tmp_path / name)

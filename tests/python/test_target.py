@@ -26,7 +26,8 @@ pytestmark = pytest.mark.checks
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
 ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
 TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "encoder", "float"]
-TESTS += ["slip", "parallel"]
+TESTS += ["slip", "parallel", "asymmetric", "loaded", "elastoplastic"]
+TESTS += ["clamped", "inverse", "work", "velocity"]
 CASES = [f"test_{name}" for name in TESTS] + ["bits"]
 
 
@@ -241,3 +242,39 @@ def test_links_nothing_but_integers(name: str, path: str) -> None:
     image = target.link_path(core, path)
     assert target.forbidden(core, image) == []
     assert target.sizes(core, image)["static"] == 0
+
+
+# At -O0 gcc copies a structure on Cortex-M0 by memcpy, also in dahl_prepare.
+LEVELS = [
+    (name, level)
+    for name in target.CORES
+    for level in ("-O0", "-Os", "-O2", "-O3")
+    if (name, level) != ("m0", "-O0")
+]
+
+
+@pytest.mark.parametrize("name, level", LEVELS)
+def test_a_bare_link_of_all_parts_needs_no_libc(name: str, level: str) -> None:
+    """Nothing but libgcc stands beside the objects: a memcpy that gcc makes is not found."""
+    core = target.CORES[name]
+    need(core)
+    target.build(core, "dahl")
+    objects = target.objects_at(core, level)
+    assert {"slip.o", "inverse.o"} <= {path.name for path in objects}
+    assert target.forbidden(core, target.link_bare(core, *objects)) == []
+
+
+def test_a_bare_link_sees_a_copy(tmp_path: Path) -> None:
+    core = target.CORES["m3"]
+    need(core)
+    target.build(core, "dahl")
+    source = tmp_path / "copy.c"
+    source.write_text(
+        "void copy(int *restrict to, const int *restrict from, int n)\n"
+        "{ while (n-- > 0) { *to++ = *from++; } }"
+    )
+    made = tmp_path / "copy.o"
+    flags = target.cache_value(core, "CMAKE_C_FLAGS").split()
+    target.run(core.tool("gcc"), *flags, "-O2", "-c", source, "-o", made)
+    with pytest.raises(target.BenchError, match="memcpy|memmove"):
+        target.link_bare(core, made)

@@ -246,6 +246,8 @@ WRONG = [
     (lambda: dahl.Work(None), "plan = None is not a Plan"),
     (lambda: dahl.VelocityTable([1.0] * 15, 0), "torque has 15 values; 16 were expected"),
     (lambda: dahl.VelocityTable(1.0, 0), "torque = 1.0 is not a list"),
+    (lambda: dahl.VelocityTable(np.array(1.0), 0), r"torque = array\(1.\) is not a list"),
+    (lambda: dahl.VelocityTable([1e-50] * 16, 0), r"torque\[0\] = 1e-50 is outside 0, or 2"),
     (lambda: dahl.VelocityTable([math.nan] * 16, 0), r"torque\[0\] = nan is outside 0, or 2"),
     (lambda: dahl.VelocityTable([1.0] * 15 + [1e-30], 0), r"torque\[15\] = 1e-30 is outside"),
     (lambda: dahl.VelocityTable([1.0] * 16, 25), "segment_bits = 25 is not .* 0 to 24"),

@@ -197,13 +197,13 @@ def forbidden(core: Core, image: Path) -> list[str]:
     return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
 
 
-def plain_objects(core: Core) -> list[Path]:
-    """The C of the core as -O0 compiles it."""
-    folder = core.build / "bench" / "plain"
+def objects_at(core: Core, level: str) -> list[Path]:
+    """The C of the core and of the parts as gcc compiles it at a level of optimisation, as -O0."""
+    folder = core.build / "bench" / f"at{level}"
     folder.mkdir(parents=True, exist_ok=True)
     flags = [
         *cache_value(core, "CMAKE_C_FLAGS").split(),
-        "-O0",
+        level,
         "-std=c99",
         "-I",
         ROOT / "lib/include",
@@ -215,6 +215,14 @@ def plain_objects(core: Core) -> list[Path]:
         objects.append(folder / f"{source.stem}.o")
         run(core.tool("gcc"), *flags, "-c", source, "-o", objects[-1])
     return objects
+
+
+def link_bare(core: Core, *objects: Path) -> Path:
+    """All of these in one image with gcc's own helpers alone; BenchError names what is missing."""
+    image = objects[0].with_name("bare.elf")
+    flags = cache_value(core, "CMAKE_C_FLAGS").split()
+    run(core.tool("gcc"), *flags, "-nostdlib", "-Wl,-e,0", "-o", image, *objects, "-lgcc")
+    return image
 
 
 def helpers(core: Core, *objects: Path) -> list[str]:
@@ -274,6 +282,7 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
         "counts_between",
         "counts_between_below",
         "encoder_move",
+        "control_tick",
     )
     result |= {name: worst[name] for name in others}
     result |= {name: count for name, count in worst.items() if name.startswith(PARTS)}
@@ -325,7 +334,7 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
         | measure_sizes(core)
         | {
             "helpers": helpers(core, core.build / "lib" / "libdahl.a"),
-            "helpers_O0": helpers(core, *plain_objects(core)),
+            "helpers_O0": helpers(core, *objects_at(core, "-O0")),
         }
     )
 

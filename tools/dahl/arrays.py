@@ -5,6 +5,8 @@ copied or refused, by name, where not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,6 +17,13 @@ INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
 
 def data(array: np.ndarray) -> int:
     return array.ctypes.data
+
+
+def is_list(values: object) -> bool:
+    """Has it a length and elements? Neither a text nor an array without dimensions has."""
+    if isinstance(values, np.ndarray):
+        return values.ndim > 0
+    return isinstance(values, Sequence) and not isinstance(values, (str, bytes))
 
 
 def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:

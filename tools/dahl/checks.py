@@ -33,12 +33,17 @@ def real(name: str, value: object, limit: str = "finite") -> float:
     """Any real number as a float, NaN and infinities too. No bool, no text, no array."""
     if type(value) is float:  # quick: once a tick
         return value
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if isinstance(value, bool) or not isinstance(value, Real) or _is_duration(value):
         raise Error(f"{name} = {shown(value)} is not a number; {limit} was expected")
     try:
         return float(value)
     except OverflowError:
         return -math.inf if value < 0 else math.inf
+
+
+def _is_duration(value: object) -> bool:
+    """numpy's timedelta64, which it registers as a whole number."""
+    return getattr(getattr(value, "dtype", None), "kind", "") == "m"
 
 
 def finite(name: str, value: object, unit: str) -> float:

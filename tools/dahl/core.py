@@ -203,6 +203,16 @@ def _float32(name: str, value: float, limit: str) -> float:
     return ctypes.c_float(checks.real(name, value, limit)).value
 
 
+def parameter(name: str, value: float, limit: str) -> float:
+    """A parameter as C will see it. One that is too small for a float is not taken for 0, which
+    means something else.
+    """
+    rounded = _float32(name, value, limit)
+    if rounded == 0 and value != 0:
+        raise Error(f"{name} = {checks.shown(value)} is outside {limit}")
+    return rounded
+
+
 def _dcounts(dcounts: int) -> int:
     """A move as a C int32_t, which ctypes would wrap without a word."""
     return checks.whole("dcounts", dcounts, INT32_MIN, INT32_MAX)
@@ -281,7 +291,7 @@ class Plan(_Parameters):
 
     def __post_init__(self) -> None:
         for name, limit in (("sigma0", SIGMA0), ("Fc", FC), ("theta_per_count", THETA_PER_COUNT)):
-            object.__setattr__(self, name, _float32(name, getattr(self, name), limit))
+            object.__setattr__(self, name, parameter(name, getattr(self, name), limit))
         object.__setattr__(self, "_words", (ctypes.c_uint64 * PLAN_ROOM)())
         params = _Params(self.sigma0, self.Fc, self.theta_per_count)
         if library().dahl_prepare(self._words, ctypes.byref(params)) != 0:
@@ -555,8 +565,13 @@ class Throughput(_Parameters):
         return _run_channels(library().dahl_throughput_channels, params, moves, out)
 
 
+def _has_elements(values: object) -> bool:
+    """Not a number, nor an array without dimensions."""
+    return isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0
+
+
 def _channels(params: Iterable[Throughput]) -> list[Throughput]:
-    if not isinstance(params, Iterable):
+    if not _has_elements(params):
         raise Error(f"params = {checks.shown(params)} is not a list of Throughput")
     return [checks.instance(f"params[{i}]", each, Throughput) for i, each in enumerate(params)]
 

@@ -138,7 +138,7 @@ class Node:
         self._now = 0.0
         self._node = NodeStructure()
         self._kept = (ctypes.c_uint64 * KEPT_ROOM)()
-        self._friction = copy.deepcopy(friction)
+        self._friction = copy.deepcopy(friction) if type(friction) in USES else friction
         self._begin(checks.whole("number", number, 0, codec.NODES - 1))
         self._node.gain = round(_within("gain", gain, 0, 1, "") * ONE)
         self._node.limit = round(_within("limit", limit, 0, 1, "") * ONE)

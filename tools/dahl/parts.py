@@ -5,6 +5,7 @@ whose comments are the manual.
 
 from __future__ import annotations
 
+import copy
 import ctypes
 from collections.abc import Sequence
 from typing import Any
@@ -29,7 +30,7 @@ class _SlipParams(ctypes.Structure):
 
 def _floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
     """Each as C will see it."""
-    if isinstance(values, (str, bytes)) or not isinstance(values, (Sequence, np.ndarray)):
+    if not arrays.is_list(values):
         raise Error(f"{name} = {checks.shown(values)} is not a list of numbers, one an element")
     return tuple(
         ctypes.c_float(checks.real(f"{name}[{k}]", value, limit)).value
@@ -192,8 +193,8 @@ class Parallel(Element):
     with a state of its own, which moves with this. The sum in N m is rounded once, within 0.55 ulp
     of the sum of all Fc.
 
-    Equal where all parts are; picklable. Raises dahl.Error for what is no part, for a part that
-    stands there twice, and for a Friction without theta_per_count.
+    Equal where all parts are; picklable; a copy has parts of its own. Raises dahl.Error for what is
+    no part, for a part that stands there twice, and for a Friction without theta_per_count.
 
     >>> bearing = core.Friction(core.Plan(100.0, 0.5, 1e-3))
     >>> Parallel(bearing, Slip([20.0], [1.0], 1e-3)).step_counts(0)
@@ -226,6 +227,9 @@ class Parallel(Element):
         core.library().dahl_batch_parallel_counts(
             self._c_parts(), len(self._parts), arrays.data(moves), arrays.data(out), moves.size
         )
+
+    def __copy__(self) -> Parallel:
+        return Parallel(*map(copy.copy, self._parts))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Parallel):

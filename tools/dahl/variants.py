@@ -519,13 +519,12 @@ class VelocityTable:
     """
 
     def __init__(self, torque: Sequence[float], segment_bits: int) -> None:
-        if isinstance(torque, (str, bytes)) or not isinstance(torque, (Sequence, np.ndarray)):
+        if not arrays.is_list(torque):
             raise Error(f"torque = {checks.shown(torque)} is not a list of numbers")
         if len(torque) != VELOCITY_SEGMENTS:
             raise Error(f"torque has {len(torque)} values; {VELOCITY_SEGMENTS} were expected")
         self._torque = tuple(
-            ctypes.c_float(checks.real(f"torque[{k}]", value, TORQUES)).value
-            for k, value in enumerate(torque)
+            core.parameter(f"torque[{k}]", value, TORQUES) for k, value in enumerate(torque)
         )
         self._segment_bits = checks.whole("segment_bits", segment_bits, 0, SEGMENT_BITS_MAX)
         self._words = (ctypes.c_uint64 * PLAN_ROOM)()

@@ -4,13 +4,17 @@
 #include "dahl_parts.h"
 
 float call_work_step(const dahl_plan_t *, dahl_state_t *, dahl_work_t *, int32_t) __asm__("bench_call");
+int32_t call_work_step_q30(const dahl_plan_t *, dahl_state_t *, dahl_work_t *, int32_t) __asm__("bench_call");
 float call_work(const dahl_params_t *, const dahl_work_t *) __asm__("bench_call");
 dahl_err_t call_counts_to_torque(const dahl_plan_t *, const dahl_state_t *, float, int32_t *) __asm__("bench_call");
 float call_tip_torque(const dahl_plan_t *, uint32_t) __asm__("bench_call");
 dahl_err_t call_velocity_prepare(dahl_velocity_plan_t *, const dahl_velocity_params_t *) __asm__("bench_call");
 float call_velocity(const dahl_velocity_plan_t *, int32_t) __asm__("bench_call");
 
+int32_t call_velocity_q30(const dahl_velocity_plan_t *, int32_t) __asm__("bench_call");
+
 static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit encoder, travel .077 a count */
+static const dahl_params_t fine_params = {100.0f, 0.5f, 5e-9f};      /* travel 1e-6 a count */
 
 static void bench_work(const dahl_plan_t *plan)
 {
@@ -22,6 +26,12 @@ static void bench_work(const dahl_plan_t *plan)
         call_work_step(plan, &state, &work, n);
         call_work_step(plan, &state, &work, -n);
     }
+    bench_case("work_step_q30");
+    bench_function = (bench_function_t)dahl_work_step_counts_q30;
+    for (int32_t n = -8; n <= 8; n++) {
+        call_work_step_q30(plan, &state, &work, n);
+        call_work_step_q30(plan, &state, &work, -n);
+    }
     bench_case("work_read");
     bench_function = (bench_function_t)dahl_work;
     call_work(&params, &work);
@@ -30,14 +40,10 @@ static void bench_work(const dahl_plan_t *plan)
 }
 
 /* From rest to parts of Fc either way, and from there back. */
-static void bench_counts_to_torque(const dahl_plan_t *plan)
+static void bench_counts_to_torque(const char *name, const dahl_plan_t *plan)
 {
     int32_t found;
-    const dahl_state_t relaxed = {0};
-    bench_case("counts_to_torque_half");
-    bench_function = (bench_function_t)dahl_counts_to_torque;
-    (void)!call_counts_to_torque(plan, &relaxed, 0.25f, &found);
-    bench_case("counts_to_torque");
+    bench_case(name);
     bench_function = (bench_function_t)dahl_counts_to_torque;
     for (int32_t start = -1; start <= 1; start++) {
         const dahl_state_t state = {((int64_t)1 << 61) * start};
@@ -47,12 +53,9 @@ static void bench_counts_to_torque(const dahl_plan_t *plan)
     }
 }
 
-static void bench_tip_torque(const dahl_plan_t *plan)
+static void bench_tip_torque(const char *name, const dahl_plan_t *plan)
 {
-    bench_case("tip_torque_1000");
-    bench_function = (bench_function_t)dahl_tip_torque;
-    call_tip_torque(plan, 1000);
-    bench_case("tip_torque");
+    bench_case(name);
     bench_function = (bench_function_t)dahl_tip_torque;
     for (uint32_t stroke = 1; stroke < 1u << 31; stroke = 3 * stroke + 1) {
         call_tip_torque(plan, stroke);
@@ -78,17 +81,27 @@ static void bench_velocity(void)
     for (int32_t n = -300; n <= 300; n += 7) {
         call_velocity(&plan, n);
     }
+    bench_case("velocity_torque_q30");
+    bench_function = (bench_function_t)dahl_velocity_torque_q30;
+    for (int32_t n = -300; n <= 300; n += 7) {
+        call_velocity_q30(&plan, n);
+    }
 }
 
 void bench_energy(void)
 {
-    dahl_plan_t plan;
-    if (dahl_prepare(&plan, &params) != DAHL_OK) {
+    dahl_plan_t plan, fine;
+    if (dahl_prepare(&plan, &params) != DAHL_OK || dahl_prepare(&fine, &fine_params) != DAHL_OK) {
         return;
     }
     bench_work(&plan);
-    bench_counts_to_torque(&plan);
-    bench_tip_torque(&plan);
+    bench_counts_to_torque("counts_to_torque", &plan);
+    bench_counts_to_torque("counts_to_torque_fine", &fine);
+    bench_case("tip_torque_1000");
+    bench_function = (bench_function_t)dahl_tip_torque;
+    call_tip_torque(&plan, 1000);
+    bench_tip_torque("tip_torque", &plan);
+    bench_tip_torque("tip_torque_fine", &fine);
     bench_velocity();
     bench_number("work_bytes", sizeof(dahl_work_t));
     bench_number("velocity_plan_bytes", sizeof(dahl_velocity_plan_t));

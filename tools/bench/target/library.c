@@ -17,6 +17,21 @@ void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) 
 int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
 int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 
+/* One axis of a drive, and what its interrupt does each tick: read the 16-bit timer, and add to the torque that the
+ * controller asks for what friction will take. */
+typedef struct {
+    dahl_encoder_t encoder;
+    dahl_state_t bearing;
+    float asked; /* N m */
+} axis_t;
+
+float call_axis(const dahl_plan_t *, axis_t *, uint32_t) __asm__("bench_call");
+
+static float axis_tick(const dahl_plan_t *plan, axis_t *axis, uint32_t reading)
+{
+    return axis->asked + dahl_step_counts(plan, &axis->bearing, dahl_encoder_move(&axis->encoder, reading));
+}
+
 enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
 
 #define ONE_Q62 ((int64_t)1 << 62)
@@ -291,6 +306,21 @@ static void bench_encoder(void)
     }
 }
 
+/* No motion and 1 to 8 counts either way, over the wrap of the timer too. */
+static void bench_axis(void)
+{
+    bench_case("control_tick");
+    bench_function = (bench_function_t)axis_tick;
+    for (uint32_t i = 0; i < STARTS; i++) {
+        for (uint32_t move = 0; move <= 16; move++) {
+            axis_t axis = {.bearing = {starts[i]}, .asked = 0.3f};
+            dahl_encoder_init(&axis.encoder, 65536, 1, 1000);
+            dahl_encoder_home(&axis.encoder, 4 + 8 * (i & 1));
+            call_axis(&plan, &axis, (4 + 8 * (i & 1) + move - 8) & 65535u);
+        }
+    }
+}
+
 void bench_library(void)
 {
     if (dahl_prepare(&plan, &params) != DAHL_OK || dahl_prepare(&softer_plan, &softer) != DAHL_OK) {
@@ -304,6 +334,7 @@ void bench_library(void)
     bench_prepare();
     bench_others();
     bench_encoder();
+    bench_axis();
     bench_number("plan_bytes", sizeof(dahl_plan_t));
     bench_number("state_bytes", sizeof(dahl_state_t));
 }

@@ -29,17 +29,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--nodes", type=whole(1, 16), default=1, metavar="N", help="how many, numbered from 0"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="where it goes (default: printed)"
+        "-o", "--output", type=Path, metavar="FILE", help="where it goes (default, and -: printed)"
     )
     parser.add_argument("--force", action="store_true", help="overwrite a file that is there")
 
 
 def run(args: argparse.Namespace) -> None:
-    if args.output and args.output.is_file() and not args.force:
-        raise Error(f"{args.output}: there already; --force overwrites it")
+    output = None if args.output == Path("-") else args.output
+    if output and output.is_file() and not args.force:
+        raise Error(f"{output}: there already; --force overwrites it")
     text = describe(args.nodes)
-    if args.output:
-        files.keep(args.output, text)
+    if output:
+        files.keep(output, text)
     else:
         print(text, end="")
 

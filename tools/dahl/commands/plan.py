@@ -93,7 +93,7 @@ def _plan(args: argparse.Namespace) -> AnyPlan:
     theta = _theta_per_count(args)
     if (args.breakaway is not None) != (args.model == "elastoplastic"):
         raise Error(
-            f"--breakaway goes with --model elastoplastic, which needs it, not {args.model}"
+            "--breakaway B, 0 < B < 1, goes with --model elastoplastic, and with no other model"
         )
     if args.model == "slip":
         return Slip(sigma0, fc, theta)

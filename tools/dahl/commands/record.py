@@ -10,6 +10,7 @@ Works with any interface that python-can has. Ends with Ctrl-C, or after --frame
 from __future__ import annotations
 
 import argparse
+import errno
 import io
 import sys
 import time
@@ -30,6 +31,7 @@ EXAMPLE = """examples:
   dahl record -i socketcan -c can0 --fd -o run.blf
   dahl record -i socketcand -c vcan0 --host 127.0.0.1 --port 29536 -o run.log"""
 
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of a file, never of a bus
 PATIENCE = 3.0  # s without a frame, after which one waits knowingly
 
 
@@ -82,12 +84,17 @@ def _write(path: Path, messages: Iterator[can.Message | None]) -> int:
     if first is None:
         return 0
     frames = 1
-    with _writer(path) as writer:
-        writer.on_message_received(first)
-        for message in messages:
-            if message is not None:
-                writer.on_message_received(message)
-                frames += 1
+    try:
+        with _writer(path) as writer:
+            writer.on_message_received(first)
+            for message in messages:
+                if message is not None:
+                    writer.on_message_received(message)
+                    frames += 1
+    except OSError as error:
+        if error.errno in FULL and error.filename is None:
+            error.filename = str(path)
+        raise
     return frames
 
 

@@ -78,11 +78,13 @@ class Cut:
         return bins
 
     def _spans(self, parts: Sequence[Part]) -> list[slice]:
-        """The bins of each cycle that counts, at most MOST of them: neighbours are put together."""
+        """The bins of each cycle that counts, at most MOST of them (one at least of each log):
+        neighbours are put together.
+        """
         spans = []
         for part, start in zip(parts, self.ends, strict=False):
             count = int(part.unit.max()) + 1
-            share = max(count * len(parts) // MOST, 1) if count * len(parts) > MOST else 1
+            share = -(-count * len(parts) // MOST)
             together = np.minimum(part.unit // share, max(count // share - 1, 0))
             edges = np.flatnonzero(np.diff(together, prepend=-1))
             for i, j in zip(edges, [*edges[1:], len(together)], strict=True):

@@ -30,6 +30,7 @@ FOLDS = 5
 ROUNDS, STEPS = 2, 9  # of refining the grid around its best node
 COARSE = 1.3  # ratio of neighbouring a in the first grid
 DENSE = 4001  # points at which a profile is read
+CLOSEST = 1e-9  # of log a, from the best to the next point of a profile
 
 
 @dataclass
@@ -294,14 +295,16 @@ def _spline(a: np.ndarray, values: np.ndarray) -> CubicSpline:
 
 
 def _dense(curve: Curve, a: float) -> Curve:
-    """The curve at DENSE points: half of them over all, half around the best."""
-    nearby = np.sort(np.abs(np.log(curve.a / a)))[: 4 * STEPS].max()
-    fine = np.log(a) + np.linspace(-nearby, nearby, DENSE)
+    """The curve at DENSE points over all and DENSE on either side of the best, ever closer to it,
+    so that an interval of any width has ends.
+    """
     wide = np.linspace(np.log(curve.a[0]), np.log(curve.a[-1]), DENSE)
-    x = np.unique(np.concatenate((fine, wide)))
+    apart = np.geomspace(CLOSEST, wide[-1] - wide[0], DENSE)
+    x = np.unique(np.concatenate((np.log(a) - apart, np.log(a) + apart, wide)))
     x = x[(x >= wide[0]) & (x <= wide[-1])]
-    parts = (_spline(curve.a, y)(x) for y in (curve.sse, curve.stiff, curve.coefficient[:, :1]))
-    return Curve(np.exp(x), *parts)
+    columns = (curve.sse, curve.stiff, curve.coefficient[:, :1])
+    sse, stiff, Fc = (_spline(curve.a, y)(x) for y in columns)  # noqa: N806
+    return Curve(np.exp(x), np.maximum(sse, 0.0), stiff, Fc)
 
 
 def _profile(dense: Curve, name: str, ratio: float) -> Interval:

@@ -42,7 +42,7 @@ def finding(log: Log) -> list[Finding]:
         f"the angle lies on a grid of {turn / grid:.6g} counts a {of}, not of"
         f" {turn / log.resolution:.6g}: is --counts-per-turn right?"
     )
-    return [Finding(words)]
+    return [Finding(words, ("sigma0",))]
 
 
 def _refuse_other_unit(log: Log) -> None:

@@ -48,19 +48,23 @@ def coulomb(moves: np.ndarray, _: float, start: float = 0.0) -> np.ndarray:
 
 
 def reversals(theta: np.ndarray, least: float) -> np.ndarray:
-    """Rows at which the motion turns by more than `least` (rad or m) before it turns again."""
+    """Rows at which the motion turns by more than `least` (rad or m) before it turns again. One
+    move alone at the beginning is no stroke that could turn.
+    """
     moving = np.flatnonzero(np.diff(theta, prepend=theta[:1]))
     turns = moving[np.flatnonzero(np.diff(np.sign(np.diff(theta[moving])))) + 1]
-    kept, direction, place = [], 0, 0
+    kept, direction = [], 0
+    low = high = 0  # rows of the lowest and the highest angle since the last turn
     for row in [*turns.tolist(), len(theta) - 1]:  # a zigzag filter over turning points
-        step = theta[row] - theta[place]
-        if direction == 0:
-            direction, place = (np.sign(step), row) if abs(step) > least else (0, place)
-        elif direction * step >= 0:
-            place = row
-        elif abs(step) > least:
+        low = row if theta[row] <= theta[low] else low
+        high = row if theta[row] >= theta[high] else high
+        place = high if direction > 0 else low
+        if direction == 0 and theta[high] - theta[low] > least:
+            direction = 1 if row == high else -1
+            low = high = row
+        elif direction and abs(theta[row] - theta[place]) > least:
             kept.append(place)
-            direction, place = -direction, row
+            direction, low, high = -direction, row, row
     return np.array(kept, dtype=int)
 
 

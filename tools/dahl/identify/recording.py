@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """What the recording did to a log, put right before any fit and named: rows that repeat the row
-before, a counter that wraps, a clock with gaps.
+before, a counter that wraps, a clock with gaps or coarser than the rows.
 
 Each step takes a log and gives it back mended, with a note; a log that cannot be mended is refused.
 """
@@ -27,7 +27,8 @@ EVENTS = 0.9  # of the moving rows by one count: a log written at each edge of t
 
 def mended(log: Log, trust_units: bool = False) -> list[Log]:
     """The log as pieces without a gap, wrap or repeated row. Raises dahl.Error."""
-    return split_at_gaps(unwrapped(without_repeats(log), trust_units))
+    pieces = split_at_gaps(unwrapped(without_repeats(log), trust_units))
+    return [evened(piece) for piece in pieces]
 
 
 def taken(log: Log, rows: np.ndarray | slice, notes: list[str]) -> Log:
@@ -163,3 +164,25 @@ def _by_event(log: Log) -> bool:
         return False
     counts = np.abs(log.moves[1:]) / log.resolution
     return bool(np.mean(np.abs(counts - 1) < 0.1) > EVENTS)
+
+
+# --- a clock coarser than the rows ----------------------------------------------------------------
+
+
+def evened(log: Log) -> Log:
+    """With the rows of one and the same time spread evenly up to the next time, so that each has a
+    speed; without a clock where it stands still.
+    """
+    if log.time is None:
+        return log
+    first = np.flatnonzero(np.diff(log.time, prepend=-np.inf))  # row of each time
+    same = log.rows - len(first)
+    if same == 0:
+        return log
+    if len(first) == 1:
+        return replace(log, time=None, notes=[*log.notes, "the clock stands still: not used"])
+    known = log.time[first]
+    end = known[-1] + (known[-1] - known[-2]) / (first[-1] - first[-2]) * (log.rows - first[-1])
+    time = np.interp(np.arange(log.rows), [*first, log.rows], [*known, end])
+    words = f"{same} of {log.rows} rows have the time of the row before: spread evenly"
+    return replace(log, time=time, notes=[*log.notes, words])

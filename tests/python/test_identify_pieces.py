@@ -1,0 +1,1500 @@
+# SPDX-License-Identifier: MIT
+"""The pieces of an identification one by one: models beside Dahl's, cleaning, checks, filters,
+noise, the design of a motion and the worth of a plan, each against numpy on the rows, a closed
+form, or a log made by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from dahl import Error, plots
+from dahl.identify import (
+    angle_noise,
+    carried,
+    choices,
+    clean,
+    compare,
+    cycles,
+    design,
+    draw,
+    drift,
+    explore,
+    fit,
+    folder_runs,
+    follow,
+    grid,
+    lowpass,
+    model_table,
+    path,
+    pipeline,
+    plan_quality,
+    readers,
+    recording,
+    sweep,
+    units,
+)
+from dahl.identify.choices import Choice, Trial
+from dahl.identify.compare import Key
+from dahl.identify.explore import Explored
+from dahl.identify.finding import Finding
+from dahl.identify.fit import Interval
+from dahl.identify.log import Log, resolution_of
+from dahl.identify.result import Cycles
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
+from scipy.ndimage import median_filter
+from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
+
+pytestmark = pytest.mark.usefixtures("library")
+
+A = SIGMA0 / FC
+RNG = np.random.default_rng(21)
+
+
+def springs(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
+    """Springs that slip, (sigma0, Fc) each, row by row."""
+    forces, drawn = np.zeros(len(parts)), []
+    stiffness, limits = np.array(parts).T
+    for move in np.diff(theta, prepend=theta[0]):
+        forces = np.clip(forces + stiffness * move, -limits, limits)
+        drawn.append(forces.sum())
+    return np.array(drawn)
+
+
+def log_of(torque: np.ndarray, theta: np.ndarray, part: float = 0.02, **more) -> Log:
+    noisy = torque + part * FC * noise_of(3, len(theta))
+    return Log("log", theta, noisy, np.arange(len(theta)) * 1e-3, **more)
+
+
+# --- other models ---------------------------------------------------------------------------------
+
+THETA = sine(2, rows=1500, cycles=8)
+MIXED = dahl_torque(THETA, 60, 0.2) + springs(THETA, (90, 0.3)) + 0.1
+
+
+@pytest.fixture(scope="module")
+def book(library) -> compare.Dictionary:
+    cut = cycles.Cut([log_of(MIXED, THETA)], A, 0.003, 10)
+    return compare.Dictionary(cut, A, ("offset",), 0.0)
+
+
+def drawn_by(key: Key) -> np.ndarray:
+    one = dahl_torque(THETA, key.a, 1.0) if key.kind == "dahl" else springs(THETA, (key.a, 1.0))
+    return one
+
+
+def solved(book, keys, span=slice(None), without=None) -> tuple[np.ndarray, float]:
+    """Elements that do not push, an offset of any sign: coefficients, and what they leave on the
+    rows of `span` when those of `without` are not fitted.
+    """
+    x = np.column_stack((*map(drawn_by, keys), np.ones(1500))) * book.cut.root[:, None]
+    y = book.cut.torque * book.cut.root
+    counted = np.concatenate([np.arange(one.start, one.stop) for one in book.cut.spans])
+    used = counted if without is None else np.setdiff1d(counted, np.arange(1500)[without])
+    ends = ([0] * len(keys) + [-np.inf], np.inf)
+    best = lsq_linear(x[used], y[used], bounds=ends, tol=1e-12).x
+    here = np.intersect1d(counted, np.arange(1500)[span])
+    return best, float(np.sum((y[here] - x[here] @ best) ** 2))
+
+
+def test_elements_with_what_each_cycle_says_of_them(book):
+    keys = [Key("dahl", 300.0), Key("slip", 300.0)]
+    grams = book.grams([book.column(key) for key in keys])
+    found = compare._candidate(book, "mixed", keys, grams)
+    best, _ = solved(book, keys)
+    assert found.name == found.trial.choice.model == "mixed K=2" and found.size == 5
+    assert [part["kind"] for part in found.parts] == ["dahl", "slip"]
+    assert [part["Fc"] for part in found.parts] == pytest.approx(best[:2], rel=1e-3)
+    assert [part["sigma0"] for part in found.parts] == pytest.approx(300 * best[:2], rel=1e-3)
+    assert found.trial.value["Fc"] == pytest.approx(best[:2].sum(), rel=1e-4)
+    assert found.trial.value["sigma0"] == pytest.approx(300 * best[:2].sum(), rel=1e-4)
+    assert found.trial.terms == pytest.approx({"offset": best[2]}, rel=1e-3)
+    assert found.trial.a == pytest.approx(300)
+    for k, span in enumerate(book.cut.spans):
+        rest, cost = solved(book, keys, span, span)
+        assert found.trial.cost[k] == pytest.approx(cost, rel=2e-3)
+        assert found.trial.without["Fc"][k] == pytest.approx(rest[:2].sum(), rel=1e-3)
+        assert found.trial.without["sigma0"][k] == pytest.approx(300 * rest[:2].sum(), rel=1e-3)
+    unused = [Key("dahl", 300.0), Key("slip", 300.0), Key("slip", 40.0)]
+    turned = compare._candidate(
+        book, "mixed", unused[::-1], book.grams([book.column(key) for key in unused[::-1]])
+    )
+    best, _ = solved(book, unused[::-1])
+    assert len(turned.parts) == np.count_nonzero(best[:3] > 1e-6)
+    assert turned.size == 7
+
+
+def test_elements_are_added_where_they_lower_the_cost_most(book):
+    found = compare.side_by_side(book, ["dahl", "slip"], "mixed", 3)
+    keys = [Key(kind, A * node) for kind in ("dahl", "slip") for node in compare.NODES]
+    chosen: list[Key] = []
+    for one in found[:2]:
+        costs = {key: solved(book, [*chosen, key])[1] for key in keys if key not in chosen}
+        chosen.append(min(costs, key=costs.__getitem__))
+        assert one.trial.value["sigma0"] == pytest.approx(
+            solved(book, chosen)[0][:-1] @ [key.a for key in chosen], rel=2e-3
+        )
+    assert [one.name for one in found] == [f"mixed K={k + 1}" for k in range(len(found))]
+    assert compare.NODES.min() == pytest.approx(0.262144)
+    assert compare.NODES.max() == pytest.approx(1.25**8)
+
+
+def test_the_sign_of_the_motion_alone(book):
+    found = compare.coulomb(book)
+    sign = np.sign(np.diff(THETA, prepend=THETA[0]))
+    x = np.column_stack((sign, np.ones(1500))) * book.cut.root[:, None]
+    best = np.linalg.lstsq(x, book.cut.torque * book.cut.root, rcond=None)[0]
+    assert (found.name, found.size) == ("Coulomb", 2)
+    assert found.trial.value["Fc"] == pytest.approx(best[0], rel=1e-2)
+
+
+@pytest.mark.parametrize("guess", [0.7, 1.3])
+def test_an_element_of_another_shape_at_its_best(guess):
+    """A friction that falls to three quarters with the speed: both parts and the slope."""
+    speed = np.abs(np.gradient(THETA, 1e-3))
+    fades = np.exp(-((speed / 0.5) ** 2))
+    true = dahl_torque(THETA, A, 1.0)
+    log = log_of(FC * (0.75 + 0.25 * fades) * true, THETA, 0.002)
+    cut = cycles.Cut([log], A, 0.003, 10)
+    book = compare.Dictionary(cut, guess * A, ("offset",), 0.0)
+    found = compare.shaped(book, path.dahl, "fading", [fades])
+    assert found.name == found.trial.choice.model == "fading" and not found.product
+    assert found.size == 5
+    assert found.trial.value["Fc"] == pytest.approx(0.75 * FC, rel=5e-3)
+    assert found.trial.value["sigma0"] / found.trial.value["Fc"] == pytest.approx(A, rel=0.03)
+    assert found.trial.without["Fc"] == pytest.approx(0.75 * FC, rel=2e-2)
+    assert found.trial.without["sigma0"] == pytest.approx(found.trial.value["sigma0"], rel=2e-2)
+    assert abs(found.trial.terms["offset"]) < 1e-3
+    assert found.parts == [{"kind": "fading", **found.trial.value}]
+    turned = replace(log, torque=-log.torque)
+    other = compare.Dictionary(cycles.Cut([turned], A, 0.003, 10), A, (), 0.0)
+    assert compare.shaped(other, path.dahl, "fading") is None
+
+
+def test_speeds_at_which_friction_is_tried_to_fall(book, monkeypatch):
+    beside = []
+    monkeypatch.setattr(compare, "shaped", lambda *words: beside.append((words[2], words[3])))
+    model_table._slower(book)
+    speed = np.abs(book.cut.terms[:, 2])
+    fast = np.percentile(speed, 98)
+    assert [name for name, _ in beside] == ["falling with speed"] * 3
+    for (_, (factor,)), part in zip(beside, (0.1, 0.2, 0.4), strict=True):
+        assert factor == pytest.approx(np.exp(-((speed / part / fast) ** 2)))
+
+
+def test_all_models_with_and_without_what_is_beside_them(book):
+    """Of a late torque: each model with the delay where that is better, the plain ones apart."""
+    late = np.roll(FC * drawn_by(Key("dahl", A)), 3) + 0.1
+    cut = cycles.Cut([log_of(late, THETA)], A, 0.003, 10)
+    base = choices.fitted(cut, A, Choice(("offset", "viscous"), 3.0))
+    table = model_table.compared(cut, base, A)
+    assert table.chosen == "Dahl" and table.forced == ""
+    assert table.of("Dahl").trial.choice.delay == 3.0
+    assert {one.trial.choice.delay for one in table.plain} == {0.0}
+    assert {one.trial.choice.terms for one in table.plain} == {("offset",)}
+    assert [one.size for one in table.candidates] == sorted(one.size for one in table.candidates)
+    assert table.spread == pytest.approx(cut.spread)
+    r2 = 1 - table.of("Dahl").trial.cost.sum() / cut.spread
+    assert table.r2(table.of("Dahl")) == pytest.approx(r2) and r2 > 0.99
+    assert table.of("nobody's") is None
+    forced = model_table.compared(cut, base, A, "slip K=2")
+    assert (forced.chosen, forced.forced) == ("slip K=2", "slip K=2")
+    plainly = forced.plainly()
+    assert plainly.chosen == "slip K=2" and plainly.candidates[0].trial.choice.delay == 0.0
+    alone = replace(base, choice=Choice(("offset",)))
+    assert model_table.compared(cut, alone, A).of("Dahl").trial.choice.delay == 0.0
+
+
+# --- what a header and a scene carry --------------------------------------------------------------
+
+
+def test_the_torque_of_each_kind_of_friction():
+    moves = np.diff(THETA, prepend=THETA[0])
+    asymmetric, F = [], 0.0  # noqa: N806
+    for move in moves:
+        limit = 0.6 if move > 0 else 0.4
+        side = np.sign(move)
+        F = side * limit - (side * limit - F) * np.exp(-SIGMA0 * abs(move) / limit)  # noqa: N806
+        asymmetric.append(F)
+    cases = [
+        (("dahl", (100.0,), (0.5,), ()), dahl_torque(THETA), 200),
+        (("slip", (100.0, 30.0), (0.5, 0.1), ()), springs(THETA, (100, 0.5), (30, 0.1)), 130 / 0.6),
+        (
+            ("parallel", (60.0, 90.0), (0.2, 0.3), ("dahl", "slip")),
+            dahl_torque(THETA, 60, 0.2) + springs(THETA, (90, 0.3)),
+            300,
+        ),
+        (("asymmetric", (100.0,), (0.6, 0.4), ()), np.array(asymmetric), 200),
+    ]
+    for words, torque, a in cases:
+        one = carried.Friction(*words, {})
+        assert one.torque(moves) == pytest.approx(torque, abs=1e-5), words
+        assert one.a == pytest.approx(a)
+
+
+def test_the_plans_of_each_kind_of_friction():
+    plans = {
+        words[0]: carried.Friction(*words, {}).plans(COUNT)
+        for words in (
+            ("dahl", (100.0,), (0.5,), ()),
+            ("slip", (100.0, 30.0), (0.5, 0.1), ()),
+            ("parallel", (60.0, 90.0, 20.0), (0.2, 0.3, 0.1), ("dahl", "slip", "dahl")),
+            ("asymmetric", (100.0,), (0.6, 0.4), ()),
+        )
+    }
+    names = {kind: {end: type(one).__name__ for end, one in p.items()} for kind, p in plans.items()}
+    assert names == {
+        "dahl": {"": "Plan"},
+        "slip": {"": "Slip"},
+        "parallel": {"_1": "Plan", "_2": "Plan", "_slip": "Slip"},
+        "asymmetric": {"": "Asymmetric"},
+    }
+    two = plans["parallel"]["_2"]
+    assert (two.sigma0, two.Fc) == pytest.approx((20, 0.1), rel=1e-6)
+
+
+# --- cleaning -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("span", "linear", "said"),
+    [
+        (1.1e-7, False, ""),
+        (0.9e-7, False, "1e-07 to 10000"),
+        (0.99e4, False, ""),
+        (1.01e4, False, "1e-07 to 10000"),
+        (1.1e-8, True, ""),
+        (0.9e-8, True, "1e-08 to 100"),
+        (99.0, True, ""),
+        (101.0, True, "1e-08 to 100"),
+    ],
+)
+def test_how_far_a_motion_may_go(span, linear, said):
+    theta = THETA / np.ptp(THETA) * span
+    log = log_of(dahl_torque(THETA), theta, 0.02, linear=linear)
+    clean.refuse(log, trust_units=True)
+    if not said:
+        clean.refuse(log)
+        return
+    with pytest.raises(Error, match=said) as raised:
+        clean.refuse(log)
+    assert f"covers {span:g} {'m' if linear else 'rad'}" in str(raised.value)
+
+
+def test_the_least_rows_of_a_log():
+    log = synthetic(1, rows=3000, cycles=6)
+    clean.refuse(log.head(30), trust_units=True)
+    with pytest.raises(Error, match="seed 1: 29 rows; at least 30 were expected"):
+        clean.refuse(log.head(29))
+
+
+def test_weights_are_hubers():
+    residual = RNG.normal(size=300)
+    residual[::25] += 30.0
+    odd = np.abs(residual - median_filter(residual, 9, mode="nearest"))
+    limit = 4 * 1.4826 * np.median(odd[odd > 0])
+    wanted = np.where(odd > limit, limit / np.maximum(odd, 1e-9), 1.0)
+    assert clean.huber(residual, None) == pytest.approx(wanted)
+    before = RNG.uniform(size=300)
+    assert clean.huber(residual, before) == pytest.approx(wanted * before)
+    assert np.all(clean.huber(np.zeros(50), None) == 1)
+    steps = np.where(np.arange(90) < 45, 0.0, 1.0)  # a step has neighbours on either side
+    assert np.all(clean.huber(steps, None) == 1)
+    lone = np.zeros(90)
+    lone[40] = 1.0
+    assert clean.huber(lone, None)[40] == pytest.approx(1, abs=1e-9)
+
+
+def test_an_angle_that_turns_back_at_once():
+    theta = np.repeat(np.array([0.0, 10, 0, 10, 0]), 1)
+    theta = np.interp(np.arange(400) / 100, np.arange(5), theta)
+    log = Log("", theta, theta, resolution=0.1)
+    assert clean.flickers(log) == 0
+    shaky = theta.copy()
+    shaky[[50, 150, 250, 251, 350]] += [3, 3, 3, -3, 3]
+    count = clean.flickers(replace(log, theta=shaky))
+    moves = np.diff(shaky)
+    assert count == np.count_nonzero(moves[1:] * moves[:-1] < 0) - 3 == 8
+    assert clean.median(log, 1) is log.theta
+    five = clean.median(replace(log, theta=shaky), 5)
+    assert five == pytest.approx(median_filter(shaky, 5, mode="nearest"))
+
+
+@pytest.mark.parametrize("counts", [2**10, 2**13])
+def test_the_angle_between_the_counts(counts):
+    """Closer to the truth than the reading, and within half a count of it everywhere."""
+    count, true = 2 * np.pi / counts, sine(3, rows=4000, cycles=8)
+    log = Log("", np.round(true / count) * count, np.zeros(4000), resolution=count)
+    inner = clean.between_counts(log)
+    assert np.abs(inner - log.theta).max() <= count / 2 * (1 + 1e-9)
+    assert np.std(inner - true) < 0.3 * np.std(log.theta - true)
+    turning = np.argsort(np.abs(np.gradient(true)))[:400]
+    assert np.std((inner - true)[turning]) < 0.6 * np.std((log.theta - true)[turning])
+    bare = replace(log, resolution=0.0)
+    assert clean.between_counts(bare) is bare.theta
+    few = Log("", np.repeat([0.0, 1, 2, 1], 20), np.zeros(80), resolution=1.0)
+    assert clean.between_counts(few) is few.theta
+
+
+def test_a_torque_some_rows_earlier():
+    torque = RNG.normal(size=50)
+    assert clean.shifted(torque, 3.0)[:47] == pytest.approx(torque[3:])
+    assert clean.shifted(torque, -2.0)[2:] == pytest.approx(torque[:-2])
+    assert clean.shifted(torque, 0.25)[:49] == pytest.approx(0.75 * torque[:-1] + 0.25 * torque[1:])
+    assert clean.shifted(torque, 3.0)[47:] == pytest.approx(torque[-1])
+
+
+def played(slack: float, centre: float) -> tuple[Log, np.ndarray, np.ndarray]:
+    """A log whose torque rests at `centre` of Fc over `slack` rad after each reversal."""
+    theta, ratio, w, gap = THETA, [], 0.0, 0.0
+    for move in np.diff(theta, prepend=theta[0]):
+        side = np.sign(move)
+        aim = w + side * (1 - side * w) * -np.expm1(-A * abs(move))
+        crosses = (w - centre) * (aim - centre) < 0
+        if (crosses or gap > 0) and gap < slack:
+            w, gap = centre, gap + abs(move)
+        else:
+            w, gap = aim, 0.0
+        ratio.append(w)
+    ratio = np.array(ratio)
+    return Log("", theta, FC * ratio, resolution=1e-5), ratio, path.reversals(theta, 0.01)
+
+
+@pytest.mark.parametrize("centre", [-0.2, 0.0, 0.3])
+def test_the_travel_and_the_place_of_backlash(centre):
+    log, ratio, turns = played(0.01, centre)
+    slack, place, moves = clean.backlash(log, ratio, turns)
+    assert slack == pytest.approx(0.01, rel=0.15)
+    assert place == pytest.approx(centre, abs=0.11)
+    assert np.sign(moves) == pytest.approx(np.sign(log.moves))
+    lost = np.abs(log.moves).sum() - np.abs(moves).sum()
+    assert lost == pytest.approx(slack * (len(turns) + 1), rel=0.3)
+
+
+def test_no_backlash_is_made_up():
+    log, ratio, turns = played(0.0, 0.0)
+    slack, place, moves = clean.backlash(log, ratio, turns)
+    assert (slack, place) == (0, 0) and moves == pytest.approx(log.moves)
+    log, ratio, turns = played(0.01, 0.0)
+    ends = [0, *turns.tolist(), log.rows - 1]
+    parts = [(i, j) for i, j in zip(ends, ends[1:], strict=False) if j - i > 8]
+    share, extra, crossed = clean._flatness(log, ratio, parts, 0.0)
+    assert crossed >= len(parts) - 1  # forward and backward
+    assert share > 3 and extra == pytest.approx(0.01, rel=0.15)
+    coarse = replace(log, resolution=0.004)  # three counts are more than the flat zone
+    assert clean.backlash(coarse, ratio, turns)[0] == 0
+
+
+# --- the recording --------------------------------------------------------------------------------
+
+
+def test_steps_of_an_encoder():
+    walk = np.cumsum(RNG.integers(-3, 4, size=400))
+    for step in (1e-6, 0.3, 7.0):
+        assert resolution_of(step * walk) == pytest.approx(step)
+        printed = np.round(step * walk, 8 if step < 1e-5 else 3)
+        assert resolution_of(printed) == pytest.approx(step, rel=0.01)
+        off = step * (walk + 0.03 * np.sign(np.sin(7 * walk)))  # printed with few digits
+        assert resolution_of(off) == pytest.approx(step, rel=0.01)
+    assert resolution_of(RNG.normal(size=400)) == 0
+    for odd, found in ((4, True), (6, False)):  # of a hundred steps, that are none
+        gaps = np.where(np.arange(100) < odd, 1.5, 1.0)
+        assert (resolution_of(np.cumsum(gaps)) > 0.9) is found
+    assert resolution_of(np.zeros(10)) == 0
+    assert resolution_of(np.array([0.0, 1, 2])) == 0  # two gaps are no grid
+    assert resolution_of(np.array([0.0, 1, 2, 3])) == 1
+
+
+def test_the_head_of_a_log_and_its_moves():
+    log = Log("", np.array([1.0, 3, 6, 10]), np.arange(4.0), np.arange(4.0), resolution=1.0)
+    assert log.moves.tolist() == [0, 2, 3, 4]
+    assert log.moves_of(slice(0, 4)).tolist() == [0, 2, 3, 4]
+    assert log.moves_of(slice(2, 4)).tolist() == [3, 4]
+    free = replace(log, free_moves=np.array([0.0, 1, 1, 1]))
+    assert free.moves_of(slice(1, 3)).tolist() == [1, 1] and free.moves.tolist() == [0, 2, 3, 4]
+    assert log.head(4) is log and log.head(5) is log
+    short = free.head(3)
+    assert (short.rows, len(short.torque), len(short.time), len(short.free_moves)) == (3, 3, 3, 3)
+    assert (log.unit, log.slope_unit, log.angle_unit) == ("N m", "N m/rad", "rad")
+    linear = replace(log, linear=True)
+    assert (linear.unit, linear.slope_unit, linear.angle_unit) == ("N", "N/m", "m")
+
+
+@pytest.mark.parametrize(
+    ("counts", "linear", "period"),
+    [(256, False, 256), (256, True, 256), (0, False, 2 * np.pi), (0, True, 0.0), (300, False, 0.0)],
+)
+def test_the_period_of_a_counter(counts, linear, period):
+    turn = counts or 2 * np.pi
+    theta = np.mod(np.linspace(0, 5 * turn, 700), turn)
+    resolution = 1.0 if counts else 0.0
+    theta = np.round(theta) % turn if counts else theta
+    log = Log("", theta, theta, resolution=resolution, linear=linear)
+    jumps = recording.wraps_of(theta)
+    assert jumps.sum() in (4, 5)
+    assert recording.period_of(log, jumps) == pytest.approx(period)
+    if period:
+        whole = recording.unwrapped(log)
+        assert np.ptp(whole.theta) == pytest.approx(5 * turn, rel=0.01)
+        assert len(whole.notes) == 1 and f"{jumps.sum()} times" in whole.notes[0]
+    else:
+        with pytest.raises(Error, match=f"{jumps.sum()} times"):
+            recording.unwrapped(log)
+    assert recording.unwrapped(log, trust_units=True) is log
+
+
+def test_pieces_of_a_log_keep_what_belongs_to_them():
+    log = synthetic(1, rows=900, cycles=6)
+    log.time = log.time + np.where(np.arange(900) >= 300, 2.0, 0.0)
+    log.time += np.where(np.arange(900) >= 320, 1.5, 0.0)
+    log.notes = ["before"]
+    assert recording.gaps_of(log).tolist() == [300, 320]
+    first, last = recording.split_at_gaps(log)
+    assert (first.rows, last.rows) == (300, 580)
+    assert last.theta.tolist() == log.theta[320:].tolist()
+    assert last.torque.tolist() == log.torque[320:].tolist()
+    assert last.time.tolist() == log.time[320:].tolist()
+    assert first.notes[0] == "before" and last.notes == []
+    assert first.notes[1] == (
+        "the clock has 2 gaps (3.5 s in all, the first after row 300): split there into 2 pieces;"
+        " 20 rows in pieces too short left out"
+    )
+    assert recording.gaps_of(replace(log, time=None)).tolist() == []
+    assert recording.gaps_of(log.head(30)).tolist() == []
+
+
+@pytest.mark.parametrize("rows", [2, 3, 10])
+def test_a_clock_coarser_than_the_rows(rows):
+    """Of so many rows at one time each has a speed, and a viscous part its size."""
+    theta = sine(1, rows=2000, cycles=8)
+    log = log_of(dahl_torque(theta) + 0.05 * np.gradient(theta, 1e-3), theta, 0.01)
+    true, log.time = log.time, np.arange(2000) // rows * rows * 1e-3
+    (even,) = recording.mended(log)
+    assert even.time == pytest.approx(true, abs=1e-9)
+    count = 2000 - -(-2000 // rows)
+    assert even.notes == [f"{count} of 2000 rows have the time of the row before: spread evenly"]
+    options = pipeline.Options(terms=("viscous",), delay=False)
+    found = pipeline.identify([log], options)
+    assert found.estimate.terms["viscous"] == pytest.approx(0.05, rel=0.05)
+
+
+def test_a_clock_that_goes_and_one_that_stands():
+    log = synthetic(1, rows=300, cycles=4)
+    assert recording.evened(log) is log
+    bare = replace(log, time=None)
+    assert recording.evened(bare) is bare
+    stands = recording.evened(replace(log, time=np.full(300, 5.0)))
+    assert stands.time is None and stands.notes == ["the clock stands still: not used"]
+    ragged = replace(log.head(6), time=np.array([0.0, 0, 1, 4, 4, 4]), notes=[])
+    assert recording.evened(ragged).time.tolist() == [0, 0.5, 1, 4, 7, 10]
+
+
+@pytest.mark.parametrize(("rest", "left_out"), [(0.88, True), (0.92, False)])
+def test_a_log_mostly_at_rest_keeps_its_rows(rest, left_out):
+    still = np.arange(3000) % 100 < 100 * rest
+    theta = np.cumsum(np.where(still, 0.0, 1e-3))
+    torque = np.cumsum(np.where(still, 0.0, RNG.normal(size=3000)))
+    log = Log("", theta, torque)
+    assert (recording.without_repeats(log) is not log) is left_out
+
+
+@pytest.mark.parametrize(("chance", "left_out"), [(0.08, True), (0.12, False)])
+def test_torques_that_stay_by_chance(chance, left_out):
+    """A third of the rows repeat; of those that move, a part of that third keeps its torque."""
+    again = np.arange(3000) % 3 == 2
+    moves = np.where(again, 0.0, 1e-3)
+    kept = np.zeros(3000, dtype=bool)
+    moving = np.flatnonzero(~again)
+    kept[moving[: round(chance / 3 * len(moving))]] = True
+    torque = np.cumsum(np.where(again | kept, 0.0, RNG.normal(size=3000)))
+    log = Log("", np.cumsum(moves), torque)
+    found = recording.without_repeats(log)
+    assert (found is not log) is left_out
+    if left_out:
+        assert found.notes == ["1000 of 3000 rows repeat the row before: left out"]
+        assert found.rows == 2000
+
+
+@pytest.mark.parametrize(
+    ("bits", "off", "said"),
+    [(7, 0.0, False), (8, 0.0, True), (14, 4e-4, True), (14, 6e-4, False), (26, 0, True)],
+)
+def test_a_power_of_two_in_the_other_unit(bits, off, said):
+    """An encoder of so many bits in deg, taken for rad."""
+    step = np.degrees(2 * np.pi / 2**bits) * (1 + off)
+    log = Log("log", THETA, THETA, resolution=step)
+    if said:
+        with pytest.raises(Error, match="but .* in deg: is the angle in deg"):
+            grid.refuse(log)
+    else:
+        grid.refuse(log)
+    grid.refuse(replace(log, linear=True))
+    grid.refuse(replace(log, resolution=0.0))
+
+
+# --- cycle by cycle -------------------------------------------------------------------------------
+
+
+def test_the_numbers_of_one_cycle_are_least_squares():
+    theta = sine(1, rows=2000, cycles=8)
+    log = log_of(dahl_torque(theta) + 0.03, theta)
+    log.weight = RNG.uniform(0.1, 1, size=2000)
+    estimate = SimpleNamespace(a=0.97 * A, Fc=1.02 * FC, sigma0=0.97 * A * 1.02 * FC)
+    drawn = 1.02 * dahl_torque(theta, 0.97 * SIGMA0, FC)
+    found = drift.cycles_of([log, log], [drawn, drawn], estimate, 0.02)
+    turns = path.reversals(theta, 0.02)[::2]
+    assert found.rows.tolist() == [*turns[:-1], *(2000 + turns[:-1])]
+    w, apart = dahl_torque(theta, 0.97 * A, 1.0), 1e-3
+    above, below = (dahl_torque(theta, 0.97 * A * np.exp(x), 1.0) for x in (apart, -apart))
+    x = np.column_stack((w, (above - below) / 2 / apart, np.ones(2000)))
+    y = log.torque - drawn + 1.02 * FC * w
+    for k, (i, j) in enumerate(zip(turns, turns[1:], strict=False)):
+        root = np.sqrt(log.weight[i:j])
+        F, G, c = np.linalg.lstsq(x[i:j] * root[:, None], y[i:j] * root, rcond=None)[0]  # noqa: N806
+        values = {"Fc": F, "sigma0": 0.97 * A * (F + G), "offset": c}
+        assert {name: found.value[name][k] for name in values} == pytest.approx(values, rel=1e-3)
+        spread = np.linalg.inv((x[i:j] * root[:, None]).T @ (x[i:j] * root[:, None]))
+        slope = 0.97 * A * np.array([1, 1, 0])
+        errors = {"Fc": spread[0, 0], "sigma0": slope @ spread @ slope, "offset": spread[2, 2]}
+        for name, variance in errors.items():
+            assert found.error[name][k] == pytest.approx(np.sqrt(variance), rel=1e-3)
+    assert len(found) == len(found.rows)
+    short = drift.cycles_of([log.head(11)], [drawn[:11]], estimate, 1e-9)
+    assert len(short) == 0
+
+
+def test_trends_and_steps_against_least_squares():
+    value, weight = RNG.normal(size=12), RNG.uniform(0.2, 1, size=12)
+    shapes = {"trend": np.linspace(-0.5, 0.5, 12)}
+    shapes |= {f"{k}": np.where(np.arange(12) < k, -0.5, 0.5) for k in range(2, 11)}
+    assert {k: v.tolist() for k, v in drift._steps(12).items()} == {
+        k: v.tolist() for k, v in shapes.items() if k != "trend"
+    }
+    for column in shapes.values():
+        change, drawn = drift._drawn(column, value, weight)
+        x, root = np.column_stack((column, np.ones(12))), np.sqrt(weight)
+        best = np.linalg.lstsq(x * root[:, None], value * root, rcond=None)[0]
+        assert change == pytest.approx(best[0]) and drawn == pytest.approx(x @ best)
+    rough = 0.01 * RNG.normal(size=12)
+    for name, column in shapes.items():
+        shape, change, _ = drift._best_shape(1 + 0.3 * column + rough, weight)
+        assert shape == name and change == pytest.approx(0.3, abs=0.03)
+    assert drift._best_shape(1 + rough, weight)[0] == ""
+
+
+@pytest.mark.parametrize(("count", "said"), [(8, "1, 2, 3, 4, 5, 6, 7, 8"), (9, "7, 8 ...")])
+def test_how_many_odd_cycles_are_listed(count, said):
+    value = 1 + 1e-5 * np.resize([1, -1], 60)
+    value[:count] += np.resize([0.5, -0.5], count)
+    numbers = {"Fc": value, "sigma0": np.ones(60), "offset": np.zeros(60)}
+    errors = {name: np.full(60, 1e-3) for name in numbers}
+    found = drift._of_one(Cycles(numbers, errors, np.arange(60)), "Fc", 1.0)
+    assert [one.text.endswith(f"{said} disagrees with the others") for one in found] == [True]
+
+
+def test_cycles_that_are_far_off():
+    rest = np.array([1.0, -1, 1, -1, 2, 30, -1]) * 1e-2
+    assert drift._odd(rest, np.full(7, 1e-2), 0.1).tolist() == [5]
+    assert drift._odd(-rest, np.full(7, 1e-2), 0.1).tolist() == [5]
+    assert drift._odd(rest, np.full(7, 1e-2), 0.31).tolist() == []
+    unsure = np.full(7, 1e-2)
+    unsure[5] = 0.1
+    assert drift._odd(rest, unsure, 0.1).tolist() == []
+
+
+# --- filters and noise ----------------------------------------------------------------------------
+
+
+def test_a_fit_behind_a_filter_is_least_squares():
+    theta = sine(1, rows=900, cycles=5)
+    slow = lfilter([1 - np.exp(-1 / 5)], [1, -np.exp(-1 / 5)], dahl_torque(theta))
+    log = log_of(slow + 0.2, theta)
+    log.weight = RNG.uniform(0.2, 1, size=900)
+    result = SimpleNamespace(
+        logs=[log], raw=[log], sign=1.0, estimate=SimpleNamespace(terms={"offset": 0.2})
+    )
+    nodes = A * np.geomspace(0.8, 1.25, 7)
+    kept = np.exp(-1 / 5)
+    costs, Fc = [], []  # noqa: N806
+    root = np.sqrt(log.weight)
+    for a in nodes:
+        start = np.exp(-a * np.cumsum(np.abs(log.moves)))
+        columns = []
+        for x in (dahl_torque(theta, a, 1.0), start):
+            y = [x[0]]
+            for now in x[1:]:
+                y.append(kept * y[-1] + (1 - kept) * now)
+            columns.append(np.array(y))
+        x = np.column_stack((*columns, np.ones(900))) * root[:, None]
+        best = np.linalg.lstsq(x, log.torque * root, rcond=None)[0]
+        costs.append(np.sum((log.torque * root - x @ best) ** 2))
+        Fc.append(best[0])
+    found = lowpass.Measured(result).fits(lowpass._filters((lowpass._first_order,), (5,)), nodes)[0]
+    assert found.cost == pytest.approx(min(costs), rel=1e-4)
+    place = int(np.argmin(costs))
+    around = slice(place - 1, place + 2)
+    bend, slope, _ = np.polyfit(np.log(nodes[around] / A), costs[around], 2)
+    assert found.a == pytest.approx(A * np.exp(-slope / 2 / bend), rel=1e-4)
+    assert found.Fc == pytest.approx(np.interp(np.log(found.a), np.log(nodes), Fc), rel=1e-4)
+    assert found.sigma0 == pytest.approx(found.a * found.Fc)
+    assert found.words == "time constant of 5 rows"
+
+
+def test_all_filters_that_are_tried():
+    names = [words for words, _ in lowpass._filters()]
+    lengths = (1, 2, 3, 5, 7, 10, 14, 20, 35, 60)
+    kinds = ("time constant of {} rows", "mean of {} rows", "delay of {} rows")
+    assert names == [kind.format(rows) for kind in kinds for rows in lengths]
+    x = RNG.normal(size=(50, 2))
+    for words, filtered in lowpass._filters(lengths=(7,)):
+        y = filtered(x)
+        wanted = x[0] if words.startswith("delay") else None
+        assert y.shape == x.shape
+        if wanted is not None:
+            assert y[7:] == pytest.approx(x[:-7]) and y[:7] == pytest.approx(
+                np.tile(wanted, (7, 1))
+            )
+        elif words.startswith("mean"):
+            assert y[20] == pytest.approx(x[14:21].mean(axis=0))
+
+
+def test_the_vertex_of_a_cost():
+    nodes = A * np.geomspace(0.7, 2.8, 15)
+    for place in (0.75, 1.0, 1.9, 2.7):
+        assert lowpass._vertex(nodes, (np.log(nodes / A / place)) ** 2) == pytest.approx(place * A)
+    assert lowpass._vertex(nodes, nodes) == pytest.approx(nodes[0])
+    assert lowpass._vertex(nodes, -nodes) == pytest.approx(nodes[-1])
+
+
+def test_squares_of_the_residuals_that_are_looked_at(monkeypatch):
+    monkeypatch.setattr(lowpass, "LOOKED_AT", 50)
+    log, drawn = log_of(0 * THETA, THETA), RNG.normal(size=1500)
+    heavy = replace(log, weight=RNG.uniform(size=1500))
+    result = SimpleNamespace(logs=[log, heavy], predicted=[drawn, drawn])
+    left = (log.torque - drawn)[:50] ** 2
+    assert lowpass._squares(result) == pytest.approx(
+        np.concatenate((left, heavy.weight[:50] * left))
+    )
+
+
+@pytest.mark.parametrize("counts", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("spikes", [False, True])
+def test_the_noise_of_an_angle(counts, spikes):
+    """Beside its rounding; spikes are no noise."""
+    count = 1e-4
+    theta = 0.05 * np.sin(2 * np.pi * 7.3 * np.arange(20_000) / 20_000)
+    theta += counts * count * RNG.normal(size=20_000)
+    read = np.round(theta / count) * count
+    if spikes:
+        read[RNG.choice(20_000, 60, replace=False)] += 50 * count
+    found = angle_noise.noise_of(read, count)
+    assert found == pytest.approx(counts * count, rel=0.1, abs=0.25 * count)
+    if counts:
+        bare = angle_noise.noise_of(read, 0.0)
+        assert bare**2 == pytest.approx(found**2 + count**2 / 12, rel=1e-3)
+    slow = np.cumsum(RNG.normal(size=5000))  # a rough motion
+    assert angle_noise.noise_of(np.cumsum(np.cumsum(slow)), 0.0) == 0
+
+
+def test_a_path_is_smoothed_by_parts_of_its_strokes():
+    true = sine(1, rows=4000, cycles=6)
+    rough = true + 1e-3 * RNG.normal(size=4000)
+    smooth = angle_noise._smoothed(rough)
+    assert np.std(smooth - true) < 0.4 * np.std(rough - true)
+    assert angle_noise._smoothed(true) == pytest.approx(true, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("noise", "resolution", "shows"),
+    [(0.31, 1.0, True), (0.29, 1.0, False), (1.1e-3, 0.0, True), (0.9e-3, 0.0, False)],
+)
+def test_which_noise_is_worth_a_trial(noise, resolution, shows):
+    assert angle_noise._shows(Log("", THETA, THETA, resolution=resolution), noise, 1.0) is shows
+
+
+# --- the design of a motion -----------------------------------------------------------------------
+
+
+def test_the_interval_of_a_motion_is_the_cramer_rao_bound():
+    wanted = design.Wanted(SIGMA0, FC, COUNT, noise=0.04, within=0.02, rate=500.0, speed=0.2)
+    motion = design.propose(wanted)
+    rows = motion.rows_per_cycle
+    theta = motion.amplitude * np.sin(2 * np.pi * np.arange(3 * rows) / rows)
+    moves = np.diff(theta, prepend=0)
+
+    def change(sigma0: float, Fc: float) -> np.ndarray:  # noqa: N803
+        return (
+            dahl_torque(theta, SIGMA0 * (1 + sigma0), FC * (1 + Fc))
+            - dahl_torque(theta, SIGMA0 * (1 - sigma0), FC * (1 - Fc))
+        ) / 2e-3
+
+    x = np.column_stack((change(1e-3, 0), change(0, 1e-3), np.ones(3 * rows), theta, moves))
+    slope = SIGMA0 * (1 - np.sign(moves) * dahl_torque(theta) / FC)
+    variance = (0.04 * FC) ** 2 + (slope * COUNT) ** 2 / 12
+    x = (x / np.sqrt(variance)[:, None])[2 * rows :]
+    one = 1.96 * np.sqrt(np.diag(np.linalg.inv(x.T @ x)))[:2]
+    assert motion.within == pytest.approx(
+        dict(zip(("sigma0", "Fc"), one / np.sqrt(motion.cycles), strict=True)), rel=0.01
+    )
+    assert motion.cycles == max(np.ceil(1.5 * (one[0] / 0.02) ** 2), 5)
+    assert rows == np.ceil(2 * np.pi * motion.amplitude / 0.2 * 500)
+    assert motion.seconds == pytest.approx(motion.cycles * rows / 500)
+    assert motion.reversals == 2 * motion.cycles
+    path_of = motion.theta()
+    assert len(path_of) == motion.cycles * rows + 1
+    assert (path_of[0], path_of[-1]) == pytest.approx((0, 0), abs=1e-12)
+    assert path_of.max() == pytest.approx(motion.amplitude, rel=1e-2)
+    times = [design._sine(wanted, k / A).seconds for k in np.geomspace(3, 30, 12)]
+    assert motion.seconds == min(times)
+
+
+def test_what_limits_a_motion():
+    wanted = design.Wanted(SIGMA0, FC, COUNT)
+    easy = design.propose(replace(wanted, within=0.9))
+    assert easy.cycles == 5
+    fast = 1000 / (8 * A)  # eight rows in a presliding length
+    assert easy.rows_per_cycle == np.ceil(2 * np.pi * easy.amplitude / (1000 * fast / 1000) * 1000)
+    for length, refused in ((4.1, False), (3.9, True)):
+        coarse = replace(wanted, theta_per_count=1 / A / length)
+        if refused:
+            with pytest.raises(Error, match="presliding is 3.9 counts .* at least 4 are needed"):
+                design.propose(coarse)
+        else:
+            design.propose(coarse)
+    with pytest.raises(Error, match=r"a cycle would take 9.42e\+06 rows; at most 1000000"):
+        design.propose(replace(wanted, speed=1e-5))
+
+
+# --- a plan and its worth -------------------------------------------------------------------------
+
+
+def test_the_torque_of_a_plan_has_the_best_beginning():
+    friction = carried.Friction("dahl", (SIGMA0,), (FC,), (), {})
+    moves = np.diff(THETA, prepend=THETA[0])
+    measured = dahl_torque(THETA) + 0.3 * np.exp(-A * np.cumsum(np.abs(moves)))
+    measured += 0.01 * RNG.normal(size=1500)
+    start = np.exp(-A * np.cumsum(np.abs(moves)))
+    first = np.linalg.lstsq(start[:, None], measured - dahl_torque(THETA), rcond=None)[0][0]
+    wanted = dahl_torque(THETA) + first * start
+    assert plan_quality.drawn(friction, moves, measured) == pytest.approx(wanted, abs=1e-5)
+
+
+@pytest.mark.parametrize("count", [0.0, 0.004])
+def test_r2_of_a_plan_on_the_raw_motion(count):
+    """By counts, with the sign, the offset and the spring that were found."""
+    terms = {"offset": 0.1, "spring": 2.0, "viscous": 9.0}
+    log = log_of(dahl_torque(THETA) + 0.1 + 2.0 * (THETA - 0.01), THETA, 0.1)
+    raw = replace(log, torque=-log.torque)
+    other = replace(raw, theta=raw.theta[:700], torque=raw.torque[:700])
+    result = SimpleNamespace(raw=[raw, other], sign=-1.0, logs=[replace(log, zero=0.01)])
+    friction = carried.Friction("dahl", (SIGMA0,), (FC,), (), terms)
+    lost = spread = 0.0
+    for one in result.raw:
+        theta = one.theta - one.theta[0]
+        theta = np.round(theta / count) * count if count else theta
+        measured = -one.torque - 0.1 - 2.0 * (one.theta - 0.01)
+        start = np.exp(-A * np.cumsum(np.abs(np.diff(theta, prepend=theta[0]))))
+        left = measured - dahl_torque(theta)
+        left -= start * (start @ left) / (start @ start)
+        lost += left @ left
+        spread += np.var(measured) * len(theta)
+    found = plan_quality.r2_on_raw(result, count, friction)
+    assert found == pytest.approx(1 - lost / spread, abs=1e-5)
+
+
+# --- the steps of the pipeline --------------------------------------------------------------------
+
+
+def test_where_a_slope_is_sought():
+    log = synthetic(1, rows=900, cycles=4)
+    other = replace(synthetic(2, rows=900, cycles=4), resolution=2 * COUNT)
+    study = pipeline.Study([log, other])
+    assert study.low == pytest.approx(2 / max(np.ptp(log.theta), np.ptp(other.theta)))
+    assert study.high == pytest.approx(3 / (2 * COUNT))
+    assert study.candidates == ["offset", "spring", "viscous", "inertia"] and study.blocks == 12
+    assert {one.zero for one in study.logs} == {log.theta[0]}
+    bare = [replace(log, resolution=0.0, time=None)]
+    study = pipeline.Study(bare)
+    moves = np.abs(np.diff(log.theta))
+    assert study.high == pytest.approx(9 / np.median(moves[moves > 0]))
+    assert study.candidates == ["offset", "spring"] and study.blocks == 24
+    assert pipeline.Study([log] * 8).blocks == 4
+    coarse = pipeline.Study([replace(log, resolution=0.05)])
+    assert coarse.high == pytest.approx(100 * coarse.low)
+
+
+def test_a_prediction_has_the_best_beginning():
+    log = log_of(dahl_torque(THETA) + 0.4, THETA)
+    log.weight = RNG.uniform(size=1500)
+    study = pipeline.Study([log])
+    estimate = SimpleNamespace(a=A, Fc=FC, terms={"offset": 0.4, "spring": 1.0})
+    start = np.exp(-A * np.cumsum(np.abs(np.diff(THETA, prepend=THETA[0]))))
+    drawn = dahl_torque(THETA) + 0.4 + (THETA - THETA[0])
+    root = np.sqrt(log.weight)
+    first = np.linalg.lstsq((start * root)[:, None], (log.torque - drawn) * root, rcond=None)[0][0]
+    assert study.predicted(estimate, 0) == pytest.approx(drawn + first * start, abs=1e-5)
+
+
+def test_the_torque_of_the_terms():
+    log = log_of(0 * THETA, THETA, zero=0.02)
+    speed = np.gradient(THETA, 1e-3)
+    found = pipeline.extra(log, {"offset": 0.5, "spring": 3.0, "viscous": 0.2})
+    inner = slice(20, -20)
+    wanted = 0.5 + 3.0 * (THETA - 0.02) + 0.2 * speed
+    assert found[inner] == pytest.approx(wanted[inner], rel=1e-3, abs=2e-3)
+    mass = pipeline.extra(log, {"inertia": 1.0})[inner]
+    assert np.corrcoef(mass, -THETA[inner])[0, 1] > 0.999 and mass.max() > 50
+    assert pipeline.extra(log, {}).tolist() == [0.0] * 1500
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_friction_opposes_the_motion(sign):
+    log = log_of(sign * dahl_torque(THETA), THETA)
+    (turned,), found = pipeline._positive([log], pipeline.Options())
+    assert found == sign and turned.torque == pytest.approx(sign * log.torque)
+    assert bool(turned.notes) is (sign < 0) and log.notes == []
+
+
+def test_a_delay_is_taken_out_and_named():
+    log = log_of(dahl_torque(THETA), THETA)
+    log.weight = RNG.uniform(size=1500)
+    study = pipeline.Study([log])
+    seen = Explored(taken=Trial(Choice((), 2.5), A, {}, {}, np.ones(6)))
+    assert pipeline._undelayed(study, seen) == 2.5
+    shifted = study.logs[0]
+    assert shifted.torque[:-3] == pytest.approx((log.torque[2:-1] + log.torque[3:]) / 2)
+    assert shifted.weight[:-3] == pytest.approx(np.minimum(log.weight[2:-1], log.weight[3:]))
+    pipeline._name_delay(study, 2.5)
+    pipeline._name_delay(study, -4.0)
+    assert shifted.notes == [
+        "torque comes 2.5 rows (0.0025 s) late",
+        "angle comes 4.0 rows (0.004 s) late",
+    ]
+    pipeline._name_delay(study, 0.0)
+    assert len(shifted.notes) == 2
+    assert pipeline._undelayed(study, Explored()) == 0
+
+
+def test_odd_rows_are_weighed_and_counted():
+    log = log_of(dahl_torque(THETA), THETA)
+    log.torque[[300, 600, 900]] += 5.0
+    study = pipeline.Study([log])
+    estimate = SimpleNamespace(a=A, Fc=FC, terms={})
+    assert pipeline._weigh(study, estimate)
+    assert np.flatnonzero(study.logs[0].weight < 0.5).tolist() == [300, 600, 900]
+    assert study.logs[0].notes == [
+        "3 of 1500 torque rows disagree with their neighbours: they weigh less"
+    ]
+    quiet = replace(log, torque=np.asarray(path.dahl(log.moves, A)) * FC)
+    assert not pipeline._weigh(pipeline.Study([quiet]), estimate)
+
+
+def test_what_findings_say_draws_an_interval_out():
+    ends = {"sigma0": Interval(90.0, 110.0), "Fc": Interval(0.4, 0.6)}
+    found = [Finding("", (), {"sigma0": (80.0, 95.0)}), Finding("", (), {"Fc": (0.5, 0.7)})]
+    assert pipeline._drawn_out(ends, found) == {
+        "sigma0": Interval(80.0, 110.0),
+        "Fc": Interval(0.4, 0.7),
+    }
+    assert ends["sigma0"] == Interval(90.0, 110.0)
+
+
+@pytest.fixture(scope="module")
+def result(library):
+    theta = sine(5, rows=1500, cycles=7)
+    log = log_of(dahl_torque(theta) + 0.1, theta, 0.05)
+    return pipeline.identify([log], pipeline.Options(terms=("offset",)))
+
+
+def test_r2_of_a_log_that_was_not_fitted(result):
+    theta = sine(9, rows=1500, cycles=6)
+    log = log_of(dahl_torque(theta) + 0.1, theta, 0.1)
+    start = np.exp(-result.estimate.a * np.cumsum(np.abs(np.diff(theta, prepend=theta[0]))))
+    drawn = dahl_torque(theta, result.estimate.sigma0, result.estimate.Fc)
+    left = log.torque - drawn - result.estimate.terms["offset"]
+    left -= start * (start @ left) / (start @ start)
+    spread = np.sum((log.torque - log.torque.mean()) ** 2)
+    assert pipeline.check(result, log) == pytest.approx(1 - left @ left / spread, abs=1e-4)
+
+
+def test_the_models_that_a_result_is_compared_with(result):
+    """The sign alone with terms of its own, and a spring that slips."""
+    log, models = result.logs[0], result.models
+    speed = np.gradient(log.theta, log.time)
+    beside = {"spring": log.theta, "viscous": speed, "inertia": np.gradient(speed, log.time)}
+    own = [beside[name] for name in models.terms["coulomb"] if name != "offset"]
+    assert own
+    sign = np.sign(log.moves)
+    sign[0] = 0.0
+    first = np.arange(1500) == 0
+    x = np.column_stack((sign, np.ones(1500), first, *own))
+    left = log.torque - x @ np.linalg.lstsq(x, log.torque, rcond=None)[0]
+    spread = np.sum((log.torque - log.torque.mean()) ** 2)
+    assert models.r2_coulomb == pytest.approx(1 - left @ left / spread, abs=0.01)
+    assert models.r2_coulomb > models.r2["coulomb"] - 0.01
+    fits = {}
+    for a in result.estimate.a * np.geomspace(1 / 8, 4, 13):
+        w = springs(log.theta, (a, 1.0))
+        start = np.exp(-a * np.cumsum(np.abs(log.moves)))
+        x = np.column_stack((w, start, np.ones(1500)))
+        best = np.linalg.lstsq(x, log.torque, rcond=None)[0]
+        fits[float(np.sum((log.torque - x @ best) ** 2))] = a * best[0]
+    assert models.bilinear_sigma0 == pytest.approx(fits[min(fits)], rel=0.02)
+    assert models.r2["dahl"] > models.r2["bilinear"] > models.r2["coulomb"] > models.r2["none"]
+    for name, r2 in models.r2.items():
+        assert models.rmse[name] == pytest.approx(np.sqrt((1 - r2) * spread / 1500), rel=1e-3)
+    assert models.terms["dahl"] == ["offset"]
+    left = log.torque - result.predicted[0]
+    assert result.rmse == pytest.approx(np.sqrt(np.mean(left**2)), rel=2e-3)
+    assert result.r2 == pytest.approx(1 - left @ left / spread, rel=1e-4)
+    w = dahl_torque(log.theta, result.estimate.a, 1.0)
+    steep = (1 - np.sign(log.moves) * w)[log.moves != 0] > 0.1
+    assert result.informs == pytest.approx(steep.mean(), abs=2e-3)
+    assert result.reversals == len(path.reversals(log.theta, 0.3 / A))
+
+
+@pytest.mark.parametrize(("window", "noise"), [(0, 0.0), (3, 0.02)])
+def test_a_median_that_is_asked_for_is_taken(window, noise):
+    log = log_of(dahl_torque(THETA), THETA + noise * RNG.normal(size=1500) * 0.01)
+    steady, taken = pipeline._steadied([log], pipeline.Options(median=window))
+    assert taken == (window or 1)
+    assert steady[0].theta == pytest.approx(clean.median(log, taken))
+    assert bool(steady[0].notes) is bool(window)
+
+
+# --- what else may be chosen ----------------------------------------------------------------------
+
+
+def test_sets_of_terms_that_draw_a_short_log_as_well():
+    theta = sine(1, rows=600, cycles=2)
+    log = log_of(dahl_torque(theta) + 0.2, theta, 0.05)
+    found = fit.search(lambda a: sweep.sweep([log], 6, a), 20.0, 5000.0, ["offset"])
+    sets = [(), ("offset",), ("offset", "spring")]
+    estimate = fit.point(found, ["offset"])
+    seen = explore.unscored(found, estimate, sets)
+    assert [one.choice.terms for one in seen.trials] == sets
+    assert [one.plausible for one in seen.trials] == [False, True, True]
+    assert seen.taken is seen.trials[1] and seen.spread == pytest.approx(fit.spread_of(found))
+    for one in seen.trials:
+        own = fit.point(found, one.choice.terms)
+        assert one.value == pytest.approx({"sigma0": own.sigma0, "Fc": own.Fc})
+        assert one.plausible is (own.sse <= 1.03 * estimate.sse)
+        assert one.cost.tolist() == [own.sse] and one.terms == own.terms
+    counted = replace(estimate, a=0.5 * estimate.a)
+    more = explore.with_backlash(seen, counted)
+    last = more.trials[-1]
+    assert last.choice == Choice(("offset",), backlash=True) and last.plausible
+    assert last.value["sigma0"] == pytest.approx(0.5 * estimate.sigma0)
+    assert len(seen.trials) == 3
+
+
+# --- files and units ------------------------------------------------------------------------------
+
+
+def test_every_unit_is_what_it_is():
+    inch, pound, g = 0.0254, 0.45359237, 9.80665
+    torques = {
+        "Nm": 1,
+        "mNm": 1e-3,
+        "kNm": 1e3,
+        "lbin": pound * g * inch,
+        "lbft": pound * g * inch * 12,
+        "N": 1,
+        "mN": 1e-3,
+        "uN": 1e-6,
+        "kN": 1e3,
+        "lb": pound * g,
+        "kip": 1000 * pound * g,
+    }
+    assert units.TORQUES == pytest.approx(torques, rel=1e-8)
+    angles = {
+        "deg": (np.pi / 180, False),
+        "rad": (1, False),
+        "mrad": (1e-3, False),
+        "turn": (2 * np.pi, False),
+        "counts": (0, False),
+        "m": (1, True),
+        "mm": (1e-3, True),
+        "um": (1e-6, True),
+        "in": (inch, True),
+    }
+    assert {name: size for name, (size, _) in units.ANGLES.items()} == pytest.approx(
+        {name: size for name, (size, _) in angles.items()}
+    )
+    assert {k: v for k, (_, v) in units.ANGLES.items()} == {k: v for k, (_, v) in angles.items()}
+    assert units.TIMES == {"s": 1, "sec": 1, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "unit"),
+    [
+        ("angle [deg]", units.ANGLES, "deg"),
+        ("angle_mrad", units.ANGLES, "mrad"),
+        ("Angle (°)", units.ANGLES, "deg"),
+        ("position / mm", units.ANGLES, "mm"),
+        ("pos_in_mm", units.ANGLES, "mm"),
+        ("encoder counts", units.ANGLES, "counts"),
+        ("turn", units.ANGLES, "turn"),
+        ("m", units.ANGLES, ""),
+        ("angle", units.ANGLES, ""),
+        ("[RAD]", units.ANGLES, "rad"),
+        ("torque_Nm", units.TORQUES, "Nm"),
+        ("torque [N m]", units.TORQUES, "Nm"),
+        ("torque [N*m]", units.TORQUES, "Nm"),
+        ("load [lb-ft]", units.TORQUES, "lbft"),
+        ("torque_mNm", units.TORQUES, "mNm"),
+        ("force [µN]", units.TORQUES, "uN"),
+        ("force_n", units.TORQUES, ""),
+        ("force_N", units.TORQUES, "N"),
+        ("time [ms]", units.TIMES, "ms"),
+        ("Time (seconds)", units.TIMES, "s"),
+    ],
+)
+def test_the_unit_in_a_name(name, known, unit):
+    assert units.unit_in(name, known, "") == unit
+    assert units.unit_in(name, known, "usual") == (unit or "usual")
+
+
+@pytest.mark.parametrize(
+    ("what", "names", "found"),
+    [
+        ("angle", ["t", "Theta", "trq"], "Theta"),
+        ("angle", ["t", "shaft_pos", "torque"], "shaft_pos"),
+        ("angle", ["position", "encoder"], "position"),
+        ("angle", ["counts", "trq"], "counts"),
+        ("torque", ["angle", "LOAD"], "LOAD"),
+        ("torque", ["angle", "x_Nm"], "x_Nm"),
+        ("torque", ["moment", "force"], "moment"),
+        ("time", ["angle", "timestamp"], "timestamp"),
+        ("time", ["t", "angle"], "t"),
+        ("time", ["t [s]"], "t [s]"),
+        ("time", ["torque", "test"], ""),
+    ],
+)
+def test_columns_that_nobody_named(what, names, found):
+    assert units.column(what, "", names, "x.csv") == found
+
+
+def test_columns_that_somebody_named():
+    names = ["t", "angle", "2"]
+    assert units.column("angle", "angle", names, "x.csv") == "angle"
+    assert units.column("angle", "2", names, "x.csv") == "2"  # a name before a number
+    assert units.column("angle", "1", names, "x.csv") == "t"
+    assert units.column("angle", "3", names, "x.csv") == "2"
+    for wrong in ("0", "4", "angel"):
+        with pytest.raises(Error, match=f"x.csv: no column '{wrong}'"):
+            units.column("angle", wrong, names, "x.csv")
+    with pytest.raises(Error, match="which column is the torque"):
+        units.column("torque", "", ["x", "y"], "x.csv")
+
+
+@pytest.mark.parametrize(
+    ("values", "signed"),
+    [
+        ([0, 5, 65535, 65530], True),
+        ([0, 49152], True),
+        ([0, 32767], False),  # no sign was lost
+        ([0, 65536], False),
+        ([0, 16384, 65535], True),
+        ([0, 16385, 65535], False),  # that far from both ends: no small torque either way
+        ([0, 49151, 65535], False),
+        ([0, 49152, 65535], True),
+        ([0.5, 65535], False),
+        ([-1, 65535], False),
+    ],
+)
+def test_a_sign_that_was_lost(values, signed):
+    torque, notes = readers._signed(np.array(values, dtype=float))
+    wanted = [v - 65536 if signed and v > 32767 else v for v in values]
+    assert torque.tolist() == wanted and bool(notes) is signed
+
+
+@pytest.mark.parametrize(
+    ("unit", "counts", "turn"),
+    [
+        ("deg", 0, 360),
+        ("rad", 0, 2 * np.pi),
+        ("mrad", 0, 2000 * np.pi),
+        ("turn", 0, 1),
+        ("counts", 4096, 4096),
+        ("mm", 100, 0),
+    ],
+)
+def test_an_angle_that_wraps_at_a_turn(unit, counts, turn):
+    whole = turn or 100.0
+    theta = np.mod(np.linspace(0, 3 * whole, 500), whole)
+    assert readers._wraps(theta, unit, counts) is bool(turn)
+    assert not readers._wraps(np.linspace(0, 0.99 * whole, 500), unit, counts)
+    assert not readers._wraps(2 * theta, unit, counts)  # a jump, in more than a turn
+    some = np.array([0, 0.89, 0.0]) * whole
+    assert not readers._wraps(some, unit, counts)
+    assert readers._wraps(some * 0.92 / 0.89, unit, counts) is bool(turn)
+
+
+def source(**words) -> readers.Source:
+    return readers.Source(**words)
+
+
+def test_the_unit_of_a_time_and_what_is_said_of_it():
+    def read(step: float, name: str, **words) -> tuple[np.ndarray, list[str]]:
+        values = {"time": step * np.arange(5)}
+        return readers._seconds("x.csv", source(**words), {"time": name}, values)
+
+    time, notes = read(1.0, "t [ms]")
+    assert time == pytest.approx(1e-3 * np.arange(5)) and notes == []
+    time, notes = read(2.0, "t [ms]", time_unit="us")
+    assert time == pytest.approx(2e-6 * np.arange(5))
+    assert read(0.5, "t")[1][0].endswith("; a row comes every 0.5 s")
+    assert read(1.0, "t")[1][0].endswith("; a row comes every 1 s, is it in ms?")
+    assert readers._seconds("x.csv", source(), {}, {}) == (None, [])
+    with pytest.raises(Error, match="x.csv: row 3: 1 after 2, the clock goes backward"):
+        readers._check_time("x.csv", np.array([0.0, 2, 1, 3]))
+    readers._check_time("x.csv", np.array([0.0, 0, 1, 1]))
+
+
+def test_torques_of_two_messages():
+    """In turns: the torque after its angle; at rates of their own: between its frames."""
+    angle = np.arange(0.0, 1.0, 0.1)
+    rows, values = readers._torque_at(angle, angle, angle)
+    assert rows.tolist() == list(range(10)) and values.tolist() == angle.tolist()
+    late = angle + 0.09
+    rows, values = readers._torque_at(angle, late, np.arange(10.0))
+    assert rows.tolist() == list(range(10)) and values.tolist() == list(range(10))
+    often = np.arange(0.05, 0.85, 0.01)
+    rows, values = readers._torque_at(angle, often, 2 * often)
+    assert rows.tolist() == list(range(1, 9)) and values == pytest.approx(2 * angle[1:9])
+
+
+@pytest.mark.parametrize(
+    ("text", "names", "first", "row"),
+    [
+        ("a,b\n1,2\n3,4\n", ["a", "b"], 2, [1, 2]),
+        ("a; b\n1;2\n", ["a", "b"], 2, [1, 2]),
+        ("1\t2\n3\t4\n", ["1", "2"], 1, [1, 2]),
+        ("a   b\n1 2\n", ["a", "b"], 2, [1, 2]),
+        ("\n  \na,b,c\n1,2,3\n", ["a", "b", "c"], 2, [1, 2, 3]),
+        ("a,b;c\n", None, 0, []),
+    ],
+)
+def test_a_table_of_text(tmp_path, text, names, first, row):
+    place = tmp_path / "x.csv"
+    place.write_text(text)
+    if names is None:
+        with pytest.raises(Error, match="x.csv:1: no rows"):
+            readers._from_text(place)
+        return
+    frame, line = readers._from_text(place)
+    assert list(frame.columns) == names and line == first
+    assert frame.iloc[0].tolist() == row
+
+
+def test_gaps_of_a_table_are_named_or_left_out(tmp_path):
+    place = tmp_path / "x.csv"
+    place.write_text("t,angle_deg,torque_Nm\n0,1,2\n1,,3\n2,5,inf\n3,7,8\n")
+    with pytest.raises(Error) as raised:
+        readers.read(place, source())
+    assert str(raised.value) == (
+        f"{place}:3: column 'angle_deg': no finite number here and in 2 of 4 rows in all"
+        " (--skip-gaps leaves them out)"
+    )
+    log = readers.read(place, source(skip_gaps=True))
+    assert log.theta == pytest.approx(np.radians([1, 7])) and log.torque.tolist() == [2, 8]
+    assert log.time.tolist() == [0, 3] and not log.linear
+
+
+def test_where_rows_are_in_a_json():
+    rows = [{"a": 1}, {"a": 2}]
+    for content in (rows, {"x": {"y": rows}}, {"n": [1], "z": rows}):
+        assert readers._rows_in(content) == rows
+    assert readers._rows_in({"a": [1, 2], "b": [3, 4], "c": "text"}) == {"a": [1, 2], "b": [3, 4]}
+    for nothing in ([], [1, 2], {"a": [1, 2], "b": [3]}, {"a": [1, 2]}, "text", 5, {"a": []}):
+        assert readers._rows_in(nothing) is None
+
+
+def test_what_is_kept_as_a_result():
+    whole = {name: 0 for name in ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")}
+    ends = {"sigma0": [1, 2], "Fc": [1, None]}
+    assert folder_runs.is_result({**whole, "ci95": ends})
+    assert folder_runs.is_result({"error": "why"})
+    for wrong in (
+        None,
+        [],
+        {},
+        {"error": 3},
+        whole,
+        {**whole, "ci95": {"sigma0": [1, 2]}},
+        {**whole, "ci95": {**ends, "Fc": [1]}},
+        {"ci95": ends, "sigma0": 1},
+    ):
+        assert not folder_runs.is_result(wrong)
+
+
+# --- the picture ----------------------------------------------------------------------------------
+
+
+def test_the_longest_piece_is_drawn(library, tmp_path, monkeypatch):
+    logs = [synthetic(k, rows=rows, cycles=4) for k, rows in ((1, 700), (2, 1100))]
+    found = pipeline.identify(logs, pipeline.Options(terms=()))
+    figures = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+    draw.draw(tmp_path / "x.png", found)
+    rows = {len(line.get_xdata()) for axes in figures[0].axes for line in axes.lines}
+    assert 1100 in rows and 700 not in rows
+
+
+@pytest.mark.parametrize(
+    ("linear", "size", "unit", "part"),
+    [(False, 0.05, "rad", 1), (True, 0.05, "mm", 1e-3), (True, 3.0, "m", 1)],
+)
+def test_the_angle_and_the_speed_that_are_drawn(linear, size, unit, part):
+    theta = 0.4 + size * np.sin(np.arange(50_000) / 3000)
+    log = Log("", theta, theta, 2e-3 * np.arange(50_000), linear=linear)
+    weight, free = np.ones(50_000), log.moves.copy()
+    weight[10_000:20_000], free[:5_000] = 0.4, 0.4 * log.moves[:5_000]
+    log = replace(log, weight=weight, free_moves=free)
+    shown = draw.shown_of(SimpleNamespace(logs=[log], raw=[log]), 0)
+    assert (shown.unit, shown.size, shown.some.step) == (unit, part, 2)
+    assert shown.angle == pytest.approx((theta - theta[0])[::2] / part)
+    speed = np.gradient(theta, 2e-3)[::2] / part
+    assert shown.speed[10:-10] == pytest.approx(speed[10:-10], rel=1e-3, abs=1e-3 * speed.max())
+    bare = draw.shown_of(SimpleNamespace(logs=[replace(log, time=None)], raw=[log]), 0)
+    assert bare.speed == pytest.approx(2e-3 * shown.speed)
+    (odd, odd_rows, _), (flat, flat_rows, _) = draw.marks_of(shown)
+    assert (odd, flat) == ("weighs less", "travel taken out as backlash")
+    assert (odd_rows.sum(), flat_rows.sum()) == (5000, pytest.approx(2500, abs=2))
+    plain = draw.shown_of(SimpleNamespace(logs=[replace(log, weight=None)], raw=[log]), 0)
+    assert not draw.marks_of(plain)[0][1].any()
+
+
+# --- frames ---------------------------------------------------------------------------------------
+
+BUS = """VERSION ""
+NS_ :
+BS_:
+BU_: A
+BO_ 256 Shaft: 8 A
+ SG_ Angle : 0|16@1- (0.5,0) [-1000|1000] "deg" A
+ SG_ Gear : 32|8@1+ (1,0) [0|5] "" A
+BO_ 257 Load: 8 A
+ SG_ Torque : 0|16@1- (0.01,0) [0|0] "Nm" A
+VAL_ 256 Gear 1 "first" ;
+"""
+
+
+def sent(number: int, data: bytes, time: float, **more):
+    import can
+
+    return can.Message(
+        arbitration_id=number, data=data, timestamp=time, is_extended_id=False, **more
+    )
+
+
+def test_what_a_frame_says_of_a_signal(tmp_path):
+    (tmp_path / "x.dbc").write_text(BUS)
+    signals = readers.Signals(tmp_path / "x.dbc", "Angle", "Torque")
+    assert signals.columns == {"angle": "Angle [deg]", "torque": "Torque [Nm]", "time": "time [s]"}
+    little = lambda bits: int(bits).to_bytes(2, "little", signed=True)  # noqa: E731
+    for k, bits in enumerate((-2000, -2001, 2000, 2001, 7)):
+        signals.feed(sent(256, little(bits) + bytes(6), float(k)))
+    signals.feed(sent(256, little(9), 5.0))  # the frame is shorter than the DBC says
+    signals.feed(sent(256, little(9) + bytes(6), 6.0, is_error_frame=True))
+    signals.feed(sent(256, b"", 6.0, is_remote_frame=True))
+    signals.feed(sent(258, little(9) + bytes(6), 6.0))
+    signals.feed(sent(257, little(-30000) + bytes(6), 0.0))
+    assert signals.found["Angle"] == [(0, -1000), (2, 1000), (4, 3.5), (5, 4.5)]
+    assert signals.found["Torque"] == [(0, -300)]  # [0|0] is no range
+    with pytest.raises(Error, match="x.log: signal 'Torque' comes in 1 valid frames"):
+        signals.values("x.log")
+    signals.feed(sent(257, little(100) + bytes(6), 5.0))
+    values = signals.values("x.log")
+    assert values["angle"].tolist() == [-1000, 1000, 3.5, 4.5]
+    assert values["time"].tolist() == [0, 2, 4, 5]
+    assert values["torque"] == pytest.approx([-300, -179.6, -59.2, 1])
+    log = signals.log("bus", source())
+    assert log.theta == pytest.approx(np.radians(values["angle"])) and log.name == "bus"
+    both = readers.Signals(tmp_path / "x.dbc", "Angle", "Gear")
+    both.feed(sent(256, little(4) + bytes([0, 0, 1, 0, 0, 0]), 1.0))
+    assert both.found == {"Angle": [(1.0, 2.0)], "Gear": [(1.0, 1.0)]}
+    with pytest.raises(Error, match="no signal 'Angel' in the DBC.*Angle"):
+        readers.Signals(tmp_path / "x.dbc", "Angel", "Torque")
+
+
+def test_an_angle_and_its_torque_at_one_time():
+    """Frames of one time belong together, also where one of them is missing."""
+    angle = np.arange(500.0)
+    torque = np.delete(angle, 200)
+    rows, values = readers._torque_at(angle, torque, torque)
+    assert rows.tolist() == torque.tolist() and values.tolist() == torque.tolist()
+
+
+@pytest.mark.parametrize(
+    ("reversals", "width", "claimed", "enough"),
+    [
+        (8, 0.02, True, True),
+        (7, 0.02, True, False),
+        (8, 0.021, True, False),
+        (8, 0.02, False, False),
+    ],
+)
+def test_when_a_live_estimate_is_good_enough(reversals, width, claimed, enough):
+    ends = {"sigma0": Interval(100 * (1 - width), 100 * (1 + width)), "Fc": Interval(0.499, 0.501)}
+    estimate = SimpleNamespace(sigma0=100.0, Fc=0.5, ci95=ends)
+    said = SimpleNamespace(identifiable={"sigma0": claimed, "Fc": True})
+    result = SimpleNamespace(estimate=estimate, reversals=reversals, verdict=said)
+    assert follow.small_enough(result, 0.02 + 1e-12) is enough
+
+
+# --- how the steps hang together ------------------------------------------------------------------
+
+
+def taken(choice: Choice) -> Explored:
+    """That this choice was taken, and nothing else tried."""
+    value = {"sigma0": SIGMA0, "Fc": FC}
+    without = {name: np.full(8, one) for name, one in value.items()}
+    one = Trial(choice, A, value, without, np.ones(8))
+    return Explored([one], one)
+
+
+def test_what_is_found_on_the_way_reaches_the_result(monkeypatch):
+    """A delay that was taken out lets the angle be taken between the counts, which tells more of
+    the delay: both are added up; the terms are those of the choice; what the counts hide is told.
+    """
+    log, inner, hidden = synthetic(3, rows=1200, cycles=7), iter([False, True]), []
+
+    def between(logs, options):
+        found = next(inner)
+        return logs, 0.4 * found, found
+
+    estimate = fit.estimate
+    monkeypatch.setattr(pipeline, "_between_counts", between)
+    monkeypatch.setattr(pipeline, "_explored", lambda *_: taken(Choice((), 2.0)))
+    again = taken(Choice(("offset", "spring"), 0.5))
+    monkeypatch.setattr(pipeline, "_explored_again", lambda *_: (again, 0.5))
+    monkeypatch.setattr(fit, "estimate", lambda *words: hidden.append(words[2]) or estimate(*words))
+    found = pipeline.identify([log], pipeline.Options(target_counts=5000))
+    assert found.delay == 2.5 and found.inner and found.explored is again
+    assert found.notes[-1].endswith("torque comes 2.5 rows (0.0025 s) late")
+    assert list(found.estimate.terms) == ["offset", "spring"]
+    assert hidden == [pytest.approx(0.04)]
+    assert found.raw[0].torque.tolist() == log.torque.tolist()
+    assert found.logs[0].torque[:-3] == pytest.approx(clean.shifted(log.torque, 2.0)[:-3])
+    assert found.options["target_counts"] == 5000 and found.plan.of_target
+    assert found.plan.theta_per_count == pytest.approx(2 * np.pi / 5000)
+    assert found.backlash == 0 and found.median == 1 and found.sign == 1
+
+
+def test_what_was_between_the_counts_from_the_start_is_not_asked_again(monkeypatch):
+    log = synthetic(3, rows=1200, cycles=7)
+    monkeypatch.setattr(pipeline, "_between_counts", lambda logs, _: (logs, 0.0, True))
+    monkeypatch.setattr(pipeline, "_explored", lambda *_: taken(Choice((), 2.0)))
+    found = pipeline.identify([log])
+    assert found.delay == 2.0 and found.inner
+
+
+@pytest.mark.parametrize(
+    ("options", "asked"),
+    [
+        ({}, (None, True, "")),
+        ({"delay": False}, (None, False, "")),
+        ({"terms": ("offset",)}, ((("offset",),), True, "")),
+        ({"model": "slip-2"}, (None, True, "slip K=2")),
+        ({"model": "coulomb"}, (None, True, "Coulomb")),
+    ],
+)
+def test_what_may_be_tried_is_what_was_asked_for(monkeypatch, options, asked):
+    tried = []
+
+    def explored(logs, estimate, least_turn, wanted):
+        tried.append((wanted, least_turn, estimate))
+        return Explored()
+
+    monkeypatch.setattr(explore, "explored", explored)
+    log = synthetic(3, rows=1200, cycles=7)
+    for timed in (True, False):
+        study = pipeline.Study([log if timed else replace(log, time=None)])
+        found, terms = study.search(("offset",))
+        estimate = fit.point(found, terms)
+        given = pipeline.Options(**options)
+        seen = pipeline._explored(study, found, estimate, given, least=0.2)
+        wanted, turn, at = tried.pop()
+        sets, delays, model = asked
+        assert wanted.delays is (delays and timed) and wanted.model == model
+        assert wanted.terms == (sets or tuple(fit.sets_of(found, study.candidates)))
+        assert wanted.least_delay == 0.2 and turn == pytest.approx(0.3 / estimate.a)
+        assert at is estimate
+        assert seen.taken is None or len(seen.taken.cost) == 1  # no cycle was left out
+    lost = replace(estimate, sse=0.71 * fit.spread_of(found))
+    assert pipeline._explored(study, found, lost, given).trials == [] and tried == []
+    lost = replace(estimate, sse=0.69 * fit.spread_of(found))
+    pipeline._explored(study, found, lost, given)
+    assert tried.pop()[0].least_delay == 0.3
+    other = replace(estimate, Fc=-FC)
+    assert pipeline._explored(study, found, other, given).trials == [] and tried == []
+
+
+@pytest.mark.parametrize(
+    ("counts", "sse", "median", "inner"),
+    [(0.0031, 0.9, 0, True), (0.0029, 0.9, 0, False), (0.01, 1.0, 0, False), (0.01, 0.9, 3, False)],
+)
+def test_when_the_angle_is_taken_between_the_counts(monkeypatch, counts, sse, median, inner):
+    """Counts of three thousandths of a presliding length, and a torque that fits better."""
+    log = replace(synthetic(3, rows=1200, cycles=7), resolution=counts / A)
+    read = SimpleNamespace(a=A, sse=1.0, sigma0=100.0)
+    looks = iter([read, SimpleNamespace(a=A, sse=sse, sigma0=104.0)])
+    monkeypatch.setattr(pipeline, "_first", lambda *_: next(looks))
+    logs, change, found = pipeline._between_counts([log], pipeline.Options(median=median))
+    assert found is inner and change == pytest.approx(0.04 * inner)
+    assert (logs[0] is log) is not inner
+    if inner:
+        assert logs[0].theta == pytest.approx(clean.between_counts(log))
+        assert logs[0].notes == [
+            "angle taken between the counts of the encoder: the torque fits it better"
+        ]
+
+
+def test_a_log_to_check_is_cleaned_as_the_others(result):
+    log = synthetic(4, rows=900, cycles=5)
+    way = replace(result, median=5, sign=-1.0, delay=2.0, inner=False)
+    found = pipeline._as_fitted(way, log)
+    assert found.theta == pytest.approx(median_filter(log.theta, 5, mode="nearest"))
+    assert found.torque[:-2] == pytest.approx(-log.torque[2:])
+    between = pipeline._as_fitted(replace(result, inner=True), log)
+    assert between.theta == pytest.approx(clean.between_counts(log))
+    assert between.torque == pytest.approx(log.torque)
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_choices_of_logs_with_many_cycles(monkeypatch, asks):
+    """The model that is asked for reaches the table; no delay is tried where none is wanted; a
+    delay at the end of the search is a finding.
+    """
+    theta = sine(2, rows=1500, cycles=8)
+    log = log_of(dahl_torque(theta), theta)
+    estimate = SimpleNamespace(a=A)
+    late = replace(taken(Choice((), 90.0)).taken, cost=np.full(7, 1e-12))
+    monkeypatch.setattr(explore.delay, "tried", lambda *_: [late])
+    wanted = explore.Asked(((), ("offset",)), asks, model="slip K=2" if asks else "")
+    monkeypatch.setattr(explore, "_terms_when_late", lambda *_: [])
+    compared = []
+
+    def table(cut, base, a, forced=""):
+        compared.append((base, a, forced))
+        return model_table.Compared()
+
+    monkeypatch.setattr(model_table, "compared", table)
+    monkeypatch.setattr(model_table, "better_plainly", lambda *_: False)
+    seen = explore.explored([log], estimate, 0.3 / A, wanted)
+    ((base, a, forced),) = compared
+    assert base is seen.taken and a == base.a and forced == wanted.model
+    assert (seen.taken is late) is asks and (late in seen.trials) is asks
+    texts = [one.text for one in seen.findings]
+    assert texts == ["the best delay is at the end of the search (90 rows)"] * asks
+    assert all(one.doubts == ("sigma0", "Fc") for one in seen.findings)
+    counted = cycles.Cut([log], A, 0.3 / A, 90)
+    assert seen.spread == pytest.approx(counted.spread)
+    few = explore.explored([log.head(600)], estimate, 0.3 / A, wanted)
+    assert few.trials == [] and few.taken is None and few.choice == Choice()
