@@ -120,13 +120,13 @@ def test_it_never_sets_up_twice_nor_for_others(without_scipy, monkeypatch, why):
 
 
 def test_asammdf_is_imported_where_an_mf4_is_meant(monkeypatch):
-    for words in (["demo"], ["record", "-o", "run.blf"], ["monitor", "-i", "socketcan"]):
+    for words in (["demo"], ["record", "-o", "run.blf"], ["plot", "run"]):
         monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
         del sys.modules["asammdf"]
         by_need.spare_mf4(words[0], words)
         with pytest.raises(ImportError):
             importlib.import_module("asammdf")
-    for words in (["record", "-o", "RUN.MF4"], ["identify", "logs"], ["plot", "run"]):
+    for words in (["record", "-o", "RUN.MF4"], ["identify", "logs"], ["plot", "run.mf4"]):
         monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
         del sys.modules["asammdf"]
         by_need.spare_mf4(words[0], words)
