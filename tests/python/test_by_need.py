@@ -70,8 +70,10 @@ def test_each_command_names_extras_that_bring_what_it_needs(root):
         assert wanted - {"pyserial"} <= brought, names  # python-can[serial] brings that
 
 
-def test_extras_take_what_is_tested_here_and_no_plotext_with_other_calls(root):
-    """pip takes the newest that an extra allows; plotext 6 lacks what the monitor calls."""
+def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(root):
+    """pip takes the newest that an extra allows, or keeps what is there: plotext 6 lacks what the
+    monitor calls, python-can before 4.6 has no can.cli.
+    """
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
     wanted = [*map(Requirement, sum(project["optional-dependencies"].values(), []))]
     locks = (lock.read_text() for lock in (root / "tools/requirements").glob("*.lock"))
@@ -81,6 +83,8 @@ def test_extras_take_what_is_tested_here_and_no_plotext_with_other_calls(root):
     assert [one for one in tested if not one.specifier.contains(pins[one.name])] == []
     (plotext,) = {one.specifier for one in wanted if one.name == "plotext"}
     assert not any(map(plotext.contains, ("6.0.0", "6.1.0", "7.0")))
+    (python_can,) = {one.specifier for one in wanted if one.name == "python-can"}
+    assert python_can.contains("4.6.0") and not python_can.contains("4.5.0")
 
 
 def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):
@@ -116,13 +120,13 @@ def test_it_never_sets_up_twice_nor_for_others(without_scipy, monkeypatch, why):
 
 
 def test_asammdf_is_imported_where_an_mf4_is_meant(monkeypatch):
-    for words in (["demo"], ["record", "-o", "run.blf"], ["monitor", "-i", "socketcan"]):
+    for words in (["demo"], ["record", "-o", "run.blf"], ["plot", "run"]):
         monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
         del sys.modules["asammdf"]
         by_need.spare_mf4(words[0], words)
         with pytest.raises(ImportError):
             importlib.import_module("asammdf")
-    for words in (["record", "-o", "RUN.MF4"], ["identify", "logs"], ["plot", "run"]):
+    for words in (["record", "-o", "RUN.MF4"], ["identify", "logs"], ["plot", "run.mf4"]):
         monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
         del sys.modules["asammdf"]
         by_need.spare_mf4(words[0], words)

@@ -198,3 +198,13 @@ def test_exceptions_are_pickled_with_their_line() -> None:
 
 def test_a_log_of_torques_is_of_float32() -> None:
     assert dahl.Friction(dahl.Plan(*PLAN)).run_counts([1, 2]).dtype == np.float32
+
+
+def test_slip_elements_tell_their_numbers_in_few_digits() -> None:
+    """As a Plan does; `dahl plan --model slip` prints it. The fast form's are doubles."""
+    told = "(sigma0=[100.0, 40.0], Fc=[0.5, 0.3], theta_per_count=0.00038)"
+    exact = dahl.Slip([100, 40], [0.5, 0.3], 3.8e-4)
+    fast = dahl.ThroughputSlip([100, 40], [0.5, 0.3], 3.8e-4)
+    assert (repr(exact), repr(fast)) == (f"Slip{told}", f"ThroughputSlip{told}")
+    near = dahl.ThroughputSlip([100, 40], [0.5, exact.Fc[1]], 3.8e-4)
+    assert eval(repr(near), {"ThroughputSlip": dahl.ThroughputSlip}) == near != fast

@@ -80,6 +80,11 @@ class _SlipParameters:
     _Fc: tuple[float, ...]
     _theta_per_count: float
 
+    @staticmethod
+    def _digits(value: float) -> str:
+        """What tells a double."""
+        return repr(value)
+
     @property
     def sigma0(self) -> tuple[float, ...]:
         """N m/rad, one an element."""
@@ -96,10 +101,9 @@ class _SlipParameters:
         return self._theta_per_count
 
     def __repr__(self) -> str:
-        return (
-            f"{type(self).__name__}(sigma0={list(self._sigma0)}, Fc={list(self._Fc)},"
-            f" theta_per_count={self._theta_per_count!r})"
-        )
+        sigma0, Fc = (", ".join(map(self._digits, values)) for values in (self._sigma0, self._Fc))
+        theta = self._digits(self._theta_per_count)
+        return f"{type(self).__name__}(sigma0=[{sigma0}], Fc=[{Fc}], theta_per_count={theta})"
 
 
 @checks.calls_checked
@@ -118,6 +122,11 @@ class Slip(_SlipParameters, Element):
     >>> Slip(sigma0=[100.0, 50.0], Fc=[0.5, 1.0], theta_per_count=1e-3).step_counts(10)
     1.0
     """
+
+    @staticmethod
+    def _digits(value: float) -> str:
+        """As few as tell the float that C takes: 0.3, not 0.30000001192092896."""
+        return str(np.float32(value))
 
     def __init__(
         self,
