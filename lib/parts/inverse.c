@@ -75,17 +75,26 @@ static uint32_t counts_below(const dahl_search_t *search)
     return counts;
 }
 
+/* A step from one of two moves to between them, half-way at most. */
+static uint32_t between(uint32_t step, uint32_t below, uint32_t reached)
+{
+    uint32_t half = (reached - below) / 2;
+    return step < half ? step : half;
+}
+
 /* The least counts that reach it, or more than COUNTS_MOST, from a guess: steps from there that grow, until it is between two
  * moves, and then halves. */
 static uint32_t least_counts(const dahl_search_t *search, uint32_t guess)
 {
     uint32_t below = 0, reached = COUNTS_MOST + 1, probe = guess;
     for (uint32_t step = 1; reached - below > 1; step = 2 * step + 1) {
-        int is_reached = reaches(search, probe);
-        reached = is_reached ? probe : reached;
-        below = is_reached ? below : probe;
-        uint32_t half = (reached - below) / 2, way = step < half ? step : half;
-        probe = is_reached ? reached - way : below + way;
+        if (reaches(search, probe)) {
+            reached = probe;
+            probe -= between(step, below, reached);
+        } else {
+            below = probe;
+            probe += between(step, below, reached);
+        }
     }
     return reached;
 }

@@ -8,18 +8,19 @@
 #include "../arith/fixed.h"
 #include "dahl_parts.h"
 
-/* What the words of a sum below these carry, which is rare; beyond the last word it is lost. */
+/* One more in these words of a sum, lowest first, which is rare; what the last one carries is lost. */
 static void carry(uint32_t *word, int words)
 {
-    for (int left = words; left > 0 && ++*word == 0; left--) {
-        word++;
+    for (int i = 0, carries = 1; carries != 0 && i < words; i++) {
+        word[i]++;
+        carries = word[i] == 0;
     }
 }
 
 /* Both sums after a move from `before`. */
 static inline void add_up(dahl_work_t *work, uint64_t before, uint64_t after, int32_t dcounts)
 {
-    uint64_t way = ((uint64_t)work->way[1] << 32 | work->way[0]), forward = dcounts < 0 ? before - after : after - before;
+    uint64_t way = (uint64_t)work->way[1] << 32 | work->way[0], forward = dcounts < 0 ? before - after : after - before;
     uint32_t counts = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     work->counts[0] += counts;
     if (work->counts[0] < counts) {
