@@ -1498,3 +1498,17 @@ def test_choices_of_logs_with_many_cycles(monkeypatch, asks):
     assert seen.spread == pytest.approx(counted.spread)
     few = explore.explored([log.head(600)], estimate, 0.3 / A, wanted)
     assert few.trials == [] and few.taken is None and few.choice == Choice()
+
+
+def test_each_log_of_a_folder_has_its_own_numbers(tmp_path):
+    """Those of earlier runs first, in their order, and the others under their own names."""
+    paths = [tmp_path / f"{k}.csv" for k in range(5)]
+    known = {paths[0]: {"log": "0"}, paths[3]: {"log": "3"}}
+    kept = SimpleNamespace(
+        get=known.get, asked=lambda path: (path,), call=lambda path: {"log": path.stem}
+    )
+    found = list(folder_runs.run(paths, kept, 1, None))
+    assert [(path.stem, earlier) for path, _, earlier in found[:2]] == [("0", True), ("3", True)]
+    assert sorted(path.stem for path, *_ in found[2:]) == ["1", "2", "4"]
+    for path, numbers, earlier in found:
+        assert numbers == {"log": path.stem} and earlier is (path in known)
