@@ -143,6 +143,22 @@ def test_elements_are_added_where_they_lower_the_cost_most(book):
     assert compare.NODES.max() == pytest.approx(1.25**8)
 
 
+def test_a_promising_pair_is_made_finer():
+    """Two springs that slip, between the nodes: each a is found within the last step."""
+    true = (A * 1.25**-4 * 1.09, A * 1.25**3 * 1.09)
+    torque = springs(THETA, (true[0] * 0.2, 0.2), (true[1] * 0.3, 0.3))
+    cut = cycles.Cut([log_of(torque, THETA, 0.001)], A, 0.003, 10)
+    book = compare.Dictionary(cut, A, (), 0.0)
+    coarse, fine = (compare.pair(book, "slip", "slip", least) for least in (0.0, np.inf))
+    assert fine.trial.cost.sum() < 0.05 * coarse.trial.cost.sum()
+    found = sorted(fine.parts, key=lambda part: part["sigma0"])
+    assert [part["Fc"] for part in found] == pytest.approx([0.2, 0.3], rel=0.02)
+    a = [part["sigma0"] / part["Fc"] for part in found]
+    assert a == pytest.approx(true, rel=0.02)
+    nodes = [part["sigma0"] / part["Fc"] / A for part in coarse.parts]
+    assert all(np.abs(np.log(node / compare.NODES)).min() < 1e-9 for node in nodes)
+
+
 def test_the_sign_of_the_motion_alone(book):
     found = compare.coulomb(book)
     sign = np.sign(np.diff(THETA, prepend=THETA[0]))
@@ -1510,5 +1526,5 @@ def test_each_log_of_a_folder_has_its_own_numbers(tmp_path):
     found = list(folder_runs.run(paths, kept, 1, None))
     assert [(path.stem, earlier) for path, _, earlier in found[:2]] == [("0", True), ("3", True)]
     assert sorted(path.stem for path, *_ in found[2:]) == ["1", "2", "4"]
-    for path, numbers, earlier in found:
-        assert numbers == {"log": path.stem} and earlier is (path in known)
+    for place, numbers, earlier in found:
+        assert numbers == {"log": place.stem} and earlier is (place in known)
