@@ -1528,3 +1528,28 @@ def test_each_log_of_a_folder_has_its_own_numbers(tmp_path):
     assert sorted(path.stem for path, *_ in found[2:]) == ["1", "2", "4"]
     for place, numbers, earlier in found:
         assert numbers == {"log": place.stem} and earlier is (place in known)
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "reach"), [(0.8, 125.0), (1.25, 80.0), (0.05, 1000.0), (0.999, None)]
+)
+def test_how_far_noise_of_the_angle_may_have_moved_a_parameter(sigma0, reach):
+    """Back by the part that the trial moved it by, ten times at most."""
+    theta = sine(1, rows=2000, cycles=6) + 0.01 / A * RNG.normal(size=2000)
+    ends = {"sigma0": Interval(98.0, 102.0), "Fc": Interval(0.49, 0.51)}
+    estimate = SimpleNamespace(a=A, sigma0=100.0, Fc=FC, ci95=ends)
+    log = log_of(dahl_torque(THETA), THETA)
+    raw = replace(log, theta=theta, torque=dahl_torque(theta))
+    result = SimpleNamespace(estimate=estimate, raw=[raw])
+    made = []
+
+    def refit(logs):
+        made.extend(logs)
+        return SimpleNamespace(sigma0=100.0 * sigma0, Fc=FC)
+
+    found = angle_noise.finding(result, refit)
+    assert [one.reach for one in found] == (
+        [{"sigma0": (pytest.approx(reach), pytest.approx(reach))}] if reach else []
+    )
+    assert [one.doubts for one in found] == [("sigma0",)] * bool(reach)
+    assert made[0].rows == 2000 and np.std(made[0].theta - theta) > 0.008 / A
