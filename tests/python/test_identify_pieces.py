@@ -1553,3 +1553,18 @@ def test_how_far_noise_of_the_angle_may_have_moved_a_parameter(sigma0, reach):
     )
     assert [one.doubts for one in found] == [("sigma0",)] * bool(reach)
     assert made[0].rows == 2000 and np.std(made[0].theta - theta) > 0.008 / A
+
+
+def test_the_units_of_a_can_log_are_those_of_its_dbc(tmp_path):
+    import can
+
+    text = BUS.replace('"deg"', '"mrad"').replace('"Nm"', '"mNm"')
+    (tmp_path / "x.dbc").write_text(text)
+    with can.Logger(tmp_path / "x.asc") as logger:
+        for k in range(5):
+            logger.on_message_received(sent(256, bytes([2 * k, 0]) + bytes(6), 1 + 0.1 * k))
+            logger.on_message_received(sent(257, bytes([50, 0]) + bytes(6), 1 + 0.1 * k))
+    words = source(dbc=tmp_path / "x.dbc", angle="Angle", torque="Torque")
+    log = readers.read(tmp_path / "x.asc", words)
+    assert log.theta == pytest.approx(1e-3 * np.arange(5))
+    assert log.torque == pytest.approx(np.full(5, 0.5e-3)) and log.notes == []
