@@ -139,6 +139,8 @@ def test_elements_are_added_where_they_lower_the_cost_most(book):
             solved(book, chosen)[0][:-1] @ [key.a for key in chosen], rel=2e-3
         )
     assert [one.name for one in found] == [f"mixed K={k + 1}" for k in range(len(found))]
+    for most in (1, 2):
+        assert len(compare.side_by_side(book, ["dahl", "slip"], "mixed", most)) == most
     assert compare.NODES.min() == pytest.approx(0.262144)
     assert compare.NODES.max() == pytest.approx(1.25**8)
 
@@ -364,9 +366,11 @@ def test_a_torque_some_rows_earlier():
     assert clean.shifted(torque, 3.0)[47:] == pytest.approx(torque[-1])
 
 
-def played(slack: float, centre: float) -> tuple[Log, np.ndarray, np.ndarray]:
+def played(
+    slack: float, centre: float, theta: np.ndarray = THETA
+) -> tuple[Log, np.ndarray, np.ndarray]:
     """A log whose torque rests at `centre` of Fc over `slack` rad after each reversal."""
-    theta, ratio, w, gap = THETA, [], 0.0, 0.0
+    ratio, w, gap = [], 0.0, 0.0
     for move in np.diff(theta, prepend=theta[0]):
         side = np.sign(move)
         aim = w + side * (1 - side * w) * -np.expm1(-A * abs(move))
@@ -389,6 +393,12 @@ def test_the_travel_and_the_place_of_backlash(centre):
     assert np.sign(moves) == pytest.approx(np.sign(log.moves))
     lost = np.abs(log.moves).sum() - np.abs(moves).sum()
     assert lost == pytest.approx(slack * (len(turns) + 1), rel=0.3)
+
+
+def test_backlash_of_short_strokes():
+    log, ratio, turns = played(0.01, 0.0, sine(2, rows=1500, cycles=11, amplitude=0.02))
+    assert np.diff(turns).max() < 75
+    assert clean.backlash(log, ratio, turns)[0] == pytest.approx(0.01, rel=0.3)
 
 
 def test_no_backlash_is_made_up():
@@ -1568,3 +1578,24 @@ def test_the_units_of_a_can_log_are_those_of_its_dbc(tmp_path):
     log = readers.read(tmp_path / "x.asc", words)
     assert log.theta == pytest.approx(1e-3 * np.arange(5))
     assert log.torque == pytest.approx(np.full(5, 0.5e-3)) and log.notes == []
+
+
+def test_one_shaky_log_of_two_takes_the_claim():
+    """Beyond .06 presliding lengths of noise in any of them the trial itself tells too little."""
+    theta = sine(1, rows=2000, cycles=6)
+    ends = {"sigma0": Interval(98.0, 102.0), "Fc": Interval(0.49, 0.51)}
+    estimate = SimpleNamespace(a=A, sigma0=100.0, Fc=FC, ci95=ends)
+    for part, doubts in ((0.05, []), (0.08, [("sigma0",)])):
+        shaky = theta + part / A * RNG.normal(size=2000)
+        raw = [Log("", one, dahl_torque(theta)) for one in (theta, shaky)]
+        result = SimpleNamespace(estimate=estimate, raw=raw)
+        found = angle_noise.finding(result, lambda _: SimpleNamespace(sigma0=100.0, Fc=FC))
+        assert [one.doubts for one in found] == doubts
+
+
+def test_a_first_look_has_the_terms_that_were_asked_for():
+    log = log_of(dahl_torque(THETA), THETA)
+    for terms in (("viscous",), ("offset",), ("offset", "inertia")):
+        found = pipeline._first([log], pipeline.Options(terms=terms))
+        assert tuple(found.terms) == terms
+    assert tuple(pipeline._first([log], pipeline.Options()).terms) == ("offset", "spring")
