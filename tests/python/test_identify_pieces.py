@@ -139,8 +139,26 @@ def test_elements_are_added_where_they_lower_the_cost_most(book):
             solved(book, chosen)[0][:-1] @ [key.a for key in chosen], rel=2e-3
         )
     assert [one.name for one in found] == [f"mixed K={k + 1}" for k in range(len(found))]
+    for most in (1, 2):
+        assert len(compare.side_by_side(book, ["dahl", "slip"], "mixed", most)) == most
     assert compare.NODES.min() == pytest.approx(0.262144)
     assert compare.NODES.max() == pytest.approx(1.25**8)
+
+
+def test_a_promising_pair_is_made_finer():
+    """Two springs that slip, between the nodes: each a is found within the last step."""
+    true = (A * 1.25**-4 * 1.09, A * 1.25**3 * 1.09)
+    torque = springs(THETA, (true[0] * 0.2, 0.2), (true[1] * 0.3, 0.3))
+    cut = cycles.Cut([log_of(torque, THETA, 0.001)], A, 0.003, 10)
+    book = compare.Dictionary(cut, A, (), 0.0)
+    coarse, fine = (compare.pair(book, "slip", "slip", least) for least in (0.0, np.inf))
+    assert fine.trial.cost.sum() < 0.05 * coarse.trial.cost.sum()
+    found = sorted(fine.parts, key=lambda part: part["sigma0"])
+    assert [part["Fc"] for part in found] == pytest.approx([0.2, 0.3], rel=0.02)
+    a = [part["sigma0"] / part["Fc"] for part in found]
+    assert a == pytest.approx(true, rel=0.02)
+    nodes = [part["sigma0"] / part["Fc"] / A for part in coarse.parts]
+    assert all(np.abs(np.log(node / compare.NODES)).min() < 1e-9 for node in nodes)
 
 
 def test_the_sign_of_the_motion_alone(book):
@@ -348,9 +366,11 @@ def test_a_torque_some_rows_earlier():
     assert clean.shifted(torque, 3.0)[47:] == pytest.approx(torque[-1])
 
 
-def played(slack: float, centre: float) -> tuple[Log, np.ndarray, np.ndarray]:
+def played(
+    slack: float, centre: float, theta: np.ndarray = THETA
+) -> tuple[Log, np.ndarray, np.ndarray]:
     """A log whose torque rests at `centre` of Fc over `slack` rad after each reversal."""
-    theta, ratio, w, gap = THETA, [], 0.0, 0.0
+    ratio, w, gap = [], 0.0, 0.0
     for move in np.diff(theta, prepend=theta[0]):
         side = np.sign(move)
         aim = w + side * (1 - side * w) * -np.expm1(-A * abs(move))
@@ -373,6 +393,12 @@ def test_the_travel_and_the_place_of_backlash(centre):
     assert np.sign(moves) == pytest.approx(np.sign(log.moves))
     lost = np.abs(log.moves).sum() - np.abs(moves).sum()
     assert lost == pytest.approx(slack * (len(turns) + 1), rel=0.3)
+
+
+def test_backlash_of_short_strokes():
+    log, ratio, turns = played(0.01, 0.0, sine(2, rows=1500, cycles=11, amplitude=0.02))
+    assert np.diff(turns).max() < 75
+    assert clean.backlash(log, ratio, turns)[0] == pytest.approx(0.01, rel=0.3)
 
 
 def test_no_backlash_is_made_up():
@@ -1498,3 +1524,78 @@ def test_choices_of_logs_with_many_cycles(monkeypatch, asks):
     assert seen.spread == pytest.approx(counted.spread)
     few = explore.explored([log.head(600)], estimate, 0.3 / A, wanted)
     assert few.trials == [] and few.taken is None and few.choice == Choice()
+
+
+def test_each_log_of_a_folder_has_its_own_numbers(tmp_path):
+    """Those of earlier runs first, in their order, and the others under their own names."""
+    paths = [tmp_path / f"{k}.csv" for k in range(5)]
+    known = {paths[0]: {"log": "0"}, paths[3]: {"log": "3"}}
+    kept = SimpleNamespace(
+        get=known.get, asked=lambda path: (path,), call=lambda path: {"log": path.stem}
+    )
+    found = list(folder_runs.run(paths, kept, 1, None))
+    assert [(path.stem, earlier) for path, _, earlier in found[:2]] == [("0", True), ("3", True)]
+    assert sorted(path.stem for path, *_ in found[2:]) == ["1", "2", "4"]
+    for place, numbers, earlier in found:
+        assert numbers == {"log": place.stem} and earlier is (place in known)
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "reach"), [(0.8, 125.0), (1.25, 80.0), (0.05, 1000.0), (0.999, None)]
+)
+def test_how_far_noise_of_the_angle_may_have_moved_a_parameter(sigma0, reach):
+    """Back by the part that the trial moved it by, ten times at most."""
+    theta = sine(1, rows=2000, cycles=6) + 0.01 / A * RNG.normal(size=2000)
+    ends = {"sigma0": Interval(98.0, 102.0), "Fc": Interval(0.49, 0.51)}
+    estimate = SimpleNamespace(a=A, sigma0=100.0, Fc=FC, ci95=ends)
+    log = log_of(dahl_torque(THETA), THETA)
+    raw = replace(log, theta=theta, torque=dahl_torque(theta))
+    result = SimpleNamespace(estimate=estimate, raw=[raw])
+    made = []
+
+    def refit(logs):
+        made.extend(logs)
+        return SimpleNamespace(sigma0=100.0 * sigma0, Fc=FC)
+
+    found = angle_noise.finding(result, refit)
+    assert [one.reach for one in found] == (
+        [{"sigma0": (pytest.approx(reach), pytest.approx(reach))}] if reach else []
+    )
+    assert [one.doubts for one in found] == [("sigma0",)] * bool(reach)
+    assert made[0].rows == 2000 and np.std(made[0].theta - theta) > 0.008 / A
+
+
+def test_the_units_of_a_can_log_are_those_of_its_dbc(tmp_path):
+    import can
+
+    text = BUS.replace('"deg"', '"mrad"').replace('"Nm"', '"mNm"')
+    (tmp_path / "x.dbc").write_text(text)
+    with can.Logger(tmp_path / "x.asc") as logger:
+        for k in range(5):
+            logger.on_message_received(sent(256, bytes([2 * k, 0]) + bytes(6), 1 + 0.1 * k))
+            logger.on_message_received(sent(257, bytes([50, 0]) + bytes(6), 1 + 0.1 * k))
+    words = source(dbc=tmp_path / "x.dbc", angle="Angle", torque="Torque")
+    log = readers.read(tmp_path / "x.asc", words)
+    assert log.theta == pytest.approx(1e-3 * np.arange(5))
+    assert log.torque == pytest.approx(np.full(5, 0.5e-3)) and log.notes == []
+
+
+def test_one_shaky_log_of_two_takes_the_claim():
+    """Beyond .06 presliding lengths of noise in any of them the trial itself tells too little."""
+    theta = sine(1, rows=2000, cycles=6)
+    ends = {"sigma0": Interval(98.0, 102.0), "Fc": Interval(0.49, 0.51)}
+    estimate = SimpleNamespace(a=A, sigma0=100.0, Fc=FC, ci95=ends)
+    for part, doubts in ((0.05, []), (0.08, [("sigma0",)])):
+        shaky = theta + part / A * RNG.normal(size=2000)
+        raw = [Log("", one, dahl_torque(theta)) for one in (theta, shaky)]
+        result = SimpleNamespace(estimate=estimate, raw=raw)
+        found = angle_noise.finding(result, lambda _: SimpleNamespace(sigma0=100.0, Fc=FC))
+        assert [one.doubts for one in found] == doubts
+
+
+def test_a_first_look_has_the_terms_that_were_asked_for():
+    log = log_of(dahl_torque(THETA), THETA)
+    for terms in (("viscous",), ("offset",), ("offset", "inertia")):
+        found = pipeline._first([log], pipeline.Options(terms=terms))
+        assert tuple(found.terms) == terms
+    assert tuple(pipeline._first([log], pipeline.Options()).terms) == ("offset", "spring")
