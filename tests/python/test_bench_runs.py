@@ -233,8 +233,8 @@ def test_one_core_has_the_numbers_of_both_c_libraries(monkeypatch):
     monkeypatch.setattr(target, "library_numbers", lambda cases, numbers: numbers)
     monkeypatch.setattr(target, "rival_numbers", lambda cases, libc: {f"{libc}_e": costs[libc]})
     monkeypatch.setattr(target, "measure_sizes", lambda core: {"code_bytes": 700})
-    monkeypatch.setattr(target, "plain_objects", lambda core: ["a.o", "b.o"])
-    monkeypatch.setattr(target, "helpers", lambda core, *files: [str(file)[-3:] for file in files])
+    monkeypatch.setattr(target, "objects_at", lambda core, level: ["a.o", f"b{level}.o"])
+    monkeypatch.setattr(target, "helpers", lambda core, *files: [Path(file).name for file in files])
     core = target.CORES["m4f"]
     assert target.measure(core, BOTH) == {
         "core": "Cortex-M4F",
@@ -249,24 +249,25 @@ def test_one_core_has_the_numbers_of_both_c_libraries(monkeypatch):
             "newlib": {"walk_20": {"euler": 1000.5}},
             "picolibc": {"walk_20": {"euler": 3000.5}},
         },
-        "helpers": ["l.a"],
-        "helpers_O0": ["a.o", "b.o"],
+        "helpers": ["libdahl.a"],
+        "helpers_O0": ["a.o", "b-O0.o"],
     }
     assert started == [("bench_newlib", "bench_picolibc")]
 
 
-def test_the_plain_objects_are_all_c_without_optimisation(monkeypatch, tmp_path):
+@pytest.mark.parametrize("level", ["-O0", "-Os"])
+def test_the_objects_at_a_level_are_all_c_of_core_and_parts(monkeypatch, tmp_path, level):
     calls: list[list[str]] = []
     monkeypatch.setattr(target, "cache_value", lambda core, key: "-mcpu=here -O2")
     monkeypatch.setattr(target, "run", lambda *words: calls.append([str(w) for w in words]))
     core = SimpleNamespace(build=tmp_path, tool=lambda name: f"arm-{name}")
-    objects = target.plain_objects(core)
+    objects = target.objects_at(core, level)
     assert [Path(call[-1]) for call in calls] == objects
     compiled = {Path(call[call.index("-c") + 1]) for call in calls}
     parts = ("arith", "model", "parts")
     assert compiled == {path for part in parts for path in (ROOT / "lib" / part).glob("*.c")}
     for call in calls:
-        assert call[0] == "arm-gcc" and call.index("-O0") > call.index("-O2")
+        assert call[0] == "arm-gcc" and call.index(level) > call.index("-O2")
         assert call[call.index("-I") + 1] == str(ROOT / "lib/include")
 
 
