@@ -429,7 +429,8 @@ def test_channels_that_are_sampled_at_other_times_are_brought_together(tmp_path)
 
 def test_no_log_and_bad_numbers(run_dahl, log):
     assert "give LOGs, or --each DIR" in refused(run_dahl)
-    assert "a folder; --each takes" in refused(run_dahl, log().parent)
+    folder = log().parent
+    assert f"{folder}: a folder; --each {folder} takes the logs" in refused(run_dahl, folder)
     assert "--counts-per-turn -1" in refused(run_dahl, log(), "--counts-per-turn", "-1")
     assert "not an integer" in refused(run_dahl, log(), "--median", "x")
     said = refused(run_dahl, log(), "--angle", "angle_deg", "--torque", "angle_deg")
