@@ -571,7 +571,7 @@ static bool check_inertia(const reader_t *r)
         return true;
     }
     double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
-    if (rotor->inertia < least * (1 - 1e-9)) { /* who writes the limit as it is told here is not below it */
+    if (rotor->inertia < least * (1 - 1e-8)) { /* rounded to 9 digits: who writes the limit as it is told here is not below it */
         log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
                   " viscous and sigma0", PLACE(r, r->key_line[find_key("rotor", "inertia")]), rotor->inertia, least,
                   ROTOR_STEP_S * 1e6);

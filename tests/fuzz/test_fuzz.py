@@ -34,7 +34,7 @@ def run_for_a_minute(name: str) -> Run:
 
 
 @pytest.fixture(scope="module")
-def minutes(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Run]]]:
+def runs(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Run]]]:
     """The runs of all fuzzers that are asked for, two beside each other, more where there are more
     cores.
     """
@@ -58,8 +58,8 @@ def test_fuzz_every_seed(name: str) -> None:
 
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", FUZZERS)
-def test_fuzz_for_a_while(name: str, minutes: dict[str, Future[Run]]) -> None:
-    run = minutes[name].result()
+def test_fuzz_for_a_while(name: str, runs: dict[str, Future[Run]]) -> None:
+    run = runs[name].result()
     print(f"{name}: {run.executions} executions in {SECONDS} s, {run.edges} edges covered")
     assert run.crash is None, complaint(name, run)
     assert run.executions > FUZZERS[name].floor * SECONDS // 60, run.text[-2000:]

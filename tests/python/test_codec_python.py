@@ -43,6 +43,22 @@ def test_every_message_of_the_dbc_has_a_frame(database):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_frame_is_whole_where_autosar_e2e_says_so(kind):
+    """Of its own id at any node, with 8 bytes; any bit that flips is seen."""
+    rng = random.Random(f"whole {kind}")
+    identifier = FRAMES[kind].base + 7
+    for _ in range(20):
+        data = bytearray(rng.randbytes(8))
+        p02.e2e_p02_protect(data, data_ids(kind))
+        assert codec.is_whole(identifier, data) and codec.is_whole(identifier, bytes(data))
+        assert not codec.is_whole(identifier, data[:7]) and not codec.is_whole(0x7F0, data)
+        for bit in range(64):
+            flipped = bytearray(data)
+            flipped[bit // 8] ^= 1 << bit % 8
+            assert not codec.is_whole(identifier, flipped)
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_frames_are_those_of_the_dbc_protected_by_autosar_e2e(database, kind):
     rng = random.Random(kind)
     message = database.get_message_by_name(kind)

@@ -259,7 +259,7 @@ seconds = 2
 
 
 @pytest.mark.parametrize("viscous", [0.0, 1e-4, 0.5, 100.0])
-@pytest.mark.parametrize("sigma0", [10.0, 120.0, 1e6])
+@pytest.mark.parametrize("sigma0", [10.0, 120.0, 314.159265358, 1e6])
 def test_a_shaft_too_light_for_the_step_is_refused_and_the_lightest_is_stable(
     tmp_path, viscous, sigma0
 ):

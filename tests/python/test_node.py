@@ -460,7 +460,8 @@ def test_a_node_that_does_not_answer_has_its_state_told(ends):
     try:
         node.ask(ours, EncoderState(0, 0))
         time.sleep(0.2)
-        with pytest.raises(dahl.RunError, match="its Status says STALE; a Reset with What.RESTART"):
+        words = "its Status says STALE; after a Reset with What.RESTART"
+        with pytest.raises(dahl.RunError, match=words):
             node.ask(ours, EncoderState(0, 1), timeout=0.3)
         node.ask(ours, Reset(What.RESTART))
         assert node.ask(ours, EncoderState(0, 0)).ratio == 0

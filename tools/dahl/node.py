@@ -461,7 +461,8 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
         answer = _answer_in(told, kind.base + node)
         if isinstance(answer, kind) and _answers(answer, frame):
             return answer
-        why = _why_silent(_answer_in(told, codec.Status.base + node)) or why
+        if status := _answer_in(told, codec.Status.base + node):
+            why = _why_silent(status)
     raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
@@ -482,12 +483,12 @@ def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | No
         return None
 
 
-def _why_silent(status: codec.Frame | None) -> str:
+def _why_silent(status: codec.Frame) -> str:
     """What a Status says of a node that did not answer, and what it waits for; else nothing."""
     if not isinstance(status, codec.Status) or status.state == codec.State.OK:
         return ""
     waits = status.state in (codec.State.STALE, codec.State.WRONG_SEQUENCE)
-    hint = "; a Reset with What.RESTART, or three good frames in a row, and it answers"
+    hint = "; after a Reset with What.RESTART it answers"
     return f"; its Status says {status.state.name}{hint if waits else ''}"
 
 

@@ -183,6 +183,6 @@ def evened(log: Log) -> Log:
         return replace(log, time=None, notes=[*log.notes, "the clock stands still: not used"])
     known = log.time[first]
     end = known[-1] + (known[-1] - known[-2]) / (first[-1] - first[-2]) * (log.rows - first[-1])
-    time = np.interp(np.arange(log.rows), [*first, log.rows], [*known, end])
+    time = np.interp(np.arange(log.rows), np.append(first, log.rows), np.append(known, end))
     words = f"{same} of {log.rows} rows have the time of the row before: spread evenly"
     return replace(log, time=time, notes=[*log.notes, words])

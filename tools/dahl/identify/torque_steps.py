@@ -34,8 +34,11 @@ def finding(logs: Sequence[Log], estimate: Estimate) -> list[Finding]:
         f" {100 * part:.2g} % off, sigma0 {200 * part:.2g} %"
     )
     reach = {
-        "Fc": (estimate.Fc * (1 - part), estimate.Fc * (1 + part)),
-        "sigma0": (estimate.sigma0 * (1 - 2 * part), estimate.sigma0 * (1 + 2 * part)),
+        name: (value * max(1 - off, 0.0), value * (1 + off))
+        for name, value, off in (
+            ("Fc", estimate.Fc, part),
+            ("sigma0", estimate.sigma0, 2 * part),
+        )
     }
     return [Finding(words, reach=reach)]
 
@@ -43,9 +46,9 @@ def finding(logs: Sequence[Log], estimate: Estimate) -> list[Finding]:
 def _step_and_error(log: Log) -> tuple[float, float]:
     """N m (N): the step of the torque, and the most that a mean errs by it."""
     step = resolution_of(log.torque)
-    levels = np.unique(log.torque)
-    if step == 0 and 1 < len(levels) <= FEW:
-        step = float(np.diff(levels).min())
+    if step == 0:
+        levels = np.unique(log.torque)
+        step = float(np.diff(levels).min()) if 1 < len(levels) <= FEW else 0.0
     if step == 0:
         return 0.0, 0.0
     noise = angle_noise.noise_of(log.torque, step)
