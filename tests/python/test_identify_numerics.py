@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -779,3 +780,13 @@ def test_the_lowest_of_three_delays():
     assert delay._vertex([at(k, 1.2) for k in (1.0, 3.0, 5.0)]) == pytest.approx([1.2])
     assert delay._vertex([at(k, 2.0, -1.0) for k in (1.0, 3.0, 5.0)]) == []
     assert delay._vertex([at(k, 2.0) for k in (1.0, 3.0)]) == []
+
+
+def test_the_profile_of_an_exact_fit_has_a_shape():
+    """A log without any noise may leave a cost of 0 at the best a: no division by it."""
+    a = np.geomspace(50, 200, 5)
+    cost = np.array([4.0, 1.0, 0.0, 1.0, 4.0])
+    curve = SimpleNamespace(a=a, sse=cost, stiff=np.ones(5), coefficient=np.ones((5, 1)))
+    with np.errstate(all="raise"):
+        profile = fit.profile_of(curve, a)
+    assert np.isfinite(profile).all() and profile.argmin() == 2 and (np.diff(profile)[2:] > 0).all()

@@ -184,7 +184,7 @@ def test_ctrl_c_of_a_client_of_a_bus(tmp_path, root, verb):
         bus = ["-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", port]
         follow = ["--follow", "--dbc", root / "lib" / "node" / "dahl.dbc", "--angle", "Count"]
         more = {
-            "record": ["-o", tmp_path / "x.log"],
+            "record": ["--force", "-o", tmp_path / "x.log"],  # what an interruption left stays
             "identify": [*follow, "--torque", "TorqueRatio", "-o", tmp_path],
             "monitor": [],
         }

@@ -316,7 +316,7 @@ def test_monitor_without_a_terminal_prints_one_picture(served, run_dahl):
     assert len(rows) == 2, done.stdout
     rates = [int(rate) for _, rate in rows]
     assert [int(frames) for frames, _ in rows] == pytest.approx([250, 250], abs=20)
-    assert rates == pytest.approx([1000, 1000], rel=0.5)  # by the host's clock: a busy one is late
+    assert all(100 < rate < 2000 for rate in rates)  # 1000, by the clock of a host that may be busy
     assert rates[0] == pytest.approx(rates[1], rel=0.05)
 
 

@@ -31,6 +31,7 @@ ROUNDS, STEPS = 2, 9  # of refining the grid around its best node
 COARSE = 1.3  # ratio of neighbouring a in the first grid
 DENSE = 4001  # points at which a profile is read
 CLOSEST = 1e-9  # of log a, from the best to the next point of a profile
+EXACT = 1e-16  # of the largest cost: less than rounding leaves of a log without any noise
 
 
 @dataclass
@@ -286,8 +287,10 @@ def dense_of(best: Estimate) -> Curve:
 def profile_of(dense: Curve, sigma0: np.ndarray) -> np.ndarray:
     """Least cost for each sigma0 over the least of all: (n,) -> (n,)."""
     off = sigma0[:, None] / dense.a - dense.coefficient[:, 0]
-    least: np.ndarray = np.min(dense.sse + dense.stiff * off**2, axis=1) / dense.sse.min()
-    return least
+    least = np.min(dense.sse + dense.stiff * off**2, axis=1)
+    best = max(dense.sse.min(), EXACT * dense.sse.max())
+    shape: np.ndarray = least / best
+    return shape
 
 
 def _spline(a: np.ndarray, values: np.ndarray) -> CubicSpline:
