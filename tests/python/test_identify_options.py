@@ -18,6 +18,7 @@ from dahl import logs, plots, scene
 from dahl.cli import build_parser
 from dahl.identify import draw, output, pipeline
 from dahl.identify.finding import Finding
+from dahl.identify.fit import Interval
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, synthetic
 from log_writers import DBC
 from rich.console import Console
@@ -451,6 +452,19 @@ def test_the_picture_shows_the_log_and_its_fit(result, picture, timed):
     assert x == pytest.approx((raw.theta - raw.theta[0]) / size)
     assert left == pytest.approx(log.torque - result.predicted[0])
     assert panels["by speed"].get_xlabel().endswith("/s]" if timed else "/row]")
+
+
+def test_the_cost_is_drawn_beyond_a_wide_interval(result, picture):
+    """From 0.7 of its lower to 1.3 of its upper end, and no farther than from a fifth to 5 times."""
+    sigma0 = result.estimate.sigma0
+    for low, high, first, last in ((0.5, 3, 0.35, 3.9), (0.1, 9, 0.2, 5)):
+        ci95 = result.estimate.ci95 | {"sigma0": Interval(low * sigma0, high * sigma0)}
+        cost = picture(replace(result, estimate=replace(result.estimate, ci95=ci95)))["cost"]
+        values = cost.lines[0].get_xdata() / sigma0
+        assert (values[0], values[-1]) == pytest.approx((first, last))
+        span = cost.patches[0].get_extents().transformed(cost.transData.inverted())
+        ends = (max(low, first) * sigma0, min(high, last) * sigma0)
+        assert (span.x0, span.x1) == pytest.approx(ends)
 
 
 def test_the_picture_shows_the_numbers_and_their_interval(result, picture):

@@ -22,7 +22,7 @@ def dahl(moves: np.ndarray, a: float, start: float = 0.0) -> np.ndarray:
 
 def bilinear(moves: np.ndarray, a: float, start: float = 0.0) -> np.ndarray:
     """F/Fc of a spring that slips at once (exponent 0 in place of Dahl's 1), clipped at +-1."""
-    total = _rows(a * moves, 0.0)
+    total = _rows(a * moves)
     low, high = np.full_like(total, -1.0), np.full_like(total, 1.0)
     for i in range(1, total.shape[0]):  # x -> min(high, max(low, x + total))
         for edge in (low, high):
@@ -68,9 +68,9 @@ def reversals(theta: np.ndarray, least: float) -> np.ndarray:
     return np.array(kept, dtype=int)
 
 
-def _rows(values: np.ndarray, fill: float) -> np.ndarray:
+def _rows(values: np.ndarray) -> np.ndarray:
     """Shape (n,) -> (ROW, columns): column j holds samples j*ROW ...; the last is filled up."""
     columns = -(-len(values) // ROW)
-    whole = np.full(columns * ROW, fill)
+    whole = np.zeros(columns * ROW)
     whole[: len(values)] = values
     return np.ascontiguousarray(whole.reshape(columns, ROW).T)
