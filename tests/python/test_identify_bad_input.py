@@ -255,7 +255,12 @@ def test_rows_and_columns_are_found_wherever_they_are(tmp_path):
         tmp_path / "a.mat", {"run": {"way": both[:, 1], "n": 3.0, "load": both[:, 0]}, "k": 1.0}
     )
     savemat(tmp_path / "b.mat", {"run": both, "short": np.arange(1.0)})
-    for name, angle, torque in (("a.mat", "run.way", "run.load"), ("b.mat", "run.2", "run.1")):
+    savemat(tmp_path / "n.mat", {"rig": {"run": {"way": both[:, 1], "load": both[:, 0]}}})
+    for name, angle, torque in (
+        ("a.mat", "run.way", "run.load"),
+        ("b.mat", "run.2", "run.1"),
+        ("n.mat", "rig.run.way", "rig.run.load"),
+    ):
         log = readers.read(tmp_path / name, readers.Source(angle, torque, angle_unit="rad"))
         assert (log.theta.tolist(), log.torque.tolist()) == ([1, 2], [5, 6]), name
     (tmp_path / "d.csv").write_text("5 1\n6 x\n")

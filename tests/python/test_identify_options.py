@@ -455,7 +455,7 @@ def test_the_picture_shows_the_log_and_its_fit(result, picture, timed):
 
 
 def test_the_cost_is_drawn_beyond_a_wide_interval(result, picture):
-    """From 0.7 of its lower to 1.3 of its upper end, and no farther than from a fifth to 5 times."""
+    """From 0.7 of its lower to 1.3 of its upper end, at most from a fifth to 5 times sigma0."""
     sigma0 = result.estimate.sigma0
     for low, high, first, last in ((0.5, 3, 0.35, 3.9), (0.1, 9, 0.2, 5)):
         ci95 = result.estimate.ci95 | {"sigma0": Interval(low * sigma0, high * sigma0)}

@@ -193,6 +193,23 @@ def test_an_element_of_another_shape_at_its_best(guess):
     assert compare.shaped(other, path.dahl, "fading") is None
 
 
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda book: compare.shaped(book, path.dahl, "bent"),
+        lambda book: compare.one(book, "dahl", "Dahl"),
+    ],
+)
+def test_another_model_has_the_delay_that_it_was_fitted_with(made):
+    """The torque comes 3 rows late: with that delay the fit is exact, and the choice says so."""
+    late = np.r_[np.zeros(3), dahl_torque(THETA)[:-3]]
+    cut = cycles.Cut([log_of(late, THETA, 0.002)], A, 0.003, 10)
+    book = compare.Dictionary(cut, A, ("offset",), 3.0)
+    found = made(book)
+    assert found.trial.choice.delay == 3 and found.trial.choice.terms == ("offset",)
+    assert found.trial.value["sigma0"] == pytest.approx(SIGMA0, rel=0.01)
+
+
 def test_speeds_at_which_friction_is_tried_to_fall(book, monkeypatch):
     beside = []
     monkeypatch.setattr(compare, "shaped", lambda *words: beside.append((words[2], words[3])))
