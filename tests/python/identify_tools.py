@@ -17,6 +17,16 @@ SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad
 
 
+def springs(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
+    """Springs that slip, (sigma0, Fc) each, row by row."""
+    forces, drawn = np.zeros(len(parts)), []
+    stiffness, limits = np.array(parts).T
+    for move in np.diff(theta, prepend=theta[0]):
+        forces = np.clip(forces + stiffness * move, -limits, limits)
+        drawn.append(forces.sum())
+    return np.array(drawn)
+
+
 def dahl_torque(theta: np.ndarray, sigma0: float = SIGMA0, Fc: float = FC):  # noqa: N803
     """Torque on a path that turns at its rows: anchored at each reversal, from rest."""
     moves = np.diff(theta, prepend=theta[0])

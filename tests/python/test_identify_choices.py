@@ -39,6 +39,7 @@ from identify_tools import (
     dahl_torque,
     noise_of,
     sine,
+    springs,
     synthetic,
     write_csv,
 )
@@ -48,16 +49,6 @@ from scipy.optimize import lsq_linear
 pytestmark = pytest.mark.usefixtures("library")
 
 RNG = np.random.default_rng(5)
-
-
-def slip(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
-    """Springs that slip, (sigma0, Fc) each, row by row."""
-    forces, drawn = np.zeros(len(parts)), []
-    stiffness, limits = np.array(parts).T
-    for move in np.diff(theta, prepend=theta[0]):
-        forces = np.clip(forces + stiffness * move, -limits, limits)
-        drawn.append(forces.sum())
-    return np.array(drawn)
 
 
 def log_of(torque: np.ndarray, theta: np.ndarray, noise: float = 0.02) -> Log:
@@ -244,7 +235,7 @@ TWO_SLIPS = ((150.0, 0.3), (40.0, 0.5))
 
 @pytest.fixture(scope="module")
 def slipping(library):
-    return pipeline.identify([log_of(slip(MOTION, *TWO_SLIPS), MOTION, 0.01)])
+    return pipeline.identify([log_of(springs(MOTION, *TWO_SLIPS), MOTION, 0.01)])
 
 
 def test_the_model_that_a_log_asks_for(slipping):

@@ -44,7 +44,7 @@ from dahl.identify.finding import Finding
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.result import Cycles
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, synthetic
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, springs, synthetic
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
@@ -53,16 +53,6 @@ pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 RNG = np.random.default_rng(21)
-
-
-def springs(theta: np.ndarray, *parts: tuple[float, float]) -> np.ndarray:
-    """Springs that slip, (sigma0, Fc) each, row by row."""
-    forces, drawn = np.zeros(len(parts)), []
-    stiffness, limits = np.array(parts).T
-    for move in np.diff(theta, prepend=theta[0]):
-        forces = np.clip(forces + stiffness * move, -limits, limits)
-        drawn.append(forces.sum())
-    return np.array(drawn)
 
 
 def log_of(torque: np.ndarray, theta: np.ndarray, part: float = 0.02, **more) -> Log:

@@ -4,8 +4,8 @@ the mean, and Fc may be up to half a step off, sigma0 by up to twice that part o
 from Fc/32 to Fc/1.5).
 
 A mean of readings that are rounded to steps of q errs, beneath independent errors of standard
-deviation s, by at most q/2 exp(-2 pi^2 s^2/q^2): the first harmonic of the sawtooth of rounding,
-through a normal distribution.
+deviation s, as the sawtooth of rounding smoothed by a normal distribution: its first harmonic falls
+as exp(-2 pi^2 s^2/q^2), the others faster. So q/2 times that stands for the most that it errs.
 """
 
 from __future__ import annotations
