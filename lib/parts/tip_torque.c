@@ -20,7 +20,7 @@ static uint64_t twice_g(const dahl_plan_t *plan, uint32_t counts)
     return w + DAHL_ONE_Q62;
 }
 
-/* tip = 2 g/(4 - 2 g). One count travels 2^-30 or more, so the upper word of 2 g is 0 for none alone. */
+/* tip = 2 g/(4 - 2 g). A count travels 2^-30 or more, so the upper word of 2 g is 0 only where the stroke is. */
 float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke)
 {
     const dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
