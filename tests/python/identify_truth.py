@@ -145,6 +145,20 @@ def changing(seed: int, factor: np.ndarray) -> Log:
     return motion.log(dahl(motion.theta, Fc=FC * np.concatenate((np.ones(LEAD), factor))))
 
 
+def under_load(seed: int) -> Log:
+    """Fc and sigma0 follow a load that swings by half, at a pace of its own; F is kept where it
+    grows. The log tells it in parts of that at which both have their true values.
+    """
+    motion, draw = Motion(seed), np.random.default_rng([seed, 10])
+    phase = 2 * np.pi * (draw.uniform(0.5, 8) * np.arange(LEAD + ROWS) / ROWS + draw.uniform())
+    load, F, drawn = 1 + 0.5 * np.sin(phase), 0.0, []  # noqa: N806
+    for k, move in enumerate(np.diff(motion.theta, prepend=motion.theta[0]).tolist()):
+        F *= min(load[k] / load[max(k - 1, 0)], 1.0)  # noqa: N806
+        F += (math.copysign(load[k] * FC, move) - F) * -math.expm1(-SIGMA0 / FC * abs(move))  # noqa: N806
+        drawn.append(F)
+    return replace(motion.log(np.array(drawn)), load=load[LEAD:])
+
+
 def gaps(seed: int) -> Log:
     """Some of the log is lost: a tenth of a second here and there."""
     log, draw = plain(seed), np.random.default_rng([seed, 9])
@@ -183,6 +197,7 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "angle noise, 5 counts": shaky,
     "Fc trend 20 %": lambda seed: changing(seed, 1 + RAMP),
     "Fc step 20 %": lambda seed: changing(seed, np.where(HALF, 1.1, 0.9)),
+    "load that swings by half": under_load,
     "gaps": gaps,
     "wrap": wrapped,
 }

@@ -309,7 +309,7 @@ def test_the_parameters_behind_a_filter_are_found_again():
     log.torque[1000:1100], log.weight[1000:1100] = 7.0, 0.0
     turned = replace(log, torque=-log.torque)
     found = SimpleNamespace(
-        logs=[turned], raw=[log], sign=-1.0, estimate=SimpleNamespace(terms={"offset": 0.3})
+        logs=[turned], eased=[log], sign=-1.0, estimate=SimpleNamespace(terms={"offset": 0.3})
     )
     measured = lowpass.Measured(found)
     filters = dict(lowpass._filters((lowpass._first_order,), (10, 20)))

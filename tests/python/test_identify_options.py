@@ -103,10 +103,12 @@ def test_a_running_median_of_so_many_rows(run_dahl, rig):
 
 
 def test_the_time_is_the_column_that_was_named(run_dahl, rig):
-    """The angle itself, as a clock, goes backward."""
+    """The torque, as a clock, goes backward; the angle is none."""
+    words = ("--torque", "angle_deg", "--angle", "t", "--angle-unit", "deg", "--torque-unit", "Nm")
+    done = run_dahl("identify", rig, "--time", "torque_Nm", *words, "--no-files")
+    assert done.returncode == 2 and "backward" in done.stderr
     done = run_dahl("identify", rig, "--time", "angle_deg", "--no-files")
-    assert done.returncode == 2
-    assert "backward" in done.stderr
+    assert done.returncode == 2 and "cannot be both angle and time" in done.stderr
 
 
 def test_a_log_to_check_is_read_with_the_same_options(run_dahl, rig):

@@ -94,6 +94,13 @@ SETS = {
                 "0.5Hz30lbtension0.5amplitude.json": "5c5d33664239122c251a3f5a66f65f56ce5a02b00649126341d3ffe114bba0d0",
             },
             "dataset-3_",
+        )
+        + _same(
+            "data/dataset-4",
+            {
+                "harmonic0.015forward.json": "7e61d7553139ff14e61ddc619c16864bc59c5f2f761dab1fe0ab03b006ff05ab",
+            },
+            "dataset-4_",
         ),
     ),
     "pneumatic": Set(

@@ -159,6 +159,31 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
     return "\n".join(lines) + "\n"
 
 
+def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
+    """A header of a plan for dahl_loaded_step_counts() with what makes its load_q30 out of a load
+    as it is measured: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
+    """
+    header = header.replace('#include "dahl.h"', '#include "dahl_parts.h"')
+    end = header.rindex("#endif /* ")
+    function = [
+        "/* load_q30 of dahl_loaded_step_counts() for a load as the log has it. */",
+        f"static inline uint32_t dahl_plan_{name}_load_q30(float load)",
+        "{",
+        f"    const float share = {_float(at_zero)} + {_float(per_unit)} * load;",
+        "",
+        "    return share >= 2 ? 2147483647u : share > 0 ? (uint32_t)(share * 1073741824) : 0u;",
+        "}",
+        "",
+    ]
+    return header[:end] + "\n".join(function) + "\n" + header[end:]
+
+
+def _float(value: float) -> str:
+    """A literal of C."""
+    text = f"{value:.9g}"
+    return f"{text}f" if re.search(r"[.e]", text) else f"{text}.0f"
+
+
 def _words(name: str, plan: AnyPlan) -> list[str]:
     """One plan."""
     prefix = KINDS[type(plan)][0]

@@ -63,10 +63,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     from dahl import plan_header
     from dahl.identify import design
+    from dahl.identify.design import PACES, PLACES
 
     wanted, name = _wanted(args), plan_header.identifier(args.name)
     motion = design.propose(wanted)
-    rows = motion.cycles * motion.rows_per_cycle
+    rows = motion.rows
     if rows > ROWS:
         raise Error(
             f"--within {args.within:g}: this needs {motion.cycles} cycles,"
@@ -77,9 +78,10 @@ def run(args: argparse.Namespace) -> None:
     written = [_write_csv(args.output / f"{name}.csv", wanted, motion)]
     written.append(_write_scene(args.output / f"{name}.ini", name, wanted, motion))
     unit = "m" if args.mm else "rad"
+    quick, far = motion.rows_per_cycle / motion.rate, motion.amplitude
     print(
-        f"motion     sine of {motion.amplitude:.4g} {unit}, {motion.cycles} cycles of"
-        f" {motion.rows_per_cycle / motion.rate:.4g} s"
+        f"motion     strokes of {min(PLACES) * far:.4g} to {far:.4g} {unit} to either side,"
+        f" {motion.cycles} cycles of {quick:.4g} to {max(PACES) * quick:.4g} s"
     )
     print(f"reversals  {motion.reversals} in {motion.seconds:.4g} s, {rows} rows")
     for name, part in motion.within.items():

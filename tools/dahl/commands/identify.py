@@ -34,6 +34,7 @@ EXAMPLE = """examples:
   dahl identify "$(dahl data tribometer)/reciprocating.tsv" --name rig
   dahl identify shaft.csv --angle angle_deg --torque torque_Nm --counts-per-turn 16384
   dahl identify run1.csv run2.csv --check run3.csv --json -
+  dahl identify brake.csv --angle angle_deg --torque torque_Nm --load clamp_N
   dahl identify drive.blf --dbc car.dbc --angle SteeringAngle --torque ColumnTorque
   dahl identify --each logs/ --jobs 4
   dahl identify --follow -i socketcan -c can0 --dbc car.dbc --angle A --torque T --within 2"""
@@ -45,6 +46,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--angle", default="", metavar="NAME", help="column or signal, or its number")
     what.add_argument("--torque", default="", metavar="NAME", help="the same for the torque")
     what.add_argument("--time", default="", metavar="NAME", help="the same for the time in s")
+    what.add_argument(
+        "--load",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="what the friction may follow, as a normal force; given twice or more, their sum",
+    )
     what.add_argument(
         "--angle-unit",
         default="",
@@ -149,7 +157,8 @@ def source_of(args: argparse.Namespace) -> Source:
 
     if not 0 <= args.counts_per_turn < 2**32:
         raise Error(f"--counts-per-turn {args.counts_per_turn:g}: a number above 0 was expected")
-    return Source(**{name: getattr(args, name) for name in Source.__dataclass_fields__})
+    given = {name: getattr(args, name) for name in Source.__dataclass_fields__}
+    return Source(**{**given, "load": tuple(args.load)})
 
 
 def options_of(args: argparse.Namespace) -> Options:

@@ -12,6 +12,7 @@ import numpy as np
 
 from dahl.identify import elements, path
 from dahl.identify.compare import Candidate, Part
+from dahl.identify.load import Follows
 from dahl.identify.result import Result
 
 if TYPE_CHECKING:
@@ -22,20 +23,29 @@ if TYPE_CHECKING:
 class Friction:
     """One model by the words of a scene. N m and rad, or N and m."""
 
-    model: str  # dahl, slip, parallel, asymmetric
+    model: str  # dahl, slip, parallel, asymmetric, loaded
     sigma0: tuple[float, ...]
     Fc: tuple[float, ...]  # of each element; forward and backward
     kinds: tuple[str, ...]  # of parallel: dahl or slip for each element
     terms: dict[str, float]  # beside it
     earlier: float = 0.0  # rows that the torque is to come earlier than the log was shifted to
+    follows: Follows | None = None  # of loaded; sigma0 and Fc are those of its largest share
 
     @property
     def a(self) -> float:
         """Of all elements together, 1/rad (1/m)."""
         return sum(self.sigma0) / (sum(self.Fc) / (2 if self.model == "asymmetric" else 1))
 
-    def torque(self, moves: np.ndarray) -> np.ndarray:
-        """From rest, after each move: (rows,) N m (N)."""
+    def load(self, measured: np.ndarray) -> np.ndarray:
+        """What a loaded plan takes as its load, 0 .. 1 in the log: (rows,)."""
+        assert self.follows is not None
+        shares: np.ndarray = self.follows.share(measured) / self.follows.shares[1]
+        return shares
+
+    def torque(self, moves: np.ndarray, load: np.ndarray | None = None) -> np.ndarray:
+        """From rest, after each move, under the load measured: (rows,) N m (N)."""
+        if self.follows is not None and load is not None:
+            return self.Fc[0] * path.loaded(moves, self.a, self.load(load))
         if self.model == "asymmetric":
             half, mean = sum(self.Fc) / 2, (self.Fc[0] - self.Fc[1]) / 2
             part = mean / half
@@ -43,9 +53,16 @@ class Friction:
             return mean + half * w
         drawn = np.zeros(len(moves))
         for sigma0, limit, kind in zip(self.sigma0, self.Fc, self._kinds, strict=True):
-            element = path.dahl if kind == "dahl" else path.bilinear
+            element = path.bilinear if kind == "slip" else path.dahl
             drawn += limit * element(moves, sigma0 / limit)
         return drawn
+
+    @property
+    def line(self) -> tuple[float, float]:
+        """The load of the plan over that measured: at 0, and its change with a unit."""
+        assert self.follows is not None
+        most = self.follows.shares[1]
+        return (1 - self.follows.slope * self.follows.reference) / most, self.follows.slope / most
 
     @property
     def _kinds(self) -> tuple[str, ...]:
@@ -64,7 +81,7 @@ class Friction:
             return {"": Asymmetric(sigma0, forward, backward, theta_per_count)}
         pairs = list(zip(self.sigma0, self.Fc, self._kinds, strict=True))
         slips = [pair[:2] for pair in pairs if pair[2] == "slip"]
-        dahls = [Plan(*pair[:2], theta_per_count) for pair in pairs if pair[2] == "dahl"]
+        dahls = [Plan(*pair[:2], theta_per_count) for pair in pairs if pair[2] != "slip"]
         several = self.model == "parallel"
         found: dict[str, AnyPlan] = {
             f"_{k + 1}" if several else "": one for k, one in enumerate(dahls)
@@ -79,6 +96,10 @@ def of(result: Result) -> Friction:
     """The friction of a result."""
     seen, estimate = result.explored, result.estimate
     one = seen.models.of(seen.models.chosen)
+    if result.follows is not None and (one is None or one.name == "Dahl"):
+        most = result.follows.shares[1]
+        scaled = (most * estimate.sigma0,), (most * estimate.Fc,)
+        return Friction("loaded", *scaled, (), estimate.terms, follows=result.follows)
     if one is None or one.name in ("Dahl", "Coulomb"):
         return Friction("dahl", (estimate.sigma0,), (estimate.Fc,), (), estimate.terms)
     earlier = one.trial.choice.delay - seen.choice.delay

@@ -5,7 +5,9 @@ For guessed parameters the sensitivities of the torque to sigma0 and Fc, and to 
 and viscous part that a log may have beside them, are known along any motion; their products, summed
 over the rows, give the interval that a fit can reach (the Cramer-Rao bound). A sine is proposed:
 its amplitude gives most about sigma0 per second, its number of cycles is what the wanted interval
-needs. The encoder adds noise of its own (a uniform error of one count, times the slope) and sets a
+needs. Its strokes then get different lengths and speeds, since what is the same in each of them (a
+part of the torque that comes late, an encoder's error at the turning point) would pass for another
+sigma0. The encoder adds noise of its own (a uniform error of one count, times the slope) and sets a
 lower limit: presliding must be several counts long.
 """
 
@@ -25,6 +27,8 @@ MARGIN = 1.5  # cycles beyond what the bound asks for, as real noise is not inde
 LEAST_COUNTS = 4.0  # counts in a presliding length
 QUANTILE = 1.96
 CYCLE_ROWS = 1_000_000
+PLACES = (1.0, 0.9, 0.8)  # of the amplitude, turning point by turning point
+PACES = (1.0,) * 6 + (1.6,) * 6  # of the rows of a stroke: few changes, for a change is no sine
 EDGE = 0.01  # of a parameter, for its sensitivity: seen in a float, and still straight
 
 
@@ -43,7 +47,9 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Motion:
-    """A sine from its middle: amplitude in rad (m), cycles, rows per cycle."""
+    """Strokes shaped as those of a sine, from its middle on: the largest amplitude in rad (m),
+    cycles, rows per cycle at the highest speed.
+    """
 
     amplitude: float
     cycles: int
@@ -53,16 +59,48 @@ class Motion:
 
     @property
     def seconds(self) -> float:
-        return self.cycles * self.rows_per_cycle / self.rate
+        return self.rows / self.rate
+
+    @property
+    def rows(self) -> int:
+        often, more = divmod(self.reversals - 1, len(PACES))
+        return 2 * self._half_a_stroke + often * sum(self._strokes) + sum(self._strokes[:more])
 
     @property
     def reversals(self) -> int:
         return 2 * self.cycles
 
     def theta(self) -> np.ndarray:
-        """rad (m), one row per tick; shape (rows,)."""
-        rows = np.arange(self.cycles * self.rows_per_cycle + 1)
-        return self.amplitude * np.sin(2 * np.pi * rows / self.rows_per_cycle)
+        """rad (m), one row per tick; shape (rows + 1,)."""
+        places = np.resize(PLACES, self.reversals) * np.resize((1, -1), self.reversals)
+        ends = self.amplitude * np.concatenate(([0.0], places, [0.0]))
+        between = np.resize(self._strokes, self.reversals - 1).tolist()
+        lengths = [self._half_a_stroke, *between, self._half_a_stroke]
+        strokes = [
+            start + (end - start) * _share(rows, start != 0, end != 0)
+            for start, end, rows in zip(ends, ends[1:], lengths, strict=False)
+        ]
+        return np.concatenate((*strokes, [0.0]))
+
+    @property
+    def _strokes(self) -> list[int]:
+        """Rows from one turning point to the next, again and again."""
+        return [round(self.rows_per_cycle / 2 * pace) for pace in PACES]
+
+    @property
+    def _half_a_stroke(self) -> int:
+        """Rows from the middle to the first turning point, and from the last one back."""
+        return round(self.rows_per_cycle / 4)
+
+
+def _share(rows: int, from_rest: bool, to_rest: bool) -> np.ndarray:
+    """0 .. 1 of a stroke, row by row, as a sine goes from a turning point to the next, or from or
+    to its middle: (rows,).
+    """
+    phase = np.arange(rows) / rows
+    if from_rest and to_rest:
+        return (1 - np.cos(np.pi * phase)) / 2
+    return 1 - np.cos(np.pi / 2 * phase) if from_rest else np.sin(np.pi / 2 * phase)
 
 
 def propose(wanted: Wanted) -> Motion:

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dahl import plots
-from dahl.identify import carried, pipeline, plan_quality
+from dahl.identify import carried, load, pipeline, plan_quality
 from dahl.identify import path as paths
 from dahl.identify.fit import dense_of, profile_of
 from dahl.identify.log import Log
@@ -105,7 +105,9 @@ def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
     log, some = shown.log, shown.some
     measured = result.sign * shown.raw.torque
     axes.plot(shown.angle, measured[some], color=MEASURED, linewidth=1.1, label="as measured")
-    drawn = result.predicted[index]
+    drawn = result.predicted[index] + load.more(
+        log, log.moves_of(slice(0, log.rows)), result.follows
+    )
     sign = paths.coulomb(log.moves, 0.0) * result.estimate.Fc
     sign = sign + plan_quality.load_of(result, log, result.estimate.terms)
     angle = (log.theta - shown.raw.theta[0])[some] / shown.size
@@ -126,9 +128,9 @@ def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
 def _chosen(axes: Axes, result: Result, log: Log, angle: np.ndarray, some: slice) -> None:
     """The model that header and scene carry, where that is not Dahl's."""
     friction = carried.of(result)
-    if friction.model != "dahl":
-        load = pipeline.extra(log, friction.terms)
-        drawn = plan_quality.drawn(friction, log.moves, log.torque - load) + load
+    if friction.model not in ("dahl", "loaded"):
+        beside = pipeline.extra(log, friction.terms)
+        drawn = plan_quality.drawn(friction, log.moves, log.torque - beside) + beside
         label = f"{result.explored.models.chosen} (chosen)"
         axes.plot(angle, drawn[some], color=CHOSEN, linewidth=1.4, label=label)
 

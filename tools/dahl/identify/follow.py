@@ -47,7 +47,7 @@ def signals_of(source: Source) -> Signals:
     """What is looked for on the bus. Raises dahl.Error."""
     if source.dbc is None or not (source.angle and source.torque):
         raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
-    return Signals(source.dbc, source.angle, source.torque)
+    return Signals(source.dbc, source.angle, source.torque, source.loads)
 
 
 def signals_rows(signals: Signals) -> int:

@@ -7,7 +7,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-BY_ROW = ("theta", "torque", "time", "weight", "free_moves")  # arrays of a Log, one entry a row
+BY_ROW = (
+    "theta",
+    "torque",
+    "time",
+    "weight",
+    "free_moves",
+    "load",
+)  # arrays of a Log, one entry a row
 
 
 @dataclass
@@ -22,6 +29,7 @@ class Log:
     resolution: float = 0.0  # rad (m) per encoder count; 0: none was found
     weight: np.ndarray | None = None  # 1 where a row counts, 0 where it does not, between: less
     free_moves: np.ndarray | None = None  # rad (m) from row to row without the travel of backlash
+    load: np.ndarray | None = None  # what the friction may follow, in whatever unit it came in
     zero: float = 0.0  # rad (m), the angle at which a spring is taken to be relaxed
     notes: list[str] = field(default_factory=list)  # what was found and how it was handled
 

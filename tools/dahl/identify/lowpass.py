@@ -148,7 +148,7 @@ class Measured:
     def __init__(self, result: Result) -> None:
         used = [sweep.CORE.index(name) for name in result.estimate.terms]
         terms, torques, weights, self.moves = [], [], [], []
-        for log, raw in zip(result.logs, result.raw, strict=True):
+        for log, raw in zip(result.logs, result.eased, strict=True):
             rows = slice(0, min(LOOKED_AT, log.rows))
             terms.append(sweep.columns_of(log, rows)[:, used])
             torques.append(result.sign * raw.torque[rows])

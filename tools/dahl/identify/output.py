@@ -16,7 +16,8 @@ import numpy as np
 
 from dahl import __version__
 from dahl.files import keep
-from dahl.identify import carried, clean, models_output, pipeline
+from dahl.identify import carried, clean, load, models_output, pipeline
+from dahl.identify.load import Follows
 from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
 
@@ -66,6 +67,7 @@ def numbers(result: Result) -> dict[str, Any]:
         "informs_sigma0": result.informs,
         "delay_rows": result.delay,
         "backlash": result.backlash,
+        "load": load_numbers(result.follows),
         "resolution": log.resolution,
         "r2_plan": result.plan.r2,
         "plan": {
@@ -79,6 +81,22 @@ def numbers(result: Result) -> dict[str, Any]:
         "notes": result.notes,
         **how(result),
         **models_output.numbers(result),
+    }
+
+
+def load_numbers(follows: Follows | None) -> dict[str, Any] | None:
+    """By how much sigma0 and Fc follow the load: times 1 + slope (load - reference)."""
+    if follows is None:
+        return None
+    return {
+        "reference": follows.reference,
+        "slope": follows.slope,
+        "slope_standard_error": follows.error,
+        "least": follows.ends[0],
+        "most": follows.ends[1],
+        "shares": list(follows.shares),
+        "r2": follows.r2,
+        "r2_without": follows.r2_without,
     }
 
 
@@ -131,6 +149,8 @@ def table(result: Result) -> Table:
             f"held out: {words}",
             f"R2 {models.r2[name]:.4f}, rms {models.rmse[name]:.3g} {log.unit}",
         )
+    if result.follows is not None:
+        shown.add_row("load", result.follows.words)
     for name, r2 in result.checks.items():
         shown.add_row(f"check: {Path(name).name}", f"R2 {r2:.4f}, not fitted")
     shown.add_row("R2 of the plan, raw motion", f"{result.plan.r2:.4f}, friction alone")
@@ -162,12 +182,14 @@ def header(result: Result, name: str) -> str:
     from dahl import plan_header
 
     log, count = result.logs[0], result.plan.theta_per_count
-    plans = carried.of(result).plans(count)
+    friction = carried.of(result)
+    plans = friction.plans(count)
     whose = "the target's" if result.plan.of_target else "that of the encoder in the log"
     comment = [
         f"Friction identified from {titled(result)}:",
         f"{result.verdict.text}.",
         models_output.about(result),
+        result.follows.words + "." if result.follows else "",
         f"Dahl's sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
         f" Fc [{log.unit}] {interval(result, 'Fc')}.",
         f"R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
@@ -180,7 +202,8 @@ def header(result: Result, name: str) -> str:
     ]
     whole = [line.replace("*/", "* /") for line in comment]
     folded = [part for line in whole if line for part in textwrap.wrap(line, COMMENT)]
-    return plan_header.text(name, plans, folded)
+    text = plan_header.text(name, plans, folded)
+    return plan_header.with_load(text, name, *friction.line) if friction.follows else text
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
@@ -189,12 +212,15 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
     rows = slice(0, REPLAYED)
     drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
     rest = {term: value for term, value in friction.terms.items() if term not in drawn}
-    torque = clean.shifted(log.torque, friction.earlier)
+    beyond = load.more(log, log.moves_of(slice(0, log.rows)), result.follows)
+    torque = clean.shifted(log.torque + beyond, friction.earlier)
     torque = (torque - pipeline.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
-    columns = np.column_stack((theta, torque))
-    keep_table(folder / f"{name}.csv", columns, f"{angle},{force}", "%.9g")
+    names, columns = [angle, force], [theta, torque]
+    if friction.follows is not None and log.load is not None:
+        names, columns = [*names, "load"], [*columns, friction.load(log.load)[rows]]
+    keep_table(folder / f"{name}.csv", np.column_stack(columns), ",".join(names), "%.9g")
     path = folder / f"{name}.ini"
     keep(path, _scene(result, name, angle, force))
     return path
@@ -219,6 +245,7 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
         f"Fc = {Fc} ; {log.unit}",
         *([f"kinds = {' '.join(shown.kinds)}"] if shown.kinds else []),
         f"theta_per_count = {count!r} ; {log.angle_unit}",
+        *(["[load]", "full = 1", "column = load"] if shown.follows else []),
         "[motion]",
         "kind = log",
         f"file = {name}.csv",

@@ -39,6 +39,26 @@ def bilinear(moves: np.ndarray, a: float, start: float = 0.0) -> np.ndarray:
     return ratios[: len(moves)]
 
 
+def loaded(moves: np.ndarray, a: float, share: np.ndarray) -> np.ndarray:
+    """F/Fc of Dahl's model from rest under a load that makes Fc and sigma0 `share` times as large
+    at each row, (n,): where the load falls F falls with it, where it grows F is kept
+    (dahl_parts.h). Each row is an affine map of F, so that those of a long path are composed side
+    by side.
+    """
+    left = np.exp(-a * np.abs(moves))
+    fallen = np.minimum(share / np.concatenate((share[:1], share[:-1])), 1.0)
+    kept, drawn = _rows(left * fallen), _rows(share * np.sign(moves) * (1 - left))
+    for i in range(1, kept.shape[0]):  # F -> drawn + kept F
+        drawn[i] += kept[i] * drawn[i - 1]
+        kept[i] *= kept[i - 1]
+    before, ratio = np.empty(kept.shape[1]), 0.0
+    for j, (rest, more) in enumerate(zip(kept[-1].tolist(), drawn[-1].tolist(), strict=True)):
+        before[j] = ratio
+        ratio = more + rest * ratio
+    ratios: np.ndarray = (drawn + kept * before).T.ravel()
+    return ratios[: len(moves)]
+
+
 def coulomb(moves: np.ndarray, _: float, start: float = 0.0) -> np.ndarray:
     """The sign of the last move that was one, `start` before the first."""
     sign = np.sign(moves)

@@ -22,6 +22,7 @@ from dahl.identify import (
     explore,
     fit,
     grid,
+    load,
     lowpass,
     model_table,
     path,
@@ -29,11 +30,13 @@ from dahl.identify import (
     recording,
     sweep,
     torque_steps,
+    variety,
     verdict,
 )
 from dahl.identify.explore import Explored
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate, Interval
+from dahl.identify.load import Follows
 from dahl.identify.log import Log
 from dahl.identify.result import Models, Result
 from dahl.identify.sweep import CORE, Model, Sweep
@@ -48,6 +51,7 @@ POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
 HIDDEN = 0.1  # of the change by going between the counts that may still be hidden
 LOADS = ("offset", "spring")  # terms of a first look: what no cleaning is to make up for
+LOAD_ROUNDS, SETTLED = 4, 1e-3  # of taking the load out of the torque; of Fc and a
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
 
 
@@ -135,8 +139,62 @@ def extra(log: Log, terms: dict[str, float]) -> np.ndarray:
 
 def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     """The whole of it. Raises dahl.Error for logs that no fit can use."""
-    logs = _mended(logs, options)
-    turned, sign = _positive(logs, options)
+    raw = _mended(logs, options)
+    result = _studied(raw, raw, options)
+    return _under_load(raw, result, options) if _has_load(raw) else result
+
+
+def _has_load(logs: Sequence[Log]) -> bool:
+    return all(log.load is not None for log in logs)
+
+
+def _under_load(raw: list[Log], result: Result, options: Options) -> Result:
+    """The same again with the torque as it would be at one load, until that no longer changes."""
+    follows: Follows | None = None
+    for _ in range(LOAD_ROUNDS):
+        before = result.estimate
+        cleaned = [
+            replace(log, torque=_cleaned(result, one))
+            for log, one in zip(result.logs, raw, strict=True)
+        ]
+        follows = load.found(cleaned, before, TURN / before.a)
+        if follows is None:
+            break
+        eased = [
+            _at_reference(result, one, log, follows)
+            for one, log in zip(raw, result.logs, strict=True)
+        ]
+        result = _studied(eased, raw, replace(options, model=options.model or "dahl"), follows)
+        if (
+            abs(result.estimate.Fc / before.Fc - 1) + abs(result.estimate.a / before.a - 1)
+            < SETTLED
+        ):
+            break
+    if follows is None:
+        result.logs[0].notes.append("the logs do not show that friction follows the load: not used")
+    return result
+
+
+def _cleaned(result: Result, log: Log) -> np.ndarray:
+    """The torque with the sign and in the time of the fit: (rows,)."""
+    return clean.shifted(result.sign * log.torque, result.delay)
+
+
+def _at_reference(result: Result, raw: Log, cleaned: Log, follows: Follows) -> Log:
+    """A log with the torque as it would have been at the reference of the load."""
+    moves = cleaned.moves_of(slice(0, cleaned.rows))
+    beyond = clean.shifted(load.more(raw, moves, follows), -result.delay)
+    return replace(raw, torque=raw.torque - result.sign * beyond)
+
+
+def _studied(
+    logs: list[Log], raw: list[Log], options: Options, follows: Follows | None = None
+) -> Result:
+    """Clean, fit, compare, judge logs without a gap; `raw` are they as they were measured, which
+    differ where their friction follows a load.
+    """
+    noted = [replace(log, notes=list(log.notes)) for log in logs]
+    turned, sign = _positive(noted, options)
     steadied, window = _steadied(turned, options)
     steadied, hidden, inner = _between_counts(steadied, options)
     study = Study(steadied)
@@ -163,11 +221,14 @@ def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
     if slack and seen.taken:
         seen = explore.with_backlash(seen, counted)
     estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
+    if follows is not None:
+        estimate = replace(estimate, ci95=load.widened(estimate.ci95, estimate, follows))
     result = _judged(study, found, estimate, late, slack)
     result.explored = seen
     result = replace(
-        result, median=window, sign=sign, inner=inner, raw=logs, options=asdict(options)
+        result, median=window, sign=sign, inner=inner, raw=raw, options=asdict(options)
     )
+    result.eased, result.follows = logs, follows
     return _checked(result, options)
 
 
@@ -198,6 +259,9 @@ def _checked(result: Result, options: Options) -> Result:
     ]
     result.estimate = replace(estimate, ci95=_drawn_out(estimate.ci95, result.findings))
     result.verdict = verdict.judge(result)
+    unseen = variety.note(result.logs, estimate.a, TURN / estimate.a)
+    if unseen and result.verdict.sigma0:
+        result.logs[0].notes.append(unseen)
     result.plan = plan_quality.of(result, options.target_counts, bool(doubted))
     return result
 
@@ -441,8 +505,12 @@ def check(result: Result, log: Log) -> float:
     if result.backlash:
         _without_backlash(study, result.estimate)
     torque = np.concatenate([piece.torque for piece in pieces])
-    drawn = [study.predicted(result.estimate, index) for index in range(len(pieces))]
-    left = torque - np.concatenate(drawn)
+    for piece in study.logs:
+        moves = piece.moves_of(slice(0, piece.rows))
+        piece.torque = piece.torque - load.more(piece, moves, result.follows)
+    left = np.concatenate(
+        [piece.torque - study.predicted(result.estimate, i) for i, piece in enumerate(study.logs)]
+    )
     return 1 - float(np.sum(left**2) / np.sum((torque - torque.mean()) ** 2))
 
 

@@ -45,7 +45,8 @@ def r2_on_raw(result: Result, count: float, friction: Friction) -> float:
         theta = log.theta - log.theta[0]
         theta = np.round(theta / count) * count if count else theta
         measured = result.sign * log.torque - load_of(result, log, friction.terms)
-        left = measured - drawn(friction, np.diff(theta, prepend=theta[:1]), measured)
+        moves = np.diff(theta, prepend=theta[:1])
+        left = measured - drawn(friction, moves, measured, log.load)
         lost += float(left @ left)
         spread += float(np.sum((measured - measured.mean()) ** 2))
     return 1 - lost / spread if spread else 0.0
@@ -57,9 +58,11 @@ def load_of(result: Result, log: Log, terms: dict[str, float]) -> np.ndarray:
     return spring + terms.get("offset", 0.0)
 
 
-def drawn(friction: Friction, moves: np.ndarray, measured: np.ndarray) -> np.ndarray:
+def drawn(
+    friction: Friction, moves: np.ndarray, measured: np.ndarray, load: np.ndarray | None = None
+) -> np.ndarray:
     """The plan's torque, with the best one at the first row: (rows,) N m (N)."""
-    torque = friction.torque(moves)
+    torque = friction.torque(moves, load)
     start = np.exp(-np.minimum(friction.a * np.cumsum(np.abs(moves)), 700.0))
     torque = torque + start * float(start @ (measured - torque) / (start @ start))
     return torque

@@ -14,7 +14,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -51,6 +51,12 @@ class Source:
     counts_per_turn: float = 0.0  # mm: per millimetre
     dbc: Path | None = None
     skip_gaps: bool = False
+    load: tuple[str, ...] = ()  # what the friction may follow: their sum
+
+    @property
+    def loads(self) -> dict[str, str]:
+        """Roles and names of the columns of the load."""
+        return {f"load {number}": name for number, name in enumerate(self.load, 1)}
 
 
 def read(path: Path, source: Source) -> Log:
@@ -75,19 +81,30 @@ def _read_table(path: Path, source: Source) -> tuple[dict[str, str], dict[str, n
     """Names and values by role: angle, torque and, where there is one, time."""
     frame, first = _frame(path)
     known = [str(name) for name in frame.columns]
-    names = {
-        what: units.column(what, getattr(source, what), known, f"{path}")
-        for what in ("angle", "torque", "time")
-    }
-    names = {what: name for what, name in names.items() if name}
-    if names["angle"] == names["torque"]:
-        raise Error(f"{path}: column '{names['angle']}' cannot be both angle and torque")
+    names = _columns(path, source, known, ("angle", "torque", "time"))
     places = {what: known.index(name) for what, name in names.items()}
     values = {
         what: _numbers(f"{path}", first, names[what], frame.iloc[:, place])
         for what, place in places.items()
     }
     return names, _without_gaps(path, source, names, values, first)
+
+
+def _columns(
+    path: Path, source: Source, known: Sequence[str], sought: Sequence[str]
+) -> dict[str, str]:
+    """The names of the columns that are sought, by role, and of those of the load."""
+    loads = {what: units.wanted(name, known, f"{path}") for what, name in source.loads.items()}
+    free = [name for name in known if name not in loads.values()]
+    found = {
+        what: units.column(what, getattr(source, what), known, f"{path}", free) for what in sought
+    }
+    names = {what: name for what, name in (found | loads).items() if name}
+    for what, name in names.items():
+        twice = next((other for other in names if other != what and names[other] == name), None)
+        if twice:
+            raise Error(f"{path}: column '{name}' cannot be both {what} and {twice}")
+    return names
 
 
 def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
@@ -285,7 +302,7 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
         raise Error(f"{path}: {NEEDS_DBC}")
     if not (source.angle and source.torque):
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
-    signals = Signals(source.dbc, source.angle, source.torque)
+    signals = Signals(source.dbc, source.angle, source.torque, source.loads)
     for frame in logs.frames_of(path):
         signals.feed(frame)
     return signals.columns, signals.values(path)
@@ -311,13 +328,17 @@ def database_of(path: Path) -> cantools.database.Database:
 
 
 class Signals:
-    """Two signals of a bus, frame by frame: each with the times of its own frames."""
+    """Signals of a bus, frame by frame: each with the times of its own frames."""
 
-    def __init__(self, dbc: Path, angle: str, torque: str) -> None:
+    def __init__(
+        self, dbc: Path, angle: str, torque: str, loads: Mapping[str, str] | None = None
+    ) -> None:
         database = database_of(dbc)
-        self.names = {"angle": angle, "torque": torque, "time": CLOCK}
-        self.take = {name: _message_with(database, name) for name in (angle, torque)}
-        self.columns = {**self.names, "angle": self._column(angle), "torque": self._column(torque)}
+        self.loads = dict(loads or {})
+        self.names = {"angle": angle, "torque": torque, **self.loads}
+        self.take = {name: _message_with(database, name) for name in self.names.values()}
+        self.columns = {role: self._column(name) for role, name in self.names.items()}
+        self.columns["time"] = CLOCK
         self.wanted: dict[int, list[str]] = {}
         for name, message in self.take.items():
             self.wanted.setdefault(message.frame_id, []).append(name)
@@ -336,24 +357,23 @@ class Signals:
                 self.found[name].append((frame.timestamp, value))
 
     def values(self, place: Path | str) -> dict[str, np.ndarray]:
-        """Angle, torque and time at the frames of the angle. Raises dahl.Error."""
+        """Angle, torque, time and loads at the frames of the angle. Raises dahl.Error."""
         series = {}
-        for role in ("angle", "torque"):
-            pairs = self.found[self.names[role]]
+        for role, name in self.names.items():
+            pairs = self.found[name]
             if len(pairs) < 2:
-                raise Error(
-                    f"{place}: signal '{self.names[role]}' comes in {len(pairs)} valid frames"
-                )
+                raise Error(f"{place}: signal '{name}' comes in {len(pairs)} valid frames")
             series[role] = np.array(pairs).T
+            _check_time(place, series[role][0])
         (angle_time, angle), (torque_time, torque) = series["angle"], series["torque"]
-        for time in (angle_time, torque_time):
-            _check_time(place, time)
         rows, values = _torque_at(angle_time, torque_time, torque)
         if len(rows) < 2:
             raise Error(
                 f"{place}: '{self.names['angle']}' and '{self.names['torque']}' share no time"
             )
-        return {"angle": angle[rows], "torque": values, "time": angle_time[rows]}
+        time = angle_time[rows]
+        loads = {role: np.interp(time, *series[role]) for role in self.loads}
+        return {"angle": angle[rows], "torque": values, "time": time, **loads}
 
     def log(self, place: Path | str, source: Source) -> Log:
         """All until now as a log."""
@@ -418,22 +438,23 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
             known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
             if "CAN_DataFrame" in known:  # raw frames, named as ASAM's bus logging does
                 raise Error(f"{path}: {NEEDS_DBC}")
-            names = {
-                what: units.column(what, getattr(source, what), known, f"{path}")
-                for what in ("angle", "torque")
-            }
-            angle, torque = (file.get(names[what]) for what in ("angle", "torque"))
+            names = _columns(path, source, known, ("angle", "torque"))
+            channels = {what: file.get(name) for what, name in names.items()}
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
         sys.unraisablehook = lambda _: None  # its half-opened files complain again when collected
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
-    values = torque.samples
-    if not np.array_equal(angle.timestamps, torque.timestamps):
-        values = np.interp(angle.timestamps, torque.timestamps, torque.samples)
-    channels = {"angle": angle.samples, "torque": values, "time": angle.timestamps}
-    return {**names, "time": CLOCK}, {k: np.asarray(v, dtype=float) for k, v in channels.items()}
+    time = channels["angle"].timestamps
+    values = {
+        what: one.samples
+        if np.array_equal(time, one.timestamps)
+        else np.interp(time, one.timestamps, one.samples)
+        for what, one in channels.items()
+    }
+    values["time"] = time
+    return {**names, "time": CLOCK}, {k: np.asarray(v, dtype=float) for k, v in values.items()}
 
 
 # --- units ----------------------------------------------------------------------------------------
@@ -466,6 +487,8 @@ def _log(
     log = Log(str(path), theta * size, torque * scale, time, linear, notes=notes)
     given = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
     log.resolution = given or resolution_of(log.theta)
+    if source.loads:
+        log.load = np.sum([values[what] for what in source.loads], axis=0)
     return log
 
 

@@ -46,6 +46,8 @@ def without_repeats(log: Log) -> Log:
     never stands still while the angle moves.
     """
     still, same = np.diff(log.theta) == 0, np.diff(log.torque) == 0
+    if log.load is not None:
+        same &= np.diff(log.load) == 0
     repeated = np.concatenate(([False], still & same))
     share = float(repeated.mean())
     if share < REPEATED or still.mean() > AT_REST or same[~still].mean() > BY_CHANCE * share:

@@ -12,6 +12,7 @@ import numpy as np
 from dahl.identify.explore import Explored
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
+from dahl.identify.load import Follows
 from dahl.identify.log import Log
 
 
@@ -82,7 +83,9 @@ class Result:
     verdict: Verdict = field(default_factory=Verdict)
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
     raw: list[Log] = field(default_factory=list)  # as measured, before any cleaning of the angle
+    eased: list[Log] = field(default_factory=list)  # the same, as at the reference of the load
     findings: list[Finding] = field(default_factory=list)
+    follows: Follows | None = None  # how the friction follows the load, where it does
     options: dict[str, Any] = field(default_factory=dict)  # what was asked for
     cycles: Cycles = field(default_factory=Cycles)
     plan: PlanQuality = field(default_factory=PlanQuality)

@@ -84,21 +84,25 @@ def named(value: str, known: Mapping[str, object], option: str) -> str:
     return value
 
 
-def column(what: str, wanted: str, names: Sequence[str], place: str) -> str:
-    """The name of a column: the one wanted (by name, or by number from 1), else the only one whose
-    name says so. Raises dahl.Error.
+def column(
+    what: str, given: str, names: Sequence[str], place: str, free: Sequence[str] | None = None
+) -> str:
+    """The name of a column: the one given (by name, or by number from 1), else the first whose name
+    says so, of those that are free for it (all by default). Raises dahl.Error.
     """
-    if wanted:
-        return _wanted(wanted, names, place)
-    fitting = [name for name in names if re.search(COLUMNS[what], name, re.IGNORECASE)]
+    if given:
+        return wanted(given, names, place)
+    free = names if free is None else free
+    fitting = [name for name in free if re.search(COLUMNS[what], name, re.IGNORECASE)]
     if fitting or what == "time":
         return fitting[0] if fitting else ""
     raise Error(f"{place}: which column is the {what}? Name it with --{what}{meant(what, names)}")
 
 
-def _wanted(wanted: str, names: Sequence[str], place: str) -> str:
-    if wanted in names:
-        return wanted
-    if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
-        return names[int(wanted) - 1]
-    raise Error(f"{place}: no column '{wanted}'{meant(wanted, names)}")
+def wanted(given: str, names: Sequence[str], place: str) -> str:
+    """A column by its name, or by its number from 1. Raises dahl.Error."""
+    if given in names:
+        return given
+    if given.isdecimal() and 1 <= int(given) <= len(names):
+        return names[int(given) - 1]
+    raise Error(f"{place}: no column '{given}'{meant(given, names)}")
