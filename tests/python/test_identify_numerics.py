@@ -36,7 +36,14 @@ pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 RNG = np.random.default_rng(12)
+START = RNG.bit_generator.state
 ROWS = 1500
+
+
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order() -> None:
+    """Each test draws the same random numbers, whichever tests ran before it."""
+    RNG.bit_generator.state = START
 
 
 def log_of(seed: int = 1, part: float = 0.05, rows: int = ROWS, cycled: float = 6.0, **more) -> Log:

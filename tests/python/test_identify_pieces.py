@@ -53,6 +53,13 @@ pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 RNG = np.random.default_rng(21)
+START = RNG.bit_generator.state
+
+
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order() -> None:
+    """Each test draws the same random numbers, whichever tests ran before it."""
+    RNG.bit_generator.state = START
 
 
 def log_of(torque: np.ndarray, theta: np.ndarray, part: float = 0.02, **more) -> Log:
