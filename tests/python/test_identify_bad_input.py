@@ -489,6 +489,25 @@ def test_every_kind_of_file(files, kind):
     assert np.allclose(read.theta - read.theta[0], THETA - THETA[0], atol=np.radians(1e-4))
     assert np.allclose(read.torque, TORQUE, atol=1e-4)
     assert np.allclose(np.diff(read.time), 1e-3, atol=2e-4)
+    assumed = ["time taken in s"] * (kind in ("csv", "tsv", "json", "mat", "parquet"))
+    assert [note.split(":")[0] for note in read.notes] == assumed
+    assert not read.linear and read.name == str(files[kind])
+
+
+@pytest.mark.parametrize("kind", ["csv", "tsv", "json", "mat", "parquet"])
+def test_a_hole_is_named_by_its_line_or_its_row(kind, tmp_path):
+    """Text has lines, the names in the first; other tables have rows alone."""
+    torque = TORQUE.copy()
+    torque[[5, 9]] = np.nan
+    place = tmp_path / f"x.{kind}"
+    WRITERS[kind](place, {"t": TIME, "angle_deg": THETA, "torque_Nm": torque})
+    where = f"{place}:7" if kind in ("csv", "tsv") else f"{place}: row 6"
+    with pytest.raises(Error) as raised:
+        readers.read(place, readers.Source())
+    said = f"{where}: column 'torque_Nm': no finite number here and in 2 of {ROWS} rows in all"
+    assert str(raised.value) == f"{said} (--skip-gaps leaves them out)"
+    whole = readers.read(place, readers.Source(skip_gaps=True))
+    assert whole.time == pytest.approx(np.delete(TIME, [5, 9]))
 
 
 def test_unknown_signal_with_a_suggestion(run_dahl, files):
