@@ -64,7 +64,7 @@ def _same_numbers_in_any_order() -> None:
 
 
 def log_of(torque: np.ndarray, theta: np.ndarray, part: float = 0.02, **more) -> Log:
-    noisy = torque + part * FC * noise_of(3, len(theta))
+    noisy = torque[: len(theta)] + part * FC * noise_of(3, len(theta))
     return Log("log", theta, noisy, np.arange(len(theta)) * 1e-3, **more)
 
 
@@ -604,8 +604,9 @@ def test_the_numbers_of_one_cycle_are_least_squares():
         for name, variance in errors.items():
             assert found.error[name][k] == pytest.approx(np.sqrt(variance), rel=1e-3)
     assert len(found) == len(found.rows)
-    short = drift.cycles_of([log.head(11)], [drawn[:11]], estimate, 1e-9)
-    assert len(short) == 0
+    for rows, counted in ((11, 0), (12, 9)):  # of a cycle
+        quick = log_of(drawn, 0.05 * np.sin(2 * np.pi * np.arange(10 * rows) / rows + 1))
+        assert len(drift.cycles_of([quick], [drawn[: 10 * rows]], estimate, 0.02)) == counted
 
 
 def test_trends_and_steps_against_least_squares():
