@@ -1359,8 +1359,10 @@ def test_what_a_frame_says_of_a_signal(tmp_path):
     log = signals.log("bus", source())
     assert log.theta == pytest.approx(np.radians(values["angle"])) and log.name == "bus"
     both = readers.Signals(tmp_path / "x.dbc", "Angle", "Gear")
-    both.feed(sent(256, little(4) + bytes([0, 0, 1, 0, 0, 0]), 1.0))
-    assert both.found == {"Angle": [(1.0, 2.0)], "Gear": [(1.0, 1.0)]}
+    for bits, gear in ((4, 1), (2001, 3), (-2000, 9), (6, 5)):  # a range for each of the two
+        both.feed(sent(256, little(bits) + bytes([0, 0, gear, 0, 0, 0]), float(gear)))
+    assert both.found["Angle"] == [(1, 2), (9, -1000), (5, 3)]
+    assert both.found["Gear"] == [(1, 1), (3, 3), (5, 5)]
     with pytest.raises(Error, match="no signal 'Angel' in the DBC.*Angle"):
         readers.Signals(tmp_path / "x.dbc", "Angel", "Torque")
 
