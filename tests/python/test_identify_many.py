@@ -158,6 +158,39 @@ def test_another_version_of_the_method_is_done_again(small, tmp_path, monkeypatc
     assert all_of(folder, kept_in(place))[1] == 0
 
 
+def test_the_method_is_all_that_turns_a_log_into_numbers(tmp_path, monkeypatch):
+    package = tmp_path / "identify"
+    package.mkdir()
+    sources = [tmp_path / "logs.py", package / "readers.py", package / "fit.py"]
+    for module, place in ((folder_runs.logs, sources[0]), (readers, sources[1])):
+        monkeypatch.setattr(module, "__file__", str(place))
+    versions = set()
+    for edited in (*sources, *sources):
+        for place in sources:
+            place.write_text(place.read_text() if place.exists() else "")
+        edited.write_text(edited.read_text() + "#\n")
+        versions.add(folder_runs.method.__wrapped__())
+    monkeypatch.setattr(folder_runs, "__version__", "next")
+    assert len({*versions, folder_runs.method.__wrapped__()}) == 7
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_cannot_be_kept_is_done_again(small, tmp_path, monkeypatch):
+    """The disk is full, as far as results go: each run has its numbers, and no word of it."""
+    write = joblib._store_backends.StoreBackendMixin._concurrency_safe_write
+
+    def full(self, content, name, *words):
+        if str(name).endswith("output.pkl"):
+            raise OSError(28, "No space left on device")
+        return write(self, content, name, *words)
+
+    monkeypatch.setattr(joblib._store_backends.StoreBackendMixin, "_concurrency_safe_write", full)
+    folder = small("a")
+    for _ in range(2):
+        rows, earlier = all_of(folder, kept_in(tmp_path / "kept"))
+        assert earlier == 0 and all("Fc" in row for row in rows.values())
+
+
 def test_a_dask_cluster_gives_the_same(folder, tmp_path):
     from dask.distributed import LocalCluster
 
