@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import os
@@ -313,6 +314,35 @@ def test_following_a_bus_with_python_can(source, monkeypatch):
         )
         sender.join()
     assert result.logs[0].rows > 1100
+
+
+def test_the_command_says_a_line_of_each_look_at_a_bus(tmp_path, run_dahl, monkeypatch):
+    """With the numbers of that moment, and the last with those that are left."""
+    limits = []
+
+    def received(bus, stop, *words):
+        limits.append(words)
+        yield from frames(9000, 0.03)
+
+    monkeypatch.setattr("dahl.bus.open_from", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr("dahl.bus.received", received)
+    (tmp_path / "bus.dbc").write_text(DBC)
+    signals = ("--dbc", tmp_path / "bus.dbc", "--angle", "Angle", "--torque", "Torque")
+    ends = ("--within", "2.5", "--seconds", "30", "--frames", "40000", "-o", tmp_path / "out")
+    done = run_dahl("identify", "--follow", *signals, *ends)
+    assert done.returncode == 0 and limits == [(30.0, 40_000)]
+    looks = [line.split(": ", 1) for line in done.stderr.splitlines()]
+    assert [rows for rows, _ in looks[:3]] == ["500 rows", "625 rows", "781 rows"]
+    found = json.loads((tmp_path / "out" / "bus.json").read_text())
+    assert found["logs"] == ["bus"] and f"{found['rows']} rows" == looks[-1][0]
+    parts = []
+    for name in ("sigma0", "Fc"):
+        low, high = found["ci95"][name]
+        width = 50 * (high - low) / found[name]
+        assert width < 2.5
+        parts.append(f"{name} {found[name]:.5g} (within {width:.2g} %)")
+    assert looks[-1][1] == f"{', '.join(parts)}; {found['verdict']}"
+    assert (tmp_path / "out" / "dahl_plan_bus.h").is_file()
 
 
 @pytest.mark.checks
