@@ -376,7 +376,8 @@ def test_json_says_how_a_log_was_treated(result):
     logs = [replace(result.logs[0], weight=weights), replace(result.logs[1].head(400), name=name)]
     said = [Finding("this", ("Fc",)), Finding("that")]
     found = replace(result, logs=logs, findings=said, sign=-1.0, inner=True, median=9)
-    kept = json.loads(output.as_json(replace(found, options={"terms": ["offset"]})))
+    options = {"terms": ["offset"], "delay": False, "median": 0, "model": ""}
+    kept = json.loads(output.as_json(replace(found, options=options)))
     wanted = {
         "logs": [name],
         "rows": 1900,
@@ -386,7 +387,7 @@ def test_json_says_how_a_log_was_treated(result):
         "torque_sign": -1.0,
         "angle_between_counts": True,
         "median_rows": 9,
-        "options": {"terms": ["offset"]},
+        "options": options,
         "findings": [{"text": "this", "doubts": ["Fc"]}, {"text": "that", "doubts": []}],
         "r2_plan": result.plan.r2,
         "plan": {
