@@ -514,6 +514,16 @@ def test_a_hole_is_named_by_its_line_or_its_row(kind, tmp_path):
     assert str(raised.value) == f"{said} (--skip-gaps leaves them out)"
     whole = readers.read(place, readers.Source(skip_gaps=True))
     assert whole.time == pytest.approx(np.delete(TIME, [5, 9]))
+    WRITERS[kind](place, {"t": TIME, "angle_deg": THETA, "torque_Nm": torque * np.nan})
+    with pytest.raises(Error, match=f"in {ROWS} of {ROWS} rows in all"):
+        readers.read(place, readers.Source(skip_gaps=True))
+
+
+@pytest.mark.parametrize("before", [0, 3])
+def test_a_letter_may_lie_across_the_first_bytes_that_are_looked_at(tmp_path, before):
+    rows = "".join(f"{k},{k},éé\n" for k in range(10_000))
+    (tmp_path / "x.csv").write_text(f"angle,torque,{'n' * (before + 1)}\n{rows}", encoding="utf-8")
+    assert readers.read(tmp_path / "x.csv", readers.Source()).rows == 10_000
 
 
 def test_unknown_signal_with_a_suggestion(run_dahl, files):
