@@ -1172,6 +1172,8 @@ def test_an_angle_that_wraps_at_a_turn(unit, counts, turn):
     assert readers._wraps(theta, unit, counts) is bool(turn)
     assert not readers._wraps(np.linspace(0, 0.99 * whole, 500), unit, counts)
     assert not readers._wraps(2 * theta, unit, counts)  # a jump, in more than a turn
+    both_ends = np.array([0, 0.5, 1, 0, 0.5]) * whole  # some encoders read 0 and the turn
+    assert readers._wraps(both_ends, unit, counts) is bool(turn)
     some = np.array([0, 0.89, 0.0]) * whole
     assert not readers._wraps(some, unit, counts)
     assert readers._wraps(some * 0.92 / 0.89, unit, counts) is bool(turn)
