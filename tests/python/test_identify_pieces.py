@@ -6,6 +6,7 @@ form, or a log made by hand.
 
 from __future__ import annotations
 
+import configparser
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -1657,7 +1658,7 @@ def logs_of(kind: str) -> list[Log]:
         ("spikes", {}, ["26 of 2400 torque rows disagree with their neighbours"]),
     ],
 )
-def test_a_result_agrees_with_its_rows(kind, terms, notes):
+def test_a_result_agrees_with_its_rows(kind, terms, notes, tmp_path):
     logs = logs_of(kind)
     found = pipeline.identify(logs)
     best, numbers = found.estimate, output.numbers(found)
@@ -1702,3 +1703,15 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes):
     assert held["bilinear"]["r2"] < held["dahl"]["r2"] < numbers["r2"] + 1e-3
     assert held["dahl"]["rmse"] == pytest.approx(numbers["rmse"], rel=0.02)
     assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=sweep.CORE.index)
+    said = configparser.ConfigParser(inline_comment_prefixes=";")
+    said.read(output.write_scene(found, "x", tmp_path))
+    way, torque = np.loadtxt(tmp_path / "x.csv", delimiter=",", skiprows=1).T
+    friction = dahl_torque(way, *(float(said["friction"][name]) for name in ("sigma0", "Fc")))
+    scale, offset, spring = (
+        float(said["measured"][name]) for name in ("torque_scale", "offset", "spring")
+    )
+    settled = slice(int(said["measured"]["settle"]), None)
+    rest = (scale * torque - friction - offset - spring * way)[settled]
+    same = (found.logs[0].torque - found.predicted[0])[settled]
+    assert np.std(rest) == pytest.approx(np.std(same), rel=0.05)
+    assert np.mean(rest) == pytest.approx(np.mean(same), abs=5e-3)
