@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import re
 import shutil
 import tempfile
@@ -187,8 +188,11 @@ def test_truncated_binary_and_structured_files(run_dahl, files, kind, tmp_path):
     assert f"cut.{kind}" in said
 
 
-def test_truncated_anywhere(files, tmp_path):
-    """Each library has its own way of meeting the end of a file too early."""
+def test_truncated_anywhere(files, tmp_path, caplog):
+    """Each library has its own way of meeting the end of a file too early; what asammdf says to its
+    own log reaches nobody.
+    """
+    logging.getLogger("asammdf").addHandler(caplog.handler)
     for kind in (*WRITERS, *FRAMES):
         whole, cut = files[kind].read_bytes(), tmp_path / f"short.{kind}"
         for part in (1, 10, 130, len(whole) // 2, len(whole) - 1):
@@ -197,6 +201,8 @@ def test_truncated_anywhere(files, tmp_path):
                 assert readers.read(cut, source_for(kind, files)).rows
             except Error as error:
                 assert re.fullmatch(rf"[^\n]*short\.{kind}[^\n]*", str(error))
+    logging.getLogger("asammdf").removeHandler(caplog.handler)
+    assert not [one for one in caplog.records if one.name.startswith("asammdf")]
 
 
 @pytest.mark.parametrize(
@@ -489,6 +495,35 @@ def test_every_kind_of_file(files, kind):
     assert np.allclose(read.theta - read.theta[0], THETA - THETA[0], atol=np.radians(1e-4))
     assert np.allclose(read.torque, TORQUE, atol=1e-4)
     assert np.allclose(np.diff(read.time), 1e-3, atol=2e-4)
+    assumed = ["time taken in s"] * (kind in ("csv", "tsv", "json", "mat", "parquet"))
+    assert [note.split(":")[0] for note in read.notes] == assumed
+    assert not read.linear and read.name == str(files[kind])
+
+
+@pytest.mark.parametrize("kind", ["csv", "tsv", "json", "mat", "parquet"])
+def test_a_hole_is_named_by_its_line_or_its_row(kind, tmp_path):
+    """Text has lines, the names in the first; other tables have rows alone."""
+    torque = TORQUE.copy()
+    torque[[5, 9]] = np.nan
+    place = tmp_path / f"x.{kind}"
+    WRITERS[kind](place, {"t": TIME, "angle_deg": THETA, "torque_Nm": torque})
+    where = f"{place}:7" if kind in ("csv", "tsv") else f"{place}: row 6"
+    with pytest.raises(Error) as raised:
+        readers.read(place, readers.Source())
+    said = f"{where}: column 'torque_Nm': no finite number here and in 2 of {ROWS} rows in all"
+    assert str(raised.value) == f"{said} (--skip-gaps leaves them out)"
+    whole = readers.read(place, readers.Source(skip_gaps=True))
+    assert whole.time == pytest.approx(np.delete(TIME, [5, 9]))
+    WRITERS[kind](place, {"t": TIME, "angle_deg": THETA, "torque_Nm": torque * np.nan})
+    with pytest.raises(Error, match=f"in {ROWS} of {ROWS} rows in all"):
+        readers.read(place, readers.Source(skip_gaps=True))
+
+
+@pytest.mark.parametrize("before", [0, 3])
+def test_a_letter_may_lie_across_the_first_bytes_that_are_looked_at(tmp_path, before):
+    rows = "".join(f"{k},{k},éé\n" for k in range(10_000))
+    (tmp_path / "x.csv").write_text(f"angle,torque,{'n' * (before + 1)}\n{rows}", encoding="utf-8")
+    assert readers.read(tmp_path / "x.csv", readers.Source()).rows == 10_000
 
 
 def test_unknown_signal_with_a_suggestion(run_dahl, files):

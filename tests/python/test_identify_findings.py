@@ -130,6 +130,9 @@ def test_a_cycle_that_is_known_badly_counts_less():
     assert drift.findings(cycles)
     cycles.error["Fc"][10:] = FC
     assert drift.findings(cycles) == []
+    cycles.value["Fc"][11] = 3 * FC  # nor does it make the others odd
+    cycles.error["Fc"][11] = 9 * FC
+    assert drift.findings(cycles) == []
 
 
 # --- encoder and unit -----------------------------------------------------------------------------

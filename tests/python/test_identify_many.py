@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import os
@@ -158,6 +159,39 @@ def test_another_version_of_the_method_is_done_again(small, tmp_path, monkeypatc
     assert all_of(folder, kept_in(place))[1] == 0
 
 
+def test_the_method_is_all_that_turns_a_log_into_numbers(tmp_path, monkeypatch):
+    package = tmp_path / "identify"
+    package.mkdir()
+    sources = [tmp_path / "logs.py", package / "readers.py", package / "fit.py"]
+    for module, place in ((folder_runs.logs, sources[0]), (readers, sources[1])):
+        monkeypatch.setattr(module, "__file__", str(place))
+    versions = set()
+    for edited in (*sources, *sources):
+        for place in sources:
+            place.write_text(place.read_text() if place.exists() else "")
+        edited.write_text(edited.read_text() + "#\n")
+        versions.add(folder_runs.method.__wrapped__())
+    monkeypatch.setattr(folder_runs, "__version__", "next")
+    assert len({*versions, folder_runs.method.__wrapped__()}) == 7
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_cannot_be_kept_is_done_again(small, tmp_path, monkeypatch):
+    """The disk is full, as far as results go: each run has its numbers, and no word of it."""
+    write = joblib._store_backends.StoreBackendMixin._concurrency_safe_write
+
+    def full(self, content, name, *words):
+        if str(name).endswith("output.pkl"):
+            raise OSError(28, "No space left on device")
+        return write(self, content, name, *words)
+
+    monkeypatch.setattr(joblib._store_backends.StoreBackendMixin, "_concurrency_safe_write", full)
+    folder = small("a")
+    for _ in range(2):
+        rows, earlier = all_of(folder, kept_in(tmp_path / "kept"))
+        assert earlier == 0 and all("Fc" in row for row in rows.values())
+
+
 def test_a_dask_cluster_gives_the_same(folder, tmp_path):
     from dask.distributed import LocalCluster
 
@@ -280,6 +314,35 @@ def test_following_a_bus_with_python_can(source, monkeypatch):
         )
         sender.join()
     assert result.logs[0].rows > 1100
+
+
+def test_the_command_says_a_line_of_each_look_at_a_bus(tmp_path, run_dahl, monkeypatch):
+    """With the numbers of that moment, and the last with those that are left."""
+    limits = []
+
+    def received(bus, stop, *words):
+        limits.append(words)
+        yield from frames(9000, 0.03)
+
+    monkeypatch.setattr("dahl.bus.open_from", lambda _: contextlib.nullcontext())
+    monkeypatch.setattr("dahl.bus.received", received)
+    (tmp_path / "bus.dbc").write_text(DBC)
+    signals = ("--dbc", tmp_path / "bus.dbc", "--angle", "Angle", "--torque", "Torque")
+    ends = ("--within", "2.5", "--seconds", "30", "--frames", "40000", "-o", tmp_path / "out")
+    done = run_dahl("identify", "--follow", *signals, *ends)
+    assert done.returncode == 0 and limits == [(30.0, 40_000)]
+    looks = [line.split(": ", 1) for line in done.stderr.splitlines()]
+    assert [rows for rows, _ in looks[:3]] == ["500 rows", "625 rows", "781 rows"]
+    found = json.loads((tmp_path / "out" / "bus.json").read_text())
+    assert found["logs"] == ["bus"] and f"{found['rows']} rows" == looks[-1][0]
+    parts = []
+    for name in ("sigma0", "Fc"):
+        low, high = found["ci95"][name]
+        width = 50 * (high - low) / found[name]
+        assert width < 2.5
+        parts.append(f"{name} {found[name]:.5g} (within {width:.2g} %)")
+    assert looks[-1][1] == f"{', '.join(parts)}; {found['verdict']}"
+    assert (tmp_path / "out" / "dahl_plan_bus.h").is_file()
 
 
 @pytest.mark.checks

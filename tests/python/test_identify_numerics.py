@@ -36,7 +36,14 @@ pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 RNG = np.random.default_rng(12)
+START = RNG.bit_generator.state
 ROWS = 1500
+
+
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order() -> None:
+    """Each test draws the same random numbers, whichever tests ran before it."""
+    RNG.bit_generator.state = START
 
 
 def log_of(seed: int = 1, part: float = 0.05, rows: int = ROWS, cycled: float = 6.0, **more) -> Log:
@@ -149,6 +156,8 @@ def test_elements_at_rest_and_from_a_state():
         assert w[:2].tolist() == [0, 0] and w[3] == pytest.approx(w[2])
     assert elements.general(np.zeros(3), 1.0, 0.5).tolist() == [0, 0, 0]
     assert elements.of_exponent(0)(moves, 0.8) == pytest.approx(stepped(moves, 0.8, 0.0))
+    drawn = dahl_torque(np.cumsum(moves), 0.8, 1.0)
+    assert elements.of_exponent(1)(moves, 0.8) == pytest.approx(drawn, abs=1e-8)
     u = np.array([0.24, 0, 0.4, 0.16])  # travels times a; exponent 2: the inverse gap grows by it
     gap = [1 / (1 + u[0])]
     gap += [gap[0], 1 / (1 / (2 - gap[0]) + u[2])]

@@ -378,7 +378,8 @@ def test_json_says_how_a_log_was_treated(result):
     logs = [replace(result.logs[0], weight=weights), replace(result.logs[1].head(400), name=name)]
     said = [Finding("this", ("Fc",)), Finding("that")]
     found = replace(result, logs=logs, findings=said, sign=-1.0, inner=True, median=9)
-    kept = json.loads(output.as_json(replace(found, options={"terms": ["offset"]})))
+    options = {"terms": ["offset"], "delay": False, "median": 0, "model": ""}
+    kept = json.loads(output.as_json(replace(found, options=options)))
     wanted = {
         "logs": [name],
         "rows": 1900,
@@ -388,7 +389,7 @@ def test_json_says_how_a_log_was_treated(result):
         "torque_sign": -1.0,
         "angle_between_counts": True,
         "median_rows": 9,
-        "options": {"terms": ["offset"]},
+        "options": options,
         "findings": [{"text": "this", "doubts": ["Fc"]}, {"text": "that", "doubts": []}],
         "r2_plan": result.plan.r2,
         "plan": {
@@ -439,13 +440,20 @@ def picture(tmp_path, monkeypatch):
 def test_the_picture_shows_the_log_and_its_fit(result, picture, timed):
     log, raw = result.logs[0], result.raw[0]
     kept = log if timed else replace(log, time=None)
-    panels = picture(replace(result, logs=[kept, *result.logs[1:]]))
+    sign, load = (1.0, -1.0)[timed], {"offset": 0.125, "spring": 4.5}
+    result = replace(result, logs=[kept, *result.logs[1:]], sign=sign)
+    panels = picture(result)
     loop, size = panels["loop"], 1e-3 if "[mm]" in panels["loop"].get_xlabel() else 1.0
     legend = [text.get_text() for text in loop.get_legend().get_texts()]
     lines = dict(zip(legend, (line.get_xydata().T for line in loop.lines), strict=True))
+    way = np.sign(np.diff(log.theta, prepend=log.theta[0]))
+    slides = way != 0  # where it rests, the sign of the last move stays
+    coulomb = result.estimate.Fc * way + load["offset"] + load["spring"] * (log.theta - log.zero)
+    assert lines["Coulomb"][1][slides] == pytest.approx(coulomb[slides])
     for name, theta, torque in (
-        ("as measured", raw.theta, result.sign * raw.torque),
+        ("as measured", raw.theta, sign * raw.torque),
         ("fitted", log.theta, result.predicted[0]),
+        ("Coulomb", log.theta, lines["Coulomb"][1]),
     ):
         assert lines[name][0] == pytest.approx((theta - raw.theta[0]) / size)
         assert lines[name][1] == pytest.approx(torque)
@@ -453,6 +461,10 @@ def test_the_picture_shows_the_log_and_its_fit(result, picture, timed):
     x, left = panels["residual"].lines[0].get_xydata().T
     assert x == pytest.approx((raw.theta - raw.theta[0]) / size)
     assert left == pytest.approx(log.torque - result.predicted[0])
+    speed, same = panels["by speed"].lines[0].get_xydata().T
+    smooth = np.convolve(log.theta, np.full(9, 1 / 9), mode="same") / size
+    apart = np.gradient(smooth, 1e-3 if timed else 1)
+    assert speed[9:-9] == pytest.approx(apart[9:-9]) and same.tolist() == left.tolist()
     assert panels["by speed"].get_xlabel().endswith("/s]" if timed else "/row]")
 
 
@@ -481,5 +493,12 @@ def test_the_picture_shows_the_numbers_and_their_interval(result, picture):
     title = loop.figure.get_suptitle()
     assert f"{estimate.sigma0:.4g} N/m" in title and f"{estimate.Fc:.4g} N" in title
     assert loop.get_title(loc="left") == result.verdict.text
-    assert panels["sigma0"].get_ylabel().endswith("[N/m]")
-    assert panels["Fc"].get_ylabel() == "Fc [N]"
+    for name, unit in (("sigma0", "N/m"), ("Fc", "N")):
+        axes, ends = panels[name], estimate.ci95[name]
+        whole, each = axes.lines
+        assert whole.get_ydata()[0] == getattr(estimate, name)
+        assert each.get_xdata().tolist() == list(range(1, len(result.cycles) + 1))
+        assert each.get_ydata().tolist() == result.cycles.value[name].tolist()
+        band = axes.patches[0].get_extents().transformed(axes.transData.inverted())
+        assert (band.y0, band.y1) == pytest.approx((ends.low, ends.high), rel=1e-6)
+        assert axes.get_ylabel() == f"{name} [{unit}]"

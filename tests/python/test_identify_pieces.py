@@ -6,6 +6,7 @@ form, or a log made by hand.
 
 from __future__ import annotations
 
+import configparser
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -29,6 +30,7 @@ from dahl.identify import (
     grid,
     lowpass,
     model_table,
+    output,
     path,
     pipeline,
     plan_quality,
@@ -53,10 +55,17 @@ pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
 RNG = np.random.default_rng(21)
+START = RNG.bit_generator.state
+
+
+@pytest.fixture(autouse=True)
+def _same_numbers_in_any_order() -> None:
+    """Each test draws the same random numbers, whichever tests ran before it."""
+    RNG.bit_generator.state = START
 
 
 def log_of(torque: np.ndarray, theta: np.ndarray, part: float = 0.02, **more) -> Log:
-    noisy = torque + part * FC * noise_of(3, len(theta))
+    noisy = torque[: len(theta)] + part * FC * noise_of(3, len(theta))
     return Log("log", theta, noisy, np.arange(len(theta)) * 1e-3, **more)
 
 
@@ -596,8 +605,9 @@ def test_the_numbers_of_one_cycle_are_least_squares():
         for name, variance in errors.items():
             assert found.error[name][k] == pytest.approx(np.sqrt(variance), rel=1e-3)
     assert len(found) == len(found.rows)
-    short = drift.cycles_of([log.head(11)], [drawn[:11]], estimate, 1e-9)
-    assert len(short) == 0
+    for rows, counted in ((11, 0), (12, 9)):  # of a cycle
+        quick = log_of(drawn, 0.05 * np.sin(2 * np.pi * np.arange(10 * rows) / rows + 1))
+        assert len(drift.cycles_of([quick], [drawn[: 10 * rows]], estimate, 0.02)) == counted
 
 
 def test_trends_and_steps_against_least_squares():
@@ -1162,6 +1172,8 @@ def test_an_angle_that_wraps_at_a_turn(unit, counts, turn):
     assert readers._wraps(theta, unit, counts) is bool(turn)
     assert not readers._wraps(np.linspace(0, 0.99 * whole, 500), unit, counts)
     assert not readers._wraps(2 * theta, unit, counts)  # a jump, in more than a turn
+    both_ends = np.array([0, 0.5, 1, 0, 0.5]) * whole  # some encoders read 0 and the turn
+    assert readers._wraps(both_ends, unit, counts) is bool(turn)
     some = np.array([0, 0.89, 0.0]) * whole
     assert not readers._wraps(some, unit, counts)
     assert readers._wraps(some * 0.92 / 0.89, unit, counts) is bool(turn)
@@ -1349,8 +1361,10 @@ def test_what_a_frame_says_of_a_signal(tmp_path):
     log = signals.log("bus", source())
     assert log.theta == pytest.approx(np.radians(values["angle"])) and log.name == "bus"
     both = readers.Signals(tmp_path / "x.dbc", "Angle", "Gear")
-    both.feed(sent(256, little(4) + bytes([0, 0, 1, 0, 0, 0]), 1.0))
-    assert both.found == {"Angle": [(1.0, 2.0)], "Gear": [(1.0, 1.0)]}
+    for bits, gear in ((4, 1), (2001, 3), (-2000, 9), (6, 5)):  # a range for each of the two
+        both.feed(sent(256, little(bits) + bytes([0, 0, gear, 0, 0, 0]), float(gear)))
+    assert both.found["Angle"] == [(1, 2), (9, -1000), (5, 3)]
+    assert both.found["Gear"] == [(1, 1), (3, 3), (5, 5)]
     with pytest.raises(Error, match="no signal 'Angel' in the DBC.*Angle"):
         readers.Signals(tmp_path / "x.dbc", "Angel", "Torque")
 
@@ -1605,3 +1619,98 @@ def test_a_first_look_has_the_terms_that_were_asked_for():
         found = pipeline._first([log], pipeline.Options(terms=terms))
         assert tuple(found.terms) == terms
     assert tuple(pipeline._first([log], pipeline.Options()).terms) == ("offset", "spring")
+
+
+# --- a whole result and the rows that it is of ----------------------------------------------------
+
+
+SEVERAL = ("two", "late", "against")  # logs
+
+
+def logs_of(kind: str) -> list[Log]:
+    """Logs of 2400 and 1500 rows, or the first of them, with something beside friction."""
+    made = [synthetic(3, rows=2400, cycles=8), synthetic(4, rows=1500, cycles=6)]
+    start, logs = made[0].theta[0], []
+    for log in made[: 1 + (kind in SEVERAL)]:
+        way, late = log.theta - start, np.r_[np.zeros(4), log.torque[:-4]]
+        torque = {
+            "late": late + 0.07,
+            "against": -log.torque - 2 * way,
+            "linear": log.torque + 0.1 + 3 * way,
+            "viscous": log.torque + 0.03 * np.gradient(log.theta, 1e-3) + 0.1,
+            "spikes": log.torque + 3 * (np.arange(log.rows) % 97 == 0),
+        }
+        log = replace(log, torque=torque.get(kind, log.torque))  # noqa: PLW2901
+        logs.append(replace(log, linear=True, time=None) if kind == "linear" else log)
+    return logs
+
+
+@pytest.mark.parametrize(
+    ("kind", "terms", "notes"),
+    [
+        ("plain", {}, []),
+        ("late", {"offset": 0.07}, ["torque comes 3.7 rows (0.00375 s) late"]),
+        ("against", {"offset": 0.0, "spring": 2.0}, ["torque taken with the other sign"]),
+        ("linear", {"offset": 0.1, "spring": 3.0}, []),
+        ("two", {}, []),
+        ("viscous", {"offset": 0.1, "viscous": 0.03}, []),
+        ("spikes", {}, ["26 of 2400 torque rows disagree with their neighbours"]),
+    ],
+)
+def test_a_result_agrees_with_its_rows(kind, terms, notes, tmp_path):
+    logs = logs_of(kind)
+    found = pipeline.identify(logs)
+    best, numbers = found.estimate, output.numbers(found)
+    assert best.terms == pytest.approx(terms, abs=5e-3)
+    assert set(found.explored.choice.terms) == set(terms)
+    assert found.delay == pytest.approx(3.7 * (kind == "late"), abs=0.1)
+    for log in found.logs:
+        said = [note.split(": ")[0] for note in log.notes]
+        assert sorted(said) == sorted(["angle taken between the counts of the encoder", *notes])
+    claimed = kind != "late"
+    assert found.verdict.identifiable == {"sigma0": claimed, "Fc": claimed}
+    for name, true in (("sigma0", SIGMA0), ("Fc", FC)):
+        assert getattr(best, name) == pytest.approx(true, rel=0.05)
+        ends = best.ci95[name]
+        assert ends.low < getattr(best, name) < ends.high < (1.6, 1.2)[claimed] * ends.low
+    assert [raw.torque.tolist() for raw in found.raw] == [log.torque.tolist() for log in logs]
+    assert numbers["rows"] == sum(log.rows for log in logs) == sum(numbers["pieces"])
+    left = spread = weights = moving = steep = 0.0
+    for log, drawn in zip(found.logs, found.predicted, strict=True):
+        weight = np.ones(log.rows) if log.weight is None else log.weight
+        speed = np.gradient(log.theta, 1e-3)
+        friction = dahl_torque(log.theta, best.sigma0, best.Fc)
+        load = terms.get("offset", 0) + terms.get("viscous", 0) * speed
+        load = load + terms.get("spring", 0) * (log.theta - found.logs[0].theta[0])
+        fades = np.exp(-best.a * np.cumsum(np.abs(log.moves)))
+        rest = log.torque - friction - load
+        first = (weight * fades) @ rest / ((weight * fades) @ fades)
+        assert drawn[20:-20] == pytest.approx((friction + load + first * fades)[20:-20], abs=6e-3)
+        left += weight @ (log.torque - drawn) ** 2
+        spread += weight @ log.torque**2 - (weight @ log.torque) ** 2 / weight.sum()
+        weights += weight.sum()
+        goes = log.moves != 0
+        moving += goes.sum()
+        steep += (1 - np.sign(log.moves) * friction / best.Fc > 0.1)[goes].sum()
+    assert numbers["sum_of_weights"] == pytest.approx(weights)
+    assert numbers["rmse"] == pytest.approx(np.sqrt(left / weights), rel=1e-3)
+    assert numbers["r2"] == pytest.approx(1 - left / spread, rel=1e-3)
+    assert numbers["informs_sigma0"] == pytest.approx(steep / moving, abs=0.002)
+    assert numbers["reversals"] == (28 if kind in SEVERAL else 16)
+    held = numbers["held_out"]
+    assert held["none"]["r2"] < held["coulomb"]["r2"] < held["bilinear"]["r2"]
+    assert held["bilinear"]["r2"] < held["dahl"]["r2"] < numbers["r2"] + 1e-3
+    assert held["dahl"]["rmse"] == pytest.approx(numbers["rmse"], rel=0.02)
+    assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=sweep.CORE.index)
+    said = configparser.ConfigParser(inline_comment_prefixes=";")
+    said.read(output.write_scene(found, "x", tmp_path))
+    way, torque = np.loadtxt(tmp_path / "x.csv", delimiter=",", skiprows=1).T
+    friction = dahl_torque(way, *(float(said["friction"][name]) for name in ("sigma0", "Fc")))
+    scale, offset, spring = (
+        float(said["measured"][name]) for name in ("torque_scale", "offset", "spring")
+    )
+    settled = slice(int(said["measured"]["settle"]), None)
+    rest = (scale * torque - friction - offset - spring * way)[settled]
+    same = (found.logs[0].torque - found.predicted[0])[settled]
+    assert np.std(rest) == pytest.approx(np.std(same), rel=0.05)
+    assert np.mean(rest) == pytest.approx(np.mean(same), abs=5e-3)

@@ -520,7 +520,7 @@ def test_few_cycles_are_strokes():
         assert cycles.units_of(log, 0.003).max() + 1 == pytest.approx(units, abs=1)
 
 
-@pytest.mark.parametrize(("count", "scored"), [(2.5, False), (5.0, True)])
+@pytest.mark.parametrize(("count", "scored"), [(3.0, False), (3.4, True)])
 def test_choices_take_six_cycles_or_strokes(count, scored):
     log = synthetic(1, rows=2000, cycles=count)
     found = pipeline.identify([log], pipeline.Options(terms=("offset",)))
@@ -633,6 +633,10 @@ def test_which_model_a_file_carries(found, one, carries):
     words = models_output.about(result)
     assert (one.name in words) is (one.name != "Dahl")
     assert ("this carries Dahl's" in words) is (one.name == "Coulomb")
+    forced = models_output.about(with_models(found, one, forced=one.name))
+    why = "chosen: it explains cycles that were left out better"
+    assert forced == words.replace(why, "asked for")
+    assert (why in words) is (one.name != "Dahl")
 
 
 def test_the_torque_of_a_scene_is_late_as_its_model_says(found, tmp_path):
