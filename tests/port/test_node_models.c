@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* A node that answers by another model than Dahl's: the bits of the library, or for a mix the sum of its parts; what a client is
- * told; a restart; bad parameters. Slip elements alone: test_node_slip.c. */
+ * told; a restart; bad parameters. */
 #include <math.h>
 #include <string.h>
 #include <unity.h>
@@ -11,7 +11,9 @@
 static const dahl_params_t bearing = {100.0f, 0.5f, 1e-4f};
 static const dahl_asymmetric_params_t preloaded = {100.0f, 0.3f, 0.5f, 1e-4f};
 static const dahl_node_parallel_params_t mix = {4, 0x6u, 1e-4f, {100.0f, 60.0f, 40.0f, 200.0f}, {0.25f, 0.5f, 1.0f, 0.3f}};
+static const dahl_slip_params_t springs = {3, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.25f, 0.5f, 1.0f}};
 static dahl_node_t node;
+static dahl_node_slip_t slipping;
 static dahl_node_asymmetric_t asymmetric;
 static dahl_node_elastoplastic_t elastoplastic;
 static dahl_node_parallel_t parallel;
@@ -72,6 +74,37 @@ static void check_restart_relaxes(void)
     dahl_frames_pack_reset(&in, 3, &restart);
     TEST_ASSERT_TRUE(dahl_node_receive(&node, &in, now_us, &out));
     TEST_ASSERT_EQUAL_INT32(0, moved(0));
+}
+
+/* Neither a sum of elements nor the model can be set over the bus. */
+static void check_not_written(void)
+{
+    for (uint8_t param = DAHL_FRAMES_PARAM_SIGMA0; param <= DAHL_FRAMES_PARAM_THETA; param++) {
+        uint32_t before = ask(param, DAHL_FRAMES_PARAM_READ).value;
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(param, DAHL_FRAMES_PARAM_WRITE).result);
+        TEST_ASSERT_EQUAL(before, ask(param, DAHL_FRAMES_PARAM_HOLD).value);
+    }
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_MODEL, DAHL_FRAMES_PARAM_WRITE).result);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_MODEL, DAHL_FRAMES_PARAM_HOLD).result);
+}
+
+static void test_slip_answers_are_the_librarys(void)
+{
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t state = {{0}};
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_slip_prepare(&plan, &springs));
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_use_slip(&node, &slipping, &springs));
+    TEST_ASSERT_EQUAL_INT32(0, moved(0));
+    for (uint32_t i = 1; i < 3000; i++) {
+        TEST_ASSERT_EQUAL_INT32(dahl_slip_step_counts_q30(&plan, &state, move_at(i)), moved(move_at(i)));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(&state, &slipping.state, sizeof state);
+    check_told(DAHL_FRAMES_MODEL_SLIP + 3, 200u << 10, 7u << 18);
+    TEST_ASSERT_EQUAL((uint32_t)(1e-4f * 0x1p38f), ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_READ).value);
+    check_not_written();
+    check_restart_relaxes();
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &bearing, 3));
+    TEST_ASSERT_EQUAL(0, ask(DAHL_FRAMES_PARAM_MODEL, DAHL_FRAMES_PARAM_READ).value);
 }
 
 static void test_asymmetric_answers_are_the_librarys(void)
@@ -243,7 +276,15 @@ static void test_bad_elements_touch_nothing(void)
 static void test_bad_parameters_touch_nothing(void)
 {
     dahl_asymmetric_params_t bad = preloaded;
+    dahl_slip_params_t bad_springs = springs;
     dahl_node_t before = node;
+    dahl_node_slip_t kept = slipping;
+    bad_springs.Fc[2] = -1.0f;
+    TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, dahl_node_use_slip(&node, &slipping, &bad_springs));
+    bad_springs = springs;
+    bad_springs.elements = 9;
+    TEST_ASSERT_TRUE(dahl_node_use_slip(&node, &slipping, &bad_springs) != DAHL_OK);
+    TEST_ASSERT_EQUAL_MEMORY(&kept, &slipping, sizeof slipping);
     bad.Fc_backward = -1.0f;
     TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, dahl_node_use_asymmetric(&node, &asymmetric, &bad));
     TEST_ASSERT_TRUE(dahl_node_use_loaded(&node, &loaded, &(const dahl_params_t){100.0f, -0.5f, 1e-4f}) != DAHL_OK);
@@ -254,6 +295,7 @@ static void test_bad_parameters_touch_nothing(void)
 int main(void)
 {
     UNITY_BEGIN();
+    RUN_TEST(test_slip_answers_are_the_librarys);
     RUN_TEST(test_asymmetric_answers_are_the_librarys);
     RUN_TEST(test_elastoplastic_answers_are_the_librarys);
     RUN_TEST(test_loaded_answers_are_the_librarys);

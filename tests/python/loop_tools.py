@@ -30,6 +30,17 @@ def program() -> str:
     return str(built("host_sim", "dahl-loop"))
 
 
+def setting(*texts: str) -> list[str]:
+    """Words of the command line that set keys of a scene: "friction.gain=1"."""
+    return [word for text in texts for word in ("--set", text)]
+
+
+def said(*words: object, **how: object) -> subprocess.CompletedProcess:
+    """dahl-loop with these words and no more, to its end."""
+    command = [program(), *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=20, check=False, **how)
+
+
 @dataclass
 class Run:
     """A finished run."""

@@ -5,7 +5,6 @@ arduino-core-avr as the IDE compiles them, and one of them run on an emulated Me
 
 from __future__ import annotations
 
-import re
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -53,17 +52,6 @@ def test_it_has_the_layout_of_a_library(packed: Path) -> None:
     ]
     done = run(ARDUINO / "pack.sh", packed.parent, code=2)
     assert done.stderr.startswith("error: ") and "is there already" in done.stderr
-
-
-def test_each_keyword_is_a_name_of_the_headers(packed: Path) -> None:
-    """Name, a tab, kind: the editor takes nothing else for a keyword."""
-    headers = "".join(path.read_text() for path in (packed / "src").glob("*.h*"))
-    lines = (packed / "keywords.txt").read_text().splitlines()
-    assert len(lines) > 15
-    for line in lines:
-        name, kind = line.split("\t")
-        assert kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
-        assert re.search(rf"\b{name}\b", headers), name
 
 
 class Sketch:

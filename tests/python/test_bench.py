@@ -13,7 +13,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 
@@ -48,13 +47,6 @@ def measured() -> dict:
     errors = host.measure_errors(host.QUICK)
     parts = host.measure_parts(host.QUICK, list(errors))
     return {"errors": errors, "parts": parts}
-
-
-def test_the_table_has_a_row_for_every_way(counted, measured) -> None:
-    rows = report.ways_table(counted, measured).splitlines()
-    ways = results.core_points(counted, measured, results.CORES[0])
-    assert len(ways) > 10
-    assert all(any(way.title in row for row in rows) for way in ways)
 
 
 def test_no_rival_is_cheaper_and_better_on_any_core(counted, measured) -> None:
@@ -153,56 +145,6 @@ def test_speed_is_nanoseconds_a_tick(measured) -> None:
     assert 0.1 * took < least < took
 
 
-# --- what results.py says of points made up for it -----------------------------------------------
-
-
-def point(key: str, ours: bool, cost: float, error: float, motion: str = "walk") -> results.Point:
-    return results.Point(key, key, ours, {motion: cost}, {motion: error})
-
-
-def test_beaten_in_both_axes_alone() -> None:
-    ours = point("ours", True, 20, 1e-9)
-    rivals = [
-        point("cheaper", False, 10, 1e-3),
-        point("better", False, 40, 1e-12),
-        point("as good", False, 10, 0.97e-9),
-    ]
-    assert results.beaten([ours, *rivals], "m4f") == []
-    found = results.beaten([ours, *rivals, point("both", False, 19, 9e-10)], "m4f")
-    assert found == [{"core": "m4f", "motion": "walk", "ours": "ours", "rival": "both"}]
-
-
-def test_one_motion_is_enough_to_be_beaten() -> None:
-    ours = results.Point("o", "o", True, {"a": 10, "b": 10}, {"a": 1e-8, "b": 1e-8})
-    rival = results.Point("r", "r", False, {"a": 99, "b": 9}, {"a": 1e-9, "b": 1e-9})
-    assert [found["motion"] for found in results.beaten([ours, rival], "m0")] == ["b"]
-
-
-def test_closest_names_the_nearest_on_each_side() -> None:
-    points = [
-        point("ours", True, 10, 1e-8),
-        point("rough", False, 5, 1e-2),
-        point("rougher", False, 6, 1e-1),
-        point("slow", False, 40, 1e-9),
-        point("slower", False, 80, 1e-12),
-    ]
-    assert results.closest(points) == {
-        "as cheap": {"way": "rough", "times the error": pytest.approx(1e6)},
-        "as exact": {"way": "slow", "times the cost": pytest.approx(4)},
-    }
-
-
-def test_front_keeps_what_nothing_beats() -> None:
-    points = [point(k, False, c, e) for k, c, e in (("a", 1, 1), ("b", 2, 2), ("c", 3, 0.1))]
-    assert [p.key for p in figures.front(points)] == ["a", "c"]
-
-
-def test_parts_lie_on_the_line_through_two_counts() -> None:
-    counted = {"euler_parts_9": 76.0, "euler_parts_17": 124.0}
-    assert results.parts_cost(counted, "euler", 17) == 124
-    assert results.parts_cost(counted, "euler", 1) == 28
-
-
 # --- a whole report from a small made-up run ------------------------------------------------------
 
 
@@ -240,31 +182,6 @@ def test_ratios_and_missing_rivals(small) -> None:
     assert "mujoco_x" not in result["host"]
     assert "not compared here: mujoco (not for this machine)" in report.host_block(result)
     json.loads(json.dumps(result, allow_nan=False))
-
-
-def test_pictures_hold_every_way(small, tmp_path) -> None:
-    figures.save(figures.pareto(*small), tmp_path / "pareto.svg")
-    figures.save(figures.growth(*small), tmp_path / "growth.png")
-    drawn = ElementTree.parse(tmp_path / "pareto.svg").getroot()
-    assert drawn.tag.endswith("svg")
-    texts = (tmp_path / "pareto.svg").read_text()
-    for way in results.WAYS:
-        assert way.title.replace("`", "") in texts
-    assert (tmp_path / "growth.png").read_bytes()[:4] == b"\x89PNG"
-    assert not [p for p in tmp_path.iterdir() if p.name.startswith(".")]
-
-
-def test_a_quick_run_leaves_the_docs_alone(small) -> None:
-    with pytest.raises(target.BenchError, match="quick run"):
-        report.write_docs(*small)
-
-
-def test_results_are_written_whole_or_not_at_all(tmp_path) -> None:
-    path = tmp_path / "results.json"
-    target.write(path, {"a": 1})
-    with pytest.raises(TypeError):
-        target.write(path, {"a": object()})
-    assert json.loads(path.read_text()) == {"a": 1} and list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize(

@@ -139,20 +139,6 @@ def test_an_out_that_is_read_only_is_refused():
         dahl.Friction(dahl.Plan(1.0, 1.0, 0.1)).run_counts(COUNTS, out)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((0, 1, 1), "sigma0 = 0 is outside"),
-        ((1, math.nan, 1), "Fc = nan is outside"),
-        ((1, 1, -1), "theta_per_count = -1"),
-        ((1, 1, 1e-12), "outside 2^-30 <= travel"),
-    ],
-)
-def test_bad_parameters_are_named(arguments, words):
-    with pytest.raises(dahl.Error, match=re.escape(words)):
-        dahl.Throughput(*arguments)
-
-
 def test_channels_of_another_number_are_refused():
     with pytest.raises(dahl.Error, match=re.escape("moves has shape (1, 3), not (n, 2)")):
         dahl.Throughput.run_counts_channels([dahl.Throughput(1, 1, 1)] * 2, [[1, 2, 3]])

@@ -16,7 +16,6 @@ sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
 import measured  # noqa: E402
 import report  # noqa: E402
-import target  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -70,19 +69,6 @@ def test_the_block_has_each_log_each_model_and_its_cost():
     assert cells[2:] == [[f".{9000 + 100 * k}" for k in range(len(cells[0]))]] * 3
 
 
-def test_the_picture_has_a_panel_for_each_machine_and_a_line_for_each_log():
-    scores = {
-        rig: dict.fromkeys(measured.MODELS, 0.75) for rig in ("rig, slow", "rig, fast", "other")
-    }
-    panels = measured.picture(scores, TARGET).axes
-    assert [panel.get_title() for panel in panels] == ["rig", "other"]
-    points = [[line for line in panel.get_lines() if line.get_marker() == "o"] for panel in panels]
-    assert [len(lines) for lines in points] == [2, 1]
-    for panel, lines in zip(panels, points, strict=True):
-        assert panel.get_xscale() == "log"
-        assert {y for line in lines for y in line.get_ydata()} == {0.5}
-
-
 def test_the_sign_of_the_motion_is_found_under_a_spring():
     """Slow ramps of torque on a stiff shaft, which jumps ahead and creeps back for three rows: most
     rows go against the torque.
@@ -126,16 +112,6 @@ def test_spikes_of_a_position_are_no_travel(tmp_path):
     assert np.array_equal(same, force)
 
 
-def test_where_logs_are_not_in_reach_the_page_stays(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(measured.data, "local_folder", lambda name: None)
-    monkeypatch.setattr(report, "DOCS", tmp_path)
-    with pytest.raises(target.BenchError, match=r"tribometer/reciprocating.tsv is not in reach"):
-        measured.measure()
-    report.write_measured(TARGET)
-    assert "not compared with measured logs anew: tribometer" in capsys.readouterr().out
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_new_table_and_picture(monkeypatch, tmp_path):
     scores = {"rig": dict.fromkeys(measured.MODELS, 0.9)}
     monkeypatch.setattr(measured, "measure", lambda: scores)
@@ -146,15 +122,3 @@ def test_a_new_table_and_picture(monkeypatch, tmp_path):
     report.write_measured(TARGET)
     assert page.read_text() == f"before\n{measured.block(scores, TARGET)}\nafter\n"
     assert (tmp_path / "pictures/measured.png").stat().st_size > 5000
-
-
-def test_the_units_are_the_librarys(angle):
-    units = measured.responses(angle)
-    assert {kind: unit.shape[1] for kind, unit in units.items()} == {
-        "coulomb": 1,
-        "dahl": measured.GRID,
-        "slip": measured.GRID,
-        "lugre": measured.GRID,
-        "mixed": 2 * measured.GRID,
-    }
-    assert all(abs(unit).max() <= 1.0001 for unit in units.values())

@@ -127,18 +127,6 @@ def test_the_short_table_has_three_cores(counted):
         assert rows[title] == [*(str(counted[c][key]) for c in ("m0", "m3", "m4f")), error]
 
 
-def test_the_terminal_shows_each_count(counted, capsys):
-    table.show(counted)
-    shown = capsys.readouterr().out
-    cores = [core["core"] for core in counted.values()]
-    assert any(all(core in line for core in cores) for line in shown.splitlines())
-    for title, key in table.ROWS:
-        line = next(x for x in shown.splitlines() if f"│ {re.sub('[`*]', '', title)} " in x)
-        assert re.findall(r" (\d+|-) ", line)[-4:] == [
-            str(core.get(key, "-")) for core in counted.values()
-        ]
-
-
 def test_the_ways_with_error_jumps_and_mean_cost(counted, measured):
     """Cost and worst error are of all motions but the jumps, which have a column of their own."""
     block = report.ways_table(counted, measured)
@@ -209,85 +197,6 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     assert "not compared here: newton (not here)" in block
 
 
-WORDS = {  # in the name of a number, and in the title of its row
-    r"q30": r"Q30|the same",
-    r"loaded_float|slip_4$|_float$|^parallel": r"F in N m",
-    r"^eight|_8": r"\b8 ",
-    r"^1000": r"^1000 ",
-    r"_4(_|$)": r"^4 ",
-    r"_2(_|$)": r"^2 ",
-    r"int32_min": r"INT32_MIN",
-    r"reversal": r"reversal",
-    r"angle_worst": r"by angle",
-    r"prepare": r"prepare",
-    r"parallel": r"in parallel",
-    r"slip": r"slip",
-    r"asymmetric": r"asymmetric",
-    r"loaded": r"load",
-    r"elastic|plastic|crossing": r"elasto-plastic",
-    r"newlib": r"newlib",
-    r"picolibc": r"picolibc",
-    r"expm1f": r"`expm1f`",
-    r"expf": r"`expf`",
-    r"exp_double": r"double",
-    r"^code": r"^code bytes",
-    r"^const": r"^const data",
-    r"^static": r"static",
-    r"^stack": r"stack",
-}
-
-
-IN_KEYS = {  # the other way round: what a title promises, its count is of
-    r"by angle": r"angle|clamped",
-    r"one count: F/Fc": r"one_count_q30",
-    r"one count: F in": r"one_count_float",
-    r"expm1f": r"expm1f",
-    r"\b(\d) (slip|Dahl)": r"_\d$|_\d_",
-}
-
-
-def test_the_title_of_a_row_says_what_its_number_is():
-    """Each count has one row; what its name has in it, its title has too."""
-    assert len(dict(table.ROWS)) == len({key for _, key in table.ROWS}) == len(table.ROWS)
-    for title, key in (*table.ROWS, *((title, key) for title, key, _ in table.SHORT_ROWS)):
-        told = [words for name, words in WORDS.items() if re.search(name, key)]
-        assert all(re.search(words, title) for words in told), (title, key)
-        asked = [names for words, names in IN_KEYS.items() if re.search(words, title)]
-        assert all(re.search(names, key) for names in asked), (title, key)
-
-
-IN_WORDS = {
-    "angle": "`dahl_step`",
-    "exp_double": "`1 - exp` (double)",
-    "expf": "`1 - expf`",
-    "expm1_double": "`expm1` (double)",
-    "double_state": "state in double",
-    "anchored": "anchored",
-    "direct": "one running exponent",
-    "table": "interpolated",
-    "table_counts": "by counts",
-    "euler": "forward Euler",
-    "rk4": "RK4",
-    "backward": "backward Euler",
-    "throughput_angle": "`dahl_throughput`",
-}
-
-
-def test_a_way_is_ours_where_the_header_has_it():
-    header = "".join(path.read_text() for path in (ROOT / "lib/include").glob("*.h"))
-    assert len({way.key for way in results.WAYS}) == len(results.WAYS)
-    for way in results.WAYS:
-        name = way.title.strip("`")
-        assert way.ours == bool(re.search(rf"\b{re.escape(name)}\(", header)), way
-        told = f"`dahl_step_{way.key}`" if way.key.startswith("counts") else way.key
-        told = f"`dahl_{way.key}`" if way.key.endswith(("batch_counts", "put_counts")) else told
-        assert IN_WORDS.get(way.key, told) in way.title, way
-    solvers = (results.SOLVERS, figures.GROWTH_TITLES)
-    for key, title in ((key, title) for titles in solvers for key, title in titles.items()):
-        plain = next(figures.plain(way.title) for way in results.WAYS if way.key == key)
-        assert title.split(",")[0] in plain
-
-
 # --- pictures ------------------------------------------------------------------------------------
 
 
@@ -322,46 +231,6 @@ def test_each_point_stands_at_its_cost_and_error_in_its_colour(counted, measured
     ]
     lowest = min(speed["copy"] for speed in measured["speed"].values())
     assert drawn(panels[3], ":")["#999999"][0][0][0] == lowest
-
-
-def test_each_way_has_its_number_in_every_panel_and_the_front_is_drawn(counted, measured):
-    """Near ones share a label; the legend says which number is which way."""
-    picture = figures.pareto(counted, measured)
-    [legend] = picture.legends
-    names = [text.get_text().split(maxsplit=1) for text in legend.get_texts()]
-    number = {title: int(n) for n, title in names}
-    groups = [results.core_points(counted, measured, core) for core in results.CORES]
-    groups.append(results.host_points(measured))
-    ours = {figures.plain(p.title) for group in groups for p in group if p.ours}
-    for text, (_, title) in zip(legend.get_texts(), names, strict=True):
-        assert text.get_color() == (figures.OURS if title in ours else figures.RIVAL)
-    for axes, group in zip(picture.axes, groups, strict=True):
-        labels = " ".join(x.get_text() for x in axes.texts if x.get_text()[0].isdigit())
-        wanted = sorted(number[figures.plain(p.title)] for p in group)
-        assert sorted(map(int, labels.split())) == wanted
-        front = [[p.mean_cost(), figures.drawn_error(p)] for p in figures.front(group)]
-        assert drawn(axes, "-")[figures.FRONT] == [front]
-    floors = [drawn(axes, ":")["#999999"][0][0][0] for axes in picture.axes[:3]]
-    assert floors == [9.0, 9.0, 9.0]
-
-
-def test_each_panel_says_what_it_shows_on_scales_that_hold_every_point(counted, measured):
-    picture = figures.pareto(counted, measured)
-    for n, axes in enumerate(picture.axes):
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-        low, high = axes.get_ylim()
-        drawn_errors = np.concatenate([line.get_ydata() for line in axes.lines[1:-1]])
-        assert low < drawn_errors.min() and drawn_errors.max() < high
-        assert axes.get_xlabel().startswith(("instructions", "ns")[n == 3] + " a tick, mean")
-        assert axes.get_ylabel() == ("worst error of F/Fc (triangle: diverges)", "")[n % 2]
-        [floor] = [text for text in axes.texts if not text.get_text()[0].isdigit()]
-        assert floor.get_text().strip() == ("load, multiply, store", "plain copy")[n == 3]
-        assert floor.xy[0] == drawn(axes, ":")["#999999"][0][0][0]
-    assert picture.get_suptitle() == "Speed against error"
-    panels = figures.growth(counted, measured).axes
-    for axes, words in zip(panels, ("ticks", "samples a second"), strict=True):
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-        assert axes.get_xlabel().startswith(words)
 
 
 def test_the_results_keep_each_number_of_both_runs(counted, measured):
@@ -419,25 +288,37 @@ def test_a_way_that_is_beaten_is_told(counted, measured, capsys):
             assert near[kind][ratio] == pytest.approx(worst if kind == "as cheap" else cost)
 
 
-def test_a_picture_is_replaced_as_a_whole_and_the_same_twice(tmp_path):
-    figure = figures.plt.figure()
-    figure.add_subplot().plot([1, 2])
-    with figures.plt.rc_context({"svg.hashsalt": "one"}):
-        for name in ("a.svg", "b.svg"):
-            figures.save(figure, tmp_path / name)
-    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
-    assert "<dc:date>" not in (tmp_path / "a.svg").read_text()
-    whole = (tmp_path / "a.svg").read_bytes()
+def point(key: str, ours: bool, cost: float, error: float, motion: str = "walk") -> results.Point:
+    return results.Point(key, key, ours, {motion: cost}, {motion: error})
 
-    def broken(path: Path, **_: object) -> None:
-        path.write_text("half")
-        raise OSError("disk full")
 
-    figure.savefig = broken
-    with pytest.raises(OSError, match="disk full"):
-        figures.save(figure, tmp_path / "a.svg")
-    assert (tmp_path / "a.svg").read_bytes() == whole
-    assert {path.name for path in tmp_path.iterdir()} == {"a.svg", "b.svg"}
+def test_beaten_in_both_axes_alone():
+    ours = point("ours", True, 20, 1e-9)
+    rivals = [
+        point("cheaper", False, 10, 1e-3),
+        point("better", False, 40, 1e-12),
+        point("as good", False, 10, 0.97e-9),
+    ]
+    assert results.beaten([ours, *rivals], "m4f") == []
+    found = results.beaten([ours, *rivals, point("both", False, 19, 9e-10)], "m4f")
+    assert found == [{"core": "m4f", "motion": "walk", "ours": "ours", "rival": "both"}]
+
+
+def test_one_motion_is_enough_to_be_beaten():
+    ours = results.Point("o", "o", True, {"a": 10, "b": 10}, {"a": 1e-8, "b": 1e-8})
+    rival = results.Point("r", "r", False, {"a": 99, "b": 9}, {"a": 1e-9, "b": 1e-9})
+    assert [found["motion"] for found in results.beaten([ours, rival], "m0")] == ["b"]
+
+
+def test_front_keeps_what_nothing_beats():
+    points = [point(k, False, c, e) for k, c, e in (("a", 1, 1), ("b", 2, 2), ("c", 3, 0.1))]
+    assert [p.key for p in figures.front(points)] == ["a", "c"]
+
+
+def test_parts_lie_on_the_line_through_two_counts():
+    counted = {"euler_parts_9": 76.0, "euler_parts_17": 124.0}
+    assert results.parts_cost(counted, "euler", 17) == 124
+    assert results.parts_cost(counted, "euler", 1) == 28
 
 
 def test_closest_is_the_best_of_the_cheap_and_the_cheapest_of_the_good():
@@ -549,20 +430,6 @@ def test_models_against_measured_logs_stand_in_their_place(pages, counted, measu
     report.write_docs(counted, measured)
     assert page.read_text().endswith(f"{start}\nscores True\n{end}\nlast\n")
     assert (pages / "docs/pictures/measured.png").read_bytes()[:4] == b"\x89PNG"
-
-
-def test_a_report_alone_leaves_the_docs_alone(pages, counted, measured, capsys):
-    assert report.main([]) == 0
-    assert "old" in (pages / "docs/speed.md").read_text()
-    assert not list((pages / "docs/pictures").iterdir())
-    shown = capsys.readouterr().out
-    points = results.combine(counted, measured)["points"]
-    for core, title in figures.TITLES.items():
-        unit = "ns" if core == "host" else "instructions"
-        part = shown.split(f"{title}: ")[1].split("└")[0]
-        assert part.split(maxsplit=1)[0] == unit
-        names = re.findall(r"│ (\w+) +│ +[\d.e+]+ │ +\S+ │", part)
-        assert names == sorted(points[core], key=lambda key: points[core][key]["cost"])
 
 
 def test_a_quick_run_is_not_for_the_docs(pages, measured, monkeypatch, capsys):
@@ -705,13 +572,6 @@ def test_the_best_time_is_the_least_of_all_rounds(monkeypatch):
     times = iter([0.0, 5.0, 10.0, 12.0, 20.0, 24.0])
     monkeypatch.setattr(host, "perf_counter", lambda: next(times))
     assert host.best_time(lambda: None, 3) == 2.0
-
-
-def test_rivals_without_their_environment_are_missing(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(host, "VENV", tmp_path)
-    assert all(
-        "venv.log" in entry["missing"] for entry in host.measure_outside(host.QUICK).values()
-    )
 
 
 # --- rivals from outside --------------------------------------------------------------------------

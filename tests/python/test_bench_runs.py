@@ -17,7 +17,6 @@ sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
 import host  # noqa: E402
 import outside  # noqa: E402
-import table  # noqa: E402
 import target  # noqa: E402
 
 # --- host.py --------------------------------------------------------------------------------------
@@ -105,13 +104,6 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(asked, tmp_
     }
 
 
-def test_what_is_raced_is_built_first_and_nothing_is_raced_beside(asked):
-    host.main(["--quick"])
-    built = [call for call in asked if call[0] == "cmake"]
-    assert asked[: len(built)] == built and built[0] == ["cmake", "--preset", "host"]
-    assert built[1][3:] == ["--target", "host_bench", "dahl_shared"]
-
-
 def test_rivals_get_the_moves_and_what_is_exact(asked, capsys):
     found = host.measure_outside(host.QUICK)
     assert "not compared: newton: no warp" in capsys.readouterr().out
@@ -124,14 +116,6 @@ def test_rivals_get_the_moves_and_what_is_exact(asked, capsys):
         assert scenario["theta"] == pytest.approx(6.283185307 / 2**bits, rel=1e-7)
     assert (task["sigma0"], task["Fc"]) == (100.0, 0.5)
     assert 0 < task["solved"] < host.QUICK.outside
-
-
-def test_the_processor_is_named(monkeypatch):
-    text = "processor : 0\nmodel name\t: Fast: one\nprocessor : 1\nmodel name\t: Fast: one\n"
-    monkeypatch.setattr(host.Path, "read_text", lambda _: text)
-    assert host.cpu() == "Fast: one"
-    monkeypatch.setattr(host.Path, "read_text", lambda _: "Hardware : odd\n")
-    assert host.cpu() == "unknown"
 
 
 # --- target.py ------------------------------------------------------------------------------------
@@ -216,160 +200,6 @@ def test_a_number_is_the_worst_of_the_calls_that_it_stands_for():
     assert found == wanted | numbers
 
 
-def test_one_core_has_the_numbers_of_both_c_libraries(monkeypatch):
-    """Calls and stack as newlib's image has them; each library's motions and its own expm1f."""
-    started: list[str] = []
-    costs = {"newlib": 1000, "picolibc": 3000}
-
-    def read(text: str, counts: str) -> tuple[dict[str, list[int]], dict[str, int]]:
-        base = costs[text]
-        calls = {"walk": [base, base + 5], "motion:walk_20:euler": [base, base + 1]}
-        return calls, {"plan_bytes": base}
-
-    monkeypatch.setattr(target, "build", lambda core, *names: started.append(names))
-    monkeypatch.setattr(target, "run", lambda *words: f"{words[0]} 12.2\nfree software\n")
-    monkeypatch.setattr(target, "emulate", lambda core, image: (image.name.split("_")[1], "-"))
-    monkeypatch.setattr(target, "read_cases", read)
-    monkeypatch.setattr(target, "library_numbers", lambda cases, numbers: numbers)
-    monkeypatch.setattr(target, "rival_numbers", lambda cases, libc: {f"{libc}_e": costs[libc]})
-    monkeypatch.setattr(target, "measure_sizes", lambda core: {"code_bytes": 700})
-    monkeypatch.setattr(target, "objects_at", lambda core, level: ["a.o", f"b{level}.o"])
-    monkeypatch.setattr(target, "helpers", lambda core, *files: [Path(file).name for file in files])
-    core = target.CORES["m4f"]
-    assert target.measure(core, BOTH) == {
-        "core": "Cortex-M4F",
-        "board": core.machine,
-        "compiler": "arm-none-eabi-gcc 12.2",
-        "plan_bytes": 1000,
-        "newlib_e": 1000,
-        "picolibc_e": 3000,
-        "code_bytes": 700,
-        "cases": {"walk": [1000, 1005]},
-        "motions": {
-            "newlib": {"walk_20": {"euler": 1000.5}},
-            "picolibc": {"walk_20": {"euler": 3000.5}},
-        },
-        "helpers": ["libdahl.a"],
-        "helpers_O0": ["a.o", "b-O0.o"],
-    }
-    assert started == [("bench_newlib", "bench_picolibc")]
-
-
-@pytest.mark.parametrize("level", ["-O0", "-Os"])
-def test_the_objects_at_a_level_are_all_c_of_core_and_parts(monkeypatch, tmp_path, level):
-    calls: list[list[str]] = []
-    monkeypatch.setattr(target, "cache_value", lambda core, key: "-mcpu=here -O2")
-    monkeypatch.setattr(target, "run", lambda *words: calls.append([str(w) for w in words]))
-    core = SimpleNamespace(build=tmp_path, tool=lambda name: f"arm-{name}")
-    objects = target.objects_at(core, level)
-    assert [Path(call[-1]) for call in calls] == objects
-    compiled = {Path(call[call.index("-c") + 1]) for call in calls}
-    parts = ("arith", "model", "parts")
-    assert compiled == {path for part in parts for path in (ROOT / "lib" / part).glob("*.c")}
-    for call in calls:
-        assert call[0] == "arm-gcc" and call.index(level) > call.index("-O2")
-        assert call[call.index("-I") + 1] == str(ROOT / "lib/include")
-
-
-def test_a_core_is_configured_before_it_is_built(monkeypatch):
-    """A build folder may be of an older tree; only what is asked for is built."""
-    calls: list[list[str]] = []
-    monkeypatch.setattr(target, "run", lambda *w, cwd: calls.append([*map(str, w), str(cwd)]))
-    core = target.CORES["m0"]
-    target.build(core, "one", "two")
-    built = ["cmake", "--build", str(core.build), "--target", "one", "two", str(ROOT)]
-    assert calls == [["cmake", "--preset", "m0", str(ROOT)], built]
-
-
-def test_sizes_are_of_each_path_by_its_name(monkeypatch):
-    size = {"q30": 10, "counts": 20, "angle": 30}
-    monkeypatch.setattr(target, "link_path", lambda core, name: name)
-    monkeypatch.setattr(
-        target,
-        "sizes",
-        lambda core, name: dict(code=size[name], const=size[name] + 1, static=0),
-    )
-    found = target.measure_sizes(target.CORES["m3"])
-    assert found == {
-        **{"code_bytes": 10, "const_bytes": 11, "static_bytes": 0},
-        **{"code_bytes_counts": 20, "const_bytes_counts": 21, "static_bytes_counts": 0},
-        **{"code_bytes_angle": 30, "const_bytes_angle": 31, "static_bytes_angle": 0},
-    }
-
-
-@pytest.mark.parametrize(("name", "bios"), [("m3", False), ("rv32", True)])
-def test_an_image_runs_on_its_board_with_the_plugin(monkeypatch, tmp_path, name, bios):
-    """The plugin is told where the image makes its calls; its file does not stay."""
-    core, calls = target.CORES[name], []
-    listing = "00000010 T bench_site\n00000024 T bench_back\n0000003c T bench_mark\n"
-
-    def run(*words: object, **_: object) -> str:
-        calls.append([str(word) for word in words])
-        if words[0] == core.tool("nm"):
-            return listing
-        plugin = next(word for word in calls[-1] if word.startswith(str(target.PLUGIN)))
-        Path(plugin.partition("out=")[2]).write_text("-\n5\n")
-        return "case one\n"
-
-    monkeypatch.setattr(target, "run", run)
-    monkeypatch.setattr(target, "OUT", tmp_path)
-    assert target.emulate(core, Path("image")) == ("case one\n", "-\n5\n")
-    assert not list(tmp_path.iterdir())
-    emulator = calls[-1]
-    assert emulator[0] == core.tools[1] and emulator[emulator.index("-M") + 1] == core.machine
-    assert emulator[-2:] == ["-kernel", "image"]
-    plugin = emulator[emulator.index("-plugin") + 1]
-    assert plugin.startswith(f"{target.PLUGIN},site=0x10,back=0x24,mark=0x3c,out=")
-    assert ("-bios" in emulator) == bios
-
-
-def test_a_path_is_linked_as_a_user_would(monkeypatch, tmp_path):
-    """With the core's flags, without the C library, from what the path's functions need alone."""
-    core, calls = target.CORES["m3"], []
-    monkeypatch.setattr(target, "cache_value", lambda core, key: "-mcpu=here -O2")
-    monkeypatch.setattr(target, "run", lambda *words: calls.append([str(w) for w in words]))
-    image = target.link_path(core, "counts")
-    assert image == core.build / "bench/size_counts.elf"
-    [words] = calls
-    assert words[:3] == [core.tool("gcc"), "-mcpu=here", "-O2"]
-    assert {
-        "-nostdlib",
-        "-Wl,--gc-sections",
-        f"-Wl,-e,{target.PATHS['counts'][0]}",
-    } <= set(words)
-    assert [w[7:] for w in words if w.startswith("-Wl,-u,")] == target.PATHS["counts"]
-    assert words[words.index("-o") + 1] == str(image)
-    assert words[-2:] == [str(core.build / "lib/libdahl.a"), "-lgcc"]
-    target.link_path(core, "q30", tmp_path / "other.a")
-    assert calls[1][-2] == str(tmp_path / "other.a")
-
-
-def test_each_path_has_what_its_firmware_calls():
-    """The ticks of one kind each, with all that the smaller path has."""
-    q30, counts, angle = (set(target.PATHS[name]) for name in ("q30", "counts", "angle"))
-    assert q30 == {"dahl_prepare", "dahl_step_counts_q30"}
-    assert counts - q30 == {"dahl_step_counts", "dahl_torque"} and q30 < counts
-    assert angle - counts == {"dahl_step"} and counts < angle
-
-
-def test_a_value_of_the_cache_is_that_of_its_key(monkeypatch, tmp_path):
-    core = SimpleNamespace(build=tmp_path)
-    cache = "CMAKE_C_FLAGS_DEBUG:STRING=-g\nCMAKE_C_FLAGS:STRING=-mthumb -O2\nX:BOOL=ON\n"
-    (tmp_path / "CMakeCache.txt").write_text(cache)
-    assert target.cache_value(core, "CMAKE_C_FLAGS") == "-mthumb -O2"
-    assert target.cache_value(core, "C_FLAGS") == ""
-
-
-def test_what_a_command_complained_of_is_told_with_its_last_lines():
-    lines = "for i in $(seq 30); do echo line $i; done; exit 1"
-    with pytest.raises(target.BenchError) as told:
-        target.run("sh", "-c", lines)
-    assert str(told.value).splitlines()[1:] == [f"line {n}" for n in range(19, 31)]
-    with pytest.raises(target.BenchError, match="(?s)^sh -c .* failed:\nlast$"):
-        target.run("sh", "-c", "echo said; echo last >&2; exit 2")
-    assert target.run("sh", "-c", "echo out; echo err >&2") == "out\n"
-
-
 # --- rivals from outside --------------------------------------------------------------------------
 
 TASK = {"sigma0": 100.0, "Fc": 0.5, "solved": 300}
@@ -449,14 +279,3 @@ def test_a_rival_is_timed_a_tick_without_its_first_use(monkeypatch):
     assert asked == [10, 20, 4, 5]
     assert (found["ns"], found["ticks"]) == (5e9, 29)
     assert found["scenarios"]["b"] == [0.25, pytest.approx(0.125)]
-
-
-# --- the table ------------------------------------------------------------------------------------
-
-
-def test_a_block_stands_between_its_two_marks():
-    core = {"core": "Core", "compiler": "cc 1", "helpers": [], "helpers_O0": []}
-    lines = table.markdown({"m3": core}).splitlines()
-    assert (lines[0], lines[-1]) == table.MARKS and table.MARKS[0] != table.MARKS[1]
-    short = table.short({name: core for name in ("m0", "m3", "m4f")}).splitlines()
-    assert (short[0], short[-1]) == table.SHORT_MARKS

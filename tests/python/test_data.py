@@ -137,12 +137,6 @@ def test_a_folder_given_comes_first(alone, monkeypatch):
         data.find_log("cycloidal/none.csv", alone)
 
 
-def test_a_log_is_found_beside_its_scene(alone):
-    (alone / "mine.csv").write_text("a\n")
-    assert data.find_log("mine.csv", alone) == alone / "mine.csv"
-    assert data.find_log(str(alone / "mine.csv"), alone / "other") == alone / "mine.csv"
-
-
 def test_unknown_set_and_missing_file(alone, monkeypatch):
     with pytest.raises(Error, match="no measured set 'tribo' .*tribometer"):
         data.folder("tribo")
@@ -168,12 +162,3 @@ def test_the_list_says_where_each_set_is_or_comes_from(alone, monkeypatch, capsy
         assert (known.repo in where) == bool(known.commit and str(alone) not in where)
     here = dict(zip(data.SETS, (line.strip() for line in lines[2::3]), strict=True))
     assert here["servo_pendulum"] == str(alone / "mine" / "servo_pendulum")
-
-
-def test_the_command(run_dahl):
-    listed = run_dahl("data")
-    assert listed.returncode == 0
-    assert all(name in listed.stdout for name in data.SETS)
-    wrong = run_dahl("data", "nothing")
-    assert wrong.returncode == 2
-    assert wrong.stderr.startswith("error: no measured set 'nothing'")

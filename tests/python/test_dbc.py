@@ -76,33 +76,6 @@ def test_without_a_file_it_is_printed(tmp_path: Path, capsys: pytest.CaptureFixt
         assert capsys.readouterr().out == (tmp_path / "2.dbc").read_text()
 
 
-@pytest.mark.parametrize("nodes", ["0", "17", "two"])
-def test_another_number_of_nodes_is_refused(nodes: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        cli.main(["dbc", "--nodes", nodes])
-    assert ended.value.code == 2
-    assert nodes in capsys.readouterr().err
-
-
-def test_a_reply_that_knows_no_such_parameter_decodes(database: cantools.database.Database) -> None:
-    """As the C node answers (test_node.c): Param 255, and the number that was asked for."""
-    reply = database.get_message_by_name("ParamReply")
-    said = reply.decode(bytes([0, 0x25, 255, 0, 77, 0, 0, 0]))
-    assert (said["Result"], said["Param"], said["Asked"]) == ("Unknown", "None", 77)
-
-
-def test_no_unit_is_a_bare_number(database: cantools.database.Database) -> None:
-    for message in database.messages:
-        for signal in message.signals:
-            assert signal.unit is None or signal.unit.strip("1"), signal.name
-
-
-def test_a_joint_write_can_be_encoded(database: cantools.database.Database) -> None:
-    write = database.get_message_by_name("ParamWrite")
-    held = {"Crc": 0, "Counter": 1, "Write": "Hold", "Param": "Fc", "Fc": 2.5}
-    assert write.decode(write.encode(held)) == held
-
-
 def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "own.dbc"
     path.write_text("mine")

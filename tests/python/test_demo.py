@@ -19,7 +19,7 @@ from pathlib import Path
 import dahl
 import numpy as np
 import pytest
-from dahl import cli, logs, loop, paths, report, scene
+from dahl import logs, loop, paths, report, scene
 from dahl.commands import demo as demo_command
 from dahl.firmware import free_port
 from identify_tools import caller
@@ -75,6 +75,12 @@ def own_log(tmp_path_factory, library):
     return path
 
 
+@pytest.fixture
+def dahl_here(capsys):
+    """A verb of `dahl` in this process, as run_dahl is called."""
+    return caller(capsys)
+
+
 def summary_of(folder) -> dict:
     return json.loads((folder / "summary.json").read_text())
 
@@ -98,10 +104,7 @@ def test_summary_has_what_was_promised(demo):
     assert numbers["ticks"] == numbers["frames_sent"] == numbers["frames_recorded"] == TICKS
     assert numbers["frames_lost"] == numbers["frames_not_recorded"] == 0
     assert numbers["interrupted"] is False
-
-
-def test_received_torque_is_exact(demo):
-    assert 0 < summary_of(demo[0])["max_error_ulp_Fc"] <= 0.52
+    assert 0 < numbers["max_error_ulp_Fc"] <= 0.52
 
 
 def test_measured_torque_is_met(demo):
@@ -125,11 +128,6 @@ def test_same_bits_as_the_library(demo, own_log):
     assert trace.ratio.tolist() == [
         bearing.step_counts_q30(move) for move in trace.moves().tolist()
     ]
-
-
-def test_table_says_which_bus_and_how_good(demo):
-    for words in ("bus", "socketcan", "latency", "ulp of Fc", "R²", "loop.png"):
-        assert words in demo[1]
 
 
 def rows_of(table: str) -> dict[str, str]:
@@ -191,16 +189,6 @@ def test_plot_of_a_bare_log_needs_a_scene(demo, run_dahl, tmp_path):
 def test_plot_of_nothing_is_one_line(run_dahl, tmp_path):
     done = run_dahl("plot", tmp_path / "none")
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
-
-
-def test_plot_of_a_foreign_summary_is_one_line(run_dahl, tmp_path):
-    (tmp_path / "run.log").write_text("(0000000000.001000) vcan0 100#00\n")
-    texts = {"{": "not JSON", "[]": "not the summary", '{"scene_file": 5}': "not the summary"}
-    for text, words in texts.items():
-        (tmp_path / "summary.json").write_text(text)
-        done = run_dahl("plot", tmp_path)
-        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-        assert "summary.json" in done.stderr and words in done.stderr
 
 
 def test_a_file_that_cannot_be_written_is_one_line(demo, run_dahl, tmp_path):
@@ -418,19 +406,6 @@ def test_a_node_that_is_wrong_is_a_code_other_than_0(run_dahl, tmp_path):
     assert summary_of(tmp_path / "out")["max_error_ulp_Fc"] > 1000
 
 
-def test_a_log_in_the_place_of_an_output_is_refused(own_log, run_dahl, tmp_path):
-    for name in ("run.log", "summary.json", "own.ini", "trace.csv", "node.err"):
-        victim = tmp_path / name
-        victim.write_bytes(own_log.read_bytes())
-        done = run_dahl("demo", victim, *OWN, "--output", tmp_path)
-        assert done.returncode == 2
-        assert done.stderr == (
-            f"error: {victim}: a run in {tmp_path} would destroy it; name another --output\n"
-        )
-        assert victim.read_bytes() == own_log.read_bytes()
-        victim.unlink()
-
-
 @pytest.mark.parametrize(
     "scene_name",
     [
@@ -479,14 +454,12 @@ def without(option: str) -> list:
         (without("--counts-per-turn"), "needs --counts-per-turn"),
         ([*OWN, "--angle", "shaft"], "shaft.csv:1: no column 'shaft'; did you mean 'shaft [deg]'?"),
         ([*OWN, "--fc", "-1"], "Fc = -1 is outside"),
-        ([*OWN, "--sigma0", "nan"], "sigma0 = nan"),
-        ([*OWN, "--counts-per-turn", "0"], "--counts-per-turn 0"),
         ([*OWN, "--bus", "canopy"], "--bus canopy"),
         ([*OWN, "--scene", "steering"], "--scene with a LOG"),
     ],
 )
-def test_bad_arguments_are_one_line(own_log, run_dahl, tmp_path, change, words):
-    done = run_dahl("demo", own_log, *change, "--output", tmp_path)
+def test_bad_arguments_are_one_line(own_log, dahl_here, tmp_path, change, words):
+    done = dahl_here("demo", own_log, *change, "--output", tmp_path)
     assert done.returncode == 2, done.stdout + done.stderr
     assert done.stderr.startswith("error: ")
     assert words in done.stderr
@@ -503,8 +476,8 @@ def test_bad_arguments_are_one_line(own_log, run_dahl, tmp_path, change, words):
         (["none.csv", *OWN], "none.csv: no such file"),
     ],
 )
-def test_bad_scene_or_log_is_one_line(run_dahl, tmp_path, arguments, words):
-    done = run_dahl("demo", *arguments, "--output", tmp_path)
+def test_bad_scene_or_log_is_one_line(dahl_here, tmp_path, arguments, words):
+    done = dahl_here("demo", *arguments, "--output", tmp_path)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert words in done.stderr
 
@@ -525,29 +498,15 @@ def test_a_bad_row_is_named_before_anything_runs(own_log, run_dahl, tmp_path):
         ["nothing"],
         ["demo", "--fc", "much"],
         ["demo", "--seconds", "0"],
-        ["demo", "--seconds", "soon"],
-        ["demo", "--seed", "-1"],
         ["demo", "--angle-unit", "turns"],
         ["monitor", "--nothing"],
-        ["monitor", "--node", "16"],
-        ["monitor", "--window", "1"],
-        ["monitor", "--seconds", "nan"],
-        ["record"],
-        ["record", "-o", "x.log", "--frames", "0"],
     ],
 )
-def test_a_wrong_command_line_is_one_line(run_dahl, arguments):
-    done = run_dahl(*arguments)
+def test_a_wrong_command_line_is_one_line(dahl_here, arguments):
+    done = dahl_here(*arguments)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert done.stderr.startswith("error: ")
     assert "--help)" in done.stderr
-
-
-@pytest.mark.parametrize("command", cli.COMMANDS)
-def test_each_command_has_an_example(run_dahl, command):
-    done = run_dahl(command, "--help")
-    assert done.returncode == 0
-    assert re.search(rf"^examples?:\s.*dahl {command}\b", done.stdout, re.MULTILINE | re.DOTALL)
 
 
 @pytest.mark.parametrize(
@@ -586,12 +545,6 @@ def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count, p
     assert written.measured.angle_scale == pytest.approx(per_unit, rel=1e-15)
 
 
-def test_a_column_name_that_a_scene_cannot_hold_is_named(tmp_path):
-    own = scene.OwnLog(Path("x.csv"), "a ; b", "T", SIGMA0, FC, TURN)
-    with pytest.raises(dahl.Error, match="column 'a ; b'"):
-        scene.write_own(own, tmp_path / "own.ini")
-
-
 def test_a_scene_is_read_key_by_key(tmp_path):
     path = tmp_path / "my scene.ini"
     path.write_text(
@@ -613,25 +566,6 @@ def test_a_scene_is_read_key_by_key(tmp_path):
             *(True, "t", ""),
             "N m",
         )
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("[friction]\nsigma0 = x\n", "[friction] sigma0 = 'x' is not a number"),
-        ("[measured]\nsettle = 1.5\n", "[measured] settle = '1.5' is not a whole number"),
-        ("[measured]\nsettle = inf\n", "[measured] settle = 'inf' is not a whole number"),
-        ("[measured]\nwheel = 1\n", "[measured] has no key 'wheel'"),
-        ("sigma0 = 1\n", "no section headers"),
-    ],
-)
-def test_bad_scenes_are_named(tmp_path, text, words):
-    path = tmp_path / "bad.ini"
-    path.write_text(text)
-    with pytest.raises(dahl.Error) as caught:
-        scene.read(path)
-    assert words in str(caught.value)
-    assert "bad.ini" in str(caught.value)
 
 
 def test_the_tribometer_is_met(measured_file, run_dahl, tmp_path):
@@ -656,19 +590,6 @@ def test_a_slip_element_follows_the_tribometer_closer(measured_file, run_dahl, t
     numbers = summary_of(tmp_path)
     assert numbers["model"] == "slip"
     assert numbers["r2_measured"] >= 0.9965
-    assert numbers["max_error_ulp_Fc"] <= 0.55
-
-
-def test_two_slip_elements_are_exact_over_the_bus(run_dahl, tmp_path):
-    scene_file = tmp_path / "two.ini"
-    scene_file.write_text(
-        "[friction]\nmodel = slip\nsigma0 = 100 30\nFc = 0.2 0.7\ntheta_per_count = 3.8e-4\n"
-        "[motion]\nkind = segments\ntheta1 = 40\ntheta2 = -25\ntheta3 = 30\nspeed = 300\n"
-    )
-    done = run_dahl("demo", "--scene", scene_file, "--output", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    numbers = summary_of(tmp_path / "out")
-    assert numbers["elements"] == [{"sigma0": 100.0, "Fc": 0.2}, {"sigma0": 30.0, "Fc": 0.7}]
     assert numbers["max_error_ulp_Fc"] <= 0.55
 
 
@@ -700,16 +621,6 @@ def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tm
     again.parent.mkdir()
     assert run_dahl("plot", tmp_path, "-o", again).returncode == 0
     assert again.read_bytes() == (tmp_path / "loop.png").read_bytes()  # no panel less
-
-
-@pytest.mark.parametrize("seed", [pytest.param(3, marks=pytest.mark.checks), 2**64 - 1])
-def test_the_seed_is_the_runs(run_dahl, tmp_path, seed):
-    """In the summary, and in what was played."""
-    for name, scene_name in (("real", "steering"), ("virtual", "fault-storm")):
-        folder = tmp_path / name
-        options = ["--scene", scene_name, "--seconds", "0.3", "--seed", seed, "--output", folder]
-        assert run_dahl("demo", *options).returncode == 0
-        assert summary_of(folder)["seed"] == pytest.approx(seed)
 
 
 def test_a_bus_without_a_frame_is_a_failed_run(capsys, monkeypatch, tmp_path):

@@ -10,7 +10,6 @@ import struct
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import can
 import pytest
@@ -20,7 +19,6 @@ from dahl import (
     __version__,
     bus,
     commands,
-    data,
     firmware,
     paths,
     plan_header,
@@ -28,7 +26,6 @@ from dahl import (
 )
 from dahl.cli import build_parser
 from dahl.identify import folder_runs, output, pipeline
-from dahl.interrupt import Stop
 from identify_tools import caller, synthetic
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -40,14 +37,6 @@ def run_dahl(capsys):
 
 
 # --- buses ----------------------------------------------------------------------------------------
-
-
-def test_an_interface_that_fails_while_it_receives_is_one_line():
-    def fail(_: float) -> None:
-        raise can.CanOperationError("cable out")
-
-    with pytest.raises(RunError, match="the bus has gone: cable out"):
-        next(bus.received(SimpleNamespace(recv=fail), Stop()))
 
 
 def test_error_frames_are_logged_as_candump_does():
@@ -223,17 +212,6 @@ def test_a_reader_that_stops_early_is_no_error(root):
         errors = process.stderr.read()
         process.wait(60)
     assert (process.returncode, errors) == (0, b"")
-
-
-def test_data_of_a_set_in_reach_is_its_folder(run_dahl, monkeypatch, tmp_path):
-    (tmp_path / "tribometer").mkdir()
-    monkeypatch.setenv("DAHL_DATA", str(tmp_path))
-    assert run_dahl("data", "tribometer").stdout == f"{tmp_path / 'tribometer'}\n"
-    assert str(tmp_path / "tribometer") in run_dahl("data").stdout
-    with pytest.raises(Error, match="no such file in the measured set"):
-        data.find_log("tribometer/none.csv", tmp_path)
-    (tmp_path / "tribometer" / "there.csv").write_text("x")
-    assert data.find_log("tribometer/there.csv", tmp_path).name == "there.csv"
 
 
 # --- identification -------------------------------------------------------------------------------

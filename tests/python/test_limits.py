@@ -141,45 +141,7 @@ def test_change_of_plan_keeps_what_it_promises(library) -> None:
         assert abs(F - wanted) <= allowed, (one, other, w)
 
 
-ZERO = Plan()
 WHOLE = (100.0, 0.5, 1e-3)
-
-
-def test_a_plan_of_zeros_gives_no_torque(library) -> None:
-    """Never prepared, or refused: nothing moves, and every call gives 0 N m."""
-    zero = ctypes.byref(ZERO)
-    angles = [0.0, 1e-30, 0.1, -0.1, 3.0, -1e30, math.inf, -math.inf, math.nan, 1e-40]
-    counts = [0, 1, -1, 8, -8, 9, -9, 1000, 2**31 - 1, -(2**31)]
-    for w in (0, 1, -1, ONE, -ONE, STATE_END - 1, -STATE_END, ONE // 3):
-        for angle in angles:
-            state = State(w)
-            assert library.dahl_step(zero, ctypes.byref(state), ctypes.c_float(angle)) == 0
-            assert state.w == w
-        for count in counts:
-            state = State(w)
-            assert library.dahl_step_counts(zero, ctypes.byref(state), count) == 0
-            assert library.dahl_step_counts_q30(zero, ctypes.byref(state), count) == (
-                w + 2**31 >> 32
-            )
-            assert state.w == w
-        assert library.dahl_torque(zero, ctypes.byref(State(w))) == 0
-
-
-def test_a_plan_of_zeros_takes_no_torque(library) -> None:
-    zero = ctypes.byref(ZERO)
-    for F in (0.0, 0.5, -0.5, 1e-40, 3e38, math.inf, -math.inf):
-        state = State(ONE // 2)
-        library.dahl_set_torque(zero, ctypes.byref(state), ctypes.c_float(F))
-        assert state.w == 0 and library.dahl_torque(zero, ctypes.byref(state)) == 0
-
-
-@pytest.mark.parametrize("w", [0, 1, -1, ONE, -ONE, STATE_END - 1, -STATE_END])
-def test_change_from_and_to_a_plan_of_zeros(library, w: int) -> None:
-    code, plan = prepared(library, *WHOLE)
-    assert code == OK
-    assert changed(library, ZERO, plan, w) == 0
-    assert changed(library, plan, ZERO, w) == 0
-    assert changed(library, ZERO, ZERO, w) == 0
 
 
 def test_states_stay_where_the_header_says(library) -> None:

@@ -9,7 +9,7 @@ import subprocess
 
 import dahl
 import pytest
-from loop_tools import SCENES, counts_of, program, read_log, run
+from loop_tools import SCENES, counts_of, program, read_log, run, said, setting
 
 GOOD = {
     "scene": "[scene]\ntitle = t",
@@ -104,84 +104,57 @@ def test_what_stands_before_the_first_section_changes_nothing(tmp_path, before):
 ROTOR = "[rotor]\ninertia = 0.1\nviscous = 0\nsigma0 = 50\nFc = 0.5\n"
 MOTOR = "[motor]\nseconds = 1\n"
 CONTROL = "[control]\nkp = 1\nkd = 1\ntorque_limit = 1\n"
+
+
+def friction(**keys: object) -> str:
+    """The good scene with other keys of its friction, from line 4 on; None leaves one out."""
+    known = {"sigma0": 1, "Fc": 1, "theta_per_count": 1} | keys
+    lines = [f"{name} = {value}" for name, value in known.items() if value is not None]
+    return with_("friction", "\n".join(["[friction]", *lines]))
+
+
+def model(name: str, keys: str) -> str:
+    return with_("friction", f"[friction]\nmodel = {name}\n{keys}\ntheta_per_count = 1")
+
+
+NINE = "1 2 3 4 5 6 7 8 9"
+FAR = "1 1e-9\nFc = 1 1e9"
 SCENE_ERRORS = [
-    (
-        with_("friction", "[friction]\nFc = 0.5\ntheta_per_count = 1e-4"),
-        ':3: [friction] has no key "sigma0"',
-    ),
+    (friction(sigma0=None), ':3: [friction] has no key "sigma0"'),
     (with_("friction", "[friction]"), ':3: [friction] has no key "sigma0"'),
+    (friction(sigma0=0), ":4: [friction] sigma0 = 0: outside"),
     (
-        with_("friction", "[friction]\nsigma0 = 0\nFc = 1\ntheta_per_count = 1"),
-        ":4: [friction] sigma0 = 0: outside",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = -1\nFc = 1\ntheta_per_count = 1"),
-        ":4: [friction] sigma0 = -1: outside",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 3.7e-26"),
+        friction(theta_per_count=3.7e-26),
         ":6: [friction] theta_per_count = 3.7e-26: outside 5.42101086e-20 to 1.84467441e+19",
     ),
+    (friction(sigma0="nan"), ":4: [friction] sigma0 = nan: not"),
+    (friction(sigma0="inf"), ":4: [friction] sigma0 = inf: not"),
+    (friction(Fc="abc"), ":5: [friction] Fc = abc: not"),
+    (friction(Fc=""), ":5: [friction] Fc = : not"),
+    (friction(Fc="1 2"), ":5: [friction] sigma0 has 1 numbers and Fc 2: model dahl wants one of"),
     (
-        with_("friction", "[friction]\nsigma0 = nan\nFc = 1\ntheta_per_count = 1"),
-        ":4: [friction] sigma0 = nan: not",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = inf\nFc = 1\ntheta_per_count = 1"),
-        ":4: [friction] sigma0 = inf: not",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 1\nFc = abc\ntheta_per_count = 1"),
-        ":5: [friction] Fc = abc: not",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 1\nFc = 1 2\ntheta_per_count = 1"),
-        ":5: [friction] sigma0 has 1 numbers and Fc 2: model dahl wants one of each",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 1 2\nFc = 1 2\ntheta_per_count = 1"),
+        friction(sigma0="1 2", Fc="1 2"),
         ":5: [friction] sigma0 has 2 numbers and Fc 2: model dahl wants one of each",
     ),
+    (friction(theta_per_count=1e-12), ":6: [friction] theta_per_count"),
+    (friction(sigma0=1e15), ":6: [friction] theta_per_count"),
+    (friction(node=1.9), ":7: [friction] node = 1.9: not a whole number"),
+    (friction(max_step=2.5), ":7: [friction] max_step = 2.5: not a whole number"),
+    (model("slip", "sigma0 = 1 2 3\nFc = 1 2"), ":6: [friction] sigma0 has 3 numbers and Fc 2"),
     (
-        with_(
-            "friction", "[friction]\nmodel = slip\nsigma0 = 1 2 3\nFc = 1 2\ntheta_per_count = 1"
-        ),
-        ":6: [friction] sigma0 has 3 numbers and Fc 2",
-    ),
-    (
-        with_("friction", "[friction]\nmodel = lugre\nsigma0 = 1\nFc = 1\ntheta_per_count = 1"),
+        model("lugre", "sigma0 = 1\nFc = 1"),
         ":4: [friction] model = lugre: not one of dahl, slip, parallel,",
     ),
-    *(
-        (with_("friction", f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = 1"), words)
-        for model, keys, words in MODELS
-    ),
+    *((model(name, keys), words) for name, keys, words in MODELS),
     (
-        with_("friction", "[friction]\nmodel = slip\nsigma0 = 1 2 3 4 5 6 7 8 9\nFc = 1"),
-        ":5: [friction] sigma0 = 1 2 3 4 5 6 7 8 9: more than 8 numbers",
+        model("slip", f"sigma0 = {NINE}\nFc = 1"),
+        f":5: [friction] sigma0 = {NINE}: more than 8 numbers",
     ),
+    (model("slip", "sigma0 = 1 x\nFc = 1 1"), ":5: [friction] sigma0 = x: not"),
     (
-        with_("friction", "[friction]\nmodel = slip\nsigma0 = 1 x\nFc = 1 1\ntheta_per_count = 1"),
-        ":5: [friction] sigma0 = x: not",
-    ),
-    (
-        with_(
-            "friction", "[friction]\nmodel = slip\nsigma0 = 1 1e-9\nFc = 1 1e9\ntheta_per_count = 1"
-        ),
+        model("slip", f"sigma0 = {FAR}"),
         ":7: [friction] theta_per_count = 1: sigma0/Fc*theta_per_count = 1e-18,"
         " outside 9.31322575e-10 to 1048576",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 1\nFc =\ntheta_per_count = 1"),
-        ":5: [friction] Fc = : not",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 1\nFc = 1\ntheta_per_count = 1e-12"),
-        ":6: [friction] theta_per_count",
-    ),
-    (
-        with_("friction", "[friction]\nsigma0 = 1e15\nFc = 1\ntheta_per_count = 1"),
-        ":6: [friction] theta_per_count",
     ),
     (
         with_("friction", "[friction]\nsigma0 = 1\nsigma0 = 2\nFc = 1"),
@@ -207,7 +180,6 @@ SCENE_ERRORS = [
         ":13: [motion] speed has no meaning for kind = log",
     ),
     (with_("motion", GOOD["motion"] + "\nfile ="), ":13: [motion] file given twice"),
-    (with_("status", "[status]\nperiod_ms = 0"), ":14: [status] period_ms = 0: outside"),
     (with_("status", "[faults]\ndrop = 0.5"), ":13: [faults] needs [friction] max_step"),
     (with_("status", "[faults]\ndrop = 1.5"), ":14: [faults] drop = 1.5: outside 0 to 1"),
     (with_("status", "[faults]\ndrop = 10 %"), ":14: [faults] drop = 10 %: not a finite number"),
@@ -226,14 +198,6 @@ SCENE_ERRORS = [
     (with_("motion", MOTOR), ":7: [motor] needs [rotor]"),
     (with_("status", "[rotor]\ninertia = 0"), ":14: [rotor] inertia = 0: outside"),
     (with_("status", "[rotor]\ninertia = 1"), ':13: [rotor] has no key "sigma0"'),
-    (
-        with_("friction", GOOD["friction"] + "\nnode = 1.9"),
-        ":7: [friction] node = 1.9: not a whole number",
-    ),
-    (
-        with_("friction", GOOD["friction"] + "\nmax_step = 2.5"),
-        ":7: [friction] max_step = 2.5: not a whole number",
-    ),
     (
         with_("motion", GOOD["motion"] + "\nstart_count = -0.5"),
         ":13: [motion] start_count = -0.5: not a whole number",
@@ -348,13 +312,7 @@ def test_no_output_destroys_an_input(tmp_path, option, way, victim):
     elif way == "symlink":
         other.symlink_to(target)
     path = {"same": target, "dots": f"{tmp_path}/../{tmp_path.name}/{victim}"}.get(way, other)
-    done = subprocess.run(
-        [program(), "--scene", scene, "--virtual", option, path],
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=False,
-    )
+    done = said("--scene", scene, "--virtual", option, path)
     name = "--scene" if victim == "scene.ini" else "the measured log"
     assert (done.returncode, done.stderr) == (
         2,
@@ -369,26 +327,13 @@ def test_no_two_outputs_are_one_file(tmp_path):
     new = tmp_path / "new"
     for again in (new, f"{tmp_path}/./new", "new"):
         options = ["--virtual", "--log", new, "--summary", again]
-        done = subprocess.run(
-            [program(), "--scene", scene, *options],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            timeout=20,
-            check=False,
-        )
+        done = said("--scene", scene, *options, cwd=tmp_path)
         assert done.stderr == f"error: --summary {again}: that is the file of --log {new}\n"
         assert (done.returncode, new.exists()) == (2, False)
     null = ["--virtual", "--log", "/dev/null", "--summary", "/dev/null"]
-    assert (
-        subprocess.run([program(), "--scene", scene, *null], timeout=20, check=False).returncode
-        == 0
-    )
+    assert said("--scene", scene, *null).returncode == 0
     apart = ["--virtual", "--log", tmp_path / "a", "--summary", tmp_path / "b"]
-    assert (
-        subprocess.run([program(), "--scene", scene, *apart], timeout=20, check=False).returncode
-        == 0
-    )
+    assert said("--scene", scene, *apart).returncode == 0
 
 
 def test_outputs_of_one_name_in_two_folders_are_two(tmp_path):
@@ -396,7 +341,7 @@ def test_outputs_of_one_name_in_two_folders_are_two(tmp_path):
     for name in "ab":
         (tmp_path / name).mkdir()
     options = ["--virtual", "--log", tmp_path / "a" / "run", "--summary", tmp_path / "b" / "run"]
-    done = subprocess.run([program(), "--scene", scene, *options], timeout=20, check=False)
+    done = said("--scene", scene, *options)
     assert done.returncode == 0
     assert json.loads((tmp_path / "b" / "run").read_text())["ticks"] == 3
 
@@ -447,13 +392,7 @@ def test_thirty_two_settings_are_taken_and_eight_slip_elements():
     eight = "1 2 3 4 5\t6 \t7  8"  # blanks and tabs, as many as one likes
     sets = ["friction.model=slip", f"friction.sigma0={eight}", f"friction.Fc={eight}"]
     words = [word for text in [*sets, *["friction.node=1"] * 29] for word in ("--set", text)]
-    done = subprocess.run(
-        [program(), *STEERING, "--virtual", "--seconds", "0.001", *words],
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=False,
-    )
+    done = said(*STEERING, "--virtual", "--seconds", "0.001", *words)
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -544,10 +483,6 @@ OPTION_ERRORS = [
     ([*STEERING, "--frobnicate"], "unknown option --frobnicate"),
     ([*STEERING, "extra"], "unexpected argument extra"),
     ([*STEERING, "--seed"], "--seed needs a value"),
-    ([*STEERING, "--seed", "-1"], "--seed -1: not an integer"),
-    ([*STEERING, "--seed", "1x"], "--seed 1x: not an integer"),
-    ([*STEERING, "--seconds", "0"], "--seconds 0: not a number from 0.001"),
-    ([*STEERING, "--seconds", "nan"], "--seconds nan: not a number from 0.001"),
     ([*STEERING, "--role", "boss"], "--role boss: not one of both, encoder, node"),
     ([*STEERING, "--bus", "can0"], "--bus can0: not loopback"),
     ([*STEERING, "--bus", "socketcand:99999"], "--bus socketcand:99999: not loopback"),
@@ -569,9 +504,7 @@ OPTION_ERRORS = [
         "--virtual needs a bus whose order this process sees",
     ),
     ([*STEERING, "--virtual", "--lockstep"], "--lockstep is for real time"),
-    ([*STEERING, "--nodes", "17"], "--nodes 17: not an integer from 1 to 16"),
     ([*STEERING, "--nodes", "2", "--set", "friction.node=15"], "numbers would pass 15"),
-    ([*STEERING, "--bitrate", "9999"], "--bitrate 9999: not an integer from 10000 to 1000000"),
     ([*STEERING, "--trace", "x.csv"], "has no [rotor] to trace"),
     ([*STEERING, "--set", "friction"], "--set friction: not section.key=value"),
     ([*STEERING, "--set", "friction.gain=2"], "--set:1: [friction] gain = 2: outside 0 to 1"),
@@ -592,9 +525,7 @@ OPTION_ERRORS = [
     ("options", "words"), OPTION_ERRORS, ids=[words for _, words in OPTION_ERRORS]
 )
 def test_bad_options(options, words):
-    result = subprocess.run(
-        [program(), *options], capture_output=True, text=True, timeout=20, check=False
-    )
+    result = said(*options)
     assert result.returncode == 2
     assert result.stderr.count("\n") == 1
     assert result.stderr.startswith("error: ")
@@ -623,14 +554,8 @@ SET_ERRORS = [  # scene, what is set, what is said: where, which value, which li
 @pytest.mark.parametrize(("scene", "sets", "words"), SET_ERRORS)
 def test_what_is_set_is_named_by_its_place_on_the_command_line(scene, sets, words):
     """What stands in the file by its line there, as before."""
-    options = [word for text in sets for word in ("--set", text)]
-    done = subprocess.run(
-        [program(), "--scene", SCENES / f"{scene}.ini", "--virtual", *options],
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=False,
-    )
+    options = setting(*sets)
+    done = said("--scene", SCENES / f"{scene}.ini", "--virtual", *options)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert words in done.stderr
     assert done.stderr.startswith("error: --set:") or "creep.ini:12" in words
@@ -647,13 +572,7 @@ BUS_ERRORS = [
 
 @pytest.mark.parametrize(("bus", "words"), BUS_ERRORS)
 def test_a_bus_that_is_not_there(bus, words):
-    result = subprocess.run(
-        [program(), *STEERING, "--bus", bus],
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=False,
-    )
+    result = said(*STEERING, "--bus", bus)
     assert result.returncode == 1
     assert result.stderr.count("\n") == 1
     assert words in result.stderr
@@ -717,9 +636,7 @@ def test_help_and_version():
         ("--help", "usage: dahl-loop"),
         ("--version", f"dahl-loop {dahl.__version__}"),
     ):
-        result = subprocess.run(
-            [program(), option], capture_output=True, text=True, timeout=20, check=False
-        )
+        result = said(option)
         assert (result.returncode, result.stderr) == (0, "")
         assert result.stdout.startswith(words)
 

@@ -34,6 +34,7 @@ from loop_tools import (
 STEERING = SCENES / "steering.ini"
 ENDINGS = ["HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "PIPE", "ALRM", "XCPU", "XFSZ"]
 ENDINGS += ["PWR", "RTMIN"]
+VIRTUAL = ("--virtual", "--set", "motion.seconds=300")
 
 
 @pytest.fixture
@@ -49,8 +50,7 @@ def heard():
 
 
 @pytest.mark.usefixtures("heard")
-@pytest.mark.parametrize("name", ENDINGS)
-@pytest.mark.parametrize("options", [(), ("--virtual", "--set", "motion.seconds=300")])
+@pytest.mark.parametrize(("name", "options"), [*((name, ()) for name in ENDINGS), ("INT", VIRTUAL)])
 def test_every_signal_that_ends_it_leaves_whole_files(tmp_path, name, options):
     process = start(tmp_path, STEERING, *options)
     log = tmp_path / "run.log"
@@ -121,11 +121,6 @@ def test_a_parent_that_has_ended_before_is_known(tmp_path):
     gone.wait()
     result = run(tmp_path, STEERING, "--with-parent", str(gone.pid), timeout=20)
     assert (result.code, result.summary["ticks"]) == (0, 0)
-
-
-def test_a_parent_that_lives_changes_nothing(tmp_path):
-    options = ("--virtual", "--with-parent", str(os.getpid()))
-    assert run(tmp_path, SCENES / "segments.ini", *options).summary["ticks"] > 1000
 
 
 def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:
@@ -347,9 +342,3 @@ def test_the_printed_examples_run_and_leave_nothing_outside_build(tmp_path, root
     assert shell.wait(10) == 0
     assert 0 < json.loads((tmp_path / "build" / "s.json").read_text())["ticks"] < 20000
     assert {path.name for path in tmp_path.iterdir()} == before
-
-
-def test_the_served_example_goes_on_after_the_scene_would_have_ended(tmp_path):
-    sets = re.search(r"--set (\S+)", examples()[1])[1]
-    result = run(tmp_path, STEERING, "--virtual", "--set", sets, "--seconds", "90")
-    assert result.summary["ticks"] == 90000

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from loop_tools import SCENES, Logged, read_log, run
+from loop_tools import SCENES, Logged, read_log, run, setting
 
 STEERING = SCENES / "steering.ini"
 SECONDS = "20"
@@ -38,7 +38,7 @@ def clean(tmp_path_factory) -> list[bytes]:
 @pytest.fixture
 def seen(tmp_path: Path, clean: list[bytes], request) -> Seen:
     kind, rate = request.param
-    words = [word for text in (*SETS, f"faults.{kind}={rate}") for word in ("--set", text)]
+    words = setting(*SETS, f"faults.{kind}={rate}")
     result = run(tmp_path, STEERING, "--virtual", "--seconds", SECONDS, *words)
     assert result.code == 0, result.err
     came = [frame for frame in read_log(result.log) if frame.id not in (0x110, 0x120)]
@@ -90,7 +90,7 @@ def moving(tmp_path_factory) -> Path:
 @pytest.mark.parametrize(("name", "steps"), [("reorder", {1}), ("delay", {2, 3, 4, 5, 6, 7})])
 def test_late_frames(tmp_path, moving, name, steps):
     """reorder: after the next one; delay: after 2 to 7 of them, each of these. None is lost."""
-    words = [word for text in (*SETS, f"faults.{name}=0.01") for word in ("--set", text)]
+    words = setting(*SETS, f"faults.{name}=0.01")
     alone = read_log(run(tmp_path / "a", moving, "--virtual", "--seconds", SECONDS).log)
     result = run(tmp_path / "b", moving, "--virtual", "--seconds", SECONDS, *words)
     spoiled = read_log(result.log)
@@ -229,8 +229,7 @@ def test_restart(seen):
 @pytest.mark.parametrize("kinds", [("drop",), ("drop", "corrupt", "length", "id", "extended")])
 def test_six_frames_in_a_row_go_missing_and_no_more(tmp_path, kinds):
     """Where every frame meets a fault of those that hide it, each seventh comes."""
-    sets = (*SETS, *(f"faults.{kind}={1 / len(kinds)}" for kind in kinds))
-    words = [word for text in sets for word in ("--set", text)]
+    words = setting(*SETS, *(f"faults.{kind}={1 / len(kinds)}" for kind in kinds))
     result = run(tmp_path, STEERING, "--virtual", "--seconds", "2", *words)
     answers = [round(frame.time * 1000) for frame in read_log(result.log) if frame.id == 0x110]
     assert {later - before for before, later in zip(answers, answers[1:], strict=False)} == {7}
@@ -239,7 +238,7 @@ def test_six_frames_in_a_row_go_missing_and_no_more(tmp_path, kinds):
 
 @pytest.mark.parametrize("kind", ["glitch", "reorder", "delay"])
 def test_what_would_hide_another_fault_is_followed_by_a_good_frame(tmp_path, kind):
-    words = [word for text in (*SETS, f"faults.{kind}=1") for word in ("--set", text)]
+    words = setting(*SETS, f"faults.{kind}=1")
     result = run(tmp_path, STEERING, "--virtual", "--seconds", "2", *words)
     answers = [round(frame.time * 1000) for frame in read_log(result.log) if frame.id == 0x110]
     assert {later - before for before, later in zip(answers, answers[1:], strict=False)} == {2}

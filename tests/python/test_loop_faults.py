@@ -80,7 +80,9 @@ def test_a_tenth_of_all_frames_spoiled_and_every_one_counted(tmp_path):
         assert wanted - 8 <= summary["node"][name] <= wanted, name
 
 
-@pytest.mark.parametrize("seed", range(2, 6))
+@pytest.mark.parametrize(
+    "seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 6))]
+)
 def test_a_million_frames(tmp_path, seed):
     summary = storm(tmp_path, "--set", "motion.seconds=1000", "--seed", str(seed)).summary
     assert summary["frames_sent"] == 1_000_000

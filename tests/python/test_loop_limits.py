@@ -9,7 +9,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from loop_tools import SCENES, counts_of, program, read_log, run
+from loop_tools import SCENES, counts_of, read_log, run, said, setting
 
 BIG = 2147483647
 LIMITS = [  # scene, key, least and greatest value
@@ -51,15 +51,9 @@ LIMITS = [  # scene, key, least and greatest value
 
 
 def answer(scene: str, *sets: str) -> subprocess.CompletedProcess:
-    words = [word for text in sets for word in ("--set", text)]
+    words = setting(*sets)
     path = str(SCENES / f"{scene}.ini")
-    return subprocess.run(
-        [program(), "--scene", path, "--virtual", "--seconds", "0.001", *words],
-        capture_output=True,
-        text=True,
-        timeout=20,
-        check=False,
-    )
+    return said("--scene", path, "--virtual", "--seconds", "0.001", *words)
 
 
 WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")
@@ -107,14 +101,12 @@ def test_each_number_has_its_limits(scene, key, low, high):
     ],
 )
 def test_each_option_has_its_limits(option, least, greatest, wrong):
-    scene = [program(), "--scene", str(SCENES / "steering.ini"), "--virtual"]
+    scene = ["--scene", SCENES / "steering.ini", "--virtual"]
     short = [*scene, "--set", "motion.seconds=0.001"]
     what = "a number" if option == "--seconds" else "an integer"
     most = "16" if option == "--wait-clients" else greatest
     for value in (least, greatest, *wrong):
-        done = subprocess.run(
-            [*short, option, value], capture_output=True, text=True, timeout=20, check=False
-        )
+        done = said(*short, option, value)
         words = f"error: {option} {value}: not {what} from {least} to {most}\n"
         assert (done.returncode, done.stderr) == ((2, words) if value in wrong else (0, ""))
 
@@ -137,7 +129,7 @@ def test_travel_of_a_count_has_its_limits(kilo):
 
 def played(folder, scene: str, *sets: str) -> np.ndarray:
     """Counts of a whole run, unwrapped, shape (ticks,)."""
-    words = [word for text in sets for word in ("--set", text)]
+    words = setting(*sets)
     log = read_log(run(folder, SCENES / f"{scene}.ini", "--virtual", *words).log)
     return np.array(counts_of(log))
 
@@ -226,25 +218,8 @@ def test_a_driven_shaft_ends_when_its_motor_does(tmp_path):
 
 def test_the_motor_does_what_the_scene_says(tmp_path):
     trace = tmp_path / "trace.csv"
-    sets = ("motor.bias=0.2", "motor.amplitude=0.3", "motor.frequency=5", "motor.seconds=1")
-    words = [word for text in sets for word in ("--set", text)]
+    words = setting("motor.bias=0.2", "motor.amplitude=0.3", "motor.frequency=5", "motor.seconds=1")
     run(tmp_path, SCENES / "creep.ini", "--virtual", "--trace", str(trace), *words)
     table = np.loadtxt(trace, delimiter=",", skiprows=1)
     due = 0.2 + 0.3 * np.sin(2 * math.pi * 5 * table[:, 0])
     assert np.abs(table[:, 4] - due).max() < 1e-9
-
-
-def test_a_controller_without_answers_gets_no_help(tmp_path):
-    """An answer that is older than three ticks counts as none."""
-    trace = tmp_path / "trace.csv"
-    sets = ("friction.max_step=100000", "faults.silence=0.002", "friction.timeout_ms=100")
-    words = [word for text in sets for word in ("--set", text)]
-    run(tmp_path, SCENES / "parking.ini", "--virtual", "--trace", str(trace), *words)
-    help_ = np.loadtxt(trace, delimiter=",", skiprows=1)[:, 6]
-    log = read_log(tmp_path / "run.log")
-    answered = {round(frame.time * 1000) for frame in log if frame.id == 0x110}
-    old = [t for t in range(4, len(help_)) if not answered & {t - 1, t - 2, t - 3, t - 4}]
-    assert len(old) > 500
-    assert not help_[old].any()
-    fresh = [t for t in range(4, len(help_)) if {t - 1, t - 2} <= answered]
-    assert np.count_nonzero(help_[fresh]) > 0.9 * len(fresh)

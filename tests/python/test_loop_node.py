@@ -91,37 +91,41 @@ def changed(message: can.Message, byte: int) -> can.Message:
     return message
 
 
+# What is sent between good frames 0 and 1, by the counter that it adds to.
 FOREIGN = {
-    "wrong length": (lambda e: e.frame(1, 900, data=bytes(e.frame(1, 900).data)[:7]), "format"),
-    "no data": (lambda e: e.frame(1, 900, data=b""), "format"),
-    "extended id": (lambda e: e.frame(1, 900, is_extended_id=True), "format"),
-    "wrong CRC": (lambda e: changed(e.frame(1, 900), 0), "crc"),
-    "changed count": (lambda e: changed(e.frame(1, 900), 5), "crc"),
-    "repeated counter": (lambda e: e.frame(0, 900), "repeated"),
-    "counter too far on": (lambda e: e.frame(4, 900), "wrong_sequence"),
-    "counter going back": (lambda e: e.frame(15, 900), "wrong_sequence"),
-    "another node's id": (lambda e: e.frame(1, 900, arbitration_id=0x101), "ignored"),
-    "an answer's id": (lambda e: e.frame(1, 900, arbitration_id=0x110), "ignored"),
-    "other extended id": (
+    "format": [
+        lambda e: e.frame(1, 900, data=bytes(e.frame(1, 900).data)[:7]),
+        lambda e: e.frame(1, 900, data=b""),
+        lambda e: e.frame(1, 900, is_extended_id=True),
+        lambda e: e.frame(1, 900, data=bytes(12), is_fd=True),
+    ],
+    "crc": [
+        lambda e: changed(e.frame(1, 900), 0),
+        lambda e: changed(e.frame(1, 900), 5),
+    ],
+    "repeated": [lambda e: e.frame(0, 900)],
+    "wrong_sequence": [lambda e: e.frame(4, 900), lambda e: e.frame(15, 900)],
+    "ignored": [
+        lambda e: e.frame(1, 900, arbitration_id=0x101),
+        lambda e: e.frame(1, 900, arbitration_id=0x110),
         lambda e: e.frame(1, 900, arbitration_id=1 << 28 | 0x100, is_extended_id=True),
-        "ignored",
-    ),
-    "remote frame": (lambda e: e.frame(1, 900, data=None, dlc=8, is_remote_frame=True), "garbage"),
-    "FD frame": (lambda e: e.frame(1, 900, data=bytes(12), is_fd=True), "format"),
+    ],
+    "garbage": [lambda e: e.frame(1, 900, data=None, dlc=8, is_remote_frame=True)],
 }
 
 
-@pytest.mark.parametrize("name", FOREIGN)
-def test_a_foreign_frame_is_counted_and_not_used(tmp_path, dbc, name):
-    make, counter = FOREIGN[name]
+@pytest.mark.parametrize("counter", FOREIGN)
+def test_foreign_frames_are_counted_and_not_used(tmp_path, dbc, counter):
     with node(tmp_path, dbc) as (encoder, results):
         encoder.good(0, 100, state="Init", used=False)
-        encoder.bus.send(make(encoder))
+        for make in FOREIGN[counter]:
+            encoder.bus.send(make(encoder))
         encoder.good(1, 140)
         encoder.good(2, 133)
     summary = results[0]
     counts = {**summary["node"], "garbage": summary["bus_counts"]["garbage"]}
-    assert {key: value for key, value in counts.items() if value} == {"ok": 3, counter: 1}
+    seen = {key: value for key, value in counts.items() if value}
+    assert seen == {"ok": 3, counter: len(FOREIGN[counter])}
 
 
 def test_lost_frames_cost_nothing_and_a_gap_is_a_new_start(tmp_path, dbc):
@@ -156,26 +160,6 @@ def test_silence_makes_it_stale_and_the_status_tells(tmp_path, dbc):
         encoder.good(4, 7000, state="Stale", used=False)
         encoder.good(5, 7010)
     assert results[0]["node"]["stale"] == 1
-
-
-def test_random_frames_leave_the_torque_alone(tmp_path, dbc):
-    import random
-
-    rng = random.Random(3)
-    with node(tmp_path, dbc) as (encoder, results):
-        encoder.good(0, 0, state="Init", used=False)
-        for _ in range(2000):
-            identifier = rng.choice([0x100, 0x110, 0x120, rng.randrange(0x800)])
-            data = bytearray(rng.randbytes(rng.randrange(9)))
-            if identifier == 0x100 and len(data) == 8:
-                data[0] ^= p02.e2e_p02_check(bytes(data), IDS)  # one of 256 would be a valid frame
-            encoder.bus.send(
-                can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
-            )
-        encoder.good(1, 40)
-    counts = results[0]["node"]
-    assert counts["ok"] == 2
-    assert counts["crc"] + counts["format"] + counts["ignored"] == 2000
 
 
 def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import cantools
 import pytest
-from loop_tools import SCENES, client, finished, read_log, run, serving
+from loop_tools import SCENES, client, finished, read_log, run, serving, setting
 from test_loop_node import SCENE, STATES, Encoder
 
 SHIPPED = sorted(path.stem for path in SCENES.glob("*.ini"))
@@ -50,19 +50,12 @@ def test_each_shipped_scene_has_the_timeout_of_a_node(tmp_path, database, name):
     assert said == {default_ms(database)}
 
 
-def test_a_scene_that_sets_it_is_seen_to(tmp_path, database):
-    words = ("--virtual", "--seconds", "0.1", "--set", "friction.timeout_ms=250")
-    log = read_log(run(tmp_path, SCENES / "segments.ini", *words).log)
-    status = next(frame for frame in log if frame.id == 0x120)
-    assert database.decode_message("Status", status.data)["Timeout"] == 250
-
-
 @pytest.mark.parametrize("ms", [100, 30, 400])
 def test_stale_is_told_in_the_tick_after_the_timeout(tmp_path, ms):
     """Virtual time, to the millisecond: counted from the last frame that came."""
     off = [f"faults.{kind}=0" for kind in OTHER_FAULTS]
     sets = [*off, "faults.silence=0.01", f"friction.timeout_ms={ms}"]
-    words = [word for text in sets for word in ("--set", text)]
+    words = setting(*sets)
     log = read_log(run(tmp_path, SCENES / "fault-storm.ini", "--virtual", *words).log)
     last, running, told = 0, 0, []
     for frame in log:

@@ -506,18 +506,6 @@ def test_record_says_that_it_waits(run_dahl, tmp_path):
     assert second.startswith("error: no frame on the bus")
 
 
-def test_the_options_of_a_bus_are_those_of_python_can(run_dahl, tmp_path):
-    """Handed on as python-can's own tools do: a keyword of an interface reaches it."""
-    for command in ("record", "monitor", "identify"):
-        shown = run_dahl(command, "--help").stdout
-        for option in ("--interface", "--bitrate", "--fd", "--timing", "--bus-kwargs", "--host"):
-            assert option in shown
-    words = ["-i", "udp_multicast", "-c", "239.1.1.1", "--bus-kwargs", "port=-5", "--seconds", "1"]
-    done = run_dahl("monitor", *words)
-    assert done.returncode == 1 and done.stderr.count("\n") == 1
-    assert done.stderr.startswith("error: cannot open the bus (interface=udp_multicast")
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -567,14 +555,6 @@ def test_frames_without_a_counter_are_shown(dbc, tmp_path):
     for frame in frames(dbc, *[("EncoderState", 0.001 * n, signals) for n in range(3)]):
         view.feed(frame)
     assert (view.names["EncoderState"].frames, view.names["EncoderState"].missing) == (3, 0)
-
-
-def test_a_bad_dbc_is_one_line(run_dahl, tmp_path):
-    (tmp_path / "bad.dbc").write_text("hello")
-    done = run_dahl("monitor", "-i", "virtual", "-c", "x", "--dbc", tmp_path / "bad.dbc")
-    assert done.returncode == 2
-    assert "bad.dbc" in done.stderr
-    assert done.stderr.count("\n") == 1
 
 
 def test_a_server_that_goes_away_is_one_line_and_the_file_is_whole(

@@ -84,8 +84,11 @@ def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path, dahl_loop, li
     assert (counts["ok"], counts["params"]) == ("4", "1")
 
 
-def test_a_second_node_of_the_same_number_is_refused(tmp_path, capsys, dahl_loop, library):
+def test_a_second_node_of_the_same_number_is_refused(
+    tmp_path, capsys, monkeypatch, dahl_loop, library
+):
     """Two would answer each angle with the same id; clients see one torque twice, or two."""
+    monkeypatch.setattr("dahl.commands.node.LISTEN", 20.0)  # ends with the first frame
     with serving(tmp_path, SCENES / "segments.ini", "--role", "node") as (_, port):
         where = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
         done = caller(capsys)("node", *OWN, *where, "--seconds", "1")

@@ -8,9 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import can
@@ -75,9 +73,14 @@ def test_a_scene_of_any_editor_is_played_and_told_on_the_page(dahl):
     [
         (None, "Is a directory"),
         (b"[friction]\nsigma0 = \xff\n", "can't decode byte 0xff"),
+        (b"[friction]\nsigma0 = x\n", "[friction] sigma0 = 'x' is not a number"),
         (b"[friction]\ntheta_per_count = fine\n", "[friction] theta_per_count = 'fine' is not a"),
         (b"[motor]\nseconds = 2 s\n", "[motor] seconds = '2 s' is not a number"),
         (b"[measured]\noffset = 1,5\n", "[measured] offset = '1,5' is not a number"),
+        (b"[measured]\nsettle = 1.5\n", "[measured] settle = '1.5' is not a whole number"),
+        (b"[measured]\nsettle = inf\n", "[measured] settle = 'inf' is not a whole number"),
+        (b"[measured]\nwheel = 1\n", "[measured] has no key 'wheel'"),
+        (b"sigma0 = 1\n", "no section headers"),
     ],
 )
 def test_a_scene_that_cannot_be_read_is_one_line(tmp_path, text, words):
@@ -218,22 +221,6 @@ def test_a_broken_mf4_is_one_line_also_when_the_program_ends(run_dahl, tmp_path)
     assert code == 2 and said.startswith(f"{cut}: broken or cut off after 0 frames (")
 
 
-def test_only_full_angles_and_answers_count(dbc):
-    """Of a trace: times of the angles, rows by the counter, angle and torque in their units."""
-    run = Run(dbc)
-    run.tick(0, 100, state=6, used=False)
-    for n in range(1, 40):
-        run.tick(n, 100 + 5 * n)
-    trace = run.trace()
-    assert trace.row.tolist() == list(range(40)) and (trace.recorded, trace.missing) == (40, 0)
-    assert trace.time == pytest.approx(np.arange(40) / 1000)
-    model = scene.Scene(Path("a.ini"), "a", elements=((50.0, 0.5),), theta_per_count=1e-4)
-    assert trace.angle(model) == pytest.approx(np.arange(40) * 5e-4, rel=1e-6)
-    exact = 0.5 * (1 - np.exp(-100 * np.arange(40) * 5e-4))
-    assert trace.torque(model) == pytest.approx(exact, abs=1e-6)
-    assert trace.states == {"Init": 1, "OK": 39}
-
-
 # --- clients of a bus -----------------------------------------------------------------------------
 
 
@@ -347,25 +334,6 @@ def test_each_program_gets_its_part_of_the_set_up(started, tmp_path):
     assert bare.words().endswith(f"--with-parent {os.getpid()} --more\n")
 
 
-@pytest.mark.parametrize(
-    ("script", "kind", "words"),
-    [
-        ("echo odd; echo '  error: no bus '; exit 1", RunError, "no bus"),
-        ("echo error: no wheel; echo error: two; exit 2", Error, "no wheel"),
-        ("exit 1", RunError, r"dahl-loop \(encoder\) ended with code 1"),
-        ("kill -TERM $$", RunError, r"dahl-loop \(encoder\) ended with code -15"),
-        ("kill -INT $$", RunError, r"dahl-loop \(encoder\) ended with code -2"),
-    ],
-)
-def test_how_a_program_ended_is_told_with_its_own_words(started, script, kind, words):
-    program = started(script, "encoder")
-    assert program.ends()
-    program.end()
-    with pytest.raises(Error, match=f"^{words}$") as told:
-        program.check()
-    assert type(told.value) is kind
-
-
 def test_a_library_that_the_system_lacks_is_named(dahl_loop, tmp_path, monkeypatch):
     """A dahl-loop that asks for one that is nowhere, as its loader finds it."""
     program = tmp_path / "dahl-loop"
@@ -451,30 +419,6 @@ def test_text_that_no_encoding_holds_is_written_all_the_same(tmp_path):
 def test_empty_rows_of_a_measured_set_are_left_out():
     rows = "t\tx\n8.6\t1\n\n8.7\t2\n\n"
     assert data.cut_tribometer(rows.encode()) == b"t\tx\n8.6\t1\n8.7\t2\n"
-
-
-def test_ctrl_c_before_anything_has_begun_ends_at_once(root):
-    """One line and code 130, while the first modules are still being read."""
-    code = (
-        "import sys; sys.path.insert(0, 'tools'); from dahl import interrupt;"
-        " interrupt.at_start(); print('on', flush=True); import time; time.sleep(30)"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=root
-    ) as process:
-        assert process.stdout.readline() == b"on\n"
-        begun = time.monotonic()
-        os.kill(process.pid, signal.SIGINT)
-        assert process.stderr.read() == b"interrupted\n"
-        assert process.wait(10) == 130 and time.monotonic() - begun < 5
-
-
-def test_the_fault_table_is_printed_where_no_page_is_named(root):
-    words = [sys.executable, root / "tools/fault_table.py"]
-    shown = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert shown[0] == "| frame | counted as | state | bristle | answer |"
-    assert shown[1] == "| --- | --- | --- | --- | --- |"
-    assert {row.split(" | ")[-1] for row in shown[2:]} == {"yes |", "no |"}
 
 
 def test_a_project_without_its_bus_description_is_a_failed_run(dahl, monkeypatch):

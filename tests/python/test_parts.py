@@ -83,26 +83,6 @@ def test_a_mix_is_the_sum(moves):
     assert mix.step_counts(3) == pytest.approx(alone.step_counts(3) + slip.torque, abs=2 * ulp)
 
 
-def test_copies_go_their_own_way():
-    slip = dahl.Slip(SIGMA0, FC, THETA)
-    slip.step_counts(40)
-    for copied in (
-        copy.copy(slip),
-        copy.deepcopy(slip),
-        pickle.loads(pickle.dumps(slip)),
-    ):
-        assert copied == slip
-        assert copied.torque == slip.torque
-        copied.step_counts(1)
-        assert copied != slip
-    assert eval(repr(slip), {"Slip": dahl.Slip}) == dahl.Slip(SIGMA0, FC, THETA)
-    mix = dahl.Parallel(slip)
-    again = pickle.loads(pickle.dumps(mix))
-    assert again == mix
-    again.step_counts(1)
-    assert again != mix
-
-
 @pytest.mark.parametrize(
     ("sigma0", "torques", "theta", "words"),
     [

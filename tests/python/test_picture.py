@@ -123,21 +123,6 @@ def test_faults_and_restarts_are_marked_where_they_were(drawn, figures, tmp_path
     assert [each.split()[0] for each in words] == ["no", "new", "restart,"]
 
 
-def test_no_words_lie_on_a_curve_or_on_each_other(drawn):
-    """Legend and caption of the loop are above it, the legend below the caption."""
-    figure, *_ = drawn
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    renderer = FigureCanvasAgg(figure).get_renderer()
-    loop = figure.axes[0]
-    figure.draw_without_rendering()
-    legend = loop.get_legend().get_window_extent(renderer)
-    caption = loop._left_title.get_window_extent(renderer)
-    title = figure._suptitle.get_window_extent(renderer)
-    assert loop.bbox.y1 <= legend.y0 < legend.y1 <= caption.y0 < caption.y1 <= title.y0
-    assert title.y1 <= figure.bbox.y1
-
-
 def test_the_last_panel_shows_where_the_torque_moves_most(drawn, figures, tmp_path):
     _, scene, trace, _ = drawn
     busy = np.zeros(300, int)
@@ -175,14 +160,6 @@ def test_the_picture_says_whether_each_fault_was_counted(counted, title):
     faults = {"injected": {"bad": 13}, "expected": {"crc": 4, "lost": 9}}
     plots._faults(axes, {"faults": faults, "node": counted})
     assert axes.get_title(loc="left") == title
-
-
-@pytest.mark.parametrize(
-    ("label", "short"),
-    [("friction force [N]", "force [N]"), ("torque", "torque"), (" [N m]", " [N m]")],
-)
-def test_beside_a_low_panel_the_unit_stays(label, short):
-    assert plots._short(label) == short
 
 
 def test_a_picture_replaces_the_old_one_when_it_is_whole(monkeypatch, tmp_path):

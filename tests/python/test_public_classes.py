@@ -8,7 +8,6 @@ from __future__ import annotations
 import copy
 import inspect
 import pickle
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +15,6 @@ from typing import Any
 import dahl
 import numpy as np
 import pytest
-from conftest import ROOT
 from dahl import codec
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -143,44 +141,6 @@ def test_a_copy_stands_where_the_other_does_and_goes_its_own_way(kind: Kind, cop
 def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:
     with pytest.raises(dahl.Error, match="no such argument"):
         type(kind.make())(colour="red")
-
-
-DECLARED = set(re.findall(r"dahl_\w+", "".join(
-    path.read_text() for path in sorted((ROOT / "lib/include").glob("*.h"))
-)))  # fmt: skip
-UNIT = re.compile(r"\bN m\b|\brad\b|\bcounts?\b|\bQ62\b|`now` in s\b", re.IGNORECASE)
-
-
-@pytest.mark.parametrize("name", KINDS)
-def test_the_docstring_says_units_errors_and_the_source_in_c(name: str) -> None:
-    text = inspect.getdoc(getattr(dahl, name)) or ""
-    sources = set(re.findall(r"dahl_\w+", text))
-    assert sources and sources <= DECLARED
-    assert UNIT.search(text)
-    assert "Raises dahl.Error" in text
-
-
-def calls() -> list[tuple[str, Any]]:
-    """All public methods, and counts_between()."""
-    found = [("counts_between", dahl.counts_between)]
-    for name in KINDS:
-        members = inspect.getmembers(getattr(dahl, name), inspect.isfunction)
-        found += [(f"{name}.{key}", one) for key, one in members if not key.startswith("_")]
-    return found
-
-
-@pytest.mark.parametrize(("name", "call"), calls(), ids=[name for name, _ in calls()])
-def test_each_call_is_typed_and_tells_unit_shape_and_errors(name: str, call: Any) -> None:
-    text, signature = inspect.getdoc(call) or "", inspect.signature(call)
-    assert signature.return_annotation is not signature.empty
-    given = [one for one in signature.parameters.values() if one.name not in ("self", "out")]
-    assert all(one.annotation is not one.empty for one in given), name
-    refers = re.search(r"As \w+\(\)|same errors", text)  # to a call that tells it
-    assert UNIT.search(text) or refers or given[0].annotation == "Plan", text
-    if any("ArrayLike" in str(one.annotation) for one in given):
-        assert "shape" in text or refers, text
-    if given:
-        assert "dahl.Error" in text or refers, text
 
 
 def test_the_names_of_the_api_are_listed_and_no_others() -> None:

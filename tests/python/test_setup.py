@@ -8,10 +8,8 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-import runpy
 import shutil
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -54,14 +52,19 @@ def needs_setup(root: Path) -> None:
 
 def test_a_second_run_waits_for_the_first(elsewhere):
     (elsewhere / "build").mkdir()
-    words = f"source {elsewhere}/tools/common.sh; one_at_a_time setup; echo mine"
     with (elsewhere / "build/setup.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        second = subprocess.Popen(["bash", "-c", words], stdout=subprocess.PIPE, text=True)
-        assert "waiting for it" in second.stdout.readline()
+        second = subprocess.Popen(
+            [elsewhere / "tools/setup.sh", "demo"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            env={**os.environ, **NOWHERE},
+        )
+        assert second.stdout.readline() == "setup: another setup is at work here; waiting for it\n"
         with pytest.raises(subprocess.TimeoutExpired):
             second.wait(0.5)
-    assert second.communicate(timeout=20)[0] == "mine\n"
+    assert second.wait(timeout=100) == 1  # without a network
 
 
 def test_files_of_another_sum_are_not_used(elsewhere):
@@ -76,26 +79,29 @@ def test_files_of_another_sum_are_not_used(elsewhere):
     assert not (elsewhere / "build/deps/unity").exists()
 
 
+def timed(*command, **variables) -> tuple[subprocess.CompletedProcess, float]:
+    """And its seconds of processor time: on a machine at rest it takes little longer."""
+    before = os.times()
+    done = run(*command, timeout=200, **variables)
+    after = os.times()
+    return done, sum(after[2:4]) - sum(before[2:4])
+
+
 def test_second_setup_is_quick_and_says_what_it_found(root):
     needs_setup(root)
-    before = os.times()
-    done = run(root / "tools/setup.sh", "test")
-    after = os.times()
-    busy = (
-        after.children_user + after.children_system - before.children_user - before.children_system
-    )
+    done, busy = timed(root / "tools/setup.sh", "test")
     assert done.returncode == 0, done.stderr
-    assert busy < 2  # s of processor time: on a machine at rest it takes no longer
+    assert busy < 2
     lines = done.stdout.splitlines()
     assert all(line.startswith("setup: ") for line in lines)
     assert "setup: Python environment: in place (build/venv)" in lines
     assert lines[-1].startswith("setup: done in ")
 
 
-def test_offline_it_says_within_30_seconds_what_it_cannot_reach(elsewhere):
-    start = time.monotonic()
-    done = run(elsewhere / "tools/setup.sh", "test", **NOWHERE)
-    assert time.monotonic() - start < 30
+def test_offline_it_soon_says_what_it_cannot_reach(elsewhere):
+    """Nothing waits: the proxy refuses at once."""
+    done, busy = timed(elsewhere / "tools/setup.sh", "test", **NOWHERE)
+    assert busy < 20
     assert done.returncode == 1
     if shutil.which("apt-get"):
         assert "this Debian's package sources (apt-get)" in done.stderr
@@ -154,47 +160,3 @@ def test_each_list_is_in_the_locks_in_the_same_version(root):
         wanted = pins_of(folder / f"{group}.txt")
         assert wanted
         assert {name: locked.get(name) for name in wanted} == wanted, "run tools/lock.sh"
-
-
-@pytest.fixture
-def site(root, tmp_path):
-    """A folder with one installed package, and what set-up finds in it: (lacking, changed)."""
-    compare = runpy.run_path(str(root / "tools/setup/check_venv.py"))["compare"]
-    lock = tmp_path / "one.lock"
-    lock.write_text("one-thing==1.0 \\\n    --hash=sha256:00\nother==2 ; sys_platform == 'win32'\n")
-    place = tmp_path / "site"
-    for name, record in (("One_Thing-1.0", "one.py,sha256=x,4\none.pyc,,\n"), ("dahl-0.1", "")):
-        (place / f"{name}.dist-info").mkdir(parents=True)
-        (place / f"{name}.dist-info/RECORD").write_text(record)
-    (place / "one.py").write_text("1+1\n")
-    return place, lambda: compare(place, [lock])
-
-
-def test_what_is_as_pinned_is_whole(site):
-    _, found = site
-    assert found() == ([], [])
-
-
-def test_another_version_is_lacking(site):
-    place, found = site
-    (place / "One_Thing-1.0.dist-info").rename(place / "one_thing-1.1.dist-info")
-    assert found() == (["one-thing 1.0"], [])
-
-
-def test_the_command_dahl_is_missed(site):
-    place, found = site
-    shutil.rmtree(place / "dahl-0.1.dist-info")
-    assert found() == (["dahl"], [])
-
-
-@pytest.mark.parametrize("damage", ["removed", "cut", "record"])
-def test_a_damaged_package_is_found(site, damage):
-    place, found = site
-    if damage == "removed":
-        (place / "one.py").unlink()
-    elif damage == "cut":
-        (place / "one.py").write_text("1")
-    else:
-        (place / "One_Thing-1.0.dist-info/RECORD").unlink()
-    lacking, changed = found()
-    assert (lacking, len(changed)) == ([], 1)

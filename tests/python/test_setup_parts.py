@@ -5,19 +5,13 @@ archive. Every program that reaches outside only notes how it was called.
 
 from __future__ import annotations
 
-import fcntl
-import os
 import re
 import runpy
-import shutil
-import subprocess
 import sys
 import tarfile
-import time
 from pathlib import Path
 
 import pytest
-from loop_tools import wait_until
 from test_scripts import APT, PYTHON, Stage, bared, set_up, sourced, staged
 
 
@@ -34,36 +28,6 @@ def installs(stage: Stage) -> list[list[str]]:
 
 # --- what is asked for ----------------------------------------------------------------------------
 
-HELP = {
-    "setup": ("demo      compiler", "all       everything", "DAHL_UNITY_DIR  a folder"),
-    "test": ("--soak     the tests", "-k WORD    only", "Leaves: build/{ctest,python,checks}.xml"),
-    "demo": ("loop.png", "--target m4f", "--counts-per-turn 16384"),
-    "bench": ("target   counts", "host     errors", "docs     report"),
-    "lock": ("Run it after a change of a list", "tools/lock.sh --upgrade"),
-    "vm": ("77 and a reason", "DAHL_VM_SECONDS  limit"),
-}
-
-
-@pytest.mark.parametrize("script", HELP)
-@pytest.mark.parametrize("word", ["-h", "--help"])
-def test_the_help_tells_all_of_it_and_nothing_else(root, script, word):
-    done = subprocess.run(
-        [root / "tools" / f"{script}.sh", word], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines()[0].startswith(f"Usage: tools/{script}.sh")
-    for words in HELP[script]:
-        assert words in done.stdout
-    assert not re.search(r"^#|^set -|SPDX", done.stdout, re.MULTILINE)
-
-
-def test_by_itself_it_takes_what_the_tests_need(bare):
-    done = bare.run("setup", DAHL_UNITY_DIR=str(bare.folder / "unity"), DAHL_PYTHON="")
-    assert done.returncode == 0, done.stderr
-    installed = " ".join(call for call in bare.calls("python") if "--require-hashes" in call)
-    locks = re.findall(r"-r tools/requirements/(\w+).lock", installed)
-    assert locks == ["demo", "identify", "test"]
-    assert bare.run("setup", "tests").stderr.startswith("error: setup.sh knows demo ")
-
 
 def test_what_is_in_place_asks_nobody(bare):
     """And the log is that of the last run."""
@@ -74,33 +38,6 @@ def test_what_is_in_place_asks_nobody(bare):
     set_up(bare, "demo")
     asked = " ".join(bare.calls())
     assert "--print-uris" not in asked and " download " not in asked
-
-
-@pytest.mark.parametrize(
-    ("script", "lock"), [("setup", "setup"), ("demo", "build"), ("test", "build")]
-)
-def test_one_set_up_and_one_build_at_a_time(root, tmp_path, script, lock):
-    """The second waits, says so, and then does its work."""
-    stage = staged(root, tmp_path)
-    if script == "setup":
-        bared(stage, root)
-    (stage.folder / "build").mkdir(exist_ok=True)
-    own = {"DAHL_UNITY_DIR": str(stage.folder / "unity") if script == "setup" else ""}
-    with (stage.folder / f"build/{lock}.lock").open("w") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        second = subprocess.Popen(
-            [stage.folder / f"tools/{script}.sh", *["demo"] * (script == "setup")],
-            env={**os.environ, **own, "STAGE": str(stage.folder), "DAHL_PYTHON": "",
-                 "PATH": f"{stage.folder}/bin:{os.environ['PATH']}"},
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
-        said = f"{script}: another {lock} is at work here; waiting for it\n"
-        assert second.stdout.readline() == said
-        time.sleep(0.2)
-        assert second.poll() is None and not stage.calls("cmake", "apt-get")
-    out, errors = second.communicate(timeout=60)
-    assert second.returncode == 0, out + errors
-    assert stage.calls("apt-get" if script == "setup" else "cmake")
 
 
 # --- rights ---------------------------------------------------------------------------------------
@@ -121,11 +58,6 @@ def test_who_is_not_root_installs_by_sudo_or_is_told_what_to_install(bare, sudo)
         said = "please install, then run this again: apt-get install --no-install-recommends "
         named = done.stderr.removeprefix(f"error: {said}").split()
         assert {"gcc", "cmake", "python3-venv"} <= set(named) and "arm" not in done.stderr
-
-
-def test_root_needs_no_sudo(bare):
-    set_up(bare, "demo")
-    assert (os.getuid() == 0) == (bare.calls("sudo") == [])
 
 
 # --- sources that do not answer -------------------------------------------------------------------
@@ -150,14 +82,6 @@ def test_a_source_that_fails_is_asked_afresh_and_then_debians_own_alone(bare):
     assert re.search(r"^error: apt-get could not install: .*gcc", done.stderr, re.MULTILINE)
 
 
-def test_python_comes_first_and_all_else_beside_it(bare):
-    """What pip gets and what apt-get gets come at the same time."""
-    set_up(bare, "demo")
-    first, second = installs(bare)
-    assert sorted(first) == ["python3", "python3-venv"]
-    assert {"gcc", "cmake"} <= set(second) and "python3" not in second
-
-
 @pytest.mark.parametrize("must", [True, False])
 def test_sources_that_cannot_be_reached_are_named_with_what_needs_them(bare, must):
     """An error where something must come from them, a word where it only may."""
@@ -175,46 +99,6 @@ def test_sources_that_cannot_be_reached_are_named_with_what_needs_them(bare, mus
     assert not (bare.folder / "build/deps/packages.tried").exists()
     if not must:
         assert "will be skipped: valgrind\n" in done.stdout
-
-
-def test_who_cannot_install_leaves_no_download_behind(bare):
-    """apt-get fails for good while pip is at work: pip ends too."""
-    (bare.folder / "known").write_text("python3\npython3-venv\n")
-    beside = (
-        f'case "$*" in *--require-hashes*) echo $$ >"$STAGE/pip"; exec sleep 50 ;; esac; {PYTHON}'
-    )
-    bare.does("python", 'case "$*" in *" download "*) exit 0 ;; esac; ' + beside)
-    wait = 'case "$*" in *" gcc "*) until [ -s "$STAGE/pip" ]; do command sleep 0.1; done ;; esac'
-    bare.does("sleep", 'command -p sleep "$@"')
-    bare.does("apt-get", f"{wait.replace('command sleep', 'command -p sleep')}; {APT}")
-    done, _ = set_up(bare, "demo")
-    assert done.returncode == 1 and "apt-get could not install" in done.stderr
-    process = Path("/proc") / (bare.folder / "pip").read_text().strip() / "cmdline"
-    wait_until(lambda: not process.exists() or b"sleep" not in process.read_bytes())
-
-
-def test_what_comes_is_not_said_to_be_lacking(bare):
-    done, _ = set_up(bare, "test")
-    assert done.returncode == 0 and "skipped" not in done.stdout
-    assert "valgrind" in (bare.folder / "installed").read_text().split()
-
-
-@pytest.mark.parametrize("tool", ["qemu-system-x86_64", "busybox", "cpio"])
-def test_a_machine_without_its_tools_is_none_and_says_which(root, tmp_path, tool):
-    """Code 77, by which a test knows that it cannot be run."""
-    stage = staged(root, tmp_path)
-    (stage.folder / "build/deps/kernel").mkdir(parents=True)
-    (stage.folder / "build/deps/kernel/vmlinuz").write_text("kernel")
-    for name in ("qemu-system-x86_64", "busybox", "cpio", "ip", "modprobe"):
-        stage.stand_in(f"few/{name}")
-    for name in ("bash", "env", "dirname", "basename", "sed"):
-        (stage.folder / f"few/{name}").symlink_to(shutil.which(name))
-    (stage.folder / f"few/{tool}").unlink()
-    words = [stage.folder / "tools/vm.sh", stage.folder, "true"]
-    few = {"PATH": f"{stage.folder}/few", "STAGE": str(stage.folder)}
-    done = subprocess.run(words, env=few, capture_output=True, text=True, check=False)
-    assert done.returncode == 77
-    assert done.stdout == f"vm: no virtual machine here: {tool} is not installed\n"
 
 
 # --- Python ---------------------------------------------------------------------------------------
@@ -283,41 +167,18 @@ def test_the_state_of_an_environment_is_an_exit_code(checked):
     other = "two[extra]==2.5 ; python_version >= '3' \\\n    --hash=sha256:00\n"
     other += "three==1 ; sys_platform == 'win32' \\\n    --hash=sha256:00\n# four==4\n"
     assert check(one, other) == (3, ["lacking: two 2.5"])
+    record = site / "one-1.0.dist-info/RECORD"
     (site / "one.py").write_text("1\n")
     assert check(one) == (4, ["changed: one.py"])
     assert check(one, other) == (4, ["lacking: two 2.5", "changed: one.py"])
     assert check(other) == (3, ["lacking: two 2.5"])  # what no lock names is nobody's business
-
-
-PROGRAMS = {  # and headers, with the package of Debian that has them
-    "demo": {
-        "gcc": "gcc",
-        "stdio.h": "libc6-dev",
-        "cmake": "cmake",
-        "ninja": "ninja-build",
-        "ini.h": "libinih-dev",
-        "csv.h": "libcsv-dev",
-        "cJSON.h": "libcjson-dev",
-        "python3": "python3",
-        "venv": "python3-venv",
-    },
-    "firmware": {
-        "arm-none-eabi-gcc": "gcc-arm-none-eabi",
-        "math.h": "libnewlib-arm-none-eabi",
-        "qemu-system-arm": "qemu-system-arm",
-        "dpkg-source": "dpkg-dev",
-        "unxz": "xz-utils",
-    },
-    "test": {"g++": "g++", "git": "git", "pkg-config": "pkg-config", "dpkg-source": "dpkg-dev"},
-}
-
-
-@pytest.mark.parametrize("need", PROGRAMS)
-def test_what_a_need_starts_comes_from_a_package_that_it_must_have(bare, need):
-    found = sourced(bare, f"add_need {need}; words_of MUST; echo; words_of MAY").stdout
-    must, _, may = found.partition("\n\n")
-    assert set(PROGRAMS[need].values()) <= set(must.split())
-    assert ("valgrind" in may.split()) == (need == "test")
+    (site / "one.py").unlink()
+    assert check(one) == (4, ["changed: one.py"])
+    record.unlink()
+    assert check(one) == (4, [f"changed: {record}"])
+    record.parent.rename(site / "One-1.1.dist-info")
+    (site / "dahl-0.1.dist-info").rename(site / "other-0.1.dist-info")
+    assert check(one) == (3, ["lacking: one 1.0", "lacking: dahl"])
 
 
 # --- what is fetched ------------------------------------------------------------------------------
@@ -353,109 +214,3 @@ def test_a_unity_that_cannot_be_fetched_says_what_to_do(bare):
     done = sourced(bare, "mkdir -p build/deps; get_unity")
     assert done.returncode == 1
     assert "could not fetch Unity" in done.stderr and "DAHL_UNITY_DIR" in done.stderr
-
-
-def test_a_kernel_is_unpacked_with_what_can_needs(bare):
-    """Its newest package's kernel and modules for CAN and for folders, no others."""
-    modules = bare.folder / "package/lib/modules/6.1.0-9"
-    wanted = ("net/can/can.ko", "drivers/net/can/vcan.ko", "fs/9p/9p.ko", "net/sched/sch_tbf.ko")
-    for name in (*wanted, "sound/sound.ko"):
-        (modules / "kernel" / name).parent.mkdir(parents=True, exist_ok=True)
-        (modules / "kernel" / name).touch()
-    for name in ("net/9p/9p.ko", "fs/netfs/n.ko", "fs/fscache/f.ko", "drivers/virtio/v.ko"):
-        (modules / "kernel" / name).parent.mkdir(parents=True, exist_ok=True)
-        (modules / "kernel" / name).touch()
-    (modules / "kernel/drivers/net/can/dev").mkdir()
-    (modules / "kernel/drivers/net/can/dev/can-dev.ko").touch()
-    (modules / "modules.order").touch()
-    (bare.folder / "package/boot").mkdir()
-    (bare.folder / "package/boot/vmlinuz-6.1.0-9").write_text("kernel")
-    bare.stand_in("bin/dpkg-deb", 'tar -c -C "$STAGE/package" ./boot ./lib')
-    bare.stand_in("bin/depmod")
-    bare.does("apt-cache", 'echo "  Depends: linux-image-6.1.0-9-amd64"; echo "  Depends: other"')
-    bare.does("apt-get", 'case "$*" in *" download "*) touch linux-image.deb ;; esac')
-    done = sourced(bare, "mkdir -p build/deps; get_kernel; kernel_is_here")
-    assert done.returncode == 0, done.stderr + (bare.folder / "build/setup.log").read_text()
-    place = bare.folder / "build/deps/kernel"
-    assert (place / "vmlinuz").read_text() == "kernel" and not list(place.glob("*.deb"))
-    kept = {str(path.relative_to(place)) for path in place.rglob("*.ko")}
-    assert {f"lib/modules/6.1.0-9/kernel/{name}" for name in wanted} < kept
-    assert not any("sound" in name for name in kept)
-    assert bare.calls("apt-get")[-1].endswith("download linux-image-6.1.0-9-amd64")
-    assert bare.calls("depmod")[0].endswith("6.1.0-9")
-
-
-def test_the_commands_of_cbmc_run_on_their_own_c_library(bare):
-    """Each name starts the program of that name, by the loader that came with it."""
-    top = bare.folder / "cbmc"
-    (top / "usr/lib/x86").mkdir(parents=True)
-    (top / "usr/bin").mkdir()
-    loader = top / "usr/lib/x86/ld-linux-x86.so.2"
-    loader.write_text('#!/bin/bash\necho "$1 $2"; shift 2; exec "$@"\n')
-    for name in ("cbmc", "goto-cc", "goto-instrument"):
-        (top / "usr/bin" / name).write_text(f'#!/bin/bash\necho "I am {name}: $*"\n')
-    for path in (loader, *(top / "usr/bin").iterdir()):
-        path.chmod(0o755)
-    done = sourced(bare, 'make_cbmc_commands "$PWD/cbmc"')
-    assert "I am cbmc: --version" in done.stdout
-    for name in ("cbmc", "goto-cc", "goto-instrument"):
-        words = [top / "bin" / name, "a b", "c"]
-        said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
-        assert said == [f"--library-path {top}/usr/lib/x86:{top}/usr/lib", f"I am {name}: a b c"]
-
-
-@pytest.mark.parametrize("broken", ["", "libc6.deb", "cbmc.deb"])
-def test_cbmc_comes_from_another_suite_and_leaves_only_what_runs(bare, broken):
-    """An archive that cannot be unpacked leaves nothing, and the rest goes on."""
-    unpack = 'mkdir -p "$3/usr/bin" "$3/usr/share" "$3/etc"; [ "$(basename "$2")" != "$BROKEN" ]'
-    bare.stand_in("bin/dpkg-deb", unpack.replace("$BROKEN", broken or "none"))
-    get = 'case "$*" in *" download "*) touch cbmc.deb libc6.deb ;; *update) ;; *) exit 1 ;; esac'
-    bare.does("apt-get", get)
-    words = "make_cbmc_commands() { mkdir -p $1/bin; }; cbmc_is_here() { [ -d build/deps/cbmc ]; }"
-    done = sourced(bare, f"{words}; mkdir -p build/deps; get_cbmc; cbmc_is_here")
-    place = bare.folder / "build/deps/cbmc"
-    assert (done.returncode == 0) == place.exists() == (not broken), done.stderr
-    assert "download cbmc " in bare.calls("apt-get")[-1]
-    if broken:
-        assert "cbmc is not to be had here" in done.stdout
-        assert (bare.folder / "build/deps/cbmc.tried").read_text() == "any\n"
-    else:
-        assert {path.name for path in place.iterdir()} == {"bin", "usr"}
-        assert [path.name for path in (place / "usr").iterdir()] == ["bin"]
-
-
-FETCHED = {"demo": "", "identify": "", "firmware": "unity", "test": "unity", "bench": "unity"}
-FETCHED |= dict.fromkeys(("checks", "all"), "cbmc kernel unity")
-
-
-@pytest.mark.parametrize("need", FETCHED)
-def test_each_need_fetches_what_it_builds_and_runs_with(bare, need):
-    """What is not in place, once, and from the network only where it is not in place."""
-    lacking = 'for x in unity kernel cbmc; do eval "${x}_is_here() { false; }"; done'
-    got = "get_unity() { echo unity; }; get_kernel() { echo kernel; }; get_cbmc() { echo cbmc; }"
-    words = f"{got}; add_need {need}; look_at_fetched; get_fetched"
-    found = sourced(bare, f"{lacking}; {words}; must_fetch && echo must")
-    assert sorted(set(found.stdout.split()) - {"must"}) == FETCHED[need].split()
-    assert ("must" in found.stdout) == ("unity" in FETCHED[need])
-    there = sourced(
-        bare, f"{lacking.replace('false', 'true')}; {words}; wants_fetched || echo none"
-    )
-    assert {line.split(": ")[1] for line in there.stdout.splitlines()[:-1]} == set(
-        FETCHED[need].split()
-    )
-    assert there.stdout.endswith("none\n")
-
-
-@pytest.mark.parametrize("left_out", [None, "test", "demo"])
-def test_words_of_a_need_are_those_of_all_that_it_brings(bare, left_out):
-    """And of no other; python is told by its locks in the order in which they stand."""
-    table = "declare -A T=([demo]='a b' [test]='c' [checks]='d')"
-    if left_out:
-        table = table.replace(f"[{left_out}]=", "[none]=")
-    done = sourced(bare, f"{table}; add_need test; words_of T")
-    assert done.stdout.split() == [
-        word
-        for need, words in (("demo", "ab"), ("test", "c"))
-        for word in words
-        if need != left_out
-    ]

@@ -136,16 +136,6 @@ def test_q30_is_the_torque_over_the_larger_fc(moves):
             assert ratio == pytest.approx(other.step_counts(move) / 0.5, abs=7e-8)
 
 
-def test_copies_go_their_own_way(part):
-    part.step_counts(40)
-    for copied in (copy.copy(part), copy.deepcopy(part), pickle.loads(pickle.dumps(part))):
-        assert copied == part
-        assert copied.torque == part.torque
-        copied.step_counts(1)
-        assert copied != part
-    assert part != "another thing"
-
-
 def test_a_loaded_copy_keeps_its_load():
     gear = dahl.Loaded(dahl.Plan(*PLAN))
     gear.step_counts(40, 0.5)
@@ -155,21 +145,6 @@ def test_a_loaded_copy_keeps_its_load():
     again.step_counts(0, 0.25)
     assert again != gear
     assert again.torque == gear.torque / 2
-
-
-@pytest.mark.parametrize(
-    "made",
-    [
-        MADE["asymmetric"](),
-        MADE["elastoplastic"](),
-        dahl.Loaded(dahl.Plan(*PLAN)),
-        dahl.Loaded(dahl.Plan(*PLAN), fixed_stiffness=True),
-        dahl.VelocityTable(TABLE, 3),
-    ],
-    ids=lambda made: type(made).__name__,
-)
-def test_a_repr_makes_it_again(made):
-    assert eval(repr(made), vars(dahl) | {n: getattr(dahl, n) for n in dahl.__all__}) == made
 
 
 def test_a_table_is_odd_and_linear_in_between():
@@ -273,8 +248,8 @@ MOVED_WRONG = [
     (lambda gear: gear.step_counts(1), "missing a required argument: 'load'"),
     (lambda gear: gear.run_counts([1, 2], [1.0]), r"loads has shape \(1,\), not \(2,\)"),
     (
-        lambda gear: gear.run_counts([1, 2], [1.0, 2.5]),
-        r"loads\[1\] = 2.5 is outside 0 <= load < 2",
+        lambda gear: gear.run_counts([1, 2], [1.0, 2.0]),
+        r"loads\[1\] = 2.0 is outside 0 <= load < 2",
     ),
     (lambda gear: gear.run_counts([1, 2], [1.0, math.nan]), r"loads\[1\] = nan is outside"),
     (lambda gear: gear.run_counts([1, 2], ["a", "b"]), "loads has type"),

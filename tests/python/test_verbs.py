@@ -19,7 +19,7 @@ import cantools
 import numpy as np
 import pytest
 from can.interfaces.virtual import channels
-from dahl import RunError, by_need, cli, data, firmware, html_report, loop, paths, plots, scene
+from dahl import RunError, cli, firmware, html_report, loop, paths, plots, scene
 from dahl.cli import build_parser
 from dahl.identify import folder_runs, pipeline
 from identify_tools import COUNT, FC, complaint, dahl_torque, noise_of, sine, write_csv
@@ -74,29 +74,12 @@ def test_what_holds_where_nothing_is_said(words):
     assert {name: found[name] for name in DEFAULTS[words]} == DEFAULTS[words]
 
 
-def test_the_help_lists_each_verb_and_each_verb_tells_what_it_does(dahl):
-    listed = dahl("--help").stdout
-    for name, verb in cli.COMMANDS.items():
-        assert re.search(rf"^    {name}\s+{re.escape(verb.HELP)}$", listed, re.MULTILINE)
-        about = verb.__doc__.strip().partition("\n")[0]
-        assert about in dahl(name, "--help").stdout
-
-
 def test_the_help_names_the_folder_of_an_installed_package(dahl, monkeypatch):
     monkeypatch.setattr(paths, "INSTALLED", True)
     monkeypatch.setattr(paths, "OUTPUT", Path("dahl-out"))
     shown = {name: dahl(name, "--help").stdout for name in cli.COMMANDS}
     assert [name for name, text in shown.items() if re.search(r"\b(build|lib)/", text)] == []
     assert "in dahl-out/demo" in shown["demo"] and "dahl plot dahl-out/demo" in shown["plot"]
-
-
-def test_a_verb_brings_its_packages_first(dahl, monkeypatch):
-    monkeypatch.setenv(by_need.TRIED, "1")
-    monkeypatch.setattr(by_need, "find_spec", lambda name: None)
-    code, said = complaint(dahl("monitor", "-i", "virtual", "-c", "x", "--seconds", 0.2))
-    assert code == 1 and said.startswith("dahl monitor needs python-can, cantools, rich")
-    words = ("--sigma0", 100, "--fc", 0.5, "--theta-per-count", 0, "-o", "-")
-    assert dahl("plan", *words).returncode == 0
 
 
 # --- demo -----------------------------------------------------------------------------------------
@@ -211,6 +194,9 @@ def test_a_target_takes_the_place_of_the_node(dahl, told, dahl_loop, monkeypatch
         ("exit 3", 1, "dahl-loop (node) ended with code 3"),
         ("echo x; echo error: no wheel >&2; exit 2", 2, "no wheel"),
         ("echo error: no bus >&2; exit 1", 1, "no bus"),
+        ("echo odd >&2; echo '  error: no rig ' >&2; echo error: two >&2; exit 1", 1, "no rig"),
+        ("kill -TERM $$", 1, "dahl-loop (node) ended with code -15"),
+        ("kill -INT $$", 1, "dahl-loop (node) ended with code -2"),
     ],
 )
 def test_what_dahl_loop_complains_about_is_told(dahl, monkeypatch, tmp_path, script, code, words):
@@ -222,18 +208,25 @@ def test_what_dahl_loop_complains_about_is_told(dahl, monkeypatch, tmp_path, scr
     assert complaint(done) == (code, words)
 
 
-@pytest.mark.parametrize("name", ["loop.png", "params.m4f.bin", "own.ini", "node.json"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "loop.png",
+        "params.m4f.bin",
+        "own.ini",
+        "node.json",
+        "run.log",
+        "summary.json",
+        "trace.csv",
+        "node.err",
+    ],
+)
 def test_no_output_of_a_demo_may_be_its_log(dahl, name):
     Path(name).write_text("a\n1\n")
     done = dahl("demo", name, "--output", ".")
     assert complaint(done) == (2, f"{name}: a run in . would destroy it; name another --output")
+    assert Path(name).read_text() == "a\n1\n"
     assert "needs --angle" in complaint(dahl("demo", name, "--output", "out"))[1]
-
-
-@pytest.mark.parametrize("words", [("--sigma0", 1), ("--counts-per-turn", 9, "--scene", "creep")])
-def test_numbers_of_an_own_log_without_one(dahl, words):
-    code, said = complaint(dahl("demo", *words, "--output", "out"))
-    assert code == 2 and said.endswith("go with a LOG of your own")
 
 
 # --- firmware -------------------------------------------------------------------------------------
@@ -469,33 +462,6 @@ def test_one_node_is_described_where_no_number_is_given(dahl, dbc):
     assert "\r" not in done.stdout
     one, all_of_it = (cantools.database.load_string(done.stdout), cantools.database.load_file(dbc))
     assert [each.name for each in one.messages] == [each.name for each in all_of_it.messages]
-
-
-def test_a_set_lies_beside_the_project_unless_another_folder_is_named(dahl, monkeypatch, tmp_path):
-    monkeypatch.setattr(paths, "ROOT", tmp_path / "a" / "project")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.delenv("DAHL_DATA", raising=False)
-    beside, named = tmp_path / "a/shared/data/pneumatic", tmp_path / "mine/pneumatic"
-    for folder in (beside, named):
-        folder.mkdir(parents=True)
-    assert dahl("data", "pneumatic").stdout == f"{beside}\n"
-    monkeypatch.setenv("DAHL_DATA", str(named.parent))
-    assert dahl("data", "pneumatic").stdout == f"{named}\n"
-    beside.rmdir(), named.rmdir()
-    kept = data.cache_folder() / "pneumatic"
-    first, *others = (kept / file.name for file in data.SETS["pneumatic"].files)
-    kept.mkdir(parents=True)
-    first.touch()
-    assert data.local_folder("pneumatic") is None  # a part of it is none
-    for other in others:
-        other.touch()
-    assert dahl("data", "pneumatic").stdout == f"{kept}\n"
-
-
-def test_a_log_that_is_not_there_is_named_with_its_place(tmp_path):
-    for asked, told in (("a.csv", tmp_path / "a.csv"), ("/none/a.csv", "/none/a.csv")):
-        with pytest.raises(Exception, match=f"^{told}: no such file$"):
-            data.find_log(asked, tmp_path)
 
 
 SUMMARY = {"scene_file": str(paths.SCENES / "segments.ini"), "title": "a run"}

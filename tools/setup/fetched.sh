@@ -107,7 +107,9 @@ get_kernel() { get_optional kernel "Debian's kernel, for a virtual machine with 
 
 # --- CBMC ---------------------------------------------------------------------------------------------------------
 
-cbmc_is_here() { command -v cbmc >/dev/null || ! has_apt || quietly setup "$BUILD/deps/cbmc/bin/cbmc" --version; }
+cbmc_is_here() {
+    command -v cbmc >/dev/null || ! has_apt || "$BUILD/deps/cbmc/bin/cbmc" --version >>"$BUILD/setup.log" 2>&1
+}
 
 # Another Debian's program runs here on its own C library, which nothing else gets to see.
 make_cbmc_commands() { # FOLDER
