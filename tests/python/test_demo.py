@@ -178,6 +178,15 @@ def test_plot_draws_it_again(demo, run_dahl, tmp_path):
     assert done.stdout == f"{again}: {TICKS} ticks, {title}\n"
 
 
+def test_a_picture_is_of_the_kind_that_its_name_says(demo, run_dahl, tmp_path):
+    for ending, begins in ((".SVG", b"<?xml"), (".pdf", b"%PDF")):
+        assert run_dahl("plot", demo[0], "-o", tmp_path / f"x{ending}").returncode == 0
+        assert (tmp_path / f"x{ending}").read_bytes().startswith(begins)
+    done = run_dahl("plot", demo[0], "-o", "x.foo")
+    said = "error: -o x.foo: no picture is written so (.png, .svg, .pdf)\n"
+    assert (done.returncode, done.stderr) == (2, said)
+
+
 def test_plot_of_a_bare_log_needs_a_scene(demo, run_dahl, tmp_path):
     (tmp_path / "run.log").write_text((demo[0] / "run.log").read_text())
     refused = run_dahl("plot", tmp_path / "run.log")

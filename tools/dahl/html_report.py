@@ -17,7 +17,7 @@ from dahl import report
 NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "bus": ("bus", "", "s"),
     "time": ("time", "", "s"),
-    "ticks": ("ticks", "ms", ".0f"),
+    "ticks": ("ticks of 1 ms", "", ".0f"),
     "frames_sent": ("angles sent", "", ".0f"),
     "frames_lost": ("angles without an answer", "", ".0f"),
     "deadline_misses": ("answers later than a period", "", ".0f"),

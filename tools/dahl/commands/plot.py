@@ -29,12 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "run_path", type=Path, metavar="RUN", help="folder of a run, or a log of frames"
     )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
-    parser.add_argument("-o", "--output", type=Path, metavar="PNG", help="picture to write")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="picture to write: .png, .svg, .pdf")
 
 
 def run(args: argparse.Namespace) -> None:
     from dahl import logs, plots, report, scene, summary
 
+    if args.output and args.output.suffix.lower() not in plots.PICTURES:
+        raise Error(f"-o {args.output}: no picture is written so ({', '.join(plots.PICTURES)})")
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
