@@ -1493,9 +1493,10 @@ def test_when_the_angle_is_taken_between_the_counts(monkeypatch, counts, sse, me
     read = SimpleNamespace(a=A, sse=1.0, sigma0=100.0)
     looks = iter([read, SimpleNamespace(a=A, sse=sse, sigma0=104.0)])
     monkeypatch.setattr(pipeline, "_first", lambda *_: next(looks))
-    logs, change, found = pipeline._between_counts([log], pipeline.Options(median=median))
+    fine = replace(log, resolution=log.resolution / 9, notes=[])  # the coarsest log tells
+    logs, change, found = pipeline._between_counts([log, fine], pipeline.Options(median=median))
     assert found is inner and change == pytest.approx(0.04 * inner)
-    assert (logs[0] is log) is not inner
+    assert [one is given for one, given in zip(logs, (log, fine), strict=True)] == [not inner] * 2
     if inner:
         assert logs[0].theta == pytest.approx(clean.between_counts(log))
         assert logs[0].notes == [
