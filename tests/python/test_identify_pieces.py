@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import configparser
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,7 +46,7 @@ from dahl.identify.explore import Explored
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
-from dahl.identify.result import Cycles
+from dahl.identify.result import Cycles, Result
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, springs, synthetic
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
@@ -1647,6 +1648,11 @@ def logs_of(kind: str) -> list[Log]:
     return logs
 
 
+@cache
+def result_of(kind: str) -> Result:
+    return pipeline.identify(logs_of(kind))
+
+
 @pytest.mark.parametrize(
     ("kind", "terms", "notes"),
     [
@@ -1659,9 +1665,8 @@ def logs_of(kind: str) -> list[Log]:
         ("spikes", {}, ["26 of 2400 torque rows disagree with their neighbours"]),
     ],
 )
-def test_a_result_agrees_with_its_rows(kind, terms, notes, tmp_path):
-    logs = logs_of(kind)
-    found = pipeline.identify(logs)
+def test_a_result_agrees_with_its_rows(kind, terms, notes):
+    logs, found = logs_of(kind), result_of(kind)
     best, numbers = found.estimate, output.numbers(found)
     assert best.terms == pytest.approx(terms, abs=5e-3)
     assert set(found.explored.choice.terms) == set(terms)
@@ -1704,6 +1709,11 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes, tmp_path):
     assert held["bilinear"]["r2"] < held["dahl"]["r2"] < numbers["r2"] + 1e-3
     assert held["dahl"]["rmse"] == pytest.approx(numbers["rmse"], rel=0.02)
     assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=sweep.CORE.index)
+
+
+@pytest.mark.parametrize("kind", ["plain", *SEVERAL, "linear", "viscous", "spikes"])
+def test_the_scene_of_a_result_draws_its_log(kind, tmp_path):
+    found = result_of(kind)
     said = configparser.ConfigParser(inline_comment_prefixes=";")
     said.read(output.write_scene(found, "x", tmp_path))
     way, torque = np.loadtxt(tmp_path / "x.csv", delimiter=",", skiprows=1).T
