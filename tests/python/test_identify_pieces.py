@@ -1641,6 +1641,7 @@ def logs_of(kind: str) -> list[Log]:
             "against": -log.torque - 2 * way,
             "linear": log.torque + 0.1 + 3 * way,
             "viscous": log.torque + 0.03 * np.gradient(log.theta, 1e-3) + 0.1,
+            "slips": springs(log.theta, (90, 0.15), (30, 0.3)) + 0.01 * noise_of(3, log.rows),
             "spikes": log.torque + 3 * (np.arange(log.rows) % 97 == 0),
         }
         log = replace(log, torque=torque.get(kind, log.torque))  # noqa: PLW2901
@@ -1726,3 +1727,29 @@ def test_the_scene_of_a_result_draws_its_log(kind, tmp_path):
     same = (found.logs[0].torque - found.predicted[0])[settled]
     assert np.std(rest) == pytest.approx(np.std(same), rel=0.05)
     assert np.mean(rest) == pytest.approx(np.mean(same), abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"), [("late", 1e-4), ("spikes", 1e4), ("slips", 1e-4), ("slips", 1e4)]
+)
+def test_the_size_of_a_torque_does_not_matter(kind, size):
+    """A small bearing and a large one of the same presliding length are told alike."""
+    found = result_of(kind)
+    other = pipeline.identify([replace(log, torque=size * log.torque) for log in logs_of(kind)])
+    for name in ("sigma0", "Fc"):
+        assert getattr(other.estimate, name) == pytest.approx(
+            size * getattr(found.estimate, name), rel=1e-3
+        )
+        ends = [
+            np.array((one.low, one.high))
+            for one in (found.estimate.ci95[name], other.estimate.ci95[name])
+        ]
+        assert ends[1] == pytest.approx(size * ends[0], rel=1e-2)
+    assert other.explored.models.chosen == found.explored.models.chosen
+    assert other.explored.choice.terms == found.explored.choice.terms
+    assert other.delay == pytest.approx(found.delay, abs=0.01)
+    assert other.verdict.identifiable == found.verdict.identifiable
+    assert [one.doubts for one in other.findings] == [one.doubts for one in found.findings]
+    assert other.plan.r2 == pytest.approx(found.plan.r2, abs=1e-3)
+    assert len(other.plan.against) == len(found.plan.against)
+    assert [note[:20] for note in other.notes] == [note[:20] for note in found.notes]
