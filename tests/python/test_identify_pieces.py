@@ -145,14 +145,15 @@ def test_elements_are_added_where_they_lower_the_cost_most(book):
     assert compare.NODES.max() == pytest.approx(1.25**8)
 
 
-def test_a_promising_pair_is_made_finer():
+@pytest.mark.parametrize("nodes", [(-4, 3), (-1, 7)])
+def test_a_promising_pair_is_made_finer(nodes):
     """Two springs that slip, between the nodes: each a is found within the last step."""
-    true = (A * 1.25**-4 * 1.09, A * 1.25**3 * 1.09)
+    true = tuple(A * 1.25**node * 1.09 for node in nodes)
     torque = springs(THETA, (true[0] * 0.2, 0.2), (true[1] * 0.3, 0.3))
     cut = cycles.Cut([log_of(torque, THETA, 0.001)], A, 0.003, 10)
     book = compare.Dictionary(cut, A, (), 0.0)
     coarse, fine = (compare.pair(book, "slip", "slip", least) for least in (0.0, np.inf))
-    assert fine.trial.cost.sum() < 0.05 * coarse.trial.cost.sum()
+    assert fine.trial.cost.sum() < 0.1 * coarse.trial.cost.sum()
     found = sorted(fine.parts, key=lambda part: part["sigma0"])
     assert [part["Fc"] for part in found] == pytest.approx([0.2, 0.3], rel=0.02)
     a = [part["sigma0"] / part["Fc"] for part in found]
