@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from dahl import Error
-from dahl.identify import pipeline, readers
+from dahl.identify import folder_runs, pipeline, readers
 from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, synthetic, write_csv
 from log_writers import DBC, FRAMES
 
@@ -489,7 +489,7 @@ def source_for(kind: str, files) -> readers.Source:
 
 
 @pytest.mark.parametrize("kind", ["csv", "tsv", "json", "mat", "parquet", "mf4", *FRAMES])
-def test_every_kind_of_file(files, kind):
+def test_every_kind_of_file(files, kind, tmp_path):
     read = readers.read(files[kind], source_for(kind, files))
     assert read.rows == ROWS
     assert np.allclose(read.theta - read.theta[0], THETA - THETA[0], atol=np.radians(1e-4))
@@ -498,6 +498,10 @@ def test_every_kind_of_file(files, kind):
     assumed = ["time taken in s"] * (kind in ("csv", "tsv", "json", "mat", "parquet"))
     assert [note.split(":")[0] for note in read.notes] == assumed
     assert not read.linear and read.name == str(files[kind])
+    loud = tmp_path / f"LOG.{kind.upper()}"
+    shutil.copy(files[kind], loud)
+    assert readers.read(loud, source_for(kind, files)).theta.tolist() == read.theta.tolist()
+    assert folder_runs.logs_in(tmp_path) == [loud]
 
 
 @pytest.mark.parametrize("kind", ["csv", "tsv", "json", "mat", "parquet"])

@@ -489,6 +489,7 @@ def test_the_picture_shows_the_numbers_and_their_interval(result, picture):
     assert (span.x0, span.x1) == pytest.approx((ends.low, ends.high), rel=1e-6)
     values, least = cost.lines[0].get_xydata().T
     assert values[np.argmin(least)] == pytest.approx(estimate.sigma0, rel=0.02)
+    assert least.min() == pytest.approx(1, abs=1e-3)  # over the least of all
     assert cost.get_xlabel().endswith("[N/m]")
     title = loop.figure.get_suptitle()
     assert f"{estimate.sigma0:.4g} N/m" in title and f"{estimate.Fc:.4g} N" in title
