@@ -29,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "run_path", type=Path, metavar="RUN", help="folder of a run, or a log of frames"
     )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="picture to write: .png, .svg, .pdf")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="picture to write: .png, .svg, .pdf"
+    )
 
 
 def run(args: argparse.Namespace) -> None:
