@@ -59,7 +59,6 @@ FUZZERS = {
     one.name: one
     for one in (
         Fuzzer("step", 64, 200_000, ALL, NUMBERS),
-        Fuzzer("batch", 128, 50_000, ALL, NUMBERS),
         Fuzzer("prepare", 13, 200_000, ALL, NUMBERS),
         Fuzzer("parts_prepare", 140, 20_000, [*CORE, *PART_SOURCES], NUMBERS),
         Fuzzer("parts", 128, 20_000, ALL, NUMBERS),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Coverage-guided fuzzers of everything that takes input, each half a minute; every seed at once;
+"""Coverage-guided fuzzers of everything that takes input, each 20 s; every seed at once;
 and 1e9 executions of each where asked to (--soak). Their laws stand in tests/fuzz/*.c and
 readers.py.
 """
@@ -22,7 +22,7 @@ from fuzzers import (
     soak,
 )
 
-SECONDS = int(os.environ.get("DAHL_FUZZ_SECONDS", "30"))
+SECONDS = int(os.environ.get("DAHL_FUZZ_SECONDS", "20"))
 SOAK_SECONDS = 120  # what an interruption can cost
 
 
@@ -75,13 +75,3 @@ def test_fuzz_soak(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 
     goal = FUZZERS[name].soak
     assert soak(name, home(name), goal, SOAK_SECONDS, told) >= goal
-
-
-def test_fuzz_soak_goes_on_where_it_stopped(tmp_path) -> None:
-    lines: list[str] = []
-    first = soak("codec", tmp_path, 10**9, 1, lines.append, chunks=1)
-    second = soak("codec", tmp_path, 10**9, 1, lines.append, chunks=1)
-    assert 0 < first < second
-    assert "of 1e+09 executions" in lines[0]
-    assert soak("codec", tmp_path, second, 1, lines.append) == second
-    assert len(lines) == 2

@@ -29,15 +29,28 @@ from dahl import reference  # noqa: E402
 pytestmark = pytest.mark.checks
 
 
+BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
+
+
 @pytest.fixture(scope="module")
-def counted() -> dict:
-    """The three cores of the chart, counted now."""
-    for name in results.CORES:
-        core = target.CORES[name]
-        for program in (core.tool("gcc"), core.tools[1]):
-            if not shutil.which(program):
-                pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
-    return target.measure_all(list(results.CORES), quick=True)
+def bench() -> dict[str, dict]:
+    """tools/bench.sh target, all cores, counted now; a core without its tools is left out."""
+    names = [
+        n
+        for n, c in target.CORES.items()
+        if shutil.which(c.tool("gcc")) and shutil.which(c.tools[1])
+    ]
+    if not names:
+        pytest.skip("no cross compiler with its QEMU is installed")
+    result = target.measure_all(names, quick=False)
+    target.write_result(result)
+    return result
+
+
+@pytest.fixture(scope="module")
+def counted(bench) -> dict:
+    """The three cores of the chart."""
+    return {name: of_core(bench, name) for name in results.CORES}
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +78,47 @@ def test_ours_is_within_its_bound_on_every_motion(measured) -> None:
 def test_a_tick_costs_at_most_one_and_a_half_of_euler(counted) -> None:
     motions = results.motions_of(counted, "m4f")
     assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
+
+
+# --- what a call costs: tests/target/budgets.json holds every limit -----------------------------
+
+
+def of_core(bench: dict[str, dict], name: str) -> dict:
+    if name not in bench:
+        pytest.skip(f"no tools for {name}")
+    return bench[name]
+
+
+LIMITS = [
+    (n, k, limit)
+    for n, limits in BUDGETS["instructions at most"].items()
+    for k, limit in limits.items()
+]
+BYTES = BUDGETS["bytes at most"]
+LIMITS += [(n, k, limit) for n in sorted(BYTES.keys() - {"all"}) for k, limit in BYTES[n].items()]
+LIMITS += [(n, k, limit) for n in target.CORES for k, limit in BYTES["all"].items()]
+
+
+@pytest.mark.parametrize("name, key, limit", LIMITS)
+def test_budget(bench, name: str, key: str, limit: int) -> None:
+    assert of_core(bench, name)[key] <= limit
+
+
+@pytest.mark.parametrize(
+    "name, least", BUDGETS["newlib_expm1f over one_count_q30 at least"].items()
+)
+def test_ratio(bench, name: str, least: float) -> None:
+    core = of_core(bench, name)
+    assert core["newlib_expm1f"] >= least * core["one_count_q30"]
+
+
+@pytest.mark.parametrize("name", target.CORES)
+def test_dense_moves_cost_the_same(bench, name: str) -> None:
+    core = of_core(bench, name)
+    assert (
+        core["dense_q30_most"] - core["dense_q30_least"]
+        <= BUDGETS["dense moves differ by at most"][name]
+    )
 
 
 # --- what host_bench prints ----------------------------------------------------------------------

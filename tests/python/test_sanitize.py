@@ -33,13 +33,6 @@ def run(*command: object, **more: object) -> None:
     assert done.returncode == 0, (done.stdout + done.stderr)[-4000:]
 
 
-def test_nothing_is_found_in_the_node() -> None:
-    """The short form: what the other test found first, by gcc alone."""
-    run("cmake", "--preset", "sanitize")
-    run("cmake", "--build", "--preset", "sanitize", "--target", "test_node")
-    run("ctest", "--preset", "sanitize", "--tests-regex", "^test_node$")
-
-
 @pytest.mark.long
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize(("preset", "compiler"), [("sanitize", "gcc"), ("clang", "clang")])

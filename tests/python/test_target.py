@@ -1,13 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Small cores: the Unity tests in QEMU, what a call costs against the budgets, and the gates that
-keep it so.
-
-tests/target/budgets.json holds every limit. Each gate is shown to bite by a fault planted for it.
-"""
+"""Small cores: the Unity tests in QEMU, what may be linked. What a call costs: test_bench.py."""
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import sys
@@ -23,7 +18,6 @@ import target  # noqa: E402
 
 pytestmark = pytest.mark.checks
 
-BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
 ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
 TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "encoder", "float"]
 TESTS += ["slip", "parallel", "asymmetric", "loaded", "elastoplastic"]
@@ -169,67 +163,6 @@ def test_unknown_core_is_refused(tmp_path) -> None:
     assert f"'m9'; known are {', '.join(ARM)}" in done.stderr
 
 
-# --- what a call costs ---------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def bench() -> dict[str, dict]:
-    """tools/bench.sh target, all cores; a core without its tools is left out."""
-    names = [
-        n
-        for n, c in target.CORES.items()
-        if shutil.which(c.tool("gcc")) and shutil.which(c.tools[1])
-    ]
-    if not names:
-        pytest.skip("no cross compiler with its QEMU is installed")
-    result = target.measure_all(names, quick=False)
-    target.write_result(result)
-    return result
-
-
-def of_core(bench: dict[str, dict], name: str) -> dict:
-    if name not in bench:
-        pytest.skip(f"no tools for {name}")
-    return bench[name]
-
-
-LIMITS = [
-    (n, k, limit)
-    for n, limits in BUDGETS["instructions at most"].items()
-    for k, limit in limits.items()
-]
-BYTES = BUDGETS["bytes at most"]
-LIMITS += [(n, k, limit) for n in sorted(BYTES.keys() - {"all"}) for k, limit in BYTES[n].items()]
-LIMITS += [(n, k, limit) for n in target.CORES for k, limit in BYTES["all"].items()]
-
-
-@pytest.mark.parametrize("name, key, limit", LIMITS)
-def test_budget(bench, name: str, key: str, limit: int) -> None:
-    assert of_core(bench, name)[key] <= limit
-
-
-@pytest.mark.parametrize(
-    "name, least", BUDGETS["newlib_expm1f over one_count_q30 at least"].items()
-)
-def test_ratio(bench, name: str, least: float) -> None:
-    core = of_core(bench, name)
-    assert core["newlib_expm1f"] >= least * core["one_count_q30"]
-
-
-@pytest.mark.parametrize("name", target.CORES)
-def test_dense_moves_cost_the_same(bench, name: str) -> None:
-    core = of_core(bench, name)
-    assert (
-        core["dense_q30_most"] - core["dense_q30_least"]
-        <= BUDGETS["dense moves differ by at most"][name]
-    )
-
-
-def test_counts_are_the_same_twice(bench) -> None:
-    again = target.measure(target.CORES["m4f"], ["newlib", "picolibc"])
-    assert again == of_core(bench, "m4f")
-
-
 # --- what may be linked --------------------------------------------------------------------------
 
 
@@ -262,19 +195,3 @@ def test_a_bare_link_of_all_parts_needs_no_libc(name: str, level: str) -> None:
     objects = target.objects_at(core, level)
     assert {"slip.o", "inverse.o"} <= {path.name for path in objects}
     assert target.forbidden(core, target.link_bare(core, *objects)) == []
-
-
-def test_a_bare_link_sees_a_copy(tmp_path: Path) -> None:
-    core = target.CORES["m3"]
-    need(core)
-    target.build(core, "dahl")
-    source = tmp_path / "copy.c"
-    source.write_text(
-        "void copy(int *restrict to, const int *restrict from, int n)\n"
-        "{ while (n-- > 0) { *to++ = *from++; } }"
-    )
-    made = tmp_path / "copy.o"
-    flags = target.cache_value(core, "CMAKE_C_FLAGS").split()
-    target.run(core.tool("gcc"), *flags, "-O2", "-c", source, "-o", made)
-    with pytest.raises(target.BenchError, match="memcpy|memmove"):
-        target.link_bare(core, made)

@@ -31,14 +31,3 @@ def test_demo_on_target(run_dahl, library, dahl_loop, tmp_path) -> None:
     assert (numbers["frames_answered"], numbers["frames_lost"]) == (4000, 0)
     assert numbers["node"] == {} and numbers["max_error_ulp_Fc"] <= 0.52
     assert (tmp_path / "loop.png").stat().st_size > 10000
-
-
-@pytest.mark.parametrize(
-    "words, said",
-    [(("--target", "m9"), "m9"), (("--target", "m4f", "--bus", "socketcan:vcan0"), "socketcand")],
-)
-def test_bad_target(words, said, run_dahl, library, dahl_loop, tmp_path) -> None:
-    done = run_dahl("demo", "--scene", "steering", *words, "--output", tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: ") and said in done.stderr
-    assert done.stderr.count("\n") == 1

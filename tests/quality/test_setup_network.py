@@ -5,12 +5,9 @@ made anew, what has another sum is not taken, two at once and a broken-off run d
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -78,28 +75,3 @@ def test_a_package_with_another_sum_is_not_installed(elsewhere):
     assert tried.returncode == 1
     assert "THESE PACKAGES DO NOT MATCH THE HASHES" in text
     assert not (elsewhere / "build/venv/.complete").exists()
-
-
-def test_a_unity_with_another_sum_is_an_error(elsewhere):
-    if not shutil.which("apt-get"):
-        pytest.skip("Unity is fetched by apt-get")
-    fetched = elsewhere / "tools/setup/fetched.sh"
-    fetched.write_text(fetched.read_text().replace("UNITY_SUMS='2e", "UNITY_SUMS='2f"))
-    tried = setup(elsewhere, "test")
-    text = said(tried)
-    assert tried.returncode == 1
-    assert "error: these are not the files of Unity 2.5.1" in text
-    assert not (elsewhere / "build/deps/unity").exists()
-
-
-def test_two_at_once_and_one_broken_off(elsewhere):
-    broken = setup(elsewhere)
-    time.sleep(3)
-    os.killpg(broken.pid, signal.SIGINT)
-    broken.wait(60)
-    assert not (elsewhere / "build/venv/.complete").exists()
-    both = [setup(elsewhere), setup(elsewhere)]
-    texts = [said(each) for each in both]
-    assert [each.returncode for each in both] == [0, 0]
-    assert sum("waiting for it" in text for text in texts) >= 1
-    assert sum("making the Python environment" in text for text in texts) == 1

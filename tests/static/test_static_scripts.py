@@ -19,11 +19,6 @@ def name_of(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=name_of)
-def test_script_parses(script: Path) -> None:
-    subprocess.run(["bash", "-n", script], check=True)
-
-
 @pytest.mark.parametrize("script", [s for s in SCRIPTS if s.name not in SOURCED], ids=name_of)
 def test_shellcheck_finds_nothing(script: Path) -> None:
     tool = need("shellcheck", "no common mistake in a script")

@@ -30,10 +30,3 @@ def test_firmware_sources_are_tidy() -> None:
 def test_desk_sources_are_tidy() -> None:
     status, text = tidy(static.DESK)
     assert status == 0, text
-
-
-def test_a_fault_is_found(tmp_path: Path) -> None:
-    fault = tmp_path / "fault.c"
-    fault.write_text("unsigned f(unsigned n) { return n > 0 ? 1 + f(n - 1) : 0; }\n")
-    status, text = tidy([fault])
-    assert status != 0 and "misc-no-recursion" in text

@@ -10,6 +10,7 @@ not modelled. Writes build/bench/target.json.
 from __future__ import annotations
 
 import argparse
+import fcntl
 import json
 import os
 import re
@@ -106,9 +107,14 @@ def run(*command: object, timeout: float = 300, **options: Any) -> str:
 
 
 def build(core: Core, *targets: str) -> None:
-    """Configure, since a build folder may be of an older tree, and build targets of one core."""
-    run("cmake", "--preset", core.name, cwd=ROOT)
-    run("cmake", "--build", core.build, "--target", *targets, cwd=ROOT)
+    """Configure, since a build folder may be of an older tree, and build targets of one core; one
+    at a time, since tests of several kinds want the same folder.
+    """
+    core.build.mkdir(parents=True, exist_ok=True)
+    with (core.build / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        run("cmake", "--preset", core.name, cwd=ROOT)
+        run("cmake", "--build", core.build, "--target", *targets, cwd=ROOT)
 
 
 def build_plugin() -> None:
