@@ -89,7 +89,7 @@ def test_who_comes_late_and_by_how_much(rows):
     assert result.delay == pytest.approx(rows, abs=2.5)
     assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.07)
     who = "torque" if rows > 0 else "angle"
-    (note,) = [note for note in result.notes if " late" in note]
+    (note,) = [note for note in result.notes if " rows (" in note]
     assert f": {who} comes {abs(result.delay):.1f} rows" in note
     assert f"({abs(result.delay) * 1e-3:.3g} s) late" in note
     assert (

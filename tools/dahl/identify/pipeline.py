@@ -460,7 +460,7 @@ def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
     """Dahl, Coulomb (the sign alone), none (the terms alone) and bilinear, held out."""
     terms = list(estimate.terms)
     sign = study.at(np.array([study.high * 1e6]), path.coulomb)
-    bent = study.at(estimate.a * np.geomspace(1 / 8, 4, BENT), path.bilinear)
+    bent = study.at(_bent_nodes(study, estimate), path.bilinear)
     own = fit.choose_terms(sign, study.candidates)
     best = fit.curve_of(bent.a, bent.total(), terms)
     held = {
@@ -479,6 +479,18 @@ def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:
         {"dahl": terms, "coulomb": own},
         float(best.a[best.best] * best.coefficient[best.best, 0]),
     )
+
+
+def _bent_nodes(study: Study, estimate: Estimate) -> np.ndarray:
+    """The values of a at which the bilinear element is tried: of long logs those around the best of
+    the first rows.
+    """
+    nodes = estimate.a * np.geomspace(1 / 8, 4, BENT)
+    if all(log.rows <= LOOKED_AT for log in study.logs):
+        return nodes
+    first = Study([log.head(LOOKED_AT) for log in study.logs]).at(nodes, path.bilinear)
+    best = fit.curve_of(first.a, first.total(), list(estimate.terms)).best
+    return nodes[max(best - 2, 0) : best + 3]
 
 
 def _informs(study: Study, estimate: Estimate) -> float:

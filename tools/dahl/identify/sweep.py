@@ -27,6 +27,7 @@ FORGOTTEN = 40.0  # travel in presliding lengths after which exp(-travel) is lef
 SMOOTH = 9  # rows over which speed and its change are taken
 
 PIECE = 32768  # rows looked at together
+TOGETHER = 5  # nodes
 
 Model = Callable[[np.ndarray, float, float], np.ndarray]  # moves, a, F/Fc before -> F/Fc after each
 
@@ -110,30 +111,47 @@ def _log_at(log: Log, blocks: int, nodes: np.ndarray, model: Model) -> np.ndarra
     ratio, travelled = np.zeros(len(nodes)), 0.0  # where the piece before ended
     for piece in cut:
         moves = log.moves_of(piece.rows)
-        root = 1.0 if log.weight is None else np.sqrt(log.weight[piece.rows])
-        fixed = _blocks((columns_of(log, piece.rows) * np.reshape(root, (-1, 1))), piece.length)
-        still, travel = _gram(fixed), travelled + np.cumsum(np.abs(moves))
-        here = slice(piece.block, piece.block + len(still))
-        for i, a in enumerate(nodes):
-            drawn = model(moves, a, ratio[i])
-            ratio[i] = drawn[-1]
-            moving = np.zeros((len(moves), 2))
-            moving[:, 0] = drawn * root
-            near = int(np.searchsorted(travel, FORGOTTEN / a, side="right"))
-            moving[:near, 1] = np.exp(-a * travel[:near])
-            moving[:, 1] *= root
-            _add(gram[i, here], _blocks(moving, piece.length), fixed, still)
+        root = np.ones(len(moves)) if log.weight is None else np.sqrt(log.weight[piece.rows])
+        fixed = _blocks(columns_of(log, piece.rows) * root[:, None], piece.length)
+        here = slice(piece.block, piece.block + len(fixed))
+        gram[:, here, FIRST_TERM:, FIRST_TERM:] += _gram(fixed)
+        travel = travelled + np.cumsum(np.abs(moves))
+        for some in np.array_split(np.arange(len(nodes)), -(-len(nodes) // TOGETHER)):
+            drawn = np.zeros((len(some), fixed.shape[0] * fixed.shape[1]))
+            for row, i in zip(drawn, some, strict=True):
+                row[: len(moves)] = model(moves, nodes[i], ratio[i])
+                ratio[i] = row[len(moves) - 1]
+                row[: len(moves)] *= root
+            _add_friction(gram[some[0] : some[-1] + 1, here], drawn, fixed)
+            for row, i in zip(drawn, some, strict=True):
+                near = int(np.searchsorted(travel, FORGOTTEN / nodes[i], side="right"))
+                start = np.exp(-nodes[i] * travel[:near]) * root[:near]
+                _add_start(gram[i, here], start, row, fixed)
         travelled = travel[-1]
     return gram
 
 
-def _add(gram: np.ndarray, moving: np.ndarray, fixed: np.ndarray, still: np.ndarray) -> None:
-    """Add the products of some rows to their blocks."""
-    gram[:, :FIRST_TERM, :FIRST_TERM] += _gram(moving)
-    gram[:, FIRST_TERM:, FIRST_TERM:] += still
-    across = np.swapaxes(moving, 1, 2) @ fixed
-    gram[:, :FIRST_TERM, FIRST_TERM:] += across
-    gram[:, FIRST_TERM:, :FIRST_TERM] += np.swapaxes(across, 1, 2)
+def _add_friction(gram: np.ndarray, drawn: np.ndarray, fixed: np.ndarray) -> None:
+    """Add the products of w at some nodes, (nodes, rows), to their blocks, (nodes, blocks, ..)."""
+    w = drawn.reshape(len(drawn), *fixed.shape[:2])
+    gram[:, :, FRICTION, FRICTION] += np.einsum("kbl,kbl->kb", w, w)
+    across = np.swapaxes(w.swapaxes(0, 1) @ fixed, 0, 1)
+    gram[:, :, FRICTION, FIRST_TERM:] += across
+    gram[:, :, FIRST_TERM:, FRICTION] += across
+
+
+def _add_start(gram: np.ndarray, start: np.ndarray, w: np.ndarray, fixed: np.ndarray) -> None:
+    """Add the products of the torque at the first row, as far as it shows, to the blocks of one
+    node.
+    """
+    length = fixed.shape[1]
+    for block in range(-(-len(start) // length)):
+        rows = slice(block * length, min((block + 1) * length, len(start)))
+        own, here = start[rows], gram[block]
+        here[START, START] += own @ own
+        here[START, FRICTION] = here[FRICTION, START] = here[START, FRICTION] + own @ w[rows]
+        here[START, FIRST_TERM:] += own @ fixed[block, : len(own)]
+        here[FIRST_TERM:, START] = here[START, FIRST_TERM:]
 
 
 def columns_of(log: Log, rows: slice = slice(None)) -> np.ndarray:
