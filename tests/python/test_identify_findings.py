@@ -289,6 +289,9 @@ def test_filters_that_disagree_take_the_claim(good, fits, doubts):
             "torque looks late or low-passed (time constant of 10 rows): sigma0 is then"
             f" {low:.4g} to {high:.4g} N m/rad"
         )
+        forces = sorted(Fc for _, Fc in fits)
+        wanted = {"sigma0": (low, high), "Fc": (forces[0], forces[-1])}
+        assert one.reach == {name: wanted[name] for name in {*doubts, "sigma0"}}
 
 
 def test_filters_are_what_they_are_called():

@@ -468,6 +468,23 @@ def test_the_picture_shows_the_log_and_its_fit(result, picture, timed):
     assert panels["by speed"].get_xlabel().endswith("/s]" if timed else "/row]")
 
 
+@pytest.mark.parametrize(
+    ("linear", "way", "push"),
+    [(True, "position {} [mm]", "force [N]"), (False, "angle {} [rad]", "torque [N m]")],
+)
+def test_the_axes_of_the_picture_say_what_they_show(result, picture, linear, way, push):
+    both = {"logs": result.logs, "raw": result.raw}
+    kinds = {name: [replace(log, linear=linear) for log in logs] for name, logs in both.items()}
+    panels = picture(replace(result, **kinds))
+    axes = {name: (one.get_xlabel(), one.get_ylabel()) for name, one in panels.items()}
+    way, unit = way.format("from the start"), "N" if linear else "N m"
+    assert axes["loop"] == (way, push)
+    assert axes["residual"] == (way, f"residual [{unit}]")
+    assert axes["by speed"] == (f"speed [{'mm' if linear else 'rad'}/s]", f"residual [{unit}]")
+    assert axes["cost"][0] == f"sigma0 [{'N/m' if linear else 'N m/rad'}]"
+    assert (axes["Fc"][1], axes["sigma0"][1]) == (f"Fc [{unit}]", axes["cost"][0])
+
+
 def test_the_cost_is_drawn_beyond_a_wide_interval(result, picture):
     """From 0.7 of its lower to 1.3 of its upper end, at most from a fifth to 5 times sigma0."""
     sigma0 = result.estimate.sigma0

@@ -26,6 +26,7 @@ from dahl.identify import (
     output,
     path,
     pipeline,
+    sweep,
 )
 from dahl.identify.choices import Choice, Trial
 from dahl.identify.compare import Candidate
@@ -472,6 +473,9 @@ def test_a_log_without_a_clock_has_no_speed():
     log = replace(synthetic(1, rows=3000, cycles=9), time=None)
     book = compare.Dictionary(cycles.Cut([log], 200.0, 0.003, 90), 200.0, (), 0.0)
     assert model_table._slower(book) == []
+    for rows in (slice(0, 7), slice(500, 3000), slice(None)):  # zeros, as many as there are rows
+        zeros = [part.tolist() for part in sweep.speed_of(log, rows)]
+        assert zeros == [[0.0] * len(log.theta[rows])] * 2
 
 
 # --- cycles ---------------------------------------------------------------------------------------
