@@ -161,8 +161,8 @@ def test_the_docstring_says_units_errors_and_the_source_in_c(name: str) -> None:
 
 
 def calls() -> list[tuple[str, Any]]:
-    """All public methods, and counts_between()."""
-    found = [("counts_between", dahl.counts_between)]
+    """All public methods and functions."""
+    found = [("counts_between", dahl.counts_between), ("to_units", dahl.to_units)]
     for name in KINDS:
         members = inspect.getmembers(getattr(dahl, name), inspect.isfunction)
         found += [(f"{name}.{key}", one) for key, one in members if not key.startswith("_")]

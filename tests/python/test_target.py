@@ -25,7 +25,8 @@ pytestmark = pytest.mark.checks
 
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
 ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
-TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "encoder", "float"]
+TESTS = ["accuracy", "laws", "paper", "hard_cases", "angle", "params", "encoder", "to_units"]
+TESTS += ["float"]
 TESTS += ["slip", "parallel", "asymmetric", "loaded", "elastoplastic"]
 TESTS += ["clamped", "inverse", "work", "velocity"]
 CASES = [f"test_{name}" for name in TESTS] + ["bits"]
@@ -87,6 +88,14 @@ def test_on_core(name: str, case: str, ran_on) -> None:
     assert outcome.get("status") == "run" and outcome.find("failure") is None, outcome.findtext(
         "system-out"
     )[-2000:]
+
+
+@pytest.mark.parametrize("name", ARM)
+def test_ticks_written_for_the_core_have_the_bits_of_the_c(name: str, ran_on) -> None:
+    outcome = ran_on(name)["test_cores"]
+    assert outcome.get("status") == "run" and outcome.find("failure") is None, outcome.findtext(
+        "system-out"
+    )
 
 
 def test_bits_on_avr() -> None:
