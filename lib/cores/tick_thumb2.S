@@ -3,9 +3,9 @@
  * dahl_step_counts for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts.c, same bits. Moves of more than
  * 8 counts go to dahl_step_large.
  */
-#include "torque_thumb2.inc"
-
 #define g_high r5
+#define g_low r12
+#include "torque_thumb2.inc"
 
     function dahl_step_counts
     cmp     n, #8 /* unsigned, so that a negative n is above it */
@@ -14,7 +14,7 @@
     add     r12, plan, n, lsl #3
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
-    update_forward g_high
+    update_forward
 #ifndef __ARM_FEATURE_DSP
     cmp     w_high, #0 /* UMLAL leaves no flags */
 #endif
@@ -27,7 +27,7 @@ backward:
     sub     r12, plan, n, lsl #3
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
-    update_backward g_high
+    update_backward
 
 torque:
     return_torque r4, r5

@@ -4,12 +4,13 @@
  * lib/parts/work_step.c, same bits. The way of w in the direction of travel is the product that the update adds or subtracts, so
  * it needs no difference. Moves of more than 8 counts go to dahl_work_step_large.
  */
+#define g_high r5
+#define g_low r12
 #include "torque_thumb2.inc"
 
 #define work r2
 #define counts r3
 #define sums r6 /* work, once w has its registers */
-#define g_high r5
 #define low r4 /* two words of a sum, while z and g_high are not needed */
 #define high r5
 
@@ -28,7 +29,7 @@
 11: ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
     \gap
-    product g_high
+    product
     ldrd    low, high, [sums, #WAY]
     adds    low, low, g_low
     adcs    high, high, spare
