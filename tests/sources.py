@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LIB = ROOT / "lib"
-BESIDE = ("batch", "float", "node", "parts")  # what comes beside the element itself
+BESIDE = ("batch", "cores", "float", "node", "parts")  # what comes beside the element itself
 
 
 def _found(*folders: str, kind: str = "c") -> list[Path]:
@@ -23,7 +23,7 @@ def _is_core(path: Path) -> bool:
 
 
 CORE = [path for path in _found("lib") if _is_core(path)]  # one element, as firmware links it
-PARTS = [path for path in _found("lib") if path.relative_to(LIB).parts[0] == "parts"]
+PARTS = [path for path in _found("lib") if path.relative_to(LIB).parts[0] in ("cores", "parts")]
 FLOAT = [path for path in _found("lib") if path.relative_to(LIB).parts[0].startswith("float")]
 BATCHES = [path for path in _found("lib") if path.relative_to(LIB).parts[0].startswith("batch")]
 EXACT = CORE + PARTS + BATCHES  # the same bits everywhere

@@ -1,20 +1,23 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Friction of a shaft with a 14-bit encoder at 1 kHz, by SysTick. The encoder is made up here: it turns by 2 counts a tick,
- * forward for 50 ticks and back for 50. The main loop waits for the 100th and prints every tenth torque through the debugger.
+ * Friction of a shaft with a 14-bit encoder at 1 kHz, by SysTick, on a core without an FPU: from the reading to a torque in whole
+ * nN m there is no float. The encoder is made up here: it turns by 2 counts a tick, forward for 50 ticks and back for 50. The
+ * main loop waits for the 100th and prints every tenth torque through the debugger.
  */
 #include <stdint.h>
 #include <stdio.h>
 
 #include "dahl.h"
+#include "dahl_encoder.h"
 
+enum { FC_UNITS = 500000000 }; /* Fc in nN m */
 enum { MODULUS = 16384, TICKS = 100, CORE_HZ = 25000000, SYS_WRITE0 = 0x04, SYS_EXIT = 0x18, EXIT_APPLICATION = 0x20026 };
 
 static const dahl_params_t params = {100.0f, 0.5f, 6.2831853f / MODULUS}; /* sigma0 N m/rad, Fc N m, rad/count */
 static dahl_plan_t plan;
-static dahl_state_t bearing; /* the interrupt's own */
-static uint32_t before;      /* reading of the encoder, too */
-static float torque[TICKS];  /* N m, until the last tick */
+static dahl_state_t bearing; /* the interrupt's own, and so is the encoder */
+static dahl_encoder_t encoder;
+static int32_t torque[TICKS]; /* nN m, until the last tick */
 static volatile uint32_t ticks;
 
 /* In a product: the counter of a timer in encoder mode, or an SPI transfer. */
@@ -29,9 +32,8 @@ void friction_interrupt(void)
     if (ticks == TICKS) {
         return;
     }
-    uint32_t now = encoder_read();
-    torque[ticks] = dahl_step_counts(&plan, &bearing, dahl_counts_between(before, now, MODULUS));
-    before = now;
+    int32_t ratio = dahl_step_counts_q30(&plan, &bearing, dahl_encoder_move(&encoder, encoder_read()));
+    torque[ticks] = dahl_to_units(ratio, FC_UNITS); /* a drive adds the torque that its controller asks for */
     ticks++;
 }
 
@@ -51,18 +53,19 @@ static void debugger(uint32_t operation, const void *argument)
     __asm volatile("bkpt 0xAB" : "+r"(r0) : "r"(r1) : "memory");
 }
 
-static void print(uint32_t tick, float F)
+static void print(uint32_t tick, int32_t F)
 {
     char line[40];
-    snprintf(line, sizeof line, "tick %3lu  %ld nN m\n", (unsigned long)tick, (long)(F * 1e9f));
+    snprintf(line, sizeof line, "tick %3lu  %ld nN m\n", (unsigned long)tick, (long)F);
     debugger(SYS_WRITE0, line);
 }
 
 int main(void)
 {
-    if (dahl_prepare(&plan, &params) != DAHL_OK) {
+    if (dahl_prepare(&plan, &params) != DAHL_OK || dahl_encoder_init(&encoder, MODULUS, +1, 0) != DAHL_OK) {
         return 1;
     }
+    dahl_encoder_home(&encoder, 0); /* where it stands before the first tick */
     start_systick(CORE_HZ / 1000);
     while (ticks < TICKS) {
         __asm volatile("wfi");

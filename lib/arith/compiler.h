@@ -16,6 +16,9 @@
 #if INT_MIN + INT_MAX != -1 || (-1 & 3) != 3
 #error "dahl needs two's complement integers"
 #endif
+#if (-2 >> 1) != -1
+#error "dahl needs a shift to the right that keeps the sign"
+#endif
 #if INT_MAX < 0x7fff
 #error "dahl needs an int of 16 bits or more, as C does; with avr-gcc leave -mint8 out"
 #endif

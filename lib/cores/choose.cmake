@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-# The ticks written for the core that is compiled for: DAHL_CORE_TICKS, files of lib/cores that take the place of the files of
-# lib/model in DAHL_CORE_STANDS_FOR, with the same bits. Both are empty where there are none, or with -DDAHL_CORES=OFF: then
+# The ticks written for the core that is compiled for: DAHL_CORE_TICKS, files of lib/cores that take the place of those in
+# DAHL_CORE_STANDS_FOR, with the same bits. Both are empty where there are none, or with -DDAHL_CORES=OFF: then
 # the C is used.
 option(DAHL_CORES "ticks written for the core, where there are any" ON)
 set(DAHL_CORE_TICKS "")
@@ -22,8 +22,8 @@ if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
         set(DAHL_CORE_TICKS cores/tick_q30_v6m.S)
         set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c)
     elseif(DAHL_CORE_IS_THUMB2)
-        set(DAHL_CORE_TICKS cores/tick_q30_thumb2.S cores/tick_thumb2.S)
-        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c model/step_counts.c)
+        set(DAHL_CORE_TICKS cores/tick_q30_thumb2.S cores/tick_thumb2.S cores/work_thumb2.S cores/work_large.c)
+        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c model/step_counts.c parts/work_step.c)
     endif()
 endif()
 if(DAHL_CORE_TICKS)

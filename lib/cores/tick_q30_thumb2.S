@@ -4,9 +4,9 @@
  * 15 instructions forward and 18 backward; 14 forward where the core has UMAAL. Moves of more than 8 counts go to
  * dahl_step_large (lib/model/step_large.c), all arguments untouched.
  */
+#define g_high r12
+#define g_low r0 /* once the plan is no longer needed */
 #include "update_thumb2.inc"
-
-#define g_high r0 /* once the plan is no longer needed */
 
     function dahl_step_counts_q30
     cmp     n, #8 /* unsigned, so that a negative n is above it */
@@ -15,7 +15,7 @@
     push    {r4, lr}
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [plan, #TABLE]
-    update_forward g_high
+    update_forward
     strd    w_low, w_high, [state]
     add     r0, w_high, w_low, lsr #31
     pop     {r4, pc}
@@ -27,7 +27,7 @@ backward:
     push    {r4, lr}
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [plan, #TABLE]
-    update_backward g_high
+    update_backward
     strd    w_low, w_high, [state]
     add     r0, w_high, w_low, lsr #31
     pop     {r4, pc}

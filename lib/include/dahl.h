@@ -118,13 +118,23 @@ DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *p
 /* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
  * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc. Tiny motions keep their relative accuracy: n ticks
  * from rest with a total travel of U presliding lengths err by at most 0.52 ulp of F and Fc (2^-31 U + 2^-62 n).
- * Cost on Cortex-M3, M4 (docs/microcontroller.md has all): 43 instructions up to 8 counts, and about 15 for each further
+ * Cost on Cortex-M3, M4 (docs/microcontroller.md has all): 38 instructions up to 8 counts, and about 15 for each further
  * binary digit. */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function.
  * Cost on Cortex-M3, M4: 14 to 18 instructions for -8 .. 8 counts by the tick written for the core, 21 by the C. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+
+/* A torque in whole units of your own, to be added to others in integers: uN m, mN m, counts of the drive's current. ratio_q30
+ * is F/Fc as the Q30 calls of dahl.h and dahl_parts.h return it, any int32_t; Fc_units is what it is a ratio to (Fc, the sum
+ * of Fc, the largest torque) in that unit, 0 .. 2^30; more is taken as 2^30. No float, no division; the same bits everywhere.
+ * Returns ratio_q30 2^-30 Fc_units rounded to the nearest whole number, a half rounded up. Nothing overflows.
+ * Error against Fc_units times the exact ratio: half a unit, and DAHL_ERROR_Q30 (or the bound of that other call) times
+ * Fc_units: 0.501 units for an Fc of 0.5 N m in uN m. What Fc itself lost when it was made a whole number comes on top, at most half
+ * a unit: in a coarse unit give Fc in 1/16 of it and shift the sum of all torques.
+ * Cost: 11 instructions on Cortex-M3, M4, 41 on M0. */
+int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
 
 /* Move by dtheta rad and return F in N m. Any float: NaN is ignored (state untouched), +-Inf saturates at +-Fc,
  * +-0 leaves the state bit-identical. Error: DAHL_ULP_ANGLE ulp of Fc for the floats fed, for ever if each |u| >= 2^-30,

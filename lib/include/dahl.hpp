@@ -92,6 +92,12 @@ private:
     dahl_encoder_t encoder_;
 };
 
+// A torque in whole units of your own from F/Fc in Q30, and Fc in those units: dahl_to_units().
+inline int32_t to_units(int32_t ratio_q30, uint32_t Fc_units)
+{
+    return dahl_to_units(ratio_q30, Fc_units);
+}
+
 // Shortest signed way from one reading to the next; modulus is where the reading wraps, 0 for all 32 bits.
 inline int32_t counts_between(uint32_t before, uint32_t now, uint32_t modulus = 0)
 {

@@ -116,10 +116,10 @@ typedef struct {
     uint32_t way[4];    /* of w = F/Fc in the direction of travel, in Q62, lowest word first */
 } dahl_work_t;
 
-/* dahl_step_counts() that also adds up the work. Cost on Cortex-M3: 73 instructions up to 8 counts. */
+/* dahl_step_counts() that also adds up the work. Cost on Cortex-M3: 52 instructions up to 8 counts. */
 float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
-/* dahl_step_counts_q30() that also adds up the work. Cost on Cortex-M3: 50 instructions up to 8 counts. */
+/* dahl_step_counts_q30() that also adds up the work. Cost on Cortex-M3: 33 instructions up to 8 counts. */
 int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
 /* The work so far, the sum of F dtheta along the path, in J (N m rad), for the params of the plan: positive where the bearing
@@ -156,17 +156,17 @@ typedef struct {
     uint32_t segment_bits;
     uint32_t torque_mantissa; /* the largest |torque| = torque_mantissa 2^torque_exponent [N m] */
     int32_t torque_exponent;
-    int32_t ratio_q30[DAHL_VELOCITY_SEGMENTS]; /* torque over the largest */
+    int32_t ratio_q30[DAHL_VELOCITY_SEGMENTS + 1]; /* torque over the largest, from 0 at rest to the end of each segment */
 } dahl_velocity_plan_t;
 
 /* As dahl_prepare(): a code, and *plan untouched, iff a parameter is outside its range. */
 DAHL_NODISCARD dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan, const dahl_velocity_params_t *params);
 
 /* The torque in N m at a speed of dcounts a tick, any int32_t; 0 for a plan of all zeros. Error: 1.5 2^-30 of the largest torque
- * against the straight lines between the given values, and one rounding. Cost on Cortex-M3: 45 instructions. */
+ * against the straight lines between the given values, and one rounding. Cost on Cortex-M3: 43 instructions. */
 float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts);
 
-/* The same in parts of the largest |torque|, in Q30. Cost on Cortex-M3: 27 instructions. */
+/* The same in parts of the largest |torque|, in Q30. Cost on Cortex-M3: 23 instructions. */
 int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts);
 
 /*

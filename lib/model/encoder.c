@@ -1,19 +1,46 @@
 /* SPDX-License-Identifier: MIT */
-/* An encoder's counter: where it wraps, which way it runs, and what is too far for one tick. */
+/* An encoder's counter: where it wraps, which way it runs, and what is too far for one tick. What a move can have decided
+ * before is decided here once, so that the move of the header is a difference, a product and a comparison. */
+#define DAHL_INLINE extern inline /* the move of the header is compiled here too, for who calls it: other languages */
 #include "dahl_encoder.h"
 
-dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign, uint32_t largest_step)
+#include "../arith/compiler.h"
+#include "shortest_way.h"
+
+static uint32_t half_of(uint32_t modulus)
 {
-    uint32_t half = modulus == 0 ? (uint32_t)1 << 31 : modulus / 2;
+    return modulus == 0 ? (uint32_t)1 << 31 : modulus / 2;
+}
+
+static int is_power_of_two(uint32_t modulus) /* 2^32, written 0, too */
+{
+    return (modulus & (modulus - 1)) == 0;
+}
+
+/* 2^shift times a power of two fills a word; another modulus is asked about at each move. */
+static uint32_t shift_of(uint32_t modulus)
+{
+    uint32_t shift = 0;
+    for (; is_power_of_two(modulus) && modulus != 0; modulus <<= 1) {
+        shift++;
+    }
+    return shift;
+}
+
+DAHL_COLD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign, uint32_t largest_step)
+{
     if (sign != 1 && sign != -1) {
         return DAHL_ERR_PARAM;
     }
-    if (modulus == 1 || modulus == 2 || largest_step >= half) {
+    if (modulus == 1 || modulus == 2 || largest_step >= half_of(modulus)) {
         return DAHL_ERR_RANGE;
     }
+    encoder->last = 0;
+    encoder->shift = shift_of(modulus);
+    encoder->scale = (uint32_t)sign << encoder->shift;
+    encoder->reach = 0;
     encoder->modulus = modulus;
     encoder->largest_step = largest_step;
-    encoder->last = 0;
     encoder->jumps = 0;
     encoder->sign = (int8_t)sign;
     encoder->primed = 0;
@@ -23,26 +50,31 @@ dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign
 void dahl_encoder_home(dahl_encoder_t *encoder, uint32_t reading)
 {
     encoder->last = reading;
-    encoder->primed = 1;
+    encoder->primed = encoder->sign != 0;
+    if (encoder->primed && is_power_of_two(encoder->modulus)) {
+        encoder->reach = encoder->largest_step != 0 ? encoder->largest_step : half_of(encoder->modulus);
+    }
 }
 
 static int is_jump(const dahl_encoder_t *encoder, int32_t move)
 {
     uint32_t distance = move < 0 ? 0u - (uint32_t)move : (uint32_t)move;
-    return encoder->largest_step != 0 && distance > encoder->largest_step;
+    return distance > encoder->largest_step && encoder->largest_step != 0;
 }
 
-int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
+int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading)
 {
-    uint32_t last = encoder->last;
-    int known = encoder->primed && encoder->sign != 0;
-    dahl_encoder_home(encoder, reading);
-    if (!known) {
+    uint32_t before = encoder->last, now = reading;
+    if (!encoder->primed) {
+        dahl_encoder_home(encoder, reading);
         return 0;
     }
-    /* Read the other way round rather than negated, which the lowest count does not allow. */
-    int32_t move = encoder->sign > 0 ? dahl_counts_between(last, reading, encoder->modulus)
-                                     : dahl_counts_between(reading, last, encoder->modulus);
+    encoder->last = reading;
+    if (encoder->sign < 0) { /* rather than negate the move, which the lowest count does not allow */
+        now = before;
+        before = reading;
+    }
+    int32_t move = dahl_shortest_way(before, now, encoder->modulus);
     if (is_jump(encoder, move)) {
         encoder->jumps += encoder->jumps != UINT32_MAX;
         return 0;

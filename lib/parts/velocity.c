@@ -43,8 +43,9 @@ static void write_plan(dahl_velocity_plan_t *plan, const dahl_velocity_params_t 
     plan->segment_bits = params->segment_bits;
     plan->torque_mantissa = scale.mantissa;
     plan->torque_exponent = scale.exponent;
+    plan->ratio_q30[0] = 0;
     for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
-        plan->ratio_q30[k] = ratio_q30(dahl_bits_of(params->torque[k]), scale);
+        plan->ratio_q30[k + 1] = ratio_q30(dahl_bits_of(params->torque[k]), scale);
     }
 }
 
@@ -74,11 +75,11 @@ static inline int32_t ratio_at(const dahl_velocity_plan_t *plan, uint32_t counts
 {
     uint32_t segment = counts >> plan->segment_bits;
     if (segment >= DAHL_VELOCITY_SEGMENTS) {
-        return plan->ratio_q30[DAHL_VELOCITY_SEGMENTS - 1];
+        return plan->ratio_q30[DAHL_VELOCITY_SEGMENTS];
     }
     uint32_t fraction_q32 = counts << 1 << (31 - plan->segment_bits); /* 0 where a segment is one count */
-    int32_t from = segment == 0 ? 0 : plan->ratio_q30[segment - 1];
-    return between(from, plan->ratio_q30[segment], fraction_q32);
+    const int32_t *ends = &plan->ratio_q30[segment];
+    return between(ends[0], ends[1], fraction_q32);
 }
 
 int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts)

@@ -1,54 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What a bearing takes. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw, so
+ * What a bearing has taken. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw, so
  *     work = Fc |dtheta| - (Fc^2/sigma0) s (w_after - w_before)
  * and two sums of whole numbers are enough: the counts travelled, and the way of w in the direction of travel, which is never
  * negative. Each tick adds to them exactly what the state did; only reading them rounds. 96 and 128 bits hold 2^63 ticks.
  */
 #include "../arith/fixed.h"
 #include "dahl_parts.h"
-
-/* One more in these words of a sum, lowest first, which is rare; what the last one carries is lost. */
-static void carry(uint32_t *word, int words)
-{
-    for (int i = 0, carries = 1; carries != 0 && i < words; i++) {
-        word[i]++;
-        carries = word[i] == 0;
-    }
-}
-
-/* Both sums after a move from `before`. */
-static inline void add_up(dahl_work_t *work, uint64_t before, uint64_t after, int32_t dcounts)
-{
-    uint64_t way = (uint64_t)work->way[1] << 32 | work->way[0], forward = dcounts < 0 ? before - after : after - before;
-    uint32_t counts = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
-    work->counts[0] += counts;
-    if (work->counts[0] < counts) {
-        carry(&work->counts[1], 2);
-    }
-    way += forward;
-    work->way[0] = (uint32_t)way;
-    work->way[1] = (uint32_t)(way >> 32);
-    if (way < forward) {
-        carry(&work->way[2], 2);
-    }
-}
-
-float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts)
-{
-    uint64_t before = (uint64_t)state->w;
-    float F = dahl_step_counts(plan, state, dcounts);
-    add_up(work, before, (uint64_t)state->w, dcounts);
-    return F;
-}
-
-int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts)
-{
-    uint64_t before = (uint64_t)state->w;
-    int32_t ratio = dahl_step_counts_q30(plan, state, dcounts);
-    add_up(work, before, (uint64_t)state->w, dcounts);
-    return ratio;
-}
 
 /* The 64 highest bits of a sum whose highest word is words[top]. */
 static dahl_wide_t highest(const uint32_t *words, int top)

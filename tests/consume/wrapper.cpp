@@ -65,7 +65,8 @@ int main()
     bearing.set_torque(0.125f);
     dahl::Bearing still(nothing), flash(c_plan);
     if (!same(bearing.torque(), 0.125f) || !same(still.step_counts(100), 0.0f) || !(flash.step_counts(3) > 0.1f) ||
-        encoder.jumps() != c_encoder.jumps || dahl::counts_between(65535, 2, 65536) != 3) {
+        encoder.jumps() != c_encoder.jumps || dahl::counts_between(65535, 2, 65536) != 3 ||
+        dahl::to_units(1 << 29, 500000) != 250000) {
         return 5;
     }
     std::printf("same bits\n");

@@ -4,6 +4,8 @@
 #include "motions.h"
 #include "plans.h"
 
+#include <stdlib.h>
+
 #ifndef TEST_TICKS
 #define TEST_TICKS 1000000
 #endif
@@ -180,6 +182,69 @@ static void test_bad_descriptions_are_refused(void)
     (void)encoder_for(0, -1, 0x7fffffffu);
 }
 
+/* What the header says of a move, in 64 bits. */
+typedef struct {
+    uint32_t modulus, largest_step, last, jumps;
+    int sign, primed;
+} counter_t;
+
+static int32_t expected_move(counter_t *counter, uint32_t reading)
+{
+    int64_t n = wheel(counter->modulus), from = counter->last, to = reading;
+    int64_t way = ((counter->sign * (to - from)) % n + n) % n;
+    int was_primed = counter->primed;
+    way = way < n - way ? way : way - n;
+    counter->last = reading;
+    counter->primed = 1;
+    if (!was_primed) {
+        return 0;
+    }
+    if (counter->largest_step != 0 && llabs(way) > (int64_t)counter->largest_step) {
+        counter->jumps++;
+        return 0;
+    }
+    return (int32_t)way;
+}
+
+/* Any readings, also such as the counter cannot show; steps about the largest one; homing now and then. */
+static uint32_t any_reading(motion_t *m, const counter_t *counter)
+{
+    uint32_t near_limit = counter->largest_step + motion_random(m) % 5u - 2u, kind = motion_random(m) % 8u;
+    uint32_t step = kind < 3 ? near_limit : motion_random(m) >> (motion_random(m) & 31u);
+    return kind == 7 ? motion_random(m) : motion_random(m) & 64u ? counter->last + step : counter->last - step;
+}
+
+static void check_counter(motion_t *m, uint32_t modulus, uint32_t largest_step, int sign)
+{
+    dahl_encoder_t encoder = encoder_for(modulus, sign, largest_step);
+    counter_t counter = {modulus, largest_step, 0, 0, sign, 0};
+    for (int t = 0; t < TEST_TICKS / 1000; t++) {
+        uint32_t reading = any_reading(m, &counter);
+        if (motion_random(m) % 64u == 0) {
+            dahl_encoder_home(&encoder, reading);
+            counter.last = reading;
+            counter.primed = 1;
+        } else {
+            TEST_ASSERT_EQUAL_INT32(expected_move(&counter, reading), dahl_encoder_move(&encoder, reading));
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(counter.jumps, encoder.jumps);
+}
+
+static void test_any_readings_of_any_counter(void)
+{
+    motion_t m = MOTION_START;
+    for (size_t k = 0; k < 2 * MODULI; k++) {
+        uint32_t modulus = moduli[k / 2], half = (uint32_t)(wheel(modulus) / 2);
+        const uint32_t largest[] = {0, 1, half / 3, half - 1};
+        for (size_t i = 0; i < sizeof largest / sizeof largest[0]; i++) {
+            if (largest[i] < half) {
+                check_counter(&m, modulus, largest[i], k % 2 != 0 ? -1 : +1);
+            }
+        }
+    }
+}
+
 /* init makes a used encoder a new one. */
 static void test_init_starts_anew(void)
 {
@@ -237,6 +302,7 @@ int main(void)
     RUN_TEST(test_an_index_pulse_leaves_the_torque);
     RUN_TEST(test_an_encoder_of_zeros_never_moves);
     RUN_TEST(test_bad_descriptions_are_refused);
+    RUN_TEST(test_any_readings_of_any_counter);
     RUN_TEST(test_init_starts_anew);
     RUN_TEST(test_a_float_angle_loses_counts_after_many_turns);
     return UNITY_END();

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_encoder_move for any encoder, also one that no init made, any reading, and any way between two readings. */
+/* dahl_encoder_move for any encoder that dahl_encoder_init made, or did not, and any reading. */
 #include "lib/model/encoder.c"
 
 int32_t any_way(uint32_t before, uint32_t now, uint32_t modulus)
@@ -11,14 +11,39 @@ int32_t any_way(uint32_t before, uint32_t now, uint32_t modulus)
     return way;
 }
 
-void check_encoder_move(dahl_encoder_t encoder, uint32_t reading)
+/* Described by any arguments, and homed or not. */
+static dahl_encoder_t any_encoder(uint32_t modulus, int sign, uint32_t largest_step, int is_homed, uint32_t last)
 {
-    dahl_encoder_t before = encoder;
+    dahl_encoder_t encoder = {0};
+    (void)!dahl_encoder_init(&encoder, modulus, sign, largest_step);
+    if (is_homed) {
+        dahl_encoder_home(&encoder, last);
+    }
+    return encoder;
+}
+
+/* Any way between two readings. */
+void check_encoder_move(uint32_t modulus, int sign, uint32_t largest_step, int is_homed, uint32_t last, uint32_t jumps,
+                        uint32_t reading)
+{
+    dahl_encoder_t encoder = any_encoder(modulus, sign, largest_step, is_homed, last), before;
+    encoder.jumps = jumps;
+    before = encoder;
     int64_t move = dahl_encoder_move(&encoder, reading);
     int64_t largest = before.largest_step;
     __CPROVER_assert(largest == 0 || (-largest <= move && move <= largest), "no motion beyond the largest step");
-    __CPROVER_assert(move == 0 || (before.primed && before.sign != 0), "no motion from the first reading, or of zeros");
-    __CPROVER_assert(encoder.last == reading && encoder.primed, "the next move starts at this reading");
+    __CPROVER_assert(move == 0 || (is_homed && before.sign != 0), "no motion from the first reading, or of zeros");
+    __CPROVER_assert(encoder.last == reading && encoder.primed == (before.sign != 0), "the next move starts at this reading");
     __CPROVER_assert(encoder.jumps == before.jumps || (move == 0 && encoder.jumps == before.jumps + 1), "a jump is no motion");
     __CPROVER_assert(encoder.jumps >= before.jumps, "and their number never wraps");
+}
+
+/* By a modulus of 2^bits counts the move is the lowest bits of the difference, as a signed number. */
+void check_encoder_way(unsigned bits, int sign, uint32_t last, uint32_t reading)
+{
+    __CPROVER_assume(2 <= bits && bits <= 32 && (sign == 1 || sign == -1));
+    uint32_t modulus = bits == 32 ? 0 : (uint32_t)1 << bits;
+    dahl_encoder_t encoder = any_encoder(modulus, sign, 0, 1, last);
+    int64_t wheel = (int64_t)1 << bits, way = (int64_t)((sign > 0 ? reading - last : last - reading) & (uint32_t)(wheel - 1));
+    __CPROVER_assert(dahl_encoder_move(&encoder, reading) == (way < wheel / 2 ? way : way - wheel), "the shortest way");
 }

@@ -86,6 +86,7 @@ static void call(const dahl_plan_t *plan, const dahl_plan_t *other, dahl_state_t
     case 3: F = dahl_torque(plan, state); break;
     case 4: dahl_set_torque(plan, state, dahl_float_of(word)); break;
     case 5: dahl_change_plan(plan, other, state); break;
+    case 6: result = dahl_to_units(any_int32(), word); break;
     default: result = dahl_counts_between(word, word, word); break;
     }
 }

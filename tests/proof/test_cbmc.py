@@ -71,7 +71,8 @@ PROOFS = [
     Proof("check_set_torque", 65, PRODUCTS),
     Proof("check_change_plan", 65, PRODUCTS),
     Proof("check_counts_between"),
-    Proof("check_encoder_move", 3, {"dahl_counts_between": "any_way"}, "cbmc_encoder.c"),
+    Proof("check_encoder_move", 33, {"dahl_shortest_way": "any_way"}, "cbmc_encoder.c"),
+    Proof("check_encoder_way", 33, {"dahl_shortest_way": "any_way"}, "cbmc_encoder.c"),
     *(
         Proof(f"check_{message}", 33, harness="cbmc_frames.c", long=True)
         for message in ("encoder", "torque", "status", "param_write", "param_reply", "reset")

@@ -79,6 +79,10 @@ READINGS = {
     "now": lambda v: dahl.counts_between(1, v),
     "modulus": lambda v: dahl.counts_between(0, 0, v),
 }
+UNITS = {
+    "ratio_q30": lambda v: dahl.to_units(v, 1),
+    "Fc_units": lambda v: dahl.to_units(1, v),
+}
 STATES = {
     "w": dahl.State,
     "w ": lambda v: setattr(bearing().state, "w", v),
@@ -86,9 +90,9 @@ STATES = {
 
 
 @pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
-@pytest.mark.parametrize("name", [*SCALARS, *COUNTS, *READINGS, *STATES])
+@pytest.mark.parametrize("name", [*SCALARS, *COUNTS, *READINGS, *UNITS, *STATES])
 def test_what_is_no_number_is_named(name, value):
-    call = {**SCALARS, **COUNTS, **READINGS, **STATES}[name]
+    call = {**SCALARS, **COUNTS, **READINGS, **UNITS, **STATES}[name]
     refused(lambda: call(value), f"{name.strip()} = ", "is not a number; ", "was expected")
 
 
@@ -100,6 +104,12 @@ def test_counts_beyond_int32_or_not_whole_are_named(name, value):
         f"{name.strip()} = ",
         "is not a whole number from -2147483648 to 2147483647",
     )
+
+
+@pytest.mark.parametrize("value", [2**31, -(2**31) - 1, 0.5, float("nan")])
+@pytest.mark.parametrize("name", UNITS)
+def test_a_ratio_and_Fc_outside_their_range_are_named(name, value):  # noqa: N802
+    refused(lambda: UNITS[name](value), f"{name} = ")
 
 
 @pytest.mark.parametrize("value", [*NOT_WHOLE, -1, 2**32, 2**40, 1e300], ids=repr)
@@ -302,6 +312,7 @@ PUBLIC = [
     dahl.Friction,
     dahl.State,
     dahl.counts_between,
+    dahl.to_units,
     dahl.Encoder,
     lambda *given: dahl.Encoder(10).move(*given),
     lambda *given: dahl.Encoder(10).home(*given),

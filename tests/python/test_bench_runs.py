@@ -169,7 +169,14 @@ FORMS = ("q30", "float")
 MOVES_NAMED = ("one_count", "eight_counts", "1000_counts")
 SINGLE = ("zero", "int32_min", "reversal", "counts_worst")
 OTHERS = ("angle_zero", "angle_worst", "prepare", "torque", "set_torque", "change_plan")
-OTHERS += ("counts_between", "counts_between_below", "encoder_move", "control_tick")
+OTHERS += (
+    "counts_between",
+    "counts_between_below",
+    "encoder_move",
+    "encoder_move_other",
+    "encoder_move_jump",
+)
+OTHERS += ("to_units", "control_tick", "control_tick_units")
 
 
 def test_a_number_is_the_worst_of_the_calls_that_it_stands_for():

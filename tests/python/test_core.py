@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from fractions import Fraction
 
 import dahl
 import numpy as np
@@ -72,6 +73,13 @@ def test_counts_between_is_the_shortest_way(before, now, modulus):
     way = dahl.counts_between(before % size, now % size, modulus)
     assert -size <= 2 * way < size
     assert (before + way - now) % size == 0
+
+
+@given(st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**30))
+def test_whole_units_are_the_nearest(ratio, Fc_units):  # noqa: N803
+    assert dahl.to_units(ratio, Fc_units) == math.floor(
+        Fraction(ratio * Fc_units, 2**30) + Fraction(1, 2)
+    )
 
 
 @settings(max_examples=20)

@@ -1,20 +1,27 @@
 /* SPDX-License-Identifier: MIT */
 /* The ticks written for this core return the bits of the C that they stand for: random plans, states and moves, among them
  * ties (the low word of w is 2^31), both ends of the range, small torques, tables of only ones, and plans of all zeros. */
-#include "dahl.h"
+#include "dahl_parts.h"
 
 #include <string.h>
 #include <unity.h>
 
 int32_t plain_tick_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 float plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+int32_t plain_work_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+float plain_work(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
 #define dahl_step_counts_q30 plain_tick_q30
 #define dahl_step_counts plain_tick
+#define dahl_work_step_counts_q30 plain_work_q30
+#define dahl_work_step_counts plain_work
 #include "../../lib/model/step_counts.c"
 #include "../../lib/model/step_counts_q30.c"
+#include "../../lib/parts/work_step.c"
 #undef dahl_step_counts_q30
 #undef dahl_step_counts
+#undef dahl_work_step_counts_q30
+#undef dahl_work_step_counts
 
 #define TRIALS 300000
 #define MOVES_PER_PLAN 60
@@ -99,7 +106,42 @@ static uint32_t bits_of(float x)
     return bits;
 }
 
-static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
+static void check_ticks(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
+{
+    dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start;
+    TEST_ASSERT_EQUAL_HEX32(plain_tick_q30(plan, &plain_q30, move), dahl_step_counts_q30(plan, &ours_q30, move));
+    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_tick(plan, &plain, move)), bits_of(dahl_step_counts(plan, &ours, move)));
+    TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
+}
+
+/* Sums of which some carry with the next move, through several words. */
+static dahl_work_t random_work(void)
+{
+    dahl_work_t work;
+    for (size_t i = 0; i < 3; i++) {
+        work.counts[i] = random64() % 4u ? random_word() : UINT32_MAX;
+    }
+    for (size_t i = 0; i < 4; i++) {
+        work.way[i] = random64() % 4u ? random_word() : UINT32_MAX;
+    }
+    return work;
+}
+
+static void check_work(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
+{
+    const dahl_work_t before = random_work();
+    dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start;
+    dahl_work_t work = before, work_q30 = before, sums = before, sums_q30 = before;
+    TEST_ASSERT_EQUAL_HEX32(plain_work_q30(plan, &plain_q30, &sums_q30, move),
+                            dahl_work_step_counts_q30(plan, &ours_q30, &work_q30, move));
+    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_work(plan, &plain, &sums, move)),
+                            bits_of(dahl_work_step_counts(plan, &ours, &work, move)));
+    TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w);
+    TEST_ASSERT_EQUAL_MEMORY(&sums, &work, sizeof sums);
+    TEST_ASSERT_EQUAL_MEMORY(&sums_q30, &work_q30, sizeof sums);
+}
+
+static void on_random_plans(void (*check)(const dahl_plan_t *plan, dahl_state_t start, int32_t move))
 {
     dahl_plan_t plan = random_plan();
     for (uint32_t trial = 0; trial < TRIALS; trial++) {
@@ -107,17 +149,24 @@ static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
             plan = random_plan();
         }
         const dahl_state_t start = {random_w()};
-        dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start;
-        int32_t move = random_move();
-        TEST_ASSERT_EQUAL_HEX32(plain_tick_q30(&plan, &plain_q30, move), dahl_step_counts_q30(&plan, &ours_q30, move));
-        TEST_ASSERT_EQUAL_HEX32(bits_of(plain_tick(&plan, &plain, move)), bits_of(dahl_step_counts(&plan, &ours, move)));
-        TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
+        check(&plan, start, random_move());
     }
+}
+
+static void test_ticks_of_this_core_have_the_bits_of_the_c(void)
+{
+    on_random_plans(check_ticks);
+}
+
+static void test_ticks_with_work_too(void)
+{
+    on_random_plans(check_work);
 }
 
 int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_ticks_of_this_core_have_the_bits_of_the_c);
+    RUN_TEST(test_ticks_with_work_too);
     return UNITY_END();
 }

@@ -288,7 +288,11 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
         "counts_between",
         "counts_between_below",
         "encoder_move",
+        "encoder_move_other",
+        "encoder_move_jump",
+        "to_units",
         "control_tick",
+        "control_tick_units",
     )
     result |= {name: worst[name] for name in others}
     result |= {name: count for name, count in worst.items() if name.startswith(PARTS)}

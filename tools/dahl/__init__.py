@@ -16,6 +16,7 @@ The mathematics is the C library's; this package calls it and never does it agai
     VelocityTable(torque, segment_bits)   friction that depends on speed, to be added
     Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
+    to_units(ratio_q30, Fc_units)       a torque in whole units, from F/Fc in Q30
     Node(plan, number)                  the friction node of a bus: python-can messages in and out
     node, codec                         modules: nodes on any bus, and the frames that they speak
     Error, RunError                     all errors that a user can cause or meet
@@ -36,7 +37,7 @@ TYPE_CHECKING = False  # typing itself would cost as much as the rest of `dahl -
 if TYPE_CHECKING:  # for those who check types the names are what they are; else see __getattr__
     from dahl import codec as codec  # the form that says: also for users
     from dahl import node as node
-    from dahl.core import Encoder, Friction, Plan, State, Throughput, counts_between
+    from dahl.core import Encoder, Friction, Plan, State, Throughput, counts_between, to_units
     from dahl.node import Node
     from dahl.parts import Parallel, Slip, ThroughputParallel, ThroughputSlip
     from dahl.variants import Asymmetric, ElastoPlastic, Loaded, VelocityTable, Work
@@ -63,6 +64,7 @@ __all__ = [
     "codec",
     "counts_between",
     "node",
+    "to_units",
 ]
 SUBMODULES = ("codec", "node")
 MODULES = (

@@ -102,9 +102,12 @@ class Part(ctypes.Structure):
 
 class _Encoder(ctypes.Structure):
     _fields_ = [
+        ("last", ctypes.c_uint32),
+        ("scale", ctypes.c_uint32),
+        ("shift", ctypes.c_uint32),
+        ("reach", ctypes.c_uint32),
         ("modulus", ctypes.c_uint32),
         ("largest_step", ctypes.c_uint32),
-        ("last", ctypes.c_uint32),
         ("jumps", ctypes.c_uint32),
         ("sign", ctypes.c_int8),
         ("primed", ctypes.c_uint8),
@@ -136,6 +139,7 @@ def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
         ("dahl_set_torque", None, plan, state, f32),
         ("dahl_change_plan", None, plan, plan, state),
         ("dahl_counts_between", i32, ctypes.c_uint32, ctypes.c_uint32, ctypes.c_uint32),
+        ("dahl_to_units", i32, i32, ctypes.c_uint32),
         (
             "dahl_encoder_init",
             ctypes.c_int,
@@ -609,6 +613,21 @@ def counts_between(before: int, now: int, modulus: int = 0) -> int:
     )
     moved: int = library().dahl_counts_between(*readings, modulus)
     return moved
+
+
+@checks.names_checked
+def to_units(ratio_q30: int, Fc_units: int) -> int:  # noqa: N803
+    """A torque in whole units of your own (dahl_to_units), as a firmware without floats adds it up:
+    ratio_q30 2^-30 Fc_units, rounded to the nearest, a half up.
+
+    ratio_q30 is F/Fc in Q30 as step_counts_q30() returns it, from -2^31 to 2^31-1; Fc_units is Fc
+    in that unit (uN m, counts of a drive's current), a whole number from 0 to 2^30. Raises
+    dahl.Error for any other.
+    """
+    ratio_q30 = checks.whole("ratio_q30", ratio_q30, INT32_MIN, INT32_MAX)
+    Fc_units = checks.whole("Fc_units", Fc_units, 0, 2**30)  # noqa: N806
+    units: int = library().dahl_to_units(ratio_q30, Fc_units)
+    return units
 
 
 @checks.calls_checked

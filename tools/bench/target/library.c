@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Cases of the library: named moves, each from a spread of states, and searches for the worst. */
+#include <stdbool.h>
 #include <string.h>
 
 #include "bench.h"
@@ -16,20 +17,30 @@ void call_set_torque(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_
 void call_change_plan(const dahl_plan_t *, const dahl_plan_t *, dahl_state_t *) __asm__("bench_call");
 int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
 int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
+int32_t call_units(int32_t, uint32_t) __asm__("bench_call");
 
-/* One axis of a drive, and what its interrupt does each tick: read the 16-bit timer, and add to the torque that the
- * controller asks for what friction will take. */
+/* One axis of a drive, and what its interrupt does each tick: from the reading of the 16-bit timer to the torque that the
+ * controller asks for and what friction will take, in sum. In N m, or without a float in units of the drive. */
 typedef struct {
     dahl_encoder_t encoder;
     dahl_state_t bearing;
     float asked; /* N m */
+    int32_t asked_units;
+    uint32_t Fc_units;
 } axis_t;
 
 float call_axis(const dahl_plan_t *, axis_t *, uint32_t) __asm__("bench_call");
 
+static int32_t axis_tick_units(const dahl_plan_t *plan, axis_t *axis, uint32_t reading)
+{
+    int32_t ratio = dahl_step_counts_q30(plan, &axis->bearing, dahl_encoder_move(&axis->encoder, reading));
+    return dahl_to_units(ratio, axis->Fc_units) + axis->asked_units;
+}
+
 static float axis_tick(const dahl_plan_t *plan, axis_t *axis, uint32_t reading)
 {
-    return axis->asked + dahl_step_counts(plan, &axis->bearing, dahl_encoder_move(&axis->encoder, reading));
+    float F = dahl_step_counts(plan, &axis->bearing, dahl_encoder_move(&axis->encoder, reading));
+    return F + axis->asked;
 }
 
 enum { RANDOM_CALLS = 20000, MANTISSAS = 8 };
@@ -288,34 +299,60 @@ static void bench_others(void)
     call_between(3, 4095, 0);
 }
 
-/* Over the wrap and back, with either mounting: a 16-bit timer, an encoder of 10000 counts, a 32-bit timer; and a jump. */
-static void bench_encoder(void)
+static bool prepare_encoder(dahl_encoder_t *encoder, uint32_t modulus, int sign)
 {
-    static const uint32_t moduli[] = {65536, 10000, 0};
-    bench_case("encoder_move");
+    dahl_err_t err = dahl_encoder_init(encoder, modulus, sign, 1000);
+    dahl_encoder_home(encoder, modulus - 1);
+    return err == DAHL_OK; /* if not, the reader misses the calls */
+}
+
+/* Over the wrap and back, with either mounting. */
+static void bench_moves_of_encoder(const char *name, const uint32_t *moduli, size_t count)
+{
+    bench_case(name);
     bench_function = (bench_function_t)dahl_encoder_move;
-    for (unsigned i = 0; i < sizeof moduli / sizeof moduli[0]; i++) {
+    for (size_t i = 0; i < count; i++) {
         for (int sign = -1; sign <= 1; sign += 2) {
             dahl_encoder_t encoder;
-            if (dahl_encoder_init(&encoder, moduli[i], sign, 1000) != DAHL_OK) {
-                return; /* the reader misses the calls */
+            if (prepare_encoder(&encoder, moduli[i], sign)) {
+                call_encoder(&encoder, 0);
+                call_encoder(&encoder, moduli[i] - 1);
+                call_encoder(&encoder, moduli[i] - 400);
             }
-            dahl_encoder_home(&encoder, moduli[i] - 1);
-            call_encoder(&encoder, 0);
-            call_encoder(&encoder, moduli[i] - 1);
-            call_encoder(&encoder, 4000);
         }
     }
 }
 
-/* No motion and 1 to 8 counts either way, over the wrap of the timer too. */
-static void bench_axis(void)
+/* Timers of 16 and 32 bits, an absolute encoder of 14; an encoder of 10000 counts a turn; and a jump of the latter. */
+static void bench_encoder(void)
 {
-    bench_case("control_tick");
-    bench_function = (bench_function_t)axis_tick;
+    static const uint32_t powers[] = {65536, 0, 16384}, others[] = {10000};
+    dahl_encoder_t encoder;
+    bench_moves_of_encoder("encoder_move", powers, sizeof powers / sizeof powers[0]);
+    bench_moves_of_encoder("encoder_move_other", others, sizeof others / sizeof others[0]);
+    if (prepare_encoder(&encoder, 10000, -1)) {
+        bench_case("encoder_move_jump");
+        call_encoder(&encoder, 4000);
+    }
+}
+
+static void bench_units(void)
+{
+    bench_case("to_units");
+    bench_function = (bench_function_t)dahl_to_units;
+    call_units(INT32_MIN, 500000);
+    call_units(INT32_MAX, UINT32_MAX);
+    call_units(-12345, 37);
+}
+
+/* No motion and 1 to 8 counts either way, over the wrap of the timer too. */
+static void bench_axis(const char *name, bench_function_t tick)
+{
+    bench_case(name);
+    bench_function = tick;
     for (uint32_t i = 0; i < STARTS; i++) {
         for (uint32_t move = 0; move <= 16; move++) {
-            axis_t axis = {.bearing = {starts[i]}, .asked = 0.3f};
+            axis_t axis = {.bearing = {starts[i]}, .asked = 0.3f, .asked_units = 300000, .Fc_units = 500000};
             if (dahl_encoder_init(&axis.encoder, 65536, 1, 1000) != DAHL_OK) {
                 return; /* the reader misses the calls */
             }
@@ -338,7 +375,9 @@ void bench_library(void)
     bench_prepare();
     bench_others();
     bench_encoder();
-    bench_axis();
+    bench_units();
+    bench_axis("control_tick", (bench_function_t)axis_tick);
+    bench_axis("control_tick_units", (bench_function_t)axis_tick_units);
     bench_number("plan_bytes", sizeof(dahl_plan_t));
     bench_number("state_bytes", sizeof(dahl_state_t));
 }

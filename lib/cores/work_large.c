@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: MIT */
+/* A move of more than 8 counts that adds up its work: where the ticks written for the core go with it. Returns F/Fc in Q30. */
+#include "../model/bristle_update.h"
+#include "../parts/work_sums.h"
+
+int32_t dahl_work_step_large(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+
+DAHL_COLD int32_t dahl_work_step_large(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts)
+{
+    uint64_t before = (uint64_t)state->w;
+    int32_t ratio = dahl_step_large(plan, state, dcounts);
+    dahl_work_add(work, before, (uint64_t)state->w, dcounts);
+    return ratio;
+}

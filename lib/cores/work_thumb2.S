@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * dahl_work_step_counts and dahl_work_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the ticks of
+ * lib/parts/work_step.c, same bits. The way of w in the direction of travel is the product that the update adds or subtracts, so
+ * it needs no difference. Moves of more than 8 counts go to dahl_work_step_large.
+ */
+#define g_high r5
+#define g_low r12
+#include "torque_thumb2.inc"
+
+#define work r2
+#define counts r3
+#define sums r6 /* work, once w has its registers */
+#define low r4 /* two words of a sum, while z and g_high are not needed */
+#define high r5
+
+#define COUNTS 0 /* bytes from the sums to the lowest word of each */
+#define WAY 12
+
+/* From the entry to the update of w, whose sign it leaves in the flags. `add_or_sub` of the signed counts makes them larger. */
+    .macro sum_up_and_update add_or_sub, gap, update
+    push    {r4-r6, lr}
+    \add_or_sub r12, plan, counts, lsl #3
+    mov     sums, work
+    ldr     low, [sums, #COUNTS]
+    \add_or_sub\()s low, low, counts
+    str     low, [sums, #COUNTS]
+    bcs     13f /* also where negative counts are subtracted: there a sum that carries is one that does not borrow */
+11: ldrd    w_low, w_high, [state]
+    ldrd    g_high, g_low, [r12, #TABLE]
+    \gap
+    product
+    ldrd    low, high, [sums, #WAY]
+    adds    low, low, g_low
+    adcs    high, high, spare
+    strd    low, high, [sums, #WAY]
+    bcs     14f
+12: \update
+    .endm
+
+/* One more in the upper words of a sum, which is rare. */
+    .macro carry words, back
+    ldrd    low, high, [sums, #\words]
+    adds    low, low, #1
+    adc     high, high, #0
+    strd    low, high, [sums, #\words]
+    b       \back
+    .endm
+
+    .macro carries
+13: carry   COUNTS + 4, 11b
+14: carry   WAY + 8, 12b
+    .endm
+
+    .macro return_q30
+    strd    w_low, w_high, [state]
+    add     r0, w_high, w_low, lsr #31
+    pop     {r4-r6, pc}
+    .endm
+
+    function dahl_work_step_counts_q30
+    cmp     counts, #8 /* unsigned, so that negative counts are above it */
+    bhi     backward_q30
+    sum_up_and_update add, gap_forward, add_product
+    return_q30
+    carries
+backward_q30:
+    cmn     counts, #8 /* carries for -8 .. -1 alone */
+    bcc     large_q30
+    sum_up_and_update sub, gap_backward, subtract_product
+    return_q30
+    carries
+large_q30:
+    b       dahl_work_step_large
+    .size dahl_work_step_counts_q30, . - dahl_work_step_counts_q30
+
+    function dahl_work_step_counts
+    cmp     counts, #8
+    bhi     backward
+    sum_up_and_update add, gap_forward, add_product
+    b       torque
+    carries
+backward:
+    cmn     counts, #8
+    bcc     large
+    sum_up_and_update sub, gap_backward, subtract_product
+torque:
+    return_torque r4-r6
+    carries
+large:
+    push    {r0, r1, r4, lr}
+    bl      dahl_work_step_large
+    pop     {r0, r1, r4, lr}
+    b       dahl_torque
+    .size dahl_work_step_counts, . - dahl_work_step_counts
