@@ -75,12 +75,6 @@ def own_log(tmp_path_factory, library):
     return path
 
 
-@pytest.fixture
-def dahl_here(capsys):
-    """A verb of `dahl` in this process, as run_dahl is called."""
-    return caller(capsys)
-
-
 def summary_of(folder) -> dict:
     return json.loads((folder / "summary.json").read_text())
 
