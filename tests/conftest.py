@@ -150,12 +150,18 @@ def run_dahl(root: Path):
 
 
 @pytest.fixture
-def dahl(capsys, monkeypatch, tmp_path):
-    """A verb of `dahl` in this process, in an empty folder; called as run_dahl is."""
+def dahl_here(capsys):
+    """A verb of `dahl` in this process, called as run_dahl is."""
     from identify_tools import caller
 
-    monkeypatch.chdir(tmp_path)
     return caller(capsys)
+
+
+@pytest.fixture
+def dahl(dahl_here, monkeypatch, tmp_path):
+    """The same in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    return dahl_here
 
 
 @pytest.fixture

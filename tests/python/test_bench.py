@@ -238,15 +238,11 @@ def test_ratios_and_missing_rivals(small) -> None:
     json.loads(json.dumps(result, allow_nan=False))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [(["paint"], "knows target, host, report and docs"), (["target", "m9"], "unknown core m9")],
-)
-def test_bad_arguments(arguments: list[str], words: str) -> None:
+def test_a_bench_that_there_is_not_is_refused_before_anything_is_set_up() -> None:
     done = subprocess.run(
-        [ROOT / "tools/bench.sh", *arguments], capture_output=True, text=True, check=False
+        [ROOT / "tools/bench.sh", "paint"], capture_output=True, text=True, check=False
     )
-    assert done.returncode != 0 and words in done.stderr
+    assert done.returncode != 0 and "knows target, host, report and docs" in done.stderr
 
 
 def test_host_bench_says_what_it_takes(measured) -> None:

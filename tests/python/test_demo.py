@@ -75,12 +75,6 @@ def own_log(tmp_path_factory, library):
     return path
 
 
-@pytest.fixture
-def dahl_here(capsys):
-    """A verb of `dahl` in this process, as run_dahl is called."""
-    return caller(capsys)
-
-
 def summary_of(folder) -> dict:
     return json.loads((folder / "summary.json").read_text())
 
@@ -151,12 +145,12 @@ def test_the_table_has_the_numbers_of_the_summary(demo):
     assert f"rms {numbers['rmse_measured']:.4g} N m, R² {numbers['r2_measured']:.4f}" in measured
 
 
-def test_each_option_of_an_own_log_reaches_the_run(own_log, run_dahl, tmp_path):
+def test_each_option_of_an_own_log_reaches_the_run(own_log, dahl_here, tmp_path):
     """And a port that is named is the one that is served."""
     port = free_port()
     more = ["--angle-unit", "counts", "--time", "t", "--torque-scale", "-0.002", "--spring", 3]
     more += ["--offset", 0.07, "--seconds", 0.2, "--bus", f"socketcand:{port}"]
-    done = run_dahl("demo", own_log, *OWN, *more, "--output", tmp_path)
+    done = dahl_here("demo", own_log, *OWN, *more, "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "column 'shaft [deg]' in counts" in done.stdout
     played, numbers = scene.read(tmp_path / "own.ini"), summary_of(tmp_path)
@@ -178,36 +172,36 @@ def test_plot_draws_it_again(demo, run_dahl, tmp_path):
     assert done.stdout == f"{again}: {TICKS} ticks, {title}\n"
 
 
-def test_a_picture_is_of_the_kind_that_its_name_says(demo, run_dahl, tmp_path):
+def test_a_picture_is_of_the_kind_that_its_name_says(demo, dahl_here, tmp_path):
     for ending, begins in ((".SVG", b"<?xml"), (".pdf", b"%PDF")):
-        assert run_dahl("plot", demo[0], "-o", tmp_path / f"x{ending}").returncode == 0
+        assert dahl_here("plot", demo[0], "-o", tmp_path / f"x{ending}").returncode == 0
         assert (tmp_path / f"x{ending}").read_bytes().startswith(begins)
-    done = run_dahl("plot", demo[0], "-o", "x.foo")
+    done = dahl_here("plot", demo[0], "-o", "x.foo")
     said = "error: -o x.foo: no picture is written so (.png, .svg, .pdf)\n"
     assert (done.returncode, done.stderr) == (2, said)
 
 
-def test_plot_of_a_bare_log_needs_a_scene(demo, run_dahl, tmp_path):
+def test_plot_of_a_bare_log_needs_a_scene(demo, dahl_here, tmp_path):
     (tmp_path / "run.log").write_text((demo[0] / "run.log").read_text())
-    refused = run_dahl("plot", tmp_path / "run.log")
+    refused = dahl_here("plot", tmp_path / "run.log")
     assert (refused.returncode, "--scene" in refused.stderr) == (2, True)
-    assert run_dahl("plot", tmp_path / "run.log", "--scene", "segments").returncode == 0
+    assert dahl_here("plot", tmp_path / "run.log", "--scene", "segments").returncode == 0
     assert (tmp_path / "loop.png").exists()
 
 
-def test_plot_of_nothing_is_one_line(run_dahl, tmp_path):
-    done = run_dahl("plot", tmp_path / "none")
+def test_plot_of_nothing_is_one_line(dahl_here, tmp_path):
+    done = dahl_here("plot", tmp_path / "none")
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
 
 
-def test_a_file_that_cannot_be_written_is_one_line(demo, run_dahl, tmp_path):
+def test_a_file_that_cannot_be_written_is_one_line(demo, dahl_here, tmp_path):
     (tmp_path / "file").write_text("")
     for arguments in (
         ["demo", "--scene", "segments", "--output", tmp_path / "file" / "out"],
         ["plot", demo[0], "-o", tmp_path / "none" / "x.png"],
         ["record", "-i", "virtual", "-c", "x", "-o", tmp_path / "none" / "x.log"],
     ):
-        done = run_dahl(*arguments)
+        done = dahl_here(*arguments)
         assert done.returncode == 1
         assert re.fullmatch(r"error: /.*: No(t a| such file or) directory\n", done.stderr)
 
@@ -221,8 +215,8 @@ def test_plot_finds_the_log_from_another_folder(own_log, run_dahl, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_scene_without_measurement_says_so(run_dahl, tmp_path):
-    done = run_dahl("demo", "--scene", "segments", "--seconds", "0.5", "--output", tmp_path)
+def test_scene_without_measurement_says_so(dahl_here, tmp_path):
+    done = dahl_here("demo", "--scene", "segments", "--seconds", "0.5", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "no measurement here" in done.stdout
     numbers = summary_of(tmp_path)
@@ -231,7 +225,7 @@ def test_scene_without_measurement_says_so(run_dahl, tmp_path):
     assert numbers["max_error_ulp_Fc"] <= 0.52
 
 
-def test_without_any_log_it_says_so_and_runs_steering(run_dahl, tmp_path):
+def test_without_any_log_it_says_so_and_runs_steering(tmp_path):
     """No folder has the sets, and the address they would come from is a closed port."""
     script = (
         "import sys, pathlib, dahl.paths as p, dahl.data as d\n"
@@ -351,11 +345,11 @@ def test_nobody_is_left_behind(running, number, code):
     assert not any(map(is_running, programs))
 
 
-def test_a_second_demo_in_the_same_folder_is_refused(running, run_dahl, tmp_path):
+def test_a_second_demo_in_the_same_folder_is_refused(running, dahl_here, tmp_path):
     """By whatever name the folder is called; the first one's files stay its own."""
     (tmp_path / "link").symlink_to(tmp_path)
     for name in (tmp_path, tmp_path / "link", tmp_path / ".." / tmp_path.name):
-        done = run_dahl("demo", "--scene", "segments", "--output", name)
+        done = dahl_here("demo", "--scene", "segments", "--output", name)
         assert (done.returncode, done.stderr) == (
             1,
             f"error: {name}: another run is writing there; wait, or name another\n",
@@ -366,7 +360,7 @@ def test_a_second_demo_in_the_same_folder_is_refused(running, run_dahl, tmp_path
     numbers = summary_of(tmp_path)
     assert (numbers["scene"], numbers["frames_not_recorded"]) == ("steering", 0)
     assert numbers["max_error_ulp_Fc"] <= 0.52
-    done = run_dahl("demo", "--scene", "segments", "--seconds", "0.2", "--output", tmp_path)
+    done = dahl_here("demo", "--scene", "segments", "--seconds", "0.2", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
 
 
@@ -423,22 +417,22 @@ def test_a_node_that_is_wrong_is_a_code_other_than_0(run_dahl, tmp_path):
         pytest.param("fault-storm", marks=pytest.mark.checks),
     ],
 )
-def test_progress_ends_at_100_percent(run_dahl, tmp_path, scene_name):
-    done = run_dahl("demo", "--scene", scene_name, "--seconds", "1", "--output", tmp_path)
+def test_progress_ends_at_100_percent(dahl_here, tmp_path, scene_name):
+    done = dahl_here("demo", "--scene", scene_name, "--seconds", "1", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     ticks = summary_of(tmp_path)["ticks"]
     assert re.search(rf"^run .* 100% {ticks} ticks", done.stdout, re.MULTILINE), done.stdout
 
 
-def test_no_latencies_in_virtual_time(run_dahl, tmp_path):
-    done = run_dahl("demo", "--scene", "fault-storm", "--seconds", "1", "--output", tmp_path)
+def test_no_latencies_in_virtual_time(dahl_here, tmp_path):
+    done = dahl_here("demo", "--scene", "fault-storm", "--seconds", "1", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     numbers = summary_of(tmp_path)
     assert not [key for key in numbers if "latency" in key or "jitter" in key or "deadline" in key]
     assert " us" not in done.stdout
-    assert run_dahl("report", tmp_path).returncode == 0
+    assert dahl_here("report", tmp_path).returncode == 0
     assert "latency of" not in (tmp_path / "report.html").read_text().lower()
-    assert run_dahl("plot", tmp_path).returncode == 0
+    assert dahl_here("plot", tmp_path).returncode == 0
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -491,10 +485,10 @@ def test_bad_scene_or_log_is_one_line(dahl_here, tmp_path, arguments, words):
     assert words in done.stderr
 
 
-def test_a_bad_row_is_named_before_anything_runs(own_log, run_dahl, tmp_path):
+def test_a_bad_row_is_named_before_anything_runs(own_log, dahl_here, tmp_path):
     bad = tmp_path / "bad.csv"
     bad.write_text(own_log.read_text().replace("\n0.003,", "\n0.003,x", 1))
-    done = run_dahl("demo", bad, *OWN, "--output", tmp_path / "out")
+    done = dahl_here("demo", bad, *OWN, "--output", tmp_path / "out")
     assert done.returncode == 2
     assert "bad.csv:5: column 'shaft [deg]': 'x" in done.stderr
     assert not (tmp_path / "out" / "run.log").exists()
@@ -577,12 +571,12 @@ def test_a_scene_is_read_key_by_key(tmp_path):
         )
 
 
-def test_the_tribometer_is_met(measured_file, run_dahl, tmp_path):
+def test_the_tribometer_is_met(measured_file, dahl_here, tmp_path):
     """The promise of the README: R2 >= 0.98 on the measured set, the torque itself exact. The first
     60 s of 129.
     """
     measured_file("tribometer", "reciprocating.tsv")
-    done = run_dahl("demo", "--scene", "tribometer", "--seconds", "12", "--output", tmp_path)
+    done = dahl_here("demo", "--scene", "tribometer", "--seconds", "12", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     numbers = summary_of(tmp_path)
     assert numbers["r2_measured"] >= 0.98
@@ -591,10 +585,10 @@ def test_the_tribometer_is_met(measured_file, run_dahl, tmp_path):
 
 
 @pytest.mark.checks
-def test_a_slip_element_follows_the_tribometer_closer(measured_file, run_dahl, tmp_path):
+def test_a_slip_element_follows_the_tribometer_closer(measured_file, dahl_here, tmp_path):
     """Half of the log, over the bus; Dahl's model has .987 on all of it, one slip element .9973."""
     measured_file("tribometer", "reciprocating.tsv")
-    done = run_dahl("demo", "--scene", "tribometer-slip", "--seconds", "12", "--output", tmp_path)
+    done = dahl_here("demo", "--scene", "tribometer-slip", "--seconds", "12", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     numbers = summary_of(tmp_path)
     assert numbers["model"] == "slip"
@@ -602,9 +596,9 @@ def test_a_slip_element_follows_the_tribometer_closer(measured_file, run_dahl, t
     assert numbers["max_error_ulp_Fc"] <= 0.55
 
 
-def test_the_fault_storm_is_counted_and_exact(run_dahl, library, dahl_loop, tmp_path):
+def test_the_fault_storm_is_counted_and_exact(dahl_here, library, dahl_loop, tmp_path):
     """What an outsider records of it is exact, and the node has counted every fault."""
-    done = run_dahl("demo", "--scene", "fault-storm", "--seconds", "10", "--output", tmp_path)
+    done = dahl_here("demo", "--scene", "fault-storm", "--seconds", "10", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     numbers = json.loads((tmp_path / "summary.json").read_text())
     assert numbers["max_error_ulp_Fc"] <= 0.52
@@ -615,8 +609,8 @@ def test_the_fault_storm_is_counted_and_exact(run_dahl, library, dahl_loop, tmp_
     assert f"bus_off {numbers['faults']['injected']['bus_off']}" in " ".join(done.stdout.split())
 
 
-def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tmp_path):
-    done = run_dahl("demo", "--scene", "slow-reversal", "--output", tmp_path)
+def test_a_closed_loop_says_how_well_it_follows(dahl_here, library, dahl_loop, tmp_path):
+    done = dahl_here("demo", "--scene", "slow-reversal", "--output", tmp_path)
     assert done.returncode == 0, done.stderr
     numbers = json.loads((tmp_path / "summary.json").read_text())
     assert numbers["max_error_ulp_Fc"] is None
@@ -628,7 +622,7 @@ def test_a_closed_loop_says_how_well_it_follows(run_dahl, library, dahl_loop, tm
     assert (tmp_path / "trace.csv").stat().st_size > 100000
     again = tmp_path / "else" / "again.png"
     again.parent.mkdir()
-    assert run_dahl("plot", tmp_path, "-o", again).returncode == 0
+    assert dahl_here("plot", tmp_path, "-o", again).returncode == 0
     assert again.read_bytes() == (tmp_path / "loop.png").read_bytes()  # no panel less
 
 

@@ -26,14 +26,9 @@ from dahl import (
 )
 from dahl.cli import build_parser
 from dahl.identify import folder_runs, output, pipeline
-from identify_tools import caller, synthetic
+from identify_tools import synthetic
 
 pytestmark = pytest.mark.usefixtures("library")
-
-
-@pytest.fixture
-def run_dahl(capsys):
-    return caller(capsys)
 
 
 # --- buses ----------------------------------------------------------------------------------------
@@ -158,17 +153,17 @@ def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, t
         (Error("odd"), 2, "odd"),
     ],
 )
-def test_what_goes_wrong_has_its_code(run_dahl, monkeypatch, fault, code, words):
+def test_what_goes_wrong_has_its_code(dahl_here, monkeypatch, fault, code, words):
     def fail(_: object) -> None:
         raise fault
 
     monkeypatch.setattr(commands.data, "run", fail)
-    done = run_dahl("data")
+    done = dahl_here("data")
     assert (done.returncode, done.stderr) == (code, f"error: {words}\n")
 
 
-def test_the_version_is_said(run_dahl):
-    assert run_dahl("--version").stdout == f"dahl {__version__}\n"
+def test_the_version_is_said(dahl_here):
+    assert dahl_here("--version").stdout == f"dahl {__version__}\n"
 
 
 @pytest.mark.parametrize(

@@ -15,16 +15,11 @@ import sys
 
 import numpy as np
 import pytest
-from identify_tools import FC, caller, dahl_torque, noise_of, sine, write_csv
+from identify_tools import FC, dahl_torque, noise_of, sine, write_csv
 
 pytestmark = pytest.mark.usefixtures("library")
 
 SCRIPT = "<script>alert(1)</script>"
-
-
-@pytest.fixture
-def run_dahl(capsys):
-    return caller(capsys)
 
 
 def refused(done: subprocess.CompletedProcess, *words: str) -> int:
@@ -50,33 +45,33 @@ NAMES = ["[deg]x.csv", ":heart:.csv", "x" * 251 + ".csv"]
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_name_that_is_markup_is_shown_as_it_is(shaft, run_dahl, tmp_path, name, monkeypatch):
+def test_a_name_that_is_markup_is_shown_as_it_is(shaft, dahl_here, tmp_path, name, monkeypatch):
     monkeypatch.setenv("COLUMNS", "400")
-    done = run_dahl("identify", shaft(name), "-o", tmp_path / "[bold]", "--name", "a")
+    done = dahl_here("identify", shaft(name), "-o", tmp_path / "[bold]", "--name", "a")
     assert done.returncode == 0, done.stderr
     assert "".join(done.stdout.split()).startswith(name)
     assert f"{tmp_path}/[bold]/a.json" in done.stdout
     each = tmp_path / "[red]each"
     each.mkdir()
     shutil.copy(tmp_path / name, each)
-    done = run_dahl("identify", "--each", each, "-o", tmp_path / "out", "--jobs", "1")
+    done = dahl_here("identify", "--each", each, "-o", tmp_path / "out", "--jobs", "1")
     assert done.returncode == 0, done.stderr
     assert f" {name[:200]}" in done.stdout
 
 
-def test_a_name_cannot_command_the_terminal(shaft, run_dahl):
-    done = run_dahl("identify", shaft("a\x1b[2J\nb.csv"), "--no-files")
+def test_a_name_cannot_command_the_terminal(shaft, dahl_here):
+    done = dahl_here("identify", shaft("a\x1b[2J\nb.csv"), "--no-files")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("a?[2J")
     assert "\x1b" not in done.stdout
 
 
-def test_columns_that_are_markup(shaft, run_dahl, tmp_path):
+def test_columns_that_are_markup(shaft, dahl_here, tmp_path):
     path = shaft(header="t,angle [/rad],torque [/bold red]")
     names = ("--angle", "angle [/rad]", "--torque", "torque [/bold red]")
-    assert run_dahl("identify", path, *names, "--no-files").returncode == 0
+    assert dahl_here("identify", path, *names, "--no-files").returncode == 0
     own = ("--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384", "--bus", "socketcand")
-    done = run_dahl("demo", path, *names, *own, "--seconds", "0.3", "--output", tmp_path / "[x]")
+    done = dahl_here("demo", path, *names, *own, "--seconds", "0.3", "--output", tmp_path / "[x]")
     assert done.returncode == 0, done.stderr
     assert "column 'angle [/rad]'" in done.stdout
     assert f"{tmp_path}/[x]/run.log" in done.stdout
@@ -107,13 +102,13 @@ def storm(recorded, tmp_path):
     return change
 
 
-def test_nothing_in_a_summary_becomes_a_part_of_the_page(storm, run_dahl):
+def test_nothing_in_a_summary_becomes_a_part_of_the_page(storm, dahl_here):
     table = {SCRIPT: 1, '"><img src=x>': 2}
     faults = {"injected": table, "expected": {**table, f"{SCRIPT}b": 3}}
     tables = dict.fromkeys(("node", "control", "parameters", "answers_by_state"), table)
     texts = dict.fromkeys(("title", "bus", "time"), SCRIPT)
     folder = storm(**texts, **tables, faults=faults)
-    assert run_dahl("report", folder).returncode == 0
+    assert dahl_here("report", folder).returncode == 0
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.startswith("<!DOCTYPE html>")
     assert "<script" not in page
@@ -140,8 +135,8 @@ def test_nothing_in_a_summary_becomes_a_part_of_the_page(storm, run_dahl):
         ({"title": ["x"]}, "title = ['x']: a text"),
     ],
 )
-def test_a_summary_of_another_shape_is_one_line(storm, run_dahl, verb, values, words):
-    assert refused(run_dahl(verb, storm(**values)), "summary.json: ", words) == 2
+def test_a_summary_of_another_shape_is_one_line(storm, dahl_here, verb, values, words):
+    assert refused(dahl_here(verb, storm(**values)), "summary.json: ", words) == 2
 
 
 @pytest.mark.parametrize(
@@ -153,14 +148,14 @@ def test_a_summary_of_another_shape_is_one_line(storm, run_dahl, verb, values, w
         (None, "s a directory"),
     ],
 )
-def test_a_summary_that_is_no_json_is_one_line(storm, run_dahl, content, words):
+def test_a_summary_that_is_no_json_is_one_line(storm, dahl_here, content, words):
     path = storm() / "summary.json"
     path.unlink()
     path.mkdir() if content is None else path.write_bytes(content)
     for verb in ("report", "plot"):
-        assert refused(run_dahl(verb, path.parent), "summary.json", words) == 2
+        assert refused(dahl_here(verb, path.parent), "summary.json", words) == 2
     guess = ("excite", "--from", path, "--counts-per-turn", "16384", "-o", path.parent)
-    assert refused(run_dahl(*guess), "summary.json", words) == 2
+    assert refused(dahl_here(*guess), "summary.json", words) == 2
 
 
 # --- outputs --------------------------------------------------------------------------------------
@@ -177,26 +172,26 @@ def test_a_summary_that_is_no_json_is_one_line(storm, run_dahl, content, words):
     ],
 )
 def test_an_output_that_cannot_be_is_one_line_and_leaves_nothing(
-    storm, shaft, run_dahl, tmp_path, monkeypatch, where, code, words
+    storm, shaft, dahl_here, tmp_path, monkeypatch, where, code, words
 ):
     folder, log = storm(), shaft()
     monkeypatch.chdir(tmp_path)
     before = sorted(tmp_path.rglob("*"))
     for verb, option in (("report", "-o"), ("plot", "-o")):
-        assert refused(run_dahl(verb, folder, option, where), words) == code
-    done = run_dahl("identify", log, "--no-files", "--json", where)
+        assert refused(dahl_here(verb, folder, option, where), words) == code
+    done = dahl_here("identify", log, "--no-files", "--json", where)
     assert refused(done, words) == code
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_an_output_may_be_a_link_or_a_device(storm, run_dahl, tmp_path):
+def test_an_output_may_be_a_link_or_a_device(storm, dahl_here, tmp_path):
     """A link keeps pointing where it did; a device is no file to be replaced."""
     (tmp_path / "page.html").symlink_to(tmp_path / "real.html")
     (tmp_path / "real.html").write_text("old")
     os.mkfifo(tmp_path / "pipe")
     reader = subprocess.Popen(["cp", tmp_path / "pipe", tmp_path / "copy"])
     for output in ("page.html", "pipe"):
-        assert run_dahl("report", storm(), "-o", tmp_path / output).returncode == 0
+        assert dahl_here("report", storm(), "-o", tmp_path / output).returncode == 0
     assert (tmp_path / "page.html").is_symlink()
     assert (tmp_path / "real.html").read_text().startswith("<!DOCTYPE html>")
     assert reader.wait(timeout=20) == 0
@@ -280,16 +275,16 @@ def test_a_terminal_without_utf8(recorded, tmp_path, terminal):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_log_of_nan_alone_is_refused(run_dahl, tmp_path):
+def test_a_log_of_nan_alone_is_refused(dahl_here, tmp_path):
     table = np.full((100, 3), np.nan)
     np.savetxt(tmp_path / "nan.csv", table, delimiter=",", header="t,angle,torque", comments="")
     for words in ((), ("--skip-gaps",)):
-        done = run_dahl("identify", tmp_path / "nan.csv", "--no-files", *words)
+        done = dahl_here("identify", tmp_path / "nan.csv", "--no-files", *words)
         assert refused(done, "nan.csv:2", "no finite number") == 2
 
 
 @pytest.mark.parametrize("speed", ["1e-30", "1e-6"])
-def test_a_motion_that_would_never_end_is_refused(run_dahl, tmp_path, speed):
+def test_a_motion_that_would_never_end_is_refused(dahl_here, tmp_path, speed):
     guess = ("--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384", "-o", tmp_path)
-    done = run_dahl("excite", *guess, "--speed", speed)
+    done = dahl_here("excite", *guess, "--speed", speed)
     assert refused(done, "a cycle would take", "at most 1000000") == 2

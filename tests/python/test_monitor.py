@@ -298,8 +298,8 @@ def test_json_holds_the_same_numbers(dbc):
     assert (status["last"]["State"], status["last"]["ErrorJump"]) == ("Stale", "Seen")
 
 
-def test_monitor_prints_json_when_it_is_asked_to(served, run_dahl):
-    done = run_dahl("monitor", *served, "--frames", "100", "--json", "--scene", "steering")
+def test_monitor_prints_json_when_it_is_asked_to(served, dahl_here):
+    done = dahl_here("monitor", *served, "--frames", "100", "--json", "--scene", "steering")
     assert (done.returncode, done.stderr) == (0, "")
     known = json.loads(done.stdout)
     assert (known["frames"], known["Fc"]) == (100, 1.8)
@@ -343,8 +343,8 @@ def test_monitor_draws_live_in_a_terminal(served, root):
     assert b"\x1b[?1049l" in seen
 
 
-def test_record_writes_what_canplayer_can_replay(served, run_dahl, tmp_path):
-    done = run_dahl("record", *served, "-o", tmp_path / "run.log", "--frames", "400")
+def test_record_writes_what_canplayer_can_replay(served, dahl_here, tmp_path):
+    done = dahl_here("record", *served, "-o", tmp_path / "run.log", "--frames", "400")
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"400 frames in {tmp_path / 'run.log'}\n"
     messages = logs.read_candump(tmp_path / "run.log")
@@ -378,15 +378,15 @@ def test_ctrl_c_leaves_a_whole_record(served, root, tmp_path):
         *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
     ],
 )
-def test_plot_draws_whatever_record_writes(served, run_dahl, tmp_path, ending):
+def test_plot_draws_whatever_record_writes(served, dahl_here, tmp_path, ending):
     log = tmp_path / f"run{ending}"
-    done = run_dahl("record", *served, "-o", log, "--frames", "400")
+    done = dahl_here("record", *served, "-o", log, "--frames", "400")
     assert (done.returncode, done.stderr) == (0, "")
     trace = report.trace_of(logs.frames_of(log))
     assert len(trace.row) >= 190
     assert np.diff(trace.time).min() >= 0
     assert np.median(np.diff(trace.time)) == pytest.approx(0.001, abs=0.0005)
-    done = run_dahl("plot", log, "--scene", "segments", "-o", tmp_path / "loop.png")
+    done = dahl_here("plot", log, "--scene", "segments", "-o", tmp_path / "loop.png")
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "loop.png").stat().st_size > 10_000
 
@@ -455,52 +455,52 @@ def test_the_monitor_shows_what_its_options_say(dbc, capsys, tmp_path):
     assert axes_hold(done.stdout.splitlines(), (8000, 10000), (0.45, 0.55))
 
 
-def test_a_record_is_not_overwritten_without_being_told(served, run_dahl, tmp_path):
+def test_a_record_is_not_overwritten_without_being_told(served, dahl_here, tmp_path):
     log = tmp_path / "run.log"
     log.write_text("mine")
-    done = run_dahl("record", *served, "-o", log, "--frames", "10")
+    done = dahl_here("record", *served, "-o", log, "--frames", "10")
     assert (done.returncode, log.read_text()) == (2, "mine")
     assert done.stderr == f"error: {log}: there already; --force overwrites it\n"
-    assert run_dahl("record", *served, "-o", log, "--frames", "10", "--force").returncode == 0
+    assert dahl_here("record", *served, "-o", log, "--frames", "10", "--force").returncode == 0
     assert len(logs.read_candump(log)) == 10
 
 
-def test_a_full_disk_is_told_with_the_name_of_the_record(served, run_dahl, tmp_path):
+def test_a_full_disk_is_told_with_the_name_of_the_record(served, dahl_here, tmp_path):
     log = tmp_path / "run.log"
     log.symlink_to("/dev/full")
-    done = run_dahl("record", *served, "-o", log, "--frames", "10", "--force")
+    done = dahl_here("record", *served, "-o", log, "--frames", "10", "--force")
     assert (done.returncode, done.stderr) == (1, f"error: {log}: No space left on device\n")
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.log.gz"])
-def test_an_ending_that_plot_cannot_read_is_refused(run_dahl, tmp_path, name):
-    done = run_dahl("record", "-i", "virtual", "-c", "x", "-o", tmp_path / name)
+def test_an_ending_that_plot_cannot_read_is_refused(dahl_here, tmp_path, name):
+    done = dahl_here("record", "-i", "virtual", "-c", "x", "-o", tmp_path / name)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert ".asc, .blf, .log, .mf4, .trc was expected" in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("command", ["record", "monitor"])
-def test_a_silent_bus_is_one_line_and_leaves_nothing(run_dahl, tmp_path, command):
+def test_a_silent_bus_is_one_line_and_leaves_nothing(dahl_here, tmp_path, command):
     words = ["-o", tmp_path / "run.log"] if command == "record" else []
-    done = run_dahl(command, "-i", "virtual", "-c", "quiet", "--seconds", "0.3", *words)
+    done = dahl_here(command, "-i", "virtual", "-c", "quiet", "--seconds", "0.3", *words)
     assert (done.returncode, done.stdout) == (1, "")
     begin = "error: no frame on the bus (interface=virtual channel=quiet) in 0."
     assert done.stderr.startswith(begin) and done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_silent_bus_takes_nothing_away(run_dahl, tmp_path):
+def test_a_silent_bus_takes_nothing_away(dahl_here, tmp_path):
     log = tmp_path / "run.log"
     log.write_text("an old run")
     words = ["-i", "virtual", "-c", "quiet", "--seconds", "0.3", "-o", log, "--force"]
-    assert run_dahl("record", *words).returncode == 1
+    assert dahl_here("record", *words).returncode == 1
     assert log.read_text() == "an old run"
 
 
-def test_record_says_that_it_waits(run_dahl, tmp_path):
+def test_record_says_that_it_waits(dahl_here, tmp_path):
     words = ["-i", "virtual", "-c", "quiet", "--seconds", "4", "-o", tmp_path / "run.blf"]
-    done = run_dahl("record", *words)
+    done = dahl_here("record", *words)
     first, second = done.stderr.splitlines()
     assert first == "no frame so far, still waiting; Ctrl-C ends"
     assert second.startswith("error: no frame on the bus")
@@ -558,12 +558,12 @@ def test_frames_without_a_counter_are_shown(dbc, tmp_path):
 
 
 def test_a_server_that_goes_away_is_one_line_and_the_file_is_whole(
-    dahl_loop, root, run_dahl, tmp_path
+    dahl_loop, root, dahl_here, tmp_path
 ):
     """python-can itself would go on asking a dead connection as fast as it can."""
     scene = root / "host_sim" / "scenes" / "segments.ini"
     loop = Served(dahl_loop, scene, "--seconds", "0.3")
-    done = run_dahl("record", *loop.arguments, "-o", tmp_path / "run.log")
+    done = dahl_here("record", *loop.arguments, "-o", tmp_path / "run.log")
     loop.process.communicate(timeout=10)
     assert done.returncode == 1
     assert done.stderr == "error: the bus has gone: its server has closed the connection\n"
