@@ -721,3 +721,10 @@ def test_a_trial_is_fitted_with_the_terms_of_the_result(found):
     assert again.terms == {"offset": pytest.approx(0.4, abs=0.02)}
     turned = replace(log, torque=-log.torque)
     assert pipeline._refitted(replace(found, estimate=estimate, sign=-1.0), [turned]).Fc < 0
+
+
+def test_pieces_of_one_log_are_no_logs_of_their_own():
+    """Its cycles are left out one by one, as those of a log without a gap."""
+    pieces = [synthetic(seed, rows=2000, cycles=6) for seed in (1, 2)]
+    assert cycles.Cut(pieces, 200.0, 0.003, 9).fold is not None
+    assert cycles.Cut([replace(one, name="x") for one in pieces], 200.0, 0.003, 9).fold is None
