@@ -24,7 +24,7 @@ from dahl.identify.sweep import CORE
 
 SURE = 3.0  # standard errors of the slope
 LEAST_CYCLES = 6  # or strokes, by which the load is judged
-LEAST_SHARE = 0.05  # of the friction at the reference, that is left at any load of the logs
+LEAST_SHARE = 1e-3  # of the friction at the reference, that is left at any load of the logs
 APART = 0.02  # of log a, and of the friction over the range of the load: for derivatives
 ROUNDS, LONGEST, STILL = 8, 0.4, 1e-4  # of Gauss and Newton; of a step; of the last one
 
