@@ -1674,11 +1674,7 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes):
     assert set(found.explored.choice.terms) == set(terms)
     assert found.delay == pytest.approx(3.7 * (kind == "late"), abs=0.1)
     claimed = kind != "late"
-    for k, log in enumerate(found.logs):
-        said = [note.split(": ")[0] for note in log.notes]
-        alike = ["all strokes have one speed"] * (claimed and k == 0)
-        told = ["angle taken between the counts of the encoder", *notes, *alike]
-        assert sorted(said) == sorted(told)
+    check_notes(found, notes, claimed)
     assert found.verdict.identifiable == {"sigma0": claimed, "Fc": claimed}
     for name, true in (("sigma0", SIGMA0), ("Fc", FC)):
         assert getattr(best, name) == pytest.approx(true, rel=0.05)
@@ -1686,7 +1682,32 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes):
         assert ends.low < getattr(best, name) < ends.high < (1.6, 1.2)[claimed] * ends.low
     assert [raw.torque.tolist() for raw in found.raw] == [log.torque.tolist() for log in logs]
     assert numbers["rows"] == sum(log.rows for log in logs) == sum(numbers["pieces"])
-    left = spread = weights = moving = steep = 0.0
+    left, spread, weights, steep = np.sum(list(sums_of(found, terms)), axis=0)
+    assert numbers["sum_of_weights"] == pytest.approx(weights)
+    assert numbers["rmse"] == pytest.approx(np.sqrt(left / weights), rel=1e-3)
+    assert numbers["r2"] == pytest.approx(1 - left / spread, rel=1e-3)
+    moving = sum(np.count_nonzero(log.moves) for log in found.logs)
+    assert numbers["informs_sigma0"] == pytest.approx(steep / moving, abs=0.002)
+    assert numbers["reversals"] == (28 if kind in SEVERAL else 16)
+    held = numbers["held_out"]
+    assert held["none"]["r2"] < held["coulomb"]["r2"] < held["bilinear"]["r2"]
+    assert held["bilinear"]["r2"] < held["dahl"]["r2"] < numbers["r2"] + 1e-3
+    assert held["dahl"]["rmse"] == pytest.approx(numbers["rmse"], rel=0.02)
+    assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=sweep.CORE.index)
+
+
+def check_notes(found, notes, claimed):
+    """Those of the cleaning in each log; of like strokes in the first, where sigma0 is claimed."""
+    for k, log in enumerate(found.logs):
+        said = [note.split(": ")[0] for note in log.notes]
+        alike = ["all strokes have one speed"] * (claimed and k == 0)
+        told = ["angle taken between the counts of the encoder", *notes, *alike]
+        assert sorted(said) == sorted(told)
+
+
+def sums_of(found, terms):
+    """Of each log: squares left and around the mean, weights, moving rows in which sigma0 shows."""
+    best = found.estimate
     for log, drawn in zip(found.logs, found.predicted, strict=True):
         weight = np.ones(log.rows) if log.weight is None else log.weight
         speed = np.gradient(log.theta, 1e-3)
@@ -1697,22 +1718,10 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes):
         rest = log.torque - friction - load
         first = (weight * fades) @ rest / ((weight * fades) @ fades)
         assert drawn[20:-20] == pytest.approx((friction + load + first * fades)[20:-20], abs=6e-3)
-        left += weight @ (log.torque - drawn) ** 2
-        spread += weight @ log.torque**2 - (weight @ log.torque) ** 2 / weight.sum()
-        weights += weight.sum()
-        goes = log.moves != 0
-        moving += goes.sum()
-        steep += (1 - np.sign(log.moves) * friction / best.Fc > 0.1)[goes].sum()
-    assert numbers["sum_of_weights"] == pytest.approx(weights)
-    assert numbers["rmse"] == pytest.approx(np.sqrt(left / weights), rel=1e-3)
-    assert numbers["r2"] == pytest.approx(1 - left / spread, rel=1e-3)
-    assert numbers["informs_sigma0"] == pytest.approx(steep / moving, abs=0.002)
-    assert numbers["reversals"] == (28 if kind in SEVERAL else 16)
-    held = numbers["held_out"]
-    assert held["none"]["r2"] < held["coulomb"]["r2"] < held["bilinear"]["r2"]
-    assert held["bilinear"]["r2"] < held["dahl"]["r2"] < numbers["r2"] + 1e-3
-    assert held["dahl"]["rmse"] == pytest.approx(numbers["rmse"], rel=0.02)
-    assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=sweep.CORE.index)
+        left = weight @ (log.torque - drawn) ** 2
+        spread = weight @ log.torque**2 - (weight @ log.torque) ** 2 / weight.sum()
+        shows = (1 - np.sign(log.moves) * friction / best.Fc > 0.1)[log.moves != 0].sum()
+        yield left, spread, weight.sum(), shows
 
 
 @pytest.mark.parametrize("kind", ["plain", *SEVERAL, "linear", "viscous", "spikes"])

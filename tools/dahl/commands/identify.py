@@ -53,6 +53,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="what the friction may follow, as a normal force; given twice or more, their sum",
     )
+    _add_units(what)
+    what.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
+    what.add_argument("--skip-gaps", action="store_true", help="leave out rows without a number")
+    what.add_argument(
+        "--trust-units", action="store_true", help="do not check whether units can be"
+    )
+    _add_fit(parser)
+    _add_many_and_live(parser)
+    _add_output(parser)
+
+
+def _add_units(what: argparse._ArgumentGroup) -> None:
     what.add_argument(
         "--angle-unit",
         default="",
@@ -73,14 +85,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="of the encoder (linear motion: per millimetre); else seen from the log",
     )
-    what.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
-    what.add_argument("--skip-gaps", action="store_true", help="leave out rows without a number")
-    what.add_argument(
-        "--trust-units", action="store_true", help="do not check whether units can be"
-    )
-    _add_fit(parser)
-    _add_many_and_live(parser)
-    _add_output(parser)
 
 
 def _add_output(parser: argparse.ArgumentParser) -> None:

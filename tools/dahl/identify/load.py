@@ -11,7 +11,7 @@ what is not known of the slope hardly moves Fc.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -166,12 +166,11 @@ def more(log: Log, moves: np.ndarray, follows: Follows | None) -> np.ndarray:
     return beyond
 
 
-def widened(ci95: dict[str, Interval], estimate: Estimate, follows: Follows) -> dict[str, Interval]:
-    """The intervals with what is not known of the slope."""
-    result = dict(ci95)
-    for name, factor in follows.wider.items():
+def widened(estimate: Estimate, follows: Follows | None) -> Estimate:
+    """With the intervals that hold what is not known of the slope."""
+    ci95 = dict(estimate.ci95)
+    for name, factor in follows.wider.items() if follows else ():
         value, one = getattr(estimate, name), ci95[name]
-        low = value * (one.low / value) ** factor
-        high = value * (one.high / value) ** factor
-        result[name] = Interval(float(low), float(high))
-    return result
+        low, high = (value * (end / value) ** factor for end in (one.low, one.high))
+        ci95[name] = Interval(float(low), float(high))
+    return replace(estimate, ci95=ci95)

@@ -67,7 +67,6 @@ def numbers(result: Result) -> dict[str, Any]:
         "informs_sigma0": result.informs,
         "delay_rows": result.delay,
         "backlash": result.backlash,
-        "load": load_numbers(result.follows),
         "resolution": log.resolution,
         "r2_plan": result.plan.r2,
         "plan": {
@@ -106,6 +105,7 @@ def how(result: Result) -> dict[str, Any]:
     return {
         "version": __version__,
         "options": result.options,
+        "load": load_numbers(result.follows),
         "median_rows": result.median,
         "torque_sign": result.sign,
         "angle_between_counts": result.inner,

@@ -221,14 +221,9 @@ def _studied(
     if slack and seen.taken:
         seen = explore.with_backlash(seen, counted)
     estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
-    if follows is not None:
-        estimate = replace(estimate, ci95=load.widened(estimate.ci95, estimate, follows))
-    result = _judged(study, found, estimate, late, slack)
-    result.explored = seen
-    result = replace(
-        result, median=window, sign=sign, inner=inner, raw=raw, options=asdict(options)
-    )
-    result.eased, result.follows = logs, follows
+    result = _judged(study, found, load.widened(estimate, follows), late, slack)
+    result = replace(result, median=window, sign=sign, inner=inner, options=asdict(options))
+    result.explored, result.raw, result.eased, result.follows = seen, raw, logs, follows
     return _checked(result, options)
 
 
