@@ -290,9 +290,7 @@ def test_a_motion_reaches_what_was_wanted(examples):
         motion = design.propose(wish)
         assert motion.within["sigma0"] <= wish.within
         theta = motion.theta()
-        assert len(theta) == motion.rows + 1
-        quickest = motion.cycles * motion.rows_per_cycle
-        assert quickest - motion.reversals <= motion.rows <= max(design.PACES) * quickest
+        assert len(theta) == motion.rows + 1 >= motion.cycles * motion.rows_per_cycle
         assert np.abs(theta).max() <= motion.amplitude * (1 + 1e-12)
         assert abs(theta[0]) + abs(theta[-1]) < 1e-9 * max(motion.cycles, 1)
         assert motion.reversals == 2 * motion.cycles
