@@ -95,7 +95,9 @@ def test_a_broken_log_among_good_ones_is_a_line_and_code_2(run_dahl, log, tmp_pa
     assert (done.returncode, done.stdout) == (2, "")
     first, last = done.stderr.splitlines()
     assert first.endswith("empty.csv: empty") and last.endswith("absent.csv: no such file")
-    assert "absent.csv" in refused(run_dahl, log(), "--check", tmp_path / "absent.csv")
+    for name, words in (("empty.csv", "empty"), ("absent.csv", "no such file"), ("", "a folder")):
+        said = refused(run_dahl, log(), "--check", tmp_path / name)
+        assert f"{tmp_path / name}: {words}" in said
 
 
 def test_a_folder_without_logs(run_dahl, tmp_path):
@@ -203,6 +205,7 @@ def test_truncated_anywhere(files, tmp_path, caplog):
                 assert readers.read(cut, source_for(kind, files)).rows
             except Error as error:
                 assert re.fullmatch(rf"[^\n]*short\.{kind}[^\n]*", str(error))
+                assert not str(error).endswith(f"read as .{kind}")  # but why it cannot
     logging.getLogger("asammdf").removeHandler(caplog.handler)
     assert not [one for one in caplog.records if one.name.startswith("asammdf")]
 
@@ -220,6 +223,8 @@ def test_truncated_anywhere(files, tmp_path, caplog):
         ),
         ("wide.csv", "angle,torque\n1,2,3\n1,2,4\n", "wide.csv:1: fewer names than"),
         ("mixed.json", '[{"angle": 1, "torque": 2}, 5]', "cannot be read as .json"),
+        ("ragged.csv", "angle,torque\n1,2\n1,2,3\n", "in line 3"),
+        ("ragged", "angle,torque\n1,2\n1,2,3\n", "cannot be read as a table: "),
         ("none.json", '{"a": 1, "b": ["c"]}', "none.json: no list of rows and no columns of equal"),
         ("long.json", '{"angle": [1, 2], "torque": [1, 2, 3]}', "no columns of equal length in it"),
         ("text.csv", "angle,torque\n1,2\n\0,3\n", "not a text file (byte 17)"),

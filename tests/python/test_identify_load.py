@@ -112,7 +112,9 @@ def test_a_load_that_friction_does_not_follow_changes_nothing(course):
 
 
 def test_the_sign_the_delay_and_a_gap_are_those_of_the_log():
-    """A torque of the other sign that comes 3 rows late, cut by a gap of the clock."""
+    """A torque of the other sign that comes 3 rows late, cut by a gap of the clock; what is left is
+    the noise.
+    """
     log = loaded("swings", 2, noise=0.01)
     log.torque = -np.concatenate((log.torque[:1].repeat(3), log.torque[:-3]))
     log.time = log.time + 0.5 * (np.arange(ROWS) > ROWS // 2)
@@ -122,6 +124,8 @@ def test_the_sign_the_delay_and_a_gap_are_those_of_the_log():
     assert len(result.logs) == 2
     assert result.follows.slope == pytest.approx(true["slope"], rel=0.03)
     assert result.estimate.Fc == pytest.approx(true["Fc"], rel=0.02)
+    assert result.estimate.sigma0 == pytest.approx(true["sigma0"], rel=0.02)
+    assert result.rmse == pytest.approx(0.01 * FC, rel=0.1)
 
 
 def test_another_log_is_predicted_with_its_own_load():

@@ -370,14 +370,15 @@ def test_a_scene_replays_the_first_rows_of_a_long_log(result, tmp_path, monkeypa
     assert len((tmp_path / "x.csv").read_text().splitlines()) == 1001
 
 
-def test_json_says_how_a_log_was_treated(result):
+@pytest.mark.parametrize(("inner", "median"), [(True, 1), (False, 9)])
+def test_json_says_how_a_log_was_treated(result, inner, median):
     """Under its own name, what the fit did: weights, pieces, findings, options, sign."""
     weights = np.ones(1500)
     weights[:7] = 0.5
     name = result.logs[0].name  # two pieces of one log
     logs = [replace(result.logs[0], weight=weights), replace(result.logs[1].head(400), name=name)]
     said = [Finding("this", ("Fc",)), Finding("that")]
-    found = replace(result, logs=logs, findings=said, sign=-1.0, inner=True, median=9)
+    found = replace(result, logs=logs, findings=said, sign=-1.0, inner=inner, median=median)
     options = {"terms": ["offset"], "delay": False, "median": 0, "model": ""}
     kept = json.loads(output.as_json(replace(found, options=options)))
     wanted = {
@@ -387,8 +388,8 @@ def test_json_says_how_a_log_was_treated(result):
         "rows_weighing_less": 7,
         "sum_of_weights": result.estimate.rows,
         "torque_sign": -1.0,
-        "angle_between_counts": True,
-        "median_rows": 9,
+        "angle_between_counts": inner,
+        "median_rows": median,
         "options": options,
         "findings": [{"text": "this", "doubts": ["Fc"]}, {"text": "that", "doubts": []}],
         "r2_plan": result.plan.r2,

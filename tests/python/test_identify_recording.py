@@ -177,7 +177,7 @@ def test_a_wrap_at_a_turn_is_named(tmp_path, unit):
     assert any("wraps" in note for note in readers.read(tmp_path / "a.csv", readers.Source()).notes)
 
 
-@pytest.mark.parametrize("kind", ["smooth", "spikes", "two levels", "coarse"])
+@pytest.mark.parametrize("kind", ["smooth", "spikes", "two levels", "coarse", "quick returns"])
 def test_what_does_not_wrap(kind):
     theta = synthetic(1).theta.copy()
     if kind == "spikes":
@@ -186,6 +186,8 @@ def test_what_does_not_wrap(kind):
         theta = (theta > 0) * COUNT
     elif kind == "coarse":
         theta = theta[::400]
+    elif kind == "quick returns":  # in one row each: two from end to end, one over two thirds
+        theta = np.concatenate([np.linspace(low, 1, 500) for low in (0, 0, 1 / 3, 0)])
     assert not recording.wraps_of(theta).any()
 
 

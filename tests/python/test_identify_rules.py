@@ -198,6 +198,21 @@ def test_a_search_ends_where_it_gets_worse_twice(valley):
     assert [one for one in whole if one < 0] == [-1, -2]
 
 
+@pytest.mark.parametrize("lowest", [-3.0, 3.0])
+def test_a_search_keeps_what_it_found_where_there_is_no_friction_beyond(
+    valley, lowest, monkeypatch
+):
+    """As where the torque would come a quarter of a cycle late."""
+    base, near = valley(lowest), delay.fitted
+    monkeypatch.setattr(
+        delay,
+        "fitted",
+        lambda cut, a, choice: near(cut, a, choice) if abs(choice.delay) < 5 else None,
+    )
+    best = min(delay.tried(None, [base]), key=lambda one: one.cost.sum())
+    assert best.choice.delay == pytest.approx(lowest, abs=0.03)
+
+
 def test_a_search_goes_on_where_nothing_is_clearly_worse(valley):
     delay.tried(None, [valley(0.0)])
     assert 27 not in valley.tried
