@@ -82,6 +82,19 @@ def late(rows: int, seed: int = 5) -> Log:
     return replace(log, theta=log.theta[cut], time=log.time[cut], torque=torque)
 
 
+@pytest.mark.parametrize(("cycle", "rows"), [(54, 12), (36, 8), (180, 40), (54, 4)])
+def test_a_torque_late_by_a_part_of_a_coarse_cycle_makes_no_wrong_claim(cycle, rows):
+    """60 cycles of few rows; a quarter of a cycle late, friction looks like inertia."""
+    theta = 0.05 * np.sin(2 * np.pi * np.arange(60 * cycle + rows) / cycle + 0.3)
+    torque = dahl_torque(theta)[: 60 * cycle] + 0.02 * FC * noise_of(0, 60 * cycle)
+    time = np.arange(60 * cycle) * 1e-3
+    log = Log("", np.round(theta[rows:] / COUNT) * COUNT, torque, time, resolution=COUNT)
+    result = pipeline.identify([log])
+    ends = result.estimate.ci95["Fc"]
+    assert not result.verdict.sigma0
+    assert not result.verdict.Fc or ends.low < FC < ends.high
+
+
 @pytest.mark.parametrize("rows", [-8, 9])
 def test_who_comes_late_and_by_how_much(rows):
     """0.001 s a row; the check of another log is shifted in the same way."""

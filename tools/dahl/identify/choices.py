@@ -140,7 +140,8 @@ def of_terms(
     cut: Cut, a: float, sets: Sequence[tuple[str, ...]], delay: float = 0.0
 ) -> list[Trial]:
     """Each of these sets of terms."""
-    first = fitted(cut, a, Choice(sets[0], delay))
+    tried = (fitted(cut, a, Choice(terms, delay)) for terms in sets)
+    first = next((trial for trial in tried if trial is not None), None)
     if first is None:
         return []
     grams = grams_at(cut, first.a, delay)

@@ -19,6 +19,7 @@ from dahl.identify.sweep import Sweep
 
 LEAST_CYCLES = 6  # or strokes, that a choice is scored by
 LONG = 40.0  # rows: from here on a delay is corrected, but its numbers are not claimed
+COARSE = 0.3  # presliding lengths in a row, that a shift by parts of rows is no longer sure of
 NAMES = ("sigma0", "Fc")
 
 
@@ -123,6 +124,16 @@ def hangs(seen: Explored, name: str, least: float) -> str:
     kind, low, high = choices.hangs_on(seen.trials, seen.taken, name)
     much = high - low > 2 * least * seen.taken.value[name]
     return f"{kind}: {low:.4g} to {high:.4g}" if kind and much else ""
+
+
+def between_rows(rows: float, lengths: float) -> list[Finding]:
+    """A torque that was shifted, by parts of rows in which the bristle moves far: `lengths` is the
+    usual travel of a row in presliding lengths.
+    """
+    if not rows or lengths < COARSE:
+        return []
+    words = f"the torque is late, and a row is {lengths:.1f} presliding lengths long: what is"
+    return [Finding(f"{words} between the rows is not known", ("sigma0",))]
 
 
 def long_delay(rows: float) -> list[Finding]:

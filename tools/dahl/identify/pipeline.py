@@ -247,6 +247,7 @@ def _checked(result: Result, options: Options) -> Result:
         *doubted,
         *result.explored.findings,
         *explore.long_delay(result.delay),
+        *explore.between_rows(result.delay, estimate.a * max(map(_usual_move, result.logs))),
         *drift.findings(result.cycles),
         *lowpass.finding(result),
         *torque_steps.finding(result.raw, estimate),
