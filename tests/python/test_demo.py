@@ -173,7 +173,7 @@ def test_plot_draws_it_again(demo, run_dahl, tmp_path):
 
 
 def test_a_picture_is_of_the_kind_that_its_name_says(demo, dahl_here, tmp_path):
-    for ending, begins in ((".SVG", b"<?xml"), (".pdf", b"%PDF")):
+    for ending, begins in ((".SVG", b"<?xml"), (".pdf", b"%PDF"), ("", b"\x89PNG")):
         assert dahl_here("plot", demo[0], "-o", tmp_path / f"x{ending}").returncode == 0
         assert (tmp_path / f"x{ending}").read_bytes().startswith(begins)
     done = dahl_here("plot", demo[0], "-o", "x.foo")

@@ -211,10 +211,10 @@ def _short(label: str) -> str:
     return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
 
 
-PICTURES = (".png", ".svg", ".pdf")
+PICTURES = (".png", ".svg", ".pdf", "")  # of no ending: PNG
 
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture as PICTURES has them; the old one stays until the new one is whole."""
     with files.replacing(path) as part:
-        figure.savefig(part, dpi=130, format=path.suffix[1:].lower())
+        figure.savefig(part, dpi=130, format=path.suffix[1:].lower() or "png")

@@ -38,7 +38,8 @@ def run(args: argparse.Namespace) -> None:
     from dahl import logs, plots, report, scene, summary
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
-        raise Error(f"-o {args.output}: no picture is written so ({', '.join(plots.PICTURES)})")
+        endings = ", ".join(plots.PICTURES[:-1])
+        raise Error(f"-o {args.output}: no picture is written so ({endings})")
     folder = args.run_path if args.run_path.is_dir() else args.run_path.parent
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
