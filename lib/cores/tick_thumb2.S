@@ -33,8 +33,5 @@ torque:
     return_torque r4, r5
 
 large:
-    push    {r0, r1, r4, lr}
-    bl      dahl_step_large
-    pop     {r0, r1, r4, lr}
-    b       dahl_torque
+    return_torque_after dahl_step_large
     .size dahl_step_counts, . - dahl_step_counts

@@ -88,8 +88,5 @@ torque:
     return_torque r4-r6
     carries
 large:
-    push    {r0, r1, r4, lr}
-    bl      dahl_work_step_large
-    pop     {r0, r1, r4, lr}
-    b       dahl_torque
+    return_torque_after dahl_work_step_large
     .size dahl_work_step_counts, . - dahl_work_step_counts

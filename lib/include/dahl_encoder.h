@@ -22,9 +22,9 @@
 
 /* A function that each caller compiles into its own code. The library has it once more, as `extern inline`, for other languages. */
 #if defined(__GNUC_GNU_INLINE__) && !defined(__cplusplus) /* where these words mean the opposite of what C99 says */
-#define DAHL_INLINE extern inline
-#elif !defined(DAHL_INLINE)
-#define DAHL_INLINE inline
+#define DAHL_ENCODER_INLINE extern inline
+#elif !defined(DAHL_ENCODER_INLINE)
+#define DAHL_ENCODER_INLINE inline
 #endif
 
 #ifdef __cplusplus
@@ -60,7 +60,7 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
 /* The counts since the last reading, the shortest way (half of the modulus is taken as negative). Any reading is
  * accepted, and taken modulo. 0 for the first reading, for a jump, and where the encoder was not initialised.
  * Cost on Cortex-M, inline: 11 instructions where the modulus is a power of two, as that of each timer of 16 or 32 bits. */
-DAHL_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
+DAHL_ENCODER_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
 {
     int32_t move = (int32_t)((reading - encoder->last) * encoder->scale) >> encoder->shift;
     if ((uint32_t)(move ^ move >> 31) < encoder->reach) { /* -reach <= move < reach */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* An encoder's counter: where it wraps, which way it runs, and what is too far for one tick. What a move can have decided
  * before is decided here once, so that the move of the header is a difference, a product and a comparison. */
-#define DAHL_INLINE extern inline /* the move of the header is compiled here too, for who calls it: other languages */
+#define DAHL_ENCODER_INLINE extern inline /* the move of the header is compiled here too, for who calls it: other languages */
 #include "dahl_encoder.h"
 
 #include "../arith/compiler.h"

@@ -105,9 +105,7 @@ def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
     log, some = shown.log, shown.some
     measured = result.sign * shown.raw.torque
     axes.plot(shown.angle, measured[some], color=MEASURED, linewidth=1.1, label="as measured")
-    drawn = result.predicted[index] + load.more(
-        log, log.moves_of(slice(0, log.rows)), result.follows
-    )
+    drawn = result.predicted[index] + load.more(log, result.follows)
     sign = paths.coulomb(log.moves, 0.0) * result.estimate.Fc
     sign = sign + plan_quality.load_of(result, log, result.estimate.terms)
     angle = (log.theta - shown.raw.theta[0])[some] / shown.size

@@ -157,10 +157,11 @@ def _judged(loads: Loads, a: float, slope: float) -> tuple[Trial, float, dict[st
     return trial, jackknife(free.found[:, 2]) / abs(Fc) / loads.range, wider
 
 
-def more(log: Log, moves: np.ndarray, follows: Follows | None) -> np.ndarray:
-    """The torque beyond that at the reference, for moves in rad (m): (rows,) N m (N)."""
+def more(log: Log, follows: Follows | None) -> np.ndarray:
+    """The torque beyond that at the reference: (rows,) N m (N)."""
     if follows is None or log.load is None:
         return np.zeros(log.rows)
+    moves = log.moves_of(slice(0, log.rows))
     at = path.loaded(moves, follows.a, follows.share(log.load))
     beyond: np.ndarray = follows.Fc * (at - path.dahl(moves, follows.a))
     return beyond
@@ -171,6 +172,7 @@ def widened(estimate: Estimate, follows: Follows | None) -> Estimate:
     ci95 = dict(estimate.ci95)
     for name, factor in follows.wider.items() if follows else ():
         value, one = getattr(estimate, name), ci95[name]
-        low, high = (value * (end / value) ** factor for end in (one.low, one.high))
-        ci95[name] = Interval(float(low), float(high))
+        if value > 0:
+            low, high = (value * (end / value) ** factor for end in (one.low, one.high))
+            ci95[name] = Interval(float(low), float(high))
     return replace(estimate, ci95=ci95)

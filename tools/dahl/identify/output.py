@@ -212,7 +212,7 @@ def write_scene(result: Result, name: str, folder: Path) -> Path:
     rows = slice(0, REPLAYED)
     drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
     rest = {term: value for term, value in friction.terms.items() if term not in drawn}
-    beyond = load.more(log, log.moves_of(slice(0, log.rows)), result.follows)
+    beyond = load.more(log, result.follows)
     torque = clean.shifted(log.torque + beyond, friction.earlier)
     torque = (torque - pipeline.extra(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]

@@ -182,8 +182,7 @@ def _cleaned(result: Result, log: Log) -> np.ndarray:
 
 def _at_reference(result: Result, raw: Log, cleaned: Log, follows: Follows) -> Log:
     """A log with the torque as it would have been at the reference of the load."""
-    moves = cleaned.moves_of(slice(0, cleaned.rows))
-    beyond = clean.shifted(load.more(raw, moves, follows), -result.delay)
+    beyond = clean.shifted(load.more(cleaned, follows), -result.delay)
     return replace(raw, torque=raw.torque - result.sign * beyond)
 
 
@@ -514,8 +513,7 @@ def check(result: Result, log: Log) -> float:
         _without_backlash(study, result.estimate)
     torque = np.concatenate([piece.torque for piece in pieces])
     for piece in study.logs:
-        moves = piece.moves_of(slice(0, piece.rows))
-        piece.torque = piece.torque - load.more(piece, moves, result.follows)
+        piece.torque = piece.torque - load.more(piece, result.follows)
     left = np.concatenate(
         [piece.torque - study.predicted(result.estimate, i) for i, piece in enumerate(study.logs)]
     )
@@ -524,9 +522,5 @@ def check(result: Result, log: Log) -> float:
 
 def _as_fitted(result: Result, log: Log) -> Log:
     """A log cleaned as those were that the parameters come from."""
-    log = replace(log, theta=clean.median(log, result.median), torque=result.sign * log.torque)
-    if result.inner:
-        log = replace(log, theta=clean.between_counts(log))
-    if result.delay:
-        log = replace(log, torque=clean.shifted(log.torque, result.delay))
-    return log
+    log = replace(log, theta=clean.median(log, result.median), torque=_cleaned(result, log))
+    return replace(log, theta=clean.between_counts(log)) if result.inner else log
