@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from dahl import Error, scene
-from dahl.identify import design, pipeline
+from dahl.identify import design, pipeline, variety
 from dahl.identify.log import Log
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque
 
@@ -81,6 +81,24 @@ def test_strokes_differ_in_length_and_speed_both_ways():
         np.abs(np.diff(theta, 2)).max()
         < 1.1 * motion.amplitude * (2 * np.pi / motion.rows_per_cycle) ** 2
     )
+
+
+@pytest.mark.parametrize(
+    ("pace", "place", "said"),
+    [
+        (1.2, 1.2, "one speed: "),
+        (1.4, 1.2, ""),
+        (1.4, 1.0, "the same turning points: "),
+        (1.2, 1.0, "one speed: .* and the same turning points: "),
+    ],
+)
+def test_what_strokes_hide_that_are_alike(pace, place, said):
+    """Every other cycle slower, and farther: strokes as of a sine, 1/a = 0.005 rad."""
+    cycles = [(100, 0.05), (round(100 * pace * place), 0.05 * place)] * 4
+    theta = np.concatenate([far * np.sin(2 * np.pi * np.arange(n) / n) for n, far in cycles])
+    log = Log("", theta, theta, np.arange(len(theta)) * 1e-3)
+    words = variety.note([log], SIGMA0 / FC, 0.3 * FC / SIGMA0)
+    assert re.search(said, words) if said else not words
 
 
 def late_by_half(torque: np.ndarray, rows: int) -> np.ndarray:
