@@ -8,11 +8,24 @@
 
 #if DAHL_V6M
 #include "multiply_v6m.h"
+
+/* From the product of the words as they stand: those of a negative factor are too large by 2^32. */
+static inline int64_t dahl_mul_signed(int32_t a, int32_t b)
+{
+    uint32_t too_much = (a < 0 ? (uint32_t)b : 0) + (b < 0 ? (uint32_t)a : 0);
+    return (int64_t)(dahl_mul((uint32_t)a, (uint32_t)b) - ((uint64_t)too_much << 32));
+}
+
 #else
 
 static inline uint64_t dahl_mul(uint32_t a, uint32_t b)
 {
     return (uint64_t)a * b;
+}
+
+static inline int64_t dahl_mul_signed(int32_t a, int32_t b)
+{
+    return (int64_t)a * b;
 }
 
 #endif

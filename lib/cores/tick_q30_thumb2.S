@@ -8,29 +8,14 @@
 #define g_low r0 /* once the plan is no longer needed */
 #include "update_thumb2.inc"
 
-    function dahl_step_counts_q30
-    cmp     n, #8 /* unsigned, so that a negative n is above it */
-    bhi     backward
-    add     plan, plan, n, lsl #3
-    push    {r4, lr}
-    ldrd    w_low, w_high, [state]
-    ldrd    g_high, g_low, [plan, #TABLE]
-    update_forward
+    .macro return_q30
     strd    w_low, w_high, [state]
     add     r0, w_high, w_low, lsr #31
     pop     {r4, pc}
+    .endm
 
-backward:
-    cmn     n, #8 /* carries for -8 .. -1 alone */
-    bcc     large
-    sub     plan, plan, n, lsl #3
-    push    {r4, lr}
-    ldrd    w_low, w_high, [state]
-    ldrd    g_high, g_low, [plan, #TABLE]
-    update_backward
-    strd    w_low, w_high, [state]
-    add     r0, w_high, w_low, lsr #31
-    pop     {r4, pc}
+    function dahl_step_counts_q30
+    move_up_to_8_counts return_q30
 
 large:
     b       dahl_step_large

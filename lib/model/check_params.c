@@ -28,7 +28,7 @@ DAHL_COLD dahl_err_t dahl_check_params(const dahl_params_t *params)
 {
     uint32_t sigma0 = dahl_bits_of(params->sigma0), Fc = dahl_bits_of(params->Fc);
     uint32_t theta = dahl_bits_of(params->theta_per_count);
-    int has_counts = theta << 1 != 0;
+    int has_counts = dahl_has_counts(params);
     int32_t err = check(sigma0) | check(Fc) | (has_counts ? check(theta) : DAHL_OK);
     if (err == DAHL_OK && has_counts && !is_travel_in_range(dahl_real_of(sigma0), dahl_real_of(theta), dahl_real_of(Fc))) {
         err = DAHL_ERR_RANGE;

@@ -6,12 +6,6 @@
 #include "check_params.h"
 #include "prepare_table.h"
 
-/* theta_per_count may be 0, of either sign, where a plan is for angles alone. */
-static int has_counts(const dahl_params_t *params)
-{
-    return dahl_bits_of(params->theta_per_count) << 1 != 0;
-}
-
 static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
 {
     const int entries = (int)(sizeof plan->g / sizeof plan->g[0]);
@@ -25,8 +19,9 @@ static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
     plan->Fc_mantissa = Fc.mantissa;
     plan->Fc_exponent = Fc.exponent;
     dahl_write_table(plan->g, entries,
-                     has_counts(params) ? dahl_left_by(dahl_product(a, exponent, dahl_real_of_float(params->theta_per_count)))
-                                        : UINT64_MAX);
+                     dahl_has_counts(params)
+                         ? dahl_left_by(dahl_product(a, exponent, dahl_real_of_float(params->theta_per_count)))
+                         : UINT64_MAX);
 }
 
 DAHL_COLD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params)

@@ -8,6 +8,7 @@
 #include "dahl_parts.h"
 
 #include "../model/bristle_update.h"
+#include "part.h"
 #include "shift.h"
 
 #define NO_EXPONENT (-1000) /* below that of any Fc */
@@ -17,21 +18,6 @@ typedef struct {
     uint64_t torque;
     int32_t exponent; /* the largest of Fc so far */
 } sum_t;
-
-int64_t dahl_part_move(const void *plan, void *state, int32_t dcounts)
-{
-    dahl_state_t *bearing = (dahl_state_t *)state;
-    (void)dahl_step_counts_q30((const dahl_plan_t *)plan, bearing, dcounts);
-    return bearing->w;
-}
-
-static dahl_real_t Fc_of(const dahl_part_t *part)
-{
-    const void *at = (const char *)part->plan + part->Fc;
-    const uint32_t *words = (const uint32_t *)at;
-    dahl_real_t Fc = {words[0], (int32_t)words[1]};
-    return Fc;
-}
 
 /* A torque in two's complement in units 2^bits as large, towards 0. */
 static uint64_t coarser(uint64_t torque, uint32_t bits)
@@ -75,12 +61,12 @@ static float torque_of(sum_t sum, uint32_t spare)
 
 float dahl_parallel_step_counts(const dahl_part_t *parts, uint32_t count, int32_t dcounts)
 {
-    const uint32_t spare = count == 0 ? 0 : 32 - dahl_leading_zeros(count);
+    const uint32_t spare = dahl_part_spare_bits(count);
     sum_t sum = {0, NO_EXPONENT};
     for (; count != 0; count--) {
         const dahl_part_t part = *parts++;
         uint64_t w = (uint64_t)part.move(part.plan, part.state, dcounts);
-        sum = with_torque(sum, Fc_of(&part), w, spare);
+        sum = with_torque(sum, dahl_part_Fc(&part), w, spare);
     }
     return torque_of(sum, spare);
 }

@@ -138,10 +138,10 @@ static DAHL_COLD dahl_params_t params_of(const dahl_slip_params_t *params, uint3
 
 static DAHL_COLD int32_t check(const dahl_slip_params_t *params, uint32_t elements)
 {
-    int32_t err = dahl_bits_of(params->theta_per_count) << 1 != 0 ? DAHL_OK : DAHL_ERR_PARAM;
+    int32_t err = DAHL_OK;
     for (uint32_t k = 0; k < elements; k++) {
         dahl_params_t one = params_of(params, k);
-        err |= dahl_check_params(&one);
+        err |= dahl_check_counted(&one);
     }
     return err;
 }

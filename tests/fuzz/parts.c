@@ -181,11 +181,15 @@ static void check_parallel(const walk_t *walk)
     dahl_plan_t plan;
     dahl_slip_plan_t slip;
     dahl_state_t state = {0}, alone = {0};
-    dahl_slip_state_t slip_state = {{0}}, slip_alone = {{0}};
+    dahl_slip_state_t slip_state = {{0}}, slip_alone = {{0}}, slip_q30 = {{0}};
+    dahl_state_t q30 = {0};
+    int32_t shares[2];
     if (dahl_prepare(&plan, p) != DAHL_OK || dahl_slip_prepare(&slip, &slip_params) != DAHL_OK) {
         return;
     }
     const dahl_part_t parts[] = {DAHL_PART(&plan, &state), DAHL_SLIP_PART(&slip, &slip_state)};
+    const dahl_part_t in_q30[] = {DAHL_PART(&plan, &q30), DAHL_SLIP_PART(&slip, &slip_q30)};
+    dahl_parallel_shares(shares, in_q30, 2);
     dahl_throughput_element_t fast[] = {
         {{(double)p->sigma0, (double)p->Fc, (double)p->theta_per_count}, 0, {0}, 0},
         {{(double)other.sigma0, (double)other.Fc, (double)other.theta_per_count}, 1, {0}, 0}};
@@ -198,6 +202,8 @@ static void check_parallel(const walk_t *walk)
         long double b = ldexpl((long double)dahl_slip_part_move(&slip, &slip_alone, walk->dcounts[i]), -62);
         LAW(fabsl((long double)F - (a + b * (long double)other.Fc)) <= 0.501L * ulp,
             "parallel: the sum of the parts, rounded once");
+        long double ratio = ldexpl((long double)dahl_parallel_step_counts_q30(in_q30, shares, 2, walk->dcounts[i]), -30);
+        LAW(fabsl(ratio * sum - (a + b * (long double)other.Fc)) <= 2.5L * ldexpl(sum, -30), "parallel: Q30 is the same sum");
         LAW(fabsl((long double)F - (long double)G[i]) <= 1.1L * ulp, "parallel: the fast form, within both bounds");
     }
 }

@@ -67,13 +67,17 @@ static inline void bits_mix(bits_of_part_t *run)
     dahl_slip_state_t slip = {{0}};
     dahl_state_t dahl = {0};
     dahl_part_t parts[] = {DAHL_SLIP_PART(&slip_plan, &slip), DAHL_PART(&plan, &dahl)};
+    int32_t shares[2];
     motion_t motion = MOTION_START;
     params.Fc *= 8;
     if (dahl_slip_prepare(&slip_plan, &slip_params) != DAHL_OK || dahl_prepare(&plan, &params) != DAHL_OK) {
         return;
     }
+    dahl_parallel_shares(shares, parts, 2);
     for (int32_t t = 0; t < BITS_PARTS_TICKS; t++) {
-        run->hash = bits_fold(run->hash, bits_of_float(dahl_parallel_step_counts(parts, 2, run->next(&motion))));
+        int32_t d = run->next(&motion);
+        run->hash = bits_fold(run->hash, bits_of_float(dahl_parallel_step_counts(parts, 2, d)));
+        run->hash = bits_fold(run->hash, (uint32_t)dahl_parallel_step_counts_q30(parts, shares, 2, -(d / 2)));
     }
 }
 

@@ -132,6 +132,56 @@ static void test_guarantee(void)
     TEST_ASSERT_TRUE(over_all > 0.49); /* half an ulp is the rounding to float: the comparison does compare */
 }
 
+/* F / sum of Fc in Q30 against the same references: Dahl elements alone have no slip element's error. */
+static double worst_q30(mix_t *to, motion_fn next, int ticks)
+{
+    int32_t shares[PARTS_MOST];
+    motion_t motion = MOTION_START;
+    long double worst = 0;
+    dahl_parallel_shares(shares, to->part, to->count);
+    for (int t = 0; t < ticks; t++) {
+        int32_t d = next(&motion);
+        long double ratio = dahl_parallel_step_counts_q30(to->part, shares, to->count, d) * (long double)DAHL_Q30;
+        long double error = fabsl(ratio - exact_torque(to, d) / to->sum);
+        worst = error > worst ? error : worst;
+    }
+    return (double)worst;
+}
+
+static void test_guarantee_q30(void)
+{
+    double over_all = 0;
+    for (size_t m = 0; m < MOTIONS; m++) {
+        for (int kind = 0; kind < KINDS; kind++) {
+            make(&mix, kind);
+            double worst = worst_q30(&mix, motions[m].next, TEST_TICKS), bound = DAHL_PARALLEL_ERROR_Q30(mix.count);
+            bound -= kind == 2 || kind == 3 ? 0 : DAHL_SLIP_ERROR_Q30 - DAHL_ERROR_Q30;
+            printf("%-8s mix %d  worst %.2e of the sum of Fc, bound %.2e\n", motions[m].name, kind, worst, bound);
+            TEST_ASSERT_TRUE_MESSAGE(worst <= bound, motions[m].name);
+            over_all = worst > over_all ? worst : over_all;
+        }
+    }
+    TEST_ASSERT_TRUE(over_all > 0.5 * DAHL_Q30);
+}
+
+/* Parts at Fc are +-2^30, exactly; those beside one whose Fc is far larger have no share, and one alone has all. */
+static void check_ends_q30(mix_t *to)
+{
+    int32_t shares[PARTS_MOST];
+    uint32_t whole = 0;
+    dahl_parallel_shares(shares, to->part, to->count);
+    for (uint32_t k = 0; k < to->count; k++) {
+        long double exact = to->Fc[k] / to->sum * 0x1p31L;
+        TEST_ASSERT_TRUE(shares[k] <= 0 && fabsl(exact + shares[k]) < 1);
+        whole -= (uint32_t)shares[k];
+    }
+    TEST_ASSERT_EQUAL_HEX32(0x80000000u, whole);
+    (void)dahl_parallel_step_counts_q30(to->part, shares, to->count, INT32_MAX); /* a state errs by 2^-31 at most */
+    TEST_ASSERT_EQUAL_INT32(1 << 30, dahl_parallel_step_counts_q30(to->part, shares, to->count, INT32_MAX));
+    (void)dahl_parallel_step_counts_q30(to->part, shares, to->count, INT32_MIN);
+    TEST_ASSERT_EQUAL_INT32(-(1 << 30), dahl_parallel_step_counts_q30(to->part, shares, to->count, INT32_MIN));
+}
+
 /* Any number of parts, any Fc: exponents that are near, far apart, and at both ends. */
 static void test_any_parts(void)
 {
@@ -151,6 +201,7 @@ static void test_any_parts(void)
             TEST_ASSERT_TRUE(mix.state[k].w <= ((int64_t)1 << 31) - ((int64_t)1 << 62));
         }
         TEST_ASSERT_TRUE(fabsl(dahl_parallel_step_counts(mix.part, mix.count, 0) + mix.sum) <= 0.508L * ulp_of_sum(mix.sum));
+        check_ends_q30(&mix);
     }
 }
 
@@ -168,6 +219,9 @@ static void test_a_hundred_parts(void)
     }
     TEST_ASSERT_TRUE(dahl_parallel_step_counts(parts, 100, INT32_MAX) == 100 * 0x1.fffffep0f);
     TEST_ASSERT_TRUE(dahl_parallel_step_counts(parts, 100, INT32_MIN) == -100 * 0x1.fffffep0f);
+    static int32_t shares[100];
+    dahl_parallel_shares(shares, parts, 100);
+    TEST_ASSERT_EQUAL_INT32(-(1 << 30), dahl_parallel_step_counts_q30(parts, shares, 100, 0));
 }
 
 /* Parts move as they do alone, and small torques keep their relative accuracy. */
@@ -232,15 +286,60 @@ static void test_plans_of_zeros(void)
     TEST_ASSERT_TRUE(none.w == 0 && slip_none.x[0] == 0);
 }
 
+/* In Q30 too: one element between plans of zeros is that element, and shares that nobody prepared give 0. */
+static void test_plans_of_zeros_q30(void)
+{
+    static const dahl_plan_t zero;
+    static const dahl_slip_plan_t zero_slip;
+    static const int32_t unprepared[3];
+    dahl_state_t none = {0}, ours = {0}, alone = {0};
+    dahl_slip_state_t slip_none = {{0}};
+    int32_t shares[3], no_share = 1;
+    mix.count = 0;
+    add_dahl(&mix, 1e-3, 0x1.5p-50f); /* its exponent is below that of a plan of zeros */
+    const dahl_part_t parts[] = {DAHL_PART(&zero, &none), DAHL_PART(&mix.plan[0], &ours), DAHL_SLIP_PART(&zero_slip, &slip_none)};
+    dahl_parallel_shares(shares, parts, 3);
+    dahl_parallel_shares(&no_share, &parts[2], 1);
+    TEST_ASSERT_EQUAL_INT32(0, no_share);
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 1000; t++) {
+        int32_t d = motion_walk(&m);
+        TEST_ASSERT_EQUAL_INT32(dahl_step_counts_q30(&mix.plan[0], &alone, d), dahl_parallel_step_counts_q30(parts, shares, 3, d));
+        TEST_ASSERT_EQUAL_INT32(0, dahl_parallel_step_counts_q30(parts, unprepared, 3, 0));
+        TEST_ASSERT_EQUAL_INT32(0, dahl_parallel_step_counts_q30(parts, shares, 0, d));
+    }
+}
+
+/* The sum is rounded to nearest, a half up: the mean of two elements of one Fc. */
+static void test_two_of_one_Fc_have_their_mean(void)
+{
+    int32_t shares[2];
+    dahl_state_t first = {0}, second = {0};
+    mix.count = 0;
+    add_dahl(&mix, 1e-3, 2.739f);
+    add_dahl(&mix, 0.02, 2.739f);
+    dahl_parallel_shares(shares, mix.part, 2);
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 1000; t++) {
+        int32_t d = motion_walk(&m);
+        int64_t twice = (int64_t)dahl_step_counts_q30(&mix.plan[0], &first, d) + dahl_step_counts_q30(&mix.plan[1], &second, d);
+        int64_t above = twice + 1; /* a floor() of picolibc on RV32 misses by 32 here */
+        TEST_ASSERT_TRUE(2 * (int64_t)dahl_parallel_step_counts_q30(mix.part, shares, 2, d) == above - (above & 1));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_guarantee);
+    RUN_TEST(test_guarantee_q30);
     RUN_TEST(test_any_parts);
     RUN_TEST(test_a_hundred_parts);
     RUN_TEST(test_parts_move_as_alone);
     RUN_TEST(test_tiny_motion);
     RUN_TEST(test_odd_symmetry);
     RUN_TEST(test_plans_of_zeros);
+    RUN_TEST(test_plans_of_zeros_q30);
+    RUN_TEST(test_two_of_one_Fc_have_their_mean);
     return UNITY_END();
 }

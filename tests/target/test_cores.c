@@ -10,18 +10,22 @@ int32_t plain_tick_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dco
 float plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 int32_t plain_work_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 float plain_work(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+int64_t plain_part(const void *plan, void *state, int32_t dcounts);
 
 #define dahl_step_counts_q30 plain_tick_q30
 #define dahl_step_counts plain_tick
 #define dahl_work_step_counts_q30 plain_work_q30
 #define dahl_work_step_counts plain_work
+#define dahl_part_move plain_part
 #include "../../lib/model/step_counts.c"
 #include "../../lib/model/step_counts_q30.c"
+#include "../../lib/parts/part_move.c"
 #include "../../lib/parts/work_step.c"
 #undef dahl_step_counts_q30
 #undef dahl_step_counts
 #undef dahl_work_step_counts_q30
 #undef dahl_work_step_counts
+#undef dahl_part_move
 
 #define TRIALS 300000
 #define MOVES_PER_PLAN 60
@@ -108,9 +112,10 @@ static uint32_t bits_of(float x)
 
 static void check_ticks(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
 {
-    dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start;
+    dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start, part = start, plain_moved = start;
     TEST_ASSERT_EQUAL_HEX32(plain_tick_q30(plan, &plain_q30, move), dahl_step_counts_q30(plan, &ours_q30, move));
     TEST_ASSERT_EQUAL_HEX32(bits_of(plain_tick(plan, &plain, move)), bits_of(dahl_step_counts(plan, &ours, move)));
+    TEST_ASSERT_TRUE(plain_part(plan, &plain_moved, move) == dahl_part_move(plan, &part, move) && plain_moved.w == part.w);
     TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
 }
 

@@ -43,7 +43,7 @@ class _Bristle(Element):
 
     def _make(self, *values: float) -> None:
         self._values = tuple(
-            ctypes.c_float(checks.real(name, value, limit)).value
+            core.parameter(name, value, limit)
             for (name, limit), value in zip(self._limits.items(), values, strict=True)
         )
         self._words = (ctypes.c_uint64 * PLAN_ROOM)()
@@ -114,7 +114,7 @@ class Asymmetric(_Bristle):
     run_counts() about 10 ns. Two are equal where parameters and state are; picklable; a copy has a
     state of its own. Raises dahl.Error naming the parameter, its value and its limit.
 
-    >>> seal = Asymmetric(sigma0=100.0, Fc_forward=0.5, Fc_backward=0.25, theta_per_count=1e-3)
+    >>> seal = dahl.Asymmetric(sigma0=100.0, Fc_forward=0.5, Fc_backward=0.25, theta_per_count=1e-3)
     >>> seal.step_counts(10**6), seal.step_counts(-(10**6))
     (0.5, -0.25)
     """
@@ -186,7 +186,7 @@ class ElastoPlastic(_Bristle):
     about 10 ns. Two are equal where parameters and state are; picklable; a copy has a state of its
     own. Raises dahl.Error naming the parameter, its value and its limit.
 
-    >>> bearing = ElastoPlastic(sigma0=128.0, Fc=0.5, theta_per_count=2**-13, breakaway=0.7)
+    >>> bearing = dahl.ElastoPlastic(sigma0=128.0, Fc=0.5, theta_per_count=2**-13, breakaway=0.7)
     >>> bearing.step_counts(16), bearing.step_counts(-16)
     (0.25, 0.0)
     """
@@ -262,10 +262,10 @@ class Loaded:
     anything that is no Plan or no rule, for a plan without theta_per_count where counts are wanted,
     and for a move of the other rule's kind.
 
-    >>> gear = Loaded(core.Plan(100.0, 0.5, 1e-3))
+    >>> gear = dahl.Loaded(dahl.Plan(100.0, 0.5, 1e-3))
     >>> gear.step_counts(10**6, load=1.5), gear.step_counts(0, load=0.5)
     (0.75, 0.25)
-    >>> seat = Loaded(core.Plan(100.0, 0.5), fixed_stiffness=True)
+    >>> seat = dahl.Loaded(dahl.Plan(100.0, 0.5), fixed_stiffness=True)
     >>> seat.step(1e6, load=0.5), seat.step(0.0, load=1.5)
     (0.25, 0.25)
     """
@@ -423,7 +423,7 @@ class Work(Element):
     are equal where plan, state and sums are; picklable; a copy goes its own way. Raises dahl.Error
     for anything that is no Plan, and for a plan without theta_per_count.
 
-    >>> bearing = Work(core.Plan(100.0, 0.5, 1e-3))
+    >>> bearing = dahl.Work(dahl.Plan(100.0, 0.5, 1e-3))
     >>> torques = bearing.run_counts([10**6, -(10**6)])
     >>> round(bearing.work)  # 2000 rad at 0.5 N m, less the bends
     1000
@@ -513,7 +513,7 @@ class VelocityTable:
     a step from Python, 5 ns a tick in run_counts(). Immutable; equal where torques and segment_bits
     are; picklable. Raises dahl.Error naming the argument, its value and its limit.
 
-    >>> viscous = VelocityTable(torque=[0.01 * (k + 1) for k in range(16)], segment_bits=2)
+    >>> viscous = dahl.VelocityTable(torque=[0.01 * (k + 1) for k in range(16)], segment_bits=2)
     >>> viscous.step_counts(-8), viscous.step_counts(0)
     (-0.019999999552965164, 0.0)
     """

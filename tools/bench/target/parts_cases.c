@@ -7,6 +7,8 @@
 float call_slip(const dahl_slip_plan_t *, dahl_slip_state_t *, int32_t) __asm__("bench_call");
 dahl_err_t call_slip_prepare(dahl_slip_plan_t *, const dahl_slip_params_t *) __asm__("bench_call");
 float call_parallel(const dahl_part_t *, uint32_t, int32_t) __asm__("bench_call");
+void call_shares(int32_t *, const dahl_part_t *, uint32_t) __asm__("bench_call");
+int32_t call_parallel_q30(const dahl_part_t *, const int32_t *, uint32_t, int32_t) __asm__("bench_call");
 
 #define PARTS_MOST 4
 
@@ -57,8 +59,9 @@ static void bench_slip_prepare(const char *name, uint32_t elements)
 }
 
 /* Dahl elements, of Fc that differ, by moves that are one table entry each. */
-static void bench_parallel(const char *name, uint32_t count)
+static void bench_parallel(const char *name, const char *name_q30, const char *name_shares, uint32_t count)
 {
+    int32_t shares[PARTS_MOST];
     dahl_plan_t plan[PARTS_MOST];
     dahl_state_t state[PARTS_MOST] = {{0}};
     dahl_part_t parts[PARTS_MOST];
@@ -78,6 +81,16 @@ static void bench_parallel(const char *name, uint32_t count)
             call_parallel(parts, count, moves[i]);
         }
     }
+    bench_case(name_shares);
+    bench_function = (bench_function_t)dahl_parallel_shares;
+    call_shares(shares, parts, count);
+    bench_case(name_q30);
+    bench_function = (bench_function_t)dahl_parallel_step_counts_q30;
+    for (unsigned i = 0; i < MOVES; i++) {
+        if (-8 <= moves[i] && moves[i] <= 8) {
+            call_parallel_q30(parts, shares, count, moves[i]);
+        }
+    }
 }
 
 void bench_parts(void)
@@ -88,9 +101,9 @@ void bench_parts(void)
     bench_slip("slip_8", "slip_8_q30", 8);
     bench_slip_prepare("slip_prepare_1", 1);
     bench_slip_prepare("slip_prepare_8", 8);
-    bench_parallel("parallel_1", 1);
-    bench_parallel("parallel_2", 2);
-    bench_parallel("parallel_4", 4);
+    bench_parallel("parallel_1", "parallel_1_q30", "parallel_1_shares", 1);
+    bench_parallel("parallel_2", "parallel_2_q30", "parallel_2_shares", 2);
+    bench_parallel("parallel_4", "parallel_4_q30", "parallel_4_shares", 4);
     bench_number("slip_plan_bytes", sizeof(dahl_slip_plan_t));
     bench_number("slip_state_bytes", sizeof(dahl_slip_state_t));
 }
