@@ -159,6 +159,21 @@ def under_load(seed: int) -> Log:
     return replace(motion.log(np.array(drawn)), load=load[LEAD:])
 
 
+def in_step(seed: int) -> Log:
+    """Cycles of a whole number of rows, 60 to 400: the counts are the same in each."""
+    motion, draw = Motion(seed), np.random.default_rng([seed, 11])
+    cycle = int(np.exp(draw.uniform(np.log(60), np.log(400))))
+    phase = 2 * np.pi * (np.arange(-LEAD, ROWS) % cycle / cycle + draw.uniform())
+    motion.theta = draw.uniform(6, 15) * FC / SIGMA0 * np.sin(phase)
+    return motion.log(dahl(motion.theta), 0.01)
+
+
+def stale(seed: int, every: int) -> Log:
+    """The angle is read every so many rows, the torque in each."""
+    log = plain(seed)
+    return replace(log, theta=log.theta[np.arange(ROWS) // every * every])
+
+
 def gaps(seed: int) -> Log:
     """Some of the log is lost: a tenth of a second here and there."""
     log, draw = plain(seed), np.random.default_rng([seed, 9])
@@ -198,6 +213,8 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "Fc trend 20 %": lambda seed: changing(seed, 1 + RAMP),
     "Fc step 20 %": lambda seed: changing(seed, np.where(HALF, 1.1, 0.9)),
     "load that swings by half": under_load,
+    "encoder in step, 1 %": in_step,
+    "angle read every 10 rows": lambda seed: stale(seed, 10),
     "gaps": gaps,
     "wrap": wrapped,
 }

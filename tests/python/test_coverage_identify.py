@@ -32,7 +32,7 @@ WITHIN = {"sigma0": 0.01, "Fc": 0.003}  # median error where a claim has to be m
 QUICK = (
     *MUST_CLAIM,
     *("delay of 3 rows", "exponent 1.6", "Stribeck 30 %", "two elements"),
-    "load that swings by half",
+    *("load that swings by half", "encoder in step, 1 %"),
 )
 
 

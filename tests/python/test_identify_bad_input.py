@@ -6,11 +6,15 @@ each kind of file is read to the same numbers.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import logging
 import re
 import shutil
 import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import can
 import log_writers
@@ -20,7 +24,7 @@ import pytest
 from dahl import Error
 from dahl.identify import folder_runs, pipeline, readers
 from identify_tools import COUNT, FC, caller, dahl_torque, noise_of, sine, synthetic, write_csv
-from log_writers import DBC, FRAMES
+from log_writers import DBC, FRAMES, LOAD, SHAFT
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -310,12 +314,13 @@ def test_a_table_without_rows(run_dahl, tmp_path):
     assert "0 rows" in refused(run_dahl, tmp_path / "empty.parquet")
 
 
-@pytest.mark.parametrize("kind", ["mf4", "raw.mf4"])
-def test_an_mf4_not_closed_leaves_no_copy(files, kind, tmp_path, monkeypatch):
+@pytest.mark.parametrize("ending", ["mf4", "raw.mf4", "MF4"])
+def test_an_mf4_not_closed_leaves_no_copy(files, ending, tmp_path, monkeypatch):
     """asammdf works on a copy of such a file; of a broken one it is left to us."""
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
-    whole, open_ = bytearray(files[kind].read_bytes()), tmp_path / f"open.{kind}"
+    kind = ending.lower()
+    whole, open_ = bytearray(files[kind].read_bytes()), tmp_path / f"open.{ending}"
     whole[60] = 1  # "some counts are not right yet"
     copies = []
     copy = shutil.copy
@@ -380,6 +385,54 @@ def test_a_dbc_with_a_fault_elsewhere_is_taken(files, tmp_path):
     (tmp_path / "odd.dbc").write_text(DBC + odd, encoding="cp1252")
     source = readers.Source("Angle", "Torque", dbc=tmp_path / "odd.dbc")
     assert readers.read(files["blf"], source).rows == ROWS
+
+
+def shaft_on(channel: object, sign: int, **kind: bool) -> Iterator[can.Message]:
+    """100 angles and torques of the DBC's messages; the angle goes up or down by a raw step."""
+    for k in range(100):
+        for number, value, late in ((SHAFT, sign * k, 0.0), (LOAD, k % 9, 2e-4)):
+            data = value.to_bytes(4, "little", signed=True) + bytes(4)
+            yield can.Message(
+                timestamp=1 + k * 1e-3 + late,
+                arbitration_id=number,
+                data=data,
+                channel=channel,
+                **{"is_extended_id": False, **kind},
+            )
+
+
+def recorded(path: Path, *shafts: Iterator[can.Message]) -> Path:
+    with can.Logger(path) as logger:
+        for message in sorted(itertools.chain(*shafts), key=lambda one: one.timestamp):
+            logger.on_message_received(message)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("ending", "names"), [("log", ("can0", "can1")), ("blf", (0, 1)), ("asc", (0, 1))]
+)
+def test_a_signal_on_two_channels_is_no_signal(tmp_path, ending, names):
+    """Two shafts would be read as one that jumps to and fro."""
+    (tmp_path / "bus.dbc").write_text(DBC)
+    source = readers.Source("Angle", "Torque", dbc=tmp_path / "bus.dbc")
+    shafts = (shaft_on(name, sign) for name, sign in zip(names, (1, -1), strict=True))
+    log = recorded(tmp_path / f"two.{ending}", *shafts)
+    with pytest.raises(Error, match=f"'Angle' comes on channels {names[0]}, {names[1]}: which"):
+        readers.read(log, source)
+    for name, sign in zip(names, (1, -1), strict=True):
+        one = readers.read(log, replace(source, channel=str(name)))
+        assert one.rows == 100 and (np.sign(np.diff(one.theta)) == sign).all()
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, first):
+    (tmp_path / "bus.dbc").write_text(DBC)
+    source = readers.Source("Angle", "Torque", dbc=tmp_path / "bus.dbc")
+    other = [*shaft_on("can0", -1, is_extended_id=True)]
+    for message in other:
+        message.timestamp += -1e-4 if first else 1e-4
+    one = readers.read(recorded(tmp_path / "both.log", shaft_on("can0", 1), iter(other)), source)
+    assert one.rows == 100 and (np.diff(one.theta) > 0).all()
 
 
 def test_frames_that_say_nothing_of_a_signal_are_left_out(tmp_path):

@@ -6,9 +6,11 @@ are made by hand, so that each number is known.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import identify_truth
 import numpy as np
 import pytest
 from dahl import Error
@@ -18,11 +20,15 @@ from dahl.identify import (
     drift,
     explore,
     grid,
+    in_step,
     lowpass,
+    path,
     pipeline,
     plan_quality,
+    play,
     recording,
     torque_steps,
+    turning,
 )
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log
@@ -336,9 +342,9 @@ def test_the_parameters_behind_a_filter_are_found_again():
 def test_a_filter_explains_clearly_more(before, after, said):
     """A fifth of the squares, or surely something."""
     uneven = np.resize(np.repeat([1.0, -1.0], 20), 800)
-    assert lowpass._better(before + 0.9 * uneven, np.full(800, after)) is said
+    assert lowpass.is_better(before + 0.9 * uneven, np.full(800, after)) is said
     steady = np.full(800, 1.0)
-    assert lowpass._better(steady + 0.01 * np.resize([1, -1], 800), steady - 0.01)
+    assert lowpass.is_better(steady + 0.01 * np.resize([1, -1], 800), steady - 0.01)
 
 
 def test_a_bilinear_loop_is_no_filtered_one(good):
@@ -349,9 +355,65 @@ def test_a_bilinear_loop_is_no_filtered_one(good):
     assert not lowpass._bent_otherwise(good, 0.99 * cost)
 
 
-def test_a_log_without_a_clock_is_not_asked_for_filters(good):
-    late = replace(good, delay=5.0, logs=[replace(good.logs[0], time=None)])
-    assert lowpass.finding(late) == []
+def test_a_log_of_edges_without_a_clock_is_not_asked_for_filters(good):
+    """Its rows are no time at all."""
+    steps = np.sign(np.diff(good.logs[0].theta, append=0.0))
+    log = replace(good.logs[0], theta=np.cumsum(steps) * COUNT, time=None, resolution=COUNT)
+    assert lowpass.finding(replace(good, delay=5.0, logs=[log])) == []
+
+
+@pytest.mark.parametrize("rows", [3, 6])
+def test_a_torque_that_comes_late_is_doubted_without_a_clock_too(rows):
+    """Rows are of one length where a clock made them, told or not."""
+    log = synthetic(3, part=0.01)
+    late = replace(log, torque=np.roll(log.torque, rows), time=None)
+    result = pipeline.identify([late])
+    assert not result.verdict.sigma0
+    assert "torque looks late or low-passed" in result.verdict.text
+    assert pipeline.identify([replace(log, time=None)]).verdict.sigma0
+
+
+def behind(theta: np.ndarray, width: float) -> np.ndarray:
+    """An angle behind a play."""
+    drawn, one = [], theta[0]
+    for ahead in theta:
+        one = min(max(one, ahead - width / 2), ahead + width / 2)
+        drawn.append(one)
+    return np.array(drawn)
+
+
+@pytest.mark.parametrize("where", ["before", "in"])
+def test_a_play_beside_the_encoder_is_no_delay(where):
+    """Eight counts of it, between encoder and bearing or in the encoder's coupling: as a delay they
+    put sigma0 off by 37 and 90 %.
+    """
+    true, width = sine(2, amplitude=0.06), 8 * COUNT
+    bearing, encoder = (
+        (behind(true, width), true) if where == "before" else (true, behind(true, width))
+    )
+    torque = dahl_torque(bearing) + 0.05 * FC * noise_of(2, len(true))
+    read = np.floor(encoder / COUNT + 0.3) * COUNT
+    time = np.arange(len(true)) * 1e-3
+    result = pipeline.identify([Log("lost motion", read, torque, time, resolution=COUNT)])
+    assert not result.verdict.sigma0
+    assert f" {where} the encoder explains it as well" in result.verdict.text
+    ends = result.estimate.ci95["sigma0"]
+    assert ends.low <= 1.1 * SIGMA0 and ends.high >= 0.9 * SIGMA0
+
+
+def test_a_true_delay_is_no_play():
+    log = synthetic(3)
+    late = replace(log, torque=np.roll(log.torque, 1))
+    result = pipeline.identify([late])
+    assert result.verdict.sigma0 and "play" not in result.verdict.text
+
+
+def test_a_play_is_led_and_followed_back():
+    """On a way that turns with its speed at zero, as its rest tells."""
+    true, width = sine(1, cycles=3), 20 * COUNT
+    seen = behind(true, width)
+    assert play.followed(true, width) == pytest.approx(seen)
+    assert play.led(seen, seen, width)[1000:] == pytest.approx(true[1000:], abs=0.05 * width)
 
 
 @pytest.mark.parametrize(
@@ -570,3 +632,122 @@ def test_a_coarse_torque_has_the_truth_in_its_intervals():
             within = result.estimate.ci95[name]
             assert within.low <= truth <= within.high or not result.verdict.identifiable[name]
         assert "torque comes in steps" in result.verdict.text
+
+
+# --- an encoder that is read in step --------------------------------------------------------------
+
+
+def in_step_words(log) -> list[str]:
+    result = pipeline.identify([log])
+    return [note for note in result.logs[0].notes if "in step" in note]
+
+
+def test_an_encoder_read_in_step_is_named_and_widens_the_intervals():
+    """The same counts in each cycle; where each stroke has its own length nothing is said."""
+    log = identify_truth.in_step(1000)
+    (words,) = in_step_words(log)
+    assert re.search(r"sigma0 may be \d\.\d+ % off", words)
+    length = in_step.period_of(log, 0.3 * FC / SIGMA0)
+    turns = path.reversals(log.theta, 0.3 * FC / SIGMA0)[::2]
+    assert length == pytest.approx(np.diff(turns).mean(), abs=0.6)
+    assert in_step.period_of(replace(log, resolution=0.0), 0.3 * FC / SIGMA0) == 0
+    swelling = np.round(log.theta * np.linspace(1, 3, log.rows) / COUNT) * COUNT
+    assert in_step.period_of(replace(log, theta=swelling), 0.3 * FC / SIGMA0) == 0
+    slow = replace(log, theta=np.repeat(log.theta, 60))
+    assert in_step.period_of(slow, 0.3 * FC / SIGMA0) == 0  # more than 3000 rows a cycle
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "Fc", "left", "reach"),
+    [
+        # errors of 3 % and 4 % in turn: 2.306 standard errors beside the interval's half width
+        ((1.03, 0.96), (1.0, 1.0), 1.9, {"sigma0": 2.306 * np.sqrt((0.03**2 + 0.04**2) / 2)}),
+        ((1.0, 1.0), (0.99, 0.99), 0.1, {"Fc": 2.306 * 0.01}),
+        ((1.0, 1.0), (1.0, 1.0), 1.0, {}),
+        # rounding would leave more than twice the squares that there are: it is none
+        ((1.03, 0.96), (1.0, 1.0), 2.1, {}),
+    ],
+)
+def test_what_a_rounding_in_step_moves(good, monkeypatch, sigma0, Fc, left, reach):  # noqa: N803
+    """Each trial rounds elsewhere; the roots of the mean squares widen the intervals."""
+    made, best = [], good.estimate
+    monkeypatch.setattr(in_step, "period_of", lambda *_: 500)
+
+    def refit(logs):
+        k = len(made) % 2
+        made.append(logs[0])
+        made_of = {"sse": left * best.sse, "rows": best.rows}
+        return SimpleNamespace(sigma0=best.sigma0 * sigma0[k], Fc=best.Fc * Fc[k], **made_of)
+
+    found = in_step.finding(good, refit, 0.001)
+    assert len(made) == 8 and {log.rows for log in made} == {min(4000, good.raw[0].rows)}
+    counts = [tuple(np.round(log.theta / log.resolution).astype(int)) for log in made]
+    assert len(set(counts)) == 8 and np.ptp([row[0] for row in counts]) <= 3
+    wanted = {
+        name: np.hypot(error, best.ci95[name].relative(getattr(best, name)))
+        for name, error in reach.items()
+    }
+    ends = {name: end for one in found for name, end in one.reach.items()}
+    assert set(ends) == set(wanted) and not any(one.doubts for one in found)
+    for name, part in wanted.items():
+        value = getattr(best, name)
+        assert ends[name] == pytest.approx((value * (1 - part), value * (1 + part)), rel=1e-3)
+
+
+# --- turning points between the rows --------------------------------------------------------------
+
+
+def coarse(seed: int, rows_a_cycle: float, noise: float = 0.01) -> Log:
+    """The torque of a shaft that turns between the rows: 16 steps of the truth in each."""
+    phase = 2 * np.pi * np.arange(3000 * 16) / (16 * rows_a_cycle) + seed
+    theta = 4 * FC / SIGMA0 * np.sin(phase)
+    torque = dahl_torque(theta)[::16] + noise * FC * noise_of(seed, 3000)
+    return Log("x", np.floor(theta[::16] / COUNT) * COUNT, torque, resolution=COUNT)
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_a_shaft_that_turns_between_the_rows(seed):
+    result = pipeline.identify([coarse(seed, 18.37)])
+    (note,) = [note for note in result.logs[0].notes if "turns between the rows" in note]
+    assert re.search(r"(sigma0|Fc) may be \d", note)
+    for name, truth in (("sigma0", SIGMA0), ("Fc", FC)):
+        ends = result.estimate.ci95[name]
+        assert not result.verdict.identifiable[name] or ends.low <= truth <= ends.high
+    fine = pipeline.identify([coarse(seed, 150.37)])
+    assert not [note for note in fine.logs[0].notes if "turns between" in note]
+
+
+def test_the_travel_that_no_row_tells():
+    """Of parabolas whose vertex is half-way between two rows, and in a row."""
+    half = -((np.arange(-4, 4) + 0.5) ** 2)
+    assert turning.untold(Log("x", half, half), 1.0) == pytest.approx(2 * 0.25)
+    whole = -(np.arange(-4.0, 5.0) ** 2)
+    assert turning.untold(Log("x", whole, whole), 1.0) == 0.0
+    assert turning.untold(Log("x", np.arange(9.0), np.arange(9.0)), 1.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("off", "left", "said"),
+    [(0.2, 1.9, True), (-0.1, 0.1, True), (1e-4, 1.0, False), (0.2, 2.1, False)],
+)
+def test_what_turning_between_the_rows_moves(good, monkeypatch, off, left, said):
+    """What the parameters then are, one and a half times as far, with the width that they have."""
+    best, made = good.estimate, []
+    monkeypatch.setattr(turning, "untold", lambda *_: 1.0)
+
+    def refit(logs):
+        made.extend(logs)
+        made_of = {"sse": left * best.sse, "rows": best.rows}
+        return SimpleNamespace(sigma0=best.sigma0 * (1 + off), Fc=best.Fc, **made_of)
+
+    found = turning.finding(good, refit, 0.001)
+    assert [log.rows for log in made] == [log.rows for log in good.logs]
+    assert bool(found) == said
+    if said:
+        low, high = found[0].reach["sigma0"]
+        half = (best.ci95["sigma0"].high - best.ci95["sigma0"].low) / 2
+        true = best.sigma0 / (1 + 1.5 * off)
+        assert (low, high) == pytest.approx(
+            (min(true - half, best.sigma0), max(true + half, best.sigma0))
+        )
+        assert list(found[0].reach) == ["sigma0"] and not found[0].doubts

@@ -26,6 +26,12 @@ def clipped(part: float) -> Log:
     return log
 
 
+def creeping(end: float) -> Log:
+    """A shaft that takes six rows and more for a count, and a sensor that ends at a part of Fc."""
+    log = synthetic(1, rows=8000, cycles=4, amplitude=0.02)
+    return replace(log, torque=np.clip(log.torque, -end * FC, end * FC))
+
+
 def spanning(span: float, linear: bool) -> Log:
     log = synthetic(1, rows=400, cycles=2)
     theta = log.theta * span / np.ptp(log.theta)
@@ -46,6 +52,8 @@ def in_degrees(counts: float) -> Log:
         (clipped(0.015), ""),
         (replace(clipped(0.03), torque=-clipped(0.03).torque), "clipped"),
         (replace(clipped(0.015), torque=-clipped(0.015).torque), ""),
+        (creeping(0.9), "clipped"),
+        (creeping(2), ""),
         (synthetic(1, rows=29), "29 rows; at least 30"),
         (synthetic(1, rows=30), ""),
         (spanning(1.1e2, True), "is the unit right"),

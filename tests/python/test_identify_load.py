@@ -12,8 +12,10 @@ import subprocess
 import numpy as np
 import pytest
 from conftest import built
-from dahl import Error, data, logs, report, scene
-from dahl.identify import output, pipeline, readers
+from dahl import Error, data, logs, plots, report, scene
+from dahl.identify import draw, output, pipeline, readers
+from dahl.identify import load as following
+from dahl.identify.cycles import jackknife, least_squares
 from dahl.identify.log import Log
 from identify_tools import COUNT, FC, SIGMA0, caller, complaint, noise_of, sine
 
@@ -76,6 +78,39 @@ def test_a_load_is_followed(course):
 
 def inside(value: float, interval: pipeline.Interval) -> bool:
     return bool(interval.low <= value <= interval.high)
+
+
+def sigma0_without(
+    loads: following.Loads, cycle: int, at: tuple[float, float], free: bool
+) -> float:
+    """By a fit of its own to all other cycles, to the end, with the slope as well or at that of
+    all.
+    """
+    a, slope = at
+    for _ in range(6):
+        grams = loads.grams(a, slope)
+        keep = [k for k in range(grams.shape[1]) if free or k != 2]
+        Fc, *changes = least_squares((grams.sum(axis=0) - grams[cycle])[np.ix_(keep, keep)])  # noqa: N806
+        a *= np.exp(changes[0] / Fc)
+        slope += changes[1] / Fc / loads.range if free else 0.0
+    return a * Fc
+
+
+@pytest.mark.parametrize(
+    ("course", "seed", "more"),
+    [("swings", 0, 0.1999), ("swings", 0, MORE), ("swings within each stroke", 1, MORE)],
+)
+def test_the_interval_of_sigma0_holds_what_is_not_known_of_the_slope(course, seed, more):
+    """It is as much wider as sigma0 scatters more where each cycle in turn is left out."""
+    log = loaded(course, seed, more)
+    of = [log], pipeline.identify([log]).estimate, 5 * COUNT
+    follows, loads = following.found(*of), following.Loads(*of)
+    at, cycles = (follows.a, follows.slope), range(len(loads.grams(follows.a, follows.slope)))
+    errors = [
+        jackknife(np.array([sigma0_without(loads, k, at, free) for k in cycles]))
+        for free in (True, False)
+    ]
+    assert follows.wider["sigma0"] == pytest.approx(errors[0] / errors[1], abs=0.005)
 
 
 def test_a_load_that_goes_to_nothing():
@@ -181,6 +216,19 @@ def test_the_header_takes_the_load_as_it_is_measured(left, root):
         [program], input="99999999 -1e9 1 nan", check=True, capture_output=True, text=True
     )
     assert ends.stdout.split() == ["0", "0"]  # no load, no friction
+
+
+def test_the_picture_draws_the_fit_through_the_measured_loop(left, monkeypatch, tmp_path):
+    """What the load adds included; both curves over the same angle."""
+    _, log, result = left
+    figures = []
+    monkeypatch.setattr(plots, "save", lambda figure, path: figures.append(figure))
+    draw.draw(tmp_path / "x.png", result)
+    lines = {line.get_label(): line for axes in figures[0].axes for line in axes.lines}
+    (angle, measured), (at, fitted) = (lines[n].get_data() for n in ("as measured", "fitted"))
+    assert at == pytest.approx(angle, abs=COUNT)
+    assert np.ptp(measured) == pytest.approx(np.ptp(log.torque), rel=0.1)
+    assert np.sqrt(np.mean((fitted - measured) ** 2)) < 0.02 * FC
 
 
 def test_the_scene_replays_the_load(left, dahl_loop):

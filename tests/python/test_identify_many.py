@@ -224,8 +224,10 @@ def test_the_command(folder, tmp_path, run_dahl, monkeypatch):
     shown = {name.strip(): [cell.strip() for cell in cells] for name, *cells in lines}
     assert shown["broken.csv"] == ["", "", "", "broken"]
     for row in rows[1:]:
-        numbers = [f"{float(row[name]):.5g}" for name in ("sigma0", "Fc", "r2")]
+        sigma0, limit, r2 = (f"{float(row[name]):.5g}" for name in ("sigma0", "Fc", "r2"))
+        numbers = [f"{sigma0} N m/rad", f"{limit} N m", r2]
         assert shown[row["log"]] == [*numbers, row["verdict"]]
+        assert (row["sigma0_unit"], row["Fc_unit"]) == ("N m/rad", "N m")
     assert run_dahl("identify", "--each", tmp_path / "none").returncode == 2
     (folder / "broken.csv").unlink()
     assert run_dahl("identify", "--each", folder, "-o", tmp_path / "out").returncode == 0
@@ -253,7 +255,8 @@ def test_one_broken_log_of_a_joint_fit_is_left_out(folder, run_dahl):
 def frames(rows: int, noise: float):
     """A log as frames of two messages, the torque 0.3 ms after the angle."""
     database = cantools.database.load_string(DBC)
-    theta = np.floor(sine(1, rows=rows, cycles=rows / 1000) / COUNT) * COUNT
+    grows = np.linspace(1, 1.5, rows)  # so that no cycle has the counts of another
+    theta = np.floor(sine(1, rows=rows, cycles=rows / 1000) * grows / COUNT) * COUNT
     torque = dahl_torque(theta) + noise * FC * noise_of(1, rows)
     for row in range(rows):
         for name, key, value, late in (

@@ -19,6 +19,7 @@ from dahl.cli import build_parser
 from dahl.identify import draw, output, pipeline
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Interval
+from dahl.identify.terms import torque_of
 from identify_tools import COUNT, FC, SIGMA0, caller, dahl_torque, noise_of, sine, synthetic
 from log_writers import DBC
 from rich.console import Console
@@ -414,11 +415,12 @@ def test_the_scene_and_its_log_are_those_of_the_first_log(result, tmp_path):
     angle, torque = table.values()
     assert angle == pytest.approx(log.theta - log.theta[0], abs=1e-9)
     timed = {name: estimate.terms[name] for name in ("viscous", "inertia")}
-    assert torque == pytest.approx(log.torque - pipeline.extra(log, timed), abs=1e-7)
+    assert torque == pytest.approx(log.torque - torque_of(log, timed), abs=1e-7)
     assert played.theta_per_count == pytest.approx(log.resolution)
     assert float(played.motion["counts_per_unit"]) == pytest.approx(1 / log.resolution)
     assert (played.measured.unit, played.measured.torque_scale) == ("N", 1.0)
-    assert played.measured.label_angle.endswith("[m]")
+    assert played.measured.label_angle == "position from the start [mm]"
+    assert played.measured.angle_scale == 1000.0
     gone = np.cumsum(np.abs(log.moves))[played.measured.settle]
     assert gone == pytest.approx(5 / estimate.a, rel=0.05)
 

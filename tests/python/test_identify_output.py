@@ -22,6 +22,7 @@ from identify_tools import (
     COUNT,
     FC,
     SIGMA0,
+    caller,
     dahl_torque,
     noise_of,
     sine,
@@ -48,6 +49,17 @@ int main(void)
 @pytest.fixture(scope="module")
 def found():
     return pipeline.identify([synthetic(1)])
+
+
+@pytest.mark.parametrize("stem", ["$\\undefined$", "ä ö", "(1)", "+"])
+def test_a_log_may_have_any_name(tmp_path, stem, capsys):
+    """Dollars are no formula, and what has no letter of C is "log"."""
+    log = synthetic(1, rows=2000, cycles=8)
+    write_csv(tmp_path / f"{stem}.csv", log.theta, log.torque)
+    run = caller(capsys)("identify", tmp_path / f"{stem}.csv", "-o", tmp_path / "out")
+    assert run.returncode == 0, run.stderr
+    name = {"ä ö": "log", "+": "log", "(1)": "1"}.get(stem, "undefined")
+    assert (tmp_path / "out" / f"{name}.png").is_file()
 
 
 def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:

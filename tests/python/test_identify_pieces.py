@@ -47,6 +47,7 @@ from dahl.identify.finding import Finding
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.result import Cycles, Result
+from dahl.identify.terms import TIMED, place_of, torque_of
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, springs, synthetic
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
@@ -458,11 +459,12 @@ def test_the_head_of_a_log_and_its_moves():
     assert log.moves.tolist() == [0, 2, 3, 4]
     assert log.moves_of(slice(0, 4)).tolist() == [0, 2, 3, 4]
     assert log.moves_of(slice(2, 4)).tolist() == [3, 4]
-    free = replace(log, free_moves=np.array([0.0, 1, 1, 1]))
+    free = replace(log, free_moves=np.array([0.0, 1, 1, 1]), weight=np.ones(4))
     assert free.moves_of(slice(1, 3)).tolist() == [1, 1] and free.moves.tolist() == [0, 2, 3, 4]
     assert log.head(4) is log and log.head(5) is log
     short = free.head(3)
-    assert (short.rows, len(short.torque), len(short.time), len(short.free_moves)) == (3, 3, 3, 3)
+    columns = (short.theta, short.torque, short.time, short.weight, short.free_moves)
+    assert [len(column) for column in columns] == [3] * 5
     assert (log.unit, log.slope_unit, log.angle_unit) == ("N m", "N m/rad", "rad")
     linear = replace(log, linear=True)
     assert (linear.unit, linear.slope_unit, linear.angle_unit) == ("N", "N/m", "m")
@@ -722,7 +724,7 @@ def test_squares_of_the_residuals_that_are_looked_at(monkeypatch):
     heavy = replace(log, weight=RNG.uniform(size=1500))
     result = SimpleNamespace(logs=[log, heavy], predicted=[drawn, drawn])
     left = (log.torque - drawn)[:50] ** 2
-    assert lowpass._squares(result) == pytest.approx(
+    assert lowpass.squares_of(result) == pytest.approx(
         np.concatenate((left, heavy.weight[:50] * left))
     )
 
@@ -749,9 +751,9 @@ def test_the_noise_of_an_angle(counts, spikes):
 def test_a_path_is_smoothed_by_parts_of_its_strokes():
     true = sine(1, rows=4000, cycles=6)
     rough = true + 1e-3 * RNG.normal(size=4000)
-    smooth = angle_noise._smoothed(rough)
+    smooth = angle_noise.smoothed(rough)
     assert np.std(smooth - true) < 0.4 * np.std(rough - true)
-    assert angle_noise._smoothed(true) == pytest.approx(true, abs=2e-4)
+    assert angle_noise.smoothed(true) == pytest.approx(true, abs=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -860,13 +862,14 @@ def test_where_a_slope_is_sought():
     study = pipeline.Study([log, other])
     assert study.low == pytest.approx(2 / max(np.ptp(log.theta), np.ptp(other.theta)))
     assert study.high == pytest.approx(3 / (2 * COUNT))
-    assert study.candidates == ["offset", "spring", "viscous", "inertia"] and study.blocks == 12
+    assert {"viscous", "inertia"} <= set(study.candidates) and study.blocks == 12
     assert {one.zero for one in study.logs} == {log.theta[0]}
     bare = [replace(log, resolution=0.0, time=None)]
     study = pipeline.Study(bare)
     moves = np.abs(np.diff(log.theta))
     assert study.high == pytest.approx(9 / np.median(moves[moves > 0]))
-    assert study.candidates == ["offset", "spring"] and study.blocks == 24
+    assert "spring" in study.candidates and TIMED.isdisjoint(study.candidates)
+    assert study.blocks == 24
     assert pipeline.Study([log] * 8).blocks == 4
     coarse = pipeline.Study([replace(log, resolution=0.05)])
     assert coarse.high == pytest.approx(100 * coarse.low)
@@ -887,13 +890,13 @@ def test_a_prediction_has_the_best_beginning():
 def test_the_torque_of_the_terms():
     log = log_of(0 * THETA, THETA, zero=0.02)
     speed = np.gradient(THETA, 1e-3)
-    found = pipeline.extra(log, {"offset": 0.5, "spring": 3.0, "viscous": 0.2})
+    found = torque_of(log, {"offset": 0.5, "spring": 3.0, "viscous": 0.2})
     inner = slice(20, -20)
     wanted = 0.5 + 3.0 * (THETA - 0.02) + 0.2 * speed
     assert found[inner] == pytest.approx(wanted[inner], rel=1e-3, abs=2e-3)
-    mass = pipeline.extra(log, {"inertia": 1.0})[inner]
+    mass = torque_of(log, {"inertia": 1.0})[inner]
     assert np.corrcoef(mass, -THETA[inner])[0, 1] > 0.999 and mass.max() > 50
-    assert pipeline.extra(log, {}).tolist() == [0.0] * 1500
+    assert torque_of(log, {}).tolist() == [0.0] * 1500
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -1040,38 +1043,53 @@ def test_sets_of_terms_that_draw_a_short_log_as_well():
 # --- files and units ------------------------------------------------------------------------------
 
 
-def test_every_unit_is_what_it_is():
-    inch, pound, g = 0.0254, 0.45359237, 9.80665
+INCH = 0.0254  # m
+
+
+def test_every_unit_of_torque_is_what_it_is():
+    inch, pound, g = INCH, 0.45359237, 9.80665
     torques = {
         "Nm": 1,
         "mNm": 1e-3,
+        "uNm": 1e-6,
+        "cNm": 1e-2,
         "kNm": 1e3,
+        "MNm": 1e6,
+        "ozin": pound * g * inch / 16,
         "lbin": pound * g * inch,
         "lbft": pound * g * inch * 12,
         "N": 1,
         "mN": 1e-3,
         "uN": 1e-6,
         "kN": 1e3,
+        "MN": 1e6,
         "lb": pound * g,
         "kip": 1000 * pound * g,
     }
     assert units.TORQUES == pytest.approx(torques, rel=1e-8)
+
+
+def test_every_unit_of_angle_and_time_is_what_it_is():
     angles = {
         "deg": (np.pi / 180, False),
         "rad": (1, False),
         "mrad": (1e-3, False),
+        "urad": (1e-6, False),
+        "arcmin": (np.pi / 180 / 60, False),
+        "arcsec": (np.pi / 180 / 3600, False),
         "turn": (2 * np.pi, False),
         "counts": (0, False),
         "m": (1, True),
+        "cm": (1e-2, True),
         "mm": (1e-3, True),
         "um": (1e-6, True),
-        "in": (inch, True),
+        "in": (INCH, True),
     }
     assert {name: size for name, (size, _) in units.ANGLES.items()} == pytest.approx(
         {name: size for name, (size, _) in angles.items()}
     )
     assert {k: v for k, (_, v) in units.ANGLES.items()} == {k: v for k, (_, v) in angles.items()}
-    assert units.TIMES == {"s": 1, "sec": 1, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}
+    assert units.TIMES == {"s": 1, "sec": 1, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
 @pytest.mark.parametrize(
@@ -1095,6 +1113,24 @@ def test_every_unit_is_what_it_is():
         ("force [µN]", units.TORQUES, "uN"),
         ("force_n", units.TORQUES, ""),
         ("force_N", units.TORQUES, "N"),
+        ("torque [N·m]", units.TORQUES, "Nm"),
+        ("torque (mN.m)", units.TORQUES, "mNm"),
+        ("torque [Ncm]", units.TORQUES, "cNm"),
+        ("force [mN]", units.TORQUES, "mN"),
+        ("force [MN]", units.TORQUES, "MN"),
+        ("torque_MNm", units.TORQUES, "MNm"),
+        ("angle [rev]", units.ANGLES, "turn"),
+        ("angle (arcmin)", units.ANGLES, "arcmin"),
+        ("pos_cm", units.ANGLES, "cm"),
+        ("theta_m", units.ANGLES, ""),
+        ("angle_in", units.ANGLES, ""),
+        ("theta_in_deg", units.ANGLES, "deg"),
+        ("theta [in]", units.ANGLES, "in"),
+        ("pos_in", units.ANGLES, "in"),
+        ("x_m", units.ANGLES, "m"),
+        ("time [µs]", units.TIMES, "us"),
+        ("time [μs]", units.TIMES, "us"),
+        ("stamp_ns", units.TIMES, "ns"),
         ("time [ms]", units.TIMES, "ms"),
         ("Time (seconds)", units.TIMES, "s"),
     ],
@@ -1264,6 +1300,7 @@ def test_where_rows_are_in_a_json():
 
 def test_what_is_kept_as_a_result():
     whole = {name: 0 for name in ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")}
+    whole["units"] = {"sigma0": "N/m", "Fc": "N"}
     ends = {"sigma0": [1, 2], "Fc": [1, None]}
     assert folder_runs.is_result({**whole, "ci95": ends})
     assert folder_runs.is_result({"error": "why"})
@@ -1272,6 +1309,7 @@ def test_what_is_kept_as_a_result():
         [],
         {},
         {"error": 3},
+        {**whole, "ci95": ends, "units": None},
         whole,
         {**whole, "ci95": {"sigma0": [1, 2]}},
         {**whole, "ci95": {**ends, "Fc": [1]}},
@@ -1426,7 +1464,8 @@ def test_what_is_found_on_the_way_reaches_the_result(monkeypatch):
     monkeypatch.setattr(fit, "estimate", lambda *words: hidden.append(words[2]) or estimate(*words))
     found = pipeline.identify([log], pipeline.Options(target_counts=5000))
     assert found.delay == 2.5 and found.inner and found.explored is again
-    assert found.notes[-1].endswith("torque comes 2.5 rows (0.0025 s) late")
+    late = [note.endswith("torque comes 2.5 rows (0.0025 s) late") for note in found.notes]
+    assert late.count(True) == 1
     assert list(found.estimate.terms) == ["offset", "spring"]
     assert hidden == [pytest.approx(0.04)]
     assert found.raw[0].torque.tolist() == log.torque.tolist()
@@ -1679,7 +1718,7 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes):
     for name, true in (("sigma0", SIGMA0), ("Fc", FC)):
         assert getattr(best, name) == pytest.approx(true, rel=0.05)
         ends = best.ci95[name]
-        assert ends.low < getattr(best, name) < ends.high < (1.6, 1.2)[claimed] * ends.low
+        assert ends.low < getattr(best, name) < ends.high < (1.8, 1.2)[claimed] * ends.low
     assert [raw.torque.tolist() for raw in found.raw] == [log.torque.tolist() for log in logs]
     assert numbers["rows"] == sum(log.rows for log in logs) == sum(numbers["pieces"])
     left, spread, weights, steep = np.sum(list(sums_of(found, terms)), axis=0)
@@ -1693,13 +1732,17 @@ def test_a_result_agrees_with_its_rows(kind, terms, notes):
     assert held["none"]["r2"] < held["coulomb"]["r2"] < held["bilinear"]["r2"]
     assert held["bilinear"]["r2"] < held["dahl"]["r2"] < numbers["r2"] + 1e-3
     assert held["dahl"]["rmse"] == pytest.approx(numbers["rmse"], rel=0.02)
-    assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=sweep.CORE.index)
+    assert numbers["coulomb_extra"] == sorted(numbers["coulomb_extra"], key=place_of)
 
 
 def check_notes(found, notes, claimed):
-    """Those of the cleaning in each log; of like strokes in the first, where sigma0 is claimed."""
+    """Those of the cleaning in each log; of like strokes in the first, where sigma0 is claimed, and
+    perhaps of like cycles.
+    """
+    in_step = "the encoder is read in step with the motion, the same counts in each cycle"
     for k, log in enumerate(found.logs):
         said = [note.split(": ")[0] for note in log.notes]
+        said = [note for note in said if k > 0 or note != in_step]
         alike = ["all strokes have one speed"] * (claimed and k == 0)
         told = ["angle taken between the counts of the encoder", *notes, *alike]
         assert sorted(said) == sorted(told)

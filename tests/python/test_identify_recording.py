@@ -149,6 +149,47 @@ def test_pieces_too_short_or_at_rest_are_left_out():
     assert "720 rows" in pieces[0].notes[0]
 
 
+# --- an angle that is read more seldom than the torque --------------------------------------------
+
+
+def held(log: Log, every: float) -> Log:
+    """With an angle that is read every so many rows, not a whole number of them either."""
+    read = np.ceil(np.floor(np.arange(log.rows) / every) * every).astype(int)
+    return replace(log, theta=log.theta[read])
+
+
+@pytest.mark.parametrize("every", [2.0, 5.0, 4.4])
+@pytest.mark.parametrize("resolution", [COUNT, 0.0])
+def test_rows_between_two_readings_of_the_angle_are_left_out(every, resolution):
+    log = synthetic(3, rows=6000, cycles=20)
+    if not resolution:
+        theta = sine(3, rows=6000, cycles=20)
+        log = replace(log, theta=theta, torque=dahl_torque(theta), resolution=0.0)
+    result = pipeline.identify([held(log, every)])
+    claimed = result.verdict.identifiable["sigma0"]
+    assert claimed or every == 4.4  # rows that are not evenly spread look noisy
+    assert not claimed or result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+    rows = result.logs[0].rows
+    assert rows == pytest.approx(6000 / every, rel=0.1)
+    words = f"a new reading every {round(every)} rows only: the {6000 - rows} rows between"
+    assert sum(words in note for note in result.logs[0].notes) == 1
+
+
+def test_rows_that_are_left_have_a_reading_of_their_own():
+    """Where the angle stands still for several readings each of them counts."""
+    theta = np.repeat([0.0, 2, 4, 4, 4, 6, 3, 0, 0, 3, 6, 9] * 9, 4) * COUNT
+    log = Log("x", theta, np.arange(theta.size) * 1.0, resolution=COUNT)
+    left = recording.without_stale_angles(log)
+    assert left.torque.tolist() == [4.0 * k for k in range(1, 12 * 9)]
+    assert recording.without_stale_angles(replace(log, theta=theta / 2)).rows < log.rows
+    slow = replace(log, theta=theta / 3)
+    assert recording.without_stale_angles(slow) is slow  # counts of a slow motion do that too
+    with pytest.raises(
+        Error, match=r"x: the angle has a new reading every 4 rows only: 11 readings"
+    ):
+        recording.without_stale_angles(recording.taken(log, slice(0, 48), []))
+
+
 # --- wraps ----------------------------------------------------------------------------------------
 
 

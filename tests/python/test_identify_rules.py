@@ -26,13 +26,13 @@ from dahl.identify import (
     output,
     path,
     pipeline,
-    sweep,
 )
 from dahl.identify.choices import Choice, Trial
 from dahl.identify.compare import Candidate
 from dahl.identify.explore import Explored
 from dahl.identify.fit import Interval
 from dahl.identify.model_table import Compared
+from dahl.identify.terms import speed_of
 from identify_tools import FC, SIGMA0, dahl_torque, sine, synthetic
 from rich.console import Console
 from scipy.optimize import nnls
@@ -489,7 +489,7 @@ def test_a_log_without_a_clock_has_no_speed():
     book = compare.Dictionary(cycles.Cut([log], 200.0, 0.003, 90), 200.0, (), 0.0)
     assert model_table._slower(book) == []
     for rows in (slice(0, 7), slice(500, 3000), slice(None)):  # zeros, as many as there are rows
-        zeros = [part.tolist() for part in sweep.speed_of(log, rows)]
+        zeros = [part.tolist() for part in speed_of(log, rows)]
         assert zeros == [[0.0] * len(log.theta[rows])] * 2
 
 

@@ -132,7 +132,7 @@ def test_a_unit_is_one_factor_however_it_is_said(folder, examples):
         turn = 2 * math.pi if angles is RADIANS else 1.0
         written = (turn * angle / angles[first], torque / torques[second])
         names = (
-            form.format(what="angle", unit=first),
+            form.format(what="angle" if angles is RADIANS else "position", unit=first),
             form.format(what="torque", unit=second),
         )
         source = readers.Source(angle_unit=first, torque_unit=second)

@@ -212,6 +212,8 @@ def frames_of(path: Path) -> Iterator[can.Message]:
     if path.suffix.lower() == ".log":
         yield from read_candump(path)
         return
+    if path.suffix.lower() not in CAN_LOGS:
+        raise Error(f"{path}: no log of frames by its ending; {', '.join(CAN_LOGS)} was expected")
     count = 0
     try:
         with copies_of_its_own(path), can.LogReader(path) as reader:

@@ -15,9 +15,10 @@ about 100 bytes a row.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dahl import Error, RunError
 from dahl.arguments import add_limits, add_output, positive, whole
@@ -69,7 +70,7 @@ def _add_units(what: argparse._ArgumentGroup) -> None:
         "--angle-unit",
         default="",
         metavar="UNIT",
-        help="deg, rad, mrad, turn, counts, m, mm, um, in",
+        help="deg, rad, mrad, arcmin, turn, counts, m, mm, um, in, ...",
     )
     what.add_argument(
         "--torque-unit",
@@ -106,11 +107,13 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
+    from dahl.identify.terms import TERMS
+
     how = parser.add_argument_group("how to fit")
     how.add_argument(
         "--terms",
         metavar="LIST",
-        help="offset,spring,viscous,inertia or none beside friction (default: those that pay)",
+        help=f"{','.join(TERMS)} or none beside friction (default: those that pay)",
     )
     how.add_argument(
         "--model",
@@ -161,7 +164,9 @@ def source_of(args: argparse.Namespace) -> Source:
 
     if not 0 <= args.counts_per_turn < 2**32:
         raise Error(f"--counts-per-turn {args.counts_per_turn:g}: a number above 0 was expected")
-    given = {name: getattr(args, name) for name in Source.__dataclass_fields__}
+    given: dict[str, Any] = {
+        name: getattr(args, name, None) for name in Source.__dataclass_fields__
+    }
     return Source(**{**given, "load": tuple(args.load)})
 
 
@@ -169,15 +174,15 @@ def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
     from dahl.identify.model_table import names
     from dahl.identify.pipeline import Options
-    from dahl.identify.sweep import CORE
+    from dahl.identify.terms import TERMS
     from dahl.logs import meant
 
     terms = None
     if args.terms is not None:
         terms = tuple(filter(None, args.terms.replace("none", "").split(",")))
-        wrong = next((term for term in terms if term not in CORE), None)
+        wrong = next((term for term in terms if term not in TERMS), None)
         if wrong:
-            raise Error(f"--terms {wrong}: no such term{meant(wrong, CORE)}")
+            raise Error(f"--terms {wrong}: no such term{meant(wrong, list(TERMS))}")
     model = args.model.lower()
     if model and model not in names():
         raise Error(f"--model {args.model}: no such model{meant(model, list(names()))}")
@@ -198,7 +203,7 @@ def run(args: argparse.Namespace) -> int:
     if folder := next((log for log in args.logs if log.is_dir()), None):
         raise Error(f"{folder}: a folder; --each {folder} takes the logs in it one by one")
     source, options = source_of(args), options_of(args)
-    name = plan_header.identifier(args.name or args.logs[0].stem)
+    name = plan_header.identifier(args.name or _named_after(args.logs[0]))
     _spare(args, name)
     logs, broken = _readable(args, source, options)
     try:
@@ -210,6 +215,11 @@ def run(args: argparse.Namespace) -> int:
         result.checks[str(path)] = pipeline.check(result, readers.read(path, source))
     _report(args, result, name)
     return 2 if broken else 0
+
+
+def _named_after(log: Path) -> str:
+    """The name of a log, or "log" where it has no letter that C takes."""
+    return log.stem if re.search(r"\w", log.stem, re.ASCII) else "log"
 
 
 def _spare(args: argparse.Namespace, name: str) -> None:
@@ -269,8 +279,11 @@ def _each(args: argparse.Namespace) -> int:
             progress.advance(task)
     folder_runs.write_table(args.output / "each.csv", rows)
     table = Table("log", "sigma0", "Fc", "R2", "verdict")
+    keys = ("sigma0", "Fc", "r2")
     for name, row in sorted(rows.items()):
-        shown = [f"{row[key]:.5g}" for key in ("sigma0", "Fc", "r2")] if "r2" in row else [""] * 3
+        units = row.get("units", {})
+        shown = [f"{row[key]:.5g} {units.get(key, '')}".strip() for key in keys if "r2" in row]
+        shown = shown or [""] * len(keys)
         table.add_row(name, *shown, row.get("verdict", "broken"))
     out = console()
     out.print(table)

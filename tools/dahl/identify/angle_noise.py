@@ -10,17 +10,18 @@ interval, is not claimed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy.signal import savgol_filter
 
-from dahl.identify import path
+from dahl.identify import path, trial
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
 from dahl.identify.result import Result
+from dahl.identify.trial import Refit
 
 LOOKED_AT = 30_000  # rows of each log
 MORE_THAN_ROUNDING = 0.3  # counts of noise beside the rounding
@@ -32,8 +33,6 @@ STROKE = 0.5  # of the range of the angle, that a stroke covers at least
 KEPT, MEAN_OF_KEPT = 0.95, 0.717  # of the sizes, spikes apart; their mean over the standard error
 ALTERNATES = -0.3  # correlation of third differences; independent errors give -0.75
 SMOOTH = 8  # parts of a stroke over which a path is smoothed
-
-Refit = Callable[[Sequence[Log]], Estimate]  # cleans and fits in the way of the result
 
 
 def noise_of(theta: np.ndarray, count: float) -> float:
@@ -51,29 +50,41 @@ def noise_of(theta: np.ndarray, count: float) -> float:
 def finding(result: Result, refit: Refit) -> list[Finding]:
     """Which parameters the noise of the angle moves beyond their intervals."""
     estimate = result.estimate
-    noises = [noise_of(log.theta, log.resolution) for log in result.raw]
-    if not any(
-        _shows(log, noise, estimate.a) for log, noise in zip(result.raw, noises, strict=True)
-    ):
+    pairs = [(log, noise_of(log.theta, log.resolution)) for log in result.raw]
+    if not any(_shows(log, noise, estimate.a) for log, noise in pairs):
         return []
-    pairs = zip(result.raw, noises, strict=True)
     again = refit([_made(log.head(LOOKED_AT), noise, estimate) for log, noise in pairs])
     shift = {name: getattr(again, name) / getattr(estimate, name) - 1 for name in ("sigma0", "Fc")}
-    much = max(noises) * estimate.a > TOO_MUCH
-    doubts = tuple(
+    most = max(noise for _, noise in pairs)
+    doubts = _moved(estimate, shift, most)
+    return [_told(result, shift, doubts, most)] if doubts else []
+
+
+def _moved(estimate: Estimate, shift: Mapping[str, float], noise: float) -> tuple[str, ...]:
+    """The parameters that are moved by more than a part of their intervals; of much noise the
+    slope in any case.
+    """
+    much = noise * estimate.a > TOO_MUCH
+    return tuple(
         name
         for name, part in shift.items()
         if (much and name == "sigma0")
         or abs(part) > BIAS * estimate.ci95[name].relative(getattr(estimate, name))
     )
-    if not doubts:
-        return []
+
+
+def _told(
+    result: Result, shift: Mapping[str, float], doubts: tuple[str, ...], noise: float
+) -> Finding:
+    """In words, with where the true parameters may lie."""
+    log = result.raw[0]
     moved = ", ".join(f"{name} by {100 * shift[name]:+.1f} %" for name in doubts)
-    log, most = result.raw[0], max(noises)
-    counts = f" ({most / log.resolution:.1f} counts)" if log.resolution else ""
-    words = f"angle noise of {most:.3g} {log.angle_unit}{counts} moves {moved}"
-    true = {name: getattr(estimate, name) / max(1 + shift[name], LEAST_LEFT) for name in doubts}
-    return [Finding(words, doubts, {name: (value, value) for name, value in true.items()})]
+    counts = f" ({noise / log.resolution:.1f} counts)" if log.resolution else ""
+    words = f"angle noise of {noise:.3g} {log.angle_unit}{counts} moves {moved}"
+    true = {
+        name: getattr(result.estimate, name) / max(1 + shift[name], LEAST_LEFT) for name in doubts
+    }
+    return Finding(words, doubts, {name: (value, value) for name, value in true.items()})
 
 
 def _shows(log: Log, noise: float, a: float) -> bool:
@@ -85,15 +96,12 @@ def _made(log: Log, noise: float, estimate: Estimate) -> Log:
     """A log of these parameters on the smoothed path, with noise on its angle; without any on its
     torque, so that what changes comes from the angle.
     """
-    true = _smoothed(log.theta)
-    torque = estimate.Fc * path.dahl(np.diff(true, prepend=true[:1]), estimate.a)
+    true = smoothed(log.theta)
     read = true + noise * np.random.default_rng(0).normal(size=log.rows)
-    if log.resolution:
-        read = np.round(read / log.resolution) * log.resolution
-    return replace(log, theta=read, torque=torque.astype(float), notes=[])
+    return replace(trial.made(log, true, estimate), theta=trial.read_by(log, read))
 
 
-def _smoothed(theta: np.ndarray) -> np.ndarray:
+def smoothed(theta: np.ndarray) -> np.ndarray:
     """By local cubics over a part of a stroke."""
     strokes = len(path.reversals(theta, STROKE * float(np.ptp(theta)))) + 1
     rows = max(len(theta) // strokes // SMOOTH | 1, 5)

@@ -21,7 +21,7 @@ from scipy.stats import t as student
 from dahl.identify import path
 from dahl.identify.cycles import Cut, LeftOut, excess, jackknife, least_squares, left_out
 from dahl.identify.fit import Estimate, Interval
-from dahl.identify.sweep import CORE
+from dahl.identify.terms import TERMS, places_of
 
 APART = 0.02  # of log a: where the change with it is taken
 STEPS, LONGEST = 6, 0.4  # of Gauss and Newton; of log a
@@ -85,8 +85,8 @@ class Trial:
 
     @property
     def active(self) -> bool:
-        """Whether a spring or a viscous part drives the motion."""
-        return any(self.terms.get(name, 0.0) < 0 for name in ("spring", "viscous"))
+        """Whether one of its terms drives the motion."""
+        return any(value < 0 and TERMS[name].drives for name, value in self.terms.items())
 
 
 def fitted(cut: Cut, a: float, choice: Choice) -> Trial | None:
@@ -111,20 +111,19 @@ def grams_at(cut: Cut, a: float, delay: float) -> np.ndarray:
 
 def columns_for(terms: Iterable[str]) -> list[int]:
     """Where w, its change, the terms and the torque stand."""
-    return [0, 1, *(2 + CORE.index(term) for term in terms), -1]
+    return [0, 1, *(2 + place for place in places_of(terms)), -1]
 
 
 def read(cut: Cut, grams: np.ndarray, a: float, choice: Choice) -> Trial | None:
     """A choice of terms from products at an a near its best; nothing where that is no friction, or
-    where a mass would be negative.
+    where a term has a size that nothing has, such as a mass below 0.
     """
     used = columns_for(choice.terms)
     some = grams[:, used][:, :, used]
     best = least_squares(some.sum(axis=0))
     Fc, change = best[:2]  # noqa: N806
-    if not Fc > 0 or any(
-        term == "inertia" and best[2 + i] < 0 for i, term in enumerate(choice.terms)
-    ):
+    sizes = zip(choice.terms, best[2:], strict=True)
+    if not Fc > 0 or any(size < 0 and TERMS[term].impossible for term, size in sizes):
         return None
     result: LeftOut = left_out(some, cut.fold)
     step = float(change / Fc)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
 from dahl import Error
@@ -48,7 +48,7 @@ def _refuse_clipped(log: Log) -> None:
     noise = np.abs(np.diff(log.torque, 2))[inside[1:-1]]
     if len(noise) and np.median(noise) < 1e-4 * np.ptp(log.torque):
         return  # without noise a saturated friction is constant too
-    moving = np.diff(log.theta, prepend=np.nan) != 0
+    moving = _under_way(log)
     for extreme in (log.torque.max(), log.torque.min()):
         there = np.flatnonzero(log.torque == extreme)
         many = len(there) > max(CLIPPED * log.rows, 20)
@@ -57,6 +57,14 @@ def _refuse_clipped(log: Log) -> None:
                 f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
                 f" ({len(there)} of {log.rows} rows, the first is row {there[0] + 1})"
             )
+
+
+def _under_way(log: Log) -> np.ndarray:
+    """Rows in which the shaft moves, also between two counts that are as far apart as usual."""
+    stepped = np.diff(log.theta, prepend=log.theta[0]) != 0
+    apart = np.diff(np.flatnonzero(stepped))
+    near: np.ndarray = maximum_filter(stepped, 2 * int(np.median(apart)) + 1 if len(apart) else 1)
+    return near
 
 
 def _sticks(log: Log, there: np.ndarray) -> bool:

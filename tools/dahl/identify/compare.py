@@ -20,7 +20,7 @@ from scipy.optimize import nnls
 from dahl.identify import elements, path
 from dahl.identify.choices import Choice, Trial
 from dahl.identify.cycles import Cut, cost_of, least_squares, left_out
-from dahl.identify.sweep import CORE
+from dahl.identify.terms import places_of
 
 NODES = 1.25 ** np.arange(-6.0, 9.0)  # of a, in the dictionary
 FINER = (1.12, 1.06, 1.03, 1.015)  # of a, for one element alone
@@ -59,8 +59,7 @@ class Dictionary:
 
     def __init__(self, cut: Cut, a: float, terms: Sequence[str], delay: float) -> None:
         self.cut, self.a, self.terms, self.delay = cut, a, tuple(terms), delay
-        used = [CORE.index(term) for term in terms]
-        self.beside = cut.moved(cut.terms[:, used], delay)
+        self.beside = cut.moved(cut.terms[:, places_of(terms)], delay)
         self.known: dict[Key, np.ndarray] = {}
 
     def column(self, key: Key) -> np.ndarray:

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dahl.identify import path, sweep
+from dahl.identify import path
 from dahl.identify.log import Log
+from dahl.identify.terms import columns_of
 
 LOOKED_AT = 100_000  # rows of all logs together, from the beginning of each
 BINS = 5_000
@@ -31,7 +32,7 @@ class Part:
     """One log in bins."""
 
     moves: np.ndarray  # (rows,) rad (m)
-    terms: np.ndarray  # (bins, len(CORE))
+    terms: np.ndarray  # (bins, len(TERMS))
     torque: np.ndarray  # (bins,) N m (N)
     weight: np.ndarray  # (bins,) 0 where it does not count
     unit: np.ndarray  # (bins,) index of the cycle, within the log
@@ -61,7 +62,7 @@ class Cut:
 
     def _part(self, log: Log, a: float, least_turn: float, reach: int) -> Part:
         moves = log.moves_of(slice(0, log.rows))
-        columns = self.mean(sweep.columns_of(log))
+        columns = self.mean(columns_of(log))
         weight = np.ones(log.rows) if log.weight is None else log.weight
         torque = self.mean(weight * log.torque) / np.maximum(self.mean(weight), 1e-9)
         counted = self._counted(moves, a, min(reach, log.rows // 20))

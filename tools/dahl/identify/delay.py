@@ -12,11 +12,11 @@ import numpy as np
 
 from dahl.identify.choices import Trial, fitted
 from dahl.identify.cycles import Cut, excess, jackknife
+from dahl.identify.terms import TIMED
 
 FAR = (1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 90)  # rows, both ways
 HALVINGS, VERTICES, LEAST = 2, 2, 0.01  # steps to the best delay; rows
 SKEW = 0.3  # rows; below it two channels are taken as read together
-LIKE_DELAY = {"viscous", "inertia"}
 GIVE_UP, CLEARLY = 2, 3.0  # delays in a row; standard errors
 LONGEST = float(FAR[-1])
 
@@ -25,7 +25,7 @@ def tried(cut: Cut, trials: Sequence[Trial], least: float = SKEW) -> list[Trial]
     """Trials with a delay, from the best of `trials`, which have none, that lacks what resembles
     one: viscous friction, inertia and parts that drive the motion; `least` is in rows.
     """
-    free = [one for one in trials if not one.active and LIKE_DELAY.isdisjoint(one.choice.terms)]
+    free = [one for one in trials if not one.active and TIMED.isdisjoint(one.choice.terms)]
     if not free:
         return []
     start = min(free, key=lambda trial: float(trial.cost.sum()))

@@ -14,18 +14,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dahl import plots
-from dahl.identify import carried, load, pipeline, plan_quality
+from dahl.identify import carried, load, plan_quality
 from dahl.identify import path as paths
 from dahl.identify.fit import dense_of, profile_of
 from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
+from dahl.identify.terms import torque_of
 from dahl.plots import COMPUTED, MEASURED
 
 POINTS = 20_000  # drawn of a long log
 ODD = 0.5  # weight below which a row is marked
 SPEED_ROWS = 9  # over which a speed is taken
 COULOMB, MARK, CHOSEN = "#3d7ea6", "#e9a23b", "#3c8f5a"
-SMALL = 1.0  # m: a linear motion of less is shown in mm
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,14 @@ def draw(path: Path, result: Result) -> None:
         _residuals(rests, result, shown, index)
         _cycles(by_cycle, result)
         _profile(_merged(figure, cost), result)
-        whole.set_title(result.verdict.text, loc="left", fontsize=10, color="#555555", wrap=True)
+        words = plots.literal(result.verdict.text)
+        whole.set_title(words, loc="left", fontsize=10, color="#555555", wrap=True)
         numbers = [
             f"sigma0 = {result.estimate.sigma0:.4g} {unit.slope_unit}",
             f"Fc = {result.estimate.Fc:.4g} {unit.unit}",
         ]
         figure.suptitle(
-            f"{titled(result)}\n{', '.join(numbers)}",
+            f"{plots.literal(titled(result))}\n{', '.join(numbers)}",
             fontsize=14,
             fontweight="bold",
             x=0.01,
@@ -86,9 +87,7 @@ def shown_of(result: Result, index: int) -> Shown:
     """A log with the unit that suits its motion."""
     log = result.logs[index]
     some = slice(0, log.rows, max(log.rows // POINTS, 1))
-    small = log.linear and float(np.ptp(log.theta)) < SMALL
-    size, unit = (1e-3, "mm") if small else (1.0, log.angle_unit)
-    return Shown(log, result.raw[index], some, size, unit)
+    return Shown(log, result.raw[index], some, *log.shown_in)
 
 
 def _merged(figure: Figure, pair: np.ndarray) -> Axes:
@@ -127,7 +126,7 @@ def _chosen(axes: Axes, result: Result, log: Log, angle: np.ndarray, some: slice
     """The model that header and scene carry, where that is not Dahl's."""
     friction = carried.of(result)
     if friction.model not in ("dahl", "loaded"):
-        beside = pipeline.extra(log, friction.terms)
+        beside = torque_of(log, friction.terms)
         drawn = plan_quality.drawn(friction, log.moves, log.torque - beside) + beside
         label = f"{result.explored.models.chosen} (chosen)"
         axes.plot(angle, drawn[some], color=CHOSEN, linewidth=1.4, label=label)

@@ -7,7 +7,7 @@ threshold is widened by what neighbouring rows share: the jackknife over blocks 
 much a parameter varies in truth, the curvature of the profile how much it would with independent
 errors; their ratio (at least 1) and Student's t for so many blocks set the 95 % line.
 
-TERMS  One is kept when it has the sign of a passive part (spring, viscous, inertia >= 0), when the
+TERMS  One is kept when it has the sign of a passive part (all but the offset above 0), when the
 motion can tell it from the others (INFORMED of its column is left beside them), and when it lowers
 the cost on the parts of the log not fitted by PAYS.
 """
@@ -22,7 +22,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.stats import t as student
 
-from dahl.identify.sweep import CORE, FIRST_TERM, FRICTION, Sweep
+from dahl.identify.sweep import FIRST_TERM, FRICTION, Sweep
+from dahl.identify.terms import place_of, places_of
 
 PAYS = 0.03  # of the held-out cost
 INFORMED, HARDLY = 0.1, 0.03  # of a column's variance
@@ -50,7 +51,7 @@ class Curve:
 
 def columns_of(terms: Sequence[str]) -> list[int]:
     """Columns of the Gram matrix: friction first."""
-    return [FRICTION, *(FIRST_TERM + CORE.index(term) for term in terms)]
+    return [FRICTION, *(FIRST_TERM + place for place in places_of(terms))]
 
 
 def curve_of(a: np.ndarray, gram: np.ndarray, terms: Sequence[str]) -> Curve:
@@ -162,7 +163,7 @@ def choose_terms(found: Sweep, candidates: Sequence[str]) -> list[str]:
     }
     for kept in sorted(costs, key=costs.__getitem__):
         if all(fits_in(found, [other for other in kept if other != term], term) for term in kept):
-            return sorted(kept, key=CORE.index)
+            return sorted(kept, key=place_of)
     return []
 
 
@@ -176,7 +177,7 @@ def fits_in(found: Sweep, kept: Sequence[str], term: str) -> bool:
 
 def told_apart(found: Sweep, kept: Sequence[str], term: str, part: float = INFORMED) -> bool:
     """Whether the motion can tell a term from the others and from friction."""
-    total, own = found.total(), FIRST_TERM + CORE.index(term)
+    total, own = found.total(), FIRST_TERM + place_of(term)
     best = curve_of(found.a, total, [*kept, term]).best
     others = columns_of(list(dict.fromkeys(["offset", *kept])))
     nodes = (best, len(found.a) - 1)  # beside Dahl's curve, and beside a bare sign

@@ -75,8 +75,12 @@ def is_result(numbers: Any) -> bool:
     if not isinstance(numbers, dict):
         return False
     ends = numbers.get("ci95")
-    whole = isinstance(ends, dict) and all(
-        isinstance(ends.get(name), list) and len(ends[name]) == 2 for name in ("sigma0", "Fc")
+    whole = (
+        isinstance(ends, dict)
+        and isinstance(numbers.get("units"), dict)
+        and all(
+            isinstance(ends.get(name), list) and len(ends[name]) == 2 for name in ("sigma0", "Fc")
+        )
     )
     return isinstance(numbers.get("error"), str) or (whole and numbers.keys() >= set(SHOWN))
 
@@ -168,8 +172,10 @@ def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     limits = ("sigma0_low", "sigma0_high", "Fc_low", "Fc_high")
-    writer.writerow(["log", *SHOWN, *limits, "error"])
+    writer.writerow(["log", *SHOWN, *limits, "sigma0_unit", "Fc_unit", "error"])
     for name, row in sorted(rows.items()):
         ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else [""] * 4
-        writer.writerow([name, *(row.get(key, "") for key in SHOWN), *ends, row.get("error", "")])
+        units = [row.get("units", {}).get(key, "") for key in ("sigma0", "Fc")]
+        found = (row.get(key, "") for key in SHOWN)
+        writer.writerow([name, *found, *ends, *units, row.get("error", "")])
     keep(path, text.getvalue())

@@ -20,7 +20,7 @@ from dahl.identify.choices import Choice, Trial
 from dahl.identify.cycles import Cut, jackknife, least_squares, left_out
 from dahl.identify.fit import Estimate, Interval
 from dahl.identify.log import Log
-from dahl.identify.sweep import CORE
+from dahl.identify.terms import places_of
 
 SURE = 3.0  # standard errors of the slope
 LEAST_CYCLES = 6  # or strokes, by which the load is judged
@@ -94,7 +94,7 @@ class Loads:
         near = APART / self.range
         by_a = self.drawn(a * np.exp(APART), slope) - self.drawn(a * np.exp(-APART), slope)
         by_slope = self.drawn(a, slope + near) - self.drawn(a, slope - near)
-        beside = self.cut.terms[:, [CORE.index(term) for term in self.terms]]
+        beside = self.cut.terms[:, places_of(self.terms)]
         changes = np.column_stack((by_a, by_slope)) / (2 * APART)
         return self.cut.grams(np.column_stack((self.drawn(a, slope), changes, beside)))
 

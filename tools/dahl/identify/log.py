@@ -15,6 +15,7 @@ BY_ROW = (
     "free_moves",
     "load",
 )  # arrays of a Log, one entry a row
+SMALL = 1.0  # m: a linear motion of less is shown in mm
 
 
 @dataclass
@@ -70,6 +71,12 @@ class Log:
     @property
     def angle_unit(self) -> str:
         return "m" if self.linear else "rad"
+
+    @property
+    def shown_in(self) -> tuple[float, str]:
+        """Of pictures, by the motion: a unit's size in rad (m), and its name."""
+        small = self.linear and float(np.ptp(self.theta)) < SMALL
+        return (1e-3, "mm") if small else (1.0, self.angle_unit)
 
 
 def resolution_of(theta: np.ndarray) -> float:

@@ -17,9 +17,10 @@ from functools import partial
 import numpy as np
 from scipy.signal import lfilter
 
-from dahl.identify import path, sweep
+from dahl.identify import path, recording
 from dahl.identify.finding import Finding
 from dahl.identify.result import Result
+from dahl.identify.terms import columns_of, places_of
 
 LOOKED_AT = 20_000  # rows of each log
 LENGTHS = (1, 2, 3, 5, 7, 10, 14, 20, 35, 60)  # rows
@@ -29,6 +30,7 @@ CLOSER = np.exp(np.linspace(-0.06, 0.06, 5))  # of a best a
 BLOCKS, SURELY = 40, 4.0  # of rows; standard errors of the mean gain of a block
 MUCH = 0.8  # of a cost
 LATE = 0.3  # rows
+FEW = 8  # reversals of a log without a clock
 
 Filter = Callable[[np.ndarray], np.ndarray]
 Kind = Callable[[int, np.ndarray], np.ndarray]  # with its rows
@@ -52,11 +54,12 @@ class Fit:
 
 def finding(result: Result) -> list[Finding]:
     """Whether a filter explains the torque as well, and which parameters then are others."""
-    if any(log.time is None for log in result.logs):
-        return []  # nobody knows how long a row is
-    squares, measured, nodes = _squares(result), Measured(result), result.estimate.a * NODES
+    unclocked = [log for log in result.logs if log.time is None]
+    if any(map(recording.by_event, unclocked)) or (unclocked and result.reversals < FEW):
+        return []  # nobody knows how long a row is, or too little turns round to tell it
+    squares, measured, nodes = squares_of(result), Measured(result), result.estimate.a * NODES
     looks = measured.fits(_filters((_first_order,), GLANCES), nodes)
-    late = result.delay > LATE or any(_better(squares, one.squares) for one in looks)
+    late = result.delay > LATE or any(is_better(squares, one.squares) for one in looks)
     if not late or _bent_otherwise(result, min(one.cost for one in looks)):
         return []
     fits = measured.fits(_filters(), nodes)
@@ -66,7 +69,7 @@ def finding(result: Result) -> list[Finding]:
     near = [
         measured.fits([(one.words, one.filtered)], one.a * CLOSER)[0]
         for one in fits
-        if not _better(one.squares, best.squares)
+        if not is_better(one.squares, best.squares)
     ]
     return _told(result, best, near)
 
@@ -90,7 +93,7 @@ def _disagrees(result: Result, fits: list[Fit], name: str) -> bool:
     return any(not ends.low <= getattr(one, name) <= ends.high for one in fits)
 
 
-def _better(before: np.ndarray, after: np.ndarray) -> bool:
+def is_better(before: np.ndarray, after: np.ndarray) -> bool:
     """Whether the squared residuals fall by much, or in most parts of the log, beyond chance."""
     gains = np.array([part.sum() for part in np.array_split(before - after, BLOCKS)])
     error = float(gains.std(ddof=1)) / np.sqrt(BLOCKS)
@@ -103,7 +106,7 @@ def _bent_otherwise(result: Result, cost: float) -> bool:
     return result.models.rmse["bilinear"] ** 2 < cost / rows
 
 
-def _squares(result: Result) -> np.ndarray:
+def squares_of(result: Result) -> np.ndarray:
     """Of the fit's residuals, on the rows looked at."""
     parts = []
     for log, drawn in zip(result.logs, result.predicted, strict=True):
@@ -146,11 +149,11 @@ class Measured:
     """The rows looked at, as they came: torque before any shift, terms, weights."""
 
     def __init__(self, result: Result) -> None:
-        used = [sweep.CORE.index(name) for name in result.estimate.terms]
+        used = places_of(result.estimate.terms)
         terms, torques, weights, self.moves = [], [], [], []
         for log, raw in zip(result.logs, result.eased, strict=True):
             rows = slice(0, min(LOOKED_AT, log.rows))
-            terms.append(sweep.columns_of(log, rows)[:, used])
+            terms.append(columns_of(log, rows)[:, used])
             torques.append(result.sign * raw.torque[rows])
             weights.append(np.ones(rows.stop) if log.weight is None else log.weight[rows])
             self.moves.append(log.moves_of(rows))

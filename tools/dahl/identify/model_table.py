@@ -17,11 +17,12 @@ from dahl.identify.choices import Choice, Trial
 from dahl.identify.compare import Candidate, Dictionary
 from dahl.identify.cycles import Cut, excess
 from dahl.identify.finding import Finding
+from dahl.identify.terms import TIMED, place_of
 
 PROMISING = 1.2  # of the cost of Dahl's model
 SLIPS, MIXES = 4, 4  # elements side by side
 DAHL_TICK, ASYMMETRIC_TICK = 18, 33  # instructions
-SLIP_TICK, PARALLEL_TICK = (22, 16), (50.0, 62.5)  # of a tick, and for each element
+SLIP_TICK, PARALLEL_TICK = (22, 16), (13, 29.5)  # of a tick, and for each element
 LEAST_STEP = 0.15  # of the exponent
 PLAINLY = 0.1  # of the error, that it has to remove to do without a delay and the like
 NOTHING = 1e-6  # of the torque's variance: what rounding leaves, and no model explains
@@ -44,8 +45,8 @@ def names() -> dict[str, str]:
 
 
 def instructions(name: str) -> int | None:
-    """Of one tick on a Cortex-M3, at most, as counted in QEMU (docs/microcontroller.md); F/Fc in
-    Q30, or F in N m where there are several Dahl elements; nothing where the library has no such.
+    """Of one tick in Q30 on a Cortex-M3, at most, as counted in QEMU (docs/microcontroller.md);
+    nothing where the library has no such model.
     """
     kind, _, count = name.partition(" K=")
     if kind == "slip":
@@ -158,7 +159,7 @@ def _exponents(book: Dictionary) -> list[Candidate | None]:
 
 def _slower(book: Dictionary) -> list[Candidate | None]:
     """With a part that fades at speed, where the log has a time."""
-    speed = np.abs(book.cut.terms[:, 2])
+    speed = np.abs(book.cut.terms[:, place_of("viscous")])
     if not speed.any():
         return []
     fast = float(np.percentile(speed, 98))
@@ -256,7 +257,7 @@ def better_plainly(table: Compared, base: Trial) -> bool:
     """Whether another model explains more with an offset at most than Dahl's does with what
     `base` takes of a delay, viscous friction or inertia.
     """
-    if not set(base.choice.terms) - {"offset", "spring"} and base.choice.delay == 0:
+    if TIMED.isdisjoint(base.choice.terms) and base.choice.delay == 0:
         return False
     own = Candidate("Dahl", base)
     limit = (1 - PLAINLY) * float(base.cost.sum())

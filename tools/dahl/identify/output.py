@@ -16,16 +16,17 @@ import numpy as np
 
 from dahl import __version__
 from dahl.files import keep
-from dahl.identify import carried, clean, load, models_output, pipeline
+from dahl.identify import carried, clean, load, models_output
 from dahl.identify.load import Follows
-from dahl.identify.log import Log
 from dahl.identify.result import Result, titled
+from dahl.identify.terms import torque_of, unit_of
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 REPLAYED = 200_000  # rows of the first log that a scene replays
 COMMENT = 110  # characters a line of a header
+OF_A_SCENE = ("offset", "spring")  # terms that its [measured] has keys for
 MADE_UP = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
 
 
@@ -137,7 +138,7 @@ def table(result: Result) -> Table:
     for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
         shown.add_row(name, f"{getattr(estimate, name):.5g} {unit}  {interval(result, name)}")
     for name, value in estimate.terms.items():
-        shown.add_row(name, f"{value:.4g} {term_unit(name, log)}")
+        shown.add_row(name, f"{value:.4g} {unit_of(name, log)}")
     shown.add_row("R2, rms on the rows fitted", f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}")
     for name, words in (
         ("dahl", "Dahl"),
@@ -165,16 +166,6 @@ def interval(result: Result, name: str) -> str:
     one = result.estimate.ci95[name]
     high = f"{one.high:.5g}" if math.isfinite(one.high) else "no end"
     return f"95 %: {one.low:.5g} to {high}"
-
-
-def term_unit(name: str, log: Log) -> str:
-    unit, angle = log.unit, log.angle_unit
-    return {
-        "offset": unit,
-        "spring": f"{unit}/{angle}",
-        "viscous": f"{unit} s/{angle}",
-        "inertia": f"{unit} s2/{angle}",
-    }[name]
 
 
 def header(result: Result, name: str) -> str:
@@ -207,14 +198,15 @@ def header(result: Result, name: str) -> str:
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
-    """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`."""
+    """NAME.ini and NAME.csv: the first log, cleaned, for `dahl demo --scene`. Terms that a
+    scene does not know are taken off.
+    """
     log, friction = result.logs[0], carried.of(result)
     rows = slice(0, REPLAYED)
-    drawn = ("offset", "spring")  # the terms that a scene knows; the others are taken off
-    rest = {term: value for term, value in friction.terms.items() if term not in drawn}
+    rest = {term: value for term, value in friction.terms.items() if term not in OF_A_SCENE}
     beyond = load.more(log, result.follows)
     torque = clean.shifted(log.torque + beyond, friction.earlier)
-    torque = (torque - pipeline.extra(log, rest))[rows]
+    torque = (torque - torque_of(log, rest))[rows]
     theta = log.theta[rows] - log.theta[0]
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
     names, columns = [angle, force], [theta, torque]
@@ -231,6 +223,8 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
     log, estimate, shown = result.logs[0], result.estimate, carried.of(result)
     sigma0, Fc = (" ".join(map(repr, some)) for some in (shown.sigma0, shown.Fc))  # noqa: N806
     count = log.resolution or MADE_UP / estimate.a
+    size, unit = log.shown_in
+    way = "position" if log.linear else "angle"
     rows = min(log.rows, REPLAYED)
     travelled = np.cumsum(np.abs(log.moves[:rows]))
     settled = int(np.searchsorted(travelled, 5 / estimate.a))
@@ -259,7 +253,8 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
         f"offset = {shown.terms.get('offset', 0.0)!r}",
         f"spring = {shown.terms.get('spring', 0.0)!r}",
         f"settle = {settled if settled < rows // 2 else 0}",
-        f"label_angle = angle from the start [{log.angle_unit}]",
+        f"angle_scale = {1 / size!r}",
+        f"label_angle = {way} from the start [{unit}]",
         f"label_torque = friction [{log.unit}]",
     ]
     return "\n".join(lines) + "\n"

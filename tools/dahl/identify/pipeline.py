@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -22,14 +23,17 @@ from dahl.identify import (
     explore,
     fit,
     grid,
+    in_step,
     load,
     lowpass,
     model_table,
     path,
     plan_quality,
+    play,
     recording,
     sweep,
     torque_steps,
+    turning,
     variety,
     verdict,
 )
@@ -39,7 +43,8 @@ from dahl.identify.fit import Estimate, Interval
 from dahl.identify.load import Follows
 from dahl.identify.log import Log
 from dahl.identify.result import Models, Result
-from dahl.identify.sweep import CORE, Model, Sweep
+from dahl.identify.sweep import Model, Sweep
+from dahl.identify.terms import TERMS, UNTIMED, torque_of
 
 BLOCKS = 24  # of all logs together; at least 4 each
 LEAST_LOOP, MOST_STEPS = 2.0, 3.0  # a is sought from 2/range (tips at 0.76 Fc) to 3/resolution
@@ -50,7 +55,6 @@ HOPELESS = 0.7  # part of the spread not explained: no other choice will help
 POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other way round
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
 HIDDEN = 0.1  # of the change by going between the counts that may still be hidden
-LOADS = ("offset", "spring")  # terms of a first look: what no cleaning is to make up for
 LOAD_ROUNDS, SETTLED = 4, 1e-3  # of taking the load out of the torque; of Fc and a
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
 
@@ -81,7 +85,7 @@ class Study:
 
     @property
     def candidates(self) -> list[str]:
-        return [term for term in CORE if self.timed or term in ("offset", "spring")]
+        return list(TERMS) if self.timed else list(UNTIMED)
 
     def at(self, nodes: np.ndarray, model: Model = path.dahl) -> Sweep:
         """Sweep a model."""
@@ -111,7 +115,7 @@ class Study:
         """
         log = self.logs[index]
         moves = log.moves_of(slice(0, log.rows))
-        drawn = estimate.Fc * path.dahl(moves, estimate.a) + extra(log, estimate.terms)
+        drawn = estimate.Fc * path.dahl(moves, estimate.a) + torque_of(log, estimate.terms)
         start = np.exp(-np.minimum(estimate.a * np.cumsum(np.abs(moves)), 700.0))
         weighed = start if log.weight is None else start * log.weight
         first = float(weighed @ (log.torque - drawn) / (weighed @ start))
@@ -123,18 +127,6 @@ def _usual_move(log: Log) -> float:
     moves = np.abs(log.moves[:LOOKED_AT])
     moves = moves[moves > 0]
     return float(np.median(moves)) if len(moves) else float(np.ptp(log.theta))
-
-
-def extra(log: Log, terms: dict[str, float]) -> np.ndarray:
-    """The torque of the terms beside friction: (rows,) N m (N)."""
-    speed, change = sweep.speed_of(log)
-    columns = {
-        "offset": np.ones(log.rows),
-        "spring": log.theta - log.zero,
-        "viscous": speed,
-        "inertia": change,
-    }
-    return sum((value * columns[name] for name, value in terms.items()), np.zeros(log.rows))
 
 
 def identify(logs: Sequence[Log], options: Options = Options()) -> Result:
@@ -220,7 +212,7 @@ def _studied(
     if slack and seen.taken:
         seen = explore.with_backlash(seen, counted)
     estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
-    result = _judged(study, found, load.widened(estimate, follows), late, slack)
+    result = _result_of(study, found, load.widened(estimate, follows), late, slack)
     result = replace(result, median=window, sign=sign, inner=inner, options=asdict(options))
     result.explored, result.raw, result.eased, result.follows = seen, raw, logs, follows
     return _checked(result, options)
@@ -239,8 +231,9 @@ def _mended(logs: Sequence[Log], options: Options) -> list[Log]:
 
 def _checked(result: Result, options: Options) -> Result:
     """With all that other checks find, the verdict on it and the worth of a plan."""
-    estimate = result.estimate
-    result.cycles = drift.cycles_of(result.logs, result.predicted, estimate, TURN / estimate.a)
+    estimate, turn = result.estimate, TURN / result.estimate.a
+    refit = partial(_refitted, result)
+    result.cycles = drift.cycles_of(result.logs, result.predicted, estimate, turn)
     doubted = [] if options.trust_units else grid.finding(result.raw[0])
     result.findings = [
         *doubted,
@@ -249,12 +242,16 @@ def _checked(result: Result, options: Options) -> Result:
         *explore.between_rows(result.delay, estimate.a * max(map(_usual_move, result.logs))),
         *drift.findings(result.cycles),
         *lowpass.finding(result),
+        *play.finding(result),
         *torque_steps.finding(result.raw, estimate),
-        *angle_noise.finding(result, lambda made: _refitted(result, made)),
+        *angle_noise.finding(result, refit),
     ]
-    result.estimate = replace(estimate, ci95=_drawn_out(estimate.ci95, result.findings))
+    tried = [*in_step.finding(result, refit, turn), *turning.finding(result, refit, turn)]
+    ci95 = _drawn_out(estimate.ci95, [*result.findings, *tried])
+    result.estimate = replace(estimate, ci95=ci95)
+    result.logs[0].notes.extend(found.text for found in tried)
     result.verdict = verdict.judge(result)
-    unseen = variety.note(result.logs, estimate.a, TURN / estimate.a)
+    unseen = variety.note(result.logs, estimate.a, turn)
     if unseen and result.verdict.sigma0:
         result.logs[0].notes.append(unseen)
     result.plan = plan_quality.of(result, options.target_counts, bool(doubted))
@@ -327,9 +324,11 @@ def _through_median(logs: list[Log], shaky: list[bool], window: int) -> list[Log
 
 
 def _first(logs: list[Log], options: Options) -> Estimate:
-    """A first look at the first rows, without intervals."""
+    """A first look at the first rows, without intervals, with the terms that no cleaning is to make
+    up for.
+    """
     study = Study([log.head(LOOKED_AT) for log in logs])
-    found, terms = study.search(options.terms or LOADS)
+    found, terms = study.search(options.terms or UNTIMED)
     if options.terms is None and not fit.told_apart(found, ("offset",), "spring"):
         found, terms = study.search(("offset",))
     return fit.point(found, terms)
@@ -400,9 +399,9 @@ def _name_delay(study: Study, rows: float) -> None:
 def _without_backlash(study: Study, estimate: Estimate) -> float:
     """Take the travel of flat zones out of the motion; returns the largest zone, rad (m)."""
     largest = 0.0
-    resting = {name: v for name, v in estimate.terms.items() if name in ("offset", "spring")}
+    resting = {name: v for name, v in estimate.terms.items() if name in UNTIMED}
     for log in study.logs:
-        ratio = (log.torque - extra(log, resting)) / estimate.Fc
+        ratio = (log.torque - torque_of(log, resting)) / estimate.Fc
         turns = path.reversals(log.theta, TURN / estimate.a)
         slack, centre, moves = clean.backlash(log, ratio, turns)
         if slack:
@@ -430,11 +429,14 @@ def _weigh(study: Study, estimate: Estimate) -> bool:
     return odd > 0
 
 
-def _judged(study: Study, found: Sweep, estimate: Estimate, delay: float, slack: float) -> Result:
+def _result_of(
+    study: Study, found: Sweep, estimate: Estimate, delay: float, slack: float
+) -> Result:
+    """What was found, compared with simpler models; nothing else is checked yet."""
     models = _models(study, found, estimate)
     spread = fit.spread_of(found)
     turns = sum(len(path.reversals(log.theta, TURN / estimate.a)) for log in study.logs)
-    result = Result(
+    return Result(
         study.logs,
         estimate,
         models,
@@ -447,8 +449,6 @@ def _judged(study: Study, found: Sweep, estimate: Estimate, delay: float, slack:
         backlash=slack,
         predicted=[study.predicted(estimate, index) for index in range(len(study.logs))],
     )
-    result.verdict = verdict.judge(result)
-    return result
 
 
 def _models(study: Study, found: Sweep, estimate: Estimate) -> Models:

@@ -16,7 +16,6 @@ from dahl.identify.log import Log
 from dahl.identify.result import PlanQuality, Result
 
 LEAST_R2 = 0.9  # below it there is no plan
-LOADS = ("offset", "spring")  # of a sensor or a load: no friction, and none that a plan should draw
 
 
 def of(result: Result, target_counts: float = 0.0, doubted: bool = False) -> PlanQuality:

@@ -52,6 +52,7 @@ class Source:
     dbc: Path | None = None
     skip_gaps: bool = False
     load: tuple[str, ...] = ()  # what the friction may follow: their sum
+    channel: str | None = None  # of a CAN log that has several
 
     @property
     def loads(self) -> dict[str, str]:
@@ -304,7 +305,8 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
         raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
     signals = Signals(source.dbc, source.angle, source.torque, source.loads)
     for frame in logs.frames_of(path):
-        signals.feed(frame)
+        if source.channel is None or str(frame.channel) == source.channel:
+            signals.feed(frame)
     return signals.columns, signals.values(path)
 
 
@@ -343,6 +345,7 @@ class Signals:
         for name, message in self.take.items():
             self.wanted.setdefault(message.frame_id, []).append(name)
         self.found: dict[str, list[tuple[float, float]]] = {name: [] for name in self.take}
+        self.origins: dict[str, set[tuple[str, bool]]] = {name: set() for name in self.take}
 
     def _column(self, name: str) -> str:
         """A signal with its unit in the DBC, as columns are called."""
@@ -354,13 +357,15 @@ class Signals:
         names = self.wanted.get(frame.arbitration_id)
         if names and not (frame.is_error_frame or frame.is_remote_frame):
             for name, value in _values(self.take[names[0]], frame, names):
-                self.found[name].append((frame.timestamp, value))
+                if self._is_of(name, frame):
+                    self.found[name].append((frame.timestamp, value))
 
     def values(self, place: Path | str) -> dict[str, np.ndarray]:
         """Angle, torque, time and loads at the frames of the angle. Raises dahl.Error."""
         series = {}
         for role, name in self.names.items():
             pairs = self.found[name]
+            self._refuse_channels(place, name)
             if len(pairs) < 2:
                 raise Error(f"{place}: signal '{name}' comes in {len(pairs)} valid frames")
             series[role] = np.array(pairs).T
@@ -374,6 +379,29 @@ class Signals:
         time = angle_time[rows]
         loads = {role: np.interp(time, *series[role]) for role in self.loads}
         return {"angle": angle[rows], "torque": values, "time": time, **loads}
+
+    def _is_of(self, name: str, frame: can.Message) -> bool:
+        """Whether a frame is the one that has a signal: where ids of 11 and of 29 bits have one
+        number, those of the kind that the DBC names.
+        """
+        origins, kind = self.origins[name], self.take[name].is_extended_frame
+        known = {is_extended for _, is_extended in origins}
+        if frame.is_extended_id != kind and kind in known:
+            return False
+        if frame.is_extended_id == kind and not known <= {kind}:
+            origins.clear()
+            self.found[name].clear()
+        origins.add((str(frame.channel), frame.is_extended_id))
+        return True
+
+    def _refuse_channels(self, place: Path | str, name: str) -> None:
+        """Raise dahl.Error where several channels have a signal."""
+        channels = sorted(channel for channel, _ in self.origins[name])
+        if len(channels) > 1:
+            raise Error(
+                f"{place}: signal '{name}' comes on channels {', '.join(channels)}:"
+                f" which one is it? -c {channels[0]} takes that"
+            )
 
     def log(self, place: Path | str, source: Source) -> Log:
         """All until now as a log."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What the recording did to a log, put right before any fit and named: rows that repeat the row
-before, a counter that wraps, a clock with gaps or coarser than the rows.
+before, a counter that wraps, an angle that is read more seldom than the torque, a clock with gaps
+or coarser than the rows.
 
 Each step takes a log and gives it back mended, with a note; a log that cannot be mended is refused.
 """
@@ -19,6 +20,8 @@ REPEATED = 0.01  # of the rows
 AT_REST = 0.9  # of the rows: beyond it a log has no motion to tell from
 BY_CHANCE = 0.1  # of the repeated rows: so many torques stay while the angle moves
 NOISELESS = 1e-4  # of the range of the torque: a change of slope that no sensor resolves
+JUMP = 1.5  # counts in a row: a motion so fast shows another count in the row before, too
+HELD = 0.5  # of the travel, by jumps after rows at rest
 SMOOTH_SPAN = 16.0  # the range of a wrapping angle over its largest true move
 NEAR_WHOLE = 0.01  # of a period
 LONG_STEP, USUAL = 5.0, 95  # times the USUAL-th percentile of the clock's steps
@@ -26,8 +29,9 @@ EVENTS = 0.9  # of the moving rows by one count: a log written at each edge of t
 
 
 def mended(log: Log, trust_units: bool = False) -> list[Log]:
-    """The log as pieces without a gap, wrap or repeated row. Raises dahl.Error."""
-    pieces = split_at_gaps(unwrapped(without_repeats(log), trust_units))
+    """The log as pieces without a gap, wrap, repeated or stale row. Raises dahl.Error."""
+    whole = unwrapped(without_repeats(log), trust_units)
+    pieces = split_at_gaps(without_stale_angles(whole))
     return [evened(piece) for piece in pieces]
 
 
@@ -60,6 +64,40 @@ def without_repeats(log: Log) -> Log:
 
 def _noiseless(torque: np.ndarray) -> bool:
     return bool(np.median(np.abs(np.diff(torque, 2))) < NOISELESS * np.ptp(torque))
+
+
+# --- an angle that is read more seldom than the torque --------------------------------------------
+
+
+def without_stale_angles(log: Log) -> Log:
+    """Without the rows between two readings of the angle, which have the torque of another angle.
+    Raises dahl.Error where too few are left.
+    """
+    changes = np.flatnonzero(np.diff(log.theta)) + 1
+    every = rows_of_a_reading(log, changes)
+    if every < 2:
+        return log
+    rows = np.diff(changes, append=log.rows)  # of one angle: of several readings, where it is slow
+    readings = np.maximum(np.rint(rows / every).astype(int), 1)
+    number = np.concatenate([np.arange(count) for count in readings])
+    fresh = np.minimum(np.repeat(changes, readings) + every * number, log.rows - 1)
+    words = f"the angle has a new reading every {every} rows only"
+    if len(fresh) < MIN_ROWS:
+        few = f"{len(fresh)} readings, at least {MIN_ROWS} were expected"
+        raise Error(f"{log.name}: {words}: {few}")
+    left = log.rows - len(fresh)
+    return taken(log, fresh, [*log.notes, f"{words}: the {left} rows between are left out"])
+
+
+def rows_of_a_reading(log: Log, changes: np.ndarray) -> int:
+    """The usual number of rows from one reading of the angle to the next, where it jumps after
+    rows at rest; 0 where it does not.
+    """
+    rows, moved = np.diff(changes), np.abs(np.diff(log.theta[changes]))
+    held = (rows > 1) & (moved >= JUMP * log.resolution)
+    if moved[held].sum() < HELD * moved.sum() or not held.any():
+        return 0
+    return round(float(np.median(rows[held])))
 
 
 # --- wraps ----------------------------------------------------------------------------------------
@@ -152,7 +190,7 @@ def gaps_of(log: Log) -> np.ndarray:
     """The first row after each gap of the clock: a step of time far above the usual ones, in a log
     that is sampled by its clock and not at each edge of the encoder.
     """
-    if log.time is None or _by_event(log):
+    if log.time is None or by_event(log):
         return np.zeros(0, dtype=int)
     steps = np.diff(log.time)
     going = steps[steps > 0]
@@ -161,7 +199,8 @@ def gaps_of(log: Log) -> np.ndarray:
     return np.flatnonzero(steps > LONG_STEP * np.percentile(going, USUAL)) + 1
 
 
-def _by_event(log: Log) -> bool:
+def by_event(log: Log) -> bool:
+    """Whether a log was written at each edge of the encoder, not at times of a clock."""
     if log.resolution == 0:
         return False
     counts = np.abs(log.moves[1:]) / log.resolution

@@ -3,7 +3,7 @@
 
 For one a = sigma0/Fc everything else is linear (variable projection):
 
-    torque = Fc w(a) + F0 exp(-a travel) + offset + spring theta + viscous speed + inertia speed'
+    torque = Fc w(a) + F0 exp(-a travel) + offset + spring theta + viscous speed + ...
 
 F0 is the torque at the first row, which nobody measured. The products of these columns are summed
 over blocks of rows (a Gram matrix each). From them come the fit, the choice of terms, the held-out
@@ -19,12 +19,11 @@ import numpy as np
 
 from dahl.identify import path
 from dahl.identify.log import Log
+from dahl.identify.terms import TERMS, columns_of
 
-CORE = ("offset", "spring", "viscous", "inertia")  # terms, in the order of their columns
-FRICTION, START, FIRST_TERM = 0, 1, 2  # columns: w, exp(-a travel), then CORE, then the torque
-WIDTH = FIRST_TERM + len(CORE) + 1
+FRICTION, START, FIRST_TERM = 0, 1, 2  # columns: w, exp(-a travel), then TERMS, the torque
+WIDTH = FIRST_TERM + len(TERMS) + 1
 FORGOTTEN = 40.0  # travel in presliding lengths after which exp(-travel) is left out
-SMOOTH = 9  # rows over which speed and its change are taken
 
 PIECE = 32768  # rows looked at together
 TOGETHER = 5  # nodes
@@ -152,44 +151,6 @@ def _add_start(gram: np.ndarray, start: np.ndarray, w: np.ndarray, fixed: np.nda
         here[START, FRICTION] = here[FRICTION, START] = here[START, FRICTION] + own @ w[rows]
         here[START, FIRST_TERM:] += own @ fixed[block, : len(own)]
         here[FIRST_TERM:, START] = here[START, FIRST_TERM:]
-
-
-def columns_of(log: Log, rows: slice = slice(None)) -> np.ndarray:
-    """The terms and the torque: (rows, len(CORE) + 1)."""
-    torque = log.torque[rows]
-    columns = np.empty((len(torque), len(CORE) + 1))
-    columns[:, 0] = 1
-    columns[:, 1] = log.theta[rows] - log.zero
-    columns[:, 2], columns[:, 3] = speed_of(log, rows)
-    columns[:, 4] = torque
-    return columns
-
-
-def speed_of(log: Log, rows: slice = slice(None)) -> tuple[np.ndarray, np.ndarray]:
-    """Speed and its change, smoothed over SMOOTH rows; zeros where the log has no time."""
-    start, end, _ = rows.indices(log.rows)
-    if log.time is None or log.rows < 3 * SMOOTH:
-        return np.zeros(end - start), np.zeros(end - start)
-    first, last = max(start - 2 * SMOOTH, 0), min(end + 2 * SMOOTH, log.rows)
-    time = log.time[first:last]
-    speed = _smooth(_slope(log.theta[first:last], time))
-    change = _smooth(_slope(speed, time))
-    return speed[start - first : end - first], change[start - first : end - first]
-
-
-def _slope(values: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Central differences; rows with one and the same time borrow their neighbour's."""
-    rows = np.arange(len(time))
-    ahead, behind = np.minimum(rows + 1, len(time) - 1), np.maximum(rows - 1, 0)
-    step = time[ahead] - time[behind]
-    least = 1e-3 * max(time[-1] - time[0], 1e-12) / len(time)
-    slope: np.ndarray = (values[ahead] - values[behind]) / np.maximum(step, least)
-    return slope
-
-
-def _smooth(values: np.ndarray) -> np.ndarray:
-    padded = np.pad(values, SMOOTH // 2, mode="edge")
-    return np.convolve(padded, np.full(SMOOTH, 1 / SMOOTH), mode="valid")
 
 
 def _gram(blocks: np.ndarray) -> np.ndarray:

@@ -14,9 +14,13 @@ ANGLES = {  # rad or m per unit, linear or not
     "deg": (math.pi / 180, False),
     "rad": (1.0, False),
     "mrad": (1e-3, False),
+    "urad": (1e-6, False),
+    "arcmin": (math.pi / 10800, False),
+    "arcsec": (math.pi / 648000, False),
     "turn": (2 * math.pi, False),
     "counts": (0.0, False),  # by --counts-per-turn
     "m": (1.0, True),
+    "cm": (1e-2, True),
     "mm": (1e-3, True),
     "um": (1e-6, True),
     "in": (0.0254, True),
@@ -24,26 +28,41 @@ ANGLES = {  # rad or m per unit, linear or not
 TORQUES = {  # N m or N per unit
     "Nm": 1.0,
     "mNm": 1e-3,
+    "uNm": 1e-6,
+    "cNm": 1e-2,
     "kNm": 1e3,
+    "MNm": 1e6,
+    "ozin": 0.00706155183,
     "lbin": 0.112984829,
     "lbft": 1.3558179483,
     "N": 1.0,
     "mN": 1e-3,
     "uN": 1e-6,
     "kN": 1e3,
+    "MN": 1e6,
     "lb": 4.4482216153,
     "kip": 4448.2216153,
 }
-TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6}  # s per unit
+TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "ns": 1e-9}  # s per unit
 SAME = {
     "seconds": "s",
     "degree": "deg",
     "degrees": "deg",
     "°": "deg",
+    "radian": "rad",
+    "radians": "rad",
+    "turns": "turn",
+    "rev": "turn",
+    "revs": "turn",
+    "revolution": "turn",
+    "revolutions": "turn",
     "count": "counts",
-    "µm": "um",
-    "µN": "uN",
+    "Ncm": "cNm",
+    "Nmm": "mNm",
 }
+SIGNS = str.maketrans({**dict.fromkeys(" *-.·⋅"), **dict.fromkeys("µμ", "u")})
+TURNS = r"angle|theta"  # what is called so is no length: theta_m is that of the motor
+SHORT_LENGTHS = ("m", "in")
 COLUMNS = {  # what a column is called when nobody says which one it is
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$"
     r"|(?<![a-z])pos(?![a-z])",
@@ -57,12 +76,18 @@ def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
     bracket = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
     first, *rest = re.split(r"[\s_]+", name)
     words = [bracket[1]] if bracket else [*rest[::-1], *([first] if len(first) > 2 else [])]
-    for word in words:
-        plain = SAME.get(word, word).replace(" ", "").replace("*", "").replace("-", "")
-        for unit in known:
-            if plain == unit or plain.lower() == unit.lower() != "n":
-                return unit
-    return default
+    if not bracket and re.search(TURNS, name, re.IGNORECASE):
+        words = [word for word in words if word not in SHORT_LENGTHS]
+    return next((unit for word in words if (unit := _known_as(word, known))), default)
+
+
+def _known_as(word: str, known: Mapping[str, object]) -> str:
+    """The unit that a word means, else that which it means in small letters; "" for none."""
+    plain = word.translate(SIGNS)
+    plain = SAME.get(plain, plain)
+    if plain in known:
+        return plain
+    return next((unit for unit in known if plain.lower() == unit.lower() != "n"), "")
 
 
 def of(
