@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 import subprocess
+import threading
 
 import dahl
 import numpy as np
@@ -76,6 +77,66 @@ def test_throughput_goes_on_from_a_torque():
     assert rest == pytest.approx(whole[1000:], abs=1e-7)
     assert params.run_counts([0], F=9.0)[0] == np.float32(0.5)
     assert params.run_counts([0], F=-9.0)[0] == np.float32(-0.5)
+
+
+LONG = 3 * 2**18 + 777  # three parts, the last one with a rest
+
+
+def long_path(kind):
+    """Moves and the travel of a count: every part forgets soon; none does; one does, others not."""
+    walk = np.random.default_rng(7).integers(-9, 10, LONG)
+    dither = (np.arange(LONG) // 3) % 5 - 2
+    if kind == "jumps":
+        return np.where(walk > 7, -(2**31), 3 * walk), 0.3
+    if kind == "first moves, then dither":
+        return np.where(np.arange(LONG) < 2**18, walk, dither), 1e-7
+    return (walk, 1e-2) if kind == "walk" else (dither, 1e-5 if kind == "dither" else 2.0**-29)
+
+
+@pytest.mark.parametrize(
+    "kind", ["walk", "jumps", "dither", "first moves, then dither", "hardly moves"]
+)
+def test_threads_are_within_the_bound(kind):
+    path, travel = long_path(kind)
+    plan = dahl.Plan(0.5, 0.5, travel)
+    bearing, fast = dahl.Friction(plan), dahl.Throughput(0.5, 0.5, plan.theta_per_count)
+    bearing.set_torque(0.3)
+    exact = bearing.run_counts(path).astype(float)
+    for threads in (2, 3, 64):
+        got = fast.run_counts(path, 0.3, threads=threads)
+        assert np.abs(got - exact).max() <= 2 * ULP_COUNTS * np.spacing(np.float32(0.5))
+    by_angle = fast.run(path * plan.theta_per_count, 0.3, threads=3)
+    assert np.abs(by_angle - exact).max() <= 2 * np.spacing(np.float32(0.5))
+
+
+def test_threads_take_angles_that_are_no_numbers():
+    angles = np.full(LONG, 1e-9, np.float32)
+    angles[2**18 + 9] = np.nan
+    angles[2**19 + 9] = -np.inf
+    fast = dahl.Throughput(1, 1)
+    one, three = fast.run(angles, 0.7), fast.run(angles, 0.7, threads=3)
+    assert three[2**19 + 8] == one[2**19 + 8] > 0.69 and three[2**19 + 9] == -1
+    assert np.abs(three - one).max() <= np.spacing(np.float32(1))
+
+
+def test_threads_are_started_for_long_logs_alone(monkeypatch):
+    started = []
+    start = threading.Thread.start
+    ours = lambda thread: thread.name.startswith("ThreadPoolExecutor")  # noqa: E731
+    note = lambda thread: (started.extend([thread] * ours(thread)), start(thread))  # noqa: E731
+    monkeypatch.setattr(threading.Thread, "start", note)
+    fast = dahl.Throughput(1, 1, 0.1)
+    fast.run_counts(np.ones(2**19 - 1, np.int32), threads=8)
+    fast.run_counts(np.ones(2**20, np.int32))
+    assert not started
+    fast.run_counts(np.ones(2**19, np.int32), threads=8)
+    assert 1 <= len(started) <= 2  # the pool may use one twice
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True, "2", None, 1025])
+def test_threads_that_are_no_number_of_threads_are_named(threads):
+    with pytest.raises(dahl.Error, match=re.escape(f"threads = {threads!r} is not a")):
+        dahl.Throughput(1, 1, 0.1).run_counts([1], threads=threads)
 
 
 def test_arrays_of_the_right_kind_are_not_copied():

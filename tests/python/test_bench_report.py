@@ -40,8 +40,7 @@ def counted() -> dict:
     for core in ("m0", "m3", "m4f", "rv32"):
         motions = {
             libc: {
-                motion: {"floor": 9.0} | {way: float(next(number)) for way in ways}
-                for motion in MOTIONS
+                motion: {way: 1.37 * next(number) for way in ("floor", *ways)} for motion in MOTIONS
             }
             for libc in (("picolibc",) if core == "rv32" else ("newlib", "picolibc"))
         }
@@ -56,7 +55,7 @@ def counted() -> dict:
     return result
 
 
-RUN = {"quick": False, "cpu": "a processor", "compiler": "a compiler", "ticks": {}}
+RUN = {"quick": False, "cpu": "a processor", "compiler": "a compiler", "ticks": {"threads": 7000}}
 RUN |= {"python": {"throughput_ns": 2.0, "batch_ns": 3.0, "step_ns": 500.0}}
 RUN["outside"] = {
     "mujoco": {"scenarios": {"walk_20": [1e-4, 1e-5]}, "ns": 6000.0},
@@ -66,6 +65,7 @@ RUN["mixes"] = {
     name: {"tick": 10.0 * k + 5, "throughput": 2.0}
     for k, name in enumerate(("slip_1", "slip_2", "slip_4", "slip_8", "mix"))
 }
+RUN["threads"] = {"1": 3.0, "2": 2.0, "8": 0.5}
 RUN["parts"] = [
     {"way": "rk4_parts", "limit": 1e-6, "parts": 25, "worst": dict.fromkeys(MOTIONS, 3e-7)},
     {"way": "euler_parts", "limit": 1e-3, "parts": 1, "worst": dict.fromkeys(MOTIONS, 3e-7)},
@@ -163,6 +163,18 @@ def test_what_vectors_bring_to_parts(counted, measured):
     assert "parallel" not in report.host_block(results.combine(counted, measured))
 
 
+def test_what_threads_bring(counted, measured, monkeypatch):
+    """One thread's time over theirs; every number of threads is run, over the same moves."""
+    result = results.combine(counted, measured)
+    assert result["host"]["threads_8_x"] == 6.0
+    assert "is 1.5 times as fast as one thread on a log of 7,000" in report.host_block(result)
+    torques = []
+    monkeypatch.setattr(host, "best_time", lambda work: torques.append(work().copy()) or 6.0)
+    found = host.measure_threads(3_000_000)
+    assert {"1", "2"} <= set(found) and set(found.values()) == {6e9 / 3e6}
+    assert np.ptp(torques[0]) > 0.5 and np.abs(torques[1] - torques[0]).max() <= 6e-8
+
+
 def test_mixes_are_run_both_ways(monkeypatch):
     """Each over the same moves, by the clock of best_time(); and the two are the same model."""
     torques = []
@@ -229,8 +241,12 @@ def test_each_point_stands_at_its_cost_and_error_in_its_colour(counted, measured
         "Cortex-M4F",
         "host: a processor",
     ]
-    lowest = min(speed["copy"] for speed in measured["speed"].values())
-    assert drawn(panels[3], ":")["#999999"][0][0][0] == lowest
+    floors = [
+        min(way["floor"] for way in counted[core]["motions"]["newlib"].values())
+        for core in results.CORES
+    ]
+    floors.append(min(speed["copy"] for speed in measured["speed"].values()))
+    assert [drawn(axes, ":")["#999999"][0][0][0] for axes in panels] == floors
 
 
 def test_the_results_keep_each_number_of_both_runs(counted, measured):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -43,11 +44,21 @@ class Sizes:
     parts: int
     growth: int
     speed: int
+    threads: int
     outside: int
 
 
-QUICK = Sizes(errors=200_000, parts=200_000, growth=1_000_000, speed=200_000, outside=5_000)
-WHOLE = Sizes(errors=200_000, parts=200_000, growth=1_000_000_000, speed=500_000, outside=20_000)
+QUICK = Sizes(
+    errors=200_000, parts=200_000, growth=1_000_000, speed=200_000, threads=2_000_000, outside=5_000
+)
+WHOLE = Sizes(
+    errors=200_000,
+    parts=200_000,
+    growth=1_000_000_000,
+    speed=500_000,
+    threads=50_000_000,
+    outside=20_000,
+)
 
 
 def say(text: str) -> None:
@@ -196,6 +207,17 @@ def measure_python() -> dict[str, float]:
     }
 
 
+def measure_threads(ticks: int) -> dict[str, float]:
+    """ns a tick of one long log from Python, by its number of threads: up to the cores here."""
+    import dahl
+
+    moves = np.random.default_rng(1).integers(-8, 9, ticks).astype(np.int32)
+    out, fast = np.empty(ticks, np.float32), dahl.Throughput(SIGMA0, FC, TURN / 2**14)
+    numbers = sorted({1, 2, len(os.sched_getaffinity(0))})
+    run = lambda threads: fast.run_counts(moves, out=out, threads=threads)  # noqa: E731
+    return {str(n): best_time(partial(run, n)) / ticks * 1e9 for n in numbers}
+
+
 def measure_mixes() -> dict[str, dict[str, float]]:
     """ns a tick of slip elements and of a mix: the C tick after tick, and the vectors."""
     import dahl
@@ -245,6 +267,7 @@ def measure(quick: bool) -> dict[str, Any]:
         "rates": measure_rates(),
         "speed": measure_speed(sizes),
         "python": measure_python(),
+        "threads": measure_threads(sizes.threads),
         "mixes": measure_mixes(),
         "outside": measure_outside(sizes),
         "growth": measure_growth(sizes),

@@ -94,6 +94,12 @@ def host_block(result: dict[str, Any]) -> str:
             f" after the other: slip elements, 1, 2, 4 and 8 of them, {slips}; a Dahl element and"
             f" two slip elements {x['mix_throughput_x']:.1f}"
         )
+    if "threads_2_x" in x:
+        lines.append(
+            "- `Throughput.run_counts(moves, threads=2)` is"
+            f" {x['threads_2_x']:.1f} times as fast as one thread on a log of"
+            f" {result['machine']['ticks']['threads']:,} ticks"
+        )
     if "mujoco_x" in x:
         lines.append(
             f"- from Python, a tick of `Throughput.run_counts` is {x['mujoco_x']:.0f} times,"

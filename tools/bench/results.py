@@ -201,6 +201,8 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
     )
     for name, ns in host.get("mixes", {}).items():
         result[f"{name}_throughput_x"] = ns["tick"] / ns["throughput"]
+    for threads, ns in host.get("threads", {}).items():
+        result[f"threads_{threads}_x"] = host["threads"]["1"] / ns
     if "ns" in host["outside"].get("mujoco", {}):
         result["mujoco_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["throughput_ns"]
         result["mujoco_batch_x"] = host["outside"]["mujoco"]["ns"] / host["python"]["batch_ns"]

@@ -6,6 +6,7 @@
  *                                      a sine of a A = 20 at 1 Hz that is sampled RATE times a second
  *   host_bench growth SCENARIO TICKS   worst error so far at each power of ten of ticks
  *   host_bench speed TICKS             nanoseconds a tick, and of a plain copy
+ *   host_bench batches SCENARIO TICKS  each batch of the library once, for callgrind (tests/python/test_batch_cost.py)
  *   host_bench moves SCENARIO TICKS    the moves in counts and the exact F/Fc, as text, for rivals in Python
  */
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
@@ -287,16 +288,17 @@ static void start_race(race_t *race, const scenario_t *s)
     }
 }
 
+static const struct {
+    const char *name;
+    void (*run)(race_t *, const way_t *);
+} extra[] = {{"batch_counts_16", batch_channels},
+             {"throughput_counts_16", throughput_channels},
+             {"throughput_angle_16", throughput_angle_channels},
+             {"copy", copy}};
+
 /* Rounds go over all runners, so that a busy machine slows all down; the best of each counts. */
 static void race_on(race_t *race, const scenario_t *s, int rounds)
 {
-    static const struct {
-        const char *name;
-        void (*run)(race_t *, const way_t *);
-    } extra[] = {{"batch_counts_16", batch_channels},
-                 {"throughput_counts_16", throughput_channels},
-                 {"throughput_angle_16", throughput_angle_channels},
-                 {"copy", copy}};
     double best[64];
     start_race(race, s);
     for (int round = 0; round < rounds; round++) {
@@ -318,23 +320,38 @@ static void race_on(race_t *race, const scenario_t *s, int rounds)
     fflush(stdout);
 }
 
-static void speed(size_t ticks)
+static void with_room_for(size_t ticks, race_t *race)
 {
-    static race_t race;
-    race.n = ticks;
-    race.moves = malloc(4 * ticks);
-    race.angles = malloc(4 * ticks);
-    race.F = malloc(4 * ticks);
-    if (race.moves == NULL || race.angles == NULL || race.F == NULL) {
+    race->n = ticks;
+    race->moves = malloc(4 * ticks);
+    race->angles = malloc(4 * ticks);
+    race->F = malloc(4 * ticks);
+    if (race->moves == NULL || race->angles == NULL || race->F == NULL) {
         fputs("error: not enough memory\n", stderr);
         exit(1);
     }
+}
+
+static race_t race;
+
+static void speed(size_t ticks)
+{
+    with_room_for(ticks, &race);
     for (size_t i = 0; i < SCENARIOS; i++) {
         race_on(&race, &scenarios[i], 15);
     }
-    free(race.moves);
-    free(race.angles);
-    free(race.F);
+}
+
+static void batches_once(const scenario_t *s, size_t ticks)
+{
+    with_room_for(ticks, &race);
+    start_race(&race, s);
+    run_way(&race, way_named("batch_counts"));
+    run_way(&race, way_named("throughput_counts"));
+    run_way(&race, way_named("throughput_angle"));
+    for (size_t k = 0; k < 3; k++) {
+        extra[k].run(&race, NULL);
+    }
 }
 
 static void print_moves(const scenario_t *s, uint64_t ticks)
@@ -363,10 +380,12 @@ int main(int argc, char **argv)
         growth(scenario_named(argv[2]), strtoull(argv[3], NULL, 10));
     } else if (strcmp(what, "speed") == 0 && argc == 3) {
         speed((size_t)strtoull(argv[2], NULL, 10));
+    } else if (strcmp(what, "batches") == 0 && argc == 4) {
+        batches_once(scenario_named(argv[2]), (size_t)strtoull(argv[3], NULL, 10));
     } else if (strcmp(what, "moves") == 0 && argc == 4) {
         print_moves(scenario_named(argv[2]), strtoull(argv[3], NULL, 10));
     } else {
-        fputs("error: host_bench errors|parts|parts-error|growth|speed|moves ...; see tools/bench/host/main.c\n", stderr);
+        fputs("error: host_bench errors|parts|parts-error|growth|speed|batches|moves ...; see tools/bench/host/main.c\n", stderr);
         return 2;
     }
     return 0;
