@@ -62,13 +62,24 @@ static void catch_signals(void)
     }
 }
 
-/* Also where it ended before the kernel was asked to tell. */
-static void end_with_parent(uint32_t parent)
+/* Also where it ended before the kernel was asked to tell. 0, or an exit code after one error line: a process that runs and is
+ * not the parent, such as $$ inside ( ), which is the shell around it. */
+static int end_with_parent(uint32_t parent)
 {
-    if (parent != 0) {
-        prctl(PR_SET_PDEATHSIG, (unsigned long)SIGTERM);
-        stop = getppid() != (pid_t)parent ? 1 : stop;
+    if (parent == 0) {
+        return 0;
     }
+    prctl(PR_SET_PDEATHSIG, (unsigned long)SIGTERM);
+    pid_t now = getppid();
+    if (now == (pid_t)parent) {
+        return 0;
+    }
+    if (kill((pid_t)parent, 0) == 0 || errno == EPERM) {
+        log_error("--with-parent %u: this process did not start dahl-loop; %ld did", (unsigned)parent, (long)now);
+        return EXIT_BAD_INPUT;
+    }
+    stop = 1;
+    return 0;
 }
 
 /* All that these parts listen to. */
@@ -210,9 +221,11 @@ int main(int argc, char **argv)
     if (answered != 0) {
         return answered < 0 ? EXIT_BAD_INPUT : 0;
     }
-    end_with_parent(program.options.parent);
     prctl(PR_SET_TIMERSLACK, 1000L); /* ns; the default of 50 us would be seen in the ticks */
-    int code = prepare(&program);
+    int code = end_with_parent(program.options.parent);
+    if (code == 0) {
+        code = prepare(&program);
+    }
     if (code == 0) {
         code = run(&program);
     }

@@ -8,6 +8,7 @@ it between its two marks, or printed where no page is named.
 
 from __future__ import annotations
 
+import argparse
 import re
 import sys
 from pathlib import Path
@@ -28,11 +29,20 @@ def markdown() -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def main(pages: list[str]) -> int:
+def main(words: list[str]) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("pages", nargs="*", type=Path, metavar="PAGE", help="where the table is")
+    pages = parser.parse_args(words).pages
     if not pages:
         print(markdown(), end="")
-    for page in map(Path, pages):
-        before, first, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
+    for page in pages:
+        try:
+            text = page.read_text(encoding="utf-8")
+        except OSError as error:
+            sys.exit(f"error: {page}: {error.strerror}")
+        before, first, rest = text.partition(MARKS[0])
         _, last, after = rest.partition(MARKS[1])
         if first and last:
             page.write_text(f"{before}{first}\n{markdown()}{last}{after}", encoding="utf-8")

@@ -6,6 +6,7 @@ Start a node first (examples/README.md), then run, with its TCP port if that is 
 """
 
 import asyncio
+import logging
 import math
 import sys
 
@@ -42,8 +43,17 @@ class Node:
         return await asyncio.wait_for(answer, PATIENCE)
 
 
+def open_bus(port: int) -> can.BusABC:
+    """The bus that the node serves."""
+    logging.getLogger("can").setLevel(logging.ERROR)  # else each of many tries to connect is told
+    try:
+        return can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
+    except OSError as error:
+        sys.exit(f"no node on port {port}: {error}; examples/README.md starts one")
+
+
 async def main(port: int) -> None:
-    bus = can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
+    bus = open_bus(port)
     node = Node(bus)
     notifier = can.Notifier(bus, [node.receive], loop=asyncio.get_running_loop())
     try:

@@ -5,6 +5,7 @@ Start a node first, for instance the one on the desk (examples/README.md), then 
     pytest examples/python_can/test_node.py
 """
 
+import logging
 from typing import Any
 
 import can
@@ -17,6 +18,7 @@ BUS: dict[str, Any] = {
     "host": "127.0.0.1",
     "port": 28600,
 }
+logging.getLogger("can").setLevel(logging.ERROR)  # else each of many tries to connect is told
 
 
 def ask(bus: can.BusABC, counter: int, count: int) -> float:

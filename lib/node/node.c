@@ -40,6 +40,7 @@ static void restart(dahl_node_t *node)
     node->state = DAHL_FRAMES_INIT;
     node->silenced = false;
     node->gain_now = node->ramp_us == 0 ? node->gain : 0;
+    node->gain_rest = 0;
     node->bus_off_count = 0;
     node->torque_counter = 0;
     node->status_counter = 0;
@@ -81,15 +82,34 @@ static uint32_t least(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
+/* Since the last count that was accepted; a clock that went back has not moved. */
+static uint32_t elapsed_us(const dahl_node_t *node, uint32_t now_us)
+{
+    uint32_t elapsed = now_us - node->good_us;
+    return elapsed <= INT32_MAX ? elapsed : 0;
+}
+
+/* By how much of DAHL_NODE_ONE the gain may move in this time; the part of a step that is left over counts next time, so that a
+ * long ramp is not the slower the more often it is asked. */
+static uint32_t ramp_step(dahl_node_t *node, uint32_t elapsed)
+{
+    uint32_t whole = DAHL_NODE_ONE * least(elapsed, DAHL_NODE_ONE - 1);
+    uint32_t step = whole / node->ramp_us, rest = whole % node->ramp_us;
+    uint32_t missing = node->ramp_us - rest; /* to the next step */
+    if (node->gain_rest < missing) {
+        node->gain_rest += rest;
+        return step;
+    }
+    node->gain_rest = least(node->gain_rest - missing, node->ramp_us - 1); /* above it where the ramp was made shorter */
+    return step + 1;
+}
+
 /* The gain goes its way from one answer to the next. */
-static void ramp(dahl_node_t *node, uint32_t elapsed_us)
+static void ramp(dahl_node_t *node, uint32_t elapsed)
 {
     uint32_t rise = node->gain > node->gain_now ? node->gain - node->gain_now : 0;
     uint32_t fall = node->gain_now > node->gain ? node->gain_now - node->gain : 0;
-    uint32_t step = DAHL_NODE_ONE;
-    if (node->ramp_us > 0) {
-        step = DAHL_NODE_ONE * (elapsed_us < DAHL_NODE_ONE ? elapsed_us : DAHL_NODE_ONE - 1) / node->ramp_us;
-    }
+    uint32_t step = node->ramp_us > 0 ? ramp_step(node, elapsed) : DAHL_NODE_ONE;
     node->gain_now += least(step, rise) - least(step, fall);
 }
 
@@ -106,7 +126,7 @@ static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, int32_t torque_q30,
                    dahl_can_frame_t *out)
 {
-    ramp(node, node->primed ? now_us - node->good_us : 0);
+    ramp(node, node->primed ? elapsed_us(node, now_us) : 0);
     node->count = (uint32_t)seen->count;
     node->counter = seen->counter;
     node->good_us = now_us;
@@ -156,7 +176,7 @@ static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen,
 {
     int32_t way = travel(node, seen);
     uint32_t size = way < 0 ? 0u - (uint32_t)way : (uint32_t)way;
-    uint32_t elapsed = 1 + ((now_us - node->good_us) >> 10);
+    uint32_t elapsed = 1 + (elapsed_us(node, now_us) >> 10);
     uint64_t most = (uint64_t)node->max_step * (elapsed > frames ? elapsed : frames);
     return size <= most;
 }
@@ -305,6 +325,7 @@ static void fall_silent(dahl_node_t *node)
     node->primed = false;
     node->good_in_a_row = 0;
     node->gain_now = node->ramp_us == 0 ? node->gain_now : 0;
+    node->gain_rest = 0;
     node->silenced = true;
     node->urgent = true;
     enter(node, DAHL_FRAMES_STALE);
@@ -322,8 +343,7 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
 
 static void check_age(dahl_node_t *node, uint32_t now_us)
 {
-    int32_t age = (int32_t)(now_us - node->good_us); /* below 0 where the clock went back: not old */
-    if (node->primed && age > (int64_t)node->timeout_us) {
+    if (node->primed && elapsed_us(node, now_us) > node->timeout_us) {
         node->counts.stale++;
         fall_silent(node);
     }

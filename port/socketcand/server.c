@@ -16,7 +16,7 @@
 
 enum {
     READ_SIZE = 4096,
-    DAHL_FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
+    FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
     QUIET_MS = 100,        /* python-can takes "< ok >" for bad if a frame follows in the same piece */
     KERNEL_BYTES = 65536,  /* the kernel would let a client that does not read fill megabytes */
     LINGER_MS = 2000,
@@ -287,7 +287,7 @@ static void join(socketcand_server_t *self)
 
 static void watch(const socketcand_server_t *self, struct pollfd *fds)
 {
-    short read = frame_queue_room(&self->queue) >= DAHL_FRAMES_PER_READ ? POLLIN : 0;
+    short read = frame_queue_room(&self->queue) >= FRAMES_PER_READ ? POLLIN : 0;
     fds[0] = (struct pollfd){.fd = self->listener, .events = POLLIN};
     for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
         const socketcand_client_t *client = &self->clients[i];
@@ -304,7 +304,7 @@ static void serve(socketcand_server_t *self, const struct pollfd *fds)
             flush(&self->clients[i]);
         }
         if ((fds[i + 1].revents & (POLLIN | POLLHUP | POLLERR)) != 0 &&
-            frame_queue_room(&self->queue) >= DAHL_FRAMES_PER_READ) {
+            frame_queue_room(&self->queue) >= FRAMES_PER_READ) {
             read_from(self, &self->clients[i]);
         }
     }

@@ -16,6 +16,9 @@ static const dahl_params_t params = {.sigma0 = 50.0f, .Fc = 0.5f, .theta_per_cou
 static dahl_plan_t plan;
 static dahl_node_t node;
 static uint32_t now_us;
+
+#define GAIN_STEP_Q30 ((1 << 30) / (int32_t)DAHL_NODE_ONE) /* what one step of the gain moves of a full torque */
+
 static dahl_friction_torque_t answer;
 
 void setUp(void)
@@ -636,7 +639,7 @@ static void test_the_gain_ramps_without_a_bump(void)
     TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE));
     for (uint32_t i = 2; i < 110; i++) {
         feed(i, 1000000);
-        TEST_ASSERT_INT_WITHIN((1 << 30) / 100, before, answer.torque_q30);
+        TEST_ASSERT_INT_WITHIN((1 << 30) / 100 + GAIN_STEP_Q30, before, answer.torque_q30);
         TEST_ASSERT_TRUE(answer.torque_q30 >= before);
         before = answer.torque_q30;
     }
@@ -666,8 +669,8 @@ static void test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms(void)
             now_us += k == 4 ? 50000000 : 69000;
             feed(k, 1000000);
             at = at + step < DAHL_NODE_ONE ? at + step : DAHL_NODE_ONE;
-            TEST_ASSERT_EQUAL(at, node.gain_now);
-            TEST_ASSERT_EQUAL(((int64_t)at << 30) / DAHL_NODE_ONE, answer.torque_q30);
+            TEST_ASSERT_UINT32_WITHIN(k, at, node.gain_now); /* and what steps have left over */
+            TEST_ASSERT_EQUAL(((int64_t)node.gain_now << 30) / DAHL_NODE_ONE, answer.torque_q30);
         }
     }
 }
@@ -680,10 +683,10 @@ static void test_the_gain_ramps_down_and_stops_where_it_should(void)
     TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
     TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE / 2));
     for (uint32_t i = 2; i < 80; i++) {
-        uint32_t gone = (i - 1) * 655; /* 1 ms of 100 */
+        uint32_t gone = (i - 1) * DAHL_NODE_ONE / 100; /* 1 ms of 100 */
         uint32_t gain = gone < DAHL_NODE_ONE / 2 ? DAHL_NODE_ONE - gone : DAHL_NODE_ONE / 2;
         feed(i, 1000000);
-        TEST_ASSERT_EQUAL(((int64_t)gain << 30) / DAHL_NODE_ONE, answer.torque_q30);
+        TEST_ASSERT_INT32_WITHIN(GAIN_STEP_Q30, ((int64_t)gain << 30) / DAHL_NODE_ONE, answer.torque_q30);
     }
 }
 
@@ -702,6 +705,56 @@ static void test_the_ramp_of_a_starting_point_and_of_65536_us(void)
         TEST_ASSERT_TRUE(feed(1, 0));
         TEST_ASSERT_EQUAL(i < 2 ? DAHL_NODE_ONE : 65536u * 65535u / 100000u, node.gain_now);
     }
+}
+
+/* Frames every 0.1, 0.5, 0.9, 1 and 1.1 ms, each worth less than one step of the gain or hardly more. */
+static void test_a_ramp_of_a_minute_takes_a_minute_however_often_it_is_asked(void)
+{
+    const uint32_t periods_us[] = {100, 500, 900, 1000, 1100};
+    for (size_t i = 0; i < 5; i++) {
+        setUp();
+        node.ramp_us = 60000000;
+        reset(DAHL_FRAMES_RESET_RESTART);
+        uint32_t frames = 60000000 / periods_us[i];
+        for (uint32_t k = 0; k <= frames / 2; k++) {
+            now_us += periods_us[i] - 1000; /* feed() lets 1 ms pass */
+            TEST_ASSERT_TRUE(feed(k, 0));
+        }
+        TEST_ASSERT_UINT32_WITHIN(2, DAHL_NODE_ONE / 2, node.gain_now);
+    }
+}
+
+/* What a long ramp has left over is at most one step of a shorter one. */
+static void test_a_ramp_made_shorter_goes_on_from_where_it_is(void)
+{
+    node.ramp_us = 60000000;
+    reset(DAHL_FRAMES_RESET_RESTART);
+    feed(0, 0);
+    now_us -= 100;
+    feed(1, 0);
+    TEST_ASSERT_EQUAL(0, node.gain_now);
+    node.ramp_us = 1000000;
+    feed(2, 0);
+    TEST_ASSERT_UINT32_WITHIN(1, 66, node.gain_now);
+    for (uint32_t k = 3; k < 12; k++) {
+        feed(k, 0);
+    }
+    TEST_ASSERT_UINT32_WITHIN(2, 10 * 66, node.gain_now + 5);
+}
+
+/* Each frame comes a little before the one before it, by a clock that is set back. */
+static void test_a_clock_that_goes_back_lets_no_jump_pass_and_moves_no_ramp(void)
+{
+    node.max_step = 100;
+    node.ramp_us = 1000000;
+    reset(DAHL_FRAMES_RESET_RESTART);
+    TEST_ASSERT_TRUE(feed(0, 0));
+    now_us -= 1001;
+    TEST_ASSERT_FALSE(feed(1, 1000000));
+    TEST_ASSERT_EQUAL(1, node.counts.jump);
+    now_us -= 1001;
+    TEST_ASSERT_TRUE(feed(2, 100));
+    TEST_ASSERT_EQUAL(0, node.gain_now);
 }
 
 static void test_after_a_restart_the_ramp_begins_anew(void)
@@ -1303,6 +1356,9 @@ int main(void)
     RUN_TEST(test_the_ramp_over_long_waits_goes_no_further_than_over_65_ms);
     RUN_TEST(test_the_gain_ramps_down_and_stops_where_it_should);
     RUN_TEST(test_the_ramp_of_a_starting_point_and_of_65536_us);
+    RUN_TEST(test_a_ramp_of_a_minute_takes_a_minute_however_often_it_is_asked);
+    RUN_TEST(test_a_ramp_made_shorter_goes_on_from_where_it_is);
+    RUN_TEST(test_a_clock_that_goes_back_lets_no_jump_pass_and_moves_no_ramp);
     RUN_TEST(test_after_a_restart_the_ramp_begins_anew);
     RUN_TEST(test_parameters_are_checked_acknowledged_and_used);
     RUN_TEST(test_parameters_read_back_as_written_up_to_24_bits);

@@ -24,3 +24,13 @@ def test_a_page_gets_the_table_between_its_marks(tmp_path: Path) -> None:
     assert all(row.count("|") == 6 for row in table)
     assert "| wrong CRC | crc | CRC | kept | no |" in table
     assert other.read_text() == "no table here\n"
+
+
+def test_a_page_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    for words, code in (([tmp_path / "none.md"], 1), (["--help"], 0), (["--none"], 2)):
+        done = subprocess.run(
+            [sys.executable, TOOL, *words], capture_output=True, text=True, check=False
+        )
+        assert (done.returncode, "Traceback" in done.stderr) == (code, False)
+    done = subprocess.run([sys.executable, TOOL, tmp_path], capture_output=True, check=False)
+    assert (done.returncode, done.stderr.count(b"\n")) == (1, 1)

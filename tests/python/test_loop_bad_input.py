@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 
 import dahl
@@ -515,7 +516,7 @@ OPTION_ERRORS = [
     ),
     ([*CREEP, "--nodes", "2"], "a scene with a [rotor] has one"),
     ([*CREEP, "--trace", "x.csv", "--role", "node"], "--role node runs no [rotor] to trace"),
-    ([*STEERING, "--bus", f"socketcand:{'x' * 128}:5"], "xx:5: not loopback, socketcan:IF"),
+    ([*STEERING, "--bus", f"socketcand:{'x' * 128}:5"], "xx:5: not loopback"),
     ([*STEERING, "--bus", "socketcand:localhost:65536"], "localhost:65536: not loopback"),
     ([*STEERING, "--virtual", "--role", "node"], "--virtual without an encoder never ends"),
 ]
@@ -629,6 +630,20 @@ def test_an_output_that_cannot_be_written_is_told(tmp_path, option, path):
     assert result.err.startswith(f"error: {option} {path}: ")
     assert result.err.count("\n") == 1
     assert path == "/dev/full" or "No such file or directory" in result.err
+
+
+OPTIONS = (
+    "scene bus bitrate nodes set role virtual lockstep seconds seed log trace summary wait-clients"
+    " until-idle with-parent data log-file help version"
+)
+
+
+def test_the_help_has_a_line_of_each_option():
+    """And none that is not taken."""
+    told = re.findall(r"^  --([a-z-]+)(?:, --([a-z-]+))?", said("--help").stdout, re.MULTILINE)
+    assert sorted(name for both in told for name in both if name) == sorted(OPTIONS.split())
+    for name in OPTIONS.split():
+        assert "unknown option" not in said(f"--{name}").stderr
 
 
 def test_help_and_version():

@@ -123,6 +123,17 @@ def test_a_parent_that_has_ended_before_is_known(tmp_path):
     assert (result.code, result.summary["ticks"]) == (0, 0)
 
 
+def test_a_process_that_runs_and_is_no_parent_is_refused(tmp_path):
+    """Such as $$ in a subshell: it would end at once, and nobody knew why."""
+    with subprocess.Popen(["sleep", "60"]) as other:
+        words = [*command(tmp_path, STEERING, "--virtual"), "--with-parent", str(other.pid)]
+        done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
+        other.kill()
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith(f"error: --with-parent {other.pid}: ")
+    assert str(os.getpid()) in done.stderr
+
+
 def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:
     """Logging into a pipe that is open and not read: (program, reading end)."""
     reading, writing = os.pipe()

@@ -71,12 +71,14 @@ def test_a_bus_that_is_too_slow_loses_frames_and_says_so(tmp_path):
     assert summary["bus_counts"]["dropped"] > 0
 
 
-def test_the_histogram_is_the_latencies(tmp_path):
-    options = ("--virtual", "--nodes", "3", "--bitrate", "1000000", "--seconds", "5")
+@pytest.mark.parametrize(("nodes", "seconds"), [(3, 5), (3, 0.001), (1, 0.001)])
+def test_the_histogram_is_the_latencies(tmp_path, nodes, seconds):
+    """Of many answers, and of one that stands alone."""
+    options = ("--virtual", "--nodes", nodes, "--bitrate", "1000000", "--seconds", seconds)
     summary = run(tmp_path, STEERING, *options).summary
     edges, counts = zip(*summary["latency_histogram"], strict=True)
     assert list(edges) == sorted(edges)
-    assert sum(counts) == summary["frames_answered"] == 15000
+    assert sum(counts) == summary["frames_answered"] == nodes * round(seconds * 1000)
     assert edges[-1] >= summary["latency_us"]["max"] > (edges[-2] if len(edges) > 1 else 0)
     late = sum(count for edge, count in summary["latency_histogram"] if edge > 1032)
     assert late <= summary["deadline_misses"]

@@ -114,6 +114,8 @@ def test_view_counts_what_it_sees(dbc):
         12,
     )
     assert view.names["FrictionTorque"].wrong == 1
+    told = view.as_dict()["messages"]["EncoderState"]
+    assert [told[name] for name in ("frames", "missing", "bad")] == [2, 1, 3]
     assert encoder.rate() == pytest.approx(1 / 0.002)
     assert list(view.count) == [-7, 8]
     assert list(view.ratio) == pytest.approx([0.5, 0.5])
@@ -136,6 +138,13 @@ def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
     seen = view.as_dict()["messages"]
     assert (seen["ParamReply"]["frames"], seen["ParamReply"]["missing"]) == (4, 0)
     assert (seen["EncoderState"]["frames"], seen["EncoderState"]["missing"]) == (3, 2)
+    rows = re.findall(r"^([A-Z]\w+) +(\d+) +\d+ +(\d+) ", text_of(view), re.MULTILINE)
+    assert rows == [
+        ("EncoderState", "3", "2"),
+        ("FrictionTorque", "0", "0"),
+        ("Status", "0", "0"),
+        ("ParamReply", "4", "0"),
+    ]
 
 
 def test_answers_count_before_the_first_angle_but_are_no_point_of_a_curve(dbc):
@@ -245,6 +254,17 @@ def test_view_fits_small_and_large_terminals(dbc, width, height, made):
     assert ("over s" in shown) == (width >= 80)
 
 
+@pytest.mark.parametrize("made", [lambda _: View(), lambda dbc: spoiled_run(dbc, View())])
+def test_the_curve_is_there_from_six_rows_on(dbc, made):
+    """That the counters leave it, whole; in fewer none is begun."""
+    view = made(dbc)
+    view.fills_screen = True
+    shown = (text_of(Screen(view), 80, height).splitlines() for height in range(4, 25))
+    lines = next(lines for lines in shown if any("over counts" in line for line in lines))
+    begin = next(n for n, line in enumerate(lines) if "over counts" in line)
+    assert len(lines[begin:]) == 6 and any("└" in line for line in lines[begin:])
+
+
 def test_a_status_without_errors_fits_80_columns(dbc):
     """All that it says, the timeout too."""
     view = View()
@@ -321,8 +341,9 @@ def test_monitor_without_a_terminal_prints_one_picture(served, run_dahl):
 
 
 def test_monitor_draws_live_in_a_terminal(served, root):
+    """And leaves the whole of what it saw, though the terminal is low."""
     terminal, inner = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "36"}
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "20"}
     command = [sys.executable, "-m", "dahl", "monitor", *served, "--seconds", "2"]
     process = subprocess.Popen(
         command, stdin=inner, stdout=inner, stderr=inner, cwd=root, env=environment
@@ -340,7 +361,8 @@ def test_monitor_draws_live_in_a_terminal(served, root):
     assert process.wait(10) == 0
     assert seen.count(b"F/Fc over counts") >= 3
     assert b"\x1b[?1049h" in seen  # the other screen, so that the shell's text comes back
-    assert b"\x1b[?1049l" in seen
+    live, left, after = seen.partition(b"\x1b[?1049l")
+    assert left and b"counts over s" in after and b"counts over s" not in live
 
 
 def test_record_writes_what_canplayer_can_replay(served, dahl_here, tmp_path):

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import can
 import dahl
+import numpy as np
 import pytest
 from can_socket import BUS_OFF, ERROR, EXTENDED, REMOTE, frame, joined, plant
 from conftest import ROOT
@@ -280,6 +281,30 @@ def test_time_is_the_callers():
     assert one.receive(codec.pack(EncoderState(5, 2))) is None
 
 
+@pytest.mark.parametrize("gap", [1001, 2200, 4294.967296 + 0.002, 1e5, 1e12])
+def test_a_long_time_without_a_call_is_none_too_short(gap):
+    """The clock of the C wraps after 71 minutes, and tells half of that."""
+    one = dahl.Node(PLAN)
+    one.tick(5.0)
+    moved(one, 0, 5)
+    assert one.receive(codec.pack(EncoderState(9000, 2)), 5.0 + gap) is None
+    assert (one.state, one.counts.stale, one.counts.rearm) == (State.STALE, 1, 1)
+    status = codec.unpack(one.tick())
+    assert (status.state, status.counter, status.out_of_step) == (State.STALE, 1, 1)
+    assert one.tick() is None
+    assert one.receive(codec.pack(EncoderState(9000, 3))) is None
+    assert codec.unpack(one.receive(codec.pack(EncoderState(9000, 4)))).state == State.STALE
+
+
+def test_a_copy_is_of_the_same_kind():
+    class Mine(dahl.Node):
+        pass
+
+    one = Mine(PLAN, 3)
+    for other in (copy.copy(one), copy.deepcopy(one)):
+        assert type(other) is Mine and other == one
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
@@ -473,6 +498,58 @@ def test_two_nodes_of_one_number_are_refused(ends):
     for nodes in ((), (dahl.Node(PLAN), dahl.Node(PLAN)), ("x",)):
         with pytest.raises(dahl.Error):
             node.run(ends[0], *nodes, seconds=0)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ({"seconds": float("nan")}, "seconds = nan is not a number of s, 0 or above"),
+        ({"seconds": -1}, "seconds = -1 is not a number of s, 0 or above"),
+        ({"seconds": "1"}, "seconds = '1' is not a number; a number of s"),
+        ({"seconds": True}, "seconds = True is not a number"),
+        ({"seconds": 0, "ended": None}, "ended = None cannot be called"),
+        ({"second": 0}, "run: second = 0: no such argument"),
+    ],
+)
+def test_what_run_cannot_take_is_refused(ends, words, complaint):
+    with pytest.raises(dahl.Error) as caught:
+        node.run(ends[0], dahl.Node(PLAN), **words)
+    assert str(caught.value).startswith(complaint)
+
+
+@pytest.mark.parametrize("bus", [None, "can0", 5])
+def test_what_is_no_bus_is_refused(bus):
+    for call in (
+        lambda: node.run(bus, dahl.Node(PLAN), seconds=0),
+        lambda: node.ask(bus, EncoderState(0)),
+        lambda: node.Listener(bus, dahl.Node(PLAN)),
+    ):
+        with pytest.raises(dahl.Error, match="is not a bus of python-can"):
+            call()
+
+
+def test_a_number_of_numpy_names_a_node(ends):
+    notifier = can.Notifier(ends[0], [node.Listener(ends[0], dahl.Node(PLAN, np.uint8(3)))])
+    try:
+        assert node.ask(ends[1], EncoderState(5, 0), np.int8(3)).ratio == 0
+    finally:
+        notifier.stop()
+
+
+@pytest.mark.parametrize("identifier", [2**32 + 0x100, -1, 256.5, None, "256"])
+def test_an_id_that_no_bus_has_is_refused(identifier):
+    message = codec.pack(EncoderState(5))
+    message.arbitration_id = identifier
+    for call in (codec.unpack, dahl.Node(PLAN).receive):
+        with pytest.raises(dahl.Error, match="arbitration_id = "):
+            call(message)
+
+
+def test_a_message_is_as_long_as_it_says():
+    message = codec.pack(EncoderState(5))
+    message.dlc = 4
+    with pytest.raises(dahl.Error, match="4 bytes, 8 were expected"):
+        codec.unpack(message)
 
 
 def test_a_bus_that_takes_nothing_is_counted(ends):

@@ -104,6 +104,7 @@ def test_the_printed_lines_name_the_same_bus(capsys, library):
     done = caller(capsys)("node", *OWN, *words, "--seconds", "0.05")
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines(keepends=True)
+    assert any(line.startswith("note ") for line in lines)  # that python-can's bus stays in here
     (watch,) = [line for line in lines if line.startswith("watch   dahl monitor ")]
     read = build_parser().parse_args(shlex.split(watch)[2:])
     meant = build_parser().parse_args(["monitor", *words])
@@ -158,7 +159,9 @@ def test_firmware_on_an_emulated_core(root, tmp_path, dahl_loop, library):
         (("--scene", "nowhere"), "no scene 'nowhere'"),
         (("--host", "10.0.0.1"), "--host 10.0.0.1: it serves 127.0.0.1"),
         (("--target", "m4f", "--scene", "tribometer-slip"), "--target runs model dahl alone"),
-        ((*OWN[:3], "-1", *OWN[4:]), "[friction] Fc = -1.0: outside"),
+        ((*OWN[:3], "-1", *OWN[4:]), "error: Fc = -1 is outside 2^-64 <= Fc"),
+        ((*OWN[:5], "0"), "theta_per_count = 0 is outside 2^-64 <= theta_per_count"),
+        (("--port", "65536"), "argument --port: 65536: not an integer from 0 to 65535"),
         ((*OWN[:3], "-1", *OWN[4:], "-i", "virtual", "-c", "x"), "Fc = -1 is outside 2^-64 <= Fc"),
         (("--node", "16"), "argument --node: 16: not an integer from 0 to 15"),
     ],

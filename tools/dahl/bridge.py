@@ -3,8 +3,7 @@
 SOCKETCAND_PORT`
 
 Frames pass both ways, as text and at once, until either side closes; python-can would spend more on
-each frame than a
-millisecond has. Prints `ready` when both sides are open.
+each frame than a millisecond has. Prints `ready` when both sides are open.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl import Error, RunError
+from dahl.arguments import whole
 
 if TYPE_CHECKING:
     import can
@@ -47,7 +48,9 @@ def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
 
     can.cli.add_bus_arguments(parser)
     parser.add_argument("--host", help="socketcand: host of the server")
-    parser.add_argument("--port", type=int, help="socketcand: TCP port of the server")
+    parser.add_argument(
+        "--port", type=whole(0, 65535), metavar="N", help="socketcand: TCP port of the server"
+    )
 
 
 def named(args: argparse.Namespace) -> dict[str, Any]:

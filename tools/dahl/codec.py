@@ -2,10 +2,11 @@
 """The frames of a friction node, packed and unpacked by the C library: same names, units and bits
 as dahl_frames.h, whose comments are the manual. Counter and CRC are those of AUTOSAR E2E profile 2.
 
->>> data = to_bytes(EncoderState(count=-7, counter=3))
+>>> from dahl import codec
+>>> data = codec.to_bytes(codec.EncoderState(count=-7, counter=3))
 >>> data.hex()
 '4f13f9ffffff0000'
->>> from_bytes(0x100, data)
+>>> codec.from_bytes(0x100, data)
 EncoderState(count=-7, counter=3, valid=True)
 
 pack() and unpack() do the same with python-can's messages. All raise dahl.Error in one line: for a
@@ -30,8 +31,9 @@ if TYPE_CHECKING:
 NODES = 16  # DAHL_FRAMES_NODES: the number of a node is the low 4 bits of an id
 ONE_Q30 = 2**30
 EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # DAHL_CAN_FRAME_*
-STANDARD_MAX = 0x7FF  # the highest 11-bit id
+STANDARD_MAX, EXTENDED_MAX = 0x7FF, 0x1FFFFFFF  # the highest ids of 11 and of 29 bits
 BYTE, NIBBLE = (0, 255), (0, 15)
+COUNTERS = 16  # a frame's counter runs 0 .. 15 and begins again
 TIMEOUT_UNIT = 0.01  # s, DAHL_FRAMES_TIMEOUT_US
 
 F = TypeVar("F", bound="Frame")
@@ -409,7 +411,12 @@ def from_bytes(identifier: int, data: bytes | bytearray) -> Frame:
 @checks.names_checked
 def pack(frame: Frame, node: int = 0) -> can.Message:
     """A message of python-can, of the node's id."""
-    return message_of(_packed(frame, checks.whole("node", node, 0, NODES - 1)))
+    return message_of(_packed(frame, number_of(node)))
+
+
+def number_of(node: int, name: str = "node") -> int:
+    """The number of a node, 0 .. 15. Raises dahl.Error."""
+    return checks.whole(name, node, 0, NODES - 1)
 
 
 @overload
@@ -426,9 +433,9 @@ def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
         names = ("an extended id", "a remote frame", "an error frame", "a CAN FD frame")
         what = next(name for bit, name in enumerate(names) if raw.flags & 1 << bit)
         raise Error(f"{_named(raw.id)}: {what}; a classic data frame was expected")
-    if kind not in (Frame, *KINDS.values()):
+    if not any(kind is known for known in (Frame, *KINDS.values())):
         raise Error(f"kind = {checks.shown(kind)} is no kind of frame, such as FrictionTorque")
-    frame = from_bytes(raw.id, message.data)
+    frame = from_bytes(raw.id, bytes(message.data[: max(message.dlc, 0)]))
     if not isinstance(frame, kind):
         raise Error(f"{_named(raw.id)}: {kind.__name__} was expected")
     return frame
@@ -452,8 +459,9 @@ def raw_of(message: can.Message) -> CanFrame:
         | ERROR * message.is_error_frame
         | FD * message.is_fd
     )
+    identifier = checks.whole("arbitration_id", message.arbitration_id, 0, EXTENDED_MAX)
     data = bytes(message.data[:8])
-    raw = CanFrame(id=message.arbitration_id, flags=flags, length=min(message.dlc, 8))
+    raw = CanFrame(id=identifier, flags=flags, length=min(message.dlc, 8))
     ctypes.memmove(raw.data, data, len(data))
     return raw
 

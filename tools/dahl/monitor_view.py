@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import can
     from cantools.database.can import Message
 
-COUNTERS = 16
 WIDE = 110  # columns from which on the table holds what each message last said
 UNLIMITED_ROWS = 27  # of curves, where the height is not limited
 LEAST_ROWS, TWO_ROWS = 6, 18  # for a row of panels, and for two
@@ -30,6 +29,7 @@ LEAST_BESIDE = 40  # columns of each of two panels side by side
 ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
 NUMBERED = ALWAYS  # one more with each frame; any other's counter is the asker's own
 FINE = {"OK", "Init"}  # states that need no colour
+UNSAID = {"State", "Crc", "Counter"}  # State stands first, in its colour
 SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
 
@@ -96,7 +96,7 @@ class View:
         if seen.last is None:
             seen.first_time = now
         elif seen.message.name in NUMBERED and "Counter" in signals:
-            seen.missing += (signals["Counter"] - seen.last["Counter"] - 1) % COUNTERS
+            seen.missing += (signals["Counter"] - seen.last["Counter"] - 1) % codec.COUNTERS
         seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
 
     def _answer(self, signals: dict[str, Any], now: float) -> None:
@@ -206,27 +206,35 @@ class View:
         """What a message last said: the torque in its unit, what is not as it should be in
         colour.
         """
-        words = Text()
-        signals = dict(seen.last or {})
         if seen.last is None:
-            words.append("not seen")
-        if self.Fc is not None and "TorqueRatio" in signals:
-            words.append(f"{signals['TorqueRatio'] * self.Fc:+.6f} {self.unit}  ", "cyan")
-        if "State" in signals:
-            state = str(signals.pop("State"))
-            words.append(f"State {state}  ", "" if state in FINE else "yellow")
+            return Text("not seen")
+        signals = dict(seen.last)
+        words = self._torque_and_state(signals)
         errors = [name.removeprefix("Error") for name, v in signals.items() if str(v) == "Seen"]
         if errors:
             words.append(f"seen: {' '.join(errors)}  ", "yellow")
-        version = [signals.pop(name, None) for name in ("VersionMajor", "VersionMinor")]
-        if None not in version:  # last, since a narrow window cuts the line
-            signals["Version"] = "{}.{}".format(*version)
-        for name, value in signals.items():
-            if name not in ("Crc", "Counter") and str(value) not in ("None", "Seen"):
-                words.append(
-                    f"{name} {value:.6f}  " if isinstance(value, float) else f"{name} {value}  "
-                )
+        for name, value in _version_last(signals).items():
+            if name not in UNSAID and str(value) not in ("None", "Seen"):
+                told = f"{value:.6f}" if isinstance(value, float) else str(value)
+                words.append(f"{name} {told}  ")
         return words
+
+    def _torque_and_state(self, signals: dict[str, Any]) -> Text:
+        words = Text()
+        if self.Fc is not None and "TorqueRatio" in signals:
+            words.append(f"{signals['TorqueRatio'] * self.Fc:+.6f} {self.unit}  ", "cyan")
+        if "State" in signals:
+            state = str(signals["State"])
+            words.append(f"State {state}  ", "" if state in FINE else "yellow")
+        return words
+
+
+def _version_last(signals: dict[str, Any]) -> dict[str, Any]:
+    """The signals, the parts of a version as one, behind all others: a narrow window cuts the
+    line.
+    """
+    parts = [signals.pop(name, None) for name in ("VersionMajor", "VersionMinor")]
+    return signals if None in parts else {**signals, "Version": "{}.{}".format(*parts)}
 
 
 def _row(seen: Seen) -> tuple[Text, ...]:

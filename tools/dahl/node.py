@@ -5,9 +5,11 @@ Node decides, bit for bit as the firmware does, and has no bus and no clock. run
 bus until it is told to end, Listener does so in a can.Notifier, serve() in asyncio; ask() is the
 other end.
 
->>> node = Node(core.Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-3))
+>>> import dahl
+>>> from dahl import codec
+>>> friction = dahl.Node(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-3))
 >>> for counter, count in enumerate((0, 5)):
-...     answer = node.receive(codec.pack(codec.EncoderState(count, counter)))
+...     answer = friction.receive(codec.pack(codec.EncoderState(count, counter)))
 >>> codec.unpack(answer, codec.FrictionTorque).ratio
 0.6321205766871572
 """
@@ -36,6 +38,7 @@ KEPT_ROOM = 512  # 8-byte words for what a model keeps (346 are used at most)
 BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
 LONG, INT32_MAX = 60.0, 2**31 - 1  # s; what a parameter on the bus can say
+LEAP = 1000.0  # s without a call: longer than any timeout, shorter than what 32 bits of us tell
 
 Friction: TypeAlias = (
     core.Plan
@@ -69,7 +72,7 @@ class Counts:
 
 COUNTS = tuple(Counts.__dataclass_fields__)
 SETTINGS = ("gain", "limit", "load", "ramp_us", "timeout_us", "max_step", "status_us")
-TIMES = ("gain_now", "count", "good_us", "sent_us", "bus_off_us")
+TIMES = ("gain_now", "gain_rest", "count", "good_us", "sent_us", "bus_off_us")
 BYTES = (
     *("number", "state", "errors", "counter", "good_in_a_row", "candidate", "bus_off_count"),
     *("torque_counter", "status_counter"),
@@ -139,7 +142,7 @@ class Node:
         self._node = NodeStructure()
         self._kept = (ctypes.c_uint64 * KEPT_ROOM)()
         self._friction = copy.deepcopy(friction) if type(friction) in USES else friction
-        self._begin(checks.whole("number", number, 0, codec.NODES - 1))
+        self._begin(codec.number_of(number, "number"))
         self._node.gain = round(_within("gain", gain, 0, 1, "") * ONE)
         self._node.limit = round(_within("limit", limit, 0, 1, "") * ONE)
         self._node.ramp_us = _us(_within("ramp", ramp, 0, LONG, "s"))
@@ -215,8 +218,23 @@ class Node:
 
     def _at(self, now: float | None) -> ctypes.c_uint32:
         if now is not None:
-            self._now = checks.finite("now", now, "s")
-        return ctypes.c_uint32(_us(self._now) & core.UINT32_MAX)
+            moment = checks.finite("now", now, "s")
+            if moment - self._now > LEAP:
+                self._age(moment)
+            self._now = moment
+        return _clock(self._now)
+
+    def _age(self, moment: float) -> None:
+        """A time went by without a call that the C, whose clock wraps after 71 minutes, could take
+        for a short one: what is too old is so at its beginning, and a Status is due at its end.
+        """
+        counter, out = self._node.status_counter, codec.CanFrame()
+        due = core.library().dahl_node_tick(
+            ctypes.byref(self._node), _clock(self._now + LEAP), ctypes.byref(out)
+        )
+        if due & 1:
+            self._node.status_counter, self._node.urgent = counter, 1
+        self._node.bus_off_us = _clock(moment - LEAP)
 
     def __getstate__(self) -> tuple[Any, ...]:
         """All that it is made of, but for addresses."""
@@ -236,7 +254,7 @@ class Node:
         return self.__copy__()
 
     def __copy__(self) -> Node:
-        other = Node.__new__(Node)
+        other = type(self).__new__(type(self))
         other.__setstate__(self.__getstate__())
         return other
 
@@ -269,6 +287,11 @@ def _within(name: str, value: float, least: float, most: float, unit: str) -> fl
 
 def _us(seconds: float) -> int:
     return round(seconds * 1e6)
+
+
+def _clock(seconds: float) -> ctypes.c_uint32:
+    """The clock of the C at this time: us, modulo 2^32."""
+    return ctypes.c_uint32(_us(seconds) & core.UINT32_MAX)
 
 
 # --- models: a Plan of the first element, the call, and its arguments -----------------------------
@@ -392,6 +415,7 @@ class Listener:
             self._ended.wait(PERIOD)
 
 
+@checks.names_checked
 def run(
     bus: can.BusABC,
     *nodes: Node,
@@ -401,8 +425,11 @@ def run(
     """Serve nodes on a bus until `ended()`, asked every few ms, or for `seconds`; without either
     for ever. Returns what came and went. Raises dahl.RunError where the bus goes away.
     """
+    _checked_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
-    end = time.monotonic() + (float("inf") if seconds is None else seconds)
+    end = time.monotonic() + (float("inf") if seconds is None else _span("seconds", seconds))
+    if not callable(ended):
+        raise Error(f"ended = {checks.shown(ended)} cannot be called")
     while not ended() and time.monotonic() < end:
         link.tick()
         message = receive(bus, PERIOD)
@@ -425,6 +452,14 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
         await asyncio.wait([served])
 
 
+def _span(name: str, value: float) -> float:
+    """A time in s, also an infinite one."""
+    number = checks.real(name, value, "a number of s, 0 or above,")
+    if not number >= 0:
+        raise Error(f"{name} = {number:g} is not a number of s, 0 or above")
+    return number
+
+
 @overload
 def ask(
     bus: can.BusABC, frame: codec.EncoderState, node: int = 0, timeout: float = 1.0
@@ -437,6 +472,7 @@ def ask(
 def ask(
     bus: can.BusABC, frame: codec.Reset, node: int = 0, timeout: float = 1.0
 ) -> codec.Status: ...
+@checks.names_checked
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
     """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
     EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
@@ -447,8 +483,9 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     kind = ASKED.get(type(frame))
     if kind is None:
         raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
-    until = time.monotonic() + _within("timeout", timeout, 0, LONG, "s")
-    message = codec.pack(frame, node)
+    _checked_bus(bus, "send", "recv")
+    timeout, node = _within("timeout", timeout, 0, LONG, "s"), codec.number_of(node)
+    until, message = time.monotonic() + timeout, codec.pack(frame, node)
     while receive(bus, 0) is not None and time.monotonic() < until:
         pass
     try:
@@ -502,10 +539,16 @@ def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
     return True
 
 
+def _checked_bus(bus: can.BusABC, *calls: str) -> None:
+    if not all(callable(getattr(bus, name, None)) for name in calls):
+        raise Error(f"bus = {checks.shown(bus)} is not a bus of python-can")
+
+
 class _Link:
     """Nodes and the bus that they answer on, from any thread."""
 
     def __init__(self, bus: can.BusABC, nodes: tuple[Node, ...]) -> None:
+        _checked_bus(bus, "send")
         if not nodes:
             raise Error("no node to serve")
         self._nodes = [checks.instance(f"nodes[{k}]", node, Node) for k, node in enumerate(nodes)]

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl import Error, core, files, logs, parts, paths, variants
+from dahl.identify import units
 
 if TYPE_CHECKING:
     from dahl import node
@@ -275,9 +276,18 @@ class OwnLog:
 
 
 def unit_in(column: str) -> str:
-    """deg, rad, mm or counts, as the name of an angle column says it; deg where it says nothing."""
+    """deg, rad, mm or counts, as the name of an angle column says it; deg where it says nothing.
+    Raises dahl.Error where it says another unit.
+    """
     words = re.split(r"[^a-z\d]+|_", column.lower())
-    return next((unit for unit in ("rad", "mm", "counts") if unit in words), "deg")
+    unit = next((unit for unit in ("rad", "mm", "counts") if unit in words), "")
+    other = unit or units.unit_in(column, units.ANGLES, "deg")
+    if other not in UNITS and other != "counts":
+        raise Error(
+            f"--angle {column}: in {other}; deg, rad, mm or counts were expected: scale the column,"
+            " or say with --angle-unit what it is"
+        )
+    return other
 
 
 def write_own(own: OwnLog, path: Path) -> Scene:

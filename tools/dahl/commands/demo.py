@@ -30,7 +30,8 @@ HELP = "the main job: replay, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
-  dahl demo shaft.csv --angle deg --torque Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384"""
+  dahl demo shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 \\
+      --counts-per-turn 16384"""
 
 PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
@@ -108,6 +109,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--json", action="store_true", help="print summary.json; all else goes to standard error"
     )
     parser.add_argument(
+        "-o",
         "--output",
         type=Path,
         default=paths.OUTPUT / "demo",
@@ -139,7 +141,7 @@ def _spare(args: argparse.Namespace) -> None:
     """Raise dahl.Error where a file that this run writes is the log that it reads."""
     written = [path for name in WRITTEN for path in args.output.glob(name)]
     if args.log and args.log.exists() and any(map(args.log.samefile, written)):
-        raise Error(f"{args.log}: a run in {args.output} would destroy it; name another --output")
+        raise Error(f"{args.log}: a run in {args.output} would destroy it; name another -o")
 
 
 def _wrong(numbers: dict[str, Any]) -> list[str]:

@@ -94,6 +94,13 @@ def _check(args: argparse.Namespace) -> None:
     if given and (args.scene or len(given) < len(OWN)):
         names = ", ".join("--" + name.replace("_", "-") for name in OWN)
         raise Error(f"{names}: all three, or a --scene")
+    if given:
+        from dahl import Plan
+        from dahl.variants import SEEN_BY_COUNTS
+
+        if args.theta_per_count == 0:
+            raise Error(f"theta_per_count = 0 is outside {SEEN_BY_COUNTS}")
+        Plan(args.sigma0, args.fc, args.theta_per_count)  # refuses what the node would
 
 
 def _check_bus(args: argparse.Namespace) -> None:
@@ -134,6 +141,8 @@ def _say(
     console.print(f"node    {args.node} {where} ({of})")
     console.print(f"open    can.Bus({call})")
     console.print(f"watch   dahl monitor {shlex.join(words(bus))}{number}")
+    if bus.get("interface") == "virtual":
+        console.print("note    a virtual bus is of one process: no other program reaches this node")
     console.print("Ctrl-C ends")
     sys.stdout.flush()
 
