@@ -11,7 +11,7 @@
 # Examples:  tools/demo.sh
 #            tools/demo.sh --scene steering
 #            tools/demo.sh --target m4f     the torque from firmware on an emulated Cortex-M4F
-#            tools/demo.sh shaft.csv --angle deg --torque Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384
+#            tools/demo.sh shaft.csv --angle angle_deg --torque torque_Nm --sigma0 120 --fc 0.8 --counts-per-turn 16384
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"

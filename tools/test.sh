@@ -10,7 +10,7 @@
 #   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN: 20 minutes
 #   --full     also the tests marked long: every sanitizer, ten minutes of four nodes, a bare Debian (--long is the same)
 #   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer; hours to days
-#   -k WORD    only tests whose name has WORD, in C and in Python
+#   -k WORD    only tests whose name has WORD, in C and in Python; "WORD or WORD": one of them
 # Examples:  tools/test.sh -k codec -x           those about the codec, pytest stopping at the first failure
 #            tools/test.sh --checks -k kernel    with the proofs
 # Leaves: build/{ctest,python,checks}.xml (JUnit), build/build.log, build/checks.log
@@ -32,7 +32,7 @@ parse() {
             --checks) NEED=checks; CTEST[1]='^(long|soak)$'; PYTEST+=("$1") ;;
             --long | --full) NEED=checks; CTEST[1]='^soak$'; PYTEST+=("$1") ;;
             --soak) NEED=checks; CTEST=(--label-regex '^soak$'); PYTEST+=("$1") ;;
-            -k) [ $# -ge 2 ] || die "-k needs a word"; CTEST+=(-R "$2"); PYTEST+=(-k "$2"); shift ;;
+            -k) [ $# -ge 2 ] || die "-k needs a word"; CTEST+=(-R "${2// or /|}"); PYTEST+=(-k "$2"); shift ;;
             *) PYTEST+=("$1") ;;
         esac
         shift

@@ -12,6 +12,7 @@ import os
 import pickle
 import subprocess
 import sys
+import warnings
 from decimal import Decimal
 from fractions import Fraction
 
@@ -138,6 +139,7 @@ def test_states_that_no_step_can_leave_are_named(name, value):
         ((1, 1, math.nan), ("theta_per_count = nan", "rad/count")),
         ((1, 1, -1.0), ("theta_per_count = -1", "or 0 for no encoder")),
         ((1, 1, 1e-50), ("theta_per_count = 1e-50", "or 0 for no encoder")),  # 0 as a float
+        ((1, 1e40, 1), ("Fc = 1e+40", "2^-64 <= Fc < 2^64")),  # infinite as a float
         ((np.timedelta64(1, "s"), 1, 1), ("sigma0 = ", "is not a number")),
         ((2.0**64, 1, 1), ("sigma0 = 1.8446744073709552e+19", "2^-64 <= sigma0 < 2^64")),
         ((1, 2.0**-65, 0), ("Fc = 2.71051e-20", "2^-64 <= Fc")),
@@ -159,6 +161,17 @@ def test_limits_themselves_are_taken():
     assert dahl.counts_between(0, 0, 2**32 - 1) == 0
     assert bearing().step_counts(-(2**31)) == -0.5
     assert dahl.State(-(2**62)).w == -(2**62)
+
+
+def test_moves_of_half_precision_are_taken_without_a_warning():
+    """Its range ends below that of the int32 they are compared with."""
+    moves = np.array([3, -2, 5], dtype=np.float16)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        torques = dahl.Friction(dahl.Plan(100, 0.5, 1e-3)).run_counts(moves)
+    assert (
+        torques.tolist() == dahl.Friction(dahl.Plan(100, 0.5, 1e-3)).run_counts([3, -2, 5]).tolist()
+    )
 
 
 def test_numbers_of_any_kind_are_numbers():

@@ -6,6 +6,7 @@ from __future__ import annotations
 import importlib
 import os
 import re
+import subprocess
 import sys
 import tomllib
 
@@ -68,6 +69,17 @@ def test_each_command_names_extras_that_bring_what_it_needs(root):
         brought = set().union(*(extras[name] for name in names.split(",")))
         wanted = {by_need.DISTRIBUTED_AS.get(name, name).partition("[")[0] for name in modules}
         assert wanted - {"pyserial"} <= brought, names  # python-can[serial] brings that
+
+
+def test_identification_needs_no_package_that_it_does_not_name():
+    """Of those that some command names: what its modules import, in a process of its own."""
+    known = {name for _, names in by_need.NEEDS.values() for name in names}
+    code = (
+        "import sys; from dahl.identify import draw, output, pipeline, readers; print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    found = known & set(done.stdout.split())
+    assert "mpmath" in found and found <= set(by_need.NEEDS["identify"][1])
 
 
 def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(root):

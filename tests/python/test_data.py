@@ -123,6 +123,12 @@ def test_what_is_derived_is_not_downloaded(alone):
         data.folder("cycloidal")
 
 
+def test_a_folder_that_was_given_and_has_it_not_is_named(alone, monkeypatch):
+    monkeypatch.setenv("DAHL_DATA", "/nowhere")
+    with pytest.raises(Error, match=r"cannot be downloaded.*; /nowhere \(DAHL_DATA\) has no cyc"):
+        data.folder("cycloidal")
+
+
 def test_a_folder_given_comes_first(alone, monkeypatch):
     (alone / "mine" / "cycloidal").mkdir(parents=True)
     monkeypatch.setenv("DAHL_DATA", str(alone / "mine"))

@@ -192,6 +192,10 @@ def test_plot_of_a_bare_log_needs_a_scene(demo, dahl_here, tmp_path):
 def test_plot_of_nothing_is_one_line(dahl_here, tmp_path):
     done = dahl_here("plot", tmp_path / "none")
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
+    (tmp_path / "table.csv").write_text("angle,torque\n1,2\n")
+    done = dahl_here("plot", tmp_path / "table.csv", "--scene", "segments")
+    assert done.returncode == 2 and "table.csv: no log of frames" in done.stderr
+    assert ".blf" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_a_file_that_cannot_be_written_is_one_line(demo, dahl_here, tmp_path):
@@ -204,6 +208,15 @@ def test_a_file_that_cannot_be_written_is_one_line(demo, dahl_here, tmp_path):
         done = dahl_here(*arguments)
         assert done.returncode == 1
         assert re.fullmatch(r"error: /.*: No(t a| such file or) directory\n", done.stderr)
+
+
+def test_a_trace_that_cannot_be_written_whole_fails_the_run(dahl_here, tmp_path):
+    """Of a rotor, in the run that waits for the recorder: the disk was full at its end."""
+    trace = tmp_path / "trace.csv"
+    trace.symlink_to("/dev/full")
+    done = dahl_here("demo", "--scene", "parking", "--seconds", "0.3", "--output", tmp_path)
+    assert done.returncode == 1
+    assert re.fullmatch(rf"error: --trace {re.escape(str(trace))}: .+\n", done.stderr)
 
 
 def test_plot_finds_the_log_from_another_folder(own_log, run_dahl, tmp_path):
@@ -260,7 +273,8 @@ def test_without_any_log_it_says_so_and_runs_steering(tmp_path):
         env=environment,
     )
     assert done.returncode == 0, done.stderr
-    assert "no measured log is in reach" in done.stdout
+    told = " ".join(done.stdout.split())
+    assert re.search(r"no measured log is in reach.*scene 'steering'", told)
     for name, why in (("tribometer", "cannot be fetched"), ("cycloidal", "DAHL_DATA")):
         assert re.search(rf"^measured set {name}: .*{why}", done.stdout, re.MULTILINE)
     assert summary_of(tmp_path / "out")["scene"] == "steering"
@@ -360,7 +374,7 @@ def test_a_second_demo_in_the_same_folder_is_refused(running, dahl_here, tmp_pat
     numbers = summary_of(tmp_path)
     assert (numbers["scene"], numbers["frames_not_recorded"]) == ("steering", 0)
     assert numbers["max_error_ulp_Fc"] <= 0.52
-    done = dahl_here("demo", "--scene", "segments", "--seconds", "0.2", "--output", tmp_path)
+    done = dahl_here("demo", "--scene", "segments", "--seconds", "0.2", "-o", tmp_path)
     assert done.returncode == 0, done.stderr
 
 
@@ -530,6 +544,15 @@ def test_the_unit_of_an_angle_is_in_its_name(column, unit):
 
 
 @pytest.mark.parametrize(
+    ("column", "unit"),
+    [("theta_mrad", "mrad"), ("angle [rev]", "turn"), ("pos [um]", "um"), ("x_m", "m")],
+)
+def test_an_angle_in_another_unit_is_not_taken_for_degrees(column, unit):
+    with pytest.raises(dahl.Error, match=f"in {unit}; deg, rad, mm or counts were expected"):
+        scene.unit_in(column)
+
+
+@pytest.mark.parametrize(
     ("unit", "counts_per_unit", "theta_per_count", "plotted", "per_unit"),
     [
         ("deg", TURN / 360, math.tau / TURN, "deg", math.degrees(1)),
@@ -645,7 +668,8 @@ def test_a_bus_without_a_frame_is_a_failed_run(capsys, monkeypatch, tmp_path):
 def test_a_program_that_does_not_end_is_ended(capsys, monkeypatch, tmp_path):
     """The node has done its work, and then neither ends nor hears Ctrl-C."""
     script = tmp_path / "loop"
-    deaf = f"trap '' INT; {os.environ['DAHL_LOOP']} \"$@\"; exec sleep 60"
+    orphan = "$(echo \"$*\" | sed 's/--with-parent [0-9]*//')"
+    deaf = f"trap '' INT; {os.environ['DAHL_LOOP']} {orphan}; exec sleep 60"
     case = f'case " $* " in *" node "*) {deaf};; esac'
     script.write_text(f'#!/bin/sh\n{case}\nexec {os.environ["DAHL_LOOP"]} "$@"\n')
     script.chmod(0o755)

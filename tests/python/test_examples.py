@@ -60,6 +60,26 @@ def test_asyncio_asks_a_node(node, root):
 
 
 @pytest.mark.checks
+@pytest.mark.parametrize("words", [[], ["-m", "pytest", "-p", "no:cacheprovider"]])
+def test_without_a_node_an_example_says_so_in_few_lines(root, tmp_path, words):
+    """python-can tries for 10 s, and would tell of each of some 100,000 tries."""
+    name = "test_node.py" if words else "asyncio_node.py"
+    text = (root / "examples/python_can" / name).read_text()
+    (tmp_path / name).write_text(text.replace("28600", "1"))
+    done = subprocess.run(
+        [sys.executable, *words, name],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    said = done.stdout + done.stderr
+    assert done.returncode == 1 and "connect" in said
+    assert len(said.splitlines()) < (200 if words else 2)
+
+
+@pytest.mark.checks
 def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path) -> None:
     """Away from the tree, as a project of one's own, without a warning; its torques are right."""
     need("arm-none-eabi-gcc", "a Makefile builds a firmware")

@@ -181,7 +181,11 @@ def test_types_of_the_installed_package_find_wrong_arguments(
     [
         (["monitor", "-i", "virtual"], "python-can, cantools, rich, plotext, mpmath", "can"),
         (["record", "-o", "x.log"], "python-can", "can"),
-        (["identify", "x.csv"], "scipy, pandas, joblib, matplotlib, rich, python-can", "identify"),
+        (
+            ["identify", "x.csv"],
+            "scipy, pandas, joblib, matplotlib, mpmath, rich, python-can",
+            "identify",
+        ),
         (["report", "."], "jinja2, mpmath", "plot"),
         (["demo"], "python-can, cantools, rich, matplotlib, mpmath, pooch", "can,plot"),
     ],

@@ -83,6 +83,21 @@ def test_a_mix_is_the_sum(moves):
     assert mix.step_counts(3) == pytest.approx(alone.step_counts(3) + slip.torque, abs=2 * ulp)
 
 
+def test_a_mix_in_q30_is_over_the_sum(moves):
+    """Of the plans that the parts have at the time."""
+    bearing, slip = dahl.Friction(dahl.Plan(80.0, 2.0, THETA)), dahl.Slip(SIGMA0, FC, THETA)
+    mix = dahl.Parallel(bearing, slip)
+    alike = copy.deepcopy(mix)
+    for torque in (2.0, 0.5):
+        for each in (mix, alike):
+            each.parts[0].change_plan(dahl.Plan(80.0, torque, THETA))
+        total = sum(FC) + torque
+        for move in moves[:500]:
+            found = mix.step_counts_q30(int(move)) * 2.0**-30
+            assert found == pytest.approx(alike.step_counts(int(move)) / total, abs=7e-8)
+    assert dahl.Parallel().step_counts_q30(3) == 0
+
+
 @pytest.mark.parametrize(
     ("sigma0", "torques", "theta", "words"),
     [
@@ -115,6 +130,8 @@ def test_bad_moves_and_parts_are_named():
         slip.step_counts(0.5)
     with pytest.raises(dahl.Error, match=r"dcounts = 2147483648 is not a whole number"):
         slip.step_counts_q30(2**31)
+    with pytest.raises(dahl.Error, match=r"dcounts = -2147483649 is not a whole number"):
+        dahl.Parallel(slip).step_counts_q30(-(2**31) - 1)
     with pytest.raises(dahl.Error, match=r"moves\[1\] = 1.5"):
         slip.run_counts([1, 1.5])
     with pytest.raises(dahl.Error, match=r"parts\[1\] = 3 is neither"):

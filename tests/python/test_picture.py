@@ -5,13 +5,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dahl import plots, report
 from dahl.scene import Measured, Recorded, Scene
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 
 @pytest.fixture
@@ -59,12 +62,34 @@ def test_each_panel_has_both_curves(drawn):
     assert [words.split(",")[0] for words in legend] == ["measured", "computed"]
 
 
+@pytest.mark.parametrize("name", ["$\\undefined$", "$x$ and $y", "a $ b"])
+def test_a_name_with_dollars_is_no_formula(drawn, figures, tmp_path, name):
+    _, scene, trace, recorded = drawn
+    measured = replace(scene.measured, label_angle=name, label_torque=name)
+    plots.draw(tmp_path / "x.png", replace(scene, title=name, measured=measured), trace, recorded)
+    figures[-1].savefig(tmp_path / "x.png")
+    assert figures[-1].get_suptitle().replace("\\$", "$") == name
+
+
 def test_without_a_clock_in_the_log_time_starts_with_the_run(drawn, figures, tmp_path):
     figure, scene, trace, _ = drawn
     plots.draw(tmp_path / "x.png", scene, replace(trace, time=trace.time + 1.7e9), None)
     whole = figures[-1].axes[1]
     assert whole.get_xlabel() == "time on the bus [s]"
     assert whole.lines[0].get_xdata() == pytest.approx(trace.time, abs=1e-6)
+
+
+def test_no_number_of_an_axis_is_cut_off(drawn, figures, tmp_path):
+    """Long ones too, as of a way in m, whose last one stands over the end of its axis."""
+    figure, scene, trace, _ = drawn
+    plots.draw(tmp_path / "x.png", replace(scene, theta_per_count=8e-7 / 1000), trace, None)
+    figure = figures[-1]
+    figure.draw_without_rendering()
+    low, high = figure.axes[0].get_xlim()
+    ticks = figure.axes[0].get_xticklabels()
+    ends = [one.get_window_extent().x1 for one in ticks if low <= one.get_position()[0] <= high]
+    assert max(len(one.get_text()) for one in ticks) >= 6
+    assert max(ends) <= figure.bbox.x1
 
 
 def test_what_only_some_runs_have_is_shown_as_it_was(drawn, figures, tmp_path):
@@ -99,6 +124,23 @@ def test_what_only_some_runs_have_is_shown_as_it_was(drawn, figures, tmp_path):
     words = figures[-1].axes[0].get_title(loc="left")
     assert "50 N/m" in words and "0.5 N," in words
     assert drawn_again.get_suptitle() == scene.title
+
+
+def test_no_panel_and_no_word_lies_on_another(figures, drawn, tmp_path):
+    """Each panel with its title, legend and labels, and the title of all; few panels and many."""
+    _, scene, trace, _ = drawn
+    numbers = {"faults": {"injected": {"crc": 4}, "expected": {}}, "bus": "socketcand"}
+    plots.draw(tmp_path / "x.png", scene, trace, None, numbers)
+    for figure in figures:
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        figure.draw(renderer)
+        title = figure.texts[0].get_window_extent(renderer)
+        whole = [title, *(axes.get_tightbbox(renderer) for axes in figure.axes)]
+        assert all(Bbox.intersection(box, figure.bbox).bounds == box.bounds for box in whole)
+        loop = figure.axes[0]
+        parts = (loop, loop.get_legend(), loop._left_title, loop.xaxis.label, loop.yaxis.label)
+        boxes = [part.get_window_extent(renderer) for part in parts]
+        assert not any(a.overlaps(b) for some in (whole, boxes) for a, b in combinations(some, 2))
 
 
 def test_faults_and_restarts_are_marked_where_they_were(drawn, figures, tmp_path):

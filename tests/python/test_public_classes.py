@@ -6,6 +6,7 @@ go on where it stands, and a docstring that says units, errors and where it come
 from __future__ import annotations
 
 import copy
+import doctest
 import inspect
 import pickle
 from collections.abc import Callable
@@ -141,6 +142,27 @@ def test_a_copy_stands_where_the_other_does_and_goes_its_own_way(kind: Kind, cop
 def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:
     with pytest.raises(dahl.Error, match="no such argument"):
         type(kind.make())(colour="red")
+
+
+def examples() -> list[doctest.DocTest]:
+    """Those of the package and of each public name, with what a user's shell has after
+    `import dahl`; no name of ours.
+    """
+    find = doctest.DocTestFinder(recurse=False)
+    names = {"dahl": dahl, **{name: getattr(dahl, name) for name in dahl.__all__}}
+    found = (
+        find.find(thing, name, module=False, globs={"dahl": dahl}) for name, thing in names.items()
+    )
+    return [one for some in found for one in some if one.examples]
+
+
+def test_each_example_of_a_docstring_is_what_a_shell_answers() -> None:
+    every = examples()
+    assert len(every) >= 13
+    for one in every:
+        told: list[str] = []
+        result = doctest.DocTestRunner().run(one, out=told.append)
+        assert result.failed == 0, "".join(told)
 
 
 def test_the_names_of_the_api_are_listed_and_no_others() -> None:

@@ -159,6 +159,9 @@ def test_words_of_the_user_reach_both_kinds_of_tests(stage):
     stage.run("test", "-k", "codec", "-x")
     assert "-R codec" in stage.calls("ctest")[0]
     assert stage.calls("python")[0].endswith("-k codec -x")
+    stage.run("test", "-k", "slip or parallel")
+    assert stage.calls("ctest")[-1].endswith("-R slip|parallel")  # a regular expression there
+    assert any(call.endswith("-k slip or parallel") for call in stage.calls("python"))
     assert stage.run("test", "-k").returncode == 1
     (stage.folder / "calls").unlink()
     stage.run("test", "-k", "codec", "--checks")

@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import re
+import shlex
 import subprocess
 from functools import partial
 from pathlib import Path
@@ -72,6 +73,19 @@ DEFAULTS = {
 def test_what_holds_where_nothing_is_said(words):
     found = vars(build_parser().parse_args(words.split()))
     assert {name: found[name] for name in DEFAULTS[words]} == DEFAULTS[words]
+
+
+@pytest.mark.parametrize(
+    "verb", [verb for verb in cli.COMMANDS if verb not in {"complete", "data"}]
+)
+def test_each_example_of_the_help_is_a_command_line(dahl, verb):
+    """Whose options the verb has; the other two show words of a shell."""
+    line = rf"^(?:  |example: )dahl ({verb}\b.*?)(?:   .*)?$"
+    text = re.sub(r" \\\n +", " ", dahl(verb, "--help").stdout)
+    examples = re.findall(line, text, re.MULTILINE)
+    assert examples
+    for words in map(shlex.split, examples):
+        assert build_parser().parse_args(words).command == verb
 
 
 def test_the_help_names_the_folder_of_an_installed_package(dahl, monkeypatch):
@@ -224,7 +238,7 @@ def test_what_dahl_loop_complains_about_is_told(dahl, monkeypatch, tmp_path, scr
 def test_no_output_of_a_demo_may_be_its_log(dahl, name):
     Path(name).write_text("a\n1\n")
     done = dahl("demo", name, "--output", ".")
-    assert complaint(done) == (2, f"{name}: a run in . would destroy it; name another --output")
+    assert complaint(done) == (2, f"{name}: a run in . would destroy it; name another -o")
     assert Path(name).read_text() == "a\n1\n"
     assert "needs --angle" in complaint(dahl("demo", name, "--output", "out"))[1]
 

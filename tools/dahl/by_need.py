@@ -19,7 +19,7 @@ from dahl import RunError, paths
 
 NEEDS = {  # command: extras of pyproject.toml that bring its packages, and these, as imported
     "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch")),
-    "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "rich", "can")),
+    "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can")),
     "excite": ("identify", ("scipy",)),
     "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
     "node": ("can", ("can", "rich")),

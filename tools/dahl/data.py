@@ -171,7 +171,14 @@ def folder(name: str) -> Path:
     """The folder of a set, downloaded if need be. Raises dahl.Error or RunError when it cannot be
     had.
     """
-    return local_folder(name) or download(name)
+    found = local_folder(name)
+    if found:
+        return found
+    try:
+        return download(name)
+    except Error as error:  # a RunError is one too
+        root = os.environ.get("DAHL_DATA")
+        raise type(error)(f"{error}; {root} (DAHL_DATA) has no {name}" if root else error) from None
 
 
 def _is_whole(kept: Path, wanted: Set) -> bool:

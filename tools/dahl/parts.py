@@ -32,10 +32,7 @@ def _floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]
     """Each as C will see it."""
     if not arrays.is_list(values):
         raise Error(f"{name} = {checks.shown(values)} is not a list of numbers, one an element")
-    return tuple(
-        ctypes.c_float(checks.real(f"{name}[{k}]", value, limit)).value
-        for k, value in enumerate(values)
-    )
+    return tuple(core.parameter(f"{name}[{k}]", value, limit) for k, value in enumerate(values))
 
 
 @checks.calls_checked
@@ -119,7 +116,7 @@ class Slip(_SlipParameters, Element):
     Two are equal where parameters and deflections are; picklable; a copy has a state of its own.
     Raises dahl.Error naming the parameter, its value and its limit.
 
-    >>> Slip(sigma0=[100.0, 50.0], Fc=[0.5, 1.0], theta_per_count=1e-3).step_counts(10)
+    >>> dahl.Slip(sigma0=[100.0, 50.0], Fc=[0.5, 1.0], theta_per_count=1e-3).step_counts(10)
     1.0
     """
 
@@ -136,9 +133,9 @@ class Slip(_SlipParameters, Element):
     ) -> None:
         self._sigma0 = _floats("sigma0", sigma0, core.SIGMA0)
         self._Fc = _floats("Fc", Fc, core.FC)
-        self._theta_per_count = ctypes.c_float(
-            checks.real("theta_per_count", theta_per_count, core.THETA_PER_COUNT)
-        ).value
+        self._theta_per_count = core.parameter(
+            "theta_per_count", theta_per_count, core.THETA_PER_COUNT
+        )
         self._x = (ctypes.c_int32 * SLIP_MAX)()
         self._words = (ctypes.c_uint64 * PLAN_ROOM)()
         self._prepare()
@@ -205,9 +202,9 @@ class Parallel(Element):
     Equal where all parts are; picklable; a copy has parts of its own. Raises dahl.Error for what is
     no part, for a part that stands there twice, and for a Friction without theta_per_count.
 
-    >>> bearing = core.Friction(core.Plan(100.0, 0.5, 1e-3))
-    >>> Parallel(bearing, Slip([20.0], [1.0], 1e-3)).step_counts(0)
-    0.0
+    >>> bearing = dahl.Friction(dahl.Plan(100.0, 0.5, 1e-3))
+    >>> dahl.Parallel(bearing, dahl.Slip([20.0], [1.0], 1e-3)).step_counts(10**6)
+    1.5
     """
 
     def __init__(self, *parts: core.Friction | Slip) -> None:
@@ -222,6 +219,17 @@ class Parallel(Element):
     def parts(self) -> tuple[core.Friction | Slip, ...]:
         """As they were given; they move with this."""
         return self._parts
+
+    def step_counts_q30(self, dcounts: int) -> int:
+        """The same move, the same errors; returns F over the sum of Fc in Q30, -2^30 .. 2^30: the
+        bits of a firmware that took its shares from the plans that the parts have now.
+        """
+        moved = checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX)
+        parts, count, lib = self._c_parts(), len(self._parts), core.library()
+        shares = (ctypes.c_int32 * count)()
+        lib.dahl_parallel_shares(shares, parts, count)
+        ratio: int = lib.dahl_parallel_step_counts_q30(parts, shares, count, moved)
+        return ratio
 
     def _c_parts(self) -> Any:
         return (core.Part * len(self._parts))(*map(_part_of, self._parts))
@@ -285,7 +293,7 @@ class ThroughputSlip(_SlipParameters, _Fast):
     the bits of Slip. Nothing is prepared, nothing is kept from call to call. Equal where parameters
     are; picklable. Raises dahl.Error as Slip does.
 
-    >>> ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
+    >>> dahl.ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
     array([1. , 1.5], dtype=float32)
     """
 
@@ -331,8 +339,8 @@ class ThroughputParallel(_Fast):
     parts are; picklable. Raises dahl.Error for what is no part, and for a Throughput without
     theta_per_count.
 
-    >>> bearing = core.Throughput(100.0, 0.5, 1e-3)
-    >>> ThroughputParallel(bearing, ThroughputSlip([20.0], [1.0], 1e-3)).run_counts([10**6])
+    >>> bearing, seal = dahl.Throughput(100, 0.5, 1e-3), dahl.ThroughputSlip([20], [1], 1e-3)
+    >>> dahl.ThroughputParallel(bearing, seal).run_counts([10**6])
     array([1.5], dtype=float32)
     """
 

@@ -39,8 +39,8 @@ def built(variable: str, carried: str, *parts: str) -> Path:
     if INSTALLED:
         raise RunError(f"{path} is not there; {_left_out()}, or set {variable}")
     raise RunError(
-        f"{path} is not there; build it"
-        f" (cmake --preset host && cmake --build build/host) or set {variable}"
+        f"{path} is not there; build it (tools/demo.sh does, or cmake --preset host"
+        f" -DDAHL_BUILD_TESTS=OFF && cmake --build build/host) or set {variable}"
     )
 
 

@@ -31,7 +31,7 @@ STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() ta
 }
 WINDOW = 0.08  # part of the run that the last panel shows enlarged
 WIDTH, ABOVE, BELOW, BETWEEN = 11.0, 1.35, 0.65, 0.9  # inches; room above, below, between panels
-LEFT, RIGHT = 1.0, 0.15  # inches beside the panels
+LEFT, RIGHT = 1.0, 0.35  # inches beside the panels
 LOOP, TRACE = 4.9, 2.0  # inches: height of the loop, of each panel below it
 
 
@@ -58,18 +58,21 @@ def draw(
         panels = _stacked(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
         _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed)
-        loop.set(xlabel=scene.measured.label_angle, ylabel=scene.measured.label_torque)
+        loop.set(
+            xlabel=literal(scene.measured.label_angle),
+            ylabel=literal(scene.measured.label_torque),
+        )
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
             _panel(
                 axes, time[where], None if measured is None else measured[where], computed[where]
             )
             _mark(axes, trace, time, where)
-            axes.set(xlabel=time_label, ylabel=_short(scene.measured.label_torque))
+            axes.set(xlabel=time_label, ylabel=literal(_short(scene.measured.label_torque)))
             axes.margins(x=0.01)
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         for axes, panel in zip(panels[3:], more, strict=True):
             panel(axes)
-        _head(figure, loop, scene.title, _caption(scene, trace, numbers))
+        _head(figure, loop, literal(scene.title), literal(_caption(scene, trace, numbers)))
         save(figure, path)
 
 
@@ -212,6 +215,11 @@ def _short(label: str) -> str:
 
 
 PICTURES = (".png", ".svg", ".pdf", "")  # of no ending: PNG
+
+
+def literal(text: str) -> str:
+    """A name that somebody gave, in which a dollar sign begins no formula."""
+    return text.replace("$", r"\$")
 
 
 def save(figure: Figure, path: Path) -> None:

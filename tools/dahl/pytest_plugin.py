@@ -13,6 +13,7 @@ pytest loads this by itself where dahl is installed; it costs nothing until a fi
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Iterator
@@ -63,6 +64,19 @@ def pytest_configure(config: pytest.Config) -> None:
                 raise pytest.UsageError(f"{option} goes with --dahl-interface, such as socketcan")
 
 
+@contextlib.contextmanager
+def _one_line() -> Iterator[None]:
+    """A bus that is not there, or a node that is silent, ends a test in one line, without the
+    insides of a fixture.
+    """
+    from dahl import RunError
+
+    try:
+        yield
+    except RunError as error:
+        raise pytest.fail.Exception(str(error), pytrace=False) from None
+
+
 @pytest.fixture
 def dahl_plan() -> Plan:
     """Parameters of dahl_node: 100 N m/rad, 0.5 N m, an encoder of 16384 counts a turn."""
@@ -82,7 +96,8 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> dict[str, Any]:
     """What can.Bus() takes to open the bus; a channel of its own for each test if virtual."""
     from dahl import codec
 
-    cast_from_string = codec.python_can().util.cast_from_string
+    with _one_line():
+        cast_from_string = codec.python_can().util.cast_from_string
     option = request.config.getoption
     interface, channel = option("--dahl-interface") or VIRTUAL, option("--dahl-channel")
     if channel is None and interface == VIRTUAL:
@@ -97,7 +112,9 @@ def dahl_bus(dahl_bus_settings: dict[str, Any]) -> Iterator[can.BusABC]:
     """The test's end of the bus."""
     from dahl.bus import open_bus
 
-    with open_bus(**dahl_bus_settings) as bus:
+    with _one_line():
+        bus = open_bus(**dahl_bus_settings)
+    with bus:
         yield bus
 
 
@@ -114,7 +131,8 @@ def dahl_node(
     from dahl.node import Listener, Node, ask
 
     if dahl_bus_settings["interface"] != VIRTUAL and not request.config.getoption("--dahl-serve"):
-        ask(dahl_bus, codec.Reset(codec.What.RESTART))
+        with _one_line():
+            ask(dahl_bus, codec.Reset(codec.What.RESTART))
         yield None
         return
     import can

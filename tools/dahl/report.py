@@ -23,13 +23,10 @@ if TYPE_CHECKING:
     import cantools
 
 BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
-LATE = 8  # counter steps from which on a frame looks late, not ahead (NODE_GAP_MAX_STEP)
+LATE = 8  # counter steps ahead; a frame of more is late (DAHL_NODE_GAP_MAX_STEP)
 TOGETHER = 0.005  # s between two frames; after more a counter that went back is a gap
-COUNTERS = 16  # EncoderState.Counter runs 0..15
+FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
-RESTART = 2  # Reset.What
-WRITE = 1  # ParamWrite.Write
-LOAD_ONE = 65536  # raw ParamWrite.Load of the load at which Fc holds
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
 
@@ -46,7 +43,7 @@ class Trace:
     states: dict[str, int]  # answers by the state that they say
     recorded: int  # EncoderState frames in the log
     missing: int  # EncoderState frames that the counter says are not in the log
-    load: np.ndarray | None = None  # of LOAD_ONE, as it was last told; None: 1 throughout
+    load: np.ndarray | None = None  # of FULL_LOAD, as it was last told; None: 1 throughout
 
     def angle(self, scene: Scene) -> np.ndarray:
         """rad (m) from the start, shape (n,)."""
@@ -108,7 +105,7 @@ class Pairing:
             database().get_message_by_name(name).frame_id + node: name for name in names
         }
         self.ticks: list[tuple[int, float, int, int]] = []  # row, time, count, load
-        self.load = LOAD_ONE
+        self.load = FULL_LOAD
         self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
         self.waiting: deque[tuple[int, int]] = deque()  # counter, index in ticks; not yet passed
         self.relaxed: set[int] = set()  # indices in answers' order of ticks
@@ -128,23 +125,24 @@ class Pairing:
         if name == "FrictionTorque":
             self._answer(signals)
         elif name == "Reset":
-            self.restarted |= signals["What"] == RESTART
+            self.restarted |= signals["What"] == codec.What.RESTART
         elif name == "ParamWrite":
             self._told(signals)
         elif signals["Valid"]:
             self._tick(signals, frame.timestamp)
 
     def _told(self, signals: dict[str, Any]) -> None:
-        if signals["Write"] == WRITE and signals.get("Load", LOAD_ONE + 1) <= LOAD_ONE:
-            self.load = signals["Load"]
+        load = signals.get("Load", FULL_LOAD + 1)
+        if signals["Write"] == codec.Write.WRITE and load <= FULL_LOAD:
+            self.load = load
 
     def _tick(self, signals: dict[str, Any], time: float) -> None:
         counter = signals["Counter"]
-        step = (counter - self._counter) % COUNTERS if self.ticks else 1
+        step = (counter - self._counter) % codec.COUNTERS if self.ticks else 1
         together = bool(self.ticks) and time - self.ticks[-1][1] < TOGETHER
         if together and (step == 0 or step > LATE):  # repeated, or late: no node uses it
             return
-        self.row += step or COUNTERS
+        self.row += step or codec.COUNTERS
         self._counter = counter
         self.waiting.append((counter, len(self.ticks)))
         self.ticks.append((self.row, time, signals["Count"], self.load))
@@ -162,8 +160,8 @@ class Pairing:
 
     def _echoed(self, counter: int, starts: bool) -> int | None:
         """Index of the frame with this counter among the 16 first waiting, or the 16 newest."""
-        skipped = max(len(self.waiting) - COUNTERS, 0) if starts else 0
-        near = islice(self.waiting, skipped, skipped + COUNTERS)
+        skipped = max(len(self.waiting) - codec.COUNTERS, 0) if starts else 0
+        near = islice(self.waiting, skipped, skipped + codec.COUNTERS)
         return next((index for known, index in near if known == counter), None)
 
     def trace(self) -> Trace:
@@ -214,7 +212,7 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
     """
     if scene.compensates:
         return None
-    load = np.full(len(trace.row), LOAD_ONE) if trace.load is None else trace.load
+    load = np.full(len(trace.row), FULL_LOAD) if trace.load is None else trace.load
     apart = np.flatnonzero(trace.relaxed)
     parts = zip(np.split(trace.moves(), apart), np.split(load, apart), strict=True)
     exact = [ratio for part in parts for ratio in _exact_ratios(scene, *part)]
@@ -223,7 +221,7 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
 
 def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any]:
     """Torque over Fc (the sum, the larger one) after each move of the scene's model, from rest;
-    load of LOAD_ONE at each.
+    load of FULL_LOAD at each.
     """
     elements, theta = scene.elements, scene.theta_per_count
     if scene.model == "slip":
@@ -236,7 +234,7 @@ def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any
     if scene.model == "elastoplastic":
         return reference.exact_elastoplastic_ratios(moves, travel, scene.breakaway)
     if scene.model == "loaded":
-        loads = (Fraction(int(raw), LOAD_ONE) for raw in load)
+        loads = (Fraction(int(raw), FULL_LOAD) for raw in load)
         return reference.exact_loaded_ratios(moves, loads, travel)
     return reference.exact_ratios(moves, travel)
 
