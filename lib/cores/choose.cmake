@@ -22,9 +22,10 @@ if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
         set(DAHL_CORE_TICKS cores/tick_q30_v6m.S)
         set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c)
     elseif(DAHL_CORE_IS_THUMB2)
-        set(DAHL_CORE_TICKS cores/tick_q30_thumb2.S cores/tick_thumb2.S cores/part_thumb2.S cores/work_thumb2.S
-            cores/work_large.c)
-        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c model/step_counts.c parts/part_move.c parts/work_step.c)
+        set(DAHL_CORE_TICKS cores/tick_q30_thumb2.S cores/tick_thumb2.S cores/part_thumb2.S cores/parallel_q30_thumb2.S
+            cores/work_thumb2.S cores/work_large.c)
+        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c model/step_counts.c parts/part_move.c
+            parts/parallel_q30.c parts/work_step.c)
     endif()
 endif()
 if(DAHL_CORE_TICKS)

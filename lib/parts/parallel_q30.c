@@ -1,48 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Any mix of parts in parts of the sum of Fc. What each part is of that sum is divided once, so that a tick multiplies and adds:
- *     F / sum of Fc = sum of share_k w_k        share_k = Fc_k / sum of Fc in Q31, w_k in Q30
- * The shares are the differences of rounded running sums. So each errs by less than 2^-31, and together they are 1: all parts at
- * Fc give 2^30. They are kept negative, since a word has -2^31, which is the whole, but not 2^31; and so is the sum of a tick.
+ * Any mix of parts in parts of the sum of Fc, by the shares of lib/parts/parallel_shares.c:
+ *     F / sum of Fc = sum of share_k w_k        share_k in Q31, w_k in Q30
+ * The shares are negative, and so is the sum until its end.
  */
 #include "../model/bristle_update.h"
-#include "part.h"
-#include "shift.h"
+#include "dahl_parts.h"
 
 #define HALF_Q61 ((int64_t)1 << 30) /* half a unit of Q30, in units of the sum */
-
-/* Fc in units of 2^(exponent + spare - 30): the sum of all of them stays below 2^62. */
-static DAHL_COLD uint64_t in_units(dahl_real_t Fc, int32_t exponent, uint32_t spare)
-{
-    return Fc.mantissa == 0 ? 0 : dahl_shifted_right((uint64_t)Fc.mantissa << 30, (uint32_t)(exponent - Fc.exponent) + spare);
-}
-
-static DAHL_COLD int32_t largest_exponent(const dahl_part_t *parts, uint32_t count)
-{
-    int32_t largest = INT32_MIN;
-    for (; count != 0; count--) {
-        dahl_real_t Fc = dahl_part_Fc(parts++);
-        largest = Fc.mantissa != 0 && Fc.exponent > largest ? Fc.exponent : largest;
-    }
-    return largest;
-}
-
-DAHL_COLD void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t count)
-{
-    const int32_t exponent = largest_exponent(parts, count);
-    const uint32_t spare = dahl_part_spare_bits(count);
-    uint64_t sum = 0, so_far = 0;
-    uint32_t shared = 0;
-    for (uint32_t k = 0; k < count; k++) {
-        sum += in_units(dahl_part_Fc(&parts[k]), exponent, spare);
-    }
-    for (uint32_t k = 0; k < count; k++) {
-        so_far += in_units(dahl_part_Fc(&parts[k]), exponent, spare);
-        uint32_t rounded = sum == 0 ? 0 : (uint32_t)((dahl_quotient(so_far, sum, 32) + 1) >> 1);
-        shares[k] = (int32_t)(shared - rounded);
-        shared = rounded;
-    }
-}
 
 int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts)
 {

@@ -11,14 +11,17 @@ float plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 int32_t plain_work_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 float plain_work(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 int64_t plain_part(const void *plan, void *state, int32_t dcounts);
+int32_t plain_parallel_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
 
 #define dahl_step_counts_q30 plain_tick_q30
 #define dahl_step_counts plain_tick
 #define dahl_work_step_counts_q30 plain_work_q30
 #define dahl_work_step_counts plain_work
 #define dahl_part_move plain_part
+#define dahl_parallel_step_counts_q30 plain_parallel_q30
 #include "../../lib/model/step_counts.c"
 #include "../../lib/model/step_counts_q30.c"
+#include "../../lib/parts/parallel_q30.c"
 #include "../../lib/parts/part_move.c"
 #include "../../lib/parts/work_step.c"
 #undef dahl_step_counts_q30
@@ -26,6 +29,7 @@ int64_t plain_part(const void *plan, void *state, int32_t dcounts);
 #undef dahl_work_step_counts_q30
 #undef dahl_work_step_counts
 #undef dahl_part_move
+#undef dahl_parallel_step_counts_q30
 
 #define TRIALS 300000
 #define MOVES_PER_PLAN 60
@@ -146,6 +150,30 @@ static void check_work(const dahl_plan_t *plan, dahl_state_t start, int32_t move
     TEST_ASSERT_EQUAL_MEMORY(&sums_q30, &work_q30, sizeof sums);
 }
 
+#define PARTS 3
+
+/* None to three Dahl elements on one plan, of which one may be called by another name, as any other part is. */
+static void check_parallel(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
+{
+    dahl_state_t ours[PARTS], plain[PARTS];
+    dahl_part_t by_ours[PARTS], by_plain[PARTS];
+    int32_t shares[PARTS];
+    for (size_t k = 0; k < PARTS; k++) {
+        const dahl_part_t part = DAHL_PART(plan, &ours[k]);
+        by_ours[k] = by_plain[k] = part;
+        by_plain[k].state = &plain[k];
+        ours[k].w = plain[k].w = k == 0 ? start.w : random_w();
+        shares[k] = (int32_t)(0u - (random_word() >> 1) / PARTS);
+    }
+    const uint32_t count = (uint32_t)(random64() % (PARTS + 1));
+    by_ours[random64() % PARTS].move = random64() % 4u == 0 ? plain_part : dahl_part_move;
+    TEST_ASSERT_EQUAL_HEX32(plain_parallel_q30(by_plain, shares, count, move),
+                            dahl_parallel_step_counts_q30(by_ours, shares, count, move));
+    for (size_t k = 0; k < PARTS; k++) {
+        TEST_ASSERT_TRUE(plain[k].w == ours[k].w);
+    }
+}
+
 static void on_random_plans(void (*check)(const dahl_plan_t *plan, dahl_state_t start, int32_t move))
 {
     dahl_plan_t plan = random_plan();
@@ -168,10 +196,16 @@ static void test_ticks_with_work_too(void)
     on_random_plans(check_work);
 }
 
+static void test_parts_in_parallel_too(void)
+{
+    on_random_plans(check_parallel);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_ticks_of_this_core_have_the_bits_of_the_c);
     RUN_TEST(test_ticks_with_work_too);
+    RUN_TEST(test_parts_in_parallel_too);
     return UNITY_END();
 }
