@@ -350,8 +350,8 @@ def test_the_command_says_a_line_of_each_look_at_a_bus(tmp_path, run_dahl, monke
 
 @pytest.mark.checks
 def test_following_a_running_loop(tmp_path, run_dahl):
-    """The node answers over TCP; its torque is in Fc, so Fc is 1 and sigma0 is the scene's a. A machine
-    that stalls the loop makes its times uneven: then it takes more rows.
+    """The node answers over TCP; its torque is in Fc, so Fc is 1 and sigma0 is the scene's a. A
+    machine that stalls the loop makes its times uneven: then it takes more rows.
     """
     guess = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384", "--within", "0.5")
     assert run_dahl("excite", *guess, "--name", "loop", "-o", tmp_path).returncode == 0
