@@ -358,8 +358,9 @@ def test_the_cost_of_a_model_is_what_was_counted():
         ("asymmetric", "asymmetric_q30"),
         ("slip K=2", "slip_2_q30"),
         ("slip K=4", "slip_4_q30"),
-        ("mixed K=2", "parallel_2_q30"),
-        ("mixed K=4", "parallel_4_q30"),
+        ("Dahl K=2", "parallel_2_q30"),
+        ("mixed K=2", "mixed_2_q30"),
+        ("mixed K=4", "mixed_4_q30"),
     ):
         assert model_table.instructions(name) == counted[key], name
     assert model_table.instructions("general exponent") is None

@@ -104,7 +104,7 @@ MODELS = {  # elements of each kind at most, and the case of target.json that it
     "slip, 1": ("slip", 1, "slip_1_q30"),
     "slip, 2": ("slip", 2, "slip_2_q30"),
     "slip, 4": ("slip", 4, "slip_4_q30"),
-    "Dahl and slip, 4": ("mixed", 4, "parallel_4_q30"),
+    "Dahl and slip, 4": ("mixed", 4, "mixed_4_q30"),
 }
 
 

@@ -38,6 +38,8 @@ ROWS = [
     ("4 Dahl elements in parallel, F in N m", "parallel_4"),
     ("2 Dahl elements in parallel, F / sum of Fc in Q30", "parallel_2_q30"),
     ("4 Dahl elements in parallel, Q30", "parallel_4_q30"),
+    ("a Dahl and a slip element in parallel, Q30", "mixed_2_q30"),
+    ("3 Dahl elements and a slip element, Q30", "mixed_4_q30"),
     ("prepare 8 slip elements", "slip_prepare_8"),
     ("asymmetric, F / larger Fc in Q30", "asymmetric_q30"),
     ("asymmetric, F in N m", "asymmetric_float"),

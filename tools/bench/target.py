@@ -253,6 +253,7 @@ PARTS = (
     *(
         "slip_",
         "parallel_",
+        "mixed_",
         "asymmetric_",
         "loaded_",
         "clamped_",

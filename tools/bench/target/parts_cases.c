@@ -58,39 +58,78 @@ static void bench_slip_prepare(const char *name, uint32_t elements)
     call_slip_prepare(&plan, &params);
 }
 
-/* Dahl elements, of Fc that differ, by moves that are one table entry each. */
-static void bench_parallel(const char *name, const char *name_q30, const char *name_shares, uint32_t count)
-{
-    int32_t shares[PARTS_MOST];
+typedef struct {
     dahl_plan_t plan[PARTS_MOST];
-    dahl_state_t state[PARTS_MOST] = {{0}};
+    dahl_state_t state[PARTS_MOST];
+    dahl_slip_plan_t slip_plan;
+    dahl_slip_state_t slip_state;
     dahl_part_t parts[PARTS_MOST];
+    int32_t shares[PARTS_MOST];
+} mix_t;
+
+static const mix_t relaxed;
+
+/* Dahl elements, of Fc that differ. */
+static void add_dahl(mix_t *mix, uint32_t count)
+{
     dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f};
     for (uint32_t k = 0; k < count; k++) {
-        const dahl_part_t part = DAHL_PART(&plan[k], &state[k]);
-        parts[k] = part;
-        if (dahl_prepare(&plan[k], &params) != DAHL_OK) {
-            return;
+        const dahl_part_t part = DAHL_PART(&mix->plan[k], &mix->state[k]);
+        mix->parts[k] = part;
+        if (dahl_prepare(&mix->plan[k], &params) != DAHL_OK) {
+            return; /* a plan of zeros, with which the budgets are missed */
         }
         params.Fc *= 0.3f;
     }
+}
+
+static void add_one_slip(mix_t *mix, uint32_t at)
+{
+    const dahl_slip_params_t params = slip_params(1);
+    const dahl_part_t part = DAHL_SLIP_PART(&mix->slip_plan, &mix->slip_state);
+    mix->parts[at] = part;
+    if (dahl_slip_prepare(&mix->slip_plan, &params) != DAHL_OK) {
+        mix->parts[at] = mix->parts[0];
+    }
+}
+
+/* Moves that are one table entry of each Dahl element. */
+static void bench_moves_q30(const char *name, const mix_t *mix, uint32_t count)
+{
+    bench_case(name);
+    bench_function = (bench_function_t)dahl_parallel_step_counts_q30;
+    for (unsigned i = 0; i < MOVES; i++) {
+        if (-8 <= moves[i] && moves[i] <= 8) {
+            call_parallel_q30(mix->parts, mix->shares, count, moves[i]);
+        }
+    }
+}
+
+static void bench_parallel(const char *name, const char *name_q30, const char *name_shares, uint32_t count)
+{
+    mix_t mix = relaxed;
+    add_dahl(&mix, count);
     bench_case(name);
     bench_function = (bench_function_t)dahl_parallel_step_counts;
     for (unsigned i = 0; i < MOVES; i++) {
         if (-8 <= moves[i] && moves[i] <= 8) {
-            call_parallel(parts, count, moves[i]);
+            call_parallel(mix.parts, count, moves[i]);
         }
     }
     bench_case(name_shares);
     bench_function = (bench_function_t)dahl_parallel_shares;
-    call_shares(shares, parts, count);
-    bench_case(name_q30);
-    bench_function = (bench_function_t)dahl_parallel_step_counts_q30;
-    for (unsigned i = 0; i < MOVES; i++) {
-        if (-8 <= moves[i] && moves[i] <= 8) {
-            call_parallel_q30(parts, shares, count, moves[i]);
-        }
-    }
+    call_shares(mix.shares, mix.parts, count);
+    bench_moves_q30(name_q30, &mix, count);
+}
+
+/* One slip element after the Dahl elements: of all splits of a mix the dearest. */
+static void bench_mixed(const char *name_q30, uint32_t count)
+{
+    mix_t mix = relaxed;
+    add_dahl(&mix, count - 1);
+    add_one_slip(&mix, count - 1);
+    dahl_parallel_shares(mix.shares, mix.parts, count);
+    bench_moves_q30(name_q30, &mix, count);
 }
 
 void bench_parts(void)
@@ -104,6 +143,8 @@ void bench_parts(void)
     bench_parallel("parallel_1", "parallel_1_q30", "parallel_1_shares", 1);
     bench_parallel("parallel_2", "parallel_2_q30", "parallel_2_shares", 2);
     bench_parallel("parallel_4", "parallel_4_q30", "parallel_4_shares", 4);
+    bench_mixed("mixed_2_q30", 2);
+    bench_mixed("mixed_4_q30", 4);
     bench_number("slip_plan_bytes", sizeof(dahl_slip_plan_t));
     bench_number("slip_state_bytes", sizeof(dahl_slip_state_t));
 }

@@ -5,7 +5,6 @@ not clearly away by its score on cycles left out; and what the others say of sig
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -22,7 +21,8 @@ from dahl.identify.terms import TIMED, place_of
 PROMISING = 1.2  # of the cost of Dahl's model
 SLIPS, MIXES = 4, 4  # elements side by side
 DAHL_TICK, ASYMMETRIC_TICK = 18, 33  # instructions
-SLIP_TICK, PARALLEL_TICK = (22, 16), (13, 29.5)  # of a tick, and for each element
+SLIP_TICK = (22, 16)  # of a tick, and for each element
+DAHLS_TICK, MIXED_TICK = (21, 20), (48, 20)  # a mix has one slip element or more
 LEAST_STEP = 0.15  # of the exponent
 PLAINLY = 0.1  # of the error, that it has to remove to do without a delay and the like
 NOTHING = 1e-6  # of the torque's variance: what rounding leaves, and no model explains
@@ -49,10 +49,9 @@ def instructions(name: str) -> int | None:
     nothing where the library has no such model.
     """
     kind, _, count = name.partition(" K=")
-    if kind == "slip":
-        return SLIP_TICK[0] + SLIP_TICK[1] * int(count)
     if count:
-        return math.ceil(PARALLEL_TICK[0] + PARALLEL_TICK[1] * int(count))
+        tick, each = {"slip": SLIP_TICK, "Dahl": DAHLS_TICK, "mixed": MIXED_TICK}[kind]
+        return tick + each * int(count)
     return {"Dahl": DAHL_TICK, "asymmetric": ASYMMETRIC_TICK}.get(name)
 
 
