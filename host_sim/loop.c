@@ -134,10 +134,15 @@ static bool receive(loop_t *loop, uint32_t timeout_us)
     return result == DAHL_CAN_BUS_OK;
 }
 
-/* Once a second of ticks: how full was the bus? */
-static void look_at_load(loop_t *loop)
+static double load_of(const loop_t *loop, uint64_t bits, uint64_t ticks)
 {
-    double load = (double)loop->second_bits / loop->bitrate;
+    return (double)bits * (double)SECOND_TICKS / ((double)loop->bitrate * (double)ticks);
+}
+
+/* How full was the bus in the last so many ticks, a second of them or a whole run that is shorter? */
+static void look_at_load(loop_t *loop, uint64_t ticks)
+{
+    double load = load_of(loop, loop->second_bits, ticks);
     if (load > LOAD_WARN && loop->peak_load <= LOAD_WARN) {
         char text[100];
         snprintf(text, sizeof text, "bus load %.0f %% at %u bit/s: above %.0f %%, frames will wait for each other",
@@ -147,6 +152,17 @@ static void look_at_load(loop_t *loop)
     loop->peak_load = load > loop->peak_load ? load : loop->peak_load;
     loop->second_bits = 0;
     loop->second_end = loop->ticks + SECOND_TICKS;
+}
+
+/* At the last tick: what still waits then takes time that is not of the run. */
+static void sum_up_load(loop_t *loop)
+{
+    if (loop->bitrate > 0 && loop->ticks > 0) {
+        loop->load = load_of(loop, loop->bits, loop->ticks);
+        if (loop->ticks < SECOND_TICKS) {
+            look_at_load(loop, loop->ticks);
+        }
+    }
 }
 
 /* An event of one node's controller; the others' do not see it. */
@@ -224,7 +240,7 @@ static void tick(loop_t *loop)
         send_angle(loop, &loop->encoders[i], &angles[i]);
     }
     if (loop->bitrate > 0 && loop->ticks >= loop->second_end) {
-        look_at_load(loop);
+        look_at_load(loop, SECOND_TICKS);
     }
 }
 
@@ -268,6 +284,7 @@ static void run_virtual(loop_t *loop)
         run_until(loop, end_ns);
         loop->clock->virtual_ns = end_ns;
     }
+    sum_up_load(loop);
     for (uint64_t ticks = 0; loop->paced && ticks < ALONE_TICKS; ticks++) {
         run_until(loop, end_ns += LOOP_PERIOD_NS);
     }
@@ -354,6 +371,7 @@ static void run_real(loop_t *loop)
         }
         receive(loop, now >= next && waits ? WAIT_US : us_until(next));
     }
+    sum_up_load(loop);
     if (loop->encoder_count > 0) {
         settle(loop);
     }

@@ -64,6 +64,7 @@ typedef struct {
     uint64_t bits;        /* that the frames seen took on the bus */
     uint64_t second_bits; /* in the present second */
     uint64_t second_end;  /* tick */
+    double load;          /* of the bus, over the whole run */
     double peak_load;     /* of the fullest second */
     histogram_t late;     /* of ticks, real time */
 } loop_t;

@@ -180,9 +180,8 @@ static void add_plant(cJSON *to, const plant_t *plant)
 
 static void add_load(cJSON *to, const loop_t *loop)
 {
-    double seconds = (double)(loop->ticks > 0 ? loop->ticks : 1) / 1000.0;
     add_count(to, "bitrate", loop->bitrate);
-    add(to, "bus_load", (double)loop->bits / loop->bitrate / seconds);
+    add(to, "bus_load", loop->load);
     add(to, "bus_load_peak", loop->peak_load);
 }
 

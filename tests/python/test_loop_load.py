@@ -47,6 +47,19 @@ def test_frames_take_their_bits_and_follow_each_other(tmp_path):
     assert 220 <= summary["latency_us"]["p50"] <= 270
 
 
+@pytest.mark.parametrize("seconds", [0.02, 0.5, 2])
+def test_a_bus_is_full_at_most(tmp_path, seconds):
+    """Frames that still wait at the end are not of the run. One of under a second has a peak too."""
+    options = ("--virtual", "--bitrate", 50000, "--seconds", seconds)
+    result = run(tmp_path, STEERING, *options)
+    full = 1 - 0.003 / seconds  # a frame, of up to 135 bits, that is not over at the end
+    assert full < result.summary["bus_load"] <= 1
+    assert full < result.summary["bus_load_peak"] <= 1.003
+    assert result.err.count("note: bus load") == 1
+    light = run(tmp_path, STEERING, "--virtual", "--bitrate", 1000000, "--seconds", 0.5).summary
+    assert 0.22 < light["bus_load"] == light["bus_load_peak"] < 0.27
+
+
 @pytest.mark.parametrize(
     ("nodes", "rate", "warned"),
     [(2, 1000000, False), (3, 1000000, True), (2, 720000, False), (2, 500000, True)],
