@@ -814,6 +814,8 @@ def test_what_limits_a_motion():
             design.propose(coarse)
     with pytest.raises(Error, match=r"a cycle would take 9.42e\+06 rows; at most 1000000"):
         design.propose(replace(wanted, speed=1e-5))
+    slow = design.propose(replace(wanted, speed=1.05e-4))  # which longer strokes are too long for
+    assert slow.amplitude * A == pytest.approx(3) and 8e5 < slow.rows_per_cycle < 1e6
 
 
 # --- a plan and its worth -------------------------------------------------------------------------

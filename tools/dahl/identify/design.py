@@ -112,18 +112,23 @@ def propose(wanted: Wanted) -> Motion:
             f"presliding is {counts:.2g} counts of this encoder long (Fc/sigma0 = {1 / a:.3g});"
             f" at least {LEAST_COUNTS:g} are needed to see sigma0"
         )
-    plans = [_sine(wanted, length / a) for length in AMPLITUDES]
+    amplitudes = AMPLITUDES / a
+    needed = _rows_per_cycle(wanted, amplitudes)
+    if not needed[0] <= CYCLE_ROWS:
+        raise Error(f"a cycle would take {needed[0]:.3g} rows; at most {CYCLE_ROWS} were expected")
+    plans = [_sine(wanted, amplitude) for amplitude in amplitudes[needed <= CYCLE_ROWS].tolist()]
     return min(plans, key=lambda motion: motion.seconds)
+
+
+def _rows_per_cycle(wanted: Wanted, amplitude: np.ndarray) -> np.ndarray:
+    a = wanted.sigma0 / wanted.Fc
+    speed = min(wanted.speed, wanted.rate / (a * ROWS_PER_LENGTH))
+    return 2 * np.pi * amplitude / speed * wanted.rate
 
 
 def _sine(wanted: Wanted, amplitude: float) -> Motion:
     """As many cycles of one amplitude as the interval needs."""
-    a = wanted.sigma0 / wanted.Fc
-    speed = min(wanted.speed, wanted.rate / (a * ROWS_PER_LENGTH))
-    needed = 2 * np.pi * amplitude / speed * wanted.rate
-    if not needed <= CYCLE_ROWS:
-        raise Error(f"a cycle would take {needed:.3g} rows; at most {CYCLE_ROWS} were expected")
-    rows = max(math.ceil(needed), 16)
+    rows = max(math.ceil(_rows_per_cycle(wanted, np.array(amplitude))), 16)
     information = _information(wanted, amplitude, rows)
     error = np.sqrt(np.diag(np.linalg.inv(information)))[:2] / (wanted.sigma0, wanted.Fc)
     cycles = MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
