@@ -484,6 +484,18 @@ def test_of_several_columns_that_fit_the_first_is_taken(tmp_path):
     assert (read.theta[-1], read.torque[-1], read.time[-1]) == (39, 117, 39)
 
 
+@pytest.mark.parametrize("clock", ["t", "t_s", "t [ms]", "T(s)", "t_sec", "time", "Time [s]"])
+def test_a_temperature_or_a_torque_is_no_clock(tmp_path, clock):
+    path, up = tmp_path / "warm.csv", np.arange(40.0)
+    columns = {"T_degC": 20 + up**2, "T_Nm": 3 * up, "t_start": up**3, "angle_rad": up}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    assert readers.read(path, readers.Source()).time is None
+    pd.DataFrame(columns | {clock: up}).to_csv(path, index=False)
+    read = readers.read(path, readers.Source())
+    step = 1e-3 if "ms" in clock else 1
+    assert read.time == pytest.approx(step * up) and read.torque[-1] == 117
+
+
 def test_channels_that_are_sampled_at_other_times_are_brought_together(tmp_path):
     from asammdf import MDF, Signal
 

@@ -67,7 +67,7 @@ COLUMNS = {  # what a column is called when nobody says which one it is
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$"
     r"|(?<![a-z])pos(?![a-z])",
     "torque": r"torque|friction|force|trq|load|moment|(?<![a-z])N_?m(?![a-z])",
-    "time": r"^time|^t(?![a-z])",
+    "time": r"^time|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",  # T and T_degC are none
 }
 
 
