@@ -44,7 +44,8 @@ def run(args: argparse.Namespace) -> None:
     log = folder / "run.log" if args.run_path.is_dir() else args.run_path
     if not log.is_file():
         raise Error(f"{log}: no such file")
-    known = summary.read(folder) if (folder / "summary.json").exists() else {}
+    of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
+    known = summary.read(folder) if of_run and (folder / "summary.json").exists() else {}
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
     trace = report.trace_of(logs.frames_of(log))
     output = args.output or folder / "loop.png"
