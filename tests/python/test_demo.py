@@ -487,9 +487,12 @@ def test_bad_arguments_are_one_line(own_log, dahl_here, tmp_path, change, words)
     ("arguments", "words"),
     [
         (["--scene", "none"], "no scene 'none' (shipped: creep, cycloidal"),
-        (["--angle", "x"], "go with a LOG of your own"),
-        (["--counts-per-turn", "9"], "go with a LOG of your own"),
-        (["--fc", "1", "--scene", "steering"], "go with a LOG of your own"),
+        (["--angle", "x"], "only with a LOG of your own: --angle"),
+        (["--counts-per-turn", "9"], "only with a LOG of your own: --counts-per-turn"),
+        (["--fc", "1", "--scene", "steering"], "only with a LOG of your own: --fc"),
+        (["--offset", "0", "--time", "t"], "only with a LOG of your own: --offset, --time"),
+        (["--torque-scale", "1", "--torque", "x"], "own: --torque, --torque-scale"),
+        (["--spring", "0.3", "--angle-unit", "deg"], "own: --angle-unit, --spring"),
         (["none.csv", *OWN], "none.csv: no such file"),
     ],
 )

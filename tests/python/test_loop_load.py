@@ -49,7 +49,7 @@ def test_frames_take_their_bits_and_follow_each_other(tmp_path):
 
 @pytest.mark.parametrize("seconds", [0.02, 0.5, 2])
 def test_a_bus_is_full_at_most(tmp_path, seconds):
-    """Frames that still wait at the end are not of the run. One of under a second has a peak too."""
+    """Frames that still wait at the end are not of the run. One below a second has a peak."""
     options = ("--virtual", "--bitrate", 50000, "--seconds", seconds)
     result = run(tmp_path, STEERING, *options)
     full = 1 - 0.003 / seconds  # a frame, of up to 135 bits, that is not over at the end

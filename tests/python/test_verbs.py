@@ -60,7 +60,7 @@ def test_what_has_to_be_said_is_asked_for(dahl, words, needed):
 
 
 DEFAULTS = {
-    "demo": {"torque_scale": 1.0, "offset": 0.0, "spring": 0.0, "seconds": None, "seed": None},
+    "demo": {"seconds": None, "seed": None},
     "identify": {"jobs": -1, "within": 2.0, "median": 0, "counts_per_turn": 0.0, "terms": None},
     "excite --counts-per-turn 1": {"noise": 0.05, "within": 1.0, "rate": 1000.0, "name": "excite"},
     "monitor": {"node": 0, "window": 4000, "frames": None, "seconds": None, "dbc": None},
@@ -73,6 +73,12 @@ DEFAULTS = {
 def test_what_holds_where_nothing_is_said(words):
     found = vars(build_parser().parse_args(words.split()))
     assert {name: found[name] for name in DEFAULTS[words]} == DEFAULTS[words]
+
+
+def test_what_holds_of_a_log_of_ones_own_where_nothing_is_said():
+    own = scene.OwnLog(Path("x.csv"), "a", "T", 100.0, 0.5, 4096.0)
+    assert (own.angle_unit, own.time) == ("deg", "")
+    assert (own.torque_scale, own.offset, own.spring) == (1, 0, 0)
 
 
 @pytest.mark.parametrize(

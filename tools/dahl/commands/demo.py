@@ -53,10 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_own(own: argparse._ActionsContainer) -> None:
     """What a user's own log is and what compares it with the model."""
     own.add_argument("--angle", metavar="COLUMN", help="column that holds the angle")
-    own.add_argument(
-        "--torque", metavar="COLUMN", default="", help="column that holds the measured torque"
-    )
-    own.add_argument("--time", metavar="COLUMN", default="", help="column that holds the time in s")
+    own.add_argument("--torque", metavar="COLUMN", help="column that holds the measured torque")
+    own.add_argument("--time", metavar="COLUMN", help="column that holds the time in s")
     own.add_argument(
         "--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
     )
@@ -75,16 +73,11 @@ def _add_own(own: argparse._ActionsContainer) -> None:
     own.add_argument(
         "--torque-scale",
         type=float,
-        default=1.0,
         metavar="K",
-        help="N m per unit of the torque column",
+        help="N m per unit of the torque column (default: 1)",
     )
-    own.add_argument(
-        "--offset", type=float, default=0.0, metavar="T", help="N m added to the model's torque"
-    )
-    own.add_argument(
-        "--spring", type=float, default=0.0, metavar="K", help="N m/rad times the angle, added too"
-    )
+    own.add_argument("--offset", type=float, metavar="T", help="N m added to the model's torque")
+    own.add_argument("--spring", type=float, metavar="K", help="N m/rad times the angle, added too")
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
@@ -171,8 +164,9 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
         console.print(f"angle   column '{own.angle}' in {own.angle_unit} (else: --angle-unit)")
         chosen = scene.write_own(own, args.output / "own.ini")
         return chosen, args.log, scene.read_log(chosen, args.log)
-    if args.angle or args.sigma0 or args.fc or args.counts_per_turn:
-        raise Error("--angle, --sigma0, --fc and --counts-per-turn go with a LOG of your own")
+    given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
+    if given:
+        raise Error(f"only with a LOG of your own: {', '.join(given)}")
     chosen = scene.read(scene.find(args.scene)) if args.scene else _default(console)
     if not chosen.log:
         return chosen, None, None
@@ -194,7 +188,15 @@ def _own(args: argparse.Namespace) -> Any:
         )
     Plan(args.sigma0, args.fc)  # says which parameter is out of range
     args.angle_unit = args.angle_unit or unit_in(args.angle)
-    return OwnLog(**{key: getattr(args, key) for key in OwnLog.__dataclass_fields__})
+    return OwnLog(**{"torque": "", **_given(args)})
+
+
+def _given(args: argparse.Namespace) -> dict[str, Any]:
+    """What the command line says of a log of one's own."""
+    from dahl.scene import OwnLog
+
+    said = {key: getattr(args, key) for key in OwnLog.__dataclass_fields__}
+    return {key: value for key, value in said.items() if value is not None}
 
 
 def _default(console: Any) -> Scene:
