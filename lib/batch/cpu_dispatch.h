@@ -2,7 +2,8 @@
 /*
  * One source, several instruction sets, private: DAHL_VARIANTS(name, type, run) defines name(const type *) as run, compiled
  * for what every processor of the family has and for those with wider vectors, chosen at each call. `run` and all that it
- * calls is DAHL_INLINE. Where the compiler cannot do that, the one form is all there is.
+ * calls is DAHL_INLINE. Where the compiler cannot do that, the one form is all there is. DAHL_VARIANTS_TOLD tells run, by a
+ * second argument, whether the instruction set makes doubles of whole numbers of 64 bits: AVX2 has vectors, but not for that.
  */
 #ifndef DAHL_CPU_DISPATCH_H
 #define DAHL_CPU_DISPATCH_H
@@ -25,10 +26,10 @@
 #define DAHL_HAS_AVX512 \
     (__builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
 
-#define DAHL_VARIANTS(name, type, run)                                                  \
-    DAHL_AVX512 static void name##_avx512(const type *job) { run(job); }                \
-    DAHL_AVX2 static void name##_avx2(const type *job) { run(job); }                    \
-    static void name##_plain(const type *job) { run(job); }                             \
+#define DAHL_VARIANTS_OF(name, type, run_avx512, run_avx2, run_plain)                   \
+    DAHL_AVX512 static void name##_avx512(const type *job) { run_avx512; }              \
+    DAHL_AVX2 static void name##_avx2(const type *job) { run_avx2; }                    \
+    static void name##_plain(const type *job) { run_plain; }                            \
     static void name(const type *job)                                                   \
     {                                                                                   \
         int wide = DAHL_HAS_AVX512 ? 2 : DAHL_HAS_AVX2;                                 \
@@ -38,15 +39,18 @@
 #elif defined(__GNUC__)
 
 #define DAHL_INLINE static inline __attribute__((always_inline))
-#define DAHL_VARIANTS(name, type, run) \
-    static void name(const type *job) { run(job); }
+#define DAHL_VARIANTS_OF(name, type, run_avx512, run_avx2, run_plain) \
+    static void name(const type *job) { run_plain; }
 
 #else
 
 #define DAHL_INLINE static inline
-#define DAHL_VARIANTS(name, type, run) \
-    static void name(const type *job) { run(job); }
+#define DAHL_VARIANTS_OF(name, type, run_avx512, run_avx2, run_plain) \
+    static void name(const type *job) { run_plain; }
 
 #endif
+
+#define DAHL_VARIANTS(name, type, run) DAHL_VARIANTS_OF(name, type, run(job), run(job), run(job))
+#define DAHL_VARIANTS_TOLD(name, type, run) DAHL_VARIANTS_OF(name, type, run(job, true), run(job, false), run(job, true))
 
 #endif

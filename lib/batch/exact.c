@@ -1,19 +1,68 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * One trajectory after the other's tick, bit for bit as single steps. By counts: the direction is a mask, not a branch, so
- * that a motion whose sign nobody can predict costs no more; short moves take their table entry, the rest go by digits.
+ * One trajectory, bit for bit as single steps. By counts: the direction is a mask, not a branch, so that a motion whose sign
+ * nobody can predict costs no more; short moves take their table entry, the rest go by digits. The states of a block of ticks
+ * come first, one waiting for the other; their torques, which wait for nothing, are left to vectors.
  */
+#include "cpu_dispatch.h"
 #include "exact.h"
+
+#define BLOCK 64 /* ticks */
+
+typedef struct {
+    const dahl_plan_t *plan;
+    dahl_state_t *state;
+    const int32_t *dcounts;
+    float *F;
+    size_t n;
+} job_t;
+
+/* w after each tick. From tick to tick it is kept as the direction of travel sees it, which turns only where that does. */
+DAHL_INLINE void move_all(const dahl_plan_t *plan, int64_t *w, uint64_t start, const int32_t *dcounts, size_t n)
+{
+    uint64_t ahead = start, backward = 0;
+    for (size_t i = 0; i < n; i++) {
+        uint64_t before = backward;
+        backward = dahl_batch_backward(dcounts[i]);
+        ahead = dahl_batch_move(plan, ahead ^ before ^ backward, dahl_batch_size(dcounts[i]));
+        w[i] = (int64_t)(ahead ^ backward);
+    }
+}
+
+DAHL_INLINE void write_torques(const dahl_plan_t *plan, double unit, const int64_t *w, float *F, size_t n,
+                                bool converts)
+{
+    uint64_t close = 0;
+    DAHL_AS_VECTORS
+    for (size_t i = 0; i < n; i++) {
+        dahl_double_t torque = dahl_batch_product(w[i], unit, converts);
+        F[i] = (float)torque.value;
+        close |= dahl_batch_close(torque);
+    }
+    for (size_t i = 0; i < n && close >> 63 != 0; i++) {
+        dahl_state_t state = {w[i]};
+        F[i] = dahl_torque(plan, &state);
+    }
+}
+
+DAHL_INLINE void run(const job_t *job, bool converts)
+{
+    const double unit = dahl_batch_unit(job->plan);
+    size_t rows;
+    int64_t w[BLOCK];
+    for (size_t i = 0; i < job->n; i += rows) {
+        rows = job->n - i < BLOCK ? job->n - i : BLOCK;
+        move_all(job->plan, w, (uint64_t)job->state->w, job->dcounts + i, rows);
+        write_torques(job->plan, unit, w, job->F + i, rows, converts);
+        job->state->w = w[rows - 1];
+    }
+}
+DAHL_VARIANTS_TOLD(run_ticks, job_t, run)
 
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {
-    double unit = dahl_batch_unit(plan);
-    uint64_t w = (uint64_t)state->w;
-    for (size_t i = 0; i < n; i++) {
-        w = dahl_batch_move(plan, w, dcounts[i]);
-        F[i] = dahl_batch_torque(plan, (int64_t)w, unit);
-    }
-    state->w = (int64_t)w;
+    job_t job = {plan, state, dcounts, F, n};
+    run_ticks(&job);
 }
 
 void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n)

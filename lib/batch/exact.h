@@ -6,6 +6,7 @@
 #ifndef DAHL_BATCH_EXACT_H
 #define DAHL_BATCH_EXACT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include "dahl_batch.h"
 #include "../model/bristle_update.h"
@@ -52,13 +53,10 @@ static inline uint64_t dahl_batch_far(const dahl_plan_t *plan, uint64_t w, uint3
     return w;
 }
 
-static inline uint64_t dahl_batch_move(const dahl_plan_t *plan, uint64_t w, int32_t dcounts)
+/* A move forward by so many counts. */
+static inline uint64_t dahl_batch_move(const dahl_plan_t *plan, uint64_t w, uint32_t size)
 {
-    uint64_t backward = dahl_batch_backward(dcounts);
-    uint32_t size = dahl_batch_size(dcounts);
-    w ^= backward;
-    w = DAHL_LIKELY(size <= DAHL_DIRECT_COUNTS_MAX) ? dahl_batch_forward(w, plan->g[size]) : dahl_batch_far(plan, w, size);
-    return w ^ backward;
+    return DAHL_LIKELY(size <= DAHL_DIRECT_COUNTS_MAX) ? dahl_batch_forward(w, plan->g[size]) : dahl_batch_far(plan, w, size);
 }
 
 typedef union {
@@ -74,16 +72,22 @@ static inline double dahl_batch_unit(const dahl_plan_t *plan)
     return plan->Fc_mantissa == 0 ? 0 : (double)(plan->Fc_mantissa | 1u) * power.value;
 }
 
+/* A whole number below 2^63 that a double has, from its halves: in whatever order these are added, nothing is rounded. */
+static inline double dahl_batch_from_halves(uint64_t size)
+{
+    return (double)(int32_t)(size >> 32) * 0x1p32 + (double)(int32_t)((uint32_t)size ^ 0x80000000u) + 0x1p31;
+}
+
 /* As dahl_torque, by doubles: 32 bits of w from its first one on, times the same mantissa. The product errs by less than
  * 4 units in its last place, so rounding it to a float gives the right bits unless it lies that close to the middle between
  * two floats; there the integers decide. Where w has more than 53 bits, those that the 32 leave out anyway go first: so the
- * conversion to double never rounds. */
-static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
+ * conversion to double never rounds, whether the instruction set has one or not. */
+static inline DAHL_ALWAYS_INLINE dahl_double_t dahl_batch_product(int64_t w, double unit, bool converts)
 {
     dahl_double_t torque;
     uint64_t size = w < 0 ? 0u - (uint64_t)w : (uint64_t)w;
     size = size >> 53 != 0 ? size & ~(uint64_t)1023 : size;
-    torque.value = (double)(int64_t)size;
+    torque.value = converts ? (double)(int64_t)size : dahl_batch_from_halves(size);
     torque.bits &= ~(uint64_t)0x1fffff;
     torque.value *= unit;
     torque.bits |= (uint64_t)w & (uint64_t)1 << 63;
@@ -94,16 +98,6 @@ static inline dahl_double_t dahl_batch_product(int64_t w, double unit)
 static inline uint64_t dahl_batch_close(dahl_double_t torque)
 {
     return ((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9u;
-}
-
-static inline float dahl_batch_torque(const dahl_plan_t *plan, int64_t w, double unit)
-{
-    dahl_double_t torque = dahl_batch_product(w, unit);
-    if (DAHL_LIKELY(dahl_batch_close(torque) >> 63 == 0)) {
-        return (float)torque.value;
-    }
-    dahl_state_t state = {w};
-    return dahl_torque(plan, &state);
 }
 
 #endif

@@ -111,12 +111,12 @@ DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digit
     }
 }
 
-DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_t *plans, float *F)
+DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_t *plans, float *F, bool converts)
 {
     uint64_t close = 0;
     DAHL_AS_VECTORS
     for (size_t c = 0; c < count; c++) {
-        dahl_double_t torque = dahl_batch_product(chunk->w[c], chunk->unit[c]);
+        dahl_double_t torque = dahl_batch_product(chunk->w[c], chunk->unit[c], converts);
         F[c] = (float)torque.value;
         close |= dahl_batch_close(torque);
     }
@@ -126,13 +126,13 @@ DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_
     }
 }
 
-DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
+DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows, bool converts)
 {
     uint32_t digits = take_rows(chunk, job, count, first, rows);
     gather(chunk, job->plans, count, rows);
     for (size_t t = 0; t < rows; t++) {
         move_row(chunk, count, t, digits);
-        torque_row(chunk, count, job->plans, job->F + (first + t) * job->stride);
+        torque_row(chunk, count, job->plans, job->F + (first + t) * job->stride, converts);
     }
 }
 
@@ -147,14 +147,14 @@ DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
     }
 }
 
-DAHL_INLINE void run_count(const job_t *job, size_t count)
+DAHL_INLINE void run_count(const job_t *job, size_t count, bool converts)
 {
     chunk_t chunk;
     start(&chunk, job, count);
     size_t rows;
     for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < CHUNK ? job->n - t : CHUNK;
-        run_rows(&chunk, job, count, t, rows);
+        run_rows(&chunk, job, count, t, rows, converts);
     }
     for (size_t c = 0; c < count; c++) {
         job->states[c].w = chunk.w[c];
@@ -162,16 +162,16 @@ DAHL_INLINE void run_count(const job_t *job, size_t count)
 }
 
 /* A whole chunk has a number of channels that the compiler knows. */
-DAHL_INLINE void run(const job_t *job)
+DAHL_INLINE void run(const job_t *job, bool converts)
 {
     if (job->count == CHUNK) {
-        run_count(job, CHUNK);
+        run_count(job, CHUNK, converts);
     } else {
-        run_count(job, job->count);
+        run_count(job, job->count, converts);
     }
 }
 
-DAHL_VARIANTS(run_chunk, job_t, run)
+DAHL_VARIANTS_TOLD(run_chunk, job_t, run)
 
 void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
                                 float *F, size_t n)
