@@ -424,13 +424,14 @@ def test_a_signal_on_two_channels_is_no_signal(tmp_path, ending, names):
         assert one.rows == 100 and (np.sign(np.diff(one.theta)) == sign).all()
 
 
-@pytest.mark.parametrize("first", [True, False])
-def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, first):
+@pytest.mark.parametrize("late", [-20.5e-3, -1e-4, 1e-4])
+def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, late):
+    """Also where 20 angles and torques of the other id come first, as if there were no other."""
     (tmp_path / "bus.dbc").write_text(DBC)
     source = readers.Source("Angle", "Torque", dbc=tmp_path / "bus.dbc")
     other = [*shaft_on("can0", -1, is_extended_id=True)]
     for message in other:
-        message.timestamp += -1e-4 if first else 1e-4
+        message.timestamp += late
     one = readers.read(recorded(tmp_path / "both.log", shaft_on("can0", 1), iter(other)), source)
     assert one.rows == 100 and (np.diff(one.theta) > 0).all()
 

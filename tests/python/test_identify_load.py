@@ -80,11 +80,11 @@ def inside(value: float, interval: pipeline.Interval) -> bool:
     return bool(interval.low <= value <= interval.high)
 
 
-def sigma0_without(
+def found_without(
     loads: following.Loads, cycle: int, at: tuple[float, float], free: bool
-) -> float:
-    """By a fit of its own to all other cycles, to the end, with the slope as well or at that of
-    all.
+) -> tuple[float, float, float]:
+    """sigma0, Fc and the slope by a fit of its own to all other cycles, to the end; the slope as
+    well (free) or at that of all.
     """
     a, slope = at
     for _ in range(6):
@@ -93,24 +93,31 @@ def sigma0_without(
         Fc, *changes = least_squares((grams.sum(axis=0) - grams[cycle])[np.ix_(keep, keep)])  # noqa: N806
         a *= np.exp(changes[0] / Fc)
         slope += changes[1] / Fc / loads.range if free else 0.0
-    return a * Fc
+    return a * Fc, Fc, slope
 
 
 @pytest.mark.parametrize(
     ("course", "seed", "more"),
     [("swings", 0, 0.1999), ("swings", 0, MORE), ("swings within each stroke", 1, MORE)],
 )
-def test_the_interval_of_sigma0_holds_what_is_not_known_of_the_slope(course, seed, more):
-    """It is as much wider as sigma0 scatters more where each cycle in turn is left out."""
+def test_the_intervals_hold_what_is_not_known_of_the_slope(course, seed, more):
+    """They are as much wider as sigma0 and Fc scatter more where each cycle in turn is left out;
+    the slope's own error is its scatter there, for each unit of the load.
+    """
     log = loaded(course, seed, more)
     of = [log], pipeline.identify([log]).estimate, 5 * COUNT
     follows, loads = following.found(*of), following.Loads(*of)
     at, cycles = (follows.a, follows.slope), range(len(loads.grams(follows.a, follows.slope)))
-    errors = [
-        jackknife(np.array([sigma0_without(loads, k, at, free) for k in cycles]))
-        for free in (True, False)
-    ]
-    assert follows.wider["sigma0"] == pytest.approx(errors[0] / errors[1], abs=0.005)
+    free, fixed = (
+        [
+            jackknife(one)
+            for one in np.transpose([found_without(loads, k, at, with_slope) for k in cycles])
+        ]
+        for with_slope in (True, False)
+    )
+    for k, name in enumerate(("sigma0", "Fc")):
+        assert follows.wider[name] == pytest.approx(max(free[k] / fixed[k], 1), abs=0.005), name
+    assert follows.error == pytest.approx(free[2], rel=0.05)
 
 
 def test_a_load_that_goes_to_nothing():
@@ -218,6 +225,39 @@ def test_the_header_takes_the_load_as_it_is_measured(left, root):
     assert ends.stdout.split() == ["0", "0"]  # no load, no friction
 
 
+ASKED = """#include <stdio.h>
+#include "dahl_plan_brake.h"
+int main(void)
+{
+    float load;
+    while (scanf("%f", &load) == 1) {
+        printf("%lu\\n", (unsigned long)dahl_plan_brake_load_q30(load));
+    }
+    return 0;
+}
+"""
+
+
+def test_the_header_takes_a_load_beyond_those_of_the_log(left, root, tmp_path):
+    """Up to twice the one that the plan is for, and from there on that; none below 0."""
+    folder, _, result = left
+    (tmp_path / "main.c").write_text(ASKED)
+    include = [f"-I{folder}", f"-I{root}/lib/include"]
+    build = ["gcc", "-std=c99", *include, tmp_path / "main.c", "-o", tmp_path / "asked"]
+    subprocess.run(build, check=True, timeout=60)
+    shares = np.linspace(-0.5, 2.5, 31)
+    loads = (
+        result.follows.reference + (shares * result.follows.shares[1] - 1) / result.follows.slope
+    )
+    told = " ".join(f"{load:.9g}" for load in loads)
+    done = subprocess.run(
+        [tmp_path / "asked"], input=told, check=True, capture_output=True, text=True, timeout=60
+    )
+    taken = [int(word) / 2**30 for word in done.stdout.split()]
+    assert taken == pytest.approx(shares.clip(0, 2).tolist(), abs=1e-5)
+    assert max(taken) < 2
+
+
 def test_the_picture_draws_the_fit_through_the_measured_loop(left, monkeypatch, tmp_path):
     """What the load adds included; both curves over the same angle."""
     _, log, result = left
@@ -273,6 +313,8 @@ BO_ 256 Shaft: 8 A
  SG_ Torque : 32|32@1- (0.1,0) [0|0] "Nm" A
 BO_ 257 Brake: 8 A
  SG_ Clamp : 0|16@1- (1,0) [0|0] "N" A
+BO_ 258 Cell: 8 A
+ SG_ Moment : 0|16@1- (0.1,0) [0|0] "Nm" A
 """
 
 
@@ -292,6 +334,26 @@ def test_a_signal_of_a_bus_is_a_load(tmp_path):
     assert log.load.tolist() == [10 * k for k in range(9)]
     with pytest.raises(Error, match="no signal 'Clam' in the DBC.*Clamp"):
         readers.read(tmp_path / "x.log", readers.Source(**given, load=("Clam",)))
+
+
+def test_a_load_is_that_of_the_time_at_which_a_torque_is_known(tmp_path):
+    """The torque begins after the angle and ends before it, between whose frames it comes."""
+    import can
+
+    (tmp_path / "bus.dbc").write_text(BUS)
+    frames = [(float(k), 256, k) for k in range(9)]
+    frames += [(float(k), 257, 10 * k) for k in range(0, 9, 2)]
+    frames += [(k + 0.5, 258, 10 * k) for k in range(2, 7)]
+    with can.Logger(tmp_path / "x.log") as writer:
+        for time, number, value in sorted(frames):
+            content = value.to_bytes(2, "little") + bytes(6)
+            writer(can.Message(time, number, False, data=content))
+    source = readers.Source("Angle", "Moment", dbc=tmp_path / "bus.dbc", load=("Clamp",))
+    log = readers.read(tmp_path / "x.log", source)
+    assert log.time.tolist() == [3, 4, 5, 6]
+    assert log.load == pytest.approx(10 * log.time)
+    assert log.torque == pytest.approx(log.time - 0.5)
+    assert np.degrees(log.theta) == pytest.approx(0.1 * log.time)
 
 
 @pytest.mark.parametrize(

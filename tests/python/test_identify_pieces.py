@@ -1318,6 +1318,9 @@ def test_what_is_kept_as_a_result():
         {"ci95": ends, "sigma0": 1},
     ):
         assert not folder_runs.is_result(wrong)
+    for name in whole:  # as another version may have kept it
+        other = {key: value for key, value in whole.items() if key != name}
+        assert not folder_runs.is_result({**other, "ci95": ends}), name
 
 
 # --- the picture ----------------------------------------------------------------------------------
