@@ -220,6 +220,38 @@ def test_bad_scenes(tmp_path, scene, words):
     assert f"{path}{words}" in complaint(tmp_path).replace(f"{path}: names", f"{path}names")
 
 
+WORDS = {
+    "motion.kind": ("segments", "steering", "log"),
+    "friction.model": ("dahl", "slip", "parallel", "asymmetric", "elastoplastic"),
+}
+
+
+@pytest.mark.parametrize(("key", "name"), [(key, n) for key, names in WORDS.items() for n in names])
+def test_a_word_is_said_in_full_and_as_it_is_written(tmp_path, key, name):
+    write(tmp_path, "\n".join(GOOD.values()))
+    where = "[{}] {}".format(*key.split("."))
+    for word in nearly(name):
+        assert f"{where} = {word}: not one of" in complaint(tmp_path, "--set", f"{key}={word}")
+
+
+def nearly(name: str) -> tuple[str, ...]:
+    return name[:1], name[:-1], f"{name}s", name.upper()
+
+
+@pytest.mark.parametrize("name", ["dahl", "slip"])
+def test_a_kind_of_element_is_said_in_full(tmp_path, name):
+    for word in nearly(name):
+        write(tmp_path, model("parallel", f"kinds = slip {word}\n{TWO}"))
+        assert f"kinds = slip {word}: {word} is not one of dahl, slip" in complaint(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["both", "encoder", "node"])
+def test_a_role_is_said_in_full(tmp_path, name):
+    write(tmp_path, "\n".join(GOOD.values()))
+    for word in nearly(name):
+        assert f"--role {word}: not one of both" in complaint(tmp_path, "--role", word)
+
+
 DAHL = {"friction": ("sigma0 = 50", "Fc = 0.5", "theta_per_count = 1e-4")}
 ENDS = ("theta1 = 2", "theta2 = 1", "theta3 = 2", "speed = 1000")
 SWEEPS = ("amplitude = 9", "sweep_s = 1", "tremor = 1", "tremor_s = 1", "seconds = 0.01")
@@ -405,6 +437,13 @@ def test_a_summary_that_standard_output_does_not_take_is_told():
         )
     assert done.returncode == 1
     assert done.stderr.startswith("error: --summary -: ")
+
+
+def test_of_many_columns_as_many_are_named_as_there_is_room_for(tmp_path):
+    names = ["t", *(f"column {k}" for k in range(100))]
+    write(tmp_path, "\n".join(GOOD.values()), f"{','.join(names)}\n{'0,' * 100}0\n")
+    named = ", ".join(f'"{name}"' for name in names)
+    assert complaint(tmp_path).endswith(f'no column "angle"; there is {named[:255]}\n')
 
 
 @pytest.mark.parametrize("side", [1, -1])
