@@ -6,6 +6,7 @@ user gets wrong.
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
 import os
@@ -16,6 +17,7 @@ import sys
 import time
 from pathlib import Path
 
+import can
 import dahl
 import numpy as np
 import pytest
@@ -407,6 +409,15 @@ def test_faults_that_a_scene_does_not_have_are_not_listed():
     assert demo_command._special({}) == {}
 
 
+def test_each_number_of_a_closed_loop_stands_in_its_row():
+    control = {"rms_error_rad": 0.1, "max_error_rad": 0.2}
+    control |= {"torque_alternations": 3, "reference_reversals": 4}
+    assert demo_command._special({"control": control}) == {
+        "tracking error": "rms 0.1 rad, max 0.2 rad",
+        "sign of the torque": "changed 3 times, the motion 4 times",
+    }
+
+
 def test_a_node_that_is_wrong_is_a_code_other_than_0(run_dahl, tmp_path):
     """It computes with another sigma0 than the scene's; the files are there all the same."""
     script = tmp_path / "loop"
@@ -666,6 +677,32 @@ def test_a_bus_without_a_frame_is_a_failed_run(capsys, monkeypatch, tmp_path):
     done = caller(capsys)("demo", "--scene", "segments", "--output", tmp_path / "out")
     assert 1 < time.monotonic() - begun < 30
     assert (done.returncode, done.stderr) == (1, "error: no frame on the bus for 1 s\n")
+
+
+class Busy:
+    """A bus on which others speak all the time."""
+
+    def recv(self, timeout: float) -> can.Message:
+        time.sleep(min(timeout, 0.005))
+        return can.Message(time.time(), 0x100, False, data=bytes(8))
+
+
+@pytest.mark.parametrize("which", ["encoder", "node"])
+def test_recording_ends_with_either_program_though_others_speak(which):
+    begun = time.monotonic()
+
+    class Stop:
+        @property
+        def asked(self) -> bool:
+            return time.monotonic() - begun > 20
+
+    encoder, node = (
+        argparse.Namespace(ended=lambda one=one: one == which) for one in ("encoder", "node")
+    )
+    record = io.StringIO()
+    loop._record(Busy(), record, encoder, node, Stop(), lambda _: None)
+    assert loop.DRAIN < time.monotonic() - begun < 10
+    assert record.getvalue().count("\n") > 10
 
 
 def test_a_program_that_does_not_end_is_ended(capsys, monkeypatch, tmp_path):
