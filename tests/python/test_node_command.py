@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import re
 import shlex
@@ -17,7 +18,9 @@ import pytest
 from dahl import Friction, Plan, node
 from dahl.bus import named
 from dahl.cli import build_parser
-from dahl.codec import EncoderState, Param, ParamWrite
+from dahl.codec import EncoderState, Errors, FrictionTorque, Param, ParamWrite, State, Status, pack
+from dahl.commands import node as node_command
+from dahl.interrupt import Stop
 from identify_tools import caller
 from loop_tools import SCENES, serving
 
@@ -119,6 +122,22 @@ def test_a_timing_without_an_interface_is_refused(capsys):
     done = caller(capsys)("node", "--timing", *TIMING)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert done.stderr.startswith("error: --timing f_clock=8000000 brp=2 tseg1=5")
+
+
+@pytest.mark.parametrize("number", [0, 3])
+def test_answers_and_status_of_its_own_node_alone_are_told(library, number):
+    """Each frame of the bus is counted, whoever sent it."""
+    with can.Bus("rig", "virtual") as other, can.Bus("rig", "virtual") as bus:
+        for sender, answers in ((0, 1), (3, 2), (4, 4)):
+            other.send(pack(EncoderState(0), sender))
+            for _ in range(answers):
+                other.send(pack(FrictionTorque(5), sender))
+            counts = (5 + sender, 9 + sender, 1)
+            other.send(pack(Status(1, State.OK, Errors(0), *counts, 0, 2, 25), sender))
+        args = argparse.Namespace(node=number, seconds=0.01)
+        found = node_command._watch(args, Stop(), bus)
+    told = {"lost": 5 + number, "corrupt": 9 + number, "out_of_step": 1}
+    assert found == {"frames": 13, "answers": {0: 1, 3: 2}[number], **told}
 
 
 @pytest.mark.checks
