@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import http.server
+import json
 import threading
 from dataclasses import replace
 
@@ -168,3 +169,21 @@ def test_the_list_says_where_each_set_is_or_comes_from(alone, monkeypatch, capsy
         assert (known.repo in where) == bool(known.commit and str(alone) not in where)
     here = dict(zip(data.SETS, (line.strip() for line in lines[2::3]), strict=True))
     assert here["servo_pendulum"] == str(alone / "mine" / "servo_pendulum")
+
+
+def test_a_program_reads_where_each_set_is_or_comes_from(alone, monkeypatch, capsys):
+    (alone / "mine" / "servo_pendulum").mkdir(parents=True)
+    monkeypatch.setenv("DAHL_DATA", str(alone / "mine"))
+    assert cli.main(["data", "--json"]) == 0
+    folders = {"servo_pendulum": str(alone / "mine" / "servo_pendulum")}
+    assert json.loads(capsys.readouterr().out) == [
+        {
+            "name": name,
+            "what": known.what,
+            "licence": known.licence,
+            "folder": folders.get(name),
+            "download": known.repo if known.commit else None,
+        }
+        for name, known in data.SETS.items()
+    ]
+    assert {bool(known.commit) for known in data.SETS.values()} == {True, False}
