@@ -73,6 +73,22 @@ def test_plan(dahl_bus, dahl_node, counter):
     assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
 
 
+def test_the_bus_is_opened_with_each_option(outcome):
+    """A virtual one too: whoever names a channel shares it with a bus of their own."""
+    words = ("--dahl-interface", "virtual", "--dahl-channel", "rig", "--dahl-bus-kwargs")
+    done = outcome(
+        """
+def test_bus(dahl_bus, dahl_bus_settings):
+    more = {"preserve_timestamps": True, "rx_queue_size": 7}
+    assert dahl_bus_settings == {"interface": "virtual", "channel": "rig", **more}
+    bus = dahl_bus
+    assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("rig", True, 7)
+""",
+        *(*words, "preserve-timestamps=True rx_queue_size=7"),
+    )
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
 @contextlib.contextmanager
 def elsewhere(folder: Path, timeout_ms: int = 60000) -> Iterator[list[str]]:
     """The options for a bus with a node of its own: dahl-loop's."""
