@@ -174,6 +174,29 @@ def test_moves_of_half_precision_are_taken_without_a_warning():
     )
 
 
+@pytest.mark.parametrize(
+    "beyond",
+    [
+        np.array([1, 2.0**31], np.float32),
+        np.array([1, -(2.0**31) - 256], np.float32),
+        np.array([1, math.inf], np.float16),
+        np.array([1, math.nan], np.float16),
+    ],
+)
+def test_moves_of_narrow_floats_beyond_the_range_are_refused(beyond):
+    """Their nearest to 2^31 - 1 is 2^31, or infinite."""
+    with warnings.catch_warnings(), pytest.raises(dahl.Error, match=r"moves\[1\] = "):
+        warnings.simplefilter("error")
+        dahl.Friction(dahl.Plan(100, 0.5, 1e-3)).run_counts(beyond)
+
+
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
+def test_a_load_is_the_same_in_any_type(kind):
+    loads = np.array([1.0, 0.5, 1.5], kind)
+    torques = dahl.Loaded(dahl.Plan(100, 0.5, 1e-3)).run_counts([1000, 1000, 0], loads)
+    assert torques.tolist() == [0.5, 0.25, 0.25]
+
+
 def test_numbers_of_any_kind_are_numbers():
     plan = dahl.Plan(np.float64(100), Fraction(1, 2), np.float32(1e-4))
     assert plan == dahl.Plan(100, 0.5, 1e-4)

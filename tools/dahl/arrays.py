@@ -60,8 +60,9 @@ def _whole(array: np.ndarray) -> np.ndarray:
     """Any numbers as int32, if that is what they are."""
     if array.dtype.kind not in "fiu":
         raise Error(f"moves has type {array.dtype}, not int32")
-    with np.errstate(invalid="ignore", over="ignore"):  # float16 does not reach that far
-        wrong = ~((array >= INT32_MIN) & (array <= INT32_MAX) & (array == np.trunc(array)))
+    wide = array.astype(np.float64) if array.dtype in (np.float16, np.float32) else array
+    with np.errstate(invalid="ignore"):  # a narrow float would round the limits to its own
+        wrong = ~((wide >= INT32_MIN) & (wide <= INT32_MAX) & (wide == np.trunc(wide)))
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
         value = array[place].item()
@@ -83,7 +84,7 @@ def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     if wrong.any():
         place = int(np.argmax(wrong))
         raise Error(f"loads[{place}] = {array[place].item()!r} is outside 0 <= load < 2")
-    return np.minimum(np.rint(array * 2.0**30), 2**31 - 1).astype(np.uint32)
+    return np.minimum(np.rint(array.astype(np.float64) * 2.0**30), 2**31 - 1).astype(np.uint32)
 
 
 def out(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
