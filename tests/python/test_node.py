@@ -6,8 +6,10 @@ and on buses of python-can.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import copy
 import ctypes
+import os
 import pickle
 import random
 import re
@@ -411,6 +413,26 @@ def test_asyncio_serves_until_the_task_is_cancelled(ends):
             await server
 
     asyncio.run(asyncio.wait_for(both(), 30))
+
+
+def test_asyncio_serves_more_buses_than_its_threads():
+    """And leaves asyncio's own threads to the caller."""
+    count = len(os.sched_getaffinity(0)) + 6
+
+    async def all_at_once() -> None:
+        with contextlib.ExitStack() as buses:
+            pairs = [
+                [buses.enter_context(can.Bus(f"many{i}", interface="virtual")) for _ in range(2)]
+                for i in range(count)
+            ]
+            servers = [asyncio.create_task(node.serve(here, dahl.Node(PLAN))) for here, _ in pairs]
+            for _, there in pairs:
+                await asyncio.wait_for(asyncio.to_thread(converse, there), 20)
+            for server in servers:
+                server.cancel()
+            assert len(await asyncio.gather(*servers, return_exceptions=True)) == count
+
+    asyncio.run(asyncio.wait_for(all_at_once(), 60))
 
 
 def test_asyncio_hears_that_the_bus_has_gone():

@@ -19,9 +19,11 @@ from __future__ import annotations
 import asyncio
 import copy
 import ctypes
+import functools
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
@@ -444,12 +446,15 @@ async def serve(bus: can.BusABC, *nodes: Node) -> None:
     can.Notifier, give that a Listener.
     """
     ended = threading.Event()
-    served = asyncio.create_task(asyncio.to_thread(run, bus, *nodes, ended=ended.is_set))
+    thread = ThreadPoolExecutor(1)  # its own: asyncio's are few, and the caller's
+    work = functools.partial(run, bus, *nodes, ended=ended.is_set)
+    served = asyncio.get_running_loop().run_in_executor(thread, work)
     try:
         await asyncio.shield(served)
     finally:
         ended.set()
         await asyncio.wait([served])
+        thread.shutdown(wait=False)
 
 
 def _span(name: str, value: float) -> float:
