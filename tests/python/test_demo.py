@@ -494,6 +494,44 @@ def test_bad_arguments_are_one_line(own_log, dahl_here, tmp_path, change, words)
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize("ticks", [1, 40])
+def test_a_run_that_is_over_before_the_recorder_is_heard(dahl_here, tmp_path, ticks):
+    """The node ends when its encoder has gone, and its server with it."""
+    words = ("--scene", "steering", "--bus", "socketcand", "--seconds", ticks / 1000)
+    done = dahl_here("demo", *words, "-o", tmp_path)
+    assert "the bus has gone" not in done.stderr
+    trace = report.trace_of(logs.read_candump(tmp_path / "run.log"))
+    assert trace.row[-1] == summary_of(tmp_path)["ticks"] - 1 == ticks - 1
+
+
+def test_a_run_that_is_cut_off_leaves_nothing_of_an_earlier_one(tmp_path, monkeypatch, capsys):
+    """Its frames would be drawn by the other's scene, and beside the other's shaft."""
+    for name in ("summary.json", "trace.csv"):
+        (tmp_path / name).write_text("{}")
+
+    def cut(*_):
+        raise dahl.RunError("cut off")
+
+    monkeypatch.setattr(loop, "run", cut)
+    done = caller(capsys)("demo", "--scene", "steering", "--seconds", "1", "-o", tmp_path)
+    assert (done.returncode, done.stderr) == (1, "error: cut off\n")
+    assert not {"summary.json", "trace.csv"} & {path.name for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("unit", "turn"), [("deg", 360.0), ("rad", 2 * math.pi), ("counts", 16384.0)]
+)
+def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl_here, tmp_path, unit, turn):
+    """Its shaft would go back by a turn within a tick."""
+    angle = np.arange(800) % 360 / 360 * turn
+    log = tmp_path / "wraps.csv"
+    log.write_text("a,T\n" + "".join(f"{one!r},0\n" for one in angle.tolist()))
+    words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", "--sigma0", "120", "--fc", "1")
+    done = dahl_here("demo", log, *words, "--counts-per-turn", "16384", "-o", tmp_path / "out")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert f"the angle goes from {angle[359]:g} to 0 in one row" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

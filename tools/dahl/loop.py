@@ -185,6 +185,9 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
+    except RunError:
+        if encoder is None or not encoder.ends():  # after it the node may end, and its bus
+            raise
     finally:
         programs = [program for program in (node, encoder) if program]
         for program in reversed(programs):

@@ -254,8 +254,27 @@ def read_log(scene: Scene, log: Path) -> Recorded:
             f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
         )
     table = logs.read_table(log, [angle, torque] if torque else [angle], time or None)
+    _check_unwrapped(scene, log, table[angle])
     measured = table[torque] * scene.measured.torque_scale if torque else None
     return Recorded(measured, table[time] if time else None, len(table[angle]))
+
+
+def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
+    """An angle that starts anew at each turn would send the shaft back by a turn within a tick."""
+    try:
+        per_unit = scene.theta_per_count * float(scene.motion.get("counts_per_unit", "1"))
+    except ValueError:  # dahl-loop says so, with the line
+        return
+    if scene.measured.unit == "N" or not per_unit > 0:
+        return
+    turn = 2 * math.pi / per_unit
+    jumps = np.abs(np.diff(angle)) > turn / 2
+    if jumps.any():
+        row = int(np.argmax(jumps))
+        raise Error(
+            f"{log}: the angle goes from {angle[row]:g} to {angle[row + 1]:g} in one row, more than"
+            " half a turn: does it start anew at each turn? Unwrap it, as numpy.unwrap does"
+        )
 
 
 @dataclass

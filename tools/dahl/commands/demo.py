@@ -231,6 +231,9 @@ def _play(
 
     setup = _setup(args, scene, log, console)
     ticks = _expected(args, scene, recorded)
+    for path in (args.output / "summary.json", args.output / "trace.csv"):
+        if path.is_file():  # of an earlier run: this one may be cut off
+            path.unlink()
     columns = (
         TextColumn("run    "),
         BarColumn(),
