@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import argparse
 import logging
+import queue
 import re
 import shutil
 import socket
 import subprocess
+import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -144,6 +146,35 @@ def received(
         message = receive(bus, QUIET)
         count += message is not None
         yield message
+
+
+def read_ahead(frames: Iterator[can.Message | None]) -> Generator[can.Message | None, None, None]:
+    """The same frames, taken from the bus by a thread of their own: a server drops who reads too
+    slowly, as one would who works on them between two.
+    """
+    taken: queue.SimpleQueue[can.Message | None | BaseException] = queue.SimpleQueue()
+    enough = threading.Event()
+
+    def take() -> None:
+        try:
+            for frame in frames:
+                taken.put(frame)
+                if enough.is_set():
+                    return
+            taken.put(StopIteration())
+        except BaseException as error:  # who waits for frames raises it
+            taken.put(error)
+
+    reader = threading.Thread(target=take, daemon=True)
+    reader.start()
+    try:
+        while not isinstance(frame := taken.get(), BaseException):
+            yield frame
+        if not isinstance(frame, StopIteration):
+            raise frame
+    finally:
+        enough.set()
+        reader.join()
 
 
 def receive(bus: can.BusABC, seconds: float) -> can.Message | None:

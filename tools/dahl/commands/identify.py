@@ -15,6 +15,7 @@ about 100 bytes a row.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import re
 import sys
 from pathlib import Path
@@ -299,15 +300,16 @@ def _each(args: argparse.Namespace) -> int:
 def _follow(args: argparse.Namespace) -> int:
     """Identify what comes over a bus until it is known well enough."""
     from dahl import plan_header
-    from dahl.bus import open_from, received
+    from dahl.bus import open_from, read_ahead, received
     from dahl.identify import follow
     from dahl.interrupt import Stop
 
     source = source_of(args)
     follow.signals_of(source)  # a bad DBC is named before any bus is opened
     with open_from(args) as bus, Stop() as stop:
-        frames = received(bus, stop, args.seconds, args.frames)
-        result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
+        frames = read_ahead(received(bus, stop, args.seconds, args.frames))
+        with contextlib.closing(frames):
+            result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
     _report(args, result, plan_header.identifier(args.name or "bus"))
     return 0
 
