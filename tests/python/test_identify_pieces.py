@@ -48,7 +48,17 @@ from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.result import Cycles, Result
 from dahl.identify.terms import TIMED, place_of, torque_of
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, springs, synthetic
+from identify_tools import (
+    COUNT,
+    FC,
+    SIGMA0,
+    dahl_torque,
+    noise_of,
+    sine,
+    springs,
+    synthetic,
+    write_csv,
+)
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
@@ -1135,6 +1145,22 @@ def test_every_unit_of_angle_and_time_is_what_it_is():
         ("stamp_ns", units.TIMES, "ns"),
         ("time [ms]", units.TIMES, "ms"),
         ("Time (seconds)", units.TIMES, "s"),
+        ("torque_ft_lb", units.TORQUES, "lbft"),
+        ("torque_in_lb", units.TORQUES, "lbin"),
+        ("trq_lb_ft", units.TORQUES, "lbft"),
+        ("Torque [ft-lb]", units.TORQUES, "lbft"),
+        ("torque_oz_in", units.TORQUES, "ozin"),
+        ("load_lbf", units.TORQUES, "lb"),
+        ("torque_N_m", units.TORQUES, "Nm"),
+        ("torque_kN_m", units.TORQUES, "kNm"),
+        ("M_N", units.TORQUES, "N"),
+        ("Torque (motor) [mNm]", units.TORQUES, "mNm"),
+        ("Torque [Nm] (filtered)", units.TORQUES, "Nm"),
+        ("Torque_Nm [V]", units.TORQUES, ""),
+        ("Angle (Radians)", units.ANGLES, "rad"),
+        ("Angle [Degrees]", units.ANGLES, "deg"),
+        ("Position (raw) [rad]", units.ANGLES, "rad"),
+        ("time [Milliseconds]", units.TIMES, "ms"),
     ],
 )
 def test_the_unit_in_a_name(name, known, unit):
@@ -1152,6 +1178,14 @@ def test_the_unit_in_a_name(name, known, unit):
         ("torque", ["angle", "LOAD"], "LOAD"),
         ("torque", ["angle", "x_Nm"], "x_Nm"),
         ("torque", ["moment", "force"], "moment"),
+        ("torque", ["load_cell_N", "torque_Nm"], "torque_Nm"),
+        ("torque", ["torque_cmd", "torque_meas"], "torque_meas"),
+        ("torque", ["torque_cmd", "load_N"], "load_N"),
+        ("torque", ["trq_ref"], "trq_ref"),
+        ("angle", ["theta_dot", "angle_rate", "theta_vel", "angle_ref_rad", "theta"], "theta"),
+        ("angle", ["set_position", "encoder"], "encoder"),
+        ("angle", ["target_angle"], "target_angle"),
+        ("angle", ["level_angle", "calibrated_angle"], "level_angle"),
         ("time", ["angle", "timestamp"], "timestamp"),
         ("time", ["t", "angle"], "t"),
         ("time", ["t [s]"], "t [s]"),
@@ -1160,6 +1194,20 @@ def test_the_unit_in_a_name(name, known, unit):
 )
 def test_columns_that_nobody_named(what, names, found):
     assert units.column(what, "", names, "x.csv") == found
+
+
+def test_a_rate_is_no_angle():
+    with pytest.raises(Error, match=r"x.csv: which column is the angle\?"):
+        units.column("angle", "", ["t", "theta_dot", "angle speed", "angle_vel", "trq"], "x.csv")
+
+
+def test_a_force_over_an_angle_is_named(tmp_path):
+    """A load cell on a lever: what it says lacks a length."""
+    up = np.arange(40.0)
+    for angle, noted in (("angle_rad", True), ("x_mm", False)):
+        path = write_csv(tmp_path / "lever.csv", up, up, f"t,{angle},load_N")
+        notes = " ".join(readers.read(path, readers.Source(angle=angle)).notes)
+        assert ("'load_N' is a force over an angle: N taken for N m" in notes) == noted
 
 
 def test_columns_that_somebody_named():

@@ -58,6 +58,8 @@ def finding(result: Result, refit: Refit, least_turn: float) -> list[Finding]:
     pairs = list(zip(result.raw, periods, strict=True))
     short = [log.head(CYCLES * (rows or LONG)) for log, rows in pairs]
     paths = [_path_of(log, rows) for log, rows in zip(short, periods, strict=True)]
+    if not all(map(np.ptp, paths)):  # no more motion than rounding makes
+        return []
     found = [
         refit([_made(*pair, result.estimate, k) for pair in zip(short, paths, strict=True)])
         for k in range(TRIALS)

@@ -501,6 +501,8 @@ def _log(
     torque_unit, also = units.of(
         "torque", source.torque_unit, names["torque"], units.TORQUES, usual
     )
+    if torque_unit in units.FORCE_UNITS and not linear:
+        also.append(f"'{names['torque']}' is a force over an angle: N taken for N m")
     scale = units.TORQUES[torque_unit]
     time, clock = _seconds(path, source, names, values)
     theta, counts = values["angle"], source.counts_per_turn

@@ -43,9 +43,14 @@ TORQUES = {  # N m or N per unit
     "lb": 4.4482216153,
     "kip": 4448.2216153,
 }
+FORCE_UNITS = ("N", "mN", "uN", "kN", "MN", "lb", "kip")
 TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "ns": 1e-9}  # s per unit
 SAME = {
+    "second": "s",
     "seconds": "s",
+    "millisecond": "ms",
+    "milliseconds": "ms",
+    "microseconds": "us",
     "degree": "deg",
     "degrees": "deg",
     "°": "deg",
@@ -59,7 +64,17 @@ SAME = {
     "count": "counts",
     "Ncm": "cNm",
     "Nmm": "mNm",
+    "ftlb": "lbft",
+    "ftlbf": "lbft",
+    "lbfft": "lbft",
+    "inlb": "lbin",
+    "inlbf": "lbin",
+    "lbfin": "lbin",
+    "inoz": "ozin",
+    "ozfin": "ozin",
+    "lbf": "lb",
 }
+PAIRED = r"lb|oz|nm$"  # two words that are one unit
 SIGNS = str.maketrans({**dict.fromkeys(" *-.·⋅"), **dict.fromkeys("µμ", "u")})
 TURNS = r"angle|theta"  # what is called so is no length: theta_m is that of the motor
 SHORT_LENGTHS = ("m", "in")
@@ -70,21 +85,30 @@ COLUMNS = {  # what a column is called when nobody says which one it is
     "time": r"^time|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",  # T and T_degC are none
 }
 
+RATES = r"(?<![a-z])(vel|speed|rate|dot)|theta_?dot"  # of an angle, which is none
+ASKED = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"  # what was wanted, not measured
+FORCES = r"force|load"  # which a torque may be called too
+
 
 def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
-    """The unit in a column's name: in brackets, or the last of its words."""
-    bracket = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
+    """The unit in a column's name: in brackets, the last ones first, or the last of its words, of
+    which two may be one unit, as in torque_ft_lb.
+    """
+    brackets = re.findall(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
     first, *rest = re.split(r"[\s_]+", name)
-    words = [bracket[1]] if bracket else [*rest[::-1], *([first] if len(first) > 2 else [])]
-    if not bracket and re.search(TURNS, name, re.IGNORECASE):
+    pairs = [one + other for one, other in zip([first, *rest], rest, strict=False)]
+    words = [pair for pair in pairs[::-1] if re.search(PAIRED, pair, re.IGNORECASE)]
+    words += [*rest[::-1], *([first] if len(first) > 2 else [])]
+    if re.search(TURNS, name, re.IGNORECASE):
         words = [word for word in words if word not in SHORT_LENGTHS]
-    return next((unit for word in words if (unit := _known_as(word, known))), default)
+    tried = brackets[::-1] or words
+    return next((unit for word in tried if (unit := _known_as(word, known))), default)
 
 
 def _known_as(word: str, known: Mapping[str, object]) -> str:
     """The unit that a word means, else that which it means in small letters; "" for none."""
     plain = word.translate(SIGNS)
-    plain = SAME.get(plain, plain)
+    plain = SAME.get(plain) or SAME.get(plain.lower(), plain)
     if plain in known:
         return plain
     return next((unit for unit in known if plain.lower() == unit.lower() != "n"), "")
@@ -113,15 +137,23 @@ def column(
     what: str, given: str, names: Sequence[str], place: str, free: Sequence[str] | None = None
 ) -> str:
     """The name of a column: the one given (by name, or by number from 1), else the first whose name
-    says so, of those that are free for it (all by default). Raises dahl.Error.
+    says so, of those that are free for it (all by default); a measured one before one that was
+    wanted, a torque before a force. Raises dahl.Error.
     """
     if given:
         return wanted(given, names, place)
     free = names if free is None else free
     fitting = [name for name in free if re.search(COLUMNS[what], name, re.IGNORECASE)]
+    if what == "angle":
+        fitting = [name for name in fitting if not re.search(RATES, name, re.IGNORECASE)]
     if fitting or what == "time":
-        return fitting[0] if fitting else ""
+        return min(fitting, key=_doubt, default="")
     raise Error(f"{place}: which column is the {what}? Name it with --{what}{meant(what, names)}")
+
+
+def _doubt(name: str) -> int:
+    """How much speaks against a column whose name fits: it was wanted, or is a force."""
+    return 2 * bool(re.search(ASKED, name, re.I)) + bool(re.search(FORCES, name, re.I))
 
 
 def wanted(given: str, names: Sequence[str], place: str) -> str:
