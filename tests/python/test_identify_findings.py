@@ -657,6 +657,16 @@ def test_an_encoder_read_in_step_is_named_and_widens_the_intervals():
     assert in_step.period_of(slow, 0.3 * FC / SIGMA0) == 0  # more than 3000 rows a cycle
 
 
+def test_a_motion_of_a_count_now_and_then_has_no_path_to_read_in_step():
+    """The mean cycle is within its rounding: nothing of the motion is left to be made again."""
+    theta = 0.01 * (np.arange(400) % 20 == 0)
+    log = Log("now and then", theta, np.sign(theta), resolution=0.01)
+    assert in_step.period_of(log, 0.001) == 20
+    result = SimpleNamespace(raw=[log], estimate=None)
+    assert in_step.finding(result, lambda logs: pytest.fail("tried"), 0.001) == []
+
+
+
 @pytest.mark.parametrize(
     ("sigma0", "Fc", "left", "reach"),
     [
