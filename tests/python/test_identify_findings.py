@@ -666,7 +666,6 @@ def test_a_motion_of_a_count_now_and_then_has_no_path_to_read_in_step():
     assert in_step.finding(result, lambda logs: pytest.fail("tried"), 0.001) == []
 
 
-
 @pytest.mark.parametrize(
     ("sigma0", "Fc", "left", "reach"),
     [
