@@ -520,6 +520,51 @@ def test_a_silent_bus_takes_nothing_away(dahl_here, tmp_path):
     assert log.read_text() == "an old run"
 
 
+def special_frames() -> list:
+    """CAN FD, remote and error frames, which a .trc cannot hold."""
+    import can
+
+    kinds = ("is_fd", "is_remote_frame", "is_error_frame")
+    return [
+        can.Message(timestamp=1e9 + n, arbitration_id=0x100, is_extended_id=False, **{kind: True})
+        for n, kind in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize(("ending", "held"), [(".trc", 2), (".asc", 5)])
+def test_frames_that_a_format_cannot_hold_are_not_counted_as_recorded(
+    dbc, capsys, tmp_path, ending, held
+):
+    from can.interfaces.virtual import channels
+
+    angle = ("EncoderState", 1e9 + 5, {"Valid": 1, "Count": 5, "Counter": 1})
+    (plain,), log = frames(dbc, angle), tmp_path / f"run{ending}"
+    sent = [plain, *special_frames(), plain]
+    words = ("-i", "virtual", "-c", "mixed", "--frames", 5, "-o", log)
+    with sending("mixed", sent, lambda: len(channels["mixed"]) == 2):
+        done = caller(capsys)("record", *words)
+    left_out = "3 frames that .trc cannot hold were left out; .blf holds them\n"
+    said = f"{held} frames in {log}\n" + left_out * (ending == ".trc")
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", said)
+    assert len(list(logs.frames_of(log))) == held
+
+
+def test_a_trc_that_would_hold_no_frame_takes_nothing_away(capsys, tmp_path):
+    """Nor is one begun on a bus that is said to be CAN FD."""
+    from can.interfaces.virtual import channels
+
+    (log := tmp_path / "run.trc").write_text("an old run")
+    words = ("-i", "virtual", "-c", "special", "--frames", 3, "-o", log, "--force")
+    with sending("special", special_frames(), lambda: len(channels["special"]) == 2):
+        done = caller(capsys)("record", *words)
+    said = f"error: {log}: 3 frames that .trc cannot hold were left out; .blf holds them\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
+    done = caller(capsys)("record", *words, "--fd")
+    said = f"error: {log}: .trc holds no CAN FD frames, so it does not go with --fd; .blf does\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", said)
+    assert log.read_text() == "an old run"
+
+
 def test_record_says_that_it_waits(dahl_here, tmp_path):
     words = ["-i", "virtual", "-c", "quiet", "--seconds", "4", "-o", tmp_path / "run.blf"]
     done = dahl_here("record", *words)
