@@ -191,6 +191,23 @@ def test_plot_of_a_bare_log_needs_a_scene(demo, dahl_here, tmp_path):
     assert (tmp_path / "loop.png").exists()
 
 
+def test_plot_takes_one_bus_of_a_log_that_has_several(demo, dahl_here, tmp_path):
+    """Node 0 of each may be another machine: moves of both are those of none."""
+    lines = (demo[0] / "run.log").read_text().splitlines(keepends=True)
+    few = [line.replace(" vcan0 ", " can1 ") for line in lines[:400]]
+    both = [line for pair in zip(lines, few, strict=False) for line in pair] + lines[len(few) :]
+    (log := tmp_path / "two.log").write_text("".join(both))
+    words = ("plot", log, "--scene", "segments")
+    done = dahl_here(*words)
+    said = f"error: {log}: frames of can1, vcan0; name one with -c\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", said)
+    assert not (tmp_path / "loop.png").exists()
+    for bus, ticks in (("vcan0", TICKS), ("can1", sum(" 110#" in line for line in few))):
+        done = dahl_here(*words, "-c", bus)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert f": {ticks} ticks, " in done.stdout
+
+
 def test_plot_of_nothing_is_one_line(dahl_here, tmp_path):
     done = dahl_here("plot", tmp_path / "none")
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
