@@ -51,17 +51,17 @@ def run(args: argparse.Namespace) -> None:
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
     known = summary.read(folder) if of_run and (folder / "summary.json").exists() else {}
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
-    trace = _trace(log, args.channel)
+    trace = _trace(log, played.node, args.channel)
     output = args.output or folder / "loop.png"
     plots.draw(output, played, trace, _recorded(played, known), known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
-def _trace(log: Path, channel: str | None) -> Trace:
-    """The ticks in a log, of one bus alone. Raises dahl.Error where several have them."""
+def _trace(log: Path, node: int, channel: str | None) -> Trace:
+    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them."""
     from dahl import logs, report
 
-    pairing = report.Pairing()
+    pairing = report.Pairing(node)
     for frame in logs.frames_of(log):
         if channel is None or str(frame.channel) == channel:
             pairing.feed(frame)
