@@ -52,8 +52,14 @@ def run(args: argparse.Namespace) -> None:
     known = summary.read(folder) if of_run and (folder / "summary.json").exists() else {}
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
     trace = _trace(log, played.node, args.channel)
+    recorded = _recorded(played, known)
+    ticks = int(trace.row.max()) + 1
+    if recorded is not None and ticks > recorded.rows:
+        raise Error(
+            f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
+        )
     output = args.output or folder / "loop.png"
-    plots.draw(output, played, trace, _recorded(played, known), known, folder)
+    plots.draw(output, played, trace, recorded, known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
