@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
 from dahl import Error, logs, report
+from dahl.commands.dbc import describe
 from dahl.monitor_curves import even_ticks
 from dahl.monitor_view import View
 from identify_tools import caller
@@ -168,6 +169,30 @@ def test_view_shows_the_node_that_is_asked_for(dbc):
         view.feed(frame)
     assert view.names["EncoderState"].last["Count"] == 13
     assert (view.names["EncoderState"].frames, view.others) == (1, 1)
+
+
+@pytest.mark.parametrize("shown", [0, 1, 15])
+def test_a_description_of_many_nodes_shows_each_by_its_number(dbc, tmp_path, shown):
+    """That of `dahl dbc --nodes 16`: no frame of one stands in the row of another."""
+    (path := tmp_path / "all.dbc").write_text(describe(16))
+    view = View(node=shown, dbc=path)
+    for node in range(16):
+        angle = {"Counter": 1, "Valid": 1, "Count": 10 + node}
+        (frame,) = frames(dbc, ("EncoderState", 0.0, angle))
+        frame.arbitration_id += node
+        view.feed(frame)
+    assert view.names.keys() == View().names.keys()
+    assert view.names["EncoderState"].last["Count"] == 10 + shown
+    assert (view.names["EncoderState"].frames, view.others) == (1, 15)
+
+
+def test_messages_of_one_node_may_have_its_own_ids_in_the_description(dbc, tmp_path):
+    """And others of the bus may be described, whatever their ids."""
+    text = re.sub(r"(?<=_ )\d+", lambda one: str(int(one[0]) + 3), dbc.read_text())
+    other = 'BO_ 1537 Other: 8 Encoder\n SG_ X : 0|8@1+ (1,0) [0|255] "" FrictionNode\n\n'
+    (path := tmp_path / "three.dbc").write_text(text.replace("BO_ 259", other + "BO_ 259", 1))
+    view = View(dbc=path)
+    assert {0x103, 0x113, 0x601} <= view.seen.keys()
 
 
 def test_each_curve_has_its_own_axes(dbc):

@@ -264,9 +264,23 @@ def _messages(dbc: Path | None) -> list[Message]:
         raise Error(f"{path}: {error.strerror}") from None
     except (cantools.Error, ValueError) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
+    found = _without_other_nodes(found)
     known = {message.name: {signal.name for signal in message.signals} for message in found}
     for name, signals in SHOWN.items():
         missing = sorted(signals - known.get(name, set()))
         if missing:
             raise Error(f"{path}: no signal '{missing[0]}' in a message '{name}'")
     return found
+
+
+def _without_other_nodes(messages: list[Message]) -> list[Message]:
+    """Those of node 0 and any that are no node's: node n has the messages of node 0 at id + n, and
+    a description of several nodes has them too.
+    """
+    ids = {one.frame_id for one in messages}
+    numbers = [one.frame_id % codec.NODES for one in messages]
+    return [
+        one
+        for one, number in zip(messages, numbers, strict=True)
+        if number == 0 or one.frame_id - number not in ids
+    ]
