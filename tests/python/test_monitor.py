@@ -127,6 +127,18 @@ def test_view_counts_what_it_sees(dbc):
     assert "OK 2" in shown
 
 
+def test_a_can_fd_frame_is_a_bad_one(dbc):
+    """As the node counts it: no message of it is CAN FD."""
+    angle = ("EncoderState", 0.0, {"Counter": 1, "Valid": 1, "Count": 5})
+    view = View()
+    for fd in (False, True):
+        (frame,) = frames(dbc, angle)
+        frame.is_fd = fd
+        view.feed(frame)
+    encoder = view.names["EncoderState"]
+    assert (encoder.frames, encoder.wrong, view.others) == (1, 1, 0)
+
+
 def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
     """That of a ParamReply is the asker's own, whatever it is."""
     replies = [("ParamReply", n, {"Param": "Fc", "Result": "Done", "Fc": 1, "Counter": counter})

@@ -40,7 +40,7 @@ class Seen:
     message: Message
     frames: int = 0
     missing: int = 0
-    wrong: int = 0  # CRC, length or contents that are not as they should be
+    wrong: int = 0  # CAN FD; CRC, length or contents that are not as they should be
     last: dict[str, Any] | None = None
     first_time: float = 0.0
     time: float = 0.0
@@ -79,8 +79,8 @@ class View:
             self.others += 1
             return
         try:
-            if not codec.is_whole(frame.arbitration_id, frame.data):
-                raise ValueError("a wrong CRC or length")
+            if frame.is_fd or not codec.is_whole(frame.arbitration_id, frame.data):
+                raise ValueError("CAN FD, a wrong CRC or length")
             signals = seen.message.decode_simple(bytes(frame.data))
         except Exception:  # cantools has several for frames that are too short
             seen.wrong += 1

@@ -119,7 +119,7 @@ class Pairing:
         name = self.messages.get(frame.arbitration_id)
         if name is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
             return
-        if not codec.is_whole(frame.arbitration_id, frame.data):
+        if frame.is_fd or not codec.is_whole(frame.arbitration_id, frame.data):
             return
         self.channels.add(str(frame.channel))
         message = database().get_message_by_name(name)
