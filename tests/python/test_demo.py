@@ -191,6 +191,23 @@ def test_plot_of_a_bare_log_needs_a_scene(demo, dahl_here, tmp_path):
     assert (tmp_path / "loop.png").exists()
 
 
+def test_plot_takes_one_bus_of_a_log_that_has_several(demo, dahl_here, tmp_path):
+    """Node 0 of each may be another machine: moves of both are those of none."""
+    lines = (demo[0] / "run.log").read_text().splitlines(keepends=True)
+    few = [line.replace(" vcan0 ", " can1 ") for line in lines[:400]]
+    both = [line for pair in zip(lines, few, strict=False) for line in pair] + lines[len(few) :]
+    (log := tmp_path / "two.log").write_text("".join(both))
+    words = ("plot", log, "--scene", "segments")
+    done = dahl_here(*words)
+    said = f"error: {log}: frames of can1, vcan0; name one with -c\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", said)
+    assert not (tmp_path / "loop.png").exists()
+    for bus, ticks in (("vcan0", TICKS), ("can1", sum(" 110#" in line for line in few))):
+        done = dahl_here(*words, "-c", bus)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert f": {ticks} ticks, " in done.stdout
+
+
 def test_plot_of_nothing_is_one_line(dahl_here, tmp_path):
     done = dahl_here("plot", tmp_path / "none")
     assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'none'}: no such file\n")
@@ -238,6 +255,19 @@ def test_scene_without_measurement_says_so(dahl_here, tmp_path):
     assert numbers["r2_measured"] is None
     assert numbers["ticks"] == 500
     assert numbers["max_error_ulp_Fc"] <= 0.52
+
+
+def test_a_scene_whose_node_is_not_number_0_is_shown_and_drawn(dahl_here, root, tmp_path):
+    text = (root / "host_sim" / "scenes" / "segments.ini").read_text()
+    (path := tmp_path / "three.ini").write_text(text.replace("[friction]", "[friction]\nnode = 3"))
+    done = dahl_here("demo", "--scene", path, "--seconds", "0.3", "-o", tmp_path / "run")
+    assert (done.returncode, done.stderr) == (0, "")
+    numbers = summary_of(tmp_path / "run")
+    assert (numbers["ticks"], numbers["frames_recorded"]) == (300, 300)
+    assert numbers["max_error_ulp_Fc"] <= 0.52
+    done = dahl_here("plot", tmp_path / "run")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert ": 300 ticks, " in done.stdout
 
 
 def test_without_any_log_it_says_so_and_runs_steering(tmp_path):
@@ -644,6 +674,14 @@ def test_a_scene_is_read_key_by_key(tmp_path):
             *(True, "t", ""),
             "N m",
         )
+
+
+@pytest.mark.parametrize("number", ["16", "-1", "2.5", "nan", "inf"])
+def test_a_scene_with_a_node_that_no_bus_has_is_one_line(dahl_here, tmp_path, number):
+    (path := tmp_path / "own.ini").write_text(f"[friction]\nnode = {number}\n")
+    done = dahl_here("demo", "--scene", path, "-o", tmp_path / "run")
+    said = f"error: {path}: [friction] node = {number} is not a whole number from 0 to 15\n"
+    assert (done.returncode, done.stderr) == (2, said)
 
 
 def test_the_tribometer_is_met(measured_file, dahl_here, tmp_path):

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
 from dahl import Error, logs, report
+from dahl.commands.dbc import describe
 from dahl.monitor_curves import even_ticks
 from dahl.monitor_view import View
 from identify_tools import caller
@@ -126,6 +127,18 @@ def test_view_counts_what_it_sees(dbc):
     assert "OK 2" in shown
 
 
+def test_a_can_fd_frame_is_a_bad_one(dbc):
+    """As the node counts it: no message of it is CAN FD."""
+    angle = ("EncoderState", 0.0, {"Counter": 1, "Valid": 1, "Count": 5})
+    view = View()
+    for fd in (False, True):
+        (frame,) = frames(dbc, angle)
+        frame.is_fd = fd
+        view.feed(frame)
+    encoder = view.names["EncoderState"]
+    assert (encoder.frames, encoder.wrong, view.others) == (1, 1, 0)
+
+
 def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
     """That of a ParamReply is the asker's own, whatever it is."""
     replies = [("ParamReply", n, {"Param": "Fc", "Result": "Done", "Fc": 1, "Counter": counter})
@@ -168,6 +181,30 @@ def test_view_shows_the_node_that_is_asked_for(dbc):
         view.feed(frame)
     assert view.names["EncoderState"].last["Count"] == 13
     assert (view.names["EncoderState"].frames, view.others) == (1, 1)
+
+
+@pytest.mark.parametrize("shown", [0, 1, 15])
+def test_a_description_of_many_nodes_shows_each_by_its_number(dbc, tmp_path, shown):
+    """That of `dahl dbc --nodes 16`: no frame of one stands in the row of another."""
+    (path := tmp_path / "all.dbc").write_text(describe(16))
+    view = View(node=shown, dbc=path)
+    for node in range(16):
+        angle = {"Counter": 1, "Valid": 1, "Count": 10 + node}
+        (frame,) = frames(dbc, ("EncoderState", 0.0, angle))
+        frame.arbitration_id += node
+        view.feed(frame)
+    assert view.names.keys() == View().names.keys()
+    assert view.names["EncoderState"].last["Count"] == 10 + shown
+    assert (view.names["EncoderState"].frames, view.others) == (1, 15)
+
+
+def test_messages_of_one_node_may_have_its_own_ids_in_the_description(dbc, tmp_path):
+    """And others of the bus may be described, whatever their ids."""
+    text = re.sub(r"(?<=_ )\d+", lambda one: str(int(one[0]) + 3), dbc.read_text())
+    other = 'BO_ 1537 Other: 8 Encoder\n SG_ X : 0|8@1+ (1,0) [0|255] "" FrictionNode\n\n'
+    (path := tmp_path / "three.dbc").write_text(text.replace("BO_ 259", other + "BO_ 259", 1))
+    view = View(dbc=path)
+    assert {0x103, 0x113, 0x601} <= view.seen.keys()
 
 
 def test_each_curve_has_its_own_axes(dbc):
@@ -517,6 +554,51 @@ def test_a_silent_bus_takes_nothing_away(dahl_here, tmp_path):
     log.write_text("an old run")
     words = ["-i", "virtual", "-c", "quiet", "--seconds", "0.3", "-o", log, "--force"]
     assert dahl_here("record", *words).returncode == 1
+    assert log.read_text() == "an old run"
+
+
+def special_frames() -> list:
+    """CAN FD, remote and error frames, which a .trc cannot hold."""
+    import can
+
+    kinds = ("is_fd", "is_remote_frame", "is_error_frame")
+    return [
+        can.Message(timestamp=1e9 + n, arbitration_id=0x100, is_extended_id=False, **{kind: True})
+        for n, kind in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize(("ending", "held"), [(".trc", 2), (".asc", 5)])
+def test_frames_that_a_format_cannot_hold_are_not_counted_as_recorded(
+    dbc, capsys, tmp_path, ending, held
+):
+    from can.interfaces.virtual import channels
+
+    angle = ("EncoderState", 1e9 + 5, {"Valid": 1, "Count": 5, "Counter": 1})
+    (plain,), log = frames(dbc, angle), tmp_path / f"run{ending}"
+    sent = [plain, *special_frames(), plain]
+    words = ("-i", "virtual", "-c", "mixed", "--frames", 5, "-o", log)
+    with sending("mixed", sent, lambda: len(channels["mixed"]) == 2):
+        done = caller(capsys)("record", *words)
+    left_out = "3 frames that .trc cannot hold were left out; .blf holds them\n"
+    said = f"{held} frames in {log}\n" + left_out * (ending == ".trc")
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", said)
+    assert len(list(logs.frames_of(log))) == held
+
+
+def test_a_trc_that_would_hold_no_frame_takes_nothing_away(capsys, tmp_path):
+    """Nor is one begun on a bus that is said to be CAN FD."""
+    from can.interfaces.virtual import channels
+
+    (log := tmp_path / "run.trc").write_text("an old run")
+    words = ("-i", "virtual", "-c", "special", "--frames", 3, "-o", log, "--force")
+    with sending("special", special_frames(), lambda: len(channels["special"]) == 2):
+        done = caller(capsys)("record", *words)
+    said = f"error: {log}: 3 frames that .trc cannot hold were left out; .blf holds them\n"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", said)
+    done = caller(capsys)("record", *words, "--fd")
+    said = f"error: {log}: .trc holds no CAN FD frames, so it does not go with --fd; .blf does\n"
+    assert (done.returncode, done.stdout, done.stderr) == (2, "", said)
     assert log.read_text() == "an old run"
 
 

@@ -76,6 +76,19 @@ def test_a_served_node_by_the_line_that_it_prints(root, dahl_loop, library, end)
     assert re.fullmatch(r"ended after \d+\.\d s: ok 4, params 1", last[-1])
 
 
+def test_the_number_is_that_of_the_scene_unless_another_is_given(
+    root, capsys, tmp_path, dahl_loop, library
+):
+    (path := tmp_path / "own.ini").write_text(
+        "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\nnode = 3\n"
+    )
+    with started(root, "--scene", str(path)) as (lines, _), opened(lines) as bus:
+        asked(bus, 3)
+    assert lines[0].startswith("node    3 ") and lines[2].endswith(" --node 3\n")
+    words = ("--scene", path, "--node", 0, "-i", "virtual", "-c", "a rig", "--seconds", "0.05")
+    assert caller(capsys)("node", *words).stdout.startswith("node    0 ")
+
+
 def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path, dahl_loop, library):
     """Here another server, whose own node has another number."""
     hub = ("--role", "node", "--set", "friction.node=9")

@@ -175,6 +175,22 @@ def test_a_record_is_drawn_with_the_log_beside_its_scene(dahl, dbc, quick):
     assert (code, said) == (2, "there/a.csv: no such file")
 
 
+@pytest.mark.parametrize("column", ["torque", "time"])
+def test_a_record_of_more_ticks_than_its_log_has_rows_is_one_line(dahl, dbc, quick, column):
+    """It is of another run, whichever column of the log is drawn."""
+    write_run(Path("there"), dbc)
+    wanted = {"torque": "[measured]\ntorque = T\n", "time": "time = T\n"}[column]
+    Path("there/mine.ini").write_text(REPLAY.format("angle = a\n") + wanted)
+    words = ("plot", "there/run.log", "--scene", "there/mine.ini")
+    assert dahl(*words).returncode == 0
+    rows = Path("there/a.csv").read_text().splitlines()
+    Path("there/a.csv").write_text("\n".join(rows[:-1]) + "\n")
+    Path("there/loop.png").unlink()
+    code, said = complaint(dahl(*words))
+    assert (code, said) == (2, "there/run.log: 30 ticks, but a.csv has 29 rows: another run?")
+    assert not Path("there/loop.png").exists()
+
+
 def test_a_log_of_the_same_name_elsewhere_is_not_taken(dahl, dbc, monkeypatch):
     """Not one in the folder where the verb runs, nor that of a measured set of that name."""
     write_run(Path("there"), dbc)

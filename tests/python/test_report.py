@@ -128,7 +128,7 @@ def test_one_unit_of_the_ratio_is_seen(run):
     assert report.max_error_ulp(SCENE, run.trace()) > 100
 
 
-@pytest.mark.parametrize("kind", ["is_extended_id", "is_error_frame", "node", "crc"])
+@pytest.mark.parametrize("kind", ["is_extended_id", "is_error_frame", "is_fd", "node", "crc"])
 def test_frames_that_only_look_like_the_nodes_are_left_out(run, kind):
     before = run.trace()
     run.tick(3, 7000)

@@ -31,3 +31,20 @@ def test_demo_on_target(run_dahl, library, dahl_loop, tmp_path) -> None:
     assert (numbers["frames_answered"], numbers["frames_lost"]) == (4000, 0)
     assert numbers["node"] == {} and numbers["max_error_ulp_Fc"] <= 0.52
     assert (tmp_path / "loop.png").stat().st_size > 10000
+
+
+@pytest.mark.parametrize("number", [3, 15])
+def test_the_firmware_has_the_number_of_the_scenes_node(
+    run_dahl, root, library, dahl_loop, tmp_path, number
+) -> None:
+    """Also where it is that which else serves the bus."""
+    need_tools()
+    text = (root / "host_sim" / "scenes" / "segments.ini").read_text()
+    (path := tmp_path / "own.ini").write_text(
+        text.replace("[friction]", f"[friction]\nnode = {number}")
+    )
+    words = ("--scene", path, "--seconds", "0.3", "--target", "m4f", "--output", tmp_path / "run")
+    done = run_dahl("demo", *words)
+    assert done.returncode == 0, done.stderr
+    numbers = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert (numbers["frames_answered"], numbers["frames_lost"]) == (300, 0)

@@ -169,9 +169,9 @@ def test_each_demo_starts_the_programs_that_it_needs(dahl, told, tmp_path, words
 
 
 @contextlib.contextmanager
-def another_node(program, asked, core, params, folder, port):
+def another_node(program, asked, core, params, folder, port, number):
     """Node 0 of the scene segments joins a served bus; on entry it is there."""
-    asked.append((core, params, folder))
+    asked.append((core, params, folder, number))
     bus = ("--role", "node", "--bus", f"socketcand:127.0.0.1:{port}")
     command = [program, "--scene", paths.SCENES / "segments.ini", *bus]
     here = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
@@ -195,7 +195,7 @@ def test_a_target_takes_the_place_of_the_node(dahl, told, dahl_loop, monkeypatch
     words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
     done = dahl("demo", *words, "--output", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert asked == [("m4f", (50.0, 0.5, 9.587379924285257e-05), tmp_path / "out")]
+    assert asked == [("m4f", (50.0, 0.5, 9.587379924285257e-05), tmp_path / "out", 0)]
     started = told()
     assert pairs(started["node"])["--scene"] == str(tmp_path / "out/hub.ini")
     assert "--lockstep" in started["encoder"]

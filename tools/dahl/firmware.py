@@ -165,22 +165,22 @@ class Firmware:
         raise RunError(f"QEMU did not start: {said[-1] if said else 'no word from it'}")
 
 
-HUB = """; The bus of a run whose torque comes from firmware: node 15 serves it and is never asked.
+HUB = """; The bus of a run whose torque comes from firmware: this node serves it, never asked.
 [scene]
 title = a bus for the firmware
 [friction]
 sigma0 = 1
 Fc = 1
 theta_per_count = 1e-3
-node = 15
+node = {number}
 """
 STALL_US = 10000000  # QEMU's clock goes on while a busy desk computer holds frames back
 
 
-def hub(folder: Path) -> Path:
-    """A scene whose node only serves the bus."""
+def hub(folder: Path, number: int = 0) -> Path:
+    """A scene whose node only serves the bus of the firmware, which has this number."""
     path = folder / "hub.ini"
-    path.write_text(HUB, encoding="ascii")
+    path.write_text(HUB.format(number=15 if number != 15 else 14), encoding="ascii")
     return path
 
 

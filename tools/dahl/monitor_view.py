@@ -40,7 +40,7 @@ class Seen:
     message: Message
     frames: int = 0
     missing: int = 0
-    wrong: int = 0  # CRC, length or contents that are not as they should be
+    wrong: int = 0  # CAN FD; CRC, length or contents that are not as they should be
     last: dict[str, Any] | None = None
     first_time: float = 0.0
     time: float = 0.0
@@ -79,8 +79,8 @@ class View:
             self.others += 1
             return
         try:
-            if not codec.is_whole(frame.arbitration_id, frame.data):
-                raise ValueError("a wrong CRC or length")
+            if frame.is_fd or not codec.is_whole(frame.arbitration_id, frame.data):
+                raise ValueError("CAN FD, a wrong CRC or length")
             signals = seen.message.decode_simple(bytes(frame.data))
         except Exception:  # cantools has several for frames that are too short
             seen.wrong += 1
@@ -264,9 +264,23 @@ def _messages(dbc: Path | None) -> list[Message]:
         raise Error(f"{path}: {error.strerror}") from None
     except (cantools.Error, ValueError) as error:
         raise Error(f"{path}: {' '.join(str(error).split())}") from None
+    found = _without_other_nodes(found)
     known = {message.name: {signal.name for signal in message.signals} for message in found}
     for name, signals in SHOWN.items():
         missing = sorted(signals - known.get(name, set()))
         if missing:
             raise Error(f"{path}: no signal '{missing[0]}' in a message '{name}'")
     return found
+
+
+def _without_other_nodes(messages: list[Message]) -> list[Message]:
+    """Those of node 0 and any that are no node's: node n has the messages of node 0 at id + n, and
+    a description of several nodes has them too.
+    """
+    ids = {one.frame_id for one in messages}
+    numbers = [one.frame_id % codec.NODES for one in messages]
+    return [
+        one
+        for one, number in zip(messages, numbers, strict=True)
+        if number == 0 or one.frame_id - number not in ids
+    ]

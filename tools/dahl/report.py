@@ -111,6 +111,7 @@ class Pairing:
         self.relaxed: set[int] = set()  # indices in answers' order of ticks
         self.restarted = False
         self.new_start = new_start_states()
+        self.channels: set[str] = set()  # on which their frames came
         self.row, self._counter = -1, 0
 
     def feed(self, frame: can.Message) -> None:
@@ -118,8 +119,9 @@ class Pairing:
         name = self.messages.get(frame.arbitration_id)
         if name is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
             return
-        if not codec.is_whole(frame.arbitration_id, frame.data):
+        if frame.is_fd or not codec.is_whole(frame.arbitration_id, frame.data):
             return
+        self.channels.add(str(frame.channel))
         message = database().get_message_by_name(name)
         signals = message.decode_simple(bytes(frame.data), decode_choices=False, scaling=False)
         if name == "FrictionTorque":

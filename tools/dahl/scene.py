@@ -79,6 +79,7 @@ class Scene:
     compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
     friction: dict[str, float] = field(default_factory=dict)  # other keys that it has, numbers
     status_ms: float = 0.0  # period of Status; 0: only after an event
+    node: int = 0  # number of the node on the bus
 
     @property
     def name(self) -> str:
@@ -187,6 +188,7 @@ def read(path: Path) -> Scene:
         if parser.has_option("friction", key)
     }
     scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
+    scene.node = _node(path, parser)
     scene.compensates = any(
         parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
     )
@@ -210,6 +212,14 @@ def _number(
         return default if text is None else float(text)
     except ValueError:
         raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
+
+
+def _node(path: Path, parser: configparser.ConfigParser) -> int:
+    """[friction] node, from 0 to 15."""
+    number = _number(path, parser, "friction", "node", 0.0)
+    if number not in range(16):
+        raise Error(f"{path}: [friction] node = {number:g} is not a whole number from 0 to 15")
+    return int(number)
 
 
 def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:

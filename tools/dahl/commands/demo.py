@@ -255,7 +255,7 @@ def _play(
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
-    return numbers, report.trace_of(logs.read_candump(args.output / "run.log"))
+    return numbers, report.trace_of(logs.read_candump(args.output / "run.log"), scene.node)
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
@@ -288,9 +288,11 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     if scene.model != "dahl":
         raise Error(f"--target runs model dahl, not the scene's {scene.model}")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
-    setup.node_scene = firmware.hub(args.output)
+    setup.node_scene = firmware.hub(args.output, scene.node)
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
-    setup.attach = lambda port: firmware.attached(args.target, params, args.output, port)
+    setup.attach = lambda port: firmware.attached(
+        args.target, params, args.output, port, scene.node
+    )
 
 
 def _expected(args: argparse.Namespace, scene: Scene, recorded: Recorded | None) -> int | None:

@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--theta-per-count", type=float, metavar="T", help="rad per count of the encoder"
     )
     parser.add_argument(
-        "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
+        "--node", type=whole(0, 15), metavar="N", help="number, 0 to 15 (default: the scene's)"
     )
     parser.add_argument(
         "--target", metavar="CORE", help="firmware on an emulated core, such as m4f"
@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> None:
     _check(args)
     with tempfile.TemporaryDirectory(prefix="dahl-node-") as folder, Stop(is_its_end=True) as stop:
         scene = _scene(args, Path(folder))
+        args.node = scene.node if args.node is None else args.node
         begin = time.monotonic()
         serve = _on_bus if _interface(args) else _on_target if args.target else _served
         counts = serve(args, scene, Path(folder), stop, console)

@@ -3,8 +3,8 @@
 Draw a recorded run: torque over angle, then over time.
 
 RUN is a folder that `dahl demo` left (its summary.json names the scene), or a log of frames
-(candump .log, .asc, .blf, .trc, .mf4) together with --scene. The picture goes beside the log as
-loop.png, or where -o says.
+(candump .log, .asc, .blf, .trc, .mf4) together with --scene; where several of its buses have the
+node's frames, -c names one. The picture goes beside the log as loop.png, or where -o says.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from dahl import Error
 
 if TYPE_CHECKING:
+    from dahl.report import Trace
     from dahl.scene import Recorded, Scene
 
 HELP = "draw a recorded run"
@@ -30,12 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scene", help="scene (name or file) whose parameters the run had")
     parser.add_argument(
+        "-c", "--channel", metavar="BUS", help="of a log that holds several, such as can0"
+    )
+    parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="picture to write: .png, .svg, .pdf"
     )
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import logs, plots, report, scene, summary
+    from dahl import plots, scene, summary
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
         endings = ", ".join(plots.PICTURES[:-1])
@@ -47,10 +51,29 @@ def run(args: argparse.Namespace) -> None:
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
     known = summary.read(folder) if of_run and (folder / "summary.json").exists() else {}
     played = scene.read(scene.find(args.scene or _scene_of(known, log)))
-    trace = report.trace_of(logs.frames_of(log))
+    trace = _trace(log, played.node, args.channel)
+    recorded = _recorded(played, known)
+    ticks = int(trace.row.max()) + 1
+    if recorded is not None and ticks > recorded.rows:
+        raise Error(
+            f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
+        )
     output = args.output or folder / "loop.png"
-    plots.draw(output, played, trace, _recorded(played, known), known, folder)
+    plots.draw(output, played, trace, recorded, known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
+
+
+def _trace(log: Path, node: int, channel: str | None) -> Trace:
+    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them."""
+    from dahl import logs, report
+
+    pairing = report.Pairing(node)
+    for frame in logs.frames_of(log):
+        if channel is None or str(frame.channel) == channel:
+            pairing.feed(frame)
+    if len(pairing.channels) > 1:
+        raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
+    return pairing.trace()
 
 
 def _scene_of(known: dict[str, Any], log: Path) -> str:

@@ -4,7 +4,8 @@ Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, T
 ending of its name.
 
 Works with any interface that python-can has. Ends with Ctrl-C, or after --frames or --seconds. A
-.log, .asc or .trc holds whole lines at any moment; .blf and .mf4 are whole once it has ended.
+.log, .asc or .trc holds whole lines at any moment; .blf and .mf4 are whole once it has ended. A
+.trc holds no CAN FD, remote or error frames: they are left out, and how many is said at the end.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error
+from dahl import Error, RunError
 from dahl.arguments import add_limits
 from dahl.bus import add_bus_arguments
 
@@ -32,6 +33,7 @@ EXAMPLE = """examples:
   dahl record -i socketcand -c vcan0 --host 127.0.0.1 --port 29536 -o run.log"""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of a file, never of a bus
+TRC = ".trc"  # the one format that cannot hold every frame
 PATIENCE = 3.0  # s without a frame, after which one waits knowingly
 
 
@@ -53,26 +55,59 @@ def run(args: argparse.Namespace) -> None:
     from dahl.bus import open_from, received, silent
     from dahl.interrupt import Stop
 
-    existed = _check(args.output, args.force)
+    existed = _check(args.output, args.force, bool(getattr(args, "fd", False)))
+    held = Held(args.output)
     begin = time.monotonic()
     try:
         with open_from(args) as bus, Stop() as stop:
             args.output.open("ab").close()  # it can be written
-            frames = _write(args.output, received(bus, stop, args.seconds, args.frames))
+            messages = received(bus, stop, args.seconds, args.frames)
+            frames = _write(args.output, held.among(messages))
     finally:
         if not existed and args.output.exists() and args.output.stat().st_size == 0:
             args.output.unlink()
+    if frames == 0 and held.left_out:
+        raise RunError(f"{args.output}: {held.told()}")
     if frames == 0:
         raise silent(args, time.monotonic() - begin)
     print(f"{frames} frames in {args.output}")
+    if held.left_out:
+        print(held.told())
 
 
-def _check(path: Path, force: bool) -> bool:
+class Held:
+    """Takes out the frames that the format of a log cannot hold, and counts them: python-can's
+    writer of TRC would drop them with no more than a warning.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.left_out, self._is_trc = 0, path.suffix.lower() == TRC
+
+    def among(self, messages: Iterator[can.Message | None]) -> Iterator[can.Message | None]:
+        """The messages without those frames."""
+        for message in messages:
+            if message is not None and self._is_trc and _is_special(message):
+                self.left_out += 1
+            else:
+                yield message
+
+    def told(self) -> str:
+        """How many were left out, and what holds them."""
+        return f"{self.left_out} frames that {TRC} cannot hold were left out; .blf holds them"
+
+
+def _is_special(message: can.Message) -> bool:
+    return message.is_fd or message.is_remote_frame or message.is_error_frame
+
+
+def _check(path: Path, force: bool, fd: bool) -> bool:
     """Whether the file is there. Raises dahl.Error for one that is not to be written."""
     from dahl.logs import CAN_LOGS
 
     if path.suffix.lower() not in CAN_LOGS:
         raise Error(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")
+    if fd and path.suffix.lower() == TRC:
+        raise Error(f"{path}: {TRC} holds no CAN FD frames, so it does not go with --fd; .blf does")
     if path.exists() and not force:
         raise Error(f"{path}: there already; --force overwrites it")
     return path.exists()
