@@ -8,11 +8,34 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from dahl import Error, RunError
+
+# How the scenes and tables begin that identification leaves.
+OURS = re.compile(
+    rb"; written by dahl |time_s,theta,counts\r?\n|theta_(rad|m),torque_Nm?(,load)?\r?\n"
+)
+
+
+def spare_others(paths: Iterable[Path], hint: str) -> None:
+    """Raise dahl.Error for a file that does not begin as the scenes and tables that are written
+    here do; `hint` says what to do about it.
+    """
+    for path in paths:
+        if path.is_file() and not _is_ours(path):
+            raise Error(f"{path}: there already, and not written by dahl; {hint}")
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return OURS.match(file.read(80)) is not None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
 
 
 def read_json(path: Path, hint: str = "") -> Any:
