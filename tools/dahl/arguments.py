@@ -22,6 +22,11 @@ def whole(low: int, high: int) -> Callable[[str], int]:
     return read
 
 
+def finite(text: str) -> float:
+    """A type for argparse: a number, of either sign."""
+    return _number(text, -1e30, 1e30)
+
+
 def seconds(text: str) -> float:
     """A type for argparse: a duration."""
     return _number(text, 0.001, 1e9)
