@@ -100,13 +100,16 @@ def test_a_bus_that_opens_late_is_waited_for(monkeypatch):
         ("socketcand", True, True, "socketcand"),
         ("socketcand:29536", True, True, "socketcand:29536"),
         ("socketcan:can1", False, False, "socketcan:can1"),
+        ("socketcan:can0.1", True, True, "socketcan:can0.1"),
+        ("socketcan:can-left", True, True, "socketcan:can-left"),
     ],
 )
 def test_the_best_bus_there_is_or_the_one_asked_for(monkeypatch, wanted, kernel, up, chosen):
     monkeypatch.setattr(bus, "has_socketcan", lambda: kernel)
     monkeypatch.setattr(bus, "vcan_is_up", lambda: up)
     assert bus.choose(wanted)[0] == chosen
-    for wrong in ("vcan0", "socketcan", "socketcan:", "socketcand:x", "socketcand:1:2"):
+    refused = ("vcan0", "socketcan", "socketcan:", "socketcan:a/b", "socketcan:a b")
+    for wrong in (*refused, "socketcan:a:b", "socketcand:x", "socketcand:1:2"):
         with pytest.raises(Error, match=f"--bus {wrong}: socketcan:INTERFACE, socketcand or"):
             bus.choose(wrong)
 
