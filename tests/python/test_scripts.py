@@ -85,6 +85,33 @@ def stage(root: Path, tmp_path: Path) -> Stage:
     return staged(root, tmp_path)
 
 
+# --- tools/common.sh -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cdpath", ["", ".", "elsewhere:."])
+def test_the_root_is_one_line_wherever_cd_looks(stage, cdpath):
+    """With CDPATH exported, cd prints where it went, or goes to another folder of that name."""
+    (stage.folder / "elsewhere/tools").mkdir(parents=True)
+    done = subprocess.run(
+        ["bash", "-c", '. tools/common.sh && printf "%s" "$ROOT"'],
+        cwd=stage.folder,
+        env={**os.environ, "CDPATH": cdpath},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == (str(stage.folder), "")
+
+
+def test_no_script_lets_cdpath_choose_its_folder(root):
+    """Each that asks for the name of a folder does so without CDPATH."""
+    scripts = [path for name in ("tools", "tests", "port") for path in (root / name).rglob("*.sh")]
+    asking = [line for path in scripts for line in re.findall(r"\$\(.*\bcd .*", path.read_text())]
+    assert len(asking) >= 5
+    assert [line for line in asking if not line.startswith("$(CDPATH='' cd -- ")] == []
+
+
 # --- tools/demo.sh -------------------------------------------------------------------------------
 
 
