@@ -144,6 +144,19 @@ def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, t
         assert words in str(caught.value)
 
 
+def test_a_folder_with_a_comma_is_one_value_of_an_option_of_qemu(monkeypatch, tmp_path):
+    (tmp_path / "qemu-system-arm").write_text('#!/bin/sh\necho "qemu: $*" >&2\nexit 1\n')
+    (tmp_path / "qemu-system-arm").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    folder = tmp_path / "a,b,c"
+    folder.mkdir()
+    node = firmware.Firmware("m4f", None, folder, image=folder / "image")
+    with pytest.raises(RunError) as caught, node:
+        pass
+    assert f"loader,file={tmp_path}/a,,b,,c/params.m4f.bin,addr=" in str(caught.value)
+    assert f"-kernel {folder}/image" in str(caught.value)  # a word of its own is taken as it is
+
+
 # --- the command line -----------------------------------------------------------------------------
 
 

@@ -297,6 +297,14 @@ def test_a_machine_that_does_not_run_is_an_error(stage, machine):
     assert done.stderr.endswith("error: the machine did not run\n")
 
 
+def test_a_folder_with_a_comma_is_one_value_of_an_option(stage, machine):
+    folder = machine.rename(machine.with_name("a,b,c"))
+    stage.run("vm", str(folder), "true")
+    (call,) = stage.calls("qemu-system-x86_64")
+    assert "local,path=a,,b,,c,mount_tag=work," in call
+    assert "-serial file:a,b,c/.vm/console" in call
+
+
 def test_without_a_kernel_there_is_no_machine(stage, machine):
     (stage.folder / "build/deps/kernel/vmlinuz").unlink()
     assert stage.run("vm", str(machine), "true").returncode == 77
