@@ -419,6 +419,23 @@ def test_text_that_no_encoding_holds_is_written_all_the_same(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["x.txt"]
 
 
+@pytest.mark.parametrize("mode", [0o600, 0o664, 0o755])
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "x.txt"
+    path.write_text("old")
+    path.chmod(mode)
+    files.keep(path, "new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", mode)
+
+
+def test_a_loop_of_links_is_one_line(dahl):
+    Path("loop.h").symlink_to("loop.h")
+    known = ("--sigma0", "1", "--fc", "1", "--theta-per-count", "1")
+    code, said = complaint(dahl("plan", *known, "-o", "loop.h"))
+    assert (code, said) == (1, "loop.h: Too many levels of symbolic links")
+    assert Path("loop.h").is_symlink()
+
+
 def test_empty_rows_of_a_measured_set_are_left_out():
     rows = "t\tx\n8.6\t1\n\n8.7\t2\n\n"
     assert data.cut_tribometer(rows.encode()) == b"t\tx\n8.6\t1\n8.7\t2\n"

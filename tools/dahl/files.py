@@ -9,6 +9,7 @@ import contextlib
 import json
 import os
 import re
+import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -57,7 +58,8 @@ def read_json(path: Path, hint: str = "") -> Any:
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Where to write the successor of a file: it takes the name once it is whole, and goes where it
-    cannot be. A device or a pipe is written itself. Raises RunError.
+    cannot be. It gets the mode of the file that it replaces. A device or a pipe is written itself.
+    Raises RunError.
     """
     try:
         if path.is_dir():
@@ -65,9 +67,13 @@ def replacing(path: Path) -> Iterator[Path]:
         if path.exists() and not path.is_file():
             yield path
             return
+        with contextlib.suppress(FileNotFoundError):
+            path.stat()  # a loop of links is an error here, and not a file that is still to come
         part = path.resolve().with_name(f".{os.getpid()}.part")
         try:
             yield part
+            if path.exists():
+                shutil.copymode(path, part)
             part.replace(path.resolve())
         finally:
             part.unlink(missing_ok=True)
