@@ -124,6 +124,33 @@ def test_no_column_of_an_own_log_is_taken_for_another(tmp_path, changed, name):
         scene.write_own(own, tmp_path / "own.ini")
 
 
+def test_a_scene_of_an_own_log_finds_it_from_any_folder(dahl, tmp_path):
+    Path("logs").mkdir()
+    Path("out").mkdir()
+    log = Path("logs/a.csv")
+    log.write_text("a\n1\n")
+    written = scene.write_own(scene.OwnLog(log, "a", "", **OWN), Path("out/own.ini"))
+    assert written.title == "a.csv"
+    assert data.find_log(written.log, Path("out")) == tmp_path / log
+
+
+def test_a_path_that_no_scene_can_hold_is_left_out(tmp_path):
+    for folder in (tmp_path / ("x" * 150), tmp_path / "a ;b"):
+        own = scene.OwnLog(folder / "a.csv", "a", "", **OWN)
+        assert scene.write_own(own, tmp_path / "own.ini").log == "a.csv"
+
+
+@pytest.mark.parametrize("name", ["a ; b.csv", ";a.csv", " a.csv", "a\n.csv", "x" * 156 + ".csv"])
+def test_a_log_that_no_scene_can_name_is_one_line(dahl, name):
+    """Before it is a half of its name, or a line that dahl-loop does not read."""
+    own = scene.OwnLog(Path(name), "a", "", **OWN)
+    with pytest.raises(
+        Error, match="(?s)log '.*': a scene file cannot hold this name; rename the log"
+    ):
+        scene.write_own(own, Path("own.ini"))
+    assert not Path("own.ini").exists()
+
+
 @pytest.mark.parametrize("counts", [0.0, -1.0, float("nan"), float("inf")])
 def test_counts_of_a_turn_are_a_number_above_0(tmp_path, counts):
     own = scene.OwnLog(Path("x.csv"), "a", "", **OWN | {"counts_per_turn": counts})
