@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # What the scripts share: where things are, plain words, one build at a time.
 
-ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+ROOT=$(CDPATH='' cd -- "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 BUILD=$ROOT/build
 # shellcheck disable=SC2034 # of those who source this
 VENV=$BUILD/venv

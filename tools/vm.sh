@@ -93,7 +93,7 @@ boot() { # FOLDER
         -monitor none -serial "file:$1/.vm/console" -kernel "$KERNEL/vmlinuz" -initrd "$1/.vm/initramfs" \
         -append "console=ttyS0 quiet panic=-1 mitigations=off" \
         -virtfs local,path=/,mount_tag=root,security_model=none,readonly=on,multidevs=remap \
-        -virtfs "local,path=$1,mount_tag=work,security_model=none,multidevs=remap" </dev/null >"$1/.vm/qemu" 2>&1
+        -virtfs "local,path=${1//,/,,},mount_tag=work,security_model=none,multidevs=remap" </dev/null >"$1/.vm/qemu" 2>&1
 }
 
 main() {

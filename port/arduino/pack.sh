@@ -10,7 +10,7 @@ case "${1:-}" in
     -h | --help) sed -n '3,/^[^#]/{/^#/s/^# \{0,1\}//p}' "$0"; exit 0 ;;
     '') echo "error: pack.sh wants the folder to put dahl/ into (see --help)" >&2; exit 2 ;;
 esac
-here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+here=$(CDPATH='' cd -- "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 root=$here/../..
 made=$1/dahl
 if [ -e "$made" ]; then

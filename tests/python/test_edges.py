@@ -100,13 +100,16 @@ def test_a_bus_that_opens_late_is_waited_for(monkeypatch):
         ("socketcand", True, True, "socketcand"),
         ("socketcand:29536", True, True, "socketcand:29536"),
         ("socketcan:can1", False, False, "socketcan:can1"),
+        ("socketcan:can0.1", True, True, "socketcan:can0.1"),
+        ("socketcan:can-left", True, True, "socketcan:can-left"),
     ],
 )
 def test_the_best_bus_there_is_or_the_one_asked_for(monkeypatch, wanted, kernel, up, chosen):
     monkeypatch.setattr(bus, "has_socketcan", lambda: kernel)
     monkeypatch.setattr(bus, "vcan_is_up", lambda: up)
     assert bus.choose(wanted)[0] == chosen
-    for wrong in ("vcan0", "socketcan", "socketcan:", "socketcand:x", "socketcand:1:2"):
+    refused = ("vcan0", "socketcan", "socketcan:", "socketcan:a/b", "socketcan:a b")
+    for wrong in (*refused, "socketcan:a:b", "socketcand:x", "socketcand:1:2"):
         with pytest.raises(Error, match=f"--bus {wrong}: socketcan:INTERFACE, socketcand or"):
             bus.choose(wrong)
 
@@ -139,6 +142,19 @@ def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, t
     loader = f"loader,file={node.page},addr={board.page:#x},force-raw=on"
     for words in (f"-M {board.machine} ", f"-kernel {tmp_path}/image", f"-device {loader}"):
         assert words in str(caught.value)
+
+
+def test_a_folder_with_a_comma_is_one_value_of_an_option_of_qemu(monkeypatch, tmp_path):
+    (tmp_path / "qemu-system-arm").write_text('#!/bin/sh\necho "qemu: $*" >&2\nexit 1\n')
+    (tmp_path / "qemu-system-arm").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    folder = tmp_path / "a,b,c"
+    folder.mkdir()
+    node = firmware.Firmware("m4f", None, folder, image=folder / "image")
+    with pytest.raises(RunError) as caught, node:
+        pass
+    assert f"loader,file={tmp_path}/a,,b,,c/params.m4f.bin,addr=" in str(caught.value)
+    assert f"-kernel {folder}/image" in str(caught.value)  # a word of its own is taken as it is
 
 
 # --- the command line -----------------------------------------------------------------------------

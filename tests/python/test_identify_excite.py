@@ -227,3 +227,18 @@ def test_a_json_that_is_no_identification_is_one_line(run_dahl, tmp_path, text):
     assert done.returncode == 2
     words = f"error: {tmp_path / 'x.json'}: not what dahl identify leaves (sigma0 and Fc)\n"
     assert done.stderr == words
+
+
+@pytest.mark.parametrize("end", ["csv", "ini"])
+def test_a_file_of_someone_else_is_spared(run_dahl, tmp_path, end):
+    """A measured log or a scene of that name stays, unless it is forced; an earlier motion goes."""
+    theirs = tmp_path / f"shaft.{end}"
+    theirs.write_text("time_s,theta,torque\n0,0,0\n")
+    known = ("--sigma0", SIGMA0, "--fc", FC, "--counts-per-turn", "16384", "-o", tmp_path)
+    done = run_dahl("excite", *known, "--name", "shaft")
+    assert done.returncode == 2
+    words = "there already, and not written by dahl; use --name, or --force to overwrite it"
+    assert done.stderr == f"error: {theirs}: {words}\n"
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["time_s,theta,torque\n0,0,0\n"]
+    assert run_dahl("excite", *known, "--name", "shaft", "--force").returncode == 0
+    assert run_dahl("excite", *known, "--name", "shaft").returncode == 0

@@ -309,3 +309,33 @@ def test_help_is_quick_to_import(run_dahl):
         env=os.environ,
     )
     assert loaded.stdout.strip() == "[]"
+
+
+def test_no_file_of_someone_else_is_overwritten(dahl, tmp_path):
+    """A table or a scene of the name of the log is spared; those of an earlier run are replaced."""
+    log = synthetic(1, rows=2000, cycles=8)
+    write_csv(Path("rig.tsv"), log.theta, log.torque)
+    Path("rig.ini").write_text("[scene]\ntitle = mine\n")
+    done = dahl("identify", "rig.tsv", "-o", ".")
+    words = "there already, and not written by dahl; use --name\n"
+    assert (done.returncode, done.stderr) == (2, f"error: rig.ini: {words}")
+    assert dahl("identify", "rig.tsv", "-o", ".", "--no-files").returncode == 0
+    Path("rig.ini").rename("rig.csv")
+    done = dahl("identify", "rig.tsv", "-o", ".")
+    assert (done.returncode, done.stderr) == (2, f"error: rig.csv: {words}")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.csv", "rig.tsv"]
+    for _ in range(2):
+        assert dahl("identify", "rig.tsv", "-o", ".", "--name", "a").returncode == 0
+
+
+@pytest.mark.parametrize("end", ["csv", "json"])
+def test_no_file_that_is_written_is_a_log_that_is_read(dahl, end):
+    log = synthetic(1, rows=2000, cycles=8)
+    write_csv(Path("rig.csv"), log.theta, log.torque)
+    before = Path("rig.csv").read_bytes()
+    way = {"csv": ("-o", "."), "json": ("--json", "./rig.csv", "--no-files")}[end]
+    done = dahl("identify", "rig.csv", *way)
+    what = {"csv": "what is written into .", "json": "--json ./rig.csv"}[end]
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: rig.csv: {what} would destroy it")
+    assert Path("rig.csv").read_bytes() == before

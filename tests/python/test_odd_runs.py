@@ -124,6 +124,33 @@ def test_no_column_of_an_own_log_is_taken_for_another(tmp_path, changed, name):
         scene.write_own(own, tmp_path / "own.ini")
 
 
+def test_a_scene_of_an_own_log_finds_it_from_any_folder(dahl, tmp_path):
+    Path("logs").mkdir()
+    Path("out").mkdir()
+    log = Path("logs/a.csv")
+    log.write_text("a\n1\n")
+    written = scene.write_own(scene.OwnLog(log, "a", "", **OWN), Path("out/own.ini"))
+    assert written.title == "a.csv"
+    assert data.find_log(written.log, Path("out")) == tmp_path / log
+
+
+def test_a_path_that_no_scene_can_hold_is_left_out(tmp_path):
+    for folder in (tmp_path / ("x" * 150), tmp_path / "a ;b"):
+        own = scene.OwnLog(folder / "a.csv", "a", "", **OWN)
+        assert scene.write_own(own, tmp_path / "own.ini").log == "a.csv"
+
+
+@pytest.mark.parametrize("name", ["a ; b.csv", ";a.csv", " a.csv", "a\n.csv", "x" * 156 + ".csv"])
+def test_a_log_that_no_scene_can_name_is_one_line(dahl, name):
+    """Before it is a half of its name, or a line that dahl-loop does not read."""
+    own = scene.OwnLog(Path(name), "a", "", **OWN)
+    with pytest.raises(
+        Error, match="(?s)log '.*': a scene file cannot hold this name; rename the log"
+    ):
+        scene.write_own(own, Path("own.ini"))
+    assert not Path("own.ini").exists()
+
+
 @pytest.mark.parametrize("counts", [0.0, -1.0, float("nan"), float("inf")])
 def test_counts_of_a_turn_are_a_number_above_0(tmp_path, counts):
     own = scene.OwnLog(Path("x.csv"), "a", "", **OWN | {"counts_per_turn": counts})
@@ -433,6 +460,23 @@ def test_text_that_no_encoding_holds_is_written_all_the_same(tmp_path):
     files.keep(tmp_path / "x.txt", "ä \udcff\n")
     assert (tmp_path / "x.txt").read_bytes() == "ä ?\n".encode()
     assert [path.name for path in tmp_path.iterdir()] == ["x.txt"]
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o664, 0o755])
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "x.txt"
+    path.write_text("old")
+    path.chmod(mode)
+    files.keep(path, "new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", mode)
+
+
+def test_a_loop_of_links_is_one_line(dahl):
+    Path("loop.h").symlink_to("loop.h")
+    known = ("--sigma0", "1", "--fc", "1", "--theta-per-count", "1")
+    code, said = complaint(dahl("plan", *known, "-o", "loop.h"))
+    assert (code, said) == (1, "loop.h: Too many levels of symbolic links")
+    assert Path("loop.h").is_symlink()
 
 
 def test_empty_rows_of_a_measured_set_are_left_out():

@@ -85,6 +85,33 @@ def stage(root: Path, tmp_path: Path) -> Stage:
     return staged(root, tmp_path)
 
 
+# --- tools/common.sh -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cdpath", ["", ".", "elsewhere:."])
+def test_the_root_is_one_line_wherever_cd_looks(stage, cdpath):
+    """With CDPATH exported, cd prints where it went, or goes to another folder of that name."""
+    (stage.folder / "elsewhere/tools").mkdir(parents=True)
+    done = subprocess.run(
+        ["bash", "-c", '. tools/common.sh && printf "%s" "$ROOT"'],
+        cwd=stage.folder,
+        env={**os.environ, "CDPATH": cdpath},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == (str(stage.folder), "")
+
+
+def test_no_script_lets_cdpath_choose_its_folder(root):
+    """Each that asks for the name of a folder does so without CDPATH."""
+    scripts = [path for name in ("tools", "tests", "port") for path in (root / name).rglob("*.sh")]
+    asking = [line for path in scripts for line in re.findall(r"\$\(.*\bcd .*", path.read_text())]
+    assert len(asking) >= 5
+    assert [line for line in asking if not line.startswith("$(CDPATH='' cd -- ")] == []
+
+
 # --- tools/demo.sh -------------------------------------------------------------------------------
 
 
@@ -268,6 +295,14 @@ def test_a_machine_that_does_not_run_is_an_error(stage, machine):
     done = stage.run("vm", str(machine), "true", DAHL_VM_SECONDS="1")
     assert done.returncode == 1
     assert done.stderr.endswith("error: the machine did not run\n")
+
+
+def test_a_folder_with_a_comma_is_one_value_of_an_option(stage, machine):
+    folder = machine.rename(machine.with_name("a,b,c"))
+    stage.run("vm", str(folder), "true")
+    (call,) = stage.calls("qemu-system-x86_64")
+    assert "local,path=a,,b,,c,mount_tag=work," in call
+    assert "-serial file:a,b,c/.vm/console" in call
 
 
 def test_without_a_kernel_there_is_no_machine(stage, machine):

@@ -13,7 +13,7 @@
 # Needs root, debootstrap and a network. Ends with 77 and a reason where one of them is not to be had.
 set -euo pipefail
 
-ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
+ROOT=$(CDPATH='' cd -- "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 DEBIAN=bookworm
 CARRIED=(/etc/resolv.conf /etc/hosts /etc/apt/sources.list /etc/apt/sources.list.d /etc/apt/apt.conf.d /etc/apt/auth.conf.d
     /etc/apt/keyrings /etc/apt/trusted.gpg /etc/apt/trusted.gpg.d /etc/pip.conf)
@@ -62,7 +62,7 @@ seconds_of() { sed -n 's/^setup: done in \([0-9]*\) s$/\1/p' "$1"; }
 PATH=$PATH:/usr/sbin:/sbin
 [ $# -ge 1 ] || { echo 'error: bare_debian.sh wants a folder' >&2; exit 1; }
 mkdir -p "$1"
-folder=$(cd "$1" && pwd)
+folder=$(CDPATH='' cd -- "$1" && pwd)
 bare=$folder/system
 shift
 check

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,11 +16,16 @@ def whole(low: int, high: int) -> Callable[[str], int]:
     """A type for argparse: an integer from low to high."""
 
     def read(text: str) -> int:
-        if not text.lstrip("-").isdecimal() or not low <= int(text) <= high:
+        if not re.fullmatch(r"-?\d{1,30}", text) or not low <= int(text) <= high:
             raise argparse.ArgumentTypeError(f"{text}: not an integer from {low} to {high}")
         return int(text)
 
     return read
+
+
+def finite(text: str) -> float:
+    """A type for argparse: a number, of either sign."""
+    return _number(text, -1e30, 1e30)
 
 
 def seconds(text: str) -> float:

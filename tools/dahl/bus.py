@@ -252,7 +252,7 @@ def vcan_is_up(name: str = VCAN) -> bool:
 def choose(wanted: str | None) -> tuple[str, str]:
     """The bus of a demo and why: ('socketcan:vcan0' or 'socketcand', a sentence)."""
     if wanted:
-        if not re.fullmatch(r"socketcand(:\d+)?|socketcan:\w+", wanted):
+        if not re.fullmatch(r"socketcand(:\d+)?|socketcan:[^\s:/]+", wanted):
             raise Error(
                 f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected"
             )

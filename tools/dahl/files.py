@@ -8,11 +8,35 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+import re
+import shutil
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from dahl import Error, RunError
+
+# How the scenes and tables begin that identification leaves.
+OURS = re.compile(
+    rb"; written by dahl |time_s,theta,counts\r?\n|theta_(rad|m),torque_Nm?(,load)?\r?\n"
+)
+
+
+def spare_others(paths: Iterable[Path], hint: str) -> None:
+    """Raise dahl.Error for a file that does not begin as the scenes and tables that are written
+    here do; `hint` says what to do about it.
+    """
+    for path in paths:
+        if path.is_file() and not _is_ours(path):
+            raise Error(f"{path}: there already, and not written by dahl; {hint}")
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return OURS.match(file.read(80)) is not None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
 
 
 def read_json(path: Path, hint: str = "") -> Any:
@@ -34,7 +58,8 @@ def read_json(path: Path, hint: str = "") -> Any:
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Where to write the successor of a file: it takes the name once it is whole, and goes where it
-    cannot be. A device or a pipe is written itself. Raises RunError.
+    cannot be. It gets the mode of the file that it replaces. A device or a pipe is written itself.
+    Raises RunError.
     """
     try:
         if path.is_dir():
@@ -42,9 +67,13 @@ def replacing(path: Path) -> Iterator[Path]:
         if path.exists() and not path.is_file():
             yield path
             return
+        with contextlib.suppress(FileNotFoundError):
+            path.stat()  # a loop of links is an error here, and not a file that is still to come
         part = path.resolve().with_name(f".{os.getpid()}.part")
         try:
             yield part
+            if path.exists():
+                shutil.copymode(path, part)
             part.replace(path.resolve())
         finally:
             part.unlink(missing_ok=True)

@@ -125,7 +125,8 @@ class Firmware:
         serial = f"tcp:127.0.0.1:{self.port},server=on,wait=off,nodelay=on"
         command = [*with_parent(), "qemu-system-arm", "-M", self.board.machine, "-display", "none"]
         command += ["-monitor", "none", "-serial", serial, "-kernel", str(self.image)]
-        loader = f"loader,file={self.page},addr={self.board.page:#x},force-raw=on"
+        page = str(self.page).replace(",", ",,")  # as QEMU wants a comma inside of a value
+        loader = f"loader,file={page},addr={self.board.page:#x},force-raw=on"
         with self.errors.open("w", encoding="utf-8") as errors:
             self.process = subprocess.Popen(
                 [*command, "-device", loader, *self.options],

@@ -23,6 +23,8 @@ from dahl.identify import units
 if TYPE_CHECKING:
     from dahl import node
 
+TEXT = 160  # bytes of a text in a scene, with its end, as dahl-loop has them
+
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
     "rad": (1.0, "N m"),
@@ -323,6 +325,8 @@ def write_own(own: OwnLog, path: Path) -> Scene:
     """Write the scene of a user's own log to `path`, and read it back."""
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
+    _check_names(own)
+    whole = str(own.log.absolute())
     unit = own.angle_unit if own.angle_unit in UNITS else "rad"
     size, torque_unit = UNITS[unit]
     lines = [
@@ -335,7 +339,7 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         f"theta_per_count = {_theta_per_count(own)!r}",
         "[motion]",
         "kind = log",
-        f"file = {own.log.name}",
+        f"file = {whole if _can_hold(whole) else own.log.name}",
         f"angle = {own.angle}",
         f"counts_per_unit = {_counts_per_unit(own)!r}",
         *([f"time = {own.time}"] if own.time else []),
@@ -351,12 +355,23 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         f"angle_scale = {1 / size!r}",
     ]
     files.keep(path, "\n".join(lines) + "\n")
-    scene = read(path)
-    found = (scene.motion["angle"], scene.motion.get("time", ""), scene.measured.torque)
-    for column, kept in zip((own.angle, own.time, own.torque), found, strict=True):
-        if column != kept:  # a comment sign in it, or spaces around it
-            raise Error(f"column '{column}': a scene file cannot hold this name; rename the column")
-    return scene
+    return read(path)
+
+
+def _check_names(own: OwnLog) -> None:
+    """Raise dahl.Error for a name that a scene file cannot hold."""
+    columns = [("column", name) for name in (own.angle, own.time, own.torque) if name]
+    for kind, name in [("log", own.log.name), *columns]:
+        if not _can_hold(name):
+            raise Error(f"{kind} '{name}': a scene file cannot hold this name; rename the {kind}")
+
+
+def _can_hold(name: str) -> bool:
+    """Whether a scene file can: no comment sign in it, no spaces around it, and not too long for
+    dahl-loop.
+    """
+    plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
+    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < TEXT
 
 
 def _theta_per_count(own: OwnLog) -> float:

@@ -117,7 +117,7 @@ make_cbmc_commands() { # FOLDER
     mkdir "$1/bin"
     cat >"$1/bin/cbmc" <<'EOF'
 #!/bin/sh
-top=$(cd "$(dirname "$0")/../usr" && pwd)
+top=$(CDPATH='' cd -- "$(dirname "$0")/../usr" && pwd)
 for loader in "$top"/lib/*/ld-linux*.so.*; do
     exec "$loader" --library-path "$(dirname "$loader"):$top/lib" "$top/bin/$(basename "$0")" "$@"
 done

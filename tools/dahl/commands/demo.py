@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dahl import Error, RunError, __version__, paths
-from dahl.arguments import seconds, whole
+from dahl.arguments import finite, seconds, whole
 
 if TYPE_CHECKING:
     from dahl.loop import Setup
@@ -72,12 +72,14 @@ def _add_own(own: argparse._ActionsContainer) -> None:
     )
     own.add_argument(
         "--torque-scale",
-        type=float,
+        type=finite,
         metavar="K",
         help="N m per unit of the torque column (default: 1)",
     )
-    own.add_argument("--offset", type=float, metavar="T", help="N m added to the model's torque")
-    own.add_argument("--spring", type=float, metavar="K", help="N m/rad times the angle, added too")
+    own.add_argument("--offset", type=finite, metavar="T", help="N m added to the model's torque")
+    own.add_argument(
+        "--spring", type=finite, metavar="K", help="N m/rad times the angle, added too"
+    )
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:

@@ -57,6 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=positive, default=math.inf, metavar="V", help="highest, rad/s (m/s)"
     )
     parser.add_argument("--name", default="excite", help="of the files")
+    parser.add_argument(
+        "--force", action="store_true", help="overwrite files that are not written by dahl"
+    )
     add_output(parser)
 
 
@@ -66,6 +69,9 @@ def run(args: argparse.Namespace) -> None:
     from dahl.identify.design import PACES, PLACES
 
     wanted, name = _wanted(args), plan_header.identifier(args.name)
+    table, played = (args.output / f"{name}{end}" for end in (".csv", ".ini"))
+    if not args.force:
+        files.spare_others((table, played), "use --name, or --force to overwrite it")
     motion = design.propose(wanted)
     rows = motion.rows
     if rows > ROWS:
@@ -75,8 +81,7 @@ def run(args: argparse.Namespace) -> None:
             " ask for less, or use a quieter torque sensor"
         )
     args.output.mkdir(parents=True, exist_ok=True)
-    written = [_write_csv(args.output / f"{name}.csv", wanted, motion)]
-    written.append(_write_scene(args.output / f"{name}.ini", name, wanted, motion))
+    written = [_write_csv(table, wanted, motion), _write_scene(played, name, wanted, motion)]
     unit = "m" if args.mm else "rad"
     quick, far = motion.rows_per_cycle / motion.rate, motion.amplitude
     print(

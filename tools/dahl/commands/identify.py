@@ -224,12 +224,20 @@ def _named_after(log: Path) -> str:
 
 
 def _spare(args: argparse.Namespace, name: str) -> None:
-    """Raise dahl.Error where a file that this run writes is a log that it reads."""
+    """Raise dahl.Error where this run would write over a log that it reads, or over a table or a
+    scene of someone else.
+    """
+    from dahl.files import spare_others
+
     endings = () if args.no_files else (".csv", ".ini", ".json", ".png")
-    written = [path for end in endings if (path := args.output / f"{name}{end}").exists()]
-    for log in (*args.logs, *args.check):
-        if log.exists() and any(map(log.samefile, written)):
+    written = {args.output / f"{name}{end}" for end in endings}
+    for log in filter(Path.exists, (*args.logs, *args.check)):
+        if any(map(log.samefile, filter(Path.exists, written))):
             raise Error(f"{log}: what is written into {args.output} would destroy it; use --name")
+        if args.json and Path(args.json).exists() and log.samefile(args.json):
+            raise Error(f"{log}: --json {args.json} would destroy it")
+    if not args.no_files:
+        spare_others((args.output / f"{name}{end}" for end in (".csv", ".ini")), "use --name")
 
 
 def _readable(
@@ -304,13 +312,14 @@ def _follow(args: argparse.Namespace) -> int:
     from dahl.identify import follow
     from dahl.interrupt import Stop
 
-    source = source_of(args)
+    source, name = source_of(args), plan_header.identifier(args.name or "bus")
+    _spare(args, name)
     follow.signals_of(source)  # a bad DBC is named before any bus is opened
     with open_from(args) as bus, Stop() as stop:
         frames = read_ahead(received(bus, stop, args.seconds, args.frames))
         with contextlib.closing(frames):
             result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
-    _report(args, result, plan_header.identifier(args.name or "bus"))
+    _report(args, result, name)
     return 0
 
 
