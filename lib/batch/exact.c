@@ -4,7 +4,6 @@
  * nobody can predict costs no more; short moves take their table entry, the rest go by digits. The states of a block of ticks
  * come first, one waiting for the other; their torques, which wait for nothing, are left to vectors.
  */
-#include "cpu_dispatch.h"
 #include "exact.h"
 
 #define BLOCK 64 /* ticks */
@@ -29,22 +28,6 @@ DAHL_INLINE void move_all(const dahl_plan_t *plan, int64_t *w, uint64_t start, c
     }
 }
 
-DAHL_INLINE void write_torques(const dahl_plan_t *plan, double unit, const int64_t *w, float *F, size_t n,
-                                bool converts)
-{
-    uint64_t close = 0;
-    DAHL_AS_VECTORS
-    for (size_t i = 0; i < n; i++) {
-        dahl_double_t torque = dahl_batch_product(w[i], unit, converts);
-        F[i] = (float)torque.value;
-        close |= dahl_batch_close(torque);
-    }
-    for (size_t i = 0; i < n && close >> 63 != 0; i++) {
-        dahl_state_t state = {w[i]};
-        F[i] = dahl_torque(plan, &state);
-    }
-}
-
 DAHL_INLINE void run(const job_t *job, bool converts)
 {
     const double unit = dahl_batch_unit(job->plan);
@@ -53,7 +36,7 @@ DAHL_INLINE void run(const job_t *job, bool converts)
     for (size_t i = 0; i < job->n; i += rows) {
         rows = job->n - i < BLOCK ? job->n - i : BLOCK;
         move_all(job->plan, w, (uint64_t)job->state->w, job->dcounts + i, rows);
-        write_torques(job->plan, unit, w, job->F + i, rows, converts);
+        dahl_batch_torques(job->plan, &unit, 0, w, job->F + i, rows, converts);
         job->state->w = w[rows - 1];
     }
 }

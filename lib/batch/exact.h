@@ -8,6 +8,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include "cpu_dispatch.h"
 #include "dahl_batch.h"
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
@@ -98,6 +99,23 @@ static inline DAHL_ALWAYS_INLINE dahl_double_t dahl_batch_product(int64_t w, dou
 static inline uint64_t dahl_batch_close(dahl_double_t torque)
 {
     return ((torque.bits - 0xffffffcu) & 0x1fffffffu) - 9u;
+}
+
+/* The torques of n states, each of its own plan (apart = 1) or all of one (apart = 0); unit as of dahl_batch_unit. */
+DAHL_INLINE void dahl_batch_torques(const dahl_plan_t *plans, const double *unit, size_t apart, const int64_t *w, float *F,
+                                    size_t n, bool converts)
+{
+    uint64_t close = 0;
+    DAHL_AS_VECTORS
+    for (size_t i = 0; i < n; i++) {
+        dahl_double_t torque = dahl_batch_product(w[i], unit[i * apart], converts);
+        F[i] = (float)torque.value;
+        close |= dahl_batch_close(torque);
+    }
+    for (size_t i = 0; i < n && close >> 63 != 0; i++) {
+        dahl_state_t state = {w[i]};
+        F[i] = dahl_torque(&plans[i * apart], &state);
+    }
 }
 
 #endif

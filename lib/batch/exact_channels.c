@@ -5,7 +5,6 @@
  * other, each a vector of channels, digit by digit: one that is not set takes g = 0, which changes nothing.
  */
 #include "exact.h"
-#include "cpu_dispatch.h"
 
 #define CHUNK 16  /* channels at a time, and ticks */
 #define DIGITS 29 /* of a move, in eights */
@@ -111,28 +110,13 @@ DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digit
     }
 }
 
-DAHL_INLINE void torque_row(const chunk_t *chunk, size_t count, const dahl_plan_t *plans, float *F, bool converts)
-{
-    uint64_t close = 0;
-    DAHL_AS_VECTORS
-    for (size_t c = 0; c < count; c++) {
-        dahl_double_t torque = dahl_batch_product(chunk->w[c], chunk->unit[c], converts);
-        F[c] = (float)torque.value;
-        close |= dahl_batch_close(torque);
-    }
-    for (size_t c = 0; c < count && close >> 63 != 0; c++) {
-        dahl_state_t state = {chunk->w[c]};
-        F[c] = dahl_torque(&plans[c], &state);
-    }
-}
-
 DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows, bool converts)
 {
     uint32_t digits = take_rows(chunk, job, count, first, rows);
     gather(chunk, job->plans, count, rows);
     for (size_t t = 0; t < rows; t++) {
         move_row(chunk, count, t, digits);
-        torque_row(chunk, count, job->plans, job->F + (first + t) * job->stride, converts);
+        dahl_batch_torques(job->plans, chunk->unit, 1, chunk->w, job->F + (first + t) * job->stride, count, converts);
     }
 }
 
