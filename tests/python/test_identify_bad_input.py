@@ -500,15 +500,23 @@ def test_a_temperature_or_a_torque_is_no_clock(tmp_path, clock):
 def test_channels_that_are_sampled_at_other_times_are_brought_together(tmp_path):
     from asammdf import MDF, Signal
 
-    time = np.arange(50) * 0.01
-    path = tmp_path / "two.mf4"
-    with MDF() as measured:
-        measured.append(Signal(time, time, name="x_m"))
-        measured.append(Signal(3 * (time + 0.004), time + 0.004, name="force_N"))
-        measured.save(path)
-    read = readers.read(path, readers.Source("x_m", "force_N"))
-    assert read.time == pytest.approx(time)
-    assert read.torque[1:] == pytest.approx(3 * time[1:])
+    time, path, source = (
+        np.arange(50) * 0.01,
+        tmp_path / "two.mf4",
+        readers.Source("x_m", "force_N"),
+    )
+    for late, here in ((0.004, slice(1, 50)), (-0.004, slice(0, 49)), (9.0, None)):
+        with MDF() as measured:
+            measured.append(Signal(time, time, name="x_m"))
+            measured.append(Signal(3 * (time + late), time + late, name="force_N"))
+            measured.save(path, overwrite=True)
+        if here is None:
+            with pytest.raises(Error, match="two.mf4: its channels share no time"):
+                readers.read(path, source)
+        else:
+            read = readers.read(path, source)
+            assert read.time == pytest.approx(time[here])
+            assert read.torque == pytest.approx(3 * time[here])
 
 
 def test_no_log_and_bad_numbers(run_dahl, log):

@@ -539,6 +539,14 @@ def test_a_coarse_target_explains_less(good):
 
 @pytest.mark.parametrize(
     ("rows", "wanted"),
+    [(0.4, [0, 0, 1, 0, 0.5, 0]), (0.6, [0, 1, 0, 0.5, 0, 0]), (-1.4, [0, 0, 0, 1, 0, 0.5])],
+)
+def test_a_shifted_reading_among_rows_without_one_is_at_the_nearest_row(rows, wanted):
+    assert clean.shifted_weight(np.array([0, 0, 1, 0, 0.5, 0]), rows).tolist() == wanted
+
+
+@pytest.mark.parametrize(
+    ("rows", "wanted"),
     [
         (0.0, [1, 0.5, 1, 0.2, 1]),
         (1.0, [0.5, 1, 0.2, 1, 1]),

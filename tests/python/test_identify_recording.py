@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dahl import Error
-from dahl.identify import pipeline, readers, recording
+from dahl.identify import cycles, output, pipeline, readers, recording
 from dahl.identify.log import Log
 from identify_tools import (
     COUNT,
@@ -188,6 +188,97 @@ def test_rows_that_are_left_have_a_reading_of_their_own():
         Error, match=r"x: the angle has a new reading every 4 rows only: 11 readings"
     ):
         recording.without_stale_angles(recording.taken(log, slice(0, 48), []))
+
+
+# --- a torque that is read more seldom than the angle ---------------------------------------------
+
+
+def seldom(log: Log, every: int, straight: bool, first: int = 0) -> Log:
+    """With a torque of every so many rows, held or drawn straight from one to the next."""
+    rows = np.arange(log.rows)
+    read = rows[first::every]
+    last = np.maximum((rows - first) // every * every + first, first)
+    torque = np.interp(rows, read, log.torque[read]) if straight else log.torque[last]
+    return replace(log, torque=torque)
+
+
+@pytest.mark.parametrize(("every", "straight"), [(4, True), (20, False), (20, True), (33, False)])
+def test_a_torque_read_at_some_rows_weighs_at_those(every, straight):
+    """Seen as one of each row it gave sigma0 2 to 30 % low, in an interval without the truth."""
+    log = seldom(synthetic(2, part=0.02, rows=16_000, cycles=15.3), every, straight, first=3)
+    log.torque = log.torque.round(6)
+    result = pipeline.identify([log])
+    assert result.verdict.identifiable == {"sigma0": True, "Fc": True}
+    for name, truth in (("sigma0", SIGMA0), ("Fc", FC)):
+        ends = result.estimate.ci95[name]
+        assert ends.low < truth < ends.high and ends.relative(truth) < 0.05
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.015)
+    assert result.estimate.rows == pytest.approx(16_000 / every, rel=0.1)
+    assert result.rmse == pytest.approx(0.02 * FC, rel=0.1)
+    assert result.explored.models.chosen == "Dahl" and output.how(result)["rows_weighing_less"] < 60
+    told = [
+        note for note in result.logs[0].notes if note.startswith("the torque has a new reading")
+    ]
+    assert len(told) == 1 and f"every {every} rows only: the 1" in told[0]
+    assert not any("disagree" in note for note in result.logs[0].notes)
+
+
+@pytest.mark.parametrize("every", [10, 21])
+def test_a_torque_read_at_some_rows_that_comes_late(every):
+    log = synthetic(3, part=0.02, rows=20_000, cycles=19.37)
+    log.torque = np.concatenate((np.repeat(log.torque[:1], 7), log.torque[:-7]))
+    result = pipeline.identify([seldom(log, every, straight=False)])
+    assert result.delay == 7
+    assert result.estimate.sigma0 == pytest.approx(SIGMA0, rel=0.02)
+
+
+SMOOTH = dahl_torque(sine(3, rows=6000, cycles=40))
+READ = SMOOTH + 0.01 * noise_of(3, 6000)
+
+
+@pytest.mark.parametrize(
+    "torque",
+    [
+        SMOOTH,
+        READ,
+        READ.round(2),
+        READ.round(1),
+        SMOOTH.round(2),
+        np.round(np.linspace(0, 3, 6000), 2),  # a step every 20 rows, by the last digit
+        np.repeat(READ, np.arange(6000) % 3 + 1)[:6000],  # rows that repeat at odd places
+        np.zeros(6000),
+    ],
+)
+def test_a_torque_with_a_reading_in_each_row_stays(torque):
+    log = Log("x", np.arange(6000.0), torque)
+    assert recording.with_torque_readings(log) is log
+
+
+def test_readings_of_the_torque_are_found():
+    log = Log("x", np.arange(6000.0), READ)
+    for straight in (False, True):
+        kept = recording.with_torque_readings(seldom(log, 7, straight, first=5))
+        read = np.flatnonzero(kept.weight)
+        assert set(read) <= set(range(5, 6000, 7)) and len(read) > 0.95 * 6000 / 7
+        assert kept.torque[read].tolist() == READ[read].tolist()
+        between = np.interp(np.arange(6000), read, READ[read])
+        assert kept.torque == pytest.approx(between)
+    few = seldom(recording.taken(log, slice(0, 1050), []), 35, straight=False)
+    with pytest.raises(
+        Error, match=r"x: the torque has a new reading every 35 rows only: 29 readings, at least 30"
+    ):
+        recording.with_torque_readings(few)
+
+
+@pytest.mark.parametrize(
+    ("every", "usual", "wanted"),
+    [(20, 4, 4), (10, 4, 5), (21, 4, 3), (7, 4, 7), (7, 3, 3), (13, 4, 4), (12, 1, 1), (6, 1, 1)],
+)
+def test_bins_hold_readings_at_one_place(every, usual, wanted):
+    weight = np.zeros(1000)
+    weight[3::every] = 1
+    log = Log("x", np.zeros(1000), np.zeros(1000), weight=weight)
+    assert cycles.rows_of_a_bin(usual, [log, replace(log, weight=None)]) == wanted
 
 
 # --- wraps ----------------------------------------------------------------------------------------

@@ -130,8 +130,12 @@ def _within_count(theta: np.ndarray, log: Log) -> np.ndarray:
 
 def huber(residual: np.ndarray, before: np.ndarray | None) -> np.ndarray:
     """Weights 0 .. 1: less for rows that disagree with their neighbours, (rows,). `before` are the
-    weights of rows left out for another reason.
+    weights of rows that weigh less for another reason; those that weigh nothing are no neighbours.
     """
+    if before is not None and not before.all():
+        some, counted = np.zeros(len(before)), before > 0
+        some[counted] = huber(residual[counted], before[counted])
+        return some
     odd = np.abs(residual - median_filter(residual, NEIGHBOURS, mode="nearest"))
     usual = 1.4826 * float(np.median(odd[odd > 0])) if (odd > 0).any() else 0.0
     limit = max(OUTLIER * usual, 1e-6 * float(np.ptp(residual)))
@@ -213,8 +217,12 @@ def shifted(torque: np.ndarray, rows: float) -> np.ndarray:
 
 
 def shifted_weight(weight: np.ndarray, rows: float) -> np.ndarray:
-    """The weights that belong to a shifted torque: the lesser of the two rows it is drawn from."""
+    """The weights that belong to a shifted torque: the lesser of the two rows it is drawn from, of
+    which the nearer one says whether it counts at all.
+    """
     index = np.arange(len(weight)) + int(np.floor(rows))
     before, after = (np.clip(index + k, 0, len(weight) - 1) for k in (0, int(rows % 1 > 0)))
-    least: np.ndarray = np.minimum(weight[before], weight[after])
+    some = np.where(weight > 0, weight, 1.0)
+    nearer = after if rows % 1 > 0.5 else before
+    least: np.ndarray = np.where(weight[nearer] > 0, np.minimum(some[before], some[after]), 0.0)
     return least

@@ -9,7 +9,7 @@ cycle give a Gram matrix of the columns of a linear model, as in sweep.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,8 +47,13 @@ class Cut:
         """
         most = max(LOOKED_AT // len(logs), 1)
         logs = [log.head(most) for log in logs]
-        self.rows = max(-(-sum(log.rows for log in logs) // BINS), 1)  # of a bin
-        parts = [self._part(log, a, least_turn, reach) for log in logs]
+        usual = max(-(-sum(log.rows for log in logs) // BINS), 1)
+        self.rows = rows_of_a_bin(usual, logs)
+        self.shares = [self._shares(log) for log in logs]
+        parts = [
+            self._part(log, share, a, least_turn, reach)
+            for log, share in zip(logs, self.shares, strict=True)
+        ]
         self.moves = [part.moves for part in parts]
         self.ends = np.cumsum([0, *(len(part.torque) for part in parts)])
         self.terms = np.concatenate([part.terms for part in parts])
@@ -60,14 +65,32 @@ class Cut:
         several = len(dict.fromkeys(names)) > 1
         self.fold = np.array([names.index(names[i]) for i in owner]) if several else None
 
-    def _part(self, log: Log, a: float, least_turn: float, reach: int) -> Part:
+    def _shares(self, log: Log) -> np.ndarray:
+        """How much each row has of its bin, by its weight: (bins, rows). A bin that weighs nothing
+        is seen where the others are seen on the mean, so that a shift finds it there.
+        """
+        bins = log.rows // self.rows
+        if log.weight is None or self.rows == 1:
+            return np.full((bins, self.rows), 1 / self.rows)
+        weight = self._by_bin(log.weight)
+        sums = weight.sum(axis=1, keepdims=True)
+        usual = weight.sum(axis=0) / weight.sum()
+        shares: np.ndarray = np.divide(weight, sums, where=sums > 0, out=np.tile(usual, (bins, 1)))
+        return shares
+
+    def _by_bin(self, values: np.ndarray) -> np.ndarray:
+        """Rows by bin, (bins, rows, ...); what is left at the end goes."""
+        bins = len(values) // self.rows
+        return values[: bins * self.rows].reshape(bins, self.rows, *values.shape[1:])
+
+    def _part(self, log: Log, shares: np.ndarray, a: float, least_turn: float, reach: int) -> Part:
         moves = log.moves_of(slice(0, log.rows))
-        columns = self.mean(columns_of(log))
-        weight = np.ones(log.rows) if log.weight is None else log.weight
-        torque = self.mean(weight * log.torque) / np.maximum(self.mean(weight), 1e-9)
+        columns = self._mean(columns_of(log), shares)
         counted = self._counted(moves, a, min(reach, log.rows // 20))
-        unit = units_of(log, least_turn)[:: self.rows][: len(torque)]
-        return Part(moves, columns[:, :-1], torque, self.mean(weight) * counted, unit)
+        if log.weight is not None:
+            counted *= self._by_bin(log.weight).mean(axis=1)
+        unit = units_of(log, least_turn)[:: self.rows][: len(columns)]
+        return Part(moves, columns[:, :-1], columns[:, -1], counted, unit)
 
     def _counted(self, moves: np.ndarray, a: float, reach: int) -> np.ndarray:
         """Which bins count: (bins,) 0 or 1."""
@@ -75,7 +98,7 @@ class Cut:
         counted = travel > min(FORGOTTEN / a, FORGOTTEN_PART * travel[-1])
         counted[:reach] = False
         counted[len(counted) - reach :] = False
-        bins: np.ndarray = np.floor(self.mean(counted.astype(float)))
+        bins: np.ndarray = self._by_bin(counted).all(axis=1).astype(float)
         return bins
 
     def _spans(self, parts: Sequence[Part]) -> list[slice]:
@@ -89,20 +112,22 @@ class Cut:
             together = np.minimum(part.unit // share, max(count // share - 1, 0))
             edges = np.flatnonzero(np.diff(together, prepend=-1))
             for i, j in zip(edges, [*edges[1:], len(together)], strict=True):
-                if part.weight[i:j].sum() > 0.1 * (j - i):
+                if part.weight[i:j].sum() > 0.1 * part.weight.mean() * (j - i):
                     spans.append(slice(int(start + i), int(start + j)))
         return spans
 
-    def mean(self, values: np.ndarray) -> np.ndarray:
-        """Means over the rows of each bin; what is left at the end goes."""
-        bins = len(values) // self.rows
-        shaped = values[: bins * self.rows].reshape(bins, self.rows, *values.shape[1:])
-        averaged: np.ndarray = shaped.mean(axis=1)
+    def _mean(self, values: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        averaged: np.ndarray = np.einsum("br,br...->b...", shares, self._by_bin(values))
         return averaged
+
+    def means(self, logs: Iterable[np.ndarray]) -> np.ndarray:
+        """Means over the rows of each bin, by their weights, for values of each log by row."""
+        pairs = zip(logs, self.shares, strict=True)
+        return np.concatenate([self._mean(values, shares) for values, shares in pairs])
 
     def drawn(self, model: Model, a: float) -> np.ndarray:
         """F/Fc of a model from rest, (bins,)."""
-        return np.concatenate([self.mean(model(moves, a)) for moves in self.moves])
+        return self.means(model(moves, a) for moves in self.moves)
 
     def moved(self, columns: np.ndarray, rows: float) -> np.ndarray:
         """Columns, (bins, k), as many rows later."""
@@ -131,6 +156,16 @@ class Cut:
         weight = self.root**2
         mean = float(weight @ self.torque / weight.sum())
         return float(weight @ (self.torque - mean) ** 2)
+
+
+def rows_of_a_bin(usual: int, logs: Sequence[Log]) -> int:
+    """The usual number, or where torques were read every so many rows a number near it that divides
+    those: all readings lie at one place of their bins, and a shift finds it in the bins between.
+    """
+    read = [np.flatnonzero(log.weight) for log in logs if log.weight is not None]
+    every = int(np.gcd.reduce(np.concatenate([np.ones(0, int), *map(np.diff, read)])))
+    near = [n for n in range(1, 2 * usual + 1) if every % n == 0 and usual < 2 * n]
+    return min(near, key=lambda n: abs(np.log(n / usual)), default=usual)
 
 
 def _later(columns: np.ndarray, by: int) -> np.ndarray:

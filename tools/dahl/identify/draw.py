@@ -135,7 +135,7 @@ def _chosen(axes: Axes, result: Result, log: Log, angle: np.ndarray, some: slice
 def marks_of(shown: Shown) -> list[tuple[str, np.ndarray, str]]:
     """What of the measured rows the fit did not take as it came: (some,) bool each."""
     log, none = shown.log, np.zeros(shown.log.rows, dtype=bool)
-    odd = none if log.weight is None else log.weight < ODD
+    odd = none if log.weight is None else (log.weight > 0) & (log.weight < ODD)
     free = none if log.free_moves is None else np.abs(log.free_moves) < ODD * np.abs(log.moves)
     marks = (("weighs less", odd, "x"), ("travel taken out as backlash", free, "."))
     return [(label, where[shown.some], style) for label, where, style in marks]

@@ -87,7 +87,7 @@ class Loads:
         """F/Fc at the reference: (bins,)."""
         shares = [share(load, slope, self.reference) for load in self.loads]
         pairs = zip(self.cut.moves, shares, strict=True)
-        return np.concatenate([self.cut.mean(path.loaded(moves, a, at)) for moves, at in pairs])
+        return self.cut.means(path.loaded(moves, a, at) for moves, at in pairs)
 
     def grams(self, a: float, slope: float) -> np.ndarray:
         """Of F/Fc, its change with log a and with the slope over the range, the terms."""

@@ -110,7 +110,7 @@ def how(result: Result) -> dict[str, Any]:
         "median_rows": result.median,
         "torque_sign": result.sign,
         "angle_between_counts": result.inner,
-        "rows_weighing_less": sum(int(np.count_nonzero(one < 1)) for one in weights),
+        "rows_weighing_less": sum(int(np.count_nonzero((one > 0) & (one < 1))) for one in weights),
         "sum_of_weights": result.estimate.rows,
         "pieces": [one.rows for one in result.logs],
         "cycles": {

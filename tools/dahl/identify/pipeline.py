@@ -375,8 +375,12 @@ def _explored_again(study: Study, options: Options) -> tuple[Explored, float]:
 
 
 def _undelayed(study: Study, seen: Explored) -> float:
-    """Shift the torque to the angle by the delay that was taken, if any; returns it in rows."""
+    """Shift the torque to the angle by the delay that was taken, if any; returns it in rows. Where
+    a torque was read at some of the rows it is whole rows, as between them it is not known.
+    """
     rows = seen.choice.delay
+    if any(log.weight is not None and not log.weight.all() for log in study.logs):
+        rows = float(round(rows))
     if rows:
         for log in study.logs:
             log.torque = clean.shifted(log.torque, rows)
@@ -420,12 +424,12 @@ def _weigh(study: Study, estimate: Estimate) -> bool:
     for index, log in enumerate(study.logs):
         residual = log.torque - study.predicted(estimate, index)
         log.weight = clean.huber(residual, log.weight)
-        few = int(np.count_nonzero(log.weight < 0.5))
+        few = int(np.count_nonzero((log.weight > 0) & (log.weight < 0.5)))
         if few:
             log.notes.append(
                 f"{few} of {log.rows} torque rows disagree with their neighbours: they weigh less"
             )
-        odd += int(np.count_nonzero(log.weight < 1))
+        odd += int(np.count_nonzero((log.weight > 0) & (log.weight < 1)))
     return odd > 0
 
 

@@ -474,7 +474,17 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
         sys.unraisablehook = lambda _: None  # its half-opened files complain again when collected
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
-    time = channels["angle"].timestamps
+    return {**names, "time": CLOCK}, _together(path, channels)
+
+
+def _together(path: Path, channels: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Channels at the times of the angle, as far as all of them were measured then."""
+    time, others = channels["angle"].timestamps, [one.timestamps for one in channels.values()]
+    if any(len(one) == 0 for one in others):
+        return {what: np.zeros(0) for what in ("time", *channels)}  # a log without rows
+    here = (time >= max(one[0] for one in others)) & (time <= min(one[-1] for one in others))
+    if not here.any():
+        raise Error(f"{path}: its channels share no time")
     values = {
         what: one.samples
         if np.array_equal(time, one.timestamps)
@@ -482,7 +492,7 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
         for what, one in channels.items()
     }
     values["time"] = time
-    return {**names, "time": CLOCK}, {k: np.asarray(v, dtype=float) for k, v in values.items()}
+    return {what: np.asarray(one, dtype=float)[here] for what, one in values.items()}
 
 
 # --- units ----------------------------------------------------------------------------------------

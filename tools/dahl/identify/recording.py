@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What the recording did to a log, put right before any fit and named: rows that repeat the row
-before, a counter that wraps, an angle that is read more seldom than the torque, a clock with gaps
-or coarser than the rows.
+before, a counter that wraps, an angle that is read more seldom than the torque or a torque more
+seldom than the angle, a clock with gaps or coarser than the rows.
 
 Each step takes a log and gives it back mended, with a note; a log that cannot be mended is refused.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 from dahl import Error
 from dahl.identify.clean import MIN_ROWS
-from dahl.identify.log import BY_ROW, Log
+from dahl.identify.log import BY_ROW, Log, resolution_of
 
 REPEATED = 0.01  # of the rows
 AT_REST = 0.9  # of the rows: beyond it a log has no motion to tell from
@@ -24,6 +24,10 @@ JUMP = 1.5  # counts in a row: a motion so fast shows another count in the row b
 HELD = 0.5  # of the travel, by jumps after rows at rest
 SMOOTH_SPAN = 16.0  # the range of a wrapping angle over its largest true move
 NEAR_WHOLE = 0.01  # of a period
+TOLD = 12  # steps from reading to reading, that are no chance
+EVEN = 0.9  # of the steps from reading to reading: whole multiples of the usual one
+STRAIGHT = 10.0  # times the usual change of slope: a bend of a torque drawn straight between two
+ROUNDING = 1e-10  # of the range of a torque drawn straight
 LONG_STEP, USUAL = 5.0, 95  # times the USUAL-th percentile of the clock's steps
 EVENTS = 0.9  # of the moving rows by one count: a log written at each edge of the encoder
 
@@ -31,7 +35,7 @@ EVENTS = 0.9  # of the moving rows by one count: a log written at each edge of t
 def mended(log: Log, trust_units: bool = False) -> list[Log]:
     """The log as pieces without a gap, wrap, repeated or stale row. Raises dahl.Error."""
     whole = unwrapped(without_repeats(log), trust_units)
-    pieces = split_at_gaps(without_stale_angles(whole))
+    pieces = split_at_gaps(with_torque_readings(without_stale_angles(whole)))
     return [evened(piece) for piece in pieces]
 
 
@@ -74,7 +78,7 @@ def without_stale_angles(log: Log) -> Log:
     Raises dahl.Error where too few are left.
     """
     changes = np.flatnonzero(np.diff(log.theta)) + 1
-    every = rows_of_a_reading(log, changes)
+    every = rows_of_a_reading(log.theta, changes, log.resolution)
     if every < 2:
         return log
     rows = np.diff(changes, append=log.rows)  # of one angle: of several readings, where it is slow
@@ -89,15 +93,64 @@ def without_stale_angles(log: Log) -> Log:
     return taken(log, fresh, [*log.notes, f"{words}: the {left} rows between are left out"])
 
 
-def rows_of_a_reading(log: Log, changes: np.ndarray) -> int:
-    """The usual number of rows from one reading of the angle to the next, where it jumps after
-    rows at rest; 0 where it does not.
+def rows_of_a_reading(values: np.ndarray, changes: np.ndarray, resolution: float) -> int:
+    """The usual number of rows from one reading of a signal to the next, where it jumps after rows
+    at rest; 0 where it does not.
     """
-    rows, moved = np.diff(changes), np.abs(np.diff(log.theta[changes]))
-    held = (rows > 1) & (moved >= JUMP * log.resolution)
+    rows, moved = np.diff(changes), np.abs(np.diff(values[changes]))
+    held = (rows > 1) & (moved >= JUMP * resolution)
     if moved[held].sum() < HELD * moved.sum() or not held.any():
         return 0
     return round(float(np.median(rows[held])))
+
+
+# --- a torque that is read more seldom than the angle ---------------------------------------------
+
+
+def with_torque_readings(log: Log) -> Log:
+    """Where the torque is read more seldom than the angle and held, or drawn straight, from one
+    reading to the next: with weight at its readings only, and straight between them.
+    Raises dahl.Error where they are too few.
+    """
+    readings = torque_readings(log.torque)
+    if len(readings) == 0:
+        return log
+    every = round(float(np.median(np.diff(readings))))
+    words = f"the torque has a new reading every {every} rows only"
+    if len(readings) < MIN_ROWS:
+        few = f"{len(readings)} readings, at least {MIN_ROWS} were expected"
+        raise Error(f"{log.name}: {words}: {few}")
+    rows, weight = np.arange(log.rows), np.zeros(log.rows)
+    weight[readings] = 1.0
+    torque = np.interp(rows, readings, log.torque[readings])
+    notes = [*log.notes, f"{words}: the {log.rows - len(readings)} rows between weigh nothing"]
+    return replace(log, torque=torque, weight=weight, notes=notes)
+
+
+def torque_readings(torque: np.ndarray) -> np.ndarray:
+    """The rows at which a torque was read that is held or drawn straight between; none where each
+    row has a reading of its own.
+    """
+    changes = np.flatnonzero(np.diff(torque)) + 1
+    if 2 * len(changes) < len(torque):
+        held = rows_of_a_reading(torque, changes, resolution_of(torque)) > 1
+        return changes if held and _evenly(changes) else changes[:0]
+    bend = np.abs(np.diff(torque, 2))
+    rounding = max(float(np.median(bend)), ROUNDING * float(np.ptp(torque)))
+    bends = np.flatnonzero(bend > STRAIGHT * rounding) + 1
+    readings = bends[np.diff(bends, prepend=-2) > 1]  # one between two rows bends at both
+    lone = 2 * len(readings) >= len(bends)  # at a reversal friction bends at many rows
+    return readings if lone and _evenly(readings) else readings[:0]
+
+
+def _evenly(readings: np.ndarray) -> bool:
+    """Whether readings come every so many rows, save that some are the same as the one before."""
+    rows = np.diff(readings)
+    usual = float(np.median(rows)) if len(rows) >= TOLD else 0.0
+    if usual < 2:
+        return False
+    off = np.abs(rows - usual * np.rint(rows / usual))
+    return bool(np.mean((rows > usual / 2) & (off <= usual // 4)) > EVEN)
 
 
 # --- wraps ----------------------------------------------------------------------------------------
