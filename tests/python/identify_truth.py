@@ -174,6 +174,14 @@ def stale(seed: int, every: int) -> Log:
     return replace(log, theta=log.theta[np.arange(ROWS) // every * every])
 
 
+def seldom(seed: int, every: int) -> Log:
+    """The torque is read every so many rows, and held, or drawn straight between: by the seed."""
+    log, rows = plain(seed), np.arange(ROWS)
+    read = rows[::every]
+    held, straight = log.torque[rows // every * every], np.interp(rows, read, log.torque[read])
+    return replace(log, torque=held if seed % 2 else straight)
+
+
 def gaps(seed: int) -> Log:
     """Some of the log is lost: a tenth of a second here and there."""
     log, draw = plain(seed), np.random.default_rng([seed, 9])
@@ -215,6 +223,7 @@ KINDS: dict[str, Callable[[int], Log]] = {
     "load that swings by half": under_load,
     "encoder in step, 1 %": in_step,
     "angle read every 10 rows": lambda seed: stale(seed, 10),
+    "torque read every 20 rows": lambda seed: seldom(seed, 20),
     "gaps": gaps,
     "wrap": wrapped,
 }
