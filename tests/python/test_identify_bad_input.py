@@ -12,7 +12,7 @@ import logging
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -509,6 +509,41 @@ def test_channels_that_are_sampled_at_other_times_are_brought_together(tmp_path)
     read = readers.read(path, readers.Source("x_m", "force_N"))
     assert read.time == pytest.approx(time)
     assert read.torque[1:] == pytest.approx(3 * time[1:])
+
+
+def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]]) -> Path:
+    """An MF4 of channels with their units, each group with a clock of its own."""
+    from asammdf import MDF, Signal
+
+    with MDF() as measured:
+        for group in groups:
+            pairs = group.items()
+            measured.append(
+                [Signal(x, TIME, unit, name, encoding="utf-8") for name, (x, unit) in pairs]
+            )
+        measured.save(path)
+    return path
+
+
+def test_what_an_mf4_says_of_its_channels(tmp_path):
+    """Units stand beside the names; holes, words and two channels of one name are no numbers."""
+    shaft = {"Angle": (THETA, "rad"), "Torque_Nm": (1e3 * TORQUE, "mNm")}
+    log = readers.read(mf4_of(tmp_path / "units.mf4", shaft), readers.Source())
+    assert log.theta == pytest.approx(THETA) and log.torque == pytest.approx(TORQUE)
+    assert log.notes == []
+    holed = {**shaft, "Angle": (np.where(TIME == 0.5, np.nan, THETA), "rad")}
+    path = mf4_of(tmp_path / "hole.mf4", holed)
+    with pytest.raises(Error, match=r"row 501: column 'Angle \[rad\]': no finite number here"):
+        readers.read(path, readers.Source())
+    assert readers.read(path, readers.Source(skip_gaps=True)).rows == ROWS - 1
+    words = mf4_of(tmp_path / "words.mf4", {**shaft, "State": (np.array([b"on"] * ROWS), "")})
+    with pytest.raises(Error, match="words.mf4: channel 'State' holds no numbers"):
+        readers.read(words, readers.Source(torque="State"))
+    twice = mf4_of(tmp_path / "twice.mf4", shaft, {"Angle": (2 * THETA, "rad")})
+    with pytest.raises(Error, match="no column 'Angle'; did you mean 'group 1: Angle'"):
+        readers.read(twice, readers.Source("Angle"))
+    log = readers.read(twice, readers.Source("group 1: Angle"))
+    assert log.theta == pytest.approx(2 * THETA)
 
 
 def test_no_log_and_bad_numbers(run_dahl, log):

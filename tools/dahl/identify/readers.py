@@ -349,8 +349,7 @@ class Signals:
 
     def _column(self, name: str) -> str:
         """A signal with its unit in the DBC, as columns are called."""
-        unit = self.take[name].get_signal_by_name(name).unit
-        return f"{name} [{unit}]" if unit else name
+        return _with_unit(name, self.take[name].get_signal_by_name(name).unit)
 
     def feed(self, frame: can.Message) -> None:
         """Keep what a frame says of the signals, where that is within the range the DBC gives."""
@@ -444,6 +443,11 @@ def _values(
             yield name, value
 
 
+def _with_unit(name: str, unit: str | None) -> str:
+    """A name and the unit that a file gives beside it, as columns are called."""
+    return f"{name} [{unit}]" if unit else name
+
+
 def _message_with(database: cantools.database.Database, signal: str) -> cantools.database.Message:
     known: list[str] = []
     for message in database.messages:
@@ -463,17 +467,20 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
         with logs.copies_of_its_own(path), MDF(path) as file:
-            known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
-            if "CAN_DataFrame" in known:  # raw frames, named as ASAM's bus logging does
+            if "CAN_DataFrame" in file.channels_db:  # raw frames, named as ASAM's bus logging does
                 raise Error(f"{path}: {NEEDS_DBC}")
-            names = _columns(path, source, known, ("angle", "torque"))
-            channels = {what: file.get(name) for what, name in names.items()}
+            places = _places_of_channels(file.channels_db)
+            names = _columns(path, source, sorted(places), ("angle", "torque"))
+            channels = {what: file.get(None, *places[name]) for what, name in names.items()}
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
         sys.unraisablehook = lambda _: None  # its half-opened files complain again when collected
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
+    for what, one in channels.items():
+        if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
+            raise Error(f"{path}: channel '{names[what]}' holds no numbers")
     time = channels["angle"].timestamps
     values = {
         what: one.samples
@@ -482,7 +489,22 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
         for what, one in channels.items()
     }
     values["time"] = time
-    return {**names, "time": CLOCK}, {k: np.asarray(v, dtype=float) for k, v in values.items()}
+    names = {what: _with_unit(name, channels[what].unit) for what, name in names.items()}
+    names["time"] = CLOCK
+    values = {what: np.asarray(some, dtype=float) for what, some in values.items()}
+    return names, _without_gaps(path, source, names, values, 0)
+
+
+def _places_of_channels(
+    channels: Mapping[str, Sequence[tuple[int, int]]],
+) -> dict[str, tuple[int, int]]:
+    """Group and index of each channel but the clocks, by a name that it has alone."""
+    found = {}
+    for name in channels.keys() - {"t", "time", "timestamps"}:
+        alone = len(channels[name]) == 1
+        for group, index in channels[name]:
+            found[name if alone else f"group {group}: {name}"] = group, index
+    return found
 
 
 # --- units ----------------------------------------------------------------------------------------
