@@ -483,6 +483,17 @@ def test_of_several_columns_that_fit_the_first_is_taken(tmp_path):
     pd.DataFrame(columns | {"time_ms": up}).to_csv(path, index=False)
     read = readers.read(path, readers.Source())
     assert (read.theta[-1], read.torque[-1], read.time[-1]) == (39, 117, 39)
+    assert read.notes[0] == "angle taken from 'angle_rad', not from 'theta_deg' (--angle)"
+
+
+@pytest.mark.parametrize("clock", ["s", "datetime64[ns]", "timedelta64[ns]"])
+def test_a_table_of_pandas_has_its_clock(tmp_path, clock):
+    """As the index with a name, and as moments."""
+    step = TIME if clock == "s" else (TIME * 1e9).astype(clock)
+    table = pd.DataFrame({"angle_rad": THETA, "torque_Nm": TORQUE}, index=pd.Index(step, name="t"))
+    table.to_parquet(tmp_path / "x.parquet")
+    log = readers.read(tmp_path / "x.parquet", readers.Source())
+    assert log.time == pytest.approx(TIME) and log.theta == pytest.approx(THETA)
 
 
 @pytest.mark.parametrize("clock", ["t", "t_s", "t [ms]", "T(s)", "t_sec", "time", "Time [s]"])
@@ -647,6 +658,17 @@ def test_unknown_signal_with_a_suggestion(run_dahl, files):
     assert "needs --dbc" in refused(run_dahl, files["raw.mf4"])
     said = refused(run_dahl, files["blf"], "--dbc", files["csv"], "--angle", "A", "--torque", "T")
     assert "log.csv: not a DBC" in said
+
+
+def test_a_signal_of_two_messages_is_named_with_its_own(files, tmp_path):
+    """Of what was wanted and what was measured the DBC may give both one name."""
+    wish = DBC[DBC.index("BO_ 257") :].replace("257 Load", "258 Wish").replace("0.0001", "1")
+    (tmp_path / "two.dbc").write_text(DBC.replace("BO_ 257", f"{wish}BO_ 257"))
+    source = readers.Source("Angle", "Torque", dbc=tmp_path / "two.dbc")
+    with pytest.raises(Error, match="several messages, which .*: Wish.Torque, Load.Torque"):
+        readers.read(files["blf"], source)
+    log = readers.read(files["blf"], replace(source, torque="Load.Torque"))
+    assert log.torque == pytest.approx(TORQUE, abs=1e-4) and log.notes == []
 
 
 @pytest.mark.parametrize(
