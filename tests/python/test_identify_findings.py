@@ -401,6 +401,33 @@ def test_a_play_beside_the_encoder_is_no_delay(where):
     assert ends.low <= 1.1 * SIGMA0 and ends.high >= 0.9 * SIGMA0
 
 
+@pytest.mark.parametrize(
+    ("amplitude", "waves", "viscous", "doubts"),
+    [
+        (0.05, 60, 0.0, ("Fc",)),  # passes for a viscous part, which takes 15 % of Fc
+        (0.05, 240, 0.0, ("Fc",)),  # several waves in a stroke
+        (0.026, 240, 0.0, BOTH),  # no part beside friction is taken
+        (0.05, 12, 0.0, ()),  # nearly straight: a spring
+        (0.05, 12, 0.03, ()),  # a viscous part that is one
+    ],
+)
+def test_a_torque_that_depends_on_the_angle(amplitude, waves, viscous, doubts):
+    """A tenth of Fc, the same both ways, over `waves` rad of a wave for each rad."""
+    log = synthetic(4, 0.02, rows=3000, cycles=8, amplitude=amplitude)
+    more = 0.1 * FC * np.sin(waves * log.theta + 0.3) + viscous * np.gradient(log.theta, 1e-3)
+    result = pipeline.identify([replace(log, torque=log.torque + more)])
+    said = "the torque depends on the angle beyond a spring: sigma0 is then"
+    found = [one for one in result.findings if one.text.startswith(said)]
+    assert [one.doubts for one in found] == [doubts] * bool(doubts)
+    for name, true in (("sigma0", SIGMA0), ("Fc", FC)):
+        ends = result.estimate.ci95[name]
+        assert ends.low <= true <= ends.high
+        assert not (name in doubts and result.verdict.identifiable[name])
+        for one in found:
+            assert sum(one.reach.get(name, (true, true))) / 2 == pytest.approx(true, rel=0.01)
+    assert doubts or all(result.verdict.identifiable.values())
+
+
 def test_a_true_delay_is_no_play():
     log = synthetic(3)
     late = replace(log, torque=np.roll(log.torque, 1))
