@@ -684,6 +684,21 @@ def test_an_encoder_read_in_step_is_named_and_widens_the_intervals():
     assert in_step.period_of(slow, 0.3 * FC / SIGMA0) == 0  # more than 3000 rows a cycle
 
 
+@pytest.mark.parametrize("seed", [0, 4, 9])
+def test_a_shaft_that_rests_between_two_counts(seed):
+    """It does so at the same angle each time, and nobody knows where within the count."""
+    draw = np.random.default_rng(seed)
+    phase = (np.arange(5000) * 6 / 5000 + draw.uniform()) % 1
+    theta = draw.uniform(0.03, 0.07) * np.interp(phase, [0, 0.3, 0.5, 0.8, 1], [-1, 1, 1, -1, -1])
+    read = np.floor(theta / COUNT + draw.uniform()) * COUNT
+    torque = dahl_torque(theta) + 0.01 * FC * noise_of(seed, 5000)
+    log = Log("rests", read, torque, np.arange(5000) * 1e-3, resolution=COUNT)
+    result = pipeline.identify([log])
+    ends = result.estimate.ci95["sigma0"]
+    assert result.verdict.sigma0 and ends.low < SIGMA0 < ends.high
+    assert any("sigma0 may be" in note and "in step" in note for note in result.notes)
+
+
 def test_a_motion_of_a_count_now_and_then_has_no_path_to_read_in_step():
     """The mean cycle is within its rounding: nothing of the motion is left to be made again."""
     theta = 0.01 * (np.arange(400) % 20 == 0)

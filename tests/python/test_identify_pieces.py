@@ -381,6 +381,12 @@ def test_the_angle_between_the_counts(counts):
     assert np.std(inner - true) < 0.3 * np.std(log.theta - true)
     turning = np.argsort(np.abs(np.gradient(true)))[:400]
     assert np.std((inner - true)[turning]) < 0.6 * np.std((log.theta - true)[turning])
+    phase = np.arange(4000) / 500 % 1
+    true = 0.05 * np.sin(np.pi / 2 * np.interp(phase, [0, 0.3, 0.5, 0.8, 1], [-1, 1, 1, -1, -1]))
+    log = replace(log, theta=np.round(true / count) * count)
+    inner, still = clean.between_counts(log), np.diff(true) == 0
+    assert np.abs(np.diff(inner))[still].sum() < count  # of 16 rests together
+    assert np.std(inner - true) < 0.7 * np.std(log.theta - true)
     bare = replace(log, resolution=0.0)
     assert clean.between_counts(bare) is bare.theta
     few = Log("", np.repeat([0.0, 1, 2, 1], 20), np.zeros(80), resolution=1.0)

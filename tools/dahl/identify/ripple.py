@@ -57,7 +57,8 @@ def finding(result: Result, least_turn: float) -> list[Finding]:
 def _is_clear(result: Result, plain: Trial, found: Curved) -> bool:
     """Whether the curve explains clearly more than the fit, and than every model."""
     costs = [plain.cost, *(one.trial.cost for one in result.explored.models.candidates)]
-    known, (gain, error) = min(float(cost.sum()) for cost in costs), excess(plain.cost, found.cost)
+    known = min(float(cost.sum()) for cost in costs)
+    gain, error = excess(plain.cost, found.cost)
     return gain > SURELY * error and float(found.cost.sum()) < (1 - MORE) * known
 
 
@@ -69,21 +70,18 @@ def _is_as_good(plain: Trial, found: Curved) -> bool:
 
 def _told(result: Result, found: Curved) -> list[Finding]:
     """What the curve makes of the parameters, where that is outside of their intervals."""
-    reach, doubts = {}, []
+    log, value, reach = result.logs[0], found.value, {}
     for name in NAMES:
-        value, apart = found.value[name], QUANTILE * found.error[name]
-        ends = result.estimate.ci95[name]
-        if not ends.low <= value <= ends.high:
-            reach[name] = (value - apart, value + apart)
-            doubts.append(name)
-    if not doubts:
+        ends, apart = result.estimate.ci95[name], QUANTILE * found.error[name]
+        if not ends.low <= value[name] <= ends.high:
+            reach[name] = (value[name] - apart, value[name] + apart)
+    if not reach:
         return []
-    log, value = result.logs[0], found.value
     words = (
         "the torque depends on the angle beyond a spring:"
         f" sigma0 is then {value['sigma0']:.4g} {log.slope_unit}, Fc {value['Fc']:.4g} {log.unit}"
     )
-    return [Finding(words, tuple(doubts), reach)]
+    return [Finding(words, tuple(reach), reach)]
 
 
 def beside_a_curve(cut: Cut, a: float, terms: list[str]) -> Curved | None:
