@@ -27,6 +27,7 @@ BAND, APART = 0.1, 0.25  # of Fc: half width of a band of torque, distance to th
 FLAT = 2.5  # a band that takes so many times the travel of its neighbours is flat
 CUBICS = (81, 41, 21, 11)  # rows of the local cubics that are tried between counts
 REST = 3.0  # times the rows of the counts before and after it, that a rest takes at least
+FEW_RESTS = 4  # of a log; fewer are no part of its motion
 MIN_ROWS = 30
 
 
@@ -125,7 +126,7 @@ def between_counts(log: Log) -> np.ndarray:
 def rests(log: Log) -> bool:
     """Whether the shaft rests between two counts, for longer than a smooth turn takes."""
     found = _through_edges(log)
-    return found is not None and len(_rests_of(log, *found[:2])) > 0
+    return found is not None and len(_rests_of(log, *found)) > 0
 
 
 def _through_edges(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -140,17 +141,21 @@ def _through_edges(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None
     return CubicSpline(places, edges)(rows), places, edges
 
 
-def _rests_of(log: Log, inner: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """After which edges the shaft rests: the next one takes much longer than those beside it, and
-    the spline goes on by more than a count.
+def _rests_of(log: Log, inner: np.ndarray, places: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """After which edges the shaft rests, of those that stand beside two each way: the next one
+    takes much longer than these, which went on in one direction, and the spline goes on by more
+    than a count.
     """
-    rows, took = np.arange(int(places[0]) + 1, int(places[-1]) + 1), np.diff(places)
+    rows = np.arange(int(places[0]) + 1, int(places[-1]) + 1)
+    took, steps = np.diff(places), np.diff(edges)
     far = np.abs(inner[rows] - log.theta[rows]) > log.resolution
     found = np.unique(np.searchsorted(places, rows[far])) - 1
-    found = found[(found > 0) & (found < len(took) - 1)]
-    long = took[found] > REST * np.maximum(took[found - 1], took[found + 1])
-    resting: np.ndarray = found[long]
-    return resting
+    found = found[(found > 1) & (found < len(took) - 2)]
+    before, after = (found[:, None] + two for two in ((-2, -1), (1, 2)))
+    beside = np.maximum(took[before].max(axis=1), took[after].max(axis=1))
+    steady = (steps[before].prod(axis=1) > 0) & (steps[after].prod(axis=1) > 0)
+    resting: np.ndarray = found[steady & (took[found] > REST * beside)]
+    return resting if len(resting) >= FEW_RESTS else resting[:0]
 
 
 def _at_rest(log: Log, inner: np.ndarray, places: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -158,7 +163,7 @@ def _at_rest(log: Log, inner: np.ndarray, places: np.ndarray, edges: np.ndarray)
     the speed it had.
     """
     rested, took = np.full(log.rows, np.nan), np.diff(places)
-    for k in _rests_of(log, inner, places):
+    for k in _rests_of(log, inner, places, edges):
         there = np.arange(int(places[k]) + 1, int(places[k + 1]) + 1)
         begin, end = (min(took[k + side] / 2, took[k] / 3) for side in (-1, 1))
         known = [places[k], places[k] + begin, places[k + 1] - end, places[k + 1]]
