@@ -12,7 +12,7 @@ import logging
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -483,6 +483,17 @@ def test_of_several_columns_that_fit_the_first_is_taken(tmp_path):
     pd.DataFrame(columns | {"time_ms": up}).to_csv(path, index=False)
     read = readers.read(path, readers.Source())
     assert (read.theta[-1], read.torque[-1], read.time[-1]) == (39, 117, 39)
+    assert read.notes[0] == "angle taken from 'angle_rad', not from 'theta_deg' (--angle)"
+
+
+@pytest.mark.parametrize("clock", ["s", "datetime64[ns]", "timedelta64[ns]"])
+def test_a_table_of_pandas_has_its_clock(tmp_path, clock):
+    """As the index with a name, and as moments."""
+    step = TIME if clock == "s" else (TIME * 1e9).astype(clock)
+    table = pd.DataFrame({"angle_rad": THETA, "torque_Nm": TORQUE}, index=pd.Index(step, name="t"))
+    table.to_parquet(tmp_path / "x.parquet")
+    log = readers.read(tmp_path / "x.parquet", readers.Source())
+    assert log.time == pytest.approx(TIME) and log.theta == pytest.approx(THETA)
 
 
 @pytest.mark.parametrize("clock", ["t", "t_s", "t [ms]", "T(s)", "t_sec", "time", "Time [s]"])
@@ -517,6 +528,41 @@ def test_channels_that_are_sampled_at_other_times_are_brought_together(tmp_path)
             read = readers.read(path, source)
             assert read.time == pytest.approx(time[here])
             assert read.torque == pytest.approx(3 * time[here])
+
+
+def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]]) -> Path:
+    """An MF4 of channels with their units, each group with a clock of its own."""
+    from asammdf import MDF, Signal
+
+    with MDF() as measured:
+        for group in groups:
+            pairs = group.items()
+            measured.append(
+                [Signal(x, TIME, unit, name, encoding="utf-8") for name, (x, unit) in pairs]
+            )
+        measured.save(path)
+    return path
+
+
+def test_what_an_mf4_says_of_its_channels(tmp_path):
+    """Units stand beside the names; holes, words and two channels of one name are no numbers."""
+    shaft = {"Angle": (THETA, "rad"), "Torque_Nm": (1e3 * TORQUE, "mNm")}
+    log = readers.read(mf4_of(tmp_path / "units.mf4", shaft), readers.Source())
+    assert log.theta == pytest.approx(THETA) and log.torque == pytest.approx(TORQUE)
+    assert log.notes == []
+    holed = {**shaft, "Angle": (np.where(TIME == 0.5, np.nan, THETA), "rad")}
+    path = mf4_of(tmp_path / "hole.mf4", holed)
+    with pytest.raises(Error, match=r"row 501: column 'Angle \[rad\]': no finite number here"):
+        readers.read(path, readers.Source())
+    assert readers.read(path, readers.Source(skip_gaps=True)).rows == ROWS - 1
+    words = mf4_of(tmp_path / "words.mf4", {**shaft, "State": (np.array([b"on"] * ROWS), "")})
+    with pytest.raises(Error, match="words.mf4: channel 'State' holds no numbers"):
+        readers.read(words, readers.Source(torque="State"))
+    twice = mf4_of(tmp_path / "twice.mf4", shaft, {"Angle": (2 * THETA, "rad")})
+    with pytest.raises(Error, match="no column 'Angle'; did you mean 'group 1: Angle'"):
+        readers.read(twice, readers.Source("Angle"))
+    log = readers.read(twice, readers.Source("group 1: Angle"))
+    assert log.theta == pytest.approx(2 * THETA)
 
 
 def test_no_log_and_bad_numbers(run_dahl, log):
@@ -620,6 +666,17 @@ def test_unknown_signal_with_a_suggestion(run_dahl, files):
     assert "needs --dbc" in refused(run_dahl, files["raw.mf4"])
     said = refused(run_dahl, files["blf"], "--dbc", files["csv"], "--angle", "A", "--torque", "T")
     assert "log.csv: not a DBC" in said
+
+
+def test_a_signal_of_two_messages_is_named_with_its_own(files, tmp_path):
+    """Of what was wanted and what was measured the DBC may give both one name."""
+    wish = DBC[DBC.index("BO_ 257") :].replace("257 Load", "258 Wish").replace("0.0001", "1")
+    (tmp_path / "two.dbc").write_text(DBC.replace("BO_ 257", f"{wish}BO_ 257"))
+    source = readers.Source("Angle", "Torque", dbc=tmp_path / "two.dbc")
+    with pytest.raises(Error, match="several messages, which .*: Wish.Torque, Load.Torque"):
+        readers.read(files["blf"], source)
+    log = readers.read(files["blf"], replace(source, torque="Load.Torque"))
+    assert log.torque == pytest.approx(TORQUE, abs=1e-4) and log.notes == []
 
 
 @pytest.mark.parametrize(

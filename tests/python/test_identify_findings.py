@@ -401,6 +401,33 @@ def test_a_play_beside_the_encoder_is_no_delay(where):
     assert ends.low <= 1.1 * SIGMA0 and ends.high >= 0.9 * SIGMA0
 
 
+@pytest.mark.parametrize(
+    ("amplitude", "waves", "viscous", "doubts"),
+    [
+        (0.05, 60, 0.0, ("Fc",)),  # passes for a viscous part, which takes 15 % of Fc
+        (0.05, 240, 0.0, ("Fc",)),  # several waves in a stroke
+        (0.026, 240, 0.0, BOTH),  # no part beside friction is taken
+        (0.05, 12, 0.0, ()),  # nearly straight: a spring
+        (0.05, 12, 0.03, ()),  # a viscous part that is one
+    ],
+)
+def test_a_torque_that_depends_on_the_angle(amplitude, waves, viscous, doubts):
+    """A tenth of Fc, the same both ways, over `waves` rad of a wave for each rad."""
+    log = synthetic(4, 0.02, rows=3000, cycles=8, amplitude=amplitude)
+    more = 0.1 * FC * np.sin(waves * log.theta + 0.3) + viscous * np.gradient(log.theta, 1e-3)
+    result = pipeline.identify([replace(log, torque=log.torque + more)])
+    said = "the torque depends on the angle beyond a spring: sigma0 is then"
+    found = [one for one in result.findings if one.text.startswith(said)]
+    assert [one.doubts for one in found] == [doubts] * bool(doubts)
+    for name, true in (("sigma0", SIGMA0), ("Fc", FC)):
+        ends = result.estimate.ci95[name]
+        assert ends.low <= true <= ends.high
+        assert not (name in doubts and result.verdict.identifiable[name])
+        for one in found:
+            assert sum(one.reach.get(name, (true, true))) / 2 == pytest.approx(true, rel=0.01)
+    assert doubts or all(result.verdict.identifiable.values())
+
+
 def test_a_true_delay_is_no_play():
     log = synthetic(3)
     late = replace(log, torque=np.roll(log.torque, 1))
@@ -663,6 +690,21 @@ def test_an_encoder_read_in_step_is_named_and_widens_the_intervals():
     assert in_step.period_of(replace(log, theta=swelling), 0.3 * FC / SIGMA0) == 0
     slow = replace(log, theta=np.repeat(log.theta, 60))
     assert in_step.period_of(slow, 0.3 * FC / SIGMA0) == 0  # more than 3000 rows a cycle
+
+
+@pytest.mark.parametrize("seed", [0, 4, 9])
+def test_a_shaft_that_rests_between_two_counts(seed):
+    """It does so at the same angle each time, and nobody knows where within the count."""
+    draw = np.random.default_rng(seed)
+    phase = (np.arange(5000) * 6 / 5000 + draw.uniform()) % 1
+    theta = draw.uniform(0.03, 0.07) * np.interp(phase, [0, 0.3, 0.5, 0.8, 1], [-1, 1, 1, -1, -1])
+    read = np.floor(theta / COUNT + draw.uniform()) * COUNT
+    torque = dahl_torque(theta) + 0.01 * FC * noise_of(seed, 5000)
+    log = Log("rests", read, torque, np.arange(5000) * 1e-3, resolution=COUNT)
+    result = pipeline.identify([log])
+    ends = result.estimate.ci95["sigma0"]
+    assert result.verdict.sigma0 and ends.low < SIGMA0 < ends.high
+    assert any("sigma0 may be" in note and "in step" in note for note in result.notes)
 
 
 def test_a_motion_of_a_count_now_and_then_has_no_path_to_read_in_step():

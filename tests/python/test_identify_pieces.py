@@ -381,6 +381,12 @@ def test_the_angle_between_the_counts(counts):
     assert np.std(inner - true) < 0.3 * np.std(log.theta - true)
     turning = np.argsort(np.abs(np.gradient(true)))[:400]
     assert np.std((inner - true)[turning]) < 0.6 * np.std((log.theta - true)[turning])
+    phase = np.arange(4000) / 500 % 1
+    true = 0.05 * np.sin(np.pi / 2 * np.interp(phase, [0, 0.3, 0.5, 0.8, 1], [-1, 1, 1, -1, -1]))
+    log = replace(log, theta=np.round(true / count) * count)
+    inner, still = clean.between_counts(log), np.diff(true) == 0
+    assert np.abs(np.diff(inner))[still].sum() < count  # of 16 rests together
+    assert np.std(inner - true) < 0.7 * np.std(log.theta - true)
     bare = replace(log, resolution=0.0)
     assert clean.between_counts(bare) is bare.theta
     few = Log("", np.repeat([0.0, 1, 2, 1], 20), np.zeros(80), resolution=1.0)
@@ -1075,6 +1081,10 @@ def test_every_unit_of_torque_is_what_it_is():
         "uN": 1e-6,
         "kN": 1e3,
         "MN": 1e6,
+        "kgf": g,
+        "gf": g / 1000,
+        "kgfcm": g / 100,
+        "gfcm": g / 1e5,
         "lb": pound * g,
         "kip": 1000 * pound * g,
     }
@@ -1085,6 +1095,7 @@ def test_every_unit_of_angle_and_time_is_what_it_is():
     angles = {
         "deg": (np.pi / 180, False),
         "rad": (1, False),
+        "mdeg": (np.pi / 180e3, False),
         "mrad": (1e-3, False),
         "urad": (1e-6, False),
         "arcmin": (np.pi / 180 / 60, False),
@@ -1096,6 +1107,7 @@ def test_every_unit_of_angle_and_time_is_what_it_is():
         "mm": (1e-3, True),
         "um": (1e-6, True),
         "in": (INCH, True),
+        "ft": (12 * INCH, True),
     }
     assert {name: size for name, (size, _) in units.ANGLES.items()} == pytest.approx(
         {name: size for name, (size, _) in angles.items()}
@@ -1140,6 +1152,10 @@ def test_every_unit_of_angle_and_time_is_what_it_is():
         ("theta [in]", units.ANGLES, "in"),
         ("pos_in", units.ANGLES, "in"),
         ("x_m", units.ANGLES, "m"),
+        ("position_inch", units.ANGLES, "in"),
+        ("way [inches]", units.ANGLES, "in"),
+        ("torque_kgcm", units.TORQUES, "kgfcm"),
+        ("torque [g*cm]", units.TORQUES, "gfcm"),
         ("time [µs]", units.TIMES, "us"),
         ("time [μs]", units.TIMES, "us"),
         ("stamp_ns", units.TIMES, "ns"),
@@ -1169,31 +1185,34 @@ def test_the_unit_in_a_name(name, known, unit):
 
 
 @pytest.mark.parametrize(
-    ("what", "names", "found"),
+    ("what", "names", "found", "beside"),
     [
-        ("angle", ["t", "Theta", "trq"], "Theta"),
-        ("angle", ["t", "shaft_pos", "torque"], "shaft_pos"),
-        ("angle", ["position", "encoder"], "position"),
-        ("angle", ["counts", "trq"], "counts"),
-        ("torque", ["angle", "LOAD"], "LOAD"),
-        ("torque", ["angle", "x_Nm"], "x_Nm"),
-        ("torque", ["moment", "force"], "moment"),
-        ("torque", ["load_cell_N", "torque_Nm"], "torque_Nm"),
-        ("torque", ["torque_cmd", "torque_meas"], "torque_meas"),
-        ("torque", ["torque_cmd", "load_N"], "load_N"),
-        ("torque", ["trq_ref"], "trq_ref"),
-        ("angle", ["theta_dot", "angle_rate", "theta_vel", "angle_ref_rad", "theta"], "theta"),
-        ("angle", ["set_position", "encoder"], "encoder"),
-        ("angle", ["target_angle"], "target_angle"),
-        ("angle", ["level_angle", "calibrated_angle"], "level_angle"),
-        ("time", ["angle", "timestamp"], "timestamp"),
-        ("time", ["t", "angle"], "t"),
-        ("time", ["t [s]"], "t [s]"),
-        ("time", ["torque", "test"], ""),
+        ("angle", ["t", "Theta", "trq"], "Theta", ""),
+        ("angle", ["t", "shaft_pos", "torque"], "shaft_pos", ""),
+        ("angle", ["position", "encoder", "angle_ref"], "position", "'encoder'"),
+        ("angle", ["counts", "trq"], "counts", ""),
+        ("torque", ["angle", "LOAD"], "LOAD", ""),
+        ("torque", ["angle", "x_Nm", "y_Nm", "z_Nm"], "x_Nm", "'y_Nm' or 'z_Nm'"),
+        ("torque", ["moment", "force"], "moment", ""),
+        ("torque", ["load_cell_N", "torque_Nm"], "torque_Nm", ""),
+        ("torque", ["torque_cmd", "torque_rate", "torque_error", "torque_meas"], "torque_meas", ""),
+        ("torque", ["torque_cmd", "load_N"], "load_N", ""),
+        ("torque", ["trq_ref"], "trq_ref", ""),
+        ("angle", ["theta_dot", "theta_ddot", "angle_rate", "theta_vel", "theta"], "theta", ""),
+        ("angle", ["position_error", "pos_err", "angle_acc", "angle_ref_rad", "pos"], "pos", ""),
+        ("angle", ["set_position", "encoder"], "encoder", ""),
+        ("angle", ["target_angle"], "target_angle", ""),
+        ("angle", ["level_angle", "accurate_angle"], "level_angle", "'accurate_angle'"),
+        ("time", ["angle", "timestamp", "time_ms"], "timestamp", ""),
+        ("time", ["t", "angle"], "t", ""),
+        ("time", ["t [s]"], "t [s]", ""),
+        ("time", ["torque", "test"], "", ""),
     ],
 )
-def test_columns_that_nobody_named(what, names, found):
-    assert units.column(what, "", names, "x.csv") == found
+def test_columns_that_nobody_named(what, names, found, beside):
+    """Of several that say so as well the first one, and a note says which it is not."""
+    notes = [f"{what} taken from '{found}', not from {beside} (--{what})"] * bool(beside)
+    assert units.column(what, "", names, "x.csv") == (found, notes)
 
 
 def test_a_rate_is_no_angle():
@@ -1212,10 +1231,8 @@ def test_a_force_over_an_angle_is_named(tmp_path):
 
 def test_columns_that_somebody_named():
     names = ["t", "angle", "2"]
-    assert units.column("angle", "angle", names, "x.csv") == "angle"
-    assert units.column("angle", "2", names, "x.csv") == "2"  # a name before a number
-    assert units.column("angle", "1", names, "x.csv") == "t"
-    assert units.column("angle", "3", names, "x.csv") == "2"
+    for said, taken in (("angle", "angle"), ("2", "2"), ("1", "t"), ("3", "2")):  # a name first
+        assert units.column("angle", said, names, "x.csv") == (taken, [])
     for wrong in ("0", "4", "angel"):
         with pytest.raises(Error, match=f"x.csv: no column '{wrong}'"):
             units.column("angle", wrong, names, "x.csv")

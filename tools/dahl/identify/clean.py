@@ -26,6 +26,8 @@ NEIGHBOURS = 9  # rows whose median says what a row should be like
 BAND, APART = 0.1, 0.25  # of Fc: half width of a band of torque, distance to the bands beside it
 FLAT = 2.5  # a band that takes so many times the travel of its neighbours is flat
 CUBICS = (81, 41, 21, 11)  # rows of the local cubics that are tried between counts
+REST = 3.0  # times the rows of the counts before and after it, that a rest takes at least
+FEW_RESTS = 4  # of a log; fewer are no part of its motion
 MIN_ROWS = 30
 
 
@@ -107,19 +109,67 @@ def between_counts(log: Log) -> np.ndarray:
     An encoder hides up to a count of travel at each turning point, in a periodic motion always the
     same part; the torque knows better.
     """
-    passed = np.flatnonzero(np.diff(log.theta))
-    if log.resolution == 0 or len(passed) < 4:
+    found = _through_edges(log)
+    if found is None:
         return log.theta
-    edges = (log.theta[passed] + log.theta[passed + 1]) / 2
-    rows = np.arange(log.rows, dtype=float)
-    inner = CubicSpline(passed + 0.5, edges)(np.clip(rows, passed[0] + 0.5, passed[-1] + 0.5))
-    inner = _within_count(inner, log)
+    resting = _at_rest(log, *found)
+    inner = _within_count(np.where(np.isnan(resting), found[0], resting), log)
     for window in CUBICS:
         if log.rows > window:
             smooth = savgol_filter(inner, window, 3)
             if np.mean(np.abs(smooth - log.theta) > 0.65 * log.resolution) < 0.01:
-                return _within_count(savgol_filter(_within_count(smooth, log), window, 3), log)
+                smooth = savgol_filter(_within_count(smooth, log), window, 3)
+                return _within_count(np.where(np.isnan(resting), smooth, resting), log)
     return inner
+
+
+def rests(log: Log) -> bool:
+    """Whether the shaft rests between two counts, for longer than a smooth turn takes."""
+    found = _through_edges(log)
+    return found is not None and len(_rests_of(log, *found)) > 0
+
+
+def _through_edges(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """A spline through the edges of counts that were passed, (rows,), and the places and angles of
+    these; nothing where there are too few.
+    """
+    passed = np.flatnonzero(np.diff(log.theta))
+    if log.resolution == 0 or len(passed) < 4:
+        return None
+    places, edges = passed + 0.5, (log.theta[passed] + log.theta[passed + 1]) / 2
+    rows = np.clip(np.arange(log.rows), places[0], places[-1])
+    return CubicSpline(places, edges)(rows), places, edges
+
+
+def _rests_of(log: Log, inner: np.ndarray, places: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """After which edges the shaft rests, of those that stand beside two each way: the next one
+    takes much longer than these, which went on in one direction, and the spline goes on by more
+    than a count.
+    """
+    rows = np.arange(int(places[0]) + 1, int(places[-1]) + 1)
+    took, steps = np.diff(places), np.diff(edges)
+    far = np.abs(inner[rows] - log.theta[rows]) > log.resolution
+    found = np.unique(np.searchsorted(places, rows[far])) - 1
+    found = found[(found > 1) & (found < len(took) - 2)]
+    before, after = (found[:, None] + two for two in ((-2, -1), (1, 2)))
+    beside = np.maximum(took[before].max(axis=1), took[after].max(axis=1))
+    steady = (steps[before].prod(axis=1) > 0) & (steps[after].prod(axis=1) > 0)
+    resting: np.ndarray = found[steady & (took[found] > REST * beside)]
+    return resting if len(resting) >= FEW_RESTS else resting[:0]
+
+
+def _at_rest(log: Log, inner: np.ndarray, places: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Each rest at what was read, (rows,), NaN elsewhere; up to half a count the shaft goes on with
+    the speed it had.
+    """
+    rested, took = np.full(log.rows, np.nan), np.diff(places)
+    for k in _rests_of(log, inner, places, edges):
+        there = np.arange(int(places[k]) + 1, int(places[k + 1]) + 1)
+        begin, end = (min(took[k + side] / 2, took[k] / 3) for side in (-1, 1))
+        known = [places[k], places[k] + begin, places[k + 1] - end, places[k + 1]]
+        read = log.theta[there[0]]
+        rested[there] = np.interp(there, known, [edges[k], read, read, edges[k + 1]])
+    return rested
 
 
 def _within_count(theta: np.ndarray, log: Log) -> np.ndarray:

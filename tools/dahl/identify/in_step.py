@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student
 
-from dahl.identify import angle_noise, path, trial
+from dahl.identify import angle_noise, clean, path, trial
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
@@ -73,6 +73,8 @@ def _path_of(log: Log, rows: int) -> np.ndarray:
     """
     if not rows:
         return angle_noise.smoothed(log.theta)
+    if clean.rests(log):  # which no few harmonics draw
+        return clean.between_counts(log)
     whole = log.rows // rows
     waves = np.fft.rfft(log.theta[: whole * rows].reshape(whole, rows).mean(axis=0))
     beyond = np.sqrt(2 * np.cumsum(np.abs(waves[::-1]) ** 2)[::-1]) / rows  # from each one on

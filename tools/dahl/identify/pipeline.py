@@ -31,6 +31,7 @@ from dahl.identify import (
     plan_quality,
     play,
     recording,
+    ripple,
     sweep,
     torque_steps,
     turning,
@@ -243,6 +244,7 @@ def _checked(result: Result, options: Options) -> Result:
         *drift.findings(result.cycles),
         *lowpass.finding(result),
         *play.finding(result),
+        *ripple.finding(result, turn),
         *torque_steps.finding(result.raw, estimate),
         *angle_noise.finding(result, refit),
     ]

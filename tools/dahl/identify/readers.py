@@ -69,43 +69,46 @@ def read(path: Path, source: Source) -> Log:
     if path.stat().st_size == 0:
         raise Error(f"{path}: empty")
     if path.suffix.lower() in CAN_LOGS:
-        names, values = _read_can(path, source)
-    else:
-        names, values = _read_table(path, source)
-    return _log(path, source, names, values)
+        return _log(path, source, *_read_can(path, source))
+    return _log(path, source, *_read_table(path, source))
 
 
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _read_table(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
-    """Names and values by role: angle, torque and, where there is one, time."""
+Columns = tuple[dict[str, str], dict[str, np.ndarray], list[str]]  # names, values by role; notes
+
+
+def _read_table(path: Path, source: Source) -> Columns:
+    """Names and values of angle, torque and, where there is one, time."""
     frame, first = _frame(path)
     known = [str(name) for name in frame.columns]
-    names = _columns(path, source, known, ("angle", "torque", "time"))
+    names, notes = _columns(path, source, known, ("angle", "torque", "time"))
     places = {what: known.index(name) for what, name in names.items()}
     values = {
         what: _numbers(f"{path}", first, names[what], frame.iloc[:, place])
         for what, place in places.items()
     }
-    return names, _without_gaps(path, source, names, values, first)
+    return names, _without_gaps(path, source, names, values, first), notes
 
 
 def _columns(
     path: Path, source: Source, known: Sequence[str], sought: Sequence[str]
-) -> dict[str, str]:
-    """The names of the columns that are sought, by role, and of those of the load."""
+) -> tuple[dict[str, str], list[str]]:
+    """The names of the columns that are sought, by role, and of those of the load; with notes."""
     loads = {what: units.wanted(name, known, f"{path}") for what, name in source.loads.items()}
     free = [name for name in known if name not in loads.values()]
     found = {
         what: units.column(what, getattr(source, what), known, f"{path}", free) for what in sought
     }
-    names = {what: name for what, name in (found | loads).items() if name}
+    notes = [note for _, some in found.values() for note in some]
+    taken = {what: name for what, (name, _) in found.items()}
+    names = {what: name for what, name in (taken | loads).items() if name}
     for what, name in names.items():
         twice = next((other for other in names if other != what and names[other] == name), None)
         if twice:
             raise Error(f"{path}: column '{name}' cannot be both {what} and {twice}")
-    return names
+    return names, notes
 
 
 def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
@@ -253,9 +256,17 @@ def _vectors(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, np.nda
 
 
 def _from_parquet(path: Path) -> tuple[pandas.DataFrame, int]:
+    """The columns, the index among them where it has a name; times of day as s from the first."""
     import pandas as pd
 
-    return pd.read_parquet(path), 0
+    frame = pd.read_parquet(path)
+    if any(frame.index.names):
+        frame = frame.reset_index(allow_duplicates=True)
+    for place, kind in enumerate(frame.dtypes):
+        if kind.kind in "Mm":
+            moments = frame.iloc[:, place]
+            frame.isetitem(place, (moments - moments.iloc[0]).dt.total_seconds())
+    return frame, 0
 
 
 def _numbers(path: str, first: int, name: str, column: pandas.Series) -> np.ndarray:
@@ -295,7 +306,7 @@ def _without_gaps(
 # --- CAN logs -------------------------------------------------------------------------------------
 
 
-def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+def _read_can(path: Path, source: Source) -> Columns:
     """Names and values by role, out of frames or out of the channels of an MF4."""
     if source.dbc is None and path.suffix.lower() == ".mf4":
         return _from_channels(path, source)
@@ -307,7 +318,7 @@ def _read_can(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.
     for frame in logs.frames_of(path):
         if source.channel is None or str(frame.channel) == source.channel:
             signals.feed(frame)
-    return signals.columns, signals.values(path)
+    return signals.columns, signals.values(path), []
 
 
 def database_of(path: Path) -> cantools.database.Database:
@@ -349,8 +360,7 @@ class Signals:
 
     def _column(self, name: str) -> str:
         """A signal with its unit in the DBC, as columns are called."""
-        unit = self.take[name].get_signal_by_name(name).unit
-        return f"{name} [{unit}]" if unit else name
+        return _with_unit(name, self.take[name].get_signal_by_name(_signal(name)).unit)
 
     def feed(self, frame: can.Message) -> None:
         """Keep what a frame says of the signals, where that is within the range the DBC gives."""
@@ -436,25 +446,38 @@ def _values(
     except Exception:  # noqa: BLE001  (a frame of another kind under the same id)
         return
     for name in names:
-        signal = message.get_signal_by_name(name)
-        value = float(values.get(name, np.nan))
+        signal = message.get_signal_by_name(_signal(name))
+        value = float(values.get(signal.name, np.nan))
         low = -np.inf if signal.minimum is None else signal.minimum
         high = np.inf if signal.maximum is None else signal.maximum
         if low == high or low <= value <= high:
             yield name, value
 
 
-def _message_with(database: cantools.database.Database, signal: str) -> cantools.database.Message:
-    known: list[str] = []
-    for message in database.messages:
-        names = [one.name for one in message.signals]
-        if signal in names:
-            return message
-        known += names
-    raise Error(f"no signal '{signal}' in the DBC{logs.meant(signal, known)}")
+def _with_unit(name: str, unit: str | None) -> str:
+    """A name and the unit that a file gives beside it, as columns are called."""
+    return f"{name} [{unit}]" if unit else name
 
 
-def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str, np.ndarray]]:
+def _signal(name: str) -> str:
+    """A signal's own name, without the message that may stand before it."""
+    return name.rpartition(".")[2]
+
+
+def _message_with(database: cantools.database.Database, name: str) -> cantools.database.Message:
+    """The message of a SIGNAL, or MESSAGE.SIGNAL. Raises dahl.Error where there is not just one."""
+    within, _, signal = name.rpartition(".")
+    known = {one.name: [part.name for part in one.signals] for one in database.messages}
+    having = [one for one in known if signal in known[one] and within in ("", one)]
+    if len(having) > 1:
+        places = ", ".join(f"{one}.{signal}" for one in having)
+        raise Error(f"signal '{signal}' is in several messages, which one is it: {places}?")
+    if not having:
+        raise Error(f"no signal '{name}' in the DBC{logs.meant(name, sum(known.values(), []))}")
+    return database.get_message_by_name(having[0])
+
+
+def _from_channels(path: Path, source: Source) -> Columns:
     """An MF4 that holds measured channels in place of frames, by asammdf."""
     import logging
 
@@ -463,18 +486,23 @@ def _from_channels(path: Path, source: Source) -> tuple[dict[str, str], dict[str
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
         with logs.copies_of_its_own(path), MDF(path) as file:
-            known = sorted(set(file.channels_db) - {"t", "time", "timestamps"})
-            if "CAN_DataFrame" in known:  # raw frames, named as ASAM's bus logging does
+            if "CAN_DataFrame" in file.channels_db:  # raw frames, named as ASAM's bus logging does
                 raise Error(f"{path}: {NEEDS_DBC}")
-            names = _columns(path, source, known, ("angle", "torque"))
-            channels = {what: file.get(name) for what, name in names.items()}
+            places = _places_of_channels(file.channels_db)
+            names, notes = _columns(path, source, sorted(places), ("angle", "torque"))
+            channels = {what: file.get(None, *places[name]) for what, name in names.items()}
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
         sys.unraisablehook = lambda _: None  # its half-opened files complain again when collected
         words = " ".join(str(error).split())[:120] or type(error).__name__
         raise Error(f"{path}: broken, cut off or no MF4 ({words})") from None
-    return {**names, "time": CLOCK}, _together(path, channels)
+    for what, one in channels.items():
+        if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
+            raise Error(f"{path}: channel '{names[what]}' holds no numbers")
+    names = {what: _with_unit(name, channels[what].unit) for what, name in names.items()}
+    names["time"] = CLOCK
+    return names, _without_gaps(path, source, names, _together(path, channels), 0), notes
 
 
 def _together(path: Path, channels: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -495,13 +523,29 @@ def _together(path: Path, channels: Mapping[str, Any]) -> dict[str, np.ndarray]:
     return {what: np.asarray(one, dtype=float)[here] for what, one in values.items()}
 
 
+def _places_of_channels(
+    channels: Mapping[str, Sequence[tuple[int, int]]],
+) -> dict[str, tuple[int, int]]:
+    """Group and index of each channel but the clocks, by a name that it has alone."""
+    found = {}
+    for name in channels.keys() - {"t", "time", "timestamps"}:
+        alone = len(channels[name]) == 1
+        for group, index in channels[name]:
+            found[name if alone else f"group {group}: {name}"] = group, index
+    return found
+
+
 # --- units ----------------------------------------------------------------------------------------
 
 
 def _log(
-    path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]
+    path: Path | str,
+    source: Source,
+    names: dict[str, str],
+    values: dict[str, np.ndarray],
+    found: Sequence[str] = (),
 ) -> Log:
-    """Units applied, wraps undone, time checked."""
+    """Units applied, wraps undone, time checked; `found` are notes from the reading."""
     if len(values["angle"]) < 2:
         raise Error(f"{path}: {len(values['angle'])} rows; a log has more than one")
     torque, notes = _signed(values["torque"])
@@ -519,7 +563,7 @@ def _log(
     if _wraps(theta, unit, counts):
         theta = np.unwrap(theta, period=_turn(unit, counts))
         notes.append("angle wraps at a turn: unwrapped")
-    notes += [*more, *also, *clock]
+    notes = [*found, *notes, *more, *also, *clock]
     if unit == "counts":
         if not counts:
             raise Error(f"{path}: an angle in counts needs --counts-per-turn")

@@ -12,6 +12,7 @@ from dahl.logs import meant
 
 ANGLES = {  # rad or m per unit, linear or not
     "deg": (math.pi / 180, False),
+    "mdeg": (math.pi / 180e3, False),
     "rad": (1.0, False),
     "mrad": (1e-3, False),
     "urad": (1e-6, False),
@@ -24,6 +25,7 @@ ANGLES = {  # rad or m per unit, linear or not
     "mm": (1e-3, True),
     "um": (1e-6, True),
     "in": (0.0254, True),
+    "ft": (0.3048, True),
 }
 TORQUES = {  # N m or N per unit
     "Nm": 1.0,
@@ -32,6 +34,8 @@ TORQUES = {  # N m or N per unit
     "cNm": 1e-2,
     "kNm": 1e3,
     "MNm": 1e6,
+    "kgfcm": 0.0980665,
+    "gfcm": 9.80665e-5,
     "ozin": 0.00706155183,
     "lbin": 0.112984829,
     "lbft": 1.3558179483,
@@ -40,10 +44,12 @@ TORQUES = {  # N m or N per unit
     "uN": 1e-6,
     "kN": 1e3,
     "MN": 1e6,
+    "kgf": 9.80665,
+    "gf": 9.80665e-3,
     "lb": 4.4482216153,
     "kip": 4448.2216153,
 }
-FORCE_UNITS = ("N", "mN", "uN", "kN", "MN", "lb", "kip")
+FORCE_UNITS = ("N", "mN", "uN", "kN", "MN", "kgf", "gf", "lb", "kip")
 TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "ns": 1e-9}  # s per unit
 SAME = {
     "second": "s",
@@ -73,6 +79,10 @@ SAME = {
     "inoz": "ozin",
     "ozfin": "ozin",
     "lbf": "lb",
+    "kgcm": "kgfcm",
+    "gcm": "gfcm",
+    "inch": "in",
+    "inches": "in",
 }
 PAIRED = r"lb|oz|nm$"  # two words that are one unit
 SIGNS = str.maketrans({**dict.fromkeys(" *-.·⋅"), **dict.fromkeys("µμ", "u")})
@@ -85,7 +95,9 @@ COLUMNS = {  # what a column is called when nobody says which one it is
     "time": r"^time|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",  # T and T_degC are none
 }
 
-RATES = r"(?<![a-z])(vel|speed|rate|dot)|theta_?dot"  # of an angle, which is none
+DERIVED = (  # of an angle or a torque, which are none: rates and what a controller lacks
+    r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
+)
 ASKED = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"  # what was wanted, not measured
 FORCES = r"force|load"  # which a torque may be called too
 
@@ -135,20 +147,25 @@ def named(value: str, known: Mapping[str, object], option: str) -> str:
 
 def column(
     what: str, given: str, names: Sequence[str], place: str, free: Sequence[str] | None = None
-) -> str:
+) -> tuple[str, list[str]]:
     """The name of a column: the one given (by name, or by number from 1), else the first whose name
     says so, of those that are free for it (all by default); a measured one before one that was
-    wanted, a torque before a force. Raises dahl.Error.
+    wanted, a torque before a force. With a note where others say so as well. Raises dahl.Error.
     """
     if given:
-        return wanted(given, names, place)
+        return wanted(given, names, place), []
     free = names if free is None else free
     fitting = [name for name in free if re.search(COLUMNS[what], name, re.IGNORECASE)]
-    if what == "angle":
-        fitting = [name for name in fitting if not re.search(RATES, name, re.IGNORECASE)]
-    if fitting or what == "time":
-        return min(fitting, key=_doubt, default="")
-    raise Error(f"{place}: which column is the {what}? Name it with --{what}{meant(what, names)}")
+    if what == "time":
+        return next(iter(fitting), ""), []
+    fitting = [name for name in fitting if not re.search(DERIVED, name, re.IGNORECASE)]
+    if not fitting:
+        raise Error(
+            f"{place}: which column is the {what}? Name it with --{what}{meant(what, names)}"
+        )
+    first, *others = [one for one in fitting if _doubt(one) == min(map(_doubt, fitting))]
+    beside = " or ".join(f"'{one}'" for one in others)
+    return first, [f"{what} taken from '{first}', not from {beside} (--{what})"] * bool(others)
 
 
 def _doubt(name: str) -> int:
