@@ -232,10 +232,11 @@ def test_where_a_measured_log_is_looked_for(tmp_path):
 
 def test_the_summary_says_what_was_run(tmp_path):
     path = scene(tmp_path, "[scene]\ntitle = A shaft", FRICTION, MOTION, STATUS)
-    words = ("--seed", "9", "--seconds", "0.02")
+    seed = 2**64 - 59  # more than a double holds
+    words = ("--seed", seed, "--seconds", "0.02")
     for time, options in (("real", ()), ("virtual", ("--virtual", "--bus", "socketcand:0"))):
         said = run(tmp_path / time, path, *words, *options).summary
-        assert (said["time"], said["seed"], said["ticks"]) == (time, 9, 20)
+        assert (said["time"], said["seed"], said["ticks"]) == (time, seed, 20)
         assert (said["title"], said["scene"]) == ("A shaft", str(path))
         assert said["bus"] == (options[2] if options else "loopback")
         assert ("beat_late_us" in said) == ("latency_us" in said) == (time == "real")
