@@ -521,6 +521,7 @@ CREEP = ["--scene", str(SCENES / "creep.ini")]
 OPTION_ERRORS = [
     ([], "no --scene FILE"),
     ([*STEERING, "--frobnicate"], "unknown option --frobnicate"),
+    ([*STEERING, "-xy"], "unknown option -x;"),
     ([*STEERING, "extra"], "unexpected argument extra"),
     ([*STEERING, "--seed"], "--seed needs a value"),
     ([*STEERING, "--role", "boss"], "--role boss: not one of both, encoder, node"),
