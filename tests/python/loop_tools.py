@@ -55,17 +55,8 @@ class Run:
 
 
 def command(folder: Path, scene: Path | str, *options: str) -> list[str]:
-    log, summary = folder / "run.log", folder / "summary.json"
-    return [
-        program(),
-        "--scene",
-        str(scene),
-        "--log",
-        str(log),
-        "--summary",
-        str(summary),
-        *map(str, options),
-    ]
+    files = ("--log", folder / "run.log", "--summary", folder / "summary.json")
+    return [program(), *map(str, ("--scene", scene, *files, *options))]
 
 
 def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Run:
