@@ -82,13 +82,13 @@ def test_each_model_answers_as_the_program_does(tmp_path, model):
     path = tmp_path / "model.ini"
     path.write_text(
         f"[friction]\nmodel = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
-        "gain = 0.9\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
+        "gain = 0.91\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
         "[motion]\nkind = steering\namplitude = 900\nsweep_s = 0.7\nhold_s = 0.1\n"
         "tremor = 20\ntremor_s = 0.05\nseconds = 1.5\n[status]\nperiod_ms = 70\n"
     )
     result = run(tmp_path, path, "--virtual")
     assert result.code == 0, result.err
-    settings = {"gain": 0.9, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
+    settings = {"gain": 0.91, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
     program, here = replayed(result.log, dahl.Node(MODELS[model][1], **settings))
     assert len(program) > 1500
     assert here == program
