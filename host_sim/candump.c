@@ -45,7 +45,7 @@ static char *put_data(char *at, const dahl_can_frame_t *frame)
 {
     if ((frame->flags & DAHL_CAN_FRAME_REMOTE) != 0) {
         *at++ = 'R';
-        return at;
+        return frame->length > 0 ? put_hex(at, frame->length, 1) : at; /* bytes that are asked for */
     }
     for (size_t i = 0; i < frame->length; i++) {
         at = put_hex(at, frame->data[i], 2);

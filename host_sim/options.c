@@ -193,6 +193,9 @@ static int take(options_t *options, int which, char **argv)
     if (which == ':') {
         return log_error("%s needs a value", argv[optind - 1]);
     }
+    if (which == '?' && optopt > 0 && optopt < OPTION_FIRST) { /* one letter, of which there may be more in its word */
+        return log_error("unknown option -%c; see dahl-loop --help", optopt);
+    }
     if (which == '?') {
         return log_error("unknown option %s; see dahl-loop --help", argv[optind - 1]);
     }

@@ -54,13 +54,21 @@ static void add_bins(cJSON *to, const char *name, const histogram_t *histogram)
     }
 }
 
+/* Of 64 bits, all of which a second run needs: more than a double holds. */
+static void add_seed(cJSON *to, uint64_t seed)
+{
+    char text[24];
+    snprintf(text, sizeof text, "%llu", (unsigned long long)seed);
+    cJSON_AddRawToObject(to, "seed", text);
+}
+
 static void add_run(cJSON *to, const options_t *options, const scene_t *scene, const loop_t *loop)
 {
     add_text(to, "bus", options->bus);
     add_text(to, "scene", options->scene);
     cJSON_AddStringToObject(to, "title", scene->title);
     cJSON_AddStringToObject(to, "time", options->is_virtual ? "virtual" : "real");
-    add_count(to, "seed", options->seed);
+    add_seed(to, options->seed);
     add_count(to, "ticks", loop->ticks);
 }
 

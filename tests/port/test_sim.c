@@ -207,12 +207,13 @@ static void test_each_kind_of_frame_is_a_line_that_candump_would_write(void)
         {.time_us = 999999, .id = 0x1ABCDEF, .flags = DAHL_CAN_FRAME_EXTENDED, .length = 1, .data = {1}},
         {.time_us = 1000000, .id = 0x7FF, .length = 0},
         {.time_us = 1000010, .id = 0x100, .flags = DAHL_CAN_FRAME_REMOTE, .length = 8},
+        {.time_us = 1000011, .id = 0x100, .flags = DAHL_CAN_FRAME_REMOTE},
         {.time_us = 1000011, .id = 0x101, .flags = DAHL_CAN_FRAME_FD, .length = 2, .data = {0x12, 3}},
         {.time_us = 1000012, .id = 0x40, .flags = DAHL_CAN_FRAME_ERROR, .length = 1, .data = {0x99}},
     };
     const char want[] = "(1234567890.000001) vcan0 01F#0AFF\n(0000000000.999999) vcan0 01ABCDEF#01\n"
-                        "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R\n"
-                        "(0000000001.000011) vcan0 101##01203\n(0000000001.000012) vcan0 20000040#99\n";
+                        "(0000000001.000000) vcan0 7FF#\n(0000000001.000010) vcan0 100#R8\n"
+                        "(0000000001.000011) vcan0 100#R\n(0000000001.000011) vcan0 101##01203\n(0000000001.000012) vcan0 20000040#99\n";
     char text[sizeof want + 1] = "";
     static candump_t log;
     FILE *file = tmpfile();

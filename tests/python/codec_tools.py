@@ -17,19 +17,8 @@ KINDS = {
     "Reset": ("reset", 0xA),
 }
 ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
-PARAMS = (
-    "Sigma0",
-    "Fc",
-    "ThetaPerCount",
-    "Gain",
-    "Limit",
-    "Ramp",
-    "Timeout",
-    "MaxStep",
-    "StatusPeriod",
-    "Model",
-    "Load",
-)
+PARAMS = ["Sigma0", "Fc", "ThetaPerCount", "Gain", "Limit", "Ramp", "Timeout", "MaxStep"]
+PARAMS += ["StatusPeriod", "Model", "Load"]
 
 
 class Frame(ctypes.Structure):
@@ -52,26 +41,19 @@ class EncoderState(ctypes.Structure):
 
 def signals_of(kind: str, s: Any, crc: int) -> dict[str, int]:
     """Raw signal values by their names in the DBC."""
+    head = {"Crc": crc, "Counter": s.counter}
     if kind == "EncoderState":
-        return {"Crc": crc, "Counter": s.counter, "Valid": int(s.valid), "Count": s.count}
+        return {**head, "Valid": int(s.valid), "Count": s.count}
     if kind == "FrictionTorque":
-        return {
-            "Crc": crc,
-            "Counter": s.counter,
-            "State": s.state,
-            "EchoCounter": s.echo,
-            "TorqueRatio": s.torque_q30,
-        }
+        return {**head, "State": s.state, "EchoCounter": s.echo, "TorqueRatio": s.torque_q30}
     if kind.startswith("Param"):
         high = {"Write": s.write} if kind == "ParamWrite" else {"Result": s.result}
-        value = {PARAMS[s.param]: s.value}
-        return {"Crc": crc, "Counter": s.counter, **high, "Param": s.param, **value}
+        return {**head, **high, "Param": s.param, PARAMS[s.param]: s.value}
     if kind == "Reset":
-        return {"Crc": crc, "Counter": s.counter, "What": s.what}
+        return {**head, "What": s.what}
     errors = {f"Error{name}": s.errors >> bit & 1 for bit, name in enumerate(ERRORS)}
     return {
-        "Crc": crc,
-        "Counter": s.counter,
+        **head,
         "State": s.state,
         **errors,
         "Lost": s.lost,

@@ -23,7 +23,9 @@ from conftest import ROOT, built
 logging.getLogger("can").setLevel(logging.CRITICAL)  # it warns at every piece of a TCP stream
 
 SCENES = ROOT / "host_sim" / "scenes"
-LINE = re.compile(r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R)")
+LINE = re.compile(
+    r"\((\d{10}\.\d{6})\) (\S+) ([0-9A-F]{3}|[0-9A-F]{8})#((?:[0-9A-F]{2}){0,8}|R[1-8]?)"
+)
 
 
 def program() -> str:
@@ -53,17 +55,8 @@ class Run:
 
 
 def command(folder: Path, scene: Path | str, *options: str) -> list[str]:
-    log, summary = folder / "run.log", folder / "summary.json"
-    return [
-        program(),
-        "--scene",
-        str(scene),
-        "--log",
-        str(log),
-        "--summary",
-        str(summary),
-        *map(str, options),
-    ]
+    files = ("--log", folder / "run.log", "--summary", folder / "summary.json")
+    return [program(), *map(str, ("--scene", scene, *files, *options))]
 
 
 def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Run:
@@ -173,7 +166,7 @@ def read_log(path: Path) -> list[Logged]:
         Logged(
             float(m[1]),
             int(m[3], 16),
-            b"" if m[4] == "R" else bytes.fromhex(m[4]),
+            b"" if m[4].startswith("R") else bytes.fromhex(m[4]),
             len(m[3]) == 8,
         )
         for m in matches

@@ -7,6 +7,7 @@ import ctypes
 import random
 import re
 from pathlib import Path
+from typing import Any
 
 import cantools
 import pytest
@@ -18,71 +19,21 @@ from e2e import p02
 ROUNDS = 5000
 
 
-class FrictionTorque(ctypes.Structure):
-    """dahl_friction_torque_t."""
-
-    _fields_ = [
-        ("torque_q30", ctypes.c_int32),
-        ("counter", ctypes.c_uint8),
-        ("state", ctypes.c_uint8),
-        ("echo", ctypes.c_uint8),
-    ]
+def structure(*names: str, word: Any = None) -> type[ctypes.Structure]:
+    """Of bytes; where there is a word, it is the first."""
+    first, *others = [(name, ctypes.c_uint8) for name in names]
+    head = (first[0], word) if word else first
+    return type("Structure", (ctypes.Structure,), {"_fields_": [head, *others]})
 
 
-STATUS = (
-    "counter",
-    "state",
-    "errors",
-    "lost",
-    "corrupt",
-    "out_of_step",
-    "version_major",
-    "version_minor",
-    "timeout",
-)
-
-
-class Status(ctypes.Structure):
-    """dahl_node_status_t."""
-
-    _fields_ = [(name, ctypes.c_uint8) for name in STATUS]
-
-
-class ParamWrite(ctypes.Structure):
-    """dahl_param_write_t."""
-
-    _fields_ = [
-        ("value", ctypes.c_uint32),
-        ("counter", ctypes.c_uint8),
-        ("param", ctypes.c_uint8),
-        ("write", ctypes.c_uint8),
-    ]
-
-
-class ParamReply(ctypes.Structure):
-    """dahl_param_reply_t."""
-
-    _fields_ = [
-        ("value", ctypes.c_uint32),
-        ("counter", ctypes.c_uint8),
-        ("param", ctypes.c_uint8),
-        ("result", ctypes.c_uint8),
-    ]
-
-
-class Reset(ctypes.Structure):
-    """dahl_node_reset_t."""
-
-    _fields_ = [("counter", ctypes.c_uint8), ("what", ctypes.c_uint8)]
-
-
+COUNTS = ("lost", "corrupt", "out_of_step", "version_major", "version_minor", "timeout")
 STRUCTS = {
     "EncoderState": EncoderState,
-    "FrictionTorque": FrictionTorque,
-    "Status": Status,
-    "ParamWrite": ParamWrite,
-    "ParamReply": ParamReply,
-    "Reset": Reset,
+    "FrictionTorque": structure("torque_q30", "counter", "state", "echo", word=ctypes.c_int32),
+    "Status": structure("counter", "state", "errors", *COUNTS),
+    "ParamWrite": structure("value", "counter", "param", "write", word=ctypes.c_uint32),
+    "ParamReply": structure("value", "counter", "param", "result", word=ctypes.c_uint32),
+    "Reset": structure("counter", "what"),
 }
 # Signals whose range the meaning bounds, not the number of bits.
 BOUNDED = ("TorqueRatio", "Write", *PARAMS[PARAMS.index("Gain") :], "Param")
@@ -105,14 +56,14 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
     if kind == "EncoderState":
         return EncoderState(word, nibble(), rng.random() < 0.5)
     if kind == "FrictionTorque":
-        return FrictionTorque(word, nibble(), nibble(), nibble())
+        return STRUCTS[kind](word, nibble(), nibble(), nibble())
     if kind.startswith("Param"):
         high = rng.randrange(4) if kind == "ParamWrite" else nibble()
         return STRUCTS[kind](word & 0xFFFFFFFF, nibble(), rng.randrange(len(PARAMS)), high)
     if kind == "Reset":
-        return Reset(nibble(), nibble())
+        return STRUCTS[kind](nibble(), nibble())
     counts = [byte() for _ in range(4)]
-    return Status(nibble(), nibble(), *counts, nibble(), nibble(), byte())
+    return STRUCTS[kind](nibble(), nibble(), *counts, nibble(), nibble(), byte())
 
 
 def pack(codec: ctypes.CDLL, kind: str, values: ctypes.Structure, node: int = 0) -> Frame:

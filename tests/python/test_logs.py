@@ -116,6 +116,7 @@ def test_candump_round_trip(written):
             timestamp=2,
             arbitration_id=0x7FF,
             is_remote_frame=True,
+            dlc=5,
             is_extended_id=False,
             channel="vcan0",
         ),
@@ -124,7 +125,7 @@ def test_candump_round_trip(written):
     assert lines.splitlines()[0] == "(0000000000.001000) vcan0 100#0000000000000000"
     back = logs.read_candump(written(lines, "run.log"))
     assert [m.arbitration_id for m in back] == [m.arbitration_id for m in sent]
-    assert [bytes(m.data) for m in back] == [bytes(m.data) for m in sent]
+    assert [(bytes(m.data), m.dlc) for m in back] == [(bytes(m.data), m.dlc) for m in sent]
     assert np.allclose([m.timestamp for m in back], [m.timestamp for m in sent])
 
 

@@ -150,14 +150,17 @@ def test_the_errors_of_the_summary_are_those_of_the_trace(tmp_path, side):
 
 @pytest.mark.parametrize(("kp", "kd"), [(60, 0), (0, 2)])
 def test_the_controller_is_proportional_and_derivative(tmp_path, kp, kd):
-    """On a heavy shaft, which hardly follows. What is made of the error's rate adds up to it."""
+    """On a heavy shaft, which hardly follows. What is made of the error's rate adds up to it, by
+    the filter 4 ticks later.
+    """
     sets = ("rotor.inertia=1e6", "friction.gain=0", "control.torque_limit=1e9")
     trace, _ = traced(tmp_path, "parking", *sets, f"control.kp={kp}", f"control.kd={kd}")
     error = trace["reference"] - trace["angle"]
     made = trace["motor"] if kp else np.cumsum(trace["motor"]) * 1e-3
-    bound = 60 * 2e-7 if kp else 0.06  # half a count; 5 ms of the fastest motion
+    late, bound = (0, 60 * 2e-7) if kp else (4, 5e-4)  # half a count; how the speed changes
     assert np.abs(error).max() > 1
-    assert np.abs(made - (kp + kd) * error).max() < bound
+    due = np.concatenate([np.zeros(late), (kp + kd) * error])[: len(made)]
+    assert np.abs(made - due).max() < bound
 
 
 def test_the_motor_gives_no_more_than_its_limit(tmp_path):
@@ -198,14 +201,9 @@ def test_the_loop_survives_a_storm(tmp_path):
     assert rough["control"]["rms_error_rad"] < 1.3 * calm["control"]["rms_error_rad"]
 
 
-def test_the_same_in_two_runs_and_only_what_is_named(tmp_path):
-    """Byte for byte; and a scene without a rotor has none."""
-    logs = [run(tmp_path / name, SCENES / "parking.ini", "--virtual") for name in "ab"]
-    assert logs[0].log.read_bytes() == logs[1].log.read_bytes()
-    assert "control" in logs[0].summary
-    plain = run(tmp_path / "c", SCENES / "segments.ini", "--virtual")
+def test_a_scene_without_a_rotor_has_none(tmp_path):
+    plain = run(tmp_path, SCENES / "segments.ini", "--virtual")
     assert not {"control", "faults", "bus_load"} & plain.summary.keys()
-    assert len(torques_of(read_log(logs[0].log))) == 30000
 
 
 @pytest.mark.parametrize(
@@ -217,8 +215,7 @@ def test_the_same_in_two_runs_and_only_what_is_named(tmp_path):
 )
 def test_a_shaft_that_runs_away_is_told(tmp_path, scene, sets):
     """Beyond 2^53 counts: an error, and what was sent before is in the log."""
-    words = setting(*sets)
-    result = run(tmp_path, SCENES / f"{scene}.ini", "--virtual", *words)
+    result = run(tmp_path, SCENES / f"{scene}.ini", "--virtual", *setting(*sets))
     assert result.code == 2
     start = r"error: \[rotor\] after 0\.\d+ s: the shaft is at \S+ rad, "
     assert re.fullmatch(start + r"\S+ counts: outside \+-2\^53\n", result.err)
@@ -227,8 +224,8 @@ def test_a_shaft_that_runs_away_is_told(tmp_path, scene, sets):
 
 def test_a_shaft_may_go_as_far_as_its_limit(tmp_path):
     """At a thousandth of the way a tick, the one that is told is just beyond."""
-    sets = ["--set", "motor.bias=2e9"]  # against the viscous friction: 4e9 rad/s
-    result = run(tmp_path, SCENES / "creep.ini", "--virtual", *sets)
+    fast = setting("motor.bias=2e9")  # against the viscous friction: 4e9 rad/s
+    result = run(tmp_path, SCENES / "creep.ini", "--virtual", *fast)
     counts = float(re.search(r"(\S+) counts: outside", result.err)[1])
     assert 2**53 < counts < 1.002 * 2**53
 

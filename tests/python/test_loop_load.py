@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
-from loop_tools import SCENES, read_log, run
+from loop_tools import SCENES, read_log, run, setting
 
 STEERING = SCENES / "steering.ini"
 
@@ -62,7 +64,7 @@ def test_a_bus_is_full_at_most(tmp_path, seconds):
 
 @pytest.mark.parametrize(
     ("nodes", "rate", "warned"),
-    [(2, 1000000, False), (3, 1000000, True), (2, 720000, False), (2, 500000, True)],
+    [(2, 1000000, False), (3, 1000000, True), (2, 700000, False), (2, 680000, True)],
 )
 def test_a_load_above_70_percent_is_said_once(tmp_path, nodes, rate, warned):
     options = ("--virtual", "--nodes", nodes, "--bitrate", rate, "--seconds", "3")
@@ -70,8 +72,10 @@ def test_a_load_above_70_percent_is_said_once(tmp_path, nodes, rate, warned):
     assert result.code == 0
     assert (result.summary["bus_load_peak"] > 0.7) == warned
     assert result.summary["bus_load_peak"] == pytest.approx(result.summary["bus_load"], rel=0.05)
-    assert result.err.count("note: bus load") == int(warned)
-    assert result.err.count("\n") == int(warned)
+    words = f"% at {rate} bit/s: above 70 %, frames will wait for each other"
+    told = [int(load) for load in re.findall(rf"^note: bus load (\d+) {words}$", result.err, re.M)]
+    assert told == [pytest.approx(100 * result.summary["bus_load_peak"], abs=1.5)] * warned
+    assert result.err.count("\n") == warned
     assert result.summary["frames_lost"] == 0
 
 
@@ -100,34 +104,23 @@ def test_the_histogram_is_the_latencies(tmp_path, nodes, seconds):
 
 def test_sixteen_nodes_in_virtual_time(tmp_path):
     """Every node has its own encoder and its own torque."""
-    result = run(tmp_path, STEERING, "--virtual", "--nodes", "16", "--seconds", "5")
+    options = ("--virtual", "--nodes", "16", "--seconds", "5")
+    result = run(tmp_path, STEERING, *options)
     summary = result.summary
     assert summary["frames_sent"] == summary["frames_answered"] == summary["node"]["ok"] == 80_000
     assert summary["max_rss_kib"] < 16 * 1024
     assert summary["node"]["ignored"] == 0
     ids = {frame.id for frame in read_log(result.log)}
     assert ids == {kind + node for kind in (0x100, 0x110, 0x120) for node in range(16)}
-
-
-def test_sixteen_nodes_are_20_times_as_fast_as_real_time(tmp_path):
-    """The best of five runs, as the machine has other work too."""
-    options = ("--virtual", "--nodes", "16", "--seconds", "5")
-    summaries = (run(tmp_path, STEERING, *options).summary for _ in range(5))
-    assert any(summary["realtime_factor"] >= 20 for summary in summaries)
-
-
-def test_one_node_of_many_is_the_one_that_runs_alone(tmp_path):
-    """The first encoder's seed is the run's, so its frames are those of a run with one node."""
-    log = read_log(run(tmp_path / "a", STEERING, "--virtual", "--nodes", "5", "--seconds", "2").log)
-    alone = read_log(run(tmp_path / "b", STEERING, "--virtual", "--seconds", "2").log)
-    assert [frame for frame in log if frame.id & 15 == 0] == alone
+    runs = (run(tmp_path, STEERING, *options).summary for _ in range(5))  # the best of them
+    assert any(summary["realtime_factor"] >= 20 for summary in runs)
 
 
 @pytest.mark.parametrize("model", ["dahl", "slip"])
 def test_each_of_many_runs_as_it_would_alone(tmp_path, model):
     """Seeds go on from the first one's: motion, faults and bristles are each node's own."""
     many = {"sigma0": "100 60", "Fc": "1 0.5", "model": "slip"} if model == "slip" else {}
-    words = [word for key, value in many.items() for word in ("--set", f"friction.{key}={value}")]
+    words = setting(*(f"friction.{key}={value}" for key, value in many.items()))
     storm = SCENES / "fault-storm.ini"
     common = ("--virtual", "--seconds", "4", "--set", "faults.bus_off=0", *words)
     three = run(tmp_path / "three", storm, *common, "--nodes", "3", "--set", "friction.node=4")
@@ -176,10 +169,8 @@ def test_the_last_answers_come_on_a_bus_that_takes_time(tmp_path):
 @pytest.mark.timeout(700)
 def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
     """Real time, on the bus that is the default here: nothing lost, p99 below one period."""
-    options = ("--bus", "socketcand:0", "--nodes", "4", "--seconds", str(seconds))
-    path = tmp_path / "scene.ini"
-    path.write_text(STEERING.read_text().replace("seconds = 30", f"seconds = {seconds}"))
-    result = run(tmp_path / "run", path, *options, timeout=680)
+    options = ("--bus", "socketcand:0", "--nodes", "4", *setting(f"motion.seconds={seconds}"))
+    result = run(tmp_path, STEERING, *options, timeout=680)
     summary = result.summary
     assert result.code == 0, result.err
     assert summary["frames_sent"] == summary["frames_answered"] == 4000 * seconds

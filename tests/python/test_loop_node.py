@@ -29,6 +29,7 @@ class Encoder:
 
     def __init__(self, bus: can.BusABC, database: cantools.database.Database) -> None:
         self.bus, self.database = bus, database
+        self.number = 0  # of the node
         self.w = mpmath.mpf(0)
         self.count = 0
 
@@ -38,7 +39,7 @@ class Encoder:
         data = bytearray(message.encode(signals))
         p02.e2e_p02_protect(data, IDS)  # counts the counter up
         fields = {
-            "arbitration_id": message.frame_id,
+            "arbitration_id": message.frame_id | self.number,
             "data": data,
             "is_extended_id": False,
             **changes,
@@ -57,7 +58,7 @@ class Encoder:
         """The next FrictionTorque, decoded; None if there is none in time."""
         until = time.monotonic() + 2
         while (message := self.bus.recv(2)) is not None and time.monotonic() < until:
-            if message.arbitration_id == 0x110:
+            if message.arbitration_id == 0x110 | self.number:
                 return self.database.decode_message("FrictionTorque", message.data)
         return None
 

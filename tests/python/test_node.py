@@ -82,13 +82,13 @@ def test_each_model_answers_as_the_program_does(tmp_path, model):
     path = tmp_path / "model.ini"
     path.write_text(
         f"[friction]\nmodel = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
-        "gain = 0.9\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
+        "gain = 0.91\nlimit = 0.85\nramp_ms = 300\nmax_step = 5000\n"
         "[motion]\nkind = steering\namplitude = 900\nsweep_s = 0.7\nhold_s = 0.1\n"
         "tremor = 20\ntremor_s = 0.05\nseconds = 1.5\n[status]\nperiod_ms = 70\n"
     )
     result = run(tmp_path, path, "--virtual")
     assert result.code == 0, result.err
-    settings = {"gain": 0.9, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
+    settings = {"gain": 0.91, "limit": 0.85, "ramp": 0.3, "max_step": 5000, "status_period": 0.07}
     program, here = replayed(result.log, dahl.Node(MODELS[model][1], **settings))
     assert len(program) > 1500
     assert here == program
@@ -604,9 +604,35 @@ def test_a_scene_names_the_same_node(tmp_path, model):
         **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},
         status_period=0.04,
     )
-    path.write_text(f"[friction]\n{words}".replace(f"model = {model}", "model = dhal"))
-    with pytest.raises(dahl.Error, match=r"\[friction\] model = dhal is none of dahl, slip"):
+
+
+SLIP = "model = slip\nsigma0 = 100 40"
+MIX = "model = parallel\nsigma0 = 100 40\nFc = 0.5 0.3"
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("model = dhal\nsigma0 = 1\nFc = 1", "model = dhal is none of dahl, slip"),
+        ("sigma0 = 100\nFc = 0.5\ngian = 0.2", "has no key 'gian' (known: model, sigma0, Fc"),
+        ("sigma0 = 100\nFc = 1\n[status]\nperiod = 9", "has no key 'period' (known: period_ms)"),
+        ("sigma0 = 100 40\nFc = 0.5 0.3", "sigma0 has 2 numbers and Fc 2: not those of dahl"),
+        (f"{SLIP}\nFc = 0.5", "sigma0 has 2 numbers and Fc 1: not those of slip"),
+        ("model = asymmetric\nsigma0 = 1\nFc = 1", "Fc 1: not those of asymmetric"),
+        (f"{SLIP}\nFc = 1 1\nkinds = slip slip", "kinds has no meaning for model = slip"),
+        ("sigma0 = 1\nFc = 1\nbreakaway = 0.5", "breakaway has no meaning for model = dahl"),
+        (f"{MIX}\nkinds = dahl", "kinds = dahl: not dahl or slip for each of 2"),
+        (f"{MIX}\nkinds = dahl slpi", "kinds = dahl slpi: not dahl or slip for each of 2"),
+        (MIX, "kinds = : not dahl or slip for each of 2"),
+        ("theta_per_count = 1", "has no sigma0 and Fc"),
+    ],
+)
+def test_a_scene_that_dahl_loop_refuses_makes_no_node(tmp_path, keys, words):
+    """Half of it would answer other torques than the user meant."""
+    (path := tmp_path / "scene.ini").write_text(f"[friction]\n{keys}\n")
+    with pytest.raises(dahl.Error) as caught:
         scene.element(scene.read(path))
+    assert str(caught.value).startswith(f"{path}: [") and words in str(caught.value)
 
 
 def test_what_needs_python_can_says_so(monkeypatch):

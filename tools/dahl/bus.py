@@ -221,7 +221,7 @@ def candump_line(message: can.Message) -> str:
             if message.is_fd
             else "#"
         )
-    data = "R" if message.is_remote_frame else message.data.hex().upper()
+    data = f"R{message.dlc or ''}" if message.is_remote_frame else message.data.hex().upper()
     return f"({message.timestamp:017.6f}) {bus} {head}{form}{data}\n"
 
 

@@ -35,6 +35,12 @@ UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
 NODE_KEYS = ("gain", "limit", "ramp_ms", "timeout_ms", "max_step")  # of [friction]
 
 MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
+ONE = {"dahl": (1, 1), "elastoplastic": (1, 1), "loaded": (1, 1), "asymmetric": (1, 2)}  # element
+OWN_KEYS = {"kinds": "parallel", "breakaway": "elastoplastic"}  # of one model alone
+KNOWN_KEYS = {  # of the sections that a node is made of
+    "friction": ("model", "sigma0", "Fc", "theta_per_count", "node", *OWN_KEYS, *NODE_KEYS),
+    "status": ("period_ms",),
+}
 
 
 @dataclass
@@ -82,6 +88,7 @@ class Scene:
     friction: dict[str, float] = field(default_factory=dict)  # other keys that it has, numbers
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
+    refusal: str = ""  # why dahl-loop makes no node of it; only element() looks at it
 
     @property
     def name(self) -> str:
@@ -111,8 +118,8 @@ class Scene:
 def element(scene: Scene) -> node.Friction:
     """What a Node of this scene is made of. Raises dahl.Error for parameters that no node takes."""
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
-    if not scene.elements:
-        raise Error(f"{scene.path}: [friction] has no sigma0 and Fc")
+    if scene.refusal:
+        raise Error(f"{scene.path}: {scene.refusal}")
     if scene.model == "slip":
         return parts.Slip(sigma0, torques, scene.theta_per_count)
     if scene.model == "asymmetric":
@@ -125,9 +132,7 @@ def element(scene: Scene) -> node.Friction:
         return parts.Parallel(*map(_part, scene.kinds, plans))
     if scene.model == "loaded":
         return variants.Loaded(plans[0])
-    if scene.model == "dahl":
-        return plans[0]
-    raise Error(f"{scene.path}: [friction] model = {scene.model} is none of {', '.join(MODELS)}")
+    return plans[0]
 
 
 def _part(kind: str, plan: core.Plan) -> core.Friction | parts.Slip:
@@ -172,6 +177,7 @@ def read(path: Path) -> Scene:
     scene = Scene(path, parser.get("scene", "title", fallback=path.stem))
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
+    scene.refusal = _refusal(parser, scene.model, len(sigma0), len(torques))
     if scene.model == "asymmetric":
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
@@ -195,6 +201,32 @@ def read(path: Path) -> Scene:
         parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
     )
     return scene
+
+
+def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
+    """What dahl-loop would not take of [friction] and [status], else nothing: a key that is none,
+    another number of elements than the model has, a kind that there is not.
+    """
+    if model not in MODELS:
+        return f"[friction] model = {model} is none of {', '.join(MODELS)}"
+    if not sigma0 or not torques:
+        return "[friction] has no sigma0 and Fc"
+    if (sigma0, torques) != ONE.get(model, (torques, torques)):
+        return f"[friction] sigma0 has {sigma0} numbers and Fc {torques}: not those of {model}"
+    kinds = parser.get("friction", "kinds", fallback="").split()
+    if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
+        return f"[friction] kinds = {' '.join(kinds)}: not dahl or slip for each of {torques}"
+    return _unknown_key(parser, model)
+
+
+def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
+    for section, known in KNOWN_KEYS.items():
+        for key in parser[section] if parser.has_section(section) else ():
+            if key not in known:
+                return f"[{section}] has no key '{key}' (known: {', '.join(known)})"
+            if OWN_KEYS.get(key, model) != model:
+                return f"[friction] {key} has no meaning for model = {model}"
+    return ""
 
 
 def _numbers(path: Path, parser: configparser.ConfigParser, section: str, key: str) -> list[float]:
