@@ -256,6 +256,8 @@ MOVED_WRONG = [
     ),
     (lambda gear: gear.run_counts([1, 2], [1.0, math.nan]), r"loads\[1\] = nan is outside"),
     (lambda gear: gear.run_counts([1, 2], ["a", "b"]), "loads has type"),
+    (lambda gear: gear.run_counts([1], [[1], [1, 2]]), "loads is not an array of numbers"),
+    (lambda gear: gear.run_counts([1], np.ma.array([1.0], mask=[True])), "loads has masked values"),
     (lambda gear: gear.run_counts([1, 0.5], [1, 1]), r"moves\[1\] = 0.5"),
 ]
 
