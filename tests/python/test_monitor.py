@@ -139,6 +139,29 @@ def test_a_can_fd_frame_is_a_bad_one(dbc):
     assert (encoder.frames, encoder.wrong, view.others) == (1, 1, 0)
 
 
+@pytest.mark.parametrize(
+    ("counters", "period", "missing"),
+    [
+        ([14, 15, 0, 1], 0.001, 0),
+        ([0, 1, 3, 4], 0.001, 1),
+        ([0, 1, 9], 0.001, 7),
+        ([0, 1, 1, 2], 0.001, 0),  # repeated
+        ([0, 1, 3, 2, 4], 0.001, 1),  # late
+        ([0, 1, 1, 2], 0.005, 15),  # a gap of a whole round
+        ([0, 2, 1], 0.005, 15),
+    ],
+)
+def test_frames_that_no_node_uses_leave_no_gap(dbc, counters, period, missing):
+    """As `dahl plot` and the node have it: what is repeated or late is not followed by a gap."""
+    view, angle = View(), {"Valid": 1, "Count": 0}
+    sent = [("EncoderState", n * period, angle | {"Counter": c}) for n, c in enumerate(counters)]
+    for frame in frames(dbc, *sent):
+        view.feed(frame)
+    seen = view.names["EncoderState"]
+    assert (seen.frames, seen.missing, seen.wrong) == (len(counters), missing, 0)
+    assert seen.last["Counter"] == counters[-1]
+
+
 def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
     """That of a ParamReply is the asker's own, whatever it is."""
     replies = [("ParamReply", n, {"Param": "Fc", "Result": "Done", "Fc": 1, "Counter": counter})
