@@ -79,7 +79,7 @@ DEFAULTS = {
     "demo": {"seconds": None, "seed": None},
     "identify": {"jobs": -1, "within": 2.0, "median": 0, "counts_per_turn": 0.0, "terms": None},
     "excite --counts-per-turn 1": {"noise": 0.05, "within": 1.0, "rate": 1000.0, "name": "excite"},
-    "monitor": {"node": 0, "window": 4000, "frames": None, "seconds": None, "dbc": None},
+    "monitor": {"node": None, "window": 4000, "frames": None, "seconds": None, "dbc": None},
     "record -o x": {"force": False, "frames": None, "seconds": None},
     "dbc": {"nodes": 1, "force": False, "output": None},
 }
