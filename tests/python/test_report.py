@@ -246,7 +246,7 @@ def test_the_summary_is_what_was_recorded(run):
     assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 2)
     assert numbers["answers_by_state"] == {"OK": 2, "Lost": 1, "Init": 1}
     assert numbers["parameters"] == {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA}
-    assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, "a/b.ini")
+    assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, str(Path.cwd() / "a/b.ini"))
     assert 0 < numbers["max_error_ulp_Fc"] <= BOUND
 
 

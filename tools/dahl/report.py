@@ -289,5 +289,5 @@ def summary(
         **({"breakaway": scene.breakaway} if scene.breakaway else {}),
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
         "units": scene.measured.units,
-        "scene_file": str(scene.path),
+        "scene_file": str(scene.path.resolve()),
     }
