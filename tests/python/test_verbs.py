@@ -261,6 +261,9 @@ def test_no_output_of_a_demo_may_be_its_log(dahl, name):
     Path(name).write_text("a\n1\n")
     done = dahl("demo", name, "--output", ".")
     assert complaint(done) == (2, f"{name}: a run in . would destroy it; name another -o")
+    Path("scene").write_text(f"[motion]\nkind = log\nfile = {name}\nangle = a\n")
+    done = dahl("demo", "--scene", "scene", "--output", ".")
+    assert complaint(done)[1].endswith(f"{name}: a run in . would destroy it; name another -o")
     assert Path(name).read_text() == "a\n1\n"
     assert "needs --angle" in complaint(dahl("demo", name, "--output", "out"))[1]
 

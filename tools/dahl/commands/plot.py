@@ -69,13 +69,18 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _trace(log: Path, node: int, channel: str | None) -> Trace:
-    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them."""
+    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them, or
+    where there is none of that name.
+    """
     from dahl import logs, report
 
-    pairing = report.Pairing(node)
+    pairing, buses = report.Pairing(node), set()
     for frame in logs.frames_of(log):
-        if channel is None or str(frame.channel) == channel:
+        buses.add(str(frame.channel))
+        if channel in (None, str(frame.channel)):
             pairing.feed(frame)
+    if channel is not None and channel not in buses:
+        raise Error(f"{log}: no bus '{channel}'{logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
     return pairing.trace()
