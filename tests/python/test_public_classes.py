@@ -142,6 +142,13 @@ def test_a_copy_of_a_subclass_has_all_that_it_adds(kind: Kind, copied: Any) -> N
         assert again != one and again == Own("right", *copy.deepcopy(kind.arguments))
 
 
+@pytest.mark.parametrize("copied", COPIES[1:], ids=["deepcopy", "pickle"])
+def test_what_belongs_together_does_so_when_it_is_copied_together(copied: Any) -> None:
+    bearing = dahl.Friction(A_PLAN)
+    mix, again, state = copied((dahl.Parallel(bearing), bearing, bearing.state))
+    assert mix.parts[0] is again and again.state is state
+
+
 def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:
     with pytest.raises(dahl.Error, match="no such argument"):
         type(kind.make())(colour="red")

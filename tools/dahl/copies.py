@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import copy
 import ctypes
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 
 class Copied:
@@ -19,16 +19,18 @@ class Copied:
         """Make from the parameters what the C library makes of them, where there is any."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """All attributes; a copy shares those that do not change, and has a state of its own."""
         kept: Any = super().__getstate__()  # a pair where a subclass has slots
         values = {**(kept[0] or {}), **kept[1]} if isinstance(kept, tuple) else kept
-        return {name: _own(value) for name, value in values.items() if name not in self._made_again}
+        return {name: value for name, value in values.items() if name not in self._made_again}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         for name, value in kept.items():
             object.__setattr__(self, name, value)  # also of what is frozen
         self._prepare()
 
-
-def _own(value: Any) -> Any:
-    return copy.copy(value) if isinstance(value, ctypes.Structure) else value
+    def __copy__(self) -> Self:
+        """It shares what does not change, and has a state of its own."""
+        kept, other = self.__getstate__(), type(self).__new__(type(self))
+        states = {k: copy.copy(v) for k, v in kept.items() if isinstance(v, ctypes.Structure)}
+        other.__setstate__(kept | states)
+        return other

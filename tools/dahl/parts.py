@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import ctypes
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -252,8 +252,10 @@ class Parallel(Element, Copied):
             self._c_parts(), len(self._parts), arrays.data(moves), arrays.data(out), moves.size
         )
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**super().__getstate__(), "_parts": tuple(map(copy.copy, self._parts))}
+    def __copy__(self) -> Self:
+        other = super().__copy__()
+        other._parts = tuple(map(copy.copy, self._parts))
+        return other
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Parallel):
