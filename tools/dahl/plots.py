@@ -170,7 +170,7 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
 def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
     bars = axes.bar([*map(literal, injected)], list(injected.values()), color=COMPUTED)
-    axes.bar_label(bars, fontsize=9)
+    axes.bar_label(bars, fmt="%d", fontsize=9)
     axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
     axes.tick_params(axis="x", labelsize=9)
     wrong = report.disagreements(numbers)
