@@ -76,7 +76,7 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
 
     pairing, buses = report.Pairing(node), set()
     for frame in logs.frames_of(log):
-        buses.add(str(frame.channel))
+        buses |= set() if frame.channel is None else {str(frame.channel)}  # of an error frame
         if channel in (None, str(frame.channel)):
             pairing.feed(frame)
     if channel is not None and channel not in buses:
