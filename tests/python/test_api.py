@@ -143,7 +143,10 @@ def test_states_that_no_step_can_leave_are_named(name, value):
         ((np.timedelta64(1, "s"), 1, 1), ("sigma0 = ", "is not a number")),
         ((2.0**64, 1, 1), ("sigma0 = 1.8446744073709552e+19", "2^-64 <= sigma0 < 2^64")),
         ((1, 2.0**-65, 0), ("Fc = 2.71051e-20", "2^-64 <= Fc")),
-        ((1, 1, 2.0**20), ("= 1.04858e+06", "2^-30 <= travel < 2^20", "theta_per_count = 1.0")),
+        (
+            (2, 0.5, 2.0**18),
+            ("= 1.04858e+06 ", "travel < 2^20 (sigma0 = 2, Fc = 0.5, theta_per_count = 262144)"),
+        ),
         ((1, 1, 2.0**-30 * (1 - 2.0**-24)), ("= 9.313225191043273e-10", "2^-30 <= travel")),
     ],
     ids=repr,

@@ -198,9 +198,13 @@ def test_plot_takes_one_bus_of_a_log_that_has_several(demo, dahl_here, tmp_path)
     both = [line for pair in zip(lines, few, strict=False) for line in pair] + lines[len(few) :]
     (log := tmp_path / "two.log").write_text("".join(both))
     words = ("plot", log, "--scene", "segments")
-    done = dahl_here(*words)
-    said = f"error: {log}: frames of can1, vcan0; name one with -c\n"
-    assert (done.returncode, done.stdout, done.stderr) == (2, "", said)
+    unknown = "no bus 'can7'; did you mean 'can1'? (there are: can1, vcan0)"
+    for more, told in (
+        ((), "frames of can1, vcan0; name one with -c"),
+        (("-c", "can7"), unknown),
+    ):
+        done = dahl_here(*words, *more)
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {log}: {told}\n")
     assert not (tmp_path / "loop.png").exists()
     for bus, ticks in (("vcan0", TICKS), ("can1", sum(" 110#" in line for line in few))):
         done = dahl_here(*words, "-c", bus)

@@ -139,6 +139,29 @@ def test_a_can_fd_frame_is_a_bad_one(dbc):
     assert (encoder.frames, encoder.wrong, view.others) == (1, 1, 0)
 
 
+@pytest.mark.parametrize(
+    ("counters", "period", "missing"),
+    [
+        ([14, 15, 0, 1], 0.001, 0),
+        ([0, 1, 3, 4], 0.001, 1),
+        ([0, 1, 9], 0.001, 7),
+        ([0, 1, 1, 2], 0.001, 0),  # repeated
+        ([0, 1, 3, 2, 4], 0.001, 1),  # late
+        ([0, 1, 1, 2], 0.005, 15),  # a gap of a whole round
+        ([0, 2, 1], 0.005, 15),
+    ],
+)
+def test_frames_that_no_node_uses_leave_no_gap(dbc, counters, period, missing):
+    """As `dahl plot` and the node have it: what is repeated or late is not followed by a gap."""
+    view, angle = View(), {"Valid": 1, "Count": 0}
+    sent = [("EncoderState", n * period, angle | {"Counter": c}) for n, c in enumerate(counters)]
+    for frame in frames(dbc, *sent):
+        view.feed(frame)
+    seen = view.names["EncoderState"]
+    assert (seen.frames, seen.missing, seen.wrong) == (len(counters), missing, 0)
+    assert seen.last["Counter"] == counters[-1]
+
+
 def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
     """That of a ParamReply is the asker's own, whatever it is."""
     replies = [("ParamReply", n, {"Param": "Fc", "Result": "Done", "Fc": 1, "Counter": counter})
@@ -489,28 +512,42 @@ def test_a_record_holds_each_frame_as_soon_as_it_has_come(dbc, capsys, tmp_path)
     assert [message.timestamp for message in logs.read_candump(log)] == [1e9 + n for n in range(4)]
 
 
-def test_the_monitor_shows_what_its_options_say(dbc, capsys, tmp_path):
-    """Node 3 of two, decoded by a DBC of one's own, and no more ticks than the window holds."""
+@pytest.mark.parametrize(
+    ("number", "words", "title"),
+    [
+        (0, ("--node", 3), "F/Fc"),
+        (0, ("--node", 3, "--fc", 1), "F [N m]"),
+        (3, ("--scene", "own.ini"), "F [N]"),
+        (7, ("--scene", "own.ini", "--node", 3), "F [N]"),
+    ],
+)
+def test_the_monitor_shows_what_its_options_say(dbc, dahl, tmp_path, number, words, title):
+    """Node 3 of three, decoded by a DBC of one's own, and no more ticks than the window holds."""
     from can.interfaces.virtual import channels
 
+    measured = "[measured]\nlabel_torque = force [N]\n"
+    (tmp_path / "own.ini").write_text(
+        f"[friction]\nnode = {number}\nsigma0 = 1\nFc = 1\n{measured}"
+    )
     own = dbc.read_text().replace("Count : 16|32@1- (1,0)", "Count : 16|32@1- (2,0)")
     (tmp_path / "own.dbc").write_text(own)
     sent = []
     for tick in range(6):
-        counter = {"Counter": tick}
-        angle = ("EncoderState", tick, {**counter, "Valid": 1, "Count": 1000 * tick})
-        answer = ("FrictionTorque", tick, {**counter, "State": "OK", "TorqueRatio": 0.5})
-        for node in (0, 3):
-            for frame in frames(dbc, angle, (*answer[:2], answer[2] | {"EchoCounter": tick})):
+        torque = {"EchoCounter": tick, "State": "OK", "TorqueRatio": 0.5}
+        for node, speed in ((0, 1), (3, 1000), (7, 2)):
+            angle = {"Valid": 1, "Count": speed * tick}
+            both = (("EncoderState", angle), ("FrictionTorque", torque))
+            for frame in frames(dbc, *((one, tick, {"Counter": tick, **s}) for one, s in both)):
                 frame.arbitration_id += node
                 sent.append(frame)
-    words = ("-i", "virtual", "-c", "nodes", "--node", 3, "--window", 2, "--frames", len(sent))
+    bus = ("-i", "virtual", "-c", "nodes", "--window", 2, "--frames", len(sent))
     with sending("nodes", sent, lambda: len(channels["nodes"]) == 2):
-        done = caller(capsys)("monitor", *words, "--dbc", tmp_path / "own.dbc")
+        done = dahl("monitor", *bus, *words, "--dbc", "own.dbc")
     assert done.returncode == 0, done.stderr
     assert re.search(r"EncoderState +6 +1 +0 +0\s", done.stdout)
     assert re.search(r"EncoderState .*Count 10000\s", done.stdout)
-    assert re.search(r"other frames +12\s", done.stdout)
+    assert re.search(r"other frames +24\s", done.stdout)
+    assert f" {title} over counts" in done.stdout
     assert axes_hold(done.stdout.splitlines(), (8000, 10000), (0.45, 0.55))
 
 

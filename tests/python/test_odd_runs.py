@@ -231,16 +231,30 @@ def test_a_log_of_the_same_name_elsewhere_is_not_taken(dahl, dbc, monkeypatch):
     assert data.find_log("tribometer/b.tsv", Path()) == Path("sets/tribometer/b.tsv").resolve()
 
 
-def test_a_run_remembers_its_log(dahl, dbc, quick):
-    """The log of the summary is the run's, also where the scene's own is gone."""
+@pytest.fixture
+def drawn(monkeypatch):
+    """The fit that stands on each picture, which is not painted."""
+    fits = []
+    monkeypatch.setattr(plots, "draw", lambda *words: fits.append(words[4].get("r2_measured")))
+    return fits
+
+
+def test_a_run_remembers_its_log(dahl, dbc, drawn):
+    """The log of the summary is the run's, also where the scene's own is gone or the folder has
+    moved; of another scene neither log nor fit is.
+    """
     write_run(Path("there"), dbc)
+    Path("there/other.ini").write_text(Path("there/mine.ini").read_text().replace("a.csv", "b.csv"))
+    rows = Path("there/a.csv").read_text().splitlines()
+    Path("there/b.csv").write_text("\n".join([rows[0], *(f"{row}000" for row in rows[1:])]))
     Path("there/a.csv").rename("moved.csv")
-    known = {"scene_file": "there/mine.ini", "log": str(Path("moved.csv").resolve())}
-    Path("there/summary.json").write_text(json.dumps(known))
-    assert dahl("plot", "there", "-o", "x.png").stdout.startswith("x.png: 30 ticks")
-    assert not Path("there/loop.png").exists()
-    other = dahl("plot", "there", "--scene", "segments")
-    assert other.stdout.startswith("there/loop.png: 30 ticks, ")
+    known = {"scene_file": "gone/mine.ini", "log": str(Path("moved.csv").resolve())}
+    Path("there/summary.json").write_text(json.dumps(known | {"r2_measured": 0.99}))
+    for words in (("-o", "x.png"), ("--scene", "there/mine.ini"), ("--scene", "there/other.ini")):
+        assert dahl("plot", "there", *words).stdout.split(": ")[1].startswith("30 ticks"), words
+    own, same, other = drawn
+    assert own == same != other and 0.99 not in drawn
+    assert dahl("plot", "there", "--scene", "segments").returncode == 0 and drawn[-1] is None
     Path("there/another.log").write_bytes(Path("there/run.log").read_bytes())
     code, said = complaint(dahl("plot", "there/another.log"))
     assert code == 2 and said.startswith("there/another.log: which parameters did this run have?")

@@ -192,16 +192,21 @@ def test_angle_and_time_are_in_their_units(drawn):
 @pytest.mark.parametrize(
     ("counted", "title"),
     [
-        ({"crc": 4, "lost": 9}, "every one counted by the node"),
-        ({"crc": 4, "lost": 8}, "counted, due: {'lost': (8, 9)}"),
-        ({"crc": 4}, "counted, due: {'lost': (0, 9)}"),
+        ({"crc": 4, "$lost^": 9}, "every one counted by the node"),
+        ({"crc": 4, "$lost^": 8}, "counted, due: {'$lost^': (8, 9)}"),
+        ({"crc": 4}, "counted, due: {'$lost^': (0, 9)}"),
     ],
 )
-def test_the_picture_says_whether_each_fault_was_counted(counted, title):
-    axes = Figure().subplots()
-    faults = {"injected": {"bad": 13}, "expected": {"crc": 4, "lost": 9}}
-    plots._faults(axes, {"faults": faults, "node": counted})
-    assert axes.get_title(loc="left") == title
+def test_the_picture_says_whether_each_fault_was_counted(figures, drawn, tmp_path, counted, title):
+    """By any name: whoever writes a summary, dollars in it are no formula."""
+    _, scene, trace, _ = drawn
+    faults = {"injected": {"$a^$": 1234567}, "expected": {"crc": 4, "$lost^": 9}}
+    plots.draw(tmp_path / "x.png", scene, trace, None, {"faults": faults, "node": counted})
+    figures[-1].savefig(tmp_path / "x.png")
+    axes = figures[-1].axes[-1]
+    assert axes.get_title(loc="left").replace("\\$", "$") == title
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["\\$a^\\$"]
+    assert [text.get_text() for text in axes.texts] == ["1234567"]
 
 
 def test_a_picture_replaces_the_old_one_when_it_is_whole(monkeypatch, tmp_path):

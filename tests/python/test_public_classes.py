@@ -23,72 +23,53 @@ pytestmark = pytest.mark.usefixtures("library")
 PLAN = (100.0, 0.5, 2e-4)
 
 
-@dataclass(frozen=True)
-class Kind:
-    """One class: how one is made, how another one differs, and what moves it, if it moves."""
-
-    make: Callable[[], Any]
-    other: Callable[[], Any]
-    move: Callable[[Any], Any] | None = None
-
-
 def step(one: Any) -> Any:
     return one.step_counts(7)
 
 
+@dataclass(frozen=True)
+class Kind:
+    """One class: what one is made of, how another one differs, and what moves it, if it moves."""
+
+    of: type
+    arguments: tuple[Any, ...]
+    others: tuple[Any, ...]
+    move: Callable[[Any], Any] | None = None
+
+    def make(self) -> Any:
+        return self.of(*copy.deepcopy(self.arguments))
+
+    def other(self) -> Any:
+        return self.of(*self.others)
+
+
+A_PLAN, TWO = dahl.Plan(*PLAN), ([100.0, 50.0], [0.5, 1.0], 1e-3)
+ANOTHER, ONE = dahl.Plan(1.0, 1.0, 1.0), ([100.0], [0.5], 1e-3)
+MIX = (dahl.Friction(A_PLAN), dahl.Slip([1.0], [1.0], 1e-3))
 KINDS = {
-    "Asymmetric": Kind(
-        lambda: dahl.Asymmetric(100.0, 0.5, 0.3, 2e-4),
-        lambda: dahl.Asymmetric(100.0, 0.3, 0.5, 2e-4),
-        step,
-    ),
-    "ElastoPlastic": Kind(
-        lambda: dahl.ElastoPlastic(*PLAN, 0.5), lambda: dahl.ElastoPlastic(*PLAN, 0.25), step
-    ),
-    "Encoder": Kind(
-        lambda: dahl.Encoder(65536), lambda: dahl.Encoder(4096), lambda one: one.move(12)
-    ),
-    "Friction": Kind(
-        lambda: dahl.Friction(dahl.Plan(*PLAN)),
-        lambda: dahl.Friction(dahl.Plan(1.0, 1.0, 1.0)),
-        step,
-    ),
-    "Loaded": Kind(
-        lambda: dahl.Loaded(dahl.Plan(*PLAN)),
-        lambda: dahl.Loaded(dahl.Plan(*PLAN), fixed_stiffness=True),
-        lambda one: one.step_counts(7, 0.75),
-    ),
-    "Node": Kind(
-        lambda: dahl.Node(dahl.Plan(*PLAN)),
-        lambda: dahl.Node(dahl.Plan(*PLAN), number=3),
-        lambda one: one.receive(codec.pack(codec.EncoderState(12))),
-    ),
-    "Parallel": Kind(
-        lambda: dahl.Parallel(dahl.Friction(dahl.Plan(*PLAN)), dahl.Slip([1.0], [1.0], 1e-3)),
-        lambda: dahl.Parallel(dahl.Friction(dahl.Plan(*PLAN))),
-        step,
-    ),
-    "Plan": Kind(lambda: dahl.Plan(*PLAN), lambda: dahl.Plan(*PLAN[:2])),
-    "Slip": Kind(
-        lambda: dahl.Slip([100.0, 50.0], [0.5, 1.0], 1e-3),
-        lambda: dahl.Slip([100.0], [0.5], 1e-3),
-        step,
-    ),
-    "State": Kind(dahl.State, lambda: dahl.State(1), lambda one: setattr(one, "w", 5)),
-    "Throughput": Kind(lambda: dahl.Throughput(*PLAN), lambda: dahl.Throughput(*PLAN[:2])),
-    "ThroughputParallel": Kind(
-        lambda: dahl.ThroughputParallel(dahl.Throughput(*PLAN)), dahl.ThroughputParallel
-    ),
-    "ThroughputSlip": Kind(
-        lambda: dahl.ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3),
-        lambda: dahl.ThroughputSlip([100.0], [0.5], 1e-3),
-    ),
-    "VelocityTable": Kind(
-        lambda: dahl.VelocityTable([0.5] * 16, 3), lambda: dahl.VelocityTable([0.5] * 16, 4)
-    ),
-    "Work": Kind(
-        lambda: dahl.Work(dahl.Plan(*PLAN)), lambda: dahl.Work(dahl.Plan(1.0, 1.0, 1.0)), step
-    ),
+    kind.of.__name__: kind
+    for kind in (
+        Kind(dahl.Asymmetric, (100.0, 0.5, 0.3, 2e-4), (100.0, 0.3, 0.5, 2e-4), step),
+        Kind(dahl.ElastoPlastic, (*PLAN, 0.5), (*PLAN, 0.25), step),
+        Kind(dahl.Encoder, (65536,), (4096,), lambda one: one.move(12)),
+        Kind(dahl.Friction, (A_PLAN,), (ANOTHER,), step),
+        Kind(dahl.Loaded, (A_PLAN,), (A_PLAN, True), lambda one: one.step_counts(7, 0.75)),
+        Kind(
+            dahl.Node,
+            (A_PLAN,),
+            (A_PLAN, 3),
+            lambda one: one.receive(codec.pack(codec.EncoderState(12))),
+        ),
+        Kind(dahl.Parallel, MIX, MIX[:1], step),
+        Kind(dahl.Plan, PLAN, PLAN[:2]),
+        Kind(dahl.Slip, TWO, ONE, step),
+        Kind(dahl.State, (), (1,), lambda one: setattr(one, "w", 5)),
+        Kind(dahl.Throughput, PLAN, PLAN[:2]),
+        Kind(dahl.ThroughputParallel, (dahl.Throughput(*PLAN),), ()),
+        Kind(dahl.ThroughputSlip, TWO, ONE),
+        Kind(dahl.VelocityTable, ([0.5] * 16, 3), ([0.5] * 16, 4)),
+        Kind(dahl.Work, (A_PLAN,), (ANOTHER,), step),
+    )
 }
 EXCEPTIONS = {"Error", "RunError"}  # equal only to themselves, as all of Python's
 CLASSES = {name for name in dahl.__all__ if inspect.isclass(getattr(dahl, name))}
@@ -137,6 +118,35 @@ def test_a_copy_stands_where_the_other_does_and_goes_its_own_way(kind: Kind, cop
     kind.move(one)
     assert copied(one) == one
     assert again != one and again == kind.make()
+
+
+@pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
+def test_a_copy_of_a_subclass_has_all_that_it_adds(kind: Kind, copied: Any) -> None:
+    """Also where it is made of something else; the copy goes its own way."""
+
+    class Own(kind.of):  # type: ignore[name-defined, misc]
+        __slots__ = () if kind.of is dahl.State else ("note",)  # ctypes copies no slots
+
+        def __init__(self, name: str, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            vars(self)["name"] = name
+            object.__setattr__(self, "note", name)
+
+    Own.__qualname__ = "Own"
+    globals()["Own"] = Own
+    one = Own("left", *copy.deepcopy(kind.arguments))
+    again = copied(one)
+    assert (type(again), again.name, again.note) == (Own, "left", "left") and again == one
+    if kind.move:
+        kind.move(one)
+        assert again != one and again == Own("right", *copy.deepcopy(kind.arguments))
+
+
+@pytest.mark.parametrize("copied", COPIES[1:], ids=["deepcopy", "pickle"])
+def test_what_belongs_together_does_so_when_it_is_copied_together(copied: Any) -> None:
+    bearing = dahl.Friction(A_PLAN)
+    mix, again, state = copied((dahl.Parallel(bearing), bearing, bearing.state))
+    assert mix.parts[0] is again and again.state is state
 
 
 def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:

@@ -18,7 +18,7 @@ from dahl.scene import Measured, Recorded, Scene
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
 SCENE = Scene(None, "test", "dahl", ((SIGMA0, FC),), THETA)
-KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Reset": 0xA}
+KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Reset": 0xA, "ParamWrite": 0x6}
 BOUND = 0.52  # ulp of Fc
 
 
@@ -112,6 +112,25 @@ def test_a_restart_behind_frames_that_were_not_recorded_relaxes_its_own_tick(run
     assert trace.row.tolist() == [0, 1, 2, 5, 6, 7]
     assert trace.relaxed.tolist() == [False] * 4 + [True, False]
     assert report.max_error_ulp(SCENE, trace) <= BOUND
+
+
+def test_a_reset_of_the_errors_alone_relaxes_nothing(run):
+    run.add("Reset", Counter=0, What=1)
+    run.tick(3, -400)
+    trace = run.trace()
+    assert not trace.relaxed.any() and report.max_error_ulp(SCENE, trace) <= BOUND
+
+
+def test_a_load_holds_from_the_frame_that_writes_it(run):
+    """Up to 1; what is read, held or of another parameter is none."""
+    raw = {"Counter": 0, "Write": 1, "Param": 10, "Load": 2**14}
+    changes = ({"Load": 2**16}, {"Load": 2**16 + 1}, {"Write": 0}, {"Write": 2})
+    for n, change in enumerate(({}, *changes), start=3):
+        run.add("ParamWrite", **raw | change)
+        run.tick(n, -400 + n)
+    run.add("ParamWrite", Counter=0, Write=1, Param=1, Fc=5)
+    run.tick(8, 0)
+    assert run.trace().load.tolist() == [2**16] * 3 + [2**14] + [2**16] * 5
 
 
 def test_a_travel_that_the_node_left_out_is_an_error(run):
@@ -212,7 +231,7 @@ def test_after_a_gap_a_new_start_answers_the_newest_frame(run):
     assert report.max_error_ulp(SCENE, trace) <= BOUND
 
 
-def fitted(run: Run, torque: list[float], **measured) -> dict:
+def fitted(run: Run, torque, **measured) -> dict:
     scene = Scene(
         None, "t", "dahl", ((SIGMA0, FC),), THETA, measured=Measured(torque="T", **measured)
     )
@@ -220,16 +239,20 @@ def fitted(run: Run, torque: list[float], **measured) -> dict:
 
 
 def test_fit_is_the_textbooks(run):
-    """rmse and R2 from their definitions, rows before `settle` left out, offset and spring in."""
+    """rmse and R2 from their definitions; rows before `settle` and those without an answer are left
+    out, offset and spring in.
+    """
+    run.send(3, -460)  # not answered
+    run.tick(4, -440, state=2)
     torque = run.trace().torque(SCENE).astype(float)
-    shown = [9.0, torque[1] + 0.25 + 0.1, torque[2] + 0.25 - 0.3]
-    found = fitted(run, shown, offset=0.25, settle=1)
-    mean = (torque[1] + 0.35 + torque[2] - 0.05) / 2
-    spread = (torque[1] + 0.35 - mean) ** 2 + (torque[2] - 0.05 - mean) ** 2
-    assert found["rmse_measured"] == pytest.approx((0.1 / 2) ** 0.5, rel=1e-6)
+    shown = torque + 0.25 + [9, 0.1, -0.3, 0]
+    found = fitted(run, [*shown[:3], 99, shown[3]], offset=0.25, settle=1)
+    spread = 3 * np.var(shown[1:])
+    assert found["rmse_measured"] == pytest.approx((0.1 / 3) ** 0.5, rel=1e-6)
     assert found["r2_measured"] == pytest.approx(1 - 0.1 / spread, rel=1e-6)
-    springy = [torque[i] + 7 * count * THETA for i, count in enumerate((0, 20, 30))]
-    assert fitted(run, springy, spring=7.0)["rmse_measured"] == pytest.approx(0, abs=1e-9)
+    springy = torque + 7 * THETA * np.array([0, 20, 30, 60])
+    found = fitted(run, [*springy[:3], 99, springy[3]], spring=7.0)
+    assert found["rmse_measured"] == pytest.approx(0, abs=1e-9)
 
 
 def test_no_fit_without_rows_or_without_spread(run):
@@ -245,8 +268,9 @@ def test_the_summary_is_what_was_recorded(run):
     assert (numbers["ticks"], numbers["scene"], numbers["title"]) == (7, "b", "t")
     assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 2)
     assert numbers["answers_by_state"] == {"OK": 2, "Lost": 1, "Init": 1}
+    assert numbers["elements"] == [{"sigma0": SIGMA0, "Fc": FC}]
     assert numbers["parameters"] == {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA}
-    assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, "a/b.ini")
+    assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, str(Path.cwd() / "a/b.ini"))
     assert 0 < numbers["max_error_ulp_Fc"] <= BOUND
 
 
@@ -254,12 +278,12 @@ def test_the_page_shows_each_number_in_its_unit():
     numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
     numbers |= {"bus": "a bus", "time": "real", "frames_sent": 11, "frames_lost": 12}
     numbers |= {"deadline_misses": 13, "rmse_measured": 0.0123456, "r2_measured": 0.98765}
-    numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 17}}
+    numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 1234567}}
     page = html_report.page({**numbers, "answers_by_state": {"OK": 790}}, b"")
     cells = re.findall("<td>(.*?)</td>", page)
     shown = "a bus, real, 800, 11, 12, 13, 0.510 ulp of Fc, 0.01235, 0.9877, 24.3%, 3.2, 12.5"
-    assert cells[1::2] == [*shown.split(", "), "790", "17"]
-    assert cells[-6:] == ["sigma0", "12.5", "OK", "790", "jumps", "17"]
+    assert cells[1::2] == [*shown.split(", "), "790", "1234567"]
+    assert cells[-6:] == ["sigma0", "12.5", "OK", "790", "jumps", "1234567"]
 
 
 def test_the_page_tells_latencies_where_time_was_measured():

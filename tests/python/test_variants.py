@@ -81,12 +81,13 @@ def test_a_load_that_leaves_the_stiffness_is_exact(moves):
     rng, plan = np.random.default_rng(6), dahl.Plan(*PLAN[:2])
     angles = (moves[:1000] * 2e-4).astype(np.float32)
     loads = rng.integers(0, 2**11, angles.size) / 2**10  # of which 2^30 is a multiple
+    loads[-1] = math.nextafter(2, 0)  # which is rounded down
     one, many = (dahl.Loaded(plan, fixed_stiffness=True) for _ in range(2))
     found = many.run(angles, loads)
     assert found.tolist() == [
         one.step(float(angle), float(load)) for angle, load in zip(angles, loads, strict=True)
     ]
-    assert one == many and many.torque == found[-1]
+    assert one == many and many.torque == found[-1] and many.load == 2 - 2.0**-30
     with mpmath.workdps(50):
         exact = exact_clamped(plan, angles, loads)
         ulp = np.spacing(np.float32(plan.Fc) * np.maximum(loads, 1).astype(np.float32))
@@ -256,6 +257,8 @@ MOVED_WRONG = [
     ),
     (lambda gear: gear.run_counts([1, 2], [1.0, math.nan]), r"loads\[1\] = nan is outside"),
     (lambda gear: gear.run_counts([1, 2], ["a", "b"]), "loads has type"),
+    (lambda gear: gear.run_counts([1], [[1], [1, 2]]), "loads is not an array of numbers"),
+    (lambda gear: gear.run_counts([1], np.ma.array([1.0], mask=[True])), "loads has masked values"),
     (lambda gear: gear.run_counts([1, 0.5], [1, 1]), r"moves\[1\] = 0.5"),
 ]
 
@@ -285,7 +288,7 @@ def test_bad_moves_move_nothing(part):
     [
         (math.nan, "F = nan is not a finite number of N m"),
         (math.inf, "F = inf is not a finite number of N m"),
-        (0.6, "F = 0.6000.* N m is reached by no move"),
+        (0.6, "F = 0.6000.* N m is reached by no move: a move of 2.31-1 counts .* most 0.5 N m"),
         (1e300, "F = inf N m is reached by no move"),
         ("1", "F = '1' is not a number"),
     ],

@@ -79,7 +79,7 @@ DEFAULTS = {
     "demo": {"seconds": None, "seed": None},
     "identify": {"jobs": -1, "within": 2.0, "median": 0, "counts_per_turn": 0.0, "terms": None},
     "excite --counts-per-turn 1": {"noise": 0.05, "within": 1.0, "rate": 1000.0, "name": "excite"},
-    "monitor": {"node": 0, "window": 4000, "frames": None, "seconds": None, "dbc": None},
+    "monitor": {"node": None, "window": 4000, "frames": None, "seconds": None, "dbc": None},
     "record -o x": {"force": False, "frames": None, "seconds": None},
     "dbc": {"nodes": 1, "force": False, "output": None},
 }
@@ -261,6 +261,9 @@ def test_no_output_of_a_demo_may_be_its_log(dahl, name):
     Path(name).write_text("a\n1\n")
     done = dahl("demo", name, "--output", ".")
     assert complaint(done) == (2, f"{name}: a run in . would destroy it; name another -o")
+    Path("scene").write_text(f"[motion]\nkind = log\nfile = {name}\nangle = a\n")
+    done = dahl("demo", "--scene", "scene", "--output", ".")
+    assert complaint(done)[1].endswith(f"{name}: a run in . would destroy it; name another -o")
     assert Path(name).read_text() == "a\n1\n"
     assert "needs --angle" in complaint(dahl("demo", name, "--output", "out"))[1]
 

@@ -28,32 +28,37 @@ def is_list(values: object) -> bool:
 
 def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
     """Moves as C wants them, shape (n,) or (n, channels); the very array where it is one."""
-    array = _array(values)
+    array = _array("moves", values)
     wanted = "(n,)" if channels is None else f"(n, {channels})"
     if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
         raise Error(f"moves has shape {array.shape}, not {wanted}")
     if array.dtype == dtype or array.size == 0:
-        return np.ascontiguousarray(array, dtype=dtype)
+        return _for_c(array, dtype)
     if dtype is np.int32:
         return _whole(array)
     if array.dtype.kind not in "fiu":
         raise Error(f"moves has type {array.dtype}, not float32")
     with np.errstate(over="ignore"):  # beyond a float is infinite, which saturates
-        return np.ascontiguousarray(array, dtype=dtype)
+        return _for_c(array, dtype)
 
 
-def _array(values: ArrayLike) -> np.ndarray:
-    """What numpy makes of the moves, if it is an array of numbers and nothing of it is masked."""
+def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
+    """Each value a whole one in memory, not across the words of the processor."""
+    return np.require(array, dtype, ("C_CONTIGUOUS", "ALIGNED"))
+
+
+def _array(name: str, values: ArrayLike) -> np.ndarray:
+    """What numpy makes of the values, if it is an array of numbers and nothing of it is masked."""
     many = values if isinstance(values, (list, tuple)) else [values]
     if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
         raise Error(
-            "moves has masked values, which C would take for numbers;"
-            " .compressed() drops them, .filled(0) makes each of them no motion"
+            f"{name} has masked values, which C would take for numbers;"
+            " .compressed() drops them, .filled(0) makes each of them 0"
         )
     try:
         return np.asarray(values)
     except (ValueError, TypeError, OverflowError) as error:
-        raise Error(f"moves is not an array of numbers ({error})") from None
+        raise Error(f"{name} is not an array of numbers ({error})") from None
 
 
 def _whole(array: np.ndarray) -> np.ndarray:
@@ -70,12 +75,12 @@ def _whole(array: np.ndarray) -> np.ndarray:
             f"moves[{', '.join(map(str, place))}] = {value!r}"
             f" is not a whole number from {INT32_MIN} to {INT32_MAX}"
         )
-    return np.ascontiguousarray(array, dtype=np.int32)
+    return _for_c(array, np.int32)
 
 
 def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     """A load for each move, 0 <= load < 2, as C wants it: Q30, rounded."""
-    array = _array(values)
+    array = _array("loads", values)
     if array.dtype.kind not in "fiu":
         raise Error(f"loads has type {array.dtype}, not float64")
     if array.shape != moves.shape:
@@ -95,8 +100,8 @@ def out(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
         raise Error(f"out is a {type(given).__name__}, not a float32 array")
     if given.dtype != np.float32 or given.shape != wanted.shape:
         raise Error(f"out is {given.dtype} {given.shape}, not float32 {wanted.shape}")
-    if not (given.flags.c_contiguous and given.flags.writeable):
-        raise Error("out is not C-contiguous and writable")
+    if not given.flags.carray:
+        raise Error("out is not C-contiguous, aligned and writable")
     if np.may_share_memory(given, wanted):
         raise Error("out and moves share memory")
     return given

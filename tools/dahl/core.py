@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dahl import Error, RunError, arrays, checks, paths, trajectory
 from dahl.arrays import INT32_MAX, INT32_MIN
+from dahl.copies import Copied
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
@@ -55,9 +56,6 @@ class State(ctypes.Structure):
         return self.w == other.w if isinstance(other, State) else NotImplemented
 
     __hash__ = None  # type: ignore[assignment]  # it changes
-
-    def __reduce__(self) -> tuple[type[State], tuple[int]]:
-        return State, (self.w,)
 
     def __repr__(self) -> str:
         return f"State(w={self.w})"
@@ -279,7 +277,7 @@ class _Parameters:
 
 @checks.calls_checked
 @dataclass(frozen=True, repr=False)
-class Plan(_Parameters):
+class Plan(_Parameters, Copied):
     """Parameters, prepared once (dahl_prepare): shared by any number of Frictions, never changed.
 
     sigma0           N m/rad  stiffness at rest, 2^-64 <= sigma0 < 2^64                (Eq. 1)
@@ -300,6 +298,9 @@ class Plan(_Parameters):
     def __post_init__(self) -> None:
         for name, limit in (("sigma0", SIGMA0), ("Fc", FC), ("theta_per_count", THETA_PER_COUNT)):
             object.__setattr__(self, name, parameter(name, getattr(self, name), limit))
+        self._prepare()
+
+    def _prepare(self) -> None:
         object.__setattr__(self, "_words", (ctypes.c_uint64 * PLAN_ROOM)())
         params = _Params(self.sigma0, self.Fc, self.theta_per_count)
         if library().dahl_prepare(self._words, ctypes.byref(params)) != 0:
@@ -327,12 +328,9 @@ class Plan(_Parameters):
         digits = (f"{name}={np.float32(getattr(self, name))!s}" for name in names)
         return f"Plan({', '.join(digits)})"
 
-    def __reduce__(self) -> tuple[type[Plan], tuple[float, float, float]]:
-        return Plan, (self.sigma0, self.Fc, self.theta_per_count)
-
 
 @checks.calls_checked
-class Friction:
+class Friction(Copied):
     """One bearing: a Plan and its state, relaxed at first (dahl_plan_t, dahl_state_t; Eqs. 7, 18,
     27). Torques in N m, with the sign of the motion.
 
@@ -361,12 +359,6 @@ class Friction:
         return self.plan == other.plan and self.state == other.state
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
-
-    def __getstate__(self) -> tuple[Plan, int]:
-        return self.plan, self.state.w
-
-    def __setstate__(self, kept: tuple[Plan, int]) -> None:
-        self._plan, self._state = kept[0], State(kept[1])
 
     def __repr__(self) -> str:
         return f"<Friction {self.plan!r}, torque={self.torque:g} N m>"
@@ -666,7 +658,7 @@ def to_units(ratio_q30: int, Fc_units: int) -> int:  # noqa: N803
 
 
 @checks.calls_checked
-class Encoder:
+class Encoder(Copied):
     """dahl_encoder_t: from the readings of a counter to the counts of each tick, wherever it wraps.
 
     modulus       of the reading: 65536 for a 16-bit timer, 0 for all 32 bits, the counts of a turn
@@ -725,12 +717,6 @@ class Encoder:
         return bytes(self._encoder) == bytes(other._encoder)
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each reading
-
-    def __getstate__(self) -> bytes:
-        return bytes(self._encoder)
-
-    def __setstate__(self, kept: bytes) -> None:
-        self._encoder = _Encoder.from_buffer_copy(kept)
 
     def __repr__(self) -> str:
         names = ("modulus", "sign", "largest_step")

@@ -35,7 +35,7 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     room = jinja2.Environment(loader=folder, autoescape=True, trim_blocks=True)
     room.filters["words"] = lambda name: name.replace("_", " ")
-    room.filters["number"] = lambda value: f"{value:.6g}"
+    room.filters["number"] = lambda value: str(value) if isinstance(value, int) else f"{value:.6g}"
     return room.get_template("html_report.html").render(
         run=numbers,
         picture=base64.b64encode(picture).decode("ascii"),

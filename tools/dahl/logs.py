@@ -35,8 +35,8 @@ def read_table(
 
     Columns are separated by tab, semicolon or comma, whichever the header has. `time` names a
     column that must not go backward. Raises dahl.Error for a file that is absent, empty or no text,
-    for a column that is not there (with the nearest name), and for a row that is short or holds
-    something that is not a finite number.
+    for a column that is not there (with the nearest name), and for a row that is shorter or longer
+    than the header or holds something that is not a finite number.
     """
     path = Path(path)
     lines = _text_of(path).splitlines()
@@ -109,6 +109,8 @@ def _take_row(
             f"{place}: column '{header[len(row)]}': missing,"
             f" the line ends after {len(row)} of {len(header)} columns"
         )
+    if len(row) > len(header):  # such as that of decimal commas between commas
+        raise Error(f"{place}: the row has {len(row)} fields, the header {len(header)}")
     for name, index in places.items():
         values[name].append(_number(f"{place}: column '{name}'", row[index]))
 

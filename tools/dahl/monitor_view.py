@@ -15,7 +15,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderR
 from rich.table import Table
 from rich.text import Text
 
-from dahl import Error, codec, paths
+from dahl import Error, codec, counters, paths
 from dahl.monitor_curves import panel
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ class Seen:
     last: dict[str, Any] | None = None
     first_time: float = 0.0
     time: float = 0.0
+    newest: tuple[int, float] | None = None  # counter and time of the frame before the next
 
     def rate(self) -> float:
         span = self.time - self.first_time
@@ -95,8 +96,12 @@ class View:
     def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
         if seen.last is None:
             seen.first_time = now
-        elif seen.message.name in NUMBERED and "Counter" in signals:
-            seen.missing += (signals["Counter"] - seen.last["Counter"] - 1) % codec.COUNTERS
+        if seen.message.name in NUMBERED and "Counter" in signals:
+            counter = signals["Counter"]
+            before, then = seen.newest or (counter - 1, now)
+            step = counters.step(before, counter, now - then)
+            if step:  # else it is repeated or late, and the next is expected as before
+                seen.missing, seen.newest = seen.missing + step - 1, (counter, now)
         seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
 
     def _answer(self, signals: dict[str, Any], now: float) -> None:

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
 from dahl import Error, RunError, checks, codec, core, parts, variants
 from dahl.bus import receive
+from dahl.copies import Copied
 
 if TYPE_CHECKING:
     import can
@@ -107,7 +108,7 @@ class _ParallelParams(ctypes.Structure):
 
 
 @checks.calls_checked
-class Node:
+class Node(Copied):
     """A friction node (dahl_node_t): frames in, frames out, relaxed and unaware at first.
 
     friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded, of which the
@@ -127,6 +128,8 @@ class Node:
     thread at a time. About 10 us a frame. Raises dahl.Error naming the argument, its value and its
     limit.
     """
+
+    _made_again = frozenset({"_node", "_kept"})
 
     def __init__(
         self,
@@ -238,27 +241,22 @@ class Node:
             self._node.status_counter, self._node.urgent = counter, 1
         self._node.bus_off_us = _clock(moment - LEAP)
 
-    def __getstate__(self) -> tuple[Any, ...]:
+    def __getstate__(self) -> dict[str, Any]:
         """All that it is made of, but for addresses."""
-        kept = NodeStructure.from_buffer_copy(self._node)
-        kept.model = None
-        return self._friction, self._now, bytes(kept), bytes(self._kept)[MODEL_BYTES:]
+        node = NodeStructure.from_buffer_copy(self._node)
+        node.model = None
+        kept = bytes(self._kept)[MODEL_BYTES:]
+        return {**super().__getstate__(), "_node": bytes(node), "_kept": kept}
 
-    def __setstate__(self, state: tuple[Any, ...]) -> None:
-        friction, now, node, kept = state
-        self.__init__(friction)  # type: ignore[misc]  # of the library that is there now
-        model, self._now = self._node.model, now
-        self._node = NodeStructure.from_buffer_copy(node)
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._node, self._kept = NodeStructure(), (ctypes.c_uint64 * KEPT_ROOM)()
+        self._begin(0)  # of the library that is there now
+        model = self._node.model
+        self._node = NodeStructure.from_buffer_copy(state["_node"])
         self._node.model = model
+        kept = state["_kept"]
         ctypes.memmove(ctypes.addressof(self._kept) + MODEL_BYTES, kept, len(kept))
-
-    def __deepcopy__(self, _: object) -> Node:
-        return self.__copy__()
-
-    def __copy__(self) -> Node:
-        other = type(self).__new__(type(self))
-        other.__setstate__(self.__getstate__())
-        return other
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Node):
@@ -268,8 +266,8 @@ class Node:
     def _compared(self) -> tuple[Any, ...]:
         """All but addresses, and padding that C leaves as it is."""
         first, last = NodeStructure.params.offset, NodeStructure.urgent.offset
-        friction, _, node, kept = self.__getstate__()
-        return type(friction), node[first : last + 1], kept
+        state = self.__getstate__()
+        return type(self._friction), state["_node"][first : last + 1], state["_kept"]
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each frame
 

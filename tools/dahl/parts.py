@@ -8,12 +8,13 @@ from __future__ import annotations
 import copy
 import ctypes
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dahl import Error, arrays, checks, core
+from dahl.copies import Copied
 
 SLIP_MAX = 8  # DAHL_SLIP_MAX: slip elements side by side
 PLAN_ROOM = 32  # 8-byte words kept for a dahl_slip_plan_t (14 are used)
@@ -26,6 +27,10 @@ class _SlipParams(ctypes.Structure):
         ("sigma0", ctypes.c_float * SLIP_MAX),
         ("Fc", ctypes.c_float * SLIP_MAX),
     ]
+
+
+class _SlipState(ctypes.Structure):
+    _fields_ = [("x", ctypes.c_int32 * SLIP_MAX)]
 
 
 def _floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
@@ -70,12 +75,15 @@ class Element:
         return result
 
 
-class _SlipParameters:
+class _SlipParameters(Copied):
     """Of slip elements side by side, exact or fast."""
 
     _sigma0: tuple[float, ...]
     _Fc: tuple[float, ...]
     _theta_per_count: float
+
+    def _parameters(self) -> tuple[Any, ...]:
+        return self._sigma0, self._Fc, self._theta_per_count
 
     @staticmethod
     def _digits(value: float) -> str:
@@ -136,11 +144,11 @@ class Slip(_SlipParameters, Element):
         self._theta_per_count = core.parameter(
             "theta_per_count", theta_per_count, core.THETA_PER_COUNT
         )
-        self._x = (ctypes.c_int32 * SLIP_MAX)()
-        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
+        self._state = _SlipState()
         self._prepare()
 
     def _prepare(self) -> None:
+        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
         count = len(self._sigma0)
         if not 1 <= count <= SLIP_MAX or len(self._Fc) != count:
             raise Error(
@@ -166,35 +174,34 @@ class Slip(_SlipParameters, Element):
     def step_counts_q30(self, dcounts: int) -> int:
         """The same move, the same errors; returns F over the sum of Fc in Q30, -2^30 .. 2^30."""
         moved = checks.whole("dcounts", dcounts, arrays.INT32_MIN, arrays.INT32_MAX)
-        ratio: int = core.library().dahl_slip_step_counts_q30(self._words, self._x, moved)
+        ratio: int = core.library().dahl_slip_step_counts_q30(
+            self._words, ctypes.byref(self._state), moved
+        )
         return ratio
 
     def _step(self, dcounts: int) -> float:
-        torque: float = core.library().dahl_slip_step_counts(self._words, self._x, dcounts)
+        torque: float = core.library().dahl_slip_step_counts(
+            self._words, ctypes.byref(self._state), dcounts
+        )
         return torque
 
     def _batch(self, moves: np.ndarray, out: np.ndarray) -> None:
+        state = ctypes.byref(self._state)
         core.library().dahl_batch_slip_counts(
-            self._words, self._x, arrays.data(moves), arrays.data(out), moves.size
+            self._words, state, arrays.data(moves), arrays.data(out), moves.size
         )
-
-    def __getstate__(self) -> tuple[Any, ...]:
-        return self._sigma0, self._Fc, self._theta_per_count, tuple(self._x)
-
-    def __setstate__(self, kept: tuple[Any, ...]) -> None:
-        self.__init__(*kept[:3])  # type: ignore[misc]  # as it was made
-        self._x[:] = kept[3]
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Slip):
             return NotImplemented
-        return self.__getstate__() == other.__getstate__()
+        alike = self._parameters() == other._parameters()
+        return alike and bytes(self._state) == bytes(other._state)
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
 
 @checks.calls_checked
-class Parallel(Element):
+class Parallel(Element, Copied):
     """Elements on one shaft, whose torques add (dahl_part_t): any mix of Friction and Slip, each
     with a state of its own, which moves with this. The sum in N m is rounded once, within 0.55 ulp
     of the sum of all Fc.
@@ -245,8 +252,10 @@ class Parallel(Element):
             self._c_parts(), len(self._parts), arrays.data(moves), arrays.data(out), moves.size
         )
 
-    def __copy__(self) -> Parallel:
-        return Parallel(*map(copy.copy, self._parts))
+    def __copy__(self) -> Self:
+        other = super().__copy__()
+        other._parts = tuple(map(copy.copy, self._parts))
+        return other
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Parallel):
@@ -319,16 +328,13 @@ class ThroughputSlip(_SlipParameters, _Fast):
             for sigma0, torque in zip(self._sigma0, self._Fc, strict=True)
         ]
 
-    def __reduce__(self) -> tuple[type[ThroughputSlip], tuple[Any, ...]]:
-        return ThroughputSlip, (self._sigma0, self._Fc, self._theta_per_count)
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, ThroughputSlip):
             return NotImplemented
-        return self.__reduce__() == other.__reduce__()
+        return self._parameters() == other._parameters()
 
     def __hash__(self) -> int:
-        return hash(self.__reduce__())
+        return hash(self._parameters())
 
 
 @checks.calls_checked
@@ -382,7 +388,7 @@ def _elements_of(part: core.Throughput | ThroughputSlip) -> list[core.Throughput
 def _part_of(part: core.Friction | Slip) -> core.Part:
     made: core.Part
     if isinstance(part, Slip):
-        made = core.library().dahl_batch_slip_part(part._words, part._x)
+        made = core.library().dahl_batch_slip_part(part._words, ctypes.byref(part._state))
         return made
     part.plan._need_counts()  # checked with each move: change_plan() may have taken the counts away
     made = core.library().dahl_batch_part(part.plan._words, ctypes.byref(part.state))

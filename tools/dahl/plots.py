@@ -169,13 +169,13 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
 
 def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
-    bars = axes.bar(list(injected), list(injected.values()), color=COMPUTED)
-    axes.bar_label(bars, fontsize=9)
+    bars = axes.bar([*map(literal, injected)], list(injected.values()), color=COMPUTED)
+    axes.bar_label(bars, fmt="%d", fontsize=9)
     axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
     axes.tick_params(axis="x", labelsize=9)
     wrong = report.disagreements(numbers)
     words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
-    axes.set_title(words, loc="left", fontsize=10, color="#555555")
+    axes.set_title(literal(words), loc="left", fontsize=10, color="#555555")
 
 
 def _tracking(axes: Axes, trace: Path) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from dahl import Error, RunError, codec, paths, reference
+from dahl import Error, RunError, codec, counters, paths, reference
 from dahl.scene import Measured, Recorded, Scene
 
 if TYPE_CHECKING:
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     import cantools
 
 BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
-LATE = 8  # counter steps ahead; a frame of more is late (DAHL_NODE_GAP_MAX_STEP)
-TOGETHER = 0.005  # s between two frames; after more a counter that went back is a gap
 FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 NEW_START = {"Init", "Stale", "WrongSequence"}
@@ -140,11 +138,10 @@ class Pairing:
 
     def _tick(self, signals: dict[str, Any], time: float) -> None:
         counter = signals["Counter"]
-        step = (counter - self._counter) % codec.COUNTERS if self.ticks else 1
-        together = bool(self.ticks) and time - self.ticks[-1][1] < TOGETHER
-        if together and (step == 0 or step > LATE):  # repeated, or late: no node uses it
+        step = counters.step(self._counter, counter, time - self.ticks[-1][1]) if self.ticks else 1
+        if step == 0:  # no node uses it
             return
-        self.row += step or codec.COUNTERS
+        self.row += step
         self._counter = counter
         self.waiting.append((counter, len(self.ticks)))
         self.ticks.append((self.row, time, signals["Count"], self.load))
@@ -292,5 +289,5 @@ def summary(
         **({"breakaway": scene.breakaway} if scene.breakaway else {}),
         "parameters": {name: getattr(scene, name) for name in ("sigma0", "Fc", "theta_per_count")},
         "units": scene.measured.units,
-        "scene_file": str(scene.path),
+        "scene_file": str(scene.path.resolve()),
     }

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dahl import Error, arrays, checks, core
+from dahl.copies import Copied
 from dahl.parts import Element
 
 PLAN_ROOM = 128  # 8-byte words kept for any plan of dahl_parts.h (54 are used at most)
@@ -33,7 +34,7 @@ def _checked_counts(theta_per_count: float) -> None:
         raise Error(f"theta_per_count = 0 is outside {SEEN_BY_COUNTS}")
 
 
-class _Bristle(Element):
+class _Bristle(Element, Copied):
     """An element of parameters, each a float as C has it, and of one bristle's state. dahl_KIND_..
     are its calls.
     """
@@ -46,12 +47,15 @@ class _Bristle(Element):
             core.parameter(name, value, limit)
             for (name, limit), value in zip(self._limits.items(), values, strict=True)
         )
-        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
         self._state = core.State()
-        if self._prepare() != 0:
+        self._prepare()
+
+    def _prepare(self) -> None:
+        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
+        if self._prepare_words() != 0:
             raise Error(self._refusal())
 
-    def _prepare(self) -> int:
+    def _prepare_words(self) -> int:
         raise NotImplementedError
 
     def _refusal(self) -> str:
@@ -79,17 +83,10 @@ class _Bristle(Element):
         state = ctypes.byref(self._state)
         call(self._words, state, arrays.data(moves), arrays.data(out), moves.size)
 
-    def __getstate__(self) -> tuple[Any, ...]:
-        return (*self._values, self._state.w)
-
-    def __setstate__(self, kept: tuple[Any, ...]) -> None:
-        self.__init__(*kept[:-1])  # type: ignore[misc]  # as it was made
-        self._state.w = kept[-1]
-
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        return self.__getstate__() == other.__getstate__()
+        return (self._values, self._state) == (other._values, other._state)
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
@@ -136,7 +133,7 @@ class Asymmetric(_Bristle):
     ) -> None:
         self._make(sigma0, Fc_forward, Fc_backward, theta_per_count)
 
-    def _prepare(self) -> int:
+    def _prepare_words(self) -> int:
         params = (ctypes.c_float * 4)(*self._values)
         return int(core.library().dahl_asymmetric_prepare(self._words, params))
 
@@ -208,7 +205,7 @@ class ElastoPlastic(_Bristle):
     ) -> None:
         self._make(sigma0, Fc, theta_per_count, breakaway)
 
-    def _prepare(self) -> int:
+    def _prepare_words(self) -> int:
         params = (ctypes.c_float * 3)(*self._values[:3])
         return int(core.library().dahl_elastoplastic_prepare(self._words, params, self._values[3]))
 
@@ -243,7 +240,7 @@ class _LoadedState(ctypes.Structure):
 
 
 @checks.calls_checked
-class Loaded:
+class Loaded(Copied):
     """A bearing of a Plan whose Fc follows a load, given with each tick: normal force, torque
     through a gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t):
     where the load falls F falls with it, where it grows F is kept. With fixed_stiffness sigma0
@@ -379,17 +376,13 @@ class Loaded:
                 f"Loaded.{call}: fixed_stiffness = {self._fixed_stiffness} moves by {there}"
             )
 
-    def __getstate__(self) -> tuple[core.Plan, bool, int, int]:
-        return self._plan, self._fixed_stiffness, self._state.w, self._state.load_q30
-
-    def __setstate__(self, kept: tuple[core.Plan, bool, int, int]) -> None:
-        self._plan, self._fixed_stiffness = kept[:2]
-        self._state = _LoadedState(*kept[2:])
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Loaded):
             return NotImplemented
-        return self.__getstate__() == other.__getstate__()
+        return self._compared() == other._compared()
+
+    def _compared(self) -> tuple[core.Plan, bool, int, int]:
+        return self._plan, self._fixed_stiffness, self._state.w, self._state.load_q30
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
@@ -414,7 +407,7 @@ class _Sums(ctypes.Structure):
 
 
 @checks.calls_checked
-class Work(Element):
+class Work(Element, Copied):
     """One bearing of a Plan that adds up what it takes (dahl_work_t): the torques of
     Friction(plan), bit for bit, and the work along the path in J, in whole numbers that do not
     overflow for 2^63 ticks.
@@ -471,17 +464,13 @@ class Work(Element):
             moves.size,
         )
 
-    def __getstate__(self) -> tuple[core.Plan, int, bytes]:
-        return self._plan, self._state.w, bytes(self._sums)
-
-    def __setstate__(self, kept: tuple[core.Plan, int, bytes]) -> None:
-        self._plan, self._state = kept[0], core.State(kept[1])
-        self._sums = _Sums.from_buffer_copy(kept[2])
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Work):
             return NotImplemented
-        return self.__getstate__() == other.__getstate__()
+        return self._compared() == other._compared()
+
+    def _compared(self) -> tuple[core.Plan, int, bytes]:
+        return self._plan, self._state.w, bytes(self._sums)
 
     __hash__ = None  # type: ignore[assignment]  # it changes with each step
 
@@ -500,7 +489,7 @@ TORQUES = "0, or 2^-64 <= |torque| < 2^64 (N m)"
 
 
 @checks.calls_checked
-class VelocityTable:
+class VelocityTable(Copied):
     """Friction that depends on speed (viscous, Stribeck; dahl_velocity_plan_t), beside what depends
     on the path: an odd table over the counts of one tick, linear in between, the last value beyond.
     Add its torques to those of a part.
@@ -527,10 +516,10 @@ class VelocityTable:
             core.parameter(f"torque[{k}]", value, TORQUES) for k, value in enumerate(torque)
         )
         self._segment_bits = checks.whole("segment_bits", segment_bits, 0, SEGMENT_BITS_MAX)
-        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
         self._prepare()
 
     def _prepare(self) -> None:
+        self._words = (ctypes.c_uint64 * PLAN_ROOM)()
         params = _VelocityParams(self._segment_bits)
         params.torque[:] = self._torque
         if core.library().dahl_velocity_prepare(self._words, ctypes.byref(params)) != 0:
@@ -577,9 +566,6 @@ class VelocityTable:
 
     def __hash__(self) -> int:
         return hash((self._torque, self._segment_bits))
-
-    def __reduce__(self) -> tuple[type[VelocityTable], tuple[tuple[float, ...], int]]:
-        return VelocityTable, (self._torque, self._segment_bits)
 
     def __repr__(self) -> str:
         torques = ", ".join(map(_shown, self._torque))

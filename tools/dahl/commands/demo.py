@@ -118,8 +118,9 @@ def run(args: argparse.Namespace) -> int:
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
     with paths.owned(args.output):
-        _spare(args)
+        _spare(args.log, args.output)
         scene, log, recorded = _choose(args, console)
+        _spare(log, args.output)  # that of the scene
         numbers, trace = _play(args, scene, log, recorded, console)
         _keep(args.output, scene, trace, recorded, numbers, console)
     if args.json:
@@ -132,11 +133,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _spare(args: argparse.Namespace) -> None:
+def _spare(log: Path | None, folder: Path) -> None:
     """Raise dahl.Error where a file that this run writes is the log that it reads."""
-    written = [path for name in WRITTEN for path in args.output.glob(name)]
-    if args.log and args.log.exists() and any(map(args.log.samefile, written)):
-        raise Error(f"{args.log}: a run in {args.output} would destroy it; name another -o")
+    written = [path for name in WRITTEN for path in folder.glob(name)]
+    if log and log.exists() and any(map(log.samefile, written)):
+        raise Error(f"{log}: a run in {folder} would destroy it; name another -o")
 
 
 def _wrong(numbers: dict[str, Any]) -> list[str]:

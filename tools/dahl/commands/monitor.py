@@ -35,7 +35,10 @@ REDRAW = 0.25  # s
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--node", type=whole(0, 15), default=0, metavar="N", help="node number, 0 to 15"
+        "--node",
+        type=whole(0, 15),
+        metavar="N",
+        help="node number, 0 to 15 (default: the scene's, else 0)",
     )
     parser.add_argument("--dbc", type=Path, help="bus description, if not that of `dahl dbc`")
     parser.add_argument(
@@ -47,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     known = parser.add_mutually_exclusive_group()
     known.add_argument("--fc", type=positive, metavar="Y", help="Fc of the node, N m")
-    known.add_argument("--scene", metavar="NAME", help="scene whose Fc the node has")
+    known.add_argument("--scene", metavar="NAME", help="scene whose Fc and number it has")
     parser.add_argument("--json", action="store_true", help="print the numbers at the end, as JSON")
     add_limits(parser)
     add_bus_arguments(parser)
@@ -62,7 +65,8 @@ def run(args: argparse.Namespace) -> None:
     from dahl.monitor_view import View
 
     console = terminal.console()
-    view = View(args.node, args.window, args.dbc, *_known(args))
+    number, Fc, unit = _known(args)  # noqa: N806 (the field's name)
+    view = View(number, args.window, args.dbc, Fc, unit)
     begin = time.monotonic()
     try:
         with open_from(args) as bus, Stop() as stop:
@@ -83,14 +87,15 @@ def run(args: argparse.Namespace) -> None:
         raise silent(args, time.monotonic() - begin)
 
 
-def _known(args: argparse.Namespace) -> tuple[float | None, str]:
-    """Fc and the unit of the torque, as far as they are told."""
+def _known(args: argparse.Namespace) -> tuple[int, float | None, str]:
+    """The node's number, its Fc and the unit of the torque, as far as they are told."""
     from dahl import scene
 
     if args.scene is None:
-        return args.fc, "N m"
+        return args.node or 0, args.fc, "N m"
     found = scene.read(scene.find(args.scene))
-    return found.Fc, found.measured.unit
+    number = found.node if args.node is None else args.node
+    return number, found.Fc, found.measured.unit
 
 
 def _watch(frames: Iterable[can.Message | None], view: View, draw: Callable[[], None]) -> None:

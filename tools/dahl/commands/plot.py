@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import plots, scene, summary
+    from dahl import plots, report, scene, summary
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
         endings = ", ".join(plots.PICTURES[:-1])
@@ -50,42 +50,57 @@ def run(args: argparse.Namespace) -> None:
         raise Error(f"{log}: no such file")
     of_run = log.samefile(folder / "run.log") if (folder / "run.log").exists() else False
     known = summary.read(folder) if of_run and (folder / "summary.json").exists() else {}
-    played = scene.read(scene.find(args.scene or _scene_of(known, log)))
+    own = _scene_of(known, folder)
+    if not (args.scene or own):
+        raise Error(f"{log}: which parameters did this run have? Name its scene with --scene")
+    played = scene.read(scene.find(args.scene or str(own)))
     trace = _trace(log, played.node, args.channel)
-    recorded = _recorded(played, known)
+    is_own = own is not None and own.exists() and played.path.samefile(own)
+    recorded = _recorded(played, known.get("log") if is_own else None)
     ticks = int(trace.row.max()) + 1
     if recorded is not None and ticks > recorded.rows:
         raise Error(
             f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
         )
     output = args.output or folder / "loop.png"
+    known |= report.fit(played, trace, recorded)  # that of the run may be of another scene
     plots.draw(output, played, trace, recorded, known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
 def _trace(log: Path, node: int, channel: str | None) -> Trace:
-    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them."""
+    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them, or
+    where there is none of that name.
+    """
     from dahl import logs, report
 
-    pairing = report.Pairing(node)
+    pairing, buses = report.Pairing(node), set()
     for frame in logs.frames_of(log):
-        if channel is None or str(frame.channel) == channel:
+        buses |= set() if frame.channel is None else {str(frame.channel)}  # of an error frame
+        if channel in (None, str(frame.channel)):
             pairing.feed(frame)
+    if channel is not None and channel not in buses:
+        raise Error(f"{log}: no bus '{channel}'{logs.meant(channel, sorted(buses))}")
     if len(pairing.channels) > 1:
         raise Error(f"{log}: frames of {', '.join(sorted(pairing.channels))}; name one with -c")
     return pairing.trace()
 
 
-def _scene_of(known: dict[str, Any], log: Path) -> str:
+def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:
+    """The scene of the run; the one in its folder where that has moved."""
     if "scene_file" not in known:
-        raise Error(f"{log}: which parameters did this run have? Name its scene with --scene")
-    return str(known["scene_file"])
+        return None
+    path = Path(known["scene_file"])
+    beside = folder / path.name
+    return beside if beside.is_file() and not path.is_file() else path
 
 
-def _recorded(played: Scene, known: dict[str, Any]) -> Recorded | None:
+def _recorded(played: Scene, log: str | None) -> Recorded | None:
+    """What was measured beside the angle: in the log of the run, else in that of the scene."""
     from dahl import data, scene
 
     if not played.log:
         return None
-    log = Path(known["log"]) if known.get("log") else data.find_log(played.log, played.path.parent)
-    return scene.read_log(played, log)
+    return scene.read_log(
+        played, Path(log) if log else data.find_log(played.log, played.path.parent)
+    )
