@@ -154,21 +154,22 @@ static uint64_t inverse_of(uint64_t odd)
     return x;
 }
 
-/* Torque without motion, by each of the batches by counts, alone and beside others. */
+/* Torque without motion, by each of the batches by counts, alone and beside others, the first of another plan. */
 static void check_still(const dahl_plan_t *plan, int64_t w)
 {
     enum { COUNT = 3 };
-    const dahl_plan_t plans[COUNT] = {*plan, *plan, *plan};
+    const dahl_params_t other = {1.0f, 0.3f, 0.0f};
+    const dahl_plan_t plans[COUNT] = {plan_for(&other), *plan, *plan};
     const int32_t still[COUNT] = {0, 0, 0};
-    dahl_state_t states[COUNT] = {{-w}, {w}, {w / 3}};
+    dahl_state_t states[COUNT] = {{w / 3}, {-w}, {w}};
     for (size_t c = 0; c < COUNT; c++) {
-        dahl_batch_counts(plan, &states[c], still, G, 1);
-        F[c] = dahl_torque(plan, &states[c]);
+        dahl_batch_counts(&plans[c], &states[c], still, G, 1);
+        F[c] = dahl_torque(&plans[c], &states[c]);
         assert_same(G, &F[c], 1);
     }
     dahl_batch_counts_channels(plans, states, COUNT, still, G, 1);
     assert_same(G, F, COUNT);
-    TEST_ASSERT_TRUE(states[0].w == -w && states[1].w == w && states[2].w == w / 3);
+    TEST_ASSERT_TRUE(states[0].w == w / 3 && states[1].w == -w && states[2].w == w);
 }
 
 /* The middle between two floats, and every neighbour of it that a double can mistake for it: the first 32 bits t of w
