@@ -191,9 +191,12 @@ def test_words_of_the_user_reach_both_kinds_of_tests(stage):
     assert any(call.endswith("-k slip or parallel") for call in stage.calls("python"))
     assert stage.run("test", "-k").returncode == 1
     (stage.folder / "calls").unlink()
-    stage.run("test", "-k", "codec", "--checks")
-    runs = [call for call in stage.calls("python") if "-m pytest" in call]
-    assert len(runs) == 2 and all("-k codec --checks" in call for call in runs)
+    for mode, labels in (("--checks", {"", "checks"}), ("--soak", {"soak"})):
+        stage.run("test", "-k", "codec", mode)
+        runs = [call for call in stage.calls("python") if f"-k codec {mode}" in call]
+        assert len(runs) == 2
+        ctest = stage.calls("ctest")[-1]
+        assert "-R codec" in ctest and chosen_labels(ctest) == labels
 
 
 def test_a_build_that_fails_shows_the_end_of_its_own_log(stage):
