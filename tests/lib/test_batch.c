@@ -270,7 +270,7 @@ static void test_throughput_channels_by_angle(void)
 /* The kernel is that for the largest move of a block, wherever it stands. */
 static void test_one_long_move_among_short_ones(void)
 {
-    enum { COUNT = 17, STEPS = 128, ALL = COUNT * STEPS };
+    enum { COUNT = 17, STEPS = 300, ALL = COUNT * STEPS };
     static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
     dahl_params_t p = params_for(1e-7, 1.0f);
     dahl_throughput_params_t q[COUNT];
@@ -394,6 +394,12 @@ static void test_bad_parameters_touch_nothing(void)
     refuses(1, 1, 1e-10, DAHL_ERR_RANGE, DAHL_OK);
     refuses(1, 1, 1048576, DAHL_ERR_RANGE, DAHL_OK);
     refuses(1, 1, 1048575, DAHL_OK, DAHL_OK);
+    refuses(3, 1, 349525, DAHL_OK, DAHL_OK); /* 2^20/3 and more */
+    refuses(3, 1, 349526, DAHL_ERR_RANGE, DAHL_OK);
+    refuses(1, 3, 0x1.800001p-29, DAHL_OK, DAHL_OK);
+    refuses(1, 3, 0x1.7fffffp-29, DAHL_ERR_RANGE, DAHL_OK);
+    refuses(0x1p-64, 0x1p-64, 0x1p-30, DAHL_OK, DAHL_OK);
+    refuses(1, 0x1p64, 0x1p63, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
     refuses(1e19, 1e-19, 1e-33, DAHL_ERR_RANGE, DAHL_OK);
 }
 
