@@ -267,25 +267,25 @@ static void test_throughput_channels_by_angle(void)
     }
 }
 
-/* The kernel is that for the largest move of a block, wherever it stands. */
+/* The kernel is that for the largest move of a block and for the stiffest of some channels, wherever they stand. */
 static void test_one_long_move_among_short_ones(void)
 {
     enum { COUNT = 17, STEPS = 300, ALL = COUNT * STEPS };
     static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
-    dahl_params_t p = params_for(1e-7, 1.0f);
+    dahl_params_t p = params_for(1e-7, 1.0f), stiff = params_for(0.1, 1.0f);
     dahl_throughput_params_t q[COUNT];
     for (size_t c = 0; c < COUNT; c++) {
-        q[c] = in_double(&p);
+        q[c] = in_double(c == 0 ? &stiff : &p);
     }
     for (size_t k = 0; k < sizeof places / sizeof places[0]; k++) {
         dahl_state_t states[COUNT] = {{0}}, state = {0};
-        reference_t exact[COUNT], one = reference_by_counts(&p);
+        reference_t exact[COUNT] = {reference_by_counts(&stiff)}, one = reference_by_counts(&p);
         for (size_t i = 0; i < ALL; i++) {
             moves[i] = i == places[k] ? 20000000 : 1;
-            exact[i % COUNT] = i < COUNT ? one : exact[i % COUNT];
+            exact[i % COUNT] = 0 < i && i < COUNT ? one : exact[i % COUNT];
         }
         TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(q, states, COUNT, moves, F, STEPS));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(q, &state, moves, G, ALL));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q[1], &state, moves, G, ALL));
         for (size_t i = 0; i < ALL; i++) {
             assert_torque(reference_move(&exact[i % COUNT], moves[i]), &p, F[i], DAHL_ULP_COUNTS);
             assert_torque(reference_move(&one, moves[i]), &p, G[i], DAHL_ULP_COUNTS);
