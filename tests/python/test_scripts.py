@@ -177,10 +177,13 @@ def chosen_labels(call: str) -> set[str]:
     ],
 )
 def test_each_mode_runs_its_tests(stage, mode, need, labels):
+    """While others may build."""
+    stage.does("ctest", 'flock -n "$STAGE/build/build.lock" true || touch "$STAGE/locked"')
     assert stage.run("test", *mode.split()).returncode == 0
     assert stage.calls()[0] == f"setup.sh {need}"
     assert "-DDAHL_BUILD_TESTS=ON" in " ".join(stage.calls("cmake"))
     [ctest] = stage.calls("ctest")
+    assert not (stage.folder / "locked").exists()
     assert chosen_labels(ctest) == labels
     runs = [call for call in stage.calls("python") if "-m pytest" in call]
     folders = {folder for call in runs for folder in re.findall(r" tests/(\w+)(?= )", call)}
