@@ -207,6 +207,9 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     assert [int(x) for x in said.groups()] == [round(x) for x in copies]
     assert re.search(r"run_counts` is 3000 times.* 2000 times .* call 12\.0 times", block)
     assert "not compared here: newton (not here)" in block
+    without = measured | {"outside": {"mujoco": {"missing": "no wheel"}}}
+    block = report.host_block(results.combine(counted, without))
+    assert "not compared here: mujoco (no wheel)" in block and "mj_step" not in block
 
 
 # --- pictures ------------------------------------------------------------------------------------
