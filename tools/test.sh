@@ -31,7 +31,7 @@ parse() {
             -h | --help) usage; exit 0 ;;
             --checks) NEED=checks; CTEST[1]='^(long|soak)$'; PYTEST+=("$1") ;;
             --long | --full) NEED=checks; CTEST[1]='^soak$'; PYTEST+=("$1") ;;
-            --soak) NEED=checks; CTEST=(--label-regex '^soak$'); PYTEST+=("$1") ;;
+            --soak) NEED=checks; CTEST[0]=--label-regex; CTEST[1]='^soak$'; PYTEST+=("$1") ;;
             -k) [ $# -ge 2 ] || die "-k needs a word"; CTEST+=(-R "${2// or /|}"); PYTEST+=(-k "$2"); shift ;;
             *) PYTEST+=("$1") ;;
         esac

@@ -154,21 +154,23 @@ static uint64_t inverse_of(uint64_t odd)
     return x;
 }
 
-/* Torque without motion, by each of the batches by counts, alone and beside others. */
+/* Torque without motion, by each of the batches by counts, alone and beside others, the first of another plan. */
 static void check_still(const dahl_plan_t *plan, int64_t w)
 {
     enum { COUNT = 3 };
-    const dahl_plan_t plans[COUNT] = {*plan, *plan, *plan};
+    const dahl_params_t other = {1.0f, 0.3f, 0.0f};
+    const dahl_plan_t plans[COUNT] = {plan_for(&other), *plan, *plan};
     const int32_t still[COUNT] = {0, 0, 0};
-    dahl_state_t states[COUNT] = {{-w}, {w}, {w / 3}};
+    dahl_state_t states[COUNT] = {{w / 3}, {-w}, {w}};
     for (size_t c = 0; c < COUNT; c++) {
-        dahl_batch_counts(plan, &states[c], still, G, 1);
-        F[c] = dahl_torque(plan, &states[c]);
+        dahl_batch_counts(&plans[c], &states[c], still, G, 1);
+        F[c] = dahl_torque(&plans[c], &states[c]);
         assert_same(G, &F[c], 1);
     }
+    F[COUNT] = G[COUNT] = 42.0f; /* of somebody else */
     dahl_batch_counts_channels(plans, states, COUNT, still, G, 1);
-    assert_same(G, F, COUNT);
-    TEST_ASSERT_TRUE(states[0].w == -w && states[1].w == w && states[2].w == w / 3);
+    assert_same(G, F, COUNT + 1);
+    TEST_ASSERT_TRUE(states[0].w == w / 3 && states[1].w == -w && states[2].w == w);
 }
 
 /* The middle between two floats, and every neighbour of it that a double can mistake for it: the first 32 bits t of w
@@ -266,25 +268,25 @@ static void test_throughput_channels_by_angle(void)
     }
 }
 
-/* The kernel is that for the largest move of a block, wherever it stands. */
+/* The kernel is that for the largest move of a block and for the stiffest of some channels, wherever they stand. */
 static void test_one_long_move_among_short_ones(void)
 {
-    enum { COUNT = 17, STEPS = 128, ALL = COUNT * STEPS };
+    enum { COUNT = 17, STEPS = 300, ALL = COUNT * STEPS };
     static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
-    dahl_params_t p = params_for(1e-7, 1.0f);
+    dahl_params_t p = params_for(1e-7, 1.0f), stiff = params_for(0.1, 1.0f);
     dahl_throughput_params_t q[COUNT];
     for (size_t c = 0; c < COUNT; c++) {
-        q[c] = in_double(&p);
+        q[c] = in_double(c == 0 ? &stiff : &p);
     }
     for (size_t k = 0; k < sizeof places / sizeof places[0]; k++) {
         dahl_state_t states[COUNT] = {{0}}, state = {0};
-        reference_t exact[COUNT], one = reference_by_counts(&p);
+        reference_t exact[COUNT] = {reference_by_counts(&stiff)}, one = reference_by_counts(&p);
         for (size_t i = 0; i < ALL; i++) {
             moves[i] = i == places[k] ? 20000000 : 1;
-            exact[i % COUNT] = i < COUNT ? one : exact[i % COUNT];
+            exact[i % COUNT] = 0 < i && i < COUNT ? one : exact[i % COUNT];
         }
         TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(q, states, COUNT, moves, F, STEPS));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(q, &state, moves, G, ALL));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q[1], &state, moves, G, ALL));
         for (size_t i = 0; i < ALL; i++) {
             assert_torque(reference_move(&exact[i % COUNT], moves[i]), &p, F[i], DAHL_ULP_COUNTS);
             assert_torque(reference_move(&one, moves[i]), &p, G[i], DAHL_ULP_COUNTS);
@@ -303,11 +305,13 @@ static void test_any_cut_is_the_same_motion(void)
     size_t t = 0;
     fill(motion_walk, THETA);
     for (size_t n = 0; t + n < TEST_TICKS && n < 700; t += n, n++) {
+        F[t + n] = 42.0f; /* of somebody else */
         if (n % 3 == 0) {
             dahl_batch_counts(&plan, &state, moves + t, F + t, n);
         } else {
             TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, moves + t, F + t, n));
         }
+        TEST_ASSERT_TRUE(F[t + n] == 42.0f);
     }
     TEST_ASSERT_TRUE(t > TEST_TICKS / 2);
     for (size_t i = 0; i < t; i++) {
@@ -393,6 +397,12 @@ static void test_bad_parameters_touch_nothing(void)
     refuses(1, 1, 1e-10, DAHL_ERR_RANGE, DAHL_OK);
     refuses(1, 1, 1048576, DAHL_ERR_RANGE, DAHL_OK);
     refuses(1, 1, 1048575, DAHL_OK, DAHL_OK);
+    refuses(3, 1, 349525, DAHL_OK, DAHL_OK); /* 2^20/3 and more */
+    refuses(3, 1, 349526, DAHL_ERR_RANGE, DAHL_OK);
+    refuses(1, 3, 0x1.800001p-29, DAHL_OK, DAHL_OK);
+    refuses(1, 3, 0x1.7fffffp-29, DAHL_ERR_RANGE, DAHL_OK);
+    refuses(0x1p-64, 0x1p-64, 0x1p-30, DAHL_OK, DAHL_OK);
+    refuses(1, 0x1p64, 0x1p63, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
     refuses(1e19, 1e-19, 1e-33, DAHL_ERR_RANGE, DAHL_OK);
 }
 

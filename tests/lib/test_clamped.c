@@ -142,9 +142,9 @@ static void test_load_alone(void)
 /* More than the range is the most of it; what is no number moves nothing, infinity saturates. */
 static void test_ends_of_the_input(void)
 {
-    dahl_params_t p = params_for(0.01, 2.0f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {0}, most = {0};
+    dahl_params_t p = params_for(0.01, 2.0f), soft = {0x1p-64f, 0x1p63f, 0.0f};
+    dahl_plan_t plan = plan_for(&p), soft_plan = plan_for(&soft);
+    dahl_state_t state = {0}, most = {0}, little = {1};
     for (int t = 0; t < 999; t++) {
         float dtheta = (float)(t % 7 - 2) * THETA, F = dahl_clamped_step(&plan, &most, dtheta, 0x7fffffffu);
         TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, dtheta, 0x80000000u + (uint32_t)t) == F);
@@ -154,6 +154,8 @@ static void test_ends_of_the_input(void)
     TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, NAN, ONE / 2) == -1.0f);
     TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, 1e-45f, ONE / 2) == -1.0f);
     TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, INFINITY, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&soft_plan, &state, -INFINITY, ONE) == -soft.Fc); /* the largest float would not do */
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &little, 0.0f, 0) == 0.0f && little.w == 0);
 }
 
 /* Any word as a state, with any plan: no undefined behaviour, and the torque stays below that of the load. */

@@ -15,7 +15,7 @@
 #define ULP_SLIP 0.5001L /* dahl_batch.h */
 
 static int32_t moves[TICKS];
-static float F[TICKS], G[TICKS];
+static float F[TICKS], G[TICKS + 1];
 
 static void make_moves(motion_fn next)
 {
@@ -111,8 +111,10 @@ static void test_a_log_in_pieces_has_the_same_bits(void)
     for (size_t done = 0; done < TICKS;) {
         size_t left = TICKS - done, n = motion_random(&lengths) % 1100u;
         n = n < left ? n : left;
+        G[done + n] = 42.0f; /* of somebody else */
         TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(pieces, 3, moves + done, G + done, n));
         done += n;
+        TEST_ASSERT_TRUE(G[done] == 42.0f);
     }
     TEST_ASSERT_EQUAL_MEMORY(F, G, sizeof F);
     for (int k = 0; k < 3; k++) {
@@ -128,16 +130,19 @@ static void test_nothing_in_parallel_is_no_torque(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(NULL, 0, NULL, NULL, 0));
 }
 
+/* Whether the bad element is the first or the last. */
 static void check_refused(double sigma0, double Fc, double theta, dahl_err_t code)
 {
-    dahl_throughput_element_t elements[2] = {{{100, 0.5, 1e-4}, 1, {0}, 3.0}, {{0, 0, 0}, 1, {7}, 2.0}}, before[2];
-    elements[1].params = (dahl_throughput_params_t){sigma0, Fc, theta};
-    (void)memcpy(before, elements, sizeof before);
-    F[0] = 42.0f;
-    moves[0] = 5;
-    TEST_ASSERT_EQUAL_INT(code, dahl_throughput_parallel_counts(elements, 2, moves, F, 1));
-    TEST_ASSERT_EQUAL_MEMORY(before, elements, sizeof before);
-    TEST_ASSERT_TRUE(F[0] == 42.0f);
+    for (int bad = 0; bad < 2; bad++) {
+        dahl_throughput_element_t elements[2] = {{{100, 0.5, 1e-4}, 1, {0}, 3.0}, {{100, 0.5, 1e-4}, 1, {7}, 2.0}}, before[2];
+        elements[bad].params = (dahl_throughput_params_t){sigma0, Fc, theta};
+        (void)memcpy(before, elements, sizeof before);
+        F[0] = 42.0f;
+        moves[0] = 5;
+        TEST_ASSERT_EQUAL_INT(code, dahl_throughput_parallel_counts(elements, 2, moves, F, 1));
+        TEST_ASSERT_EQUAL_MEMORY(before, elements, sizeof before);
+        TEST_ASSERT_TRUE(F[0] == 42.0f);
+    }
 }
 
 static void test_bad_parameters_touch_nothing(void)

@@ -249,6 +249,12 @@ static void test_tiny_motion(void)
         long double F = exact_torque(&mix, d), error = fabsl(dahl_parallel_step_counts(mix.part, mix.count, d) - F);
         TEST_ASSERT_TRUE(fabsl(F) <= 1e-12L * mix.sum || error <= 1e-6L * fabsl(F));
     }
+    make(&mix, 0);
+    for (int bits = 28; bits < 61; bits++) {
+        mix.state[0].w = mix.state[1].w = (int64_t)3 << bits;
+        long double F = mix.sum * ldexpl(3, bits - 62);
+        TEST_ASSERT_TRUE(fabsl(dahl_parallel_step_counts(mix.part, mix.count, 0) - F) <= 1e-6L * F);
+    }
 }
 
 /* The opposite motion has the opposite torque, bit for bit, where the parts have: slip elements do. */

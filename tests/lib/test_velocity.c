@@ -6,12 +6,12 @@
 
 static const uint32_t segments[] = {0, 1, 4, 10, 24};
 
-/* A Stribeck curve that falls, then rises, and is negative for a while. */
+/* A Stribeck curve: its first value is the largest, it falls below 0 and rises again. */
 static dahl_velocity_params_t stribeck(uint32_t segment_bits, float scale)
 {
     dahl_velocity_params_t p = {.segment_bits = segment_bits};
     for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
-        float x = (float)(k + 1) / DAHL_VELOCITY_SEGMENTS;
+        float x = (float)(DAHL_VELOCITY_SEGMENTS - k) / DAHL_VELOCITY_SEGMENTS;
         p.torque[k] = scale * (1.5f * x * x - 0.8f * x - (k == 3 ? 0.1f : 0.0f));
     }
     return p;

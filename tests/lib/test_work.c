@@ -124,11 +124,14 @@ static void test_sums_carry(void)
     TEST_ASSERT_TRUE(full.counts[0] == 0 && full.counts[1] == 0 && full.counts[2] == 0);
 }
 
-static void test_nothing_moved_is_no_work(void)
+/* With F at Fc all along, the bristle keeps nothing of it. */
+static void test_Fc_times_the_way(void)
 {
-    dahl_params_t p = params_for(1e-3, 0.5f);
-    dahl_work_t sums = {0};
-    TEST_ASSERT_TRUE(dahl_work(&p, &sums) == 0.0f);
+    const dahl_params_t soft = {0x1p-30f, 1.0f, 0x1p-30f}, most = {1.0f, 0x1p63f, 0x1p63f};
+    const dahl_work_t none = {{0}, {0}}, one = {{1}, {0}}, three = {{3}, {0}};
+    TEST_ASSERT_TRUE(dahl_work(&soft, &none) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_work(&soft, &one) == 0x1p-30f);
+    TEST_ASSERT_TRUE(dahl_work(&most, &three) == 0x1.8p127f);
 }
 
 /* Beyond the floats, either way. */
@@ -166,7 +169,7 @@ int main(void)
     RUN_TEST(test_a_loop_takes_its_area);
     RUN_TEST(test_energy_comes_back_and_no_more);
     RUN_TEST(test_sums_carry);
-    RUN_TEST(test_nothing_moved_is_no_work);
+    RUN_TEST(test_Fc_times_the_way);
     RUN_TEST(test_what_no_float_holds);
     RUN_TEST(test_one_side_far_below_the_other);
     return UNITY_END();

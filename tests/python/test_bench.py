@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Speed against error: what the commands count and measure, the judgement of results.py on points
-made up for it, and the pictures.
-"""
+"""Speed against error: what the commands count and measure, against limits and references."""
 
 from __future__ import annotations
 
@@ -21,7 +19,6 @@ sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
 import figures  # noqa: E402
 import host  # noqa: E402
-import report  # noqa: E402
 import results  # noqa: E402
 import target  # noqa: E402
 from dahl import reference  # noqa: E402
@@ -197,45 +194,6 @@ def test_speed_is_nanoseconds_a_tick(measured) -> None:
     took = time.perf_counter() - start
     least = sum(ns for ways in speed.values() for ns in ways.values()) * ticks * rounds * 1e-9
     assert 0.1 * took < least < took
-
-
-# --- a whole report from a small made-up run ------------------------------------------------------
-
-
-@pytest.fixture
-def small(counted, measured) -> tuple[dict, dict]:
-    ways = {name for motion in measured["errors"].values() for name in motion}
-    extra = ("batch_counts_16", "throughput_counts_16", "throughput_angle_16")
-    times = dict.fromkeys((*ways, *extra), 2.0) | {"expm1f": 8.0, "copy": 0.5}
-    grown = [
-        {"scenario": "walk_20", "way": way, "ticks": ticks, "worst": 1e-8}
-        for way in figures.GROWTH_TITLES
-        for ticks in (100, 1000)
-    ]
-    rates = [{"rate": rate, "way": way, "parts": 2} for rate in (100, 1000) for way in host.SOLVERS]
-    made_up = {
-        "quick": True,
-        "cpu": "a processor",
-        "compiler": "a compiler",
-        "ticks": {},
-        "speed": dict.fromkeys(measured["errors"], times),
-        "growth": grown,
-        "rates": rates,
-        "outside": {"mujoco": {"missing": "not for this machine"}},
-        "python": {"throughput_ns": 1.0, "batch_ns": 3.0, "step_ns": 900.0},
-    }
-    return counted, measured | made_up
-
-
-def test_ratios_and_missing_rivals(small) -> None:
-    result = results.combine(*small)
-    for name in ("bitwise_counts", "bitwise_channels16", "throughput_angle", "throughput_counts"):
-        assert result["host"][f"{name}_x"] == 4.0
-    assert result["host"]["copy_x"] == 4.0
-    assert result["missing"] == {"mujoco": "not for this machine"}
-    assert "mujoco_x" not in result["host"]
-    assert "not compared here: mujoco (not for this machine)" in report.host_block(result)
-    json.loads(json.dumps(result, allow_nan=False))
 
 
 def test_a_bench_that_there_is_not_is_refused_before_anything_is_set_up() -> None:

@@ -37,7 +37,7 @@ def counted() -> dict:
     ways = [way.key for way in results.WAYS if way.on_target]
     ways += [f"{solver}_parts_{n}" for n in (9, 17) for solver in results.SOLVERS]
     result = {}
-    for core in ("m0", "m3", "m4f", "rv32"):
+    for core in target.CORES:
         motions = {
             libc: {
                 motion: {way: 1.37 * next(number) for way in ("floor", *ways)} for motion in MOTIONS
@@ -207,6 +207,9 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     assert [int(x) for x in said.groups()] == [round(x) for x in copies]
     assert re.search(r"run_counts` is 3000 times.* 2000 times .* call 12\.0 times", block)
     assert "not compared here: newton (not here)" in block
+    without = measured | {"outside": {"mujoco": {"missing": "no wheel"}}}
+    block = report.host_block(results.combine(counted, without))
+    assert "not compared here: mujoco (no wheel)" in block and "mj_step" not in block
 
 
 # --- pictures ------------------------------------------------------------------------------------
@@ -448,11 +451,20 @@ def test_models_against_measured_logs_stand_in_their_place(pages, counted, measu
     assert (pages / "docs/pictures/measured.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_a_quick_run_is_not_for_the_docs(pages, measured, monkeypatch, capsys):
+@pytest.mark.parametrize("part", ["host", "target", "cores"])
+def test_a_part_of_a_run_is_not_for_the_docs(pages, counted, measured, monkeypatch, part):
+    """A table of fewer columns or with empty cells would take the place of a whole one."""
     monkeypatch.setattr(report, "draw", lambda *_: None)  # takes longest, is no matter
-    target.write(host.RESULT, measured | {"quick": True})
+    if part == "host":
+        target.write(host.RESULT, measured | {"quick": True})
+    elif part == "cores":
+        target.write(target.RESULT, {core: counted[core] for core in ("m0", "m3", "m4f")})
+    else:
+        for core in counted.values():
+            core["motions"] = dict([*core["motions"].items()][:1])
+        target.write(target.RESULT, counted)
     assert report.main([]) == 0
-    with pytest.raises(target.BenchError, match="quick run"):
+    with pytest.raises(target.BenchError, match="docs/ wants a whole one"):
         report.main(["--docs"])
     for page in ("README.md", "docs/microcontroller.md", "docs/speed.md"):
         assert "\nold\n" in (pages / page).read_text()

@@ -6,21 +6,19 @@ something does not build, and a core whose int has 16 bits builds without a warn
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import ROOT, need
 
-ROOT = Path(__file__).resolve().parents[2]
 LIB = ROOT / "lib"
 SOURCES = sorted((*(LIB / "arith").glob("*.c"), *(LIB / "model").glob("*.c")))
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wsign-conversion", "-Werror"]
 
 
 def compiled(command: list[str], source: Path, folder: Path) -> subprocess.CompletedProcess[str]:
-    if not shutil.which(command[0]):
-        pytest.skip(f"{command[0]} is not installed (tools/setup.sh installs it)")
+    need(command[0], "what the sources tell a compiler")
     words = [*command, f"-I{LIB}/include", "-c", "-o", str(folder / "x.o"), str(source)]
     return subprocess.run(words, capture_output=True, text=True, check=False)
 

@@ -125,15 +125,23 @@ def test_no_script_lets_cdpath_choose_its_folder(root):
     ],
 )
 def test_the_demo_gets_what_it_needs_builds_and_starts(stage, words, need):
-    """Its exit code is the demo's; nobody builds while it does, and while it runs others may."""
+    """Its exit code is the demo's; nobody builds while it does, and while it runs others may. A
+    new build folder wants no Unity, one that is there keeps its tests.
+    """
     stage.does("cmake", 'flock -n "$STAGE/build/build.lock" true && touch "$STAGE/unlocked"; true')
     free = 'flock -n "$STAGE/build/build.lock" true && exit 3'
     stage.does("dahl", f'printf "%s\\n" "$@" >"$STAGE/words"; {free}')
     assert stage.run("demo", *words).returncode == 3
-    first, *_, build, last = stage.calls()
+    first, *built, last = stage.calls()
     assert (first, last.split()[:2]) == (f"setup.sh {need}", ["dahl", "demo"])
-    assert build.startswith("cmake --build") and not (stage.folder / "unlocked").exists()
+    build = "cmake --build build/host --target dahl-loop dahl_shared"
+    assert built == ["cmake --preset host -DDAHL_BUILD_TESTS=OFF", build]
+    assert not (stage.folder / "unlocked").exists()
     assert (stage.folder / "words").read_text().splitlines() == ["demo", *words]
+    (stage.folder / "build/host").mkdir()
+    (stage.folder / "build/host/build.ninja").touch()
+    stage.run("demo", *words)
+    assert stage.calls("cmake")[2:] == [build]
 
 
 @pytest.mark.parametrize("script", ["demo", "test"])
@@ -169,10 +177,13 @@ def chosen_labels(call: str) -> set[str]:
     ],
 )
 def test_each_mode_runs_its_tests(stage, mode, need, labels):
+    """While others may build."""
+    stage.does("ctest", 'flock -n "$STAGE/build/build.lock" true || touch "$STAGE/locked"')
     assert stage.run("test", *mode.split()).returncode == 0
     assert stage.calls()[0] == f"setup.sh {need}"
     assert "-DDAHL_BUILD_TESTS=ON" in " ".join(stage.calls("cmake"))
     [ctest] = stage.calls("ctest")
+    assert not (stage.folder / "locked").exists()
     assert chosen_labels(ctest) == labels
     runs = [call for call in stage.calls("python") if "-m pytest" in call]
     folders = {folder for call in runs for folder in re.findall(r" tests/(\w+)(?= )", call)}
@@ -191,9 +202,12 @@ def test_words_of_the_user_reach_both_kinds_of_tests(stage):
     assert any(call.endswith("-k slip or parallel") for call in stage.calls("python"))
     assert stage.run("test", "-k").returncode == 1
     (stage.folder / "calls").unlink()
-    stage.run("test", "-k", "codec", "--checks")
-    runs = [call for call in stage.calls("python") if "-m pytest" in call]
-    assert len(runs) == 2 and all("-k codec --checks" in call for call in runs)
+    for mode, labels in (("--checks", {"", "checks"}), ("--soak", {"soak"})):
+        stage.run("test", "-k", "codec", mode)
+        runs = [call for call in stage.calls("python") if f"-k codec {mode}" in call]
+        assert len(runs) == 2
+        ctest = stage.calls("ctest")[-1]
+        assert "-R codec" in ctest and chosen_labels(ctest) == labels
 
 
 def test_a_build_that_fails_shows_the_end_of_its_own_log(stage):
@@ -258,6 +272,44 @@ def test_each_command_of_the_bench_and_its_words(stage, words, started):
     assert stage.run("bench", *words.split()).returncode == 0
     assert stage.calls()[0] == "setup.sh bench"
     assert [call for call in stage.calls("python") if ".py" in call] == started
+
+
+@pytest.mark.parametrize("code", [0, 1])
+def test_rivals_are_installed_once_and_stop_nothing(stage, code):
+    """What could not be had is asked for again with the next run; so is what has other pins."""
+    venv = '"-m venv "*) mkdir -p "$3/bin" && ln -s "$STAGE/note" "$3/bin/python" ;;'
+    stage.does("python", f'case "$*" in {venv} *" install "*) exit {code} ;; esac')
+    pins, asked = stage.folder / "tools/requirements/rivals.lock", []
+    for more in ("", "", "# other\n"):
+        pins.write_text(pins.read_text() + more)
+        assert stage.run("bench", "host").returncode == 0
+        assert HOST in stage.calls("python")[-1]
+        asked.append(sum("--require-hashes -r tools/" in call for call in stage.calls("python")))
+    assert asked == ([1, 2, 3] if code else [1, 1, 2])
+
+
+# --- tools/lock.sh -------------------------------------------------------------------------------
+
+
+def test_each_lock_stands_on_those_before_it(stage):
+    """In their versions, and without their packages."""
+    made = 'mkdir -p "$4/bin"; for name in python uv; do ln -s "$STAGE/note" "$4/bin/$name"; done'
+    stage.stand_in("bin/python3", made)
+    assert stage.run("lock", "--upgrade").returncode == 0
+    on = {
+        re.search(r" (\w+)\.txt -o \1\.lock$", call)[1]: re.findall(r"-c (\w+)\.lock", call)
+        for call in stage.calls("uv")
+    }
+    assert on == {
+        "demo": [],
+        "identify": ["demo"],
+        "test": ["demo", "identify"],
+        "checks": ["demo", "identify", "test"],
+        "rivals": [],
+    }
+    for call in stage.calls("uv"):
+        assert "--generate-hashes" in call and "--upgrade" in call
+        assert ("--no-emit-package=numpy" in call) == ("-c demo.lock" in call)
 
 
 # --- tools/vm.sh ---------------------------------------------------------------------------------

@@ -4,24 +4,21 @@
 from __future__ import annotations
 
 import json
-import shutil
 
 import pytest
+from conftest import need
 
 pytestmark = pytest.mark.checks
 
 
-def need_tools() -> None:
+@pytest.fixture(autouse=True)
+def tools() -> None:
     for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
-        if not shutil.which(program):
-            pytest.skip(
-                f"{program} is not installed (tools/setup.sh installs it where Debian has it)"
-            )
+        need(program, "the demo runs with firmware on an emulated core")
 
 
 def test_demo_on_target(run_dahl, library, dahl_loop, tmp_path) -> None:
     """Each angle is answered, exactly, however slow this machine emulates: the encoder waits."""
-    need_tools()
     done = run_dahl(
         "demo", "--scene", "steering", "--seconds", "4", "--target", "m4f", "--output", tmp_path
     )
@@ -38,7 +35,6 @@ def test_the_firmware_has_the_number_of_the_scenes_node(
     run_dahl, root, library, dahl_loop, tmp_path, number
 ) -> None:
     """Also where it is that which else serves the bus."""
-    need_tools()
     text = (root / "host_sim" / "scenes" / "segments.ini").read_text()
     (path := tmp_path / "own.ini").write_text(
         text.replace("[friction]", f"[friction]\nnode = {number}")

@@ -161,6 +161,10 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
     """Tables and pictures of docs/, of one run."""
     if host["quick"]:
         raise BenchError("build/bench/host.json is of a quick run; docs/ wants a whole one")
+    if set(target) < set(target_bench.CORES) or len(target["m4f"]["motions"]) == 1:
+        raise BenchError(
+            "build/bench/target.json is of some cores or of a quick run; docs/ wants a whole one"
+        )
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
     write_block(DOCS / "speed.md", WAYS_MARKS, ways_table(target, host))
