@@ -428,6 +428,13 @@ def test_a_torque_that_depends_on_the_angle(amplitude, waves, viscous, doubts):
     assert doubts or all(result.verdict.identifiable.values())
 
 
+@pytest.mark.parametrize("seed", [1004, 1007])
+def test_the_rounding_of_an_encoder_is_no_torque_over_the_angle(seed):
+    """Read in step, in strokes of 35 and 31 rows."""
+    result = pipeline.identify([identify_truth.in_step(seed)])
+    assert all(result.verdict.identifiable.values()), result.verdict.text
+
+
 def test_a_true_delay_is_no_play():
     log = synthetic(3)
     late = replace(log, torque=np.roll(log.torque, 1))
