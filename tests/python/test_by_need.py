@@ -13,6 +13,7 @@ import tomllib
 import pytest
 from dahl import RunError, by_need, paths
 from dahl.cli import COMMANDS
+from identify_tools import complaint
 from packaging.requirements import Requirement
 
 
@@ -97,6 +98,23 @@ def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(root):
     assert not any(map(plotext.contains, ("6.0.0", "6.1.0", "7.0")))
     (python_can,) = {one.specifier for one in wanted if one.name == "python-can"}
     assert python_can.contains("4.6.0") and not python_can.contains("4.5.0")
+
+
+def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch):
+    """Beside all that it knows without it."""
+    monkeypatch.setitem(sys.modules, "can", None)
+    said, lacking = (
+        dahl("monitor", "--help"),
+        "dahl monitor needs python-can; pip install 'dahl[can]'",
+    )
+    assert (said.returncode, said.stderr) == (0, "")
+    for words in (
+        "--window TICKS",
+        "dahl monitor -i socketcan",
+        f"More options, of the bus: {lacking}",
+    ):
+        assert words in said.stdout
+    assert complaint(dahl("monitor")) == (1, lacking)
 
 
 def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):

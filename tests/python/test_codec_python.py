@@ -71,7 +71,7 @@ def test_frames_are_those_of_the_dbc_protected_by_autosar_e2e(database, kind):
         packed = codec.pack(frame, node)
         assert (bytes(packed.data), packed.dlc) == (bytes(data), 8)
         assert packed.arbitration_id == message.frame_id + node
-        assert not packed.is_extended_id
+        assert not packed.is_extended_id and not packed.is_rx
         assert codec.unpack(packed, type(frame)) == codec.unpack(packed) == frame
         assert frame == codec.from_bytes(packed.arbitration_id, data)
         assert pickle.loads(pickle.dumps(frame)) == frame
@@ -88,10 +88,11 @@ def test_units_are_those_of_the_dbc(database):
         if str(name) not in {signal.name for signal in message.signals}:
             continue
         signal = message.get_signal_by_name(str(name))
-        asked = codec.ParamWrite.of_si(number, 0.625 * codec.UNITS[number] * 2**12)
+        value = 2559.6 * codec.UNITS[number]  # to the nearest step
+        asked = codec.ParamWrite.of_si(number, value, codec.Write.HOLD, counter=7)
         decoded = message.decode(codec.to_bytes(asked))[str(name)]
         assert asked.si == pytest.approx(decoded * scale.get(signal.unit, 1.0)), name
-        assert asked.value == 2560
+        assert asked == codec.ParamWrite(number, 2560, codec.Write.HOLD, 7)
 
 
 def test_a_ratio_and_a_timeout_are_those_of_the_dbc(database):

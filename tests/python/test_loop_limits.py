@@ -196,18 +196,10 @@ def test_steering_rests_at_its_ends_and_between_tremors(tmp_path):
     assert len(rests) == pytest.approx(60 / (0.5 + 0.07), rel=0.2)  # a tremor takes 20 to 120 ms
 
 
-def test_two_nodes_have_two_motions(tmp_path):
-    options = ("--virtual", "--nodes", "2", "--seconds", "5")
-    log = read_log(run(tmp_path, SCENES / "steering.ini", *options).log)
-    first, second = ([f.data[2:6] for f in log if f.id == 0x100 + node] for node in (0, 1))
-    assert len(first) == len(second) == 5000
-    assert sum(a == b for a, b in zip(first, second, strict=True)) < 1000
-
-
 @pytest.mark.parametrize(("max_step", "used"), [(2, True), (1, False)])
 def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
     """Two counts a tick."""
-    words = ("--set", "motion.speed=2000", "--set", f"friction.max_step={max_step}")
+    words = setting("motion.speed=2000", f"friction.max_step={max_step}")
     result = run(tmp_path, SCENES / "segments.ini", "--virtual", *words)
     assert (result.summary["node"]["jump"] == 0) == used
 

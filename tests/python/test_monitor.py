@@ -191,7 +191,7 @@ def test_answers_count_before_the_first_angle_but_are_no_point_of_a_curve(dbc):
         dbc, *[("FrictionTorque", n, answer | {"State": s}) for n, s in enumerate(states)]
     ):
         view.feed(frame)
-    assert dict(view.states) == {"Init": 1, "OK": 2}
+    assert [*view.as_dict()["states"].items()] == [("OK", 2), ("Init", 1)]
     assert (list(view.ratio), view.frames, view.others) == ([], 3, 0)
 
 
@@ -351,8 +351,9 @@ def test_a_torque_is_in_its_unit_where_fc_is_known(dbc, tmp_path):
     assert f"{2 * np.sin(89 / 9):+.6f} N " in shown
     heard = View()
     reply = {"Counter": 0, "Result": "Done", "Param": "Fc", "Fc": 4.5}
-    (frame,) = frames(dbc, ("ParamReply", 0.0, reply))
-    heard.feed(frame)
+    other = {"Counter": 1, "Result": "Done", "Param": "Sigma0", "Sigma0": 7}
+    for frame in frames(dbc, ("ParamReply", 0.0, reply), ("ParamReply", 1.0, other)):
+        heard.feed(frame)
     assert heard.Fc == 4.5
     assert "F [N m] over counts" in text_of(heard)
 
@@ -362,8 +363,12 @@ def test_what_is_wrong_has_colour_on_a_terminal(dbc):
 
     out = io.StringIO()
     console = Console(width=80, height=24, file=out, force_terminal=True, color_system="standard")
-    console.print(spoiled_run(dbc, View()))
-    assert "\x1b[33mseen: Format Repeated Lost Sequence Crc Stale Invalid Jump" in out.getvalue()
+    view = spoiled_run(dbc, View())
+    view.names["Status"].missing, view.names["Status"].wrong = 12, 34
+    console.print(view)
+    yellow, red = (re.findall(rf"\x1b\[{n}m *(.*?) *\x1b", out.getvalue()) for n in (33, 31))
+    seen = "seen: Format Repeated Lost Sequence Crc Stale Invalid Jump"
+    assert yellow == ["12", "State Lost", "State Stale", seen, "Lost 90"] and red == ["34"]
     assert re.search("\x1b\\[3[68][^m]*m[⠁-⣿]", out.getvalue()), "the curve is coloured"
 
 
@@ -586,12 +591,13 @@ def test_a_silent_bus_is_one_line_and_leaves_nothing(dahl_here, tmp_path, comman
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_silent_bus_takes_nothing_away(dahl_here, tmp_path):
+@pytest.mark.parametrize("old", ["an old run", ""])
+def test_a_silent_bus_takes_nothing_away(dahl_here, tmp_path, old):
     log = tmp_path / "run.log"
-    log.write_text("an old run")
+    log.write_text(old)
     words = ["-i", "virtual", "-c", "quiet", "--seconds", "0.3", "-o", log, "--force"]
     assert dahl_here("record", *words).returncode == 1
-    assert log.read_text() == "an old run"
+    assert log.read_text() == old
 
 
 def special_frames() -> list:

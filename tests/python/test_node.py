@@ -298,6 +298,16 @@ def test_a_long_time_without_a_call_is_none_too_short(gap):
     assert codec.unpack(one.receive(codec.pack(EncoderState(9000, 4)))).state == State.STALE
 
 
+def test_a_bus_off_of_long_ago_holds_nothing_back():
+    """Where the clock of the C has come round to the same time."""
+    one = dahl.Node(PLAN)
+    off = can.Message(arbitration_id=BUS_OFF, is_error_frame=True, dlc=8, data=bytes(8))
+    assert one.receive(off, 5.0) is None and one.counts.bus_off == 1
+    frames = [codec.pack(EncoderState(5, counter)) for counter in range(3)]
+    answers = [one.receive(message, 5.002 + 2**32 / 1e6) for message in frames]
+    assert answers[:2] == [None, None] and answers[2] is not None
+
+
 def test_a_copy_is_of_the_same_kind():
     class Mine(dahl.Node):
         pass
@@ -315,6 +325,10 @@ def test_a_copy_is_of_the_same_kind():
         ({"number": 16}, "number = 16 is not a whole number from 0 to 15"),
         ({"gain": 1.5}, "gain = 1.5 is outside 0 .. 1"),
         ({"timeout": 0}, "timeout = 0 is outside 0.001 .. 60 s"),
+        ({"timeout": 60.01}, "timeout = 60.01 is outside 0.001 .. 60 s"),
+        ({"ramp": 60.01}, "ramp = 60.01 is outside 0 .. 60 s"),
+        ({"limit": -0.1}, "limit = -0.1 is outside 0 .. 1"),
+        ({"status_period": 60.01}, "status_period = 60.01 is outside 0 .. 60 s"),
         ({"max_step": 2**31}, "max_step = 2147483648 is not a whole number"),
         ({"friction": dahl.Parallel()}, "friction has 0 elements, 1 to 8 were expected"),
         (
@@ -402,6 +416,34 @@ def test_run_serves_until_it_is_told_to_end(ends):
     assert traffic[0].received == 6 and traffic[0].sent >= 8
 
 
+@pytest.mark.parametrize("numbers", [(0,), (0, 3)])
+def test_what_of_a_bus_a_node_is_given(ends, numbers):
+    """Its own answers do not come back to it, all else that this process sends does; of several
+    nodes each has what has its number, and every bus-off.
+    """
+    nodes = [dahl.Node(PLAN, number) for number in numbers]
+    listener = node.Listener(ends[0], *nodes)
+    own, foreign = (codec.pack(codec.FrictionTorque(5)) for _ in range(2))
+    foreign.is_rx = True
+    off = can.Message(arbitration_id=BUS_OFF, is_error_frame=True, dlc=8, data=bytes(8))
+    for message in (codec.pack(EncoderState(0), 3), own, foreign, off):
+        listener.on_message_received(message)
+    listener.stop()
+    found = [(one.counts.ok, one.counts.ignored, one.counts.bus_off) for one in nodes]
+    assert found == {1: [(0, 2, 1)], 2: [(0, 1, 1), (1, 0, 1)]}[len(numbers)]
+    assert listener.traffic.received == 4
+
+
+def test_the_clock_is_looked_at_every_few_ms(ends):
+    """By run() and by a Listener: a Status is due 15 times."""
+    one = dahl.Node(PLAN, status_period=0.02)
+    assert 8 <= node.run(ends[0], one, seconds=0.3).sent <= 16
+    listener = node.Listener(ends[0], one)
+    time.sleep(0.3)
+    listener.stop()
+    assert 8 <= listener.traffic.sent <= 16
+
+
 def test_asyncio_serves_until_the_task_is_cancelled(ends):
     here, there = ends
 
@@ -478,6 +520,8 @@ def test_an_answer_is_to_what_was_asked():
     asked = ParamWrite(Param.FC, counter=4)
     others = [reply(2, counter=5), reply(3, param=Param.GAIN), spoiled, extended]
     assert node.ask(Waiting([reply(1)], [*others, reply(5), reply(6)]), asked).value == 5
+    torques = [codec.pack(codec.FrictionTorque(7, echo=echo)) for echo in (2, 3, 4)]
+    assert node.ask(Waiting([], torques), EncoderState(9, 3)).echo == 3
     none = reply(77, param=Param.NONE)
     assert node.ask(Waiting((), [none]), ParamWrite(77, counter=4)).param == Param.NONE
     with pytest.raises(dahl.RunError, match="no ParamReply of node 0 in 0.02 s"):
@@ -500,16 +544,19 @@ def test_nobody_there_is_said(ends):
         node.ask(ends[0], codec.FrictionTorque(5))
 
 
-def test_a_node_that_does_not_answer_has_its_state_told(ends):
-    """After a pause it is stale: what leads out of that stands in the error, and does so."""
+@pytest.mark.parametrize(
+    ("state", "timeout", "counter"), [("STALE", 0.05, 1), ("WRONG_SEQUENCE", 60, 9)]
+)
+def test_a_node_that_does_not_answer_has_its_state_told(ends, state, timeout, counter):
+    """What leads out of that stands in the error, and does so."""
     theirs, ours = ends
-    notifier = can.Notifier(theirs, [node.Listener(theirs, dahl.Node(PLAN, timeout=0.05))])
+    notifier = can.Notifier(theirs, [node.Listener(theirs, dahl.Node(PLAN, timeout=timeout))])
     try:
         node.ask(ours, EncoderState(0, 0))
         time.sleep(0.2)
-        words = "its Status says STALE; after a Reset with What.RESTART"
+        words = f"its Status says {state}; after a Reset with What.RESTART"
         with pytest.raises(dahl.RunError, match=words):
-            node.ask(ours, EncoderState(0, 1), timeout=0.3)
+            node.ask(ours, EncoderState(0, counter), timeout=0.3)
         node.ask(ours, Reset(What.RESTART))
         assert node.ask(ours, EncoderState(0, 0)).ratio == 0
     finally:

@@ -449,7 +449,7 @@ def test_the_build_is_the_hosts_unless_another_is_named(monkeypatch, tmp_path):
     monkeypatch.delenv("DAHL_BUILD_DIR", raising=False)
     assert paths.build_folder() == paths.ROOT / "build" / "host"
     monkeypatch.setenv("DAHL_BUILD_DIR", str(tmp_path))
-    monkeypatch.delenv("DAHL_LIBRARY", raising=False)
+    monkeypatch.setenv("DAHL_LIBRARY", "")  # as if it were not set
     with pytest.raises(RunError, match=f"{tmp_path}/lib/libdahl.so is not there; build it"):
         paths.library()
     (tmp_path / "mine.so").touch()

@@ -39,7 +39,7 @@ def drawn(figures, tmp_path):
         fresh=np.zeros(300, bool),
         relaxed=np.zeros(300, bool),
         states={},
-        recorded=300,
+        recorded=305,  # of which some have no answer
         missing=0,
     )
     recorded = Recorded(np.sin(np.arange(600)), np.arange(600) * 0.005, 600)
@@ -108,6 +108,7 @@ def test_what_only_some_runs_have_is_shown_as_it_was(drawn, figures, tmp_path):
     latencies, faults, tracking = drawn_again.axes[3:]
     edges = [bar.get_x() + max(bar.get_width(), 0) for bar in latencies.patches]
     assert edges == pytest.approx([100, 200, 400])
+    assert [abs(bar.get_width()) * 33 for bar in latencies.patches] == pytest.approx(edges)
     assert [bar.get_height() for bar in latencies.patches] == [3, 7, 1]
     assert (latencies.get_xscale(), latencies.lines[0].get_xdata()[0]) == ("log", 1000)
     words = latencies.get_title(loc="left")
@@ -120,7 +121,11 @@ def test_what_only_some_runs_have_is_shown_as_it_was(drawn, figures, tmp_path):
     assert re.findall(r"[\d.]+", words.partition("=")[2]) == ["50", "0.5", "300", "0.9877"]
     assert "50 N m/rad" in words and "0.5 N m," in words and "socketcand" in words
     linear = replace(scene, measured=Measured(label_torque="force [N]"))
-    plots.draw(tmp_path / "x.png", linear, trace, None)
+    (tmp_path / "trace.csv").unlink()  # and time stood still: no panel of either
+    without = {"control": {}, **numbers, "latency_us": quantiles | {"max": 0}}
+    del without["faults"]
+    plots.draw(tmp_path / "x.png", linear, trace, None, without)
+    assert len(figures[-1].axes) == 3
     words = figures[-1].axes[0].get_title(loc="left")
     assert "50 N/m" in words and "0.5 N," in words
     assert drawn_again.get_suptitle() == scene.title
@@ -161,19 +166,26 @@ def test_faults_and_restarts_are_marked_where_they_were(drawn, figures, tmp_path
     _, whole, _ = figures[-1].axes
     places = [[stroke[0][0] for stroke in each.get_segments()] for each in whole.collections]
     assert places == [[pytest.approx(0.05)], [pytest.approx(0.1)], [pytest.approx(0.2)]]
+    assert [each.get_segments()[0][1][1] for each in whole.collections] == [0.08, 1, 1]
     words = [text.get_text() for text in whole.get_legend().get_texts()]
     assert [each.split()[0] for each in words] == ["no", "new", "restart,"]
 
 
-def test_the_last_panel_shows_where_the_torque_moves_most(drawn, figures, tmp_path):
+@pytest.mark.parametrize(("ticks", "enlarged"), [(100, 100), (300, 200), (5000, 400)])
+def test_the_last_panel_shows_where_the_torque_moves_most(
+    drawn, figures, tmp_path, ticks, enlarged
+):
+    """A twelfth of the run or so, and at least 200 ticks where there are so many."""
     _, scene, trace, _ = drawn
-    busy = np.zeros(300, int)
-    busy[80:] = np.where(np.arange(220) % 2, 2**28, -(2**28))
-    plots.draw(tmp_path / "x.png", scene, replace(trace, ratio=busy), None)
+    rows, still = np.arange(ticks), (ticks - enlarged) * 4 // 5
+    busy = np.where(rows < still, 0, np.where(rows % 2, 2**28, -(2**28)))
+    none = np.zeros(ticks, bool)
+    run = replace(trace, row=rows, time=rows, count=rows, ratio=busy, fresh=none, relaxed=none)
+    plots.draw(tmp_path / "x.png", scene, run, None)
     _, whole, part = figures[-1].axes
     shown = part.lines[0].get_ydata()
-    assert len(whole.lines[0].get_ydata()) == 300
-    assert len(shown) == 200 and np.all(np.diff(shown)[1:] != 0)
+    assert (len(whole.lines[0].get_ydata()), len(shown)) == (ticks, enlarged)
+    assert np.all(np.diff(shown)[1:] != 0)
 
 
 def test_angle_and_time_are_in_their_units(drawn):

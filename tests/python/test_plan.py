@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import shlex
 import subprocess
 from functools import partial
@@ -20,35 +21,43 @@ pytestmark = pytest.mark.usefixtures("library")
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include"]
 ENCODER = ["--theta-per-count", "3.8e-4"]
 DAHL = "dahl_params_t params = {{{0!r}f, {1!r}f, (float){2!r}}};".format
-MODELS = {  # options, and how C makes the same
+MODELS = {  # options, how C makes the same, and what the header tells
     "dahl": (
         ["--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384"],
         DAHL(100.0, 0.5, 2 * math.pi / 16384),
+        "sigma0 = 100, Fc = 0.5, theta_per_count = 0.000383495208",
     ),
     "a fine count": (
         ["--sigma0", "36449.1", "--fc", "2.69", "--theta-per-count", "1e-7"],
         DAHL(36449.1, 2.69, 1e-7),
+        "sigma0 = 36449.1016, Fc = 2.69000006, theta_per_count = 1.00000001e-07",
     ),
     "no counts": (
         ["--sigma0", "3", "--fc", "7.5", "--theta-per-count", "0"],
         DAHL(3.0, 7.5, 0.0),
+        "sigma0 = 3, Fc = 7.5, theta_per_count = 0",
     ),
     "part of a count": (
         ["--sigma0", "1", "--fc", "2e3", "--counts-per-turn", "4096.5"],
         DAHL(1.0, 2e3, 2 * math.pi / 4096.5),
+        "sigma0 = 1, Fc = 2000, theta_per_count = 0.00153379352",
     ),
     "slip": (
         ["--model", "slip", "--sigma0", "100,40,7", "--fc", "0.5,0.3,1.25", *ENCODER],
         "dahl_slip_params_t params = {3, 3.8e-4f, {100, 40, 7}, {0.5f, 0.3f, 1.25f}};",
+        "sigma0 = 100 40 7, Fc = 0.5 0.300000012 1.25, theta_per_count = 0.000380000012",
     ),
     "asymmetric": (
         ["--model", "asymmetric", "--sigma0", "100", "--fc", "0.5,0.3", *ENCODER],
         "dahl_asymmetric_params_t params = {100, 0.5f, 0.3f, 3.8e-4f};",
+        "sigma0 = 100, Fc_forward = 0.5, Fc_backward = 0.300000012,"
+        " theta_per_count = 0.000380000012",
     ),
     "elastoplastic": (
         ["--model", "elastoplastic", "--sigma0", "100", "--fc", "0.5", "--breakaway", "0.7"]
         + ENCODER,
         "dahl_params_t params = {100, 0.5f, 3.8e-4f};",
+        "sigma0 = 100, Fc = 0.5, theta_per_count = 0.000380000012, breakaway = 0.699999988",
     ),
 }
 SAME = """
@@ -91,10 +100,13 @@ def test_no_compiler_has_a_word_to_say(compiler, standard, plan, tmp_path):
 @pytest.mark.parametrize("case", MODELS)
 def test_the_words_are_those_that_c_prepares(case, plan, tmp_path):
     """No warning as C99, C++11 and C++17; and what is there is made again, as it is a plan."""
-    options, params = MODELS[case]
+    options, params, told = MODELS[case]
     model = f"{case}_" if "--model" in options else ""
     for _ in range(2):
         assert plan(*options, "-o", "plan.h").returncode == 0
+    assert (
+        f" * dahl_{model}prepare() of {told}; keep it const.\n" in (tmp_path / "plan.h").read_text()
+    )
     (tmp_path / "tick.c").write_text(
         f'#include "plan.h"\nconst dahl_{model}plan_t *used = &dahl_plan_plan;\n'
     )
@@ -110,11 +122,16 @@ def test_the_words_are_those_that_c_prepares(case, plan, tmp_path):
         assert done.returncode == 0, done.stderr
 
 
-def test_a_plan_of_another_version_is_refused_by_the_compiler(plan, tmp_path):
+@pytest.mark.parametrize("change", [(0, -1), (0, 1), (1, 0)])
+def test_a_plan_of_another_version_is_refused_by_the_compiler(change, plan, tmp_path):
     plan(*KNOWN, "-o", "plan.h")
     header = (ROOT / "lib/include/dahl.h").read_text()
-    other = header.replace("#define DAHL_VERSION_MINOR ", "#define DAHL_VERSION_MINOR 9")
-    (tmp_path / "dahl.h").write_text(other)
+    for name, more in zip(("MAJOR", "MINOR"), change, strict=True):
+        number = re.search(rf"#define DAHL_VERSION_{name} (\d+)", header)
+        header = header.replace(
+            number[0], number[0][: -len(number[1])] + str(int(number[1]) + more)
+        )
+    (tmp_path / "dahl.h").write_text(header)
     done = subprocess.run(
         ["gcc", "-fsyntax-only", f"-I{tmp_path}", f"-I{ROOT}/lib/include", tmp_path / "plan.h"],
         capture_output=True,
@@ -124,13 +141,24 @@ def test_a_plan_of_another_version_is_refused_by_the_compiler(plan, tmp_path):
     assert done.returncode != 0 and "make it again with this version" in done.stderr
 
 
-def test_standard_output_and_a_name(plan, tmp_path):
-    done = plan(*KNOWN, "--name", "left wheel", "-o", "-")
-    assert "static const dahl_plan_t dahl_plan_left_wheel = {" in done.stdout
-    assert "sigma0 = 100, Fc = 0.5, theta_per_count = 0.000383495208" in done.stdout
-    plan(*KNOWN, "-o", "dahl_plan_shaft.h")
-    assert "dahl_plan_shaft = {" in (tmp_path / "dahl_plan_shaft.h").read_text()
-    assert list(tmp_path.iterdir()) == [tmp_path / "dahl_plan_shaft.h"]
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["-o", "-"], "shaft"),
+        (["--name", "left wheel", "-o", "-"], "left_wheel"),
+        (["--name", "Achse S\u00fcd 2", "-o", "-"], "achse_s_d_2"),
+        (["-o", "dahl_plan_rod.h"], "rod"),
+    ],
+)
+def test_standard_output_and_a_name(words, name, plan, tmp_path):
+    done = plan(*KNOWN, *words)
+    if "-" in words:
+        assert list(tmp_path.iterdir()) == []
+    else:
+        assert done.stdout.startswith("dahl_plan_rod.h: Plan(sigma0=100.0, Fc=0.5, theta_per_")
+    text = done.stdout if "-" in words else (tmp_path / "dahl_plan_rod.h").read_text()
+    assert f"static const dahl_plan_t dahl_plan_{name} = {{" in text
+    assert max(map(len, text.splitlines())) <= 100
 
 
 @pytest.mark.parametrize(
@@ -152,6 +180,7 @@ def test_standard_output_and_a_name(plan, tmp_path):
         ("--breakaway", "0.5", "--breakaway B, 0 < B < 1, goes with --model elastoplastic"),
         ("--model", "asymmetric", "--fc 0.5: 1 numbers, where --model asymmetric takes 2"),
         ("--sigma0", "1,2", "--sigma0 1,2: 2 numbers, where --model dahl takes 1"),
+        ("--fc", "1,2", "--fc 1,2: 2 numbers, where --model dahl takes 1"),
         ("--fc", "1,,2", "--fc : not a number"),
         ("-o", "none/plan.h", "none/plan.h: No such file or directory"),
     ],

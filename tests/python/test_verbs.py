@@ -503,7 +503,7 @@ def test_one_node_is_described_where_no_number_is_given(dahl, dbc):
     assert [each.name for each in one.messages] == [each.name for each in all_of_it.messages]
 
 
-SUMMARY = {"scene_file": str(paths.SCENES / "segments.ini"), "title": "a run"}
+SUMMARY = {"scene_file": str(paths.SCENES / "segments.ini")}
 FAULTS = {"injected": {"bad_crc": 4}, "expected": {"crc": 4, "lost": 2}}
 
 
@@ -514,7 +514,7 @@ def test_a_page_says_where_it_is_and_which_counter_is_wrong(dahl):
     done = dahl("report", ".")
     text = Path("report.html").read_text(encoding="utf-8")
     assert done.stdout == f"report.html: {len(text) // 1024} KiB\n"
-    assert re.findall(r'class="wrong">(.*?)<', text) == ["9"]
+    assert re.findall(r'class="wrong">(.*?)<', text) == ["9"] and "<title>a run</title>" in text
     cells = [re.sub("<.*?>", "", cell) for cell in re.findall("<td>(.*?)</td>", text, re.DOTALL)]
     assert [cell.strip() for cell in cells] == (
         ["bad crc", "4", "crc", "4", "4", "lost", "2", "9", "max error rad", "0.5"]

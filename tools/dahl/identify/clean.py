@@ -26,6 +26,7 @@ NEIGHBOURS = 9  # rows whose median says what a row should be like
 BAND, APART = 0.1, 0.25  # of Fc: half width of a band of torque, distance to the bands beside it
 FLAT = 2.5  # a band that takes so many times the travel of its neighbours is flat
 CUBICS = (81, 41, 21, 11)  # rows of the local cubics that are tried between counts
+BENDS = 1.03  # of what the next narrower one leaves of the readings: it cuts strokes short
 REST = 3.0  # times the rows of the counts before and after it, that a rest takes at least
 FEW_RESTS = 4  # of a log; fewer are no part of its motion
 MIN_ROWS = 30
@@ -114,12 +115,15 @@ def between_counts(log: Log) -> np.ndarray:
         return log.theta
     resting = _at_rest(log, *found)
     inner = _within_count(np.where(np.isnan(resting), found[0], resting), log)
-    for window in CUBICS:
-        if log.rows > window:
-            smooth = savgol_filter(inner, window, 3)
-            if np.mean(np.abs(smooth - log.theta) > 0.65 * log.resolution) < 0.01:
-                smooth = savgol_filter(_within_count(smooth, log), window, 3)
-                return _within_count(np.where(np.isnan(resting), smooth, resting), log)
+    windows = [window for window in CUBICS if log.rows > window]
+    smooth = [savgol_filter(inner, window, 3) for window in windows]
+    off = [np.abs(one - log.theta) / log.resolution for one in smooth]
+    spread = [float(np.sqrt(np.mean(one**2))) for one in off]
+    for k, window in enumerate(windows):
+        bends = spread[k] > BENDS * spread[min(k + 1, len(windows) - 1)]
+        if np.mean(off[k] > 0.65) < 0.01 and not bends:
+            twice = savgol_filter(_within_count(smooth[k], log), window, 3)
+            return _within_count(np.where(np.isnan(resting), twice, resting), log)
     return inner
 
 

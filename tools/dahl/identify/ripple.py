@@ -23,7 +23,8 @@ from dahl.identify.result import Result
 from dahl.identify.terms import TIMED, place_of, places_of
 from dahl.identify.trial import NAMES
 
-KNOTS = 40  # over the range of the angle
+KNOTS, LEAST_KNOTS = 40, 14  # over the range of the angle
+APIECE = 6  # rows of a stroke for each: with fewer the rounding of an encoder is a curve too
 SURELY, MORE = 3.0, 0.05  # standard errors; of the error, that the curve has to remove
 APART = 0.02  # of log a: where the change with it is taken
 STEPS, LONGEST, STILL = 6, 0.4, 2e-3  # of Gauss and Newton; of log a; of the last one
@@ -47,11 +48,14 @@ def finding(result: Result, least_turn: float) -> list[Finding]:
     plain = choices.fitted(cut, estimate.a, Choice(tuple(estimate.terms)))
     if len(cut.spans) < LEAST_CYCLES or plain is None:
         return []
+    knots = min(KNOTS, sum(log.rows for log in result.logs) // max(result.reversals, 1) // APIECE)
+    if knots < LEAST_KNOTS:
+        return []
     timed = [name for name in estimate.terms if name in TIMED]
-    found = beside_a_curve(cut, estimate.a, timed)
+    found = beside_a_curve(cut, estimate.a, timed, knots)
     if found is not None and _is_clear(result, plain, found):
         return _told(result, found)
-    found = beside_a_curve(cut, estimate.a, []) if timed else None
+    found = beside_a_curve(cut, estimate.a, [], knots) if timed else None
     return _told(result, found) if found is not None and _is_as_good(plain, found) else []
 
 
@@ -89,13 +93,13 @@ def _told(result: Result, found: Curved) -> list[Finding]:
     return [Finding(words, tuple(others), reach)]
 
 
-def beside_a_curve(cut: Cut, a: float, terms: list[str]) -> Curved | None:
-    """Dahl's torque and some terms beside any curve over the angle; nothing where there is no
-    friction in it.
+def beside_a_curve(cut: Cut, a: float, terms: list[str], count: int) -> Curved | None:
+    """Dahl's torque and some terms beside a curve over the angle of so many knots; nothing where
+    there is no friction in it.
     """
     theta = cut.terms[:, place_of("spring")]
-    knots = np.linspace(theta.min(), theta.max(), KNOTS)
-    curve = [np.interp(theta, knots, one) for one in np.eye(KNOTS)]
+    knots = np.linspace(theta.min(), theta.max(), count)
+    curve = [np.interp(theta, knots, one) for one in np.eye(count)]
     beside = np.column_stack((cut.terms[:, places_of(terms)], *curve))
     for _ in range(STEPS):
         w, above, below = (cut.drawn(path.dahl, a * np.exp(k * APART)) for k in (0, 1, -1))
