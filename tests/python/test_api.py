@@ -207,6 +207,7 @@ def test_numbers_of_any_kind_are_numbers():
     wanted = dahl.Friction(plan).step_counts(3)
     for value in (3, 3.0, np.int8(3), np.uint64(3), np.float16(3), Fraction(3)):
         assert copy.copy(one).step_counts(value) == wanted
+    assert dahl.State(np.int64(2**62 - 1)).w == 2**62 - 1  # more digits than a float has
 
 
 @pytest.mark.parametrize(

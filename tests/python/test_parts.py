@@ -138,6 +138,7 @@ def test_bad_moves_and_parts_are_named():
         dahl.Parallel(slip, 3)
     with pytest.raises(dahl.Error, match=r"parts\[1\] stands there twice"):
         dahl.Parallel(slip, slip)
+    assert dahl.Parallel(slip, copy.copy(slip)).torque == 0  # alike is not the same
     with pytest.raises(dahl.Error, match="theta_per_count = 0: no encoder"):
         dahl.Parallel(dahl.Friction(dahl.Plan(1.0, 1.0))).step_counts(1)
     with pytest.raises(dahl.Error, match="Slip: fc = 1"):
@@ -182,7 +183,10 @@ def test_a_fast_mix_is_the_exact_one(moves):
             "element 1: sigma0 = -1 is outside",
         ),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 0), "theta_per_count = 0 is outside"),
-        (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), "travel of one count"),
+        (
+            lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)),
+            "element 0: travel of one",
+        ),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts([0.5]), r"moves\[0\] = 0.5"),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts(), "missing a required argument"),
         (lambda: dahl.ThroughputParallel(dahl.Throughput(1, 1)), "theta_per_count = 0: no encoder"),
