@@ -183,10 +183,8 @@ def test_a_fast_mix_is_the_exact_one(moves):
             "element 1: sigma0 = -1 is outside",
         ),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 0), "theta_per_count = 0 is outside"),
-        (
-            lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)),
-            "element 0: travel of one",
-        ),
+        (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), "travel of one count"),
+        (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**-30 * (1 - 1e-12)), "element 0: travel of"),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts([0.5]), r"moves\[0\] = 0.5"),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts(), "missing a required argument"),
         (lambda: dahl.ThroughputParallel(dahl.Throughput(1, 1)), "theta_per_count = 0: no encoder"),
