@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import dahl
-import numpy as np
 import pytest
 from dahl import codec
 
@@ -186,10 +185,6 @@ def test_exceptions_are_pickled_with_their_line() -> None:
         again = pickle.loads(pickle.dumps(kind_of("sigma0 = -1 is outside")))
         assert (type(again), str(again)) == (kind_of, "sigma0 = -1 is outside")
     assert issubclass(dahl.RunError, dahl.Error)
-
-
-def test_a_log_of_torques_is_of_float32() -> None:
-    assert dahl.Friction(dahl.Plan(*PLAN)).run_counts([1, 2]).dtype == np.float32
 
 
 def test_slip_elements_tell_their_numbers_in_few_digits() -> None:
