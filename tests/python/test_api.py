@@ -30,15 +30,7 @@ NO_NUMBER = [
     *(np.array(1), np.array([1]), np.ma.masked, np.ma.array([1])),
 ]
 NOT_WHOLE = [0.5, -1e-300, math.nan, math.inf, -math.inf, Fraction(1, 3), np.float32(2.5)]
-BEYOND = [
-    2**31,
-    -(2**31) - 1,
-    2**64,
-    -(10**400),
-    1e300,
-    np.int64(2**31),
-    np.uint64(2**63),
-]
+BEYOND = [2**31, -(2**31) - 1, 2**64, -(10**400), 1e300, np.int64(2**31), np.uint64(2**63)]
 
 
 def bearing() -> dahl.Friction:

@@ -107,22 +107,11 @@ def test_candump_round_trip(written):
     import can
     from dahl.bus import candump_line
 
+    short = {"is_extended_id": False, "channel": "vcan0"}
     sent = [
-        can.Message(
-            timestamp=0.001,
-            arbitration_id=0x100,
-            data=bytes(8),
-            is_extended_id=False,
-            channel="vcan0",
-        ),
+        can.Message(timestamp=0.001, arbitration_id=0x100, data=bytes(8), **short),
         can.Message(timestamp=1.5, arbitration_id=0x1ABCDEF, data=b"\x01", channel="can0"),
-        can.Message(
-            timestamp=2,
-            arbitration_id=0x7FF,
-            is_remote_frame=True,
-            is_extended_id=False,
-            channel="vcan0",
-        ),
+        can.Message(timestamp=2, arbitration_id=0x7FF, is_remote_frame=True, **short),
     ]
     lines = "".join(map(candump_line, sent))
     assert lines.splitlines()[0] == "(0000000000.001000) vcan0 100#0000000000000000"
