@@ -19,7 +19,6 @@ from fractions import Fraction
 import dahl
 import numpy as np
 import pytest
-from dahl import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -393,15 +392,6 @@ def test_what_is_kept_between_steps_changes_no_bit(ticks, seed):
         w, kept = kept.state.w, dahl.Friction(plan)
         kept.state.w = w
         assert kept.step_counts(move) == torque
-
-
-def test_the_exact_reference_agrees_with_a_plan_of_odd_numbers():
-    plan = dahl.Plan(Fraction(1, 3), np.float64(0.7), 0.001)
-    exact = reference.exact_ratios(
-        [5], reference.travel_per_count(plan.sigma0, plan.Fc, plan.theta_per_count)
-    )
-    got = dahl.Friction(plan).run_counts([5])
-    assert reference.error_in_ulp(got, exact, plan.Fc).max() <= 0.52
 
 
 @pytest.mark.parametrize("wrong", ["/etc/passwd", "/tmp", _ctypes.__file__])

@@ -22,6 +22,7 @@ TABLE = [0.5, 0.3, 0.25, 0.0, -0.125, *(0.1 * k for k in range(1, 12))]
 MADE = {
     "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.3, 2e-4),
     "elastoplastic": lambda: dahl.ElastoPlastic(*PLAN, 0.7),
+    "slip": lambda: dahl.Slip([100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4),
     "work": lambda: dahl.Work(dahl.Plan(*PLAN)),
 }
 
