@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
 import pytest
 from conftest import ROOT
 from loop_tools import serving
