@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import subprocess
 import threading
@@ -179,35 +178,25 @@ def test_nothing_in_nothing_out():
 
 
 COUNTS = np.ones(4, np.int32)
-READ_ONLY = np.frombuffer(bytes(16), np.float32)
 
 
 @pytest.mark.parametrize(
-    ("moves", "out", "words"),
+    ("out", "words"),
     [
-        ([0.5], None, "moves[0] = 0.5 is not a whole number"),
-        ([1, 2**31], None, "moves[1] = 2147483648 is not"),
-        ([1, math.nan], None, "moves[1] = nan is not"),
-        (np.array([2**63], "u8"), None, "moves[0] = 9223372036854775808 is not"),
-        (["one"], None, "moves has type <U3, not int32"),
-        ([True], None, "moves has type bool, not int32"),
-        ([None], None, "moves has type object, not int32"),
-        ([[1, 2]], None, "moves has shape (1, 2), not (n,)"),
-        (3, None, "moves has shape (), not (n,)"),
-        (COUNTS, np.empty(4), "out is float64 (4,), not float32 (4,)"),
-        (COUNTS, np.empty(5, np.float32), "out is float32 (5,), not float32 (4,)"),
-        (COUNTS, np.empty(8, np.float32)[::2], "out is not C-contiguous"),
-        (COUNTS, off_by_a_byte(np.float32), "out is not C-contiguous, aligned and writable"),
-        (COUNTS, READ_ONLY, "out is not C-contiguous, aligned and writable"),
-        (COUNTS, [0.0] * 4, "out is a list"),
-        (COUNTS, COUNTS.view(np.float32), "out and moves share memory"),
+        (np.empty(4), "out is float64 (4,), not float32 (4,)"),
+        (np.empty(5, np.float32), "out is float32 (5,), not float32 (4,)"),
+        (np.empty(8, np.float32)[::2], "out is not C-contiguous, aligned and writable"),
+        (off_by_a_byte(np.float32), "out is not C-contiguous, aligned and writable"),
+        (np.frombuffer(bytes(16), np.float32), "out is not C-contiguous, aligned and writable"),
+        ([0.0] * 4, "out is a list"),
+        (COUNTS.view(np.float32), "out and moves share memory"),
     ],
 )
-def test_bad_arrays_are_named(moves, out, words):
+def test_an_out_that_c_cannot_fill_is_named(out, words):
     bearing = dahl.Friction(dahl.Plan(1.0, 1.0, 0.1))
     for run in (bearing.run_counts, lambda m, o: dahl.Throughput(1, 1, 0.1).run_counts(m, out=o)):
         with pytest.raises(dahl.Error, match=re.escape(words)):
-            run(moves, out)
+            run(COUNTS, out)
     assert bearing.state.w == 0
 
 

@@ -47,20 +47,6 @@ def test_commands_options_and_what_they_take(script, root):
     assert completed(script, "plot", "some-file") == []  # bash then offers files
 
 
-def test_the_sets_as_json(capsys, monkeypatch, tmp_path):
-    from dahl import data
-
-    dahl = caller(capsys)
-    known = json.loads(dahl("data", "--json").stdout)
-    assert [one["name"] for one in known] == list(data.SETS)
-    (folder := tmp_path / "here").mkdir()
-    monkeypatch.setattr(data, "local_folder", lambda name: folder)
-    monkeypatch.setattr(data, "folder", lambda name: folder)
-    assert {one["folder"] for one in json.loads(dahl("data", "--json").stdout)} == {str(folder)}
-    said = json.loads(dahl("data", "tribometer", "--json").stdout)
-    assert said == {"name": "tribometer", "folder": str(folder)}
-
-
 def test_a_demo_as_json(capsys, dahl_loop, library, tmp_path):
     """Standard output holds the summary alone; the words for people are beside it."""
     words = ("--scene", "steering", "--seconds", "0.2", "--output", tmp_path, "--json")

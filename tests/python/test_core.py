@@ -108,6 +108,11 @@ def test_received_torque_is_not_rounded_to_a_tie_first(mantissa, ratio):
         assert all(error < abs(reference.Fraction(float(other)) - exact) for other in near)
 
 
+def test_parameters_of_the_reference_are_rounded_to_floats_first():
+    given, rounded = (0.1, 0.7, 0.3), map(np.float32, (0.1, 0.7, 0.3))
+    assert reference.travel_per_count(*given) == reference.travel_per_count(*rounded)
+
+
 def test_limits_are_those_of_the_header(root):
     header = (root / "lib" / "include" / "dahl.h").read_text()
     named = dict(re.findall(r"#define DAHL_(\w+) ([\d.e+-]+)f?\b", header))

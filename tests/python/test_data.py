@@ -187,3 +187,6 @@ def test_a_program_reads_where_each_set_is_or_comes_from(alone, monkeypatch, cap
         for name, known in data.SETS.items()
     ]
     assert {bool(known.commit) for known in data.SETS.values()} == {True, False}
+    assert cli.main(["data", "servo_pendulum", "--json"]) == 0
+    said = {"name": "servo_pendulum", "folder": folders["servo_pendulum"]}
+    assert json.loads(capsys.readouterr().out) == said

@@ -28,34 +28,11 @@ from identify_tools import caller
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
-KEYS = {
-    "bus",
-    "scene",
-    "ticks",
-    "frames_sent",
-    "frames_lost",
-    "latency_us",
-    "max_error_ulp_Fc",
-    "rmse_measured",
-    "r2_measured",
-}
+KEYS = {"bus", "scene", "ticks", "frames_sent", "frames_lost", "latency_us", "max_error_ulp_Fc"}
+KEYS |= {"rmse_measured", "r2_measured"}
 SIGMA0, FC, TURN, OFFSET, TICKS = 40.0, 0.8, 16384, 0.05, 1200
-OWN = [
-    "--angle",
-    "shaft [deg]",
-    "--torque",
-    "sensor [mNm]",
-    "--sigma0",
-    SIGMA0,
-    "--fc",
-    FC,
-    "--counts-per-turn",
-    TURN,
-    "--torque-scale",
-    "-0.001",
-    "--offset",
-    OFFSET,
-]
+OWN = ["--angle", "shaft [deg]", "--torque", "sensor [mNm]", "--sigma0", SIGMA0, "--fc", FC]
+OWN += ["--counts-per-turn", TURN, "--torque-scale", "-0.001", "--offset", OFFSET]
 
 
 @pytest.fixture(scope="module")
@@ -289,24 +266,10 @@ def test_without_any_log_it_says_so_and_runs_steering(tmp_path):
         "DAHL_DATA_URL": "http://127.0.0.1:1/{path}",
     }
     environment.pop("DAHL_DATA", None)
-    command = [
-        sys.executable,
-        "-c",
-        script,
-        tmp_path / "a" / "b",
-        "demo",
-        "--seconds",
-        "0.5",
-        "--output",
-        tmp_path / "out",
-    ]
+    words = [tmp_path / "a" / "b", "demo", "--seconds", "0.5", "--output", tmp_path / "out"]
+    command = [sys.executable, "-c", script, *map(str, words)]
     done = subprocess.run(
-        list(map(str, command)),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env=environment,
+        command, capture_output=True, text=True, timeout=120, check=False, env=environment
     )
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stdout.split())
@@ -331,13 +294,8 @@ def test_the_best_measured_set_in_reach_is_played(capsys, monkeypatch, tmp_path)
 def running(root, tmp_path):
     """A demo of half a minute that has begun to record."""
     command = [sys.executable, "-m", "dahl", "demo", "--scene", "steering", "--output", tmp_path]
-    process = subprocess.Popen(
-        list(map(str, command)),
-        cwd=root,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(list(map(str, command)), cwd=root, **pipes)
     until = time.monotonic() + 30
     log = tmp_path / "run.log"
     while not log.exists() or log.stat().st_size < 40000:
@@ -441,15 +399,6 @@ def test_faults_that_a_scene_does_not_have_are_not_listed():
     told = {"faults": "bad_crc 3, bus_off 1", "faults counted by the node": "{'crc': (2, 3)}"}
     assert rows == told
     assert demo_command._special({}) == {}
-
-
-def test_each_number_of_a_closed_loop_stands_in_its_row():
-    control = {"rms_error_rad": 0.1, "max_error_rad": 0.2}
-    control |= {"torque_alternations": 3, "reference_reversals": 4}
-    assert demo_command._special({"control": control}) == {
-        "tracking error": "rms 0.1 rad, max 0.2 rad",
-        "sign of the torque": "changed 3 times, the motion 4 times",
-    }
 
 
 def test_a_node_that_is_wrong_is_a_code_other_than_0(run_dahl, tmp_path):

@@ -9,9 +9,10 @@ import struct
 from collections.abc import Iterator
 from fractions import Fraction
 from random import Random
+from typing import Any
 
 import pytest
-from dahl import paths
+from dahl import core
 
 OK, RANGE = 0, -2
 ONE = 1 << 62
@@ -19,40 +20,19 @@ ONE = 1 << 62
 STATE_END = ONE + (1 << 31)
 
 
-class Params(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_float) for name in ("sigma0", "Fc", "theta_per_count")]
-
-
-class ThroughputParams(ctypes.Structure):
-    _fields_ = [(name, ctypes.c_double) for name in ("sigma0", "Fc", "theta_per_count")]
-
-
-class Plan(ctypes.Structure):
-    _fields_ = [("words", ctypes.c_uint32 * 78)]
-
-
-class State(ctypes.Structure):
-    _fields_ = [("w", ctypes.c_int64)]
-
-
 @pytest.fixture(scope="module")
 def library() -> ctypes.CDLL:
-    loaded = ctypes.CDLL(str(paths.library()))
-    for name in ("dahl_step_counts", "dahl_step", "dahl_torque"):
-        getattr(loaded, name).restype = ctypes.c_float
-    return loaded
+    return core.library()
 
 
-def prepared(library: ctypes.CDLL, sigma0: float, Fc: float, theta: float) -> tuple[int, Plan]:
-    plan = Plan()
-    code = library.dahl_prepare(ctypes.byref(plan), ctypes.byref(Params(sigma0, Fc, theta)))
-    return code, plan
+def prepared(library: ctypes.CDLL, sigma0: float, Fc: float, theta: float) -> tuple[int, Any]:
+    plan = (ctypes.c_uint64 * core.PLAN_ROOM)()
+    return library.dahl_prepare(plan, core._Params(sigma0, Fc, theta)), plan
 
 
 def throughput(library: ctypes.CDLL, sigma0: float, Fc: float, theta: float) -> int:
-    params, state = ThroughputParams(sigma0, Fc, theta), State()
-    call = library.dahl_throughput_counts
-    return int(call(ctypes.byref(params), ctypes.byref(state), None, None, ctypes.c_size_t(0)))
+    params = ctypes.byref(core._ThroughputParams(sigma0, Fc, theta))
+    return int(library.dahl_throughput_counts(params, None, None, None, 0))
 
 
 def as_float(x: float) -> float:
@@ -106,9 +86,9 @@ def test_limits_of_doubles_are_decided_exactly(library) -> None:
         assert throughput(library, sigma0, Fc, theta) == (OK if within else RANGE)
 
 
-def changed(library: ctypes.CDLL, before: Plan, after: Plan, w: int) -> int:
-    state = State(w)
-    library.dahl_change_plan(ctypes.byref(before), ctypes.byref(after), ctypes.byref(state))
+def changed(library: ctypes.CDLL, before: Any, after: Any, w: int) -> int:
+    state = core.State(w)
+    library.dahl_change_plan(before, after, state)
     return state.w
 
 
@@ -150,12 +130,12 @@ def test_states_stay_where_the_header_says(library) -> None:
     assert code == OK
     for w in (STATE_END - 1, ONE, ONE - 1, -ONE, -STATE_END, 1 - STATE_END):
         for count in (0, 1, -1, 8, -8, 9, -9, 1000, -1000, 2**31 - 1, -(2**31)):
-            state = State(w)
-            q30 = library.dahl_step_counts_q30(ctypes.byref(plan), ctypes.byref(state), count)
+            state = core.State(w)
+            q30 = library.dahl_step_counts_q30(plan, state, count)
             assert -(2**30) <= q30 <= 2**30 and -STATE_END <= state.w < STATE_END
-            assert abs(library.dahl_torque(ctypes.byref(plan), ctypes.byref(state))) <= WHOLE[1]
+            assert abs(library.dahl_torque(plan, state)) <= WHOLE[1]
         for angle in (0.0, 1e-20, 1e-3, -1e-3, 10.0, -10.0, math.inf, -math.inf, math.nan):
-            state = State(w)
-            F = library.dahl_step(ctypes.byref(plan), ctypes.byref(state), ctypes.c_float(angle))
+            state = core.State(w)
+            F = library.dahl_step(plan, state, angle)
             assert abs(F) <= WHOLE[1] and -STATE_END <= state.w < STATE_END
         assert -ONE <= changed(library, plan, plan, w) <= ONE

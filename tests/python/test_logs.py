@@ -85,8 +85,8 @@ def test_rows_of_one_and_the_same_time_are_a_table(written):
             "log.csv:3: column 'torque': missing, the line ends after 2 of 3 columns",
         ),
         (
-            "t,angle,torque\n0,1,2\n0,5,1,5,2,5\n",
-            "log.csv:3: the row has 6 fields, the header 3",
+            "t,angle,torque\n0,1,2\n1,2,5,3\n",
+            "log.csv:3: the row has 4 fields, the header 3",
         ),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "log.csv: not a text file"),
     ],
@@ -107,23 +107,11 @@ def test_candump_round_trip(written):
     import can
     from dahl.bus import candump_line
 
+    short = {"is_extended_id": False, "channel": "vcan0"}
     sent = [
-        can.Message(
-            timestamp=0.001,
-            arbitration_id=0x100,
-            data=bytes(8),
-            is_extended_id=False,
-            channel="vcan0",
-        ),
+        can.Message(timestamp=0.001, arbitration_id=0x100, data=bytes(8), **short),
         can.Message(timestamp=1.5, arbitration_id=0x1ABCDEF, data=b"\x01", channel="can0"),
-        can.Message(
-            timestamp=2,
-            arbitration_id=0x7FF,
-            is_remote_frame=True,
-            dlc=5,
-            is_extended_id=False,
-            channel="vcan0",
-        ),
+        can.Message(timestamp=2, arbitration_id=0x7FF, is_remote_frame=True, dlc=5, **short),
     ]
     lines = "".join(map(candump_line, sent))
     assert lines.splitlines()[0] == "(0000000000.001000) vcan0 100#0000000000000000"

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
 import pytest
 from conftest import ROOT
 from loop_tools import serving
@@ -56,8 +57,10 @@ def test_the_example_of_the_readme(outcome):
 
 def test_each_test_has_a_node_and_a_bus_of_its_own(outcome):
     done = outcome("""
-import dahl, pytest
+import dahl, pytest, time
 from dahl import codec, node
+
+channels = []
 
 @pytest.fixture
 def dahl_plan():
@@ -67,8 +70,12 @@ def dahl_plan():
 def test_plan(dahl_bus, dahl_node, counter):
     assert dahl_node.counts.ok == 0 and dahl_node.friction == dahl.Plan(50, 2, 1e-3)
     assert node.ask(dahl_bus, codec.EncoderState(5, counter)).state == codec.State.INIT
+    time.sleep(0.12)  # more than the timeout of a node has by default
+    assert node.ask(dahl_bus, codec.EncoderState(6, counter + 1)).state == codec.State.OK
+    assert dahl_bus.channel_id not in channels
+    channels.append(dahl_bus.channel_id)
     assert node.ask(dahl_bus, codec.ParamWrite(codec.Param.FC)).si == 2
-    assert dahl_node.counts.ok == 1
+    assert dahl_node.counts.ok == 2
 """)
     assert (done.code, done.last[:8]) == (0, "2 passed"), done.said
 

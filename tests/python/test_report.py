@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import can
 import cantools
 import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
-from dahl import Error, Friction, Plan, html_report, report
+from dahl import Error, Friction, Loaded, Plan, html_report, report
 from dahl.scene import Measured, Recorded, Scene
 
 SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
@@ -131,6 +132,17 @@ def test_a_load_holds_from_the_frame_that_writes_it(run):
     run.add("ParamWrite", Counter=0, Write=1, Param=1, Fc=5)
     run.tick(8, 0)
     assert run.trace().load.tolist() == [2**16] * 3 + [2**14] + [2**16] * 5
+
+
+def test_the_exact_torque_follows_the_load_that_was_told(library, dbc):
+    run, gear, load = Run(dbc), Loaded(Plan(SIGMA0, FC, THETA)), 1.0
+    run.bearing = SimpleNamespace(step_counts_q30=lambda move: gear.step_counts_q30(move, load))
+    run.tick(0, 0, state=6, used=False)
+    for n, load in enumerate((1.0, 0.25, 0.25, 0.75), start=1):  # noqa: B007 (run's bearing has it)
+        run.add("ParamWrite", Counter=0, Write=1, Param=10, Load=int(load * 2**16))
+        run.tick(n, 70 * n)
+    scene = Scene(None, "test", "loaded", ((SIGMA0, FC),), THETA)
+    assert report.max_error_ulp(scene, run.trace()) <= BOUND
 
 
 def test_a_travel_that_the_node_left_out_is_an_error(run):

@@ -22,6 +22,7 @@ TABLE = [0.5, 0.3, 0.25, 0.0, -0.125, *(0.1 * k for k in range(1, 12))]
 MADE = {
     "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.3, 2e-4),
     "elastoplastic": lambda: dahl.ElastoPlastic(*PLAN, 0.7),
+    "slip": lambda: dahl.Slip([100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4),
     "work": lambda: dahl.Work(dahl.Plan(*PLAN)),
 }
 
@@ -228,7 +229,7 @@ WRONG = [
     (lambda: dahl.VelocityTable(np.array(1.0), 0), r"torque = array\(1.\) is not a list"),
     (lambda: dahl.VelocityTable([1e-50] * 16, 0), r"torque\[0\] = 1e-50 is outside 0, or 2"),
     (lambda: dahl.VelocityTable([math.nan] * 16, 0), r"torque\[0\] = nan is outside 0, or 2"),
-    (lambda: dahl.VelocityTable([1.0] * 15 + [1e-30], 0), r"torque\[15\] = 1e-30 is outside"),
+    (lambda: dahl.VelocityTable([-1.0] * 15 + [1e-30], 0), r"torque\[15\] = 1e-30 is outside"),
     (lambda: dahl.VelocityTable([1.0] * 16, 25), "segment_bits = 25 is not .* 0 to 24"),
     (lambda: dahl.VelocityTable([1.0] * 16, 0).step_counts(2**31), "dcounts = 2147483648"),
     (lambda: dahl.VelocityTable([1.0] * 16, 0).run_counts([0.5]), r"moves\[0\] = 0.5"),

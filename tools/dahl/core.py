@@ -24,7 +24,7 @@ from dahl.copies import Copied
 
 TORQUE_MIN, TORQUE_MAX = 2.0**-64, 2.0**64  # DAHL_TORQUE_MIN, _MAX: sigma0 in N m/rad and Fc in N m
 TRAVEL_MIN, TRAVEL_MAX = 2.0**-30, 2.0**20  # DAHL_TRAVEL_MIN, _MAX: sigma0/Fc * theta_per_count
-STATE_MAX = 2**62 + 2**31 - 1  # of abs(w), the highest that a step can leave
+STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w, what a step can leave
 UINT32_MAX = 2**32 - 1
 PLAN_ROOM = (
     128  # 8-byte words kept for a dahl_plan_t (38 are used): its inside is the library's business
@@ -41,7 +41,7 @@ class State(ctypes.Structure):
     _fields_ = [("_w", ctypes.c_int64)]
 
     def __init__(self, w: int = 0) -> None:
-        super().__init__(checks.whole("w", w, -STATE_MAX, STATE_MAX))
+        super().__init__(checks.whole("w", w, STATE_MIN, STATE_MAX))
 
     @property
     def w(self) -> int:
@@ -50,7 +50,7 @@ class State(ctypes.Structure):
 
     @w.setter
     def w(self, value: int) -> None:
-        self._w = checks.whole("w", value, -STATE_MAX, STATE_MAX)
+        self._w = checks.whole("w", value, STATE_MIN, STATE_MAX)
 
     def __eq__(self, other: object) -> bool:
         return self.w == other.w if isinstance(other, State) else NotImplemented
