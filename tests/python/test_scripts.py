@@ -343,7 +343,7 @@ def test_the_machine_has_two_buses_and_runs_the_words_as_they_are(stage, machine
 
 
 def test_a_machine_that_does_not_run_is_an_error(stage, machine):
-    stage.does("qemu-system-x86_64", "exec sleep 50")
+    stage.does("qemu-system-x86_64", "exec sleep 90")
     (machine / ".vm").mkdir()
     (machine / ".vm/code").write_text("0\n")  # of a run before
     done = stage.run("vm", str(machine), "true", DAHL_VM_SECONDS="1")
