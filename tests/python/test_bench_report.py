@@ -477,11 +477,14 @@ def test_a_report_without_a_run_names_the_command(pages, lacking):
         report.main([])
 
 
-def test_a_page_without_its_marks_is_an_error(pages, monkeypatch):
+@pytest.mark.parametrize("text", ["no marks\n", f"one alone\n{table.MARKS[0]}\nand more\n"])
+def test_a_page_without_its_marks_is_an_error(pages, monkeypatch, text):
     monkeypatch.setattr(report, "draw", lambda *_: None)
-    (pages / "docs/microcontroller.md").write_text("no marks\n")
+    page = pages / "docs/microcontroller.md"
+    page.write_text(text)
     with pytest.raises(target.BenchError, match=re.escape("docs/microcontroller.md lacks")):
         report.main(["--docs"])
+    assert page.read_text() == text
 
 
 # --- what is read ---------------------------------------------------------------------------------
@@ -555,6 +558,13 @@ def test_sizes_by_what_they_cost(monkeypatch):
     monkeypatch.setattr(target, "run", lambda *_: listing)
     sizes = target.sizes(target.CORES["m3"], Path("image"))
     assert sizes == {"code": 11, "const": 25, "static": 189}
+    monkeypatch.setattr(target, "link_path", lambda core, path: path)
+    monkeypatch.setattr(target, "sizes", lambda core, path: dict.fromkeys(sizes, path))
+    assert target.measure_sizes(target.CORES["m3"]) == {
+        f"{kind}_bytes{suffix}": path
+        for kind in sizes
+        for suffix, path in (("", "q30"), ("_counts", "counts"), ("_angle", "angle"))
+    }
 
 
 def test_a_command_that_fails_or_hangs_is_told():
@@ -607,8 +617,8 @@ def test_the_best_time_is_the_least_of_all_rounds(monkeypatch):
 
 @pytest.fixture
 def task() -> dict:
-    """400 moves of 0.002 rad and the exact answer of Eq. 1."""
-    moves = [3] * 200 + [-2] * 200
+    """399 moves of 0.002 rad, a long one, and the exact answer of Eq. 1."""
+    moves = [3] * 200 + [-40] + [-2] * 199
     exact, w = [], 0.0
     for move in moves:
         s = np.sign(move)

@@ -59,6 +59,8 @@ def asked(monkeypatch, tmp_path) -> list[list[str]]:
 
     monkeypatch.setattr(host, "run", run)
     monkeypatch.setattr(host, "measure_python", lambda: {"step_ns": 900.0})
+    monkeypatch.setattr(host, "measure_threads", lambda ticks: {"1": ticks})
+    monkeypatch.setattr(host, "measure_mixes", lambda: {"mix": {"tick": 5.0}})
     monkeypatch.setattr(host, "RESULT", tmp_path / "host.json")
     monkeypatch.setattr(host, "VENV", tmp_path / "venv")
     monkeypatch.setattr(host, "OUT", tmp_path)
@@ -73,6 +75,7 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(asked, tmp_
     known = json.loads((tmp_path / "host.json").read_text())
     assert (known["quick"], known["ticks"]) == (bool(words), vars(sizes))
     assert (known["compiler"], known["python"]) == ("cc (here) 12", {"step_ns": 900.0})
+    assert (known["threads"], known["mixes"]) == ({"1": sizes.threads}, {"mix": {"tick": 5.0}})
     assert known["errors"] == {m: {"euler": [0.25, 0.125]} for m in ("walk", "sine")}
     assert known["speed"] == {"walk": {"euler": 1.5}, "sine": {"euler": 2.5}}
     assert [row["rate"] for row in known["rates"]] == list(host.RATES)
