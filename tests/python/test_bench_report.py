@@ -495,7 +495,7 @@ RIVALS += ("expm1f_worst", "expf_worst", "exp_double_worst")
 
 FLOATS = "__aeabi_fadd __aeabi_dmul __aeabi_l2f __adddf3 __floatsisf malloc _sbrk printf"
 FLOATS += " expm1f __ieee754_expf"
-INTEGERS = "__aeabi_uidiv __aeabi_lmul __aeabi_idivmod dahl_step_counts memcpy"
+INTEGERS = "__aeabi_div0 __aeabi_uidiv __aeabi_lmul __aeabi_idivmod dahl_step_counts memcpy"
 
 
 def test_what_may_not_be_linked(monkeypatch):
