@@ -45,9 +45,9 @@ def count_unity(count: Count, name: str, output: str, ended_well: bool) -> None:
     failed = [f"{name}.{case}: {why}" for case, kind, why in cases if kind == "FAIL"]
     skipped = [f"{name}.{case}: {why}" for case, kind, why in cases if kind == "IGNORE"]
     total = sum(int(tests) for tests, _, _ in UNITY_TOTAL.findall(output))
+    count.passed += max(0, total - len(failed) - len(skipped))
     if not ended_well and not failed:
         failed = [f"{name}: ended badly"]
-    count.passed += max(0, total - len(failed) - len(skipped))
     count.failed += failed
     count.skipped += skipped
 

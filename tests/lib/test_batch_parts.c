@@ -9,6 +9,12 @@
 static int32_t dcounts[TICKS];
 static float F[TICKS];
 
+/* Each torque of the log is that of the tick with the number t. */
+#define ASSERT_BY_TICK(tick)                \
+    for (int t = 0; t < TICKS; t++) {       \
+        TEST_ASSERT_TRUE(F[t] == (tick));   \
+    }
+
 static void make_log(void)
 {
     motion_t m = MOTION_START;
@@ -29,11 +35,8 @@ static void test_slip_elements_over_a_log(void)
 {
     const dahl_slip_plan_t plan = slip_plan();
     dahl_slip_state_t by_log = {{0}}, by_tick = {{0}};
-    make_log();
     dahl_batch_slip_counts(&plan, &by_log, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_slip_step_counts(&plan, &by_tick, dcounts[t]));
-    }
+    ASSERT_BY_TICK(dahl_slip_step_counts(&plan, &by_tick, dcounts[t]))
     TEST_ASSERT_EQUAL_MEMORY(&by_tick, &by_log, sizeof by_tick);
 }
 
@@ -46,11 +49,8 @@ static void test_a_mix_over_a_log(void)
     dahl_slip_state_t elements = {{0}}, elements_by_tick = {{0}};
     const dahl_part_t parts[] = {dahl_batch_part(&plan, &bristle), dahl_batch_slip_part(&slip, &elements)};
     const dahl_part_t by_tick[] = {DAHL_PART(&plan, &bristle_by_tick), DAHL_SLIP_PART(&slip, &elements_by_tick)};
-    make_log();
     dahl_batch_parallel_counts(parts, 2, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_parallel_step_counts(by_tick, 2, dcounts[t]));
-    }
+    ASSERT_BY_TICK(dahl_parallel_step_counts(by_tick, 2, dcounts[t]))
     TEST_ASSERT_TRUE(bristle.w == bristle_by_tick.w);
     TEST_ASSERT_EQUAL_MEMORY(&elements_by_tick, &elements, sizeof elements);
 }
@@ -61,11 +61,8 @@ static void test_an_fc_of_each_direction_over_a_log(void)
     dahl_asymmetric_plan_t plan;
     dahl_state_t by_log = {0}, by_tick = {0};
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&plan, &params));
-    make_log();
     dahl_batch_asymmetric_counts(&plan, &by_log, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_asymmetric_step_counts(&plan, &by_tick, dcounts[t]));
-    }
+    ASSERT_BY_TICK(dahl_asymmetric_step_counts(&plan, &by_tick, dcounts[t]))
     TEST_ASSERT_TRUE(by_log.w == by_tick.w);
 }
 
@@ -76,14 +73,11 @@ static void test_a_load_over_a_log(void)
     const dahl_plan_t plan = plan_for(&params);
     dahl_loaded_state_t by_log = {{0}, 0}, by_tick = {{0}, 0};
     motion_t m = MOTION_START;
-    make_log();
     for (int t = 0; t < TICKS; t++) {
         load[t] = motion_random(&m) >> 1;
     }
     dahl_batch_loaded_counts(&plan, &by_log, dcounts, load, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_loaded_step_counts(&plan, &by_tick, dcounts[t], load[t]));
-    }
+    ASSERT_BY_TICK(dahl_loaded_step_counts(&plan, &by_tick, dcounts[t], load[t]))
     TEST_ASSERT_TRUE(by_log.bristle.w == by_tick.bristle.w && by_log.load_q30 == by_tick.load_q30);
 }
 
@@ -93,11 +87,8 @@ static void test_elastoplastic_friction_over_a_log(void)
     dahl_elastoplastic_plan_t plan;
     dahl_state_t by_log = {0}, by_tick = {0};
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_elastoplastic_prepare(&plan, &params, 0.6f));
-    make_log();
     dahl_batch_elastoplastic_counts(&plan, &by_log, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_elastoplastic_step_counts(&plan, &by_tick, dcounts[t]));
-    }
+    ASSERT_BY_TICK(dahl_elastoplastic_step_counts(&plan, &by_tick, dcounts[t]))
     TEST_ASSERT_TRUE(by_log.w == by_tick.w);
 }
 
@@ -109,25 +100,21 @@ static void test_work_and_a_table_over_a_log(void)
     dahl_velocity_plan_t over_speed;
     dahl_state_t by_log = {0}, by_tick = {0};
     dahl_work_t work = {{0}, {0}}, work_by_tick = {{0}, {0}};
-    make_log();
     dahl_batch_work_counts(&plan, &by_log, &work, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_work_step_counts(&plan, &by_tick, &work_by_tick, dcounts[t]));
-    }
+    ASSERT_BY_TICK(dahl_work_step_counts(&plan, &by_tick, &work_by_tick, dcounts[t]))
     TEST_ASSERT_EQUAL_MEMORY(&work_by_tick, &work, sizeof work);
     for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
         table.torque[k] = 0.1f * (float)(k + 1);
     }
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&over_speed, &table));
     dahl_batch_velocity(&over_speed, dcounts, F, TICKS);
-    for (int t = 0; t < TICKS; t++) {
-        TEST_ASSERT_TRUE(F[t] == dahl_velocity_torque(&over_speed, dcounts[t]));
-    }
+    ASSERT_BY_TICK(dahl_velocity_torque(&over_speed, dcounts[t]))
 }
 
 int main(void)
 {
     UNITY_BEGIN();
+    make_log();
     RUN_TEST(test_slip_elements_over_a_log);
     RUN_TEST(test_a_mix_over_a_log);
     RUN_TEST(test_an_fc_of_each_direction_over_a_log);

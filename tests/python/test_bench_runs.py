@@ -59,6 +59,8 @@ def asked(monkeypatch, tmp_path) -> list[list[str]]:
 
     monkeypatch.setattr(host, "run", run)
     monkeypatch.setattr(host, "measure_python", lambda: {"step_ns": 900.0})
+    monkeypatch.setattr(host, "measure_threads", lambda ticks: {"1": ticks})
+    monkeypatch.setattr(host, "measure_mixes", lambda: {"mix": {"tick": 5.0}})
     monkeypatch.setattr(host, "RESULT", tmp_path / "host.json")
     monkeypatch.setattr(host, "VENV", tmp_path / "venv")
     monkeypatch.setattr(host, "OUT", tmp_path)
@@ -73,6 +75,7 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(asked, tmp_
     known = json.loads((tmp_path / "host.json").read_text())
     assert (known["quick"], known["ticks"]) == (bool(words), vars(sizes))
     assert (known["compiler"], known["python"]) == ("cc (here) 12", {"step_ns": 900.0})
+    assert (known["threads"], known["mixes"]) == ({"1": sizes.threads}, {"mix": {"tick": 5.0}})
     assert known["errors"] == {m: {"euler": [0.25, 0.125]} for m in ("walk", "sine")}
     assert known["speed"] == {"walk": {"euler": 1.5}, "sine": {"euler": 2.5}}
     assert [row["rate"] for row in known["rates"]] == list(host.RATES)
@@ -86,10 +89,7 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(asked, tmp_
     assert [sorted(entry) for entry in never] == [["limit", "parts", "way"]] * len(host.SOLVERS)
     assert {entry["parts"] for entry in never} == {0}
     program = [call[1:] for call in asked if call[0] == str(host.PROGRAM)]
-    assert ["errors", str(sizes.errors)] in program and [
-        "speed",
-        str(sizes.speed),
-    ] in program
+    assert ["errors", str(sizes.errors)] in program and ["speed", str(sizes.speed)] in program
     for motion in host.GROWN:
         assert ["growth", motion, str(sizes.growth)] in program
     for motion in host.OUTSIDE:
@@ -97,11 +97,7 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(asked, tmp_
     for rate in host.RATES:
         assert ["parts", str(rate), "0.001"] in program
     ticks = {(call[3], call[4]) for call in program if call[0] == "parts-error"}
-    assert ticks == {
-        ("sine_12", "20000"),
-        ("walk", str(sizes.parts)),
-        ("sine", str(sizes.parts)),
-    }
+    assert ticks == {("sine_12", "20000"), ("walk", str(sizes.parts)), ("sine", str(sizes.parts))}
 
 
 def test_rivals_get_the_moves_and_what_is_exact(asked, capsys):
@@ -196,12 +192,7 @@ def test_a_number_is_the_worst_of_the_calls_that_it_stands_for():
         cases[name], wanted[name] = [most, most - 1], most
     cases["dense_q30"] = [18, 21, 17, 20]
     cases["euler"] = [5]  # of a rival: not the library's
-    numbers = {
-        "stack_step": 48,
-        "stack_prepare": 120,
-        "stack_torque": 8,
-        "plan_bytes": 312,
-    }
+    numbers = {"stack_step": 48, "stack_prepare": 120, "stack_torque": 8, "plan_bytes": 312}
     found = target.library_numbers(cases, numbers)
     wanted |= {"dense_q30_least": 17, "dense_q30_most": 21, "stack_bytes": 120}
     assert found == wanted | numbers

@@ -23,6 +23,8 @@ PYTEST = """<testsuites><testsuite tests="2">
 <testcase classname="test_a" name="one"/>
 <testcase classname="test_a" name="two"><skipped message="no data"/></testcase>
 </testsuite></testsuites>"""
+CTEST = """<testsuite tests="1"><testcase name="sockets"><skipped message="SKIP_RETURN_CODE=77"/>
+<system-out>begins\nSKIP: no CAN here\n</system-out></testcase></testsuite>"""
 TWO_WELL = '<testsuite tests="2"><testcase name="a"/><testcase name="b"/></testsuite>'
 
 
@@ -43,22 +45,61 @@ def count(root: Path, tmp_path: Path):
     return call
 
 
-def test_it_looks_inside_unity_programs(count):
-    counted = count(
-        (UNITY.format(failure="<failure message=''/>"), 8), (PYTEST.format(collected=2), 0)
-    )
+NAMED = TWO_WELL.replace('name="b"/>', 'name="b">{bad}</testcase>')
+CASES = {  # files with the codes of their runs, the exit code, and what is printed
+    "each kind": (
+        [(UNITY.format(failure="<failure message=''/>"), 8), (PYTEST.format(collected=2), 0)]
+        + [(CTEST, 0)],
+        1,
+        "skipped: laws.test_wide: needs 32 bits\nskipped: test_a.two: no data\n"
+        "skipped: sockets: SKIP: no CAN here\nfailed: laws.test_odd: Expected 1 Was 2\n"
+        "2 passed, 1 failed, 3 skipped\n",
+    ),
+    "all well": ([(TWO_WELL, 0)], 0, "2 passed, 0 failed\n"),
+    "nothing to run beside others": (
+        [(TWO_WELL, 0), ('<testsuites><testsuite tests="0"/></testsuites>', 5)],
+        0,
+        "2 passed, 0 failed\n",
+    ),
+    "no test at all": ([("<testsuite></testsuite>", 0)], 1, "0 passed, 0 failed\n"),
+    "a failure": ([(NAMED.format(bad="<failure/>"), 1)], 1, "failed: b\n1 passed, 1 failed\n"),
+    "an error": ([(NAMED.format(bad="<error/>"), 1)], 1, "failed: b\n1 passed, 1 failed\n"),
+    "a crash at the end of a Unity program": (
+        [(BROKEN_OFF.format(failure="<failure message='SEGFAULT'/>"), 8)],
+        1,
+        "skipped: laws.test_wide: needs 32 bits\nfailed: laws: ended badly\n"
+        "2 passed, 1 failed, 1 skipped\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_counted_and_named(count, case):
+    runs, code, said = CASES[case]
+    counted = count(*runs)
+    assert (counted.returncode, counted.stdout) == (code, said)
+    *before, total = said.splitlines(keepends=True)
+    assert count(*runs, note="more to run").stdout == "".join([*before, "more to run\n", total])
+
+
+BROKEN = [(text, 0, "no results") for text in (None, "", "<testsuite", "no XML at all")]
+BROKEN += [
+    (text, 0, "only 2 of 3 tests have a result")
+    for text in (PYTEST.format(collected=3), TWO_WELL.replace('tests="2"', 'tests="3"'))
+]
+BROKEN += [
+    (TWO_WELL, code, f"the run broke off with exit code {code}")
+    for code in (2, 3, 4, 130, 137, 139)
+]
+BROKEN += [(TWO_WELL, code, f"exit code {code}, and yet no test in it failed") for code in (1, 8)]
+
+
+@pytest.mark.parametrize(("text", "code", "why"), BROKEN)
+def test_a_run_that_did_not_come_to_its_end_has_failed(count, text, code, why):
+    """Whatever it wrote, and beside one that did."""
+    counted = count((TWO_WELL, 0), (text, code))
     assert counted.returncode == 1
-    assert counted.stdout.splitlines() == [
-        "skipped: laws.test_wide: needs 32 bits",
-        "skipped: test_a.two: no data",
-        "failed: laws.test_odd: Expected 1 Was 2",
-        "2 passed, 1 failed, 2 skipped",
-    ]
-
-
-def test_all_well(count):
-    counted = count((TWO_WELL, 0))
-    assert (counted.returncode, counted.stdout) == (0, "2 passed, 0 failed\n")
+    assert f"failed: 1.xml: {why}" in counted.stdout and " 1 failed" in counted.stdout
 
 
 def test_a_result_may_lie_in_a_folder_of_any_name(root, tmp_path):
@@ -72,69 +113,10 @@ def test_a_result_may_lie_in_a_folder_of_any_name(root, tmp_path):
         assert counted.stdout.startswith("failed: x=y.xml: " if code else "2 passed, 0 failed\n")
 
 
-def test_the_note_comes_before_the_last_line(count):
-    assert count((TWO_WELL, 0), note="more to run").stdout == "more to run\n2 passed, 0 failed\n"
-
-
-def test_a_run_without_a_test_to_run_is_no_failure_beside_others(count):
-    nothing = '<testsuites><testsuite tests="0"/></testsuites>'
-    assert count((TWO_WELL, 0), (nothing, 5)).returncode == 0
-
-
-@pytest.mark.parametrize("text", [None, "", "<testsuite", "no XML at all"])
-def test_a_missing_empty_or_unreadable_result_is_a_failure(count, text):
-    counted = count((TWO_WELL, 0), (text, 0))
-    assert counted.returncode == 1
-    assert counted.stdout.splitlines()[-1] == "2 passed, 1 failed"
-    assert "failed: 1.xml: no results" in counted.stdout
-
-
-def test_no_test_at_all_is_no_success(count):
-    counted = count(("<testsuite></testsuite>", 0))
-    assert counted.returncode == 1
-    assert counted.stdout == "0 passed, 0 failed\n"
-
-
-@pytest.mark.parametrize(
-    "text", [PYTEST.format(collected=3), TWO_WELL.replace('tests="2"', 'tests="3"')]
-)
-def test_fewer_results_than_tests_are_a_failure(count, text):
-    counted = count((text, 0))
-    assert counted.returncode == 1
-    assert "failed: 0.xml: only 2 of 3 tests have a result" in counted.stdout
-
-
-@pytest.mark.parametrize("code", [2, 3, 4, 130, 137, 139])
-def test_a_run_that_broke_off_is_a_failure_whatever_it_wrote(count, code):
-    counted = count((TWO_WELL, code))
-    assert counted.returncode == 1
-    assert f"failed: 0.xml: the run broke off with exit code {code}" in counted.stdout
-
-
-@pytest.mark.parametrize("code", [1, 8])
-def test_a_run_that_says_failed_has_failed(count, code):
-    counted = count((TWO_WELL, code))
-    assert counted.returncode == 1
-    assert counted.stdout.splitlines()[-1] == "2 passed, 1 failed"
-
-
-@pytest.mark.parametrize("bad", ["<failure/>", "<error/>"])
-def test_one_that_failed_is_named(count, bad):
-    counted = count((TWO_WELL.replace('name="b"/>', f'name="b">{bad}</testcase>'), 1))
-    assert counted.returncode == 1
-    assert counted.stdout.splitlines() == ["failed: b", "1 passed, 1 failed"]
-
-
-def test_a_crashed_unity_program_has_failed(count):
-    counted = count((BROKEN_OFF.format(failure="<failure message='SEGFAULT'/>"), 8))
-    assert counted.returncode == 1
-    assert "failed: laws: ended badly" in counted.stdout
-
-
 def test_pytest_here_says_how_many_tests_it_collected(root, tmp_path):
     """Otherwise a run that lost half its tests would count as whole."""
     result = tmp_path / "python.xml"
     command = [sys.executable, "-m", "pytest", "-c", root / "tests/pytest.ini", "-q"]
-    command += [f"{__file__}::test_all_well", "--junitxml", result]
+    command += [f"{__file__}::test_what_is_counted_and_named[all well]", "--junitxml", result]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     assert '<property name="collected" value="1"' in result.read_text()

@@ -92,13 +92,7 @@ def packers() -> Path:
     stamp = environment / "installed.txt"
     if not stamp.exists() or stamp.read_text() != wanted:
         subprocess.run([sys.executable, "-m", "venv", "--clear", str(environment)], check=True)
-        pip = [
-            str(environment / "bin/pip"),
-            "install",
-            "--quiet",
-            "-r",
-            str(requirements),
-        ]
+        pip = [str(environment / "bin/pip"), "install", "--quiet", "-r", str(requirements)]
         done = subprocess.run(pip, check=False, timeout=280)
         if done.returncode != 0:
             pytest.skip("unproven: the packers of PlatformIO and ESP-IDF: PyPI is out of reach")
@@ -134,10 +128,7 @@ def tree(tmp_path: Path) -> Path:
 
 @pytest.mark.long
 def test_pio_packs_what_is_needed(packers: Path, tree: Path, tmp_path: Path) -> None:
-    archive, home = (
-        tmp_path / "dahl.tar.gz",
-        {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)},
-    )
+    archive, home = (tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)})
     command = [packers / "python", "-c", PACK, tree, archive]
     subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
     assert packed(archive) == NEEDED | {"library.json"}

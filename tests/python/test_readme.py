@@ -18,7 +18,6 @@ BLOCKS = [
     for path in PAGES
     for number, block in enumerate(re.findall(r"```c\n(.*?)```", path.read_text(), re.DOTALL), 1)
 ]
-PYTHON = re.compile(r"```python\n(.*?)```", re.DOTALL)
 SCRIPTS = [  # but those of pytest, which test_pytest_plugin.py runs
     pytest.param(block, id=f"{path.stem}-{number}")
     for path in PAGES

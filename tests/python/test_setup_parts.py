@@ -12,6 +12,7 @@ import tarfile
 from pathlib import Path
 
 import pytest
+from loop_tools import wait_until
 from test_scripts import APT, PYTHON, Stage, bared, set_up, sourced, staged
 
 
@@ -101,6 +102,26 @@ def test_sources_that_cannot_be_reached_are_named_with_what_needs_them(bare, mus
         assert "will be skipped: valgrind\n" in done.stdout
 
 
+def test_what_apt_does_not_know_is_looked_for_in_fresh_lists(bare):
+    bare.does("apt-cache", '[ "$2" != valgrind ] || [ -e "$STAGE/fresh" ]')
+    bare.does("apt-get", f'case "$*" in *" update") touch "$STAGE/fresh" ;; esac; {APT}')
+    done, _ = set_up(bare, "test")
+    assert done.returncode == 0 and "valgrind" in (bare.folder / "installed").read_text().split()
+
+
+def test_what_fails_ends_the_installation_beside_it(bare):
+    """Packages of Python come while apt-get is at work; nothing of it stays behind."""
+    known = (bare.folder / "known").read_text()
+    (bare.folder / "known").write_text(known.replace("\ngcc\n", "\n"))
+    beside = 'echo $$ >"$STAGE/beside"; exec /bin/sleep 90'
+    bare.does("python", f'case "$*" in *" install "*) {beside} ;; esac; {PYTHON}')
+    begun = 'until [ -s "$STAGE/beside" ]; do /bin/sleep 0.1; done'
+    bare.does("apt-get", f'case "$*" in *" install "*gcc*) {begun} ;; esac; {APT}')
+    assert set_up(bare, "demo")[0].returncode == 1
+    process = Path("/proc") / (bare.folder / "beside").read_text().strip() / "cmdline"
+    wait_until(lambda: not process.exists() or b"sleep" not in process.read_bytes())
+
+
 # --- Python ---------------------------------------------------------------------------------------
 
 
@@ -108,9 +129,9 @@ def test_sources_that_cannot_be_reached_are_named_with_what_needs_them(bare, mus
 def test_packages_are_compiled_where_python_may_not_do_so_later(bare, variable, option):
     own = str(bare.folder / "unity")
     bare.run("setup", "demo", DAHL_UNITY_DIR=own, PYTHONDONTWRITEBYTECODE=variable)
-    calls = [call.split() for call in bare.calls("python") if "--require-hashes" in call]
-    filled = next(words for words in calls if "install" in words)
-    assert option in filled and "--no-deps" in filled
+    calls = [call.split() for call in bare.calls("python") if " install " in call]
+    assert [word in words for words in calls for word in (option, "--no-deps")] == [True] * 4
+    assert ["--require-hashes" in words for words in calls] == [True, False]  # dahl itself
 
 
 @pytest.mark.parametrize(("version", "good"), [((3, 10, 99), False), ((3, 11, 0), True)])
@@ -135,6 +156,19 @@ def test_another_interpreter_wants_another_environment(bare):
         (bare.folder / "version").write_text(version)
         _, started = set_up(bare, "demo")
         assert any("-m venv" in call for call in started) == made
+    keys = sourced(bare, "PYTHON=true; VENV=/here; venv_key; VENV=/there; venv_key").stdout.split()
+    assert keys[0] != keys[2]  # and so does another place
+
+
+def test_an_environment_that_was_left_half_done_is_made_anew(bare):
+    set_up(bare, "demo")
+    for state, works in (("3", False), ("0", True)):
+        (bare.folder / "state").write_text(state)
+        fails = "" if works else 'case "$*" in *" install "*) exit 1 ;; esac;'
+        bare.does("python", f"{fails} {PYTHON}")
+        done, started = set_up(bare, "demo")
+        assert (done.returncode == 0) == works
+    assert any("-m venv" in call for call in started)
 
 
 @pytest.fixture

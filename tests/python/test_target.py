@@ -45,16 +45,8 @@ def ran_on(tmp_path_factory):
             need(core)
             target.build(core, "all")
             junit = tmp_path_factory.mktemp(name) / "ctest.xml"
-            command = [
-                "ctest",
-                "--test-dir",
-                core.build,
-                "-L",
-                "target",
-                "-j2",
-                "--output-junit",
-                junit,
-            ]
+            command = ["ctest", "--test-dir", core.build, "-L", "target", "-j2"]
+            command += ["--output-junit", junit]
             subprocess.run(command, check=False, capture_output=True, timeout=280)
             known[name] = {
                 case.get("name"): case for case in ElementTree.parse(junit).iter("testcase")
@@ -155,16 +147,8 @@ def test_wrong_board_does_not_link(built: str, board: str, tmp_path) -> None:
 
 
 def test_unknown_core_is_refused(tmp_path) -> None:
-    command = [
-        "cmake",
-        "-S",
-        ROOT,
-        "-B",
-        tmp_path,
-        "--toolchain",
-        ROOT / "port/cortex_m/toolchain.cmake",
-        "-DDAHL_CORE=m9",
-    ]
+    toolchain = ROOT / "port/cortex_m/toolchain.cmake"
+    command = ["cmake", "-S", ROOT, "-B", tmp_path, "--toolchain", toolchain, "-DDAHL_CORE=m9"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert f"'m9'; known are {', '.join(ARM)}" in done.stderr
