@@ -27,7 +27,6 @@ from dahl.identify import (
     explore,
     fit,
     folder_runs,
-    follow,
     grid,
     lowpass,
     model_table,
@@ -43,10 +42,9 @@ from dahl.identify import (
 from dahl.identify.choices import Choice, Trial
 from dahl.identify.compare import Key
 from dahl.identify.explore import Explored
-from dahl.identify.finding import Finding
 from dahl.identify.fit import Interval
 from dahl.identify.log import Log, resolution_of
-from dahl.identify.result import Cycles, Result
+from dahl.identify.result import Result
 from dahl.identify.terms import TIMED, place_of, torque_of
 from identify_tools import (
     COUNT,
@@ -61,7 +59,6 @@ from identify_tools import (
 )
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
-from scipy.signal import lfilter
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -307,38 +304,6 @@ def test_the_plans_of_each_kind_of_friction():
 # --- cleaning -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("span", "linear", "said"),
-    [
-        (1.1e-7, False, ""),
-        (0.9e-7, False, "1e-07 to 10000"),
-        (0.99e4, False, ""),
-        (1.01e4, False, "1e-07 to 10000"),
-        (1.1e-8, True, ""),
-        (0.9e-8, True, "1e-08 to 100"),
-        (99.0, True, ""),
-        (101.0, True, "1e-08 to 100"),
-    ],
-)
-def test_how_far_a_motion_may_go(span, linear, said):
-    theta = THETA / np.ptp(THETA) * span
-    log = log_of(dahl_torque(THETA), theta, 0.02, linear=linear)
-    clean.refuse(log, trust_units=True)
-    if not said:
-        clean.refuse(log)
-        return
-    with pytest.raises(Error, match=said) as raised:
-        clean.refuse(log)
-    assert f"covers {span:g} {'m' if linear else 'rad'}" in str(raised.value)
-
-
-def test_the_least_rows_of_a_log():
-    log = synthetic(1, rows=3000, cycles=6)
-    clean.refuse(log.head(30), trust_units=True)
-    with pytest.raises(Error, match="seed 1: 29 rows; at least 30 were expected"):
-        clean.refuse(log.head(29))
-
-
 def test_weights_are_hubers():
     residual = RNG.normal(size=300)
     residual[::25] += 30.0
@@ -401,14 +366,6 @@ def test_between_counts_small_strokes_keep_their_length(rows):
     log = Log("", np.round(true / count) * count, np.zeros(8000), resolution=count)
     travel = [np.abs(np.diff(theta)).sum() for theta in (clean.between_counts(log), true)]
     assert travel[0] == pytest.approx(travel[1], rel=0.015)
-
-
-def test_a_torque_some_rows_earlier():
-    torque = RNG.normal(size=50)
-    assert clean.shifted(torque, 3.0)[:47] == pytest.approx(torque[3:])
-    assert clean.shifted(torque, -2.0)[2:] == pytest.approx(torque[:-2])
-    assert clean.shifted(torque, 0.25)[:49] == pytest.approx(0.75 * torque[:-1] + 0.25 * torque[1:])
-    assert clean.shifted(torque, 3.0)[47:] == pytest.approx(torque[-1])
 
 
 def played(
@@ -494,49 +451,6 @@ def test_the_head_of_a_log_and_its_moves():
     assert (log.unit, log.slope_unit, log.angle_unit) == ("N m", "N m/rad", "rad")
     linear = replace(log, linear=True)
     assert (linear.unit, linear.slope_unit, linear.angle_unit) == ("N", "N/m", "m")
-
-
-@pytest.mark.parametrize(
-    ("counts", "linear", "period"),
-    [(256, False, 256), (256, True, 256), (0, False, 2 * np.pi), (0, True, 0.0), (300, False, 0.0)],
-)
-def test_the_period_of_a_counter(counts, linear, period):
-    turn = counts or 2 * np.pi
-    theta = np.mod(np.linspace(0, 5 * turn, 700), turn)
-    resolution = 1.0 if counts else 0.0
-    theta = np.round(theta) % turn if counts else theta
-    log = Log("", theta, theta, resolution=resolution, linear=linear)
-    jumps = recording.wraps_of(theta)
-    assert jumps.sum() in (4, 5)
-    assert recording.period_of(log, jumps) == pytest.approx(period)
-    if period:
-        whole = recording.unwrapped(log)
-        assert np.ptp(whole.theta) == pytest.approx(5 * turn, rel=0.01)
-        assert len(whole.notes) == 1 and f"{jumps.sum()} times" in whole.notes[0]
-    else:
-        with pytest.raises(Error, match=f"{jumps.sum()} times"):
-            recording.unwrapped(log)
-    assert recording.unwrapped(log, trust_units=True) is log
-
-
-def test_pieces_of_a_log_keep_what_belongs_to_them():
-    log = synthetic(1, rows=900, cycles=6)
-    log.time = log.time + np.where(np.arange(900) >= 300, 2.0, 0.0)
-    log.time += np.where(np.arange(900) >= 320, 1.5, 0.0)
-    log.notes = ["before"]
-    assert recording.gaps_of(log).tolist() == [300, 320]
-    first, last = recording.split_at_gaps(log)
-    assert (first.rows, last.rows) == (300, 580)
-    assert last.theta.tolist() == log.theta[320:].tolist()
-    assert last.torque.tolist() == log.torque[320:].tolist()
-    assert last.time.tolist() == log.time[320:].tolist()
-    assert first.notes[0] == "before" and last.notes == []
-    assert first.notes[1] == (
-        "the clock has 2 gaps (3.5 s in all, the first after row 300): split there into 2 pieces;"
-        " 20 rows in pieces too short left out"
-    )
-    assert recording.gaps_of(replace(log, time=None)).tolist() == []
-    assert recording.gaps_of(log.head(30)).tolist() == []
 
 
 @pytest.mark.parametrize("rows", [2, 3, 10])
@@ -640,100 +554,7 @@ def test_the_numbers_of_one_cycle_are_least_squares():
         assert len(drift.cycles_of([quick], [drawn[: 10 * rows]], estimate, 0.02)) == counted
 
 
-def test_trends_and_steps_against_least_squares():
-    value, weight = RNG.normal(size=12), RNG.uniform(0.2, 1, size=12)
-    shapes = {"trend": np.linspace(-0.5, 0.5, 12)}
-    shapes |= {f"{k}": np.where(np.arange(12) < k, -0.5, 0.5) for k in range(2, 11)}
-    assert {k: v.tolist() for k, v in drift._steps(12).items()} == {
-        k: v.tolist() for k, v in shapes.items() if k != "trend"
-    }
-    for column in shapes.values():
-        change, drawn = drift._drawn(column, value, weight)
-        x, root = np.column_stack((column, np.ones(12))), np.sqrt(weight)
-        best = np.linalg.lstsq(x * root[:, None], value * root, rcond=None)[0]
-        assert change == pytest.approx(best[0]) and drawn == pytest.approx(x @ best)
-    rough = 0.01 * RNG.normal(size=12)
-    for name, column in shapes.items():
-        shape, change, _ = drift._best_shape(1 + 0.3 * column + rough, weight)
-        assert shape == name and change == pytest.approx(0.3, abs=0.03)
-    assert drift._best_shape(1 + rough, weight)[0] == ""
-
-
-@pytest.mark.parametrize(("count", "said"), [(8, "1, 2, 3, 4, 5, 6, 7, 8"), (9, "7, 8 ...")])
-def test_how_many_odd_cycles_are_listed(count, said):
-    value = 1 + 1e-5 * np.resize([1, -1], 60)
-    value[:count] += np.resize([0.5, -0.5], count)
-    numbers = {"Fc": value, "sigma0": np.ones(60), "offset": np.zeros(60)}
-    errors = {name: np.full(60, 1e-3) for name in numbers}
-    found = drift._of_one(Cycles(numbers, errors, np.arange(60)), "Fc", 1.0)
-    assert [one.text.endswith(f"{said} disagrees with the others") for one in found] == [True]
-
-
-def test_cycles_that_are_far_off():
-    rest = np.array([1.0, -1, 1, -1, 2, 30, -1]) * 1e-2
-    assert drift._odd(rest, np.full(7, 1e-2), 0.1).tolist() == [5]
-    assert drift._odd(-rest, np.full(7, 1e-2), 0.1).tolist() == [5]
-    assert drift._odd(rest, np.full(7, 1e-2), 0.31).tolist() == []
-    unsure = np.full(7, 1e-2)
-    for error, odd in ((0.1, []), (0.015, [5])):  # 20 of its own errors are far off
-        unsure[5] = error
-        assert drift._odd(rest, unsure, 0.1).tolist() == odd
-
-
 # --- filters and noise ----------------------------------------------------------------------------
-
-
-def test_a_fit_behind_a_filter_is_least_squares():
-    theta = sine(1, rows=900, cycles=5)
-    slow = lfilter([1 - np.exp(-1 / 5)], [1, -np.exp(-1 / 5)], dahl_torque(theta))
-    log = log_of(slow + 0.2, theta)
-    log.weight = RNG.uniform(0.2, 1, size=900)
-    result = SimpleNamespace(
-        logs=[log], eased=[log], sign=1.0, estimate=SimpleNamespace(terms={"offset": 0.2})
-    )
-    nodes = A * np.geomspace(0.8, 1.25, 7)
-    kept = np.exp(-1 / 5)
-    costs, Fc = [], []  # noqa: N806
-    root = np.sqrt(log.weight)
-    for a in nodes:
-        start = np.exp(-a * np.cumsum(np.abs(log.moves)))
-        columns = []
-        for x in (dahl_torque(theta, a, 1.0), start):
-            y = [x[0]]
-            for now in x[1:]:
-                y.append(kept * y[-1] + (1 - kept) * now)
-            columns.append(np.array(y))
-        x = np.column_stack((*columns, np.ones(900))) * root[:, None]
-        best = np.linalg.lstsq(x, log.torque * root, rcond=None)[0]
-        costs.append(np.sum((log.torque * root - x @ best) ** 2))
-        Fc.append(best[0])
-    found = lowpass.Measured(result).fits(lowpass._filters((lowpass._first_order,), (5,)), nodes)[0]
-    assert found.cost == pytest.approx(min(costs), rel=1e-4)
-    place = int(np.argmin(costs))
-    around = slice(place - 1, place + 2)
-    bend, slope, _ = np.polyfit(np.log(nodes[around] / A), costs[around], 2)
-    assert found.a == pytest.approx(A * np.exp(-slope / 2 / bend), rel=1e-4)
-    assert found.Fc == pytest.approx(np.interp(np.log(found.a), np.log(nodes), Fc), rel=1e-4)
-    assert found.sigma0 == pytest.approx(found.a * found.Fc)
-    assert found.words == "time constant of 5 rows"
-
-
-def test_all_filters_that_are_tried():
-    names = [words for words, _ in lowpass._filters()]
-    lengths = (1, 2, 3, 5, 7, 10, 14, 20, 35, 60)
-    kinds = ("time constant of {} rows", "mean of {} rows", "delay of {} rows")
-    assert names == [kind.format(rows) for kind in kinds for rows in lengths]
-    x = RNG.normal(size=(50, 2))
-    for words, filtered in lowpass._filters(lengths=(7,)):
-        y = filtered(x)
-        wanted = x[0] if words.startswith("delay") else None
-        assert y.shape == x.shape
-        if wanted is not None:
-            assert y[7:] == pytest.approx(x[:-7]) and y[:7] == pytest.approx(
-                np.tile(wanted, (7, 1))
-            )
-        elif words.startswith("mean"):
-            assert y[20] == pytest.approx(x[14:21].mean(axis=0))
 
 
 def test_the_vertex_of_a_cost():
@@ -742,17 +563,6 @@ def test_the_vertex_of_a_cost():
         assert lowpass._vertex(nodes, (np.log(nodes / A / place)) ** 2) == pytest.approx(place * A)
     assert lowpass._vertex(nodes, nodes) == pytest.approx(nodes[0])
     assert lowpass._vertex(nodes, -nodes) == pytest.approx(nodes[-1])
-
-
-def test_squares_of_the_residuals_that_are_looked_at(monkeypatch):
-    monkeypatch.setattr(lowpass, "LOOKED_AT", 50)
-    log, drawn = log_of(0 * THETA, THETA), RNG.normal(size=1500)
-    heavy = replace(log, weight=RNG.uniform(size=1500))
-    result = SimpleNamespace(logs=[log, heavy], predicted=[drawn, drawn])
-    left = (log.torque - drawn)[:50] ** 2
-    assert lowpass.squares_of(result) == pytest.approx(
-        np.concatenate((left, heavy.weight[:50] * left))
-    )
 
 
 @pytest.mark.parametrize("counts", [0.0, 1.0, 2.0])
@@ -927,56 +737,12 @@ def test_the_torque_of_the_terms():
     assert torque_of(log, {}).tolist() == [0.0] * 1500
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_friction_opposes_the_motion(sign):
-    log = log_of(sign * dahl_torque(THETA), THETA)
-    (turned,), found = pipeline._positive([log], pipeline.Options())
-    assert found == sign and turned.torque == pytest.approx(sign * log.torque)
-    assert bool(turned.notes) is (sign < 0) and log.notes == []
-
-
-def test_a_delay_is_taken_out_and_named():
+def test_weights_are_shifted_with_their_torques():
     log = log_of(dahl_torque(THETA), THETA)
     log.weight = RNG.uniform(size=1500)
     study = pipeline.Study([log])
-    seen = Explored(taken=Trial(Choice((), 2.5), A, {}, {}, np.ones(6)))
-    assert pipeline._undelayed(study, seen) == 2.5
-    shifted = study.logs[0]
-    assert shifted.torque[:-3] == pytest.approx((log.torque[2:-1] + log.torque[3:]) / 2)
-    assert shifted.weight[:-3] == pytest.approx(np.minimum(log.weight[2:-1], log.weight[3:]))
-    pipeline._name_delay(study, 2.5)
-    pipeline._name_delay(study, -4.0)
-    assert shifted.notes == [
-        "torque comes 2.5 rows (0.0025 s) late",
-        "angle comes 4.0 rows (0.004 s) late",
-    ]
-    pipeline._name_delay(study, 0.0)
-    assert len(shifted.notes) == 2
-    assert pipeline._undelayed(study, Explored()) == 0
-
-
-def test_odd_rows_are_weighed_and_counted():
-    log = log_of(dahl_torque(THETA), THETA)
-    log.torque[[300, 600, 900]] += 5.0
-    study = pipeline.Study([log])
-    estimate = SimpleNamespace(a=A, Fc=FC, terms={})
-    assert pipeline._weigh(study, estimate)
-    assert np.flatnonzero(study.logs[0].weight < 0.5).tolist() == [300, 600, 900]
-    assert study.logs[0].notes == [
-        "3 of 1500 torque rows disagree with their neighbours: they weigh less"
-    ]
-    quiet = replace(log, torque=np.asarray(path.dahl(log.moves, A)) * FC)
-    assert not pipeline._weigh(pipeline.Study([quiet]), estimate)
-
-
-def test_what_findings_say_draws_an_interval_out():
-    ends = {"sigma0": Interval(90.0, 110.0), "Fc": Interval(0.4, 0.6)}
-    found = [Finding("", (), {"sigma0": (80.0, 95.0)}), Finding("", (), {"Fc": (0.5, 0.7)})]
-    assert pipeline._drawn_out(ends, found) == {
-        "sigma0": Interval(80.0, 110.0),
-        "Fc": Interval(0.4, 0.7),
-    }
-    assert ends["sigma0"] == Interval(90.0, 110.0)
+    assert pipeline._undelayed(study, taken(Choice((), 2.5))) == 2.5
+    assert study.logs[0].weight[:-3] == pytest.approx(np.minimum(log.weight[2:-1], log.weight[3:]))
 
 
 @pytest.fixture(scope="module")
@@ -1031,15 +797,6 @@ def test_the_models_that_a_result_is_compared_with(result):
     steep = (1 - np.sign(log.moves) * w)[log.moves != 0] > 0.1
     assert result.informs == pytest.approx(steep.mean(), abs=2e-3)
     assert result.reversals == len(path.reversals(log.theta, 0.3 / A))
-
-
-@pytest.mark.parametrize(("window", "noise"), [(0, 0.0), (3, 0.02)])
-def test_a_median_that_is_asked_for_is_taken(window, noise):
-    log = log_of(dahl_torque(THETA), THETA + noise * RNG.normal(size=1500) * 0.01)
-    steady, taken = pipeline._steadied([log], pipeline.Options(median=window))
-    assert taken == (window or 1)
-    assert steady[0].theta == pytest.approx(clean.median(log, taken))
-    assert bool(steady[0].notes) is bool(window)
 
 
 # --- what else may be chosen ----------------------------------------------------------------------
@@ -1250,70 +1007,8 @@ def test_columns_that_somebody_named():
         units.column("torque", "", ["x", "y"], "x.csv")
 
 
-@pytest.mark.parametrize(
-    ("values", "signed"),
-    [
-        ([0, 5, 65535, 65530], True),
-        ([0, 49152], True),
-        ([0, 32767], False),  # no sign was lost
-        ([0, 65536], False),
-        ([0, 16384, 65535], True),
-        ([0, 16385, 65535], False),  # that far from both ends: no small torque either way
-        ([0, 49151, 65535], False),
-        ([0, 49152, 65535], True),
-        ([0.5, 65535], False),
-        ([-1, 65535], False),
-    ],
-)
-def test_a_sign_that_was_lost(values, signed):
-    torque, notes = readers._signed(np.array(values, dtype=float))
-    wanted = [v - 65536 if signed and v > 32767 else v for v in values]
-    assert torque.tolist() == wanted and bool(notes) is signed
-
-
-@pytest.mark.parametrize(
-    ("unit", "counts", "turn"),
-    [
-        ("deg", 0, 360),
-        ("rad", 0, 2 * np.pi),
-        ("mrad", 0, 2000 * np.pi),
-        ("turn", 0, 1),
-        ("counts", 4096, 4096),
-        ("mm", 100, 0),
-    ],
-)
-def test_an_angle_that_wraps_at_a_turn(unit, counts, turn):
-    whole = turn or 100.0
-    theta = np.mod(np.linspace(0, 3 * whole, 500), whole)
-    assert readers._wraps(theta, unit, counts) is bool(turn)
-    assert not readers._wraps(np.linspace(0, 0.99 * whole, 500), unit, counts)
-    assert not readers._wraps(2 * theta, unit, counts)  # a jump, in more than a turn
-    both_ends = np.array([0, 0.5, 1, 0, 0.5]) * whole  # some encoders read 0 and the turn
-    assert readers._wraps(both_ends, unit, counts) is bool(turn)
-    some = np.array([0, 0.89, 0.0]) * whole
-    assert not readers._wraps(some, unit, counts)
-    assert readers._wraps(some * 0.92 / 0.89, unit, counts) is bool(turn)
-
-
 def source(**words) -> readers.Source:
     return readers.Source(**words)
-
-
-def test_the_unit_of_a_time_and_what_is_said_of_it():
-    def read(step: float, name: str, **words) -> tuple[np.ndarray, list[str]]:
-        values = {"time": step * np.arange(5)}
-        return readers._seconds("x.csv", source(**words), {"time": name}, values)
-
-    time, notes = read(1.0, "t [ms]")
-    assert time == pytest.approx(1e-3 * np.arange(5)) and notes == []
-    time, notes = read(2.0, "t [ms]", time_unit="us")
-    assert time == pytest.approx(2e-6 * np.arange(5))
-    assert read(0.5, "t")[1][0].endswith("; a row comes every 0.5 s")
-    assert read(1.0, "t")[1][0].endswith("; a row comes every 1 s, is it in ms?")
-    assert readers._seconds("x.csv", source(), {}, {}) == (None, [])
-    with pytest.raises(Error, match="x.csv: row 3: 1 after 2, the clock goes backward"):
-        readers._check_time("x.csv", np.array([0.0, 2, 1, 3]))
-    readers._check_time("x.csv", np.array([0.0, 0, 1, 1]))
 
 
 def test_torques_of_two_messages():
@@ -1350,29 +1045,6 @@ def test_a_table_of_text(tmp_path, text, names, first, row):
     frame, line = readers._from_text(place)
     assert list(frame.columns) == names and line == first
     assert frame.iloc[0].tolist() == row
-
-
-def test_gaps_of_a_table_are_named_or_left_out(tmp_path):
-    place = tmp_path / "x.csv"
-    place.write_text("t,angle_deg,torque_Nm\n0,1,2\n1,,3\n2,5,inf\n3,7,8\n")
-    with pytest.raises(Error) as raised:
-        readers.read(place, source())
-    assert str(raised.value) == (
-        f"{place}:3: column 'angle_deg': no finite number here and in 2 of 4 rows in all"
-        " (--skip-gaps leaves them out)"
-    )
-    log = readers.read(place, source(skip_gaps=True))
-    assert log.theta == pytest.approx(np.radians([1, 7])) and log.torque.tolist() == [2, 8]
-    assert log.time.tolist() == [0, 3] and not log.linear
-
-
-def test_where_rows_are_in_a_json():
-    rows = [{"a": 1}, {"a": 2}]
-    for content in (rows, {"x": {"y": rows}}, {"n": [1], "z": rows}):
-        assert readers._rows_in(content) == rows
-    assert readers._rows_in({"a": [1, 2], "b": [3, 4], "c": "text"}) == {"a": [1, 2], "b": [3, 4]}
-    for nothing in ([], [1, 2], {"a": [1, 2], "b": [3]}, {"a": [1, 2]}, "text", 5, {"a": []}):
-        assert readers._rows_in(nothing) is None
 
 
 def test_what_is_kept_as_a_result():
@@ -1498,23 +1170,6 @@ def test_an_angle_and_its_torque_at_one_time():
     assert rows.tolist() == torque.tolist() and values.tolist() == torque.tolist()
 
 
-@pytest.mark.parametrize(
-    ("reversals", "width", "claimed", "enough"),
-    [
-        (8, 0.02, True, True),
-        (7, 0.02, True, False),
-        (8, 0.021, True, False),
-        (8, 0.02, False, False),
-    ],
-)
-def test_when_a_live_estimate_is_good_enough(reversals, width, claimed, enough):
-    ends = {"sigma0": Interval(100 * (1 - width), 100 * (1 + width)), "Fc": Interval(0.499, 0.501)}
-    estimate = SimpleNamespace(sigma0=100.0, Fc=0.5, ci95=ends)
-    said = SimpleNamespace(identifiable={"sigma0": claimed, "Fc": True})
-    result = SimpleNamespace(estimate=estimate, reversals=reversals, verdict=said)
-    assert follow.small_enough(result, 0.02 + 1e-12) is enough
-
-
 # --- how the steps hang together ------------------------------------------------------------------
 
 
@@ -1634,39 +1289,6 @@ def test_a_log_to_check_is_cleaned_as_the_others(result):
     between = pipeline._as_fitted(replace(result, inner=True), log)
     assert between.theta == pytest.approx(clean.between_counts(log))
     assert between.torque == pytest.approx(log.torque)
-
-
-@pytest.mark.parametrize("asks", [True, False])
-def test_choices_of_logs_with_many_cycles(monkeypatch, asks):
-    """The model that is asked for reaches the table; no delay is tried where none is wanted; a
-    delay at the end of the search is a finding.
-    """
-    theta = sine(2, rows=1500, cycles=8)
-    log = log_of(dahl_torque(theta), theta)
-    estimate = SimpleNamespace(a=A)
-    late = replace(taken(Choice((), 90.0)).taken, cost=np.full(7, 1e-12))
-    monkeypatch.setattr(explore.delay, "tried", lambda *_: [late])
-    wanted = explore.Asked(((), ("offset",)), asks, model="slip K=2" if asks else "")
-    monkeypatch.setattr(explore, "_terms_when_late", lambda *_: [])
-    compared = []
-
-    def table(cut, base, a, forced=""):
-        compared.append((base, a, forced))
-        return model_table.Compared()
-
-    monkeypatch.setattr(model_table, "compared", table)
-    monkeypatch.setattr(model_table, "better_plainly", lambda *_: False)
-    seen = explore.explored([log], estimate, 0.3 / A, wanted)
-    ((base, a, forced),) = compared
-    assert base is seen.taken and a == base.a and forced == wanted.model
-    assert (seen.taken is late) is asks and (late in seen.trials) is asks
-    texts = [one.text for one in seen.findings]
-    assert texts == ["the best delay is at the end of the search (90 rows)"] * asks
-    assert all(one.doubts == ("sigma0", "Fc") for one in seen.findings)
-    counted = cycles.Cut([log], A, 0.3 / A, 90)
-    assert seen.spread == pytest.approx(counted.spread)
-    few = explore.explored([log.head(600)], estimate, 0.3 / A, wanted)
-    assert few.trials == [] and few.taken is None and few.choice == Choice()
 
 
 def test_each_log_of_a_folder_has_its_own_numbers(tmp_path):
