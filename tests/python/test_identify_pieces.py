@@ -761,6 +761,10 @@ def test_r2_of_a_log_that_was_not_fitted(result):
     left -= start * (start @ left) / (start @ start)
     spread = np.sum((log.torque - log.torque.mean()) ** 2)
     assert pipeline.check(result, log) == pytest.approx(1 - left @ left / spread, abs=1e-4)
+    (whole,) = logs_of("linear")  # a spring of 3 N/m, relaxed where the fitted log began
+    rest = recording.taken(whole, slice(750, None), [])
+    assert abs(rest.theta[0] - whole.theta[0]) > 0.03
+    assert pipeline.check(result_of("linear"), rest) > 0.99
 
 
 def test_the_models_that_a_result_is_compared_with(result):
