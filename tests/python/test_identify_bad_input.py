@@ -259,6 +259,7 @@ def test_rows_and_columns_are_found_wherever_they_are(tmp_path):
     source = readers.Source("2", "1", angle_unit="rad", torque_unit="Nm")
     for name, text in (
         ("a.json", '{"about": ["x"], "run": {"data": [[5, 1], [6, 2]]}}'),
+        ("c.json", '{"n": [1], "z": [[5, 1], [6, 2]]}'),
         ("b.json", '{"run": {"load": [5, 6], "way": [1, 2], "n": 3}}'),
         ("a.csv", "5 1\n6 2\n"),
         ("b.csv", "\n x ;  y\n5;1\n6; 2\n"),
@@ -434,41 +435,6 @@ def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, late):
         message.timestamp += late
     one = readers.read(recorded(tmp_path / "both.log", shaft_on("can0", 1), iter(other)), source)
     assert one.rows == 100 and (np.diff(one.theta) > 0).all()
-
-
-def test_frames_that_say_nothing_of_a_signal_are_left_out(tmp_path):
-    """Remote and error frames, values out of the DBC's range, other identifiers, a short frame."""
-    (tmp_path / "bus.dbc").write_text(DBC)
-    signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
-
-    def say(now: float, number: int, bits: int, **kind: bool) -> None:
-        data = bits.to_bytes(4, "little", signed=True) + bytes(4)
-        extended = kind.pop("is_extended_id", False)
-        size = {} if not kind.get("is_remote_frame") else {"dlc": 8}
-        frame = can.Message(
-            timestamp=now,
-            arbitration_id=number,
-            is_extended_id=extended,
-            data=None if size else data,
-            **size,
-            **kind,
-        )
-        signals.feed(frame)
-
-    say(0.0, log_writers.SHAFT, 10_000)
-    say(0.0, log_writers.LOAD, 20_000)
-    say(0.1, log_writers.SHAFT, 10_000_001)  # 1000.0001 deg
-    say(0.2, log_writers.LOAD, -1_000_001)
-    say(0.3, log_writers.SHAFT, 0, is_remote_frame=True)
-    say(0.3, log_writers.SHAFT, 7, is_error_frame=True)
-    say(0.4, log_writers.LOAD + 1, 5)
-    say(0.5, log_writers.SHAFT, -20_000)
-    say(1.0, log_writers.SHAFT, 10_000_000)
-    say(1.0, log_writers.LOAD, 40_000)
-    found = signals.values("bus")
-    assert found["time"].tolist() == [0.0, 0.5, 1.0]
-    assert found["angle"] == pytest.approx([1, -2, 1000])
-    assert found["torque"] == pytest.approx([2, 3, 4])  # between its own frames
 
 
 def test_of_several_columns_that_fit_the_first_is_taken(tmp_path):

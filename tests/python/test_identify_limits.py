@@ -242,7 +242,8 @@ def test_following_ends_when_both_are_known(good, wide):
         name: Interval(v * (1 - parts[name]), v * (1 + parts[name])) for name, v in values.items()
     }
     result = replace(good, estimate=replace(good.estimate, ci95=ends))
-    assert follow.small_enough(result, 0.02) is not bool(wide)
+    assert follow.small_enough(replace(result, reversals=8), 0.02) is not bool(wide)
+    assert not follow.small_enough(replace(result, reversals=7), 0.02)
 
 
 # --- what a file says -----------------------------------------------------------------------------
@@ -281,11 +282,20 @@ def test_units_as_people_spell_them(tmp_path, header, angle, torque):
 
 
 @pytest.mark.parametrize(
-    ("header", "step"), [("t", 0.5), ("time_s", 0.5), ("time_ms", 5e-4), ("t [ms]", 5e-4)]
+    ("header", "step", "size", "said"),
+    [
+        ("t", 0.5, 1, "'t' names no unit of it (--time-unit); a row comes every 0.5 s"),
+        ("t", 1.0, 1, "; a row comes every 1 s, is it in ms?"),
+        ("time_s", 2.0, 1, ""),
+        ("time_ms", 0.5, 1e-3, ""),
+        ("t [ms]", 0.5, 1e-3, ""),
+    ],
 )
-def test_the_time_in_its_unit(tmp_path, header, step):
-    log = read(tmp_path / "log.csv", f"{header},angle_rad,torque_Nm", (UP, UP, UP))
-    assert np.diff(log.time) == pytest.approx(step)
+def test_the_time_in_its_unit(tmp_path, header, step, size, said):
+    up = [step * k for k in range(len(UP))]
+    log = read(tmp_path / "log.csv", f"{header},angle_rad,torque_Nm", (up, UP, UP))
+    assert np.diff(log.time) == pytest.approx(step * size)
+    assert [note.endswith(said) for note in log.notes] == [True] * bool(said)
 
 
 @pytest.mark.parametrize(("unit", "size"), [("rad", 2 * np.pi / 500), ("mm", 1e-3 / 500)])
@@ -307,6 +317,10 @@ def test_an_angle_that_wraps_is_made_whole(tmp_path, unit, turn):
     half = np.abs(np.linspace(-1, 1, 300)) * turn / 2  # no jump: nothing to undo
     log = read(tmp_path / "b.csv", f"angle [{unit}],torque", (half, whole))
     assert np.ptp(log.theta) == pytest.approx(np.pi, rel=0.01)
+    for jump, wraps in ((0.89, False), (0.92, True), (1.0, True)):  # some read 0 and the turn
+        some = (np.array([0, 0.5, jump, 0, 0.5]) * turn, range(5))
+        log = read(tmp_path / "c.csv", f"angle [{unit}],torque", some)
+        assert any("wraps at a turn" in note for note in log.notes) is wraps
 
 
 def test_a_signed_number_read_as_unsigned(tmp_path):

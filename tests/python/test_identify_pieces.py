@@ -718,6 +718,14 @@ def test_the_torque_of_the_terms():
     assert torque_of(log, {}).tolist() == [0.0] * 1500
 
 
+def test_weights_are_shifted_with_their_torques():
+    log = log_of(dahl_torque(THETA), THETA)
+    log.weight = RNG.uniform(size=1500)
+    study = pipeline.Study([log])
+    assert pipeline._undelayed(study, taken(Choice((), 2.5))) == 2.5
+    assert study.logs[0].weight[:-3] == pytest.approx(np.minimum(log.weight[2:-1], log.weight[3:]))
+
+
 @pytest.fixture(scope="module")
 def result(library):
     theta = sine(5, rows=1500, cycles=7)
@@ -734,6 +742,10 @@ def test_r2_of_a_log_that_was_not_fitted(result):
     left -= start * (start @ left) / (start @ start)
     spread = np.sum((log.torque - log.torque.mean()) ** 2)
     assert pipeline.check(result, log) == pytest.approx(1 - left @ left / spread, abs=1e-4)
+    (whole,) = logs_of("linear")  # a spring of 3 N/m, relaxed where the fitted log began
+    rest = recording.taken(whole, slice(750, None), [])
+    assert abs(rest.theta[0] - whole.theta[0]) > 0.03
+    assert pipeline.check(result_of("linear"), rest) > 0.99
 
 
 def test_the_models_that_a_result_is_compared_with(result):
@@ -1230,6 +1242,20 @@ def test_a_log_to_check_is_cleaned_as_the_others(result):
     between = pipeline._as_fitted(replace(result, inner=True), log)
     assert between.theta == pytest.approx(clean.between_counts(log))
     assert between.torque == pytest.approx(log.torque)
+
+
+def test_each_log_of_a_folder_has_its_own_numbers(tmp_path):
+    """Those of earlier runs first, in their order, and the others under their own names."""
+    paths = [tmp_path / f"{k}.csv" for k in range(5)]
+    known = {paths[0]: {"log": "0"}, paths[3]: {"log": "3"}}
+    kept = SimpleNamespace(
+        get=known.get, asked=lambda path: (path,), call=lambda path: {"log": path.stem}
+    )
+    found = list(folder_runs.run(paths, kept, 1, None))
+    assert [(path.stem, earlier) for path, _, earlier in found[:2]] == [("0", True), ("3", True)]
+    assert sorted(path.stem for path, *_ in found[2:]) == ["1", "2", "4"]
+    for place, numbers, earlier in found:
+        assert numbers == {"log": place.stem} and earlier is (place in known)
 
 
 @pytest.mark.parametrize(
