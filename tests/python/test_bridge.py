@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -36,7 +37,16 @@ def test_rubbish_is_nothing_or_a_frame(rubbish: bytes) -> None:
 
 
 @pytest.mark.parametrize(
-    "element", [b"", b"ok", b"frame 1", b"frame 12345678 1.0 00", b"error x y", b"send 100 0"]
+    "element",
+    [
+        b"",
+        b"ok",
+        b"frame 1",
+        b"frame 1234 1.0 00",
+        b"frame 12345678 1.0 00",
+        b"error x y",
+        b"send 100 0",
+    ],
 )
 def test_other_elements_do_not_reach_the_node(element: bytes) -> None:
     assert bridge.to_line(element) == b""
@@ -114,6 +124,13 @@ def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
     node.link.sendall(b"F\r\rz\rt1300\r")
     assert bus.until(b">") == b"< send 120 1 FF >"
     assert bus.until(b">") == b"< send 130 0  >"
+    waits = []
+    for _ in range(5):
+        since = time.monotonic()
+        node.link.sendall(b"t1300\r")
+        bus.until(b">")
+        waits.append(time.monotonic() - since)
+    assert min(waits) < 0.02  # at once
     node.link.close()
     work.join(10)
     assert code == [0]

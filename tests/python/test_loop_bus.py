@@ -224,7 +224,7 @@ def test_ctrl_c_while_waiting_for_clients(tmp_path):
 
 def test_ctrl_c_in_virtual_time_with_clients_that_do_not_read(tmp_path):
     """It ends the patience with all of them."""
-    options = ("--virtual", "--wait-clients", "2")
+    options = ("--virtual", "--wait-clients", "2", "--nodes", "16")
     with serving(tmp_path, STEERING, *options) as (process, port):
         peers = [raw_client(port, receive_buffer=4096) for _ in range(2)]
         time.sleep(1)

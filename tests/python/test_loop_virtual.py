@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import struct
 import subprocess
+import zlib
 from pathlib import Path
 
 import mpmath
@@ -69,6 +70,11 @@ def test_same_seed_same_bytes(tmp_path, name):
     assert first[0] == 0
     assert first == again
     assert (first == other) == (name == "segments")
+
+
+def test_a_seed_means_the_same_motion_on_every_machine(tmp_path):
+    log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seed", "1").log)
+    assert zlib.crc32(np.array(counts_of(log), "<i4").tobytes()) == 4068242989
 
 
 def test_time_starts_at_zero_and_goes_in_milliseconds(tmp_path):

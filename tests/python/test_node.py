@@ -651,6 +651,8 @@ def test_a_scene_names_the_same_node(tmp_path, model):
         **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},
         status_period=0.04,
     )
+    path.write_text(f"[friction]\n{words}")
+    assert scene.settings(scene.read(path)) == {"status_period": 0}
 
 
 SLIP = "model = slip\nsigma0 = 100 40"

@@ -44,9 +44,7 @@ period_ms = 100
 """
 ENCODER, TORQUE, STATUS = 0x100, 0x110, 0x120
 OK, REPEATED, LOST, WRONG_SEQUENCE, CRC, STALE, INIT = range(7)
-QUIET = (
-    0.15  # s without an answer that counts as none; above one period of Status, below two timeouts
-)
+QUIET = 0.15  # s without an answer that counts as none; above a period of Status
 
 
 def encoder_frame(count: int, counter: int, *, valid: bool = True) -> can.Message:
