@@ -233,6 +233,7 @@ def test_a_torque_read_at_some_rows_that_comes_late(every):
 
 
 SMOOTH = dahl_torque(sine(3, rows=6000, cycles=40))
+DRY = np.sign(np.sin(np.arange(6000) * 0.05))  # 0 in the first row
 READ = SMOOTH + 0.01 * noise_of(3, 6000)
 
 
@@ -247,6 +248,8 @@ READ = SMOOTH + 0.01 * noise_of(3, 6000)
         np.round(np.linspace(0, 3, 6000), 2),  # a step every 20 rows, by the last digit
         np.repeat(READ, np.arange(6000) % 3 + 1)[:6000],  # rows that repeat at odd places
         np.zeros(6000),
+        DRY,
+        DRY + 0.06 * noise_of(3, 6000),
     ],
 )
 def test_a_torque_with_a_reading_in_each_row_stays(torque):

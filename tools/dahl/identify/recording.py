@@ -26,6 +26,7 @@ SMOOTH_SPAN = 16.0  # the range of a wrapping angle over its largest true move
 NEAR_WHOLE = 0.01  # of a period
 TOLD = 12  # steps from reading to reading, that are no chance
 EVEN = 0.9  # of the steps from reading to reading: whole multiples of the usual one
+CROOKED = 0.5  # of the steps, that their usual change may be between readings: white noise has 1.7
 STRAIGHT = 10.0  # times the usual change of slope: a bend of a torque drawn straight between two
 ROUNDING = 1e-10  # of the range of a torque drawn straight
 LONG_STEP, USUAL = 5.0, 95  # times the USUAL-th percentile of the clock's steps
@@ -133,9 +134,12 @@ def torque_readings(torque: np.ndarray) -> np.ndarray:
     """
     changes = np.flatnonzero(np.diff(torque)) + 1
     if 2 * len(changes) < len(torque):
-        held = rows_of_a_reading(torque, changes, resolution_of(torque)) > 1
+        levels = len(np.unique(torque)) > TOLD  # dry friction has two
+        held = levels and rows_of_a_reading(torque, changes, resolution_of(torque)) > 1
         return changes if held and _evenly(changes) else changes[:0]
-    bend = np.abs(np.diff(torque, 2))
+    step, bend = np.diff(torque), np.abs(np.diff(torque, 2))
+    if np.median(bend) > CROOKED * np.median(np.abs(step)):
+        return changes[:0]
     rounding = max(float(np.median(bend)), ROUNDING * float(np.ptp(torque)))
     bends = np.flatnonzero(bend > STRAIGHT * rounding) + 1
     readings = bends[np.diff(bends, prepend=-2) > 1]  # one between two rows bends at both
