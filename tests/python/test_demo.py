@@ -372,7 +372,7 @@ def test_a_second_demo_in_the_same_folder_is_refused(running, dahl_here, tmp_pat
     assert done.returncode == 0, done.stderr
 
 
-NUMBERS = {"max_error_ulp_Fc": 0.51, "frames_lost": 0, "frames_not_recorded": 0}
+NUMBERS = {"model": "dahl", "max_error_ulp_Fc": 0.51, "frames_lost": 0, "frames_not_recorded": 0}
 FAULTS = {"expected": {"lost": 3}}
 
 
@@ -382,6 +382,11 @@ FAULTS = {"expected": {"lost": 3}}
         ({}, []),
         ({"max_error_ulp_Fc": None}, []),
         ({"max_error_ulp_Fc": 0.53}, ["error of 0.530 ulp of Fc, above the bound of 0.52"]),
+        ({"max_error_ulp_Fc": 0.54, "model": "slip"}, []),
+        (
+            {"max_error_ulp_Fc": 0.56, "model": "slip"},
+            ["error of 0.560 ulp of Fc, above the bound of 0.55"],
+        ),
         ({"frames_lost": 2}, ["2 frames had no answer in time (a busy machine?)"]),
         ({"frames_not_recorded": 1}, ["1 frames were not recorded"]),
         ({"frames_lost": 2, "faults": FAULTS, "node": {"lost": 3}}, []),

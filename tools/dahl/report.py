@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import cantools
 
 BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
+BOUND_ULP_PARTS = 0.55  # the same for the models beside Dahl's (DAHL_ULP_PARTS)
 FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 NEW_START = {"Init", "Stale", "WrongSequence"}
