@@ -13,7 +13,6 @@ import faulthandler
 import os
 import re
 import sys
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from dahl import Error, files, logs
-from dahl.identify import units
+from dahl.identify import text_tables, units
 from dahl.identify.log import Log, resolution_of
 
 if TYPE_CHECKING:
@@ -119,68 +118,12 @@ def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
         ".parquet": _from_parquet,
     }
     try:
-        return kinds.get(path.suffix.lower(), _from_text)(path)
+        return kinds.get(path.suffix.lower(), text_tables.read)(path)
     except Error:
         raise
     except Exception as error:  # for a damaged file each library has kinds beyond its own
         words = " ".join(str(error).split())[:160] or type(error).__name__
         raise Error(f"{path}: cannot be read as {path.suffix or 'a table'}: {words}") from None
-
-
-def _from_text(path: Path) -> tuple[pandas.DataFrame, int]:
-    line = _first_line(path)
-    separator = max("\t;,", key=line.count) if re.search("[\t;,]", line) else r"\s+"
-    headless = all(map(_is_number, re.split(separator, line.strip())))
-    frame = _parsed(path, separator, headless)
-    if headless:
-        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
-    frame.columns = [str(name).strip() for name in frame.columns]
-    if frame.empty:
-        raise Error(f"{path}:1: no rows after the column names")
-    return frame, 1 if headless else 2
-
-
-def _parsed(path: Path, separator: str, headless: bool) -> pandas.DataFrame:
-    import pandas as pd
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        try:
-            return pd.read_csv(
-                path,
-                sep=separator,
-                header=None if headless else 0,
-                skipinitialspace=True,
-                low_memory=False,
-                encoding="utf-8-sig",
-                index_col=False,
-            )
-        except pd.errors.ParserWarning:
-            raise Error(f"{path}:1: fewer names than a row has columns") from None
-
-
-def _first_line(path: Path) -> str:
-    """The first line that is not blank. Raises dahl.Error."""
-    with path.open("rb") as file:
-        raw = file.read(65536)
-    try:
-        head = raw.decode("utf-8-sig", errors="strict" if len(raw) < 65536 else "ignore")
-    except UnicodeDecodeError as error:
-        raise Error(f"{path}: not a text file (byte {error.start})") from None
-    if "\0" in head:
-        raise Error(f"{path}: not a text file (byte {head.index(chr(0))})")
-    line = next((line for line in head.splitlines() if line.strip()), "")
-    if not line:
-        raise Error(f"{path}: empty; a first line with column names was expected")
-    return line
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _from_json(path: Path) -> tuple[pandas.DataFrame, int]:
