@@ -188,7 +188,9 @@ def test_where_the_references_end():
     far, elements = [10**6], [(100.0, 0.2), (100.0, 0.7)]
     travel = reference.travel_per_count(100.0, 0.7, 1e-3)
     back = [-(10**6)]
-    assert float(reference.exact_asymmetric_ratios(far, elements, 1e-3)[0]) == pytest.approx(2 / 7)
+    lower = float(np.float32(0.2)) / float(np.float32(0.7))  # the parameters are floats, as in C
+    forward = float(reference.exact_asymmetric_ratios(far, elements, 1e-3)[0])
+    assert forward == pytest.approx(lower, rel=1e-12)
     assert float(reference.exact_asymmetric_ratios(back, elements, 1e-3)[0]) == -1
     assert float(reference.exact_elastoplastic_ratios(back, travel, 0.5)[0]) == -1
     assert float(reference.exact_elastoplastic_ratios([3], travel, 0.5)[0]) == pytest.approx(
