@@ -37,6 +37,7 @@ from dahl.identify import (
     readers,
     recording,
     sweep,
+    text_tables,
     units,
 )
 from dahl.identify.choices import Choice, Trial
@@ -1016,7 +1017,7 @@ def test_torques_of_two_messages():
         ("a; b\n1;2\n", ["a", "b"], 2, [1, 2]),
         ("1\t2\n3\t4\n", ["1", "2"], 1, [1, 2]),
         ("a   b\n1 2\n", ["a", "b"], 2, [1, 2]),
-        ("\n  \na,b,c\n1,2,3\n", ["a", "b", "c"], 2, [1, 2, 3]),
+        ("\n  \na,b,c\n1,2,3\n", ["a", "b", "c"], 4, [1, 2, 3]),
         ("a,b;c\n", None, 0, []),
     ],
 )
@@ -1025,9 +1026,9 @@ def test_a_table_of_text(tmp_path, text, names, first, row):
     place.write_text(text)
     if names is None:
         with pytest.raises(Error, match="x.csv:1: no rows"):
-            readers._from_text(place)
+            text_tables.read(place)
         return
-    frame, line = readers._from_text(place)
+    frame, line = text_tables.read(place)
     assert list(frame.columns) == names and line == first
     assert frame.iloc[0].tolist() == row
 

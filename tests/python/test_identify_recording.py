@@ -248,6 +248,7 @@ READ = SMOOTH + 0.01 * noise_of(3, 6000)
         np.round(np.linspace(0, 3, 6000), 2),  # a step every 20 rows, by the last digit
         np.repeat(READ, np.arange(6000) % 3 + 1)[:6000],  # rows that repeat at odd places
         np.zeros(6000),
+        np.arange(6000) % 7.0,
         DRY,
         DRY + 0.06 * noise_of(3, 6000),
     ],

@@ -401,16 +401,17 @@ def plain_book(library):
     return book_of(dahl_torque(THETA) + 0.2, ("offset",))
 
 
-def test_another_limit_each_way_is_found():
+@pytest.mark.parametrize("off", [0.2, 0.03, -0.137, 0.55])
+def test_another_limit_each_way_is_found(off):
     """Fc is the mean of both; the sum of w's own limits is the offset."""
     moves = np.diff(THETA, prepend=THETA[0])
-    torque = FC * elements.asymmetric(moves, SIGMA0 / FC, 0.2) + 0.2 * FC
+    torque = FC * elements.asymmetric(moves, SIGMA0 / FC, off) + 0.2 * FC
     found = model_table._best(model_table._asymmetric(book_of(torque)))
     (part,) = found.parts
     assert part["kind"] == "asymmetric" and found.product
     assert part["sigma0"] == pytest.approx(SIGMA0, rel=0.01)
-    assert part["Fc_forward"] == pytest.approx(1.2 * FC, rel=0.01)
-    assert part["Fc_backward"] == pytest.approx(0.8 * FC, rel=0.01)
+    assert part["Fc_forward"] == pytest.approx((1 + off) * FC, rel=0.005)
+    assert part["Fc_backward"] == pytest.approx((1 - off) * FC, rel=0.005)
     assert found.trial.terms["offset"] == pytest.approx(0.2 * FC, rel=0.02)
 
 

@@ -115,24 +115,42 @@ def _all_of(book: Dictionary) -> list[Candidate]:
 
 
 def _asymmetric(book: Dictionary) -> list[Candidate | None]:
+    """A few parts by which both limits differ, then those between the best and its neighbours, and
+    the lowest point of a parabola through the last three.
+    """
     terms = book.terms if "offset" in book.terms else ("offset", *book.terms)
     book = Dictionary(book.cut, book.a, terms, book.delay)
-    parts = [side * part for part in compare.PARTS for side in (1, -1)]
-    shapes = [partial(elements.asymmetric, part=part) for part in parts]
-    found = [compare.shaped(book, shape, "asymmetric") for shape in shapes]
-    for one, part in zip(found, parts, strict=True):
-        if one is not None:
-            one.product = True
-            force, sigma0 = one.trial.value["Fc"], one.trial.value["sigma0"]
-            one.parts = [
-                {
-                    "kind": "asymmetric",
-                    "sigma0": sigma0,
-                    "Fc_forward": force * (1 + part),
-                    "Fc_backward": force * (1 - part),
-                }
-            ]
-    return found
+    known: dict[float, Candidate] = {}
+    fresh = [side * part for part in compare.PARTS for side in (1.0, -1.0)]
+    for _ in range(compare.HALVED):
+        known |= {part: one for part in fresh if (one := _of_part(book, part)) is not None}
+        near = _around_the_best(known)
+        if len(near) < 3:
+            return list(known.values())
+        fresh = [(near[0] + near[1]) / 2, (near[1] + near[2]) / 2]
+    costs = [float(known[part].trial.cost.sum()) for part in near]
+    bent, slope, _ = np.polyfit(np.array(near) - near[1], costs, 2)
+    last = float(np.clip(near[1] - slope / (2 * bent), near[0], near[2])) if bent > 0 else near[1]
+    return [*known.values(), _of_part(book, last)]
+
+
+def _around_the_best(known: dict[float, Candidate]) -> list[float]:
+    """The part with the least cost between its neighbours; fewer at an end."""
+    parts = sorted(known)
+    best = min(parts, key=lambda part: float(known[part].trial.cost.sum()), default=0.0)
+    place = parts.index(best) if parts else 0
+    return parts[max(place - 1, 0) : place + 2]
+
+
+def _of_part(book: Dictionary, part: float) -> Candidate | None:
+    """Another limit each way, by so much of their mean."""
+    one = compare.shaped(book, partial(elements.asymmetric, part=part), "asymmetric")
+    if one is not None:
+        one.product = True
+        force, sigma0 = one.trial.value["Fc"], one.trial.value["sigma0"]
+        limits = {"Fc_forward": force * (1 + part), "Fc_backward": force * (1 - part)}
+        one.parts = [{"kind": "asymmetric", "sigma0": sigma0, **limits}]
+    return one
 
 
 def _exponents(book: Dictionary) -> list[Candidate | None]:

@@ -27,6 +27,7 @@ NEAR_WHOLE = 0.01  # of a period
 TOLD = 12  # steps from reading to reading, that are no chance
 EVEN = 0.9  # of the steps from reading to reading: whole multiples of the usual one
 CROOKED = 0.5  # of the steps, that their usual change may be between readings: white noise has 1.7
+BESIDE = 0.1  # of the spread of the torque, that it lies beside the lines between readings
 STRAIGHT = 10.0  # times the usual change of slope: a bend of a torque drawn straight between two
 ROUNDING = 1e-10  # of the range of a torque drawn straight
 LONG_STEP, USUAL = 5.0, 95  # times the USUAL-th percentile of the clock's steps
@@ -144,7 +145,10 @@ def torque_readings(torque: np.ndarray) -> np.ndarray:
     bends = np.flatnonzero(bend > STRAIGHT * rounding) + 1
     readings = bends[np.diff(bends, prepend=-2) > 1]  # one between two rows bends at both
     lone = 2 * len(readings) >= len(bends)  # at a reversal friction bends at many rows
-    return readings if lone and _evenly(readings) else readings[:0]
+    if not (lone and _evenly(readings)):
+        return readings[:0]
+    beside = torque - np.interp(np.arange(len(torque)), readings, torque[readings])
+    return readings if beside.std() < BESIDE * torque.std() else readings[:0]
 
 
 def _evenly(readings: np.ndarray) -> bool:
