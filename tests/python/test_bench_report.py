@@ -129,7 +129,8 @@ def test_the_short_table_has_three_cores(counted):
 def test_the_ways_with_error_jumps_and_mean_cost(counted, measured):
     """Cost and worst error are of all motions but the jumps, which have a column of their own."""
     block = report.ways_table(counted, measured)
-    _, rows = rows_of(block)
+    head, rows = rows_of(block)
+    assert head == ["worst error of F/Fc", "on giant jumps", "Core m0", "Core m3", "Core m4f"]
     few = MOTIONS[:-1]
     for way in (way for way in results.WAYS if way.on_target):
         errors = {
@@ -237,6 +238,8 @@ def test_each_point_stands_at_its_cost_and_error_in_its_colour(counted, measured
         assert drawn(axes, "^")[figures.RIVAL] == [
             place(p) for p in group if p.worst() > figures.TOP
         ]
+        low, high = axes.get_ylim()
+        assert low < figures.BOTTOM < figures.TOP < high
     assert [axes.get_title(loc="left") for axes in panels] == [
         "Cortex-M0",
         "Cortex-M3",

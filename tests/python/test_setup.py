@@ -6,6 +6,7 @@ arguments. With a network: tests/quality/test_setup_network.py.
 from __future__ import annotations
 
 import fcntl
+import hashlib
 import os
 import re
 import shutil
@@ -76,6 +77,7 @@ def test_files_of_another_sum_are_not_used(elsewhere):
     done = run("bash", "-c", words)
     assert done.returncode == 1
     assert "these are not the files of Unity" in done.stderr
+    assert done.stderr.count(hashlib.sha256(b"other\n").hexdigest()) == 3
     assert not (elsewhere / "build/deps/unity").exists()
 
 
