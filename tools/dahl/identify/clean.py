@@ -116,15 +116,23 @@ def between_counts(log: Log) -> np.ndarray:
     resting = _at_rest(log, *found)
     inner = _within_count(np.where(np.isnan(resting), found[0], resting), log)
     windows = [window for window in CUBICS if log.rows > window]
-    smooth = [savgol_filter(inner, window, 3) for window in windows]
-    off = [np.abs(one - log.theta) / log.resolution for one in smooth]
-    spread = [float(np.sqrt(np.mean(one**2))) for one in off]
-    for k, window in enumerate(windows):
-        bends = spread[k] > BENDS * spread[min(k + 1, len(windows) - 1)]
-        if np.mean(off[k] > 0.65) < 0.01 and not bends:
-            twice = savgol_filter(_within_count(smooth[k], log), window, 3)
-            return _within_count(np.where(np.isnan(resting), twice, resting), log)
+    left = [_left_by(savgol_filter(inner, window, 3), log) for window in windows]
+    for window, (off, spread), (_, next_spread) in zip(
+        windows, left, left[1:] + left[-1:], strict=True
+    ):
+        if off < 0.01 and spread <= BENDS * next_spread:
+            smooth = savgol_filter(inner, window, 3)
+            smooth = savgol_filter(_within_count(smooth, log), window, 3)
+            return _within_count(np.where(np.isnan(resting), smooth, resting), log)
     return inner
+
+
+def _left_by(smooth: np.ndarray, log: Log) -> tuple[float, float]:
+    """The part of the rows in which a smooth angle is off its reading, and by how much it is so on
+    the mean, in counts.
+    """
+    off = np.abs(smooth - log.theta) / log.resolution
+    return float(np.mean(off > 0.65)), float(np.sqrt(np.mean(off**2)))
 
 
 def rests(log: Log) -> bool:

@@ -24,6 +24,7 @@ JUMP = 1.5  # counts in a row: a motion so fast shows another count in the row b
 HELD = 0.5  # of the travel, by jumps after rows at rest
 SMOOTH_SPAN = 16.0  # the range of a wrapping angle over its largest true move
 NEAR_WHOLE = 0.01  # of a period
+LOOKED_AT = 100_000  # rows, before all of them
 TOLD = 12  # steps from reading to reading, that are no chance
 EVEN = 0.9  # of the steps from reading to reading: whole multiples of the usual one
 CROOKED = 0.5  # of the steps, that their usual change may be between readings: white noise has 1.7
@@ -114,6 +115,8 @@ def with_torque_readings(log: Log) -> Log:
     reading to the next: with weight at its readings only, and straight between them.
     Raises dahl.Error where they are too few.
     """
+    if len(torque_readings(log.torque[:LOOKED_AT])) == 0:
+        return log
     readings = torque_readings(log.torque)
     if len(readings) == 0:
         return log
