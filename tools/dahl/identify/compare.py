@@ -58,9 +58,18 @@ class Candidate:
 class Dictionary:
     """Columns of elements with the products that a fit needs."""
 
-    def __init__(self, cut: Cut, a: float, terms: Sequence[str], delay: float) -> None:
+    def __init__(
+        self,
+        cut: Cut,
+        a: float,
+        terms: Sequence[str],
+        delay: float,
+        unnamed: Sequence[np.ndarray] = (),
+    ) -> None:
+        """`unnamed` are columns of any size that stand beside the terms."""
         self.cut, self.a, self.terms, self.delay = cut, a, tuple(terms), delay
-        self.beside = cut.moved(cut.terms[:, places_of(terms)], delay)
+        moved = cut.moved(cut.terms[:, places_of(terms)], delay)
+        self.beside = np.column_stack((moved, *unnamed))
         self.known: dict[Key, np.ndarray] = {}
 
     def column(self, key: Key) -> np.ndarray:
@@ -228,7 +237,8 @@ def shaped(
     part = result.found
     without = {"sigma0": last * (part[:, 0] + part[:, 1]), "Fc": part[:, 0]}
     choice = Choice(book.terms, book.delay, model=name)
-    named = dict(zip(book.terms, map(float, best[2 + len(beside) :]), strict=True))
+    sizes = best[2 + len(beside) :][: len(book.terms)]
+    named = dict(zip(book.terms, map(float, sizes), strict=True))
     trial = Trial(choice, last, value, without, result.cost, terms=named)
     size = 3 + len(beside) + choice.size
     parts: list[Part] = [{"kind": name, **value}]

@@ -28,9 +28,7 @@ class Log:
     time: np.ndarray | None = None  # s
     linear: bool = False
     resolution: float = 0.0  # rad (m) per encoder count; 0: none was found
-    weight: np.ndarray | None = (
-        None  # 1 where a row counts, 0 where nothing was read, between: less
-    )
+    weight: np.ndarray | None = None  # of each row, 1 at most; 0 where nothing was read
     free_moves: np.ndarray | None = None  # rad (m) from row to row without the travel of backlash
     load: np.ndarray | None = None  # what the friction may follow, in whatever unit it came in
     zero: float = 0.0  # rad (m), the angle at which a spring is taken to be relaxed

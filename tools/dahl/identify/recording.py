@@ -137,18 +137,28 @@ def torque_readings(torque: np.ndarray) -> np.ndarray:
     row has a reading of its own.
     """
     changes = np.flatnonzero(np.diff(torque)) + 1
-    if 2 * len(changes) < len(torque):
-        levels = len(np.unique(torque)) > TOLD  # dry friction has two
-        held = levels and rows_of_a_reading(torque, changes, resolution_of(torque)) > 1
-        return changes if held and _evenly(changes) else changes[:0]
+    stands = 2 * len(changes) < len(torque)
+    readings = _of_a_held(torque, changes) if stands else _of_a_straight(torque)
+    return readings if _evenly(readings) else readings[:0]
+
+
+def _of_a_held(torque: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """Where it jumps, by more than its last digit and to more levels than dry friction has."""
+    jumps = rows_of_a_reading(torque, changes, resolution_of(torque)) > 1
+    return changes if jumps and len(np.unique(torque)) > TOLD else changes[:0]
+
+
+def _of_a_straight(torque: np.ndarray) -> np.ndarray:
+    """Where it bends, each bend alone, and lies on the lines between; friction itself bends at many
+    rows after a reversal.
+    """
     step, bend = np.diff(torque), np.abs(np.diff(torque, 2))
     if np.median(bend) > CROOKED * np.median(np.abs(step)):
-        return changes[:0]
+        return np.zeros(0, dtype=int)
     rounding = max(float(np.median(bend)), ROUNDING * float(np.ptp(torque)))
     bends = np.flatnonzero(bend > STRAIGHT * rounding) + 1
     readings = bends[np.diff(bends, prepend=-2) > 1]  # one between two rows bends at both
-    lone = 2 * len(readings) >= len(bends)  # at a reversal friction bends at many rows
-    if not (lone and _evenly(readings)):
+    if len(bends) == 0 or 2 * len(readings) < len(bends):
         return readings[:0]
     beside = torque - np.interp(np.arange(len(torque)), readings, torque[readings])
     return readings if beside.std() < BESIDE * torque.std() else readings[:0]

@@ -10,35 +10,23 @@ fit had to take, parameters that become others are not claimed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from dahl.identify import choices, delay, path
+from dahl.identify import choices, compare, delay, path
 from dahl.identify.choices import Choice, Trial
-from dahl.identify.cycles import Cut, excess, jackknife, least_squares, left_out
+from dahl.identify.compare import Dictionary
+from dahl.identify.cycles import Cut, excess, jackknife
 from dahl.identify.explore import LEAST_CYCLES
 from dahl.identify.finding import Finding
 from dahl.identify.result import Result
-from dahl.identify.terms import TIMED, place_of, places_of
+from dahl.identify.terms import TIMED, place_of
 from dahl.identify.trial import NAMES
 
 KNOTS, LEAST_KNOTS = 40, 14  # over the range of the angle
 APIECE = 6  # rows of a stroke for each: with fewer the rounding of an encoder is a curve too
 SURELY, MORE = 3.0, 0.05  # standard errors; of the error, that the curve has to remove
-APART = 0.02  # of log a: where the change with it is taken
-STEPS, LONGEST, STILL = 6, 0.4, 2e-3  # of Gauss and Newton; of log a; of the last one
 QUANTILE = 1.96
 MATTERS = 0.02  # of a parameter
-
-
-@dataclass
-class Curved:
-    """The parameters beside a curve."""
-
-    value: dict[str, float]  # sigma0, Fc
-    error: dict[str, float]  # standard errors
-    cost: np.ndarray  # (cycles,), each as it was left out
 
 
 def finding(result: Result, least_turn: float) -> list[Finding]:
@@ -59,7 +47,7 @@ def finding(result: Result, least_turn: float) -> list[Finding]:
     return _told(result, found) if found is not None and _is_as_good(plain, found) else []
 
 
-def _is_clear(result: Result, plain: Trial, found: Curved) -> bool:
+def _is_clear(result: Result, plain: Trial, found: Trial) -> bool:
     """Whether the curve explains clearly more than the fit, and than every model."""
     costs = [plain.cost, *(one.trial.cost for one in result.explored.models.candidates)]
     known = min(float(cost.sum()) for cost in costs)
@@ -67,19 +55,19 @@ def _is_clear(result: Result, plain: Trial, found: Curved) -> bool:
     return gain > SURELY * error and float(found.cost.sum()) < (1 - MORE) * known
 
 
-def _is_as_good(plain: Trial, found: Curved) -> bool:
+def _is_as_good(plain: Trial, found: Trial) -> bool:
     """Whether the fit is not better than the curve by a standard error."""
     more, error = excess(found.cost, plain.cost)
     return more <= error
 
 
-def _told(result: Result, found: Curved) -> list[Finding]:
+def _told(result: Result, found: Trial) -> list[Finding]:
     """What the curve makes of the parameters, where that is outside of their intervals: these are
     drawn out to it, and where it is much, nothing is claimed.
     """
     log, value, reach = result.logs[0], found.value, {}
     for name in NAMES:
-        ends, apart = result.estimate.ci95[name], QUANTILE * found.error[name]
+        ends, apart = result.estimate.ci95[name], QUANTILE * jackknife(found.without[name])
         if not ends.low <= value[name] <= ends.high:
             reach[name] = (value[name] - apart, value[name] + apart)
     if not reach:
@@ -93,25 +81,12 @@ def _told(result: Result, found: Curved) -> list[Finding]:
     return [Finding(words, tuple(others), reach)]
 
 
-def beside_a_curve(cut: Cut, a: float, terms: list[str], count: int) -> Curved | None:
+def beside_a_curve(cut: Cut, a: float, terms: list[str], count: int) -> Trial | None:
     """Dahl's torque and some terms beside a curve over the angle of so many knots; nothing where
     there is no friction in it.
     """
     theta = cut.terms[:, place_of("spring")]
     knots = np.linspace(theta.min(), theta.max(), count)
     curve = [np.interp(theta, knots, one) for one in np.eye(count)]
-    beside = np.column_stack((cut.terms[:, places_of(terms)], *curve))
-    for _ in range(STEPS):
-        w, above, below = (cut.drawn(path.dahl, a * np.exp(k * APART)) for k in (0, 1, -1))
-        grams = cut.grams(np.column_stack((w, (above - below) / (2 * APART), beside)))
-        Fc, change = least_squares(grams.sum(axis=0))[:2]  # noqa: N806
-        if not Fc > 0:
-            return None
-        step = float(np.clip(change / Fc, -LONGEST, LONGEST))
-        if abs(step) < STILL:
-            break
-        a *= float(np.exp(step))
-    result = left_out(grams, cut.fold)
-    part = {"sigma0": a * (result.found[:, 0] + result.found[:, 1]), "Fc": result.found[:, 0]}
-    error = {name: jackknife(values) for name, values in part.items()}
-    return Curved({"sigma0": float(a * (Fc + change)), "Fc": float(Fc)}, error, result.cost)
+    found = compare.shaped(Dictionary(cut, a, terms, 0.0, curve), path.dahl, "curve over the angle")
+    return found.trial if found is not None else None
