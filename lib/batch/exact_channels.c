@@ -4,10 +4,17 @@
  * gathered first; those of the further binary digits lie channel by channel from the start. Then the rows go one after the
  * other, each a vector of channels, digit by digit: one that is not set takes g = 0, which changes nothing.
  */
+#include <string.h>
+
 #include "exact.h"
+
+#ifdef DAHL_AVX512
+#include <immintrin.h>
+#endif
 
 #define CHUNK 16  /* channels at a time, and ticks */
 #define DIGITS 29 /* of a move, in eights */
+#define DIRECT (DAHL_DIRECT_COUNTS_MAX + 1u) /* entries of moves that need no digits */
 
 typedef struct {
     int64_t w[CHUNK % 16 == 0 ? CHUNK : -1]; /* whole vectors of floats, the widest that there are */
@@ -15,6 +22,7 @@ typedef struct {
     uint64_t digit[DIGITS][CHUNK]; /* entries as in pair() */
     uint64_t backward[CHUNK][CHUNK], g[CHUNK][CHUNK];
     uint32_t low[CHUNK][CHUNK], eights[CHUNK][CHUNK];
+    bool alike; /* a whole chunk of channels with the same entries: one encoder and one stiffness over Fc */
 } chunk_t;
 
 typedef struct {
@@ -34,7 +42,7 @@ DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, s
         DAHL_AS_VECTORS
         for (size_t c = 0; c < count; c++) {
             uint32_t size = dahl_batch_size(dcounts[c]);
-            uint32_t eights = size / DAHL_DIRECT_COUNTS_MAX;
+            uint32_t eights = size == DAHL_DIRECT_COUNTS_MAX ? 0u : size / DAHL_DIRECT_COUNTS_MAX;
             chunk->backward[t][c] = dahl_batch_backward(dcounts[c]);
             chunk->low[t][c] = size - eights * DAHL_DIRECT_COUNTS_MAX;
             chunk->eights[t][c] = eights;
@@ -50,6 +58,9 @@ DAHL_INLINE uint64_t pair(dahl_q64_t g)
     return ((uint64_t)g.lo << 32) + g.hi;
 }
 
+/* Fills chunk->g of some rows. */
+typedef void (*gather_t)(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows);
+
 DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
 {
     for (size_t t = 0; t < rows; t++) {
@@ -58,6 +69,28 @@ DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, 
         }
     }
 }
+
+#ifdef DAHL_AVX512
+/* By two registers that hold the entries of the first channel, where all have the same. */
+DAHL_AVX512 DAHL_INLINE void gather_from_registers(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
+{
+    uint64_t entries[16] = {0};
+    if (!chunk->alike) {
+        gather(chunk, plans, count, rows);
+        return;
+    }
+    for (size_t n = 0; n < DIRECT; n++) {
+        entries[n] = pair(plans[0].g[n]);
+    }
+    const __m512i first = _mm512_loadu_si512(entries), last = _mm512_loadu_si512(entries + 8);
+    for (size_t t = 0; t < rows; t++) {
+        for (size_t c = 0; c < CHUNK; c += 8) {
+            __m512i low = _mm512_cvtepu32_epi64(_mm256_loadu_si256((const __m256i *)(const void *)&chunk->low[t][c]));
+            _mm512_storeu_si512(&chunk->g[t][c], _mm512_permutex2var_epi64(first, low, last));
+        }
+    }
+}
+#endif
 
 /* As dahl_forward, by what vectors have. */
 DAHL_INLINE int64_t step(int64_t w, uint64_t backward, uint64_t g)
@@ -110,10 +143,11 @@ DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digit
     }
 }
 
-DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows, bool converts)
+DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows, bool converts,
+                          gather_t entries)
 {
     uint32_t digits = take_rows(chunk, job, count, first, rows);
-    gather(chunk, job->plans, count, rows);
+    entries(chunk, job->plans, count, rows);
     for (size_t t = 0; t < rows; t++) {
         move_row(chunk, count, t, digits);
         dahl_batch_torques(job->plans, chunk->unit, 1, chunk->w, job->F + (first + t) * job->stride, count, converts);
@@ -122,23 +156,25 @@ DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t
 
 DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
 {
+    chunk->alike = count == CHUNK;
     for (size_t c = 0; c < count; c++) {
         chunk->unit[c] = dahl_batch_unit(&job->plans[c]);
         chunk->w[c] = job->states[c].w;
+        chunk->alike = chunk->alike && memcmp(job->plans[c].g, job->plans[0].g, DIRECT * sizeof(dahl_q64_t)) == 0;
         for (int k = 0; k < DIGITS; k++) {
             chunk->digit[k][c] = pair(job->plans[c].g[DAHL_DIRECT_COUNTS_MAX + k]);
         }
     }
 }
 
-DAHL_INLINE void run_count(const job_t *job, size_t count, bool converts)
+DAHL_INLINE void run_count(const job_t *job, size_t count, bool converts, gather_t entries)
 {
     chunk_t chunk;
     start(&chunk, job, count);
     size_t rows;
     for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < CHUNK ? job->n - t : CHUNK;
-        run_rows(&chunk, job, count, t, rows, converts);
+        run_rows(&chunk, job, count, t, rows, converts, entries);
     }
     for (size_t c = 0; c < count; c++) {
         job->states[c].w = chunk.w[c];
@@ -146,16 +182,16 @@ DAHL_INLINE void run_count(const job_t *job, size_t count, bool converts)
 }
 
 /* A whole chunk has a number of channels that the compiler knows. */
-DAHL_INLINE void run(const job_t *job, bool converts)
+DAHL_INLINE void run(const job_t *job, bool converts, gather_t entries)
 {
     if (job->count == CHUNK) {
-        run_count(job, CHUNK, converts);
+        run_count(job, CHUNK, converts, entries);
     } else {
-        run_count(job, job->count, converts);
+        run_count(job, job->count, converts, entries);
     }
 }
 
-DAHL_VARIANTS_TOLD(run_chunk, job_t, run)
+DAHL_VARIANTS_OF(run_chunk, job_t, run(job, true, gather_from_registers), run(job, false, gather), run(job, true, gather))
 
 void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
                                 float *F, size_t n)

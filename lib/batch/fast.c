@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* One long trajectory of a Dahl element by the scan of fast_scan.h: by counts and by angles. */
+/* One long trajectory of a Dahl element, by counts and by angles: by the scan of fast_scan.h, or that of fast_tiles.h. */
 #include <stddef.h>
-
 #include <string.h>
 
 #include "fast_scan.h"
+#include "fast_tiles.h"
 
 typedef struct {
     const dahl_throughput_scale_t *scale;
@@ -12,6 +12,7 @@ typedef struct {
     const void *moves; /* int32_t or float */
     float *F;
     size_t n;
+    const double *table; /* g of few counts, for fast_tiles.h */
 } job_t;
 
 DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *F)
@@ -26,50 +27,84 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
     }
 }
 
-DAHL_INLINE void run_block(scan_t *scan, const job_t *job, const void *moves, size_t n, float *F, dahl_value_t value,
-                           dahl_value_t number, dahl_measure_t measure)
+/* A block from w0; returns d at its end. */
+typedef double (*block_t)(const job_t *job, double w0, const void *moves, size_t n, float *F);
+
+DAHL_INLINE double counts_block(const job_t *job, double w0, const void *moves, size_t n, float *F)
 {
-    double w0 = dahl_w_of(job->state);
-    scan_block(scan, job->scale, w0, moves, n, value, number, measure);
-    dahl_carry(job->state, join_groups(scan));
-    write_torques(scan, w0, job->scale->Fc, F + n);
+    scan_t scan;
+    scan_block(&scan, job->scale, w0, moves, n, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+    double d = join_groups(&scan);
+    write_torques(&scan, w0, job->scale->Fc, F);
+    return d;
+}
+
+DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, size_t n, float *F)
+{
+    scan_t scan;
+    scan_block(&scan, job->scale, w0, moves, n, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
+    double d = join_groups(&scan);
+    write_torques(&scan, w0, job->scale->Fc, F);
+    return d;
 }
 
 /* The last ticks, filled up to a block with ticks that do not move. */
-DAHL_INLINE void run_rest(scan_t *scan, const job_t *job, size_t done, dahl_value_t value,
-                          dahl_value_t number, dahl_measure_t measure)
+DAHL_INLINE void run_rest(const job_t *job, size_t done, block_t block)
 {
-    uint32_t moves[BLOCK];
+    uint32_t moves[BLOCK] = {0};
     float F[BLOCK];
     size_t rest = job->n - done;
-    for (size_t i = 0; i < BLOCK; i++) {
-        moves[i] = 0;
-        if (i < rest) {
-            (void)memcpy(&moves[i], (const uint32_t *)job->moves + done + i, sizeof moves[i]);
-        }
-    }
-    run_block(scan, job, moves, 0, F, value, number, measure);
-    for (size_t i = 0; i < rest; i++) {
-        job->F[done + i] = F[i];
-    }
+    (void)memcpy(moves, (const uint32_t *)job->moves + done, rest * sizeof moves[0]);
+    dahl_carry(job->state, block(job, dahl_w_of(job->state), moves, 0, F));
+    (void)memcpy(job->F + done, F, rest * sizeof F[0]);
 }
 
-DAHL_INLINE void run(const job_t *job, dahl_value_t value, dahl_value_t number, dahl_measure_t measure)
+DAHL_INLINE void run(const job_t *job, block_t block)
 {
-    scan_t scan;
-    size_t left = job->n;
-    for (; left / BLOCK != 0; left -= BLOCK) {
-        run_block(&scan, job, job->moves, job->n - left, job->F, value, number, measure);
+    size_t done = 0;
+    for (; job->n - done >= BLOCK; done += BLOCK) {
+        dahl_carry(job->state, block(job, dahl_w_of(job->state), job->moves, done, job->F + done));
     }
-    if (left != 0) {
-        run_rest(&scan, job, job->n - left, value, number, measure);
+    if (done != job->n) {
+        run_rest(job, done, block);
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job) { run(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count); }
-DAHL_INLINE void run_angles(const job_t *job) { run(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle); }
-DAHL_VARIANTS(counts, job_t, run_counts)
-DAHL_VARIANTS(angles, job_t, run_angles)
+DAHL_INLINE void run_counts(const job_t *job)
+{
+    run(job, counts_block);
+}
+
+DAHL_INLINE void run_angles(const job_t *job)
+{
+    run(job, angles_block);
+}
+
+#ifdef DAHL_AVX512
+DAHL_TILE double counts_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
+{
+    const dahl_tile_job_t block = {job->scale, job->table, w0, (const int32_t *)moves + n, F};
+    return dahl_tiles_by_counts(&block, largest(moves, n, dahl_measure_of_count));
+}
+
+DAHL_TILE double angles_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
+{
+    const dahl_tile_job_t block = {job->scale, job->table, w0, (const float *)moves + n, F};
+    return dahl_tiles_by_angle(&block, largest(moves, n, dahl_measure_of_angle));
+}
+
+DAHL_TILE void run_tiles(const job_t *job, block_t block)
+{
+    double table[16];
+    job_t with_table = *job;
+    dahl_tiles_table(job->scale->a, table);
+    with_table.table = table;
+    run(&with_table, block);
+}
+#endif
+
+DAHL_VARIANTS_OF(counts, job_t, run_tiles(job, counts_tiles), run_counts(job), run_counts(job))
+DAHL_VARIANTS_OF(angles, job_t, run_tiles(job, angles_tiles), run_angles(job), run_angles(job))
 
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
                                   size_t n)
@@ -77,7 +112,7 @@ dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_s
     dahl_throughput_scale_t scale;
     dahl_err_t err = dahl_throughput_check(params, true, &scale);
     if (err == DAHL_OK) {
-        job_t job = {&scale, state, dcounts, F, n};
+        job_t job = {&scale, state, dcounts, F, n, NULL};
         counts(&job);
     }
     return err;
@@ -88,7 +123,7 @@ dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t 
     dahl_throughput_scale_t scale;
     dahl_err_t err = dahl_throughput_check(params, false, &scale);
     if (err == DAHL_OK) {
-        job_t job = {&scale, state, dtheta, F, n};
+        job_t job = {&scale, state, dtheta, F, n, NULL};
         angles(&job);
     }
     return err;

@@ -36,29 +36,24 @@ typedef union {
 /* x signed travel: g(|x|) with the sign of x. */
 typedef double (*dahl_g_t)(double x);
 
-/* (1 - exp(-x))/x for 0 <= x <= ln 2. Coefficients: fast_kernel.py. */
-DAHL_INLINE double dahl_slope(double x)
-{
-    double p = 0x1.338b5a271ae80p-13;
-    p = p * x - 0x1.5fb71abddd792p-10;
-    p = p * x + 0x1.10587edb2864ap-7;
-    p = p * x - 0x1.554a20f68fa7bp-5;
-    p = p * x + 0x1.5555018e47e72p-3;
-    p = p * x - 0x1.fffffe257b105p-2;
-    return p * x + 0x1.fffffffe43b48p-1;
-}
+/* (1 - exp(-x))/x for 0 <= x <= ln 2, of a double or of a vector of them. Coefficients: fast_kernel.py. */
+#define DAHL_SLOPE(x)                                                                                            \
+    ((((((0x1.338b5a271ae80p-13 * (x) - 0x1.5fb71abddd792p-10) * (x) + 0x1.10587edb2864ap-7) * (x)               \
+        - 0x1.554a20f68fa7bp-5) * (x) + 0x1.5555018e47e72p-3) * (x) - 0x1.fffffe257b105p-2) * (x) + 0x1.fffffffe43b48p-1)
+
+/* The same for 0 <= x <= ln 2/128: four terms of the series, which leave out x^4/120 of g at most, 7.2e-12. */
+#define DAHL_TINY_SLOPE(x) (((1.0 / 6 - (x) * (1.0 / 24)) * (x) - 0.5) * (x) + 1.0)
 
 DAHL_INLINE double dahl_g_small(double x)
 {
-    return x * dahl_slope(fabs(x));
+    double u = fabs(x);
+    return x * DAHL_SLOPE(u);
 }
 
-/* |x| <= ln 2/128: four terms of the series, which leave out u^4/120 of g at most, 7.2e-12. */
 DAHL_INLINE double dahl_g_tiny(double x)
 {
-    double u = fabs(x), p = 1.0 / 6 - u * (1.0 / 24);
-    p = p * u - 0.5;
-    return x * (p * u + 1.0);
+    double u = fabs(x);
+    return x * DAHL_TINY_SLOPE(u);
 }
 
 /* |x| = u = k ln 2 + r: g = 1 - 2^-k exp(-r). Cut where nothing is left of the gap. */
@@ -69,7 +64,7 @@ DAHL_INLINE double dahl_g_any(double x)
     int32_t k = (int32_t)(u * DAHL_LOG2E);
     double r = u - (double)k * DAHL_LN2;
     power.bits = (uint64_t)(int64_t)(1023 - k) << 52;
-    double g = r * dahl_slope(r);
+    double g = r * DAHL_SLOPE(r);
     return copysign((uint32_t)k == 0u ? g : 1.0 - power.value * (1.0 - g), x); /* no difference where it could cancel */
 }
 

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Many channels side by side: the vectors run across channels, so nothing is serial but the ticks. As for one trajectory
- * only d = w - w0 is computed for a block of ticks, then carried into the state.
+ * only d = w - w0 is computed for a block of ticks, then carried into the state. With AVX-512, channels of one stiffness, Fc
+ * and encoder take g of few counts from a table in registers, as in fast_tiles.h.
  */
 #include <stddef.h>
+#include <string.h>
 
-#include "fast.h"
+#include "fast_tiles.h"
 
 #define CHUNK 16 /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried */
@@ -13,6 +15,8 @@
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
     uint32_t small, tiny; /* the least of all channels */
+    double table[16];     /* g of 0 .. table_most counts of any channel */
+    uint32_t table_most;  /* 0: there is no such table */
 } chunk_t;
 
 typedef struct {
@@ -59,8 +63,35 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
     }
 }
 
+/* Moves of few counts by the table; NULL where there is none. */
+typedef void (*few_t)(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last);
+
+#ifdef DAHL_AVX512
+DAHL_TILE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    const __m512d low = _mm512_loadu_pd(chunk->table), high = _mm512_loadu_pd(chunk->table + 8);
+    __m512d d[2] = {_mm512_loadu_pd(chunk->d), _mm512_loadu_pd(chunk->d + 8)};
+    for (size_t t = first; t < last; t++) {
+        const int32_t *moves = (const int32_t *)job->moves + t * job->stride;
+        DAHL_UNROLL_8
+        for (int half = 0; half < 2; half++) {
+            __mmask8 used = (__mmask8)(((1u << count) - 1u) >> 8 * half);
+            __m512i counts = _mm512_cvtepi32_epi64(_mm256_maskz_loadu_epi32(used, moves + 8 * half));
+            __m512d size = _mm512_permutex2var_pd(low, _mm512_abs_epi64(counts), high);
+            __m512d g = dahl_tile_with_sign_of(counts, size);
+            __m512d c = g - _mm512_loadu_pd(chunk->w0 + 8 * half) * size;
+            d[half] = (1.0 - size) * d[half] + c;
+            __m512d F = _mm512_loadu_pd(chunk->Fc + 8 * half) * d[half] + _mm512_loadu_pd(chunk->F0 + 8 * half);
+            _mm256_mask_storeu_ps(job->F + t * job->stride + 8 * half, used, _mm512_cvtpd_ps(F));
+        }
+    }
+    _mm512_storeu_pd(chunk->d, d[0]);
+    _mm512_storeu_pd(chunk->d + 8, d[1]);
+}
+#endif
+
 DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value,
-                           dahl_value_t number, dahl_measure_t measure)
+                           dahl_value_t number, dahl_measure_t measure, few_t few)
 {
     for (size_t c = 0; c < count; c++) {
         chunk->w0[c] = dahl_w_of(&job->states[c]);
@@ -68,7 +99,9 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
         chunk->d[c] = 0.0;
     }
     uint32_t most = largest(job, first, last, measure);
-    if (most > chunk->small) {
+    if (few != NULL && most <= chunk->table_most) {
+        few(chunk, job, count, first, last);
+    } else if (most > chunk->small) {
         step(chunk, job, count, first, last, value, dahl_g_any);
     } else if (most <= chunk->tiny) {
         step(chunk, job, count, first, last, number, dahl_g_tiny);
@@ -80,10 +113,24 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
     }
 }
 
+/* Travel is what the table is of: Fc may differ, sigma0 and theta too, their quotient may not. */
+DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
+{
+    double a = chunk->a[0];
+    chunk->table_most = DAHL_TABLE_MOST;
+    for (size_t c = 0; c < count; c++) {
+        chunk->table_most = a < chunk->a[c] || a > chunk->a[c] ? 0 : chunk->table_most;
+    }
+    for (int n = 0; n <= (int)chunk->table_most; n++) {
+        chunk->table[n] = dahl_g_any(a * n);
+    }
+}
+
 DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_value_t number,
-                     dahl_measure_t measure)
+                     dahl_measure_t measure, few_t few)
 {
     chunk_t chunk;
+    (void)memset(&chunk, 0, sizeof chunk);
     chunk.small = chunk.tiny = UINT32_MAX;
     for (size_t c = 0; c < count; c++) {
         dahl_throughput_scale_t scale;
@@ -93,34 +140,37 @@ DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_va
         chunk.small = scale.small < chunk.small ? scale.small : chunk.small;
         chunk.tiny = scale.tiny < chunk.tiny ? scale.tiny : chunk.tiny;
     }
+    if (few != NULL) {
+        make_table(&chunk, count);
+    }
     size_t rows;
     for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < BLOCK ? job->n - t : BLOCK;
-        run_block(&chunk, job, count, t, t + rows, value, number, measure);
+        run_block(&chunk, job, count, t, t + rows, value, number, measure, few);
     }
 }
 
 /* A whole chunk has a number of channels that the compiler knows. */
 DAHL_INLINE void run_known(const job_t *job, dahl_value_t value, dahl_value_t number,
-                           dahl_measure_t measure)
+                           dahl_measure_t measure, few_t few)
 {
     if (job->count == CHUNK) {
-        run(job, CHUNK, value, number, measure);
+        run(job, CHUNK, value, number, measure, few);
     } else {
-        run(job, job->count, value, number, measure);
+        run(job, job->count, value, number, measure, few);
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job)
+DAHL_INLINE void run_counts(const job_t *job, few_t few)
 {
-    run_known(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+    run_known(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count, few);
 }
 
 DAHL_INLINE void run_angles(const job_t *job)
 {
-    run_known(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
+    run_known(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle, NULL);
 }
-DAHL_VARIANTS(counts, job_t, run_counts)
+DAHL_VARIANTS_OF(counts, job_t, run_counts(job, step_by_table), run_counts(job, NULL), run_counts(job, NULL))
 DAHL_VARIANTS(angles, job_t, run_angles)
 
 static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)

@@ -268,6 +268,52 @@ static void test_throughput_channels_by_angle(void)
     }
 }
 
+/* Moves of up to so many counts either way, each of them met: few counts have their own road through a batch. */
+static void fill_up_to(int32_t most)
+{
+    for (int32_t t = 0; t < TEST_TICKS; t++) {
+        moves[t] = t * 7 % (2 * most + 1) - most;
+    }
+}
+
+static void check_few_counts_in_channels(const dahl_params_t *p, size_t count)
+{
+    enum { STEPS = 300 };
+    dahl_throughput_params_t q[MANY];
+    dahl_plan_t plans[MANY];
+    dahl_state_t one = {0}, exact[MANY] = {{0}}, fast[MANY] = {{0}};
+    for (size_t c = 0; c < count; c++) {
+        q[c] = in_double(p);
+        plans[c] = plan_for(p);
+    }
+    dahl_batch_counts_channels(plans, exact, count, moves, G, STEPS);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(q, fast, count, moves, F, STEPS));
+    for (size_t c = 0; c < count; c++, one.w = 0) {
+        reference_t wanted = reference_by_counts(p);
+        for (size_t i = c; i < STEPS * count; i += count) {
+            assert_torque(reference_move(&wanted, moves[i]), p, F[i], DAHL_ULP_COUNTS);
+            TEST_ASSERT_TRUE(G[i] == dahl_step_counts(&plans[c], &one, moves[i]));
+        }
+        TEST_ASSERT_TRUE(one.w == exact[c].w);
+    }
+}
+
+/* One trajectory, and 16 and 37 channels of one plan. */
+static void test_few_counts(void)
+{
+    static const int32_t most[] = {0, 1, 7, 8, 9, 15, 16, 17};
+    for (size_t k = 0; k < sizeof most / sizeof most[0]; k++) {
+        fill_up_to(most[k]);
+        for (size_t i = 0; i < TRAVELS; i++) {
+            dahl_params_t p = params_for(travels[i], 1.7f);
+            check_counts_bits(&p);
+            check_throughput_counts(&p);
+            check_few_counts_in_channels(&p, 16);
+            check_few_counts_in_channels(&p, MANY);
+        }
+    }
+}
+
 /* The kernel is that for the largest move of a block and for the stiffest of some channels, wherever they stand. */
 static void test_one_long_move_among_short_ones(void)
 {
@@ -457,6 +503,7 @@ int main(void)
     RUN_TEST(test_throughput_is_within_the_bound);
     RUN_TEST(test_throughput_channels_are_within_the_bound);
     RUN_TEST(test_throughput_channels_by_angle);
+    RUN_TEST(test_few_counts);
     RUN_TEST(test_one_long_move_among_short_ones);
     RUN_TEST(test_any_cut_is_the_same_motion);
     RUN_TEST(test_nothing_to_do_touches_nothing);
