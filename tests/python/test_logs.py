@@ -44,6 +44,7 @@ def test_a_field_without_end_is_one_short_line(written):
         GOOD + "\n\n",
         "\ufeff" + GOOD,
         GOOD.replace("angle", '"angle"'),
+        "x,t,x,angle,torque\n1,0,1,1.5,2\n1,0.001,1,-2.5,3\n",
     ],
 )
 def test_forms_of_a_good_table(written, text):
@@ -68,6 +69,7 @@ def test_rows_of_one_and_the_same_time_are_a_table(written):
             "log.csv:1: no column 'angle'; did you mean 'Angel'? (there are: t, Angel, torque)",
         ),
         ("a,b\n1,2\n", "log.csv:1: no column 'angle'"),
+        ("angle,t,torque, angle\n1,2,3,4\n", "log.csv:1: 2 columns 'angle': which one is meant?"),
         ("t,angle,torque\n0,1,2\n1,abc,2\n", "log.csv:3: column 'angle': 'abc' is not a number"),
         ("t,angle,torque\n0,1,\n", "log.csv:2: column 'torque': '' is not a number"),
         ("t,angle,torque\n0,nan,2\n", "log.csv:2: column 'angle': 'nan' is not a finite number"),
