@@ -543,6 +543,12 @@ def test_each_number_of_a_summary_has_its_shape(dahl, key):
     assert complaint(dahl("report", "."))[1].startswith("loop.png: no such file; `dahl plot .`")
 
 
+def test_a_report_is_of_a_folder(dahl):
+    Path("run.log").write_text("")
+    said = "run.log: a file; the folder of a run was expected"
+    assert complaint(dahl("report", "run.log")) == (2, said)
+
+
 def test_a_histogram_needs_what_is_measured_beside_it(dahl):
     times = {"p50": 1, "p99": 2, "max": 3}
     whole = {"latency_us": times, "jitter_us": times, "deadline_misses": 0}
