@@ -21,7 +21,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from crccheck.crc import Crc8Autosar
-from dahl import Error, logs, report
+from dahl import Error, Node, Plan, codec, logs, report
 from dahl.commands.dbc import describe
 from dahl.monitor_curves import even_ticks
 from dahl.monitor_view import View
@@ -156,6 +156,24 @@ def test_frames_are_missing_only_where_the_counter_goes_up_by_one(dbc):
         ("FrictionTorque", "0", "0"),
         ("Status", "0", "0"),
         ("ParamReply", "4", "0"),
+    ]
+
+
+def test_a_node_that_begins_anew_has_lost_nothing(library):
+    """By a Restart, and by power: its counters begin at 0."""
+    view, plan = View(), Plan(100.0, 0.5, 1e-3)
+    restart = codec.pack(codec.Reset(codec.What.RESTART))
+    for one in (node := Node(plan), node, Node(plan)):
+        angles = [codec.pack(codec.EncoderState(5, counter)) for counter in range(3)]
+        for message in (restart, *angles):
+            for answer in (one.receive(message), one.tick()):
+                if answer is not None:
+                    answer.timestamp = view.frames / 100
+                    view.feed(answer)
+    seen = view.as_dict()["messages"]
+    assert [(name, seen[name]["missing"]) for name in seen if seen[name]["frames"] > 2] == [
+        ("FrictionTorque", 0),
+        ("Status", 0),
     ]
 
 
