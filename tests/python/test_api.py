@@ -416,6 +416,7 @@ def test_a_number_too_long_to_print_is_named_too():
     refused(lambda: bearing().step_counts(10**5000), "dcounts = an int of many digits")
     refused(lambda: dahl.Plan(10**5000, 1), "sigma0 = inf")
     refused(lambda: dahl.Plan(-(10**5000), 1), "sigma0 = -inf")
+    refused(lambda: bearing().set_torque("1"), "F = '1' is not a number; a torque in N m")
 
 
 @given(
