@@ -93,6 +93,9 @@ def test_units_are_those_of_the_dbc(database):
         decoded = message.decode(codec.to_bytes(asked))[str(name)]
         assert asked.si == pytest.approx(decoded * scale.get(signal.unit, 1.0)), name
         assert asked == codec.ParamWrite(number, 2560, codec.Write.HOLD, 7)
+    most = codec.ParamWrite.of_si(codec.Param.STEP, 2**32 - 1)
+    assert most == codec.ParamWrite(codec.Param.STEP, 2**32 - 1, codec.Write.WRITE, 0)
+    assert codec.ParamReply(0, 5) == codec.ParamReply(0, 5, codec.Result.DONE, 0)
 
 
 def test_a_ratio_and_a_timeout_are_those_of_the_dbc(database):
@@ -122,8 +125,11 @@ REFUSED = {
     "short": (lambda: codec.from_bytes(0x100, GOOD[:7]), "EncoderState 0x100: 7 bytes, 8 were"),
     "empty": (lambda: codec.from_bytes(0x105, b""), "EncoderState 0x105: 0 bytes, 8 were expected"),
     "long": (lambda: codec.from_bytes(0x100, GOOD + b"1"), "EncoderState 0x100: 9 bytes"),
-    "crc": (lambda: codec.from_bytes(0x110, GOOD), "FrictionTorque 0x110: CRC 0x"),
-    "id": (lambda: codec.from_bytes(0x160, GOOD), "id 0x160: no frame of a node"),
+    "crc": (lambda: codec.from_bytes(0x110, GOOD), f"FrictionTorque 0x110: CRC {GOOD[0]:#04x}, "),
+    "id": (
+        lambda: codec.from_bytes(0x160, GOOD),
+        "id 0x160: no frame of a node; those have ids 0x100 to 0x15f",
+    ),
     "wide id": (lambda: codec.from_bytes(0x800, GOOD), "identifier = 2048 is not a whole number"),
     "number": (lambda: codec.from_bytes(0x100, 8), "data = 8 is neither bytes nor a bytearray"),
     "text": (lambda: codec.from_bytes(0x100, "12345678"), "data = '12345678' is neither bytes"),

@@ -225,6 +225,7 @@ WRONG = [
     (lambda: dahl.ElastoPlastic(1.0, 1, 0, 0.5), "theta_per_count = 0 is outside 2"),
     (lambda: dahl.Asymmetric(1, 1e40, 1, 1e-4), r"Fc_forward = 1e\+40 is outside 2"),
     (lambda: dahl.Slip([1, 1e40], [1, 1], 1e-4), r"sigma0\[1\] = 1e\+40 is outside 2"),
+    (lambda: dahl.Slip([1], [1, 1], 1e-4), "sigma0 has 1 elements and Fc 2"),
     (lambda: dahl.Slip([1], [1], 1e-50), "theta_per_count = 1e-50 is outside 2"),
     (lambda: dahl.Loaded(dahl.Plan(1, 1)), "theta_per_count = 0: no encoder"),
     (lambda: dahl.Loaded(3), "plan = 3 is not a Plan"),

@@ -35,8 +35,8 @@ def read_table(
 
     Columns are separated by tab, semicolon or comma, whichever the header has. `time` names a
     column that must not go backward. Raises dahl.Error for a file that is absent, empty or no text,
-    for a column that is not there (with the nearest name) or there twice, and for a row that is shorter or longer
-    than the header or holds something that is not a finite number.
+    for a column that is not there (with the nearest name) or there twice, and for a row that is
+    shorter or longer than the header or holds something that is not a finite number.
     """
     path = Path(path)
     lines = _text_of(path).splitlines()
