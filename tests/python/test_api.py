@@ -201,7 +201,7 @@ def test_numbers_of_any_kind_are_numbers():
     [
         (lambda: dahl.Throughput(sigma=100), ("Throughput", "sigma = 100", "sigma0, Fc")),
         (lambda: dahl.Plan(sigma0=1, fc=1), ("Plan", "fc = 1", "sigma0, Fc, theta_per_count")),
-        (lambda: dahl.Plan(1), ("Plan", "'Fc'", "sigma0, Fc")),
+        (lambda: dahl.Plan(1), ("Plan", "'Fc'", "(arguments: sigma0, Fc")),
         (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "too many")),
         (dahl.Friction, ("Friction", "'plan'")),
         (
@@ -210,7 +210,7 @@ def test_numbers_of_any_kind_are_numbers():
         ),
         (
             lambda: bearing().run([1.0], output=None),
-            ("Friction.run", "output = None", "moves, out"),
+            ("Friction.run", "output = None", "(there are: moves, out)"),
         ),
         (
             lambda: dahl.Throughput.run_channels(params=[], move=[[]]),

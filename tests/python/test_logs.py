@@ -41,7 +41,7 @@ def test_a_field_without_end_is_one_short_line(written):
         GOOD.replace(",", ", "),
         GOOD.replace("\n", "\r\n"),
         GOOD.rstrip("\n"),
-        GOOD + "\n\n",
+        GOOD + "\n,,\n",
         "\ufeff" + GOOD,
         GOOD.replace("angle", '"angle"'),
         "x,t,x,angle,torque\n1,0,1,1.5,2\n1,0.001,1,-2.5,3\n",
@@ -114,12 +114,17 @@ def test_candump_round_trip(written):
         can.Message(timestamp=0.001, arbitration_id=0x100, data=bytes(8), **short),
         can.Message(timestamp=1.5, arbitration_id=0x1ABCDEF, data=b"\x01", channel="can0"),
         can.Message(timestamp=2, arbitration_id=0x7FF, is_remote_frame=True, dlc=5, **short),
+        can.Message(timestamp=4, arbitration_id=0x100, is_fd=True, bitrate_switch=True, **short),
     ]
     lines = "".join(map(candump_line, sent))
     assert lines.splitlines()[0] == "(0000000000.001000) vcan0 100#0000000000000000"
+    error = can.Message(timestamp=3, arbitration_id=0x44, is_error_frame=True, data=bytes(2))
+    assert candump_line(error) == "(0000000003.000000) vcan0 20000044#0000\n"
     back = logs.read_candump(written(lines, "run.log"))
     assert [m.arbitration_id for m in back] == [m.arbitration_id for m in sent]
     assert [(bytes(m.data), m.dlc) for m in back] == [(bytes(m.data), m.dlc) for m in sent]
+    for kind in ("is_extended_id", "is_fd", "bitrate_switch", "error_state_indicator"):
+        assert [getattr(m, kind) for m in back] == [getattr(m, kind) for m in sent], kind
     assert np.allclose([m.timestamp for m in back], [m.timestamp for m in sent])
 
 

@@ -73,7 +73,8 @@ def test_a_served_node_by_the_line_that_it_prints(root, dahl_loop, library, end)
         assert "parameters of your own: dahl, Fc 0.5 N m" in lines[0]
         with opened(lines) as bus:
             asked(bus, 3)
-    assert re.fullmatch(r"ended after \d+\.\d s: ok 4, params 1", last[-1])
+            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
+    assert re.fullmatch(r"ended after \d+\.\d s: ok 4, params 2", last[-1])
 
 
 def test_the_number_is_that_of_the_scene_unless_another_is_given(

@@ -57,7 +57,7 @@ def test_a_loaded_log_has_the_bits_of_its_moves(moves):
     assert one == many
     assert many.torque == found[-1]
     bearing, steady = dahl.Friction(dahl.Plan(*PLAN)), dahl.Loaded(dahl.Plan(*PLAN))
-    assert (steady.run_counts(moves, np.ones(moves.size)) == bearing.run_counts(moves)).all()
+    assert (steady.run_counts(moves, np.ones(moves.size, int)) == bearing.run_counts(moves)).all()
     assert steady.step_counts_q30(7, 1) == bearing.step_counts_q30(7)
 
 
