@@ -137,6 +137,13 @@ def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
     assert capsys.readouterr().out == "ready\n"
 
 
+def test_a_frame_does_not_wait_for_the_next_one() -> None:
+    peer = Peer()
+    with bridge.connect(int(peer.port)) as link:
+        assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    peer.server.close()
+
+
 def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(monkeypatch, capsys) -> None:
     monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)
     node, bus, work, code = begun()

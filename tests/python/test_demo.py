@@ -557,8 +557,6 @@ def test_a_bad_row_is_named_before_anything_runs(own_log, dahl_here, tmp_path):
         ["demo", "--seconds", "0"],
         ["demo", "--angle-unit", "turns"],
         ["monitor", "--nothing"],
-        ["monitor", "--fc", "0"],
-        ["monitor", "--frames", "0"],
     ],
 )
 def test_a_wrong_command_line_is_one_line(dahl_here, arguments):

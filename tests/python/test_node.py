@@ -672,6 +672,8 @@ def test_a_scene_names_the_same_node(tmp_path, model):
     path.write_text(f"[friction]\n{words}{kept}[status]\nperiod_ms = 40\n")
     read = scene.read(path)
     made = dahl.Node(scene.element(read), **scene.settings(read))
+    both = {"slip": (130, 0.9), "parallel": (180, 0.95)}.get(model, (100, 0.7))
+    assert (read.sigma0, read.Fc) == pytest.approx(both)
     assert made == dahl.Node(
         friction,
         **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},
