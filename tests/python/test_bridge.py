@@ -121,7 +121,7 @@ def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
     assert node.until(b"\r") == b"t10020102\r"
     assert node.until(b"\r") == b"t1100\r"
     node.link.sendall(b"t1201F")
-    node.link.sendall(b"F\r\rz\rt1300\r")
+    node.link.sendall(b"F\r\rz\r\at1300\r")
     assert bus.until(b">") == b"< send 120 1 FF >"
     assert bus.until(b">") == b"< send 130 0  >"
     waits = []

@@ -602,12 +602,12 @@ def test_an_angle_in_another_unit_is_not_taken_for_degrees(column, unit):
     ],
 )
 def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count, plotted, per_unit):
-    own = scene.OwnLog(Path("x.csv"), "a", "T", SIGMA0, FC, TURN, unit)
+    own = scene.OwnLog(Path("x.csv"), "a #1", "T;", SIGMA0, FC, TURN, unit)
     written = scene.write_own(own, tmp_path / "own.ini")
     assert float(written.motion["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
     assert written.theta_per_count == pytest.approx(theta_per_count, rel=1e-15)
-    assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T")
-    assert written.measured.label_angle == f"a from the start [{plotted}]"
+    assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T;")
+    assert written.measured.label_angle == f"a #1 from the start [{plotted}]"
     assert written.measured.angle_scale == pytest.approx(per_unit, rel=1e-15)
 
 

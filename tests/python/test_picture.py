@@ -157,7 +157,7 @@ def test_faults_and_restarts_are_marked_where_they_were(drawn, figures, tmp_path
     at = [0, 100, 200]  # a run's first tick is a new start that says nothing
     some = replace(
         trace,
-        row=np.where(rows < 50, rows, rows + 3),
+        row=np.where(rows < 50, rows, rows + 1),
         time=rows / 1000,
         fresh=np.isin(rows, at),
         relaxed=rows == 200,
