@@ -71,14 +71,8 @@ READINGS = {
     "now": lambda v: dahl.counts_between(1, v),
     "modulus": lambda v: dahl.counts_between(0, 0, v),
 }
-UNITS = {
-    "ratio_q30": lambda v: dahl.to_units(v, 1),
-    "Fc_units": lambda v: dahl.to_units(1, v),
-}
-STATES = {
-    "w": dahl.State,
-    "w ": lambda v: setattr(bearing().state, "w", v),
-}
+UNITS = {"ratio_q30": lambda v: dahl.to_units(v, 1), "Fc_units": lambda v: dahl.to_units(1, v)}
+STATES = {"w": dahl.State, "w ": lambda v: setattr(bearing().state, "w", v)}
 
 
 @pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
@@ -108,9 +102,7 @@ def test_a_ratio_and_Fc_outside_their_range_are_named(name, value):  # noqa: N80
 @pytest.mark.parametrize("name", READINGS)
 def test_readings_and_modulus_beyond_uint32_are_named(name, value):
     refused(
-        lambda: READINGS[name](value),
-        f"{name} = ",
-        "is not a whole number from 0 to 4294967295",
+        lambda: READINGS[name](value), f"{name} = ", "is not a whole number from 0 to 4294967295"
     )
 
 

@@ -13,17 +13,7 @@ import time
 
 import can
 import pytest
-from dahl import (
-    Error,
-    RunError,
-    __version__,
-    bus,
-    commands,
-    firmware,
-    paths,
-    plan_header,
-    scene,
-)
+from dahl import Error, RunError, __version__, bus, commands, firmware, paths, plan_header, scene
 from dahl.cli import build_parser
 from dahl.identify import folder_runs, output, pipeline
 from identify_tools import synthetic
