@@ -634,14 +634,6 @@ def test_a_scene_is_read_key_by_key(tmp_path):
         )
 
 
-@pytest.mark.parametrize("number", ["16", "-1", "2.5", "nan", "inf"])
-def test_a_scene_with_a_node_that_no_bus_has_is_one_line(dahl_here, tmp_path, number):
-    (path := tmp_path / "own.ini").write_text(f"[friction]\nnode = {number}\n")
-    done = dahl_here("demo", "--scene", path, "-o", tmp_path / "run")
-    said = f"error: {path}: [friction] node = {number} is not a whole number from 0 to 15\n"
-    assert (done.returncode, done.stderr) == (2, said)
-
-
 def test_the_tribometer_is_met(measured_file, dahl_here, tmp_path):
     """The promise of the README: R2 >= 0.98 on the measured set, the torque itself exact. The first
     60 s of 129.

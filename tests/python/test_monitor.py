@@ -190,30 +190,19 @@ def test_answers_count_before_the_first_angle_but_are_no_point_of_a_curve(dbc):
     assert (list(view.ratio), view.frames, view.others) == ([], 3, 0)
 
 
-def test_view_shows_the_node_that_is_asked_for(dbc):
-    view = View(node=3)
-    for node in (0, 3):
-        angle = {"Counter": 1, "Valid": 1, "Count": 10 + node}
-        (frame,) = frames(dbc, ("EncoderState", 0.0, angle))
-        frame.arbitration_id += node
-        view.feed(frame)
-    assert view.names["EncoderState"].last["Count"] == 13
-    assert (view.names["EncoderState"].frames, view.others) == (1, 1)
-
-
 @pytest.mark.parametrize("shown", [0, 1, 15])
 def test_a_description_of_many_nodes_shows_each_by_its_number(dbc, tmp_path, shown):
     """That of `dahl dbc --nodes 16`: no frame of one stands in the row of another."""
     (path := tmp_path / "all.dbc").write_text(describe(16))
-    view = View(node=shown, dbc=path)
-    for node in range(16):
-        angle = {"Counter": 1, "Valid": 1, "Count": 10 + node}
-        (frame,) = frames(dbc, ("EncoderState", 0.0, angle))
-        frame.arbitration_id += node
-        view.feed(frame)
-    assert view.names.keys() == View().names.keys()
-    assert view.names["EncoderState"].last["Count"] == 10 + shown
-    assert (view.names["EncoderState"].frames, view.others) == (1, 15)
+    for view in (View(node=shown), View(node=shown, dbc=path)):
+        for node in range(16):
+            angle = {"Counter": 1, "Valid": 1, "Count": 10 + node}
+            (frame,) = frames(dbc, ("EncoderState", 0.0, angle))
+            frame.arbitration_id += node
+            view.feed(frame)
+        assert view.names.keys() == View().names.keys()
+        assert view.names["EncoderState"].last["Count"] == 10 + shown
+        assert (view.names["EncoderState"].frames, view.others) == (1, 15)
 
 
 def test_messages_of_one_node_may_have_its_own_ids_in_the_description(dbc, tmp_path):
