@@ -482,11 +482,12 @@ def test_text_that_no_encoding_holds_is_written_all_the_same(tmp_path):
 
 @pytest.mark.parametrize("mode", [0o600, 0o664, 0o755])
 def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
-    path = tmp_path / "x.txt"
-    path.write_text("old")
+    """Behind a link, which stays one."""
+    (path := tmp_path / "x.txt").write_text("old")
     path.chmod(mode)
-    files.keep(path, "new")
-    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", mode)
+    (link := tmp_path / "y.txt").symlink_to(path)
+    files.keep(link, "new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", mode) and link.is_symlink()
 
 
 def test_a_loop_of_links_is_one_line(dahl):

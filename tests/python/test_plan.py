@@ -255,16 +255,6 @@ def test_the_examples_of_the_help_work(plan, tmp_path):
     assert (tmp_path / "dahl_plan_shaft.h").exists()
 
 
-def test_a_plan_behind_a_link_is_made_where_it_is(plan, tmp_path):
-    """And those who could not read it cannot do so now."""
-    (real := tmp_path / "real.h").write_text("")
-    real.chmod(0o600)
-    (link := tmp_path / "plan.h").symlink_to(real)
-    assert plan(*KNOWN, "--force", "-o", "plan.h").returncode == 0
-    assert link.is_symlink() and "dahl_plan_plan" in real.read_text()
-    assert real.stat().st_mode & 0o777 == 0o600
-
-
 def test_a_device_is_written_and_never_read(plan):
     done = plan(*KNOWN, "-o", "/dev/full")
     assert (done.returncode, done.stderr) == (1, "error: /dev/full: No space left on device\n")

@@ -522,6 +522,8 @@ def test_a_page_says_where_it_is_and_which_counter_is_wrong(dahl):
     )
     page = html_report.page({**SUMMARY, "faults": FAULTS, "node": {"crc": 4, "lost": 2}}, b"")
     assert 'class="wrong"' not in page and "Every fault was counted" in page
+    said = "report.html: a file; the folder of a run was expected"
+    assert complaint(dahl("report", "report.html")) == (2, said)
 
 
 TEXTS = ("title", "bus", "time", "log", "date", "version", "command")
@@ -543,12 +545,6 @@ def test_each_number_of_a_summary_has_its_shape(dahl, key):
     assert code == 2 and said.startswith(f"summary.json: {key}")
     Path("summary.json").write_text(json.dumps({**SUMMARY, key: None}), encoding="utf-8-sig")
     assert complaint(dahl("report", "."))[1].startswith("loop.png: no such file; `dahl plot .`")
-
-
-def test_a_report_is_of_a_folder(dahl):
-    Path("run.log").write_text("")
-    said = "run.log: a file; the folder of a run was expected"
-    assert complaint(dahl("report", "run.log")) == (2, said)
 
 
 def test_a_histogram_needs_what_is_measured_beside_it(dahl):
