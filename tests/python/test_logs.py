@@ -88,10 +88,7 @@ def test_rows_of_one_and_the_same_time_are_a_table(written):
             "t,angle,torque\n0,1,2\n1,1",
             "log.csv:3: column 'torque': missing, the line ends after 2 of 3 columns",
         ),
-        (
-            "t,angle,torque\n0,1,2\n1,2,5,3\n",
-            "log.csv:3: the row has 4 fields, the header 3",
-        ),
+        ("t,angle,torque\n0,1,2\n1,2,5,3\n", "log.csv:3: the row has 4 fields, the header 3"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "log.csv: not a text file"),
     ],
 )

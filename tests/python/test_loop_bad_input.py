@@ -396,8 +396,7 @@ def test_the_path_of_a_measured_log_has_1023_characters_at_most(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("role", "name", "missing"),
-    [("node", "motion", "friction"), ("encoder", "friction", "motion")],
+    ("role", "name", "missing"), [("node", "motion", "friction"), ("encoder", "friction", "motion")]
 )
 def test_a_role_that_the_scene_does_not_have_is_told(tmp_path, role, name, missing):
     path = write(tmp_path, GOOD[name])
