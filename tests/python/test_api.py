@@ -71,14 +71,8 @@ READINGS = {
     "now": lambda v: dahl.counts_between(1, v),
     "modulus": lambda v: dahl.counts_between(0, 0, v),
 }
-UNITS = {
-    "ratio_q30": lambda v: dahl.to_units(v, 1),
-    "Fc_units": lambda v: dahl.to_units(1, v),
-}
-STATES = {
-    "w": dahl.State,
-    "w ": lambda v: setattr(bearing().state, "w", v),
-}
+UNITS = {"ratio_q30": lambda v: dahl.to_units(v, 1), "Fc_units": lambda v: dahl.to_units(1, v)}
+STATES = {"w": dahl.State, "w ": lambda v: setattr(bearing().state, "w", v)}
 
 
 @pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
@@ -108,9 +102,7 @@ def test_a_ratio_and_Fc_outside_their_range_are_named(name, value):  # noqa: N80
 @pytest.mark.parametrize("name", READINGS)
 def test_readings_and_modulus_beyond_uint32_are_named(name, value):
     refused(
-        lambda: READINGS[name](value),
-        f"{name} = ",
-        "is not a whole number from 0 to 4294967295",
+        lambda: READINGS[name](value), f"{name} = ", "is not a whole number from 0 to 4294967295"
     )
 
 
@@ -201,7 +193,7 @@ def test_numbers_of_any_kind_are_numbers():
     [
         (lambda: dahl.Throughput(sigma=100), ("Throughput", "sigma = 100", "sigma0, Fc")),
         (lambda: dahl.Plan(sigma0=1, fc=1), ("Plan", "fc = 1", "sigma0, Fc, theta_per_count")),
-        (lambda: dahl.Plan(1), ("Plan", "'Fc'", "sigma0, Fc")),
+        (lambda: dahl.Plan(1), ("Plan", "'Fc'", "(arguments: sigma0, Fc")),
         (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "too many")),
         (dahl.Friction, ("Friction", "'plan'")),
         (
@@ -210,7 +202,7 @@ def test_numbers_of_any_kind_are_numbers():
         ),
         (
             lambda: bearing().run([1.0], output=None),
-            ("Friction.run", "output = None", "moves, out"),
+            ("Friction.run", "output = None", "(there are: moves, out)"),
         ),
         (
             lambda: dahl.Throughput.run_channels(params=[], move=[[]]),
@@ -416,6 +408,7 @@ def test_a_number_too_long_to_print_is_named_too():
     refused(lambda: bearing().step_counts(10**5000), "dcounts = an int of many digits")
     refused(lambda: dahl.Plan(10**5000, 1), "sigma0 = inf")
     refused(lambda: dahl.Plan(-(10**5000), 1), "sigma0 = -inf")
+    refused(lambda: bearing().set_torque("1"), "F = '1' is not a number; a torque in N m")
 
 
 @given(

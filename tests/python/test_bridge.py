@@ -121,7 +121,7 @@ def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
     assert node.until(b"\r") == b"t10020102\r"
     assert node.until(b"\r") == b"t1100\r"
     node.link.sendall(b"t1201F")
-    node.link.sendall(b"F\r\rz\rt1300\r")
+    node.link.sendall(b"F\r\rz\r\at1300\r")
     assert bus.until(b">") == b"< send 120 1 FF >"
     assert bus.until(b">") == b"< send 130 0  >"
     waits = []
@@ -135,6 +135,13 @@ def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
     work.join(10)
     assert code == [0]
     assert capsys.readouterr().out == "ready\n"
+
+
+def test_a_frame_does_not_wait_for_the_next_one() -> None:
+    peer = Peer()
+    with bridge.connect(int(peer.port)) as link:
+        assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    peer.server.close()
 
 
 def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(monkeypatch, capsys) -> None:

@@ -22,7 +22,9 @@ def without_scipy(monkeypatch, tmp_path):
     """A checkout whose build/venv has no scipy; its setup.sh ends with the code in file `code`."""
     script = tmp_path / "tools/setup.sh"
     script.parent.mkdir()
-    script.write_text(f'#!/bin/sh\necho "$@" >>{tmp_path}/asked\nexit "$(cat {tmp_path}/code)"\n')
+    script.write_text(
+        f'#!/bin/sh\necho "$@" | tee -a {tmp_path}/asked\nexit "$(cat {tmp_path}/code)"\n'
+    )
     script.chmod(0o755)
     started = []
     monkeypatch.setattr(paths, "ROOT", tmp_path)
@@ -117,16 +119,14 @@ def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch):
     assert complaint(dahl("monitor")) == (1, lacking)
 
 
-def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy):
-    folder, started = without_scipy
+def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy, capfd):
+    """The words of the set-up are no output."""
+    (folder, started), given = without_scipy, ["identify", "log.csv", "--json", "-"]
     (folder / "code").write_text("0")
-    by_need.bring("identify", ["identify", "log.csv", "--json", "-"])
-    assert (folder / "asked").read_text() == "identify\n"
+    by_need.bring("identify", given)
+    assert (folder / "asked").read_text() == "identify\n" and not capfd.readouterr().out
     [(program, words, environment)] = started
-    assert (program, words[1:]) == (
-        sys.executable,
-        ["-m", "dahl", "identify", "log.csv", "--json", "-"],
-    )
+    assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
     assert environment[by_need.TRIED]
 
 

@@ -103,15 +103,16 @@ def test_another_file_is_refused(alone, server, monkeypatch):
 
 
 def test_files_used_as_they_are_have_their_sha256_proved(alone, server, monkeypatch):
-    known = data.SETS["pneumatic"]
-    file = replace(known.files[0], sha256=hashlib.sha256(b"right").hexdigest())
-    monkeypatch.setitem(data.SETS, "pneumatic", replace(known, files=(file,)))
-    address = f"/{known.repo}/{known.commit}/{file.path}"
-    server[address] = b"wrong"
+    known, right = data.SETS["pneumatic"], hashlib.sha256(b"right").hexdigest()
+    files = tuple(replace(file, sha256=right) for file in known.files)
+    monkeypatch.setitem(data.SETS, "pneumatic", replace(known, files=files))
+    addresses = [f"/{known.repo}/{known.commit}/{file.path}" for file in files]
+    server |= dict.fromkeys(addresses, b"wrong")
     with pytest.raises(RunError, match="hash"):
         data.folder("pneumatic")
-    server[address] = b"right"
-    assert (data.folder("pneumatic") / file.name).read_bytes() == b"right"
+    server |= dict.fromkeys(addresses, b"right")
+    folder = data.folder("pneumatic")
+    assert [(folder / file.name).read_bytes() for file in files] == [b"right"] * 3
 
 
 def test_absent_upstream_or_no_network(alone, server):

@@ -78,10 +78,7 @@ def test_summary_has_what_was_promised(demo):
     assert numbers["frames_lost"] == numbers["frames_not_recorded"] == 0
     assert numbers["interrupted"] is False
     assert 0 < numbers["max_error_ulp_Fc"] <= 0.52
-
-
-def test_measured_torque_is_met(demo):
-    numbers = summary_of(demo[0])
+    assert " 'shaft [deg]' " in numbers["command"]  # as a shell takes it
     assert numbers["rmse_measured"] == pytest.approx(0.01, rel=0.1)
     assert numbers["r2_measured"] > 0.99
 
@@ -121,7 +118,10 @@ def test_the_table_has_the_numbers_of_the_summary(demo):
         assert f"{name} {value:.0f} us" in rows["latency"]
     exact, measured = (rows[name] for name in rows if name.startswith("error against"))
     assert exact.startswith(f"{numbers['max_error_ulp_Fc']:.3f} ulp of Fc")
-    assert f"rms {numbers['rmse_measured']:.4g} N m, R² {numbers['r2_measured']:.4f}" in measured
+    assert (
+        f"rms {numbers['rmse_measured']:.4g} N m, R² {numbers['r2_measured']:.4f} (from row 0 on)"
+        in measured
+    )
 
 
 def test_each_option_of_an_own_log_reaches_the_run(own_log, dahl_here, tmp_path):
@@ -176,10 +176,7 @@ def test_plot_takes_one_bus_of_a_log_that_has_several(demo, dahl_here, tmp_path)
     (log := tmp_path / "two.log").write_text("".join(both))
     words = ("plot", log, "--scene", "segments")
     unknown = "no bus 'can7'; did you mean 'can1'? (there are: can1, vcan0)"
-    for more, told in (
-        ((), "frames of can1, vcan0; name one with -c"),
-        (("-c", "can7"), unknown),
-    ):
+    for more, told in (((), "frames of can1, vcan0; name one with -c"), (("-c", "can7"), unknown)):
         done = dahl_here(*words, *more)
         assert (done.returncode, done.stdout, done.stderr) == (2, "", f"error: {log}: {told}\n")
     assert not (tmp_path / "loop.png").exists()
@@ -314,6 +311,8 @@ def children(process) -> list[int]:
 
 def test_ctrl_c_leaves_whole_files(running, tmp_path):
     programs = children(running)
+    groups = {os.getpgid(process) for process in (*programs, running.pid)}
+    assert len(groups) == 3  # so that Ctrl-C of a terminal reaches the demo alone
     running.send_signal(signal.SIGINT)
     _, errors = running.communicate(timeout=60)
     assert running.returncode == 130, errors
@@ -456,6 +455,9 @@ def test_a_program_that_dies_is_named(running, which):
     assert errors == f"error: dahl-loop ({('node', 'encoder')[which]}) ended with code -9\n"
 
 
+TURNS = "--counts-per-turn"
+
+
 def without(option: str) -> list:
     at = OWN.index(option)
     return OWN[:at] + OWN[at + 2 :]
@@ -464,10 +466,7 @@ def without(option: str) -> list:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (without("--angle"), "needs --angle"),
-        (without("--sigma0"), "needs --sigma0"),
-        (without("--fc"), "needs --fc"),
-        (without("--counts-per-turn"), "needs --counts-per-turn"),
+        *((without(one), f"needs {one}") for one in ("--angle", "--sigma0", "--fc", TURNS)),
         ([*OWN, "--angle", "shaft"], "shaft.csv:1: no column 'shaft'; did you mean 'shaft [deg]'?"),
         ([*OWN, "--fc", "-1"], "Fc = -1 is outside"),
         ([*OWN, "--bus", "canopy"], "--bus canopy"),
@@ -602,12 +601,12 @@ def test_an_angle_in_another_unit_is_not_taken_for_degrees(column, unit):
     ],
 )
 def test_units_of_an_own_log(tmp_path, unit, counts_per_unit, theta_per_count, plotted, per_unit):
-    own = scene.OwnLog(Path("x.csv"), "a", "T", SIGMA0, FC, TURN, unit)
+    own = scene.OwnLog(Path("x.csv"), "a #1", "T;", SIGMA0, FC, TURN, unit)
     written = scene.write_own(own, tmp_path / "own.ini")
     assert float(written.motion["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
     assert written.theta_per_count == pytest.approx(theta_per_count, rel=1e-15)
-    assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T")
-    assert written.measured.label_angle == f"a from the start [{plotted}]"
+    assert (written.sigma0, written.Fc, written.measured.torque) == (SIGMA0, FC, "T;")
+    assert written.measured.label_angle == f"a #1 from the start [{plotted}]"
     assert written.measured.angle_scale == pytest.approx(per_unit, rel=1e-15)
 
 
@@ -632,14 +631,6 @@ def test_a_scene_is_read_key_by_key(tmp_path):
             *(True, "t", ""),
             "N m",
         )
-
-
-@pytest.mark.parametrize("number", ["16", "-1", "2.5", "nan", "inf"])
-def test_a_scene_with_a_node_that_no_bus_has_is_one_line(dahl_here, tmp_path, number):
-    (path := tmp_path / "own.ini").write_text(f"[friction]\nnode = {number}\n")
-    done = dahl_here("demo", "--scene", path, "-o", tmp_path / "run")
-    said = f"error: {path}: [friction] node = {number} is not a whole number from 0 to 15\n"
-    assert (done.returncode, done.stderr) == (2, said)
 
 
 def test_the_tribometer_is_met(measured_file, dahl_here, tmp_path):
@@ -735,7 +726,7 @@ def test_recording_ends_with_either_program_though_others_speak(which):
     )
     record = io.StringIO()
     loop._record(Busy(), record, encoder, node, Stop(), lambda _: None)
-    assert loop.DRAIN < time.monotonic() - begun < 10
+    assert 0.2 < loop.DRAIN < time.monotonic() - begun < 10  # s for the last answer to come
     assert record.getvalue().count("\n") > 10
 
 

@@ -13,17 +13,7 @@ import time
 
 import can
 import pytest
-from dahl import (
-    Error,
-    RunError,
-    __version__,
-    bus,
-    commands,
-    firmware,
-    paths,
-    plan_header,
-    scene,
-)
+from dahl import Error, RunError, __version__, bus, commands, firmware, paths, plan_header, scene
 from dahl.cli import build_parser
 from dahl.identify import folder_runs, output, pipeline
 from identify_tools import synthetic
@@ -193,6 +183,7 @@ def test_files_go_into_the_build_folder_where_none_is_named(words, name):
 LIMITS = [
     (("monitor", "--node"), ("0", "15"), ("-1", "16", "1.5")),
     (("monitor", "--window"), ("2", "1000000"), ("1", "1000001")),
+    (("monitor", "--fc"), ("1e-30", "1e30"), ("0", "-1", "nan")),
     (("monitor", "--seconds"), ("0.001", "1e9"), ("0", "0.0009", "1.1e9", "inf")),
     (("record", "-o", "x", "--frames"), ("1", str(2**63)), ("0", str(2**63 + 1))),
     (("dbc", "--nodes"), ("1", "16"), ("0", "17")),

@@ -10,10 +10,12 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
+from dahl import interrupt
 from loop_tools import SCENES, serving
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
@@ -255,6 +257,11 @@ def text():
     exec("os.kill(os.getpid(), signal.SIGINT); time.sleep(1)")
 sys.exit(interrupt.guarded(globals()[sys.argv[1]]))
 """
+
+
+def test_another_thread_than_the_main_one_hears_no_interrupt():
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(interrupt.guarded, lambda: 5).result() == 5
 
 
 @pytest.mark.parametrize("way", ["swallow", "turn", "lose", "text", "twice", "after", "nohup"])

@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import re
 
+import can
 import numpy as np
 import pytest
 from dahl import Error, logs
+from dahl.bus import candump_line
 
 GOOD = "t,angle,torque\n0,1.5,2\n0.001,-2.5,3\n"
 
@@ -41,9 +43,10 @@ def test_a_field_without_end_is_one_short_line(written):
         GOOD.replace(",", ", "),
         GOOD.replace("\n", "\r\n"),
         GOOD.rstrip("\n"),
-        GOOD + "\n\n",
+        GOOD + "\n,,\n",
         "\ufeff" + GOOD,
         GOOD.replace("angle", '"angle"'),
+        "x,t,x,angle,torque\n1,0,1,1.5,2\n1,0.001,1,-2.5,3\n",
     ],
 )
 def test_forms_of_a_good_table(written, text):
@@ -68,6 +71,7 @@ def test_rows_of_one_and_the_same_time_are_a_table(written):
             "log.csv:1: no column 'angle'; did you mean 'Angel'? (there are: t, Angel, torque)",
         ),
         ("a,b\n1,2\n", "log.csv:1: no column 'angle'"),
+        ("angle,t,torque, angle\n1,2,3,4\n", "log.csv:1: 2 columns 'angle': which one is meant?"),
         ("t,angle,torque\n0,1,2\n1,abc,2\n", "log.csv:3: column 'angle': 'abc' is not a number"),
         ("t,angle,torque\n0,1,\n", "log.csv:2: column 'torque': '' is not a number"),
         ("t,angle,torque\n0,nan,2\n", "log.csv:2: column 'angle': 'nan' is not a finite number"),
@@ -84,10 +88,7 @@ def test_rows_of_one_and_the_same_time_are_a_table(written):
             "t,angle,torque\n0,1,2\n1,1",
             "log.csv:3: column 'torque': missing, the line ends after 2 of 3 columns",
         ),
-        (
-            "t,angle,torque\n0,1,2\n1,2,5,3\n",
-            "log.csv:3: the row has 4 fields, the header 3",
-        ),
+        ("t,angle,torque\n0,1,2\n1,2,5,3\n", "log.csv:3: the row has 4 fields, the header 3"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "log.csv: not a text file"),
     ],
 )
@@ -104,9 +105,6 @@ def test_no_file(tmp_path):
 
 
 def test_candump_round_trip(written):
-    import can
-    from dahl.bus import candump_line
-
     short = {"is_extended_id": False, "channel": "vcan0"}
     sent = [
         can.Message(timestamp=0.001, arbitration_id=0x100, data=bytes(8), **short),
@@ -136,6 +134,21 @@ def test_candump_round_trip(written):
 def test_bad_candump_logs_are_named_by_line(written, text, words):
     with pytest.raises(Error, match=re.escape(words)):
         logs.read_candump(written(text, "run.log"))
+
+
+@pytest.mark.parametrize(
+    ("ending", "count", "words"),
+    [(".asc", 0, "no frames in it"), (".blf", 20, "broken or cut off after 20 frames (")],
+)
+def test_a_log_without_frames_or_without_its_end_is_named(tmp_path, ending, count, words):
+    """python-can's reader of BLF has no word for what is missing at the end."""
+    path = tmp_path / f"run{ending}"
+    with can.Logger(path) as log:
+        for n in range(count):
+            log.on_message_received(can.Message(timestamp=n, arbitration_id=n, data=b"1"))
+    path.write_bytes(path.read_bytes()[: -1 if count else None])
+    with pytest.raises(Error, match=re.escape(f"{path}: {words}")):
+        list(logs.frames_of(path))
 
 
 @pytest.mark.parametrize(("count", "more"), [(30, ""), (31, ", and 1 more"), (75, ", and 45 more")])

@@ -170,11 +170,7 @@ def test_no_wrong_torque(stormy):
 
 @pytest.mark.parametrize(
     "seconds",
-    [
-        30,
-        pytest.param(100, marks=pytest.mark.checks),
-        pytest.param(1000, marks=pytest.mark.long),
-    ],
+    [30, pytest.param(100, marks=pytest.mark.checks), pytest.param(1000, marks=pytest.mark.long)],
 )
 def test_torque_is_back_with_the_next_good_frame(tmp_path, seconds):
     """Where no reversal was hidden, the exact path torque is back with the next good frame.

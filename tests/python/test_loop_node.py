@@ -100,10 +100,7 @@ FOREIGN = {
         lambda e: e.frame(1, 900, is_extended_id=True),
         lambda e: e.frame(1, 900, data=bytes(12), is_fd=True),
     ],
-    "crc": [
-        lambda e: changed(e.frame(1, 900), 0),
-        lambda e: changed(e.frame(1, 900), 5),
-    ],
+    "crc": [lambda e: changed(e.frame(1, 900), 0), lambda e: changed(e.frame(1, 900), 5)],
     "repeated": [lambda e: e.frame(0, 900)],
     "wrong_sequence": [lambda e: e.frame(4, 900), lambda e: e.frame(15, 900)],
     "ignored": [

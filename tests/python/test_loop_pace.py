@@ -12,17 +12,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from loop_tools import (
-    SCENES,
-    Run,
-    client,
-    command,
-    finished,
-    raw_client,
-    read_log,
-    run,
-    serving,
-)
+from loop_tools import SCENES, Run, client, command, finished, raw_client, read_log, run, serving
 
 STEERING = SCENES / "steering.ini"
 TICK = 1e-3  # s

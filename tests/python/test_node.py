@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import copy
 import ctypes
+import itertools
 import os
 import pickle
 import random
@@ -39,10 +40,10 @@ MODELS = {  # keys of a scene, and the same in Python
     "dahl": ("sigma0 = 100\nFc = 0.7", PLAN),
     "slip": ("sigma0 = 100 30\nFc = 0.2 0.7", dahl.Slip([100, 30], [0.2, 0.7], THETA)),
     "parallel": (
-        "kinds = dahl slip dahl\nsigma0 = 100 30 50\nFc = 0.2 0.7 0.05",
+        "kinds = slip dahl dahl\nsigma0 = 30 100 50\nFc = 0.7 0.2 0.05",
         dahl.Parallel(
-            dahl.Friction(dahl.Plan(100, 0.2, THETA)),
             dahl.Slip([30], [0.7], THETA),
+            dahl.Friction(dahl.Plan(100, 0.2, THETA)),
             dahl.Friction(dahl.Plan(50, 0.05, THETA)),
         ),
     ),
@@ -231,6 +232,7 @@ def test_the_structure_is_that_of_the_header(tmp_path):
     names = [name for name, _ in node.NodeStructure._fields_]
     members = [re.sub("cleared_", "cleared.", name) for name in names]
     members = [f"counts.{name}" if name in node.COUNTS else name for name in members]
+    members[names.index("parameters")] = "params"
     kept = ("slip", "asymmetric", "elastoplastic", "parallel")
     lines = [f'printf("%zu\\n", offsetof(dahl_node_t, {name}));' for name in members]
     lines += [f'printf("%zu\\n", sizeof({name}));' for name in ("dahl_node_t", "dahl_node_model_t")]
@@ -258,10 +260,10 @@ def moved(one: dahl.Node, *counts: int) -> list[codec.FrictionTorque]:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_node_is_a_value_that_changes(model):
-    one = dahl.Node(MODELS[model][1], number=0)
-    assert one == dahl.Node(MODELS[model][1])
-    moved(one, 0, 700, 300)
-    assert one != dahl.Node(MODELS[model][1])
+    one, other = (dahl.Node(MODELS[model][1], number=0) for _ in range(2))
+    assert one == other
+    moved(one, 0, 40, 30), moved(other, 0, -40, 30)
+    assert one != other and other != dahl.Node(MODELS[model][1])
     for same in (copy.copy(one), copy.deepcopy(one), pickle.loads(pickle.dumps(one))):
         assert same == one and same is not one
         further = moved(same, 900)
@@ -309,12 +311,21 @@ def test_a_bus_off_of_long_ago_holds_nothing_back():
 
 
 def test_a_copy_is_of_the_same_kind():
+    """And so is what it is made of, which moves no further with what was given."""
+
     class Mine(dahl.Node):
         pass
 
-    one = Mine(PLAN, 3)
+    class Bearing(dahl.Plan):
+        pass
+
+    one = Mine(Bearing(PLAN.sigma0, PLAN.Fc, PLAN.theta_per_count))
+    assert type(one.friction) is Bearing and moved(one, 0, 700) == moved(Mine(PLAN), 0, 700)
     for other in (copy.copy(one), copy.deepcopy(one)):
         assert type(other) is Mine and other == one
+    one = dahl.Node(given := dahl.Slip([1], [1], 1e-3))
+    given.step_counts(9)
+    assert one.friction == dahl.Slip([1], [1], 1e-3) != given
 
 
 @pytest.mark.parametrize(
@@ -425,7 +436,7 @@ def test_what_of_a_bus_a_node_is_given(ends, numbers):
     listener = node.Listener(ends[0], *nodes)
     own, foreign = (codec.pack(codec.FrictionTorque(5)) for _ in range(2))
     foreign.is_rx = True
-    off = can.Message(arbitration_id=BUS_OFF, is_error_frame=True, dlc=8, data=bytes(8))
+    off = can.Message(arbitration_id=BUS_OFF | 4, is_error_frame=True, dlc=8, data=bytes(8))
     for message in (codec.pack(EncoderState(0), 3), own, foreign, off):
         listener.on_message_received(message)
     listener.stop()
@@ -439,6 +450,7 @@ def test_the_clock_is_looked_at_every_few_ms(ends):
     one = dahl.Node(PLAN, status_period=0.02)
     assert 8 <= node.run(ends[0], one, seconds=0.3).sent <= 16
     listener = node.Listener(ends[0], one)
+    assert all(thread.daemon for thread in threading.enumerate() if thread.name == "dahl.node")
     time.sleep(0.3)
     listener.stop()
     assert 8 <= listener.traffic.sent <= 16
@@ -453,6 +465,8 @@ def test_asyncio_serves_until_the_task_is_cancelled(ends):
         server.cancel()
         with pytest.raises(asyncio.CancelledError):
             await server
+        there.send(codec.pack(EncoderState(0)))
+        assert here.recv(0.2) is not None, "it receives still"
 
     asyncio.run(asyncio.wait_for(both(), 30))
 
@@ -496,15 +510,15 @@ class Waiting:
     """A bus on which some frames wait, and others come after something was sent."""
 
     def __init__(self, before=(), after=(), refuses=False):
-        self.queue, self.after, self.refuses = list(before), list(after), refuses
+        self.queue, self.after, self.refuses = iter(before), list(after), refuses
 
     def recv(self, timeout=None):
-        return self.queue.pop(0) if self.queue else None
+        return next(self.queue, None)
 
     def send(self, message, timeout=None):
         if self.refuses:
             raise can.CanOperationError("no buffer space")
-        self.queue += self.after
+        self.queue = itertools.chain(self.after, self.queue)
 
 
 def reply(value, counter=4, param=Param.FC):
@@ -542,20 +556,31 @@ def test_nobody_there_is_said(ends):
     assert str(caught.value).startswith("no FrictionTorque of node 5 in 0.05 s, to EncoderState(")
     with pytest.raises(dahl.Error, match="none that a node answers"):
         node.ask(ends[0], codec.FrictionTorque(5))
+    with pytest.raises(dahl.RunError, match="no Status of node 0 in 0.05 s"):  # others speak
+        node.ask(Waiting(itertools.repeat(reply(1))), Reset(What.ERRORS), timeout=0.05)
+
+
+ANEW = "; after a Reset with What.RESTART it answers"
+REPEATED = "; REPEATED is among its errors: each EncoderState has a counter one higher"
 
 
 @pytest.mark.parametrize(
-    ("state", "timeout", "counter"), [("STALE", 0.05, 1), ("WRONG_SEQUENCE", 60, 9)]
+    ("timeout", "counter", "words"),
+    [
+        (0.05, 1, f"STALE{ANEW}"),
+        (60, 9, f"WRONG_SEQUENCE{ANEW}"),
+        (0.25, 0, f"STALE{ANEW}{REPEATED}"),
+        (60, 0, f"REPEATED{REPEATED}"),
+    ],
 )
-def test_a_node_that_does_not_answer_has_its_state_told(ends, state, timeout, counter):
+def test_a_node_that_does_not_answer_has_its_state_told(ends, timeout, counter, words):
     """What leads out of that stands in the error, and does so."""
     theirs, ours = ends
     notifier = can.Notifier(theirs, [node.Listener(theirs, dahl.Node(PLAN, timeout=timeout))])
     try:
         node.ask(ours, EncoderState(0, 0))
         time.sleep(0.2)
-        words = f"its Status says {state}; after a Reset with What.RESTART"
-        with pytest.raises(dahl.RunError, match=words):
+        with pytest.raises(dahl.RunError, match=f"; its Status says {words}$"):
             node.ask(ours, EncoderState(0, counter), timeout=0.3)
         node.ask(ours, Reset(What.RESTART))
         assert node.ask(ours, EncoderState(0, 0)).ratio == 0
@@ -605,7 +630,7 @@ def test_a_number_of_numpy_names_a_node(ends):
         notifier.stop()
 
 
-@pytest.mark.parametrize("identifier", [2**32 + 0x100, -1, 256.5, None, "256"])
+@pytest.mark.parametrize("identifier", [2**29, -1, 256.5, None, "256"])
 def test_an_id_that_no_bus_has_is_refused(identifier):
     message = codec.pack(EncoderState(5))
     message.arbitration_id = identifier
@@ -621,10 +646,11 @@ def test_a_message_is_as_long_as_it_says():
         codec.unpack(message)
 
 
-def test_a_bus_that_takes_nothing_is_counted(ends):
+@pytest.mark.parametrize("error", [can.CanOperationError, OSError])
+def test_a_bus_that_takes_nothing_is_counted(ends, error):
     class Full:
         def send(self, _: can.Message) -> None:
-            raise can.CanOperationError("Transmit buffer full")
+            raise error("Transmit buffer full")
 
         def recv(self, _: float) -> None:
             return None
@@ -646,6 +672,8 @@ def test_a_scene_names_the_same_node(tmp_path, model):
     path.write_text(f"[friction]\n{words}{kept}[status]\nperiod_ms = 40\n")
     read = scene.read(path)
     made = dahl.Node(scene.element(read), **scene.settings(read))
+    both = {"slip": (130, 0.9), "parallel": (180, 0.95)}.get(model, (100, 0.7))
+    assert (read.sigma0, read.Fc) == pytest.approx(both)
     assert made == dahl.Node(
         friction,
         **{"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 7, "timeout": 0.02},

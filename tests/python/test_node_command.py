@@ -11,11 +11,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import can
 import pytest
-from dahl import Friction, Plan, node
+from dahl import Error, Friction, Node, Plan, node, scene
 from dahl.bus import named
 from dahl.cli import build_parser
 from dahl.codec import EncoderState, Errors, FrictionTorque, Param, ParamWrite, State, Status, pack
@@ -73,7 +74,8 @@ def test_a_served_node_by_the_line_that_it_prints(root, dahl_loop, library, end)
         assert "parameters of your own: dahl, Fc 0.5 N m" in lines[0]
         with opened(lines) as bus:
             asked(bus, 3)
-    assert re.fullmatch(r"ended after \d+\.\d s: ok 4, params 1", last[-1])
+            assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
+    assert re.fullmatch(r"ended after \d+\.\d s: ok 4, params 2", last[-1])
 
 
 def test_the_number_is_that_of_the_scene_unless_another_is_given(
@@ -122,6 +124,7 @@ def test_the_printed_lines_name_the_same_bus(capsys, library):
     done = caller(capsys)("node", *OWN, *words, "--seconds", "0.05")
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines(keepends=True)
+    assert re.fullmatch(r"ended after \d+\.\d s: no frame came\n", lines[-1])
     assert any(line.startswith("note ") for line in lines)  # that python-can's bus stays in here
     (watch,) = [line for line in lines if line.startswith("watch   dahl monitor ")]
     read = build_parser().parse_args(shlex.split(watch)[2:])
@@ -130,6 +133,37 @@ def test_the_printed_lines_name_the_same_bus(capsys, library):
     assert (read.node, named(read)) == (3, named(meant))
     with opened(lines) as bus:
         assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("a rig", True, 7)
+
+
+def test_what_the_bus_did_not_take_is_told(capsys, monkeypatch, library):
+    monkeypatch.setattr(node, "run", lambda *_, **__: node.Traffic(received=9, refused=3))
+    done = caller(capsys)("node", *OWN, "-i", "virtual", "-c", "a rig")
+    assert done.stdout.endswith(": not sent 3\n")
+
+
+def test_a_value_that_firmware_keeps_otherwise_is_refused(tmp_path, library):
+    """Its steps of a timeout are whole ms."""
+    (path := tmp_path / "own.ini").write_text(
+        "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\ntimeout_ms = 9000.4\n"
+    )
+    with can.Bus("rig", "virtual") as here, can.Bus("rig", "virtual") as there:
+        notifier = can.Notifier(here, [node.Listener(here, Node(PLAN))])
+        try:
+            with pytest.raises(Error, match=r"timeout = 9.0004: the firmware keeps 9$"):
+                node_command._configure(there, 0, scene.read(path))
+        finally:
+            notifier.stop()
+
+
+def test_a_server_that_ends_before_its_time_is_told(capsys, monkeypatch, tmp_path):
+    script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
+    (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")
+    program.chmod(0o755)
+    monkeypatch.setenv("DAHL_LOOP", str(program))
+    begun = time.monotonic()
+    done = caller(capsys)("node", *OWN, "--host", "127.0.0.1", "--seconds", "30")
+    assert (done.returncode, done.stderr) == (1, "error: no rig\n")
+    assert time.monotonic() - begun < 20
 
 
 def test_a_timing_without_an_interface_is_refused(capsys):
@@ -193,6 +227,7 @@ def test_firmware_on_an_emulated_core(root, tmp_path, dahl_loop, library):
         (("--scene", "nowhere"), "no scene 'nowhere'"),
         (("--host", "10.0.0.1"), "--host 10.0.0.1: it serves 127.0.0.1"),
         (("--target", "m4f", "--scene", "tribometer-slip"), "--target runs model dahl alone"),
+        (("--target", "m4f", "--scene", "slow-reversal"), "--target runs model dahl alone"),
         ((*OWN[:3], "-1", *OWN[4:]), "error: Fc = -1 is outside 2^-64 <= Fc"),
         ((*OWN[:5], "0"), "theta_per_count = 0 is outside 2^-64 <= theta_per_count"),
         (("--port", "65536"), "argument --port: 65536: not an integer from 0 to 65535"),

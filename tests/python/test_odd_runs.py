@@ -75,6 +75,10 @@ def test_a_scene_of_any_editor_is_played_and_told_on_the_page(dahl):
         (b"[friction]\nsigma0 = \xff\n", "can't decode byte 0xff"),
         (b"[friction]\nsigma0 = x\n", "[friction] sigma0 = 'x' is not a number"),
         (b"[friction]\ntheta_per_count = fine\n", "[friction] theta_per_count = 'fine' is not a"),
+        (b"[friction]\nnode = 16\n", "[friction] node = 16 is not a whole number from 0 to 15"),
+        (b"[friction]\nnode = -1\n", "[friction] node = -1 is not a whole number from 0 to 15"),
+        (b"[friction]\nnode = 2.5\n", "[friction] node = 2.5 is not a whole number from 0 to"),
+        (b"[friction]\nnode = nan\n", "[friction] node = nan is not a whole number from 0 to"),
         (b"[motor]\nseconds = 2 s\n", "[motor] seconds = '2 s' is not a number"),
         (b"[measured]\noffset = 1,5\n", "[measured] offset = '1,5' is not a number"),
         (b"[measured]\nsettle = 1.5\n", "[measured] settle = '1.5' is not a whole number"),
@@ -478,11 +482,12 @@ def test_text_that_no_encoding_holds_is_written_all_the_same(tmp_path):
 
 @pytest.mark.parametrize("mode", [0o600, 0o664, 0o755])
 def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
-    path = tmp_path / "x.txt"
-    path.write_text("old")
+    """Behind a link, which stays one."""
+    (path := tmp_path / "x.txt").write_text("old")
     path.chmod(mode)
-    files.keep(path, "new")
-    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", mode)
+    (link := tmp_path / "y.txt").symlink_to(path)
+    files.keep(link, "new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", mode) and link.is_symlink()
 
 
 def test_a_loop_of_links_is_one_line(dahl):

@@ -61,10 +61,7 @@ def test_q30_is_the_torque_over_the_sum(moves):
 
 
 def test_a_mix_is_the_sum(moves):
-    bearing, slip = (
-        dahl.Friction(dahl.Plan(80.0, 2.0, THETA)),
-        dahl.Slip(SIGMA0, FC, THETA),
-    )
+    bearing, slip = (dahl.Friction(dahl.Plan(80.0, 2.0, THETA)), dahl.Slip(SIGMA0, FC, THETA))
     alone, mix = copy.deepcopy(bearing), dahl.Parallel(bearing, slip)
     exact = np.array(exact_slip(SIGMA0, FC, THETA, moves), dtype=float) + alone.run_counts(moves)
     ulp = float(np.spacing(np.float32(sum(FC) + 2.0)))

@@ -181,5 +181,6 @@ def test_slip_elements_tell_their_numbers_in_few_digits() -> None:
     exact = dahl.Slip([100, 40], [0.5, 0.3], 3.8e-4)
     fast = dahl.ThroughputSlip([100, 40], [0.5, 0.3], 3.8e-4)
     assert (repr(exact), repr(fast)) == (f"Slip{told}", f"ThroughputSlip{told}")
+    assert all(one != type(one)(one.sigma0, one.Fc, 3.9e-4) for one in (exact, fast))
     near = dahl.ThroughputSlip([100, 40], [0.5, exact.Fc[1]], 3.8e-4)
     assert eval(repr(near), {"ThroughputSlip": dahl.ThroughputSlip}) == near != fast

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import re
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -51,6 +52,7 @@ def test_the_example_of_the_readme(outcome):
     assert len([line for line in example.splitlines() if line]) <= 5
     done = outcome(example)
     assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+    assert "dahl.node" not in {thread.name for thread in threading.enumerate()}  # it has ended
     wrong = outcome(example.replace("ratio == 1", "ratio == 0.5"))
     assert (wrong.code, wrong.last[:8]) == (1, "1 failed"), wrong.said
 
@@ -97,9 +99,9 @@ def test_bus(dahl_bus, dahl_bus_settings):
 
 
 @contextlib.contextmanager
-def elsewhere(folder: Path, timeout_ms: int = 60000) -> Iterator[list[str]]:
+def elsewhere(folder: Path, timeout_ms: int = 60000, number: int = 0) -> Iterator[list[str]]:
     """The options for a bus with a node of its own: dahl-loop's."""
-    (folder / "scene.ini").write_text(f"{SCENE}timeout_ms = {timeout_ms}\n")
+    (folder / "scene.ini").write_text(f"{SCENE}timeout_ms = {timeout_ms}\nnode = {number}\n")
     with serving(folder / "loop", folder / "scene.ini", "--role", "node") as (_, port):
         words = ["--dahl-interface", "socketcand", "--dahl-channel", "vcan0"]
         yield [*words, "--dahl-bus-kwargs", f"host=127.0.0.1 port={port}"]
@@ -109,6 +111,13 @@ def test_the_same_test_asks_the_node_of_another_bus(outcome, tmp_path, dahl_loop
     text = README[0] + "    assert dahl_node is None\n"
     with elsewhere(tmp_path) as options:
         done = outcome(text, *options)
+    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
+
+
+def test_a_node_is_served_where_none_of_its_number_is(outcome, tmp_path, dahl_loop):
+    text = README[0] + "    assert dahl_node.counts.ok == 2\n"
+    with elsewhere(tmp_path, number=9) as options:
+        done = outcome(text, *options, "--dahl-serve")
     assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
 
 

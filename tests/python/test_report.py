@@ -276,11 +276,14 @@ def test_the_summary_is_what_was_recorded(run):
     run.send(3, -460)  # not answered
     run.tick(6, -450, state=2)
     scene = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA, measured=Measured(settle=2))
+    scene.kinds, scene.breakaway = ("dahl",), 0.25
     numbers = report.summary(scene, run.trace(), None, {"ticks": 7})
     assert (numbers["ticks"], numbers["scene"], numbers["title"]) == (7, "b", "t")
     assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 2)
     assert numbers["answers_by_state"] == {"OK": 2, "Lost": 1, "Init": 1}
     assert numbers["elements"] == [{"sigma0": SIGMA0, "Fc": FC}]
+    assert (numbers["kinds"], numbers["breakaway"]) == (["dahl"], 0.25)
+    assert numbers["units"] == {"sigma0": "N m/rad", "Fc": "N m", "theta_per_count": "rad"}
     assert numbers["parameters"] == {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA}
     assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, str(Path.cwd() / "a/b.ini"))
     assert 0 < numbers["max_error_ulp_Fc"] <= BOUND
@@ -303,4 +306,5 @@ def test_the_page_tells_latencies_where_time_was_measured():
     still = dict.fromkeys(latency, 0.0)
     page = html_report.page({"latency_us": latency, "jitter_us": still}, b"")
     assert "<td>p50 100, p99 1000, max 10000 us</td>" in page
+    assert ", dahl" not in html_report.page({"version": "9"}, b"")
     assert "change of it" not in page

@@ -104,14 +104,6 @@ def test_the_root_is_one_line_wherever_cd_looks(stage, cdpath):
     assert (done.stdout, done.stderr) == (str(stage.folder), "")
 
 
-def test_no_script_lets_cdpath_choose_its_folder(root):
-    """Each that asks for the name of a folder does so without CDPATH."""
-    scripts = [path for name in ("tools", "tests", "port") for path in (root / name).rglob("*.sh")]
-    asking = [line for path in scripts for line in re.findall(r"\$\(.*\bcd .*", path.read_text())]
-    assert len(asking) >= 5
-    assert [line for line in asking if not line.startswith("$(CDPATH='' cd -- ")] == []
-
-
 # --- tools/demo.sh -------------------------------------------------------------------------------
 
 

@@ -522,15 +522,19 @@ def test_a_page_says_where_it_is_and_which_counter_is_wrong(dahl):
     )
     page = html_report.page({**SUMMARY, "faults": FAULTS, "node": {"crc": 4, "lost": 2}}, b"")
     assert 'class="wrong"' not in page and "Every fault was counted" in page
+    said = "report.html: a file; the folder of a run was expected"
+    assert complaint(dahl("report", "report.html")) == (2, said)
 
 
-TEXTS = ("title", "bus", "time", "log")
+TEXTS = ("title", "bus", "time", "log", "date", "version", "command")
 NUMBERS = ("ticks", "frames_sent", "frames_lost", "deadline_misses", "max_error_ulp_Fc")
 NUMBERS += ("rmse_measured", "r2_measured", "bus_load", "realtime_factor")
 OBJECTS = ("parameters", "control", "node", "answers_by_state", "latency_us", "jitter_us", "faults")
+OBJECTS += ("units",)
 
 
 SPOILED = dict.fromkeys(TEXTS, 5) | dict.fromkeys(NUMBERS, "5") | dict.fromkeys(OBJECTS, [["x"]])
+SPOILED |= {"ticks": float("nan"), "frames_sent": 10**400}
 
 
 @pytest.mark.parametrize("key", [*SPOILED, "latency_histogram"])
@@ -539,7 +543,7 @@ def test_each_number_of_a_summary_has_its_shape(dahl, key):
     Path("summary.json").write_text(json.dumps({**SUMMARY, key: spoiled}))
     code, said = complaint(dahl("report", "."))
     assert code == 2 and said.startswith(f"summary.json: {key}")
-    Path("summary.json").write_text(json.dumps({**SUMMARY, key: None}))
+    Path("summary.json").write_text(json.dumps({**SUMMARY, key: None}), encoding="utf-8-sig")
     assert complaint(dahl("report", "."))[1].startswith("loop.png: no such file; `dahl plot .`")
 
 
@@ -550,3 +554,6 @@ def test_a_histogram_needs_what_is_measured_beside_it(dahl):
         known = {key: value for key, value in whole.items() if key != left_out}
         Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [], **known}))
         assert "latency_histogram without" in complaint(dahl("report", "."))[1]
+    for pair in ([1, -2], [1], [1, "2"]):
+        Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [pair]}))
+        assert "latency_histogram = [[" in complaint(dahl("report", "."))[1]

@@ -35,8 +35,8 @@ def read_table(
 
     Columns are separated by tab, semicolon or comma, whichever the header has. `time` names a
     column that must not go backward. Raises dahl.Error for a file that is absent, empty or no text,
-    for a column that is not there (with the nearest name), and for a row that is shorter or longer
-    than the header or holds something that is not a finite number.
+    for a column that is not there (with the nearest name) or there twice, and for a row that is
+    shorter or longer than the header or holds something that is not a finite number.
     """
     path = Path(path)
     lines = _text_of(path).splitlines()
@@ -83,6 +83,8 @@ def _delimiter(header: str) -> str:
 
 def _place(path: Path, header: list[str], name: str) -> int:
     """Index of a column, or an error with the name that was perhaps meant."""
+    if header.count(name) > 1:
+        raise Error(f"{path}:1: {header.count(name)} columns '{name}': which one is meant?")
     if name in header:
         return header.index(name)
     raise Error(f"{path}:1: no column '{name}'{meant(name, header)}")

@@ -98,6 +98,8 @@ class View:
             seen.first_time = now
         if seen.message.name in NUMBERED and "Counter" in signals:
             counter = signals["Counter"]
+            if counter == 0 and str(signals.get("State")) == "Init":
+                seen.newest = None  # the node has begun anew, and its counters with it
             before, then = seen.newest or (counter - 1, now)
             step = counters.step(before, counter, now - then)
             if step:  # else it is repeated or late, and the next is expected as before

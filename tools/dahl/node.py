@@ -88,7 +88,7 @@ class NodeStructure(ctypes.Structure):
 
     _fields_: ClassVar[list[tuple[str, Any]]] = [
         ("plan", ctypes.c_uint64 * 39),
-        ("params", core._Params),
+        ("parameters", core._Params),  # `params` in C, as one of the counts is too
         ("held", core._Params),
         ("bearing", core.State),
         ("model", ctypes.c_void_p),
@@ -146,7 +146,7 @@ class Node(Copied):
         self._now = 0.0
         self._node = NodeStructure()
         self._kept = (ctypes.c_uint64 * KEPT_ROOM)()
-        self._friction = copy.deepcopy(friction) if type(friction) in USES else friction
+        self._friction = copy.deepcopy(friction) if _use_of(friction) else friction
         self._begin(codec.number_of(number, "number"))
         self._node.gain = round(_within("gain", gain, 0, 1, "") * ONE)
         self._node.limit = round(_within("limit", limit, 0, 1, "") * ONE)
@@ -158,7 +158,7 @@ class Node(Copied):
 
     def _begin(self, number: int) -> None:
         """dahl_node_init, and dahl_node_use_NAME where it is no Plan."""
-        use = USES.get(type(self._friction))
+        use = _use_of(self._friction)
         if use is None:
             known = ", ".join(kind.__name__ for kind in USES)
             raise Error(f"friction = {checks.shown(self._friction)} is none of {known}")
@@ -265,7 +265,7 @@ class Node(Copied):
 
     def _compared(self) -> tuple[Any, ...]:
         """All but addresses, and padding that C leaves as it is."""
-        first, last = NodeStructure.params.offset, NodeStructure.urgent.offset
+        first, last = NodeStructure.parameters.offset, NodeStructure.urgent.offset
         state = self.__getstate__()
         return type(self._friction), state["_node"][first : last + 1], state["_kept"]
 
@@ -357,6 +357,11 @@ USES: dict[type, Callable[[Any], tuple[core.Plan, str, tuple[Any, ...]]]] = {
     variants.ElastoPlastic: _use_elastoplastic,
     variants.Loaded: _use_loaded,
 }
+
+
+def _use_of(friction: object) -> Callable[[Any], tuple[core.Plan, str, tuple[Any, ...]]] | None:
+    """Also of a subclass."""
+    return next((USES[kind] for kind in type(friction).__mro__ if kind in USES), None)
 
 
 # --- on a bus -------------------------------------------------------------------------------------
@@ -502,7 +507,7 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
         if isinstance(answer, kind) and _answers(answer, frame):
             return answer
         if status := _answer_in(told, codec.Status.base + node):
-            why = _why_silent(status)
+            why = _why_silent(status, frame)
     raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
@@ -523,13 +528,16 @@ def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | No
         return None
 
 
-def _why_silent(status: codec.Frame) -> str:
+def _why_silent(status: codec.Frame, frame: codec.Frame) -> str:
     """What a Status says of a node that did not answer, and what it waits for; else nothing."""
     if not isinstance(status, codec.Status) or status.state == codec.State.OK:
         return ""
-    waits = status.state in (codec.State.STALE, codec.State.WRONG_SEQUENCE)
-    hint = "; after a Reset with What.RESTART it answers"
-    return f"; its Status says {status.state.name}{hint if waits else ''}"
+    said = f"; its Status says {status.state.name}"
+    if status.state in (codec.State.STALE, codec.State.WRONG_SEQUENCE):
+        said += "; after a Reset with What.RESTART it answers"
+    if isinstance(frame, codec.EncoderState) and codec.Errors.REPEATED in status.errors:
+        said += "; REPEATED is among its errors: each EncoderState has a counter one higher"
+    return said
 
 
 def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:

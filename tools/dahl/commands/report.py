@@ -28,6 +28,8 @@ def run(args: argparse.Namespace) -> None:
     from dahl import files, html_report, summary
 
     folder = args.run_path
+    if folder.is_file():
+        raise Error(f"{folder}: a file; the folder of a run was expected")
     output = args.output or folder / "report.html"
     text = html_report.page(summary.read(folder), _picture(folder / "loop.png"))
     files.keep(output, text)
