@@ -273,7 +273,9 @@ def test_rows_and_columns_are_found_wherever_they_are(tmp_path):
     savemat(
         tmp_path / "a.mat", {"run": {"way": both[:, 1], "n": 3.0, "load": both[:, 0]}, "k": 1.0}
     )
-    savemat(tmp_path / "b.mat", {"run": both, "short": np.arange(1.0)})
+    savemat(tmp_path / "b.mat", {"run": both})
+    savemat(tmp_path / "s.mat", {"way": np.arange(3.0), "load": np.arange(3.0), "fit": [1.0, 2.0]})
+    assert readers.read(tmp_path / "s.mat", readers.Source("way", "load")).rows == 3
     savemat(tmp_path / "n.mat", {"rig": {"run": {"way": both[:, 1], "load": both[:, 0]}}})
     for name, angle, torque in (
         ("a.mat", "run.way", "run.load"),

@@ -234,6 +234,7 @@ def test_a_torque_read_at_some_rows_that_comes_late(every):
 
 SMOOTH = dahl_torque(sine(3, rows=6000, cycles=40))
 DRY = np.sign(np.sin(np.arange(6000) * 0.05))  # 0 in the first row
+SPRING = np.abs(np.arange(6000) / 63 % 2 - 1)  # of a motion to and fro at one speed
 READ = SMOOTH + 0.01 * noise_of(3, 6000)
 
 
@@ -250,6 +251,8 @@ READ = SMOOTH + 0.01 * noise_of(3, 6000)
         np.zeros(6000),
         np.arange(6000) % 7.0,
         DRY,
+        SPRING,
+        DRY + SPRING,
         DRY + 0.06 * noise_of(3, 6000),
     ],
 )
@@ -260,12 +263,14 @@ def test_a_torque_with_a_reading_in_each_row_stays(torque):
 
 def test_readings_of_the_torque_are_found():
     log = Log("x", np.arange(6000.0), READ)
-    for straight in (False, True):
-        kept = recording.with_torque_readings(seldom(log, 7, straight, first=5))
+    for straight, digits, part in ((False, 15, 0.95), (True, 15, 0.95), (True, 3, 0.3)):
+        printed = seldom(log, 7, straight, first=5)
+        printed.torque = printed.torque.round(digits)
+        kept = recording.with_torque_readings(printed)
         read = np.flatnonzero(kept.weight)
-        assert set(read) <= set(range(5, 6000, 7)) and len(read) > 0.95 * 6000 / 7
-        assert kept.torque[read].tolist() == READ[read].tolist()
-        between = np.interp(np.arange(6000), read, READ[read])
+        assert set(read) <= set(range(5, 6000, 7)) and len(read) > part * 6000 / 7
+        assert kept.torque[read].tolist() == READ[read].round(digits).tolist()
+        between = np.interp(np.arange(6000), read, kept.torque[read])
         assert kept.torque == pytest.approx(between)
     few = seldom(recording.taken(log, slice(0, 1050), []), 35, straight=False)
     with pytest.raises(
