@@ -303,6 +303,10 @@ def test_weights_are_hubers():
     assert clean.huber(residual, None) == pytest.approx(wanted)
     before = RNG.uniform(size=300)
     assert clean.huber(residual, before) == pytest.approx(wanted * before)
+    seen = np.arange(300) % 4 == 0  # the others are no neighbours
+    some = clean.huber(residual, 0.5 * seen)
+    assert some[seen] == pytest.approx(0.5 * clean.huber(residual[seen], None))
+    assert not some[~seen].any()
     assert np.all(clean.huber(np.zeros(50), None) == 1)
     steps = np.where(np.arange(90) < 45, 0.0, 1.0)  # a step has neighbours on either side
     assert np.all(clean.huber(steps, None) == 1)
@@ -1115,6 +1119,20 @@ def sent(number: int, data: bytes, time: float, **more):
     return can.Message(
         arbitration_id=number, data=data, timestamp=time, is_extended_id=False, **more
     )
+
+
+def test_frames_that_tell_a_signal(tmp_path):
+    """Also short ones where the signal is in them, and of any value where the DBC has no range."""
+    (tmp_path / "bus.dbc").write_text(BUS)
+    signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
+    for number, name, size in ((256, "Angle", 0.5), (257, "Torque", 0.01)):
+        frames = [sent(number, data, time) for time, data in enumerate((b"\x02\0", b"\1", b""))]
+        frames += [sent(number, b"", 3, is_remote_frame=True, dlc=8), sent(999, bytes(8), 4)]
+        frames += [sent(number, b"\x04" + bytes(7), 5), sent(number, b"\0\x80", 6)]  # -32768
+        for frame in frames:
+            signals.feed(frame)
+        wanted = [(0, 2 * size), (5, 4 * size), (6, -327.68)][: 2 if name == "Angle" else 3]
+        assert np.array(signals.found[name]) == pytest.approx(np.array(wanted))
 
 
 def test_an_angle_and_its_torque_at_one_time():

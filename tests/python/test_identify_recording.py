@@ -49,17 +49,18 @@ def read(path, header: str, **source) -> list[str]:
         ("time_s,angle_deg,torque_Nm", {}, []),
         ("time_ms,angle_rad,torque_mNm", {}, []),
         ("angle,load", {"angle_unit": "rad", "torque_unit": "Nm"}, []),
-        ("angle_deg,torque_A", {}, ["torque"]),
-        ("angle_deg,torque [V]", {}, ["torque"]),
-        ("angle,load", {}, ["angle", "torque"]),
-        ("t,angle,torque", {}, ["angle", "torque", "time"]),
+        ("angle_deg,torque_A", {}, ["torque in Nm"]),
+        ("angle_deg,torque [V]", {}, ["torque in Nm"]),
+        ("angle,load", {}, ["angle in deg", "torque in Nm"]),
+        ("t,angle,torque", {}, ["angle in deg", "torque in Nm", "time in s"]),
         ("position_mm,load", {"torque_unit": "N"}, []),
+        ("position_mm,load", {}, ["torque in N"]),
         ("t,angle_deg,torque_Nm", {"time_unit": "ms"}, []),
     ],
 )
 def test_each_unit_that_was_assumed_is_named(tmp_path, header, source, assumed):
     notes = read(tmp_path / "log.csv", header, **source)
-    assert [note.split(" taken in ")[0] for note in notes] == assumed
+    assert [note.partition(":")[0].replace(" taken", "") for note in notes] == assumed
 
 
 @pytest.mark.parametrize(
