@@ -262,7 +262,8 @@ def test_a_torque_with_a_reading_in_each_row_stays(torque):
     assert recording.with_torque_readings(log) is log
 
 
-def test_readings_of_the_torque_are_found():
+def test_readings_of_the_torque_are_found(monkeypatch):
+    monkeypatch.setattr(recording, "LOOKED_AT", 1000)  # rows, before all of them
     log = Log("x", np.arange(6000.0), READ)
     for straight, digits, part in ((False, 15, 0.95), (True, 15, 0.95), (True, 3, 0.3)):
         printed = seldom(log, 7, straight, first=5)
@@ -350,7 +351,7 @@ def test_repeated_rows_are_left_out_and_named(kind):
 
 
 @pytest.mark.parametrize(
-    "kind", ["noise", "computed", "computed, with rests", "coarse torque", "at rest"]
+    "kind", ["noise", "computed", "computed, with rests", "coarse torque", "at rest", "loads"]
 )
 def test_rows_that_are_alike_for_other_reasons_stay(kind):
     log = synthetic(1)
@@ -362,6 +363,9 @@ def test_rows_that_are_alike_for_other_reasons_stay(kind):
         log = Log("x", theta, dahl_torque(theta), np.arange(len(rests)) * 1e-3)
     elif kind == "coarse torque":
         log.torque = np.round(log.torque / 0.05) * 0.05
+    elif kind == "loads":  # one row before and one after another load is put on
+        log = recording.taken(log, np.repeat(np.arange(log.rows), 2), [])
+        log.load = np.arange(log.rows) % 2.0
     elif kind == "at rest":
         log.theta[500:] = log.theta[500]
         log.torque[500:] = log.torque[500]
