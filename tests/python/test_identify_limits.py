@@ -161,15 +161,6 @@ def test_an_angle_is_smoothed_only_where_it_flickers(spikes, window):
     assert any("flicker" in note for note in result.notes) == (window > 1)
 
 
-def test_weights_of_several_causes_multiply():
-    odd = np.zeros(200)
-    odd[::10] = np.random.default_rng(1).normal(size=20) + 1
-    odd[50] = 1000.0
-    before = np.full(200, 0.5)
-    assert np.allclose(clean.huber(odd, before), 0.5 * clean.huber(odd, None))
-    assert clean.huber(odd, None)[50] < 0.1
-
-
 @pytest.mark.parametrize("part", [0.25, 1 / 3])
 def test_a_delay_between_two_rows_is_interpolated(part):
     """Shifting back by a part of a row restores a straight torque, to the side it came from."""
