@@ -181,8 +181,9 @@ def test_empty_and_truncated_and_absent_files(run_dahl, log, tmp_path):
     assert "log.csv:1201: column 'torque_Nm': no finite number" in said
     (tmp_path / "noise.csv").write_bytes(bytes(range(256)) * 4)
     assert "not a text file" in refused(run_dahl, tmp_path / "noise.csv")
-    (tmp_path / "other.csv").write_bytes(b"angle,torque [\x81Nm]\n1,2\n")
-    assert "not a text file (byte 14)" in refused(run_dahl, tmp_path / "other.csv")
+    for raw, byte in ((b"angle,torque [\x81Nm]\n1,2\n", 14), (b"angle\xe9,torque\n1,\x012\n", 5)):
+        (tmp_path / "other.csv").write_bytes(raw)
+        assert f"not a text file (byte {byte})" in refused(run_dahl, tmp_path / "other.csv")
 
 
 @pytest.mark.parametrize("kind", ["json", "mat", "parquet", "mf4", *FRAMES])
@@ -272,7 +273,9 @@ def test_rows_and_columns_are_found_wherever_they_are(tmp_path):
     savemat(
         tmp_path / "a.mat", {"run": {"way": both[:, 1], "n": 3.0, "load": both[:, 0]}, "k": 1.0}
     )
-    savemat(tmp_path / "b.mat", {"run": both, "short": np.arange(1.0)})
+    savemat(tmp_path / "b.mat", {"run": both})
+    savemat(tmp_path / "s.mat", {"way": np.arange(3.0), "load": np.arange(3.0), "fit": [1.0, 2.0]})
+    assert readers.read(tmp_path / "s.mat", readers.Source("way", "load")).rows == 3
     savemat(tmp_path / "n.mat", {"rig": {"run": {"way": both[:, 1], "load": both[:, 0]}}})
     for name, angle, torque in (
         ("a.mat", "run.way", "run.load"),
@@ -534,21 +537,25 @@ def test_what_an_mf4_says_of_its_channels(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "time_s,angle_deg,torque_Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n",
+        "time_s,angle_deg,torque_Nm\n0,1.5,0.25,\n0.5,2,-3,\n1,4.5,1e-3,\n",
+        'time_s, "angle, left [deg]", "torque_Nm"\n0, 1.5, 0.25\n0.5, 2, -3\n1, 4.5, 1e-3\n',
+        'time_s,"angle\n(deg)",torque_Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n',
         "time_s;angle_deg;torque_Nm\n0;1,5;0,25\n0,5;2;-3\n1;4,5;1e-3\n",
         "time_s\tangle_deg\ttorque_Nm\n0\t1,5\t0,25\n0,5\t2\t-3\n1\t4,5\t1,0e-3\n",
         "time;angle;torque\ns;deg;Nm\n0;1.5;0.25\n0.5;2;-3\n1;4.5;1e-3\n",
         "time angle torque\n[s] [deg] [Nm]\n0 1,5 ,25\n0,5 2 -3\n1 4,5 ,001\n",
-        '"time, of day","angle, left","torque"\ns,deg,Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n',
+        '"time, of day", "angle,\nleft", "torque"\ns, deg, Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n',
         "# rig 3\n\n% 2026\ntime_s,angle_deg,torque_Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n",
         "# time_s angle_deg torque_Nm\n0 1.5 0.25\n0.5 2 -3\n1 4.5 1e-3\n",  # numpy.savetxt
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
 def test_tables_of_many_programs(tmp_path, text, encoding):
-    """Decimal commas, a line of units, comments, letters of Windows; lines ended by two marks."""
-    path = tmp_path / "a.csv"
-    path.write_text(text.replace("deg", "°").replace("\n", "\r\n"), encoding=encoding, newline="")
+    """Decimal commas, a line of units, comments, letters of Windows; lines ended by two marks, or
+    by either of them.
+    """
+    path, end = tmp_path / "a.csv", {"utf-8": "\n", "utf-8-sig": "\r", "cp1252": "\r\n"}[encoding]
+    path.write_text(text.replace("deg", "°").replace("\n", end), encoding=encoding, newline="")
     read = readers.read(path, readers.Source())
     assert read.time.tolist() == [0, 0.5, 1]
     assert np.degrees(read.theta) == pytest.approx([1.5, 2, 4.5])
@@ -576,13 +583,16 @@ def test_tables_without_names_have_numbers_for_them(tmp_path, text, wanted):
     [
         ("angle;torque\ndeg;Nm\n1;2\n3;x\n", "a.csv:4: column 'torque [Nm]': 'x' is not a"),
         ("# one\n\nangle,torque\n1,2\n3,x\n", "a.csv:5: column 'torque': 'x' is not a number"),
-        ("angle,torque\nx,y\nx,y\n1,2\n", "a.csv:2: column 'angle': 'x' is not a number"),
+        ('"angle\n\nleft","torque"\n1,2\n3,x\n', "a.csv:5: column 'torque': 'x' is not a number"),
+        ('angle 5",torque\n1,2\n3,x\n', "a.csv:3: column 'torque': 'x' is not a number"),
+        ("angle,torque\n’,y\nx,y\n1,2\n", "a.csv:2: column 'angle': '’' is not a number"),
+        ("angle;torque\nx;5\n1;2\n", "a.csv:2: column 'angle': 'x' is not a number"),
         ("angle,torque\ndeg\n1,2\n", "column 'angle': 'deg' is not a number"),
         ("# only\n% this\n", "empty; a first line with column names was expected"),
     ],
 )
 def test_what_is_wrong_in_a_table_is_said_with_its_line(tmp_path, text, words):
-    (tmp_path / "a.csv").write_text(text)
+    (tmp_path / "a.csv").write_text(text, encoding="cp1252")
     with pytest.raises(Error, match=re.escape(words)):
         readers.read(tmp_path / "a.csv", readers.Source())
 

@@ -84,18 +84,20 @@ def test_strokes_differ_in_length_and_speed_both_ways():
 
 
 @pytest.mark.parametrize(
-    ("pace", "place", "said"),
+    ("pace", "place", "lowest", "said"),
     [
-        (1.2, 1.2, "one speed: "),
-        (1.4, 1.2, ""),
-        (1.4, 1.0, "the same turning points: "),
-        (1.2, 1.0, "one speed: .* and the same turning points: "),
+        (1.2, 1.2, -1, "one speed: "),
+        (1.4, 1.2, -1, ""),
+        (1.4, 1.2, -0.05, ""),
+        (1.4, 1.0, -1, "the same turning points: "),
+        (1.2, 1.0, -1, "one speed: .* and the same turning points: "),
     ],
 )
-def test_what_strokes_hide_that_are_alike(pace, place, said):
-    """Every other cycle slower, and farther: strokes as of a sine, 1/a = 0.005 rad."""
+def test_what_strokes_hide_that_are_alike(pace, place, lowest, said):
+    """Every other cycle slower, and farther, on one side or both: as of a sine, 1/a = 0.005 rad."""
     cycles = [(100, 0.05), (round(100 * pace * place), 0.05 * place)] * 4
     theta = np.concatenate([far * np.sin(2 * np.pi * np.arange(n) / n) for n, far in cycles])
+    theta = np.maximum(theta, lowest)
     log = Log("", theta, theta, np.arange(len(theta)) * 1e-3)
     words = variety.note([log], SIGMA0 / FC, 0.3 * FC / SIGMA0)
     assert re.search(said, words) if said else not words

@@ -332,7 +332,7 @@ def test_the_command_says_a_line_of_each_look_at_a_bus(tmp_path, run_dahl, monke
     monkeypatch.setattr("dahl.bus.received", received)
     (tmp_path / "bus.dbc").write_text(DBC)
     signals = ("--dbc", tmp_path / "bus.dbc", "--angle", "Angle", "--torque", "Torque")
-    ends = ("--within", "2.5", "--seconds", "30", "--frames", "40000", "-o", tmp_path / "out")
+    ends = ("--within", "0.5", "--seconds", "30", "--frames", "40000", "-o", tmp_path / "out")
     done = run_dahl("identify", "--follow", *signals, *ends)
     assert done.returncode == 0 and limits == [(30.0, 40_000)]
     looks = [line.split(": ", 1) for line in done.stderr.splitlines()]
@@ -343,7 +343,7 @@ def test_the_command_says_a_line_of_each_look_at_a_bus(tmp_path, run_dahl, monke
     for name in ("sigma0", "Fc"):
         low, high = found["ci95"][name]
         width = 50 * (high - low) / found[name]
-        assert width < 2.5
+        assert width < 0.5
         parts.append(f"{name} {found[name]:.5g} (within {width:.2g} %)")
     assert looks[-1][1] == f"{', '.join(parts)}; {found['verdict']}"
     assert (tmp_path / "out" / "dahl_plan_bus.h").is_file()

@@ -697,6 +697,7 @@ def test_the_end_of_a_column_is_drawn_out(cut):
     assert cut.moved(up, 2.0)[:4, 0].tolist() == [0, 0, 0, 1]
     assert cut.moved(up, -2.0)[-4:, 0].tolist() == [2998, 2999, 2999, 2999]
     assert cut.moved(up, 1.5)[:3, 0].tolist() == [0, 0, 0.5]
+    assert cut.moved(up, -1.5)[-3:, 0].tolist() == [2998.5, 2999, 2999]
     assert cut.moved(up, 0.0) is up
 
 

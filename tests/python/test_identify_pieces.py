@@ -303,6 +303,10 @@ def test_weights_are_hubers():
     assert clean.huber(residual, None) == pytest.approx(wanted)
     before = RNG.uniform(size=300)
     assert clean.huber(residual, before) == pytest.approx(wanted * before)
+    seen = np.arange(300) % 4 == 0  # the others are no neighbours
+    some = clean.huber(residual, 0.5 * seen)
+    assert some[seen] == pytest.approx(0.5 * clean.huber(residual[seen], None))
+    assert not some[~seen].any()
     assert np.all(clean.huber(np.zeros(50), None) == 1)
     steps = np.where(np.arange(90) < 45, 0.0, 1.0)  # a step has neighbours on either side
     assert np.all(clean.huber(steps, None) == 1)
@@ -818,54 +822,24 @@ INCH = 0.0254  # m
 
 
 def test_every_unit_of_torque_is_what_it_is():
-    inch, pound, g = INCH, 0.45359237, 9.80665
-    torques = {
-        "Nm": 1,
-        "mNm": 1e-3,
-        "uNm": 1e-6,
-        "cNm": 1e-2,
-        "kNm": 1e3,
-        "MNm": 1e6,
-        "ozin": pound * g * inch / 16,
-        "lbin": pound * g * inch,
-        "lbft": pound * g * inch * 12,
-        "N": 1,
-        "mN": 1e-3,
-        "uN": 1e-6,
-        "kN": 1e3,
-        "MN": 1e6,
-        "kgf": g,
-        "gf": g / 1000,
-        "kgfcm": g / 100,
-        "gfcm": g / 1e5,
-        "lb": pound * g,
-        "kip": 1000 * pound * g,
-    }
+    pound, g = 0.45359237, 9.80665
+    sizes = {"u": 1e-6, "m": 1e-3, "c": 1e-2, "": 1, "k": 1e3, "M": 1e6}
+    torques = {f"{prefix}Nm": size for prefix, size in sizes.items()}
+    torques |= {f"{prefix}N": size for prefix, size in sizes.items() if prefix != "c"}
+    torques |= {"kgf": g, "gf": g / 1000, "kgfcm": g / 100, "gfcm": g / 1e5}
+    torques |= {"lb": pound * g, "kip": 1000 * pound * g, "lbin": pound * g * INCH}
+    torques |= {"lbft": pound * g * INCH * 12, "ozin": pound * g * INCH / 16}
     assert units.TORQUES == pytest.approx(torques, rel=1e-8)
 
 
 def test_every_unit_of_angle_and_time_is_what_it_is():
-    angles = {
-        "deg": (np.pi / 180, False),
-        "rad": (1, False),
-        "mdeg": (np.pi / 180e3, False),
-        "mrad": (1e-3, False),
-        "urad": (1e-6, False),
-        "arcmin": (np.pi / 180 / 60, False),
-        "arcsec": (np.pi / 180 / 3600, False),
-        "turn": (2 * np.pi, False),
-        "counts": (0, False),
-        "m": (1, True),
-        "cm": (1e-2, True),
-        "mm": (1e-3, True),
-        "um": (1e-6, True),
-        "in": (INCH, True),
-        "ft": (12 * INCH, True),
-    }
-    assert {name: size for name, (size, _) in units.ANGLES.items()} == pytest.approx(
-        {name: size for name, (size, _) in angles.items()}
-    )
-    assert {k: v for k, (_, v) in units.ANGLES.items()} == {k: v for k, (_, v) in angles.items()}
+    deg = np.pi / 180
+    turns = {"deg": deg, "mdeg": deg / 1e3, "arcmin": deg / 60, "arcsec": deg / 3600}
+    turns |= {"rad": 1, "mrad": 1e-3, "urad": 1e-6, "turn": 2 * np.pi, "counts": 0}
+    lengths = {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": INCH, "ft": 12 * INCH}
+    for known, is_linear in ((turns, False), (lengths, True)):
+        found = {name: size for name, (size, linear) in units.ANGLES.items() if linear is is_linear}
+        assert found == pytest.approx(known)
     assert units.TIMES == {"s": 1, "sec": 1, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -1017,6 +991,7 @@ def test_torques_of_two_messages():
         ("a; b\n1;2\n", ["a", "b"], 2, [1, 2]),
         ("1\t2\n3\t4\n", ["1", "2"], 1, [1, 2]),
         ("a   b\n1 2\n", ["a", "b"], 2, [1, 2]),
+        ("a;b\ns;\n1;2\n3;4\n", ["a [s]", "b"], 3, [1, 2]),
         ("\n  \na,b,c\n1,2,3\n", ["a", "b", "c"], 4, [1, 2, 3]),
         ("a,b;c\n", None, 0, []),
     ],
@@ -1114,6 +1089,20 @@ def sent(number: int, data: bytes, time: float, **more):
     return can.Message(
         arbitration_id=number, data=data, timestamp=time, is_extended_id=False, **more
     )
+
+
+def test_frames_that_tell_a_signal(tmp_path):
+    """Also short ones where the signal is in them, and of any value where the DBC has no range."""
+    (tmp_path / "bus.dbc").write_text(BUS)
+    signals = readers.Signals(tmp_path / "bus.dbc", "Angle", "Torque")
+    for number, name, size in ((256, "Angle", 0.5), (257, "Torque", 0.01)):
+        frames = [sent(number, data, time) for time, data in enumerate((b"\x02\0", b"\1", b""))]
+        frames += [sent(number, b"", 3, is_remote_frame=True, dlc=8), sent(999, bytes(8), 4)]
+        frames += [sent(number, b"\x04" + bytes(7), 5), sent(number, b"\0\x80", 6)]  # -32768
+        for frame in frames:
+            signals.feed(frame)
+        wanted = [(0, 2 * size), (5, 4 * size), (6, -327.68)][: 2 if name == "Angle" else 3]
+        assert np.array(signals.found[name]) == pytest.approx(np.array(wanted))
 
 
 def test_an_angle_and_its_torque_at_one_time():

@@ -49,17 +49,18 @@ def read(path, header: str, **source) -> list[str]:
         ("time_s,angle_deg,torque_Nm", {}, []),
         ("time_ms,angle_rad,torque_mNm", {}, []),
         ("angle,load", {"angle_unit": "rad", "torque_unit": "Nm"}, []),
-        ("angle_deg,torque_A", {}, ["torque"]),
-        ("angle_deg,torque [V]", {}, ["torque"]),
-        ("angle,load", {}, ["angle", "torque"]),
-        ("t,angle,torque", {}, ["angle", "torque", "time"]),
+        ("angle_deg,torque_A", {}, ["torque in Nm"]),
+        ("angle_deg,torque [V]", {}, ["torque in Nm"]),
+        ("angle,load", {}, ["angle in deg", "torque in Nm"]),
+        ("t,angle,torque", {}, ["angle in deg", "torque in Nm", "time in s"]),
         ("position_mm,load", {"torque_unit": "N"}, []),
+        ("position_mm,load", {}, ["torque in N"]),
         ("t,angle_deg,torque_Nm", {"time_unit": "ms"}, []),
     ],
 )
 def test_each_unit_that_was_assumed_is_named(tmp_path, header, source, assumed):
     notes = read(tmp_path / "log.csv", header, **source)
-    assert [note.split(" taken in ")[0] for note in notes] == assumed
+    assert [note.partition(":")[0].replace(" taken", "") for note in notes] == assumed
 
 
 @pytest.mark.parametrize(
@@ -234,6 +235,7 @@ def test_a_torque_read_at_some_rows_that_comes_late(every):
 
 SMOOTH = dahl_torque(sine(3, rows=6000, cycles=40))
 DRY = np.sign(np.sin(np.arange(6000) * 0.05))  # 0 in the first row
+SPRING = np.abs(np.arange(6000) / 63 % 2 - 1)  # of a motion to and fro at one speed
 READ = SMOOTH + 0.01 * noise_of(3, 6000)
 
 
@@ -250,6 +252,8 @@ READ = SMOOTH + 0.01 * noise_of(3, 6000)
         np.zeros(6000),
         np.arange(6000) % 7.0,
         DRY,
+        SPRING,
+        DRY + SPRING,
         DRY + 0.06 * noise_of(3, 6000),
     ],
 )
@@ -258,14 +262,17 @@ def test_a_torque_with_a_reading_in_each_row_stays(torque):
     assert recording.with_torque_readings(log) is log
 
 
-def test_readings_of_the_torque_are_found():
+def test_readings_of_the_torque_are_found(monkeypatch):
+    monkeypatch.setattr(recording, "LOOKED_AT", 1000)  # rows, before all of them
     log = Log("x", np.arange(6000.0), READ)
-    for straight in (False, True):
-        kept = recording.with_torque_readings(seldom(log, 7, straight, first=5))
+    for straight, digits, part in ((False, 15, 0.95), (True, 15, 0.95), (True, 3, 0.3)):
+        printed = seldom(log, 7, straight, first=5)
+        printed.torque = printed.torque.round(digits)
+        kept = recording.with_torque_readings(printed)
         read = np.flatnonzero(kept.weight)
-        assert set(read) <= set(range(5, 6000, 7)) and len(read) > 0.95 * 6000 / 7
-        assert kept.torque[read].tolist() == READ[read].tolist()
-        between = np.interp(np.arange(6000), read, READ[read])
+        assert set(read) <= set(range(5, 6000, 7)) and len(read) > part * 6000 / 7
+        assert kept.torque[read].tolist() == READ[read].round(digits).tolist()
+        between = np.interp(np.arange(6000), read, kept.torque[read])
         assert kept.torque == pytest.approx(between)
     few = seldom(recording.taken(log, slice(0, 1050), []), 35, straight=False)
     with pytest.raises(
@@ -344,7 +351,7 @@ def test_repeated_rows_are_left_out_and_named(kind):
 
 
 @pytest.mark.parametrize(
-    "kind", ["noise", "computed", "computed, with rests", "coarse torque", "at rest"]
+    "kind", ["noise", "computed", "computed, with rests", "coarse torque", "at rest", "loads"]
 )
 def test_rows_that_are_alike_for_other_reasons_stay(kind):
     log = synthetic(1)
@@ -356,6 +363,9 @@ def test_rows_that_are_alike_for_other_reasons_stay(kind):
         log = Log("x", theta, dahl_torque(theta), np.arange(len(rests)) * 1e-3)
     elif kind == "coarse torque":
         log.torque = np.round(log.torque / 0.05) * 0.05
+    elif kind == "loads":  # one row before and one after another load is put on
+        log = recording.taken(log, np.repeat(np.arange(log.rows), 2), [])
+        log.load = np.arange(log.rows) % 2.0
     elif kind == "at rest":
         log.theta[500:] = log.theta[500]
         log.torque[500:] = log.torque[500]

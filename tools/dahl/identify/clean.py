@@ -279,12 +279,8 @@ def shifted(torque: np.ndarray, rows: float) -> np.ndarray:
 
 
 def shifted_weight(weight: np.ndarray, rows: float) -> np.ndarray:
-    """The weights that belong to a shifted torque: the lesser of the two rows it is drawn from, of
-    which the nearer one says whether it counts at all.
-    """
+    """The weights that belong to a shifted torque: the lesser of the two rows it is drawn from."""
     index = np.arange(len(weight)) + int(np.floor(rows))
-    before, after = (np.clip(index + k, 0, len(weight) - 1) for k in (0, int(rows % 1 > 0)))
-    some = np.where(weight > 0, weight, 1.0)
-    nearer = after if rows % 1 > 0.5 else before
-    least: np.ndarray = np.where(weight[nearer] > 0, np.minimum(some[before], some[after]), 0.0)
+    both = [np.clip(index + k, 0, len(weight) - 1) for k in (0, int(rows % 1 > 0))]
+    least: np.ndarray = np.minimum(*weight[both])
     return least

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dahl import Error
 
 if TYPE_CHECKING:
@@ -26,6 +28,8 @@ COMMENT = "#%"
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 CONTROL = re.compile("[\x01-\x08\x0e-\x1f]")  # which no text of Windows has
 LINE_END = re.compile("\r\n|\r|\n")  # and no others: as pandas reads
+
+Line = tuple[int, str]  # number, from 0 on, and text
 
 
 @dataclass(frozen=True)
@@ -84,14 +88,23 @@ def form_of(path: Path) -> Form:
         if len(names) != len(cells(rows[0][1], separator)):  # a comment, and no names
             names = [str(i + 1) for i in range(len(cells(rows[0][1], separator)))]
         return Form(encoding, separator, _decimal(rows, separator), names, skipped, rows[0][0] + 1)
-    separator = _separator_of_names(rows[0][1])
-    decimal, named, below = _decimal(rows[1:], separator), rows[0], rows[1:]
-    first = below[0][0] + 1 if below else named[0] + 2
-    units = _units(cells(named[1], separator), below, separator)
-    if units is None or named[1].count('"') % 2:  # a name may go over several lines
+    named, below = _names_and_rows(rows)
+    names_line = "\n".join(line for _, line in named)
+    separator = _separator_of_names(names_line)
+    decimal = _decimal(below, separator)
+    first = below[0][0] + 1 if below else named[-1][0] + 2
+    units = _units(cells(names_line, separator), below, separator)
+    if units is None:
         return Form(encoding, separator, decimal, None, skipped, first)
-    skipped += [named[0], below[0][0]]
+    skipped += [*range(named[0][0], named[-1][0] + 1), below[0][0]]
     return Form(encoding, separator, decimal, units, skipped, below[1][0] + 1)
+
+
+def _names_and_rows(rows: Sequence[Line]) -> tuple[Sequence[Line], Sequence[Line]]:
+    """The lines of the names, of which a quoted one may go over several, and the lines below."""
+    quotes = np.cumsum([line.count('"') for _, line in rows])
+    closed = int(np.argmin(quotes % 2)) + 1  # 1 too where a quote is never closed, as of inches
+    return rows[:closed], rows[closed:]
 
 
 def _head(path: Path) -> tuple[str, str]:
@@ -133,7 +146,7 @@ def _separator_of_names(line: str) -> str:
     return max("\t;,", key=line.count) if re.search("[\t;,]", line) else BLANKS
 
 
-def _decimal(rows: Sequence[tuple[int, str]], separator: str) -> str:
+def _decimal(rows: Sequence[Line], separator: str) -> str:
     """The sign before the decimals: a comma where some number has one."""
     if separator == ",":
         return "."
@@ -141,9 +154,7 @@ def _decimal(rows: Sequence[tuple[int, str]], separator: str) -> str:
     return "," if any(DECIMAL_COMMA.fullmatch(cell) for cell in some) else "."
 
 
-def _units(
-    names: Sequence[str], below: Sequence[tuple[int, str]], separator: str
-) -> list[str] | None:
+def _units(names: Sequence[str], below: Sequence[Line], separator: str) -> list[str] | None:
     """The names with the units of the line below, as columns are called; None where there are no
     units but numbers below.
     """
