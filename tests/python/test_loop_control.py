@@ -163,6 +163,14 @@ def test_the_controller_is_proportional_and_derivative(tmp_path, kp, kd):
     assert np.abs(made - due).max() < bound
 
 
+def test_a_motor_without_torque_is_traced_as_such(tmp_path):
+    """Once the reference is back at a shaft that is too heavy to have moved a count."""
+    ends = [f"motion.theta{n + 1}={count}" for n, count in enumerate((800, 0, 0))]
+    sets = ("rotor.inertia=1e6", "friction.gain=0", "control.kd=0", *ends)
+    trace, _ = traced(tmp_path, "slow-reversal", *sets)
+    assert np.array_equal(trace["motor"] > 0, trace["reference"] > 0)
+
+
 def test_the_motor_gives_no_more_than_its_limit(tmp_path):
     """With the compensation, which alone would ask for more; and that has a limit of its own."""
     trace, _ = traced(tmp_path, "parking", "control.torque_limit=1.5")
