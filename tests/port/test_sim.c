@@ -10,6 +10,7 @@
 #include "candump.h"
 #include "encoder.h"
 #include "dahl_frames.h"
+#include "files.h"
 #include "histogram.h"
 #include "loop.h"
 #include "loopback/loopback.h"
@@ -366,6 +367,21 @@ static void test_the_summary_adds_up_all_encoders_and_nodes(void)
     TEST_ASSERT_EQUAL_DOUBLE(1, said("crc"));
 }
 
+static void test_a_measured_log_is_looked_for_beside_its_scene(void)
+{
+    static const struct {
+        const char *scene, *data, *want;
+    } known[] = {{"a.ini", NULL, "m.csv"},   {"b/a.ini", NULL, "b/m.csv"}, {"/a.ini", NULL, "/m.csv"},
+                 {"b/a.ini", "/", "/m.csv"}, {"b/a.ini", "c/d", "c/d/m.csv"}};
+    const scene_t scene = {.has_motion = true, .motion = {.kind = MOTION_LOG, .file = "m.csv"}};
+    char path[FILES_PATH];
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        const options_t options = {.scene = known[i].scene, .data = known[i].data};
+        TEST_ASSERT_EQUAL(0, files_find_log(path, &options, &scene));
+        TEST_ASSERT_EQUAL_STRING(known[i].want, path);
+    }
+}
+
 static void test_segments_rest_at_each_end(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 2, .theta2 = 1, .theta3 = 2, .speed = 1000,
@@ -401,6 +417,7 @@ int main(void)
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_the_summary_says_what_was_counted);
     RUN_TEST(test_the_summary_adds_up_all_encoders_and_nodes);
+    RUN_TEST(test_a_measured_log_is_looked_for_beside_its_scene);
     RUN_TEST(test_segments_rest_at_each_end);
     return UNITY_END();
 }
