@@ -399,7 +399,7 @@ def umask() -> int:
 
 def test_the_path_of_a_measured_log_has_1023_characters_at_most(tmp_path):
     write(tmp_path, "\n".join(GOOD.values()))
-    folder = f"{tmp_path}{'/' * (1023 - len(str(tmp_path)) - len('log.csv') - 1)}"
+    folder = f"{tmp_path}{'/' * (1023 - len(str(tmp_path)) - len('log.csv'))}"
     result = run(tmp_path, tmp_path / "scene.ini", "--virtual", "--data", folder)
     assert (result.code, result.summary["ticks"]) == (0, 3)
     result.log.unlink()
