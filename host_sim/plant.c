@@ -144,7 +144,7 @@ static int next_driven(motion_t *self, int64_t *place)
     if (!is_measured(p)) {
         return -1;
     }
-    if ((double)(p->ticks + 1) * TICK_S > p->scene->motor.seconds) {
+    if (p->ticks >= (uint64_t)llround(p->scene->motor.seconds / TICK_S)) {
         return 0;
     }
     *place = measured(p);
