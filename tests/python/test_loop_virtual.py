@@ -185,10 +185,11 @@ def test_answers_follow_their_frames_and_echo_them(tmp_path):
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
-def test_log_files_of_many_shapes(tmp_path, delimiter, end):
+@pytest.mark.parametrize("first", ["t [s]", '"t [s]"'])
+def test_log_files_of_many_shapes(tmp_path, delimiter, end, first):
     values = [(0, 1.5), (0.001, 1.6), (0.001, 1.4), (5, -2.0)]
     rows = [
-        ["t [s]", '"angle, [deg]"', "note"],
+        [first, '"angle, [deg]"', "note"],
         *([str(t), str(v), "x" * 60000] for t, v in values),
     ]
     text = "\ufeff" + end.join(delimiter.join(row) for row in rows) + end + end
