@@ -35,6 +35,7 @@ STRUCTS = {
     "ParamReply": structure("value", "counter", "param", "result", word=ctypes.c_uint32),
     "Reset": structure("counter", "what"),
 }
+ENDS = (["Encoder", "FrictionNode"], ["FrictionNode", "Encoder"])  # of a signal
 # Signals whose range the meaning bounds, not the number of bits.
 BOUNDED = ("TorqueRatio", "Write", *PARAMS[PARAMS.index("Gain") :], "Param")
 
@@ -171,6 +172,12 @@ def test_dbc_assigns_cycle_time_and_send_type_to_every_message(database):
         "ParamReply": "OnReception",
         "Reset": "OnRequest",
     }
+    senders = {
+        one.name: one.senders for one in database.messages if one.senders != ["FrictionNode"]
+    }
+    assert senders == dict.fromkeys(("EncoderState", "ParamWrite", "Reset"), ["Encoder"])
+    for message in database.messages:
+        assert all([*one.receivers, *message.senders] in ENDS for one in message.signals), message
 
 
 def test_dbc_names_every_state(database, root):
@@ -182,7 +189,23 @@ def test_dbc_names_every_state(database, root):
     for kind in ("FrictionTorque", "Status"):
         choices = database.get_message_by_name(kind).get_signal_by_name("State").choices
         assert {str(name).upper(): code for code, name in choices.items()} == codes
-    assert database.get_message_by_name("EncoderState").get_signal_by_name("Valid").choices
+
+
+@pytest.mark.parametrize(
+    ("kind", "signals", "names"),
+    [
+        ("EncoderState", "Valid", ["Invalid", "Valid"]),
+        ("Status", "Error", ["None", "Seen"]),
+        ("ParamWrite", "Write", ["Read", "Write", "Hold"]),
+        ("ParamReply", "Result", ["Done", "OutOfRange", "Unknown"]),
+        ("Reset", "What", ["", "Errors", "Restart"]),
+    ],
+)
+def test_dbc_names_what_a_code_means(database, kind, signals, names):
+    for signal in database.get_message_by_name(kind).signals:
+        if signal.name.startswith(signals):
+            choices = {int(code): str(name) for code, name in signal.choices.items()}
+            assert choices == {code: name for code, name in enumerate(names) if name}, signal.name
 
 
 def test_dbc_has_no_bit_timing_and_no_overlap(dbc, database):
