@@ -595,7 +595,7 @@ def test_what_is_set_is_named_by_its_place_on_the_command_line(scene, sets, word
 
 BUS_ERRORS = [
     ("socketcan:nosuchif0", "--bus socketcan:nosuchif0: "),
-    ("socketcand:127.0.0.1:1", "Connection refused"),
+    ("socketcand:127.0.0.1:65535", "Connection refused"),
     ("socketcand:::1:1", ":1: "),  # an address with colons: the port stands behind the last
     (f"socketcand:{'x' * 127}:5", "xx:5: Cannot assign requested address"),
     ("socketcand:255.255.255.255:1", "Network is unreachable"),
