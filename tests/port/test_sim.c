@@ -243,6 +243,11 @@ static void test_a_full_disk_is_told_at_the_end_with_what_is_missing(void)
     TEST_ASSERT_FALSE(candump_close(&log));
     TEST_ASSERT_EQUAL(ENOSPC, errno);
     TEST_ASSERT_EQUAL(1000, log.missing);
+    memset(&log, 0, sizeof log);
+    TEST_ASSERT_TRUE(candump_open(&log, "/dev/null", "vcan0", false));
+    close(log.fd); /* what fails at the very end is told too */
+    TEST_ASSERT_FALSE(candump_close(&log));
+    TEST_ASSERT_EQUAL(EBADF, errno);
 }
 
 static void test_what_came_before_the_end_is_answered_and_logged(void)

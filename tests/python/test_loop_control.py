@@ -90,7 +90,8 @@ def test_presliding_creep(tmp_path):
     held = steady["angle"][-1]
     assert steady["friction"][-1] == pytest.approx(0.9, rel=1e-6)
     assert steady["angle"][-10000] == pytest.approx(held, abs=1e-7)
-    shaken, _ = traced(tmp_path / "b", "creep")
+    shaken, summary = traced(tmp_path / "b", "creep")
+    assert "control" not in summary
     assert np.abs(shaken["motor"]).max() < 0.75 * FC
     cycles = shaken["angle"][::500]
     assert (np.diff(cycles)[1:] > 0).all()
