@@ -568,6 +568,7 @@ SET_ERRORS = [  # scene, what is set, what is said: where, which value, which li
     ("steering", ["motion.speed=5"], "--set:1: [motion] speed has no meaning"),
     ("steering", ["friction.node=1", "motion.kind=x"], "--set:2: [motion] kind = x: not one of"),
     ("steering", ["status.period_ms=9", "faults.id=0.1"], "--set:2: [faults] needs [friction]"),
+    ("steering", ["faults.drop=0.7", "faults.id=0.5"], "--set:1: [faults] rates add up to 1.2"),
     ("steering", ["control.kp=1"], '--set:1: [control] has no key "kd"'),
     ("steering", ["friction.model=x"], "--set:1: [friction] model = x: not one of dahl, slip"),
     ("steering", ["friction.Fc=1 2"], "--set:1: [friction] sigma0 has 1 numbers and Fc 2: model"),
