@@ -145,17 +145,6 @@ static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
     TEST_ASSERT_EQUAL(0, encoder.unmatched);
 }
 
-static void test_after_a_gap_the_newest_frame_is_answered(void)
-{
-    send(303);
-    answer(302, DAHL_FRAMES_STALE, UINT64_C(302000100));
-    TEST_ASSERT_EQUAL(100, encoder.latency.max);
-    send(1);
-    answer(303, DAHL_FRAMES_OK, UINT64_C(303000200));
-    TEST_ASSERT_EQUAL(200, encoder.latency.max);
-    TEST_ASSERT_EQUAL(2, encoder.answered);
-}
-
 /* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and
  * fewer there is one of each counter. */
 static void test_whose_answer_it_is_after_a_gap(void)
@@ -413,7 +402,6 @@ int main(void)
     RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
     RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
-    RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_whose_answer_it_is_after_a_gap);
     RUN_TEST(test_waiting_frames_are_bounded);
     RUN_TEST(test_foreign_and_corrupt_answers);

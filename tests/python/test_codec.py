@@ -143,12 +143,6 @@ def test_node_number_is_the_low_half_of_the_id(codec, database):
         )
 
 
-def test_torque_ratio_is_scaled_by_a_power_of_two(database):
-    signal = database.get_message_by_name("FrictionTorque").get_signal_by_name("TorqueRatio")
-    assert signal.scale == 2.0**-30
-    assert (signal.minimum, signal.maximum) == (-1, 1)
-
-
 def test_dbc_ranges_are_what_the_raw_values_can_hold(database):
     for message in database.messages:
         for signal in message.signals:

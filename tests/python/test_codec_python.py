@@ -137,6 +137,8 @@ def test_a_ratio_and_a_timeout_are_those_of_the_dbc(database):
     torque = codec.FrictionTorque(-123456789)
     decoded = database.decode_message("FrictionTorque", codec.to_bytes(torque))
     assert torque.ratio == decoded["TorqueRatio"]
+    signal = database.get_message_by_name("FrictionTorque").get_signal_by_name("TorqueRatio")
+    assert (signal.minimum, signal.maximum, signal.scale) == (-1, 1, 2.0**-30)
     status = codec.Status(1, codec.State.OK, codec.Errors(0), 0, 0, 0, 0, 2, 25)
     decoded = database.decode_message("Status", codec.to_bytes(status))
     assert status.timeout_s == pytest.approx(decoded["Timeout"] / 1000)
