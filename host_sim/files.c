@@ -9,11 +9,11 @@
 
 #include "messages.h"
 
-/* Length of the folder part of a path, without its last slash. */
+/* Length of the folder part of a path, with its last slash. */
 static int folder_length(const char *path)
 {
     const char *slash = strrchr(path, '/');
-    return slash == NULL ? 0 : (int)(slash - path);
+    return slash == NULL ? 0 : (int)(slash - path) + 1;
 }
 
 int files_find_log(char path[FILES_PATH], const options_t *options, const scene_t *scene)
@@ -28,7 +28,8 @@ int files_find_log(char path[FILES_PATH], const options_t *options, const scene_
     if (options->log_file != NULL || file[0] == '/') {
         length = 0;
     }
-    length = snprintf(path, FILES_PATH, "%.*s%s%s", length, folder, length > 0 ? "/" : "", file);
+    bool is_joined = length == 0 || folder[length - 1] == '/';
+    length = snprintf(path, FILES_PATH, "%.*s%s%s", length, folder, is_joined ? "" : "/", file);
     return length < (int)FILES_PATH ? 0 : log_error("%s: path too long", file);
 }
 

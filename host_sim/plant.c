@@ -112,10 +112,11 @@ static void carry(plant_t *p, double torque)
 static void advance(plant_t *p, double torque)
 {
     int sign = sign_of(torque);
-    if (sign != 0 && sign == -sign_of(p->torque)) {
-        p->alternations++;
+    if (sign != 0) {
+        p->alternations += sign == -p->side ? 1u : 0u;
+        p->side = sign;
     }
-    p->torque = sign != 0 ? torque : p->torque;
+    p->torque = torque;
     write_row(p, p->rotor.theta, p->rotor.omega);
     carry(p, torque);
     rotor_advance(&p->rotor, torque);
@@ -143,7 +144,7 @@ static int next_driven(motion_t *self, int64_t *place)
     if (!is_measured(p)) {
         return -1;
     }
-    if ((double)(p->ticks + 1) * TICK_S > p->scene->motor.seconds) {
+    if (p->ticks >= (uint64_t)llround(p->scene->motor.seconds / TICK_S)) {
         return 0;
     }
     *place = measured(p);

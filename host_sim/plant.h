@@ -26,6 +26,7 @@ typedef struct {
     rotor_t rotor;
     uint64_t ticks;
     double torque;       /* of the motor, N m */
+    int side;            /* sign of the last torque that was not 0 */
     double compensation; /* part of it that the node computed */
     double rate;         /* of the error, counts per ms, filtered */
     double last_error;   /* counts */

@@ -43,11 +43,10 @@ static void find(recording_t *self, const char *text, const char *name, size_t *
 
 static void on_header_field(recording_t *self, const char *text)
 {
-    const char *name = self->column == 0 && strncmp(text, "\xEF\xBB\xBF", 3) == 0 ? text + 3 : text;
-    note_header(self, name);
-    find(self, name, self->angle_name, &self->angle_column);
-    find(self, name, self->time_name, &self->time_column);
-    find(self, name, self->load_name, &self->load_column);
+    note_header(self, text);
+    find(self, text, self->angle_name, &self->angle_column);
+    find(self, text, self->time_name, &self->time_column);
+    find(self, text, self->load_name, &self->load_column);
 }
 
 static void take_number(recording_t *self, const char *text, const char *name, double *to)
@@ -224,21 +223,29 @@ static void finish(recording_t *self)
     }
 }
 
+/* Length of the byte order mark that a text may begin with; the parser would take a quote behind it for one inside a field. */
+static size_t mark_length(const char *text, size_t length)
+{
+    return length >= 3 && memcmp(text, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0;
+}
+
 /* Read one chunk; afterwards counts[0 .. tail) are the rows that ended in it. */
 static void read_chunk(recording_t *self)
 {
     char chunk[RECORDING_CHUNK];
+    bool is_first = ftell(self->file) == 0;
     size_t length = fread(chunk, 1, sizeof chunk, self->file);
+    size_t mark = is_first ? mark_length(chunk, length) : 0;
     self->head = 0;
     self->tail = 0;
     if (length == 0) {
         finish(self);
         return;
     }
-    if (self->columns == 0 && self->rows == 0 && self->column == 0) {
+    if (is_first) {
         csv_set_delim(&self->parser, choose_delimiter(chunk, length));
     }
-    feed(self, chunk, length);
+    feed(self, chunk + mark, length - mark);
 }
 
 static void forget(recording_t *self)

@@ -27,6 +27,10 @@ void setUp(void)
     now_us = 0;
     counter = 0;
     place = 0;
+    memset(&slipping, 0x25, sizeof slipping); /* as left by a use before */
+    memset(&asymmetric, 0x25, sizeof asymmetric);
+    memset(&elastoplastic, 0x25, sizeof elastoplastic);
+    memset(&loaded, 0x25, sizeof loaded);
     TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &bearing, 3));
 }
 
@@ -84,7 +88,8 @@ static void check_not_written(void)
         TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(param, DAHL_FRAMES_PARAM_WRITE).result);
         TEST_ASSERT_EQUAL(before, ask(param, DAHL_FRAMES_PARAM_HOLD).value);
     }
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_MODEL, DAHL_FRAMES_PARAM_WRITE).result);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE,
+                      ask_node(&node, now_us, DAHL_FRAMES_PARAM_MODEL, DAHL_FRAMES_PARAM_WRITE, 0).result);
     TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_MODEL, DAHL_FRAMES_PARAM_HOLD).result);
 }
 
@@ -269,8 +274,10 @@ static void test_bad_elements_touch_nothing(void)
     bad = mix;
     bad.elements = 0;
     check_refused(bad);
+    TEST_ASSERT_EQUAL(DAHL_ERR_PARAM, dahl_node_use_parallel(&node, &parallel, &bad));
     bad.elements = 9;
     check_refused(bad);
+    TEST_ASSERT_EQUAL(DAHL_ERR_RANGE, dahl_node_use_parallel(&node, &parallel, &bad));
 }
 
 static void test_bad_parameters_touch_nothing(void)

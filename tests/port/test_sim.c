@@ -10,6 +10,7 @@
 #include "candump.h"
 #include "encoder.h"
 #include "dahl_frames.h"
+#include "files.h"
 #include "histogram.h"
 #include "loop.h"
 #include "loopback/loopback.h"
@@ -144,17 +145,6 @@ static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
     TEST_ASSERT_EQUAL(0, encoder.unmatched);
 }
 
-static void test_after_a_gap_the_newest_frame_is_answered(void)
-{
-    send(303);
-    answer(302, DAHL_FRAMES_STALE, UINT64_C(302000100));
-    TEST_ASSERT_EQUAL(100, encoder.latency.max);
-    send(1);
-    answer(303, DAHL_FRAMES_OK, UINT64_C(303000200));
-    TEST_ASSERT_EQUAL(200, encoder.latency.max);
-    TEST_ASSERT_EQUAL(2, encoder.answered);
-}
-
 /* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and
  * fewer there is one of each counter. */
 static void test_whose_answer_it_is_after_a_gap(void)
@@ -242,6 +232,11 @@ static void test_a_full_disk_is_told_at_the_end_with_what_is_missing(void)
     TEST_ASSERT_FALSE(candump_close(&log));
     TEST_ASSERT_EQUAL(ENOSPC, errno);
     TEST_ASSERT_EQUAL(1000, log.missing);
+    memset(&log, 0, sizeof log);
+    TEST_ASSERT_TRUE(candump_open(&log, "/dev/null", "vcan0", false));
+    close(log.fd); /* what fails at the very end is told too */
+    TEST_ASSERT_FALSE(candump_close(&log));
+    TEST_ASSERT_EQUAL(EBADF, errno);
 }
 
 static void test_what_came_before_the_end_is_answered_and_logged(void)
@@ -366,6 +361,21 @@ static void test_the_summary_adds_up_all_encoders_and_nodes(void)
     TEST_ASSERT_EQUAL_DOUBLE(1, said("crc"));
 }
 
+static void test_a_measured_log_is_looked_for_beside_its_scene(void)
+{
+    static const struct {
+        const char *scene, *data, *want;
+    } known[] = {{"a.ini", NULL, "m.csv"},   {"b/a.ini", NULL, "b/m.csv"}, {"/a.ini", NULL, "/m.csv"},
+                 {"b/a.ini", "/", "/m.csv"}, {"b/a.ini", "c/d", "c/d/m.csv"}};
+    const scene_t scene = {.has_motion = true, .motion = {.kind = MOTION_LOG, .file = "m.csv"}};
+    char path[FILES_PATH];
+    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
+        const options_t options = {.scene = known[i].scene, .data = known[i].data};
+        TEST_ASSERT_EQUAL(0, files_find_log(path, &options, &scene));
+        TEST_ASSERT_EQUAL_STRING(known[i].want, path);
+    }
+}
+
 static void test_segments_rest_at_each_end(void)
 {
     scene_motion_t scene = {.kind = MOTION_SEGMENTS, .theta1 = 2, .theta2 = 1, .theta3 = 2, .speed = 1000,
@@ -392,7 +402,6 @@ int main(void)
     RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
     RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
     RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
-    RUN_TEST(test_after_a_gap_the_newest_frame_is_answered);
     RUN_TEST(test_whose_answer_it_is_after_a_gap);
     RUN_TEST(test_waiting_frames_are_bounded);
     RUN_TEST(test_foreign_and_corrupt_answers);
@@ -401,6 +410,7 @@ int main(void)
     RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
     RUN_TEST(test_the_summary_says_what_was_counted);
     RUN_TEST(test_the_summary_adds_up_all_encoders_and_nodes);
+    RUN_TEST(test_a_measured_log_is_looked_for_beside_its_scene);
     RUN_TEST(test_segments_rest_at_each_end);
     return UNITY_END();
 }

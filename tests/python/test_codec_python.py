@@ -8,6 +8,7 @@ import random
 
 import can
 import cantools
+import dahl
 import pytest
 from codec_tools import KINDS, data_ids, signals_of
 from dahl import Error, codec
@@ -98,10 +99,49 @@ def test_units_are_those_of_the_dbc(database):
     assert codec.ParamReply(0, 5) == codec.ParamReply(0, 5, codec.Result.DONE, 0)
 
 
+SAME = ("multiplexer_ids", "start", "length", "is_signed", "scale", "minimum", "maximum", "unit")
+SAME += ("choices", "initial")
+
+
+def test_a_parameter_is_answered_as_it_is_asked(database):
+    """Under one number, in one unit, within one range; and that number has its name."""
+    request, reply = map(database.get_message_by_name, ("ParamWrite", "ParamReply"))
+    for signal in request.signals[4:]:
+        twin = reply.get_signal_by_name(signal.name)
+        assert {what: getattr(twin, what) for what in SAME} == {
+            what: getattr(signal, what) for what in SAME
+        }
+        for message in (request, reply):
+            choices = message.get_signal_by_name("Param").choices
+            assert [str(choices[number]) for number in signal.multiplexer_ids] == [signal.name]
+
+
+@pytest.mark.parametrize("name", [*"Gain Limit Ramp Timeout MaxStep StatusPeriod Load".split()])
+def test_a_node_starts_and_ends_where_the_dbc_says(database, name):
+    signal = database.get_message_by_name("ParamWrite").get_signal_by_name(name)
+    least, most, start = (
+        round((value or 0) / signal.scale)
+        for value in (signal.minimum, signal.maximum, signal.initial)
+    )
+    node, number = dahl.Node(dahl.Loaded(dahl.Plan(100, 0.5, 1e-4))), signal.multiplexer_ids[0]
+
+    def asked(value: int, write: codec.Write) -> codec.ParamReply:
+        return codec.unpack(node.receive(codec.pack(codec.ParamWrite(number, value, write))))
+
+    assert asked(0, codec.Write.READ).value == start
+    for value in (least, most):
+        said = asked(value, codec.Write.WRITE)
+        assert (said.value, said.result) == (value, codec.Result.DONE)
+    for value in (most + 1, *range(least)):
+        assert asked(value, codec.Write.WRITE).result == codec.Result.OUT_OF_RANGE
+
+
 def test_a_ratio_and_a_timeout_are_those_of_the_dbc(database):
     torque = codec.FrictionTorque(-123456789)
     decoded = database.decode_message("FrictionTorque", codec.to_bytes(torque))
     assert torque.ratio == decoded["TorqueRatio"]
+    signal = database.get_message_by_name("FrictionTorque").get_signal_by_name("TorqueRatio")
+    assert (signal.minimum, signal.maximum, signal.scale) == (-1, 1, 2.0**-30)
     status = codec.Status(1, codec.State.OK, codec.Errors(0), 0, 0, 0, 0, 2, 25)
     decoded = database.decode_message("Status", codec.to_bytes(status))
     assert status.timeout_s == pytest.approx(decoded["Timeout"] / 1000)

@@ -388,7 +388,7 @@ def umask() -> int:
 
 def test_the_path_of_a_measured_log_has_1023_characters_at_most(tmp_path):
     write(tmp_path, "\n".join(GOOD.values()))
-    folder = f"{tmp_path}{'/' * (1023 - len(str(tmp_path)) - len('log.csv') - 1)}"
+    folder = f"{tmp_path}{'/' * (1023 - len(str(tmp_path)) - len('log.csv'))}"
     result = run(tmp_path, tmp_path / "scene.ini", "--virtual", "--data", folder)
     assert (result.code, result.summary["ticks"]) == (0, 3)
     result.log.unlink()
@@ -553,6 +553,7 @@ SET_ERRORS = [  # scene, what is set, what is said: where, which value, which li
     ("steering", ["motion.speed=5"], "--set:1: [motion] speed has no meaning"),
     ("steering", ["friction.node=1", "motion.kind=x"], "--set:2: [motion] kind = x: not one of"),
     ("steering", ["status.period_ms=9", "faults.id=0.1"], "--set:2: [faults] needs [friction]"),
+    ("steering", ["faults.drop=0.7", "faults.id=0.5"], "--set:1: [faults] rates add up to 1.2"),
     ("steering", ["control.kp=1"], '--set:1: [control] has no key "kd"'),
     ("steering", ["friction.model=x"], "--set:1: [friction] model = x: not one of dahl, slip"),
     ("steering", ["friction.Fc=1 2"], "--set:1: [friction] sigma0 has 1 numbers and Fc 2: model"),
@@ -580,7 +581,7 @@ def test_what_is_set_is_named_by_its_place_on_the_command_line(scene, sets, word
 
 BUS_ERRORS = [
     ("socketcan:nosuchif0", "--bus socketcan:nosuchif0: "),
-    ("socketcand:127.0.0.1:1", "Connection refused"),
+    ("socketcand:127.0.0.1:65535", "Connection refused"),
     ("socketcand:::1:1", ":1: "),  # an address with colons: the port stands behind the last
     (f"socketcand:{'x' * 127}:5", "xx:5: Cannot assign requested address"),
     ("socketcand:255.255.255.255:1", "Network is unreachable"),

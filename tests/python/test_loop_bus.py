@@ -327,6 +327,8 @@ def test_more_clients_than_there_is_room_for(tmp_path):
         inside = [raw_client(port) for _ in range(16)]
         with pytest.raises(can.CanError, match=f"got: '< error {refused} >'"), client(port):
             pass
+        with socket.create_connection(("127.0.0.1", port), 5) as peer:
+            assert b"".join(iter(lambda: peer.recv(99), b"")) == f"< error {refused} >".encode()
         joined = start(tmp_path / "joined", STEERING, "--bus", f"socketcand:127.0.0.1:{port}")
         assert joined.communicate(timeout=20)[1].startswith("error: --bus socketcand:127.0.0.1:")
         assert joined.returncode == 1
@@ -337,7 +339,7 @@ def test_more_clients_than_there_is_room_for(tmp_path):
         result = finished(tmp_path, process)
         for peer in inside:
             peer.close()
-    assert result.err == "note: socketcand client refused: 16 are here, no more\n" * 2
+    assert result.err == "note: socketcand client refused: 16 are here, no more\n" * 3
 
 
 def hear(peer: socket.socket, word: bytes) -> bytes:

@@ -90,7 +90,8 @@ def test_presliding_creep(tmp_path):
     held = steady["angle"][-1]
     assert steady["friction"][-1] == pytest.approx(0.9, rel=1e-6)
     assert steady["angle"][-10000] == pytest.approx(held, abs=1e-7)
-    shaken, _ = traced(tmp_path / "b", "creep")
+    shaken, summary = traced(tmp_path / "b", "creep")
+    assert "control" not in summary
     assert np.abs(shaken["motor"]).max() < 0.75 * FC
     cycles = shaken["angle"][::500]
     assert (np.diff(cycles)[1:] > 0).all()
@@ -161,6 +162,14 @@ def test_the_controller_is_proportional_and_derivative(tmp_path, kp, kd):
     assert np.abs(error).max() > 1
     due = np.concatenate([np.zeros(late), (kp + kd) * error])[: len(made)]
     assert np.abs(made - due).max() < bound
+
+
+def test_a_motor_without_torque_is_traced_as_such(tmp_path):
+    """Once the reference is back at a shaft that is too heavy to have moved a count."""
+    ends = [f"motion.theta{n + 1}={count}" for n, count in enumerate((800, 0, 0))]
+    sets = ("rotor.inertia=1e6", "friction.gain=0", "control.kd=0", *ends)
+    trace, _ = traced(tmp_path, "slow-reversal", *sets)
+    assert np.array_equal(trace["motor"] > 0, trace["reference"] > 0)
 
 
 def test_the_motor_gives_no_more_than_its_limit(tmp_path):

@@ -34,7 +34,7 @@ from loop_tools import (
 
 STEERING = SCENES / "steering.ini"
 ENDINGS = ["HUP", "INT", "QUIT", "TERM", "USR1", "USR2", "PIPE", "ALRM", "XCPU", "XFSZ"]
-ENDINGS += ["PWR", "RTMIN"]
+ENDINGS += ["IO", "PROF", "VTALRM", "STKFLT", "PWR", "RTMIN", "RTMAX"]
 VIRTUAL = ("--virtual", "--set", "motion.seconds=300")
 
 

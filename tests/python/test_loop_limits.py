@@ -205,8 +205,9 @@ def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
 
 
 def test_a_driven_shaft_ends_when_its_motor_does(tmp_path):
-    result = run(tmp_path, SCENES / "creep.ini", "--virtual", "--set", "motor.seconds=1.5")
-    assert result.summary["ticks"] == 1500
+    for ticks in (1500, 1300, 9):
+        words = setting(f"motor.seconds={ticks / 1000}")
+        assert run(tmp_path, SCENES / "creep.ini", "--virtual", *words).summary["ticks"] == ticks
 
 
 def test_the_motor_does_what_the_scene_says(tmp_path):

@@ -198,7 +198,7 @@ def asked(encoder: Encoder, message: str, **signals) -> dict:
 
 def test_parameters_by_the_dbc_alone(tmp_path, dbc):
     """Defaults as its start values say; a joint write; a parameter that there is not."""
-    with node(tmp_path, dbc, "[status]\nperiod_ms = 100\n") as (encoder, _):
+    with node(tmp_path, dbc, "[status]\nperiod_ms = 100\n") as (encoder, results):
         write = encoder.database.get_message_by_name("ParamWrite")
         for name in ("Gain", "Limit", "Ramp", "MaxStep", "StatusPeriod"):
             said = asked(encoder, "ParamWrite", Write="Read", Param=name, **{name: 0})
@@ -216,6 +216,10 @@ def test_parameters_by_the_dbc_alone(tmp_path, dbc):
             pass
         said = encoder.database.decode_message("ParamReply", said.data)
         assert (said["Result"], said["Param"], said["Asked"]) == ("Unknown", "None", 77)
+    assert {name: results[0]["node"][name] for name in ("params", "ignored")} == {
+        "params": 10,
+        "ignored": 0,
+    }
 
 
 @pytest.mark.parametrize("what", ["Errors", "Restart"])
