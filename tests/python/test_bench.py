@@ -19,9 +19,13 @@ sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
 import figures  # noqa: E402
 import host  # noqa: E402
+import measured as models  # noqa: E402
+import report  # noqa: E402
 import results  # noqa: E402
+import table  # noqa: E402
 import target  # noqa: E402
 from dahl import reference  # noqa: E402
+from test_bench_report import rows_of  # noqa: E402
 
 pytestmark = pytest.mark.checks
 
@@ -75,6 +79,37 @@ def test_ours_is_within_its_bound_on_every_motion(measured) -> None:
 def test_a_tick_costs_at_most_one_and_a_half_of_euler(counted) -> None:
     motions = results.motions_of(counted, "m4f")
     assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
+
+
+def shown(page: str, marks: tuple[str, str]) -> str:
+    """What a page has between two marks, these included."""
+    text = (ROOT / page).read_text()
+    return text[text.index(marks[0]) : text.index(marks[1])] + marks[1]
+
+
+def test_the_pages_show_what_is_counted_now(bench, counted, measured) -> None:
+    """Each count to the instruction, where the compilers are those of the page; errors to the digit
+    that libm leaves open. Else: tools/bench.sh target && tools/bench.sh host && tools/bench.sh docs
+    """
+    page = shown("docs/microcontroller.md", table.MARKS)
+    if bench.keys() != target.CORES.keys() or any(
+        c["compiler"] not in page for c in bench.values()
+    ):
+        pytest.skip("the pages are of all cores and of other compilers")
+    assert page == table.markdown(bench)
+    assert shown("README.md", table.SHORT_MARKS) == table.short(bench)
+    assert models.block({}, bench).splitlines()[3] in shown("docs/speed.md", models.MARKS)
+    block = report.ways_table(counted, measured)
+    (head, there), (now_head, now) = map(
+        rows_of, (shown("docs/speed.md", report.WAYS_MARKS), block)
+    )
+    assert (now_head, list(now)) == (head, list(there))
+    for way, (*errors, m0, m3, m4f) in now.items():
+        assert [m0, m3, m4f] == there[way][2:], way
+        for error, before in zip(errors, there[way], strict=False):
+            numbers = [9.9 if e == "diverges" else float(e) for e in (error, before)]
+            assert max(numbers) < 1.6 * min(numbers), way
+    assert block.splitlines()[-2] in shown("docs/speed.md", report.WAYS_MARKS)
 
 
 # --- what a call costs: tests/target/budgets.json holds every limit -----------------------------

@@ -99,6 +99,27 @@ def test_each_folder_with_measured_friction_is_compared():
     assert {folder for folder, _ in missing} <= {"servo_pendulum", "can_steering"}
 
 
+@pytest.mark.checks
+def test_the_page_shows_what_is_measured_now():
+    """R2 of each model on each log; else: tools/bench.sh docs"""
+    try:
+        block = measured.block(measured.measure(), TARGET).splitlines()
+    except measured.BenchError as error:
+        pytest.skip(str(error))
+    page = (ROOT / "docs/speed.md").read_text()
+    there = page[page.index(measured.MARKS[0]) : page.index(measured.MARKS[1])].splitlines()
+    numbers = [
+        [
+            (name, *map(float, rest))
+            for name, *rest in (row.strip("| ").split(" | ") for row in rows)
+        ]
+        for rows in (block[4:-1], there[4:])
+    ]
+    assert (block[1], len(numbers[0])) == (there[1], len(measured.SOURCES))
+    for now, before in zip(*numbers, strict=True):
+        assert now[0] == before[0] and now[1:] == pytest.approx(before[1:], abs=5e-4)
+
+
 def test_spikes_of_a_position_are_no_travel(tmp_path):
     time = np.arange(400.0)
     position = 20 * np.sin(time / 60)
