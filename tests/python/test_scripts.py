@@ -312,6 +312,7 @@ def test_each_lock_stands_on_those_before_it(stage):
     }
     for call in stage.calls("uv"):
         assert "--generate-hashes" in call and "--upgrade" in call
+        assert "--universal --python-version 3.11 " in call  # the oldest that setup.sh takes
         assert ("--no-emit-package=numpy" in call) == ("-c demo.lock" in call)
 
 
