@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import subprocess
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import dahl
 import kernel_certificate as cert
 import numpy as np
 import pytest
 from conftest import ROOT, need
-from sources import number
+from sources import INCLUDES, number
 
 GENERATOR = next(path for part in ("lib", "tools") for path in (ROOT / part).rglob("kernel.sollya"))
 LIMIT = number("DAHL_KERNEL_ERROR", "kernel.h")
@@ -98,3 +102,28 @@ def test_certificate_is_of_this_kernel(pieces: list[cert.Piece]) -> None:
         assert error <= max(most for _, most in here) + rounding
         lowest = min(lowest, error)
     assert lowest < 0.7 * cert.worst(pieces).error.a
+
+
+def test_the_kernel_of_the_vectors_is_the_one_that_is_generated(tmp_path: Path) -> None:
+    """Bit for bit; its error is what the generator says, within the bound that the tests read."""
+    words = [sys.executable, ROOT / "tools/generators/fast_kernel.py"]
+    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    polynomial = [float.fromhex(line) for line in said[:-1]]
+    program = tmp_path / "slope.c"
+    program.write_text(
+        '#include <stdio.h>\n#include "fast.h"\nint main(void)\n{\n'
+        "    for (int k = 1; k <= 999; k++) {\n"
+        '        printf("%a\\n", dahl_slope(DAHL_LN2 * k / 999));\n    }\n}\n'
+    )
+    flags = ["-O1", "-ffp-contract=off", *INCLUDES, "-o", tmp_path / "slope", "-lm"]
+    subprocess.run(["cc", program, *flags], check=True)
+    printed = subprocess.run(
+        [tmp_path / "slope"], capture_output=True, text=True, check=True
+    ).stdout
+    computed = [float.fromhex(line) for line in printed.split()]
+    places = [math.log(2) * k / 999 for k in range(1, 1000)]
+    horner = lambda x: functools.reduce(lambda p, c: p * x + c, reversed(polynomial))  # noqa: E731
+    assert computed == [horner(x) for x in places]
+    worst = max(abs(p * x / -math.expm1(-x) - 1) for x, p in zip(places, computed, strict=True))
+    told = float(said[-1].removeprefix("relative error at most "))
+    assert told == pytest.approx(worst, rel=5e-3) and told < number("DAHL_G_ERROR", "fast.h")

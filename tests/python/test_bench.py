@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -19,9 +20,13 @@ sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
 import figures  # noqa: E402
 import host  # noqa: E402
+import measured as models  # noqa: E402
+import report  # noqa: E402
 import results  # noqa: E402
+import table  # noqa: E402
 import target  # noqa: E402
 from dahl import reference  # noqa: E402
+from test_bench_report import rows_of  # noqa: E402
 
 pytestmark = pytest.mark.checks
 
@@ -75,6 +80,39 @@ def test_ours_is_within_its_bound_on_every_motion(measured) -> None:
 def test_a_tick_costs_at_most_one_and_a_half_of_euler(counted) -> None:
     motions = results.motions_of(counted, "m4f")
     assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
+    for ways in motions.values():  # and none can do without a load, a multiplication and a store
+        assert 3 <= ways["floor"] < 0.5 * min(ways[way] for way in ways if way != "floor")
+
+
+def shown(page: str, marks: tuple[str, str]) -> str:
+    """What a page has between two marks, these included."""
+    text = (ROOT / page).read_text()
+    return text[text.index(marks[0]) : text.index(marks[1])] + marks[1]
+
+
+def test_the_pages_show_what_is_counted_now(bench, counted, measured) -> None:
+    """Each count to the instruction, where the compilers are those of the page; errors to the digit
+    that libm leaves open. Else: tools/bench.sh target && tools/bench.sh host && tools/bench.sh docs
+    """
+    page = shown("docs/microcontroller.md", table.MARKS)
+    if bench.keys() != target.CORES.keys() or any(
+        c["compiler"] not in page for c in bench.values()
+    ):
+        pytest.skip("the pages are of all cores and of other compilers")
+    assert page == table.markdown(bench)
+    assert shown("README.md", table.SHORT_MARKS) == table.short(bench)
+    assert models.block({}, bench).splitlines()[3] in shown("docs/speed.md", models.MARKS)
+    block = report.ways_table(counted, measured)
+    (head, there), (now_head, now) = map(
+        rows_of, (shown("docs/speed.md", report.WAYS_MARKS), block)
+    )
+    assert (now_head, list(now)) == (head, list(there))
+    for way, (*errors, m0, m3, m4f) in now.items():
+        assert [m0, m3, m4f] == there[way][2:], way
+        for error, before in zip(errors, there[way], strict=False):
+            numbers = [9.9 if e == "diverges" else float(e) for e in (error, before)]
+            assert max(numbers) < 1.6 * min(numbers), way
+    assert block.splitlines()[-2] in shown("docs/speed.md", report.WAYS_MARKS)
 
 
 # --- what a call costs: tests/target/budgets.json holds every limit -----------------------------
@@ -160,9 +198,25 @@ def test_growth_passes_through_the_errors_of_a_run(measured) -> None:
         assert 0.999 * least <= errors[-1] <= 1.001 * most
 
 
+def error_of_euler(rate: int, parts: int) -> float:
+    """Worst on two turns of 0.1 rad at 1 Hz, by the closed form of Euler's parts of a tick."""
+    travel = reference.travel_per_count(host.SIGMA0, host.FC, math.tau / 2**14)
+    w = exact = worst = last = 0.0
+    for k in range(1, 2 * rate + 1):
+        place = round(2**14 / math.tau * 0.1 * math.sin(math.tau * k / rate))
+        s, u = (1.0 if place > last else -1.0), float(travel) * abs(place - last)
+        w, exact = s + (w - s) * (1 - u / parts) ** parts, s + (exact - s) * math.exp(-u)
+        worst, last = max(worst, abs(w - exact)), place
+    return worst
+
+
 def test_parts_by_rate_are_the_fewest_that_are_enough(measured) -> None:
     """Half of them would err 16 times as much with RK4, less with the others."""
     few, many = (rows_by(host.rows("parts", rate, 1e-3), "way") for rate in (3000, 100))
+    for row in (few["euler_parts",], many["euler_parts",]):
+        error = error_of_euler(row["rate"], row["parts"])
+        assert float(row["worst"]) == pytest.approx(error, rel=0.01)
+    assert {row["parts"] for row in host.rows("parts", 100, 1e-12)} == {0}  # beyond a float
     for way, row in many.items():
         assert row["rate"] == 100 and 1 <= few[way]["parts"] < row["parts"]
         for found in (row, few[way]):

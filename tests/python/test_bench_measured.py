@@ -19,7 +19,10 @@ import report  # noqa: E402
 
 pytestmark = pytest.mark.usefixtures("library")
 
-TARGET = {"m3": {case: 10 + k for k, (_, _, case) in enumerate(measured.MODELS.values())}}
+TARGET = {
+    core: {case: least + k for k, (_, _, case) in enumerate(measured.MODELS.values())}
+    for core, least in (("m0", 500), ("m3", 10))
+}
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +72,43 @@ def test_the_block_has_each_log_each_model_and_its_cost():
     assert cells[2:] == [[f".{9000 + 100 * k}" for k in range(len(cells[0]))]] * 3
 
 
+def test_the_picture_has_each_log_on_the_panel_of_its_machine():
+    """What is left of the spread over the cost of the model, and a line at the least so far."""
+    names = ("rig, slow", "rig, fast", "other", "third", "fourth")
+    r2 = iter(np.linspace(0.95, 0.3, 7 * len(names)) + 0.04 * np.cos(np.arange(7 * len(names))))
+    scores = {log: {title: next(r2) for title in measured.MODELS} for log in names}
+    costs = {case: 16 - k for k, (_, _, case) in enumerate(measured.MODELS.values())}
+    order = list(measured.MODELS)[::-1]
+    figure = measured.picture(scores, TARGET | {"m3": costs})
+    assert [axes.get_title() for axes in figure.axes] == ["rig", "other", "third", "fourth"]
+    logs = [line for axes in figure.axes for line in axes.lines]
+    for points, steps, log in zip(logs[::2], logs[1::2], names, strict=True):
+        left = [(1 - scores[log][title]) ** 0.5 for title in order]
+        assert list(points.get_xdata()) == list(steps.get_xdata()) == list(range(10, 17))
+        assert points.get_ydata() == pytest.approx(left)
+        assert steps.get_ydata() == pytest.approx([min(left[: n + 1]) for n in range(7)])
+        assert points.get_color() == steps.get_color() and steps.get_drawstyle() == "steps-post"
+    legend = figure.axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["slow", "fast"]
+    for axes in figure.axes:
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        ticks = [tick.get_text() for tick in axes.get_xticklabels()]
+        assert ticks == [f"{title} ({10 + n})" for n, title in enumerate(order)]
+    for axes in figure.axes[::3]:  # the left ones, for all of their row
+        assert [float(tick.get_text()) for tick in axes.get_yticklabels()] == [*axes.get_yticks()]
+    assert "Cortex-M3" in figure.get_supxlabel() and "error" in figure.get_supylabel()
+
+
+def test_a_log_that_is_not_in_reach_is_named(monkeypatch):
+    """And no table is made of the others."""
+    find = measured.data.local_folder
+    monkeypatch.setattr(
+        measured.data, "local_folder", lambda n: None if n == "pneumatic" else find(n)
+    )
+    with pytest.raises(measured.BenchError, match=r"/\w+\.\w+ is not in reach"):
+        measured.measure()
+
+
 def test_the_sign_of_the_motion_is_found_under_a_spring():
     """Slow ramps of torque on a stiff shaft, which jumps ahead and creeps back for three rows: most
     rows go against the torque.
@@ -97,6 +137,27 @@ def test_each_folder_with_measured_friction_is_compared():
         pytest.skip("no measured log is in reach (dahl data)")
     missing = {log for log in here if log not in logs}
     assert {folder for folder, _ in missing} <= {"servo_pendulum", "can_steering"}
+
+
+@pytest.mark.checks
+def test_the_page_shows_what_is_measured_now():
+    """R2 of each model on each log; else: tools/bench.sh docs"""
+    try:
+        block = measured.block(measured.measure(), TARGET).splitlines()
+    except measured.BenchError as error:
+        pytest.skip(str(error))
+    page = (ROOT / "docs/speed.md").read_text()
+    there = page[page.index(measured.MARKS[0]) : page.index(measured.MARKS[1])].splitlines()
+    numbers = [
+        [
+            (name, *map(float, rest))
+            for name, *rest in (row.strip("| ").split(" | ") for row in rows)
+        ]
+        for rows in (block[4:-1], there[4:])
+    ]
+    assert (block[1], len(numbers[0])) == (there[1], len(measured.SOURCES))
+    for now, before in zip(*numbers, strict=True):
+        assert now[0] == before[0] and now[1:] == pytest.approx(before[1:], abs=5e-4)
 
 
 def test_spikes_of_a_position_are_no_travel(tmp_path):

@@ -150,6 +150,7 @@ def test_the_ways_with_error_jumps_and_mean_cost(counted, measured):
     assert results.parts_cost({f"rk4_parts_{n}": c for n, c in line.items()}, "rk4", 25) == (
         2 * line[17] - line[9]
     )
+    assert [report.shown_error(x) for x in (3.0, 3.1)] == ["3e+00", "diverges"]
     assert "RK4, 25 parts" in rows and "forward Euler, 1 parts" not in rows
     assert "backward Euler 1e-06, trapezoid 1e-03." in block
 
@@ -187,7 +188,8 @@ def test_mixes_are_run_both_ways(monkeypatch):
 
 def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     """Geometric means and least of all motions; a rival's time over ours."""
-    block = report.host_block(results.combine(counted, measured))
+    result = results.combine(counted, measured)
+    block = report.host_block(result)
     over = {
         way: [speed["expm1f"] / speed[way] for speed in measured["speed"].values()]
         for way in next(iter(measured["speed"].values()))
@@ -198,6 +200,13 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
         + ("throughput_counts", "throughput_angle", "throughput_counts_16")
     ]
     wanted = [f"{x:.1f}" for pair in pairs for x in pair]
+    by_angle = over["throughput_angle_16"]
+    pair = [result["host"][f"throughput_angle_channels16_x{least}"] for least in ("", "_least")]
+    assert pair == pytest.approx(
+        [np.prod(by_angle) ** (1 / len(MOTIONS)), min(by_angle)], abs=0.006
+    )
+    assert "a processor, a compiler; " in block and "geometric mean over" in block
+    assert "in brackets the least" in block
     assert re.findall(r"\d+\.\d", block.partition("plain copy")[0]) == wanted
     copies = [
         np.mean([speed[way] / speed["copy"] for speed in measured["speed"].values()])
@@ -238,20 +247,64 @@ def test_each_point_stands_at_its_cost_and_error_in_its_colour(counted, measured
         assert drawn(axes, "^")[figures.RIVAL] == [
             place(p) for p in group if p.worst() > figures.TOP
         ]
+        [front] = [line for line in axes.lines if line.get_color() == figures.FRONT]
+        best = figures.front(group)
+        assert np.transpose(front.get_data()).tolist() == [place(p)[0] for p in best]
+        assert front.get_drawstyle() == "steps-post"  # up to the next one nothing better is had
         low, high = axes.get_ylim()
         assert low < figures.BOTTOM < figures.TOP < high
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     assert [axes.get_title(loc="left") for axes in panels] == [
         "Cortex-M0",
         "Cortex-M3",
         "Cortex-M4F",
         "host: a processor",
     ]
+    units = [axes.get_xlabel().split(",")[0] for axes in panels]
+    assert units == [*["instructions a tick"] * 3, "ns a tick"]
+    assert [bool(axes.get_ylabel()) for axes in panels] == [True, False] * 2  # left ones for all
     floors = [
         min(way["floor"] for way in counted[core]["motions"]["newlib"].values())
         for core in results.CORES
     ]
     floors.append(min(speed["copy"] for speed in measured["speed"].values()))
     assert [drawn(axes, ":")["#999999"][0][0][0] for axes in panels] == floors
+
+
+def test_the_key_names_the_number_beside_each_point(counted, measured):
+    """Ours first, in our colour; points too close to each other have one label."""
+    figure = figures.pareto(counted, measured)
+    [key] = figure.legends
+    known = dict(text.get_text().split("  ") for text in key.get_texts())
+    assert list(known) == [str(n) for n in range(1, len(known) + 1)]
+    groups = [results.core_points(counted, measured, core) for core in results.CORES]
+    groups.append(results.host_points(measured))
+    ours = {figures.plain(p.title): p.ours for group in groups for p in group}
+    colours = [figures.OURS if ours[title] else figures.RIVAL for title in known.values()]
+    assert (
+        [text.get_color() for text in key.get_texts()] == colours == sorted(colours, reverse=True)
+    )
+    for axes, group in zip(figure.axes, groups, strict=True):
+        by_title = {figures.plain(p.title): p for p in group}
+        labels = [(text, text.get_text().split()) for text in axes.texts[:-1]]
+        numbers = [number for _, some in labels for number in some]
+        assert sorted(known[n] for n in numbers) == sorted(by_title)
+        for text, some in labels:
+            points = [by_title[known[number]] for number in some]
+            assert {p.ours for p in points} == {text.get_color() == figures.OURS}
+            cost, error = text.xy
+            assert cost == min(p.mean_cost() for p in points)
+            assert error == min(figures.drawn_error(p) for p in points)
+    assert [a.texts[-1].get_text() for a in figure.axes] == [" load, multiply, store"] * 3 + [
+        " plain copy"
+    ]
+
+
+def test_points_that_are_close_in_both_and_of_one_side_share_a_label():
+    made = {"a": (10, 1e-3), "b": (15, 1.4e-3), "dear": (30, 1e-3), "bad": (10, 1e-2)}
+    points = [point(key, False, *place) for key, place in made.items()]
+    found = figures.clusters([*points, point("ours", True, 10, 1e-3)])
+    assert sorted("".join(p.key for p in group) for group in found) == ["ab", "bad", "dear", "ours"]
 
 
 def test_the_results_keep_each_number_of_both_runs(counted, measured):
@@ -273,6 +326,7 @@ def test_the_results_keep_each_number_of_both_runs(counted, measured):
     assert result["points"]["host"]["mujoco"] == {"ours": False, "cost": 6000.0, "worst": 1e-4}
     assert "newton" not in result["points"]["host"]
     assert result["points"]["m4f"]["rk4_25"]["worst"] == 3e-7
+    assert all(key in title.lower() for key, title in results.OUTSIDE.items())
     assert set(result["points"]) == {*results.CORES, "host"}
     ours = {
         place: {key for key, point in points.items() if point["ours"]}
@@ -281,6 +335,9 @@ def test_the_results_keep_each_number_of_both_runs(counted, measured):
     batches = {"batch_counts", "throughput_counts", "throughput_angle"}
     calls = {"counts_q30", "counts", "angle"}
     assert ours == dict.fromkeys(results.CORES, calls) | {"host": batches}
+    on_host = {"double_state", *batches}
+    assert result["points"]["host"].keys() == known.keys() - calls | {"mujoco"}
+    assert result["points"]["m3"].keys() == known.keys() - on_host | {"rk4_25"}
     assert result["python"] == measured["python"] and result["missing"] == {"newton": "not here"}
     assert result["machine"] == {k: measured[k] for k in ("cpu", "compiler", "quick", "ticks")}
 
@@ -298,6 +355,19 @@ def test_a_way_that_is_beaten_is_told(counted, measured, capsys):
     shown = capsys.readouterr().out
     assert f"of our points, {len(result['dominated'])} are beaten in both axes" in shown
     assert shown.count("beaten: {") == len(result["dominated"])
+    printed = [[cell.strip() for cell in line.split("│")[1:-1]] for line in shown.splitlines()]
+    assert [row for row in printed if row] == [
+        [key, f"{p['cost']:.4g}", report.shown_error(p["worst"])]
+        for points in result["points"].values()
+        for key, p in sorted(points.items(), key=lambda item: item[1]["cost"])
+    ]
+    titles = re.findall(r"^ +(.*): (.*), worst error", shown, re.MULTILINE)
+    assert titles == [
+        (title, "ns a tick" if core == "host" else "instructions a tick")
+        for core, title in figures.TITLES.items()
+    ]
+    for key, value in result["host"].items():
+        assert re.search(rf"^{key} +{value:.2f}$", shown, re.MULTILINE)
     points = results.core_points(counted, measured, "m3")
     assert result["closest"]["m3"] == results.closest(points)
 
@@ -349,6 +419,8 @@ def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
     left, right = figures.growth(counted, measured).axes
     for line, way in zip(left.lines, figures.GROWTH_TITLES, strict=False):
         assert line.get_label() == figures.GROWTH_TITLES[way]
+        [title] = [known.title for known in results.WAYS if known.key == way]
+        assert set(re.findall(r"\w+", line.get_label())) <= set(re.findall(r"\w+", title))
         assert np.transpose(line.get_data()).tolist() == [
             [
                 ticks,
@@ -360,6 +432,19 @@ def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
             ]
             for ticks in (100, 1000)
         ]
+    assert [line.get_linestyle() for line in left.lines[:6]] == ["-", "-", *["--"] * 4]
+    assert [x.get_label() for x in right.lines] == [
+        "dahl_step_counts_q30",
+        *results.SOLVERS.values(),
+    ]
+    for axes, words in (
+        (left, ("ticks", "worst error")),
+        (right, ("samples a s", "instructions a s")),
+    ):
+        assert axes.get_xlabel().startswith(words[0]) and axes.get_ylabel().startswith(words[1])
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        shown = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert shown == [x.get_label() for x in axes.lines if x.get_label()[0] != "_"]
     [bound] = drawn(left, ":")["#999999"]
     assert bound[0][1] == pytest.approx(0.52 * float(np.spacing(np.float32(1))))
     motions = counted["m4f"]["motions"]["newlib"]
@@ -425,6 +510,7 @@ def test_the_docs_get_each_block_and_picture_in_its_place(pages, counted, measur
     assert "not compared with measured logs anew: tribometer" in capsys.readouterr().out
     growth, pareto = ((pages / f"out/{name}.svg").read_text() for name in ("growth", "pareto"))
     assert "Error over ticks" in growth and "Speed against error" in pareto
+    assert "<dc:date>" not in growth + pareto  # the same run gives the same file
 
 
 @pytest.mark.parametrize("part", ["host", "target", "cores"])

@@ -149,7 +149,9 @@ def test_the_cores_that_are_named_are_counted_and_kept(measured, tmp_path, capsy
     known = json.loads((tmp_path / "target.json").read_text())
     assert [core["core"] for core in known.values()] == [target.CORES[n].title for n in counted]
     assert list(known) == list(counted)
-    line = next(x for x in capsys.readouterr().out.splitlines() if "plan bytes" in x)
+    shown = capsys.readouterr().out
+    assert "needs beside libdahl" in shown
+    line = next(x for x in shown.splitlines() if "plan bytes" in x)
     assert line.count("312") == len(counted)
 
 

@@ -25,6 +25,8 @@ def test_a_page_gets_the_table_between_its_marks(tmp_path: Path) -> None:
     assert all(row.count("|") == 6 for row in table)
     assert "| wrong CRC | crc | CRC | kept | no |" in table
     assert other.read_text() == half
+    printed = subprocess.run([sys.executable, TOOL], capture_output=True, text=True, check=True)
+    assert printed.stdout.splitlines() == table
 
 
 def test_a_page_that_is_not_there_is_one_line(tmp_path: Path) -> None:
