@@ -4,8 +4,6 @@
  * gathered first; those of the further binary digits lie channel by channel from the start. Then the rows go one after the
  * other, each a vector of channels, digit by digit: one that is not set takes g = 0, which changes nothing.
  */
-#include <string.h>
-
 #include "exact.h"
 
 #ifdef DAHL_AVX512
@@ -160,7 +158,9 @@ DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
     for (size_t c = 0; c < count; c++) {
         chunk->unit[c] = dahl_batch_unit(&job->plans[c]);
         chunk->w[c] = job->states[c].w;
-        chunk->alike = chunk->alike && memcmp(job->plans[c].g, job->plans[0].g, DIRECT * sizeof(dahl_q64_t)) == 0;
+        for (size_t n = 0; n < DIRECT; n++) {
+            chunk->alike = chunk->alike && pair(job->plans[c].g[n]) == pair(job->plans[0].g[n]);
+        }
         for (int k = 0; k < DIGITS; k++) {
             chunk->digit[k][c] = pair(job->plans[c].g[DAHL_DIRECT_COUNTS_MAX + k]);
         }
