@@ -113,6 +113,20 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
     }
 }
 
+DAHL_INLINE void take_params(chunk_t *chunk, const job_t *job, size_t count)
+{
+    (void)memset(chunk, 0, sizeof *chunk);
+    chunk->small = chunk->tiny = UINT32_MAX;
+    for (size_t c = 0; c < count; c++) {
+        dahl_throughput_scale_t scale;
+        (void)dahl_throughput_check(&job->params[c], job->by_counts, &scale);
+        chunk->a[c] = scale.a;
+        chunk->Fc[c] = scale.Fc;
+        chunk->small = scale.small < chunk->small ? scale.small : chunk->small;
+        chunk->tiny = scale.tiny < chunk->tiny ? scale.tiny : chunk->tiny;
+    }
+}
+
 /* Travel is what the table is of: Fc may differ, sigma0 and theta too, their quotient may not. */
 DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
 {
@@ -130,16 +144,7 @@ DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_va
                      dahl_measure_t measure, few_t few)
 {
     chunk_t chunk;
-    (void)memset(&chunk, 0, sizeof chunk);
-    chunk.small = chunk.tiny = UINT32_MAX;
-    for (size_t c = 0; c < count; c++) {
-        dahl_throughput_scale_t scale;
-        (void)dahl_throughput_check(&job->params[c], job->by_counts, &scale);
-        chunk.a[c] = scale.a;
-        chunk.Fc[c] = scale.Fc;
-        chunk.small = scale.small < chunk.small ? scale.small : chunk.small;
-        chunk.tiny = scale.tiny < chunk.tiny ? scale.tiny : chunk.tiny;
-    }
+    take_params(&chunk, job, count);
     if (few != NULL) {
         make_table(&chunk, count);
     }

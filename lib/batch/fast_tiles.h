@@ -15,6 +15,8 @@
 
 #include "fast.h"
 
+#define DAHL_TABLE_MOST 15u /* counts whose g a table in registers holds */
+
 #ifdef DAHL_AVX512
 
 #include <immintrin.h>
@@ -23,7 +25,7 @@
 #define DAHL_LANES 8 /* doubles in a register */
 #define DAHL_TILES 8 /* of a block */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
-#define DAHL_TABLE_MOST 15u /* counts */
+#define DAHL_NAN_CLASS 0x81 /* NaN, quiet or signalling, as fpclass names it */
 
 /* The element as a block starts. */
 typedef struct {
@@ -105,10 +107,9 @@ DAHL_TILE __m512d dahl_tile_tiny(__m512d x)
 /* As dahl_g_any; NaN, seen by its class, is no travel. */
 DAHL_TILE __m512d dahl_tile_any(__m512d x)
 {
-    const int nan = 0x81; /* quiet or signalling */
-    __m512d number = _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, nan), _mm512_setzero_pd());
+    __m512d number = _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, DAHL_NAN_CLASS), _mm512_setzero_pd());
     __m512d u = _mm512_min_pd(_mm512_abs_pd(number), dahl_tile_all(DAHL_ALL));
-    __m512d k = _mm512_roundscale_pd(u * DAHL_LOG2E, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC);
+    __m512d k = _mm512_cvtepi32_pd(_mm512_cvttpd_epi32(u * DAHL_LOG2E));
     __m512d r = u - k * DAHL_LN2, g = r * DAHL_SLOPE(r);
     __m512d far = 1.0 - _mm512_scalef_pd(1.0 - g, -k);
     __mmask8 near = _mm512_cmp_pd_mask(k, _mm512_setzero_pd(), _CMP_EQ_OQ);

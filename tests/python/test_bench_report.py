@@ -437,6 +437,10 @@ def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
         "dahl_step_counts_q30",
         *results.SOLVERS.values(),
     ]
+
+
+def test_growth_names_its_axes_and_the_bound(counted, measured):
+    left, right = figures.growth(counted, measured).axes
     for axes, words in (
         (left, ("ticks", "worst error")),
         (right, ("samples a s", "instructions a s")),
@@ -447,6 +451,10 @@ def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
         assert shown == [x.get_label() for x in axes.lines if x.get_label()[0] != "_"]
     [bound] = drawn(left, ":")["#999999"]
     assert bound[0][1] == pytest.approx(0.52 * float(np.spacing(np.float32(1))))
+
+
+def test_growth_by_rate_is_the_cost_of_a_second(counted, measured):
+    right = figures.growth(counted, measured).axes[1]
     motions = counted["m4f"]["motions"]["newlib"]
     ours, euler = right.lines[:2]
     assert np.transpose(ours.get_data()).tolist() == [
