@@ -95,7 +95,7 @@ DAHL_TILE double angles_tiles(const job_t *job, double w0, const void *moves, si
 
 DAHL_TILE void run_tiles(const job_t *job, block_t block)
 {
-    double table[16];
+    double table[DAHL_TABLE_ENTRIES];
     job_t with_table = *job;
     dahl_tiles_table(job->scale->a, table);
     with_table.table = table;

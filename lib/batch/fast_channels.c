@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Many channels side by side: the vectors run across channels, so nothing is serial but the ticks. As for one trajectory
- * only d = w - w0 is computed for a block of ticks, then carried into the state. With AVX-512, channels of one stiffness, Fc
- * and encoder take g of few counts from a table in registers, as in fast_tiles.h.
+ * only d = w - w0 is computed for a block of ticks, then carried into the state. With AVX-512, channels whose travel a
+ * count is the same take g of few counts from a table in registers (fast_table.h).
  */
 #include <stddef.h>
 #include <string.h>
 
-#include "fast_tiles.h"
+#include "fast_table.h"
 
-#define CHUNK 16 /* channels at a time */
+#define CHUNK 16  /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried */
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
-    uint32_t small, tiny; /* the least of all channels */
-    double table[16];     /* g of 0 .. table_most counts of any channel */
-    uint32_t table_most;  /* 0: there is no such table */
+    uint32_t small, tiny;             /* the least of all channels */
+    double table[DAHL_TABLE_ENTRIES]; /* g of 0 .. table_most counts of any channel */
+    uint32_t table_most;              /* 0: they differ */
 } chunk_t;
 
 typedef struct {
@@ -63,51 +63,80 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
     }
 }
 
-/* Moves of few counts by the table; NULL where there is none. */
-typedef void (*few_t)(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last);
+/* The ticks of a block. */
+typedef void (*steps_t)(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last);
 
-#ifdef DAHL_AVX512
-DAHL_TILE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+DAHL_INLINE void step_up_to(uint32_t most, chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last,
+                            dahl_value_t value, dahl_value_t number)
 {
-    const __m512d low = _mm512_loadu_pd(chunk->table), high = _mm512_loadu_pd(chunk->table + 8);
-    __m512d d[2] = {_mm512_loadu_pd(chunk->d), _mm512_loadu_pd(chunk->d + 8)};
-    for (size_t t = first; t < last; t++) {
-        const int32_t *moves = (const int32_t *)job->moves + t * job->stride;
-        DAHL_UNROLL_8
-        for (int half = 0; half < 2; half++) {
-            __mmask8 used = (__mmask8)(((1u << count) - 1u) >> 8 * half);
-            __m512i counts = _mm512_cvtepi32_epi64(_mm256_maskz_loadu_epi32(used, moves + 8 * half));
-            __m512d size = _mm512_permutex2var_pd(low, _mm512_abs_epi64(counts), high);
-            __m512d g = dahl_tile_with_sign_of(counts, size);
-            __m512d c = g - _mm512_loadu_pd(chunk->w0 + 8 * half) * size;
-            d[half] = (1.0 - size) * d[half] + c;
-            __m512d F = _mm512_loadu_pd(chunk->Fc + 8 * half) * d[half] + _mm512_loadu_pd(chunk->F0 + 8 * half);
-            _mm256_mask_storeu_ps(job->F + t * job->stride + 8 * half, used, _mm512_cvtpd_ps(F));
-        }
-    }
-    _mm512_storeu_pd(chunk->d, d[0]);
-    _mm512_storeu_pd(chunk->d + 8, d[1]);
-}
-#endif
-
-DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, dahl_value_t value,
-                           dahl_value_t number, dahl_measure_t measure, few_t few)
-{
-    for (size_t c = 0; c < count; c++) {
-        chunk->w0[c] = dahl_w_of(&job->states[c]);
-        chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
-        chunk->d[c] = 0.0;
-    }
-    uint32_t most = largest(job, first, last, measure);
-    if (few != NULL && most <= chunk->table_most) {
-        few(chunk, job, count, first, last);
-    } else if (most > chunk->small) {
+    if (most > chunk->small) {
         step(chunk, job, count, first, last, value, dahl_g_any);
     } else if (most <= chunk->tiny) {
         step(chunk, job, count, first, last, number, dahl_g_tiny);
     } else {
         step(chunk, job, count, first, last, number, dahl_g_small);
     }
+}
+
+DAHL_INLINE void step_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    uint32_t most = largest(job, first, last, dahl_measure_of_count);
+    step_up_to(most, chunk, job, count, first, last, dahl_value_of_count, dahl_value_of_count);
+}
+
+DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    uint32_t most = largest(job, first, last, dahl_measure_of_angle);
+    step_up_to(most, chunk, job, count, first, last, dahl_value_of_angle, dahl_number_of_angle);
+}
+
+#ifdef DAHL_AVX512
+/* Up to eight channels of one row. */
+DAHL_TILE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
+                          float *F)
+{
+    __m512i counts = _mm512_cvtepi32_epi64(_mm256_maskz_loadu_epi32(used, moves + from));
+    __m512d size = dahl_tile_look_up(table, _mm512_abs_epi64(counts));
+    __m512d c = dahl_tile_with_sign_of(counts, size) - _mm512_loadu_pd(chunk->w0 + from) * size;
+    *d = (1.0 - size) * *d + c;
+    __m512d torque = _mm512_loadu_pd(chunk->Fc + from) * *d + _mm512_loadu_pd(chunk->F0 + from);
+    _mm256_mask_storeu_ps(F + from, used, _mm512_cvtpd_ps(torque));
+}
+
+DAHL_TILE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    const __m512d table[2] = {_mm512_loadu_pd(chunk->table), _mm512_loadu_pd(chunk->table + 8)};
+    const uint32_t used = (1u << count) - 1u;
+    __m512d d[2] = {_mm512_loadu_pd(chunk->d), _mm512_loadu_pd(chunk->d + 8)};
+    for (size_t t = first; t < last; t++) {
+        const int32_t *moves = (const int32_t *)job->moves + t * job->stride;
+        float *F = job->F + t * job->stride;
+        step_eight(chunk, table, &d[0], 0, (__mmask8)used, moves, F);
+        step_eight(chunk, table, &d[1], 8, (__mmask8)(used >> 8), moves, F);
+    }
+    _mm512_storeu_pd(chunk->d, d[0]);
+    _mm512_storeu_pd(chunk->d + 8, d[1]);
+}
+
+DAHL_TILE void step_few_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    uint32_t most = largest(job, first, last, dahl_measure_of_count);
+    if (most <= chunk->table_most) {
+        step_by_table(chunk, job, count, first, last);
+    } else {
+        step_up_to(most, chunk, job, count, first, last, dahl_value_of_count, dahl_value_of_count);
+    }
+}
+#endif
+
+DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last, steps_t steps)
+{
+    for (size_t c = 0; c < count; c++) {
+        chunk->w0[c] = dahl_w_of(&job->states[c]);
+        chunk->F0[c] = chunk->Fc[c] * chunk->w0[c];
+        chunk->d[c] = 0.0;
+    }
+    steps(chunk, job, count, first, last);
     for (size_t c = 0; c < count; c++) {
         dahl_carry(&job->states[c], chunk->d[c]);
     }
@@ -135,48 +164,35 @@ DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
     for (size_t c = 0; c < count; c++) {
         chunk->table_most = a < chunk->a[c] || a > chunk->a[c] ? 0 : chunk->table_most;
     }
-    for (int n = 0; n <= (int)chunk->table_most; n++) {
+    for (uint32_t n = 0; n <= chunk->table_most; n++) {
         chunk->table[n] = dahl_g_any(a * n);
     }
 }
 
-DAHL_INLINE void run(const job_t *job, size_t count, dahl_value_t value, dahl_value_t number,
-                     dahl_measure_t measure, few_t few)
+DAHL_INLINE void run(const job_t *job, size_t count, steps_t steps)
 {
     chunk_t chunk;
     take_params(&chunk, job, count);
-    if (few != NULL) {
-        make_table(&chunk, count);
-    }
+    make_table(&chunk, count);
     size_t rows;
     for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < BLOCK ? job->n - t : BLOCK;
-        run_block(&chunk, job, count, t, t + rows, value, number, measure, few);
+        run_block(&chunk, job, count, t, t + rows, steps);
     }
 }
 
 /* A whole chunk has a number of channels that the compiler knows. */
-DAHL_INLINE void run_known(const job_t *job, dahl_value_t value, dahl_value_t number,
-                           dahl_measure_t measure, few_t few)
+DAHL_INLINE void run_known(const job_t *job, steps_t steps)
 {
     if (job->count == CHUNK) {
-        run(job, CHUNK, value, number, measure, few);
+        run(job, CHUNK, steps);
     } else {
-        run(job, job->count, value, number, measure, few);
+        run(job, job->count, steps);
     }
 }
 
-DAHL_INLINE void run_counts(const job_t *job, few_t few)
-{
-    run_known(job, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count, few);
-}
-
-DAHL_INLINE void run_angles(const job_t *job)
-{
-    run_known(job, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle, NULL);
-}
-DAHL_VARIANTS_OF(counts, job_t, run_counts(job, step_by_table), run_counts(job, NULL), run_counts(job, NULL))
-DAHL_VARIANTS(angles, job_t, run_angles)
+DAHL_VARIANTS_OF(counts, job_t, run_known(job, step_few_counts), run_known(job, step_counts), run_known(job, step_counts))
+DAHL_VARIANTS_OF(angles, job_t, run_known(job, step_angles), run_known(job, step_angles), run_known(job, step_angles))
 
 static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)
 {

@@ -6,22 +6,17 @@
  *
  *   lanes    a tile is 64 ticks: lane i of vector k is tick 8 i + k, so that each lane runs through 8 ticks in a row
  *   pairs    ticks 2 m and 2 m + 1 of a lane stay in one word of 64 bits until they become doubles: half the shuffles
- *   table    g of up to 15 counts lies in two registers: one permutation instead of a polynomial
+ *   table    g of up to 15 counts: fast_table.h
  *   three passes over a block, each with all that the next one needs in memory: a tile takes longer from end to end than from
  *            tile to tile, and a processor looks only so many instructions ahead
  */
 #ifndef DAHL_BATCH_FAST_TILES_H
 #define DAHL_BATCH_FAST_TILES_H
 
-#include "fast.h"
-
-#define DAHL_TABLE_MOST 15u /* counts whose g a table in registers holds */
+#include "fast_table.h"
 
 #ifdef DAHL_AVX512
 
-#include <immintrin.h>
-
-#define DAHL_TILE DAHL_AVX512 DAHL_INLINE
 #define DAHL_LANES 8 /* doubles in a register */
 #define DAHL_TILES 8 /* of a block */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
@@ -46,12 +41,6 @@ typedef __m512d (*dahl_tile_kernel_t)(__m512d x);
 DAHL_TILE __m512d dahl_tile_all(double x)
 {
     return _mm512_set1_pd(x);
-}
-
-DAHL_TILE __m512d dahl_tile_with_sign_of(__m512i number, __m512d size)
-{
-    const __m512i sign = _mm512_set1_epi64(INT64_MIN);
-    return _mm512_or_pd(size, _mm512_castsi512_pd(_mm512_and_si512(number, sign)));
 }
 
 /* lanes[m] has ticks 2 m and 2 m + 1 of each lane: with the pairs numbered as they lie in memory, 4 i + m in lane i. */
@@ -108,7 +97,7 @@ DAHL_TILE __m512d dahl_tile_tiny(__m512d x)
 DAHL_TILE __m512d dahl_tile_any(__m512d x)
 {
     __m512d number = _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, DAHL_NAN_CLASS), _mm512_setzero_pd());
-    __m512d u = _mm512_min_pd(_mm512_abs_pd(number), dahl_tile_all(DAHL_ALL));
+    __m512d u = _mm512_min_pd(_mm512_abs_pd(number), _mm512_set1_pd(DAHL_ALL));
     __m512d k = _mm512_cvtepi32_pd(_mm512_cvttpd_epi32(u * DAHL_LOG2E));
     __m512d r = u - k * DAHL_LN2, g = r * DAHL_SLOPE(r);
     __m512d far = 1.0 - _mm512_scalef_pd(1.0 - g, -k);
@@ -118,11 +107,9 @@ DAHL_TILE __m512d dahl_tile_any(__m512d x)
 
 DAHL_TILE void dahl_tile_g_by_table(const dahl_tile_element_t *element, __m512i pair, __m512d g[2])
 {
-    __m512i counts = _mm512_abs_epi32(pair); /* a permutation looks at the lowest four bits alone */
-    __m512d first = _mm512_permutex2var_pd(element->table[0], counts, element->table[1]);
-    __m512d second = _mm512_permutex2var_pd(element->table[0], _mm512_srli_epi64(counts, 32), element->table[1]);
-    g[0] = dahl_tile_with_sign_of(_mm512_slli_epi64(pair, 32), first);
-    g[1] = dahl_tile_with_sign_of(pair, second);
+    __m512i counts = _mm512_abs_epi32(pair);
+    g[0] = dahl_tile_with_sign_of(_mm512_slli_epi64(pair, 32), dahl_tile_look_up(element->table, counts));
+    g[1] = dahl_tile_with_sign_of(pair, dahl_tile_look_up(element->table, _mm512_srli_epi64(counts, 32)));
 }
 
 DAHL_TILE void dahl_tile_g_by_counts(const dahl_tile_element_t *element, __m512i pair, dahl_tile_kernel_t kernel, __m512d g[2])
@@ -229,7 +216,7 @@ DAHL_TILE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_t
 }
 
 /* g of 0 .. 15 counts. */
-DAHL_TILE void dahl_tiles_table(double a, double table[16])
+DAHL_TILE void dahl_tiles_table(double a, double table[DAHL_TABLE_ENTRIES])
 {
     const __m512d counts = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
     _mm512_storeu_pd(table, dahl_tile_any(a * counts));

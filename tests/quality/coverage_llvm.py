@@ -28,6 +28,11 @@ class Place:
     spans: tuple[Span, ...]
     maker: str = ""  # the function, where a macro makes several of the same text
 
+    @property
+    def line(self) -> int:
+        """Where it begins in the file."""
+        return self.spans[0][0]
+
     def is_within(self, around: Place) -> bool:
         """Whether this is a part of the other, itself or by a macro that is used there."""
         depth = len(around.spans) - 1
@@ -76,6 +81,21 @@ class FileCoverage:
             "MC/DC": [shown for decision in self.decisions.values() for shown in decision],
         }
         return {kind: (sum(each), len(each)) for kind, each in reached.items()}
+
+    def without_uncalled(self) -> FileCoverage:
+        """The same file as a run sees it that never calls some of its functions."""
+        called = {key: n for key, n in self.functions.items() if n > 0}
+        bodies = [place.spans[0] for place, _ in self.functions.keys() - called.keys()]
+
+        def is_open(line: int) -> bool:
+            return not any(first <= line <= last for first, _, last, _ in bodies)
+
+        return FileCoverage(
+            called,
+            {line: n for line, n in self.lines.items() if is_open(line)},
+            {place: counts for place, counts in self.branches.items() if is_open(place.line)},
+            {place: shown for place, shown in self.decisions.items() if is_open(place.line)},
+        )
 
     def holes(self) -> list[tuple[int, int, str]]:
         """Line, column and what is missing there."""
