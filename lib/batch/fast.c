@@ -48,25 +48,22 @@ DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, 
     return d;
 }
 
-/* The last ticks, filled up to a block with ticks that do not move. */
-DAHL_INLINE void run_rest(const job_t *job, size_t done, block_t block)
-{
-    uint32_t moves[BLOCK] = {0};
-    float F[BLOCK];
-    size_t rest = job->n - done;
-    (void)memcpy(moves, (const uint32_t *)job->moves + done, rest * sizeof moves[0]);
-    dahl_carry(job->state, block(job, dahl_w_of(job->state), moves, 0, F));
-    (void)memcpy(job->F + done, F, rest * sizeof F[0]);
-}
-
+/* The last ticks are filled up to a block with ticks that do not move. */
 DAHL_INLINE void run(const job_t *job, block_t block)
 {
-    size_t done = 0;
-    for (; job->n - done >= BLOCK; done += BLOCK) {
-        dahl_carry(job->state, block(job, dahl_w_of(job->state), job->moves, done, job->F + done));
-    }
-    if (done != job->n) {
-        run_rest(job, done, block);
+    uint32_t last_moves[BLOCK] = {0};
+    float last_F[BLOCK];
+    for (size_t done = 0; done < job->n; done += BLOCK) {
+        size_t rest = job->n - done;
+        bool is_last = rest < BLOCK;
+        if (is_last) {
+            (void)memcpy(last_moves, (const uint32_t *)job->moves + done, rest * sizeof last_moves[0]);
+        }
+        dahl_carry(job->state, block(job, dahl_w_of(job->state), is_last ? last_moves : job->moves, is_last ? 0 : done,
+                                     is_last ? last_F : job->F + done));
+        if (is_last) {
+            (void)memcpy(job->F + done, last_F, rest * sizeof last_F[0]);
+        }
     }
 }
 

@@ -85,7 +85,8 @@ def measured() -> dict:
     ways = sorted({results.HOST_KEY.get(way.key, way.key) for way in results.WAYS})
     errors = {m: {way: [next(number) * 1e-9, 0.5] for way in ways} for m in MOTIONS}
     errors["walk_20"]["euler"][0] = 7.0
-    raced = (*ways, "batch_counts_16", "throughput_counts_16", "throughput_angle_16", "copy")
+    channels = ("batch_counts_16", "throughput_counts_16", "throughput_angle_16")
+    raced = (*ways, *channels, *(f"{way}_apart" for way in channels[:2]), "copy")
     speed = {m: {way: float(next(number)) for way in raced} for m in MOTIONS}
     growth = [
         {"scenario": motion, "way": way, "ticks": ticks, "worst": next(number) * 1e-12}
@@ -196,8 +197,9 @@ def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
     }
     pairs = [
         (np.prod(over[way]) ** (1 / len(MOTIONS)), min(over[way]))
-        for way in ("batch_counts", "batch_counts_16")
+        for way in ("batch_counts", "batch_counts_16", "batch_counts_16_apart")
         + ("throughput_counts", "throughput_angle", "throughput_counts_16")
+        + ("throughput_counts_16_apart",)
     ]
     wanted = [f"{x:.1f}" for pair in pairs for x in pair]
     by_angle = over["throughput_angle_16"]

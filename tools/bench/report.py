@@ -79,11 +79,14 @@ def host_block(result: dict[str, Any]) -> str:
     lines = [
         f"- `dahl_batch_counts`: {x['bitwise_counts_x']:.1f} times as fast as the `expm1f` loop of"
         f" glibc (least: {x['bitwise_counts_x_least']:.1f}, giant jumps);"
-        f" 16 channels {x['bitwise_channels16_x']:.1f} ({x['bitwise_channels16_x_least']:.1f})",
+        f" 16 channels {x['bitwise_channels16_x']:.1f} ({x['bitwise_channels16_x_least']:.1f}),"
+        f" of different stiffness {x['bitwise_channels16_apart_x']:.1f}"
+        f" ({x['bitwise_channels16_apart_x_least']:.1f})",
         f"- `dahl_throughput_counts`: {x['throughput_counts_x']:.1f}"
         f" ({x['throughput_counts_x_least']:.1f}); by angle {x['throughput_angle_x']:.1f}"
         f" ({x['throughput_angle_x_least']:.1f}); 16 channels {x['throughput_channels16_x']:.1f}"
-        f" ({x['throughput_channels16_x_least']:.1f})",
+        f" ({x['throughput_channels16_x_least']:.1f}), of different stiffness"
+        f" {x['throughput_channels16_apart_x']:.1f} ({x['throughput_channels16_apart_x_least']:.1f})",
         f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as"
         f" `dahl_throughput_counts`, {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
     ]

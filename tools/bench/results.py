@@ -188,9 +188,11 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
     names = {
         "bitwise_counts_x": "batch_counts",
         "bitwise_channels16_x": "batch_counts_16",
+        "bitwise_channels16_apart_x": "batch_counts_16_apart",
         "throughput_angle_x": "throughput_angle",
         "throughput_counts_x": "throughput_counts",
         "throughput_channels16_x": "throughput_counts_16",
+        "throughput_channels16_apart_x": "throughput_counts_16_apart",
         "throughput_angle_channels16_x": "throughput_angle_16",
     }
     result = {key: over(way) for key, way in names.items()}
