@@ -170,9 +170,13 @@ def test_what_threads_bring(counted, measured, monkeypatch):
     result = results.combine(counted, measured)
     assert result["host"]["threads_8_x"] == 6.0
     assert "is 1.5 times as fast as one thread on a log of 7,000" in report.host_block(result)
-    torques = []
+    torques, asked, run = [], [], dahl.Throughput.run_counts
     monkeypatch.setattr(host, "best_time", lambda work: torques.append(work().copy()) or 6.0)
+    monkeypatch.setattr(
+        dahl.Throughput, "run_counts", lambda *a, **k: asked.append(k["threads"]) or run(*a, **k)
+    )
     found = host.measure_threads(3_000_000)
+    assert list(map(str, asked)) == list(found)
     assert {"1", "2"} <= set(found) and set(found.values()) == {6e9 / 3e6}
     assert np.ptp(torques[0]) > 0.5 and np.abs(torques[1] - torques[0]).max() <= 6e-8
 
