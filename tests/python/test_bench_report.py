@@ -18,6 +18,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools" / "bench"))
 
+import dahl  # noqa: E402
 import figures  # noqa: E402
 import host  # noqa: E402
 import outside  # noqa: E402
