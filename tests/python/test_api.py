@@ -449,6 +449,7 @@ def test_an_encoder_tells_a_jump_and_goes_home():
     encoder.home(0)
     assert encoder.move(9999) == -1
     assert repr(encoder) == "Encoder(modulus=10000, sign=1, largest_step=100)"
+    assert "sign=-1" in repr(dahl.Encoder(10, -1))
     with pytest.raises(AttributeError):
         encoder.jumps = 0
 

@@ -117,7 +117,7 @@ def test_the_same_test_asks_the_node_of_another_bus(outcome, tmp_path, dahl_loop
 def test_a_node_is_served_where_none_of_its_number_is(outcome, tmp_path, dahl_loop):
     text = README[0] + "    assert dahl_node.counts.ok == 2\n"
     with elsewhere(tmp_path, number=9) as options:
-        done = outcome(text, *options, "--dahl-serve")
+        done = outcome(text, "--dahl-serve", *options)
     assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
 
 

@@ -107,7 +107,10 @@ def test_each_example_of_the_help_is_a_command_line(dahl, verb):
     examples = re.findall(line, text, re.MULTILINE)
     assert examples
     for words in map(shlex.split, examples):
-        assert build_parser().parse_args(words).command == verb
+        args = build_parser().parse_args(words)
+        assert args.command == verb
+        if verb in ("monitor", "record"):
+            assert args.port in (None, 29536), "where socketcand listens by default"
 
 
 def test_the_help_names_the_folder_of_an_installed_package(dahl, monkeypatch):
