@@ -173,14 +173,16 @@ def test_answers_follow_their_frames_and_echo_them(tmp_path):
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 @pytest.mark.parametrize("first", ["t [s]", '"t [s]"'])
 def test_log_files_of_many_shapes(tmp_path, delimiter, end, first):
+    """With a column without a name, a long name, long rows, and no end of the last row, or two."""
+    name = "angle of the steering wheel, absolute [deg]"
     values = [(0, 1.5), (0.001, 1.6), (0.001, 1.4), (5, -2.0)]
     rows = [
-        [first, '"angle, [deg]"', "note"],
-        *([str(t), str(v), "x" * 60000] for t, v in values),
+        [first, "", f'"{name}"', "note"],
+        *([str(t), "9", str(v), "x" * 60000] for t, v in values),
     ]
-    text = "\ufeff" + end.join(delimiter.join(row) for row in rows) + end + end
-    (tmp_path / "log.csv").write_bytes(text.encode())
-    motion = "[motion]\nkind = log\nfile = log.csv\nangle = angle, [deg]\ntime = t [s]\n"
+    text = "\ufeff" + end.join(delimiter.join(row) for row in rows)
+    (tmp_path / "log.csv").write_bytes((text if end == "\n" else text + end + end).encode())
+    motion = f"[motion]\nkind = log\nfile = log.csv\nangle = {name}\ntime = t [s]\n"
     motion += "counts_per_unit = 10\n"
     result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
     assert result.code == 0, result.err
