@@ -190,7 +190,7 @@ def test_log_files_of_many_shapes(tmp_path, delimiter, end, first):
 
 
 def test_angles_between_two_counts_go_to_the_nearest(tmp_path):
-    (tmp_path / "log.csv").write_text("a\n0.5\n0.54\n0.56\n0.46\n0.44\n1.4999999999\n")
+    (tmp_path / "log.csv").write_text("a,\n0.5,9\n0.54,8\n0.56,7\n0.46,7\n0.44,7\n1.4999999999,7\n")
     for side in (1, -1):
         motion = f"[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = {side}0\n"
         result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
