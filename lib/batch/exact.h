@@ -128,6 +128,7 @@ DAHL_INLINE void dahl_batch_torques(const dahl_plan_t *plans, const double *unit
         dahl_double_t torque = dahl_batch_product(w[i], unit[i * apart], converts);
         F[i] = (float)torque.value;
         close |= dahl_batch_close(torque);
+        close |= unit[i * apart] > 0 ? 0u : (uint64_t)1 << 63; /* a plan of zeros: no negative zero */
     }
     for (size_t i = 0; i < n && close >> 63 != 0; i++) {
         dahl_state_t state = {w[i]};

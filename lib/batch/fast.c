@@ -51,15 +51,18 @@ DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, 
 /* The last ticks are filled up to a block with ticks that do not move. */
 DAHL_INLINE void run(const job_t *job, block_t block)
 {
-    uint32_t last_moves[BLOCK] = {0};
+    union {
+        int32_t counts[BLOCK];
+        float angles[BLOCK];
+    } last_moves = {{0}}; /* of either kind: all bits 0 are no motion */
     float last_F[BLOCK];
     for (size_t done = 0; done < job->n; done += BLOCK) {
         size_t rest = job->n - done;
         bool is_last = rest < BLOCK;
         if (is_last) {
-            (void)memcpy(last_moves, (const uint32_t *)job->moves + done, rest * sizeof last_moves[0]);
+            (void)memcpy(&last_moves, (const unsigned char *)job->moves + 4 * done, 4 * rest);
         }
-        dahl_carry(job->state, block(job, dahl_w_of(job->state), is_last ? last_moves : job->moves, is_last ? 0 : done,
+        dahl_carry(job->state, block(job, dahl_w_of(job->state), is_last ? &last_moves : job->moves, is_last ? 0 : done,
                                      is_last ? last_F : job->F + done));
         if (is_last) {
             (void)memcpy(job->F + done, last_F, rest * sizeof last_F[0]);
@@ -78,19 +81,21 @@ DAHL_INLINE void run_angles(const job_t *job)
 }
 
 #ifdef DAHL_AVX512
-DAHL_TILE double counts_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
+typedef char the_tiles_are_a_block[DAHL_TILES_TICKS == BLOCK ? 1 : -1];
+
+DAHL_WIDE double counts_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
 {
     const dahl_tile_job_t block = {job->scale, job->table, w0, (const int32_t *)moves + n, F};
     return dahl_tiles_by_counts(&block, largest(moves, n, dahl_measure_of_count));
 }
 
-DAHL_TILE double angles_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
+DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
 {
     const dahl_tile_job_t block = {job->scale, job->table, w0, (const float *)moves + n, F};
     return dahl_tiles_by_angle(&block, largest(moves, n, dahl_measure_of_angle));
 }
 
-DAHL_TILE void run_tiles(const job_t *job, block_t block)
+DAHL_WIDE void run_tiles(const job_t *job, block_t block)
 {
     double table[DAHL_TABLE_ENTRIES];
     job_t with_table = *job;

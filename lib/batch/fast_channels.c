@@ -11,12 +11,13 @@
 
 #define CHUNK 16  /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried */
+#define TABLE_ROWS 16 /* of the first block, that make up for a table */
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
     uint32_t small, tiny;             /* the least of all channels */
     double table[DAHL_TABLE_ENTRIES]; /* g of 0 .. table_most counts of any channel */
-    uint32_t table_most;              /* 0: they differ */
+    uint32_t table_most;              /* 0: there is none */
 } chunk_t;
 
 typedef struct {
@@ -92,18 +93,18 @@ DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, siz
 
 #ifdef DAHL_AVX512
 /* Up to eight channels of one row. */
-DAHL_TILE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
+DAHL_WIDE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
                           float *F)
 {
     __m512i counts = _mm512_cvtepi32_epi64(_mm256_maskz_loadu_epi32(used, moves + from));
-    __m512d size = dahl_tile_look_up(table, _mm512_abs_epi64(counts));
-    __m512d c = dahl_tile_with_sign_of(counts, size) - _mm512_loadu_pd(chunk->w0 + from) * size;
+    __m512d size = dahl_table_look_up(table, _mm512_abs_epi64(counts));
+    __m512d c = dahl_with_sign_of(counts, size) - _mm512_loadu_pd(chunk->w0 + from) * size;
     *d = (1.0 - size) * *d + c;
     __m512d torque = _mm512_loadu_pd(chunk->Fc + from) * *d + _mm512_loadu_pd(chunk->F0 + from);
     _mm256_mask_storeu_ps(F + from, used, _mm512_cvtpd_ps(torque));
 }
 
-DAHL_TILE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+DAHL_WIDE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
     const __m512d table[2] = {_mm512_loadu_pd(chunk->table), _mm512_loadu_pd(chunk->table + 8)};
     const uint32_t used = (1u << count) - 1u;
@@ -118,10 +119,26 @@ DAHL_TILE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, siz
     _mm512_storeu_pd(chunk->d + 8, d[1]);
 }
 
-DAHL_TILE void step_few_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+/* Travel is what the table is of: Fc may differ, sigma0 and theta too, their quotient may not. */
+DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
 {
+    double a = chunk->a[0];
+    chunk->table_most = DAHL_TABLE_MOST;
+    for (size_t c = 0; c < count; c++) {
+        chunk->table_most = a < chunk->a[c] || a > chunk->a[c] ? 0 : chunk->table_most;
+    }
+    for (uint32_t n = 0; n <= chunk->table_most; n++) {
+        chunk->table[n] = dahl_g_any(a * n);
+    }
+}
+
+DAHL_WIDE void step_few_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
+{
+    if (first == 0 && last >= TABLE_ROWS) {
+        make_table(chunk, count);
+    }
     uint32_t most = largest(job, first, last, dahl_measure_of_count);
-    if (most <= chunk->table_most) {
+    if (chunk->table_most != 0 && most <= chunk->table_most) {
         step_by_table(chunk, job, count, first, last);
     } else {
         step_up_to(most, chunk, job, count, first, last, dahl_value_of_count, dahl_value_of_count);
@@ -156,24 +173,10 @@ DAHL_INLINE void take_params(chunk_t *chunk, const job_t *job, size_t count)
     }
 }
 
-/* Travel is what the table is of: Fc may differ, sigma0 and theta too, their quotient may not. */
-DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
-{
-    double a = chunk->a[0];
-    chunk->table_most = DAHL_TABLE_MOST;
-    for (size_t c = 0; c < count; c++) {
-        chunk->table_most = a < chunk->a[c] || a > chunk->a[c] ? 0 : chunk->table_most;
-    }
-    for (uint32_t n = 0; n <= chunk->table_most; n++) {
-        chunk->table[n] = dahl_g_any(a * n);
-    }
-}
-
 DAHL_INLINE void run(const job_t *job, size_t count, steps_t steps)
 {
     chunk_t chunk;
     take_params(&chunk, job, count);
-    make_table(&chunk, count);
     size_t rows;
     for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < BLOCK ? job->n - t : BLOCK;

@@ -2,7 +2,7 @@
 /*
  * One long trajectory of a Dahl element in registers of 512 bits, private: the scan of fast_scan.h in the instructions of
  * AVX-512. A compiler puts every eighth tick into a vector by shuffles of its own choice and knows no tables in registers; this
- * takes half the time where moves are of few counts, and a tenth to a fifth less elsewhere (docs/decisions/04).
+ * takes two thirds of the time where moves are of few counts, and a tenth less elsewhere (docs/decisions/04).
  *
  *   lanes    a tile is 64 ticks: lane i of vector k is tick 8 i + k, so that each lane runs through 8 ticks in a row
  *   pairs    ticks 2 m and 2 m + 1 of a lane stay in one word of 64 bits until they become doubles: half the shuffles
@@ -17,9 +17,10 @@
 
 #ifdef DAHL_AVX512
 
-#define DAHL_LANES 8 /* doubles in a register */
+#define DAHL_LANES 8 /* doubles in a register, and ticks of each lane */
 #define DAHL_TILES 8 /* of a block */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
+#define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
 #define DAHL_NAN_CLASS 0x81 /* NaN, quiet or signalling, as fpclass names it */
 
 /* The element as a block starts. */
@@ -38,13 +39,13 @@ typedef void (*dahl_tile_g_t)(const dahl_tile_element_t *element, __m512i pair, 
 /* The kernels of fast.h, for eight travels at a time. */
 typedef __m512d (*dahl_tile_kernel_t)(__m512d x);
 
-DAHL_TILE __m512d dahl_tile_all(double x)
+DAHL_WIDE __m512d dahl_tile_all(double x)
 {
     return _mm512_set1_pd(x);
 }
 
 /* lanes[m] has ticks 2 m and 2 m + 1 of each lane: with the pairs numbered as they lie in memory, 4 i + m in lane i. */
-DAHL_TILE void dahl_tile_load(const void *moves, __m512i lanes[4])
+DAHL_WIDE void dahl_tile_load(const void *moves, __m512i lanes[4])
 {
     const __m512i first = _mm512_setr_epi64(0, 4, 8, 12, 1, 5, 9, 13), last = _mm512_setr_epi64(2, 6, 10, 14, 3, 7, 11, 15);
     const unsigned char *from = moves;
@@ -59,7 +60,7 @@ DAHL_TILE void dahl_tile_load(const void *moves, __m512i lanes[4])
 }
 
 /* The other way round: F[k] has tick k of each lane. Pairs first, then fours, then the lanes one after the other. */
-DAHL_TILE void dahl_tile_store(const __m256 F[8], float *to)
+DAHL_WIDE void dahl_tile_store(const __m256 F[8], float *to)
 {
     const __m512i mixed = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
     __m512i pair[4], even[2], odd[2]; /* even and odd lanes; ticks 0 to 3 and 4 to 7 */
@@ -81,20 +82,20 @@ DAHL_TILE void dahl_tile_store(const __m256 F[8], float *to)
     _mm512_storeu_si512(to + 48, _mm512_shuffle_i64x2(lanes46, lanes57, 0xdd));
 }
 
-DAHL_TILE __m512d dahl_tile_small(__m512d x)
+DAHL_WIDE __m512d dahl_tile_small(__m512d x)
 {
     __m512d u = _mm512_abs_pd(x);
     return x * DAHL_SLOPE(u);
 }
 
-DAHL_TILE __m512d dahl_tile_tiny(__m512d x)
+DAHL_WIDE __m512d dahl_tile_tiny(__m512d x)
 {
     __m512d u = _mm512_abs_pd(x);
     return x * DAHL_TINY_SLOPE(u);
 }
 
 /* As dahl_g_any; NaN, seen by its class, is no travel. */
-DAHL_TILE __m512d dahl_tile_any(__m512d x)
+DAHL_WIDE __m512d dahl_tile_any(__m512d x)
 {
     __m512d number = _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, DAHL_NAN_CLASS), _mm512_setzero_pd());
     __m512d u = _mm512_min_pd(_mm512_abs_pd(number), _mm512_set1_pd(DAHL_ALL));
@@ -102,24 +103,24 @@ DAHL_TILE __m512d dahl_tile_any(__m512d x)
     __m512d r = u - k * DAHL_LN2, g = r * DAHL_SLOPE(r);
     __m512d far = 1.0 - _mm512_scalef_pd(1.0 - g, -k);
     __mmask8 near = _mm512_cmp_pd_mask(k, _mm512_setzero_pd(), _CMP_EQ_OQ);
-    return dahl_tile_with_sign_of(_mm512_castpd_si512(number), _mm512_mask_mov_pd(far, near, g));
+    return dahl_with_sign_of(_mm512_castpd_si512(number), _mm512_mask_mov_pd(far, near, g));
 }
 
-DAHL_TILE void dahl_tile_g_by_table(const dahl_tile_element_t *element, __m512i pair, __m512d g[2])
+DAHL_WIDE void dahl_tile_g_by_table(const dahl_tile_element_t *element, __m512i pair, __m512d g[2])
 {
     __m512i counts = _mm512_abs_epi32(pair);
-    g[0] = dahl_tile_with_sign_of(_mm512_slli_epi64(pair, 32), dahl_tile_look_up(element->table, counts));
-    g[1] = dahl_tile_with_sign_of(pair, dahl_tile_look_up(element->table, _mm512_srli_epi64(counts, 32)));
+    g[0] = dahl_with_sign_of(_mm512_slli_epi64(pair, 32), dahl_table_look_up(element->table, counts));
+    g[1] = dahl_with_sign_of(pair, dahl_table_look_up(element->table, _mm512_srli_epi64(counts, 32)));
 }
 
-DAHL_TILE void dahl_tile_g_by_counts(const dahl_tile_element_t *element, __m512i pair, dahl_tile_kernel_t kernel, __m512d g[2])
+DAHL_WIDE void dahl_tile_g_by_counts(const dahl_tile_element_t *element, __m512i pair, dahl_tile_kernel_t kernel, __m512d g[2])
 {
     __m512i first = _mm512_srai_epi64(_mm512_slli_epi64(pair, 32), 32), second = _mm512_srai_epi64(pair, 32);
     g[0] = kernel(element->a * _mm512_cvtepi64_pd(first));
     g[1] = kernel(element->a * _mm512_cvtepi64_pd(second));
 }
 
-DAHL_TILE void dahl_tile_g_by_angle(const dahl_tile_element_t *element, __m512i pair, dahl_tile_kernel_t kernel, __m512d g[2])
+DAHL_WIDE void dahl_tile_g_by_angle(const dahl_tile_element_t *element, __m512i pair, dahl_tile_kernel_t kernel, __m512d g[2])
 {
     __m256i first = _mm512_cvtepi64_epi32(pair), second = _mm512_cvtepi64_epi32(_mm512_srli_epi64(pair, 32));
     g[0] = kernel(element->a * _mm512_cvtps_pd(_mm256_castsi256_ps(first)));
@@ -127,7 +128,7 @@ DAHL_TILE void dahl_tile_g_by_angle(const dahl_tile_element_t *element, __m512i 
 }
 
 #define DAHL_TILE_G(by, size)                                                                                       \
-    DAHL_TILE void dahl_tile_##size##_##by(const dahl_tile_element_t *element, __m512i pair, __m512d g[2])          \
+    DAHL_WIDE void dahl_tile_##size##_##by(const dahl_tile_element_t *element, __m512i pair, __m512d g[2])          \
     {                                                                                                               \
         dahl_tile_g_by_##by(element, pair, dahl_tile_##size, g);                                                    \
     }
@@ -138,7 +139,7 @@ DAHL_TILE_G(angle, tiny)
 DAHL_TILE_G(angle, small)
 DAHL_TILE_G(angle, any)
 
-DAHL_TILE void dahl_tile_make_maps(dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, const void *moves,
+DAHL_WIDE void dahl_tile_make_maps(dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, const void *moves,
                                    dahl_tile_g_t g_of)
 {
     __m512i lanes[4];
@@ -157,14 +158,14 @@ DAHL_TILE void dahl_tile_make_maps(dahl_tiles_t *tiles, int t, const dahl_tile_e
 }
 
 /* The map (e, c) after that of the ticks before it. */
-DAHL_TILE void dahl_tile_join(__m512d *before_e, __m512d *before_c, __m512d e, __m512d c)
+DAHL_WIDE void dahl_tile_join(__m512d *before_e, __m512d *before_c, __m512d e, __m512d c)
 {
     *before_c = e * *before_c + c;
     *before_e = e * *before_e;
 }
 
 /* Lanes moved up by 1, 2 or 4, from `first` on. */
-DAHL_TILE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
+DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
 {
     __m512i high = _mm512_castpd_si512(x), low = _mm512_castpd_si512(first);
     return _mm512_castsi512_pd(lanes == 1   ? _mm512_alignr_epi64(high, low, 7)
@@ -173,7 +174,7 @@ DAHL_TILE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
 }
 
 /* The maps of 8 ticks to one, two by two, then those of the lanes before each. */
-DAHL_TILE void dahl_tile_join_all(dahl_tiles_t *tiles, int t)
+DAHL_WIDE void dahl_tile_join_all(dahl_tiles_t *tiles, int t)
 {
     __m512d e[DAHL_LANES], c[DAHL_LANES];
     DAHL_UNROLL_8
@@ -201,7 +202,7 @@ DAHL_TILE void dahl_tile_join_all(dahl_tiles_t *tiles, int t)
 }
 
 /* d at the start of the tile, in all lanes, to d at its end. */
-DAHL_TILE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, __m512d d, float *to)
+DAHL_WIDE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, __m512d d, float *to)
 {
     __m256 F[DAHL_LANES];
     __m512d ends = tiles->to_e[t] * d + tiles->to_c[t];
@@ -216,7 +217,7 @@ DAHL_TILE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_t
 }
 
 /* g of 0 .. 15 counts. */
-DAHL_TILE void dahl_tiles_table(double a, double table[DAHL_TABLE_ENTRIES])
+DAHL_WIDE void dahl_tiles_table(double a, double table[DAHL_TABLE_ENTRIES])
 {
     const __m512d counts = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
     _mm512_storeu_pd(table, dahl_tile_any(a * counts));
@@ -233,7 +234,7 @@ typedef struct {
 } dahl_tile_job_t;
 
 /* Returns d at the end of the block. */
-DAHL_TILE double dahl_tiles_run(const dahl_tile_job_t *job, dahl_tile_g_t g_of)
+DAHL_WIDE double dahl_tiles_run(const dahl_tile_job_t *job, dahl_tile_g_t g_of)
 {
     const dahl_throughput_scale_t *scale = job->scale;
     const dahl_tile_element_t element = {
@@ -253,7 +254,7 @@ DAHL_TILE double dahl_tiles_run(const dahl_tile_job_t *job, dahl_tile_g_t g_of)
     return _mm512_cvtsd_f64(d);
 }
 
-DAHL_TILE double dahl_tiles_by_counts(const dahl_tile_job_t *job, uint32_t most)
+DAHL_WIDE double dahl_tiles_by_counts(const dahl_tile_job_t *job, uint32_t most)
 {
     if (most <= DAHL_TABLE_MOST) {
         return dahl_tiles_run(job, dahl_tile_g_by_table);
@@ -263,7 +264,7 @@ DAHL_TILE double dahl_tiles_by_counts(const dahl_tile_job_t *job, uint32_t most)
                                   : dahl_tiles_run(job, dahl_tile_any_counts);
 }
 
-DAHL_TILE double dahl_tiles_by_angle(const dahl_tile_job_t *job, uint32_t most)
+DAHL_WIDE double dahl_tiles_by_angle(const dahl_tile_job_t *job, uint32_t most)
 {
     return most <= job->scale->tiny    ? dahl_tiles_run(job, dahl_tile_tiny_angle)
            : most <= job->scale->small ? dahl_tiles_run(job, dahl_tile_small_angle)

@@ -15,7 +15,7 @@
 extern "C" {
 #endif
 
-/* Exact: the bits of dahl_step_counts and dahl_step, tick by tick. */
+/* Exact: the bits of dahl_step_counts and dahl_step, tick by tick, while the processor rounds to nearest, as it starts. */
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n);
 void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n);
 void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
@@ -42,9 +42,10 @@ void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcount
 
 /*
  * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:
- * DAHL_ULP_COUNTS ulp of Fc by counts and, while each |u| >= 2^-30 or 0, by angle; without end. Parameters are double and
- * need no plan; limits and codes are those of dahl_prepare, and on a code nothing is touched. NaN moves by angle are no
- * motion, infinite ones saturate. The state is that of the exact form. Temporaries: 16 KiB of stack.
+ * DAHL_ULP_COUNTS ulp of Fc (of floats as large as it) by counts and, while each |u| >= 2^-30 or 0, by angle; without end.
+ * Parameters are double and need no plan; limits and codes are those of dahl_prepare, and on a code nothing is touched. NaN
+ * moves by angle are no motion, infinite ones saturate. The state is that of the exact form. Temporaries: 16 KiB of stack in
+ * an optimised build.
  */
 typedef struct {
     double sigma0;          /* N m/rad */
@@ -65,7 +66,7 @@ dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl
  * Throughput of elements in parallel, any mix of Dahl and slip elements (dahl_parts.h): in double, in vectors, rounded once.
  * Error: 0.5001 ulp of the sum of Fc for slip elements, DAHL_ULP_COUNTS ulp of it for any mix, without end. Limits and codes are
  * those of dahl_throughput_counts for each element; on a code nothing is touched. No element at all gives 0 N m. Temporaries:
- * 32 KiB of stack.
+ * 40 KiB of stack.
  */
 typedef struct {
     dahl_throughput_params_t params;
