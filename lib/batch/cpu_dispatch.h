@@ -2,8 +2,9 @@
 /*
  * One source, several instruction sets, private: DAHL_VARIANTS(name, type, run) defines name(const type *) as run, compiled
  * for what every processor of the family has and for those with wider vectors, chosen at each call. `run` and all that it
- * calls is DAHL_INLINE. DAHL_VARIANTS_OF takes another call for each: with AVX-512, with AVX2, with neither. Where the compiler cannot do that, the one form is all there is. DAHL_VARIANTS_TOLD tells run, by a
- * second argument, whether the instruction set makes doubles of whole numbers of 64 bits: AVX2 has vectors, but not for that.
+ * calls is DAHL_INLINE. DAHL_VARIANTS_OF takes another call for each: with AVX-512, with AVX2, with neither. Where the
+ * compiler cannot do that, the one form is all there is. DAHL_VARIANTS_TOLD tells run, by a second argument, whether the
+ * instruction set makes doubles of whole numbers of 64 bits: AVX2 has vectors, but not for that.
  */
 #ifndef DAHL_CPU_DISPATCH_H
 #define DAHL_CPU_DISPATCH_H
