@@ -28,44 +28,56 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
 }
 
 /* A block from w0; returns d at its end. */
-typedef double (*block_t)(const job_t *job, double w0, const void *moves, size_t n, float *F);
+typedef double (*block_t)(const job_t *job, double w0, const void *moves, float *F);
 
-DAHL_INLINE double counts_block(const job_t *job, double w0, const void *moves, size_t n, float *F)
+DAHL_INLINE double counts_block(const job_t *job, double w0, const void *moves, float *F)
 {
     scan_t scan;
-    scan_block(&scan, job->scale, w0, moves, n, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+    scan_block(&scan, job->scale, w0, moves, 0, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
     double d = join_groups(&scan);
     write_torques(&scan, w0, job->scale->Fc, F);
     return d;
 }
 
-DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, size_t n, float *F)
+DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, float *F)
 {
     scan_t scan;
-    scan_block(&scan, job->scale, w0, moves, n, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
+    scan_block(&scan, job->scale, w0, moves, 0, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
     double d = join_groups(&scan);
     write_torques(&scan, w0, job->scale->Fc, F);
     return d;
 }
 
-/* The last ticks are filled up to a block with ticks that do not move. */
-DAHL_INLINE void run(const job_t *job, block_t block)
-{
+/* The last ticks, filled up to a block with ticks that do not move. */
+typedef struct {
     union {
         int32_t counts[BLOCK];
         float angles[BLOCK];
-    } last_moves = {{0}}; /* of either kind: all bits 0 are no motion */
-    float last_F[BLOCK];
+    } moves;
+    float F[BLOCK];
+} last_t;
+
+/* n ticks from tick `done` on; where a block finds them now, and leaves their torques. */
+DAHL_INLINE void take_last(last_t *last, const job_t *job, size_t done, size_t n, const void **moves, float **F)
+{
+    (void)memcpy(last->moves.counts, (const int32_t *)job->moves + done, n * sizeof last->moves.counts[0]);
+    *moves = &last->moves;
+    *F = last->F;
+}
+
+DAHL_INLINE void run(const job_t *job, block_t block)
+{
+    last_t last = {{{0}}, {0}};
     for (size_t done = 0; done < job->n; done += BLOCK) {
-        size_t rest = job->n - done;
-        bool is_last = rest < BLOCK;
-        if (is_last) {
-            (void)memcpy(&last_moves, (const unsigned char *)job->moves + 4 * done, 4 * rest);
+        size_t n = job->n - done;
+        const void *moves = (const int32_t *)job->moves + done;
+        float *F = job->F + done;
+        if (n < BLOCK) {
+            take_last(&last, job, done, n, &moves, &F);
         }
-        dahl_carry(job->state, block(job, dahl_w_of(job->state), is_last ? &last_moves : job->moves, is_last ? 0 : done,
-                                     is_last ? last_F : job->F + done));
-        if (is_last) {
-            (void)memcpy(job->F + done, last_F, rest * sizeof last_F[0]);
+        dahl_carry(job->state, block(job, dahl_w_of(job->state), moves, F));
+        if (n < BLOCK) {
+            (void)memcpy(job->F + done, last.F, n * sizeof last.F[0]);
         }
     }
 }
@@ -83,16 +95,16 @@ DAHL_INLINE void run_angles(const job_t *job)
 #ifdef DAHL_AVX512
 typedef char the_tiles_are_a_block[DAHL_TILES_TICKS == BLOCK ? 1 : -1];
 
-DAHL_WIDE double counts_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
+DAHL_WIDE double counts_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
-    const dahl_tile_job_t block = {job->scale, job->table, w0, (const int32_t *)moves + n, F};
-    return dahl_tiles_by_counts(&block, largest(moves, n, dahl_measure_of_count));
+    const dahl_tile_job_t block = {job->scale, job->table, w0, moves, F};
+    return dahl_tiles_by_counts(&block, largest(moves, 0, dahl_measure_of_count));
 }
 
-DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, size_t n, float *F)
+DAHL_WIDE double angles_tiles(const job_t *job, double w0, const void *moves, float *F)
 {
-    const dahl_tile_job_t block = {job->scale, job->table, w0, (const float *)moves + n, F};
-    return dahl_tiles_by_angle(&block, largest(moves, n, dahl_measure_of_angle));
+    const dahl_tile_job_t block = {job->scale, job->table, w0, moves, F};
+    return dahl_tiles_by_angle(&block, largest(moves, 0, dahl_measure_of_angle));
 }
 
 DAHL_WIDE void run_tiles(const job_t *job, block_t block)

@@ -11,7 +11,6 @@
 
 #define CHUNK 16  /* channels at a time */
 #define BLOCK 128 /* ticks before d is carried */
-#define TABLE_ROWS 16 /* of the first block, that make up for a table */
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
@@ -134,7 +133,7 @@ DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
 
 DAHL_WIDE void step_few_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
-    if (first == 0 && last >= TABLE_ROWS) {
+    if (first == 0 && last >= 16) { /* ticks that make up for a table */
         make_table(chunk, count);
     }
     uint32_t most = largest(job, first, last, dahl_measure_of_count);

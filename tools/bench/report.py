@@ -73,10 +73,9 @@ def unreached(host: dict[str, Any]) -> list[str]:
     return ["", f"Not reached with {most} parts a tick: {', '.join(names)}."] if names else []
 
 
-def host_block(result: dict[str, Any]) -> str:
-    """What the host measured, in words; of the machine that ran it."""
-    x = result["host"]
-    lines = [
+def plain_lines(x: dict[str, float]) -> list[str]:
+    """One Dahl element, and channels of it."""
+    return [
         f"- `dahl_batch_counts`: {x['bitwise_counts_x']:.1f} times as fast as the `expm1f` loop of"
         f" glibc (least: {x['bitwise_counts_x_least']:.1f}, giant jumps);"
         f" 16 channels {x['bitwise_channels16_x']:.1f} ({x['bitwise_channels16_x_least']:.1f}),"
@@ -86,10 +85,17 @@ def host_block(result: dict[str, Any]) -> str:
         f" ({x['throughput_counts_x_least']:.1f}); by angle {x['throughput_angle_x']:.1f}"
         f" ({x['throughput_angle_x_least']:.1f}); 16 channels {x['throughput_channels16_x']:.1f}"
         f" ({x['throughput_channels16_x_least']:.1f}), of different stiffness"
-        f" {x['throughput_channels16_apart_x']:.1f} ({x['throughput_channels16_apart_x_least']:.1f})",
+        f" {x['throughput_channels16_apart_x']:.1f}"
+        f" ({x['throughput_channels16_apart_x_least']:.1f})",
         f"- a plain copy of the arrays: {x['copy_x']:.0f} times as fast as"
         f" `dahl_throughput_counts`, {x['copy_channels16_x']:.0f} times as fast as its 16 channels",
     ]
+
+
+def host_block(result: dict[str, Any]) -> str:
+    """What the host measured, in words; of the machine that ran it."""
+    x = result["host"]
+    lines = plain_lines(x)
     if "mix_throughput_x" in x:
         slips = ", ".join(f"{x[f'slip_{k}_throughput_x']:.1f}" for k in (1, 2, 4, 8))
         lines.append(
