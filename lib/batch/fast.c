@@ -30,22 +30,24 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
 /* A block from w0; returns d at its end. */
 typedef double (*block_t)(const job_t *job, double w0, const void *moves, float *F);
 
-DAHL_INLINE double counts_block(const job_t *job, double w0, const void *moves, float *F)
+DAHL_INLINE double scanned(const job_t *job, double w0, const void *moves, float *F, dahl_value_t value, dahl_value_t number,
+                           dahl_measure_t measure)
 {
     scan_t scan;
-    scan_block(&scan, job->scale, w0, moves, 0, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+    scan_block(&scan, job->scale, w0, moves, 0, value, number, measure);
     double d = join_groups(&scan);
     write_torques(&scan, w0, job->scale->Fc, F);
     return d;
 }
 
+DAHL_INLINE double counts_block(const job_t *job, double w0, const void *moves, float *F)
+{
+    return scanned(job, w0, moves, F, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+}
+
 DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, float *F)
 {
-    scan_t scan;
-    scan_block(&scan, job->scale, w0, moves, 0, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
-    double d = join_groups(&scan);
-    write_torques(&scan, w0, job->scale->Fc, F);
-    return d;
+    return scanned(job, w0, moves, F, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
 }
 
 /* The last ticks, filled up to a block with ticks that do not move. */
