@@ -44,8 +44,12 @@ build() { # CMAKE_ARGUMENT...
     quietly build cmake --build "$BUILD/host" "$@" || die "the build failed; see build/build.log"
 }
 
+# The demo alone may have built by tcc (tools/setup/needs.sh), and now there is a compiler that makes quicker code.
+is_outgrown() { grep -qs TinyCC "$BUILD"/host/CMakeFiles/*/CMakeCCompiler.cmake && ! cc -v 2>&1 | grep -q '^tcc'; }
+
 start_build() {
     one_at_a_time build
+    if is_outgrown; then rm -rf "$BUILD/host"; fi
     : >"$BUILD/build.log"
     say "building with preset host (log: build/build.log)"
 }

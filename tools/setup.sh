@@ -72,6 +72,7 @@ main() {
     get_packages
     get_fetched
     get_python
+    if is_outgrown; then build_demo; fi
     say "done in $SECONDS s"
 }
 

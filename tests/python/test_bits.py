@@ -19,6 +19,7 @@ MORE = [
         ["gcc", "clang"], ["-O0", "-O1", "-O2", "-O3"], [[], ["-m32"], ["-ffast-math"]]
     )
 ]
+MORE += [("tcc", [])]
 FAST = ["-O3", "-ffast-math"]
 MORE += [(c, [*FAST, m]) for c in ("gcc", "clang") for m in ("-m32", "-march=x86-64-v3")]
 BUILDS = [pytest.param(*build, id=" ".join([build[0], *build[1]])) for build in QUICK]

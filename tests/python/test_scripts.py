@@ -431,7 +431,7 @@ def test_it_installs_what_is_missing_once(bare):
     done, started = set_up(bare, "demo")
     assert done.returncode == 0, done.stderr
     installed = (bare.folder / "installed").read_text().split()
-    assert {"gcc", "cmake", "ninja-build", "python3-venv"} <= set(installed)
+    assert {"cmake", "ninja-build", "python3-venv"} <= set(installed)
     assert len(installed) == len(set(installed))
     assert all("--no-install-recommends" in call for call in started if "apt-get" in call)
     assert sum("-m venv" in call for call in started) == 1
@@ -455,9 +455,10 @@ def test_each_need_brings_what_it_stands_on(bare):
     assert has["identify"] | has["firmware"] < has["bench"] <= has["all"]
     assert "requirements/checks.lock" not in has["bench"]
     own = {
-        "demo": "gcc libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3-venv",
+        "demo": "libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3-venv",
         "firmware": "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm",
-        "test": "g++ git pkg-config valgrind",
+        "identify": "gcc",
+        "test": "gcc g++ git pkg-config valgrind",
         "bench": "gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi"
         " qemu-system-misc",
         "checks": "clang gcc-multilib qemu-user-static gcc-avr shellcheck cppcheck frama-c-base"
@@ -466,13 +467,39 @@ def test_each_need_brings_what_it_stands_on(bare):
     for need, packages in own.items():
         assert set(packages.split()) <= has[need], need
     assert not {"gcc-arm-none-eabi", "chromium", "clang"} & has["test"]
+    assert "gcc" not in has["demo"]
 
 
-@pytest.mark.parametrize("what", ["gcc", "pip", "python"])
+@pytest.mark.parametrize("machine, compiler", [("x86_64", "tcc"), ("aarch64", "gcc")])
+def test_the_demo_takes_any_compiler_and_a_small_one_where_there_is_none(bare, machine, compiler):
+    for there in (True, False):
+        bare.stand_in("bin/cc", "exit 0" if there else "exit 127")
+        bare.stand_in("bin/uname", f"echo {machine}")
+        done, _ = set_up(bare, "demo")
+        installed = (bare.folder / "installed").read_text().split()
+        assert done.returncode == 0 and {"tcc", "gcc"} & {*installed} == {compiler} - {
+            there and compiler
+        }
+
+
+@pytest.mark.parametrize(
+    "now, again", [("tcc version 0.9.27", False), ("gcc version 12.2.0", True)]
+)
+def test_what_tcc_built_is_built_anew_once_there_is_another(bare, now, again):
+    made_by = bare.folder / "build/host/CMakeFiles/3.25.1/CMakeCCompiler.cmake"
+    made_by.parent.mkdir(parents=True)
+    made_by.write_text('set(CMAKE_C_COMPILER_ID "TinyCC")\n')
+    bare.stand_in("bin/cc", f"echo '{now}' >&2")
+    assert set_up(bare, "identify")[0].returncode == 0
+    assert made_by.exists() != again
+    assert any("--preset host" in call for call in bare.calls("cmake")) == again
+
+
+@pytest.mark.parametrize("what", ["cmake", "pip", "python"])
 def test_what_it_must_have_and_cannot_get_is_an_error(bare, what):
-    if what == "gcc":
+    if what == "cmake":
         known = (bare.folder / "known").read_text()
-        (bare.folder / "known").write_text(known.replace("\ngcc\n", "\n"))
+        (bare.folder / "known").write_text(known.replace("\ncmake\n", "\n"))
     else:
         name = {"pip": "python", "python": "python3.11"}[what]
         bare.does(name, f'case "$*" in *" install "*|*"-m venv"*) exit 1 ;; esac; {PYTHON}')

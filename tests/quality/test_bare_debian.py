@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 SECONDS = 60
-DEBIAN_MB, PYTHON_MB = 340, 220
-FOREIGN = ("chromium", "cbmc", "qemu-system-arm", "arm-none-eabi-gcc", "clang", "g++", "git")
+DEBIAN_MB, PYTHON_MB = 180, 220
+FOREIGN = ("chromium", "cbmc", "qemu-system-arm", "arm-none-eabi-gcc", "clang", "gcc", "g++", "git")
 
 
 @pytest.mark.long

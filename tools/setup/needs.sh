@@ -16,16 +16,23 @@ declare -A BRINGS=(
 
 # Debian packages without which it fails.
 declare -A MUST=(
-    [demo]='gcc libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv'
+    [demo]='libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv'
+    [identify]='gcc' # tcc, see below, makes the batches slow
     [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm dpkg-dev xz-utils'
-    [test]='g++ git ca-certificates pkg-config dpkg-dev xz-utils'
+    [test]='gcc g++ git ca-certificates pkg-config dpkg-dev xz-utils'
 )
+
+# The demo builds with any C compiler. Where there is none it gets tcc: 1 MB, and gcc is 190.
+cc -v >/dev/null 2>&1 || case "$(uname -m)" in
+    x86_64) MUST[demo]+=' tcc' ;;
+    *) MUST[demo]+=' gcc' ;;
+esac
 
 # Debian packages without which it does less, and says so.
 declare -A MAY=(
     [test]='valgrind'
     # Other compilers, 32 bits, big-endian programs by clang (Debian's own cross compiler cannot stand beside gcc-multilib).
-    [checks]='clang libclang-rt-14-dev gcc-multilib g++-multilib
+    [checks]='tcc clang libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
         clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck shellcheck frama-c-base why3 z3 gappa sollya

@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: MIT
+# tcc, the small compiler by which the demo builds on a machine without another. What CMake does not know of it: where the
+# libraries of this Debian lie, and how it tells which headers a source includes.
+if(NOT CMAKE_LIBRARY_ARCHITECTURE)
+    file(GLOB loaders RELATIVE /usr/lib /usr/lib/*-linux-gnu/libc.so)
+    list(TRANSFORM loaders REPLACE "/.*" "")
+    list(GET loaders 0 CMAKE_LIBRARY_ARCHITECTURE)
+endif()
+set(CMAKE_DEPFILE_FLAGS_C "-MD -MF <DEP_FILE>")
+set(CMAKE_C_DEPFILE_FORMAT gcc)
+set(CMAKE_C_DEPENDS_USE_COMPILER TRUE)
