@@ -403,9 +403,9 @@ def plain_book(library):
 
 @pytest.mark.parametrize("off", [0.2, 0.03, -0.137, 0.55])
 def test_another_limit_each_way_is_found(off):
-    """Fc is the mean of both; the sum of w's own limits is the offset."""
+    """And the offset is what stands beside both limits."""
     moves = np.diff(THETA, prepend=THETA[0])
-    torque = FC * elements.asymmetric(moves, SIGMA0 / FC, off) + 0.2 * FC
+    torque = FC * (off + elements.asymmetric(moves, SIGMA0 / FC, off)) + 0.2 * FC
     found = model_table._best(model_table._asymmetric(book_of(torque)))
     (part,) = found.parts
     assert part["kind"] == "asymmetric" and found.product

@@ -117,9 +117,6 @@ def _of_each(parts: list[Part], name: str) -> tuple[float, ...]:
 
 
 def _asymmetric(one: Candidate, earlier: float) -> Friction:
-    """The offset that was fitted holds the mean of both limits too."""
     (sigma0,) = _of_each(one.parts, "sigma0")
     (forward,), (backward,) = (_of_each(one.parts, f"Fc_{way}") for way in ("forward", "backward"))
-    terms = dict(one.trial.terms)
-    terms["offset"] = terms.get("offset", 0.0) - (forward - backward) / 2
-    return Friction("asymmetric", (sigma0,), (forward, backward), (), terms, earlier)
+    return Friction("asymmetric", (sigma0,), (forward, backward), (), one.trial.terms, earlier)

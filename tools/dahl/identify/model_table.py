@@ -150,6 +150,8 @@ def _of_part(book: Dictionary, part: float) -> Candidate | None:
         force, sigma0 = one.trial.value["Fc"], one.trial.value["sigma0"]
         limits = {"Fc_forward": force * (1 + part), "Fc_backward": force * (1 - part)}
         one.parts = [{"kind": "asymmetric", "sigma0": sigma0, **limits}]
+        offset = one.trial.terms["offset"] - force * part  # half the limits' difference was in it
+        one.trial = replace(one.trial, terms={**one.trial.terms, "offset": offset})
     return one
 
 
