@@ -465,6 +465,25 @@ def test_a_table_of_pandas_has_its_clock(tmp_path, clock):
     assert log.time == pytest.approx(TIME) and log.theta == pytest.approx(THETA)
 
 
+FORMS = ["2026-11-23T23:59:%06.3f", "2026-11-23 10:59:%06.3fZ", "9:59:%06.3f", " 23:59:%09.6f"]
+
+
+@pytest.mark.parametrize("name", ["time", "t_ms"])
+@pytest.mark.parametrize("form", FORMS)
+def test_times_of_day_are_seconds_from_the_first_whatever_the_column_is_called(
+    tmp_path, form, name
+):
+    path, up = tmp_path / "x.csv", np.arange(40.0)
+    columns = {name: [form % (20 + k / 8) for k in up], "angle_rad": up, "torque_Nm": 3 * up}
+    pd.DataFrame(columns).to_csv(path, index=False)
+    log = readers.read(path, readers.Source())
+    assert log.time == pytest.approx(up / 8) and not any("time" in note for note in log.notes)
+    columns[name][7] = "noon"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    with pytest.raises(Error, match=rf"x.csv:9: column '{name}': 'noon' is not a number"):
+        readers.read(path, readers.Source())
+
+
 @pytest.mark.parametrize("clock", ["t", "t_s", "t [ms]", "T(s)", "t_sec", "time", "Time [s]"])
 def test_a_temperature_or_a_torque_is_no_clock(tmp_path, clock):
     path, up = tmp_path / "warm.csv", np.arange(40.0)

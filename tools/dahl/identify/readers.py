@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 CAN_LOGS = set(logs.CAN_LOGS)
 FULL_TURN = 360.0  # deg
 SLOW = 1.0  # s a row: the time is rather in ms
+DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
 CLOCK = "time [s]"  # of frames and channels, whose readers give seconds
 TAKE_TURNS = 0.99  # part of the frames, where two messages are said to take turns
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
@@ -83,12 +84,15 @@ def _read_table(path: Path, source: Source) -> Columns:
     frame, first = _frame(path)
     known = [str(name) for name in frame.columns]
     names, notes = _columns(path, source, known, ("angle", "torque", "time"))
-    places = {what: known.index(name) for what, name in names.items()}
+    columns = {what: frame.iloc[:, known.index(name)] for what, name in names.items()}
+    passed = _from_the_first(columns["time"]) if "time" in columns else None
+    if passed is not None:
+        columns["time"] = passed
     values = {
-        what: _numbers(f"{path}", first, names[what], frame.iloc[:, place])
-        for what, place in places.items()
+        what: _numbers(f"{path}", first, names[what], column) for what, column in columns.items()
     }
-    return names, _without_gaps(path, source, names, values, first), notes
+    values = _without_gaps(path, source, names, values, first)
+    return (names if passed is None else {**names, "time": CLOCK}), values, notes
 
 
 def _columns(
@@ -199,17 +203,34 @@ def _vectors(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, np.nda
 
 
 def _from_parquet(path: Path) -> tuple[pandas.DataFrame, int]:
-    """The columns, the index among them where it has a name; times of day as s from the first."""
+    """The columns, the index among them where it has a name."""
     import pandas as pd
 
     frame = pd.read_parquet(path)
     if any(frame.index.names):
         frame = frame.reset_index(allow_duplicates=True)
-    for place, kind in enumerate(frame.dtypes):
-        if kind.kind in "Mm":
-            moments = frame.iloc[:, place]
-            frame.isetitem(place, (moments - moments.iloc[0]).dt.total_seconds())
     return frame, 0
+
+
+def _from_the_first(column: pandas.Series) -> pandas.Series | None:
+    """Dates and times of day (ISO 8601) as s from the first; None where the column has no such. A
+    cell that is none of them stays as it is.
+    """
+    import pandas as pd
+
+    if column.empty or column.dtype.kind not in "MmO":
+        return None
+    text = column.astype(str).str.strip()
+    if column.dtype.kind in "Mm":
+        moments = column
+    elif DATE.match(text.iloc[0]):
+        moments = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
+    elif TIME_OF_DAY.match(text.iloc[0]):
+        moments = pd.to_timedelta(text, errors="coerce")
+    else:
+        return None
+    passed: pandas.Series = (moments - moments.iloc[0]).dt.total_seconds()
+    return passed.where(passed.notna(), column)
 
 
 def _numbers(path: str, first: int, name: str, column: pandas.Series) -> np.ndarray:
