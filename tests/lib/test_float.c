@@ -66,21 +66,6 @@ static void test_bound(void)
     TEST_ASSERT_TRUE(over_all > 0.3L); /* the bound is not slack beyond use */
 }
 
-static void test_laws(void)
-{
-    dahl_params_t p = params_for(0.02, 1.3f);
-    dahl_float_plan_t plan = float_plan_for(&p);
-    dahl_float_state_t x = {0}, y = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < TEST_TICKS / 10; t++) {
-        int32_t d = motion_walk(&m);
-        float F = dahl_float_step_counts(&plan, &x, d);
-        TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
-        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &y, -d) == -F);
-        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &x, 0) == F);
-    }
-}
-
 /* By angle and by counts the same motion gives the same torque, where no product is rounded. */
 static void test_angle(void)
 {
@@ -208,21 +193,5 @@ static void test_no_motion_leaves_the_state(void)
         (void)dahl_float_step(&plan, &state, -0.0f);
         (void)dahl_float_step(&plan, &state, NAN);
         TEST_ASSERT_EQUAL_MEMORY(&start, &state, sizeof start);
-    }
-}
-
-/* The cross-check of the core: two forms that share no code agree within the sum of their bounds. */
-static void test_agrees_with_core(void)
-{
-    dahl_params_t p = params_for(0.3, 0.0371f);
-    dahl_float_plan_t plan = float_plan_for(&p);
-    dahl_plan_t core = plan_for(&p);
-    dahl_float_state_t x = {0};
-    dahl_state_t y = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < TEST_TICKS; t++) {
-        int32_t d = motion_leap(&m) >> 20;
-        float F = dahl_float_step_counts(&plan, &x, d), G = dahl_step_counts(&core, &y, d);
-        TEST_ASSERT_TRUE(fabsl((long double)F - G) <= 4.9L * (long double)DAHL_FLOAT_ERROR * p.Fc + ulp_of(p.Fc));
     }
 }

@@ -305,22 +305,6 @@ static void test_p15_the_least_that_is_left(void)
     }
 }
 
-/* The same plan leaves the torque, and never adds to the stored energy however often it is changed. */
-static void test_p15_no_energy_from_changes(void)
-{
-    dahl_params_t p[3] = {{100, 1, 0}, {170, 0.6f, 0}, {33, 2, 0}};
-    dahl_plan_t plan[3] = {plan_for(&p[0]), plan_for(&p[1]), plan_for(&p[2])};
-    dahl_state_t state;
-    dahl_set_torque(&plan[0], &state, 0.99f);
-    long double energy = 1;
-    for (int i = 0; i < 3000; i++) {
-        long double F = state.w * 0x1p-62L * p[i % 3].Fc, now = F * F / (2 * p[i % 3].sigma0);
-        TEST_ASSERT_TRUE(now <= energy);
-        energy = now;
-        dahl_change_plan(&plan[i % 3], &plan[(i + 1) % 3], &state);
-    }
-}
-
 /* A w that no call leaves means nothing, but is no undefined behaviour (seen under the sanitizers); and whatever it is, the
  * calls that set a state leave a good one. */
 static void test_any_word_as_a_state(void)
