@@ -66,21 +66,6 @@ static void test_bound(void)
     TEST_ASSERT_TRUE(over_all > 0.3L); /* the bound is not slack beyond use */
 }
 
-/* By angle and by counts the same motion gives the same torque, where no product is rounded. */
-static void test_angle(void)
-{
-    dahl_params_t p = {256 * 1.3f, 1.3f, 0x1p-12f};
-    dahl_float_plan_t plan = float_plan_for(&p);
-    dahl_float_state_t by_counts = {0}, by_angle = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < TEST_TICKS / 10; t++) {
-        int32_t d = motion_walk(&m);
-        float F = dahl_float_step_counts(&plan, &by_counts, d);
-        float G = dahl_float_step(&plan, &by_angle, (float)d * p.theta_per_count);
-        TEST_ASSERT_TRUE(F == G);
-    }
-}
-
 static void test_bad_input(void)
 {
     dahl_params_t p = {100.0f, 1.0f, 1e-4f}, bad = {100.0f, -1.0f, 1e-4f};
@@ -95,24 +80,6 @@ static void test_bad_input(void)
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, INT32_MIN) == -1.0f);
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, INT32_MIN) == -1.0f);
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, 1) > -1.0f);
-}
-
-/* One direction for longer than a counter or a float holds, where a presliding length is that long. */
-static void test_travel_beyond_its_number(void)
-{
-    dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
-    dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
-    dahl_float_state_t state = {0}, counted = {0};
-    float F = dahl_float_step(&plan, &state, FLT_MAX); /* just one presliding length */
-    TEST_ASSERT_TRUE(F < 0.65f * p.Fc);
-    double two = -expm1(-2 * (double)FLT_MAX * (double)p.sigma0 / (double)p.Fc);
-    TEST_ASSERT_TRUE(fabs((double)dahl_float_step(&plan, &state, FLT_MAX) / (double)p.Fc - two) <= 2 * DAHL_FLOAT_ERROR);
-    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, HUGE_VALF) == p.Fc && dahl_float_step(&plan, &state, 1.0f) == p.Fc);
-    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, -HUGE_VALF) == -p.Fc);
-    for (int t = 1; t <= 16; t++) {
-        double exact = -expm1(-2.0 * t);
-        TEST_ASSERT_TRUE(fabs((double)dahl_float_step_counts(&slow_plan, &counted, INT32_MIN) + exact) <= 3 * DAHL_FLOAT_ERROR);
-    }
 }
 
 /* Steps in one direction, some large enough to bury the small ones in a float sum; none is a power of two. */

@@ -47,23 +47,6 @@ static void test_not_a_number_zero_negative(void)
     }
 }
 
-/* Of two bad parameters the graver one names the error; two alike do not cancel. */
-static void test_two_bad_parameters(void)
-{
-    const float below = nextafterf(DAHL_TORQUE_MIN, 0.0f);
-    static const float none[] = {0.0f, -1.0f, NAN};
-    for (size_t i = 0; i < sizeof none / sizeof none[0]; i++) {
-        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], none[i], 1e-3f));
-        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], below, 1e-3f));
-        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(below, none[i], 1e-3f));
-        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], none[i], none[i]));
-    }
-    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, below, 1e-3f));
-    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, below, below));
-    TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(below, below, NAN));
-    TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(1.0f, NAN, NAN));
-}
-
 static void test_range_of_torque(void)
 {
     const float below = nextafterf(DAHL_TORQUE_MIN, 0.0f), above = DAHL_TORQUE_MAX, top = nextafterf(above, 0.0f);
@@ -99,17 +82,6 @@ static void test_no_counts(void)
         }
         (void)dahl_step_counts_q30(&plan, &state, INT32_MIN);
         TEST_ASSERT_TRUE(state.w == 1);
-    }
-}
-
-/* Every theta_per_count but 0 is one, the powers of two too, whose bits are few. */
-static void test_counts_of_any_power_of_two(void)
-{
-    for (int k = -63; k < 64; k++) {
-        dahl_params_t p = {ldexpf(1.0f, k < 0 ? -k : 0), ldexpf(1.0f, k < 0 ? 0 : k), ldexpf(1.0f, k)};
-        dahl_plan_t plan = plan_for(&p);
-        dahl_state_t state = {0};
-        assert_torque(-expm1l(-1), &p, dahl_step_counts(&plan, &state, 1), DAHL_ULP_COUNTS);
     }
 }
 
@@ -257,20 +229,6 @@ static void test_p15_change_of_parameters(void)
             x[k] = ldexpf(1.0f + (float)(motion_random(&m) >> 8) * 0x1p-24f, (int)(motion_random(&m) % 20u) - 10);
         }
         check_change(x[0], x[1], x[2], x[3], i % 2 ? x[4] : -x[4]);
-    }
-}
-
-/* No torque stays none, however much Fc shrinks. */
-static void test_p15_relaxed_stays_relaxed(void)
-{
-    for (int k = 0; k <= 124; k++) {
-        dahl_params_t p1 = {1, 0x1p62f, 0}, p2 = {1, ldexpf(0x1p62f, -k), 0};
-        dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
-        dahl_state_t state = {0};
-        dahl_change_plan(&from, &to, &state);
-        TEST_ASSERT_TRUE(state.w == 0);
-        dahl_change_plan(&to, &from, &state);
-        TEST_ASSERT_TRUE(state.w == 0);
     }
 }
 
