@@ -18,9 +18,6 @@ typedef struct {
     long double q30;
 } worst_t;
 
-void setUp(void) {}
-void tearDown(void) {}
-
 static long double larger(long double a, long double b)
 {
     return a > b ? a : b;
@@ -73,19 +70,9 @@ static void check_motion(size_t m)
     TEST_ASSERT_TRUE(over_all > 0.49L); /* half an ulp is the rounding to float: the comparison does compare */
 }
 
-static void test_sweep(void) { check_motion(0); }
-static void test_dither(void) { check_motion(1); }
-static void test_two_forward_one_back(void) { check_motion(2); }
-static void test_random_walk(void) { check_motion(3); }
-static void test_leaps(void) { check_motion(4); }
-
-int main(void)
+static void test_hard_motions(void)
 {
-    UNITY_BEGIN();
-    RUN_TEST(test_sweep);
-    RUN_TEST(test_dither);
-    RUN_TEST(test_two_forward_one_back);
-    RUN_TEST(test_random_walk);
-    RUN_TEST(test_leaps);
-    return UNITY_END();
+    for (size_t m = 0; m < MOTIONS; m++) {
+        check_motion(m);
+    }
 }

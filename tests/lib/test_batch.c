@@ -238,32 +238,20 @@ static void test_throughput_channels_are_within_the_bound(void)
 {
     for (size_t count = 1; count <= MANY; count += 4) {
         size_t rows = (size_t)TEST_TICKS / MANY;
-        reference_t exact[MANY];
+        reference_t by_counts[MANY], by_angle[MANY];
         set_channels();
         for (size_t c = 0; c < count; c++) {
-            exact[c] = reference_by_counts(&channels.params[c]);
+            by_counts[c] = reference_by_counts(&channels.params[c]);
+            by_angle[c] = reference_by_angle(&channels.params[c]);
         }
         fill(motions[count % MOTIONS].next, THETA);
         TEST_ASSERT_EQUAL_INT(
             DAHL_OK, dahl_throughput_counts_channels(channels.in_double, channels.batch, count, moves, F, rows));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.one, count, angles, G, rows));
         for (size_t i = 0; i < rows * count; i++) {
-            assert_torque(reference_move(&exact[i % count], moves[i]), &channels.params[i % count], F[i], DAHL_ULP_COUNTS);
-        }
-    }
-}
-
-/* Channels by angle against one channel after the other. */
-static void test_throughput_channels_by_angle(void)
-{
-    enum { COUNT = 19, STEPS = 700 };
-    set_channels();
-    fill(motion_walk, THETA);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, COUNT, angles, F, STEPS));
-    for (size_t c = 0; c < COUNT; c++) {
-        reference_t exact = reference_by_angle(&channels.params[c]);
-        for (size_t t = 0; t < STEPS; t++) {
-            size_t i = t * COUNT + c;
-            assert_torque(reference_move(&exact, (long double)angles[i]), &channels.params[c], F[i], DAHL_ULP_COUNTS);
+            const dahl_params_t *p = &channels.params[i % count];
+            assert_torque(reference_move(&by_counts[i % count], moves[i]), p, F[i], DAHL_ULP_COUNTS);
+            assert_torque(reference_move(&by_angle[i % count], (long double)angles[i]), p, G[i], DAHL_ULP_COUNTS);
         }
     }
 }
@@ -495,26 +483,4 @@ static void test_throughput_kernels(void)
     TEST_ASSERT_TRUE(kernel_error(dahl_g_small, 1e-9, DAHL_LN2) <= DAHL_G_ERROR);
     TEST_ASSERT_TRUE(kernel_error(dahl_g_any, 1e-6, 100) <= DAHL_G_ERROR);
     TEST_ASSERT_TRUE(kernel_error(dahl_g_tiny, 1e-9, DAHL_LN2) > DAHL_G_ERROR); /* it is for short travel only */
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_throughput_kernels);
-    RUN_TEST(test_counts_are_the_bits_of_single_steps);
-    RUN_TEST(test_counts_from_a_tie);
-    RUN_TEST(test_angles_are_the_bits_of_single_steps);
-    RUN_TEST(test_torques_next_to_a_tie);
-    RUN_TEST(test_channels_are_the_bits_of_single_steps);
-    RUN_TEST(test_throughput_is_within_the_bound);
-    RUN_TEST(test_throughput_channels_are_within_the_bound);
-    RUN_TEST(test_throughput_channels_by_angle);
-    RUN_TEST(test_few_counts);
-    RUN_TEST(test_one_long_move_among_short_ones);
-    RUN_TEST(test_any_cut_is_the_same_motion);
-    RUN_TEST(test_nothing_to_do_touches_nothing);
-    RUN_TEST(test_bad_angles_within_a_batch);
-    RUN_TEST(test_bad_parameters_touch_nothing);
-    RUN_TEST(test_a_plan_of_zeros_gives_no_torque);
-    return UNITY_END();
 }

@@ -4,14 +4,12 @@
 #include <string.h>
 
 #include "dahl_parts.h"
-#include "motions.h"
+#include "loads.h"
 #include "plans.h"
 
 #ifndef TEST_TICKS
 #define TEST_TICKS 100000
 #endif
-
-#define ONE ((uint32_t)1 << 30)
 
 /* The exact w = F/Fc: anchored at the last reversal or change of load, whose end is c and whose travel is a/c. */
 typedef struct {
@@ -39,35 +37,6 @@ static long double exact_move(exact_t *r, long double move, uint32_t load)
     r->travel += fabsl(move);
     return c == 0 ? 0 : exact_w(r);
 }
-
-typedef uint32_t (*load_fn)(motion_t *);
-
-static uint32_t load_steady(motion_t *m)
-{
-    (void)m;
-    return ONE;
-}
-
-static uint32_t load_noise(motion_t *m)
-{
-    return ONE - (motion_random(m) >> 4);
-}
-
-static uint32_t load_any(motion_t *m)
-{
-    return motion_random(m) >> 1 >> (motion_random(m) & 31u);
-}
-
-static uint32_t load_wave(motion_t *m)
-{
-    return (uint32_t)(ONE + 0x3fff0000 * sin(1e-3 * m->tick++));
-}
-
-static const struct {
-    const char *name;
-    load_fn next;
-} loads[] = {{"steady", load_steady}, {"noise", load_noise}, {"any", load_any}, {"wave", load_wave}};
-#define LOADS (sizeof loads / sizeof loads[0])
 
 /* In ulp of Fc, or of c Fc where that is more. */
 static long double worst_error(const dahl_params_t *p, motion_fn next, load_fn next_load, int ticks)
@@ -173,37 +142,4 @@ static void test_any_word_as_a_state(void)
         TEST_ASSERT_TRUE(fabsf(F) <= (float)((load + 1) * 0x1p-30) * 1.0000001f);
         TEST_ASSERT_TRUE(dahl_clamped_step(&zero, &still, 1.0f, load) == 0.0f && still.w == w);
     }
-}
-
-/* Each change of load and each move gives up energy, so every closed cycle of both does: the stored F^2/(2 sigma0) never grows by
- * more than the work of the shaft, c Fc |dtheta| - s (c Fc/sigma0) (F after - F before). */
-static void test_passive(void)
-{
-    dahl_params_t p = params_for(0.05, 1.0f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {0};
-    motion_t m = MOTION_START;
-    long double before = 0, unit = (long double)p.Fc * p.Fc / p.sigma0;
-    for (int t = 0; t < 300000; t++) {
-        uint32_t load = load_any(&m) | 1;
-        long double c = load * 0x1p-30L, F = dahl_clamped_step(&plan, &state, 0.0f, load);
-        TEST_ASSERT_TRUE(F * F <= before * before * (1 + 1e-15L));
-        float dtheta = (float)motion_walk(&m) * THETA;
-        long double after = dahl_clamped_step(&plan, &state, dtheta, load);
-        long double work = c * p.Fc * (fabsl(dtheta) - (dtheta < 0 ? -1 : 1) * (after - F) / p.sigma0);
-        TEST_ASSERT_TRUE(work >= (after * after - F * F) / (2 * p.sigma0) - 1e-6L * unit);
-        before = after;
-    }
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_hard_motions);
-    RUN_TEST(test_load_of_one);
-    RUN_TEST(test_load_alone);
-    RUN_TEST(test_ends_of_the_input);
-    RUN_TEST(test_any_word_as_a_state);
-    RUN_TEST(test_passive);
-    return UNITY_END();
 }

@@ -25,99 +25,6 @@ static int64_t wheel(uint32_t modulus)
     return modulus == 0 ? (int64_t)1 << 32 : (int64_t)modulus;
 }
 
-/* What the counter shows at a position. */
-static uint32_t reading_of(int64_t position, uint32_t modulus)
-{
-    int64_t n = wheel(modulus);
-    return (uint32_t)((position % n + n) % n);
-}
-
-/* A 16-bit timer on an encoder of 10000 counts a turn: its modulus is 65536. With that of the turn, the step over the
- * wrap would be 4465 counts. */
-static void test_a_timer_wraps_elsewhere_than_at_a_turn(void)
-{
-    dahl_encoder_t timer = encoder_for(65536, +1, 0);
-    TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&timer, 65535));
-    TEST_ASSERT_EQUAL_INT32(1, dahl_encoder_move(&timer, 0));
-    TEST_ASSERT_EQUAL_INT32(-1, dahl_encoder_move(&timer, 65535));
-    TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(65535, 0, 65536));
-    TEST_ASSERT_EQUAL_INT32(4465, dahl_counts_between(65535, 0, 10000));
-}
-
-/* Over any wrap and either mounting the moves add up to the path. */
-static void test_moves_add_up_to_the_path(void)
-{
-    motion_t m = MOTION_START;
-    for (size_t k = 0; k < 2 * MODULI; k++) {
-        uint32_t modulus = moduli[k / 2];
-        int sign = k % 2 != 0 ? -1 : +1;
-        int64_t n = wheel(modulus), position = (int64_t)motion_random(&m) - n;
-        dahl_encoder_t encoder = encoder_for(modulus, sign, 0);
-        TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&encoder, reading_of(position, modulus)));
-        for (int t = 0; t < TEST_TICKS / 100; t++) {
-            int64_t step = (int64_t)(motion_random(&m) % (uint32_t)((n - 1) / 2 + 1)) * (motion_random(&m) & 64u ? 1 : -1);
-            position += sign * step;
-            TEST_ASSERT_TRUE(dahl_encoder_move(&encoder, reading_of(position, modulus)) == step);
-        }
-        TEST_ASSERT_EQUAL_UINT32(0, encoder.jumps);
-    }
-}
-
-/* Half of the wheel is as far either way: it is negative, with either mounting, and INT32_MIN too. */
-static void test_half_a_wheel_is_negative(void)
-{
-    for (int sign = -1; sign <= 1; sign += 2) {
-        dahl_encoder_t turn = encoder_for(4096, sign, 0), word = encoder_for(0, sign, 0);
-        (void)dahl_encoder_move(&turn, 1000);
-        (void)dahl_encoder_move(&word, 1000);
-        TEST_ASSERT_EQUAL_INT32(-2048, dahl_encoder_move(&turn, 3048));
-        TEST_ASSERT_EQUAL_INT32(INT32_MIN, dahl_encoder_move(&word, 1000u + 0x80000000u));
-    }
-}
-
-static void test_the_first_reading_is_no_motion(void)
-{
-    for (uint32_t first = 0; first < 65536; first += 255) {
-        dahl_encoder_t encoder = encoder_for(65536, +1, 100);
-        TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&encoder, first));
-        TEST_ASSERT_EQUAL_INT32(7, dahl_encoder_move(&encoder, first + 7));
-        TEST_ASSERT_EQUAL_UINT32(0, encoder.jumps);
-    }
-}
-
-static void test_homing_is_no_motion(void)
-{
-    dahl_encoder_t encoder = encoder_for(65536, +1, 100), fresh = encoder_for(65536, +1, 100);
-    (void)dahl_encoder_move(&encoder, 40000);
-    dahl_encoder_home(&encoder, 0);
-    dahl_encoder_home(&fresh, 0);
-    TEST_ASSERT_EQUAL_INT32(-3, dahl_encoder_move(&encoder, 65533));
-    TEST_ASSERT_EQUAL_INT32(-3, dahl_encoder_move(&fresh, 65533));
-    TEST_ASSERT_EQUAL_UINT32(0, encoder.jumps);
-}
-
-/* The largest step is motion; one more is a jump, either way, and the next move starts where it led. */
-static void test_a_jump_is_told_and_not_integrated(void)
-{
-    static const int32_t ways[] = {100, -100};
-    for (size_t k = 0; k < 4; k++) {
-        int32_t way = ways[k % 2];
-        int sign = k < 2 ? 1 : -1;
-        dahl_encoder_t encoder = encoder_for(65536, sign, 100);
-        int64_t position = 5;
-        (void)dahl_encoder_move(&encoder, reading_of(position, 65536));
-        position += way;
-        TEST_ASSERT_EQUAL_INT32(sign * way, dahl_encoder_move(&encoder, reading_of(position, 65536)));
-        TEST_ASSERT_EQUAL_UINT32(0, encoder.jumps);
-        position += way + way / 100;
-        TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&encoder, reading_of(position, 65536)));
-        TEST_ASSERT_EQUAL_UINT32(1, encoder.jumps);
-        TEST_ASSERT_EQUAL_INT32(sign, dahl_encoder_move(&encoder, reading_of(position + 1, 65536)));
-        TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&encoder, reading_of(position + 1, 65536)));
-        TEST_ASSERT_EQUAL_UINT32(1, encoder.jumps);
-    }
-}
-
 static void test_the_number_of_jumps_does_not_wrap(void)
 {
     dahl_encoder_t encoder = encoder_for(0, +1, 1);
@@ -127,24 +34,6 @@ static void test_the_number_of_jumps_does_not_wrap(void)
     TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, encoder.jumps);
     (void)dahl_encoder_move(&encoder, 0);
     TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, encoder.jumps);
-}
-
-/* An index pulse that resets the counter each turn: the torque is that of the path, but for what moved in that tick. */
-static void test_an_index_pulse_leaves_the_torque(void)
-{
-    dahl_params_t p = params_for(0.01, 0.5f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {0}, path = {0};
-    dahl_encoder_t encoder = encoder_for(65536, +1, 8);
-    uint32_t reading = 40000;
-    (void)dahl_encoder_move(&encoder, reading);
-    for (int t = 1; t < 1000; t++) {
-        int index = t % 300 == 0;
-        reading = index ? 0 : reading + 3;
-        float F = dahl_step_counts(&plan, &state, dahl_encoder_move(&encoder, reading));
-        TEST_ASSERT_TRUE(F == dahl_step_counts(&plan, &path, index ? 0 : 3));
-    }
-    TEST_ASSERT_EQUAL_UINT32(3, encoder.jumps);
 }
 
 static void test_an_encoder_of_zeros_never_moves(void)
@@ -255,55 +144,4 @@ static void test_init_starts_anew(void)
     TEST_ASSERT_EQUAL_UINT32(fresh.jumps, encoder.jumps);
     TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&encoder, 2000));
     TEST_ASSERT_EQUAL_INT32(5, dahl_encoder_move(&encoder, 1995));
-}
-
-/* An angle that a driver adds up as whole turns and a rest, in one float. */
-static float float_angle(int32_t position)
-{
-    return (float)(position / 16384) * 6.2831853f + (float)(position % 16384) / 16384.0f * 6.2831853f;
-}
-
-/* Worst difference in units of Fc, of the torque by differences of such an angle from that by counts, after some turns. */
-static float worst_by_float_angle(int32_t turns)
-{
-    dahl_params_t p = {100.0f, 0.5f, 6.2831853f / 16384};
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t counts = {0}, angle = {0};
-    int32_t position = turns * 16384 + 123;
-    float worst = 0.0f;
-    for (int t = 0; t < 2000; t++) {
-        int32_t d = t / 100 % 2 == 0 ? 1 : -1;
-        float dtheta = float_angle(position + d) - float_angle(position);
-        float F = dahl_step_counts(&plan, &counts, d);
-        position += d;
-        worst = fmaxf(worst, fabsf(dahl_step(&plan, &angle, dtheta) - F) / p.Fc);
-    }
-    return worst;
-}
-
-/* docs/encoder.md says 0.055 Fc after 538 turns. */
-static void test_a_float_angle_loses_counts_after_many_turns(void)
-{
-    TEST_ASSERT_TRUE(worst_by_float_angle(0) < 1e-4f);
-    float worst = worst_by_float_angle(538);
-    TEST_ASSERT_TRUE(0.05f < worst && worst < 0.06f);
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_a_timer_wraps_elsewhere_than_at_a_turn);
-    RUN_TEST(test_moves_add_up_to_the_path);
-    RUN_TEST(test_half_a_wheel_is_negative);
-    RUN_TEST(test_the_first_reading_is_no_motion);
-    RUN_TEST(test_homing_is_no_motion);
-    RUN_TEST(test_a_jump_is_told_and_not_integrated);
-    RUN_TEST(test_the_number_of_jumps_does_not_wrap);
-    RUN_TEST(test_an_index_pulse_leaves_the_torque);
-    RUN_TEST(test_an_encoder_of_zeros_never_moves);
-    RUN_TEST(test_bad_descriptions_are_refused);
-    RUN_TEST(test_any_readings_of_any_counter);
-    RUN_TEST(test_init_starts_anew);
-    RUN_TEST(test_a_float_angle_loses_counts_after_many_turns);
-    return UNITY_END();
 }

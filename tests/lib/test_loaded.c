@@ -4,14 +4,12 @@
 #include <stdlib.h>
 
 #include "dahl_parts.h"
-#include "motions.h"
+#include "loads.h"
 #include "plans.h"
 
 #ifndef TEST_TICKS
 #define TEST_TICKS 100000
 #endif
-
-#define ONE ((uint32_t)1 << 30)
 
 /* The exact w = F/(c Fc): anchored at the last reversal or growth of the load. */
 typedef struct {
@@ -28,50 +26,6 @@ static long double exact_move(exact_t *r, int32_t counts, uint32_t load)
     r->load = load;
     return reference_move(&r->bristle, counts);
 }
-
-/* Loads, as tick by tick they come. */
-typedef uint32_t (*load_fn)(motion_t *);
-
-static uint32_t load_steady(motion_t *m)
-{
-    (void)m;
-    return ONE;
-}
-
-/* 1 and a unit less: each growth is the smallest that there is. */
-static uint32_t load_wobble(motion_t *m)
-{
-    return ONE - (motion_random(m) & 1u);
-}
-
-static uint32_t load_noise(motion_t *m)
-{
-    return ONE - (motion_random(m) >> 4);
-}
-
-static uint32_t load_any(motion_t *m)
-{
-    return motion_random(m) >> 1 >> (motion_random(m) & 31u);
-}
-
-/* The same at the end of the range. */
-static uint32_t load_top(motion_t *m)
-{
-    return 0x7fffffffu - (motion_random(m) & 1u);
-}
-
-static uint32_t load_wave(motion_t *m)
-{
-    return (uint32_t)(ONE + 0x3fff0000 * sin(1e-3 * m->tick++));
-}
-
-static const struct {
-    const char *name;
-    load_fn next;
-    uint32_t most;
-} loads[] = {{"steady", load_steady, ONE},  {"wobble", load_wobble, ONE},     {"noise", load_noise, ONE},
-             {"any", load_any, 0x7fffffff}, {"top", load_top, 0x7fffffff}, {"wave", load_wave, 0x7fffffff}};
-#define LOADS (sizeof loads / sizeof loads[0])
 
 /* Worst error of the torque in ulp of c Fc, and of the Q30 result in units. */
 static long double worst_error(const dahl_params_t *p, motion_fn next, load_fn next_load, int ticks, long double *q30)
@@ -163,28 +117,6 @@ static void test_load_above_its_range(void)
     TEST_ASSERT_EQUAL_INT32(-INT32_MAX, dahl_loaded_step_counts_q30(&plan, &state, INT32_MIN, 0xffffffffu));
 }
 
-/* Work of the shaft never falls short of what the bristle holds, F^2/(2 c sigma0): each move and each change of load alone gives up
- * energy, so every closed cycle of both does. Of a move the work is Fc |dtheta| - s (Fc/sigma0) (F after - F before). */
-static void test_passive(void)
-{
-    dahl_params_t p = params_for(0.05, 1.0f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_loaded_state_t state = {{0}, 0};
-    motion_t m = MOTION_START;
-    long double energy = 0, unit = (long double)p.Fc * p.Fc / p.sigma0;
-    for (int t = 0; t < 300000; t++) {
-        uint32_t load = load_any(&m) | 1;
-        long double c = load * 0x1p-30L, F = dahl_loaded_step_counts(&plan, &state, 0, load), w = state.bristle.w * 0x1p-62L;
-        TEST_ASSERT_TRUE(c * w * w / 2 * unit <= energy * (1 + 1e-15L));
-        int32_t d = motion_walk(&m);
-        long double after = dahl_loaded_step_counts(&plan, &state, d, load);
-        long double work = c * p.Fc * abs(d) * THETA - (d < 0 ? -1 : 1) * p.Fc / (long double)p.sigma0 * (after - F);
-        w = state.bristle.w * 0x1p-62L;
-        TEST_ASSERT_TRUE(work >= c * w * w / 2 * unit - energy - 1e-7L * c * unit);
-        energy = c * w * w / 2 * unit;
-    }
-}
-
 /* Torques that no normal float holds are 0, and no load or plan makes one of the others wrong. */
 static void test_least_torques(void)
 {
@@ -210,17 +142,4 @@ static void test_a_plan_of_zeros(void)
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, 7, ONE) == 0.0f && state.bristle.w == 12345);
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, INT32_MIN, ONE / 3) == 0.0f);
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, 1, 0xffffffffu) == 0.0f);
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_hard_motions);
-    RUN_TEST(test_load_of_one);
-    RUN_TEST(test_load_alone);
-    RUN_TEST(test_load_above_its_range);
-    RUN_TEST(test_passive);
-    RUN_TEST(test_least_torques);
-    RUN_TEST(test_a_plan_of_zeros);
-    return UNITY_END();
 }

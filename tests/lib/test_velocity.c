@@ -63,20 +63,6 @@ static void test_lines_between_the_values(void)
     }
 }
 
-/* Viscous friction is a straight line. */
-static void test_viscous(void)
-{
-    dahl_velocity_params_t p = {.segment_bits = 6};
-    dahl_velocity_plan_t plan;
-    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
-        p.torque[k] = 0.25f * (float)(k + 1);
-    }
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
-    TEST_ASSERT_EQUAL_FLOAT(2.0f, dahl_velocity_torque(&plan, 512));
-    TEST_ASSERT_EQUAL_FLOAT(-0.125f, dahl_velocity_torque(&plan, -32));
-    TEST_ASSERT_EQUAL_FLOAT(4.0f, dahl_velocity_torque(&plan, 5000));
-}
-
 static void test_at_rest_and_without_a_plan_there_is_none(void)
 {
     dahl_velocity_params_t p = stribeck(4, 1.0f), none = {.segment_bits = 3};
@@ -122,15 +108,4 @@ static void test_bad_tables_are_refused(void)
     assert_refused(DAHL_ERR_RANGE, 4, -0x1p-65f);
     assert_refused(DAHL_ERR_RANGE, 25, 1.0f);
     assert_refused(DAHL_ERR_RANGE, UINT32_MAX, 1.0f);
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_lines_between_the_values);
-    RUN_TEST(test_viscous);
-    RUN_TEST(test_at_rest_and_without_a_plan_there_is_none);
-    RUN_TEST(test_values_far_below_the_largest);
-    RUN_TEST(test_bad_tables_are_refused);
-    return UNITY_END();
 }

@@ -2,16 +2,13 @@
 """Every line, every side of every branch and every condition (MC/DC) of lib/, of the codecs of
 port/ and of the receiver is exercised by the C tests of tests/lib and tests/port.
 
-Two tools: clang's source coverage for lines, branches and MC/DC, gcc's for branches (gcovr). No
-line is excluded, in the sources or here. A hole is named by file:line:column.
+By clang's source coverage. No line is excluded, in the sources or here. A hole is named by
+file:line:column.
 """
 
 from __future__ import annotations
 
-import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import coverage_build
@@ -22,10 +19,8 @@ from sources import BATCHES
 
 ROOT = coverage_build.ROOT
 FOLDER = ROOT / "build/coverage"
-NATIVE = coverage_build.Build(FOLDER / "native", "clang-19", coverage_build.LLVM_FLAGS, False)
-PLAIN = coverage_build.Build(FOLDER / "plain", "clang-19", coverage_build.LLVM_FLAGS, True)
-GCC_NATIVE = coverage_build.Build(FOLDER / "gcc", "gcc", coverage_build.GCOV_FLAGS, False)
-GCC_PLAIN = coverage_build.Build(FOLDER / "gcc_plain", "gcc", coverage_build.GCOV_FLAGS, True)
+NATIVE = coverage_build.Build(FOLDER / "native", False)
+PLAIN = coverage_build.Build(FOLDER / "plain", True)
 
 # Features that the batches ask for, one more in each row; with these rows each of its
 # conditions decides once.
@@ -35,9 +30,6 @@ CPUS += [(*CPUS[4], "avx512vl")]
 VECTORS = {"none": CPUS[0], "AVX2": CPUS[2], "AVX-512": CPUS[5]}
 CLAIM = "100 % of lines, branches and MC/DC"
 
-# The files whose text gcc copies for each set of vectors: it counts each copy apart, those that
-# can't happen too. GCC_PLAIN has them once.
-COPIED = re.compile(r"lib/batch")
 # Those that are compiled once for each set of vectors.
 BY_CPU = ("test_batch", "test_fast_parallel")  # programs that ask the processor for vectors
 VARIED = re.compile(r"channels|fast$")
@@ -147,41 +139,3 @@ def test_lines_branches_and_conditions_without_extensions(tmp_path: Path) -> Non
     report(files)
     holes = unseen(files) + coverage_llvm.holes_of(files, ROOT)
     expect_none(holes, "lib without extensions of the compiler")
-
-
-def gcov_holes(folder: Path, base: Path, sources: list[Path]) -> list[str]:
-    """Branches that gcc counted no execution of."""
-    command = [sys.executable, "-m", "gcovr", "--root", str(base), "--json", "-", str(folder)]
-    command += [word for path in sources for word in ("--filter", re.escape(str(path)) + "$")]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=120)
-    files = json.loads(done.stdout)["files"]
-    assert files, "gcovr saw no file"
-    return [
-        f"{file['file']}:{line['line_number']}: branch {i} of {len(line['branches'])} never taken"
-        for file in files
-        for line in file["lines"]
-        for i, branch in enumerate(line.get("branches", []), 1)
-        if branch["count"] == 0
-    ] + [
-        f"{file['file']}:{line['line_number']}: line not executed"
-        for file in files
-        for line in file["lines"]
-        if line["count"] == 0
-    ]
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("build", [GCC_NATIVE, GCC_PLAIN], ids=["native", "plain"])
-def test_branches_by_a_second_tool(build: coverage_build.Build) -> None:
-    need("gcc", "100 % of branches by gcov")
-    build.make()
-    coverage_build.run_gcov(build)
-    if build.is_plain:
-        sources = coverage_build.lib_sources()
-    else:
-        sources = [
-            path
-            for path in coverage_build.all_sources()
-            if not COPIED.match(str(path.relative_to(ROOT)))
-        ]
-    expect_none(gcov_holes(build.folder, ROOT, sources), f"{build.folder.name} by gcov")
