@@ -59,38 +59,6 @@ def test_what_has_to_be_said_is_asked_for(dahl, words, needed):
     assert not list(Path.cwd().iterdir())
 
 
-@pytest.mark.parametrize("text", ["--5", "-", "5-", "1" * 5000, "1.0", "\u00b2"])
-def test_a_whole_number_is_digits_with_one_sign_at_most(dahl, text):
-    words = f"argument --seed: {text}: not an integer from 0 to {2**64 - 1} (see dahl demo --help)"
-    assert complaint(dahl("demo", f"--seed={text}")) == (2, words)
-
-
-@pytest.mark.parametrize("option", ["--torque-scale", "--offset", "--spring"])
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e400", "x"])
-def test_what_a_log_is_compared_by_is_finite(dahl, option, text):
-    """Else NaN would stand in the summary, which is no JSON."""
-    done = dahl("demo", "x.csv", f"{option}={text}")
-    words = f"argument {option}: {text}: not a number from -1e+30 to 1e+30 (see dahl demo --help)"
-    assert complaint(done) == (2, words)
-    assert "argument" not in complaint(dahl("demo", "x.csv", f"{option}=-0.5"))[1]
-
-
-DEFAULTS = {
-    "demo": {"seconds": None, "seed": None},
-    "identify": {"jobs": -1, "within": 2.0, "median": 0, "counts_per_turn": 0.0, "terms": None},
-    "excite --counts-per-turn 1": {"noise": 0.05, "within": 1.0, "rate": 1000.0, "name": "excite"},
-    "monitor": {"node": None, "window": 4000, "frames": None, "seconds": None, "dbc": None},
-    "record -o x": {"force": False, "frames": None, "seconds": None},
-    "dbc": {"nodes": 1, "force": False, "output": None},
-}
-
-
-@pytest.mark.parametrize("words", DEFAULTS)
-def test_what_holds_where_nothing_is_said(words):
-    found = vars(build_parser().parse_args(words.split()))
-    assert {name: found[name] for name in DEFAULTS[words]} == DEFAULTS[words]
-
-
 def test_what_holds_of_a_log_of_ones_own_where_nothing_is_said():
     own = scene.OwnLog(Path("x.csv"), "a", "T", 100.0, 0.5, 4096.0)
     assert (own.angle_unit, own.time) == ("deg", "")
