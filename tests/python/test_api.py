@@ -118,16 +118,8 @@ def test_states_that_no_step_can_leave_are_named(name, value):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((math.nan, 1, 1), ("sigma0 = nan", "2^-64 <= sigma0 < 2^64 (N m/rad)")),
-        ((1, -math.inf, 1), ("Fc = -inf", "2^-64 <= Fc < 2^64 (N m)")),
         ((10**400, 1, 1), ("sigma0 = inf", "2^-64 <= sigma0 < 2^64")),
-        ((1, 1, math.nan), ("theta_per_count = nan", "rad/count")),
-        ((1, 1, -1.0), ("theta_per_count = -1", "or 0 for no encoder")),
-        ((1, 1, 1e-50), ("theta_per_count = 1e-50", "or 0 for no encoder")),  # 0 as a float
-        ((1, 1e40, 1), ("Fc = 1e+40", "2^-64 <= Fc < 2^64")),  # infinite as a float
         ((np.timedelta64(1, "s"), 1, 1), ("sigma0 = ", "is not a number")),
-        ((2.0**64, 1, 1), ("sigma0 = 1.8446744073709552e+19", "2^-64 <= sigma0 < 2^64")),
-        ((1, 2.0**-65, 0), ("Fc = 2.71051e-20", "2^-64 <= Fc")),
         (
             (2, 0.5, 2.0**18),
             ("= 1.04858e+06 ", "travel < 2^20 (sigma0 = 2, Fc = 0.5, theta_per_count = 262144)"),
@@ -300,11 +292,6 @@ def test_parameters_cannot_be_changed(name):
     for part in ("plan", "state"):
         with pytest.raises(AttributeError):
             setattr(bearing(), part, None)
-
-
-def test_a_bearing_says_what_it_is():
-    assert repr(dahl.Plan(100, 0.5, 1e-4)) == "Plan(sigma0=100.0, Fc=0.5, theta_per_count=1e-04)"
-    assert "torque=0.0653209 N m" in repr(bearing()) and "Plan(sigma0=100.0" in repr(bearing())
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(1, 2**32 - 1))

@@ -140,8 +140,8 @@ def test_an_option_takes_what_it_says_and_no_more(verb, names, capsys) -> None:
         for given, value in samples(takes):
             word = f"{name}={given}" if name[:2] == "--" else name + given
             found = getattr(asked(verb, word if name[0] == "-" else given), at)
-            value = [value] if takes_many(verb, names) else value
-            assert found == value and isinstance(found, type(value))
+            found = found if takes_many(verb, names) else [found]
+            assert found == [value] and isinstance(found[0], type(value))
     if isinstance(takes, tuple):
         for given in beyond(takes):
             said = refused(capsys, verb, f"{names}={given}")
