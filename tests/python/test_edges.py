@@ -129,7 +129,8 @@ def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, t
     assert time.monotonic() - begun < firmware.PATIENCE / 2  # what has ended is not waited for
     board = firmware.boards()["m4f"]
     loader = f"loader,file={node.page},addr={board.page:#x},force-raw=on"
-    for words in (f"-M {board.machine} ", f"-kernel {tmp_path}/image", f"-device {loader}"):
+    quiet = "-display none -monitor none -serial tcp:127.0.0.1:"
+    for words in (f"-M {board.machine} {quiet}", f"-kernel {tmp_path}/image", f"-device {loader}"):
         assert words in str(caught.value)
 
 

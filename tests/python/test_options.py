@@ -13,6 +13,7 @@ import can.cli
 import pytest
 from dahl import paths
 from dahl.cli import COMMANDS, Parser, build_parser
+from identify_tools import complaint
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES = (0, 15), (1, 2**63)  # (least, most): of integers whole numbers, else any
@@ -106,8 +107,10 @@ def place(names: str) -> str:
 def refused(capsys: pytest.CaptureFixture[str], verb: str, word: str) -> str:
     with pytest.raises(SystemExit) as ended:
         asked(verb, word)
-    assert ended.value.code == 2
-    return capsys.readouterr().err
+    said = capsys.readouterr()
+    assert (ended.value.code, said.out, said.err.count("\n")) == (2, "", 1)
+    assert said.err.startswith("error: ") and said.err.endswith(f"(see dahl {verb} --help)\n")
+    return said.err
 
 
 def test_no_verb_and_no_option_is_left_out() -> None:
@@ -179,6 +182,25 @@ def beyond(takes: tuple[Any, ...]) -> list[str]:
         low, high = takes
         return [repr(low - abs(low) / 1000), repr(high * 1.001), "nan", "inf", "x", "1,5"]
     return [str(takes[0] - 1), str(takes[1] + 1), "1.5", "x", "--5", "5-", "1" * 5000, "\u00b2"]
+
+
+MISSING = [(verb, word) for verb, words in NEEDED.items() for word in words]
+
+
+@pytest.mark.parametrize(("verb", "missing"), [*MISSING, ("record", "-c")])
+def test_what_has_to_be_said_is_asked_for(verb, missing, dahl) -> None:
+    """In one line that names it, and before anything is looked for or written."""
+    words = [word for word in NEEDED[verb] if word != missing]
+    code, said = complaint(dahl(verb, *words, *["-c"] * (missing == "-c")))
+    name = {"x": "RUN", "-ox": "-o"}.get(missing, missing.partition("=")[0])
+    assert code == 2 and name in said and not list(Path.cwd().iterdir())
+    assert ("expected one argument" if missing == "-c" else "required") in said
+
+
+@pytest.mark.parametrize(("words", "said"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
+def test_what_is_no_verb_and_no_option_is_named(words, said, dahl) -> None:
+    code, told = complaint(dahl(*words.split()))
+    assert code == 2 and said in told and "--help)" in told
 
 
 @pytest.mark.parametrize("verb", OF_A_BUS)

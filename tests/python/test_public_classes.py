@@ -215,8 +215,15 @@ def test_what_belongs_together_does_so_when_it_is_copied_together(copied: Any) -
 
 
 def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:
-    with pytest.raises(dahl.Error, match="no such argument"):
-        type(kind.make())(colour="red")
+    one = kind.make()
+    with pytest.raises(dahl.Error, match=f"^{kind.of.__name__}: colour = 'red': no such argument"):
+        kind.of(colour="red")
+    for name in ("step_counts", "step_counts_q30", "run_counts"):
+        if hasattr(one, name):
+            with pytest.raises(
+                dahl.Error, match=rf"^{kind.of.__name__}.{name}: missing a required"
+            ):
+                getattr(one, name)()
 
 
 def examples() -> list[doctest.DocTest]:

@@ -28,6 +28,7 @@ def _shown(value: float) -> str:
     return str(np.float32(value))
 
 
+@checks.calls_checked
 class _Bristle(Element, Copied):
     """An element of parameters, each a float as C has it, and of one bristle's state. dahl_KIND_..
     are its calls.
