@@ -229,3 +229,14 @@ def test_what_the_help_calls_the_default_holds(verb) -> None:
         "demo": {"--torque-scale"},
         **{"plan": {"--model"}, "node": {"--scene"}},
     }.get(verb, set())
+
+
+UNITS_TOLD = {"--fc": "N m", "--sigma0": "N m/rad", "--theta-per-count": "rad per count"}
+UNITS_TOLD |= {"--offset": "N m", "--spring": "N m/rad", "--torque-scale": "N m per unit"}
+
+
+@pytest.mark.parametrize("verb", OPTIONS)
+def test_the_help_tells_the_unit_of_a_number(verb) -> None:
+    for one in parser_of(verb)._actions:
+        for name in UNITS_TOLD.keys() & {*one.option_strings}:
+            assert re.search(rf"(^|, |\b){UNITS_TOLD[name]}(?![\w/])", one.help), (verb, name)
