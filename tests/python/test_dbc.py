@@ -68,13 +68,6 @@ def test_one_for_n_nodes_keeps_all_that_the_dbc_says(
     assert many.version == database.version
 
 
-def test_more_nodes_than_there_are_numbers_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    for nodes in ("0", "17"):
-        with pytest.raises(SystemExit, match="2"):
-            cli.main(["dbc", "--nodes", nodes])
-        assert f"--nodes: {nodes}" in capsys.readouterr().err
-
-
 def test_without_a_file_it_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     described(2, tmp_path)
     capsys.readouterr()

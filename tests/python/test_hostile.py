@@ -116,29 +116,6 @@ def test_nothing_in_a_summary_becomes_a_part_of_the_page(storm, dahl_here):
     assert page.count("&lt;script&gt;alert(1)") >= 9
 
 
-@pytest.mark.parametrize("verb", ["report", "plot"])
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"faults": 3}, "faults: an object with injected, expected"),
-        ({"faults": {"injected": {}}}, "faults: an object with injected, expected"),
-        ({"faults": {"injected": {"a": "b"}, "expected": {}}}, "faults.injected = {'a': 'b'}"),
-        ({"latency_us": {"max": 1}}, "latency_us: an object with p50, p99, max"),
-        ({"latency_histogram": [[1, 2]]}, "latency_histogram without"),
-        ({"latency_histogram": [[1]]}, "latency_histogram = [[1]]"),
-        ({"latency_histogram": [[1, -2]]}, "latency_histogram = [[1, -2]]"),
-        ({"node": [1]}, "node = [1]"),
-        ({"ticks": "1e3"}, "ticks = 1e3: a finite number"),
-        ({"r2_measured": float("nan")}, "r2_measured = nan: a finite number"),
-        ({"max_error_ulp_Fc": 10**400}, "max_error_ulp_Fc"),
-        ({"scene_file": 7}, "no scene_file"),
-        ({"title": ["x"]}, "title = ['x']: a text"),
-    ],
-)
-def test_a_summary_of_another_shape_is_one_line(storm, dahl_here, verb, values, words):
-    assert refused(dahl_here(verb, storm(**values)), "summary.json: ", words) == 2
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -100,6 +100,8 @@ def test_view_counts_what_it_sees(dbc):
     assert list(view.ratio) == pytest.approx([0.5, 0.5])
     shown = text_of(view)
     assert "F/Fc over counts" in shown
+    assert re.search(r"^message +frames +1/s +missing +bad *$", shown, re.MULTILINE)
+    assert "message frames 1/s missing bad last" in " ".join(text_of(view, 200).split())
     assert re.search(r"^EncoderState +2 +500 +1 +3$", shown.replace(" \n", "\n"), re.MULTILINE)
     assert re.search(r"^EncoderState +Valid Valid +Count 8 ", shown, re.MULTILINE)
     assert "TorqueRatio 0.500000 " in shown

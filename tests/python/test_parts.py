@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import copy
-import pickle
 from fractions import Fraction
 
 import dahl
@@ -93,11 +92,6 @@ def test_a_mix_in_q30_is_over_the_sum(moves):
         ([], [], 1e-3, "sigma0 has 0 elements and Fc 0"),
         ([1.0] * 9, [1.0] * 9, 1e-3, "sigma0 has 9 elements"),
         ([1.0, 2.0], [1.0], 1e-3, "sigma0 has 2 elements and Fc 1"),
-        ([1.0, -2.0], [1.0, 1.0], 1e-3, r"element 1: sigma0 = -2 is outside"),
-        ([1.0], [float("nan")], 1e-3, r"element 0: Fc = nan is outside"),
-        ([1.0], [float("inf")], 1e-3, r"element 0: Fc = inf is outside"),
-        ([1.0], [0.0], 1e-3, r"element 0: Fc = 0 is outside"),
-        ([1.0], [1.0], 0.0, "theta_per_count = 0 is outside"),
         ([1.0, 1e-9], [1.0, 1e9], 1e-3, r"element 1: travel of one count"),
         (100.0, [1.0], 1e-3, r"sigma0 = 100.0 is not a list of numbers"),
         ("12", [1.0], 1e-3, r"sigma0 = '12' is not a list of numbers"),
@@ -155,19 +149,12 @@ def test_a_fast_mix_is_the_exact_one(moves):
     assert np.abs(found.astype(float) - exact.run_counts(long)).max() <= (ULPS + 0.52) * ulp
     assert (fast.run_counts(long) == found).all()  # nothing is kept
     assert dahl.ThroughputParallel().run_counts([1, 2]).tolist() == [0, 0]
-    assert pickle.loads(pickle.dumps(fast)) == fast != dahl.ThroughputParallel()
-    assert eval(repr(fast), {name: getattr(dahl, name) for name in dahl.__all__}) == fast
 
 
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda: dahl.ThroughputSlip([1.0], [], 1.0), "sigma0 has 1 elements and Fc 0"),
-        (
-            lambda: dahl.ThroughputSlip([1.0, -1.0], [1, 1], 1.0),
-            "element 1: sigma0 = -1 is outside",
-        ),
-        (lambda: dahl.ThroughputSlip([1.0], [1.0], 0), "theta_per_count = 0 is outside"),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), "travel of one count"),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**-30 * (1 - 1e-12)), "element 0: travel of"),
         (lambda: dahl.ThroughputSlip([1.0], [1.0], 1).run_counts([0.5]), r"moves\[0\] = 0.5"),

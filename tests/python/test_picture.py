@@ -115,6 +115,7 @@ def test_what_only_some_runs_have_is_shown_as_it_was(drawn, figures, tmp_path):
     assert re.findall(r" (\d+) ", words) == ["150", "390", "21", "5"]
     assert ([bar.get_height() for bar in faults.patches], faults.get_yscale()) == ([4, 9], "symlog")
     assert [label.get_text() for label in faults.get_xticklabels()] == ["crc", "lost"]
+    assert (tracking.get_xlabel(), tracking.get_ylabel()) == ("time [s]", "tracking error [rad]")
     assert tracking.lines[0].get_xdata() == pytest.approx([0, 0.001, 0.002])
     assert tracking.lines[0].get_ydata() == pytest.approx([0.25, -0.5, 0])
     words = drawn_again.axes[0].get_title(loc="left")

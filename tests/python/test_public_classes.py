@@ -8,8 +8,10 @@ from __future__ import annotations
 import copy
 import doctest
 import inspect
+import math
 import pickle
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,55 +21,83 @@ from dahl import codec
 
 pytestmark = pytest.mark.usefixtures("library")
 
-PLAN = (100.0, 0.5, 2e-4)
-
 
 def step(one: Any) -> Any:
-    return one.step_counts(7)
+    return one.step_counts(-7)
 
 
 @dataclass(frozen=True)
 class Kind:
-    """One class: what one is made of, how another one differs, and what moves it, if it moves."""
+    """One class: what one is made of, by name, and what moves it, if it moves."""
 
     of: type
-    arguments: tuple[Any, ...]
-    others: tuple[Any, ...]
+    arguments: dict[str, Any]
     move: Callable[[Any], Any] | None = None
+    unseen: tuple[str, ...] = ()  # arguments that its repr does not tell
 
-    def make(self) -> Any:
-        return self.of(*copy.deepcopy(self.arguments))
+    def make(self, **changed: Any) -> Any:
+        arguments = copy.deepcopy(self.arguments | changed)
+        parts = arguments.pop("parts", ())
+        return self.of(*parts, **arguments)
 
-    def other(self) -> Any:
-        return self.of(*self.others)
+    def others(self) -> Iterator[tuple[str, Any]]:
+        """Of each argument, its name and another value; of several numbers each for itself."""
+        for name, value in self.arguments.items():
+            for other in others(name, value):
+                yield name, other
 
 
-A_PLAN, TWO = dahl.Plan(*PLAN), ([100.0, 50.0], [0.5, 1.0], 1e-3)
-ANOTHER, ONE = dahl.Plan(1.0, 1.0, 1.0), ([100.0], [0.5], 1e-3)
-MIX = (dahl.Friction(A_PLAN), dahl.Slip([1.0], [1.0], 1e-3))
+def others(name: str, value: Any) -> Iterator[Any]:
+    """Other values; of what is made of others, as its own line of KINDS has it."""
+    if isinstance(value, (list, tuple)):
+        for k, each in enumerate(value):
+            for other in others(name, each):
+                yield type(value)([*value[:k], other, *value[k + 1 :]])
+    elif isinstance(value, (bool, int)):
+        yield not value if isinstance(value, bool) else -1 if name == "sign" else value + 1
+    elif isinstance(value, float):
+        yield value * 1.25
+    else:
+        for field, other in KINDS[type(value).__name__].others():
+            yield KINDS[type(value).__name__].make(**{field: other})
+
+
+PLAN = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": 2e-4}
+PLANNED = {"plan": dahl.Plan(**PLAN)}
+TWO = {"sigma0": [100.0, 50.0], "Fc": [0.5, 1.0], "theta_per_count": 1e-3}
+SEAL = {"sigma0": 100.0, "Fc_forward": 0.5, "Fc_backward": 0.3, "theta_per_count": 2e-4}
+NODE = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "timeout": 0.02, "max_step": 7}
+NODE |= {"status_period": 0.07}
+TABLE = [0.5, 0.3, 0.25, -0.125, *(0.0625 * k for k in range(1, 13))]
+MIX = (dahl.Friction(dahl.Plan(**PLAN)), dahl.Slip(**TWO))
+FAST = (dahl.Throughput(**PLAN), dahl.ThroughputSlip(**TWO))
 KINDS = {
     kind.of.__name__: kind
     for kind in (
-        Kind(dahl.Asymmetric, (100.0, 0.5, 0.3, 2e-4), (100.0, 0.3, 0.5, 2e-4), step),
-        Kind(dahl.ElastoPlastic, (*PLAN, 0.5), (*PLAN, 0.25), step),
-        Kind(dahl.Encoder, (65536,), (4096,), lambda one: one.move(12)),
-        Kind(dahl.Friction, (A_PLAN,), (ANOTHER,), step),
-        Kind(dahl.Loaded, (A_PLAN,), (A_PLAN, True), lambda one: one.step_counts(7, 0.75)),
+        Kind(dahl.Asymmetric, SEAL, step),
+        Kind(dahl.ElastoPlastic, PLAN | {"breakaway": 0.5}, step),
+        Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
+        Kind(dahl.Friction, PLANNED, step),
+        Kind(
+            dahl.Loaded,
+            PLANNED | {"fixed_stiffness": False},
+            lambda one: one.step_counts(-7, 0.75),
+        ),
         Kind(
             dahl.Node,
-            (A_PLAN,),
-            (A_PLAN, 3),
-            lambda one: one.receive(codec.pack(codec.EncoderState(12))),
+            {"friction": dahl.Plan(**PLAN), "number": 3} | NODE,
+            lambda one: one.receive(codec.pack(codec.EncoderState(12), 3)),
+            unseen=tuple(NODE),
         ),
-        Kind(dahl.Parallel, MIX, MIX[:1], step),
-        Kind(dahl.Plan, PLAN, PLAN[:2]),
-        Kind(dahl.Slip, TWO, ONE, step),
-        Kind(dahl.State, (), (1,), lambda one: setattr(one, "w", 5)),
-        Kind(dahl.Throughput, PLAN, PLAN[:2]),
-        Kind(dahl.ThroughputParallel, (dahl.Throughput(*PLAN),), ()),
-        Kind(dahl.ThroughputSlip, TWO, ONE),
-        Kind(dahl.VelocityTable, ([0.5] * 16, 3), ([0.5] * 16, 4)),
-        Kind(dahl.Work, (A_PLAN,), (ANOTHER,), step),
+        Kind(dahl.Parallel, {"parts": MIX}, step),
+        Kind(dahl.Plan, PLAN),
+        Kind(dahl.Slip, TWO, step),
+        Kind(dahl.State, {"w": 5}, lambda one: setattr(one, "w", -5)),
+        Kind(dahl.Throughput, PLAN),
+        Kind(dahl.ThroughputParallel, {"parts": FAST}),
+        Kind(dahl.ThroughputSlip, TWO),
+        Kind(dahl.VelocityTable, {"torque": TABLE, "segment_bits": 3}),
+        Kind(dahl.Work, PLANNED, step),
     )
 }
 EXCEPTIONS = {"Error", "RunError"}  # equal only to themselves, as all of Python's
@@ -86,7 +116,7 @@ def test_no_class_is_left_out() -> None:
 
 def test_equal_as_it_is_made_and_as_it_moves(kind: Kind) -> None:
     one, same = kind.make(), kind.make()
-    assert one == same and one != kind.other() and one != "another thing"
+    assert one == same and one != "another thing"
     assert one.__eq__("another thing") is NotImplemented
     if kind.move:
         kind.move(one)
@@ -99,12 +129,62 @@ def test_equal_as_it_is_made_and_as_it_moves(kind: Kind) -> None:
         assert hash(one) == hash(same)
 
 
-def test_the_repr_tells_the_class_and_no_address(kind: Kind) -> None:
+def test_each_argument_is_held_told_compared_and_copied(kind: Kind) -> None:
+    """Another value of any of them makes another one, with another repr."""
+    made = [(None, kind.make()), *((name, kind.make(**{name: v})) for name, v in kind.others())]
+    assert {name for name, _ in made[1:]} == kind.arguments.keys()
+    for _, one in made:
+        assert [other is one for _, other in made] == [other == one for _, other in made]
+        assert all(copied(one) == one for copied in COPIES)
+    told = [repr(one) for name, one in made if name not in kind.unseen]
+    assert len({*told}) == len(told)
+    one = made[0][1]
+    for name, value in kind.arguments.items():
+        held = getattr(one, name, value)
+        wanted = tuple(value) if isinstance(value, list) else value
+        assert held == wanted or held == pytest.approx(wanted, rel=1e-7)
+
+
+def test_the_repr_makes_it_again_or_tells_its_numbers_in_their_units(kind: Kind) -> None:
     one = kind.make()
     assert type(one).__name__ in repr(one) and " at 0x" not in repr(one)
-    assert repr(one) != repr(kind.other())
     if "<" not in repr(one):  # else it has a state, which no argument gives
         assert eval(repr(one), {name: getattr(dahl, name) for name in dahl.__all__}) == one
+    for _ in range(2) if kind.move else ():
+        kind.move(one)
+        for name, number, unit in re.findall(r"(torque|work)=(\S+) (N m|J)", repr(one)):
+            held = getattr(one.parts[0] if kind.of is dahl.Parallel else one, name)
+            assert float(number) == float(f"{held:g}") != 0
+            assert (name, unit) in {("torque", "N m"), ("work", "J")}
+    if kind.of is dahl.Node:
+        assert repr(one).endswith(", number=3, state=REPEATED, ok=1>")  # the frame came twice
+
+
+LIMITED = {"sigma0": "N m/rad", "theta_per_count": "rad/count"}
+LIMITED |= dict.fromkeys(("Fc", "Fc_forward", "Fc_backward"), "N m")
+OUTSIDE = {-1.0: "-1", math.nan: "nan", math.inf: "inf", -math.inf: "-inf", 1e40: "1e+40"}
+OUTSIDE |= {2.0**-65: "2.71051e-20", 2.0**64: "1.8446744073709552e+19", 1e-50: "1e-50"}
+
+
+@pytest.mark.parametrize("value", OUTSIDE)
+def test_a_parameter_outside_its_limits_is_named_with_them(kind: Kind, value: float) -> None:
+    """In its unit, and of several elements the one that it is of. 0 is an encoder only where moves
+    may be angles; at the limits there is one.
+    """
+    for name, unit in LIMITED.items():
+        if not isinstance(given := kind.arguments.get(name), (float, list)):
+            continue
+        with pytest.raises(dahl.Error) as caught:
+            kind.make(**{name: [given[0], value] if isinstance(given, list) else value})
+        said, limits = str(caught.value), f" is outside 2^-64 <= {name} < 2^64 ({unit})"
+        place = {f"{name}[1]", f"element 1: {name}"} if isinstance(given, list) else {name}
+        bare = kind.of in (dahl.Plan, dahl.Throughput)
+        assert said.partition(" = ")[0] in place
+        more = ", or 0 for no encoder" if name == "theta_per_count" and bare else ""
+        assert said.partition(" = ")[2] == OUTSIDE[value] + limits + more
+        if name == "theta_per_count" and not bare:
+            with pytest.raises(dahl.Error, match=f"{name} = 0 is outside"):
+                kind.make(**{name: 0})
 
 
 @pytest.mark.parametrize("copied", COPIES, ids=["copy", "deepcopy", "pickle"])
@@ -114,31 +194,36 @@ def test_a_copy_stands_where_the_other_does_and_goes_its_own_way(kind: Kind, cop
     class Own(kind.of):  # type: ignore[name-defined, misc]
         __slots__ = () if kind.of is dahl.State else ("note",)  # ctypes copies no slots
 
-        def __init__(self, name: str, *arguments: Any) -> None:
-            super().__init__(*arguments)
+        def __init__(self, name: str, parts: Any = (), **arguments: Any) -> None:
+            super().__init__(*parts, **arguments)
             vars(self)["name"] = name
             object.__setattr__(self, "note", name)
 
     Own.__qualname__ = "Own"
     globals()["Own"] = Own
-    one = Own("left", *copy.deepcopy(kind.arguments))
+    one = Own("left", **copy.deepcopy(kind.arguments))
     again = copied(one)
     assert (type(again), again.name, again.note) == (Own, "left", "left") and again == one
     if kind.move:
         kind.move(one)
-        assert copied(one) == one != again == Own("right", *copy.deepcopy(kind.arguments))
+        assert copied(one) == one != again == Own("right", **copy.deepcopy(kind.arguments))
 
 
 @pytest.mark.parametrize("copied", COPIES[1:], ids=["deepcopy", "pickle"])
 def test_what_belongs_together_does_so_when_it_is_copied_together(copied: Any) -> None:
-    bearing = dahl.Friction(A_PLAN)
+    bearing = dahl.Friction(dahl.Plan(**PLAN))
     mix, again, state = copied((dahl.Parallel(bearing), bearing, bearing.state))
     assert mix.parts[0] is again and again.state is state
 
 
 def test_wrong_arguments_are_one_line_with_the_name(kind: Kind) -> None:
-    with pytest.raises(dahl.Error, match="no such argument"):
-        type(kind.make())(colour="red")
+    one = kind.make()
+    with pytest.raises(dahl.Error, match=f"^{kind.of.__name__}: colour = 'red': no such argument"):
+        kind.of(colour="red")
+    for name in ("step_counts", "step_counts_q30", "run_counts"):
+        if hasattr(one, name):
+            with pytest.raises(dahl.Error, match=f"^{kind.of.__name__}.{name}: missing a"):
+                getattr(one, name)()
 
 
 def examples() -> list[doctest.DocTest]:
@@ -175,12 +260,13 @@ def test_exceptions_are_pickled_with_their_line() -> None:
     assert issubclass(dahl.RunError, dahl.Error)
 
 
-def test_slip_elements_tell_their_numbers_in_few_digits() -> None:
-    """As a Plan does; `dahl plan --model slip` prints it. The fast form's are doubles."""
+def test_numbers_are_told_in_few_digits() -> None:
+    """A float as C has it, in as few as make it again; those of the fast form are doubles."""
+    numbers = "sigma0=100.0, Fc=0.3, theta_per_count=0.00038"
+    assert repr(dahl.Plan(100, 0.3, 3.8e-4)) == f"Plan({numbers})"
     told = "(sigma0=[100.0, 40.0], Fc=[0.5, 0.3], theta_per_count=0.00038)"
     exact = dahl.Slip([100, 40], [0.5, 0.3], 3.8e-4)
     fast = dahl.ThroughputSlip([100, 40], [0.5, 0.3], 3.8e-4)
     assert (repr(exact), repr(fast)) == (f"Slip{told}", f"ThroughputSlip{told}")
-    assert all(one != type(one)(one.sigma0, one.Fc, 3.9e-4) for one in (exact, fast))
     near = dahl.ThroughputSlip([100, 40], [0.5, exact.Fc[1]], 3.8e-4)
-    assert eval(repr(near), {"ThroughputSlip": dahl.ThroughputSlip}) == near != fast
+    assert repr(near) != repr(fast)

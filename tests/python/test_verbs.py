@@ -32,64 +32,6 @@ pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 # --- all verbs ------------------------------------------------------------------------------------
 
-NEEDED = {
-    "plan --sigma0 1 --fc 1 --theta-per-count 0 -o -": (
-        "--sigma0",
-        "--fc",
-        "--theta-per-count",
-        "-o",
-    ),
-    "excite --counts-per-turn 1 --sigma0 1": ("--counts-per-turn",),
-    "record -i virtual -c x -o x.log": ("-o",),
-    "plot build/demo": ("build/demo",),
-    "report build/demo": ("build/demo",),
-}
-
-
-@pytest.mark.parametrize(
-    ("words", "needed"), [(words, one) for words, many in NEEDED.items() for one in many]
-)
-def test_what_has_to_be_said_is_asked_for(dahl, words, needed):
-    """In one line that names it, and before anything is looked for or written."""
-    given = words.split()
-    place = given.index(needed)
-    code, said = complaint(dahl(*given[:place], *given[place + 1 + needed.startswith("-") :]))
-    assert code == 2 and re.search("required", said)
-    assert ("RUN" if needed == "build/demo" else needed) in said
-    assert not list(Path.cwd().iterdir())
-
-
-@pytest.mark.parametrize("text", ["--5", "-", "5-", "1" * 5000, "1.0", "\u00b2"])
-def test_a_whole_number_is_digits_with_one_sign_at_most(dahl, text):
-    words = f"argument --seed: {text}: not an integer from 0 to {2**64 - 1} (see dahl demo --help)"
-    assert complaint(dahl("demo", f"--seed={text}")) == (2, words)
-
-
-@pytest.mark.parametrize("option", ["--torque-scale", "--offset", "--spring"])
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e400", "x"])
-def test_what_a_log_is_compared_by_is_finite(dahl, option, text):
-    """Else NaN would stand in the summary, which is no JSON."""
-    done = dahl("demo", "x.csv", f"{option}={text}")
-    words = f"argument {option}: {text}: not a number from -1e+30 to 1e+30 (see dahl demo --help)"
-    assert complaint(done) == (2, words)
-    assert "argument" not in complaint(dahl("demo", "x.csv", f"{option}=-0.5"))[1]
-
-
-DEFAULTS = {
-    "demo": {"seconds": None, "seed": None},
-    "identify": {"jobs": -1, "within": 2.0, "median": 0, "counts_per_turn": 0.0, "terms": None},
-    "excite --counts-per-turn 1": {"noise": 0.05, "within": 1.0, "rate": 1000.0, "name": "excite"},
-    "monitor": {"node": None, "window": 4000, "frames": None, "seconds": None, "dbc": None},
-    "record -o x": {"force": False, "frames": None, "seconds": None},
-    "dbc": {"nodes": 1, "force": False, "output": None},
-}
-
-
-@pytest.mark.parametrize("words", DEFAULTS)
-def test_what_holds_where_nothing_is_said(words):
-    found = vars(build_parser().parse_args(words.split()))
-    assert {name: found[name] for name in DEFAULTS[words]} == DEFAULTS[words]
-
 
 def test_what_holds_of_a_log_of_ones_own_where_nothing_is_said():
     own = scene.OwnLog(Path("x.csv"), "a", "T", 100.0, 0.5, 4096.0)
@@ -537,26 +479,40 @@ OBJECTS += ("units",)
 
 
 SPOILED = dict.fromkeys(TEXTS, 5) | dict.fromkeys(NUMBERS, "5") | dict.fromkeys(OBJECTS, [["x"]])
-SPOILED |= {"ticks": float("nan"), "frames_sent": 10**400}
+SPOILED |= {"ticks": float("nan"), "frames_sent": 10**400, "latency_histogram": {}}
+TIMES = {"p50": 1, "p99": 2, "max": 3}
+MEASURED = {"latency_us": TIMES, "jitter_us": TIMES, "deadline_misses": 0}
+SHAPES = [
+    *SPOILED.items(),
+    *(("latency_histogram", [pair]) for pair in ([1, -2], [1], [1, "2"], [1, 2])),
+    ("latency_us", {"max": 1}),
+    ("r2_measured", float("nan")),
+    *(("faults", {"injected": {}} | more) for more in ({}, {"injected": {"a": "b"}})),
+]
 
 
-@pytest.mark.parametrize("key", [*SPOILED, "latency_histogram"])
-def test_each_number_of_a_summary_has_its_shape(dahl, key):
-    spoiled = SPOILED.get(key, {})
+@pytest.mark.parametrize("verb", ["report", "plot"])
+@pytest.mark.parametrize(("key", "spoiled"), SHAPES, ids=lambda each: str(each)[:20])
+def test_each_number_of_a_summary_has_its_shape(dahl, verb, key, spoiled):
+    Path("run.log").touch()
     Path("summary.json").write_text(json.dumps({**SUMMARY, key: spoiled}))
-    code, said = complaint(dahl("report", "."))
+    code, said = complaint(dahl(verb, "."))
     assert code == 2 and said.startswith(f"summary.json: {key}")
     Path("summary.json").write_text(json.dumps({**SUMMARY, key: None}), encoding="utf-8-sig")
-    assert complaint(dahl("report", "."))[1].startswith("loop.png: no such file; `dahl plot .`")
+    missing = {"report": "loop.png: no such file; `dahl plot .`", "plot": "run.log: no frames"}
+    assert complaint(dahl(verb, "."))[1].startswith(missing[verb])
 
 
-def test_a_histogram_needs_what_is_measured_beside_it(dahl):
-    times = {"p50": 1, "p99": 2, "max": 3}
-    whole = {"latency_us": times, "jitter_us": times, "deadline_misses": 0}
-    for left_out in whole:
-        known = {key: value for key, value in whole.items() if key != left_out}
-        Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [], **known}))
-        assert "latency_histogram without" in complaint(dahl("report", "."))[1]
-    for pair in ([1, -2], [1], [1, "2"]):
-        Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [pair]}))
-        assert "latency_histogram = [[" in complaint(dahl("report", "."))[1]
+@pytest.mark.parametrize("left_out", MEASURED)
+def test_a_histogram_needs_what_is_measured_beside_it(dahl, left_out):
+    known = {key: value for key, value in MEASURED.items() if key != left_out}
+    Path("summary.json").write_text(json.dumps({**SUMMARY, "latency_histogram": [], **known}))
+    assert "latency_histogram without" in complaint(dahl("report", "."))[1]
+
+
+@pytest.mark.parametrize("verb", ["report", "plot"])
+def test_a_summary_names_its_scene(dahl, verb):
+    Path("run.log").touch()
+    Path("summary.json").write_text('{"scene_file": 7}')
+    code, said = complaint(dahl(verb, "."))
+    assert code == 2 and said.startswith("summary.json: ") and "scene_file" in said

@@ -99,9 +99,11 @@ def calls_checked(cls: type[T]) -> type[T]:
 
 def _refuse_misfit(function: Callable[..., Any], args: Any, kwargs: dict[str, Any]) -> None:
     """Raise dahl.Error if the arguments do not fit the signature."""
-    name = function.__qualname__.removesuffix(".__init__")
-    signature = inspect.signature(function)
+    name, signature = function.__qualname__, inspect.signature(function)
     wanted = [each for each in signature.parameters if each != "self"]
+    if "self" in signature.parameters and args:  # of the class that users know, not of its base
+        name = f"{type(args[0]).__name__}.{function.__name__}"
+    name = name.removesuffix(".__init__")
     for key, value in kwargs.items():
         if key not in wanted:
             raise Error(

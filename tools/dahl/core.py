@@ -249,7 +249,15 @@ def _refusal(sigma0: float, Fc: float, theta_per_count: float) -> str:  # noqa: 
 
 SIGMA0 = "2^-64 <= sigma0 < 2^64 (N m/rad)"
 FC = "2^-64 <= Fc < 2^64 (N m)"
-THETA_PER_COUNT = "2^-64 <= theta_per_count < 2^64 (rad/count), or 0 for no encoder"
+COUNTED = "2^-64 <= theta_per_count < 2^64 (rad/count)"  # where counts are moves
+THETA_PER_COUNT = f"{COUNTED}, or 0 for no encoder"
+
+
+def need_counted(theta_per_count: float) -> None:
+    """Raise dahl.Error for no encoder, and for one out of range, where there is no other way."""
+    if not TORQUE_MIN <= theta_per_count < TORQUE_MAX:
+        shown = _shown(theta_per_count, TORQUE_MIN, TORQUE_MAX)
+        raise Error(f"theta_per_count = {shown} is outside {COUNTED}")
 
 
 class _Parameters:
@@ -271,7 +279,7 @@ class _Parameters:
         if self.theta_per_count == 0:
             raise Error(
                 "theta_per_count = 0: no encoder, so only moves in rad; for counts"
-                f" {THETA_PER_COUNT.partition(',')[0]} is needed"
+                f" {COUNTED} is needed"
             )
 
 

@@ -141,9 +141,7 @@ class Slip(_SlipParameters, Element):
     ) -> None:
         self._sigma0 = _floats("sigma0", sigma0, core.SIGMA0)
         self._Fc = _floats("Fc", Fc, core.FC)
-        self._theta_per_count = core.parameter(
-            "theta_per_count", theta_per_count, core.THETA_PER_COUNT
-        )
+        self._theta_per_count = core.parameter("theta_per_count", theta_per_count, core.COUNTED)
         self._state = _SlipState()
         self._prepare()
 
@@ -162,8 +160,7 @@ class Slip(_SlipParameters, Element):
 
     def _refusal(self) -> str:
         """Which element the library did not like, in the words of Plan."""
-        if self._theta_per_count == 0:
-            return f"theta_per_count = 0 is outside {core.THETA_PER_COUNT.partition(',')[0]}"
+        core.need_counted(self._theta_per_count)
         for k, (sigma0, torque) in enumerate(zip(self._sigma0, self._Fc, strict=True)):
             try:
                 core.Plan(sigma0, torque, self._theta_per_count)

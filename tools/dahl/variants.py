@@ -21,7 +21,6 @@ PLAN_ROOM = 128  # 8-byte words kept for any plan of dahl_parts.h (54 are used a
 VELOCITY_SEGMENTS = 16  # DAHL_VELOCITY_SEGMENTS: torques of a table over speed
 SEGMENT_BITS_MAX = 24
 LOAD_ONE = 2**30  # a load of 1, as C has it
-SEEN_BY_COUNTS = core.THETA_PER_COUNT.partition(",")[0]
 
 
 def _shown(value: float) -> str:
@@ -29,11 +28,7 @@ def _shown(value: float) -> str:
     return str(np.float32(value))
 
 
-def _checked_counts(theta_per_count: float) -> None:
-    if theta_per_count == 0:
-        raise Error(f"theta_per_count = 0 is outside {SEEN_BY_COUNTS}")
-
-
+@checks.calls_checked
 class _Bristle(Element, Copied):
     """An element of parameters, each a float as C has it, and of one bristle's state. dahl_KIND_..
     are its calls.
@@ -121,7 +116,7 @@ class Asymmetric(_Bristle):
         "sigma0": core.SIGMA0,
         "Fc_forward": core.FC.replace("Fc", "Fc_forward"),
         "Fc_backward": core.FC.replace("Fc", "Fc_backward"),
-        "theta_per_count": SEEN_BY_COUNTS,
+        "theta_per_count": core.COUNTED,
     }
 
     def __init__(
@@ -138,7 +133,7 @@ class Asymmetric(_Bristle):
         return int(core.library().dahl_asymmetric_prepare(self._words, params))
 
     def _refusal(self) -> str:
-        _checked_counts(self.theta_per_count)
+        core.need_counted(self.theta_per_count)
         for name, value in (("Fc_forward", self.Fc_forward), ("Fc_backward", self.Fc_backward)):
             try:
                 core.Plan(self.sigma0, value, self.theta_per_count)
@@ -192,7 +187,7 @@ class ElastoPlastic(_Bristle):
     _limits: ClassVar[dict[str, str]] = {
         "sigma0": core.SIGMA0,
         "Fc": core.FC,
-        "theta_per_count": SEEN_BY_COUNTS,
+        "theta_per_count": core.COUNTED,
         "breakaway": "0 < breakaway < 1 (part of Fc)",
     }
 
@@ -210,7 +205,7 @@ class ElastoPlastic(_Bristle):
         return int(core.library().dahl_elastoplastic_prepare(self._words, params, self._values[3]))
 
     def _refusal(self) -> str:
-        _checked_counts(self.theta_per_count)
+        core.need_counted(self.theta_per_count)
         core.Plan(*self._values[:3])
         return f"breakaway = {_shown(self.breakaway)} is outside {self._limits['breakaway']}"
 

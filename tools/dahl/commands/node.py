@@ -96,11 +96,9 @@ def _check(args: argparse.Namespace) -> None:
         names = ", ".join("--" + name.replace("_", "-") for name in OWN)
         raise Error(f"{names}: all three, or a --scene")
     if given:
-        from dahl import Plan
-        from dahl.variants import SEEN_BY_COUNTS
+        from dahl import Plan, core
 
-        if args.theta_per_count == 0:
-            raise Error(f"theta_per_count = 0 is outside {SEEN_BY_COUNTS}")
+        core.need_counted(args.theta_per_count)
         Plan(args.sigma0, args.fc, args.theta_per_count)  # refuses what the node would
 
 
