@@ -49,3 +49,11 @@ def as_one(folder: Path, files: list[Path] = CORE, name: str = "library.c") -> P
     unit = folder / name
     unit.write_text("".join(f'#include "{path}"\n' for path in files))
     return unit
+
+
+def with_main(test: Path, folder: Path) -> Path:
+    """One C file of a Unity test with the main that runs it."""
+    main = folder / f"{test.stem}_main.c"
+    words = [f"-DSOURCE={test}", f"-DMAIN={main}", "-P", ROOT / "tests/unity_main.cmake"]
+    subprocess.run(["cmake", *words], check=True)
+    return main

@@ -9,9 +9,6 @@
 
 #define THETA 3.8e-4f
 
-void setUp(void) {}
-void tearDown(void) {}
-
 /* Parameters whose travel per count is near u; the exact travel is what the floats say. */
 static inline dahl_params_t params_for(double u, float Fc)
 {

@@ -18,9 +18,6 @@ typedef struct {
     long double q30;
 } worst_t;
 
-void setUp(void) {}
-void tearDown(void) {}
-
 static long double larger(long double a, long double b)
 {
     return a > b ? a : b;
@@ -78,14 +75,3 @@ static void test_dither(void) { check_motion(1); }
 static void test_two_forward_one_back(void) { check_motion(2); }
 static void test_random_walk(void) { check_motion(3); }
 static void test_leaps(void) { check_motion(4); }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_sweep);
-    RUN_TEST(test_dither);
-    RUN_TEST(test_two_forward_one_back);
-    RUN_TEST(test_random_walk);
-    RUN_TEST(test_leaps);
-    return UNITY_END();
-}

@@ -56,11 +56,3 @@ static void test_kernel_bound(void)
     TEST_ASSERT_TRUE(worst.error > 0x1p-33); /* something was measured */
     TEST_ASSERT_EQUAL_INT(0, worst.falls); /* monotone */
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_motions);
-    RUN_TEST(test_kernel_bound);
-    return UNITY_END();
-}

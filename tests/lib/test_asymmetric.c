@@ -224,17 +224,3 @@ static void test_a_plan_of_zeros(void)
         TEST_ASSERT_TRUE(dahl_asymmetric_step_counts(&zero, &state, counts[i]) == 0.0f && state.w == (int64_t)1 << 60);
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_hard_motions);
-    RUN_TEST(test_ends);
-    RUN_TEST(test_slopes_at_rest);
-    RUN_TEST(test_mirrored);
-    RUN_TEST(test_composition_and_monotony);
-    RUN_TEST(test_passive);
-    RUN_TEST(test_refused);
-    RUN_TEST(test_a_plan_of_zeros);
-    return UNITY_END();
-}

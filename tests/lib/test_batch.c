@@ -496,25 +496,3 @@ static void test_throughput_kernels(void)
     TEST_ASSERT_TRUE(kernel_error(dahl_g_any, 1e-6, 100) <= DAHL_G_ERROR);
     TEST_ASSERT_TRUE(kernel_error(dahl_g_tiny, 1e-9, DAHL_LN2) > DAHL_G_ERROR); /* it is for short travel only */
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_throughput_kernels);
-    RUN_TEST(test_counts_are_the_bits_of_single_steps);
-    RUN_TEST(test_counts_from_a_tie);
-    RUN_TEST(test_angles_are_the_bits_of_single_steps);
-    RUN_TEST(test_torques_next_to_a_tie);
-    RUN_TEST(test_channels_are_the_bits_of_single_steps);
-    RUN_TEST(test_throughput_is_within_the_bound);
-    RUN_TEST(test_throughput_channels_are_within_the_bound);
-    RUN_TEST(test_throughput_channels_by_angle);
-    RUN_TEST(test_few_counts);
-    RUN_TEST(test_one_long_move_among_short_ones);
-    RUN_TEST(test_any_cut_is_the_same_motion);
-    RUN_TEST(test_nothing_to_do_touches_nothing);
-    RUN_TEST(test_bad_angles_within_a_batch);
-    RUN_TEST(test_bad_parameters_touch_nothing);
-    RUN_TEST(test_a_plan_of_zeros_gives_no_torque);
-    return UNITY_END();
-}

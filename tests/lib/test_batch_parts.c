@@ -15,7 +15,7 @@ static float F[TICKS];
         TEST_ASSERT_TRUE(F[t] == (tick));   \
     }
 
-static void make_log(void)
+void setUp(void)
 {
     motion_t m = MOTION_START;
     for (int t = 0; t < TICKS; t++) {
@@ -109,17 +109,4 @@ static void test_work_and_a_table_over_a_log(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&over_speed, &table));
     dahl_batch_velocity(&over_speed, dcounts, F, TICKS);
     ASSERT_BY_TICK(dahl_velocity_torque(&over_speed, dcounts[t]))
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    make_log();
-    RUN_TEST(test_slip_elements_over_a_log);
-    RUN_TEST(test_a_mix_over_a_log);
-    RUN_TEST(test_an_fc_of_each_direction_over_a_log);
-    RUN_TEST(test_a_load_over_a_log);
-    RUN_TEST(test_elastoplastic_friction_over_a_log);
-    RUN_TEST(test_work_and_a_table_over_a_log);
-    return UNITY_END();
 }

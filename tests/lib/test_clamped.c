@@ -195,15 +195,3 @@ static void test_passive(void)
         before = after;
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_hard_motions);
-    RUN_TEST(test_load_of_one);
-    RUN_TEST(test_load_alone);
-    RUN_TEST(test_ends_of_the_input);
-    RUN_TEST(test_any_word_as_a_state);
-    RUN_TEST(test_passive);
-    return UNITY_END();
-}

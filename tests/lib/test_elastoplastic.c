@@ -280,19 +280,3 @@ static void test_any_word_as_a_state(void)
         }
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_hard_motions);
-    RUN_TEST(test_zero_drift);
-    RUN_TEST(test_bounds_and_symmetry);
-    RUN_TEST(test_slopes);
-    RUN_TEST(test_composition_and_monotony);
-    RUN_TEST(test_passive);
-    RUN_TEST(test_crossing_by_little);
-    RUN_TEST(test_refused);
-    RUN_TEST(test_ends_of_the_ranges);
-    RUN_TEST(test_any_word_as_a_state);
-    return UNITY_END();
-}

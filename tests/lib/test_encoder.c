@@ -288,22 +288,3 @@ static void test_a_float_angle_loses_counts_after_many_turns(void)
     float worst = worst_by_float_angle(538);
     TEST_ASSERT_TRUE(0.05f < worst && worst < 0.06f);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_a_timer_wraps_elsewhere_than_at_a_turn);
-    RUN_TEST(test_moves_add_up_to_the_path);
-    RUN_TEST(test_half_a_wheel_is_negative);
-    RUN_TEST(test_the_first_reading_is_no_motion);
-    RUN_TEST(test_homing_is_no_motion);
-    RUN_TEST(test_a_jump_is_told_and_not_integrated);
-    RUN_TEST(test_the_number_of_jumps_does_not_wrap);
-    RUN_TEST(test_an_index_pulse_leaves_the_torque);
-    RUN_TEST(test_an_encoder_of_zeros_never_moves);
-    RUN_TEST(test_bad_descriptions_are_refused);
-    RUN_TEST(test_any_readings_of_any_counter);
-    RUN_TEST(test_init_starts_anew);
-    RUN_TEST(test_a_float_angle_loses_counts_after_many_turns);
-    return UNITY_END();
-}

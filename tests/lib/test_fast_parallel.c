@@ -158,14 +158,3 @@ static void test_bad_parameters_touch_nothing(void)
     check_refused(1, 1, 0x1p20, DAHL_ERR_RANGE);
     check_refused(1, 0x1p31, 1, DAHL_ERR_RANGE);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_slip_elements_are_exact);
-    RUN_TEST(test_a_mix_is_the_sum);
-    RUN_TEST(test_a_log_in_pieces_has_the_same_bits);
-    RUN_TEST(test_nothing_in_parallel_is_no_torque);
-    RUN_TEST(test_bad_parameters_touch_nothing);
-    return UNITY_END();
-}

@@ -226,18 +226,3 @@ static void test_agrees_with_core(void)
         TEST_ASSERT_TRUE(fabsl((long double)F - G) <= 4.9L * (long double)DAHL_FLOAT_ERROR * p.Fc + ulp_of(p.Fc));
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_bound);
-    RUN_TEST(test_laws);
-    RUN_TEST(test_angle);
-    RUN_TEST(test_bad_input);
-    RUN_TEST(test_travel_beyond_its_number);
-    RUN_TEST(test_many_small_steps_one_way);
-    RUN_TEST(test_travel_fills_its_number);
-    RUN_TEST(test_no_motion_leaves_the_state);
-    RUN_TEST(test_agrees_with_core);
-    return UNITY_END();
-}

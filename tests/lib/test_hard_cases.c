@@ -328,27 +328,3 @@ static void test_p17_int32_min(void)
     }
     TEST_ASSERT_EQUAL_INT32(-5, dahl_counts_between(3, 0xfffffffeu, 0));
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_p01_one_update);
-    RUN_TEST(test_p02_coarse_sine);
-    RUN_TEST(test_p03_loop_tip);
-    RUN_TEST(test_p04_split_in_seven);
-    RUN_TEST(test_p05_fine_encoders);
-    RUN_TEST(test_p06_tiny_motion);
-    RUN_TEST(test_p06_tiny_motion_by_counts);
-    RUN_TEST(test_p06_bits_of_tiny_motion);
-    RUN_TEST(test_p07_no_dead_band);
-    RUN_TEST(test_p07_least_travel_by_angle);
-    RUN_TEST(test_p08_zero_motion);
-    RUN_TEST(test_p11_hidden_reversal);
-    RUN_TEST(test_p12_wraps);
-    RUN_TEST(test_p13_no_stall);
-    RUN_TEST(test_p14_bad_angles);
-    RUN_TEST(test_p14_subnormal_angles_for_the_stiffest_bristle);
-    RUN_TEST(test_p16_passive);
-    RUN_TEST(test_p17_int32_min);
-    return UNITY_END();
-}

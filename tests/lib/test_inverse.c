@@ -171,17 +171,3 @@ static void test_no_stroke_and_no_plan_have_no_tip(void)
     TEST_ASSERT_TRUE(dahl_tip_torque(&plan, UINT32_MAX) == p.Fc);
     TEST_ASSERT_TRUE(dahl_tip_torque(&zeros, 1000) == 0.0f);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_the_least_move_to_a_torque);
-    RUN_TEST(test_no_shorter_move_reaches);
-    RUN_TEST(test_the_ends);
-    RUN_TEST(test_odd_symmetry);
-    RUN_TEST(test_what_cannot_be_reached_is_refused);
-    RUN_TEST(test_the_tip_of_a_loop);
-    RUN_TEST(test_a_loop_ends_at_its_tips);
-    RUN_TEST(test_no_stroke_and_no_plan_have_no_tip);
-    return UNITY_END();
-}

@@ -154,17 +154,3 @@ static void test_contraction(void)
         }
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_semigroup);
-    RUN_TEST(test_bounds_and_symmetry);
-    RUN_TEST(test_angle_symmetry);
-    RUN_TEST(test_slopes);
-    RUN_TEST(test_steady_loop);
-    RUN_TEST(test_travel_between_torques);
-    RUN_TEST(test_dither_decay);
-    RUN_TEST(test_contraction);
-    return UNITY_END();
-}

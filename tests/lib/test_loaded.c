@@ -211,16 +211,3 @@ static void test_a_plan_of_zeros(void)
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, INT32_MIN, ONE / 3) == 0.0f);
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, 1, 0xffffffffu) == 0.0f);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_hard_motions);
-    RUN_TEST(test_load_of_one);
-    RUN_TEST(test_load_alone);
-    RUN_TEST(test_load_above_its_range);
-    RUN_TEST(test_passive);
-    RUN_TEST(test_least_torques);
-    RUN_TEST(test_a_plan_of_zeros);
-    return UNITY_END();
-}

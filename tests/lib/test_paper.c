@@ -111,14 +111,3 @@ static void test_large_angles(void)
     (void)dahl_step(&plan, &state, theta2 - theta1);
     assert_torque(eq27(a, theta2 + (long double)0.01f, -10, theta1, theta2), &p, dahl_step(&plan, &state, 0.01f), DAHL_ULP_ANGLE);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_three_segments);
-    RUN_TEST(test_erratum_eq26);
-    RUN_TEST(test_erratum_theta0);
-    RUN_TEST(test_erratum_exponents);
-    RUN_TEST(test_large_angles);
-    return UNITY_END();
-}

@@ -14,9 +14,6 @@
 
 #define PARTS_MOST 8
 
-void setUp(void) {}
-void tearDown(void) {}
-
 /* Parts with their references: Dahl elements, and of slip elements at most one. */
 typedef struct {
     dahl_plan_t plan[PARTS_MOST];
@@ -332,20 +329,4 @@ static void test_two_of_one_Fc_have_their_mean(void)
         int64_t above = twice + 1; /* a floor() of picolibc on RV32 misses by 32 here */
         TEST_ASSERT_TRUE(2 * (int64_t)dahl_parallel_step_counts_q30(mix.part, shares, 2, d) == above - (above & 1));
     }
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_guarantee);
-    RUN_TEST(test_guarantee_q30);
-    RUN_TEST(test_any_parts);
-    RUN_TEST(test_a_hundred_parts);
-    RUN_TEST(test_parts_move_as_alone);
-    RUN_TEST(test_tiny_motion);
-    RUN_TEST(test_odd_symmetry);
-    RUN_TEST(test_plans_of_zeros);
-    RUN_TEST(test_plans_of_zeros_q30);
-    RUN_TEST(test_two_of_one_Fc_have_their_mean);
-    return UNITY_END();
 }

@@ -368,30 +368,3 @@ static void test_p15_a_plan_of_zeros_carries_no_torque(void)
         TEST_ASSERT_TRUE(state.w == 0);
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_version);
-    RUN_TEST(test_bounds_are_no_wider_than_promised);
-    RUN_TEST(test_not_a_number_zero_negative);
-    RUN_TEST(test_two_bad_parameters);
-    RUN_TEST(test_range_of_torque);
-    RUN_TEST(test_range_of_travel);
-    RUN_TEST(test_no_counts);
-    RUN_TEST(test_counts_of_any_power_of_two);
-    RUN_TEST(test_travel_just_below_a_power_of_two);
-    RUN_TEST(test_bits_of_a_travel_of_ones);
-    RUN_TEST(test_set_torque);
-    RUN_TEST(test_set_torque_far_below_Fc);
-    RUN_TEST(test_set_least_torques);
-    RUN_TEST(test_torque_of_any_state);
-    RUN_TEST(test_p15_change_of_parameters);
-    RUN_TEST(test_p15_relaxed_stays_relaxed);
-    RUN_TEST(test_p15_growth_of_the_smallest_torque);
-    RUN_TEST(test_p15_the_least_that_is_left);
-    RUN_TEST(test_p15_no_energy_from_changes);
-    RUN_TEST(test_p15_a_plan_of_zeros_carries_no_torque);
-    RUN_TEST(test_any_word_as_a_state);
-    return UNITY_END();
-}

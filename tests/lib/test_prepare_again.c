@@ -153,11 +153,3 @@ static void test_each_word_is_written_once(void)
         TEST_ASSERT_EQUAL_UINT(0, follow(dahl, &many[i], &many[(i + 1) % MANY], &instructions));
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_equal_parameters_change_nothing_at_any_moment);
-    RUN_TEST(test_each_word_is_written_once);
-    return UNITY_END();
-}

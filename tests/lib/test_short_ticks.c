@@ -49,11 +49,3 @@ static void test_the_rest_goes_by_digits_once(void)
         TEST_ASSERT_TRUE(calls == 2 && called_for == far[i]);
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_short_ticks_take_their_entry);
-    RUN_TEST(test_the_rest_goes_by_digits_once);
-    return UNITY_END();
-}

@@ -15,9 +15,6 @@
 #define PLANS (TEST_TICKS < 20000 ? 300 : 20000)
 #define ONE_Q30 (INT32_C(1) << 30)
 
-void setUp(void) {}
-void tearDown(void) {}
-
 static long double larger(long double a, long double b)
 {
     return a > b ? a : b;
@@ -435,30 +432,4 @@ static void test_any_word_as_a_state(void)
         (void)dahl_slip_step_counts(&plan, &state, counts[i / 4]);
         TEST_ASSERT_EQUAL_INT32(ONE_Q30, dahl_slip_step_counts_q30(&plan, &state, INT32_MAX));
     }
-}
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_sweep);
-    RUN_TEST(test_dither);
-    RUN_TEST(test_two_forward_one_back);
-    RUN_TEST(test_random_walk);
-    RUN_TEST(test_leaps);
-    RUN_TEST(test_bounds_are_what_is_promised);
-    RUN_TEST(test_any_parameters);
-    RUN_TEST(test_ends_of_the_format);
-    RUN_TEST(test_a_sum_just_below_a_power_of_two);
-    RUN_TEST(test_composition_of_travel);
-    RUN_TEST(test_odd_symmetry);
-    RUN_TEST(test_monotone_in_travel);
-    RUN_TEST(test_return_point_memory);
-    RUN_TEST(test_congruency);
-    RUN_TEST(test_masing);
-    RUN_TEST(test_no_energy_from_closed_cycles);
-    RUN_TEST(test_bad_parameters);
-    RUN_TEST(test_ranges);
-    RUN_TEST(test_a_plan_of_zeros);
-    RUN_TEST(test_any_word_as_a_state);
-    return UNITY_END();
 }

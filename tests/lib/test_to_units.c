@@ -73,13 +73,3 @@ static void test_a_load_too(void)
     int32_t ratio = dahl_loaded_step_counts_q30(&plan, &state, 1000000, INT32_MAX);
     TEST_ASSERT_EQUAL_INT32(1000000, dahl_to_units(ratio, 500000));
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_the_nearest_whole_number);
-    RUN_TEST(test_the_ends);
-    RUN_TEST(test_a_motion_in_units);
-    RUN_TEST(test_a_load_too);
-    return UNITY_END();
-}

@@ -123,14 +123,3 @@ static void test_bad_tables_are_refused(void)
     assert_refused(DAHL_ERR_RANGE, 25, 1.0f);
     assert_refused(DAHL_ERR_RANGE, UINT32_MAX, 1.0f);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_lines_between_the_values);
-    RUN_TEST(test_viscous);
-    RUN_TEST(test_at_rest_and_without_a_plan_there_is_none);
-    RUN_TEST(test_values_far_below_the_largest);
-    RUN_TEST(test_bad_tables_are_refused);
-    return UNITY_END();
-}

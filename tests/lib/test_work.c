@@ -161,16 +161,3 @@ static void test_one_side_far_below_the_other(void)
     TEST_ASSERT_TRUE(slid.way[0] != 0 || slid.way[1] != 0);
     TEST_ASSERT_TRUE(dahl_work(&fast, &slid) == 0x1p31f);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_work_is_the_integral_of_the_torque);
-    RUN_TEST(test_a_loop_takes_its_area);
-    RUN_TEST(test_energy_comes_back_and_no_more);
-    RUN_TEST(test_sums_carry);
-    RUN_TEST(test_Fc_times_the_way);
-    RUN_TEST(test_what_no_float_holds);
-    RUN_TEST(test_one_side_far_below_the_other);
-    return UNITY_END();
-}

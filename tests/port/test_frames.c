@@ -296,19 +296,3 @@ static void test_a_bad_frame_of_any_kind_touches_nothing(void)
     ASSERT_UNTOUCHED(dahl_frames_unpack_param_reply, dahl_param_reply_t);
     ASSERT_UNTOUCHED(dahl_frames_unpack_reset, dahl_node_reset_t);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_reference_gives_the_values_of_autosar);
-    RUN_TEST(test_crc_is_the_reference_over_bytes_and_data_id);
-    RUN_TEST(test_each_kind_comes_back);
-    RUN_TEST(test_unused_bits_of_an_encoder_state_mean_nothing);
-    RUN_TEST(test_packing_writes_every_byte);
-    RUN_TEST(test_no_one_or_two_flipped_bits_pass);
-    RUN_TEST(test_no_three_flipped_bits_beside_the_counter_pass);
-    RUN_TEST(test_a_frame_of_one_kind_is_no_other);
-    RUN_TEST(test_a_bad_form_is_refused_before_anything_is_read);
-    RUN_TEST(test_a_bad_frame_of_any_kind_touches_nothing);
-    return UNITY_END();
-}

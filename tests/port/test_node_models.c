@@ -298,18 +298,3 @@ static void test_bad_parameters_touch_nothing(void)
     TEST_ASSERT_EQUAL(DAHL_ERR_RANGE, dahl_node_use_elastoplastic(&node, &elastoplastic, &bearing, 1.0f));
     TEST_ASSERT_EQUAL_MEMORY(&before, &node, sizeof node);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_slip_answers_are_the_librarys);
-    RUN_TEST(test_asymmetric_answers_are_the_librarys);
-    RUN_TEST(test_elastoplastic_answers_are_the_librarys);
-    RUN_TEST(test_loaded_answers_are_the_librarys);
-    RUN_TEST(test_a_load_is_of_the_model_that_follows_one);
-    RUN_TEST(test_a_mix_answers_the_sum);
-    RUN_TEST(test_a_mix_tells_its_sums);
-    RUN_TEST(test_bad_elements_touch_nothing);
-    RUN_TEST(test_bad_parameters_touch_nothing);
-    return UNITY_END();
-}

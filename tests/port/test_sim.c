@@ -390,27 +390,3 @@ static void test_segments_rest_at_each_end(void)
     TEST_ASSERT_EQUAL(sizeof want / sizeof want[0], ticks);
     TEST_ASSERT_EQUAL_INT32_ARRAY(want, got, ticks);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_quantiles_of_known_durations);
-    RUN_TEST(test_quantiles_of_few_short_durations_are_exact);
-    RUN_TEST(test_a_histogram_takes_everything);
-    RUN_TEST(test_each_answer_is_matched_once);
-    RUN_TEST(test_a_stall_is_late_and_not_lost);
-    RUN_TEST(test_an_answer_after_its_period_is_a_deadline_missed);
-    RUN_TEST(test_jitter_is_the_change_from_one_answer_to_the_next);
-    RUN_TEST(test_a_missing_answer_is_lost_and_the_next_ones_are_not);
-    RUN_TEST(test_whose_answer_it_is_after_a_gap);
-    RUN_TEST(test_waiting_frames_are_bounded);
-    RUN_TEST(test_foreign_and_corrupt_answers);
-    RUN_TEST(test_each_kind_of_frame_is_a_line_that_candump_would_write);
-    RUN_TEST(test_a_full_disk_is_told_at_the_end_with_what_is_missing);
-    RUN_TEST(test_what_came_before_the_end_is_answered_and_logged);
-    RUN_TEST(test_the_summary_says_what_was_counted);
-    RUN_TEST(test_the_summary_adds_up_all_encoders_and_nodes);
-    RUN_TEST(test_a_measured_log_is_looked_for_beside_its_scene);
-    RUN_TEST(test_segments_rest_at_each_end);
-    return UNITY_END();
-}

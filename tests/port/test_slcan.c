@@ -241,19 +241,3 @@ static void test_frames_that_no_line_can_carry(void)
         TEST_ASSERT_EQUAL_STRING("same", text);
     }
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_each_kind_of_frame_is_taken_and_written);
-    RUN_TEST(test_frames_of_can_fd_are_taken_with_their_first_8_bytes);
-    RUN_TEST(test_digits_are_large_or_small_and_line_feeds_nothing);
-    RUN_TEST(test_lines_that_end_too_early_or_too_late);
-    RUN_TEST(test_characters_that_are_no_digits);
-    RUN_TEST(test_lengths_and_ids_out_of_range);
-    RUN_TEST(test_unknown_commands);
-    RUN_TEST(test_commands_have_their_answers);
-    RUN_TEST(test_closed_it_takes_no_frame);
-    RUN_TEST(test_frames_that_no_line_can_carry);
-    return UNITY_END();
-}

@@ -15,6 +15,7 @@ import pytest
 from dahl import reference
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sources import with_main
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -223,7 +224,8 @@ def test_the_c_tests_hold_with_other_compilers_and_flags(command, root, tmp_path
         f"-I{root}/tests/lib",
         f"-I{unity}",
     ]
-    words += ["-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000", root / "tests/lib/test_batch.c"]
+    words += ["-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000"]
+    words += [with_main(root / "tests/lib/test_batch.c", tmp_path)]
     words += [unity / "unity.c", *sorted((root / "lib").glob("*/*.c")), "-lm", "-o", program]
     subprocess.run(words, check=True)
     done = subprocess.run([program], capture_output=True, text=True, check=False)

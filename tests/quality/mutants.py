@@ -32,7 +32,7 @@ import tree_sitter_c
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import sources  # noqa: E402
-from sources import ROOT  # noqa: E402
+from sources import ROOT, with_main  # noqa: E402
 
 PARSER = tree_sitter.Parser(tree_sitter.Language(tree_sitter_c.language()))
 LIST = Path(__file__).with_name("survivors.toml")
@@ -172,7 +172,7 @@ class Bench:
 
     def program(self, name: str) -> Path:
         target = self.folder / Path(name).name
-        main = [self.folder / "tests" / f"{name}.c", UNITY / "unity.c"]
+        main = [with_main(self.folder / "tests" / f"{name}.c", self.folder), UNITY / "unity.c"]
         command = ["gcc", *FLAGS, *self.includes, *main, f"-L{self.folder}", "-lunder_test"]
         subprocess.run([*command, "-lm", f"-Wl,-rpath,{self.folder}", "-o", target], check=True)
         return target

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 import static_tools as static
 from conftest import BUILD, ROOT, need
-from sources import BATCHES, CORE, EXACT, PARTS
+from sources import BATCHES, CORE, EXACT, PARTS, with_main
 
 CLAIM = "the same bits on a big-endian core, in 32 bits, and without GNU extensions"
 GOLDEN = ROOT / "tests/lib/golden_bits.txt"
@@ -70,7 +70,7 @@ def test_golden_bits(name: str, tmp_path: Path) -> None:
 
 
 def unit(machine: Machine, test: str, folder: Path, sources: list[Path]) -> tuple[int, str]:
-    main = ROOT / f"tests/{test}.c"
+    main = with_main(ROOT / f"tests/{test}.c", folder)
     return machine.run(machine.build(folder, main, [*sources, UNITY / "unity.c"]))
 
 

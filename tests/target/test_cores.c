@@ -200,12 +200,3 @@ static void test_parts_in_parallel_too(void)
 {
     on_random_plans(check_parallel);
 }
-
-int main(void)
-{
-    UNITY_BEGIN();
-    RUN_TEST(test_ticks_of_this_core_have_the_bits_of_the_c);
-    RUN_TEST(test_ticks_with_work_too);
-    RUN_TEST(test_parts_in_parallel_too);
-    return UNITY_END();
-}
