@@ -263,17 +263,6 @@ static void test_frames_survive_the_text_both_ways(void)
     }
 }
 
-static void test_the_text_is_what_python_can_reads_and_writes(void)
-{
-    char text[TEXT_FRAME_MAX];
-    dahl_can_frame_t frame = {.id = 0x12, .length = 2, .data = {0xAB, 1}, .time_us = 1000001};
-    size_t length = text_from_frame(text, &frame);
-    TEST_ASSERT_EQUAL_STRING_LEN("< frame 012 1.000001 AB01 >", text, length);
-    TEST_ASSERT_TRUE(text_to_send(" send 012 2 ab 1 ", &frame));
-    TEST_ASSERT_EQUAL_HEX8(0xAB, frame.data[0]);
-    TEST_ASSERT_EQUAL_HEX8(1, frame.data[1]);
-}
-
 static void test_there_are_no_words_for_other_frames(void)
 {
     char text[TEXT_FRAME_MAX];

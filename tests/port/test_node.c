@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The node: each row of the fault table, and what else its header says. */
 #include <limits.h>
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 #include <unity.h>
@@ -282,21 +281,6 @@ static void test_each_frame_moves_by_the_travel_since(void)
     TEST_ASSERT_EQUAL(5000, node.counts.ok);
 }
 
-static void test_one_frame_out_of_sequence_has_no_effect(void)
-{
-    for (uint32_t step = DAHL_NODE_GAP_MAX + 1; step < 16; step++) {
-        dahl_state_t reference = {0};
-        TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &params, NUMBER));
-        feed(0, 0);
-        TEST_ASSERT_FALSE(feed(step, 99999));
-        TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, node.state);
-        TEST_ASSERT_TRUE(feed(1, 20));
-        TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
-        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, 20), answer.torque_q30);
-        TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
-    }
-}
-
 /* A row of disowned counts, longer than a byte can say, is a row still: the next good count is believed. */
 static void test_a_row_of_any_length_is_one(void)
 {
@@ -318,40 +302,6 @@ static void test_a_row_of_any_length_is_one(void)
     }
     TEST_ASSERT_TRUE(feed(next, 900));
     TEST_ASSERT_EQUAL(DAHL_FRAMES_WRONG_SEQUENCE, answer.state);
-}
-
-static void test_other_ids_are_ignored(void)
-{
-    dahl_can_frame_t frame = encoder_frame(0, 0);
-    const uint32_t ids[] = {0x000, 0x100, 0x102, 0x104, 0x113, 0x123, 0x7FF, 0x10000103};
-    for (size_t i = 0; i < sizeof ids / sizeof ids[0]; i++) {
-        frame.id = ids[i];
-        TEST_ASSERT_FALSE(give(&frame));
-    }
-    TEST_ASSERT_EQUAL(8, node.counts.ignored);
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, node.state);
-}
-
-static void test_silence_makes_it_stale_once_and_the_next_frame_starts_anew(void)
-{
-    dahl_can_frame_t out;
-    feed(0, 0);
-    feed(1, 100);
-    int64_t before = node.bearing.w;
-    for (int i = 0; i < 300; i++) {
-        now_us += 1000;
-        dahl_node_tick(&node, now_us, &out);
-    }
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, node.state);
-    TEST_ASSERT_EQUAL(1, node.counts.stale);
-    TEST_ASSERT_FALSE(feed(2, 90000));
-    TEST_ASSERT_FALSE(feed(3, 90100));
-    TEST_ASSERT_TRUE(feed(4, 90200));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, answer.state);
-    TEST_ASSERT_EQUAL(before, node.bearing.w);
-    TEST_ASSERT_EQUAL(2, node.counts.rearm);
-    TEST_ASSERT_TRUE(feed(5, 90200));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_OK, answer.state);
 }
 
 static void test_bad_and_repeated_frames_do_not_refresh_the_timeout(void)
@@ -535,39 +485,6 @@ static void test_after_a_corrupt_frame_the_state_is_that_of_the_start(void)
     TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, node.state);
 }
 
-static void test_each_error_leaves_the_others(void)
-{
-    dahl_encoder_state_t state = {.count = 0, .counter = 1, .valid = false};
-    dahl_can_frame_t frame;
-    dahl_frames_pack_encoder(&frame, NUMBER, &state);
-    feed(0, 0);
-    feed(0, 0);
-    give(&frame);
-    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | DAHL_FRAMES_ERROR_INVALID, node.errors);
-    node.max_step = 5;
-    feed(2, 1000);
-    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | DAHL_FRAMES_ERROR_INVALID | DAHL_FRAMES_ERROR_JUMP, node.errors);
-    frame.length = 3;
-    give(&frame);
-    TEST_ASSERT_EQUAL_HEX8(1u << DAHL_FRAMES_REPEATED | 1u << DAHL_FRAMES_CRC | DAHL_FRAMES_ERROR_INVALID | DAHL_FRAMES_ERROR_JUMP | DAHL_FRAMES_ERROR_FORMAT,
-                           node.errors);
-}
-
-static void test_status_tells_of_a_timeout_at_once(void)
-{
-    dahl_can_frame_t out;
-    dahl_node_status_t status;
-    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us, &out));
-    feed(0, 0);
-    now_us += DAHL_NODE_TIMEOUT_US;
-    TEST_ASSERT_FALSE(node.sent_us + DAHL_NODE_STATUS_US == now_us);
-    node.sent_us = now_us;
-    TEST_ASSERT_FALSE(dahl_node_tick(&node, now_us, &out));
-    TEST_ASSERT_TRUE(dahl_node_tick(&node, now_us + 1, &out));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_GOOD, dahl_frames_unpack_status(&out, &status));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, status.state);
-}
-
 static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
 {
     dahl_state_t reference = {0};
@@ -585,29 +502,6 @@ static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
     TEST_ASSERT_EQUAL(1 << 28, answer.torque_q30);
     feed(201, -2000);
     TEST_ASSERT_EQUAL(-(1 << 28), answer.torque_q30);
-}
-
-static void test_the_gain_ramps_without_a_bump(void)
-{
-    int32_t before = 0;
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, 0));
-    feed(0, 0);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 100));
-    feed(1, 1000000);
-    TEST_ASSERT_EQUAL(0, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE));
-    for (uint32_t i = 2; i < 110; i++) {
-        feed(i, 1000000);
-        TEST_ASSERT_INT_WITHIN((1 << 30) / 100 + GAIN_STEP_Q30, before, answer.torque_q30);
-        TEST_ASSERT_TRUE(answer.torque_q30 >= before);
-        before = answer.torque_q30;
-    }
-    TEST_ASSERT_EQUAL(1 << 30, before);
-    now_us += DAHL_NODE_TIMEOUT_US;
-    feed(110, 1000000);
-    feed(111, 1000000);
-    TEST_ASSERT_TRUE(feed(112, 1000000));
-    TEST_ASSERT_EQUAL(0, answer.torque_q30);
 }
 
 /* After frames 70 ms apart, as after any above 65 ms, the gain has gone 65535/65536 of what 65.536 ms are worth: never more
@@ -776,20 +670,6 @@ static void test_parameters_between_and_beyond_raw_values(void)
     TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(DAHL_FRAMES_PARAM_THETA));
 }
 
-/* New parameters keep the torque in N m, as dahl_change_plan does: a bristle at its end is half way with twice the Fc. */
-static void test_a_new_model_keeps_the_torque(void)
-{
-    feed(0, 0);
-    feed(1, 1000000);
-    TEST_ASSERT_EQUAL(1 << 30, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20)); /* 0.5 to 1 N m */
-    TEST_ASSERT_TRUE(feed(2, 1000000));
-    TEST_ASSERT_INT_WITHIN(2, 1 << 29, answer.torque_q30);
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 25u << 10)); /* half as stiff: the deflection stays */
-    TEST_ASSERT_TRUE(feed(3, 1000000));
-    TEST_ASSERT_INT_WITHIN(2, 1 << 28, answer.torque_q30);
-}
-
 /* Least and most of each, as the node then has them, in its own units. */
 static void test_parameters_at_the_ends_of_their_range(void)
 {
@@ -844,17 +724,6 @@ static void test_an_unknown_parameter_is_answered_by_its_number(void)
         TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, reply.result);
         TEST_ASSERT_EQUAL(param, reply.value);
     }
-}
-
-static void test_a_travel_out_of_range_is_refused_as_a_whole(void)
-{
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, UINT32_MAX));
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, UINT32_MAX));
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
-    dahl_param_reply_t reply;
-    TEST_ASSERT_FALSE(params_of(DAHL_FRAMES_PARAM_FC, 1, DAHL_FRAMES_PARAM_WRITE, &reply));
-    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, reply.result);
-    TEST_ASSERT_EQUAL(1u << 20, param_now(DAHL_FRAMES_PARAM_FC));
 }
 
 /* Sigma0 and Fc that only together are in range with the theta that there is, and back. */
@@ -1138,56 +1007,6 @@ static void test_any_number_of_bus_offs_stays_latched(void)
         }
     }
     TEST_ASSERT_EQUAL(300, node.counts.bus_off);
-}
-
-static void test_other_error_frames_are_no_bus_off(void)
-{
-    feed(0, 0);
-    dahl_can_frame_t frame = {.id = 0x04, .flags = DAHL_CAN_FRAME_ERROR, .length = 8};
-    TEST_ASSERT_FALSE(give(&frame));
-    TEST_ASSERT_TRUE(feed(1, 10));
-    TEST_ASSERT_EQUAL(0, node.counts.bus_off);
-}
-
-/* --- frames that never came, without a MaxStep --------------------------------------------------------------------- */
-
-/* The exact torque after one move, in parts of Fc. */
-static double follow(double ratio, int32_t travel)
-{
-    double sign = (travel > 0) - (travel < 0);
-    return sign - (sign - ratio) * exp(-50.0 / 0.5 * (double)params.theta_per_count * fabs((double)travel));
-}
-
-/* Largest error against the path without losses, where two of three frames are. */
-static double worst_with_losses(int32_t turn_after)
-{
-    double ratio = 0;
-    double worst = 0;
-    int32_t count = 0;
-    feed(0, 0);
-    for (int32_t i = 1; i < 300; i++) {
-        int32_t travel = ((i - 1) / turn_after) % 2 == 0 ? 7 : -7;
-        count += travel;
-        ratio = follow(ratio, travel);
-        if (i % 3 != 0) {
-            now_us += 1000;
-            continue;
-        }
-        TEST_ASSERT_TRUE(feed((uint32_t)i, count));
-        worst = fmax(worst, fabs(ldexp(answer.torque_q30, -30) - ratio));
-    }
-    TEST_ASSERT_EQUAL(198, node.counts.lost);
-    return worst;
-}
-
-static void test_two_of_three_frames_lost_cost_nothing(void)
-{
-    TEST_ASSERT_TRUE(worst_with_losses(30) < 1e-8); /* reversals where a frame came */
-}
-
-static void test_a_reversal_that_a_loss_hides_costs_something(void)
-{
-    TEST_ASSERT_TRUE(worst_with_losses(31) > 1e-3);
 }
 
 /* --- the fault table, row by row ---------------------------------------------------------------------------------- */

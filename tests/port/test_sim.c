@@ -10,7 +10,6 @@
 #include "candump.h"
 #include "encoder.h"
 #include "dahl_frames.h"
-#include "files.h"
 #include "histogram.h"
 #include "loop.h"
 #include "loopback/loopback.h"
@@ -32,18 +31,6 @@ void setUp(void)
 void tearDown(void)
 {
     motion_close(&motion);
-}
-
-static void test_quantiles_of_known_durations(void)
-{
-    static histogram_t histogram;
-    for (uint64_t ns = 1; ns <= 100000; ns++) {
-        histogram_add(&histogram, ns);
-    }
-    TEST_ASSERT_DOUBLE_WITHIN(0.032 * 50000, 50000, (double)histogram_quantile(&histogram, 0.5));
-    TEST_ASSERT_DOUBLE_WITHIN(0.032 * 99000, 99000, (double)histogram_quantile(&histogram, 0.99));
-    TEST_ASSERT_EQUAL(100000, histogram_quantile(&histogram, 1.0));
-    TEST_ASSERT_EQUAL(100000, histogram.max);
 }
 
 static void test_quantiles_of_few_short_durations_are_exact(void)
@@ -99,17 +86,6 @@ static void test_each_answer_is_matched_once(void)
     TEST_ASSERT_EQUAL(300, encoder.latency.max);
 }
 
-static void test_a_stall_is_late_and_not_lost(void)
-{
-    send(500);
-    for (uint32_t i = 0; i < 500; i++) {
-        answer(i, DAHL_FRAMES_OK, UINT64_C(500000000));
-    }
-    TEST_ASSERT_EQUAL(500, encoder.answered);
-    TEST_ASSERT_EQUAL(0, encoder.unmatched);
-    TEST_ASSERT_EQUAL(500000000, encoder.latency.max);
-}
-
 /* An answer within its period is in time, up to the last nanosecond. */
 static void test_an_answer_after_its_period_is_a_deadline_missed(void)
 {
@@ -131,18 +107,6 @@ static void test_jitter_is_the_change_from_one_answer_to_the_next(void)
     TEST_ASSERT_EQUAL(2, encoder.jitter.count);
     TEST_ASSERT_EQUAL(100000, encoder.jitter.max);
     TEST_ASSERT_EQUAL(400000, encoder.latency.max);
-}
-
-static void test_a_missing_answer_is_lost_and_the_next_ones_are_not(void)
-{
-    send(10);
-    for (uint32_t i = 0; i < 10; i++) {
-        if (i != 4 && i != 5) {
-            answer(i, DAHL_FRAMES_OK, UINT64_C(10000000));
-        }
-    }
-    TEST_ASSERT_EQUAL(8, encoder.answered);
-    TEST_ASSERT_EQUAL(0, encoder.unmatched);
 }
 
 /* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and
@@ -239,41 +203,6 @@ static void test_a_full_disk_is_told_at_the_end_with_what_is_missing(void)
     TEST_ASSERT_EQUAL(EBADF, errno);
 }
 
-static void test_what_came_before_the_end_is_answered_and_logged(void)
-{
-    enum { CAME = 100 };
-    volatile sig_atomic_t stop = 1;
-    static candump_t log;
-    FILE *file = tmpfile();
-    log = (candump_t){.fd = dup(fileno(file)), .bus_name = "vcan0"};
-    sim_clock_t clock;
-    loopback_t bus;
-    dahl_node_t node;
-    dahl_can_frame_t angle;
-    static char text[65536];
-    uint32_t lines = 0;
-    sim_clock_start(&clock, false);
-    loopback_open(&bus, sim_clock_seam(&clock));
-    TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &(dahl_params_t){50.0f, 0.5f, 1e-4f}, 0));
-    for (uint32_t i = 0; i < CAME; i++) {
-        dahl_frames_pack_encoder(&angle, 0, &(dahl_encoder_state_t){.counter = i & 15u, .count = 7, .valid = true});
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&bus.bus, &angle));
-    }
-    static loop_t loop;
-    loop = (loop_t){.clock = &clock, .bus = &bus.bus, .nodes = &node, .node_count = 1, .log = &log, .stop = &stop, .max_ticks = 9};
-    loop_run(&loop);
-    TEST_ASSERT_TRUE(candump_close(&log));
-    rewind(file);
-    TEST_ASSERT_TRUE(fread(text, 1, sizeof text - 1, file) > 0);
-    fclose(file);
-    TEST_ASSERT_EQUAL(CAME, node.counts.ok);
-    for (const char *at = text; (at = strstr(at, " 110#")) != NULL; at++) {
-        lines++;
-    }
-    TEST_ASSERT_EQUAL(CAME, lines);
-    TEST_ASSERT_NOT_NULL(strstr(text, " 100#"));
-}
-
 static char summary[4096];
 
 static void write_summary(const loop_t *loop)
@@ -359,21 +288,6 @@ static void test_the_summary_adds_up_all_encoders_and_nodes(void)
     TEST_ASSERT_EQUAL_DOUBLE(2, said("nodes"));
     TEST_ASSERT_EQUAL_DOUBLE(7, said("ok"));
     TEST_ASSERT_EQUAL_DOUBLE(1, said("crc"));
-}
-
-static void test_a_measured_log_is_looked_for_beside_its_scene(void)
-{
-    static const struct {
-        const char *scene, *data, *want;
-    } known[] = {{"a.ini", NULL, "m.csv"},   {"b/a.ini", NULL, "b/m.csv"}, {"/a.ini", NULL, "/m.csv"},
-                 {"b/a.ini", "/", "/m.csv"}, {"b/a.ini", "c/d", "c/d/m.csv"}};
-    const scene_t scene = {.has_motion = true, .motion = {.kind = MOTION_LOG, .file = "m.csv"}};
-    char path[FILES_PATH];
-    for (size_t i = 0; i < sizeof known / sizeof known[0]; i++) {
-        const options_t options = {.scene = known[i].scene, .data = known[i].data};
-        TEST_ASSERT_EQUAL(0, files_find_log(path, &options, &scene));
-        TEST_ASSERT_EQUAL_STRING(known[i].want, path);
-    }
 }
 
 static void test_segments_rest_at_each_end(void)

@@ -42,6 +42,7 @@ def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
         bus.send(frame(0x100, data))
         answers.append(answer_on(bus))
     assert answers == [f.data for f in alone if f.id == 0x110]
+    process.send_signal(signal.SIGSTOP)
     for wrong in (
         frame(EXTENDED | 0x100, angles[0]),
         frame(REMOTE | 0x100, angles[0]),
@@ -54,6 +55,7 @@ def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
         bus.send(frame(0x100, angles[number]))
     bus.send(frame(0x130, b"no"))
     process.send_signal(signal.SIGTERM)  # what came before it is still counted
+    process.send_signal(signal.SIGCONT)
     result = finished(tmp_path, process)
     bus.close()
     node, counts = result.summary["node"], result.summary["bus_counts"]

@@ -21,6 +21,7 @@ import pytest
 from loop_tools import (
     LINE,
     SCENES,
+    client,
     command,
     finished,
     program,
@@ -124,15 +125,27 @@ def test_a_parent_that_has_ended_before_is_known(tmp_path):
     assert (result.code, result.summary["ticks"]) == (0, 0)
 
 
-def test_a_process_that_runs_and_is_no_parent_is_refused(tmp_path):
-    """Such as $$ in a subshell: it would end at once, and nobody knew why."""
-    with subprocess.Popen(["sleep", "60"]) as other:
-        words = [*command(tmp_path, STEERING, "--virtual"), "--with-parent", str(other.pid)]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False)
-        other.kill()
+@pytest.mark.parametrize("user", [None, 65534])
+def test_a_process_that_runs_and_is_no_parent_is_refused(tmp_path, user):
+    """Such as $$ in a subshell: it would end at once, and nobody knew why. Or another user's."""
+    words = [*command(tmp_path, STEERING, "--virtual"), "--with-parent", "1"]
+    may = {"user": user} if user and os.geteuid() == 0 else {}
+    done = subprocess.run(words, capture_output=True, text=True, timeout=20, check=False, **may)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
-    assert done.stderr.startswith(f"error: --with-parent {other.pid}: ")
+    assert done.stderr.startswith("error: --with-parent 1: ")
     assert str(os.getpid()) in done.stderr
+
+
+def test_what_a_killed_run_has_not_logged_is_a_page_at_most(tmp_path):
+    """What a client has seen is in the log, but for the last 4 KiB of it."""
+    with serving(tmp_path, STEERING, "--wait-clients", "1") as (process, port):
+        with client(port) as bus:
+            seen = sum(bus.recv(5) is not None for _ in range(1000))
+        process.kill()
+        process.wait()
+    text = (tmp_path / "run.log").read_text()
+    line = len("(0000000000.000000) vcan0 100#0000000000000000\n")
+    assert seen * line - len(text) < 4096 + 2 * line
 
 
 def piped(folder, *options: str) -> tuple[subprocess.Popen, int]:

@@ -58,6 +58,35 @@ def test_all_garbage_is_counted_to_the_last_piece(tmp_path):
     assert result.summary["node"]["ignored"] == 1
 
 
+def test_words_may_come_letter_by_letter(tmp_path):
+    """To the server, and from one to its client."""
+    with serving(tmp_path / "node", STEERING, *NODE) as (_, port):
+        peer = greeted(port)
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for words, answer in ((b"< open vcan0 >", b"< ok >"), (b"< rawmode >", b"< ok >")):
+            slowly(peer, words[:-1])
+            ask(peer, words[-1:], answer)
+        peer.close()
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        spec = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
+        (tmp_path / "encoder").mkdir()
+        words = ("--role", "encoder", "--bus", spec, "--seconds", "0.3")
+        process = start(tmp_path / "encoder", STEERING, *words)
+        peer, _ = listener.accept()
+        peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        slowly(peer, b"< hi >< ok >< ok >< frame 123 1.5 AB >< frame 123 1.500000 AB >")
+        result = finished(tmp_path / "encoder", process)
+        peer.close()
+    assert (result.code, result.summary["bus_counts"]["garbage"]) == (0, 1)
+    assert " 123#AB\n" in result.log.read_text()
+
+
+def slowly(peer: socket.socket, words: bytes) -> None:
+    for letter in words:
+        peer.send(bytes([letter]))
+        time.sleep(0.001)
+
+
 def test_who_has_not_entered_raw_mode_is_not_waited_with(tmp_path):
     """Neither for the start nor for the end: greeted and opened are not yet on the bus."""
     options = ("--wait-clients", "2", "--until-idle", "--virtual", "--seconds", "0.5")

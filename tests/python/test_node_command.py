@@ -191,20 +191,21 @@ def test_answers_and_status_of_its_own_node_alone_are_told(library, number):
 
 @pytest.mark.checks
 def test_firmware_on_an_emulated_core(root, tmp_path, dahl_loop, library):
-    """With all that the scene says of it."""
+    """With all that the scene says of it, and the number that the bus's own node has else."""
     for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
         if not shutil.which(program):
             pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
     scene = tmp_path / "own.ini"
     keys = "sigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\nmax_step = 2000\ntimeout_ms = 9000\n"
     scene.write_text(f"[friction]\n{keys}[status]\nperiod_ms = 70\n")
-    with started(root, "--scene", str(scene), "--target", "m4f") as (lines, last):
+    with started(root, "--scene", str(scene), "--target", "m4f", "--node", "15") as (lines, last):
         assert "node_image on mps2-an386 in QEMU" in lines[0], lines
         with opened(lines) as bus:
-            asked(bus)
+            asked(bus, 15)
             values = {Param.STEP: 2000, Param.TIMEOUT: 9, Param.STATUS: 0.07}
             for param, value in values.items():
-                assert node.ask(bus, ParamWrite(param), timeout=10).si == pytest.approx(value)
+                reply = node.ask(bus, ParamWrite(param), 15, timeout=10)
+                assert reply.si == pytest.approx(value)
     counts = dict(re.findall(r"(\w+) (\d+)(?:,|$)", last[-1]))
     assert counts["answers"] == "4"
 

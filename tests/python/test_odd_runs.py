@@ -443,10 +443,14 @@ def test_a_target_runs_dahls_model_alone_on_a_core_that_is_known(dahl, monkeypat
     done = dahl("demo", "--scene", "segments", "--target", "m9", "--output", "out")
     known = f"--target m9: one of {' '.join(firmware.boards())} was expected"
     assert complaint(done) == (2, known)
-    monkeypatch.setattr(firmware, "build", lambda core: paths.ROOT / "image")
-    Path("slip.ini").write_text(SEGMENTS.replace("[friction]\n", "[friction]\nmodel = slip\n"))
-    done = dahl("demo", "--scene", "slip.ini", "--target", "m4f", "--output", "out")
-    assert complaint(done) == (2, "--target runs model dahl, not the scene's slip")
+    monkeypatch.setattr(firmware, "build", lambda core: pytest.fail("built for nothing"))
+    for key in ("model = slip", "gain = 0.9", "limit = 0.9", "ramp_ms = 1", "[faults]\ndrop = 0.1"):
+        own = SEGMENTS.replace("[friction]\n", "[friction]\nmax_step = 9\n")
+        Path("own.ini").write_text(
+            f"{own}\n{key}" if key[0] == "[" else own.replace("max_step = 9", key)
+        )
+        code, said = complaint(dahl("demo", "--scene", "own.ini", "--target", "m4f"))
+        assert (code, "--target runs" in said, "own.ini" in said) == (2, True, True), key
 
 
 def test_the_build_is_the_hosts_unless_another_is_named(monkeypatch, tmp_path):

@@ -5,11 +5,13 @@ folder of their own, where every program that they call only notes how it was ca
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import shutil
 import subprocess
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -414,8 +416,13 @@ def bared(stage: Stage, root: Path) -> Stage:
 
 
 @pytest.fixture
-def bare(stage, root) -> Stage:
-    return bared(stage, root)
+def bare(stage, root) -> Iterator[Stage]:
+    """Afterwards: pip was a module of Python, and each setting of apt-get stood behind its -o."""
+    yield bared(stage, root)
+    for call in stage.calls("apt-get", "python", "python3.11"):
+        words = ["", *call.split()]
+        for before, word in itertools.pairwise(words):
+            assert (word == "pip") <= (before == "-m") and ("::" in word) <= (before == "-o"), call
 
 
 def set_up(stage: Stage, need: str) -> tuple[subprocess.CompletedProcess, list[str]]:

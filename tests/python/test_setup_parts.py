@@ -13,12 +13,9 @@ from pathlib import Path
 
 import pytest
 from loop_tools import wait_until
-from test_scripts import APT, PYTHON, Stage, bared, set_up, sourced, staged
+from test_scripts import APT, PYTHON, Stage, bare, set_up, sourced, stage
 
-
-@pytest.fixture
-def bare(root: Path, tmp_path: Path) -> Stage:
-    return bared(staged(root, tmp_path), root)
+__all__ = ["bare", "stage"]  # pytest's, for the tests below
 
 
 def installs(stage: Stage) -> list[list[str]]:

@@ -286,11 +286,12 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
 
     if not setup.bus.startswith("socketcand"):
         raise Error(f"--target goes with --bus socketcand, not {setup.bus}")
+    if scene.model != "dahl" or scene.compensates or "faults" in scene.parts:
+        words = "runs model dahl alone, without compensation and without faults"
+        raise Error(f"--target {words}, not the scene's ({scene.path.name})")
     image = firmware.build(args.target)
     board = firmware.boards()[args.target].machine
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
-    if scene.model != "dahl":
-        raise Error(f"--target runs model dahl, not the scene's {scene.model}")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     setup.node_scene = firmware.hub(args.output, scene.node)
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
