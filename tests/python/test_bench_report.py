@@ -106,78 +106,71 @@ def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:
     return head[1:], {row[0]: row[1:] for row in rows}
 
 
-# --- all that is written, of these numbers -------------------------------------------------------
-
-NUMBER = r"-?\d[\d,]*\.?\d*(?:e[-+]?\d+)?"
-GOLDEN = Path(__file__).with_name("golden_bench.json")
+# --- tables --------------------------------------------------------------------------------------
 
 
-def drawn(figure) -> list:
-    """Names of each legend, and of each panel: scales, limits, units, lines and labels."""
-    found = [[text.get_text() for text in legend.get_texts()] for legend in figure.legends]
-    for axes in figure.axes:
-        lines = [
-            [x.get_color(), x.get_linestyle(), x.get_marker(), x.get_drawstyle(), *x.get_data()]
-            for x in axes.lines
+def test_each_count_stands_in_its_row_and_its_core(counted):
+    cores, rows = rows_of(table.markdown(counted))
+    assert cores == [core["core"] for core in counted.values()]
+    assert len(rows) == len(table.ROWS)
+    for title, key in table.ROWS:
+        assert rows[title] == [str(core.get(key, "-")) for core in counted.values()]
+    for core in counted.values():
+        assert f"{core['core']} `{core['helpers'][0]}` (compiled with `-O0`: nothing)" in (
+            table.markdown(counted)
+        )
+
+
+def test_the_short_table_has_three_cores(counted):
+    (*cores, last), rows = rows_of(table.short(counted))
+    assert (cores, last) == (["Core m0", "Core m3", "Core m4f"], "worst error")
+    for title, key, error in table.SHORT_ROWS:
+        assert rows[title] == [*(str(counted[c][key]) for c in ("m0", "m3", "m4f")), error]
+
+
+def test_the_ways_with_error_jumps_and_mean_cost(counted, measured):
+    """Cost and worst error are of all motions but the jumps, which have a column of their own."""
+    block = report.ways_table(counted, measured)
+    head, rows = rows_of(block)
+    assert head == ["worst error of F/Fc", "on giant jumps", "Core m0", "Core m3", "Core m4f"]
+    few = MOTIONS[:-1]
+    for way in (way for way in results.WAYS if way.on_target):
+        errors = {
+            m: measured["errors"][m][results.HOST_KEY.get(way.key, way.key)][0] for m in MOTIONS
+        }
+        costs = [
+            np.mean([counted[core]["motions"]["newlib"][m][way.key] for m in few])
+            for core in results.CORES
         ]
-        labels = [(t.get_text(), t.get_color(), t.xy) for t in axes.texts if t.get_text()[0] != " "]
-        units = [
-            re.match(r"\w*( a \w+)?", word)[0] for word in (axes.get_xlabel(), axes.get_ylabel())
+        worst = max(errors[m] for m in few)
+        assert rows[f"**{way.title}**" if way.ours else way.title] == [
+            "diverges" if way.key == "euler" else f"{worst:.0e}",
+            f"{errors[results.JUMPS]:.0e}",
+            *(f"{cost:.0f}" for cost in costs),
         ]
-        own = axes.get_legend()
-        named = [text.get_text() for text in own.get_texts()] if own else axes.get_title("left")
-        scales = (axes.get_xscale(), axes.get_yscale(), axes.get_ylim() if not own else None)
-        found.append((units, named, scales, lines, labels))
-    return found
-
-
-def rounded(value):
-    """As JSON keeps it, numbers to 6 digits."""
-    if isinstance(value, dict):
-        return {str(key): rounded(one) for key, one in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [rounded(one) for one in value]
-    number = isinstance(value, float | np.number)
-    return float(f"{float(value):.6g}") if number else value
-
-
-def test_each_number_stands_where_it_belongs(counted, measured, capsys, tmp_path):
-    """In tables, words, results and pictures; one rival is both cheaper and better somewhere. Each
-    was compared with sums made beside it when the file was written.
-    """
-    counted["m3"]["motions"]["newlib"]["sine_12"]["rk4"] = 1.0
-    measured["errors"]["sine_12"]["rk4"][0] = 1e-12
-    result = results.combine(counted, measured)
-    report.show(result)
-    page = table.markdown(counted)
-    blocks = (page, table.short(counted), report.ways_table(counted, measured))
-    told = {
-        "result": result,
-        "shown": re.findall(NUMBER, capsys.readouterr().out),
-        "helpers": re.findall(r"`(__\w+)`", page),
-        "words": [re.findall(NUMBER, text) for text in (report.host_block(result), blocks[2])],
-        "tables": [[head, list(rows.values())] for head, rows in map(rows_of, blocks)],
-        "pictures": [drawn(draw(counted, measured)) for draw in (figures.pareto, figures.growth)],
-    }
-    new = tmp_path / GOLDEN.name
-    parts = (f"{json.dumps(key)}: {json.dumps(value)}" for key, value in rounded(told).items())
-    new.write_text("{" + ",\n".join(parts) + "}\n")
-    assert json.loads(new.read_text()) == json.loads(GOLDEN.read_text()), (
-        f"meant? cp {new} {GOLDEN}"
+    line = {n: counted["m0"]["motions"]["newlib"]["sine_12"][f"rk4_parts_{n}"] for n in (9, 17)}
+    assert results.parts_cost({f"rk4_parts_{n}": c for n, c in line.items()}, "rk4", 25) == (
+        2 * line[17] - line[9]
     )
-
-
-def test_what_was_not_measured_is_not_told(counted, measured):
-    del measured["mixes"]
-    measured["outside"] = measured["outside"] | {"mujoco": {"missing": "no wheel"}}
-    block = report.host_block(results.combine(counted, measured))
-    assert "parallel" not in block and "mj_step" not in block
-    assert "not compared here: mujoco (no wheel)" in block and "newton (not here)" in block
     assert [report.shown_error(x) for x in (3.0, 3.1)] == ["3e+00", "diverges"]
+    assert "RK4, 25 parts" in rows and "forward Euler, 1 parts" not in rows
+    assert "backward Euler 1e-06, trapezoid 1e-03." in block
+
+
+def test_what_vectors_bring_to_parts(counted, measured):
+    """The time of ticks over that of the vectors, in the order of the words."""
+    block = report.host_block(results.combine(counted, measured))
+    line = next(x for x in block.splitlines() if "dahl_throughput_parallel_counts" in x)
+    assert re.findall(r"\d+\.\d", line) == ["2.5", "7.5", "12.5", "17.5", "22.5"]
+    measured.pop("mixes")
+    assert "parallel" not in report.host_block(results.combine(counted, measured))
 
 
 def test_what_threads_bring(counted, measured, monkeypatch):
     """One thread's time over theirs; every number of threads is run, over the same moves."""
+    result = results.combine(counted, measured)
+    assert result["host"]["threads_8_x"] == 6.0
+    assert "is 1.5 times as fast as one thread on a log of 7,000" in report.host_block(result)
     torques, asked, run = [], [], dahl.Throughput.run_counts
     monkeypatch.setattr(host, "best_time", lambda work: torques.append(work().copy()) or 6.0)
     monkeypatch.setattr(
@@ -199,11 +192,191 @@ def test_mixes_are_run_both_ways(monkeypatch):
         assert np.abs(tick - throughput).max() <= 1.1 * np.spacing(tick.max())
 
 
+def test_what_the_host_says_is_over_the_plain_loop(counted, measured):
+    """Geometric means and least of all motions; a rival's time over ours."""
+    result = results.combine(counted, measured)
+    block = report.host_block(result)
+    over = {
+        way: [speed["expm1f"] / speed[way] for speed in measured["speed"].values()]
+        for way in next(iter(measured["speed"].values()))
+    }
+    pairs = [
+        (np.prod(over[way]) ** (1 / len(MOTIONS)), min(over[way]))
+        for way in ("batch_counts", "batch_counts_16", "batch_counts_16_apart")
+        + ("throughput_counts", "throughput_angle", "throughput_counts_16")
+        + ("throughput_counts_16_apart",)
+    ]
+    wanted = [f"{x:.1f}" for pair in pairs for x in pair]
+    by_angle = over["throughput_angle_16"]
+    pair = [result["host"][f"throughput_angle_channels16_x{least}"] for least in ("", "_least")]
+    assert pair == pytest.approx(
+        [np.prod(by_angle) ** (1 / len(MOTIONS)), min(by_angle)], abs=0.006
+    )
+    assert "a processor, a compiler; " in block and "geometric mean over" in block
+    assert "in brackets the least" in block
+    assert re.findall(r"\d+\.\d", block.partition("plain copy")[0]) == wanted
+    copies = [
+        np.mean([speed[way] / speed["copy"] for speed in measured["speed"].values()])
+        for way in ("throughput_counts", "throughput_counts_16")
+    ]
+    said = re.search(r"plain copy\D+(\d+) times\D+(\d+) times", block)
+    assert [int(x) for x in said.groups()] == [round(x) for x in copies]
+    assert re.search(r"run_counts` is 3000 times.* 2000 times .* call 12\.0 times", block)
+    assert "not compared here: newton (not here)" in block
+    without = measured | {"outside": {"mujoco": {"missing": "no wheel"}}}
+    block = report.host_block(results.combine(counted, without))
+    assert "not compared here: mujoco (no wheel)" in block and "mj_step" not in block
+
+
+# --- pictures ------------------------------------------------------------------------------------
+
+
+def drawn(axes, style: str) -> dict[str, list]:
+    """Points of one kind of line, by colour."""
+    found: dict[str, list] = {}
+    for line in axes.lines:
+        if style in (line.get_marker(), line.get_linestyle()):
+            found.setdefault(line.get_color(), []).append(np.transpose(line.get_data()).tolist())
+    return found
+
+
+def test_each_point_stands_at_its_cost_and_error_in_its_colour(counted, measured):
+    panels = figures.pareto(counted, measured).axes
+    points = [results.core_points(counted, measured, core) for core in results.CORES]
+    points.append(results.host_points(measured))
+    for axes, group in zip(panels, points, strict=True):
+        place = lambda p: [[p.mean_cost(), min(p.worst(), figures.TOP)]]  # noqa: E731
+        seen = drawn(axes, "o")
+        assert seen[figures.OURS] == [place(p) for p in group if p.ours]
+        assert seen[figures.RIVAL] == [
+            place(p) for p in group if not p.ours and p.worst() <= figures.TOP
+        ]
+        assert drawn(axes, "^")[figures.RIVAL] == [
+            place(p) for p in group if p.worst() > figures.TOP
+        ]
+        [front] = [line for line in axes.lines if line.get_color() == figures.FRONT]
+        best = figures.front(group)
+        assert np.transpose(front.get_data()).tolist() == [place(p)[0] for p in best]
+        assert front.get_drawstyle() == "steps-post"  # up to the next one nothing better is had
+        low, high = axes.get_ylim()
+        assert low < figures.BOTTOM < figures.TOP < high
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert [axes.get_title(loc="left") for axes in panels] == [
+        "Cortex-M0",
+        "Cortex-M3",
+        "Cortex-M4F",
+        "host: a processor",
+    ]
+    units = [axes.get_xlabel().split(",")[0] for axes in panels]
+    assert units == [*["instructions a tick"] * 3, "ns a tick"]
+    assert [bool(axes.get_ylabel()) for axes in panels] == [True, False] * 2  # left ones for all
+    floors = [
+        min(way["floor"] for way in counted[core]["motions"]["newlib"].values())
+        for core in results.CORES
+    ]
+    floors.append(min(speed["copy"] for speed in measured["speed"].values()))
+    assert [drawn(axes, ":")["#999999"][0][0][0] for axes in panels] == floors
+
+
+def test_the_key_names_the_number_beside_each_point(counted, measured):
+    """Ours first, in our colour; points too close to each other have one label."""
+    figure = figures.pareto(counted, measured)
+    [key] = figure.legends
+    known = dict(text.get_text().split("  ") for text in key.get_texts())
+    assert list(known) == [str(n) for n in range(1, len(known) + 1)]
+    groups = [results.core_points(counted, measured, core) for core in results.CORES]
+    groups.append(results.host_points(measured))
+    ours = {figures.plain(p.title): p.ours for group in groups for p in group}
+    colours = [figures.OURS if ours[title] else figures.RIVAL for title in known.values()]
+    assert (
+        [text.get_color() for text in key.get_texts()] == colours == sorted(colours, reverse=True)
+    )
+    for axes, group in zip(figure.axes, groups, strict=True):
+        by_title = {figures.plain(p.title): p for p in group}
+        labels = [(text, text.get_text().split()) for text in axes.texts[:-1]]
+        numbers = [number for _, some in labels for number in some]
+        assert sorted(known[n] for n in numbers) == sorted(by_title)
+        for text, some in labels:
+            points = [by_title[known[number]] for number in some]
+            assert {p.ours for p in points} == {text.get_color() == figures.OURS}
+            cost, error = text.xy
+            assert cost == min(p.mean_cost() for p in points)
+            assert error == min(figures.drawn_error(p) for p in points)
+    assert [a.texts[-1].get_text() for a in figure.axes] == [" load, multiply, store"] * 3 + [
+        " plain copy"
+    ]
+
+
 def test_points_that_are_close_in_both_and_of_one_side_share_a_label():
     made = {"a": (10, 1e-3), "b": (15, 1.4e-3), "dear": (30, 1e-3), "bad": (10, 1e-2)}
     points = [point(key, False, *place) for key, place in made.items()]
     found = figures.clusters([*points, point("ours", True, 10, 1e-3)])
     assert sorted("".join(p.key for p in group) for group in found) == ["ab", "bad", "dear", "ours"]
+
+
+def test_the_results_keep_each_number_of_both_runs(counted, measured):
+    """Cost and worst error of every point; what is of the machine and of Python as it was."""
+    result = results.combine(counted, measured)
+    few = MOTIONS[:-1]
+    for core, points in result["points"].items():
+        known = {way.key: way for way in results.WAYS}
+        for key, point in points.items():
+            assert point["ours"] == (key in known and known[key].ours)
+            if key in known and core != "host":
+                costs = [counted[core]["motions"]["newlib"][m][key] for m in few]
+                assert point["cost"] == pytest.approx(np.mean(costs), abs=0.01)
+            elif key in known:
+                name = results.HOST_KEY.get(key, key)
+                costs = [measured["speed"][m][name] for m in few]
+                assert point["cost"] == pytest.approx(np.mean(costs), abs=0.01)
+                assert point["worst"] == max(measured["errors"][m][name][0] for m in few)
+    assert result["points"]["host"]["mujoco"] == {"ours": False, "cost": 6000.0, "worst": 1e-4}
+    assert "newton" not in result["points"]["host"]
+    assert result["points"]["m4f"]["rk4_25"]["worst"] == 3e-7
+    assert all(key in title.lower() for key, title in results.OUTSIDE.items())
+    assert set(result["points"]) == {*results.CORES, "host"}
+    ours = {
+        place: {key for key, point in points.items() if point["ours"]}
+        for place, points in result["points"].items()
+    }
+    batches = {"batch_counts", "throughput_counts", "throughput_angle"}
+    calls = {"counts_q30", "counts", "angle"}
+    assert ours == dict.fromkeys(results.CORES, calls) | {"host": batches}
+    on_host = {"double_state", *batches}
+    assert result["points"]["host"].keys() == known.keys() - calls | {"mujoco"}
+    assert result["points"]["m3"].keys() == known.keys() - on_host | {"rk4_25"}
+    assert result["python"] == measured["python"] and result["missing"] == {"newton": "not here"}
+    assert result["machine"] == {k: measured[k] for k in ("cpu", "compiler", "quick", "ticks")}
+
+
+def test_a_way_that_is_beaten_is_told(counted, measured, capsys):
+    """A rival that is both cheaper and better on one motion alone, on one core."""
+    counted["m3"]["motions"]["newlib"]["sine_12"]["rk4"] = 1.0
+    measured["errors"]["sine_12"]["rk4"][0] = 1e-12
+    result = results.combine(counted, measured)
+    ours = [way.key for way in results.WAYS if way.ours and way.on_target]
+    expected = [{"core": "m3", "motion": "sine_12", "ours": o, "rival": "rk4"} for o in ours]
+    on_m3 = [found for found in result["dominated"] if found["core"] == "m3"]
+    assert [found for found in on_m3 if found["rival"] == "rk4"] == expected
+    report.show(result)
+    shown = capsys.readouterr().out
+    assert f"of our points, {len(result['dominated'])} are beaten in both axes" in shown
+    assert shown.count("beaten: {") == len(result["dominated"])
+    printed = [[cell.strip() for cell in line.split("│")[1:-1]] for line in shown.splitlines()]
+    assert [row for row in printed if row] == [
+        [key, f"{p['cost']:.4g}", report.shown_error(p["worst"])]
+        for points in result["points"].values()
+        for key, p in sorted(points.items(), key=lambda item: item[1]["cost"])
+    ]
+    titles = re.findall(r"^ +(.*): (.*), worst error", shown, re.MULTILINE)
+    assert titles == [
+        (title, "ns a tick" if core == "host" else "instructions a tick")
+        for core, title in figures.TITLES.items()
+    ]
+    for key, value in result["host"].items():
+        assert re.search(rf"^{key} +{value:.2f}$", shown, re.MULTILINE)
+    points = results.core_points(counted, measured, "m3")
+    assert result["closest"]["m3"] == results.closest(points)
 
 
 def point(key: str, ours: bool, cost: float, error: float, motion: str = "walk") -> results.Point:
@@ -247,6 +420,59 @@ def test_closest_is_the_best_of_the_cheap_and_the_cheapest_of_the_good():
         "as exact": {"way": "e", "times the cost": pytest.approx(3)},
     }
     assert results.closest(points[-2:]) == {}
+
+
+def test_growth_is_the_worst_of_the_motions_by_ticks(counted, measured):
+    left, right = figures.growth(counted, measured).axes
+    for line, way in zip(left.lines, figures.GROWTH_TITLES, strict=False):
+        assert line.get_label() == figures.GROWTH_TITLES[way]
+        [title] = [known.title for known in results.WAYS if known.key == way]
+        assert set(re.findall(r"\w+", line.get_label())) <= set(re.findall(r"\w+", title))
+        assert np.transpose(line.get_data()).tolist() == [
+            [
+                ticks,
+                max(
+                    row["worst"]
+                    for row in measured["growth"]
+                    if (row["way"], row["ticks"]) == (way, ticks)
+                ),
+            ]
+            for ticks in (100, 1000)
+        ]
+    assert [line.get_linestyle() for line in left.lines[:6]] == ["-", "-", *["--"] * 4]
+    assert [x.get_label() for x in right.lines] == [
+        "dahl_step_counts_q30",
+        *results.SOLVERS.values(),
+    ]
+
+
+def test_growth_names_its_axes_and_the_bound(counted, measured):
+    left, right = figures.growth(counted, measured).axes
+    for axes, words in (
+        (left, ("ticks", "worst error")),
+        (right, ("samples a s", "instructions a s")),
+    ):
+        assert axes.get_xlabel().startswith(words[0]) and axes.get_ylabel().startswith(words[1])
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+        shown = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert shown == [x.get_label() for x in axes.lines if x.get_label()[0] != "_"]
+    [bound] = drawn(left, ":")["#999999"]
+    assert bound[0][1] == pytest.approx(0.52 * float(np.spacing(np.float32(1))))
+
+
+def test_growth_by_rate_is_the_cost_of_a_second(counted, measured):
+    right = figures.growth(counted, measured).axes[1]
+    motions = counted["m4f"]["motions"]["newlib"]
+    ours, euler = right.lines[:2]
+    assert np.transpose(ours.get_data()).tolist() == [
+        [100, 100 * motions["sine_12"]["counts_q30"]],
+        [1000, 1000 * motions["two_one_24"]["counts_q30"]],
+        [3000, 3000 * motions["two_one_24"]["counts_q30"]],
+    ]
+    assert np.transpose(euler.get_data()).tolist() == [
+        [100, 100 * motions["two_one_24"]["euler_parts_17"]],
+        [1000, 1000 * motions["two_one_24"]["euler_parts_9"]],
+    ]
 
 
 # --- files ---------------------------------------------------------------------------------------
