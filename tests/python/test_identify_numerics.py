@@ -415,7 +415,8 @@ def test_intervals_are_profiles_as_wide_as_the_jackknife_says(alone):
 
 def test_what_all_blocks_share_widens_the_interval_of_the_slope(alone):
     log, found = alone
-    one, hidden = (fit.estimate(found, ["offset"], hidden=part) for part in (0.0, 0.05))
+    both = {"sigma0": 0.05, "a": 0.05}
+    one, hidden = (fit.estimate(found, ["offset"], hidden) for hidden in ({}, both))
     true, quantile = jackknifed(log, 12), student.ppf(0.975, 11)
     assert hidden.ci95["Fc"] == one.ci95["Fc"]
     for name in ("sigma0", "a"):

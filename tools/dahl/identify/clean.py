@@ -10,7 +10,7 @@ backlash, a torque that comes late.
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import Akima1DInterpolator, CubicSpline
 from scipy.ndimage import maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
@@ -125,6 +125,21 @@ def between_counts(log: Log) -> np.ndarray:
             smooth = savgol_filter(_within_count(smooth, log), window, 3)
             return _within_count(np.where(np.isnan(resting), smooth, resting), log)
     return inner
+
+
+def doubt_between_counts(log: Log, inner: np.ndarray) -> np.ndarray:
+    """By how much another path through the edges of counts is off `inner`, which between_counts()
+    gave: (rows,) rad (m). Akima's splines follow a kink of the speed that cubic ones round; where
+    the shaft rests both paths are the same.
+    """
+    found = _through_edges(log)
+    if found is None:
+        return np.zeros(log.rows)
+    _, places, edges = found
+    rows = np.clip(np.arange(log.rows), places[0], places[-1])
+    other = _within_count(Akima1DInterpolator(places, edges)(rows), log)
+    doubt: np.ndarray = np.where(np.isnan(_at_rest(log, *found)), other - inner, 0.0)
+    return doubt
 
 
 def _left_by(smooth: np.ndarray, log: Log) -> tuple[float, float]:

@@ -14,7 +14,7 @@ the cost on the parts of the log not fitted by PAYS.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -260,16 +260,18 @@ def point(found: Sweep, terms: Sequence[str]) -> Estimate:
     return Estimate(a, values[0], named, sse, rows, len(found.owner), {}, {}, curve)
 
 
-def estimate(found: Sweep, terms: Sequence[str], hidden: float = 0.0) -> Estimate:
-    """Parameters and their intervals. `hidden` is a further standard error of a and sigma0, as a
-    part of them, that all blocks share.
+def estimate(
+    found: Sweep, terms: Sequence[str], hidden: Mapping[str, float] | None = None
+) -> Estimate:
+    """Parameters and their intervals. `hidden` are further standard errors of a, Fc and sigma0, as
+    parts of them, that all blocks share.
     """
     best = point(found, terms)
     dense = _dense(best.curve, best.a)
     freedom = best.rows - len(terms) - 3
     true = _jackknife(found, terms)
-    true["sigma0"] += (hidden * best.sigma0) ** 2
-    true["a"] += (hidden * best.a) ** 2
+    for name, part in (hidden or {}).items():
+        true[name] += (part * getattr(best, name)) ** 2
     naive = {name: _naive(dense, name, freedom) for name in ("a", "Fc", "sigma0")}
     inflation = {name: max(true[name] / naive[name], 1.0) if naive[name] else 1.0 for name in naive}
     quantile = float(student.ppf(0.975, best.blocks - 1)) ** 2 / freedom

@@ -55,7 +55,6 @@ NEARBY = np.sinh(np.linspace(-2, 2, 13))  # log of a around a known best
 HOPELESS = 0.7  # part of the spread not explained: no other choice will help
 POOR, SWAPPED = 0.2, 0.3  # part of the spread not explained; of that, the other way round
 FINE = 0.003  # presliding lengths of a count below which what a count hides does not show
-HIDDEN = 0.1  # of the change by going between the counts that may still be hidden
 LOAD_ROUNDS, SETTLED = 4, 1e-3  # of taking the load out of the torque; of Fc and a
 TURN = 0.3  # presliding lengths that a reversal must turn by to be counted
 
@@ -188,7 +187,7 @@ def _studied(
     noted = [replace(log, notes=list(log.notes)) for log in logs]
     turned, sign = _positive(noted, options)
     steadied, window = _steadied(turned, options)
-    steadied, hidden, inner = _between_counts(steadied, options)
+    steadied, doubts = _between_counts(steadied, options)
     study = Study(steadied)
     found, terms = study.search(options.terms)
     counted = fit.point(found, terms)
@@ -202,9 +201,9 @@ def _studied(
     _refuse_swapped(logs, found, first, options)
     seen = _explored(study, found, first, options)
     late = _undelayed(study, seen)
-    if late and not inner:
-        study.logs, hidden, inner = _between_counts(study.logs, options)
-        if inner:
+    if late and not doubts:
+        study.logs, doubts = _between_counts(study.logs, options)
+        if doubts:
             seen, more = _explored_again(study, options)
             late += more
     _name_delay(study, late)
@@ -212,9 +211,10 @@ def _studied(
         found, terms = study.search(seen.choice.terms)
     if slack and seen.taken:
         seen = explore.with_backlash(seen, counted)
-    estimate = explore.widened(fit.estimate(found, terms, HIDDEN * hidden), seen)
+    hidden = _hidden(study, fit.point(found, terms), terms, doubts)
+    estimate = explore.widened(fit.estimate(found, terms, hidden), seen)
     result = _result_of(study, found, load.widened(estimate, follows), late, slack)
-    result = replace(result, median=window, sign=sign, inner=inner, options=asdict(options))
+    result = replace(result, median=window, sign=sign, inner=bool(doubts), options=asdict(options))
     result.explored, result.raw, result.eased, result.follows = seen, raw, logs, follows
     return _checked(result, options)
 
@@ -336,22 +336,37 @@ def _first(logs: list[Log], options: Options) -> Estimate:
     return fit.point(found, terms)
 
 
-def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], float, bool]:
-    """Take the angle between the counts where the torque fits that better; returns by which part
-    sigma0 changed, and whether it was taken.
+def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], list[np.ndarray]]:
+    """Take the angle between the counts where the torque fits that better; then each log has a
+    doubt too, see clean.doubt_between_counts().
     """
     if options.median:
-        return logs, 0.0, False
+        return logs, []
     read = _first(logs, options)
     if read.a * max(log.resolution for log in logs) < FINE:
-        return logs, 0.0, False
+        return logs, []
     inner = [replace(log, theta=clean.between_counts(log)) for log in logs]
-    found = _first(inner, options)
-    if found.sse >= read.sse:
-        return logs, 0.0, False
+    if _first(inner, options).sse >= read.sse:
+        return logs, []
     for log in inner:
         log.notes.append("angle taken between the counts of the encoder: the torque fits it better")
-    return inner, abs(found.sigma0 / read.sigma0 - 1), True
+    pairs = zip(logs, inner, strict=True)
+    return inner, [clean.doubt_between_counts(log, one.theta) for log, one in pairs]
+
+
+def _hidden(
+    study: Study, best: Estimate, terms: Sequence[str], doubts: Sequence[np.ndarray]
+) -> dict[str, float]:
+    """What the counts may still hide of each parameter, as standard errors and parts of it: where
+    the motion turns within a count, the path was guessed, and another one gives other parameters.
+    """
+    if not doubts:
+        return {}
+    pairs = zip(study.logs, doubts, strict=True)
+    logs = [replace(log, theta=log.theta + doubt) for log, doubt in pairs]
+    other = fit.point(Study(logs).again(best.a, terms), terms)
+    names = ("a", "Fc", "sigma0")
+    return {name: abs(getattr(other, name) / getattr(best, name) - 1) for name in names}
 
 
 def _explored(
