@@ -411,7 +411,7 @@ def test_a_play_beside_the_encoder_is_no_delay(where, counts, every):
     ("amplitude", "waves", "viscous", "doubts"),
     [
         (0.05, 60, 0.0, ("Fc",)),  # passes for a viscous part, which takes 15 % of Fc
-        (0.05, 240, 0.0, ("Fc",)),  # several waves in a stroke
+        (0.05, 240, 0.0, ()),  # several waves in a stroke, which the intervals hold
         (0.026, 240, 0.0, BOTH),  # no part beside friction is taken
         (0.05, 12, 0.0, ()),  # nearly straight: a spring
         (0.05, 12, 0.03, ()),  # a viscous part that is one
