@@ -465,7 +465,13 @@ def test_a_table_of_pandas_has_its_clock(tmp_path, clock):
     assert log.time == pytest.approx(TIME) and log.theta == pytest.approx(THETA)
 
 
-FORMS = ["2026-11-23T23:59:%06.3f", "2026-11-23 10:59:%06.3fZ", "9:59:%06.3f", " 23:59:%09.6f"]
+BEFORE = np.datetime64("2026-11-23T23:59:58.000")
+FORMS = {
+    "date": lambda moment: f"{moment}",
+    "date and zone": lambda moment: f"{moment}Z".replace("T", " "),
+    "decimal comma": lambda moment: f"{moment}".replace("T", " ").replace(".", ","),
+    "time of day, over midnight": lambda moment: f"{moment}".partition("T")[2],
+}
 
 
 @pytest.mark.parametrize("name", ["time", "t_ms"])
@@ -474,7 +480,8 @@ def test_times_of_day_are_seconds_from_the_first_whatever_the_column_is_called(
     tmp_path, form, name
 ):
     path, up = tmp_path / "x.csv", np.arange(40.0)
-    columns = {name: [form % (20 + k / 8) for k in up], "angle_rad": up, "torque_Nm": 3 * up}
+    moments = (BEFORE + np.timedelta64(125, "ms") * int(k) for k in up)
+    columns = {name: [*map(FORMS[form], moments)], "angle_rad": up, "torque_Nm": 3 * up}
     pd.DataFrame(columns).to_csv(path, index=False)
     log = readers.read(path, readers.Source())
     assert log.time == pytest.approx(up / 8) and not any("time" in note for note in log.notes)

@@ -182,6 +182,8 @@ def _own(args: argparse.Namespace) -> Any:
     from dahl.core import Plan
     from dahl.scene import OwnLog, unit_in
 
+    if not args.log.exists():
+        raise Error(f"{args.log}: no such file")
     needed = ("angle", "sigma0", "fc", "counts_per_turn")
     missing = ["--" + name.replace("_", "-") for name in needed if getattr(args, name) is None]
     if missing or args.scene:

@@ -33,6 +33,7 @@ CAN_LOGS = set(logs.CAN_LOGS)
 FULL_TURN = 360.0  # deg
 SLOW = 1.0  # s a row: the time is rather in ms
 DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
+BACK = np.timedelta64(-12, "h")  # by more than this a time of day goes back at midnight alone
 CLOCK = "time [s]"  # of frames and channels, whose readers give seconds
 TAKE_TURNS = 0.99  # part of the frames, where two messages are said to take turns
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
@@ -213,20 +214,21 @@ def _from_parquet(path: Path) -> tuple[pandas.DataFrame, int]:
 
 
 def _from_the_first(column: pandas.Series) -> pandas.Series | None:
-    """Dates and times of day (ISO 8601) as s from the first; None where the column has no such. A
-    cell that is none of them stays as it is.
+    """Dates and times of day (ISO 8601) as s from the first, over midnight too; None where the
+    column has no such. A cell that is none of them stays as it is.
     """
     import pandas as pd
 
     if column.empty or column.dtype.kind not in "MmO":
         return None
-    text = column.astype(str).str.strip()
+    text = column.astype(str).str.strip().str.replace(",", ".")
     if column.dtype.kind in "Mm":
         moments = column
     elif DATE.match(text.iloc[0]):
         moments = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
     elif TIME_OF_DAY.match(text.iloc[0]):
         moments = pd.to_timedelta(text, errors="coerce")
+        moments += pd.to_timedelta((moments.diff() < BACK).astype(int).cumsum(), unit="D")
     else:
         return None
     passed: pandas.Series = (moments - moments.iloc[0]).dt.total_seconds()

@@ -60,9 +60,8 @@ def _reasons(result: Result) -> list[str]:
         f"the model explains {100 * r2['dahl']:.0f} % of what was not fitted": r2["dahl"] < POOR,
         "Dahl no better than Coulomb here": not beats_coulomb(result),
         "presliding below encoder resolution": too_coarse(result),
-        "friction never slips: the motion is shorter than presliding": not estimate.ci95[
-            "Fc"
-        ].bounded,
+        "friction never slips: the motion is shorter than presliding": result.reversals > 0
+        and not estimate.ci95["Fc"].bounded,
         f"only {result.reversals} reversal{'s' * (result.reversals != 1)}": result.reversals < FEW,
         f"sigma0 known within {100 * wide:.0f} % only": WIDE < wide < float("inf"),
         "loop is bilinear: exponent 1 bends too early": 1 - r2["bilinear"]
