@@ -348,6 +348,15 @@ def test_the_angle_between_the_counts(counts):
     assert np.std(inner - true) < 0.7 * np.std(log.theta - true)
     bare = replace(log, resolution=0.0)
     assert clean.between_counts(bare) is bare.theta
+
+
+@pytest.mark.parametrize("speeds", [(2e-5, 4e-4), (4e-4, 2e-5)])
+def test_a_shaft_that_creeps_after_it_was_fast_does_not_rest(speeds):
+    """A rest takes much longer than the counts on both sides of it."""
+    rows = [600 if speed < 1e-4 else 200 for speed in speeds]
+    true = np.cumsum(np.tile(np.repeat([*speeds, *(-v for v in speeds)], rows * 2), 5))
+    count = 2 * np.pi / 1024
+    assert not clean.rests(Log("", np.round(true / count) * count, true, resolution=count))
     few = Log("", np.repeat([0.0, 1, 2, 1], 20), np.zeros(80), resolution=1.0)
     assert clean.between_counts(few) is few.theta
 

@@ -168,11 +168,12 @@ def test_a_load_that_cannot_be_is_one_line(tmp_path, text, words):
         ("angle,load", "", '[load] has no key "column"'),
         ("angle,other", "column = load\n", 'no column "load"; there is "angle", "other"'),
         ("load,angle,load", "column = load\n", 'two columns "load"'),
+        ("angle,load", "column = load\n", ':3: column "load": "x" is not a finite number'),
         ("angle", "column = angle\n", '"x" is not a finite number'),  # as both: told once
     ],
 )
 def test_a_column_of_a_load_that_is_not_there_is_one_line(tmp_path, header, column, words):
-    rows = (",".join([cell] * (header.count(",") + 1)) for cell in "0x")
+    rows = (",".join(["0"] * header.count(",") + [cell]) for cell in "0x")
     (tmp_path / "log.csv").write_text("\n".join([header, *rows]))
     path = tmp_path / "bad.ini"
     path.write_text(

@@ -241,6 +241,7 @@ def test_the_image_of_a_core_is_built_by_its_preset(monkeypatch, tmp_path):
     (tmp_path / "cmake").write_text(f'#!/bin/sh\necho "$PWD: $*" >>{tmp_path}/asked\n')
     (tmp_path / "cmake").chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    monkeypatch.chdir(tmp_path)
     folder = paths.ROOT / "build" / "m0"
     assert firmware.build("m0") == folder / "port/node_image"
     asked = (tmp_path / "asked").read_text().splitlines()
