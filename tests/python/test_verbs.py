@@ -283,10 +283,10 @@ def test_what_is_said_of_a_bus_reaches_python_can(dahl, monkeypatch, verb, words
 
 
 @pytest.mark.parametrize(
-    ("words", "rows"), [(("--frames", 1300), 650), (("--within", 5, "--frames", 1400), 500)]
+    ("words", "rows"), [(("--frames", 1300), 650), (("--within", 8, "--frames", 1400), 500)]
 )
 def test_following_a_bus_ends_where_it_is_told(dahl, words, rows):
-    """The first look, at 500 rows, tells sigma0 within 5 %; all 700 do not tell it within 2 %."""
+    """The first look, at 500 rows, tells sigma0 within 8 %; all 700 do not tell it within 2 %."""
     Path("bus.dbc").write_text(DBC)
     theta = np.floor(sine(1, rows=700, cycles=10) / COUNT) * COUNT
     torque = dahl_torque(theta) + 0.1 * FC * noise_of(1, 700)
