@@ -70,9 +70,8 @@ static void check_motion(size_t m)
     TEST_ASSERT_TRUE(over_all > 0.49L); /* half an ulp is the rounding to float: the comparison does compare */
 }
 
-static void test_hard_motions(void)
-{
-    for (size_t m = 0; m < MOTIONS; m++) {
-        check_motion(m);
-    }
-}
+static void test_sweep(void) { check_motion(0); }
+static void test_dither(void) { check_motion(1); }
+static void test_two_forward_one_back(void) { check_motion(2); }
+static void test_random_walk(void) { check_motion(3); }
+static void test_leaps(void) { check_motion(4); }

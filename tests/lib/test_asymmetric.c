@@ -112,6 +112,81 @@ static void test_ends(void)
     }
 }
 
+/* Relaxed the slope is sigma0 both ways, whatever Fc. */
+static void test_slopes_at_rest(void)
+{
+    dahl_asymmetric_params_t p = asymmetric_params(1e-6, 1.0f, 0.3f);
+    dahl_asymmetric_plan_t plan = asymmetric_plan(&p);
+    double expected = (double)p.sigma0 * (double)THETA;
+    for (int s = -1; s <= 1; s += 2) {
+        dahl_state_t state = {0};
+        double F = (double)dahl_asymmetric_step_counts(&plan, &state, s);
+        TEST_ASSERT_DOUBLE_WITHIN(3e-6 * expected, s * expected, F);
+    }
+}
+
+/* Fc exchanged mirrors the motion, but for half a unit of Q30 where w is a tie; with equal Fc it is Dahl's model. */
+static void test_mirrored(void)
+{
+    dahl_asymmetric_params_t p = asymmetric_params(0.01, 1.7f, 1.1f), q = {p.sigma0, p.Fc_backward, p.Fc_forward, THETA};
+    dahl_asymmetric_params_t same = {p.sigma0, 1.7f, 1.7f, THETA};
+    dahl_params_t one = {p.sigma0, 1.7f, THETA};
+    dahl_asymmetric_plan_t plan = asymmetric_plan(&p), mirrored = asymmetric_plan(&q), equal = asymmetric_plan(&same);
+    dahl_plan_t dahl = plan_for(&one);
+    dahl_state_t x = {0}, y = {0}, z = {0}, w = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 20000; t++) {
+        int32_t d = motion_walk(&m) * (t % 7 == 0 ? 100 : 1);
+        float F = dahl_asymmetric_step_counts(&plan, &x, d);
+        TEST_ASSERT_TRUE(dahl_asymmetric_step_counts(&mirrored, &y, -d) == -F);
+        float expected = dahl_step_counts(&dahl, &w, d);
+        TEST_ASSERT_TRUE(fabsf(dahl_asymmetric_step_counts(&equal, &z, d) - expected) <= ulp_of(one.Fc));
+    }
+}
+
+/* One move is the moves that it is made of, and more travel never leads back. */
+static void test_composition_and_monotony(void)
+{
+    dahl_asymmetric_params_t p = asymmetric_params(1e-3, 0.8f, 1.37f);
+    dahl_asymmetric_plan_t plan = asymmetric_plan(&p);
+    for (int s = -1; s <= 1; s += 2) {
+        float before = 0;
+        for (int32_t n = 1; n < 3000; n++) {
+            dahl_state_t once = {0}, twice = {0};
+            float F = dahl_asymmetric_step_counts(&plan, &once, s * n);
+            (void)dahl_asymmetric_step_counts(&plan, &twice, s * (n / 3));
+            TEST_ASSERT_TRUE(fabsf(dahl_asymmetric_step_counts(&plan, &twice, s * (n - n / 3)) - F) <= 1.01L * ulp_of(1.37f));
+            TEST_ASSERT_TRUE(s > 0 ? F > before : F < before);
+            before = F;
+        }
+    }
+}
+
+/* Over cycles that close in angle and torque the shaft only gives: the work of each tick, F over dtheta by the exact curve, is
+ * Fc |dtheta| - s (Fc/sigma0) (F after - F before) with the Fc of its direction. */
+static void test_passive(void)
+{
+    dahl_asymmetric_params_t p = asymmetric_params(0.05, 1.9f, 0.4f);
+    dahl_asymmetric_plan_t plan = asymmetric_plan(&p);
+    motion_t m = MOTION_START;
+    for (int cycle = 0; cycle < 2000; cycle++) {
+        int32_t way[6];
+        long double work = 0, F = 0;
+        dahl_state_t state = {0};
+        for (int i = 0; i < 6; i++) {
+            way[i] = motion_walk(&m) * (1 + cycle % 5);
+        }
+        for (int t = 0; t < 6 * 200; t++) {
+            int32_t d = t % 6 == 5 ? -(way[0] + way[1] + way[2] + way[3] + way[4]) : way[t % 6];
+            long double Fc = d < 0 ? p.Fc_backward : p.Fc_forward, after = dahl_asymmetric_step_counts(&plan, &state, d);
+            long double W = Fc * abs(d) * THETA - (d < 0 ? -1 : 1) * Fc / p.sigma0 * (after - F);
+            work += t >= 6 * 199 ? W : 0;
+            F = after;
+        }
+        TEST_ASSERT_TRUE(work >= -1e-6L * p.Fc_forward * p.Fc_forward / p.sigma0);
+    }
+}
+
 /* The plan is untouched on an error. */
 static dahl_err_t try(float sigma0, float Fc_forward, float Fc_backward, float theta_per_count)
 {

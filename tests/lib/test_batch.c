@@ -238,20 +238,32 @@ static void test_throughput_channels_are_within_the_bound(void)
 {
     for (size_t count = 1; count <= MANY; count += 4) {
         size_t rows = (size_t)TEST_TICKS / MANY;
-        reference_t by_counts[MANY], by_angle[MANY];
+        reference_t exact[MANY];
         set_channels();
         for (size_t c = 0; c < count; c++) {
-            by_counts[c] = reference_by_counts(&channels.params[c]);
-            by_angle[c] = reference_by_angle(&channels.params[c]);
+            exact[c] = reference_by_counts(&channels.params[c]);
         }
         fill(motions[count % MOTIONS].next, THETA);
         TEST_ASSERT_EQUAL_INT(
             DAHL_OK, dahl_throughput_counts_channels(channels.in_double, channels.batch, count, moves, F, rows));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.one, count, angles, G, rows));
         for (size_t i = 0; i < rows * count; i++) {
-            const dahl_params_t *p = &channels.params[i % count];
-            assert_torque(reference_move(&by_counts[i % count], moves[i]), p, F[i], DAHL_ULP_COUNTS);
-            assert_torque(reference_move(&by_angle[i % count], (long double)angles[i]), p, G[i], DAHL_ULP_COUNTS);
+            assert_torque(reference_move(&exact[i % count], moves[i]), &channels.params[i % count], F[i], DAHL_ULP_COUNTS);
+        }
+    }
+}
+
+/* Channels by angle against one channel after the other. */
+static void test_throughput_channels_by_angle(void)
+{
+    enum { COUNT = 19, STEPS = 700 };
+    set_channels();
+    fill(motion_walk, THETA);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, COUNT, angles, F, STEPS));
+    for (size_t c = 0; c < COUNT; c++) {
+        reference_t exact = reference_by_angle(&channels.params[c]);
+        for (size_t t = 0; t < STEPS; t++) {
+            size_t i = t * COUNT + c;
+            assert_torque(reference_move(&exact, (long double)angles[i]), &channels.params[c], F[i], DAHL_ULP_COUNTS);
         }
     }
 }

@@ -143,3 +143,24 @@ static void test_any_word_as_a_state(void)
         TEST_ASSERT_TRUE(dahl_clamped_step(&zero, &still, 1.0f, load) == 0.0f && still.w == w);
     }
 }
+
+/* Each change of load and each move gives up energy, so every closed cycle of both does: the stored F^2/(2 sigma0) never grows by
+ * more than the work of the shaft, c Fc |dtheta| - s (c Fc/sigma0) (F after - F before). */
+static void test_passive(void)
+{
+    dahl_params_t p = params_for(0.05, 1.0f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    motion_t m = MOTION_START;
+    long double before = 0, unit = (long double)p.Fc * p.Fc / p.sigma0;
+    for (int t = 0; t < 300000; t++) {
+        uint32_t load = load_any(&m) | 1;
+        long double c = load * 0x1p-30L, F = dahl_clamped_step(&plan, &state, 0.0f, load);
+        TEST_ASSERT_TRUE(F * F <= before * before * (1 + 1e-15L));
+        float dtheta = (float)motion_walk(&m) * THETA;
+        long double after = dahl_clamped_step(&plan, &state, dtheta, load);
+        long double work = c * p.Fc * (fabsl(dtheta) - (dtheta < 0 ? -1 : 1) * (after - F) / p.sigma0);
+        TEST_ASSERT_TRUE(work >= (after * after - F * F) / (2 * p.sigma0) - 1e-6L * unit);
+        before = after;
+    }
+}

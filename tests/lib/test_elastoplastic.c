@@ -123,6 +123,86 @@ static void test_zero_drift(void)
     TEST_ASSERT_TRUE(state.w == 0 && dahl_elastoplastic_step_counts(&plan, &state, 0) == 0.0f);
 }
 
+/* Odd symmetry bit for bit, bounds, zero motion is the identity. */
+static void test_bounds_and_symmetry(void)
+{
+    static const double travels[] = {1e-7, 1e-4, 0.02, 0.7, 5.0};
+    for (size_t i = 0; i < 5 * MOTIONS; i++) {
+        dahl_params_t p = params_for(travels[i % 5], 2.5f);
+        dahl_elastoplastic_plan_t plan = elastoplastic_plan(&p, 0.3f);
+        dahl_state_t x = {0}, y = {0};
+        motion_t m = MOTION_START;
+        for (int t = 0; t < 20000; t++) {
+            int32_t d = motions[i / 5].next(&m);
+            d = d == INT32_MIN ? -INT32_MAX : d;
+            float F = dahl_elastoplastic_step_counts(&plan, &x, d);
+            TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
+            TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &y, -d) == -F && y.w == -x.w);
+            int64_t before = x.w;
+            TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &x, 0) == F && x.w == before);
+        }
+        TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &x, INT32_MAX) == p.Fc);
+        TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &x, INT32_MIN) == -p.Fc);
+    }
+}
+
+/* sigma0 up to breakaway and right behind it, where the slope is continuous; sigma0 right after a reversal. */
+static void test_slopes(void)
+{
+    dahl_params_t p = params_for(1e-5, 1.0f);
+    dahl_elastoplastic_plan_t plan = elastoplastic_plan(&p, 0.5f);
+    dahl_state_t state = {0};
+    double slope = (double)p.sigma0 * (double)THETA, F = 0;
+    for (int32_t n = 0; n < 60000; n += 100) {
+        double before = F, expected = F < 0.5 ? 100 * slope : 2 * (1 - F) * 100 * slope;
+        F = (double)dahl_elastoplastic_step_counts(&plan, &state, 100);
+        TEST_ASSERT_DOUBLE_WITHIN(2e-3 * expected, expected, F - before);
+    }
+    TEST_ASSERT_DOUBLE_WITHIN(1e-4 * 100 * slope, F - 100 * slope, (double)dahl_elastoplastic_step_counts(&plan, &state, -100));
+}
+
+/* One move is the moves that it is made of, across the breakaway too; more travel never leads back. */
+static void test_composition_and_monotony(void)
+{
+    static const double travels[] = {1e-3, 0.02, 0.4, 1.5, 2.5};
+    for (size_t i = 0; i < 5; i++) {
+        dahl_params_t p = params_for(travels[i], 1.37f);
+        dahl_elastoplastic_plan_t plan = elastoplastic_plan(&p, 0.45f);
+        float before = -p.Fc;
+        for (int32_t n = 1; n < 3000; n++) {
+            dahl_state_t once, twice;
+            dahl_set_torque(&plan.plastic, &once, -0.9f);
+            twice = once;
+            float F = dahl_elastoplastic_step_counts(&plan, &once, n);
+            (void)dahl_elastoplastic_step_counts(&plan, &twice, n / 3);
+            float parts = dahl_elastoplastic_step_counts(&plan, &twice, n - n / 3);
+            TEST_ASSERT_TRUE(fabsf(parts - F) <= 1.1L * ulp_of(p.Fc));
+            TEST_ASSERT_TRUE(F > before || (F == before && F > p.Fc * 0.9999f));
+            before = F;
+        }
+    }
+}
+
+/* The shaft gives at least what the bristle stores, F^2/(2 sigma0) while it is a spring: over any motion from rest the work, F over
+ * dtheta by the mean of before and after, which is exact while elastic and less than the curve while sliding, is not negative. */
+static void test_passive(void)
+{
+    dahl_params_t p = params_for(0.03, 1.0f);
+    dahl_elastoplastic_plan_t plan = elastoplastic_plan(&p, 0.5f);
+    dahl_state_t state = {0};
+    motion_t m = MOTION_START;
+    long double work = 0, F = 0;
+    for (int t = 0; t < 200000; t++) {
+        int32_t d = motion_walk(&m);
+        for (int i = 0; i < abs(d); i++) {
+            long double after = dahl_elastoplastic_step_counts(&plan, &state, d < 0 ? -1 : 1);
+            work += (F + after) / 2 * (d < 0 ? -1 : 1) * THETA;
+            F = after;
+        }
+        TEST_ASSERT_TRUE(work >= F * F / (2 * p.sigma0) - 1e-9L);
+    }
+}
+
 /* Beyond breakaway by any part of a count, down to the least: the slope is continuous there, so x is the way that was moved less
  * what the curve takes from it, (rest)^2 kappa/2 at most. */
 static void test_crossing_by_little(void)

@@ -145,3 +145,35 @@ static void test_init_starts_anew(void)
     TEST_ASSERT_EQUAL_INT32(0, dahl_encoder_move(&encoder, 2000));
     TEST_ASSERT_EQUAL_INT32(5, dahl_encoder_move(&encoder, 1995));
 }
+
+/* An angle that a driver adds up as whole turns and a rest, in one float. */
+static float float_angle(int32_t position)
+{
+    return (float)(position / 16384) * 6.2831853f + (float)(position % 16384) / 16384.0f * 6.2831853f;
+}
+
+/* Worst difference in units of Fc, of the torque by differences of such an angle from that by counts, after some turns. */
+static float worst_by_float_angle(int32_t turns)
+{
+    dahl_params_t p = {100.0f, 0.5f, 6.2831853f / 16384};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t counts = {0}, angle = {0};
+    int32_t position = turns * 16384 + 123;
+    float worst = 0.0f;
+    for (int t = 0; t < 2000; t++) {
+        int32_t d = t / 100 % 2 == 0 ? 1 : -1;
+        float dtheta = float_angle(position + d) - float_angle(position);
+        float F = dahl_step_counts(&plan, &counts, d);
+        position += d;
+        worst = fmaxf(worst, fabsf(dahl_step(&plan, &angle, dtheta) - F) / p.Fc);
+    }
+    return worst;
+}
+
+/* docs/encoder.md says 0.055 Fc after 538 turns. */
+static void test_a_float_angle_loses_counts_after_many_turns(void)
+{
+    TEST_ASSERT_TRUE(worst_by_float_angle(0) < 1e-4f);
+    float worst = worst_by_float_angle(538);
+    TEST_ASSERT_TRUE(0.05f < worst && worst < 0.06f);
+}

@@ -66,6 +66,36 @@ static void test_bound(void)
     TEST_ASSERT_TRUE(over_all > 0.3L); /* the bound is not slack beyond use */
 }
 
+static void test_laws(void)
+{
+    dahl_params_t p = params_for(0.02, 1.3f);
+    dahl_float_plan_t plan = float_plan_for(&p);
+    dahl_float_state_t x = {0}, y = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < TEST_TICKS / 10; t++) {
+        int32_t d = motion_walk(&m);
+        float F = dahl_float_step_counts(&plan, &x, d);
+        TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
+        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &y, -d) == -F);
+        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &x, 0) == F);
+    }
+}
+
+/* By angle and by counts the same motion gives the same torque, where no product is rounded. */
+static void test_angle(void)
+{
+    dahl_params_t p = {256 * 1.3f, 1.3f, 0x1p-12f};
+    dahl_float_plan_t plan = float_plan_for(&p);
+    dahl_float_state_t by_counts = {0}, by_angle = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < TEST_TICKS / 10; t++) {
+        int32_t d = motion_walk(&m);
+        float F = dahl_float_step_counts(&plan, &by_counts, d);
+        float G = dahl_float_step(&plan, &by_angle, (float)d * p.theta_per_count);
+        TEST_ASSERT_TRUE(F == G);
+    }
+}
+
 static void test_bad_input(void)
 {
     dahl_params_t p = {100.0f, 1.0f, 1e-4f}, bad = {100.0f, -1.0f, 1e-4f};
@@ -80,6 +110,24 @@ static void test_bad_input(void)
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, INT32_MIN) == -1.0f);
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, INT32_MIN) == -1.0f);
     TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &state, 1) > -1.0f);
+}
+
+/* One direction for longer than a counter or a float holds, where a presliding length is that long. */
+static void test_travel_beyond_its_number(void)
+{
+    dahl_params_t p = {0x1p-64f, 0x1.fp63f, 0.0f}, slow = {1.0f, 1.0f, 0x1p-30f};
+    dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
+    dahl_float_state_t state = {0}, counted = {0};
+    float F = dahl_float_step(&plan, &state, FLT_MAX); /* just one presliding length */
+    TEST_ASSERT_TRUE(F < 0.65f * p.Fc);
+    double two = -expm1(-2 * (double)FLT_MAX * (double)p.sigma0 / (double)p.Fc);
+    TEST_ASSERT_TRUE(fabs((double)dahl_float_step(&plan, &state, FLT_MAX) / (double)p.Fc - two) <= 2 * DAHL_FLOAT_ERROR);
+    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, HUGE_VALF) == p.Fc && dahl_float_step(&plan, &state, 1.0f) == p.Fc);
+    TEST_ASSERT_TRUE(dahl_float_step(&plan, &state, -HUGE_VALF) == -p.Fc);
+    for (int t = 1; t <= 16; t++) {
+        double exact = -expm1(-2.0 * t);
+        TEST_ASSERT_TRUE(fabs((double)dahl_float_step_counts(&slow_plan, &counted, INT32_MIN) + exact) <= 3 * DAHL_FLOAT_ERROR);
+    }
 }
 
 /* Steps in one direction, some large enough to bury the small ones in a float sum; none is a power of two. */
@@ -160,5 +208,21 @@ static void test_no_motion_leaves_the_state(void)
         (void)dahl_float_step(&plan, &state, -0.0f);
         (void)dahl_float_step(&plan, &state, NAN);
         TEST_ASSERT_EQUAL_MEMORY(&start, &state, sizeof start);
+    }
+}
+
+/* The cross-check of the core: two forms that share no code agree within the sum of their bounds. */
+static void test_agrees_with_core(void)
+{
+    dahl_params_t p = params_for(0.3, 0.0371f);
+    dahl_float_plan_t plan = float_plan_for(&p);
+    dahl_plan_t core = plan_for(&p);
+    dahl_float_state_t x = {0};
+    dahl_state_t y = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < TEST_TICKS; t++) {
+        int32_t d = motion_leap(&m) >> 20;
+        float F = dahl_float_step_counts(&plan, &x, d), G = dahl_step_counts(&core, &y, d);
+        TEST_ASSERT_TRUE(fabsl((long double)F - G) <= 4.9L * (long double)DAHL_FLOAT_ERROR * p.Fc + ulp_of(p.Fc));
     }
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of the design, each of them somebody's real failure, that the bounds of test_accuracy.c and test_angle.c do not hold
- * already; those of parameters (P14, P15) stand in test_params.c. */
+/* Cases P1 to P8, P11 to P14, P16 and P17 of the design: each is somebody's real failure. P9 is fact 7 in test_laws.c, P10
+ * in test_accuracy.c (P13 too), P14 for parameters and P15 in test_params.c. */
 #include "bits.h"
 #include "plans.h"
 
@@ -17,6 +17,86 @@
 #ifndef TEST_FINEST_BITS
 #define TEST_FINEST_BITS 24
 #endif
+
+/* One update of x from F = 0 leaves the gap exp(-x): Euler gives -2, RK4 1.375, backward Euler .25, trapezoid -.2 at 3. */
+static void test_p01_one_update(void)
+{
+    for (double x = 0.01; x <= 100; x *= 1.05) {
+        dahl_params_t p = params_for(x, 1.9f);
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t by_counts = {0}, by_angle = {0};
+        long double w = 1 - expl(-reference_by_counts(&p).a);
+        assert_torque(w, &p, dahl_step_counts(&plan, &by_counts, 1), DAHL_ULP_COUNTS);
+        assert_torque(w, &p, dahl_step(&plan, &by_angle, THETA), DAHL_ULP_ANGLE);
+    }
+}
+
+/* A sine at 32 samples a cycle; returns the largest |F|/Fc of the last cycle and checks every sample. */
+static double sine_peak(float sigma0, double amplitude, int cycles)
+{
+    dahl_params_t p = {sigma0, 1.0f, 0.0f};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    reference_t exact = reference_by_angle(&p);
+    double before = 0, peak = 0;
+    for (int t = 1; t <= 32 * cycles; t++) {
+        double now = amplitude * sin(t * 3.14159265358979323846 / 16);
+        float d = (float)(now - before);
+        before = now;
+        float F = dahl_step(&plan, &state, d);
+        assert_torque(reference_move(&exact, d), &p, F, DAHL_ULP_ANGLE);
+        peak = t > 32 * (cycles - 1) ? fmax(peak, fabs((double)F)) : 0;
+    }
+    return peak;
+}
+
+/* Euler 1e51, RK4 1e34, trapezoid 1.32. */
+static void test_p02_coarse_sine(void)
+{
+    TEST_ASSERT_DOUBLE_WITHIN(1e-7, 1.0, sine_peak(20.0f, 1.0, 20));
+}
+
+/* Exact tip of the loop at aA = 1: tanh(1). Euler +4.5 %, backward Euler -4 %. */
+static void test_p03_loop_tip(void)
+{
+    TEST_ASSERT_DOUBLE_WITHIN(1e-7, tanh(1.0), sine_peak(1.0f, 1.0, 40));
+}
+
+static void test_p04_split_in_seven(void)
+{
+    dahl_params_t p = params_for(0.013, 0.0371f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t whole = {0}, parts = {0}, angle = {0}, angle_parts = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 20000; t++) {
+        int32_t d = (int32_t)(motion_random(&m) % 401u) - 200;
+        float F = dahl_step_counts(&plan, &whole, 7 * d), by_angle = dahl_step(&plan, &angle, (float)(7 * d) * 0x1p-12f);
+        float F7 = 0, by_angle7 = 0;
+        for (int i = 0; i < 7; i++) {
+            F7 = dahl_step_counts(&plan, &parts, d);
+            by_angle7 = dahl_step(&plan, &angle_parts, (float)d * 0x1p-12f);
+        }
+        TEST_ASSERT_TRUE(fabsl((long double)F - F7) <= 1.04L * ulp_of(p.Fc));
+        TEST_ASSERT_TRUE(fabsl((long double)by_angle - by_angle7) <= 1.2L * ulp_of(p.Fc));
+    }
+}
+
+/* 20- and 24-bit encoders, a = 20/rad, to saturation and back by single counts: the 1-exp form loses 4e-3. */
+static void test_p05_fine_encoders(void)
+{
+    for (int bits = 20; bits <= TEST_FINEST_BITS; bits += 4) {
+        dahl_params_t p = {20.0f, 1.0f, (float)(6.283185307179586 / (1 << bits))};
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0}, by_angle = {0};
+        reference_t exact = reference_by_counts(&p), exact_angle = reference_by_angle(&p);
+        for (int t = 0; t < 4 << (bits - 3); t++) {
+            int d = t < 3 << (bits - 3) ? 1 : -1;
+            assert_torque(reference_move(&exact, d), &p, dahl_step_counts(&plan, &state, d), DAHL_ULP_COUNTS);
+            float dtheta = (float)d * p.theta_per_count;
+            assert_torque(reference_move(&exact_angle, dtheta), &p, dahl_step(&plan, &by_angle, dtheta), DAHL_ULP_ANGLE);
+        }
+    }
+}
 
 /* Amplitude 1e-12 rad: 1e-6 of F while F > 1e-12 Fc (1-exp loses 3e-6 even in double). */
 static void test_p06_tiny_motion(void)
@@ -122,6 +202,23 @@ static void test_p08_zero_motion(void)
     TEST_ASSERT_TRUE(state.w == before && dahl_torque(&plan, &state) == F);
 }
 
+/* +3 -2 inside one sample looks like +1 and is another path; both are exact for what was fed. */
+static void test_p11_hidden_reversal(void)
+{
+    dahl_params_t p = params_for(0.03, 1.0f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t seen = {0}, path = {0};
+    reference_t exact = reference_by_counts(&p);
+    long double u = exact.a;
+    float net = dahl_step_counts(&plan, &seen, 1);
+    (void)dahl_step_counts(&plan, &path, 3);
+    (void)reference_move(&exact, 3);
+    float true_torque = dahl_step_counts(&plan, &path, -2);
+    assert_torque(reference_move(&exact, -2), &p, true_torque, DAHL_ULP_COUNTS);
+    TEST_ASSERT_TRUE(fabsl((long double)net - true_torque) > 0.003L);
+    TEST_ASSERT_TRUE(fabsl((long double)net - true_torque) < 2 * p.Fc * -expm1l(-4 * u));
+}
+
 static void test_p12_wraps(void)
 {
     TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(4095, 0, 4096));
@@ -194,4 +291,40 @@ static void test_p14_subnormal_angles_for_the_stiffest_bristle(void)
     }
     (void)dahl_step(&plan, &state, 0x1p-126f);
     TEST_ASSERT_TRUE(state.w > 4711);
+}
+
+/* Passive: work put in is never less than what is stored, F^2/(2 sigma0), after any random motion; so no closed cycle gives
+ * energy. Rounding: half an ulp of Fc of torque changes a bristle energy by Fc/sigma0 times that, once, not per tick. */
+static void test_p16_passive(void)
+{
+    for (double u = 1e-6; u < 10; u *= 7) {
+        dahl_params_t p = params_for(u, 1.3f);
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0};
+        motion_t m = MOTION_START;
+        long double work = 0, F = 0, theta = p.theta_per_count, length = p.Fc / (long double)p.sigma0;
+        for (int t = 0; t < TEST_TICKS; t++) {
+            int32_t d = motion_walk(&m);
+            int s = (d > 0) - (d < 0);
+            long double next = dahl_step_counts(&plan, &state, d), before = work;
+            work += p.Fc * fabsl(d * theta) - s * length * (next - F);
+            long double stored = next * next / (2 * p.sigma0) - F * F / (2 * p.sigma0);
+            TEST_ASSERT_TRUE(work - before - stored >= -2 * ulp_of(p.Fc) * length);
+            F = next;
+        }
+        TEST_ASSERT_TRUE(work >= F * F / (2 * p.sigma0));
+    }
+}
+
+static void test_p17_int32_min(void)
+{
+    for (double u = 1e-9; u < 1e-6; u *= 3) {
+        dahl_params_t p = params_for(u, 1.0f);
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0};
+        reference_t exact = reference_by_counts(&p);
+        assert_torque(reference_move(&exact, -2147483648.0L), &p, dahl_step_counts(&plan, &state, INT32_MIN), DAHL_ULP_COUNTS);
+        assert_torque(reference_move(&exact, 2147483647.0L), &p, dahl_step_counts(&plan, &state, INT32_MAX), DAHL_ULP_COUNTS);
+    }
+    TEST_ASSERT_EQUAL_INT32(-5, dahl_counts_between(3, 0xfffffffeu, 0));
 }

@@ -60,6 +60,30 @@ static void test_the_least_move_to_a_torque(void)
     }
 }
 
+/* Each shorter move is tried, where a count is more than any rounding. */
+static void test_no_shorter_move_reaches(void)
+{
+    motion_t m = MOTION_START;
+    int tried = 0;
+    for (size_t i = 3; i < TRAVELS; i++) {
+        dahl_params_t p = params_for(travels[i], 0.5f);
+        dahl_plan_t plan = plan_for(&p);
+        for (int k = 0; k < TRIES / 20; k++) {
+            dahl_state_t state = {0};
+            int32_t n = 0;
+            dahl_set_torque(&plan, &state, random_torque(&m, p.Fc));
+            float F = random_torque(&m, p.Fc);
+            if (dahl_counts_to_torque(&plan, &state, F, &n) != DAHL_OK) {
+                continue; /* beyond Fc */
+            }
+            for (int32_t shorter = 1; shorter < abs(n); shorter++, tried++) {
+                TEST_ASSERT_TRUE(n > 0 ? after(&plan, state, shorter) < F : after(&plan, state, -shorter) > F);
+            }
+        }
+    }
+    TEST_ASSERT_GREATER_THAN_INT(1000, tried);
+}
+
 /* The ends, and what stands beside them: where a count changes the torque by a rounding or by nothing. */
 static void test_the_ends(void)
 {
@@ -74,6 +98,20 @@ static void test_the_ends(void)
                 check_one(&plan, &state, ends[to]);
             }
         }
+    }
+}
+
+/* The way back is the mirrored way there. */
+static void test_odd_symmetry(void)
+{
+    dahl_params_t p = params_for(1e-4, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t relaxed = {0};
+    for (int k = 1; k < 1000; k++) {
+        int32_t forward = 0, backward = 0;
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_counts_to_torque(&plan, &relaxed, p.Fc * (float)k / 1000, &forward));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_counts_to_torque(&plan, &relaxed, -p.Fc * (float)k / 1000, &backward));
+        TEST_ASSERT_EQUAL_INT32(forward, -backward);
     }
 }
 

@@ -143,3 +143,25 @@ static void test_a_plan_of_zeros(void)
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, INT32_MIN, ONE / 3) == 0.0f);
     TEST_ASSERT_TRUE(dahl_loaded_step_counts(&zero, &state, 1, 0xffffffffu) == 0.0f);
 }
+
+/* Work of the shaft never falls short of what the bristle holds, F^2/(2 c sigma0): each move and each change of load alone gives up
+ * energy, so every closed cycle of both does. Of a move the work is Fc |dtheta| - s (Fc/sigma0) (F after - F before). */
+static void test_passive(void)
+{
+    dahl_params_t p = params_for(0.05, 1.0f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_loaded_state_t state = {{0}, 0};
+    motion_t m = MOTION_START;
+    long double energy = 0, unit = (long double)p.Fc * p.Fc / p.sigma0;
+    for (int t = 0; t < 300000; t++) {
+        uint32_t load = load_any(&m) | 1;
+        long double c = load * 0x1p-30L, F = dahl_loaded_step_counts(&plan, &state, 0, load), w = state.bristle.w * 0x1p-62L;
+        TEST_ASSERT_TRUE(c * w * w / 2 * unit <= energy * (1 + 1e-15L));
+        int32_t d = motion_walk(&m);
+        long double after = dahl_loaded_step_counts(&plan, &state, d, load);
+        long double work = c * p.Fc * abs(d) * THETA - (d < 0 ? -1 : 1) * p.Fc / (long double)p.sigma0 * (after - F);
+        w = state.bristle.w * 0x1p-62L;
+        TEST_ASSERT_TRUE(work >= c * w * w / 2 * unit - energy - 1e-7L * c * unit);
+        energy = c * w * w / 2 * unit;
+    }
+}

@@ -202,6 +202,74 @@ static void test_any_parts(void)
     }
 }
 
+/* The sum of many parts fits. */
+static void test_a_hundred_parts(void)
+{
+    static dahl_part_t parts[100];
+    dahl_state_t state = {0}; /* of all of them */
+    const dahl_params_t params = {1e3f, 0x1.fffffep0f, 3.8e-4f};
+    static dahl_plan_t plan;
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_prepare(&plan, &params));
+    for (int k = 0; k < 100; k++) {
+        const dahl_part_t part = DAHL_PART(&plan, &state);
+        parts[k] = part;
+    }
+    TEST_ASSERT_TRUE(dahl_parallel_step_counts(parts, 100, INT32_MAX) == 100 * 0x1.fffffep0f);
+    TEST_ASSERT_TRUE(dahl_parallel_step_counts(parts, 100, INT32_MIN) == -100 * 0x1.fffffep0f);
+    static int32_t shares[100];
+    dahl_parallel_shares(shares, parts, 100);
+    TEST_ASSERT_EQUAL_INT32(-(1 << 30), dahl_parallel_step_counts_q30(parts, shares, 100, 0));
+}
+
+/* Parts move as they do alone, and small torques keep their relative accuracy. */
+static void test_parts_move_as_alone(void)
+{
+    make(&mix, 2);
+    dahl_state_t alone = {0};
+    dahl_slip_state_t slip_alone = {{0}};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 1000; t++) {
+        int32_t d = motion_walk(&m);
+        (void)dahl_parallel_step_counts(mix.part, mix.count, d);
+        (void)dahl_step_counts(&mix.plan[0], &alone, d);
+        (void)dahl_slip_step_counts(&mix.slip_plan, &slip_alone, d);
+        TEST_ASSERT_TRUE(mix.state[0].w == alone.w);
+        TEST_ASSERT_EQUAL_MEMORY(&slip_alone, &mix.slip_state, sizeof slip_alone);
+    }
+}
+
+static void test_tiny_motion(void)
+{
+    make(&mix, 4);
+    for (int n = 1; n <= 1000; n++) {
+        int32_t d = (n / 9) % 2 ? -1 : 1;
+        long double F = exact_torque(&mix, d), error = fabsl(dahl_parallel_step_counts(mix.part, mix.count, d) - F);
+        TEST_ASSERT_TRUE(fabsl(F) <= 1e-12L * mix.sum || error <= 1e-6L * fabsl(F));
+    }
+    make(&mix, 0);
+    for (int bits = 28; bits < 61; bits++) {
+        mix.state[0].w = mix.state[1].w = (int64_t)3 << bits;
+        long double F = mix.sum * ldexpl(3, bits - 62);
+        TEST_ASSERT_TRUE(fabsl(dahl_parallel_step_counts(mix.part, mix.count, 0) - F) <= 1e-6L * F);
+    }
+}
+
+/* The opposite motion has the opposite torque, bit for bit, where the parts have: slip elements do. */
+static void test_odd_symmetry(void)
+{
+    make(&mix, 2);
+    dahl_slip_state_t opposite = {{0}};
+    const dahl_part_t mirrored = DAHL_SLIP_PART(&mix.slip_plan, &opposite);
+    for (size_t i = 0; i < MOTIONS; i++) {
+        motion_t m = MOTION_START;
+        for (int t = 0; t < 2000; t++) {
+            int32_t d = motions[i].next(&m);
+            d = d == INT32_MIN ? -INT32_MAX : d;
+            TEST_ASSERT_TRUE(dahl_parallel_step_counts(&mix.part[1], 1, d) == -dahl_parallel_step_counts(&mirrored, 1, -d));
+        }
+    }
+}
+
 /* Plans of zeros add nothing and take no bit of the others', wherever they stand. */
 static void test_plans_of_zeros(void)
 {

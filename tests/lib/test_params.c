@@ -47,6 +47,23 @@ static void test_not_a_number_zero_negative(void)
     }
 }
 
+/* Of two bad parameters the graver one names the error; two alike do not cancel. */
+static void test_two_bad_parameters(void)
+{
+    const float below = nextafterf(DAHL_TORQUE_MIN, 0.0f);
+    static const float none[] = {0.0f, -1.0f, NAN};
+    for (size_t i = 0; i < sizeof none / sizeof none[0]; i++) {
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], none[i], 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], below, 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(below, none[i], 1e-3f));
+        TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(none[i], none[i], none[i]));
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, below, 1e-3f));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_RANGE, try(below, below, below));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(below, below, NAN));
+    TEST_ASSERT_EQUAL_INT(DAHL_ERR_PARAM, try(1.0f, NAN, NAN));
+}
+
 static void test_range_of_torque(void)
 {
     const float below = nextafterf(DAHL_TORQUE_MIN, 0.0f), above = DAHL_TORQUE_MAX, top = nextafterf(above, 0.0f);
@@ -82,6 +99,17 @@ static void test_no_counts(void)
         }
         (void)dahl_step_counts_q30(&plan, &state, INT32_MIN);
         TEST_ASSERT_TRUE(state.w == 1);
+    }
+}
+
+/* Every theta_per_count but 0 is one, the powers of two too, whose bits are few. */
+static void test_counts_of_any_power_of_two(void)
+{
+    for (int k = -63; k < 64; k++) {
+        dahl_params_t p = {ldexpf(1.0f, k < 0 ? -k : 0), ldexpf(1.0f, k < 0 ? 0 : k), ldexpf(1.0f, k)};
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0};
+        assert_torque(-expm1l(-1), &p, dahl_step_counts(&plan, &state, 1), DAHL_ULP_COUNTS);
     }
 }
 
@@ -232,6 +260,20 @@ static void test_p15_change_of_parameters(void)
     }
 }
 
+/* No torque stays none, however much Fc shrinks. */
+static void test_p15_relaxed_stays_relaxed(void)
+{
+    for (int k = 0; k <= 124; k++) {
+        dahl_params_t p1 = {1, 0x1p62f, 0}, p2 = {1, ldexpf(0x1p62f, -k), 0};
+        dahl_plan_t from = plan_for(&p1), to = plan_for(&p2);
+        dahl_state_t state = {0};
+        dahl_change_plan(&from, &to, &state);
+        TEST_ASSERT_TRUE(state.w == 0);
+        dahl_change_plan(&to, &from, &state);
+        TEST_ASSERT_TRUE(state.w == 0);
+    }
+}
+
 /* The smallest w against any growth that parameters allow: 2^k of it, never more than 1; and the way back. */
 static void test_p15_growth_of_the_smallest_torque(void)
 {
@@ -260,6 +302,22 @@ static void test_p15_the_least_that_is_left(void)
     for (int i = 0; i < 2; i++) {
         dahl_change_plan(&from, &to, &states[i]);
         TEST_ASSERT_TRUE(states[i].w == 0);
+    }
+}
+
+/* The same plan leaves the torque, and never adds to the stored energy however often it is changed. */
+static void test_p15_no_energy_from_changes(void)
+{
+    dahl_params_t p[3] = {{100, 1, 0}, {170, 0.6f, 0}, {33, 2, 0}};
+    dahl_plan_t plan[3] = {plan_for(&p[0]), plan_for(&p[1]), plan_for(&p[2])};
+    dahl_state_t state;
+    dahl_set_torque(&plan[0], &state, 0.99f);
+    long double energy = 1;
+    for (int i = 0; i < 3000; i++) {
+        long double F = state.w * 0x1p-62L * p[i % 3].Fc, now = F * F / (2 * p[i % 3].sigma0);
+        TEST_ASSERT_TRUE(now <= energy);
+        energy = now;
+        dahl_change_plan(&plan[i % 3], &plan[(i + 1) % 3], &state);
     }
 }
 

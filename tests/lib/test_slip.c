@@ -86,12 +86,11 @@ static void check_motion(size_t m)
     TEST_ASSERT_TRUE(over_all > 0.4L); /* half an ulp is the rounding to float: the comparison does compare */
 }
 
-static void test_hard_motions(void)
-{
-    for (size_t m = 0; m < MOTIONS; m++) {
-        check_motion(m);
-    }
-}
+static void test_sweep(void) { check_motion(0); }
+static void test_dither(void) { check_motion(1); }
+static void test_two_forward_one_back(void) { check_motion(2); }
+static void test_random_walk(void) { check_motion(3); }
+static void test_leaps(void) { check_motion(4); }
 
 static void test_bounds_are_what_is_promised(void)
 {
@@ -185,6 +184,162 @@ static dahl_slip_params_t four_elements(void)
 {
     dahl_slip_params_t params = {4, 3.8e-4f, {900.0f, 170.0f, 21.0f, 3.1f}, {0.4f, 0.7f, 0.35f, 0.9f}};
     return params;
+}
+
+/* However many counts a tick has: the same state, bit for bit. */
+static void test_composition_of_travel(void)
+{
+    const dahl_slip_params_t params = four_elements();
+    const dahl_slip_plan_t plan = plan_of(&params);
+    dahl_slip_state_t whole = {{0}}, parts = {{0}};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < LAW_TICKS; t++) {
+        int32_t d = (int32_t)(motion_random(&m) % 4001u) - 2000, first = d / 3;
+        (void)dahl_slip_step_counts(&plan, &parts, first);
+        float F = dahl_slip_step_counts(&plan, &whole, d);
+        TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &parts, d - first) == F);
+        TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &parts, 0) == F); /* no motion changes nothing */
+        TEST_ASSERT_EQUAL_MEMORY(&whole, &parts, sizeof whole);
+    }
+}
+
+static void test_odd_symmetry(void)
+{
+    const dahl_slip_params_t params = four_elements();
+    const dahl_slip_plan_t plan = plan_of(&params);
+    for (size_t i = 0; i < MOTIONS; i++) {
+        dahl_slip_state_t state = {{0}}, mirrored = {{0}}, q30 = {{0}}, q30_mirrored = {{0}};
+        motion_t m = MOTION_START;
+        for (int t = 0; t < LAW_TICKS; t++) {
+            int32_t d = motions[i].next(&m);
+            d = d == INT32_MIN ? -INT32_MAX : d;
+            TEST_ASSERT_TRUE(dahl_slip_step_counts(&plan, &state, d) == -dahl_slip_step_counts(&plan, &mirrored, -d));
+            TEST_ASSERT_EQUAL_INT32(dahl_slip_step_counts_q30(&plan, &q30, d), -dahl_slip_step_counts_q30(&plan, &q30_mirrored, -d));
+        }
+    }
+}
+
+/* Further is never less torque, and never more than sigma0 of all elements allows. */
+static void test_monotone_in_travel(void)
+{
+    const dahl_slip_params_t params = four_elements();
+    const dahl_slip_plan_t plan = plan_of(&params);
+    const double slope = (double)((900.0f + 170.0f + 21.0f + 3.1f) * 3.8e-4f);
+    dahl_slip_state_t state = {{0}};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < LAW_TICKS; t++) {
+        (void)dahl_slip_step_counts(&plan, &state, (int32_t)(motion_random(&m) % 4001u) - 2000);
+        dahl_slip_state_t near = state, far = state;
+        int32_t d = (int32_t)(motion_random(&m) % 20u);
+        double F = (double)dahl_slip_step_counts(&plan, &near, d), G = (double)dahl_slip_step_counts(&plan, &far, d + 1);
+        TEST_ASSERT_TRUE(G >= F && G - F <= slope * (1 + 1e-6) + 2e-7);
+    }
+}
+
+/* A loop inside the range of the last one leaves no trace: back at its start all is as it was, bit for bit; and loops in it. */
+static void closed_loop(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t size, int32_t s, motion_t *m)
+{
+    const dahl_slip_state_t tip = *state;
+    int32_t way = (int32_t)(motion_random(m) % (uint32_t)size) + 1;
+    (void)dahl_slip_step_counts(plan, state, -s * way);
+    if (way > 2) {
+        closed_loop(plan, state, way - 1, -s, m);
+    }
+    (void)dahl_slip_step_counts(plan, state, s * way);
+    TEST_ASSERT_EQUAL_MEMORY(&tip, state, sizeof tip);
+}
+
+static void test_return_point_memory(void)
+{
+    const dahl_slip_params_t params = four_elements();
+    const dahl_slip_plan_t plan = plan_of(&params);
+    motion_t m = MOTION_START;
+    for (int t = 0; t < LAW_TICKS; t++) {
+        dahl_slip_state_t state = {{0}};
+        int32_t size = (int32_t)(motion_random(&m) % 2000u) + 2, s = t % 2 ? 1 : -1;
+        (void)dahl_slip_step_counts(&plan, &state, -s * (int32_t)(motion_random(&m) % 3000u));
+        (void)dahl_slip_step_counts(&plan, &state, s * size);
+        closed_loop(&plan, &state, size, s, &m);
+    }
+}
+
+/* Torque of each element in whole units, so that differences are exact. */
+static void assert_same_change(const dahl_slip_state_t *a0, const dahl_slip_state_t *a1, const dahl_slip_state_t *b0,
+                               const dahl_slip_state_t *b1, int64_t factor)
+{
+    for (int k = 0; k < 4; k++) {
+        TEST_ASSERT_TRUE((int64_t)a1->x[k] - a0->x[k] == factor * ((int64_t)b1->x[k] - b0->x[k]));
+    }
+}
+
+/* Loops between the same two angles are congruent, whatever led to them. */
+static void test_congruency(void)
+{
+    const dahl_slip_params_t params = four_elements();
+    const dahl_slip_plan_t plan = plan_of(&params);
+    motion_t m = MOTION_START;
+    for (int t = 0; t < LAW_TICKS; t++) {
+        dahl_slip_state_t tip[2] = {{{0}}, {{0}}}, now[2];
+        int32_t size = (int32_t)(motion_random(&m) % 1000u) + 1, inside = (int32_t)(motion_random(&m) % (uint32_t)size);
+        for (int history = 0; history < 2; history++) {
+            for (int i = 0; i < 5; i++) {
+                (void)dahl_slip_step_counts(&plan, &tip[history], (int32_t)(motion_random(&m) % 4001u) - 2000);
+            }
+            (void)dahl_slip_step_counts(&plan, &tip[history], size);
+            (void)dahl_slip_step_counts(&plan, &tip[history], -size);
+            (void)dahl_slip_step_counts(&plan, &tip[history], size);
+            now[history] = tip[history];
+            (void)dahl_slip_step_counts(&plan, &now[history], -inside);
+        }
+        assert_same_change(&tip[0], &now[0], &tip[1], &now[1], 1);
+    }
+}
+
+/* Masing: after a reversal the curve from rest, upside down and twice as large. */
+static void test_masing(void)
+{
+    const dahl_slip_params_t params = four_elements();
+    const dahl_slip_plan_t plan = plan_of(&params);
+    const dahl_slip_state_t rest = {{0}};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < LAW_TICKS; t++) {
+        int32_t way = (int32_t)(motion_random(&m) % 1000u), size = way + (int32_t)(motion_random(&m) % 1000u);
+        dahl_slip_state_t initial = rest, tip = rest, back;
+        (void)dahl_slip_step_counts(&plan, &initial, way);
+        (void)dahl_slip_step_counts(&plan, &tip, size);
+        back = tip;
+        (void)dahl_slip_step_counts(&plan, &back, -2 * way);
+        assert_same_change(&tip, &back, &rest, &initial, -2);
+    }
+}
+
+/* Passive: random closed cycles never give energy. Elements that need a count or more to slip dissipate more than the trapezoid of a
+ * tick leaves out. */
+static void test_no_energy_from_closed_cycles(void)
+{
+    const dahl_slip_params_t params = {3, 3.8e-4f, {900.0f, 170.0f, 21.0f}, {0.4f, 0.7f, 0.35f}};
+    const dahl_slip_plan_t plan = plan_of(&params);
+    motion_t m = MOTION_START;
+    for (int cycle = 0; cycle < LAW_TICKS / 20; cycle++) {
+        dahl_slip_state_t state = {{0}};
+        int32_t turns[6], sum = 0;
+        double work = 0, F = 0;
+        for (int i = 0; i < 5; i++) {
+            turns[i] = (int32_t)(motion_random(&m) % 101u) - 50;
+            sum += turns[i];
+        }
+        turns[5] = -sum;
+        for (int i = 0; i < 12; i++) { /* once to come to the cycle, and once in it */
+            work = i == 6 ? 0 : work;
+            const int32_t s = turns[i % 6] < 0 ? -1 : 1;
+            for (int32_t n = s * turns[i % 6]; n > 0; n--) {
+                double next = (double)dahl_slip_step_counts(&plan, &state, s);
+                work += 0.5 * s * (F + next);
+                F = next;
+            }
+        }
+        TEST_ASSERT_TRUE(work >= -1e-7 * 600);
+    }
 }
 
 /* The plan is untouched on an error. */

@@ -63,6 +63,20 @@ static void test_lines_between_the_values(void)
     }
 }
 
+/* Viscous friction is a straight line. */
+static void test_viscous(void)
+{
+    dahl_velocity_params_t p = {.segment_bits = 6};
+    dahl_velocity_plan_t plan;
+    for (int k = 0; k < DAHL_VELOCITY_SEGMENTS; k++) {
+        p.torque[k] = 0.25f * (float)(k + 1);
+    }
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_velocity_prepare(&plan, &p));
+    TEST_ASSERT_EQUAL_FLOAT(2.0f, dahl_velocity_torque(&plan, 512));
+    TEST_ASSERT_EQUAL_FLOAT(-0.125f, dahl_velocity_torque(&plan, -32));
+    TEST_ASSERT_EQUAL_FLOAT(4.0f, dahl_velocity_torque(&plan, 5000));
+}
+
 static void test_at_rest_and_without_a_plan_there_is_none(void)
 {
     dahl_velocity_params_t p = stribeck(4, 1.0f), none = {.segment_bits = 3};

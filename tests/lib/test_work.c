@@ -33,11 +33,8 @@ static void check_motion(const dahl_params_t *p, motion_fn next, int ticks)
     dahl_work_t sums = {0}, sums_q30 = {0};
     reference_t exact = reference_by_counts(p);
     motion_t motion = MOTION_START;
-    long double work = 0, w;
+    long double work = 0, w = 0;
     int reversals = 0, direction = 0;
-    dahl_set_torque(&plan, &state, -0.75f * p->Fc); /* the first strokes forward give energy */
-    q30 = state;
-    w = exact.w_reversal = state.w * 0x1p-62L;
     for (int t = 0; t < ticks; t++) {
         int32_t d = next(&motion);
         dahl_state_t alone = state;
@@ -65,6 +62,46 @@ static void test_work_is_the_integral_of_the_torque(void)
             check_motion(&p, motions[m].next, TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 20);
         }
     }
+}
+
+/* A closed loop of the path takes energy, the same for each round once it repeats: Fc times the way, less the bends. */
+static void test_a_loop_takes_its_area(void)
+{
+    dahl_params_t p = params_for(1e-3, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {0};
+    for (int round = 0; round < 20; round++) {
+        (void)dahl_work_step_counts(&plan, &state, &sums, 2000);
+        (void)dahl_work_step_counts(&plan, &state, &sums, -2000);
+    }
+    float before = dahl_work(&p, &sums);
+    (void)dahl_work_step_counts(&plan, &state, &sums, 2000);
+    (void)dahl_work_step_counts(&plan, &state, &sums, -2000);
+    long double a = (long double)p.sigma0 / p.Fc, x = 2000.0L * p.theta_per_count;
+    long double area = 2 * p.Fc * (x - 2 * tanhl(a * x / 2) / a);
+    TEST_ASSERT_FLOAT_WITHIN(4 * (float)ulp_of(before), (float)area, dahl_work(&p, &sums) - before);
+}
+
+/* A bristle that lets go gives back what it held, less what the way takes: from rest this is never more than it took. */
+static void test_energy_comes_back_and_no_more(void)
+{
+    dahl_params_t p = params_for(1e-3, 0.5f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_state_t state = {0};
+    dahl_work_t sums = {0};
+    (void)dahl_work_step_counts(&plan, &state, &sums, 300);
+    float taken = dahl_work(&p, &sums), least = taken;
+    for (int t = 0; t < 300; t++) {
+        (void)dahl_work_step_counts(&plan, &state, &sums, -1);
+        least = fminf(least, dahl_work(&p, &sums));
+    }
+    TEST_ASSERT_TRUE(0 < least && least < taken);
+    state.w = 0;
+    dahl_set_torque(&plan, &state, p.Fc);
+    dahl_work_t from_stored = {0};
+    (void)dahl_work_step_counts(&plan, &state, &from_stored, -100);
+    TEST_ASSERT_TRUE(dahl_work(&p, &from_stored) < 0);
 }
 
 /* Words carry: 2^31 counts a tick pass 2^32 with the second tick; sums that are set near the end of a word go on. */

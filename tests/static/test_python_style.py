@@ -56,3 +56,10 @@ def test_format() -> None:
 
 def test_no_function_is_long() -> None:
     assert [place for path in sources() for place in too_long(path)] == []
+
+
+def test_each_file_says_its_licence_and_its_idea() -> None:
+    for path in sources():
+        text = path.read_text()
+        assert "# SPDX-License-Identifier: MIT" in text.splitlines()[:2], path  # 1: may be #!
+        assert ast.get_docstring(ast.parse(text)) or path.name == "__init__.py", path
