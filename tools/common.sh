@@ -45,7 +45,7 @@ build() { # CMAKE_ARGUMENT...
 }
 
 # The demo alone may have built by tcc (tools/setup/needs.sh), and now there is a compiler that makes quicker code.
-is_outgrown() { grep -qs TinyCC "$BUILD"/host/CMakeFiles/*/CMakeCCompiler.cmake && ! cc -v 2>&1 | grep -q '^tcc'; }
+is_outgrown() { grep -qs TinyCC "$BUILD"/host/CMakeFiles/*/CMakeCCompiler.cmake && ! ${CC:-cc} -v 2>&1 | grep -q '^tcc'; }
 
 start_build() {
     one_at_a_time build

@@ -23,7 +23,7 @@ declare -A MUST=(
 )
 
 # The demo builds with any C compiler. Where there is none it gets tcc: 1 MB, and gcc is 190.
-cc -v >/dev/null 2>&1 || case "$(uname -m)" in
+${CC:-cc} -v >/dev/null 2>&1 || case "$(uname -m)" in
     x86_64) MUST[demo]+=' tcc' ;;
     *) MUST[demo]+=' gcc' ;;
 esac

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
 # tcc, the small compiler by which the demo builds on a machine without another. What CMake does not know of it: where the
 # libraries of this Debian lie, how it tells which headers a source includes, and that it makes archives itself.
-if(NOT CMAKE_LIBRARY_ARCHITECTURE)
-    file(GLOB loaders RELATIVE /usr/lib /usr/lib/*-linux-gnu/libc.so)
-    list(TRANSFORM loaders REPLACE "/.*" "")
-    list(GET loaders 0 CMAKE_LIBRARY_ARCHITECTURE)
+file(GLOB libc RELATIVE /usr/lib /usr/lib/*-linux-gnu/libc.so)
+if(libc AND NOT CMAKE_LIBRARY_ARCHITECTURE)
+    list(GET libc 0 libc)
+    get_filename_component(CMAKE_LIBRARY_ARCHITECTURE ${libc} DIRECTORY)
 endif()
 set(CMAKE_DEPFILE_FLAGS_C "-MD -MF <DEP_FILE>")
 set(CMAKE_C_DEPFILE_FORMAT gcc)

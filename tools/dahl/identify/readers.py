@@ -214,25 +214,29 @@ def _from_parquet(path: Path) -> tuple[pandas.DataFrame, int]:
 
 
 def _from_the_first(column: pandas.Series) -> pandas.Series | None:
-    """Dates and times of day (ISO 8601) as s from the first, over midnight too; None where the
-    column has no such. A cell that is none of them stays as it is.
+    """Dates and times of day (ISO 8601) as s from the first; None where the column has no such. A
+    cell that is none of them stays as it is.
     """
-    import pandas as pd
-
-    if column.empty or column.dtype.kind not in "MmO":
-        return None
-    text = column.astype(str).str.strip().str.replace(",", ".")
-    if column.dtype.kind in "Mm":
-        moments = column
-    elif DATE.match(text.iloc[0]):
-        moments = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
-    elif TIME_OF_DAY.match(text.iloc[0]):
-        moments = pd.to_timedelta(text, errors="coerce")
-        moments += pd.to_timedelta((moments.diff() < BACK).astype(int).cumsum(), unit="D")
-    else:
+    moments = column if column.dtype.kind in "Mm" else _moments(column)
+    if moments is None or moments.empty:
         return None
     passed: pandas.Series = (moments - moments.iloc[0]).dt.total_seconds()
     return passed.where(passed.notna(), column)
+
+
+def _moments(column: pandas.Series) -> pandas.Series | None:
+    """The same of text, with a decimal comma too; times of day go on over midnight."""
+    import pandas as pd
+
+    first = "" if column.empty else str(column.iloc[0]).strip()
+    is_date = DATE.match(first)
+    if not (is_date or TIME_OF_DAY.match(first)):
+        return None
+    text = column.astype(str).str.strip().str.replace(",", ".")
+    if is_date:
+        return pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
+    times = pd.to_timedelta(text, errors="coerce")
+    return times + pd.to_timedelta((times.diff() < BACK).astype(int).cumsum(), unit="D")
 
 
 def _numbers(path: str, first: int, name: str, column: pandas.Series) -> np.ndarray:
