@@ -102,11 +102,12 @@ def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(root):
     assert python_can.contains("4.6.0") and not python_can.contains("4.5.0")
 
 
-def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch):
+@pytest.mark.parametrize("asked", ["--help", "-h"])
+def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch, asked):
     """Beside all that it knows without it."""
     monkeypatch.setitem(sys.modules, "can", None)
     said, lacking = (
-        dahl("monitor", "--help"),
+        dahl("monitor", asked),
         "dahl monitor needs python-can; pip install 'dahl[can]'",
     )
     assert (said.returncode, said.stderr) == (0, "")

@@ -160,12 +160,13 @@ def test_files_in_reach_have_the_stated_sha256(measured_file, name):
 
 
 def test_a_list_and_a_program_have_where_each_set_is_or_comes_from(alone, monkeypatch, capsys):
-    (alone / "mine" / "servo_pendulum").mkdir(parents=True)
+    for name in ("servo_pendulum", "cycloidal"):  # to download, and not
+        (alone / "mine" / name).mkdir(parents=True)
     monkeypatch.setenv("DAHL_DATA", str(alone / "mine"))
     assert cli.main(["data"]) == 0
     listed = capsys.readouterr().out.split("\n")
     assert cli.main(["data", "--json"]) == 0
-    folders = {"servo_pendulum": str(alone / "mine" / "servo_pendulum")}
+    folders = {name: f"{alone / 'mine' / name}" for name in ("servo_pendulum", "cycloidal")}
     assert (sets := json.loads(capsys.readouterr().out)) == [
         {
             "name": name,

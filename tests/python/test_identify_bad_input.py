@@ -573,6 +573,7 @@ def test_what_an_mf4_says_of_its_channels(tmp_path):
         '"time, of day", "angle,\nleft", "torque"\ns, deg, Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n',
         "# rig 3\n\n% 2026\ntime_s,angle_deg,torque_Nm\n0,1.5,0.25\n0.5,2,-3\n1,4.5,1e-3\n",
         "# time_s angle_deg torque_Nm\n0 1.5 0.25\n0.5 2 -3\n1 4.5 1e-3\n",  # numpy.savetxt
+        "# rig 3\n# time_s angle_deg torque_Nm\n0 1.5 0.25\n0.5 2 -3\n1 4.5 1e-3\n",
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])

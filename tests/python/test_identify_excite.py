@@ -212,7 +212,6 @@ def test_newtons_are_not_taken_for_newton_metres(run_dahl, tmp_path, linear, mm,
         (("--from", "absent.json"), "absent.json: no such file"),
         (("--sigma0", "1e30", "--fc", "0.5"), "sigma0 = 1e+30 is outside 2^-64 <= sigma0 < 2^64"),
         (("--sigma0", "1e9", "--fc", "0.5"), "presliding is"),
-        (("--sigma0", "100", "--fc", "0.5", "--within", "0.0001"), "this needs"),
     ],
 )
 def test_bad_input(run_dahl, words, said):
@@ -220,6 +219,14 @@ def test_bad_input(run_dahl, words, said):
     assert done.returncode == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_a_motion_that_is_too_long_is_refused_with_its_length(run_dahl):
+    words = "--counts-per-turn 16384 --sigma0 100 --fc 0.5 --within 0.0001".split()
+    done = run_dahl("excite", *words)
+    cycles, seconds = re.search(r"needs (\d+) cycles, (\d+) s;", done.stderr).groups()
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert 0.1 < int(seconds) / int(cycles) < 10
 
 
 @pytest.mark.parametrize("text", ["{}", '{"sigma0": 1}', "[]", "5", '{"sigma0": "x", "Fc": 1}'])
