@@ -472,7 +472,7 @@ def without(option: str) -> list:
         (["LOG", *OWN, "--fc", "-1"], "Fc = -1 is outside"),
         (["LOG", *OWN, "--bus", "canopy"], "--bus canopy"),
         (["LOG", *OWN, "--scene", "steering"], "--scene with a LOG"),
-        (["none.csv", *OWN], "none.csv: no such file"),
+        *((["none.csv", *some], "none.csv: no such file") for some in (OWN, ())),
         (["--scene", "none"], "no scene 'none' (shipped: creep, cycloidal"),
         *(([one, "1"], f"only with a LOG of your own: {one}\n") for one in OF_A_LOG),
         (["--fc", "1", "--scene", "steering"], "only with a LOG of your own: --fc\n"),
