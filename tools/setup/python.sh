@@ -51,14 +51,15 @@ wants_pip() { [ "$VENV_STATE" != whole ]; }
 
 pip() { "$VENV/bin/python" -m pip --disable-pip-version-check --quiet "$@"; }
 
-# One small package by pip's own settings and proxies. Where there is no pip yet, start_python asks again.
+# One small package by pip's own settings and proxies: without a network it gives up after some 10 s, and on a busy machine pip
+# alone takes more than 15 s to start. Where there is no pip yet, start_python asks again.
 reach_pip() {
     local python
     for python in "$VENV/bin/python" "$PYTHON"; do
         if [ -n "$python" ] && "$python" -m pip --version >/dev/null 2>&1; then break; else python=; fi
     done
     [ -n "$python" ] || return 0
-    timeout 15 "$python" -m pip --disable-pip-version-check --quiet download --no-deps --no-cache-dir --retries 1 --timeout 5 \
+    timeout 25 "$python" -m pip --disable-pip-version-check --quiet download --no-deps --no-cache-dir --retries 1 --timeout 5 \
         --dest "$BUILD/deps" --require-hashes -r <(smallest_lock) >>"$BUILD/setup.log" 2>&1
     local code=$?
     rm -f "$BUILD"/deps/mdurl-*
