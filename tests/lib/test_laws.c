@@ -5,7 +5,11 @@
 #include "laws.h"
 #include "loads.h"
 
-enum { WALK = 4000, TRAVELS = 5 };
+#ifndef TEST_TICKS
+#define TEST_TICKS 200000
+#endif
+
+enum { WALK = TEST_TICKS < 20000 ? 400 : 4000, TRAVELS = 5 };
 
 static const double travels[TRAVELS] = {1e-7, 1e-4, 0.02, 0.7, 5.0};
 static move_t walk[WALK];
@@ -81,7 +85,7 @@ static void check_energy(const model_t *model, const set_t *set)
     const long double u = (long double)set->p.sigma0 / set->p.Fc * set->p.theta_per_count;
     const long double slack = u * u * u / 4 * set->p.Fc * set->p.Fc / set->p.sigma0;
     long double F = 0, energy = 0;
-    for (int t = 0; t < 100000; t++) {
+    for (int t = 0; t < TEST_TICKS / 2; t++) {
         const uint32_t load = load_any(&motion) | 1u;
         const int s = motion_random(&motion) & 64u ? 1 : -1;
         const long double still = subject_step(&subject, &subject.state, 0, load), kept = stored(model, set, still, load);
@@ -110,7 +114,7 @@ static void test_angles_are_odd(void)
     dahl_plan_t plan = plan_for(&p);
     dahl_state_t x = {0}, y = {0};
     motion_t m = MOTION_START;
-    for (int t = 0; t < 100000; t++) {
+    for (int t = 0; t < TEST_TICKS / 2; t++) {
         float d = ldexpf((float)(int32_t)motion_random(&m), -31 - (int)(motion_random(&m) % 40u));
         float F = dahl_step(&plan, &x, d);
         TEST_ASSERT_TRUE(dahl_step(&plan, &y, -d) == -F && y.w == -x.w);
@@ -149,10 +153,10 @@ static void test_dither_decay(void)
         dahl_state_t state = {0};
         long double u = reference_by_counts(&p).a, rest = -tanhl(u / 2);
         dahl_set_torque(&plan, &state, 0.9f);
-        for (int cycle = 1; cycle <= 200000; cycle++) {
+        for (int cycle = 1; cycle <= TEST_TICKS; cycle++) {
             (void)dahl_step_counts_q30(&plan, &state, 1);
             float F = dahl_step_counts(&plan, &state, -1);
-            if (cycle % 9973 == 1) {
+            if (cycle % 997 == 1) {
                 assert_torque(rest + (0.9f - rest) * expl(-2 * u * cycle), &p, F, DAHL_ULP_COUNTS);
             }
         }
