@@ -48,7 +48,7 @@ def frama(*command: str) -> str:
 
 
 def alarms(folder: Path) -> list[str]:
-    """What Eva cannot exclude, in its own words, one line each. Postconditions are CBMC's to show."""
+    """What Eva cannot exclude, in its own words, a line each. Postconditions are CBMC's to show."""
     frama_c = need("frama-c", "no undefined behaviour in a node that hears any frames")
     flags = [preprocessor(frama_c, folder), "-warn-special-float", "none", "-eva"]
     flags += ["-eva-split-return", "full", "-eva-precision", "1", "-main", "main"]
