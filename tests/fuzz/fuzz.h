@@ -50,13 +50,30 @@ static inline float fuzz_float_of(uint32_t bits)
     return x;
 }
 
+/* What must hold, in words. A unit test that includes a fuzzer has its own way to say so. */
+#ifndef LAW
 static inline void fuzz_broken(const char *law, const char *file, int line)
 {
     dprintf(2, "%s:%d: law broken: %s\n", file, line, law);
     abort();
 }
-
-/* What must hold, in words. */
 #define LAW(condition, words) ((condition) ? (void)0 : fuzz_broken(words, __FILE__, __LINE__))
+#endif
+
+/* The same laws without libFuzzer: so many inputs of random bytes, each byte small in every other input. */
+static inline void fuzz_at_random(uint32_t inputs, size_t length)
+{
+    uint8_t input[512];
+    uint64_t seed = 88172645463325252u;
+    for (uint32_t n = 0; n < inputs; n++) {
+        for (size_t i = 0; i < length && i < sizeof input; i++) {
+            seed ^= seed << 13;
+            seed ^= seed >> 7;
+            seed ^= seed << 17;
+            input[i] = (uint8_t)(seed >> 32) & (n % 2 != 0 && seed >> 63 != 0 ? 0x17u : 0xFFu);
+        }
+        (void)LLVMFuzzerTestOneInput(input, length);
+    }
+}
 
 #endif

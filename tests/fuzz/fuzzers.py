@@ -59,8 +59,7 @@ FUZZERS = {
     one.name: one
     for one in (
         Fuzzer("step", 64, 200_000, ALL, NUMBERS),
-        Fuzzer("prepare", 13, 200_000, ALL, NUMBERS),
-        Fuzzer("parts_prepare", 140, 20_000, [*CORE, *PART_SOURCES], NUMBERS),
+        Fuzzer("prepare", 140, 20_000, ALL, NUMBERS),
         Fuzzer("parts", 128, 20_000, ALL, NUMBERS),
         Fuzzer("codec", 24, 200_000, [p for p in NODE if p.stem == "frames"]),
         Fuzzer("receiver", 300, 20_000, [*NODE, *CORE]),

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The exact torque by another road than the library's: long double, anchored at the last reversal, the travel since then
- * added up exactly, one expm1l per value (the form of Eqs. 7, 18 and 27). Nothing accumulates but one rounding of
- * 2^-64 a reversal. Where long double is double (small cores) the bound of the tests still holds with 2^-53.
+ * The exact torque by another road than the library's: long double, anchored where the motion last turned or the curve last
+ * changed, the travel since then added up exactly, one expm1l per value (the form of Eqs. 7, 18 and 27). Nothing accumulates but
+ * one rounding of 2^-64 an anchor. Where long double is double (small cores) the bound of the tests still holds with 2^-53.
  */
 #ifndef REFERENCE_H
 #define REFERENCE_H
@@ -14,22 +14,28 @@
 
 typedef struct {
     long double a;          /* travel u of one count, or of one radian */
-    long double w_reversal; /* F/Fc at the last reversal */
+    long double w_reversal; /* F/Fc at the last anchor */
     long double travel;     /* counts or radians since then; counts are exact up to 2^64 */
-    int direction;
+    int direction;          /* 0: no motion yet */
+    long double end;        /* where a long way leads, either way: 1 but for models whose ends move */
 } reference_t;
 
 static inline long double reference_w(const reference_t *r)
 {
-    return r->w_reversal - (r->direction - r->w_reversal) * expm1l(-r->a * r->travel);
+    return r->w_reversal - (r->direction * r->end - r->w_reversal) * expm1l(-r->a * r->travel);
+}
+
+static inline void reference_anchor(reference_t *r, long double w)
+{
+    r->w_reversal = w;
+    r->travel = 0;
 }
 
 static inline long double reference_move(reference_t *r, long double move)
 {
     int direction = (move > 0) - (move < 0);
     if (direction != 0 && direction != r->direction) {
-        r->w_reversal = reference_w(r);
-        r->travel = 0;
+        reference_anchor(r, reference_w(r));
         r->direction = direction;
     }
     r->travel += fabsl(move);
@@ -38,13 +44,13 @@ static inline long double reference_move(reference_t *r, long double move)
 
 static inline reference_t reference_by_counts(const dahl_params_t *p)
 {
-    reference_t r = {(long double)p->sigma0 / p->Fc * p->theta_per_count, 0, 0, 0};
+    reference_t r = {(long double)p->sigma0 / p->Fc * p->theta_per_count, 0, 0, 0, 1};
     return r;
 }
 
 static inline reference_t reference_by_angle(const dahl_params_t *p)
 {
-    reference_t r = {(long double)p->sigma0 / p->Fc, 0, 0, 0};
+    reference_t r = {(long double)p->sigma0 / p->Fc, 0, 0, 0, 1};
     return r;
 }
 
@@ -52,6 +58,14 @@ static inline reference_t reference_by_angle(const dahl_params_t *p)
 static inline long double ulp_of(float Fc)
 {
     return (long double)nextafterf(Fc, HUGE_VALF) - Fc;
+}
+
+/* The distance from a torque to the next float away from zero, also where the torque is none: a sum of Fc. */
+static inline long double ulp_of_sum(long double Fc)
+{
+    int exponent;
+    (void)frexpl(Fc, &exponent);
+    return ldexpl(1, exponent - 24);
 }
 
 #endif

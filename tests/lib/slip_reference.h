@@ -55,12 +55,4 @@ static inline long double slip_reference_move(slip_reference_t *reference, int64
     return F;
 }
 
-/* The distance from a torque to the next float away from zero, also where the torque is none: a sum of Fc. */
-static inline long double ulp_of_sum(long double Fc)
-{
-    int exponent;
-    (void)frexpl(Fc, &exponent);
-    return ldexpl(1, exponent - 24);
-}
-
 #endif

@@ -2,7 +2,7 @@
 /* Batches: the bitwise forms against single steps, bit for bit; the throughput forms against long double. */
 #include <string.h>
 
-#include "../../lib/batch/fast.h"
+#include "dahl_batch.h"
 #include "motions.h"
 #include "plans.h"
 
@@ -62,6 +62,54 @@ static void check_counts_bits(const dahl_params_t *p)
     TEST_ASSERT_TRUE(one.w == batch.w);
 }
 
+static void check_angle_bits(const dahl_params_t *p)
+{
+    dahl_plan_t plan = plan_for(p);
+    dahl_state_t one = {0}, batch = {0};
+    for (int t = 0; t < TEST_TICKS; t++) {
+        F[t] = dahl_step(&plan, &one, angles[t]);
+    }
+    dahl_batch(&plan, &batch, angles, G, TEST_TICKS);
+    assert_same(G, F, TEST_TICKS);
+    TEST_ASSERT_TRUE(one.w == batch.w);
+}
+
+static void check_throughput_counts(const dahl_params_t *p)
+{
+    dahl_throughput_params_t q = in_double(p);
+    dahl_state_t state = {0};
+    reference_t exact = reference_by_counts(p);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, moves, F, TEST_TICKS));
+    for (int t = 0; t < TEST_TICKS; t++) {
+        assert_torque(reference_move(&exact, moves[t]), p, F[t], DAHL_ULP_COUNTS);
+    }
+}
+
+static void check_throughput_angles(const dahl_params_t *p)
+{
+    dahl_throughput_params_t q = in_double(p);
+    dahl_state_t state = {0};
+    reference_t exact = reference_by_angle(p);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, angles, F, TEST_TICKS));
+    for (int t = 0; t < TEST_TICKS; t++) {
+        assert_torque(reference_move(&exact, (long double)angles[t]), p, F[t], DAHL_ULP_COUNTS);
+    }
+}
+
+static void test_exact_forms_have_the_bits_of_single_steps(void)
+{
+    on_all(check_counts_bits, 2.739f);
+    on_all(check_counts_bits, 0x1.fffffep+0f);
+    on_all(check_angle_bits, 2.739f);
+}
+
+/* Fc just below a power of two: there an ulp is smallest beside Fc. */
+static void test_throughput_is_within_the_bound(void)
+{
+    on_all(check_throughput_counts, 0x1.fffffep+0f);
+    on_all(check_throughput_angles, 0x1.fffffep+0f);
+}
+
 /* From half way between two values in Q30 and next to it, either way, by few and by many counts. */
 static void test_counts_from_a_tie(void)
 {
@@ -79,29 +127,6 @@ static void test_counts_from_a_tie(void)
             TEST_ASSERT_TRUE(one.w == batch.w);
         }
     }
-}
-
-static void check_angle_bits(const dahl_params_t *p)
-{
-    dahl_plan_t plan = plan_for(p);
-    dahl_state_t one = {0}, batch = {0};
-    for (int t = 0; t < TEST_TICKS; t++) {
-        F[t] = dahl_step(&plan, &one, angles[t]);
-    }
-    dahl_batch(&plan, &batch, angles, G, TEST_TICKS);
-    assert_same(G, F, TEST_TICKS);
-    TEST_ASSERT_TRUE(one.w == batch.w);
-}
-
-static void test_counts_are_the_bits_of_single_steps(void)
-{
-    on_all(check_counts_bits, 2.739f);
-    on_all(check_counts_bits, 0x1.fffffep+0f);
-}
-
-static void test_angles_are_the_bits_of_single_steps(void)
-{
-    on_all(check_angle_bits, 2.739f);
 }
 
 typedef struct {
@@ -205,67 +230,32 @@ static void test_torques_next_to_a_tie(void)
     }
 }
 
-static void check_throughput_counts(const dahl_params_t *p)
+static void check_throughput_channels(size_t count, size_t rows, int by_angle)
 {
-    dahl_throughput_params_t q = in_double(p);
-    dahl_state_t state = {0};
-    reference_t exact = reference_by_counts(p);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &state, moves, F, TEST_TICKS));
-    for (int t = 0; t < TEST_TICKS; t++) {
-        assert_torque(reference_move(&exact, moves[t]), p, F[t], DAHL_ULP_COUNTS);
+    reference_t exact[MANY];
+    dahl_err_t err;
+    set_channels();
+    fill(motions[count % MOTIONS].next, THETA);
+    for (size_t c = 0; c < count; c++) {
+        exact[c] = by_angle ? reference_by_angle(&channels.params[c]) : reference_by_counts(&channels.params[c]);
     }
-}
-
-static void check_throughput_angles(const dahl_params_t *p)
-{
-    dahl_throughput_params_t q = in_double(p);
-    dahl_state_t state = {0};
-    reference_t exact = reference_by_angle(p);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, angles, F, TEST_TICKS));
-    for (int t = 0; t < TEST_TICKS; t++) {
-        assert_torque(reference_move(&exact, (long double)angles[t]), p, F[t], DAHL_ULP_COUNTS);
+    err = by_angle ? dahl_throughput_channels(channels.in_double, channels.batch, count, angles, F, rows)
+                   : dahl_throughput_counts_channels(channels.in_double, channels.batch, count, moves, F, rows);
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
+    for (size_t i = 0; i < rows * count; i++) {
+        long double move = by_angle ? (long double)angles[i] : (long double)moves[i];
+        assert_torque(reference_move(&exact[i % count], move), &channels.params[i % count], F[i], DAHL_ULP_COUNTS);
     }
-}
-
-/* Fc just below a power of two: there an ulp is smallest beside Fc. */
-static void test_throughput_is_within_the_bound(void)
-{
-    on_all(check_throughput_counts, 0x1.fffffep+0f);
-    on_all(check_throughput_angles, 0x1.fffffep+0f);
 }
 
 static void test_throughput_channels_are_within_the_bound(void)
 {
     for (size_t count = 1; count <= MANY; count += 4) {
-        size_t rows = (size_t)TEST_TICKS / MANY;
-        reference_t exact[MANY];
-        set_channels();
-        for (size_t c = 0; c < count; c++) {
-            exact[c] = reference_by_counts(&channels.params[c]);
-        }
-        fill(motions[count % MOTIONS].next, THETA);
-        TEST_ASSERT_EQUAL_INT(
-            DAHL_OK, dahl_throughput_counts_channels(channels.in_double, channels.batch, count, moves, F, rows));
-        for (size_t i = 0; i < rows * count; i++) {
-            assert_torque(reference_move(&exact[i % count], moves[i]), &channels.params[i % count], F[i], DAHL_ULP_COUNTS);
-        }
+        check_throughput_channels(count, (size_t)TEST_TICKS / MANY, 0);
     }
-}
-
-/* Channels by angle against one channel after the other. */
-static void test_throughput_channels_by_angle(void)
-{
-    enum { COUNT = 19, STEPS = 700 };
-    set_channels();
-    fill(motion_walk, THETA);
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, COUNT, angles, F, STEPS));
-    for (size_t c = 0; c < COUNT; c++) {
-        reference_t exact = reference_by_angle(&channels.params[c]);
-        for (size_t t = 0; t < STEPS; t++) {
-            size_t i = t * COUNT + c;
-            assert_torque(reference_move(&exact, (long double)angles[i]), &channels.params[c], F[i], DAHL_ULP_COUNTS);
-        }
-    }
+    check_throughput_channels(16, 7, 0); /* too few rows to make up for a table */
+    check_throughput_channels(18, 700, 1);
+    check_throughput_channels(19, 700, 1);
 }
 
 /* Moves of up to so many counts either way, each of them met: few counts have their own road through a batch. */
@@ -404,57 +394,42 @@ static void test_bad_angles_within_a_batch(void)
     dahl_batch(&plan, &batch, bad, G, N);
     assert_same(G, F, N);
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &throughput, bad, G, N));
-    for (int t = 0; t < N; t++) {
-        TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t]) <= 1.1L * ulp_of(p.Fc));
-    }
-    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &channel, 1, bad, G, N));
-    for (int t = 0; t < N; t++) {
-        TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t]) <= 1.1L * ulp_of(p.Fc));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &channel, 1, bad, G + N, N));
+    for (int t = 0; t < 2 * N; t++) {
+        TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t % N]) <= 1.1L * ulp_of(p.Fc));
     }
 }
 
-static void refuses(double sigma0, double Fc, double theta, dahl_err_t by_counts, dahl_err_t by_angle)
-{
-    dahl_throughput_params_t params[2] = {{1.0, 1.0, 0.1}, {sigma0, Fc, theta}};
-    dahl_state_t states[2] = {{77}, {78}};
-    const int32_t counts[2] = {5, 6};
-    const float dtheta[2] = {0.5f, 0.6f};
-    float out[2] = {-3.0f, -3.0f};
-    TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, 1));
-    TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts(params + 1, states, counts, out, by_counts == DAHL_OK ? 0 : 2));
-    TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput(params + 1, states, dtheta, out, by_angle == DAHL_OK ? 0 : 2));
-    params[0] = params[1]; /* what a good channel says must not hide it */
-    params[1] = (dahl_throughput_params_t){1.0, 1.0, 0.1};
-    TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput_channels(params, states, 2, dtheta, out, by_angle == DAHL_OK ? 0 : 1));
-    if (by_counts != DAHL_OK) {
-        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, 1));
-        TEST_ASSERT_TRUE(states[0].w == 77 && states[1].w == 78 && out[0] < -2.0f && out[1] < -2.0f);
-    }
-}
-
+/* With a good channel before it and after it, which must not hide it; and alone, where nothing is moved if it is good. */
 static void test_bad_parameters_touch_nothing(void)
 {
+    enum { OK = DAHL_OK, PARAM = DAHL_ERR_PARAM, RANGE = DAHL_ERR_RANGE };
     const double nan = (double)NAN, inf = (double)INFINITY;
-    refuses(nan, 1, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
-    refuses(1, nan, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
-    refuses(1, 1, nan, DAHL_ERR_PARAM, DAHL_OK);
-    refuses(0, 1, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
-    refuses(1, -1, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
-    refuses(1, inf, 1, DAHL_ERR_PARAM, DAHL_ERR_PARAM);
-    refuses(1, 1, 0, DAHL_ERR_PARAM, DAHL_OK);
-    refuses(1, 1, -1, DAHL_ERR_PARAM, DAHL_OK);
-    refuses(1e30, 1, 1, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
-    refuses(1, 1e-30, 1, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
-    refuses(1, 1, 1e-10, DAHL_ERR_RANGE, DAHL_OK);
-    refuses(1, 1, 1048576, DAHL_ERR_RANGE, DAHL_OK);
-    refuses(1, 1, 1048575, DAHL_OK, DAHL_OK);
-    refuses(3, 1, 349525, DAHL_OK, DAHL_OK); /* 2^20/3 and more */
-    refuses(3, 1, 349526, DAHL_ERR_RANGE, DAHL_OK);
-    refuses(1, 3, 0x1.800001p-29, DAHL_OK, DAHL_OK);
-    refuses(1, 3, 0x1.7fffffp-29, DAHL_ERR_RANGE, DAHL_OK);
-    refuses(0x1p-64, 0x1p-64, 0x1p-30, DAHL_OK, DAHL_OK);
-    refuses(1, 0x1p64, 0x1p63, DAHL_ERR_RANGE, DAHL_ERR_RANGE);
-    refuses(1e19, 1e-19, 1e-33, DAHL_ERR_RANGE, DAHL_OK);
+    const struct {
+        dahl_throughput_params_t params;
+        int by_counts, by_angle;
+    } cases[] = {{{nan, 1, 1}, PARAM, PARAM},          {{1, nan, 1}, PARAM, PARAM},          {{1, 1, nan}, PARAM, OK},
+                 {{0, 1, 1}, PARAM, PARAM},            {{1, -1, 1}, PARAM, PARAM},           {{1, inf, 1}, PARAM, PARAM},
+                 {{1, 1, 0}, PARAM, OK},               {{1, 1, -1}, PARAM, OK},              {{1e30, 1, 1}, RANGE, RANGE},
+                 {{1, 1e-30, 1}, RANGE, RANGE},        {{1, 1, 1e-10}, RANGE, OK},           {{1, 1, 1048576}, RANGE, OK},
+                 {{1, 1, 1048575}, OK, OK},            {{3, 1, 349525}, OK, OK},             {{3, 1, 349526}, RANGE, OK}, /* 2^20/3 */
+                 {{1, 3, 0x1.800001p-29}, OK, OK},     {{1, 3, 0x1.7fffffp-29}, RANGE, OK},  {{0x1p-64, 0x1p-64, 0x1p-30}, OK, OK},
+                 {{1, 0x1p64, 0x1p63}, RANGE, RANGE},  {{1e19, 1e-19, 1e-33}, RANGE, OK}};
+    for (size_t i = 0; i < 2 * sizeof cases / sizeof cases[0]; i++) {
+        const size_t bad = i % 2;
+        const int by_counts = cases[i / 2].by_counts, by_angle = cases[i / 2].by_angle;
+        dahl_throughput_params_t params[2] = {{1.0, 1.0, 0.1}, {1.0, 1.0, 0.1}};
+        dahl_state_t states[2] = {{77}, {78}};
+        const int32_t counts[2] = {5, 6};
+        const float dtheta[2] = {0.5f, 0.6f};
+        float out[2] = {-3.0f, -3.0f};
+        params[bad] = cases[i / 2].params;
+        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts(&params[bad], states, counts, out, by_counts == OK ? 0 : 2));
+        TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput(&params[bad], states, dtheta, out, by_angle == OK ? 0 : 2));
+        TEST_ASSERT_EQUAL_INT(by_counts, dahl_throughput_counts_channels(params, states, 2, counts, out, by_counts == OK ? 0 : 1));
+        TEST_ASSERT_EQUAL_INT(by_angle, dahl_throughput_channels(params, states, 2, dtheta, out, by_angle == OK ? 0 : 1));
+        TEST_ASSERT_TRUE(states[0].w == 77 && states[1].w == 78 && out[0] < -2.0f && out[1] < -2.0f);
+    }
 }
 
 static void test_a_plan_of_zeros_gives_no_torque(void)
@@ -475,24 +450,4 @@ static void test_a_plan_of_zeros_gives_no_torque(void)
             assert_same(&F[i], &none, 1);
         }
     }
-}
-
-/* The relative error of a kernel of the throughput forms over travel least .. most, against expm1l. */
-static double kernel_error(dahl_g_t g_of, double least, double most)
-{
-    long double worst = 0;
-    for (double u = least; u <= most; u *= 1.00001) {
-        long double exact = -expm1l(-(long double)u), error = fabsl(g_of(u) / exact - 1);
-        worst = error > worst ? error : worst;
-        TEST_ASSERT_TRUE(g_of(-u) == -g_of(u));
-    }
-    return (double)worst;
-}
-
-static void test_throughput_kernels(void)
-{
-    TEST_ASSERT_TRUE(kernel_error(dahl_g_tiny, 1e-9, DAHL_LN2 / 128) <= DAHL_G_ERROR_TINY);
-    TEST_ASSERT_TRUE(kernel_error(dahl_g_small, 1e-9, DAHL_LN2) <= DAHL_G_ERROR);
-    TEST_ASSERT_TRUE(kernel_error(dahl_g_any, 1e-6, 100) <= DAHL_G_ERROR);
-    TEST_ASSERT_TRUE(kernel_error(dahl_g_tiny, 1e-9, DAHL_LN2) > DAHL_G_ERROR); /* it is for short travel only */
 }

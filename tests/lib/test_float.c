@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The literal float form: the same laws with its own bound, and as a cross-check of the core. */
+/* The literal float form: its bound on every hard motion, its laws, and travel that its numbers can or cannot hold. */
 #include <float.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -66,6 +66,7 @@ static void test_bound(void)
     TEST_ASSERT_TRUE(over_all > 0.3L); /* the bound is not slack beyond use */
 }
 
+/* Odd, within Fc, and no motion leaves every bit: also of the one before the first. */
 static void test_laws(void)
 {
     dahl_params_t p = params_for(0.02, 1.3f);
@@ -73,11 +74,14 @@ static void test_laws(void)
     dahl_float_state_t x = {0}, y = {0};
     motion_t m = MOTION_START;
     for (int t = 0; t < TEST_TICKS / 10; t++) {
-        int32_t d = motion_walk(&m);
+        int32_t d = t == 0 ? 0 : motion_walk(&m);
         float F = dahl_float_step_counts(&plan, &x, d);
+        const dahl_float_state_t before = x;
         TEST_ASSERT_TRUE(F >= -p.Fc && F <= p.Fc);
         TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &y, -d) == -F);
-        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &x, 0) == F);
+        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &x, 0) == F && dahl_float_step(&plan, &x, 0.0f) == F);
+        TEST_ASSERT_TRUE(dahl_float_step(&plan, &x, -0.0f) == F && dahl_float_step(&plan, &x, NAN) == F);
+        TEST_ASSERT_EQUAL_MEMORY(&before, &x, sizeof x);
     }
 }
 
@@ -130,49 +134,26 @@ static void test_travel_beyond_its_number(void)
     }
 }
 
-/* Steps in one direction, some large enough to bury the small ones in a float sum; none is a power of two. */
-static float step_equal(motion_t *m, float step)
-{
-    m->tick++;
-    return step;
-}
-
-static float step_uneven(motion_t *m, float step)
-{
-    return -step * (float)(motion_random(m) >> 8) * 0x1.3p-24f;
-}
-
-static float step_after_a_push(motion_t *m, float step)
-{
-    return m->tick++ == 0 ? 0.0047f : step;
-}
-
-static void assert_one_way(const dahl_params_t *p, float (*next)(motion_t *, float), float step)
-{
-    dahl_float_plan_t plan = float_plan_for(p);
-    dahl_float_state_t state = {0};
-    reference_t exact = reference_by_angle(p);
-    motion_t m = MOTION_START;
-    for (int t = 0; t < 10 * TEST_TICKS; t++) {
-        float dtheta = next(&m, step);
-        float F = dahl_float_step(&plan, &state, dtheta);
-        exact.direction = dtheta > 0 ? 1 : -1;
-        exact.travel += fabsf(dtheta);
-        if (t % 101 == 0) {
-            TEST_ASSERT_TRUE(fabsl(F / p->Fc - reference_w(&exact)) <= (long double)DAHL_FLOAT_ERROR);
-        }
-    }
-}
-
-/* Without a reversal nothing accumulates, however many steps the travel is made of. */
+/* Without a reversal nothing accumulates, however many steps the travel is made of: equal ones, uneven ones, and small ones after
+ * one that would bury them in a float sum. */
 static void test_many_small_steps_one_way(void)
 {
-    static float (*const ways[])(motion_t *, float) = {step_equal, step_uneven, step_after_a_push};
+    static const float sizes[] = {1e-3f, 1e-6f, 1e-8f};
     const dahl_params_t p = {123.4f, 0.7f, 0.0f};
-    for (size_t k = 0; k < sizeof ways / sizeof ways[0]; k++) {
-        assert_one_way(&p, ways[k], 1e-3f * p.Fc / p.sigma0);
-        assert_one_way(&p, ways[k], 1e-6f * p.Fc / p.sigma0);
-        assert_one_way(&p, ways[k], 1e-8f * p.Fc / p.sigma0);
+    dahl_float_plan_t plan = float_plan_for(&p);
+    for (size_t k = 0; k < 9; k++) {
+        const float step = sizes[k / 3] * p.Fc / p.sigma0;
+        dahl_float_state_t state = {0};
+        reference_t exact = reference_by_angle(&p);
+        motion_t m = MOTION_START;
+        for (int t = 0; t < 10 * TEST_TICKS; t++) {
+            const float uneven = -step * (float)(motion_random(&m) >> 8) * 0x1.3p-24f;
+            const float dtheta = k % 3 == 0 ? step : k % 3 == 1 ? uneven : t == 0 ? 0.0047f : step;
+            const float F = dahl_float_step(&plan, &state, dtheta);
+            exact.direction = dtheta > 0 ? 1 : -1;
+            exact.travel += fabsf(dtheta);
+            TEST_ASSERT_TRUE(t % 101 != 0 || fabsl(F / p.Fc - reference_w(&exact)) <= (long double)DAHL_FLOAT_ERROR);
+        }
     }
 }
 
@@ -183,46 +164,12 @@ static void test_travel_fills_its_number(void)
     dahl_float_plan_t plan = float_plan_for(&p), slow_plan = float_plan_for(&slow);
     dahl_float_state_t by_angle = {0}, by_counts = {0.25f, UINT32_MAX - 5u, 0, 1};
     for (int t = 0; t < 100; t++) {
-        float F = dahl_float_step(&plan, &by_angle, FLT_MAX);
-        double u = (t + 1) * ((double)FLT_MAX * (double)p.sigma0 / (double)p.Fc);
-        TEST_ASSERT_TRUE(fabs((double)(F / p.Fc) + expm1(-u)) <= DAHL_FLOAT_ERROR);
+        double F = (double)(dahl_float_step(&plan, &by_angle, FLT_MAX) / p.Fc);
+        TEST_ASSERT_TRUE(fabs(F + expm1(-(t + 1) * ((double)FLT_MAX * (double)p.sigma0 / (double)p.Fc))) <= DAHL_FLOAT_ERROR);
         TEST_ASSERT_TRUE(by_angle.w_reversal == 0.0f);
     }
     (void)dahl_float_step_counts(&slow_plan, &by_counts, 5);
     TEST_ASSERT_TRUE(by_counts.counts == UINT32_MAX && by_counts.w_reversal == 0.25f);
     (void)dahl_float_step_counts(&slow_plan, &by_counts, 1);
     TEST_ASSERT_TRUE(by_counts.counts == 1 && by_counts.w_reversal > 0.25f);
-}
-
-/* No motion leaves every bit: also of the one before the first. */
-static void test_no_motion_leaves_the_state(void)
-{
-    dahl_params_t p = {100.0f, 1.0f, 1e-4f};
-    dahl_float_plan_t plan = float_plan_for(&p);
-    for (int32_t d = -1; d <= 1; d++) {
-        dahl_float_state_t state = {0}, start = {0};
-        (void)dahl_float_step_counts(&plan, &state, d);
-        start = state;
-        (void)dahl_float_step_counts(&plan, &state, 0);
-        (void)dahl_float_step(&plan, &state, 0.0f);
-        (void)dahl_float_step(&plan, &state, -0.0f);
-        (void)dahl_float_step(&plan, &state, NAN);
-        TEST_ASSERT_EQUAL_MEMORY(&start, &state, sizeof start);
-    }
-}
-
-/* The cross-check of the core: two forms that share no code agree within the sum of their bounds. */
-static void test_agrees_with_core(void)
-{
-    dahl_params_t p = params_for(0.3, 0.0371f);
-    dahl_float_plan_t plan = float_plan_for(&p);
-    dahl_plan_t core = plan_for(&p);
-    dahl_float_state_t x = {0};
-    dahl_state_t y = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < TEST_TICKS; t++) {
-        int32_t d = motion_leap(&m) >> 20;
-        float F = dahl_float_step_counts(&plan, &x, d), G = dahl_step_counts(&core, &y, d);
-        TEST_ASSERT_TRUE(fabsl((long double)F - G) <= 4.9L * (long double)DAHL_FLOAT_ERROR * p.Fc + ulp_of(p.Fc));
-    }
 }

@@ -1,18 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases P1 to P8, P11 to P14, P16 and P17 of the design: each is somebody's real failure. P9 is fact 7 in test_laws.c, P10
- * in test_accuracy.c (P13 too), P14 for parameters and P15 in test_params.c. */
-#include "bits.h"
+/* Cases of the design that are somebody's real failure, by their number. Those that hold for every model are in test_accuracy.c (P10
+ * and P13 for every motion), test_laws.c (P8, P9, P16) and test_params.c (P14 for parameters, P15). */
+#include "motions.h"
 #include "plans.h"
-
-#define BITS_OF_TINY_MOTION 0xd2d1c3121159a13u
-
-#ifndef TEST_ZERO_TICKS
-#define TEST_ZERO_TICKS 100000000
-#endif
-
-#ifndef TEST_TICKS
-#define TEST_TICKS 200000
-#endif
 
 #ifndef TEST_FINEST_BITS
 #define TEST_FINEST_BITS 24
@@ -62,42 +52,6 @@ static void test_p03_loop_tip(void)
     TEST_ASSERT_DOUBLE_WITHIN(1e-7, tanh(1.0), sine_peak(1.0f, 1.0, 40));
 }
 
-static void test_p04_split_in_seven(void)
-{
-    dahl_params_t p = params_for(0.013, 0.0371f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t whole = {0}, parts = {0}, angle = {0}, angle_parts = {0};
-    motion_t m = MOTION_START;
-    for (int t = 0; t < 20000; t++) {
-        int32_t d = (int32_t)(motion_random(&m) % 401u) - 200;
-        float F = dahl_step_counts(&plan, &whole, 7 * d), by_angle = dahl_step(&plan, &angle, (float)(7 * d) * 0x1p-12f);
-        float F7 = 0, by_angle7 = 0;
-        for (int i = 0; i < 7; i++) {
-            F7 = dahl_step_counts(&plan, &parts, d);
-            by_angle7 = dahl_step(&plan, &angle_parts, (float)d * 0x1p-12f);
-        }
-        TEST_ASSERT_TRUE(fabsl((long double)F - F7) <= 1.04L * ulp_of(p.Fc));
-        TEST_ASSERT_TRUE(fabsl((long double)by_angle - by_angle7) <= 1.2L * ulp_of(p.Fc));
-    }
-}
-
-/* 20- and 24-bit encoders, a = 20/rad, to saturation and back by single counts: the 1-exp form loses 4e-3. */
-static void test_p05_fine_encoders(void)
-{
-    for (int bits = 20; bits <= TEST_FINEST_BITS; bits += 4) {
-        dahl_params_t p = {20.0f, 1.0f, (float)(6.283185307179586 / (1 << bits))};
-        dahl_plan_t plan = plan_for(&p);
-        dahl_state_t state = {0}, by_angle = {0};
-        reference_t exact = reference_by_counts(&p), exact_angle = reference_by_angle(&p);
-        for (int t = 0; t < 4 << (bits - 3); t++) {
-            int d = t < 3 << (bits - 3) ? 1 : -1;
-            assert_torque(reference_move(&exact, d), &p, dahl_step_counts(&plan, &state, d), DAHL_ULP_COUNTS);
-            float dtheta = (float)d * p.theta_per_count;
-            assert_torque(reference_move(&exact_angle, dtheta), &p, dahl_step(&plan, &by_angle, dtheta), DAHL_ULP_ANGLE);
-        }
-    }
-}
-
 /* Amplitude 1e-12 rad: 1e-6 of F while F > 1e-12 Fc (1-exp loses 3e-6 even in double). */
 static void test_p06_tiny_motion(void)
 {
@@ -137,22 +91,6 @@ static void test_p06_tiny_motion_by_counts(void)
     }
 }
 
-/* The bits of travel from 2^-29 down to what counts as none: golden_bits.txt does not go so low. */
-static void test_p06_bits_of_tiny_motion(void)
-{
-    dahl_params_t p = {1.3f, 1.0f, 0.0f};
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {0};
-    motion_t m = MOTION_START;
-    uint64_t hash = 14695981039346656037u;
-    for (int t = 0; t < 20000; t++) {
-        float size = ldexpf((float)(motion_random(&m) >> 8 | 0x800000u), -53 - t % 40);
-        hash = bits_fold(hash, bits_of_float(dahl_step(&plan, &state, t % 3 == 0 ? -size : size)));
-        hash = bits_fold(hash, (uint64_t)state.w);
-    }
-    TEST_ASSERT_TRUE(hash == BITS_OF_TINY_MOTION);
-}
-
 /* No dead band: every count that reverses moves the state towards the new side, at every torque. */
 static void test_p07_no_dead_band(void)
 {
@@ -186,22 +124,6 @@ static void test_p07_least_travel_by_angle(void)
     TEST_ASSERT_TRUE(low.w == 1 - one && high.w == one - 1);
 }
 
-static void test_p08_zero_motion(void)
-{
-    dahl_params_t p = params_for(0.01, 1.0f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t state = {0};
-    float F = dahl_step_counts(&plan, &state, 61);
-    int64_t before = state.w;
-    for (int t = 0; t < TEST_ZERO_TICKS; t++) {
-        (void)dahl_step_counts_q30(&plan, &state, 0);
-    }
-    for (int t = 0; t < TEST_ZERO_TICKS / 100; t++) {
-        (void)dahl_step(&plan, &state, 0.0f);
-    }
-    TEST_ASSERT_TRUE(state.w == before && dahl_torque(&plan, &state) == F);
-}
-
 /* +3 -2 inside one sample looks like +1 and is another path; both are exact for what was fed. */
 static void test_p11_hidden_reversal(void)
 {
@@ -219,18 +141,18 @@ static void test_p11_hidden_reversal(void)
     TEST_ASSERT_TRUE(fabsl((long double)net - true_torque) < 2 * p.Fc * -expm1l(-4 * u));
 }
 
+/* The shortest way, half of the modulus as negative, readings modulo n: against its definition for small n, and at the ends. */
 static void test_p12_wraps(void)
 {
-    TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(4095, 0, 4096));
-    TEST_ASSERT_EQUAL_INT32(-1, dahl_counts_between(0, 4095, 4096));
-    TEST_ASSERT_EQUAL_INT32(-2048, dahl_counts_between(0, 2048, 4096));
-    TEST_ASSERT_EQUAL_INT32(2047, dahl_counts_between(1, 2048, 4096));
-    TEST_ASSERT_EQUAL_INT32(2, dahl_counts_between(0xffffffffu, 1, 0));
-    TEST_ASSERT_EQUAL_INT32(INT32_MIN, dahl_counts_between(0, 0x80000000u, 0));
-    TEST_ASSERT_EQUAL_INT32(-1, dahl_counts_between(0, 4294967294u, 4294967295u));
-    TEST_ASSERT_EQUAL_INT32(1, dahl_counts_between(5 * 4096 + 4095, 0, 4096)); /* readings are taken modulo */
-    TEST_ASSERT_EQUAL_INT32(3, dahl_counts_between(0, 5 * 4096 + 3, 4096));
-    TEST_ASSERT_EQUAL_INT32(-2, dahl_counts_between(4096, 0xffffffffu - 1, 4096));
+    static const struct {
+        uint32_t before, now, modulus;
+        int32_t way;
+    } cases[] = {{4095, 0, 4096, 1}, {0, 4095, 4096, -1}, {0, 2048, 4096, -2048}, {1, 2048, 4096, 2047}, {UINT32_MAX, 1, 0, 2},
+                 {3, 0xfffffffeu, 0, -5}, {0, 0x80000000u, 0, INT32_MIN}, {0, 4294967294u, UINT32_MAX, -1}, {5 * 4096 + 4095, 0, 4096, 1},
+                 {0, 5 * 4096 + 3, 4096, 3}, {4096, UINT32_MAX - 1, 4096, -2}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        TEST_ASSERT_EQUAL_INT32(cases[i].way, dahl_counts_between(cases[i].before, cases[i].now, cases[i].modulus));
+    }
     for (uint32_t n = 1; n < 40; n++) {
         for (uint32_t b = 0; b < n; b++) {
             for (uint32_t c = 0; c < n; c++) {
@@ -291,40 +213,4 @@ static void test_p14_subnormal_angles_for_the_stiffest_bristle(void)
     }
     (void)dahl_step(&plan, &state, 0x1p-126f);
     TEST_ASSERT_TRUE(state.w > 4711);
-}
-
-/* Passive: work put in is never less than what is stored, F^2/(2 sigma0), after any random motion; so no closed cycle gives
- * energy. Rounding: half an ulp of Fc of torque changes a bristle energy by Fc/sigma0 times that, once, not per tick. */
-static void test_p16_passive(void)
-{
-    for (double u = 1e-6; u < 10; u *= 7) {
-        dahl_params_t p = params_for(u, 1.3f);
-        dahl_plan_t plan = plan_for(&p);
-        dahl_state_t state = {0};
-        motion_t m = MOTION_START;
-        long double work = 0, F = 0, theta = p.theta_per_count, length = p.Fc / (long double)p.sigma0;
-        for (int t = 0; t < TEST_TICKS; t++) {
-            int32_t d = motion_walk(&m);
-            int s = (d > 0) - (d < 0);
-            long double next = dahl_step_counts(&plan, &state, d), before = work;
-            work += p.Fc * fabsl(d * theta) - s * length * (next - F);
-            long double stored = next * next / (2 * p.sigma0) - F * F / (2 * p.sigma0);
-            TEST_ASSERT_TRUE(work - before - stored >= -2 * ulp_of(p.Fc) * length);
-            F = next;
-        }
-        TEST_ASSERT_TRUE(work >= F * F / (2 * p.sigma0));
-    }
-}
-
-static void test_p17_int32_min(void)
-{
-    for (double u = 1e-9; u < 1e-6; u *= 3) {
-        dahl_params_t p = params_for(u, 1.0f);
-        dahl_plan_t plan = plan_for(&p);
-        dahl_state_t state = {0};
-        reference_t exact = reference_by_counts(&p);
-        assert_torque(reference_move(&exact, -2147483648.0L), &p, dahl_step_counts(&plan, &state, INT32_MIN), DAHL_ULP_COUNTS);
-        assert_torque(reference_move(&exact, 2147483647.0L), &p, dahl_step_counts(&plan, &state, INT32_MAX), DAHL_ULP_COUNTS);
-    }
-    TEST_ASSERT_EQUAL_INT32(-5, dahl_counts_between(3, 0xfffffffeu, 0));
 }

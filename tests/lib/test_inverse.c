@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_counts_to_torque: each move that it finds is tried, and so is the one that is a count shorter; dahl_tip_torque against
- * tanh in long double, and against a loop that is run until it repeats. */
+/* dahl_counts_to_torque: each move that it finds is tried, and so is the one that is a count shorter; dahl_tip_torque against tanh
+ * in long double (test_laws.c runs such a loop until it repeats). */
 #include "dahl_parts.h"
 #include "motions.h"
 #include "plans.h"
-
-#include <stdlib.h>
 
 #ifndef TEST_TICKS
 #define TRIES 20000
@@ -60,30 +58,6 @@ static void test_the_least_move_to_a_torque(void)
     }
 }
 
-/* Each shorter move is tried, where a count is more than any rounding. */
-static void test_no_shorter_move_reaches(void)
-{
-    motion_t m = MOTION_START;
-    int tried = 0;
-    for (size_t i = 3; i < TRAVELS; i++) {
-        dahl_params_t p = params_for(travels[i], 0.5f);
-        dahl_plan_t plan = plan_for(&p);
-        for (int k = 0; k < TRIES / 20; k++) {
-            dahl_state_t state = {0};
-            int32_t n = 0;
-            dahl_set_torque(&plan, &state, random_torque(&m, p.Fc));
-            float F = random_torque(&m, p.Fc);
-            if (dahl_counts_to_torque(&plan, &state, F, &n) != DAHL_OK) {
-                continue; /* beyond Fc */
-            }
-            for (int32_t shorter = 1; shorter < abs(n); shorter++, tried++) {
-                TEST_ASSERT_TRUE(n > 0 ? after(&plan, state, shorter) < F : after(&plan, state, -shorter) > F);
-            }
-        }
-    }
-    TEST_ASSERT_GREATER_THAN_INT(1000, tried);
-}
-
 /* The ends, and what stands beside them: where a count changes the torque by a rounding or by nothing. */
 static void test_the_ends(void)
 {
@@ -98,20 +72,6 @@ static void test_the_ends(void)
                 check_one(&plan, &state, ends[to]);
             }
         }
-    }
-}
-
-/* The way back is the mirrored way there. */
-static void test_odd_symmetry(void)
-{
-    dahl_params_t p = params_for(1e-4, 0.5f);
-    dahl_plan_t plan = plan_for(&p);
-    dahl_state_t relaxed = {0};
-    for (int k = 1; k < 1000; k++) {
-        int32_t forward = 0, backward = 0;
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_counts_to_torque(&plan, &relaxed, p.Fc * (float)k / 1000, &forward));
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_counts_to_torque(&plan, &relaxed, -p.Fc * (float)k / 1000, &backward));
-        TEST_ASSERT_EQUAL_INT32(forward, -backward);
     }
 }
 
@@ -145,29 +105,8 @@ static void test_the_tip_of_a_loop(void)
             TEST_ASSERT_TRUE(error <= 0x1p-30L * exact + 0.51L * ulp_of((float)exact));
         }
     }
-}
-
-static void test_a_loop_ends_at_its_tips(void)
-{
-    dahl_params_t p = params_for(1e-3, 0.5f);
-    dahl_plan_t plan = plan_for(&p);
-    for (int32_t stroke = 10; stroke <= 10000; stroke *= 10) {
-        dahl_state_t state = {0};
-        float up = 0, down = 0;
-        for (int k = 0; k < 10000; k++) {
-            up = dahl_step_counts(&plan, &state, stroke);
-            down = dahl_step_counts(&plan, &state, -stroke);
-        }
-        TEST_ASSERT_FLOAT_WITHIN(2 * (float)ulp_of(p.Fc), dahl_tip_torque(&plan, (uint32_t)stroke), up);
-        TEST_ASSERT_FLOAT_WITHIN(2 * (float)ulp_of(p.Fc), -dahl_tip_torque(&plan, (uint32_t)stroke), down);
-    }
-}
-
-static void test_no_stroke_and_no_plan_have_no_tip(void)
-{
     dahl_params_t p = params_for(1e-3, 0.5f);
     dahl_plan_t plan = plan_for(&p), zeros = {0};
-    TEST_ASSERT_TRUE(dahl_tip_torque(&plan, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_tip_torque(&plan, 0) == 0.0f && dahl_tip_torque(&zeros, 1000) == 0.0f);
     TEST_ASSERT_TRUE(dahl_tip_torque(&plan, UINT32_MAX) == p.Fc);
-    TEST_ASSERT_TRUE(dahl_tip_torque(&zeros, 1000) == 0.0f);
 }

@@ -188,3 +188,10 @@ void check_counts_between(uint32_t before, uint32_t now, uint32_t modulus)
         __CPROVER_assert((uint32_t)way == now - before, "a counter of 32 bits");
     }
 }
+
+void check_to_units(int32_t ratio_q30, uint32_t Fc_units)
+{
+    int32_t units = dahl_to_units(ratio_q30, Fc_units);
+    __CPROVER_assert(ratio_q30 != 0 || units == 0, "no torque, no units");
+    __CPROVER_assert(Fc_units != 1 || (-2 <= units && units <= 2), "of one unit, two at most: a ratio is below 2");
+}

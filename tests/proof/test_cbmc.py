@@ -5,13 +5,14 @@
 
 The checks are functions of cbmc_*.c. Where one calls a function that another check has settled, a
 stand-in takes its place that returns whatever that check allows (goto-instrument --replace-calls).
+Those of the core are made twice: compiler.h and fixed.h have a form for GNU C and one for plain C.
 """
 
 from __future__ import annotations
 
 import re
 import subprocess
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -49,13 +50,14 @@ class Proof:
     harness: str = "cbmc_core.c"
     solver: tuple[str, ...] = ()
     long: bool = False
+    flags: tuple[str, ...] = ()  # -U__GNUC__: the form for other compilers
 
     @property
     def claim(self) -> str:
         return f"{self.function} of tests/proof/{self.harness}"
 
 
-PROOFS = [
+CORE = [
     Proof("check_upper_half", solver=("--z3",)),
     Proof("check_normalise", 65),
     Proof("check_update", instead=PRODUCTS),
@@ -71,6 +73,11 @@ PROOFS = [
     Proof("check_set_torque", 65, PRODUCTS),
     Proof("check_change_plan", 65, PRODUCTS),
     Proof("check_counts_between"),
+    Proof("check_to_units"),
+]
+PROOFS = [
+    *CORE,
+    *(replace(proof, flags=("-U__GNUC__",)) for proof in CORE),
     Proof("check_encoder_move", 33, {"dahl_shortest_way": "any_way"}, "cbmc_encoder.c"),
     Proof("check_encoder_way", 33, {"dahl_shortest_way": "any_way"}, "cbmc_encoder.c"),
     *(
@@ -95,7 +102,7 @@ def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
     as_one(folder)
     includes = [f"-I{path}" for path in (folder, HERE, ROOT)]
-    command = [str(bin_folder / "goto-cc"), "-std=c99", *includes, *INCLUDES]
+    command = [str(bin_folder / "goto-cc"), "-std=c99", *proof.flags, *includes, *INCLUDES]
     command.append(str(HERE / proof.harness))
     run([*command, "--function", proof.function, "-o", whole])
     swaps = [f"--replace-calls={old}:{new}" for old, new in proof.instead.items()]
@@ -122,7 +129,8 @@ def failures(proof: Proof, folder: Path) -> list[str]:
 
 def marked(proof: Proof) -> ParameterSet:
     marks = [pytest.mark.long] if proof.long else []
-    return pytest.param(proof, id=proof.function.removeprefix("check_"), marks=marks)
+    form = "-plain" if proof.flags else ""
+    return pytest.param(proof, id=proof.function.removeprefix("check_") + form, marks=marks)
 
 
 @pytest.mark.parametrize("proof", [marked(proof) for proof in PROOFS])

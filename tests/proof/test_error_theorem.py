@@ -13,36 +13,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-import kernel_tools as tools
 import numpy as np
 import pytest
+import theorem
 from conftest import ROOT
 from mpmath import mp, mpf
-from sources import number
+from sources import INCLUDES, as_one, number
+from theorem import LEAST_TRAVEL, ONE, assert_just_below, float32, floats, travel_error, ulps
 
-mp.prec = 220
-THEOREM = ROOT / "docs" / "accuracy.md"
 COUNTS = [*range(1, 9), *(2**k for k in range(4, 32))]  # of each entry of the table
-ONE = 2**62
-LEAST_TRAVEL = mpf(2) ** -30
-
-
-def read_constants(text: str) -> dict[str, mpf]:
-    """The table of the theorem: 2^-31, 1/6, 2.02."""
-    rows = re.findall(r"^\| (\w+) \| ([\d.^/-]+) \|", text, re.MULTILINE)
-    return {name: value_of(value) for name, value in rows}
-
-
-def value_of(text: str) -> mpf:
-    if "^" in text:
-        base, exponent = text.split("^")
-        return mpf(int(base)) ** int(exponent)
-    return mpf(Fraction(text).numerator) / Fraction(text).denominator
-
-
-@pytest.fixture(scope="module")
-def constants() -> dict[str, mpf]:
-    return read_constants(THEOREM.read_text())
 
 
 @dataclass(frozen=True)
@@ -69,8 +48,7 @@ class Plan:
 def prepare(lib: ctypes.CDLL, sigma0: float, Fc: float, theta: float) -> Plan:  # noqa: N803
     lib.dahl_torque.restype = ctypes.c_float
     words = (ctypes.c_uint32 * 78)()
-    params = (ctypes.c_float * 3)(sigma0, Fc, theta)
-    assert lib.dahl_prepare(words, params) == 0
+    assert lib.dahl_prepare(words, floats(sigma0, Fc, theta)) == 0
     return Plan(lib, words)
 
 
@@ -79,8 +57,9 @@ def lib(library: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(library))
 
 
-def float32(x: float) -> float:
-    return float(np.float32(x))
+@pytest.fixture(scope="module")
+def constants() -> dict[str, mpf]:
+    return theorem.constants()
 
 
 def random_plan(lib: ctypes.CDLL, low: float, high: float) -> tuple[Plan, mpf]:
@@ -112,12 +91,6 @@ def check_steps(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
             most_d, most_t = max(most_d, abs(d)), max(most_t, mpf(t.numerator) / t.denominator)
     assert most_d > 0.99 * k["gap_rounding"] * ONE
     assert most_t > 0.99
-
-
-def travel_error(k: dict[str, mpf], u: mpf) -> mpf:
-    """The k of the theorem."""
-    least = k["first_entry_units"] * mpf(2) ** -64 / u + k["series"] * u * u
-    return least * (1 + mpf(2) ** -15)
 
 
 def check_fine_table(lib: ctypes.CDLL, k: dict[str, mpf]) -> None:
@@ -216,15 +189,6 @@ def error_by_angle(k: dict[str, mpf], ticks: float) -> mpf:
     return always - cut / mp.expm1(-LEAST_TRAVEL) + ticks * (cut + k["kernel_units"] / 2**64)
 
 
-def ulps(k: dict[str, mpf], e: mpf) -> mpf:
-    """Fc is less than 2^24 of its ulps."""
-    return k["output"] + e * 2**24
-
-
-def assert_just_below(bound: mpf, said: float, slack: float) -> None:
-    assert said * (1 - slack) <= bound <= said
-
-
 def test_sums_lead_to_the_header(constants: dict[str, mpf]) -> None:
     k = constants
     worst = error(k, LEAST_TRAVEL)
@@ -254,7 +218,9 @@ def test_sensitivity_is_the_integral(constants: dict[str, mpf]) -> None:
 
 def nearest(tmp_path: Path, k: int, ticks: int) -> tuple[float, float]:
     """error_theorem.c: the error after dither, and of the Q30 result after a leap, of Fc."""
-    program = tools.build(tmp_path, "tests/proof/error_theorem.c")
+    program, main = tmp_path / "error_theorem", ROOT / "tests/proof/error_theorem.c"
+    command = ["gcc", "-std=c99", "-O2", "-ffp-contract=off", *INCLUDES, main, as_one(tmp_path)]
+    subprocess.run([*command, "-o", program, "-lm"], check=True, timeout=120)
     words = [program, str(k), str(ticks)]
     text = subprocess.run(words, capture_output=True, text=True, check=True, timeout=1000).stdout
     dither, leap = (math.ldexp(float(x), -31) for x in re.findall(r"-?[\d.]+", text))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""docs/accuracy.md on asymmetric, loaded and elasto-plastic friction: constants against measured
-worst cases, sums against the header.
+"""docs/accuracy.md on slip elements, asymmetric, loaded and elasto-plastic friction: constants
+against measured worst cases, in exact fractions, sums against the header.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import theorem
 from mpmath import mp, mpf
 from sources import number
-from test_error_theorem import LEAST_TRAVEL, THEOREM, read_constants, travel_error, ulps
+from theorem import LEAST_TRAVEL, ONE, assert_just_below, float32, floats, travel_error, ulps
 
-mp.prec = 220
-ONE = 2**62
 PARTS = "dahl_parts.h"
+MOST = 8  # slip elements
 
 
 class DahlPlan(ctypes.Structure):
@@ -56,6 +56,36 @@ class LoadedState(ctypes.Structure):
     _fields_ = [("w", ctypes.c_int64), ("load_q30", ctypes.c_uint32)]
 
 
+class SlipParams(ctypes.Structure):
+    """dahl_slip_params_t"""
+
+    _fields_ = [
+        ("elements", ctypes.c_uint32),
+        ("theta_per_count", ctypes.c_float),
+        ("sigma0", ctypes.c_float * MOST),
+        ("Fc", ctypes.c_float * MOST),
+    ]
+
+
+class SlipElement(ctypes.Structure):
+    """dahl_slip_element_t"""
+
+    _fields_ = [("limit", ctypes.c_uint32), ("weight", ctypes.c_uint32)]
+
+
+class SlipPlan(ctypes.Structure):
+    """dahl_slip_plan_t"""
+
+    _fields_ = [
+        ("full", ctypes.c_uint64),
+        ("Fc_mantissa", ctypes.c_uint32),
+        ("Fc_exponent", ctypes.c_int32),
+        ("elements", ctypes.c_uint32),
+        ("element", SlipElement * MOST),
+        ("shift", ctypes.c_uint8 * MOST),
+    ]
+
+
 @pytest.fixture(scope="module")
 def lib(library: Path) -> ctypes.CDLL:
     return ctypes.CDLL(str(library))
@@ -63,15 +93,44 @@ def lib(library: Path) -> ctypes.CDLL:
 
 @pytest.fixture(scope="module")
 def constants() -> dict[str, mpf]:
-    return read_constants(THEOREM.read_text())
+    return theorem.constants()
 
 
-def float32(x: float) -> float:
-    return float(np.float32(x))
+def random_slip_params() -> SlipParams:
+    """Travel of a count of 2^-29 to 2, shares that are alike or differ by 2^60."""
+    params = SlipParams(random.randint(1, MOST), np.float32(random.uniform(0.5, 1)))
+    spread = random.choice((0, 1, 4, 60))
+    for k in range(params.elements):
+        params.Fc[k] = random.uniform(1, 2) * 2.0 ** (30 - random.uniform(0, spread))
+        params.sigma0[k] = params.Fc[k] * 2.0 ** random.uniform(-28, 0)
+    return params
 
 
-def floats(*values: float) -> ctypes.Array[ctypes.c_float]:
-    return (ctypes.c_float * len(values))(*values)
+def test_slip_elements(lib: ctypes.CDLL, constants: dict[str, mpf]) -> None:
+    k = {name: Fraction(float(value)) for name, value in constants.items()}
+    random.seed(1)
+    worst_limit = worst_weight = Fraction(0)
+    for _ in range(4000):
+        params, plan = random_slip_params(), SlipPlan()
+        assert lib.dahl_slip_prepare(ctypes.byref(plan), ctypes.byref(params)) == 0
+        total = sum(Fraction(params.Fc[i]) for i in range(params.elements))
+        weights = Fraction(0)
+        for i in range(params.elements):
+            element, Fc = plan.element[i], Fraction(params.Fc[i])  # noqa: N806
+            travel = Fraction(params.sigma0[i]) * Fraction(params.theta_per_count)
+            limit_error = abs(element.limit - Fc / travel * 2 ** plan.shift[i])
+            assert 2**30 <= element.limit < 2**31 and limit_error <= k["limit_units"]
+            worst_limit = max(worst_limit, limit_error)
+            weights += abs(element.weight * element.limit - Fc / total * ONE)
+        limits = sum(element.limit for element in plan.element[: params.elements])
+        assert weights <= k["weight_units"] * limits
+        worst_weight = max(worst_weight, weights / limits)
+        assert plan.full == sum(e.weight * e.limit for e in plan.element[: params.elements])
+        assert abs(plan.full - ONE) <= k["full_excess"] * ONE
+        excess = plan.Fc_mantissa - total / Fraction(2) ** plan.Fc_exponent
+        assert 0 <= excess <= 1 and 2**31 <= plan.Fc_mantissa
+    assert worst_limit > Fraction(99, 100) * k["limit_units"]
+    assert worst_weight > Fraction(9, 10) * k["weight_units"]
 
 
 def test_ends(lib: ctypes.CDLL, constants: dict[str, mpf]) -> None:
@@ -143,22 +202,23 @@ def test_elastoplastic(lib: ctypes.CDLL, constants: dict[str, mpf]) -> None:
     assert 0.4 * k["kernel"] < most_crossing <= k["kernel"] + k["crossing"]
 
 
-def assert_below(bound: mpf, said: float, slack: float) -> None:
-    assert said * (1 - slack) <= bound <= said
-
-
 def test_sums_lead_to_the_header(constants: dict[str, mpf]) -> None:
     k = constants
     u, travel, half = LEAST_TRAVEL, travel_error(k, LEAST_TRAVEL), k["gap_rounding"]
     tick = half + k["cut"] / u
     asymmetric = tick + k["end_rounding"] + 4 * travel
-    assert_below(asymmetric + half, number("DAHL_ASYMMETRIC_ERROR_Q30", PARTS), 0.01)
+    assert_just_below(asymmetric + half, number("DAHL_ASYMMETRIC_ERROR_Q30", PARTS), 0.01)
     growth = k["growth_units"] / mpf(2) ** 31
     loaded = max(tick, growth) + 2 * travel
-    assert_below(2 * (loaded + half) + half, number("DAHL_LOADED_ERROR_Q30", PARTS), 0.01)
-    assert_below(max(tick, growth / 2) + 2 * travel + 2 * half, 1.85e-9, 0.03)
+    assert_just_below(2 * (loaded + half) + half, number("DAHL_LOADED_ERROR_Q30", PARTS), 0.01)
+    assert_just_below(max(tick, growth / 2) + 2 * travel + 2 * half, 1.85e-9, 0.03)
     elastoplastic = max(k["kernel"] + k["crossing"], tick)
     elastoplastic += 2 * k["count_units"] / ONE / u + travel + k["breakaway_rounding"]
-    assert_below(elastoplastic + half, number("DAHL_ELASTOPLASTIC_ERROR_Q30", PARTS), 0.02)
+    assert_just_below(elastoplastic + half, number("DAHL_ELASTOPLASTIC_ERROR_Q30", PARTS), 0.02)
     for most in (ulps(k, asymmetric), ulps(k, loaded) + mpf(1) / 128, ulps(k, elastoplastic)):
         assert most <= number("DAHL_ULP_PARTS", PARTS)
+    for elements in (1, MOST):
+        slip = 4 * k["limit_units"] / mpf(2) ** 31
+        slip += k["weight_units"] * (2 * elements - 1) / mpf(2) ** 32
+        assert slip + half <= number("DAHL_SLIP_ERROR_Q30", PARTS)
+        assert ulps(k, slip) <= number("DAHL_ULP_PARTS", PARTS)

@@ -40,8 +40,9 @@ UNITY = ROOT / "build/deps/unity"
 UNITS = [*sources.ALL, *sources.NODE, ROOT / "port/slcan/slcan.c"]
 HEADERS = [path for path in sources.LIB.rglob("*.h") if path.parent.name != "include"]
 FLAGS = ["-std=c99", "-w", "-O1", "-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000"]
-FLAGS += ["-DTEST_ZERO_TICKS=100000", "-DTEST_KERNEL_STRIDE=65537u", "-DTEST_FINEST_BITS=20"]
-TESTS = ["port/test_frames", "port/test_node", "port/test_slcan"]
+FLAGS += ["-DTEST_KERNEL_STRIDE=65537u", "-DTEST_FINEST_BITS=20"]
+TESTS = ["port/test_frames", "port/test_node", "port/test_node_params", "port/test_node_laws"]
+TESTS += ["port/test_slcan"]
 TESTS += [f"lib/{path.stem}" for path in sorted((ROOT / "tests/lib").glob("test_*.c"))]
 SECONDS = 60  # of a test program; more is an endless loop
 

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * The contract of every model, along any walk: the torque and the Q30 result within what the header promises of the exact solution,
+ * both forms leave one state, 0 counts change nothing, the mirrored walk, split travel, and both ends. The unit tests walk the hard
+ * motions, the fuzzer any moves with any parameters. Who includes this defines HOLDS(condition, words).
+ */
+#ifndef LAWS_H
+#define LAWS_H
+
+#include "models.h"
+
+enum { ALL_THE_WAY = 32 }; /* moves of INT32_MAX: 64 presliding lengths at least */
+
+/* One model with one plan, and the states of a walk by its different forms. */
+typedef struct {
+    const model_t *model;
+    const set_t *set;
+    any_plan_t plan;
+    any_state_t state, by_q30, mirrored, in_parts;
+    exact_t exact;
+} subject_t;
+
+static inline float subject_step(const subject_t *subject, any_state_t *state, int32_t counts, uint32_t load)
+{
+    const move_t move = {counts, load};
+    return subject->model->step(&subject->plan, state, subject->set, move);
+}
+
+/* Relaxed, with a plan; 0: these parameters are refused. */
+static inline int subject_begin(subject_t *subject, const model_t *model, const set_t *set)
+{
+    memset(subject, 0, sizeof *subject);
+    subject->model = model;
+    subject->set = set;
+    exact_begin(&subject->exact, model, set);
+    return model->prepare(&subject->plan, set) == DAHL_OK;
+}
+
+static inline void check_exact(subject_t *s, move_t move, float F)
+{
+    const long double ratio = s->model->exact(&s->exact, move), whole = whole_of(s->model, s->set);
+    HOLDS(fabsl(F - ratio * whole) <= (long double)s->model->ulps * ulp_now(s->model, s->set, move), "the torque is exact");
+    HOLDS(s->model->has_load || (float)whole != whole || fabsf(F) <= (float)whole, "never beyond Fc, where a float has it");
+    if (s->model->step_q30 != NULL) {
+        int32_t q30 = s->model->step_q30(&s->plan, &s->by_q30, move);
+        HOLDS(fabsl(q30 * (long double)DAHL_Q30 - ratio) <= (long double)s->model->q30_error, "the Q30 result is exact");
+        HOLDS(memcmp(&s->by_q30, &s->state, sizeof s->state) == 0, "both forms leave one state");
+    }
+}
+
+static inline void check_symmetry(subject_t *s, move_t move, float F)
+{
+    const any_state_t before = s->state;
+    HOLDS(subject_step(s, &s->state, 0, move.load_q30) == F, "no counts, the same torque");
+    HOLDS(memcmp(&before, &s->state, sizeof before) == 0, "no counts change nothing");
+    if (s->model->is_odd) {
+        HOLDS(subject_step(s, &s->mirrored, -move.counts, move.load_q30) == -F, "odd symmetry");
+    }
+    if (s->model->is_split) {
+        any_state_t further = s->state;
+        (void)subject_step(s, &s->in_parts, move.counts / 3, move.load_q30);
+        HOLDS(subject_step(s, &s->in_parts, move.counts - move.counts / 3, move.load_q30) == F, "travel may be split");
+        HOLDS(memcmp(&s->in_parts, &s->state, sizeof s->state) == 0, "split travel leaves one state");
+        HOLDS(subject_step(s, &further, 1, move.load_q30) >= F, "the torque never falls with travel");
+    }
+}
+
+/* One direction ends at its Fc; a float that is the sum of Fc, where they are several. */
+static inline void check_ends(subject_t *s)
+{
+    const int is_asymmetric = s->model->prepare == asymmetric_prepare;
+    const long double whole = whole_of(s->model, s->set), backward = is_asymmetric ? asymmetric_params(s->set).Fc_backward : whole;
+    const long double forward = is_asymmetric ? s->set->p.Fc : whole, slack = is_asymmetric ? 0x1p-23L * whole : 0.51L * ulp_of_sum(whole);
+    float F = 0, G = 0;
+    for (int i = 0; i < ALL_THE_WAY; i++) {
+        F = subject_step(s, &s->state, INT32_MAX, ONE_Q30);
+    }
+    for (int i = 0; i < ALL_THE_WAY; i++) {
+        G = subject_step(s, &s->state, INT32_MIN, ONE_Q30);
+    }
+    HOLDS(fabsl(F - forward) <= ((float)forward == forward && !is_asymmetric ? 0 : slack), "all the way forward is Fc");
+    HOLDS(fabsl(G + backward) <= ((float)backward == backward && !is_asymmetric ? 0 : slack), "all the way backward is -Fc");
+}
+
+static inline void check_walk(subject_t *s, const move_t *moves, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const move_t move = {moves[i].counts < -INT32_MAX ? -INT32_MAX : moves[i].counts, moves[i].load_q30}; /* has a mirror */
+        const float F = subject_step(s, &s->state, move.counts, move.load_q30);
+        check_exact(s, move, F);
+        check_symmetry(s, move, F);
+    }
+}
+
+#endif

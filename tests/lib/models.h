@@ -1,0 +1,407 @@
+/* SPDX-License-Identifier: MIT */
+/*
+ * Every model of dahl.h and dahl_parts.h that takes a tick, in one table: how it is prepared, stepped, and what its exact torque is
+ * by the references of reference.h. All have one contract; tests that hold for each model go through this table, and a new
+ * model is a row of it. A model without one of the forms (torque, Q30) has NULL there.
+ */
+#ifndef MODELS_H
+#define MODELS_H
+
+#include <string.h>
+
+#include "dahl_parts.h"
+#include "motions.h"
+#include "reference.h"
+#include "slip_reference.h"
+
+#define ONE_Q30 ((uint32_t)1 << 30)
+#define LOAD_MOST 0x7fffffffu
+
+/* Parameters of one element, and what a model asks for beside them. */
+typedef struct {
+    dahl_params_t p;
+    float more; /* asymmetric: Fc backward over forward; elastoplastic: breakaway; slip, mix: number of slip elements */
+} set_t;
+
+typedef struct {
+    int32_t counts;
+    uint32_t load_q30; /* of the models that follow one */
+} move_t;
+
+typedef union {
+    dahl_plan_t dahl;
+    dahl_slip_plan_t slip;
+    dahl_asymmetric_plan_t asymmetric;
+    dahl_elastoplastic_plan_t elastoplastic;
+    struct {
+        dahl_plan_t dahl;
+        dahl_slip_plan_t slip;
+    } mix;
+} any_plan_t;
+
+typedef union {
+    dahl_state_t dahl;
+    dahl_slip_state_t slip;
+    dahl_loaded_state_t loaded;
+    struct {
+        dahl_state_t dahl;
+        dahl_slip_state_t slip;
+    } mix;
+} any_state_t;
+
+/* What the exact torque of any model depends on. */
+typedef struct {
+    const set_t *set;
+    reference_t curve;
+    slip_reference_t slip;
+    dahl_slip_params_t slip_params;
+    uint32_t load;
+    int64_t counts; /* elastoplastic: since it became elastic */
+    int plastic;    /* elastoplastic: 0, or the direction in which it slides */
+} exact_t;
+
+typedef struct {
+    const char *name;
+    dahl_err_t (*prepare)(any_plan_t *plan, const set_t *set);
+    float (*step)(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move);
+    int32_t (*step_q30)(const any_plan_t *plan, any_state_t *state, move_t move);
+    void (*begin)(exact_t *exact, const set_t *set);
+    long double (*exact)(exact_t *exact, move_t move); /* in parts of the whole */
+    double ulps, q30_error; /* what the header promises, of whole_of() */
+    int by_angle;           /* the move is counts times theta_per_count, as a float */
+    int is_odd;             /* the opposite motion has the opposite torque, bit for bit */
+    int is_split;           /* travel may be split without changing a bit */
+    int has_load;           /* 1: the error is of c Fc; 2: of Fc, or of c Fc where that is more */
+} model_t;
+
+/* --- Dahl's element, by counts and by angle ----------------------------------------------------------------------- */
+
+static inline dahl_err_t dahl_model_prepare(any_plan_t *plan, const set_t *set)
+{
+    return dahl_prepare(&plan->dahl, &set->p);
+}
+
+static inline dahl_err_t angle_prepare(any_plan_t *plan, const set_t *set)
+{
+    const dahl_params_t p = {set->p.sigma0, set->p.Fc, 0.0f}; /* the travel of a count may be too small for a plan */
+    return dahl_prepare(&plan->dahl, &p);
+}
+
+static inline float dahl_model_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    (void)set;
+    return dahl_step_counts(&plan->dahl, &state->dahl, move.counts);
+}
+
+static inline int32_t dahl_model_q30(const any_plan_t *plan, any_state_t *state, move_t move)
+{
+    return dahl_step_counts_q30(&plan->dahl, &state->dahl, move.counts);
+}
+
+static inline float angle_of(const set_t *set, move_t move)
+{
+    volatile float counts = (float)move.counts; /* the float that is fed, whatever the flags */
+    return counts * set->p.theta_per_count;
+}
+
+static inline float angle_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    return dahl_step(&plan->dahl, &state->dahl, angle_of(set, move));
+}
+
+static inline void counts_begin(exact_t *exact, const set_t *set)
+{
+    exact->curve = reference_by_counts(&set->p);
+}
+
+static inline long double counts_exact(exact_t *exact, move_t move)
+{
+    return reference_move(&exact->curve, move.counts);
+}
+
+static inline void angle_begin(exact_t *exact, const set_t *set)
+{
+    exact->curve = reference_by_angle(&set->p);
+}
+
+static inline long double angle_exact(exact_t *exact, move_t move)
+{
+    return reference_move(&exact->curve, (long double)angle_of(exact->set, move));
+}
+
+/* --- slip elements, and a mix of them with one of Dahl's ----------------------------------------------------------- */
+
+/* As many as `more`, whose ways to slipping are spread over three decades, with different shares. */
+static inline dahl_slip_params_t slip_params(const set_t *set)
+{
+    dahl_slip_params_t params = {(uint32_t)set->more, set->p.theta_per_count, {0}, {0}};
+    for (uint32_t k = 0; k < params.elements && k < DAHL_SLIP_MAX; k++) {
+        params.Fc[k] = set->p.Fc / (float)(k % 3 + 1);
+        params.sigma0[k] = set->p.sigma0 / (float)(k % 3 + 1) * (float)pow(10.0, 3.0 * k / (double)set->more);
+    }
+    return params;
+}
+
+static inline dahl_err_t slip_prepare(any_plan_t *plan, const set_t *set)
+{
+    const dahl_slip_params_t params = slip_params(set);
+    return dahl_slip_prepare(&plan->slip, &params);
+}
+
+static inline float slip_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    (void)set;
+    return dahl_slip_step_counts(&plan->slip, &state->slip, move.counts);
+}
+
+static inline int32_t slip_q30(const any_plan_t *plan, any_state_t *state, move_t move)
+{
+    return dahl_slip_step_counts_q30(&plan->slip, &state->slip, move.counts);
+}
+
+static inline void slip_begin(exact_t *exact, const set_t *set)
+{
+    exact->slip_params = slip_params(set);
+    exact->slip = slip_reference(&exact->slip_params);
+}
+
+static inline long double slip_exact(exact_t *exact, move_t move)
+{
+    return slip_reference_move(&exact->slip, move.counts) / slip_reference_Fc(&exact->slip_params);
+}
+
+static inline dahl_err_t mix_prepare(any_plan_t *plan, const set_t *set)
+{
+    const dahl_slip_params_t params = slip_params(set);
+    dahl_err_t slip = dahl_slip_prepare(&plan->mix.slip, &params), dahl = dahl_prepare(&plan->mix.dahl, &set->p);
+    return slip != DAHL_OK ? slip : dahl;
+}
+
+static inline float mix_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    const dahl_part_t parts[] = {DAHL_PART(&plan->mix.dahl, &state->mix.dahl), DAHL_SLIP_PART(&plan->mix.slip, &state->mix.slip)};
+    (void)set;
+    return dahl_parallel_step_counts(parts, 2, move.counts);
+}
+
+static inline int32_t mix_q30(const any_plan_t *plan, any_state_t *state, move_t move)
+{
+    const dahl_part_t parts[] = {DAHL_PART(&plan->mix.dahl, &state->mix.dahl), DAHL_SLIP_PART(&plan->mix.slip, &state->mix.slip)};
+    int32_t shares[2];
+    dahl_parallel_shares(shares, parts, 2);
+    return dahl_parallel_step_counts_q30(parts, shares, 2, move.counts);
+}
+
+static inline void mix_begin(exact_t *exact, const set_t *set)
+{
+    counts_begin(exact, set);
+    slip_begin(exact, set);
+}
+
+static inline long double mix_exact(exact_t *exact, move_t move)
+{
+    long double Fc = exact->set->p.Fc, sum = Fc + slip_reference_Fc(&exact->slip_params);
+    return (counts_exact(exact, move) * Fc + slip_reference_move(&exact->slip, move.counts)) / sum;
+}
+
+/* --- Fc of each direction its own ---------------------------------------------------------------------------------- */
+
+static inline dahl_asymmetric_params_t asymmetric_params(const set_t *set)
+{
+    const dahl_asymmetric_params_t params = {set->p.sigma0, set->p.Fc, set->p.Fc * set->more, set->p.theta_per_count};
+    return params;
+}
+
+static inline dahl_err_t asymmetric_prepare(any_plan_t *plan, const set_t *set)
+{
+    const dahl_asymmetric_params_t params = asymmetric_params(set);
+    return dahl_asymmetric_prepare(&plan->asymmetric, &params);
+}
+
+static inline float asymmetric_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    (void)set;
+    return dahl_asymmetric_step_counts(&plan->asymmetric, &state->dahl, move.counts);
+}
+
+static inline int32_t asymmetric_q30(const any_plan_t *plan, any_state_t *state, move_t move)
+{
+    return dahl_asymmetric_step_counts_q30(&plan->asymmetric, &state->dahl, move.counts);
+}
+
+/* After a reversal the curve leads to the Fc of the new direction, and has its presliding length. */
+static inline long double asymmetric_exact(exact_t *exact, move_t move)
+{
+    const dahl_asymmetric_params_t params = asymmetric_params(exact->set);
+    const long double larger = fmaxf(params.Fc_forward, params.Fc_backward);
+    reference_t *r = &exact->curve;
+    int direction = (move.counts > 0) - (move.counts < 0);
+    if (direction != 0 && direction != r->direction) {
+        const long double Fc = direction < 0 ? params.Fc_backward : params.Fc_forward;
+        reference_anchor(r, reference_w(r));
+        r->direction = direction;
+        r->end = Fc / larger;
+        r->a = params.sigma0 / Fc * params.theta_per_count;
+    }
+    return reference_move(r, move.counts);
+}
+
+/* --- a load: with the stiffness, and without it -------------------------------------------------------------------- */
+
+static inline float loaded_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    (void)set;
+    return dahl_loaded_step_counts(&plan->dahl, &state->loaded, move.counts, move.load_q30);
+}
+
+static inline int32_t loaded_q30(const any_plan_t *plan, any_state_t *state, move_t move)
+{
+    return dahl_loaded_step_counts_q30(&plan->dahl, &state->loaded, move.counts, move.load_q30);
+}
+
+static inline uint32_t load_taken(move_t move)
+{
+    return move.load_q30 < LOAD_MOST ? move.load_q30 : LOAD_MOST;
+}
+
+/* The curve is that of F/(c Fc): a load that falls takes F with it, one that grows leaves F. */
+static inline long double loaded_exact(exact_t *exact, move_t move)
+{
+    const uint32_t load = load_taken(move);
+    if (load > exact->load) {
+        reference_anchor(&exact->curve, reference_w(&exact->curve) * exact->load / load);
+    }
+    exact->load = load;
+    return reference_move(&exact->curve, move.counts) * (load * 0x1p-30L);
+}
+
+static inline float clamped_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    return dahl_clamped_step(&plan->dahl, &state->dahl, angle_of(set, move), move.load_q30);
+}
+
+static inline void clamped_begin(exact_t *exact, const set_t *set)
+{
+    angle_begin(exact, set);
+    exact->curve.end = 0;
+}
+
+/* The curve is that of F/Fc: it ends at the load, within c/a, and F is cut off there when the load falls. */
+static inline long double clamped_exact(exact_t *exact, move_t move)
+{
+    const long double c = load_taken(move) * 0x1p-30L, a = (long double)exact->set->p.sigma0 / exact->set->p.Fc;
+    reference_t *r = &exact->curve;
+    if (c != r->end) {
+        reference_anchor(r, fmaxl(-c, fminl(c, r->end == 0 ? r->w_reversal : reference_w(r))));
+        r->end = c;
+        r->a = c == 0 ? 0 : a / c;
+    }
+    return c == 0 ? 0 : reference_move(r, (long double)angle_of(exact->set, move));
+}
+
+/* --- elasto-plastic ------------------------------------------------------------------------------------------------ */
+
+static inline dahl_err_t elastoplastic_prepare(any_plan_t *plan, const set_t *set)
+{
+    return dahl_elastoplastic_prepare(&plan->elastoplastic, &set->p, set->more);
+}
+
+static inline float elastoplastic_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
+{
+    (void)set;
+    return dahl_elastoplastic_step_counts(&plan->elastoplastic, &state->dahl, move.counts);
+}
+
+static inline int32_t elastoplastic_q30(const any_plan_t *plan, any_state_t *state, move_t move)
+{
+    return dahl_elastoplastic_step_counts_q30(&plan->elastoplastic, &state->dahl, move.counts);
+}
+
+/* Elastic: w is where the last event was and the counts since then. Plastic: the gap shrinks by kappa = 1/(1 - b). */
+static inline long double elastoplastic_w(const exact_t *exact)
+{
+    const reference_t *r = &exact->curve;
+    if (exact->plastic == 0) {
+        return r->w_reversal + exact->counts * r->a;
+    }
+    return r->w_reversal - (exact->plastic - r->w_reversal) * expm1l(-r->travel / (1 - (long double)exact->set->more));
+}
+
+static inline void elastoplastic_event(exact_t *exact, long double w, int plastic)
+{
+    reference_anchor(&exact->curve, w);
+    exact->counts = 0;
+    exact->plastic = plastic;
+}
+
+static inline long double elastoplastic_exact(exact_t *exact, move_t move)
+{
+    const int s = (move.counts > 0) - (move.counts < 0);
+    const long double b = exact->set->more, now = elastoplastic_w(exact), to_breakaway = b - s * now;
+    long double travel = fabsl((long double)move.counts) * exact->curve.a;
+    if (s == 0) {
+        return now;
+    }
+    if (exact->plastic != s && to_breakaway <= 0) { /* back to sliding, with part of the range beyond b still to go */
+        elastoplastic_event(exact, now, s);
+    } else if (exact->plastic != s && travel > to_breakaway) {
+        elastoplastic_event(exact, s * b, s);
+        travel -= to_breakaway;
+    } else if (exact->plastic == -s) {
+        elastoplastic_event(exact, now, 0);
+    }
+    exact->counts += exact->plastic == 0 ? move.counts : 0;
+    exact->curve.travel += travel;
+    return elastoplastic_w(exact);
+}
+
+/* --- all of them --------------------------------------------------------------------------------------------------- */
+
+#define MIX_ERROR_Q30 DAHL_PARALLEL_ERROR_Q30(2)
+
+static const model_t models[] = {
+    {"counts", dahl_model_prepare, dahl_model_step, dahl_model_q30, counts_begin, counts_exact, DAHL_ULP_COUNTS, DAHL_ERROR_Q30,
+     .is_odd = 1},
+    {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1},
+    {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_odd = 1,
+     .is_split = 1},
+    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, DAHL_ULP_PARTS, MIX_ERROR_Q30, .is_odd = 0},
+    {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, counts_begin, asymmetric_exact, DAHL_ULP_PARTS,
+     DAHL_ASYMMETRIC_ERROR_Q30, .is_odd = 0},
+    {"loaded", dahl_model_prepare, loaded_step, loaded_q30, counts_begin, loaded_exact, DAHL_ULP_PARTS, DAHL_LOADED_ERROR_Q30,
+     .is_odd = 1, .has_load = 1},
+    {"clamped", angle_prepare, clamped_step, NULL, clamped_begin, clamped_exact, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1,
+     .has_load = 2},
+    {"elastoplastic", elastoplastic_prepare, elastoplastic_step, elastoplastic_q30, counts_begin, elastoplastic_exact,
+     DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .is_odd = 1},
+};
+enum { MODELS = sizeof models / sizeof models[0] };
+
+/* What a torque of 1 is of: Fc, the larger one, or the sum of them. */
+static inline long double whole_of(const model_t *model, const set_t *set)
+{
+    if (model->step == slip_step || model->step == mix_step) {
+        const dahl_slip_params_t params = slip_params(set);
+        return slip_reference_Fc(&params) + (model->step == mix_step ? set->p.Fc : 0);
+    }
+    return model->step == asymmetric_step ? fmaxf(set->p.Fc, asymmetric_params(set).Fc_backward) : set->p.Fc;
+}
+
+/* One ulp of the torque that the bound is in parts of. */
+static inline long double ulp_now(const model_t *model, const set_t *set, move_t move)
+{
+    const long double whole = whole_of(model, set), c = load_taken(move) * 0x1p-30L;
+    if (model->has_load == 0) {
+        return ulp_of_sum(whole);
+    }
+    return ulp_of((float)(whole * (model->has_load == 1 || c > 1 ? fmaxl(c, 0x1p-30L) : 1)));
+}
+
+static inline void exact_begin(exact_t *exact, const model_t *model, const set_t *set)
+{
+    memset(exact, 0, sizeof *exact);
+    exact->set = set;
+    model->begin(exact, set);
+}
+
+#endif

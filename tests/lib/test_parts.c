@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: MIT */
+/* What only one of the parts has: equal Fc are Dahl's model, a load of 1 has the bits of the plain element, no drift below breakaway,
+ * and loads, torques and breakaways at the ends of their range. */
+#include "models.h"
+#include "plans.h"
+
+#ifndef TEST_TICKS
+#define TEST_TICKS 100000
+#endif
+
+enum { LAW_TICKS = TEST_TICKS < 20000 ? TEST_TICKS : 100000 };
+
+/* Fc exchanged mirrors the motion; with equal Fc it is Dahl's model; each direction ends at its own Fc, exactly. */
+static void test_asymmetric_is_mirrored_and_dahls_where_equal(void)
+{
+    const set_t set = {params_for(0.01, 1.7f), 1.1f / 1.7f};
+    const dahl_asymmetric_params_t p = asymmetric_params(&set), same = {p.sigma0, 1.7f, 1.7f, THETA};
+    const dahl_asymmetric_params_t exchanged = {p.sigma0, p.Fc_backward, p.Fc_forward, THETA};
+    dahl_asymmetric_plan_t plan, mirrored, equal;
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&plan, &p));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&mirrored, &exchanged));
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_asymmetric_prepare(&equal, &same));
+    const dahl_plan_t dahl = plan_for(&set.p);
+    dahl_state_t x = {0}, y = {0}, z = {0}, w = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < 20000; t++) {
+        int32_t d = motion_walk(&m) * (t % 7 == 0 ? 100 : 1);
+        TEST_ASSERT_TRUE(dahl_asymmetric_step_counts(&mirrored, &y, -d) == -dahl_asymmetric_step_counts(&plan, &x, d));
+        TEST_ASSERT_TRUE(fabsf(dahl_asymmetric_step_counts(&equal, &z, d) - dahl_step_counts(&dahl, &w, d)) <= ulp_of(1.7f));
+    }
+    TEST_ASSERT_TRUE(dahl_asymmetric_step_counts(&plan, &x, INT32_MAX) == p.Fc_forward);
+    TEST_ASSERT_TRUE(dahl_asymmetric_step_counts(&plan, &x, INT32_MIN) == -p.Fc_backward);
+}
+
+/* At a load of 1 both models have the bits of the plain element, the one by angle for any float; at half of it, where Fc and sigma0
+ * follow, half the torque, exactly. */
+static void test_load_of_one(void)
+{
+    dahl_params_t p = params_for(0.01, 1.7f);
+    dahl_plan_t plan = plan_for(&p);
+    dahl_loaded_state_t state = {{0}, 0}, half = {{0}, 0}, q30 = {{0}, 0};
+    dahl_state_t plain = {0}, plain_q30 = {0}, clamped = {0}, by_angle = {0};
+    motion_t m = MOTION_START;
+    for (int t = 0; t < LAW_TICKS; t++) {
+        const int32_t d = motion_leap(&m) >> (t % 20);
+        const float F = dahl_step_counts(&plan, &plain, d);
+        TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &state, d, ONE_Q30) == F);
+        TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &half, d, ONE_Q30 / 2) == F / 2);
+        int32_t q = dahl_step_counts_q30(&plan, &plain_q30, d);
+        int32_t rounded = (int32_t)(((int64_t)q + 1 + ((int64_t)1 << 31)) / 2 - ((int64_t)1 << 30)); /* q/2, a half up */
+        TEST_ASSERT_EQUAL_INT32(rounded, dahl_loaded_step_counts_q30(&plan, &q30, d, ONE_Q30 / 2));
+        uint32_t bits = motion_random(&m);
+        float any, dtheta = (float)d * THETA * 1e-6f;
+        memcpy(&any, &bits, sizeof any);
+        dtheta = t % 3 != 0 ? dtheta : any;
+        TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &clamped, dtheta, ONE_Q30) == dahl_step(&plan, &by_angle, dtheta));
+        TEST_ASSERT_TRUE(clamped.w == by_angle.w);
+    }
+}
+
+/* Without motion, load after load: F falls with the load or is cut off by it, is kept when it grows, and is gone once there was
+ * none. With a load that leaves the stiffness, sigma0 is the same under each. */
+static void test_load_alone(void)
+{
+    static const struct {
+        uint32_t load;
+        float loaded, clamped;
+    } ticks[] = {{ONE_Q30, 2, 2},        {ONE_Q30 / 4, 0.5f, 0.5f},        {ONE_Q30 / 2, 0.5f, 0.5f}, {ONE_Q30 / 2 * 3, 0.5f, 0.5f},
+                 {ONE_Q30 / 4 * 3, 0.25f, 0.5f}, {ONE_Q30 / 8, 0.25f / 6, 0.25f}, {0, 0, 0},              {ONE_Q30, 0, 0}};
+    dahl_params_t p = {100.0f, 2.0f, 1e-3f};
+    dahl_plan_t plan = plan_for(&p);
+    dahl_loaded_state_t loaded = {{0}, 0};
+    dahl_state_t clamped = {0};
+    for (size_t i = 0; i < sizeof ticks / sizeof ticks[0]; i++) {
+        float F = dahl_loaded_step_counts(&plan, &loaded, i == 0 ? INT32_MAX : 0, ticks[i].load);
+        TEST_ASSERT_FLOAT_WITHIN(1e-7f * ticks[i].loaded, ticks[i].loaded, F);
+        TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &clamped, i == 0 ? HUGE_VALF : -0.0f, ticks[i].load) == ticks[i].clamped);
+    }
+    TEST_ASSERT_TRUE(loaded.bristle.w == 0 && clamped.w == 0);
+    TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &loaded, INT32_MIN, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &clamped, -5.0f, 0) == 0.0f && clamped.w == 0);
+    for (uint32_t load = ONE_Q30 / 16; load < 2 * ONE_Q30 - ONE_Q30 / 16; load += ONE_Q30 / 16) {
+        clamped.w = 0;
+        TEST_ASSERT_FLOAT_WITHIN(1e-12f, 1e-7f, dahl_clamped_step(&plan, &clamped, 1e-9f, load));
+    }
+    loaded.bristle.w = 0;
+    (void)dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MAX, UINT32_MAX); /* more than the range is the most of it */
+    TEST_ASSERT_EQUAL_INT32(INT32_MAX, dahl_loaded_step_counts_q30(&plan, &loaded, 1, UINT32_MAX));
+    TEST_ASSERT_EQUAL_INT32(-INT32_MAX, dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MIN, 0x80000000u));
+}
+
+/* Torques that no normal float holds are 0, and no load or plan makes one of the others wrong. */
+static void test_loaded_least_torques(void)
+{
+    dahl_params_t p = {0x1p-60f, 0x1p-64f, 0x1p-10f};
+    dahl_plan_t plan = plan_for(&p);
+    motion_t m = MOTION_START;
+    for (int i = 0; i < LAW_TICKS; i++) {
+        uint32_t load = (motion_random(&m) >> (motion_random(&m) % 32u) >> 1) | 1;
+        dahl_loaded_state_t state = {{(int64_t)(motion_random(&m) | 1) << 30 >> (motion_random(&m) % 62u)}, load};
+        dahl_loaded_state_t mirrored = {{-state.bristle.w}, load};
+        long double c_Fc = p.Fc * (load * 0x1p-30L), F = ldexpl(state.bristle.w, -62) * c_Fc;
+        float got = dahl_loaded_step_counts(&plan, &state, 0, load);
+        TEST_ASSERT_TRUE(fabsl(got - F) <= 0.512L * c_Fc * 0x1p-23L && (got == 0.0f || got >= 0x1p-126f));
+        TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &mirrored, 0, load) == -got);
+        TEST_ASSERT_TRUE(F < 0x1p-126L * 0x1p32L || fabsl(got - F) <= 0x1p-24L * 1.02L * F);
+    }
+}
+
+/* What is no number moves nothing, infinity saturates, also where the largest float would not; no load is more than any state. */
+static void test_clamped_ends_of_the_input(void)
+{
+    dahl_params_t p = params_for(0.01, 2.0f), soft = {0x1p-64f, 0x1p63f, 0.0f};
+    dahl_plan_t plan = plan_for(&p), soft_plan = plan_for(&soft);
+    dahl_state_t state = {0}, little = {1};
+    motion_t m = MOTION_START;
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, INFINITY, ONE_Q30 / 2) == 1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, -INFINITY, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, NAN, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, 1e-45f, ONE_Q30 / 2) == -1.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &state, INFINITY, 0) == 0.0f);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&soft_plan, &state, -INFINITY, ONE_Q30) == -soft.Fc);
+    TEST_ASSERT_TRUE(dahl_clamped_step(&plan, &little, 0.0f, 0) == 0.0f && little.w == 0);
+    for (int t = 0; t < LAW_TICKS; t++) { /* any word as a state */
+        dahl_state_t any = {(int64_t)((uint64_t)motion_random(&m) << 32 | motion_random(&m))};
+        uint32_t load = motion_random(&m) >> 1 >> (motion_random(&m) & 31u);
+        float F = dahl_clamped_step(&plan, &any, (float)motion_walk(&m) * THETA, load);
+        TEST_ASSERT_TRUE(fabsf(F) <= (float)((load + 1) * 0x1p-30) * 2.0000002f);
+    }
+}
+
+/* Below breakaway a way to and fro leaves no trace, however often and however it is cut in pieces. */
+static void test_elastoplastic_zero_drift(void)
+{
+    dahl_params_t p = params_for(0.25 / 40, 1.3f);
+    dahl_elastoplastic_plan_t plan;
+    dahl_state_t state = {0};
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_elastoplastic_prepare(&plan, &p, 0.6f));
+    (void)dahl_elastoplastic_step_counts(&plan, &state, 40); /* Fc/4 */
+    const int64_t start = state.w;
+    for (int t = 0; t < 10 * LAW_TICKS; t++) {
+        (void)dahl_elastoplastic_step_counts_q30(&plan, &state, t & 1 ? -1 : 1);
+    }
+    TEST_ASSERT_TRUE(state.w == start);
+    (void)dahl_elastoplastic_step_counts(&plan, &state, -90);
+    (void)dahl_elastoplastic_step_counts(&plan, &state, 45);
+    TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &state, 5) == 0.0f && state.w == 0);
+}
+
+/* Beyond breakaway by any part of a count, down to the least: the slope is continuous there, so what is moved beyond b is
+ * (1 - b)(1 - exp(-kappa rest)). */
+static void test_elastoplastic_crossing_by_little(void)
+{
+    static const double travels[] = {1.0 / (1 << 29), 1e-6, 1e-3};
+    for (size_t i = 0; i < 3 * 60; i++) {
+        dahl_params_t p = params_for(travels[i % 3], 1.0f);
+        dahl_elastoplastic_plan_t plan;
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_elastoplastic_prepare(&plan, &p, 0.5f));
+        long double u = reference_by_counts(&p).a, before = 0.5L - u + ldexpl(u, -(int)(i / 3));
+        dahl_state_t state = {(int64_t)ldexpl(before, 62)};
+        long double rest = ldexpl(state.w, -62) + u - 0.5L;
+        (void)dahl_elastoplastic_step_counts(&plan, &state, 1);
+        long double beyond = ldexpl(state.w, -62) - 0.5L;
+        TEST_ASSERT_TRUE(fabsl(beyond - 0.5L * -expm1l(-2 * rest)) <= 4e-9L * rest + 1e-15L);
+    }
+}
+
+/* Breakaway near 0 and near 1, a count of the least travel and of the most. */
+static void test_elastoplastic_ends_of_the_ranges(void)
+{
+    static const float breakaways[] = {1e-45f, 1e-10f, 0x1p-31f, 0x1.fffffep-1f, 0x1.fffffcp-1f};
+    static const double travels[] = {1.0 / (1 << 29), 1e-3, 1.0, 1.999999, 2.0, 2.000001, 63.9, 64.1, 1e6};
+    const model_t *model = &models[MODELS - 1];
+    for (size_t i = 0; i < 2 * 5 * 9; i++) {
+        const set_t set = {params_for(travels[i / 10], 1.0f), breakaways[i % 5]};
+        motion_t motion = MOTION_START;
+        any_plan_t plan;
+        any_state_t state = {{0}}, q30 = {{0}};
+        exact_t exact;
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, elastoplastic_prepare(&plan, &set));
+        exact_begin(&exact, model, &set);
+        for (int t = 0; t < 3000; t++) {
+            const move_t move = {i % 10 < 5 ? motion_leap(&motion) : motion_two_one(&motion), 0};
+            const long double w = model->exact(&exact, move);
+            TEST_ASSERT_TRUE(fabsl(model->step(&plan, &state, &set, move) - w) <= DAHL_ULP_PARTS * ulp_of(1.0f));
+            TEST_ASSERT_TRUE(fabsl(model->step_q30(&plan, &q30, move) * (long double)DAHL_Q30 - w) <= DAHL_ELASTOPLASTIC_ERROR_Q30);
+        }
+    }
+}

@@ -1,0 +1,234 @@
+/* SPDX-License-Identifier: MIT */
+/* What a client writes to a node: ranges, what is read back, a model that is written as a whole, gain, limit and ramp. */
+#include <unity.h>
+
+#include "node_talk.h"
+#include "random.h"
+
+void setUp(void)
+{
+    talk_begin();
+}
+
+void tearDown(void)
+{
+}
+
+static dahl_plan_t plan_of(float sigma0, float Fc)
+{
+    const dahl_params_t p = {sigma0, Fc, params.theta_per_count};
+    dahl_plan_t plan;
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_prepare(&plan, &p));
+    return plan;
+}
+
+/* Least and most of each setting, and what lies beyond them; what is refused changes nothing. */
+static void test_settings_at_the_ends_of_their_range(void)
+{
+    static const struct {
+        uint8_t param;
+        uint32_t least, most;
+    } ends[] = {{DAHL_FRAMES_PARAM_GAIN, 0, DAHL_NODE_ONE}, {DAHL_FRAMES_PARAM_LIMIT, 0, DAHL_NODE_ONE}, {DAHL_FRAMES_PARAM_RAMP, 0, 60000},
+                {DAHL_FRAMES_PARAM_TIMEOUT, 1, 60000},      {DAHL_FRAMES_PARAM_STEP, 0, INT32_MAX},      {DAHL_FRAMES_PARAM_STATUS, 0, 60000}};
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+        const uint32_t bad[] = {ends[i].most + 1, UINT32_MAX, ends[i].least - 1}; /* the last of 0 is UINT32_MAX again */
+        TEST_ASSERT_TRUE(set_param(ends[i].param, ends[i].most) && set_param(ends[i].param, ends[i].least));
+        TEST_ASSERT_TRUE(set_param(ends[i].param, 5));
+        for (size_t k = 0; k < 3; k++) {
+            const dahl_param_reply_t reply = ask(ends[i].param, DAHL_FRAMES_PARAM_WRITE, bad[k]);
+            TEST_ASSERT_TRUE(reply.result == DAHL_FRAMES_PARAM_OUT_OF_RANGE && reply.value == 5);
+            TEST_ASSERT_EQUAL(5, param_now(ends[i].param));
+        }
+    }
+    TEST_ASSERT_EQUAL(5000, node.timeout_us);
+    for (uint8_t param = DAHL_FRAMES_PARAM_SIGMA0; param <= DAHL_FRAMES_PARAM_THETA; param++) {
+        const uint32_t before = param_now(param);
+        TEST_ASSERT_TRUE(!set_param(param, 0) && param_now(param) == before);
+    }
+}
+
+/* Whatever was asked of it: the answer has its number as the value. */
+static void test_an_unknown_parameter_is_answered_by_its_number(void)
+{
+    for (uint32_t param = DAHL_FRAMES_PARAM_LOAD + 1; param < 256; param++) {
+        const dahl_param_reply_t reply = ask((uint8_t)param, param % 4, 77);
+        TEST_ASSERT_TRUE(reply.result == DAHL_FRAMES_PARAM_UNKNOWN && reply.value == param);
+    }
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_UNKNOWN, ask(255, DAHL_FRAMES_PARAM_READ, 1).result);
+}
+
+/* Up to 24 bits as written, for a float has no halves from 2^23 on; between raw values the nearest, a half up; beyond, the largest. */
+static void test_what_a_raw_value_can_say(void)
+{
+    static const struct {
+        float sigma0;
+        uint32_t raw;
+    } cases[] = {{3.5f * 0x1p-10f, 4}, {0x1.7ffffep-11f, 1}, {0x1.fffffep-12f, 0}, {2.25f * 0x1p-10f, 2}, {1e10f, UINT32_MAX}};
+    for (uint32_t value = (1u << 24) - 9; value <= 1u << 24; value++) {
+        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, value) && param_now(DAHL_FRAMES_PARAM_SIGMA0) == value);
+    }
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, (1u << 23) + 1) && param_now(DAHL_FRAMES_PARAM_SIGMA0) == (1u << 23) + 1);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const dahl_params_t p = {.sigma0 = cases[i].sigma0, .Fc = cases[i].sigma0, .theta_per_count = 1.0f};
+        TEST_ASSERT_EQUAL(DAHL_OK, dahl_node_init(&node, &p, NUMBER));
+        TEST_ASSERT_EQUAL_HEX32(cases[i].raw, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+        TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, param_now(DAHL_FRAMES_PARAM_THETA));
+    }
+    TEST_ASSERT_EQUAL(2, node.counts.params);
+}
+
+static void test_written_parameters_are_used(void)
+{
+    const dahl_plan_t plan = plan_of(params.sigma0, params.Fc), stiffer = plan_of(75.0f, 0.5f), stronger = plan_of(75.0f, 1.5f);
+    dahl_state_t reference = {0};
+    TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 500));
+    (void)dahl_step_counts_q30(&plan, &reference, 500);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 75u << 10));
+    dahl_change_plan(&plan, &stiffer, &reference);
+    TEST_ASSERT_TRUE(feed(2, 700));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&stiffer, &reference, 200), answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 3u << 19));
+    dahl_change_plan(&stiffer, &stronger, &reference);
+    TEST_ASSERT_TRUE(feed(3, 650));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&stronger, &reference, -50), answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, 1u << 20));
+    TEST_ASSERT_EQUAL_FLOAT(0x1p-18f, node.params.theta_per_count);
+}
+
+/* The torque never hears a half of it: a bristle stays where twice the Fc and sigma0 have it. Sigma0 and Fc that only together are
+ * in range with the theta that there is are taken as a whole. */
+static void test_a_model_is_written_as_a_whole(void)
+{
+    const dahl_plan_t plan = plan_of(params.sigma0, params.Fc), both = plan_of(params.sigma0 * 2, params.Fc * 2);
+    dahl_state_t reference = {0};
+    TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 300));
+    (void)dahl_step_counts_q30(&plan, &reference, 300);
+    TEST_ASSERT_EQUAL(1u << 19, ask(DAHL_FRAMES_PARAM_FC, DAHL_FRAMES_PARAM_HOLD, 1u << 20).value); /* which still holds */
+    TEST_ASSERT_TRUE(feed(2, 250));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, -50), answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_SIGMA0, 100u << 10));
+    dahl_change_plan(&plan, &both, &reference);
+    TEST_ASSERT_TRUE(feed(3, 270));
+    TEST_ASSERT_EQUAL(dahl_step_counts_q30(&both, &reference, 20), answer.torque_q30);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_THETA, UINT32_MAX) && set_param(DAHL_FRAMES_PARAM_SIGMA0, UINT32_MAX));
+    TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, 1).result);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1));
+    TEST_ASSERT_EQUAL(1, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+}
+
+/* What is held goes with a refusal, of whatever write, and with a restart. A setting is not held, and there is no fourth request. */
+static void test_what_is_held_goes(void)
+{
+    for (int how = 0; how < 3; how++) {
+        talk_begin();
+        TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, UINT32_MAX).result);
+        switch (how) {
+        case 0:
+            TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_HOLD, UINT32_MAX).result);
+            TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
+            break;
+        case 1: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_HOLD, 0).result != DAHL_FRAMES_PARAM_DONE); break;
+        default: (void)reset(DAHL_FRAMES_RESET_RESTART);
+        }
+        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
+        TEST_ASSERT_EQUAL(50u << 10, param_now(DAHL_FRAMES_PARAM_SIGMA0));
+    }
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_GAIN, DAHL_FRAMES_PARAM_HOLD, 5).result);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_GAIN, 3, 5).result);
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_OUT_OF_RANGE, ask(DAHL_FRAMES_PARAM_FC, 3, 1u << 21).result);
+    TEST_ASSERT_TRUE(param_now(DAHL_FRAMES_PARAM_GAIN) == DAHL_NODE_ONE && param_now(DAHL_FRAMES_PARAM_FC) == 1u << 20);
+}
+
+static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
+{
+    const dahl_plan_t plan = plan_of(params.sigma0, params.Fc);
+    dahl_state_t reference = {0};
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE / 2) && feed(0, 0));
+    for (uint32_t i = 1; i < 200; i++) {
+        TEST_ASSERT_TRUE(feed(i, i < 100 ? (int32_t)i : 200 - (int32_t)i));
+        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, i < 101 ? 1 : -1) / 2, answer.torque_q30);
+    }
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE) && set_param(DAHL_FRAMES_PARAM_LIMIT, DAHL_NODE_ONE / 4));
+    TEST_ASSERT_TRUE(feed(200, 2000) && answer.torque_q30 == 1 << 28);
+    TEST_ASSERT_TRUE(feed(201, -2000) && answer.torque_q30 == -(1 << 28));
+}
+
+/* --- the ramp ------------------------------------------------------------------------------------------------------ */
+
+/* Where the gain is, by time alone: 1/ramp for each us between two answers, of which more than 65,535 count as so many. */
+typedef struct {
+    double gain, target, ramp_us;
+    uint32_t counter, changes; /* each may leave a step over */
+    int32_t count;
+} ramp_t;
+
+static void pass(ramp_t *r, uint32_t us)
+{
+    const double way = r->ramp_us > 0 ? DAHL_NODE_ONE * (us < 65535 ? us : 65535) / r->ramp_us : DAHL_NODE_ONE;
+    const double missing = r->target - r->gain;
+    r->gain += missing > way ? way : missing < -way ? -way : missing;
+}
+
+/* A bristle at its end: what is answered is the gain. */
+static void check_ramp(ramp_t *r, uint32_t us)
+{
+    now_us += us - 1000; /* feed() lets 1 ms pass */
+    TEST_ASSERT_TRUE(feed(r->counter++, r->count += 1000000));
+    pass(r, us);
+    TEST_ASSERT_INT_WITHIN(1 + r->changes, (int32_t)r->gain, answer.torque_q30 >> 14);
+}
+
+static void start_ramp(ramp_t *r)
+{
+    (void)reset(DAHL_FRAMES_RESET_RESTART);
+    r->gain = r->ramp_us > 0 ? 0 : r->target;
+    r->changes = 0;
+    now_us += 50000; /* no time has passed for a starting point */
+    TEST_ASSERT_TRUE(feed(r->counter++, r->count) && answer.torque_q30 == 0);
+}
+
+static void change_ramp(ramp_t *r, uint64_t *seed)
+{
+    static const uint32_t ramps_ms[] = {0, 1, 10, 100, 1000, 60000};
+    const uint32_t ms = ramps_ms[random_u32(seed) % 6], gain = random_u32(seed) % 3 * (DAHL_NODE_ONE / 2);
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, ms) && set_param(DAHL_FRAMES_PARAM_GAIN, gain));
+    r->ramp_us = 1000.0 * ms;
+    r->target = gain;
+    r->changes++;
+}
+
+/* Any ramp and gain, changed on the way, frames 0.1 to 70 ms apart; a restart begins at 0 where there is a ramp. */
+static void test_the_gain_goes_by_time_however_often_it_is_asked(void)
+{
+    uint64_t seed = 3;
+    ramp_t r = {0};
+    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_TIMEOUT, 60000));
+    for (int run = 0; run < 400; run++) {
+        const uint32_t most = run % 2 ? 70000 : 1500;
+        change_ramp(&r, &seed);
+        start_ramp(&r);
+        for (int t = 0; t < 300; t++) {
+            if (random_u32(&seed) % 64 == 0) {
+                change_ramp(&r, &seed);
+            }
+            check_ramp(&r, 100 + random_u32(&seed) % most);
+        }
+        check_ramp(&r, 50000000);
+    }
+}
+
+/* Silence lets the gain begin anew where there was a ramp when it began; one that is set meanwhile is for the next time. */
+static void test_a_ramp_that_is_set_in_silence_is_for_the_next_one(void)
+{
+    const uint32_t wait_us = DAHL_NODE_TIMEOUT_US;
+    TEST_ASSERT_TRUE(feed(0, 0) && feed(1, 1000000));
+    for (int32_t round = 0; round < 2; round++) {
+        dahl_node_bus_off(&node, now_us);
+        TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_RAMP, 100));
+        now_us += wait_us;
+        TEST_ASSERT_FALSE(feed(4, 0) || feed(5, 0));
+        TEST_ASSERT_TRUE(feed(6, 0));
+        TEST_ASSERT_EQUAL(round == 0 ? 1 << 30 : 0, answer.torque_q30);
+    }
+}
