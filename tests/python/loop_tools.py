@@ -9,7 +9,6 @@ import logging
 import re
 import signal
 import socket
-import struct
 import subprocess
 import time
 from collections.abc import Iterator
@@ -173,18 +172,19 @@ def read_log(path: Path) -> list[Logged]:
     ]
 
 
-def counts_of(log: list[Logged]) -> list[int]:
+def word(data: bytes, at: int) -> int:
+    """A signed number of 32 bits."""
+    return int.from_bytes(data[at : at + 4], "little", signed=True)
+
+
+def counts_of(log: list[Logged], number: int = 0) -> list[int]:
     """Counts that the encoder sent, in order."""
-    return [struct.unpack_from("<i", frame.data, 2)[0] for frame in log if frame.id == 0x100]
+    return [word(frame.data, 2) for frame in log if frame.id == 0x100 + number]
 
 
 def torques_of(log: list[Logged]) -> list[tuple[int, int]]:
     """(state, F/Fc in Q30) of each answer, in order."""
-    return [
-        (frame.data[1] >> 4, struct.unpack_from("<i", frame.data, 4)[0])
-        for frame in log
-        if frame.id == 0x110
-    ]
+    return [(frame.data[1] >> 4, word(frame.data, 4)) for frame in log if frame.id == 0x110]
 
 
 def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:
