@@ -77,11 +77,11 @@ def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Ru
 
 def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:
     """Run to the end."""
-    folder.mkdir(exist_ok=True)
     return finished(folder, start(folder, scene, *options), timeout)
 
 
 def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
+    folder.mkdir(exist_ok=True)
     return subprocess.Popen(
         command(folder, scene, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -92,7 +92,6 @@ def serving(
     folder: Path, scene: Path | str, *options: str
 ) -> Iterator[tuple[subprocess.Popen, int]]:
     """A server on a free port; asked to end, and made to, on the way out."""
-    folder.mkdir(exist_ok=True)
     process = start(folder, scene, "--bus", "socketcand:0", *options)
     try:
         yield (
