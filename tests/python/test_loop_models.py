@@ -6,9 +6,11 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import can
 import cantools
 import numpy as np
 import pytest
@@ -132,6 +134,44 @@ def test_the_demo_says_which_model_it_was_and_its_error(tmp_path, dahl_here, mod
     assert (told["model"], told.get("kinds")) == (model, kinds)
     assert np.allclose([[e["sigma0"], e["Fc"]] for e in told["elements"]], elements)
     assert 0 < told["max_error_ulp_Fc"] <= 0.55
+
+
+@pytest.mark.parametrize("key", ["gain = 0.9", "limit = 0.9", "ramp_ms = 100"])
+@pytest.mark.usefixtures("library", "dahl_loop")
+def test_a_torque_that_the_scene_changes_is_no_error_of_the_demo(tmp_path, dahl_here, key):
+    path = scene(tmp_path, "dahl", f"{key}\n", STEERING)
+    words = ("--scene", path, "--seconds", 0.2, "--bus", "socketcand", "--output", tmp_path / "out")
+    done = dahl_here("demo", *words)
+    assert done.returncode == 0, done.stderr
+    told = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert told["max_error_ulp_Fc"] is None
+
+
+def heard_from(channel: str, angles: list[Logged], answers: list[bytes]) -> None:
+    """Send these angles to a node that has said its Status; collect what it answers."""
+    with can.Bus(interface="virtual", channel=channel) as bus:
+        while (message := bus.recv(5)) is not None and message.arbitration_id != 0x120:
+            pass
+        for angle in angles:
+            bus.send(can.Message(arbitration_id=0x100, data=angle.data, is_extended_id=False))
+            while (message := bus.recv(5)) is not None and message.arbitration_id != 0x110:
+                pass
+            answers.append(b"" if message is None else bytes(message.data))
+
+
+@pytest.mark.parametrize("model", RATIOS)
+@pytest.mark.usefixtures("library")
+def test_the_command_node_answers_bit_for_bit_as_dahl_loop_does(tmp_path, dahl_here, model):
+    path = scene(tmp_path, model, "timeout_ms = 60000\n", STEERING)
+    log = read_log(run(tmp_path, path, "--virtual", "--seconds", "0.4").log)
+    angles, answers = [frame for frame in log if frame.id == 0x100], []
+    client = threading.Thread(target=heard_from, args=(model, angles, answers))
+    client.start()
+    done = dahl_here("node", "--scene", path, "-i", "virtual", "-c", model, "--seconds", 2)
+    client.join()
+    assert done.returncode == 0, done.stderr
+    assert len(set(answers)) > 100
+    assert answers == [frame.data for frame in log if frame.id == 0x110]
 
 
 # --- a load ---------------------------------------------------------------------------------------
