@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import math
 import signal
-import struct
 import subprocess
 import time
 from collections.abc import Iterator
@@ -216,16 +215,22 @@ def test_in_lockstep_a_stall_of_the_encoders_program_is_none_either_and_patience
 
 
 def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):
-    options = ("--wait-clients", "1", "--seconds", "2")
+    """Those with a wrong CRC, and good ones to nothing that waits, of both nodes together."""
+    options = ("--wait-clients", "1", "--seconds", "2", "--nodes", "2")
     path = SCENES / "steering.ini"
+    good = bytearray(8)
+    p02.e2e_p02_protect(good, bytes(0xC0 | counter for counter in range(16)))
     with serving(tmp_path, path, *options) as (process, port), client(port) as bus:
         for i in range(200):
-            data = struct.pack("<8B", *[i % 256] * 8)
-            bus.send(can.Message(arbitration_id=0x110, data=data, is_extended_id=False))
+            data = good if i % 4 < 2 else bytes([i] * 8)
+            identifier = 0x110 | i % 2
+            bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
             bus.recv(0.005)
         result = finished(tmp_path, process)
-    assert (result.summary["frames_lost"], result.summary["frames_answered"]) == (0, 2000)
-    assert result.summary["answers_corrupt"] > 190
+    told = result.summary
+    assert (told["frames_lost"], told["frames_answered"]) == (0, 4000)
+    assert told["answers_corrupt"] + told["answers_unmatched"] == 200
+    assert min(told["answers_corrupt"], told["answers_unmatched"]) > 95
 
 
 SHIPPED = sorted(path for path in SCENES.glob("*.ini") if "kind = log" not in path.read_text())
