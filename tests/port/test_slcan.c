@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* slcan, line by line: what it takes, what it refuses and under which name. Random bytes and python-can's own lines come
- * from Python. */
+/* slcan, line by line: what it takes, what it refuses and under which name; any bytes. python-can's own lines come from
+ * Python. */
 #include <stddef.h>
 #include <stdio.h>
 #include <string.h>
 #include <unity.h>
 
+#include "random.h"
 #include "slcan/slcan.h"
 
 static struct {
@@ -119,88 +120,82 @@ static void test_digits_are_large_or_small_and_line_feeds_nothing(void)
     expect_frame("\nt10\n02AB12\n", &small);
 }
 
-/* A line is refused by one count, with BEL; the frame before it stays as it was, and the next line is read. */
-static void expect_refused(const char *line, size_t length, ptrdiff_t count)
-{
-    tearDown();
-    setUp();
-    feed("O");
-    dahl_can_frame_t before = frame;
-    slcan_counts_t wanted = {0};
-    uint32_t *why = (uint32_t *)(void *)((char *)&wanted + count);
-    *why = 1;
-    TEST_ASSERT_EQUAL_MESSAGE(SLCAN_ANSWER, feed_bytes(line, length), line);
-    TEST_ASSERT_EQUAL_STRING_MESSAGE("\a", text, line);
-    TEST_ASSERT_EQUAL_MEMORY_MESSAGE(&wanted, &adapter.counts, sizeof wanted, line);
-    TEST_ASSERT_EQUAL_MEMORY(&before, &frame, sizeof frame);
-    expect_frame("t1002AB12", &small);
-    expect_answer("F", "F80\r");
-    expect_answer("F", "F00\r");
-}
-
-#define REFUSED(line, why) expect_refused(line, sizeof(line) - 1, offsetof(slcan_counts_t, why))
-
 #define X10 "xxxxxxxxxx"
-#define X100 X10 X10 X10 X10 X10 X10 X10 X10 X10 X10
+#define X137 X10 X10 X10 X10 X10 X10 X10 X10 X10 X10 X10 X10 X10 "xxxxxxx"
 
-static void test_lines_that_end_too_early_or_too_late(void)
+#define REFUSED(line, why) {line, sizeof(line) - 1, offsetof(slcan_counts_t, why)}
+
+/* Lines, and the count that each adds to: the first thing that is wrong is what counts. */
+static const struct {
+    const char *line;
+    size_t length;
+    size_t count;
+} refused[] = {
+    /* ended too early or too late */
+    REFUSED("t", cut), REFUSED("t10", cut), REFUSED("t100", cut), REFUSED("t1002AB", cut), REFUSED("t1002AB1", cut),
+    REFUSED("T1ABCDEF", cut), REFUSED("T1ABCDEF0", cut), REFUSED("r123", cut),
+    REFUSED("d1009000102030405060708090A", cut), REFUSED("b1002AB1234", wrong_length),
+    REFUSED("t10080000000000000000000000", wrong_length), REFUSED("T1ABCDEF080123456789ABCDEF0", wrong_length),
+    REFUSED(X137 "xx", too_long), REFUSED(X137 "x", unknown), /* as long as a line can be */
+    /* characters that are no digits */
+    REFUSED("d100zAB", not_hex), REFUSED("t1x02AB12", not_hex), REFUSED("t100gAB12", not_hex), REFUSED("t100GAB12", not_hex),
+    REFUSED("t1002AB1/", not_hex), REFUSED("t1002AB:2", not_hex), REFUSED("t1002AB@2", not_hex), REFUSED("t1002AB`2", not_hex),
+    REFUSED("t1002AB\0002", not_hex), REFUSED("t1002AB\3772", not_hex), REFUSED("t100GAB1", not_hex),
+    REFUSED("tgggggggggggg", not_hex), REFUSED("t1002g", not_hex),
+    /* lengths and ids out of range */
+    REFUSED("t10090000000000000000", wrong_length), REFUSED("t100F", wrong_length), REFUSED("r1009", wrong_length),
+    REFUSED("t1002AB1234", wrong_length), REFUSED("t1000AB", wrong_length), REFUSED("t10000", wrong_length),
+    REFUSED("r1002AB12", wrong_length), REFUSED("t8002AB12", wrong_length), REFUSED("T200000002AB12", wrong_length),
+    REFUSED("TFFFFFFFF0", wrong_length),
+    /* commands */
+    REFUSED("q", unknown), REFUSED("OO", unknown), REFUSED("CC", unknown), REFUSED("\000", unknown), REFUSED("Z1", unknown),
+    REFUSED("V1", unknown), REFUSED("o", unknown),
+};
+
+/* Refused by one count, with BEL; the frame before it stays as it was, and the next line is read. */
+static void test_lines_that_are_refused(void)
 {
-    REFUSED("t", cut);
-    REFUSED("t10", cut);
-    REFUSED("t100", cut);
-    REFUSED("t1002AB", cut);
-    REFUSED("t1002AB1", cut);
-    REFUSED("T1ABCDEF", cut);
-    REFUSED("T1ABCDEF0", cut);
-    REFUSED("d1009000102030405060708090A", cut);
-    REFUSED("b1002AB1234", wrong_length);
-    REFUSED("d100zAB", not_hex);
-    REFUSED("r123", cut);
-    REFUSED("t10080000000000000000000000", wrong_length);
-    REFUSED("T1ABCDEF080123456789ABCDEF0", wrong_length);
-    REFUSED(X100 X10 X10 X10 "xxxxxxxxx", too_long);
-    REFUSED(X100 X10 X10 X10 "xxxxxxxx", unknown); /* as long as a line can be */
+    for (size_t i = 0; i < sizeof refused / sizeof refused[0]; i++) {
+        const char *line = refused[i].line;
+        tearDown();
+        setUp();
+        feed("O");
+        dahl_can_frame_t before = frame;
+        slcan_counts_t wanted = {0};
+        *(uint32_t *)(void *)((char *)&wanted + refused[i].count) = 1;
+        TEST_ASSERT_EQUAL_MESSAGE(SLCAN_ANSWER, feed_bytes(line, refused[i].length), line);
+        TEST_ASSERT_EQUAL_STRING_MESSAGE("\a", text, line);
+        TEST_ASSERT_EQUAL_MEMORY_MESSAGE(&wanted, &adapter.counts, sizeof wanted, line);
+        TEST_ASSERT_EQUAL_MEMORY(&before, &frame, sizeof frame);
+        expect_frame("t1002AB12", &small);
+        expect_answer("F", "F80\r");
+        expect_answer("F", "F00\r");
+    }
 }
 
-static void test_characters_that_are_no_digits(void)
+/* Every line gets exactly one answer, every refusal is counted once, and the next good frame comes through. */
+static void test_any_bytes(void)
 {
-    REFUSED("t1x02AB12", not_hex);
-    REFUSED("t100gAB12", not_hex);
-    REFUSED("t100GAB12", not_hex);
-    REFUSED("t1002AB1/", not_hex);
-    REFUSED("t1002AB:2", not_hex);
-    REFUSED("t1002AB@2", not_hex);
-    REFUSED("t1002AB`2", not_hex);
-    REFUSED("t1002AB\0002", not_hex);
-    REFUSED("t1002AB\3772", not_hex);
-    REFUSED("t100GAB1", not_hex);
-    REFUSED("tgggggggggggg", not_hex);
-    REFUSED("t1002g", not_hex); /* the first thing that is wrong is what counts */
-}
-
-static void test_lengths_and_ids_out_of_range(void)
-{
-    REFUSED("t10090000000000000000", wrong_length);
-    REFUSED("t100F", wrong_length);
-    REFUSED("r1009", wrong_length);
-    REFUSED("t1002AB1234", wrong_length);
-    REFUSED("t1000AB", wrong_length);
-    REFUSED("t10000", wrong_length);
-    REFUSED("r1002AB12", wrong_length);
-    REFUSED("t8002AB12", wrong_length);
-    REFUSED("T200000002AB12", wrong_length);
-    REFUSED("TFFFFFFFF0", wrong_length);
-}
-
-static void test_unknown_commands(void)
-{
-    REFUSED("q", unknown);
-    REFUSED("OO", unknown);
-    REFUSED("CC", unknown);
-    REFUSED("\000", unknown);
-    REFUSED("Z1", unknown);
-    REFUSED("V1", unknown);
-    REFUSED("o", unknown);
+    static const char alphabet[] = "tTrRdDbBOCLVvNFSs0123456789ABCDEFabcdefgG\n\r\r\r";
+    uint64_t seed = 5;
+    for (uint32_t run = 0; run < 20000; run++) {
+        uint32_t lines = 1, refusals = 0, answers = 0, length = random_u32(&seed) % 300;
+        memset(&adapter, 0, sizeof adapter);
+        for (uint32_t i = 0; i <= length; i++) {
+            bool any = random_u32(&seed) % 8 == 0;
+            uint8_t byte = any ? (uint8_t)random_u32(&seed) : (uint8_t)alphabet[random_u32(&seed) % (sizeof alphabet - 1)];
+            byte = i == length ? '\r' : byte;
+            lines += byte == '\r' && i < length;
+            slcan_event_t event = slcan_take(&adapter, byte, &frame, text);
+            answers += event != SLCAN_NOTHING;
+            refusals += event == SLCAN_ANSWER && strcmp(text, "\a") == 0;
+        }
+        const slcan_counts_t *n = &adapter.counts;
+        TEST_ASSERT_EQUAL(lines, answers);
+        TEST_ASSERT_EQUAL(refusals, n->too_long + n->cut + n->not_hex + n->wrong_length + n->unknown + n->closed);
+        expect_answer("O", "\r");
+        expect_frame("t1002AB12", &small);
+    }
 }
 
 static void test_commands_have_their_answers(void)

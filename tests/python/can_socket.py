@@ -24,8 +24,10 @@ CAN = """
 #include <sys/socket.h>
 int socket(int domain, int type, int protocol)
 {
+    const char *refused = getenv("CAN_NONE");
     (void)type, (void)protocol;
-    return domain == PF_CAN ? atoi(getenv("CAN_SOCKET")) : -1;
+    errno = refused != 0 ? atoi(refused) : EINVAL;
+    return domain == PF_CAN && refused == 0 ? atoi(getenv("CAN_SOCKET")) : -1;
 }
 int setsockopt(int fd, int level, int name, const void *value, socklen_t size)
 {

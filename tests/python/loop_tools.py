@@ -9,7 +9,6 @@ import logging
 import re
 import signal
 import socket
-import struct
 import subprocess
 import time
 from collections.abc import Iterator
@@ -78,11 +77,11 @@ def finished(folder: Path, process: subprocess.Popen, timeout: float = 60) -> Ru
 
 def run(folder: Path, scene: Path | str, *options: str, timeout: float = 60) -> Run:
     """Run to the end."""
-    folder.mkdir(exist_ok=True)
     return finished(folder, start(folder, scene, *options), timeout)
 
 
 def start(folder: Path, scene: Path | str, *options: str) -> subprocess.Popen:
+    folder.mkdir(exist_ok=True)
     return subprocess.Popen(
         command(folder, scene, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -93,7 +92,6 @@ def serving(
     folder: Path, scene: Path | str, *options: str
 ) -> Iterator[tuple[subprocess.Popen, int]]:
     """A server on a free port; asked to end, and made to, on the way out."""
-    folder.mkdir(exist_ok=True)
     process = start(folder, scene, "--bus", "socketcand:0", *options)
     try:
         yield (
@@ -173,18 +171,19 @@ def read_log(path: Path) -> list[Logged]:
     ]
 
 
-def counts_of(log: list[Logged]) -> list[int]:
+def word(data: bytes, at: int) -> int:
+    """A signed number of 32 bits."""
+    return int.from_bytes(data[at : at + 4], "little", signed=True)
+
+
+def counts_of(log: list[Logged], number: int = 0) -> list[int]:
     """Counts that the encoder sent, in order."""
-    return [struct.unpack_from("<i", frame.data, 2)[0] for frame in log if frame.id == 0x100]
+    return [word(frame.data, 2) for frame in log if frame.id == 0x100 + number]
 
 
 def torques_of(log: list[Logged]) -> list[tuple[int, int]]:
     """(state, F/Fc in Q30) of each answer, in order."""
-    return [
-        (frame.data[1] >> 4, struct.unpack_from("<i", frame.data, 4)[0])
-        for frame in log
-        if frame.id == 0x110
-    ]
+    return [(frame.data[1] >> 4, word(frame.data, 4)) for frame in log if frame.id == 0x110]
 
 
 def raw_client(port: int, receive_buffer: int | None = None) -> socket.socket:

@@ -1,63 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""The bridge from slcan to a served bus, both ends played by sockets of this process."""
+"""The bridge from slcan to a served bus as a program between two sockets, which are node and
+bus: `python -m dahl.bridge SLCAN_PORT SOCKETCAND_PORT`.
+"""
 
 from __future__ import annotations
 
+import random
 import re
 import socket
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 
 import pytest
-from dahl import bridge
-from hypothesis import given
-from hypothesis import strategies as st
-
-frames = st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8))
-
-
-@given(frames)
-def test_a_frame_keeps_its_identifier_and_data(frame: tuple[int, bytes]) -> None:
-    number, data = frame
-    line = bridge.to_line(b"frame %x 12.5 %s" % (number, data.hex(" ").encode()))
-    assert line == b"t%03X%d%s\r" % (number, len(data), data.hex().upper().encode())
-    sent = bridge.to_element(line[:-1])
-    words = re.fullmatch(rb"< send ([0-9A-F]{3}) (\d) ((?:[0-9A-F]{2} ?)*) ?>", sent)
-    assert words is not None
-    assert int(words[1], 16) == number
-    assert (int(words[2]), bytes.fromhex(words[3].decode())) == (len(data), data)
-
-
-@given(st.binary(max_size=40))
-def test_rubbish_is_nothing_or_a_frame(rubbish: bytes) -> None:
-    assert re.fullmatch(rb"(< send [0-9A-F]{3} [0-8] [0-9A-F ]*>)?", bridge.to_element(rubbish))
-
-
-@pytest.mark.parametrize(
-    "element",
-    [
-        b"",
-        b"ok",
-        b"frame 1",
-        b"frame 1234 1.0 00",
-        b"frame 12345678 1.0 00",
-        b"error x y",
-        b"send 100 0",
-    ],
-)
-def test_other_elements_do_not_reach_the_node(element: bytes) -> None:
-    assert bridge.to_line(element) == b""
-
-
-@pytest.mark.parametrize(
-    "line", [b"", b"z", b"t1000", b"T0000010010", b"t10021", b"r1000", b"t1002AA", b"t1001AABB"]
-)
-def test_other_lines_do_not_reach_the_bus(line: bytes) -> None:
-    assert bridge.to_element(line) in (b"", b"< send 100 0  >")
-    assert (bridge.to_element(line) == b"") == (line != b"t1000")
 
 
 class Peer:
@@ -69,6 +25,7 @@ class Peer:
         self.rest = b""
 
     def accept(self) -> None:
+        self.server.settimeout(20)
         self.link = self.server.accept()[0]
         self.link.settimeout(10)
 
@@ -85,78 +42,86 @@ class Peer:
         self.server.close()
 
 
-def begun() -> tuple[Peer, Peer, threading.Thread, list]:
-    """Node and bus that the bridge, in a thread, has reached; its exit code."""
-    node, bus, code = Peer(), Peer(), []
-    ports = [node.port, bus.port]
-    work = threading.Thread(target=lambda: code.append(bridge.main(ports)), daemon=True)
-    work.start()
-    node.accept()
-    bus.accept()
-    return node, bus, work, code
+@pytest.fixture
+def begun(root) -> Iterator[tuple[Peer, Peer, subprocess.Popen]]:
+    """Node and bus that the bridge has reached, and the bridge."""
+    node, bus = Peer(), Peer()
+    words = [sys.executable, "-m", "dahl.bridge", node.port, bus.port]
+    with subprocess.Popen(
+        words, cwd=root / "tools", stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as work:
+        node.accept()
+        bus.accept()
+        yield node, bus, work
+        work.kill()
+        node.close()
+        bus.close()
 
 
 @pytest.fixture
-def opened(monkeypatch, capsys) -> Iterator[tuple[Peer, Peer, threading.Thread, list]]:
-    """Node and bus after the greeting, the bridge between them in a thread, its exit code."""
-    monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)  # for the main thread alone
-    node, bus, work, code = begun()
+def opened(begun) -> tuple[Peer, Peer, subprocess.Popen]:
+    """The same after the greeting, each step of which waits for the one before."""
+    node, bus, work = begun
     for said, heard in ((b"< hi >", b"< open vcan0 >"), (b"< ok >", b"< rawmode >")):
         bus.link.sendall(said)
         assert bus.until(b">") == heard
     bus.link.sendall(b"< ok >")
     assert node.until(b"O\r") == b"\rC\rO\r"
-    bus.link.sendall(b"< frame 7FF 0.0  >")  # so `ready` was said, and capsys has it
-    assert node.until(b"\r") == b"t7FF0\r"
-    yield node, bus, work, code
-    node.close()
-    bus.close()
-    work.join(10)
+    assert work.stdout.readline() == "ready\n"
+    return begun
 
 
-def test_frames_pass_both_ways_in_any_pieces(opened, capsys) -> None:
-    node, bus, work, code = opened
-    bus.link.sendall(b"< frame 100 0.1 01 0")
-    bus.link.sendall(b"2 >< frame 110 0.2  >")
-    assert node.until(b"\r") == b"t10020102\r"
-    assert node.until(b"\r") == b"t1100\r"
-    node.link.sendall(b"t1201F")
-    node.link.sendall(b"F\r\rz\r\at1300\r")
-    assert bus.until(b">") == b"< send 120 1 FF >"
-    assert bus.until(b">") == b"< send 130 0  >"
+def in_pieces(link: socket.socket, text: bytes, rng: random.Random) -> None:
+    while text:
+        at = rng.randrange(1, 40)
+        link.sendall(text[:at])
+        text = text[at:]
+
+
+OTHER_ELEMENTS = b"< ok >< frame 1 >< frame 1234 1.0 00 >< frame 12345678 1.0 00 >< send 100 0 >"
+OTHER_LINES = b"\rz\rT0000010010\rt10021\rr1000\rt1002AA\rt1001AABB\rt1009\r\a"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_frames_pass_both_ways_with_identifier_and_data_and_nothing_else_does(opened, seed):
+    """In any pieces, each at once; the bridge ends with the node's end."""
+    node, bus, work = opened
+    rng = random.Random(seed)
+    frames = [(rng.randrange(0x800), rng.randbytes(rng.randrange(9))) for _ in range(60)]
+    text = b"".join(b"< frame %x 12.5 %s >" % (i, data.hex(" ").encode()) for i, data in frames)
+    in_pieces(bus.link, OTHER_ELEMENTS + text, rng)
+    for number, data in frames:
+        line = b"t%03X%d%s\r" % (number, len(data), data.hex().upper().encode())
+        assert node.until(b"\r") == line
+    text = b"".join(b"t%03X%d%s\r" % (i, len(d), d.hex().upper().encode()) for i, d in frames)
+    in_pieces(node.link, OTHER_LINES + text, rng)
+    for number, data in frames:
+        sent = re.fullmatch(rb"< send (\w+) (\d) ((?:\w\w ?)*) ?>", bus.until(b">"))
+        assert (int(sent[1], 16), int(sent[2])) == (number, len(data))
+        assert bytes.fromhex(sent[3].decode()) == data
     waits = []
     for _ in range(5):
         since = time.monotonic()
         node.link.sendall(b"t1300\r")
         bus.until(b">")
         waits.append(time.monotonic() - since)
-    assert min(waits) < 0.02  # at once
+    assert min(waits) < 0.02
     node.link.close()
-    work.join(10)
-    assert code == [0]
-    assert capsys.readouterr().out == "ready\n"
+    assert (work.wait(10), work.stderr.read()) == (0, "")
 
 
-def test_a_frame_does_not_wait_for_the_next_one() -> None:
-    peer = Peer()
-    with bridge.connect(int(peer.port)) as link:
-        assert link.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    peer.server.close()
+def one_line(code: int, errors: str) -> None:
+    assert code == 1 and errors.startswith("error: bridge: ") and errors.count("\n") == 1
 
 
-def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(bridge.signal, "signal", lambda *_: None)
-    node, bus, work, code = begun()
+def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(begun):
+    _, bus, work = begun
     bus.link.close()
-    work.join(10)
-    node.close()
-    assert code == [1]
-    assert capsys.readouterr().err == "error: bridge: the bus closed the connection\n"
+    one_line(work.wait(10), work.stderr.read())
 
 
 @pytest.mark.parametrize("ports", [["x", "y"], ["1"], ["1", "1"]])
-def test_a_bridge_that_does_not_open_is_one_line(root, ports) -> None:
+def test_a_bridge_that_does_not_open_is_one_line(root, ports):
     words = [sys.executable, "-m", "dahl.bridge", *ports]
     done = subprocess.run(words, cwd=root / "tools", capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert re.fullmatch(r"error: bridge: [^\n]+\n", done.stderr)
+    one_line(done.returncode, done.stderr)

@@ -1,27 +1,31 @@
 # SPDX-License-Identifier: MIT
-"""The node against python-can and autosar-e2e: what is foreign is counted and never used."""
+"""The served node against python-can, cantools and autosar-e2e: what is foreign is counted and
+never used; what is a silence of the bus and what is none.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
-import struct
+import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import can
 import cantools
-import mpmath
 import pytest
 from e2e import p02
-from loop_tools import SCENES, client, finished, serving
+from loop_model import Q30_BOUND, travel_per_count
+from loop_tools import SCENES, client, finished, read_log, run, serving, setting
 
 SIGMA0, FC, THETA = 50.0, 0.5, 2.0**-14
 SCENE = f"[friction]\nsigma0 = {SIGMA0}\nFc = {FC}\ntheta_per_count = {THETA!r}\n"
-PATIENT = "timeout_ms = 60000\n"  # of tests that are not about it: Python may be slow
-IDS = bytes(0x30 | counter for counter in range(16))
-STATES = {"OK": 0, "Repeated": 1, "Lost": 2, "WrongSequence": 3, "Crc": 4, "Stale": 5, "Init": 6}
+PATIENT = ("friction.timeout_ms=60000",)  # of tests that are not about it: Python may be slow
+IDS = {"EncoderState": 0x30, "ParamWrite": 0x60, "Reset": 0xA0}
+ANSWERS = {"ParamWrite": "ParamReply", "Reset": "Status"}
+TRAVEL = travel_per_count(SIGMA0, FC, THETA)
 
 
 class Encoder:
@@ -30,70 +34,82 @@ class Encoder:
     def __init__(self, bus: can.BusABC, database: cantools.database.Database) -> None:
         self.bus, self.database = bus, database
         self.number = 0  # of the node
-        self.w = mpmath.mpf(0)
-        self.count = 0
+        self.w, self.count = 0.0, 0
 
-    def frame(self, counter: int, count: int, **changes) -> can.Message:
-        message = self.database.get_message_by_name("EncoderState")
-        signals = {"Crc": 0, "Counter": (counter - 1) % 16, "Valid": 1, "Count": count}
-        data = bytearray(message.encode(signals))
-        p02.e2e_p02_protect(data, IDS)  # counts the counter up
-        fields = {
-            "arbitration_id": message.frame_id | self.number,
-            "data": data,
-            "is_extended_id": False,
-            **changes,
-        }
-        return can.Message(**fields)
+    def packed(self, name: str, counter: int, **signals: object) -> bytearray:
+        """A frame's data; the counter is counted up by the protection."""
+        message = self.database.get_message_by_name(name)
+        known = {"Crc": 0, "Counter": (counter - 1) % 16, **signals}
+        data = bytearray(message.encode(known, strict=False))
+        p02.e2e_p02_protect(data, bytes(IDS[name] | number for number in range(16)))
+        return data
 
-    def move(self, count: int) -> None:
-        """The travel that the node should integrate, in its one exponential."""
-        travel = count - self.count
-        sign = (travel > 0) - (travel < 0)
-        gap = mpmath.exp(-mpmath.mpf(SIGMA0) / FC * THETA * abs(travel))
-        self.w = sign - (sign - self.w) * gap if sign else self.w
-        self.count = count
+    def frame(self, counter: int, count: int, **changes: object) -> can.Message:
+        data = self.packed("EncoderState", counter, Valid=1, Count=count)
+        known = {"arbitration_id": 0x100 | self.number, "data": data, "is_extended_id": False}
+        return can.Message(**{**known, **changes})
 
-    def answer(self) -> dict | None:
-        """The next FrictionTorque, decoded; None if there is none in time."""
-        until = time.monotonic() + 2
-        while (message := self.bus.recv(2)) is not None and time.monotonic() < until:
-            if message.arbitration_id == 0x110 | self.number:
-                return self.database.decode_message("FrictionTorque", message.data)
-        return None
+    def heard(self, identifier: int, **wanted: str) -> dict:
+        """The next frame with this id whose signals are those."""
+        until = time.monotonic() + 5
+        while (message := self.bus.recv(5)) is not None and time.monotonic() < until:
+            if message.arbitration_id == identifier | self.number:
+                said = self.database.decode_message(identifier, message.data)
+                if all(str(said[name]) == value for name, value in wanted.items()):
+                    return said
+        raise AssertionError(f"no frame {identifier:X} {wanted}")
 
     def good(self, counter: int, count: int, state: str = "OK", used: bool = True) -> None:
         """Send a frame that must be answered, and check the answer."""
         self.bus.send(self.frame(counter, count))
-        if used:
-            self.move(count)
+        if used and count != self.count:
+            side = math.copysign(1, count - self.count)
+            self.w = side - (side - self.w) * math.exp(-TRAVEL * abs(count - self.count))
         self.count = count
-        answer = self.answer()
-        assert answer is not None
+        answer = self.heard(0x110)
         assert (str(answer["State"]), answer["EchoCounter"]) == (state, counter)
-        assert abs(answer["TorqueRatio"] - self.w) < 9.4e-10
+        assert abs(answer["TorqueRatio"] - self.w) < Q30_BOUND
+
+    def asked(self, name: str, counter: int, **signals: object) -> dict:
+        """The answer to a frame of this kind, decoded by the DBC."""
+        identifier = self.database.get_message_by_name(name).frame_id
+        data = self.packed(name, counter, **signals)
+        self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+        return self.heard(self.database.get_message_by_name(ANSWERS[name]).frame_id)
 
 
-@contextlib.contextmanager
-def node(folder: Path, dbc: Path, extra: str = "") -> Iterator[tuple[Encoder, object]]:
+@pytest.fixture(scope="module")
+def database(dbc: Path) -> cantools.database.Database:
+    return cantools.database.load_file(dbc)
+
+
+@pytest.fixture
+def node(tmp_path, database):
     """A served node, and an encoder that speaks to it; the summary is in the list afterwards."""
-    (folder / "scene.ini").write_text(SCENE + ("" if "timeout" in extra else PATIENT) + extra)
-    results = []
-    with serving(folder, folder / "scene.ini", "--role", "node") as (process, port):
-        with client(port) as bus:
-            yield Encoder(bus, cantools.database.load_file(dbc)), results
-        process.send_signal(signal.SIGTERM)
-        results.append(finished(folder, process).summary)
+
+    @contextlib.contextmanager
+    def served(
+        *sets: str, options: tuple[str, ...] = ()
+    ) -> Iterator[tuple[Encoder, subprocess.Popen, list[dict]]]:
+        (tmp_path / "scene.ini").write_text(SCENE)
+        results: list[dict] = []
+        words = ("--role", "node", *setting(*sets), *options)
+        with serving(tmp_path, tmp_path / "scene.ini", *words) as (process, port):
+            with client(port) as bus:
+                yield Encoder(bus, database), process, results
+            process.send_signal(signal.SIGTERM)
+            result = finished(tmp_path, process)
+            results.append({**result.summary, "err": result.err})
+
+    return served
 
 
 def changed(message: can.Message, byte: int) -> can.Message:
-    """The same frame with one byte inverted."""
     message.data[byte] ^= 0xFF
     return message
 
 
-# What is sent between good frames 0 and 1, by the counter that it adds to.
-FOREIGN = {
+FOREIGN = {  # what is sent between good frames 0 and 1, by the counter that it adds to
     "format": [
         lambda e: e.frame(1, 900, data=bytes(e.frame(1, 900).data)[:7]),
         lambda e: e.frame(1, 900, data=b""),
@@ -112,128 +128,118 @@ FOREIGN = {
 }
 
 
-@pytest.mark.parametrize("counter", FOREIGN)
-def test_foreign_frames_are_counted_and_not_used(tmp_path, dbc, counter):
-    with node(tmp_path, dbc) as (encoder, results):
+def test_foreign_frames_are_counted_and_not_used_and_a_gap_is_a_new_start(node):
+    """Lost frames cost nothing; a client's Reset clears the Status, not the summary."""
+    with node(*PATIENT) as (encoder, _, results):
         encoder.good(0, 100, state="Init", used=False)
-        for make in FOREIGN[counter]:
+        for make in (make for frames in FOREIGN.values() for make in frames):
             encoder.bus.send(make(encoder))
         encoder.good(1, 140)
         encoder.good(2, 133)
-    summary = results[0]
-    counts = {**summary["node"], "garbage": summary["bus_counts"]["garbage"]}
-    seen = {key: value for key, value in counts.items() if value}
-    assert seen == {"ok": 3, counter: len(FOREIGN[counter])}
-
-
-def test_lost_frames_cost_nothing_and_a_gap_is_a_new_start(tmp_path, dbc):
-    with node(tmp_path, dbc) as (encoder, results):
-        encoder.good(3, -50, state="Init", used=False)
         encoder.good(5, 10, state="Lost")
-        encoder.good(8, 60, state="Lost")
-        encoder.bus.send(encoder.frame(15, 4000))
-        encoder.bus.send(encoder.frame(0, 4000))
+        for counter in (15, 0):
+            encoder.bus.send(encoder.frame(counter, 4000))
         encoder.good(1, 4001, state="WrongSequence", used=False)
         encoder.good(2, 3990)
-    assert results[0]["node"]["lost"] == 3
-    assert results[0]["node"]["wrong_sequence"] == 3
+        for what in ("Errors", "Restart"):
+            said = encoder.asked("Reset", 3, What=what)
+            assert (said["Lost"], said["Corrupt"], str(said["ErrorCrc"])) == (0, 0, "None")
+    summary = results[0]
+    counts = {**summary["node"], "garbage": summary["bus_counts"]["garbage"]}
+    wanted = {counter: len(frames) for counter, frames in FOREIGN.items()}
+    wanted |= {"ok": 5, "lost": 2, "wrong_sequence": 2 + 3, "resets": 2}
+    assert {key: value for key, value in counts.items() if value} == wanted
 
 
-def test_silence_makes_it_stale_and_the_status_tells(tmp_path, dbc):
-    with node(tmp_path, dbc, "timeout_ms = 150\n[status]\nperiod_ms = 50\n") as (encoder, results):
+def test_parameters_by_the_dbc_alone(node):
+    """Defaults as its start values say; a joint write; a parameter that there is not."""
+    with node(*PATIENT, "status.period_ms=100") as (encoder, _, results):
+        write = encoder.database.get_message_by_name("ParamWrite")
+        names = ("Gain", "Limit", "Ramp", "MaxStep", "StatusPeriod")
+        for counter, name in enumerate(names):
+            said = encoder.asked("ParamWrite", counter, Write="Read", Param=name, **{name: 0})
+            assert said[name] == (write.get_signal_by_name(name).initial or 0), name
+        for words, Fc in (  # noqa: N806
+            ({"Write": "Hold", "Param": "Fc", "Fc": 2 * FC}, FC),
+            ({"Write": "Write", "Param": "Sigma0", "Sigma0": 2 * SIGMA0}, 2 * FC),
+        ):
+            encoder.asked("ParamWrite", 5, **words)
+            assert encoder.asked("ParamWrite", 6, Write="Read", Param="Fc", Fc=0)["Fc"] == Fc
+    counted = {name: results[0]["node"][name] for name in ("params", "ignored")}
+    assert counted == {"params": 9, "ignored": 0}
+
+
+@pytest.mark.parametrize("ms", [None, 150])
+def test_silence_makes_it_stale_and_the_status_tells(node, ms):
+    """After 100 ms where nothing is said of it; then the third good frame is a new start."""
+    sets = (f"friction.timeout_ms={ms}", "status.period_ms=50") if ms else ()
+    with node(*sets) as (encoder, _, results):
         encoder.good(0, 0, state="Init", used=False)
-        encoder.good(1, 25)
-        for _ in range(100):
-            message = encoder.bus.recv(2)
-            status = encoder.database.decode_message("Status", message.data)
-            if str(status["State"]) == "Stale":
-                break
-        assert (str(status["State"]), str(status["ErrorStale"]), status["OutOfStep"]) == (
-            "Stale",
-            "Seen",
-            1,
-        )
-        encoder.bus.send(encoder.frame(2, 6000))
-        encoder.bus.send(encoder.frame(3, 6500))
+        begin = time.monotonic()
+        status = encoder.heard(0x120, State="Stale")
+        assert (ms or 100) / 1000 - 0.02 < time.monotonic() - begin < 1
+        assert (str(status["ErrorStale"]), status["OutOfStep"]) == ("Seen", 1)
+        for counter in (2, 3):
+            encoder.bus.send(encoder.frame(counter, 6000))
         encoder.good(4, 7000, state="Stale", used=False)
-        encoder.good(5, 7010)
-    assert results[0]["node"]["stale"] == 1
+    assert (results[0]["node"]["stale"], results[0]["node"]["ok"]) == (1, 2)
+
+
+def test_a_stall_of_the_nodes_program_is_no_silence_of_the_bus(node):
+    """Frames that came while it could not look are answered in order, and none is a new start."""
+    with node() as (encoder, process, results):
+        encoder.good(0, 0, state="Init", used=False)
+        process.send_signal(signal.SIGSTOP)
+        for counter in range(1, 60):
+            encoder.bus.send(encoder.frame(counter % 16, 10 * counter))
+            time.sleep(0.01)
+        process.send_signal(signal.SIGCONT)
+        answers = [encoder.heard(0x110) for _ in range(1, 60)]
+    assert {str(answer["State"]) for answer in answers} == {"OK"}
+    assert (results[0]["node"]["ok"], results[0]["node"]["stale"]) == (60, 0)
+
+
+def test_in_lockstep_a_stall_of_the_encoders_program_is_none_either_and_patience_ends(node):
+    """A node's clock waits for the next angle, for 2 s; then it runs on, and the timeout passes."""
+    with node("friction.node=5", options=("--lockstep",)) as (encoder, _, results):
+        encoder.number = 5
+        encoder.good(0, 0, state="Init", used=False)
+        for counter in (1, 2, 3):
+            time.sleep(0.4)
+            encoder.good(counter, 50 * counter)
+        begin = time.monotonic()
+        encoder.heard(0x120, State="Stale")
+        assert 2 < time.monotonic() - begin < 2.9
+    assert (results[0]["node"]["ok"], results[0]["node"]["stale"]) == (4, 1)
+    assert results[0]["err"].startswith("note: ") and results[0]["err"].count("\n") == 1
 
 
 def test_a_running_loop_does_not_take_foreign_answers_for_its_own(tmp_path):
-    options = ("--wait-clients", "1", "--seconds", "2")
-    with (
-        serving(tmp_path, SCENES / "steering.ini", *options) as (process, port),
-        client(port) as bus,
-    ):
+    """Those with a wrong CRC, and good ones to nothing that waits, of both nodes together."""
+    options = ("--wait-clients", "1", "--seconds", "2", "--nodes", "2")
+    path = SCENES / "steering.ini"
+    good = bytearray(8)
+    p02.e2e_p02_protect(good, bytes(0xC0 | counter for counter in range(16)))
+    with serving(tmp_path, path, *options) as (process, port), client(port) as bus:
         for i in range(200):
-            bus.send(
-                can.Message(
-                    arbitration_id=0x110,
-                    data=struct.pack("<8B", *[i % 256] * 8),
-                    is_extended_id=False,
-                )
-            )
+            data = good if i % 4 < 2 else bytes([i] * 8)
+            identifier = 0x110 | i % 2
+            bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
             bus.recv(0.005)
         result = finished(tmp_path, process)
-    assert result.summary["frames_lost"] == 0
-    assert result.summary["frames_answered"] == 2000
-    assert result.summary["answers_corrupt"] > 190
+    told = result.summary
+    assert (told["frames_lost"], told["frames_answered"]) == (0, 4000)
+    assert told["answers_corrupt"] + told["answers_unmatched"] == 200
+    assert min(told["answers_corrupt"], told["answers_unmatched"]) > 95
 
 
-def asked(encoder: Encoder, message: str, **signals) -> dict:
-    """What the node answers to a frame of this kind, decoded by the DBC."""
-    kinds = {"ParamWrite": ("ParamReply", 0x60), "Reset": ("Status", 0xA0)}
-    answer, ids = kinds[message]
-    request = encoder.database.get_message_by_name(message)
-    data = bytearray(request.encode({"Crc": 0, "Counter": 15, **signals}, strict=False))
-    p02.e2e_p02_protect(data, bytes(ids | counter for counter in range(16)))
-    encoder.bus.send(can.Message(arbitration_id=request.frame_id, data=data, is_extended_id=False))
-    while (said := encoder.bus.recv(2)) is not None:
-        name = encoder.database.get_message_by_frame_id(said.arbitration_id).name
-        if name == answer:
-            return encoder.database.decode_message(name, said.data)
-    raise AssertionError(f"no answer to {message}")
+SHIPPED = sorted(path for path in SCENES.glob("*.ini") if "kind = log" not in path.read_text())
 
 
-def test_parameters_by_the_dbc_alone(tmp_path, dbc):
-    """Defaults as its start values say; a joint write; a parameter that there is not."""
-    with node(tmp_path, dbc, "[status]\nperiod_ms = 100\n") as (encoder, results):
-        write = encoder.database.get_message_by_name("ParamWrite")
-        for name in ("Gain", "Limit", "Ramp", "MaxStep", "StatusPeriod"):
-            said = asked(encoder, "ParamWrite", Write="Read", Param=name, **{name: 0})
-            assert said[name] == (write.get_signal_by_name(name).initial or 0), name
-        asked(encoder, "ParamWrite", Write="Hold", Param="Fc", Fc=2 * FC)
-        said = asked(encoder, "ParamWrite", Write="Read", Param="Fc", Fc=0)
-        assert said["Fc"] == FC
-        asked(encoder, "ParamWrite", Write="Write", Param="Sigma0", Sigma0=2 * SIGMA0)
-        said = asked(encoder, "ParamWrite", Write="Read", Param="Fc", Fc=0)
-        assert said["Fc"] == 2 * FC
-        data = bytearray([0, 0x0F, 77, 0, 0, 0, 0, 0])
-        p02.e2e_p02_protect(data, bytes(0x60 | counter for counter in range(16)))
-        encoder.bus.send(can.Message(arbitration_id=0x130, data=data, is_extended_id=False))
-        while (said := encoder.bus.recv(2)).arbitration_id != 0x140:
-            pass
-        said = encoder.database.decode_message("ParamReply", said.data)
-        assert (said["Result"], said["Param"], said["Asked"]) == ("Unknown", "None", 77)
-    assert {name: results[0]["node"][name] for name in ("params", "ignored")} == {
-        "params": 10,
-        "ignored": 0,
-    }
-
-
-@pytest.mark.parametrize("what", ["Errors", "Restart"])
-def test_a_clients_reset_clears_status_and_not_the_summary(tmp_path, dbc, what):
-    with node(tmp_path, dbc) as (encoder, results):
-        encoder.good(0, 0, state="Init", used=False)
-        encoder.bus.send(changed(encoder.frame(1, 900), 0))
-        encoder.good(2, 40, state="Lost")
-        said = asked(encoder, "Reset", What=what)
-        assert (said["Lost"], said["Corrupt"], str(said["ErrorCrc"])) == (0, 0, "None")
-    counts = results[0]["node"]
-    assert {name: counts[name] for name in ("ok", "lost", "crc", "resets")} == {
-        "ok": 2,
-        "lost": 1,
-        "crc": 1,
-        "resets": 1,
-    }
+@pytest.mark.parametrize("path", SHIPPED, ids=[path.stem for path in SHIPPED])
+def test_each_shipped_scene_has_the_timeout_of_a_node(tmp_path, database, path):
+    """As the DBC says it to a user: the start value of the parameter."""
+    timeout = database.get_message_by_name("ParamWrite").get_signal_by_name("Timeout")
+    log = read_log(run(tmp_path, path, "--virtual", "--seconds", "0.5").log)
+    told = {database.decode_message(0x120, f.data)["Timeout"] for f in log if f.id == 0x120}
+    assert told == {timeout.initial} == {100}

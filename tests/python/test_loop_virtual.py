@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: MIT
-"""dahl-loop in virtual time: determinism, exact torque, speed, memory, parts that are not run."""
+"""dahl-loop in virtual time: the whole log against models of the motion, of the node and of Eq. 1
+(loop_model.py); same seed, same bytes; speed, memory, parts that are not run.
+"""
 
 from __future__ import annotations
 
-import struct
 import subprocess
-import zlib
 from pathlib import Path
 
-import mpmath
 import numpy as np
 import pytest
-from loop_tools import SCENES, Logged, counts_of, program, read_log, run, torques_of
+from loop_model import Node, Steering, check_node, segments, travel_per_count
+from loop_tools import SCENES, Logged, counts_of, program, read_log, run, setting, torques_of
 
-SHIPPED = ("segments", "steering")
 FRICTION = "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
 MOTION = "[motion]\nkind = segments\ntheta1 = 200\ntheta2 = -100\ntheta3 = 300\nspeed = 2000\n"
 STATUS = "[status]\nperiod_ms = 100\n"
+REPLAY = "[motion]\nkind = log\nfile = log.csv\nangle = {}\ncounts_per_unit = {}\n"
+TRAVEL = travel_per_count(50, 0.5, 1e-4)
 
 
 def scene(folder: Path, *parts: str) -> Path:
@@ -25,101 +26,108 @@ def scene(folder: Path, *parts: str) -> Path:
     return path
 
 
-def exact_ratios(counts: list[int], sigma0: float, Fc: float, theta: float) -> list[mpmath.mpf]:
-    """F/Fc after each count from rest: Eq. 1 in closed form between reversals, in 120 bits."""
-    ratios = []
-    with mpmath.workprec(120):
-        a = (
-            mpmath.mpf(float(np.float32(sigma0)))
-            / mpmath.mpf(float(np.float32(Fc)))
-            * float(np.float32(theta))
-        )
-        w = start = mpmath.mpf(0)
-        side, run_of = 0, 0
-        for before, now in zip([counts[0], *counts[:-1]], counts, strict=True):
-            move = (now - before + 2**31) % 2**32 - 2**31
-            sign = (move > 0) - (move < 0)
-            if sign not in (0, side):
-                side, start, run_of = sign, w, 0
-            run_of += abs(move)
-            if sign:
-                w = side - (side - start) * mpmath.exp(-a * run_of)
-            ratios.append(w)
-    return ratios
+def wrapped(counts: list[int], start: int = 0) -> list[int]:
+    return [(count + start + 2**31) % 2**32 - 2**31 for count in counts]
 
 
-def check_exact(log: list[Logged], sigma0: float, Fc: float, theta: float) -> None:
-    """Each answer within 9.4e-10 of Fc (Q30), its torque within 0.52 ulp of Fc."""
-    answers, exact = torques_of(log), exact_ratios(counts_of(log), sigma0, Fc, theta)
-    assert [state for state, _ in answers] == [6] + [0] * (len(answers) - 1)
-    assert len(answers) == len(exact)
-    limit = np.float32(Fc)
-    ulp = float(np.spacing(limit))
-    for (_, ratio), want in zip(answers, exact, strict=True):
-        assert abs(mpmath.mpf(ratio) / 2**30 - want) < 9.4e-10
-        torque = np.float32(ratio * 2.0**-30 * float(limit))
-        assert abs(float(torque) - want * float(limit)) <= 0.52 * ulp
+def check_answers(log: list[Logged], node: Node, Fc: float, told: dict) -> None:  # noqa: N803
+    """Each answer follows its angle, and as a torque it is within 0.52 ulp of Fc."""
+    check_node(log, node, told)
+    pairs = [frame.id for frame in log if frame.id & ~0x1F == 0x100]
+    assert pairs == [0x100 + node.number, 0x110 + node.number] * (len(pairs) // 2)
+    exact = np.array([answer.ratio for answer in node.answers])
+    limit = float(np.float32(Fc))
+    numbers = [int.from_bytes(f.data[4:], "little", signed=True) for f in log if f.id & ~15 == 272]
+    torque = np.float32(np.array(numbers) * 2.0**-30 * limit).astype(float)
+    assert np.abs(torque - exact * limit).max() <= 0.52 * float(np.spacing(np.float32(Fc)))
 
 
-@pytest.mark.parametrize("name", [*SHIPPED, "parking", "fault-storm"])
+SHIPPED = {
+    "segments": (50, 0.5, 9.587379924285257e-05),
+    "steering": (120, 1.8, 2.396844981071314e-05),
+}
+STEER = Steering(131072, 2.5, 600, 0.15, 30, 0.8)
+VARIED = {"amplitude": 9e5, "sweep_s": 0.3, "tremor": 0, "tremor_s": 1, "seconds": 20, "hold_s": 1}
+PLAYED = [  # scene, what is set, seed, counts
+    ("segments", {}, 1, segments(209, -104, 313, speed=200, hold_s=0.2)),
+    (
+        "segments",
+        {"speed": 1000, "hold_s": 0.05},
+        5,
+        segments(209, -104, 313, speed=1e3, hold_s=0.05),
+    ),
+    (
+        "segments",
+        {"theta1": 0, "theta2": 7, "theta3": 7, "hold_s": 0},
+        1,
+        segments(0, 7, 7, speed=200),
+    ),
+    ("steering", {}, 1, STEER.counts(1)),
+    (
+        "steering",
+        {"start_count": 2147483600},
+        2**64 - 1,
+        wrapped(STEER.counts(2**64 - 1), 2147483600),
+    ),
+    ("steering", VARIED, 7, Steering(**VARIED).counts(7)),
+    (
+        "steering",
+        {"amplitude": 0, "tremor": 5e4, "tremor_s": 0.5},
+        3,
+        Steering(0, 2.5, 5e4, 0.5, 30, 0.8).counts(3),
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "keys", "seed", "counts"), PLAYED)
+def test_a_motion_is_the_scenes_and_each_answer_is_exact(tmp_path, name, keys, seed, counts):
+    """Every count, and to each the torque of Eq. 1; nothing is lost, on any machine."""
+    words = setting(*(f"motion.{key}={value}" for key, value in keys.items()))
+    result = run(tmp_path, SCENES / f"{name}.ini", "--virtual", "--seed", seed, *words)
+    assert (result.code, result.err) == (0, "")
+    log, told = read_log(result.log), result.summary
+    assert counts_of(log) == counts
+    sigma0, Fc, theta = SHIPPED[name]  # noqa: N806
+    check_answers(log, Node(travel_per_count(sigma0, Fc, theta)), Fc, told["node"])
+    assert told["frames_sent"] == told["frames_answered"] == told["ticks"] == len(counts)
+    assert told["frames_lost"] == told["answers_unmatched"] == told["answers_corrupt"] == 0
+    assert {*told["bus_counts"].values()} == {0}
+    assert [f.time for f in log if f.id == 0x100] == [tick / 1000 for tick in range(len(counts))]
+
+
+@pytest.mark.parametrize("name", ["segments", "steering", "parking", "fault-storm"])
 def test_same_seed_same_bytes(tmp_path, name):
-    """And another seed is another run, but for a motion without chance."""
-    words = (SCENES / f"{name}.ini", "--virtual", "--seed")
-    runs = (run(tmp_path, *words, seed) for seed in (7, 7, 8))
-    first, again, other = ((result.code, result.log.read_bytes()) for result in runs)
-    assert first[0] == 0
-    assert first == again
+    """And another seed is another run, but for a motion without chance; 1 where none is given."""
+    words = (SCENES / f"{name}.ini", "--virtual")
+    seeds = ("--seed", 7), ("--seed", 7), ("--seed", 1), ()
+    first, again, other, none = (run(tmp_path, *words, *s).log.read_bytes() for s in seeds)
+    assert first == again and other == none
     assert (first == other) == (name == "segments")
-
-
-def test_a_seed_means_the_same_motion_on_every_machine(tmp_path):
-    log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seed", "1").log)
-    assert zlib.crc32(np.array(counts_of(log), "<i4").tobytes()) == 4068242989
-
-
-@pytest.mark.parametrize(
-    ("name", "sigma0", "Fc", "theta"),
-    [("segments", 50, 0.5, 9.587379924285257e-05), ("steering", 120, 1.8, 2.396844981071314e-05)],
-)
-def test_a_shipped_motion_is_exact(tmp_path, name, sigma0, Fc, theta):
-    result = run(tmp_path, SCENES / f"{name}.ini", "--virtual", "--seconds", "10")
-    check_exact(read_log(result.log), sigma0, Fc, theta)
-
-
-def test_count_that_wraps_at_32_bits_is_exact(tmp_path):
-    path = scene(tmp_path, FRICTION, MOTION, "start_count = 2147483600")
-    log = read_log(run(tmp_path, path, "--virtual").log)
-    counts = counts_of(log)
-    assert counts[0] == 2147483600 and min(counts) < -(2**31) + 300
-    check_exact(log, 50, 0.5, 1e-4)
 
 
 def test_measured_log_is_exact_and_complete(tmp_path, measured_file):
     file = measured_file("tribometer", "reciprocating.tsv")
-    result = run(tmp_path, SCENES / "tribometer.ini", "--virtual", "--data", str(file.parents[1]))
-    assert result.code == 0, result.err
+    result = run(tmp_path, SCENES / "tribometer.ini", "--virtual", "--data", file.parents[1])
     log = read_log(result.log)
     position = np.loadtxt(file, skiprows=1, usecols=2, delimiter="\t")
     assert counts_of(log) == np.rint((position - position[0]) * 10000).astype(int).tolist()
-    check_exact(log, 36500, 2.70, 1e-7)
+    node = Node(travel_per_count(36500, 2.70, 1e-7))
+    check_answers(log, node, 2.70, result.summary["node"])
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_virtual_time_is_200_times_real_time_and_nothing_is_lost(tmp_path, name):
+def test_virtual_time_is_200_times_real_time(tmp_path, name):
     """In the memory of a small machine. The best of five runs, as this one has other work too."""
-    summaries = [run(tmp_path, SCENES / f"{name}.ini", "--virtual").summary for _ in range(5)]
-    assert max(summary["realtime_factor"] for summary in summaries) >= 200
-    for said in summaries:
-        sent, answered, ok = said["frames_sent"], said["frames_answered"], said["node"]["ok"]
-        assert sent == answered == ok == said["ticks"] and said["frames_lost"] == 0
-        assert said["time"] == "virtual" and said["max_rss_kib"] < 16 * 1024
+    runs = [run(tmp_path, SCENES / f"{name}.ini", "--virtual").summary for _ in range(5)]
+    assert max(summary["realtime_factor"] for summary in runs) >= 200
+    assert all(summary["max_rss_kib"] < 16 * 1024 for summary in runs)
 
 
 def test_memory_does_not_grow_with_the_log_file(tmp_path):
     rows = "".join(f"{i % 1000}\n" for i in range(2_000_000))
-    (tmp_path / "big.csv").write_text("angle\n" + rows)
-    motion = "[motion]\nkind = log\nfile = big.csv\nangle = angle\ncounts_per_unit = 1\n"
-    summary = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual").summary
+    (tmp_path / "log.csv").write_text("angle\n" + rows)
+    path = scene(tmp_path, FRICTION, REPLAY.format("angle", 1))
+    summary = run(tmp_path, path, "--virtual", "--log", "/dev/null").summary
     assert summary["frames_answered"] == 2_000_000
     assert 512 < summary["max_rss_kib"] < 16 * 1024
 
@@ -131,42 +139,70 @@ def test_memory_does_not_grow_with_the_log_file(tmp_path):
         ((FRICTION, MOTION, STATUS), ("--role", "encoder"), {0x100}),
         ((FRICTION, STATUS), ("--seconds", "2"), {0x120}),
         ((FRICTION, MOTION, STATUS), ("--role", "node", "--seconds", "2"), {0x120}),
+        ((FRICTION, "node = 9", MOTION, STATUS), (), {0x109, 0x119, 0x129}),
     ],
 )
 def test_a_part_that_is_not_there_is_not_run(tmp_path, parts, options, ids):
     result = run(tmp_path, scene(tmp_path, *parts), "--virtual", *options)
-    log = read_log(result.log)
+    log, told = read_log(result.log), result.summary
     assert (result.code, {frame.id for frame in log}) == (0, ids), result.err
-    assert ("node" in result.summary, result.summary.get("frames_answered")) == (
-        (True, None) if ids == {0x120} else (False, 0)
+    assert ("node" in told, "frames_sent" in told) == (ids != {0x100}, ids != {0x120})
+    assert not {"control", "faults", "bus_load", "latency_us"} & told.keys()
+    if len(ids) == 3:
+        assert counts_of(log, 9) == segments(200, -100, 300, speed=2000)
+        check_answers(log, Node(TRAVEL, number=9), 0.5, told["node"])
+    else:
+        period = 0.1 if ids == {0x120} else 0.001
+        assert [f.time for f in log] == pytest.approx(np.arange(len(log)) * period, abs=1e-9)
+
+
+GAINS = [
+    ({"gain": 0.5}, 0.5, 1),
+    ({"limit": 0.25}, 1, 0.25),
+    ({"gain": 0.9, "limit": 0.3}, 0.9, 0.3),
+]
+
+
+@pytest.mark.parametrize(("keys", "gain", "limit"), GAINS)
+def test_gain_and_limit_are_the_scenes(tmp_path, keys, gain, limit):
+    """The ratio is the exact one by the gain, and ends at the limit; both are of 65536 parts."""
+    words = setting(*(f"friction.{key}={value}" for key, value in keys.items()))
+    path = scene(tmp_path, FRICTION, MOTION)
+    log = read_log(run(tmp_path, path, "--virtual", *words).log)
+    node = Node(TRAVEL)
+    node.play(log)
+    parts = [round(share * 65536) / 65536 for share in (gain, limit)]
+    due = np.clip([parts[0] * a.ratio for a in node.answers], -parts[1], parts[1])
+    seen = np.array([ratio for _, ratio in torques_of(log)]) / 2**30
+    assert np.abs(seen - due).max() < 2e-9
+    assert np.abs(seen).max() == parts[1] or "limit" not in keys
+
+
+@pytest.mark.parametrize(("max_step", "used"), [(2, True), (1, False)])
+def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
+    """Two counts a tick; `check_node` knows what the node makes of those that are too far."""
+    words = setting(f"friction.max_step={max_step}", "friction.timeout_ms=1000")
+    path = scene(tmp_path, FRICTION, MOTION)
+    result = run(tmp_path, path, "--virtual", *words)
+    node = Node(TRAVEL, max_step, timeout_us=10**6, status_us=0)
+    check_node(read_log(result.log), node, result.summary["node"])
+    assert (node.counts["jump"] == 0) == used
+
+
+@pytest.mark.parametrize("ms", [30, 1234.5, 3000])
+def test_status_tells_the_timeout_and_comes_in_its_period(tmp_path, ms):
+    """In the unit that the bus description says; no error, and the version of the program."""
+    words = setting(f"friction.timeout_ms={ms}", f"status.period_ms={ms}", "motion.hold_s=3")
+    log = read_log(run(tmp_path, scene(tmp_path, FRICTION, MOTION), "--virtual", *words).log)
+    statuses = [frame for frame in log if frame.id == 0x120]
+    period = np.ceil(ms) / 1000
+    assert [s.time for s in statuses[1:]] == pytest.approx(
+        period * np.arange(1, len(statuses)), abs=1e-9
     )
-    period = 0.1 if ids == {0x120} else 0.001
-    assert [frame.time for frame in log] == pytest.approx(np.arange(len(log)) * period, abs=1e-9)
-
-
-def test_without_status_only_news_is_told(tmp_path):
-    """That of power-on, in the first tick."""
-    result = run(tmp_path, scene(tmp_path, FRICTION, MOTION), "--virtual")
-    ids = [frame.id for frame in read_log(result.log)]
-    assert set(ids) == {0x100, 0x110, 0x120}
-    assert (ids.count(0x120), ids[0]) == (1, 0x120)
-
-
-def test_node_number_is_used_by_both(tmp_path):
-    result = run(tmp_path, scene(tmp_path, FRICTION, "node = 9", MOTION, STATUS), "--virtual")
-    assert {frame.id for frame in read_log(result.log)} == {0x109, 0x119, 0x129}
-    assert result.summary["frames_lost"] == 0
-
-
-def test_answers_follow_their_frames_and_echo_them(tmp_path):
-    log = [
-        frame
-        for frame in read_log(run(tmp_path, SCENES / "segments.ini", "--virtual").log)
-        if frame.id < 0x120
-    ]
-    for question, answer in zip(log[::2], log[1::2], strict=True):
-        assert (question.id, answer.id) == (0x100, 0x110)
-        assert answer.data[2] == question.data[1] & 15
+    said = subprocess.check_output([program(), "--version"], text=True)
+    major, minor = map(int, said.split()[1].split(".")[:2])
+    shown = min(255, int(np.ceil(ms / 10)))
+    assert {s.data[2:] for s in statuses} == {bytes([0, 0, 0, 0, major << 4 | minor, shown])}
 
 
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
@@ -182,22 +218,32 @@ def test_log_files_of_many_shapes(tmp_path, delimiter, end, first):
     ]
     text = "\ufeff" + end.join(delimiter.join(row) for row in rows)
     (tmp_path / "log.csv").write_bytes((text if end == "\n" else text + end + end).encode())
-    motion = f"[motion]\nkind = log\nfile = log.csv\nangle = {name}\ntime = t [s]\n"
-    motion += "counts_per_unit = 10\n"
-    result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
+    path = scene(tmp_path, FRICTION, REPLAY.format(name, 10), "time = t [s]\n")
+    result = run(tmp_path, path, "--virtual")
     assert result.code == 0, result.err
     assert counts_of(read_log(result.log)) == [0, 1, -1, -35]
 
 
-def test_angles_between_two_counts_go_to_the_nearest(tmp_path):
-    (tmp_path / "log.csv").write_text("a,\n0.5,9\n0.54,8\n0.56,7\n0.46,7\n0.44,7\n1.4999999999,7\n")
-    for side in (1, -1):
-        motion = f"[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = {side}0\n"
-        result = run(tmp_path, scene(tmp_path, FRICTION, motion), "--virtual")
-        assert counts_of(read_log(result.log)) == [side * c for c in (0, 0, 1, 0, -1, 10)]
+@pytest.mark.parametrize(
+    ("rows", "scale", "counts"),
+    [
+        ("0.5 0.54 0.56 0.46 0.44 1.4999999999", 10, [0, 0, 1, 0, -1, 10]),
+        ("0.5 0.54 0.56 0.46 0.44 1.4999999999", -10, [0, 0, -1, 0, 1, -10]),
+        ("5 2147483651", 1, [0, 2147483646]),
+        ("5 -2147483641", 1, [0, -2147483646]),
+    ],
+)
+def test_angles_go_to_the_nearest_count_from_the_first_row(tmp_path, rows, scale, counts):
+    """As far as a count goes; what goes beyond is refused (test_loop_refused.py)."""
+    (tmp_path / "log.csv").write_text("\n".join(["a,", *(f"{row},9" for row in rows.split())]))
+    path = scene(tmp_path, FRICTION, REPLAY.format("a", scale))
+    assert counts_of(read_log(run(tmp_path, path, "--virtual").log)) == counts
+    start = setting("motion.start_count=2147483647")
+    log = read_log(run(tmp_path, path, "--virtual", *start).log)
+    assert counts_of(log) == wrapped(counts, 2147483647)
 
 
-def test_where_a_measured_log_is_looked_for(tmp_path):
+def test_where_a_measured_log_is_looked_for(tmp_path, monkeypatch):
     """Beside the scene, else in --data; an absolute path is one; --log-file goes before all."""
     for end, name in enumerate(("beside", "data", "own")):
         (tmp_path / name).mkdir()
@@ -210,65 +256,36 @@ def test_where_a_measured_log_is_looked_for(tmp_path):
         (own, data, 2),
         ("log.csv", (*data, "--log-file", own), 2),
     ):
-        motion = f"[motion]\nkind = log\nfile = {file}\nangle = a\ncounts_per_unit = 1\n"
-        path = scene(tmp_path / "beside", FRICTION, motion)
+        text = REPLAY.format("a", 1).replace("log.csv", file)
+        path = scene(tmp_path / "beside", FRICTION, text)
         result = run(tmp_path, path, "--virtual", *options)
         assert counts_of(read_log(result.log)) == [0, end], (file, options)
+    scene(tmp_path / "beside", FRICTION, REPLAY.format("a", 1))
+    monkeypatch.chdir(tmp_path / "beside")
+    for name in ("scene.ini", "./scene.ini", "../beside/scene.ini"):
+        log = run(tmp_path, name, "--virtual", "--log-file", "../own/log.csv").log
+        assert counts_of(read_log(log)) == [0, 2]
+
+
+@pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("1.2346", 1235), ("0.0015", 2)])
+def test_it_ends_when_its_time_is_over(tmp_path, seconds, ticks):
+    """--seconds counts ticks, to the nearest one; a motion that is shorter ends it before."""
+    path = SCENES / "steering.ini"
+    assert run(tmp_path, path, "--virtual", "--seconds", seconds).summary["ticks"] == ticks
+    ended = run(tmp_path, path, "--virtual", "--seconds", 9, *setting(f"motion.seconds={seconds}"))
+    assert ended.summary["ticks"] == ticks
 
 
 def test_the_summary_says_what_was_run(tmp_path):
+    """And the last of two settings of one key holds, whatever the text of it is."""
     path = scene(tmp_path, "[scene]\ntitle = A shaft", FRICTION, MOTION, STATUS)
     seed = 2**64 - 59  # more than a double holds
-    words = ("--seed", seed, "--seconds", "0.02")
+    words = ("--seed", seed, "--seconds", "0.02", *setting("scene.title=x", "scene.title=a = b; c"))
     for time, options in (("real", ()), ("virtual", ("--virtual", "--bus", "socketcand:0"))):
         said = run(tmp_path / time, path, *words, *options).summary
         assert (said["time"], said["seed"], said["ticks"]) == (time, seed, 20)
-        assert (said["title"], said["scene"]) == ("A shaft", str(path))
+        assert (said["title"], said["scene"]) == ("a = b; c", str(path))
         assert said["bus"] == (options[2] if options else "loopback")
         assert ("beat_late_us" in said) == ("latency_us" in said) == (time == "real")
-    slow = run(tmp_path / "slow", path, *words, "--virtual", "--bitrate", "250000").summary
-    assert (slow["bitrate"], slow["nodes"]) == (250000, 1)
-    assert 0 < slow["wall_s"] < 5
-
-
-def test_a_scene_is_read_whatever_ends_its_lines_and_what_is_for_plots_is_left(tmp_path):
-    parts = (FRICTION, MOTION, STATUS, "[measured]\ntorque = Friction [uN]\nspring = none\n")
-    plain = run(tmp_path / "plain", scene(tmp_path, FRICTION, MOTION, STATUS), "--virtual")
-    path = scene(tmp_path, *parts)
-    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    same = run(tmp_path / "same", path, "--virtual")
-    assert (same.code, same.err) == (0, "")
-    assert same.log.read_bytes() == plain.log.read_bytes()
-
-
-def test_a_setting_may_hold_blanks_and_equals_signs(tmp_path):
-    words = ("--set", "scene.title=a = b; c", "--set", "friction.gain=0.5")
-    again = ("--set", "friction.gain=1", "--set", "friction.limit= 0.25")  # the last one holds
-    path = scene(tmp_path, FRICTION, MOTION)
-    result = run(tmp_path / "run", path, "--virtual", *words, *again)
-    assert (result.code, result.err) == (0, "")
-    assert result.summary["title"] == "a = b; c"
-    ratios = [ratio for _, ratio in torques_of(read_log(result.log))]
-    assert (max(ratios), min(ratios)) == (2**28, -(2**28))
-
-
-@pytest.mark.parametrize("name", ["scene.ini", "./scene.ini", "../here/scene.ini"])
-def test_a_scene_may_be_named_from_where_one_is(tmp_path, name):
-    folder = tmp_path / "here"
-    folder.mkdir()
-    (folder / "log.csv").write_text("a\n0\n7\n")
-    motion = "[motion]\nkind = log\nfile = log.csv\nangle = a\ncounts_per_unit = 1\n"
-    scene(folder, FRICTION, motion)
-    words = [program(), "--scene", name, "--virtual", "--log", "run.log"]
-    subprocess.run(words, cwd=folder, timeout=20, check=True)
-    assert counts_of(read_log(folder / "run.log")) == [0, 7]
-
-
-def test_status_frames_carry_the_version_and_no_error(tmp_path):
-    log = read_log(run(tmp_path, SCENES / "steering.ini", "--virtual", "--seconds", "1").log)
-    statuses = [frame.data for frame in log if frame.id == 0x120]
-    assert len(statuses) == 10
-    assert all(struct.unpack("8B", data)[2:6] == (0, 0, 0, 0) for data in statuses)
-    said = subprocess.check_output([program(), "--version"], text=True)
-    major, minor = map(int, said.split()[1].split(".")[:2])
-    assert {data[6] for data in statuses} == {major << 4 | minor}
+        assert 0 < said["wall_s"] < 5 and 512 < said["max_rss_kib"] < 16 * 1024
+        assert said["realtime_factor"] == pytest.approx(0.02 / said["wall_s"], rel=1e-6)

@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: MIT
+"""What a log of dahl-loop must hold, computed with no code of it: the motions that a scene names,
+the bits of frames, and what a node counts and answers (docs/loop.md).
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from crccheck.crc import Crc8Autosar
+from loop_tools import Logged, word
+
+Q30_BOUND = 9.4e-10  # of F/Fc: half a step of Q30, and what the library's error allows
+BUS_OFF = 0x20000040  # as candump writes the error frame
+ENCODER, TORQUE, STATUS, RESET = 0x100, 0x110, 0x120, 0x150
+OK, REPEATED, LOST, WRONG_SEQUENCE, CRC, STALE, INIT = range(7)  # states, by the DBC
+
+
+# --- motions --------------------------------------------------------------------------------------
+
+
+def nearest(value: float) -> int:
+    """The nearest whole number; halves go away from 0."""
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
+
+
+def segments(*ends: int, speed: float, hold_s: float = 0) -> list[int]:
+    """Counts from 0 from end to end, with a rest at each."""
+    counts, start, tick = [], 0, 0
+    for end in ends:
+        while (travel := speed * tick / 1000) < abs(end - start):
+            counts.append(nearest(start + math.copysign(travel, end - start)))
+            tick += 1
+        counts += [end] * (1 + nearest(hold_s * 1000))
+        start, tick = end, 1
+    return counts
+
+
+class Random:
+    """splitmix64 (Steele, Lea, Flood)."""
+
+    def __init__(self, seed: int) -> None:
+        self.state = seed
+
+    def between(self, low: float, high: float) -> float:
+        mask = 2**64 - 1
+        self.state = self.state + 0x9E3779B97F4A7C15 & mask
+        z = self.state
+        z = (z ^ z >> 30) * 0xBF58476D1CE4E5B9 & mask
+        z = (z ^ z >> 27) * 0x94D049BB133111EB & mask
+        return low + (high - low) * ((z ^ z >> 31) >> 11) / 2**53
+
+
+@dataclass
+class Steering:
+    """Sweeps from side to side with a rest at each end, and a hand's bumps on top."""
+
+    amplitude: float
+    sweep_s: float
+    tremor: float
+    tremor_s: float
+    seconds: float
+    hold_s: float = 0
+
+    def sweeps(self, random: Random) -> Iterator[float]:
+        start, side = 0.0, 1
+        while True:
+            end = side * random.between(0.4, 1.0) * self.amplitude
+            ticks = nearest(1000 * self.sweep_s * random.between(0.6, 1.4)) + 1
+            rest = nearest(1000 * self.hold_s * random.between(0, 1))
+            for x in (tick / ticks for tick in range(ticks + 1)):
+                yield start + (end - start) * (x * x * (3 - 2 * x))
+            yield from [end] * rest
+            start, side = end, -side
+
+    def pause(self, random: Random) -> int:
+        return nearest(1000 * random.between(0, 2) * self.tremor_s)
+
+    def bumps(self, random: Random, pause: int) -> Iterator[float]:
+        while True:
+            yield from [0.0] * pause
+            height = random.between(-1, 1) * self.tremor
+            ticks = nearest(1000 * random.between(0.02, 0.12))
+            yield 0.0
+            for x in (tick / ticks for tick in range(1, ticks + 1)):
+                pause = self.pause(random) if x == 1 else pause
+                yield height * 16 * x * x * (1 - x) * (1 - x)
+
+    def counts(self, seed: int) -> list[int]:
+        random = Random(seed)
+        parts = self.bumps(random, self.pause(random)), self.sweeps(random)
+        ticks = range(1, nearest(1000 * self.seconds))
+        return [0, *(nearest(next(parts[1]) + next(parts[0])) for _ in ticks)]
+
+
+# --- a bus that takes time ------------------------------------------------------------------------
+
+
+def bits(frame: Logged) -> int:
+    """Bits of a classic frame, from the standard: stuffed up to the CRC, then 13."""
+    low = f"{frame.id & 0x3FFFF:018b}"
+    head = f"{frame.id >> 18:011b}11{low}000" if frame.is_extended else f"{frame.id:011b}000"
+    body = f"0{head}{len(frame.data):04b}" + "".join(f"{byte:08b}" for byte in frame.data)
+    crc = 0
+    for bit in body:
+        crc = (crc << 1 ^ (0x4599 if (crc >> 14 & 1) != int(bit) else 0)) & 0x7FFF
+    count, run_of, last = 0, 0, ""
+    for bit in body + f"{crc:015b}":
+        run_of = run_of + 1 if bit == last else 1
+        last, count = bit, count + 1
+        if run_of == 5:
+            last, run_of, count = str(1 - int(bit)), 1, count + 1
+    return count + 13
+
+
+def check_arbitration(log: list[Logged], asked_us: list[int], rate: int) -> None:
+    """Each line ends a frame: the highest priority of all that had asked when the bus was free."""
+    waiting: list[tuple[int, int]] = []
+    order = sorted(range(len(log)), key=lambda i: asked_us[i])
+    free, to_come = 0.0, iter([*order, None])
+    nearest_one = next(to_come)
+    for i, frame in enumerate(log):
+        if not waiting:
+            free = max(free, asked_us[nearest_one])
+        while nearest_one is not None and asked_us[nearest_one] <= free:
+            heapq.heappush(waiting, (log[nearest_one].id, nearest_one))
+            nearest_one = next(to_come)
+        assert heapq.heappop(waiting)[1] == i, (i, frame)
+        free += bits(frame) * 1e6 / rate
+        assert abs(frame.time * 1e6 - free) <= 1, (i, frame)
+
+
+# --- the node -------------------------------------------------------------------------------------
+
+
+def is_good(frame: Logged, kind: int) -> bool:
+    """Whether the CRC is right (AUTOSAR's profile 2)."""
+    identifier = bytes([kind << 4 | frame.data[1] & 15])
+    return Crc8Autosar.calc(frame.data[1:] + identifier) == frame.data[0]
+
+
+def travel_per_count(sigma0: float, Fc: float, theta: float) -> float:  # noqa: N803
+    """sigma0/Fc*theta of the floats that a node has."""
+    stiffness, limit, angle = map(float, map(np.float32, (sigma0, Fc, theta)))
+    return stiffness / limit * angle
+
+
+@dataclass
+class Answer:
+    time: float
+    state: int
+    echo: int
+    ratio: float  # F/Fc
+
+
+@dataclass
+class Node:
+    """One row of the table of docs/loop.md after the other; Eq. 1 in closed form."""
+
+    travel: float  # of a count
+    max_step: int = 0
+    timeout_us: int = 100_000
+    status_us: int = 100_000
+    number: int = 0
+    counts: Counter = field(default_factory=Counter)
+    answers: list[Answer] = field(default_factory=list)
+    statuses: list[tuple[float, int]] = field(default_factory=list)  # time, state
+    offs: int = 0
+    off_us: int = 0
+    told_us: int = 0
+    candidate: int = 0
+
+    def __post_init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        self.w, self.state, self.row, self.offs = 0.0, INIT, 0, 0
+        self.runs, self.silenced, self.urgent = False, False, True
+
+    def play(self, log: list[Logged]) -> None:
+        """All frames that the bus carried but its own, and a tick at each millisecond."""
+        ticked = -1
+        own = {kind | self.number for kind in (TORQUE, STATUS)}
+        for frame in log:
+            now_us = round(frame.time * 1e6)
+            while ticked < now_us // 1000:
+                ticked += 1
+                self.tick(1000 * ticked)
+            if frame.id not in own:
+                self.receive(frame, now_us)
+
+    def tick(self, now_us: int) -> None:
+        self.look_at_age(now_us)
+        if self.urgent or (self.status_us and now_us - self.told_us >= self.status_us):
+            self.tell(now_us)
+
+    def tell(self, now_us: int) -> None:
+        self.statuses.append((now_us / 1e6, self.state))
+        self.urgent, self.told_us = False, now_us
+
+    def look_at_age(self, now_us: int) -> None:
+        if self.runs and now_us - self.good_us > self.timeout_us:
+            self.counts["stale"] += 1
+            self.fall_silent()
+
+    def fall_silent(self) -> None:
+        self.runs, self.row, self.silenced, self.urgent, self.state = False, 0, True, True, STALE
+
+    def receive(self, frame: Logged, now_us: int) -> None:
+        kind = frame.id ^ self.number
+        if frame.id == BUS_OFF:
+            self.counts["bus_off"] += 1
+            self.offs, self.off_us = self.offs + 1, now_us
+            self.fall_silent()
+        elif kind == RESET:
+            self.counts["resets"] += 1
+            self.restart()
+            self.tell(now_us)
+        elif kind != ENCODER:
+            self.counts["ignored"] += 1
+        elif frame.is_extended or len(frame.data) != 8:
+            self.refuse("format")
+        elif not is_good(frame, 3):
+            self.refuse("crc")
+        else:
+            self.look_at_age(now_us)
+            self.angle(frame.data[1] & 15, bool(frame.data[1] & 16), word(frame.data, 2), now_us)
+
+    def refuse(self, why: str) -> None:
+        self.counts[why] += 1
+        self.state = CRC
+        self.row = self.row if self.runs else 0
+
+    def angle(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
+        step = counter - getattr(self, "counter", 0) & 15
+        if not self.runs:
+            self.first(counter, is_valid, count, now_us)
+        elif step == 0:
+            self.counts["repeated"] += 1
+            self.state = REPEATED
+        elif step > (8 if self.max_step else 3):
+            self.out_of_sequence(counter, is_valid, count, now_us)
+        else:
+            self.in_sequence(step, counter, is_valid, count, now_us)
+
+    def first(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
+        if not is_valid:
+            self.counts["invalid"] += 1
+            self.row = 0
+            return
+        self.state = STALE if self.silenced else INIT
+        is_held = self.offs > 0 and now_us - self.off_us < self.timeout_us
+        if is_held or self.offs >= 4:
+            self.row = 0
+        if self.silenced and (is_held or self.offs >= 4 or not self.third(counter)):
+            self.counts["rearm"] += 1
+            return
+        self.counts["ok"] += 1
+        self.answer(counter, count, 0, now_us)
+
+    def third(self, counter: int) -> bool:
+        """Whether this is the third frame in a row that goes on from the one before it."""
+        self.row = self.row + 1 if counter == (self.candidate + 1) % 16 else 1
+        self.candidate = counter
+        return self.row >= 3
+
+    def is_near(self, count: int, frames: int, now_us: int) -> bool:
+        elapsed = 1 + (now_us - self.good_us) // 1024
+        return abs(self.way(count)) <= self.max_step * max(frames, elapsed)
+
+    def way(self, count: int) -> int:
+        return (count - self.count + 2**31) % 2**32 - 2**31
+
+    def out_of_sequence(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
+        is_known = self.third(counter) and is_valid
+        self.state = WRONG_SEQUENCE
+        if is_known and self.max_step and self.is_near(count, 0, now_us):
+            self.state = LOST
+            self.counts["ok"] += 1
+            self.answer(counter, count, self.way(count), now_us)
+            return
+        self.counts["wrong_sequence"] += 1
+        if is_known:
+            self.answer(counter, count, 0, now_us)
+
+    def in_sequence(self, step: int, counter: int, is_valid: bool, count: int, now_us: int) -> None:
+        self.counts["lost"] += step - 1
+        self.state = OK if step == 1 else LOST
+        if not is_valid:
+            self.counts["invalid"] += 1
+            self.counter = counter
+        elif self.max_step and not self.is_near(count, step, now_us):
+            self.counts["jump"] += 1
+            self.counter = counter
+            if self.third(counter):
+                self.state = WRONG_SEQUENCE
+                self.answer(counter, count, 0, now_us)
+        else:
+            self.counts["ok"] += 1
+            self.answer(counter, count, self.way(count), now_us)
+
+    def answer(self, counter: int, count: int, move: int, now_us: int) -> None:
+        if move:
+            side = math.copysign(1, move)
+            self.w = side - (side - self.w) * math.exp(-self.travel * abs(move))
+        self.counter, self.count, self.good_us = counter, count, now_us
+        self.runs, self.row, self.offs = True, 0, 0
+        self.answers.append(Answer(now_us / 1e6, self.state, counter, self.w))
+
+
+def check_node(log: list[Logged], node: Node, told: dict | None = None) -> Node:
+    """Each answer and each Status of a log, and the counts of the summary, are those of the node
+    that docs/loop.md describes.
+    """
+    node.play(log)
+    seen = [frame for frame in log if frame.id == TORQUE | node.number]
+    assert all(is_good(frame, 0xC) for frame in seen)
+    assert [frame.data[1] & 15 for frame in seen[:15]] == list(range(min(15, len(seen))))
+    assert [(round(f.time * 1e6), f.data[1] >> 4, f.data[2] & 15) for f in seen] == [
+        (round(a.time * 1e6), a.state, a.echo) for a in node.answers
+    ]
+    ratios = np.array([word(frame.data, 4) for frame in seen]) / 2**30
+    exact = np.array([answer.ratio for answer in node.answers])
+    assert np.abs(ratios - exact).max(initial=0) < Q30_BOUND
+    states = [(round(f.time, 6), f.data[1] >> 4) for f in log if f.id == STATUS | node.number]
+    assert states == node.statuses
+    if told is not None:
+        assert {name: count for name, count in told.items() if count} == +node.counts
+    return node
