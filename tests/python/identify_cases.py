@@ -232,3 +232,37 @@ def resting_first() -> Log:
     theta = np.concatenate((still + log.theta[0], log.theta))
     torque = np.concatenate((still + 0.01 * FC * np.resize([1, -1, 2], 2000), log.torque))
     return replace(log, theta=theta, torque=-torque, time=np.arange(5000) * 1e-3)
+
+
+def late_between_rows(rows: float, count: int = 3000) -> Log:
+    """A torque that comes late by parts of a row: ten steps of the truth in each."""
+    theta = sine(5, rows=10 * (count + 200), cycles=8)
+    torque = np.roll(dahl_torque(theta), round(10 * rows))
+    kept = slice(1000, -1000, 10)
+    return of(theta[kept], torque[kept])
+
+
+def late_and_springy(rows: int, spring: float) -> Log:
+    theta = chirp(5200)
+    torque = np.roll(dahl_torque(theta) + spring * (theta - theta[100]), rows)
+    return of(theta[100:-100], torque[100:-100])
+
+
+def late_in_coarse_cycles(cycle: int, rows: int) -> Log:
+    """60 cycles of few rows; a quarter of a cycle late, friction looks like inertia."""
+    theta = 0.05 * np.sin(2 * np.pi * np.arange(60 * cycle + rows) / cycle + 0.3)
+    return of(theta[rows:], dahl_torque(theta)[: 60 * cycle])
+
+
+def by_edges() -> Log:
+    """Written at each edge of the encoder, without a clock."""
+    counts = np.floor(sine(3, rows=40_000, cycles=5) / COUNT)
+    theta = counts[1:][np.diff(counts) != 0] * COUNT
+    torque = dahl_torque(theta) + 0.02 * FC * noise_of(1, len(theta))
+    return Log("edges", theta, torque, resolution=COUNT)
+
+
+def of_quiet_noise(shared: float = 0.95, Fc: np.ndarray | float = 0.0) -> Log:  # noqa: N803
+    """Noise of 5 % whose neighbouring rows share most of it."""
+    log = drifting(Fc=Fc, noise=0.0, rows=6000)
+    return plus(log, 0.05 * FC * noise_of(2, 6000, shared))

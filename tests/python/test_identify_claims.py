@@ -81,7 +81,9 @@ CASES: dict[str, Case] = {
     "noise of .7 Fc": Case(noisy(0.7), "Fc", {"Coulomb": []}, off=0.03),
     "noise of 1.5 Fc": Case(noisy(1.5), "none", {"explains": [26.0]}, off=ANY),
     # a torque that comes late
-    "angle 8 rows late": Case(lambda: made.late(-8), "both", {"comes": [8.0, 0.008]}, delay=-8),
+    "angle 8 rows late": Case(
+        lambda: made.late(-8), "both", {"comes": [8.0, 0.008]}, ("play",), delay=-8
+    ),
     "9 rows late": Case(
         lambda: made.late(9), "none", {"comes": [9.0, 0.009], "low-passed": []}, delay=9
     ),
@@ -108,6 +110,13 @@ CASES: dict[str, Case] = {
     "a row of .35 lengths": Case(
         lambda: made.late_by_a_row_of(0.35), "none", {"presliding lengths": [0.4]}, delay=-1
     ),
+    "4.5 rows late": Case(lambda: made.late_between_rows(4.5), "", delay=4.5),
+    "late and a spring": Case(
+        lambda: made.late_and_springy(9, 3.0), "", terms={"spring": 3.0}, delay=9, off=0.004
+    ),
+    "late by a quarter of 36 rows": Case(lambda: made.late_in_coarse_cycles(36, 8), "", off=ANY),
+    "late by a quarter of 54 rows": Case(lambda: made.late_in_coarse_cycles(54, 12), "", off=ANY),
+    "rows at edges, no clock": Case(made.by_edges, "both", {}, ("low-passed",)),
     # a play beside the encoder
     "play before": Case(
         lambda: made.lost_motion("before", 8), "Fc", {"play": [8 * COUNT]}, off=0.06
@@ -174,6 +183,10 @@ CASES: dict[str, Case] = {
     "two odd cycles of 23": Case(lambda: made.odd_cycles(2), "both", {"disagree": [4, 9]}),
     "three odd cycles of 23": Case(
         lambda: made.odd_cycles(3), "none", {"disagree": [4, 9, 14]}, off=ANY
+    ),
+    "noise that rows share": Case(made.of_quiet_noise, "both", {}, ("drift", "disagree")),
+    "noise that rows share, and a drift": Case(
+        lambda: made.of_quiet_noise(Fc=0.2 * made.ramp(6000)), "none", {"Fc drifts": [18.0]}
     ),
     # a torque in steps, turns between the rows, counts in step
     "torque in steps": Case(
@@ -397,3 +410,44 @@ def test_the_simplest_choice_is_taken(name):
         if size[id(one)] < size[id(taken)]:
             more = max(size[id(best)] - size[id(one)], 0)
             assert 1 - one["r2"] >= (1 - best["r2"]) * (1 + 0.03 * more)
+
+
+# --- several logs, few cycles ---------------------------------------------------------------------
+
+
+def test_of_two_logs_the_worse_one_counts():
+    """Noise of the angle, counts too coarse, steps of the torque: in one of them it is in both."""
+    good = shaft(2)
+    for bad, word in (
+        (made.shaky(5), "angle noise"),
+        (coarse(1.9)(), "resolution"),
+        (made.in_steps(1.5, 0.0), "steps of"),
+    ):
+        facts = seen(good, bad)
+        assert told(facts, word) is not None, word
+        assert not facts["identifiable"]["sigma0"], word
+
+
+@pytest.mark.parametrize(("cycles", "scored"), [(3.0, False), (3.4, True)])
+def test_choices_take_six_cycles_or_strokes(cycles, scored):
+    """With fewer neither a delay nor a model is tried, and each set of terms that draws the log as
+    well is plausible.
+    """
+    facts = seen(made.plus(shaft(1, rows=2000, cycles=cycles), 0.2))
+    assert bool(facts["models"]) is scored
+    assert any(one["delay_rows"] for one in facts["choices"]) is scored
+    if not scored:
+        best = max(one["r2"] for one in facts["choices"] if one["taken"])
+        for one in facts["choices"]:
+            assert one["plausible"] is bool(1 - one["r2"] <= 1.03 * (1 - best))
+            low, high = facts["ci95"]["sigma0"]
+            assert not one["plausible"] or low <= one["sigma0"] <= high
+
+
+def test_simpler_models_have_the_terms_that_suit_them():
+    """A stroke of two presliding lengths: to Coulomb's model the stiffness is a spring."""
+    theta = sine(1, rows=3000, cycles=6, amplitude=2 * LENGTH)
+    facts = seen(of(theta, dahl_torque(theta), 0.02, 0.0))
+    assert "spring" not in facts["extra"] and "spring" in facts["coulomb_extra"]
+    held = {name: one["r2"] for name, one in facts["held_out"].items()}
+    assert held["none"] < held["coulomb"] < held["dahl"]

@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 from identify_cases import FC, shaft, with_gaps
 from identify_tools import complaint, dahl_torque, noise_of, sine, told
+from log_writers import DBC
+from log_writers import frames as write_frames
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -248,3 +250,19 @@ def test_a_signed_number_read_as_unsigned(dahl):
         assert facts["Fc"] == pytest.approx(FC, rel=0.02)
         assert (told(facts, "65536") is not None) is taken
         assert facts["extra"].get("offset", 0) == pytest.approx(offset / 1000, abs=0.02)
+
+
+def test_the_units_of_a_can_log_are_those_of_its_dbc(dahl, tmp_path):
+    """Its raw values are of 1e-4 of these."""
+    raw = np.arange(40)
+    dbc = DBC.replace('"deg"', '"mrad"').replace('"Nm"', '"mNm"')
+    (tmp_path / "x.dbc").write_text(dbc)
+    words = ("--dbc", "x.dbc", "--angle", "Angle", "--torque", "Torque", "--no-files")
+    for name, angle, torque in (
+        ("angle", 0 * raw + 30_000, raw),
+        ("torque", raw, 0 * raw + 30_000),
+    ):
+        write_frames(tmp_path / "x.log", raw * 1e-3, angle, torque)
+        code, line = complaint(dahl("identify", "x.log", *words))
+        assert code == 2
+        assert float(re.search(rf"{name} is constant \((\S+) in", line)[1]) == 0.003
