@@ -5,9 +5,11 @@ between reversals, with no code of the package in it; the encoder rounds a motio
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -105,3 +107,28 @@ def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angl
     table = np.column_stack((np.arange(len(theta)) * 1e-3, np.degrees(theta), torque))
     np.savetxt(path, table, fmt="%.9g", delimiter=",", header=header, comments="")
     return path
+
+
+# --- what an identification says, by its JSON -----------------------------------------------------
+
+
+def seen(*logs: Log, **options: object) -> dict[str, Any]:
+    """What `dahl identify --json -` prints of logs in memory."""
+    from dahl.identify import output, pipeline  # as_json(): the command's, without a file to read
+
+    return json.loads(output.as_json(pipeline.identify(logs, pipeline.Options(**options))))
+
+
+def told(facts: dict[str, Any], word: str) -> list[float] | None:
+    """The numbers in what is said of a log with this word; nothing where it is not said."""
+    lines = {*facts["reasons"], *(found["text"] for found in facts["findings"])}
+    lines |= {note.removeprefix(f"{name}: ") for note in facts["notes"] for name in facts["logs"]}
+    fitting = [line for line in sorted(lines) if word in line]
+    numbers = re.findall(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", " ".join(fitting))
+    return list(map(float, numbers)) if fitting else None
+
+
+def width(facts: dict[str, Any], name: str) -> float:
+    """Half the interval of a parameter, in parts of it."""
+    low, high = facts["ci95"][name]
+    return (high - low) / 2 / facts[name] if high is not None else np.inf

@@ -89,7 +89,9 @@ def standard_error(trials: Sequence[Trial], taken: Trial) -> float:
     """Of the delay that was taken, rows: by the best one beside it when each cycle is left out; 0
     where none was taken.
     """
-    same = {one.choice.delay: one for one in trials if one.choice.terms == taken.choice.terms}
+    at = taken.choice
+    alike = (one for one in trials if one.choice == replace(at, delay=one.choice.delay))
+    same = {one.choice.delay: one for one in alike}
     near = sorted(same.values(), key=lambda one: abs(one.choice.delay - taken.choice.delay))[:3]
     if taken.choice.delay == 0 or len(near) < 3:
         return 0.0
