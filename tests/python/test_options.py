@@ -161,7 +161,7 @@ def test_the_help_tells_the_unit_and_the_default_of_a_number(verb, dahl):
 
 
 def test_a_shell_completes_verbs_options_and_what_they_take(dahl, root):
-    """By the script of `dahl complete`, asked as bash asks it; and none is left out of this table."""
+    """By the script of `dahl complete`, asked as bash asks it; none is left out of the table."""
     script = dahl("complete").stdout
 
     def completed(*words: str) -> list[str]:
