@@ -175,7 +175,7 @@ class Waiting:
     def send(self, message, timeout=None):
         if self.refuses:
             raise self.refuses("no buffer space")
-        self.queue = itertools.chain(self.after, self.queue)
+        self.queue = itertools.chain(self.queue, self.after)
 
 
 @pytest.mark.parametrize("error", [can.CanOperationError, OSError])
@@ -218,6 +218,10 @@ def test_an_answer_is_to_what_was_asked():
     assert node.ask(Waiting([reply(1)], [*others, reply(5), reply(6)]), asked).value == 5
     torques = [codec.pack(codec.FrictionTorque(7, echo=echo)) for echo in (2, 3, 4)]
     assert node.ask(Waiting([], torques), EncoderState(9, 3)).echo == 3
+    old, new = (
+        codec.pack(codec.Status(1, State.OK, codec.Errors(0), n, 0, 0, 0, 2, 25)) for n in (9, 0)
+    )
+    assert node.ask(Waiting([old], [new]), Reset(What.ERRORS)).lost == 0
     none = reply(77, param=Param.NONE)
     assert node.ask(Waiting((), [none]), ParamWrite(77, counter=4)).param == Param.NONE
     with pytest.raises(dahl.RunError, match=r"ParamReply of node 0 in 0\.02 s"):

@@ -147,6 +147,16 @@ def test_a_mix_is_the_sum_of_its_parts(moves):
     assert dahl.ThroughputParallel().run_counts([1, 2]).tolist() == [0, 0]
 
 
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_go_on_where_the_part_before_them_ends(threads):
+    """Also in a long log of so little motion that no part forgets its start, by the closed form."""
+    ticks, fast = 3 * 2**18, dahl.Throughput(100.0, 0.5, 1e-8)
+    travel = fast.travel_per_count * np.arange(1, ticks + 1)
+    wanted = 0.5 - (0.5 + 0.3) * np.exp(-travel)
+    found = fast.run_counts(np.ones(ticks, np.int32), F=-0.3, threads=threads)
+    assert np.abs(found - wanted).max() <= ulp_of(0.5)
+
+
 # --- a load that leaves the stiffness -------------------------------------------------------------
 
 
