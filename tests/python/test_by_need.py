@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""A command whose packages are not there brings them once, or says in a line what it lacks."""
+"""A command whose packages are not there brings them once, or says in a line what it lacks; and the
+extras of the package bring what each command imports.
+"""
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 import subprocess
@@ -11,86 +12,89 @@ import sys
 import tomllib
 
 import pytest
-from dahl import RunError, by_need, paths
-from dahl.cli import COMMANDS
-from identify_tools import complaint
+from identify_tools import caller, complaint
 from packaging.requirements import Requirement
 
-
-@pytest.fixture
-def without_scipy(monkeypatch, tmp_path):
-    """A checkout whose build/venv has no scipy; its setup.sh ends with the code in file `code`."""
-    script = tmp_path / "tools/setup.sh"
-    script.parent.mkdir()
-    script.write_text(
-        f'#!/bin/sh\necho "$@" | tee -a {tmp_path}/asked\nexit "$(cat {tmp_path}/code)"\n'
-    )
-    script.chmod(0o755)
-    started = []
-    monkeypatch.setattr(paths, "ROOT", tmp_path)
-    monkeypatch.setattr(sys, "prefix", str(tmp_path / "build/venv"))
-    monkeypatch.setattr(by_need, "find_spec", lambda name: None if name == "scipy" else name)
-    monkeypatch.setattr(os, "execve", lambda *words: started.append(words))
-    monkeypatch.delenv(by_need.TRIED, raising=False)
-    return tmp_path, started
-
-
-def test_what_needs_no_more_starts_at_once(without_scipy):
-    folder, started = without_scipy
-    by_need.bring("demo", ["demo"])
-    by_need.bring("monitor", ["monitor"])
-    assert not started
-    assert not (folder / "asked").exists()
+# Of each verb: the extras that its refusal names, and what it imports.
+NEEDS = {
+    "demo": ("can,plot", ["can", "cantools", "rich", "matplotlib", "mpmath", "pooch"]),
+    "identify": ("identify", ["scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can"]),
+    "excite": ("identify", ["scipy"]),
+    "monitor": ("can", ["can", "cantools", "rich", "plotext", "mpmath"]),
+    "node": ("can", ["can", "rich"]),
+    "record": ("can", ["can"]),
+    "plot": ("plot", ["matplotlib", "can", "cantools", "mpmath"]),
+    "report": ("plot", ["jinja2", "mpmath"]),
+    "data": ("plot", ["pooch"]),
+    "dbc": ("can", ["cantools", "mpmath"]),
+}
+WORDS = {"excite": ["--counts-per-turn", "1"], "record": ["-o", "x.log"], "plot": ["x"]}
+WORDS |= {"report": ["x"], "identify": ["x.csv"], "node": ["-c", "x"]}
+CALLED = {"can": "python-can", "jinja2": "jinja2"}  # by pip, where it is another name
 
 
-@pytest.mark.parametrize(
-    "need",
-    [
-        ("identify", "pandas"),
-        ("identify", "joblib"),
-        ("excite", "scipy"),
-        ("monitor", "plotext"),
-        ("report", "jinja2"),
-    ],
-)
-def test_each_command_knows_its_packages(monkeypatch, need):
-    monkeypatch.setenv(by_need.TRIED, "1")
-    monkeypatch.setattr(by_need, "find_spec", lambda name: None if name == need[1] else name)
-    with pytest.raises(RunError, match=f"dahl {need[0]} needs {need[1]}; pip install 'dahl"):
-        by_need.bring(need[0], [need[0]])
+def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
+    """As if it were not installed, nor could be set up."""
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
 
 
-def test_each_command_names_extras_that_bring_what_it_needs(root):
+@pytest.mark.parametrize("verb", NEEDS)
+def test_each_command_names_what_it_lacks_and_what_brings_it(dahl, tmp_path, verb, monkeypatch):
+    """And nothing has been written then."""
+    extras, packages = NEEDS[verb]
+    for package in packages:
+        with monkeypatch.context() as missing:
+            without(missing, package)
+            code, said = complaint(dahl(verb, *WORDS.get(verb, [])))
+        assert code == 1 and f"dahl {verb} " in said
+        assert CALLED.get(package, package) in said and f"pip install 'dahl[{extras}]'" in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("asked", ["--help", "-h"])
+def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch, asked):
+    """Beside all that it knows without it."""
+    without(monkeypatch, "can")
+    said = dahl("monitor", asked)
+    assert (said.returncode, said.stderr) == (0, "")
+    for words in ("--window TICKS", "dahl monitor -i socketcan", "pip install 'dahl[can]'"):
+        assert words in said.stdout
+
+
+def test_numpy_alone_is_enough_for_a_plan_and_completion(dahl, monkeypatch):
+    for package in {package for _, packages in NEEDS.values() for package in packages}:
+        without(monkeypatch, package)
+    words = ("--sigma0", "1", "--fc", "1", "--theta-per-count", "1", "-o", "x.h")
+    assert dahl("plan", *words).returncode == 0 and dahl("complete").returncode == 0
+
+
+# --- the extras of the package --------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def extras(root) -> dict[str, list[Requirement]]:
     project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    extras = {
-        name: {re.split(r"[\[><=]", one)[0].lower() for one in wanted}
+    return {
+        name: [*map(Requirement, wanted)]
         for name, wanted in project["optional-dependencies"].items()
     }
-    needs = [*by_need.NEEDS.values(), *((extra, [x]) for x, extra in by_need.AT_TIMES.items())]
-    assert {*COMMANDS} - {*by_need.NEEDS} == {"complete", "plan"}  # with numpy alone
-    for names, modules in needs:
-        brought = set().union(*(extras[name] for name in names.split(",")))
-        wanted = {by_need.DISTRIBUTED_AS.get(name, name).partition("[")[0] for name in modules}
-        assert wanted - {"pyserial"} <= brought, names  # python-can[serial] brings that
 
 
-def test_identification_needs_no_package_that_it_does_not_name():
-    """Of those that some command names: what its modules import, in a process of its own."""
-    known = {name for _, names in by_need.NEEDS.values() for name in names}
-    code = (
-        "import sys; from dahl.identify import draw, output, pipeline, readers; print(*sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    found = known & set(done.stdout.split())
-    assert "mpmath" in found and found <= set(by_need.NEEDS["identify"][1])
+def test_the_extras_that_are_named_bring_what_is_imported(extras):
+    brought = {name: {one.name.lower() for one in wanted} for name, wanted in extras.items()}
+    for names, packages in NEEDS.values():
+        together = set().union(*(brought[name] for name in names.split(",")))
+        assert {CALLED.get(package, package) for package in packages} <= together, names
+    for package, name in (("asammdf", "identify"), ("dask", "cluster"), ("pyarrow", "identify")):
+        assert package in brought[name]
 
 
-def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(root):
+def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(extras, root):
     """pip takes the newest that an extra allows, or keeps what is there: plotext 6 lacks what the
     monitor calls, python-can before 4.6 has no can.cli.
     """
-    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
-    wanted = [*map(Requirement, sum(project["optional-dependencies"].values(), []))]
+    wanted = [one for some in extras.values() for one in some]
     locks = (lock.read_text() for lock in (root / "tools/requirements").glob("*.lock"))
     pins = dict(re.findall(r"^([\w-]+)(?:\[\w+\])?==(\S+)", "".join(locks), re.MULTILINE))
     tested = [one for one in wanted if one.name in pins]
@@ -102,63 +106,80 @@ def test_extras_take_what_is_tested_here_and_nothing_with_other_calls(root):
     assert python_can.contains("4.6.0") and not python_can.contains("4.5.0")
 
 
-@pytest.mark.parametrize("asked", ["--help", "-h"])
-def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch, asked):
-    """Beside all that it knows without it."""
-    monkeypatch.setitem(sys.modules, "can", None)
-    said, lacking = (
-        dahl("monitor", asked),
-        "dahl monitor needs python-can; pip install 'dahl[can]'",
-    )
-    assert (said.returncode, said.stderr) == (0, "")
-    for words in (
-        "--window TICKS",
-        "dahl monitor -i socketcan",
-        f"More options, of the bus: {lacking}",
-    ):
-        assert words in said.stdout
-    assert complaint(dahl("monitor")) == (1, lacking)
+# --- in a checkout, whose build/venv is filled by need --------------------------------------------
 
 
-def test_it_sets_up_and_starts_again_with_the_same_words(without_scipy, capfd):
-    """The words of the set-up are no output."""
-    (folder, started), given = without_scipy, ["identify", "log.csv", "--json", "-"]
+@pytest.fixture
+def checkout(monkeypatch, tmp_path):
+    """A checkout whose build/venv has no scipy; its setup.sh ends with the code in file `code`. An
+    exception to the public seams: where the checkout is, and the start of the program anew.
+    """
+    script = tmp_path / "tools/setup.sh"
+    script.parent.mkdir()
+    asked = f'echo "$@" | tee -a {tmp_path}/asked'
+    script.write_text(f'#!/bin/sh\n{asked}\nexit "$(cat {tmp_path}/code)"\n')
+    script.chmod(0o755)
+    started: list[tuple[object, ...]] = []
+
+    def start(*words: object) -> None:
+        started.append(words)
+        raise SystemExit(0)
+
+    monkeypatch.setattr("dahl.paths.ROOT", tmp_path)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path / "build/venv"))
+    monkeypatch.setattr(os, "execve", start)
+    without(monkeypatch, "scipy")
+    monkeypatch.delenv("DAHL_SETUP_TRIED")
+    return tmp_path, started
+
+
+def test_it_sets_up_and_starts_again_with_the_same_words(checkout, capfd):
+    """What needs no more starts at once; the words of the set-up are no output."""
+    (folder, started), given = checkout, ["identify", "log.csv", "--json", "-"]
+    dahl = caller(capfd)
     (folder / "code").write_text("0")
-    by_need.bring("identify", given)
-    assert (folder / "asked").read_text() == "identify\n" and not capfd.readouterr().out
+    assert dahl("dbc").returncode == 0 and not (folder / "asked").exists()
+    done = dahl(*given)
+    assert (folder / "asked").read_text() == "identify\n" and not done.stdout
     [(program, words, environment)] = started
     assert (program, words[1:]) == (sys.executable, ["-m", "dahl", *given])
-    assert environment[by_need.TRIED]
+    monkeyed = environment.keys() - os.environ.keys()
+    assert len(monkeyed) == 1, "a variable that keeps it from a third start"
 
 
-def test_a_set_up_that_fails_is_one_error(without_scipy):
-    folder, _ = without_scipy
+@pytest.mark.parametrize("why", ["it fails", "tried before", "another environment"])
+def test_it_never_sets_up_twice_nor_for_others(checkout, capfd, monkeypatch, why):
+    folder, started = checkout
     (folder / "code").write_text("1")
-    with pytest.raises(RunError, match="scipy, and tools/setup.sh identify failed"):
-        by_need.bring("identify", ["identify"])
-
-
-@pytest.mark.parametrize("why", ["tried before", "another environment"])
-def test_it_never_sets_up_twice_nor_for_others(without_scipy, monkeypatch, why):
-    folder, _ = without_scipy
     if why == "tried before":
-        monkeypatch.setenv(by_need.TRIED, "1")
-    else:
+        monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
+    if why == "another environment":
         monkeypatch.setattr(sys, "prefix", "/usr")
-    with pytest.raises(RunError, match="dahl identify needs scipy; pip install 'dahl.identify.'"):
-        by_need.bring("identify", ["identify"])
-    assert not (folder / "asked").exists()
+    done = caller(capfd)("excite", "--counts-per-turn", "1")
+    said = done.stderr.splitlines()[-1]  # below the words of the set-up
+    assert done.returncode == 1 and said.startswith("error: ") and "scipy" in said and not started
+    assert ("tools/setup.sh" in said) == (why == "it fails") == (folder / "asked").exists()
 
 
-def test_asammdf_is_imported_where_an_mf4_is_meant(monkeypatch):
-    for words in (["demo"], ["record", "-o", "run.blf"], ["plot", "run"]):
-        monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
-        del sys.modules["asammdf"]
-        by_need.spare_mf4(words[0], words)
-        with pytest.raises(ImportError):
-            importlib.import_module("asammdf")
-    for words in (["record", "-o", "RUN.MF4"], ["identify", "logs"], ["plot", "run.mf4"]):
-        monkeypatch.setitem(sys.modules, "asammdf", None)  # as it was, after the test
-        del sys.modules["asammdf"]
-        by_need.spare_mf4(words[0], words)
-        assert "asammdf" not in sys.modules
+# --- what costs much is imported where it is meant ------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("plot", "run"), False),
+        (("record", "-o", "run.blf", "-i", "virtual", "-c", "x", "--seconds", "0.01"), False),
+        (("record", "-o", "RUN.MF4", "-i", "virtual", "-c", "x", "--seconds", "0.01"), True),
+        (("record", "-o", "run.mf4", "--help"), False),
+    ],
+)
+def test_asammdf_is_imported_where_an_mf4_is_meant(root, tmp_path, words, wanted):
+    """It takes most of the start of a command that reads and writes no MF4."""
+    code = (
+        "import atexit, sys; from dahl.__main__ import main; sys.argv[0] = 'dahl'\n"
+        "atexit.register(lambda: print('asammdf', bool(sys.modules.get('asammdf'))))\n"
+        "sys.exit(main())"
+    )
+    command = [sys.executable, "-c", code, *words]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout.splitlines()[-1] == f"asammdf {wanted}", done.stderr

@@ -1,86 +1,114 @@
 # SPDX-License-Identifier: MIT
-"""What a user does with a DBC: decode what a node says, know its defaults, have one for many."""
+"""`dahl dbc`: a description of one node or of many, which decodes all that they say; and the table
+of faults that tools/fault_table.py keeps in a page.
+"""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import can
 import cantools
 import pytest
-from dahl import cli
+from conftest import ROOT
+from identify_tools import complaint
 from loop_tools import SCENES, run
 
-SCENE = SCENES / "segments.ini"
-
-
-@pytest.fixture(scope="module")
-def database(dbc: Path) -> cantools.database.Database:
-    return cantools.database.load_file(dbc)
-
-
-def described(nodes: int, folder: Path) -> cantools.database.Database:
-    path = folder / f"{nodes}.dbc"
-    assert cli.main(["dbc", "--nodes", str(nodes), "-o", str(path)]) == 0
-    return cantools.database.load_file(path)
+WHAT = ("start", "length", "scale", "unit", "comment", "choices", "initial")
+TOOL = ROOT / "tools" / "fault_table.py"
 
 
 def numbered(name: str, number: int) -> str:
     return f"{name}_{number}" if number else name
 
 
-def test_one_for_n_nodes_decodes_every_frame_of_their_bus(tmp_path: Path) -> None:
-    many = described(3, tmp_path)
-    run(tmp_path / "run", SCENE, "--virtual", "--nodes", "3")
+def described(dahl, nodes: int) -> cantools.database.Database:
+    assert dahl("dbc", "--nodes", nodes, "-o", f"{nodes}.dbc").returncode == 0
+    return cantools.database.load_file(f"{nodes}.dbc")
+
+
+def test_one_for_n_nodes_decodes_every_frame_of_their_bus(dahl, tmp_path):
+    many = described(dahl, 3)
+    run(tmp_path / "run", SCENES / "segments.ini", "--virtual", "--nodes", "3", "--seconds", "1")
     seen: dict[str, set[int]] = {}
     for frame in can.LogReader(tmp_path / "run" / "run.log"):
         message = many.get_message_by_frame_id(frame.arbitration_id)
         assert message.decode(frame.data)["Crc"] == frame.data[0]
         seen.setdefault(message.name, set()).add(frame.arbitration_id & 15)
-    kinds = {"EncoderState": 0, "FrictionTorque": 0, "Status": 0}
-    wanted = {f"{kind}_{n}" if n else kind: {n} for kind in kinds for n in range(3)}
-    assert seen == wanted
+    kinds = ("EncoderState", "FrictionTorque", "Status")
+    assert seen == {numbered(kind, n): {n} for kind in kinds for n in range(3)}
 
 
-def test_one_for_n_nodes_keeps_all_that_the_dbc_says(
-    tmp_path: Path, database: cantools.database.Database
-) -> None:
-    many = described(16, tmp_path)
+def test_one_for_n_nodes_keeps_all_that_the_dbc_says(dahl, dbc):
+    database, many = cantools.database.load_file(dbc), described(dahl, 16)
     assert len(many.messages) == 16 * len(database.messages)
     for message in database.messages:
         for number in (0, 1, 15):
             twin = many.get_message_by_frame_id(message.frame_id + number)
             assert twin.name == numbered(message.name, number)
-            assert twin.comment == message.comment
-            assert twin.cycle_time == message.cycle_time
-            assert twin.send_type == message.send_type
-            assert {signal.name: str(signal) for signal in twin.signals}.keys() == {
-                signal.name for signal in message.signals
-            }
+            for what in ("comment", "cycle_time", "send_type"):
+                assert getattr(twin, what) == getattr(message, what)
+            assert twin.senders == [numbered(name, number) for name in message.senders]
+            assert len(twin.signals) == len(message.signals)
             for signal in message.signals:
                 other = twin.get_signal_by_name(signal.name)
-                for what in ("start", "length", "scale", "unit", "comment", "choices", "initial"):
+                for what in WHAT:
                     assert getattr(other, what) == getattr(signal, what), (signal.name, what)
                 assert other.receivers == [numbered(name, number) for name in signal.receivers]
-            assert twin.senders == [numbered(name, number) for name in message.senders]
     names = [numbered(node.name, number) for number in range(16) for node in database.nodes]
     assert sorted(node.name for node in many.nodes) == sorted(names)
     assert many.version == database.version
 
 
-def test_without_a_file_it_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    described(2, tmp_path)
-    capsys.readouterr()
-    for words in ([], ["-o", "-"]):
-        assert cli.main(["dbc", "--nodes", "2", *words]) == 0
-        assert capsys.readouterr().out == (tmp_path / "2.dbc").read_text()
+def test_it_is_printed_or_goes_into_a_file_that_is_kept(dahl, dbc):
+    """One node where no number is given."""
+    printed = dahl("dbc").stdout
+    one, project = cantools.database.load_string(printed), cantools.database.load_file(dbc)
+    assert [each.name for each in one.messages] == [each.name for each in project.messages]
+    assert "\r" not in printed and dahl("dbc", "--nodes", 1, "-o", "-").stdout == printed
+    Path("own.dbc").write_text("mine")
+    code, said = complaint(dahl("dbc", "-o", "own.dbc"))
+    assert code == 2 and said.startswith("own.dbc: ") and "--force" in said
+    assert Path("own.dbc").read_text() == "mine"
+    assert dahl("dbc", "-o", "own.dbc", "--force").returncode == 0
+    assert Path("own.dbc").read_text() == printed
 
 
-def test_a_file_that_is_there_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "own.dbc"
-    path.write_text("mine")
-    assert cli.main(["dbc", "-o", str(path)]) == 2
-    assert capsys.readouterr().err == f"error: {path}: there already; --force overwrites it\n"
-    assert path.read_text() == "mine"
-    assert cli.main(["dbc", "-o", str(path), "--force"]) == 0
-    assert cantools.database.load_file(path).messages
+# --- the table of faults in docs/loop.md ----------------------------------------------------------
+
+
+def fault_table(*words: object) -> subprocess.CompletedProcess:
+    command = [sys.executable, TOOL, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+
+
+def test_a_page_gets_the_table_of_faults_between_its_marks(tmp_path):
+    """And nothing else of it; a page whose mark has no end is left as it is."""
+    page, other = tmp_path / "page.md", tmp_path / "other.md"
+    page.write_text("before\n<!-- node:faults -->\nold\n<!-- /node:faults -->\nafter\n")
+    half = "its end was cut off\n<!-- node:faults -->\nold\n"
+    other.write_text(half)
+    assert fault_table(page, other).returncode == 0
+    before, first, *table, last, after = page.read_text().splitlines()
+    assert (before, first, last, after) == (
+        "before",
+        "<!-- node:faults -->",
+        "<!-- /node:faults -->",
+        "after",
+    )
+    assert len(table) == 2 + (ROOT / "lib/node/fault_table.h").read_text().count("    ROW(")
+    assert all(row.count("|") == 6 for row in table)
+    assert "| wrong CRC | crc | CRC | kept | no |" in table
+    assert other.read_text() == half
+    assert fault_table().stdout.splitlines() == table
+    assert "\n".join(table) in (ROOT / "docs" / "loop.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("words", "code"), [(["none.md"], 1), (["--help"], 0), (["--none"], 2)])
+def test_a_page_that_is_not_there_is_no_traceback(words, code, tmp_path):
+    done = fault_table(*(tmp_path / word if word == "none.md" else word for word in words))
+    assert (done.returncode, "Traceback" in done.stderr) == (code, False)
+    done = fault_table(tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)

@@ -15,17 +15,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dahl import interrupt
-from loop_tools import SCENES, serving
+from identify_tools import dahl_torque
+from loop_tools import SCENES, serving, wait_until
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 READY = """
-import runpy, sys
-sys.path.insert(0, {tools!r})
-import dahl.interrupt
-dahl.interrupt.at_start()
-print("ready", flush=True)
+import runpy, signal, sys
+real = signal.signal
+def first(*given):
+    signal.signal, before = real, real(*given)
+    print("ready", flush=True)
+    return before
+signal.signal = first
 sys.argv[0] = "dahl"
 runpy.run_module("dahl", run_name="__main__", alter_sys=False)
 """
@@ -36,12 +38,7 @@ def log(tmp_path_factory) -> Path:
     """A log that takes a moment to identify."""
     path = tmp_path_factory.mktemp("log") / "a.csv"
     theta = 0.05 * np.sin(np.linspace(0, 200, 40000))
-    force = np.zeros_like(theta)
-    for i in range(1, len(theta)):
-        step = theta[i] - theta[i - 1]
-        side = np.sign(step) or 1.0
-        force[i] = side * 0.5 + (force[i - 1] - side * 0.5) * np.exp(-200 * abs(step))
-    rows = np.column_stack([np.arange(len(theta)) * 1e-3, theta, force])
+    rows = np.column_stack([np.arange(len(theta)) * 1e-3, theta, dahl_torque(theta)])
     np.savetxt(path, rows, delimiter=",", header="t [s],theta [rad],torque [Nm]", comments="")
     return path
 
@@ -55,18 +52,11 @@ def run_folder(tmp_path_factory, root) -> Path:
     return folder
 
 
-def started(arguments: list, root: Path, **how) -> subprocess.Popen:
-    """The verb in a process group of its own, from the moment on that its first line has run."""
-    words = [sys.executable, "-c", READY.format(tools=str(root / "tools")), *map(str, arguments)]
-    process = subprocess.Popen(
-        words,
-        cwd=root,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        **how,
-    )
+def started(arguments: list[object], root: Path, **how: object) -> subprocess.Popen:
+    """The verb in a process group of its own, from the moment on that it takes Ctrl-C."""
+    words = [sys.executable, "-c", READY, *map(str, arguments)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(words, cwd=root, start_new_session=True, **pipes, **how)
     assert process.stdout.readline() == "ready\n"
     return process
 
@@ -84,7 +74,7 @@ def members(group: int) -> list[int]:
     return found
 
 
-def interrupted(process: subprocess.Popen, whole_group: bool) -> bool:
+def interrupted(process: subprocess.Popen, whole_group: bool = False) -> bool:
     """Send Ctrl-C; True where it came in time. It may have come too late."""
     if whole_group:
         os.killpg(process.pid, signal.SIGINT)
@@ -93,6 +83,7 @@ def interrupted(process: subprocess.Popen, whole_group: bool) -> bool:
     out, errors = process.communicate(timeout=60)
     assert "Traceback" not in out + errors
     assert "KeyboardInterrupt" not in out + errors
+    wait_until(lambda: not members(process.pid))
     if process.returncode == 130:
         said = re.compile(r"identify |\d+ rows: ")  # progress, and what --follow has found so far
         lines = [line for line in errors.splitlines() if not said.match(line)]
@@ -102,54 +93,40 @@ def interrupted(process: subprocess.Popen, whole_group: bool) -> bool:
     return False
 
 
-def verbs(folder: Path, log: Path, run_folder: Path) -> dict[str, list]:
-    columns = ["--angle", "theta [rad]", "--torque", "torque [Nm]", "-o", folder]
-    own = ["--angle", "theta [rad]", "--sigma0", 100, "--fc", 0.5, "--counts-per-turn", 16384]
+# --- any verb, at random times --------------------------------------------------------------------
+
+FEW, MANY = (0.0, 0.4, 1.5), (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5, 4.0)
+TURNS = ("--sigma0", 100, "--fc", 0.5, "--counts-per-turn", 16384)
+COLUMNS = ("--angle", "theta [rad]", "--torque", "torque [Nm]", "-o", "out")
+VERBS = {  # LOG, EACH and RUN are files and folders of the test
+    "demo": ("demo", "--scene", "steering", "-o", "out"),
+    "demo virtual": ("demo", "--scene", "creep", "-o", "out"),
+    "demo own": ("demo", "LOG", "--angle", "theta [rad]", *TURNS, "-o", "out"),
+    "identify": ("identify", "LOG", *COLUMNS),
+    "identify each": ("identify", "--each", "EACH", "--jobs", 2, *COLUMNS),
+    "excite": ("excite", *TURNS, "-o", "out"),
+    "plot": ("plot", "RUN", "-o", "x.png"),
+    "report": ("report", "RUN", "-o", "x.html"),
+    "data": ("data",),
+    "help": ("--help",),
+    "wrong": ("demo", "--nothing"),
+}
+
+
+def words_of(name: str, folder: Path, log: Path, run_folder: Path) -> list[object]:
     each = folder / "each"
-    each.mkdir(exist_ok=True)
+    each.mkdir()
     for i in range(6):
-        if not (each / f"{i}.csv").exists():
-            (each / f"{i}.csv").hardlink_to(log)
-    return {
-        "demo": ["demo", "--scene", "steering", "--output", folder / "demo"],
-        "demo virtual": ["demo", "--scene", "creep", "--output", folder / "virtual"],
-        "demo own": ["demo", log, *own, "--output", folder / "own"],
-        "identify": ["identify", log, *columns],
-        "identify each": ["identify", "--each", each, "--jobs", 2, *columns],
-        "excite": ["excite", "--sigma0", 100, "--fc", 0.5, "--counts-per-turn", 16384]
-        + ["-o", folder],
-        "plot": ["plot", run_folder, "-o", folder / "x.png"],
-        "report": ["report", run_folder, "-o", folder / "x.html"],
-        "data": ["data"],
-        "help": ["--help"],
-        "wrong": ["demo", "--nothing"],
-    }
+        (each / f"{i}.csv").hardlink_to(log)
+    files = {"LOG": log, "EACH": each, "RUN": run_folder}
+    return [files.get(word, word) for word in VERBS[name]]
 
 
 @pytest.fixture
-def elsewhere(tmp_path):
+def elsewhere(tmp_path) -> dict[str, str]:
     """No cache of earlier runs, and sets from a closed port."""
-    return {
-        **os.environ,
-        "MPLCONFIGDIR": str(tmp_path / "mpl"),
-        "XDG_CACHE_HOME": str(tmp_path / "cache"),
-        "DAHL_DATA_URL": "http://127.0.0.1:1/{path}",
-    }
-
-
-NAMES = [
-    "demo",
-    "demo virtual",
-    "demo own",
-    "identify",
-    "identify each",
-    "excite",
-    "plot",
-    "report",
-]
-
-
-FEW, MANY = (0.0, 0.4, 1.5), (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5, 4.0)
+    own = {"MPLCONFIGDIR": str(tmp_path / "mpl"), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    return {**os.environ, **own, "DAHL_DATA_URL": "http://127.0.0.1:1/{path}"}
 
 
 @pytest.mark.timeout(600)
@@ -161,22 +138,15 @@ FEW, MANY = (0.0, 0.4, 1.5), (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.5, 4.0)
         pytest.param(True, MANY, id="group", marks=pytest.mark.long),
     ],
 )
-@pytest.mark.parametrize("name", [*NAMES, "data", "help", "wrong"])
-def test_ctrl_c_at_random_times(
-    tmp_path, root, log, run_folder, elsewhere, name, whole_group, latest
-):
+@pytest.mark.parametrize("name", VERBS)
+def test_ctrl_c_at_random_times(tmp_path, log, run_folder, elsewhere, name, whole_group, latest):
     """Soon, while modules are imported, and over the seconds in which it works."""
-    arguments = verbs(tmp_path, log, run_folder)[name]
-    rng = random.Random(name)
-    hits = 0
+    arguments = words_of(name, tmp_path, log, run_folder)
+    rng, hits = random.Random(name), 0
     for longest in latest:
-        process = started(arguments, root, env=elsewhere)
+        process = started(arguments, tmp_path, env=elsewhere)
         time.sleep(rng.uniform(0.3, 1) * longest)
         hits += interrupted(process, whole_group)
-        until = time.monotonic() + 10
-        while members(process.pid) and time.monotonic() < until:
-            time.sleep(0.05)
-        assert not members(process.pid)
     assert hits >= 1
 
 
@@ -193,90 +163,108 @@ def test_ctrl_c_of_a_client_of_a_bus(tmp_path, root, verb):
         for delay in (0.05, 0.5, 2.0):
             process = started([verb, *bus, *more[verb]], root)
             time.sleep(delay)
-            came_in_time = interrupted(process, whole_group=False)
+            came_in_time = interrupted(process)
             assert came_in_time or verb == "identify"  # which ends when it knows enough
 
 
+# --- a bus, or another library, that swallows it --------------------------------------------------
+
 SWALLOWED = """
 import os, signal, sys, time
-from dahl import interrupt
+import can
+from dahl.__main__ import main
+
+def asked(number=signal.SIGINT):
+    os.kill(os.getpid(), number)
+
+class Bus:
+    '''A bus on which nobody speaks.'''
+    def __enter__(self):
+        return self
+    def __exit__(self, *_):
+        pass
+    def recv(self, timeout):
+        time.sleep(timeout)
+
 class Odd:
-    def __del__(self):
-        os.kill(os.getpid(), signal.SIGINT)
+    def __del__(self):  # an exception cannot leave it
+        asked()
         time.sleep(0.01)
+
 def swallow():
     odd = Odd()
     del odd
     for _ in range(100):
         time.sleep(0.01)
-    print("went on")
-    return 0
+
 def turn():
     try:
-        os.kill(os.getpid(), signal.SIGINT)
+        asked()
         time.sleep(1)
     except BaseException:
         raise ImportError("numpy could not be loaded")
-    return 0
+
 def lose():
     try:
-        os.kill(os.getpid(), signal.SIGINT)
+        asked()
         time.sleep(1)
     except BaseException:
-        pass
-    with interrupt.Stop() as stop:
-        print("" if stop.asked else "went on", end="")
-    return 0
-def twice():
-    with interrupt.Stop() as stop:
-        os.kill(os.getpid(), signal.SIGTERM)
+        return Bus()
+
+def text():  # as of a dataclass
+    exec("asked(); time.sleep(1)")
+
+class Twice(Bus):
+    def recv(self, timeout):
+        asked(signal.SIGTERM)
         time.sleep(0.01)
-        if stop.asked:
-            os.kill(os.getpid(), signal.SIGTERM)
+        asked(signal.SIGTERM)
         time.sleep(1)
-    print("went on")
-    return 0
-def after():
-    with interrupt.Stop():
-        pass
-    os.kill(os.getpid(), signal.SIGINT)
-    time.sleep(1)
-    print("went on")
-    return 0
+
+class After(Bus):
+    def __exit__(self, *_):
+        asked()
+        time.sleep(1)
+
 def nohup():
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with interrupt.Stop() as stop:
-        os.kill(os.getpid(), signal.SIGHUP)
+    return Hanging()
+
+class Hanging(Bus):
+    heard = 0
+    def recv(self, timeout):
+        self.heard += 1
+        if self.heard == 3:
+            asked()
+        else:
+            asked(signal.SIGHUP)
         time.sleep(0.01)
-        if not stop.asked:
-            os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.01)
-        print("" if stop.asked else "went on", end="")
-    return 0
-def text():
-    exec("os.kill(os.getpid(), signal.SIGINT); time.sleep(1)")
-sys.exit(interrupt.guarded(globals()[sys.argv[1]]))
+
+made = globals()[sys.argv.pop(1)]
+can.Bus = lambda **_: made()
+sys.exit(main())
 """
 
 
-def test_another_thread_than_the_main_one_hears_no_interrupt():
-    with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(interrupt.guarded, lambda: 5).result() == 5
-
-
-@pytest.mark.parametrize("way", ["swallow", "turn", "lose", "text", "twice", "after", "nohup"])
-def test_an_interrupt_that_a_library_swallows_comes_again(root, way):
+@pytest.mark.parametrize("way", ["swallow", "turn", "lose", "text", "Twice", "After", "nohup"])
+def test_an_interrupt_that_a_library_swallows_comes_again(tmp_path, way):
     """In a __del__ an exception cannot leave; nor may one be turned into another kind, nor be lost
-    before a bus runs, nor may one that leaves an exec() (as of a dataclass) change the code. While
-    a bus runs the first wish ends it in order, the second at once, and a hang-up under nohup is
-    none; after it all is as before.
+    before a bus runs, nor may one that leaves an exec() change the code. While a bus runs the first
+    wish ends it in order, the second at once, and a hang-up under nohup is none; after it all is as
+    before.
     """
+    words = ["record", "-o", tmp_path / "x.log", "-i", "virtual", "-c", "x"]
+    words += ["--seconds", "3" if way != "After" else "0.1"]
     done = subprocess.run(
-        [sys.executable, "-c", SWALLOWED, way],
-        cwd=root / "tools",
+        [sys.executable, "-c", SWALLOWED, way, *words],
         capture_output=True,
         text=True,
         timeout=20,
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
+def test_another_thread_than_the_main_one_hears_no_interrupt(dahl):
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(dahl, "data", "--json").result().returncode == 0

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""`dahl node`: what it prints opens the bus, the node answers, Ctrl-C is its ordinary end."""
+"""`dahl node`: what it prints opens the bus, the node there is that of the scene or of the options,
+Ctrl-C is its ordinary end, and what cannot be is one line.
+"""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import re
 import shlex
@@ -11,32 +12,37 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import can
 import pytest
-from dahl import Error, Friction, Node, Plan, node, scene
-from dahl.bus import named
-from dahl.cli import build_parser
-from dahl.codec import EncoderState, Errors, FrictionTorque, Param, ParamWrite, State, Status, pack
-from dahl.commands import node as node_command
-from dahl.interrupt import Stop
-from identify_tools import caller
+from dahl import Friction, Node, Plan, codec, node
+from dahl.codec import EncoderState, Param, ParamWrite, Result
+from identify_tools import complaint
 from loop_tools import SCENES, serving
+from test_node import MODELS, THETA
+
+pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
 OWN = ("--sigma0", "100", "--fc", "0.5", "--theta-per-count", "3.8e-4")
 PLAN = Plan(100, 0.5, 3.8e-4)
+OWN_SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\n"
 TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_samples=1")
+
+
+def on_port(port: int) -> tuple[str, ...]:
+    return ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
 
 
 @contextlib.contextmanager
 def started(root, *words: str, end: int = signal.SIGINT) -> Iterator[tuple[list[str], list[str]]]:
     """What it says at first, and at the end."""
     command = [sys.executable, "-m", "dahl", "node", *words]
-    process = subprocess.Popen(
-        command, cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, cwd=root, **pipes)
     last: list[str] = []
     try:
         lines = []
@@ -68,137 +74,52 @@ def asked(bus: can.BusABC, number: int = 0) -> None:
     assert reply.si == PLAN.Fc
 
 
+def counted(last: list[str]) -> dict[str, int]:
+    return {name: int(count) for name, count in re.findall(r"(\w+) (\d+)(?:,|$)", last[-1])}
+
+
+# --- as a program ---------------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
-def test_a_served_node_by_the_line_that_it_prints(root, dahl_loop, library, end):
+def test_a_served_node_by_the_line_that_it_prints(root, end):
+    """Numbered by the option; with a Status ten times a second."""
     with started(root, *OWN, "--node", "3", end=end) as (lines, last):
-        assert "parameters of your own: dahl, Fc 0.5 N m" in lines[0]
+        assert "Fc 0.5 N m" in lines[0]
         with opened(lines) as bus:
             asked(bus, 3)
             assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
-    assert re.fullmatch(r"ended after \d+\.\d s: ok 4, params 2", last[-1])
+    assert counted(last) == {"ok": 4, "params": 2} and re.search(r" \d+\.\d s", last[-1])
 
 
-def test_the_number_is_that_of_the_scene_unless_another_is_given(
-    root, capsys, tmp_path, dahl_loop, library
-):
-    (path := tmp_path / "own.ini").write_text(
-        "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\nnode = 3\n"
-    )
+def test_the_number_of_a_served_node_is_that_of_the_scene(root, tmp_path):
+    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
     with started(root, "--scene", str(path)) as (lines, _), opened(lines) as bus:
         asked(bus, 3)
     assert lines[0].startswith("node    3 ") and lines[2].endswith(" --node 3\n")
-    words = ("--scene", path, "--node", 0, "-i", "virtual", "-c", "a rig", "--seconds", "0.05")
-    assert caller(capsys)("node", *words).stdout.startswith("node    0 ")
 
 
-def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path, dahl_loop, library):
+def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path):
     """Here another server, whose own node has another number."""
     hub = ("--role", "node", "--set", "friction.node=9")
-    with serving(tmp_path, SCENES / "segments.ini", *hub) as (_, port):
-        where = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
-        with started(root, *OWN, *where) as (lines, last), opened(lines) as bus:
-            asked(bus)
-    counts = dict(re.findall(r"(\w+) (\d+)(?:,|$)", last[-1]))
-    assert (counts["ok"], counts["params"]) == ("4", "1")
-
-
-def test_a_second_node_of_the_same_number_is_refused(
-    tmp_path, capsys, monkeypatch, dahl_loop, library
-):
-    """Two would answer each angle with the same id; clients see one torque twice, or two."""
-    assert node_command.LISTEN == 0.25  # s, as the pages say
-    monkeypatch.setattr("dahl.commands.node.LISTEN", 20.0)  # ends with the first frame
-    hub = ("--role", "node", "--set", "friction.node=3")
-    with serving(tmp_path, SCENES / "segments.ini", *hub) as (_, port):
-        where = ("-i", "socketcand", "-c", "vcan0", "--host", "127.0.0.1", "--port", str(port))
-        done = caller(capsys)("node", *OWN, *where, "--node", "3", "--seconds", "1")
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "error: node 3 is on this bus already; --node takes another number\n"
-
-
-def test_the_printed_lines_name_the_same_bus(capsys, library):
-    """`watch` as the monitor's own parser takes it, `open` as Python does: nothing left out."""
-    words = ("-i", "virtual", "-c", "a rig", "-b", "500000", "--fd", "--data-bitrate", "2000000")
-    words += ("--timing", *TIMING, "--bus-kwargs", "preserve_timestamps=True", "rx_queue_size=7")
-    words += ("--node", "3")
-    done = caller(capsys)("node", *OWN, *words, "--seconds", "0.05")
-    assert (done.returncode, done.stderr) == (0, "")
-    lines = done.stdout.splitlines(keepends=True)
-    assert re.fullmatch(r"ended after \d+\.\d s: no frame came\n", lines[-1])
-    assert any(line.startswith("note ") for line in lines)  # that python-can's bus stays in here
-    (watch,) = [line for line in lines if line.startswith("watch   dahl monitor ")]
-    read = build_parser().parse_args(shlex.split(watch)[2:])
-    meant = build_parser().parse_args(["monitor", *words])
-    assert len(named(meant)) == 7
-    assert (read.node, named(read)) == (3, named(meant))
-    with opened(lines) as bus:
-        assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("a rig", True, 7)
-
-
-def test_what_the_bus_did_not_take_is_told(capsys, monkeypatch, library):
-    monkeypatch.setattr(node, "run", lambda *_, **__: node.Traffic(received=9, refused=3))
-    done = caller(capsys)("node", *OWN, "-i", "virtual", "-c", "a rig")
-    assert done.stdout.endswith(": not sent 3\n")
-
-
-def test_a_value_that_firmware_keeps_otherwise_is_refused(tmp_path, library):
-    """Its steps of a timeout are whole ms."""
-    (path := tmp_path / "own.ini").write_text(
-        "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\ntimeout_ms = 9000.4\n"
-    )
-    with can.Bus("rig", "virtual") as here, can.Bus("rig", "virtual") as there:
-        notifier = can.Notifier(here, [node.Listener(here, Node(PLAN))])
-        try:
-            with pytest.raises(Error, match=r"timeout = 9.0004: the firmware keeps 9$"):
-                node_command._configure(there, 0, scene.read(path))
-        finally:
-            notifier.stop()
-
-
-def test_a_server_that_ends_before_its_time_is_told(capsys, monkeypatch, tmp_path):
-    script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
-    (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")
-    program.chmod(0o755)
-    monkeypatch.setenv("DAHL_LOOP", str(program))
-    begun = time.monotonic()
-    done = caller(capsys)("node", *OWN, "--host", "127.0.0.1", "--seconds", "30")
-    assert (done.returncode, done.stderr) == (1, "error: no rig\n")
-    assert time.monotonic() - begun < 20
-
-
-def test_a_timing_without_an_interface_is_refused(capsys):
-    """In one line, below that in which python-can repeats it."""
-    done = caller(capsys)("node", "--timing", *TIMING)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert done.stderr.startswith("error: --timing f_clock=8000000 brp=2 tseg1=5")
-
-
-@pytest.mark.parametrize("number", [0, 3])
-def test_answers_and_status_of_its_own_node_alone_are_told(library, number):
-    """Each frame of the bus is counted, whoever sent it."""
-    with can.Bus("rig", "virtual") as other, can.Bus("rig", "virtual") as bus:
-        for sender, answers in ((0, 1), (3, 2), (4, 4)):
-            other.send(pack(EncoderState(0), sender))
-            for _ in range(answers):
-                other.send(pack(FrictionTorque(5), sender))
-            counts = (5 + sender, 9 + sender, 1)
-            other.send(pack(Status(1, State.OK, Errors(0), *counts, 0, 2, 25), sender))
-        args = argparse.Namespace(node=number, seconds=0.01)
-        found = node_command._watch(args, Stop(), bus)
-    told = {"lost": 5 + number, "corrupt": 9 + number, "out_of_step": 1}
-    assert found == {"frames": 13, "answers": {0: 1, 3: 2}[number], **told}
+    with (
+        serving(tmp_path, SCENES / "segments.ini", *hub) as (_, port),
+        started(root, *OWN, *on_port(port)) as (lines, last),
+        opened(lines) as bus,
+    ):
+        asked(bus)
+    assert (counted(last)["ok"], counted(last)["params"]) == (4, 1)
 
 
 @pytest.mark.checks
-def test_firmware_on_an_emulated_core(root, tmp_path, dahl_loop, library):
+def test_firmware_on_an_emulated_core(root, tmp_path):
     """With all that the scene says of it, and the number that the bus's own node has else."""
     for program in ("arm-none-eabi-gcc", "qemu-system-arm"):
         if not shutil.which(program):
             pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
-    scene = tmp_path / "own.ini"
-    keys = "sigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\nmax_step = 2000\ntimeout_ms = 9000\n"
-    scene.write_text(f"[friction]\n{keys}[status]\nperiod_ms = 70\n")
-    with started(root, "--scene", str(scene), "--target", "m4f", "--node", "15") as (lines, last):
+    keys = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
+    (path := tmp_path / "own.ini").write_text(OWN_SCENE + keys)
+    with started(root, "--scene", str(path), "--target", "m4f", "--node", "15") as (lines, last):
         assert "node_image on mps2-an386 in QEMU" in lines[0], lines
         with opened(lines) as bus:
             asked(bus, 15)
@@ -206,38 +127,222 @@ def test_firmware_on_an_emulated_core(root, tmp_path, dahl_loop, library):
             for param, value in values.items():
                 reply = node.ask(bus, ParamWrite(param), 15, timeout=10)
                 assert reply.si == pytest.approx(value)
-    counts = dict(re.findall(r"(\w+) (\d+)(?:,|$)", last[-1]))
-    assert counts["answers"] == "4"
+    assert counted(last)["answers"] == 4
 
 
-@pytest.mark.parametrize(
-    ("words", "complaint"),
-    [
-        (("-i", "virtual", "--target", "m4f"), "-i and --target: one of both"),
-        (("-c", "vcan0"), "-c vcan0: of which interface?"),
-        (("-b", "500000"), "-b 500000: of which interface?"),
-        (("--fd",), "--fd: of which interface?"),
-        (("--data-bitrate", "9"), "--data-bitrate 9: of which interface?"),
-        (("--bus-kwargs", "a=1", "b=2"), "--bus-kwargs a=1 b=2: of which interface?"),
-        (
-            ("-i", "virtual", "--host", "x", "--bus-kwargs", "host=y"),
-            "host=y: --host x says it too",
-        ),
-        (("--fc", "3"), "--sigma0, --fc, --theta-per-count: all three, or a --scene"),
-        ((*OWN, "--scene", "steering"), "--sigma0, --fc, --theta-per-count: all three, or a"),
-        (("--scene", "nowhere"), "no scene 'nowhere'"),
-        (("--host", "10.0.0.1"), "--host 10.0.0.1: it serves 127.0.0.1"),
-        (("--target", "m4f", "--scene", "tribometer-slip"), "--target runs model dahl alone"),
-        (("--target", "m4f", "--scene", "slow-reversal"), "--target runs model dahl alone"),
-        ((*OWN[:3], "-1", *OWN[4:]), "error: Fc = -1 is outside 2^-64 <= Fc"),
-        ((*OWN[:5], "0"), "theta_per_count = 0 is outside 2^-64 <= theta_per_count"),
-        (("--port", "65536"), "argument --port: 65536: not an integer from 0 to 65535"),
-        ((*OWN[:3], "-1", *OWN[4:], "-i", "virtual", "-c", "x"), "Fc = -1 is outside 2^-64 <= Fc"),
-        (("--node", "16"), "argument --node: 16: not an integer from 0 to 15"),
-    ],
-)
-def test_what_cannot_be_is_one_line(capsys, dahl_loop, library, words, complaint):
-    done = caller(capsys)("node", *words)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: ") and complaint in done.stderr
-    assert done.stderr.count("\n") == 1
+# --- the node of a scene, in this process ---------------------------------------------------------
+
+
+def told(bus: can.BusABC) -> dict[Param, int]:
+    """All parameters, raw."""
+    params = [param for param in Param if param != Param.NONE]
+    return {param: node.ask(bus, ParamWrite(param), timeout=10).value for param in params}
+
+
+@contextlib.contextmanager
+def asking(channel: str, found: list[object]) -> Iterator[None]:
+    """A client in a thread of its own, which asks the node once it is there."""
+
+    def ask() -> None:
+        with can.Bus(interface="virtual", channel=channel) as bus:
+            assert bus.recv(10).arbitration_id == codec.Status.base
+            found.append(told(bus))
+            found.append([node.ask(bus, EncoderState(n * n, n)).torque_q30 for n in range(9)])
+
+    client = threading.Thread(target=ask)
+    client.start()
+    yield
+    client.join()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_node_of_a_scene_is_the_one_that_it_names(dahl, tmp_path, model):
+    """What `dahl node` makes of a scene is what dahl-loop makes of it."""
+    keys, friction = MODELS[model]
+    words = f"[friction]\nmodel = {model}\n{keys}\ntheta_per_count = {THETA}\n"
+    kept = "gain = 0.5\nlimit = 0.25\nramp_ms = 300\nmax_step = 700\ntimeout_ms = 9000\n"
+    (tmp_path / "own.ini").write_text(f"{words}{kept}[status]\nperiod_ms = 40\n")
+    found: list[object] = []
+    with asking(model, found):
+        bus = ("-i", "virtual", "-c", model, "--seconds", "1.5")
+        done = dahl("node", "--scene", "own.ini", *bus)
+    assert done.returncode == 0, done.stderr
+    settings = {"gain": 0.5, "limit": 0.25, "ramp": 0.3, "max_step": 700, "timeout": 9}
+    alike = Node(friction, **settings, status_period=0.04)
+    values, ratios = found
+    for param, value in values.items():
+        reply = codec.unpack(alike.receive(codec.pack(ParamWrite(param))))
+        assert (reply.value, reply.result) == (value, Result.DONE), param
+    assert len({*ratios}) > 5  # the ramp is one of time: their size is the clock's
+
+
+SLIP = "model = slip\nsigma0 = 100 40"
+MIX = "model = parallel\nsigma0 = 100 40\nFc = 0.5 0.3"
+NO_NODE = [
+    ("model = dhal\nsigma0 = 1\nFc = 1", ("dhal", "slip")),
+    ("sigma0 = 100\nFc = 0.5\ngian = 0.2", ("'gian'", "Fc")),
+    ("sigma0 = 100\nFc = 1\n[status]\nperiod = 9", ("[status]", "'period'", "period_ms")),
+    ("sigma0 = 100 40\nFc = 0.5 0.3", ("sigma0", "2", "dahl")),
+    (f"{SLIP}\nFc = 0.5", ("2", "1", "slip")),
+    ("model = asymmetric\nsigma0 = 1\nFc = 1", ("Fc 1", "asymmetric")),
+    (f"{SLIP}\nFc = 1 1\nkinds = slip slip", ("kinds", "slip")),
+    ("sigma0 = 1\nFc = 1\nbreakaway = 0.5", ("breakaway", "dahl")),
+    (f"{MIX}\nkinds = dahl", ("kinds", "dahl", "2")),
+    (f"{MIX}\nkinds = dahl slpi", ("slpi",)),
+    (MIX, ("kinds",)),
+    ("theta_per_count = 1", ("sigma0",)),
+    ("sigma0 = x\nFc = 1", ("sigma0", "'x'")),
+    ("sigma0 = 1\nFc = 1\nnode = 16", ("node = 16", "15")),
+]
+
+
+@pytest.mark.parametrize(("keys", "words"), NO_NODE)
+def test_a_scene_that_dahl_loop_refuses_makes_no_node(dahl, tmp_path, keys, words):
+    """Half of it would answer other torques than the user meant."""
+    (tmp_path / "own.ini").write_text(f"[friction]\n{keys}\n")
+    done = dahl("node", "--scene", "own.ini", "-i", "virtual", "-c", "x", "--seconds", "0.1")
+    code, said = complaint(done)
+    assert (code, done.stdout) == (2, "") and said.startswith("own.ini: [")
+    assert all(word in said for word in words), said
+
+
+# --- the bus --------------------------------------------------------------------------------------
+
+
+def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl):
+    """Two would answer each angle with the same id; clients see one torque twice, or two."""
+    hub = ("--role", "node", "--set", "friction.node=3", "--set", "status.period_ms=20")
+    with serving(tmp_path / "loop", SCENES / "segments.ini", *hub) as (_, port):
+        done = dahl("node", *OWN, *on_port(port), "--node", "3", "--seconds", "0.1")
+        code, said = complaint(done)
+        assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
+        other = dahl("node", *OWN, *on_port(port), "--node", "4", "--seconds", "0.1")
+        assert other.returncode == 0 and other.stdout.startswith("node    4 ")
+
+
+def test_the_printed_lines_name_the_same_bus(dahl):
+    """`open` as Python takes it, `watch` as the monitor does: nothing left out. --node stands above
+    the number of the scene.
+    """
+    words = ("-i", "virtual", "-c", "a rig", "-b", "500000", "--fd", "--data-bitrate", "2000000")
+    words += ("--timing", *TIMING, "--bus-kwargs", "preserve_timestamps=True", "rx_queue_size=7")
+    done = dahl("node", *OWN, *words, "--node", "3", "--seconds", "0.05")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines(keepends=True)
+    assert lines[-1].startswith("ended after 0.") and not counted(lines)
+    assert any(line.startswith("note ") for line in lines)  # that python-can's bus stays in here
+    with opened(lines) as bus:
+        assert (bus.channel_id, bus.preserve_timestamps, bus.queue.maxsize) == ("a rig", True, 7)
+    (watch,) = [shlex.split(line)[2:] for line in lines if line.startswith("watch ")]
+    for k, word in enumerate(words):
+        name = {"-i": "--interface", "-c": "--channel", "-b": "--bitrate"}.get(word, word)
+        assert {word, name} & {*watch}, word
+        assert k == 0 or words[k - 1][0] != "-" or watch[watch.index(word) - 1][0] == "-"
+    assert watch[-2:] == ["--node", "3"]
+    silent = dahl("monitor", *watch[1:], "--seconds", "0.05")  # which opens it, and hears nothing
+    assert silent.returncode == 1 and "a rig" in complaint(silent)[1]
+
+
+def test_what_the_bus_did_not_take_is_told(dahl, monkeypatch):
+    class Full:
+        def send(self, _: can.Message) -> None:
+            raise can.CanOperationError("full")
+
+        def recv(self, _: float) -> None:
+            return None
+
+    monkeypatch.setattr(can, "Bus", lambda **_: contextlib.nullcontext(Full()))
+    done = dahl("node", *OWN, "-i", "virtual", "-c", "a rig", "--seconds", "0.25")
+    assert done.returncode == 0
+    assert re.search(r"not sent [23]$", done.stdout.strip())
+
+
+def test_a_server_that_ends_before_its_time_is_told(dahl, monkeypatch, tmp_path):
+    script = "echo 'socketcand 127.0.0.1:5 serves'\nsleep 0.3\necho error: no rig >&2\nexit 1\n"
+    (program := tmp_path / "loop").write_text(f"#!/bin/sh\n{script}")
+    program.chmod(0o755)
+    monkeypatch.setenv("DAHL_LOOP", str(program))
+    begun = time.monotonic()
+    done = dahl("node", *OWN, "--host", "127.0.0.1", "--seconds", "30")
+    assert complaint(done) == (1, "no rig")
+    assert time.monotonic() - begun < 20
+
+
+REFUSED = [
+    (("-i", "virtual", "--target", "m4f"), ("-i", "--target")),
+    (("-c", "vcan0"), ("-c vcan0", "-i")),
+    (("-b", "500000"), ("-b 500000", "-i")),
+    (("--fd",), ("--fd", "-i")),
+    (("--data-bitrate", "9"), ("--data-bitrate 9", "-i")),
+    (("--bus-kwargs", "a=1", "b=2"), ("--bus-kwargs a=1 b=2", "-i")),
+    (("--timing", *TIMING), ("--timing f_clock=8000000 brp=2 tseg1=5", "-i")),
+    (("-i", "virtual", "--host", "x", "--bus-kwargs", "host=y"), ("host=y", "--host x")),
+    (("--fc", "3"), ("--sigma0", "--fc", "--theta-per-count", "--scene")),
+    ((*OWN, "--scene", "steering"), ("--sigma0", "--scene")),
+    (("--scene", "nowhere"), ("'nowhere'", "steering")),
+    (("--host", "10.0.0.1"), ("--host 10.0.0.1", "127.0.0.1")),
+    (("--target", "m4f", "--scene", "tribometer-slip"), ("--target", "tribometer-slip")),
+    (("--target", "m4f", "--scene", "slow-reversal"), ("--target", "slow-reversal")),
+    ((*OWN[:3], "-1", *OWN[4:]), ("Fc = -1", "2^-64 <= Fc")),
+    ((*OWN[:3], "-1", *OWN[4:], "-i", "virtual", "-c", "x"), ("Fc = -1", "2^-64 <= Fc")),
+    ((*OWN[:5], "0"), ("theta_per_count = 0", "2^-64")),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), REFUSED)
+def test_options_that_do_not_go_together_are_one_line(dahl, words, said):
+    done = dahl("node", *words)
+    code, line = complaint(done)
+    assert code == 2 and "open " not in done.stdout  # python-can repeats a timing there
+    assert all(word in line for word in said), line
+
+
+# --- firmware, for which a node in Python stands here ---------------------------------------------
+
+STEP, TIMEOUT, STATUS = Param.STEP, Param.TIMEOUT, Param.STATUS
+
+
+@contextlib.contextmanager
+def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[None]:
+    """It joins the bus that dahl-loop serves, as the firmware on its emulated core does; another
+    member asks it all the time, by frames of which every other one is lost.
+    """
+    settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
+    kept.append(Node(Plan(*params), number))
+    with can.Bus(**settings) as bus, can.Bus(**settings) as other:
+        notifier = can.Notifier(bus, [node.Listener(bus, kept[0])])
+        asked = other.send_periodic([*map(partial(angle, number), range(0, 16, 2))], 0.02)
+        try:
+            yield
+        finally:
+            asked.stop()
+            notifier.stop()
+
+
+def angle(number: int, counter: int) -> can.Message:
+    return codec.pack(EncoderState(0, counter), number)
+
+
+@pytest.mark.parametrize("number", [0, 15])
+def test_firmware_is_sent_what_the_scene_says(dahl, monkeypatch, tmp_path, number):
+    """And a value that it keeps otherwise is refused: its steps of a timeout are whole ms. An
+    exception to the public seams: the emulator, which takes seconds, is replaced at its two calls.
+    """
+    kept: list[Node] = []
+    monkeypatch.setattr("dahl.firmware.build", lambda core: tmp_path / "node_image")
+    monkeypatch.setattr("dahl.firmware.attached", partial(attached, kept))
+    more = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
+    (tmp_path / "own.ini").write_text(OWN_SCENE + more)
+    words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 0.4)
+    done = dahl(*words)
+    assert done.returncode == 0, done.stderr
+    for param, value in {STEP: 2000, TIMEOUT: 9, STATUS: 0.07}.items():
+        reply = codec.unpack(kept[0].receive(codec.pack(ParamWrite(param), number)))
+        assert reply.si == pytest.approx(value)
+    counts = counted(done.stdout.splitlines())
+    assert 0 < counts["answers"] < counts["frames"] and 0 < counts["lost"] <= kept[0].counts.lost
+    assert counts.keys() == {"frames", "answers", "lost"}
+    kept.clear()
+    (tmp_path / "own.ini").write_text(OWN_SCENE + "timeout_ms = 9000.4\n")
+    code, said = complaint(dahl(*words))
+    assert code == 2 and "timeout = 9.0004" in said and said.endswith(" 9")

@@ -107,17 +107,16 @@ def elsewhere(folder: Path, timeout_ms: int = 60000, number: int = 0) -> Iterato
         yield [*words, "--dahl-bus-kwargs", f"host=127.0.0.1 port={port}"]
 
 
-def test_the_same_test_asks_the_node_of_another_bus(outcome, tmp_path, dahl_loop):
-    text = README[0] + "    assert dahl_node is None\n"
-    with elsewhere(tmp_path) as options:
-        done = outcome(text, *options)
-    assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
-
-
-def test_a_node_is_served_where_none_of_its_number_is(outcome, tmp_path, dahl_loop):
-    text = README[0] + "    assert dahl_node.counts.ok == 2\n"
-    with elsewhere(tmp_path, number=9) as options:
-        done = outcome(text, "--dahl-serve", *options)
+@pytest.mark.parametrize(("options", "number", "node"), [
+    ((), 0, "is None"), (("--dahl-serve",), 9, ".counts.ok == 2")
+])  # fmt: skip
+def test_the_same_test_asks_the_node_of_another_bus(
+    outcome, tmp_path, dahl_loop, options, number, node
+):
+    """That is there, or is served there too where none of its number is."""
+    text = f"{README[0]}    assert dahl_node{'' if node[0] == '.' else ' '}{node}\n"
+    with elsewhere(tmp_path, number=number) as bus:
+        done = outcome(text, *options, *bus)
     assert (done.code, done.last[:8]) == (0, "1 passed"), done.said
 
 

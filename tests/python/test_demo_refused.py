@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: MIT
+"""`dahl demo`: what a user gets wrong is one line before anything runs; what dahl-loop is started
+with; and a dahl-loop that is wrong, silent or deaf makes a failed run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+from dahl import Node, Plan, node
+from demo_tools import FC, OWN, SIGMA0, TURN, another_loop, in_role, scene_of, summary_of, write_log
+from identify_tools import complaint
+
+pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
+
+
+@pytest.fixture(scope="module")
+def own_log(tmp_path_factory, library) -> Path:
+    return write_log(tmp_path_factory.mktemp("own") / "shaft.csv")
+
+
+# --- arguments ------------------------------------------------------------------------------------
+
+NEEDED = ("--angle", "--sigma0", "--fc", "--counts-per-turn")
+OF_A_LOG = (*NEEDED, "--torque", "--time", "--torque-scale", "--offset", "--spring")
+
+
+def without(option: str) -> list[object]:
+    at = OWN.index(option)
+    return OWN[:at] + OWN[at + 2 :]
+
+
+REFUSED = [
+    *((["LOG", *without(one)], [one]) for one in NEEDED),
+    (["LOG", *OWN, "--angle", "shaft"], ["shaft.csv:1", "'shaft'", "'shaft [deg]'"]),
+    (["LOG", *OWN, "--fc", "-1"], ["Fc = -1"]),
+    (["LOG", *OWN, "--counts-per-turn", "0"], ["--counts-per-turn 0"]),
+    (["LOG", *OWN, "--bus", "canopy"], ["--bus canopy", "socketcan"]),
+    (["LOG", *OWN, "--scene", "steering"], ["--scene"]),
+    (["none.csv", *OWN], ["none.csv: no such file"]),
+    (["none.csv"], ["none.csv: no such file"]),
+    (["--scene", "none"], ["'none'", "creep", "cycloidal"]),
+    *(([one, "1"], [one]) for one in OF_A_LOG),
+    (["--fc", "1", "--scene", "steering"], ["--fc"]),
+    (["--offset", "0", "--time", "t"], ["--offset", "--time"]),
+    (["--spring", "0.3", "--angle-unit", "deg"], ["--angle-unit", "--spring"]),
+    (["--scene", "segments", "--target", "m4f", "--bus", "socketcan:x"], ["--target", "can:x"]),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), REFUSED)
+def test_bad_arguments_are_one_line(own_log, dahl, tmp_path, arguments, words):
+    given = [own_log if one == "LOG" else one for one in arguments]
+    code, said = complaint(dahl("demo", *given, "--output", tmp_path))
+    assert code == 2 and all(word in said for word in words), said
+    assert not (tmp_path / "run.log").exists()
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("angle", "deg"),
+        ("Winkel [°]", "deg"),
+        ("theta [rad]", "rad"),
+        ("theta_rad", "rad"),
+        ("Position [mm]", "mm"),
+        ("Counts", "counts"),
+        ("gradient", "deg"),
+        *(("theta_mrad", "mrad"), ("angle [rev]", "turn"), ("pos [um]", "um"), ("x_m", "m")),
+    ],
+)
+def test_the_unit_of_an_angle_is_in_its_name(dahl, column, unit):
+    """In which it is shown; one of another unit is not taken for degrees."""
+    Path("x.csv").write_text(f"{column},T\n1,2\n")
+    own = ("--torque", "none", *OWN[4:10])
+    done = dahl("demo", "x.csv", "--angle", column, *own, "-o", "out")
+    code, said = complaint(done)
+    assert code == 2
+    if unit in ("deg", "rad", "mm", "counts"):
+        assert re.match(rf"angle .*'{re.escape(column)}' in {unit} ", done.stdout)
+        assert "'none'" in said and scene_of(Path("out/own.ini"))["motion"]["angle"] == column
+    else:
+        assert f"in {unit};" in said and "--angle-unit" in said and not done.stdout
+
+
+@pytest.mark.parametrize(
+    ("unit", "counts_per_unit", "theta_per_count", "plotted", "per_unit"),
+    [
+        ("deg", TURN / 360, math.tau / TURN, "deg", math.degrees(1)),
+        ("rad", TURN / math.tau, math.tau / TURN, "rad", 1),
+        ("counts", 1, math.tau / TURN, "rad", 1),
+        ("mm", TURN, 1e-3 / TURN, "mm", 1000),
+    ],
+)
+def test_the_scene_of_an_own_log_is_in_its_units(
+    dahl, unit, counts_per_unit, theta_per_count, plotted, per_unit
+):
+    Path("x.csv").write_text("a #1,T\n0,x\n")  # which ends it once the scene is written
+    words = ("--angle", "a #1", "--torque", "T", *OWN[4:10], "--angle-unit", unit)
+    assert dahl("demo", "x.csv", *words, "-o", "out").returncode == 2
+    scene = scene_of(Path("out/own.ini"))
+    number = {name: float(scene["friction"][name]) for name in ("sigma0", "Fc", "theta_per_count")}
+    assert number == pytest.approx({"sigma0": SIGMA0, "Fc": FC, "theta_per_count": theta_per_count})
+    assert float(scene["motion"]["counts_per_unit"]) == pytest.approx(counts_per_unit, rel=1e-15)
+    measured = scene["measured"]
+    assert (measured["torque"], scene["motion"]["angle"]) == ("T", "a #1")
+    assert measured["label_angle"].endswith(f" [{plotted}]")
+    assert measured["label_torque"].endswith(" [N]" if unit == "mm" else " [N m]")
+    assert float(measured["angle_scale"]) == pytest.approx(per_unit, rel=1e-15)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", math.tau), ("counts", 16384)])
+def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl, unit, turn):
+    """Its shaft would go back by a turn within a tick."""
+    angle = np.arange(800) % 360 / 360 * turn
+    Path("wraps.csv").write_text("a,T\n" + "".join(f"{one!r},0\n" for one in angle.tolist()))
+    words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", *OWN[4:10])
+    code, said = complaint(dahl("demo", "wraps.csv", *words, "-o", "out"))
+    assert code == 2 and said.startswith("wraps.csv: ") and f"{angle[359]:g} to 0" in said
+
+
+def test_a_bad_row_is_named_before_anything_runs(own_log, dahl):
+    Path("bad.csv").write_text(own_log.read_text().replace("\n0.003,", "\n0.003,x", 1))
+    code, said = complaint(dahl("demo", "bad.csv", *OWN, "--output", "out"))
+    assert code == 2 and said.startswith("bad.csv:5: ") and "'shaft [deg]'" in said
+    assert not Path("out/run.log").exists()
+
+
+NAMES = ["loop.png", "params.m4f.bin", "own.ini", "node.json", "run.log", "summary.json"]
+
+
+@pytest.mark.parametrize("name", [*NAMES, "trace.csv", "node.err"])
+def test_no_output_of_a_demo_may_be_its_log(dahl, name):
+    """Nor that of its scene."""
+    Path(name).write_text("a\n1\n")
+    Path("scene").write_text(f"[motion]\nkind = log\nfile = {name}\nangle = a\n")
+    for words in ((name,), ("--scene", "scene")):
+        code, said = complaint(dahl("demo", *words, "--output", "."))
+        assert code == 2 and f"{name}: " in said and "-o" in said
+    assert Path(name).read_text() == "a\n1\n"
+
+
+def test_a_file_that_cannot_be_written_is_one_line(dahl):
+    """Of a rotor's trace too, in the run that waits for the recorder: a disk that is full at its
+    end.
+    """
+    Path("file").write_text("")
+    words = ("demo", "--scene", "segments", "--output", "file/out")
+    code, said = complaint(dahl(*words))
+    assert code == 1 and said.startswith("file/out: ")
+    Path("trace.csv").symlink_to("/dev/full")
+    code, said = complaint(dahl("demo", "--scene", "parking", "--seconds", 0.3, "--output", "."))
+    assert code == 1 and "trace.csv: " in said
+
+
+# --- what dahl-loop is started with ---------------------------------------------------------------
+
+REAL = ("node", "encoder")
+RUNS = [
+    (("--scene", "segments", "--bus", "socketcand"), REAL, {}),
+    (("--scene", "creep"), ("both",), {"--virtual": None, "--trace": "out/trace.csv"}),
+    (("--scene", "fault-storm", "--seed", 7), ("both",), {"--virtual": None, "--seed": "7"}),
+    (("--scene", "own.ini", "--bus", "socketcand"), REAL, {"--log-file": "own.csv"}),
+]
+
+
+@pytest.mark.parametrize(("words", "roles", "chosen"), RUNS, ids=lambda each: str(each)[:40])
+def test_each_demo_starts_the_programs_that_it_needs(
+    dahl, monkeypatch, tmp_path, words, roles, chosen
+):
+    told = tmp_path / "told"
+    script = f'echo "$*" >>{told}\nexec "$LOOP" "$@"'
+    monkeypatch.setenv("DAHL_LOOP", str(another_loop(tmp_path / "bin", script)))
+    Path("own.ini").write_text(
+        "[scene]\ntitle = mine\n[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
+        "[motion]\nkind = log\nfile = own.csv\nangle = a\ncounts_per_unit = 1\n"
+    )
+    Path("own.csv").write_text("\n".join(["a", *map(str, range(400))]))
+    done = dahl("demo", *words, "--seconds", 0.2, "--output", "out")
+    assert done.returncode == 0, done.stderr
+    started = {}
+    for line in (line.split() for line in told.read_text().splitlines()):
+        following = [*line[1:], "--"]
+        pairs = {a: b for a, b in zip(line, following, strict=True) if a.startswith("--")}
+        started[pairs["--role"]] = {a: None if b[:2] == "--" else b for a, b in pairs.items()}
+    assert set(started) == set(roles)
+    motion = started[roles[-1]]  # the program that moves
+    assert (motion["--seconds"], Path(motion["--scene"]).stem) == ("0.2", Path(words[1]).stem)
+    for option in ("--virtual", "--trace", "--seed", "--log-file", "--lockstep"):
+        assert (option in motion) == (option in chosen)
+        assert motion.get(option) == chosen.get(option)
+    numbers = summary_of(Path("out"))
+    log = str(tmp_path / "own.csv") if "--log-file" in chosen else None
+    assert (numbers["log"], numbers["ticks"]) == (log, 200)
+    shown = done.stdout.partition("bus ")[2].split("\n")[0]
+    assert ("virtual time" in shown) == (len(roles) == 1)
+    if len(roles) > 1:
+        assert {"--lockstep", "--until-idle"} <= started["node"].keys()
+        assert "--seconds" not in started["node"]
+
+
+# --- a dahl-loop that is another ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("script", "code", "words"),
+    [
+        ("exec sleep 60", 1, r"\(node\)"),
+        ("exit 3", 1, r"\(node\).* 3"),
+        ("echo x; echo error: no wheel >&2; exit 2", 2, "^no wheel$"),
+        ("echo error: no bus >&2; exit 1", 1, "^no bus$"),
+        ("echo odd >&2; echo '  error: no rig ' >&2; echo error: two >&2; exit 1", 1, "^no rig$"),
+        ("echo error while loading shared libraries: libcsv.so.3: no >&2; exit 127", 1, "libcsv3"),
+        ("kill -TERM $$", 1, r"\(node\).* -15"),
+        ("kill -INT $$", 1, r"\(node\).* -2"),
+    ],
+)
+def test_what_dahl_loop_complains_about_is_told(dahl, monkeypatch, tmp_path, script, code, words):
+    monkeypatch.setenv("DAHL_LOOP", str(another_loop(tmp_path / "bin", script)))
+    found = complaint(dahl("demo", "--scene", "segments", "--bus", "socketcand", "--output", "out"))
+    assert found[0] == code and re.search(words, found[1]), found
+
+
+AFTERWARDS = """for word; do [ "$last" = --summary ] && file=$word; last=$word; done
+"$LOOP" $(echo "$*" | sed 's/--with-parent [0-9]*//'); code=$?
+sed -i '0,/"{name}":[[:space:]]*[0-9]*/s//"{name}": {value}/' "$file"; exit $code"""
+BEHIND = [  # of a node and of a summary that are not as they should be: what is told of it
+    ("segments", in_role("node", 'set -- "$@" --set friction.sigma0=50.000008'), "ulp.* 0.52"),
+    ("segments", AFTERWARDS.format(name="frames_lost", value=2), "2 frames"),
+    ("fault-storm", AFTERWARDS.format(name="crc", value=99999), "'crc': .99999, "),
+]
+
+
+@pytest.mark.parametrize(("scene", "script", "words"), BEHIND, ids=["error", "lost", "faults"])
+def test_a_run_that_was_wrong_has_another_code_than_0(
+    dahl, monkeypatch, tmp_path, scene, script, words
+):
+    """A sigma0 one float away; a frame without an answer; a fault that was not counted. The files
+    are there all the same.
+    """
+    monkeypatch.setenv("DAHL_LOOP", str(another_loop(tmp_path / "bin", script)))
+    done = dahl("demo", "--scene", scene, "--seconds", "0.6", "--output", "out")
+    code, said = complaint(done)
+    assert code == 1 and said.startswith("out/summary.json: ") and re.search(words, said), said
+    assert summary_of(Path("out"))["max_error_ulp_Fc"] < 0.8
+    assert Path("out/loop.png").exists()
+
+
+DEAF = "$LOOP $(echo \"$*\" | sed 's/--with-parent [0-9]*//'); exec sleep 60"
+QUIET = 'set -- "$@" --set status.period_ms=60000'
+HANGING = {  # where a demo would wait for ever
+    "silent": (in_role("encoder", "exec sleep 60", QUIET), "10"),
+    "deaf": (in_role("node", f"trap '' INT; {DEAF}"), "-9"),
+    "still": ('exec "$LOOP" "$@" --wait-clients 2', "10"),
+}
+
+
+def test_a_demo_waits_for_nothing_for_ever(tmp_path):
+    """An encoder that says nothing, a node that does not end, virtual time that stands still: all
+    at once, since each takes seconds.
+    """
+    begun, running = time.monotonic(), {}
+    for name, (script, _) in HANGING.items():
+        loop = another_loop(tmp_path / name, script)
+        scene = "creep" if name == "still" else "segments"
+        words = ("demo", "--scene", scene, "--seconds", "0.2", "--output", tmp_path / name / "out")
+        words += () if name == "still" else ("--bus", "socketcand")
+        running[name] = subprocess.Popen(
+            [sys.executable, "-m", "dahl", *map(str, words)],
+            env={**os.environ, "DAHL_LOOP": str(loop)},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    for name, process in running.items():
+        _, said = process.communicate(timeout=60)
+        assert process.returncode == 1 and said.count("\n") == 1, said
+        assert HANGING[name][1] in said
+    assert time.monotonic() - begun < 45
+
+
+# --- firmware in the place of the node ------------------------------------------------------------
+
+BUILDS = [
+    ("echo odd >&2; echo broken tool >&2; exit 1", "m4f .*: broken tool$"),
+    ("echo only here; exit 1", "tools/setup.sh firmware .*: only here$"),
+    ("printf 'odd\\nfatal: no host\\n  where (include)\\n' >&2; exit 1", ": fatal: no host$"),
+    (None, "cmake .*tools/setup.sh"),
+]
+
+
+@pytest.mark.parametrize(("script", "words"), BUILDS)
+def test_an_image_that_cannot_be_built_is_one_line(
+    dahl, monkeypatch, tmp_path, root, script, words
+):
+    """It is asked for by the preset of its core, in the checkout."""
+    if script:
+        asked = f'echo "$PWD: $*" >>{tmp_path}/asked'
+        (tmp_path / "cmake").write_text(f"#!/bin/sh\n{asked}\n{script}\n")
+        (tmp_path / "cmake").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin" if script else str(tmp_path))
+    for verb in (("node",), ("demo", "--scene", "segments", "-o", "out")):
+        code, said = complaint(dahl(*verb, "--target", "m4f"))
+        assert code == 1 and re.search(words, said), said
+    if script:
+        assert (tmp_path / "asked").read_text().startswith(f"{root}: --preset m4f")
+
+
+@pytest.mark.parametrize("scene", ["parking", "fault-storm", "slip.ini"])
+def test_firmware_takes_no_scene_of_another_model(dahl, scene):
+    Path("slip.ini").write_text(
+        "[friction]\nmodel = slip\nsigma0 = 1 1\nFc = 1 1\ntheta_per_count = 1\n"
+    )
+    code, said = complaint(dahl("demo", "--scene", scene, "--target", "m4f", "-o", "out"))
+    assert code == 2 and "--target" in said and scene in said
+
+
+@contextlib.contextmanager
+def attached(asked, core, params, folder, port, number) -> Iterator[None]:
+    """A node in Python joins the served bus as the firmware does."""
+    asked.append((core, params, folder, number))
+    settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
+    with can.Bus(**settings) as bus:
+        notifier = can.Notifier(bus, [node.Listener(bus, Node(Plan(*params), number))])
+        try:
+            yield
+        finally:
+            notifier.stop()
+
+
+def test_a_target_takes_the_place_of_the_node(dahl, monkeypatch, root):
+    """An exception to the public seams: the emulator, which takes seconds, is replaced at its two
+    calls. dahl-loop's own node is never asked.
+    """
+    asked: list[tuple[object, ...]] = []
+    monkeypatch.setattr("dahl.firmware.build", lambda core: root / "build/m4f/node_image")
+    monkeypatch.setattr("dahl.firmware.attached", partial(attached, asked))
+    words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
+    done = dahl("demo", *words, "--output", "out")
+    assert done.returncode == 0, done.stderr
+    numbers = summary_of(Path("out"))
+    assert asked == [("m4f", (50.0, 0.5, 9.587379924285257e-05), Path("out"), 0)]
+    assert (numbers["target"], numbers["node"], numbers["frames_answered"]) == ("m4f", {}, 300)
+    assert numbers["max_error_ulp_Fc"] <= 0.52
+    assert "build/m4f/node_image" in done.stdout and "QEMU" in done.stdout

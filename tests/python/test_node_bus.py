@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: MIT
+"""Nodes in Python on buses of python-can: node.run, Listener and serve answer, node.ask asks; and
+what a bus that is silent, full or gone makes of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import can
+import dahl
+import numpy as np
+import pytest
+from can_socket import BUS_OFF
+from dahl import codec, node
+from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What
+from loop_tools import wait_until
+
+pytestmark = pytest.mark.usefixtures("library")
+
+PLAN = dahl.Plan(100, 0.7, 3.8e-4)
+Ends = tuple[can.BusABC, can.BusABC]
+
+
+@pytest.fixture
+def ends() -> Iterator[Ends]:
+    """Both ends of a bus of this process."""
+    with (
+        can.Bus(interface="virtual", channel="test_node") as one,
+        can.Bus(interface="virtual", channel="test_node") as other,
+    ):
+        yield one, other
+
+
+@contextlib.contextmanager
+def listening(bus: can.BusABC, *nodes: dahl.Node) -> Iterator[node.Listener]:
+    listener = node.Listener(bus, *nodes)
+    notifier = can.Notifier(bus, [listener])
+    try:
+        yield listener
+    finally:
+        notifier.stop()
+
+
+def converse(bus: can.BusABC, number: int = 0) -> None:
+    """What a client sees: torques, parameters, resets, and Status when it falls silent."""
+    alone = dahl.Friction(PLAN)
+    for counter, count in enumerate((0, 30, 900, 850)):
+        answer = node.ask(bus, EncoderState(count, counter), number)
+        moves = count - (0, 0, 30, 900)[counter]
+        assert answer.torque_q30 == alone.step_counts_q30(moves)
+    reply = node.ask(bus, ParamWrite(Param.FC), number)
+    assert (reply.result, reply.si) == (codec.Result.DONE, pytest.approx(PLAN.Fc))
+    status = node.ask(bus, Reset(What.ERRORS), number)
+    assert status.state == State.OK
+    while status.state != State.STALE:  # after 100 ms
+        message = bus.recv(2)
+        assert message is not None
+        if message.arbitration_id == 0x120 + int(number):
+            status = codec.unpack(message)
+
+
+# --- the node's side ------------------------------------------------------------------------------
+
+
+def test_a_notifier_serves_nodes(ends):
+    """Each of several sees what is its own; a number may be one of numpy."""
+    nodes = [dahl.Node(PLAN, number) for number in (0, np.uint8(3))]
+    with listening(ends[0], *nodes) as listener:
+        assert isinstance(listener, can.Listener)
+        for number in (0, np.int8(3)):
+            converse(ends[1], number)
+    assert [(one.counts.ok, one.counts.ignored) for one in nodes] == [(4, 0)] * 2
+    assert listener.traffic.received == 12 and listener.traffic.refused == 0
+
+
+def test_run_serves_until_it_is_told_to_end(ends):
+    ended, traffic = threading.Event(), []
+    words = {"ended": ended.is_set, "seconds": 30}
+    server = threading.Thread(
+        target=lambda: traffic.append(node.run(ends[0], dahl.Node(PLAN), **words))
+    )
+    server.start()
+    try:
+        converse(ends[1])
+    finally:
+        ended.set()
+        server.join(10)
+    assert not server.is_alive()
+    assert traffic[0].received == 6 and traffic[0].sent >= 8
+
+
+def test_asyncio_serves_until_the_task_is_cancelled(ends):
+    here, there = ends
+
+    async def both() -> None:
+        server = asyncio.create_task(node.serve(here, dahl.Node(PLAN)))
+        await asyncio.to_thread(converse, there)
+        server.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await server
+        there.send(codec.pack(EncoderState(0)))
+        assert here.recv(0.2) is not None, "it receives still"
+
+    asyncio.run(asyncio.wait_for(both(), 30))
+
+
+def test_asyncio_serves_more_buses_than_its_threads():
+    """And leaves asyncio's own threads to the caller."""
+    count = len(os.sched_getaffinity(0)) + 6
+
+    async def all_at_once() -> None:
+        with contextlib.ExitStack() as buses:
+            pairs = [
+                [buses.enter_context(can.Bus(f"many{i}", interface="virtual")) for _ in range(2)]
+                for i in range(count)
+            ]
+            servers = [asyncio.create_task(node.serve(here, dahl.Node(PLAN))) for here, _ in pairs]
+            for _, there in pairs:
+                await asyncio.wait_for(asyncio.to_thread(converse, there), 20)
+            for server in servers:
+                server.cancel()
+            assert len(await asyncio.gather(*servers, return_exceptions=True)) == count
+
+    asyncio.run(asyncio.wait_for(all_at_once(), 60))
+
+
+@pytest.mark.parametrize("numbers", [(0,), (0, 3)])
+def test_what_of_a_bus_a_node_is_given(ends, numbers):
+    """Its own answers do not come back to it, all else that this process sends does; of several
+    nodes each has what has its number, and every bus-off.
+    """
+    nodes = [dahl.Node(PLAN, number) for number in numbers]
+    listener = node.Listener(ends[0], *nodes)
+    own, foreign = (codec.pack(codec.FrictionTorque(5)) for _ in range(2))
+    foreign.is_rx = True
+    off = can.Message(arbitration_id=BUS_OFF | 4, is_error_frame=True, dlc=8, data=bytes(8))
+    for message in (codec.pack(EncoderState(0), 3), own, foreign, off):
+        listener.on_message_received(message)
+    listener.stop()
+    found = [(one.counts.ok, one.counts.ignored, one.counts.bus_off) for one in nodes]
+    assert found == {1: [(0, 2, 1)], 2: [(0, 1, 1), (1, 0, 1)]}[len(numbers)]
+    assert listener.traffic.received == 4
+
+
+def test_the_clock_is_looked_at_every_few_ms(ends):
+    """By run() and by a Listener: a Status is due 15 times."""
+    one = dahl.Node(PLAN, status_period=0.02)
+    assert 8 <= node.run(ends[0], one, seconds=0.3).sent <= 16
+    listener = node.Listener(ends[0], one)
+    assert all(thread.daemon for thread in threading.enumerate() if thread.name == "dahl.node")
+    time.sleep(0.3)
+    listener.stop()
+    assert 8 <= listener.traffic.sent <= 16
+
+
+class Waiting:
+    """A bus on which some frames wait, and others come after something was sent."""
+
+    def __init__(self, before=(), after=(), refuses=None, gone=False):
+        self.queue, self.after, self.refuses, self.gone = iter(before), list(after), refuses, gone
+
+    def recv(self, timeout=None):
+        if self.gone:
+            raise can.CanOperationError("cable out")
+        return next(self.queue, None)
+
+    def send(self, message, timeout=None):
+        if self.refuses:
+            raise self.refuses("no buffer space")
+        self.queue = itertools.chain(self.queue, self.after)
+
+
+@pytest.mark.parametrize("error", [can.CanOperationError, OSError])
+def test_a_bus_that_takes_nothing_is_counted(error):
+    full = Waiting(refuses=error)
+    assert node.run(full, dahl.Node(PLAN), seconds=0.03) == node.Traffic(0, 0, 1)
+    listener = node.Listener(full, dahl.Node(PLAN))
+    wait_until(lambda: listener.traffic.refused == 1)
+    listener.stop()
+    with pytest.raises(dahl.RunError, match="Reset.*no buffer space"):
+        node.ask(full, Reset(What.RESTART))
+
+
+def test_a_bus_that_has_gone_is_one_line():
+    gone = Waiting(gone=True)
+    for call in (
+        lambda: node.run(gone, dahl.Node(PLAN), seconds=9),
+        lambda: asyncio.run(asyncio.wait_for(node.serve(gone, dahl.Node(PLAN)), 10)),
+        lambda: node.ask(gone, EncoderState(0)),
+    ):
+        with pytest.raises(dahl.RunError, match="cable out"):
+            call()
+
+
+# --- the client's side ----------------------------------------------------------------------------
+
+
+def reply(value: int, counter: int = 4, param: Param = Param.FC) -> can.Message:
+    return codec.pack(codec.ParamReply(param, value, counter=counter))
+
+
+def test_an_answer_is_to_what_was_asked():
+    """Not one that waited, not to another counter or parameter, and nothing that is not whole."""
+    spoiled, extended = reply(7), reply(8)
+    spoiled.data[5] ^= 1
+    extended.is_extended_id = True
+    asked = ParamWrite(Param.FC, counter=4)
+    other_node = codec.pack(codec.ParamReply(Param.FC, 9, counter=4), 1)
+    others = [reply(2, counter=5), reply(3, param=Param.GAIN), spoiled, extended, other_node]
+    assert node.ask(Waiting([reply(1)], [*others, reply(5), reply(6)]), asked).value == 5
+    torques = [codec.pack(codec.FrictionTorque(7, echo=echo)) for echo in (2, 3, 4)]
+    assert node.ask(Waiting([], torques), EncoderState(9, 3)).echo == 3
+    old, new = (
+        codec.pack(codec.Status(1, State.OK, codec.Errors(0), n, 0, 0, 0, 2, 25)) for n in (9, 0)
+    )
+    assert node.ask(Waiting([old], [new]), Reset(What.ERRORS)).lost == 0
+    none = reply(77, param=Param.NONE)
+    assert node.ask(Waiting((), [none]), ParamWrite(77, counter=4)).param == Param.NONE
+    with pytest.raises(dahl.RunError, match=r"ParamReply of node 0 in 0\.02 s"):
+        node.ask(Waiting((), [none]), asked, timeout=0.02)
+
+
+def test_nobody_there_is_said(ends):
+    """By what did not come, of which node, and to what; also where others speak all the time."""
+    with pytest.raises(dahl.RunError, match=r"FrictionTorque of node 5 in 0\.05 s.*EncoderState\("):
+        node.ask(ends[0], EncoderState(1, 2), node=5, timeout=0.05)
+    busy = Waiting(itertools.repeat(reply(1)))
+    with pytest.raises(dahl.RunError, match=r"Status of node 0 in 0\.05 s"):
+        node.ask(busy, Reset(What.ERRORS), timeout=0.05)
+
+
+@pytest.mark.parametrize(
+    ("timeout", "counter", "words"),
+    [
+        (0.05, 1, {"STALE", "RESTART"}),
+        (60, 9, {"WRONG_SEQUENCE", "RESTART"}),
+        (0.25, 0, {"STALE", "RESTART", "REPEATED"}),
+        (60, 0, {"REPEATED"}),
+    ],
+)
+def test_a_node_that_does_not_answer_has_its_state_told(ends, timeout, counter, words):
+    """What leads out of that stands in the error, and does so."""
+    theirs, ours = ends
+    with listening(theirs, dahl.Node(PLAN, timeout=timeout)):
+        node.ask(ours, EncoderState(0, 0))
+        time.sleep(0.2)
+        with pytest.raises(dahl.RunError) as caught:
+            node.ask(ours, EncoderState(0, counter), timeout=0.3)
+        told = {"STALE", "WRONG_SEQUENCE", "RESTART", "REPEATED"}
+        assert {word for word in told if word in str(caught.value)} == words
+        node.ask(ours, Reset(What.RESTART))
+        assert node.ask(ours, EncoderState(0, 0)).ratio == 0
+
+
+# --- what is refused ------------------------------------------------------------------------------
+
+BUS = Waiting()
+REFUSED: list[tuple[Callable[[], object], str]] = [
+    *((lambda v=v: node.run(BUS, dahl.Node(PLAN), seconds=v), f"seconds = {v!r}")
+      for v in (float("nan"), -1, "1", True)),
+    *((lambda v=v: node.ask(BUS, Reset(What.RESTART), timeout=v), "timeout = ")
+      for v in (-1, float("nan"), 1e9, "x")),
+    (lambda: node.run(BUS, dahl.Node(PLAN), seconds=0, ended=None), "ended = None"),
+    (lambda: node.run(BUS, dahl.Node(PLAN), second=0), "second = 0"),
+    (lambda: node.run(BUS, seconds=0), "no node"),
+    (lambda: node.run(BUS, dahl.Node(PLAN), dahl.Node(PLAN), seconds=0), "number"),
+    (lambda: node.run(BUS, dahl.Node(PLAN), "x", seconds=0), r"nodes\[1\] = 'x'"),
+    (lambda: node.ask(BUS, EncoderState(0), 16), "node = 16"),
+    (lambda: node.ask(BUS, codec.FrictionTorque(5)), "frame = Friction"),
+    *((lambda b=b: node.run(b, dahl.Node(PLAN), seconds=0), f"bus = {b!r}") for b in (None, 5)),
+    *((lambda b=b: node.ask(b, EncoderState(0)), f"bus = {b!r}") for b in (None, 5)),
+    *((lambda b=b: node.Listener(b, dahl.Node(PLAN)), f"bus = {b!r}") for b in (None, 5)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED)
+def test_what_cannot_be_served_or_asked_is_refused(call, words):
+    with pytest.raises(dahl.Error, match=words):
+        call()
+
+
+def test_what_needs_python_can_says_so(monkeypatch):
+    """The frames as bytes do not."""
+    monkeypatch.setitem(sys.modules, "can", None)
+    data = codec.to_bytes(EncoderState(5))
+    assert codec.from_bytes(0x100, data) == EncoderState(5)
+    for call in (lambda: codec.pack(EncoderState(5)), lambda: dahl.Node(PLAN).tick()):
+        with pytest.raises(dahl.RunError, match=r"pip install 'dahl\[can\]'"):
+            call()

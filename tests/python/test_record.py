@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: MIT
+"""`dahl record`: what it leaves can be replayed and drawn, holds each frame as soon as it has come,
+and takes nothing away that was there.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import can
+import numpy as np
+import pytest
+from bus_frames import frames, new_channel, sending
+from identify_tools import complaint
+from loop_tools import SCENES, serving, wait_until
+from test_monitor import ANGLE, bus_of
+
+pytestmark = pytest.mark.usefixtures("library")
+
+QUIET = ("-i", "virtual", "-c", "quiet")
+
+
+@pytest.fixture
+def served(tmp_path):
+    limits = ("--wait-clients", "1", "--seconds", "20")
+    with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
+        yield bus_of(port)
+
+
+def angles(log: Path) -> list[can.Message]:
+    return [frame for frame in can.LogReader(log) if frame.arbitration_id == 0x100]
+
+
+# --- what it leaves -------------------------------------------------------------------------------
+
+
+def test_a_log_can_be_replayed_by_canplayer(served, dahl):
+    """And no frame of the bus is missing in it."""
+    done = dahl("record", *served, "-o", "run.log", "--frames", "400")
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", "400 frames in run.log\n")
+    lines = Path("run.log").read_text().splitlines()
+    form = r"\(\d{10}\.\d{6}\) vcan0 1[0-2]0#[0-9A-F]{16}( R)?"
+    assert len(lines) == 400 and all(re.fullmatch(form, line) for line in lines)
+    counters = np.array([frame.data[1] & 15 for frame in angles("run.log")])
+    assert len(counters) > 180 and set(np.diff(counters) % 16) == {1}
+
+
+@pytest.mark.parametrize(
+    "ending",
+    [
+        ".asc",
+        *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
+    ],
+)
+def test_plot_draws_whatever_it_writes(served, dahl, ending):
+    log = f"run{ending}"
+    done = dahl("record", *served, "-o", log, "--frames", "400")
+    assert (done.returncode, done.stderr) == (0, "")
+    times = np.array([frame.timestamp for frame in angles(log)])
+    assert len(times) >= 190 and np.diff(times).min() >= 0
+    assert np.median(np.diff(times)) == pytest.approx(0.001, abs=0.0005)
+    done = dahl("plot", log, "--scene", "segments", "-o", "loop.png")
+    assert done.returncode == 0, done.stderr
+    assert Path("loop.png").stat().st_size > 10_000
+
+
+def test_a_log_holds_each_frame_as_soon_as_it_has_come(dahl, dbc):
+    """Whole lines at any moment: it may be killed at the next."""
+    log, lines, channel = Path("run.log"), [], new_channel()
+    sent = frames(dbc, *(("EncoderState", 1e9 + n, ANGLE | {"Counter": n}) for n in range(4)))
+
+    def look() -> None:
+        wait_until(lambda: log.read_text().count("\n") == 3)
+        lines.append(log.read_text())
+
+    with sending(channel, sent, log.exists, look):
+        done = dahl("record", "-i", "virtual", "-c", channel, "--frames", 4, "-o", log)
+    assert (done.returncode, done.stdout) == (0, "4 frames in run.log\n")
+    assert log.read_text().startswith(lines[0])
+    assert [message.timestamp for message in can.LogReader(log)] == [1e9 + n for n in range(4)]
+
+
+def test_ctrl_c_leaves_a_whole_log(served, root, tmp_path):
+    log = tmp_path / "run.log"
+    command = [sys.executable, "-m", "dahl", "record", *served, "-o", str(log)]
+    process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
+    wait_until(lambda: log.exists() and log.stat().st_size > 5000, 30)
+    process.send_signal(2)
+    assert process.wait(10) == 130
+    assert log.read_text().endswith("\n") and len(angles(log)) > 50
+
+
+def test_a_server_that_goes_away_is_one_line_and_the_log_is_whole(dahl, tmp_path):
+    """python-can itself would go on asking a dead connection as fast as it can."""
+    limits = ("--wait-clients", "1", "--seconds", "0.3")
+    with serving(tmp_path / "loop", SCENES / "segments.ini", *limits) as (_, port):
+        code, said = complaint(dahl("record", *bus_of(port), "-o", "run.log"))
+    assert code == 1 and "bus has gone" in said
+    assert len(angles("run.log")) >= 300
+
+
+# --- frames that a format cannot hold -------------------------------------------------------------
+
+
+def special_frames() -> list[can.Message]:
+    """CAN FD, remote and error frames, which a .trc cannot hold."""
+    kinds = ("is_fd", "is_remote_frame", "is_error_frame")
+    return [
+        can.Message(timestamp=1e9 + n, arbitration_id=0x100, is_extended_id=False, **{kind: True})
+        for n, kind in enumerate(kinds)
+    ]
+
+
+@pytest.mark.parametrize(("ending", "held"), [(".TRC", 2), (".asc", 5)])
+def test_frames_that_a_format_cannot_hold_are_not_counted_as_recorded(dahl, dbc, ending, held):
+    (plain,) = frames(dbc, ("EncoderState", 1e9 + 5, ANGLE | {"Counter": 1}))
+    log, channel = f"run{ending}", new_channel()
+    with sending(channel, [plain, *special_frames(), plain]):
+        done = dahl("record", "-i", "virtual", "-c", channel, "--frames", 5, "-o", log)
+    assert (done.returncode, done.stderr) == (0, "")
+    first, *more = done.stdout.splitlines()
+    assert first == f"{held} frames in {log}" and len(list(can.LogReader(log))) == held
+    assert [line.split()[0] for line in more] == ["3"] * (ending == ".TRC")
+
+
+def test_a_trc_that_would_hold_no_frame_takes_nothing_away(dahl):
+    """Nor is one begun on a bus that is said to be CAN FD."""
+    log, channel = Path("run.TRC"), new_channel()
+    log.write_text("an old run")
+    words = ("record", "-i", "virtual", "-c", channel, "--frames", 3, "-o", log, "--force")
+    with sending(channel, special_frames()):
+        done = dahl(*words)
+    code, said = complaint(done)
+    assert (code, done.stdout) == (1, "") and said.startswith("run.TRC: 3 frames")
+    code, said = complaint(dahl(*words, "--fd"))
+    assert code == 2 and said.startswith("run.TRC: ") and "--fd" in said
+    assert log.read_text() == "an old run"
+
+
+# --- what it does not do --------------------------------------------------------------------------
+
+
+def test_a_log_is_not_overwritten_without_being_told(served, dahl):
+    log = Path("run.log")
+    log.write_text("mine")
+    code, said = complaint(dahl("record", *served, "-o", log, "--frames", "10"))
+    assert code == 2 and said.startswith("run.log: ") and "--force" in said
+    assert log.read_text() == "mine"
+    assert dahl("record", *served, "-o", log, "--frames", "10", "--force").returncode == 0
+    assert log.read_text().count("\n") == 10
+    log.unlink()
+    log.symlink_to("/dev/full")
+    done = dahl("record", *served, "-o", log, "--frames", "10", "--force")
+    assert complaint(done) == (1, "run.log: No space left on device")
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run", "run.log.gz"])
+def test_an_ending_that_plot_cannot_read_is_refused(dahl, tmp_path, name):
+    code, said = complaint(dahl("record", *QUIET, "-o", name))
+    assert code == 2 and all(one in said for one in (".asc", ".blf", ".log", ".mf4", ".trc"))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("verb", ["record -o run.log", "monitor"])
+def test_a_silent_bus_is_one_line_and_leaves_nothing(dahl, tmp_path, verb):
+    done = dahl(*verb.split(), *QUIET, "--seconds", "0.3")
+    code, said = complaint(done)
+    assert (code, done.stdout) == (1, "") and "interface=virtual channel=quiet" in said
+    assert re.search(r" 0\.[3-9] s", said) and list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("old", ["an old run", ""])
+def test_a_silent_bus_takes_nothing_away(dahl, old):
+    Path("run.log").write_text(old)
+    done = dahl("record", *QUIET, "--seconds", "0.3", "-o", "run.log", "--force")
+    assert done.returncode == 1 and Path("run.log").read_text() == old
+
+
+def test_it_says_that_it_waits(dahl):
+    done = dahl("record", *QUIET, "--seconds", "4", "-o", "run.blf")
+    first, second = done.stderr.splitlines()
+    assert "waiting" in first and "Ctrl-C" in first and second.startswith("error: ")
+
+
+def test_a_bus_that_is_not_there_is_one_line(dahl, monkeypatch, tmp_path, run_dahl):
+    """python-can tries for ten seconds, which pass quickly here."""
+    quick = SimpleNamespace(time=itertools.count().__next__, sleep=time.sleep)
+    monkeypatch.setattr("can.interfaces.socketcand.socketcand.time", quick)
+    for verb in (("monitor",), ("record", "-o", "run.log")):
+        code, said = complaint(dahl(*verb, *bus_of(1)))
+        assert code == 1 and "interface=socketcand channel=vcan0" in said and "port=1" in said
+        code, said = complaint(dahl(*verb, "-i", "nothing", "-c", "x"))
+        assert code == 2 and "-i" in said and "'nothing'" in said
+    assert list(tmp_path.iterdir()) == []
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("CAN_")}
+    done = run_dahl("monitor", env={**environment, "HOME": str(tmp_path)})
+    code, said = complaint(done)
+    assert code == 2 and "-i" in said and "-c" in said

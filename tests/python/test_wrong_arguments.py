@@ -1,0 +1,389 @@
+# SPDX-License-Identifier: MIT
+"""The Python API takes nothing silently: a wrong argument is one dahl.Error of one line, with name,
+value and limit, and nothing has moved.
+"""
+
+from __future__ import annotations
+
+import _ctypes
+import copy
+import inspect
+import math
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from ctypes import Structure
+from decimal import Decimal
+from fractions import Fraction
+from types import ModuleType
+
+import dahl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_public_classes import KINDS
+
+pytestmark = pytest.mark.usefixtures("library")
+
+PLAN = dahl.Plan(100.0, 0.5, 1e-4)
+BLIND = dahl.Plan(100.0, 0.5)  # without an encoder
+
+
+def bearing() -> dahl.Friction:
+    """One that carries some torque."""
+    one = dahl.Friction(PLAN)
+    one.step_counts(7)
+    return one
+
+
+def refused(call: Callable[[], object], *words: str) -> None:
+    """The call raises dahl.Error, in one line that holds all the words."""
+    with pytest.raises(dahl.Error) as caught:
+        call()
+    said = str(caught.value)
+    assert "\n" not in said and len(said) < 300
+    assert [word for word in words if word not in said] == [], said
+
+
+# --- scalars --------------------------------------------------------------------------------------
+
+NO_NUMBER = [
+    *(None, "1", b"1", True, np.True_, 1j, [1.0], (), {}, ..., Decimal(1)),
+    *(np.array(1), np.array([1]), np.ma.masked, np.timedelta64(1, "s")),
+]
+NOT_WHOLE = [0.5, -1e-300, math.nan, math.inf, -math.inf, Fraction(1, 3), np.float32(2.5)]
+I32, U32, W = (-(2**31), 2**31 - 1), (0, 2**32 - 1), (-(2**62) - 2**31, 2**62 + 2**31 - 1)
+REAL = {
+    "sigma0": [lambda v: dahl.Plan(v, 1.0, 1.0), lambda v: dahl.Throughput(v, 1.0, 1.0)],
+    "Fc": [lambda v: dahl.Plan(1.0, v, 1.0), lambda v: dahl.Throughput(1.0, v, 1.0)],
+    "theta_per_count": [
+        lambda v: dahl.Plan(1.0, 1.0, v),
+        lambda v: dahl.Throughput(1.0, 1.0, v),
+        lambda v: dahl.Slip([1.0], [1.0], v),
+    ],
+    "dtheta": [lambda v: bearing().step(v), lambda v: dahl.Loaded(PLAN, True).step(v, 1.0)],
+    "F": [
+        lambda v: bearing().set_torque(v),
+        lambda v: setattr(bearing(), "torque", v),
+        lambda v: bearing().counts_to_torque(v),
+        lambda v: dahl.Throughput(1, 1, 1).run_counts([1], F=v),
+        lambda v: dahl.Throughput(1, 1, 1).run([1.0], F=v),
+    ],
+    "load": [
+        lambda v: dahl.Loaded(PLAN).step_counts(1, v),
+        lambda v: dahl.Loaded(PLAN).step_counts_q30(1, v),
+        lambda v: dahl.Loaded(PLAN, True).step(1e-3, v),
+    ],
+    "Fc[0]": [lambda v: dahl.Slip([1.0], [v], 1.0)],
+    "Fc_backward": [lambda v: dahl.Asymmetric(1.0, 1.0, v, 1.0)],
+}
+WHOLE = {  # with its limits
+    ("dcounts", *I32): [
+        lambda v: bearing().step_counts(v),
+        lambda v: bearing().step_counts_q30(v),
+        lambda v: dahl.Slip([1], [1], 1).step_counts(v),
+        lambda v: dahl.Parallel(dahl.Slip([1], [1], 1)).step_counts_q30(v),
+        lambda v: dahl.ElastoPlastic(1, 1, 1, 0.5).step_counts_q30(v),
+        lambda v: dahl.Work(PLAN).step_counts(v),
+        lambda v: dahl.Loaded(PLAN).step_counts(v, 1),
+        lambda v: dahl.VelocityTable([1.0] * 16, 0).step_counts(v),
+    ],
+    ("before", *U32): [lambda v: dahl.counts_between(v, 1)],
+    ("now", *U32): [lambda v: dahl.counts_between(1, v)],
+    ("modulus", *U32): [lambda v: dahl.counts_between(0, 0, v), dahl.Encoder],
+    ("ratio_q30", *I32): [lambda v: dahl.to_units(v, 1)],
+    ("Fc_units", 0, 2**30): [lambda v: dahl.to_units(1, v)],
+    ("stroke", *U32): [PLAN.tip_torque],
+    ("w", *W): [dahl.State, lambda v: setattr(bearing().state, "w", v)],
+    ("segment_bits", 0, 24): [lambda v: dahl.VelocityTable([1.0] * 16, v)],
+    ("sign", -1, 1): [lambda v: dahl.Encoder(10, v)],
+    ("largest_step", 0, 4): [lambda v: dahl.Encoder(10, 1, v)],
+    ("largest_step", 0, 2**31 - 1): [lambda v: dahl.Encoder(0, 1, v)],
+    ("reading", 0, 9999): [
+        lambda v: dahl.Encoder(10000).move(v),
+        lambda v: dahl.Encoder(10000).home(v),
+    ],
+    ("threads", 1, 1024): [lambda v: dahl.Throughput(1, 1, 1).run([1.0], threads=v)],
+}
+
+
+@pytest.mark.parametrize("value", NO_NUMBER, ids=repr)
+def test_what_is_no_number_is_named(value):
+    for name, calls in [*REAL.items(), *((limits[0], calls) for limits, calls in WHOLE.items())]:
+        for call in calls:
+            refused(lambda call=call: call(value), f"{name} = ", "is not a number")
+
+
+@pytest.mark.parametrize("limits", WHOLE, ids=str)
+def test_a_whole_number_has_the_limits_that_are_told(limits):
+    """At both it is taken, and beyond them it is named with them."""
+    name, least, most = limits
+    beyond = [least - 1, most + 1, 2**64, -(10**400), 1e300, np.uint64(2**63), 10**5000]
+    for call in WHOLE[limits]:
+        for value in (least, most):
+            call(value)
+        for value in NOT_WHOLE + beyond:
+            refused(lambda call=call, v=value: call(v), f"{name} = ", str(least), str(most))
+
+
+def test_numbers_of_any_kind_are_numbers():
+    plan = dahl.Plan(np.float64(100), Fraction(1, 2), np.float32(1e-4))
+    assert plan == PLAN
+    wanted = dahl.Friction(plan).step_counts(3)
+    for value in (3, 3.0, np.int8(3), np.uint64(3), np.float16(3), Fraction(3)):
+        assert dahl.Friction(plan).step_counts(value) == wanted
+    assert dahl.State(np.int64(2**62 - 1)).w == 2**62 - 1  # more digits than a float has
+
+
+# --- values that do not go together, and calls ----------------------------------------------------
+
+TRAVEL = ("2^-30 <=", "< 2^20")
+SLIPS = [
+    (lambda k: k([], [], 1e-3), ("sigma0", "0 elements")),
+    (lambda k: k([1.0] * 9, [1.0] * 9, 1e-3), ("sigma0", "9 elements", "8")),
+    (lambda k: k([1.0, 2.0], [1.0], 1e-3), ("sigma0 has 2", "Fc 1")),
+    (lambda k: k([1.0, 1e-9], [1.0, 1e9], 1e-3), ("element 1", "travel", *TRAVEL)),
+    (lambda k: k(100.0, [1.0], 1e-3), ("sigma0 = 100.0", "list")),
+    (lambda k: k("12", [1.0], 1e-3), ("sigma0 = '12'", "list")),
+    (lambda k: k(np.array(100.0), [1.0], 1e-3), ("sigma0 = array(100.)", "list")),
+    (lambda k: k([1.0], np.ma.masked, 1e-3), ("Fc = masked", "list")),
+    (lambda k: k(sigma0=[1.0], fc=1, theta_per_count=1.0), ("fc = 1",)),
+]
+REFUSED = [
+    *((lambda call=call: call(dahl.Slip), words) for call, words in SLIPS),
+    *((lambda call=call: call(dahl.ThroughputSlip), words) for call, words in SLIPS),
+    (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**20 * (1 - 1e-12)), TRAVEL),
+    (lambda: dahl.ThroughputSlip([1.0], [1.0], 2**-30 * (1 - 1e-12)), TRAVEL),
+    (lambda: dahl.Plan(2, 0.5, 2.0**18), ("1.04858e+06", *TRAVEL, "2,", "0.5", "262144")),
+    (lambda: dahl.Plan(1, 1, 2.0**-30 * (1 - 2.0**-24)), ("9.313225191043273e-10", *TRAVEL)),
+    (lambda: dahl.Plan(10**5000, 1), ("sigma0 = inf", "2^64")),
+    (lambda: dahl.Plan(-(10**5000), 1), ("sigma0 = -inf",)),
+    (lambda: dahl.Asymmetric(1.0, 1, 1e12, 1e-3), ("sigma0/Fc_backward", *TRAVEL)),
+    *(
+        (lambda b=b: dahl.ElastoPlastic(1.0, 1, 1, b), (f"breakaway = {b}", "0 <", "< 1"))
+        for b in (0.0, 1.0, -0.5, math.nan)
+    ),
+    (lambda: dahl.VelocityTable([1.0] * 15, 0), ("15", "16")),
+    (lambda: dahl.VelocityTable(1.0, 0), ("torque = 1.0", "list")),
+    (lambda: dahl.VelocityTable([1e-50] * 16, 0), ("torque[0] = 1e-50", "2^-64")),
+    (lambda: dahl.VelocityTable([-1.0] * 15 + [1e-30], 0), ("torque[15] = 1e-30", "2^64")),
+    (lambda: dahl.VelocityTable([1.0, math.nan] + [1.0] * 14, 0), ("torque[1] = nan",)),
+    (lambda: dahl.Encoder(2), ("modulus = 2", "3")),
+    (lambda: dahl.Encoder(10, 0), ("sign = 0", "-1")),
+    (lambda: dahl.Parallel(dahl.Slip([1], [1], 1), 3), ("parts[1] = 3",)),
+    (lambda: dahl.Parallel(*[dahl.Slip([1], [1], 1)] * 2), ("parts[1]", "twice")),
+    (lambda: dahl.ThroughputParallel(1), ("parts[0] = 1",)),
+    (lambda: dahl.Loaded(PLAN, 1), ("fixed_stiffness = 1",)),
+    *(
+        (lambda c=c, v=v: c(v), ("plan = ", "Plan"))
+        for v in (None, 3, (1, 1, 1), dahl.Throughput(1, 1, 1), dahl.Plan)
+        for c in (dahl.Friction, dahl.Loaded, dahl.Work, bearing().change_plan)
+    ),
+    *(
+        (lambda r=r, p=p: r(p, [[1.0]]), (name,))
+        for r in (dahl.Throughput.run_channels, dahl.Throughput.run_counts_channels)
+        for p, name in ((dahl.Throughput(1, 1), "params = "), ([PLAN], "params[0] = "))
+    ),
+    # F that no move reaches
+    (lambda: bearing().counts_to_torque(0.6), ("F = 0.6", "0.5")),
+    (lambda: bearing().counts_to_torque(math.nan), ("F = nan",)),
+    (lambda: bearing().counts_to_torque(1e300), ("F = ", "0.5")),
+    # moves of the other rule of a load
+    *((lambda c=c: getattr(dahl.Loaded(PLAN), c)(1e-3, 1.0), (f"Loaded.{c}", "step_counts"))
+      for c in ("step", "run")),
+    *((lambda c=c: getattr(dahl.Loaded(PLAN, True), c)(1, 1.0), (f"Loaded.{c}", "step()"))
+      for c in ("step_counts", "step_counts_q30", "run_counts")),
+    # names
+    (lambda: dahl.Throughput(sigma=100), ("Throughput", "sigma = 100", "sigma0, Fc")),
+    (lambda: dahl.Plan(1), ("Plan", "'Fc'", "sigma0, Fc, theta_per_count")),
+    (lambda: dahl.Plan(1, 1, 1, 1), ("Plan", "too many")),
+    (dahl.Friction, ("Friction", "'plan'")),
+    (lambda: bearing().step_counts(counts=3), ("Friction.step_counts", "counts = 3", "dcounts")),
+    (lambda: bearing().run([1.0], output=None), ("Friction.run", "output = None", "moves, out")),
+    (lambda: dahl.Throughput.run_channels(params=[], move=[[]]), ("move = ", "params, moves")),
+    (lambda: dahl.counts_between(1, 2, turn=4), ("counts_between", "turn = 4", "modulus")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED)
+def test_what_does_not_go_together_is_named(call, words):
+    refused(call, *words)
+
+
+def test_counts_without_an_encoder_are_refused():
+    """0.0 N m for every count was no answer; angles are moves all the same."""
+    blind, quick = dahl.Friction(BLIND), dahl.Throughput(100.0, 0.5)
+    for call in (
+        lambda: blind.step_counts(1),
+        lambda: blind.step_counts_q30(0),
+        lambda: blind.run_counts([1]),
+        lambda: blind.counts_to_torque(0.5),
+        lambda: BLIND.tip_torque(1),
+        lambda: quick.run_counts([1]),
+        lambda: dahl.Throughput.run_counts_channels([quick], [[1]]),
+        lambda: dahl.Parallel(blind).step_counts(1),
+        lambda: dahl.ThroughputParallel(quick),
+        lambda: dahl.Loaded(BLIND),
+        lambda: dahl.Work(BLIND),
+        lambda: dahl.Node(BLIND),
+    ):
+        refused(call, "theta_per_count = 0", "2^-64 <=")
+    assert blind.step(1e9) == 0.5 and quick.run([1e9])[0] == 0.5
+    assert dahl.Loaded(BLIND, True).step(1e9, 1) == 0.5
+    assert dahl.Throughput.run_channels([quick], [[1e9]])[0, 0] == 0.5
+
+
+# --- arrays ---------------------------------------------------------------------------------------
+
+MASKED = np.ma.array([1, 2, 3], mask=[False, True, False])
+NO_MOVES = [
+    (MASKED, "masked"),
+    ([MASKED[0], np.ma.masked], "masked"),
+    (np.array([1, 2], object), "object"),
+    ([2**70], "object"),
+    (np.array(1), "()"),
+    (None, "()"),
+    (np.zeros((2, 2)), "(2, 2)"),
+    ([[1], [1, 2]], "not an array"),
+    ([True], "bool"),
+    ([1j], "complex128"),
+    (["1"], "<U1"),
+    (np.array(["2020-01-01"], "M8[s]"), "datetime64"),
+]
+BEYOND = [
+    *(np.array([1, v]) for v in (2**31, -(2**31) - 1, 2**63, -(2**63), 0.5, math.nan)),
+    *([1, v] for v in (2**31, 0.5, math.inf)),
+    np.array([1, 2.0**31], np.float32),  # whose nearest to 2^31 - 1 is 2^31
+    np.array([1, -(2.0**31) - 256], np.float32),
+    np.array([1, math.inf], np.float16),
+]
+
+
+def movers() -> list[object]:
+    """One of each class that takes a log of counts."""
+    made = [kind.make() for kind in KINDS.values()]
+    return [one for one in made if hasattr(one, "run_counts") and not isinstance(one, dahl.Loaded)]
+
+
+def test_moves_that_are_no_moves_are_named_and_nothing_moves():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for one in movers():
+            before = copy.deepcopy(one)
+            for moves, word in NO_MOVES:
+                refused(lambda one=one, m=moves: one.run_counts(m), "moves", word)
+                if hasattr(one, "run"):
+                    refused(lambda one=one, m=moves: one.run(m), "moves", word)
+            for moves in BEYOND:
+                refused(lambda one=one, m=moves: one.run_counts(m), "moves[1] = ", "2147483647")
+            assert one == before
+    channels = [dahl.Throughput(1, 1, 1)]
+    run = dahl.Throughput.run_counts_channels
+    refused(lambda: run(channels, [[1], [2**31]]), "moves[1, 0] = ")
+    refused(lambda: run(channels * 3, [MASKED, MASKED]), "masked")
+    whole = np.ma.array([1, 2], mask=False)  # nothing of it is masked
+    assert list(bearing().run_counts(whole)) == list(bearing().run_counts([1, 2]))
+
+
+@pytest.mark.parametrize(
+    "out",
+    [
+        np.empty(3, np.float32),
+        np.empty(2, np.float64),
+        np.empty(4, np.float32)[::2],
+        np.ma.array(np.zeros(2, np.float32)),
+        [0.0, 0.0],
+        np.frombuffer(bytes(8), np.float32),
+    ],
+)
+def test_torques_go_only_where_c_can_write_them(out):
+    for one in movers():
+        before = copy.deepcopy(one)
+        refused(lambda one=one: one.run_counts([1, 2], out=out), "out")
+        moves = np.array([1, 2], np.int32)
+        refused(lambda o=one, m=moves: o.run_counts(m, out=m.view(np.float32)), "out", "moves")
+        assert one == before
+
+
+LOADS = [
+    ([1, 2], [1.0], "(1,)"),
+    ([1, 2], [1.0, 2.0], "loads[1] = 2.0"),
+    ([1, 2], [-1e-9, 1.0], "loads[0] = -1e-09"),
+    ([1, 2], [1.0, math.nan], "loads[1] = nan"),
+    ([1, 2], ["a", "b"], "<U1"),
+    ([1], [[1], [1, 2]], "loads"),
+    ([1], np.ma.array([1.0], mask=[True]), "masked"),
+    ([1, "x"], [1, 1], "moves"),
+]
+
+
+@pytest.mark.parametrize("fixed", [False, True])
+def test_bad_loads_move_nothing(fixed):
+    gear, still = dahl.Loaded(PLAN, fixed), dahl.Loaded(PLAN, fixed)
+    run, step = (gear.run, gear.step) if fixed else (gear.run_counts, gear.step_counts)
+    for moves, loads, word in LOADS:
+        refused(lambda m=moves, c=loads: run(m, c), word)
+    for load in (2.0, -1e-9, math.nan, math.inf):
+        refused(lambda load=load: step(1, load), f"load = {load}", "0 <= load < 2")
+    refused(lambda: step(1), "'load'")
+    assert gear == still
+
+
+# --- whatever else --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["sigma0", "Fc", "theta_per_count", "other"])
+def test_parameters_cannot_be_changed(name):
+    for fixed in (bearing().plan, dahl.Throughput(1, 1, 1)):
+        with pytest.raises(AttributeError):
+            setattr(fixed, name, 2.0)
+        with pytest.raises(AttributeError):
+            delattr(fixed, name)
+    for one, part in ((bearing(), "plan"), (bearing(), "state"), (dahl.Encoder(), "jumps")):
+        with pytest.raises(AttributeError):
+            setattr(one, part, None)
+
+
+numbers = st.one_of(st.integers(), st.floats(), st.fractions(), st.booleans(), st.complex_numbers())
+others = st.one_of(st.none(), st.text(max_size=5), st.binary(max_size=5), st.just(object()))
+arrays = st.lists(st.one_of(numbers, others), max_size=3).map(lambda each: np.array(each, object))
+junk = st.one_of(numbers, others, arrays, st.lists(numbers, max_size=3), st.tuples(others))
+
+
+def public_calls() -> Iterator[Callable[..., object]]:
+    """Each function and class, and each method of one of every class."""
+    for name in dahl.__all__:
+        if not isinstance(thing := getattr(dahl, name), ModuleType):
+            yield pytest.param(thing, id=name)
+    for kind in KINDS.values():
+        for name, _ in inspect.getmembers(kind.of, callable):
+            if not name.startswith("_") and name not in dir(Structure):
+                call = lambda *given, k=kind, n=name: getattr(k.make(), n)(*given)  # noqa: E731
+                yield pytest.param(call, id=f"{kind.of.__name__}.{name}")
+
+
+@settings(max_examples=30)
+@given(st.data())
+@pytest.mark.parametrize("call", [*public_calls()])
+def test_whatever_is_passed_there_is_an_answer_or_one_line(call, data):
+    try:
+        call(*data.draw(st.lists(junk, max_size=4)))
+    except dahl.Error as error:
+        assert str(error) and "\n" not in str(error)
+
+
+@pytest.mark.parametrize("wrong", ["/etc/passwd", "/tmp", _ctypes.__file__])
+def test_another_file_as_the_library_is_one_line(wrong, tmp_path):
+    """DAHL_LIBRARY names a text file, a folder, another library."""
+    environment = {**os.environ, "DAHL_LIBRARY": wrong}
+    code = "import dahl\ntry: dahl.Plan(1, 1)\nexcept dahl.RunError as e: print(e)"
+    words = ["-m", "dahl", "plan", "--sigma0", "1", "--fc", "1", "--theta-per-count", "1e-3"]
+    how = {"env": environment, "cwd": tmp_path, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-c", code], check=True, **how)
+    assert done.stdout.startswith(f"{wrong}: ") and done.stdout.count("\n") == 1
+    done = subprocess.run([sys.executable, *words, "-o", "x.h"], check=False, **how)
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert done.stderr.startswith(f"error: {wrong}: ") and not list(tmp_path.iterdir())
