@@ -70,7 +70,19 @@ def own_headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
             f'#include <{name}>\n#ifndef {word}\n#error "{name} is the library\'s"\n#endif\n'
         )
     (folder / "own_headers.h").write_text("".join(check))
+    (folder / "all_calls.h").write_text(all_calls())
     return folder
+
+
+def all_calls() -> str:
+    """A table of every function that the public headers declare, so that each one must link."""
+    text = "".join((ROOT / "lib/include" / name).read_text() for name in sorted(HEADERS))
+    code = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
+    names = sorted(set(re.findall(r"^\w[^#;{(]*\b(dahl_\w+)\([^;{]*\);", code, re.M)))
+    assert {"dahl_step", "dahl_slip_step_counts", "dahl_work_step_counts"} <= set(names)
+    lines = "".join(f"    (void (*)(void)){name},\n" for name in names)
+    includes = "".join(f"#include <{name}>\n" for name in sorted(HEADERS))
+    return f"{includes}static void (*const all_calls[])(void) = {{\n{lines}}};\n"
 
 
 @pytest.mark.parametrize(

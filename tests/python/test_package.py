@@ -184,6 +184,12 @@ def test_types_of_the_installed_package_find_wrong_arguments(
 def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, extra) -> None:
     [said] = core.dahl(*words, code=1).stderr.splitlines()
     assert f"dahl {words[0]} " in said and packages in said and f"'dahl[{extra}]'" in said
+    (metadata,) = core.site.glob("dahl-*.dist-info/METADATA")
+    brought = re.findall(
+        r"^Requires-Dist: ([\w-]+).*extra == ['\"](\w+)", metadata.read_text(), re.M
+    )
+    wanted = {name for name, of in brought if of in extra.split(",")}
+    assert wanted >= {name.lower() for name in packages.split(", ")}
 
 
 def test_nothing_of_the_tree_is_read(core: Environment, root: Path) -> None:

@@ -153,9 +153,11 @@ def test_each_mode_runs_its_tests(stage, mode, need, labels):
 def test_words_of_the_user_reach_pytest_as_they_are(stage):
     note = 'case "$*" in *"-m pytest"*) printf "%s\\n" "$@" >"$STAGE/words" ;; esac'
     stage.does("python", note)
-    stage.run("test", "-k", "slip or parallel", "-x", DAHL_UNITY_DIR="/my unity")
-    assert stage.calls("ctest")[-1].endswith("-R slip|parallel")  # a regular expression there
-    assert stage.lines("words")[-3:] == ["-k", "slip or parallel", "-x"]
+    stage.run("test", "-k", "slip or parallel or loaded", "-x", DAHL_UNITY_DIR="/my unity")
+    assert stage.calls("ctest")[-1].endswith(
+        "-R slip|parallel|loaded"
+    )  # a regular expression there
+    assert stage.lines("words")[-3:] == ["-k", "slip or parallel or loaded", "-x"]
     assert "-DDAHL_UNITY_DIR=/my unity" in " ".join(stage.calls("cmake"))
 
 
