@@ -149,9 +149,7 @@ def foreign(core: str, image: Path, *ours: Path) -> set[str]:
         lines = (line.split() for line in run(tool(core, "nm"), *files).splitlines())
         return {words[2] for words in lines if len(words) == 3 and words[1] not in "aA"}
 
-    linkers = re.compile(
-        r"\$|_*(bss|end|edata|text_end|data|stack|noinit|global_pointer|BSS|DATA|SDATA)"
-    )
+    linkers = re.compile(r"[$.]|_*(bss|s?data|edata|text_end|end|stack|global_pointer)", re.I)
     return {name for name in names(image) - names(*ours) if not linkers.match(name)}
 
 
