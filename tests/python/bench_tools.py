@@ -157,6 +157,19 @@ def made_target() -> dict[str, dict]:
     return result
 
 
+MADE_HERE = {
+    "quick": False,
+    "cpu": "a processor",
+    "compiler": "a compiler",
+    "ticks": {"threads": 7000},
+    "python": {"throughput_ns": 2.0, "batch_ns": 3.0, "step_ns": 500.0},
+    "outside": {
+        "mujoco": {"scenarios": {"walk_20": [1e-4, 1e-5]}, "ns": 6000.0},
+        "newton": {"missing": "not here"},
+    },
+}
+
+
 def made_host() -> dict[str, Any]:
     """As host.json, of a whole run on a machine of eight cores without Newton."""
     number = itertools.count(1)
@@ -169,16 +182,7 @@ def made_host() -> dict[str, Any]:
     worst = dict.fromkeys(MOTIONS, 3e-7)
     parts = [("rk4", 1e-6, 25), ("euler", 1e-3, 1), ("backward", 1e-6, 0), ("trapezoid", 1e-3, 0)]
     slips = enumerate(("slip_1", "slip_2", "slip_4", "slip_8", "mix"))
-    return {
-        "quick": False,
-        "cpu": "a processor",
-        "compiler": "a compiler",
-        "ticks": {"threads": 7000},
-        "python": {"throughput_ns": 2.0, "batch_ns": 3.0, "step_ns": 500.0},
-        "outside": {
-            "mujoco": {"scenarios": {"walk_20": [1e-4, 1e-5]}, "ns": 6000.0},
-            "newton": {"missing": "not here"},
-        },
+    return MADE_HERE | {
         "mixes": {name: {"tick": 10.0 * k + 5, "throughput": 2.0} for k, name in slips},
         "threads": {"1": 3.0, "2": 2.0, "8": 0.5},
         "parts": [

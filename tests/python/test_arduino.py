@@ -6,6 +6,7 @@ arduino-core-avr as the IDE compiles them, and one of them run on an emulated Me
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -51,6 +52,10 @@ def test_it_has_the_layout_of_a_library(packed: Path) -> None:
     assert not list(packed.rglob("*.S")) and not [
         one for one in packed.rglob("*") if one.is_symlink()
     ]
+    headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))
+    for line in (packed / "keywords.txt").read_text().splitlines():  # what the editor highlights
+        word, kind = line.split("\t")
+        assert re.search(rf"\b{word}\b", headers) and kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
     done = run(ARDUINO / "pack.sh", packed.parent, code=2)
     assert done.stderr.startswith("error: ") and "is there already" in done.stderr
 

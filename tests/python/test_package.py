@@ -57,6 +57,9 @@ class Environment:
         pip = [sys.executable, "-m", "pip", "--python", self.bin / "python", "install", "--quiet"]
         run(*pip, "--no-index", "--no-deps", "--no-warn-script-location", wheel)
 
+    def metadata(self) -> importlib.metadata.Distribution:
+        return importlib.metadata.Distribution.at(only(self.site, "dahl-*.dist-info"))
+
     def dahl(self, *words: object, **more: object) -> subprocess.CompletedProcess[str]:
         return run(self.bin / "dahl", *words, cwd=self.folder, **more)
 
@@ -96,6 +99,10 @@ def listed(*folders: object) -> set[Path]:
     return {path for folder in folders for path in Path(str(folder)).rglob("*")}
 
 
+SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
+SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
+
+
 def test_both_wheels_hold_the_same_files_and_twine_finds_nothing(dist: Path) -> None:
     done = run(sys.executable, "-m", "twine", "check", "--strict", *dist.glob("dahl-*"))
     assert done.stdout.count("PASSED") == 2
@@ -104,7 +111,7 @@ def test_both_wheels_hold_the_same_files_and_twine_finds_nothing(dist: Path) -> 
         for path in (only(dist, "*.whl"), only(dist / "tree", "*.whl"))
     )
     built = {"dahl/lib/libdahl.so", "dahl/bin/dahl-loop"}
-    assert first.keys() == second.keys() >= built | {"dahl/py.typed", "dahl/share/dahl.dbc"}
+    assert first.keys() == second.keys() >= built | SHARED
     differ = {name for name in first if first[name] != second[name]}
     libraries = {name for name in first if re.search(r"\.so(\.|$)", name)}
     assert libraries == {"dahl/lib/libdahl.so"}  # none of other people's
@@ -113,8 +120,10 @@ def test_both_wheels_hold_the_same_files_and_twine_finds_nothing(dist: Path) -> 
 
 def test_the_sdist_holds_no_more_than_it_needs(dist: Path) -> None:
     with tarfile.open(only(dist, "*.tar.gz")) as sdist:
-        names = {Path(name).parts[1] for name in sdist.getnames()}
-    assert names == {
+        files = {name.partition("/")[2] for name in sdist.getnames()}
+    assert {"tools/wheel.cmake", "tools/setup/tcc.cmake", "tools/dahl/cli.py"} <= files
+    assert not any(name.startswith(("tools/bench", "tools/requirements")) for name in files)
+    assert {name.partition("/")[0] for name in files} == {
         *("CHANGELOG.md", "CMakeLists.txt", "LICENSE", "PKG-INFO", "README.md", "host_sim", "lib"),
         *("port", "pyproject.toml", "tools"),
     }
@@ -125,9 +134,11 @@ def test_the_core_works_anywhere_with_numpy_alone(core: Environment) -> None:
     assert core.dahl("--help").stdout.startswith("usage: dahl")
     assert "dahl_plan_t dahl_plan_shaft = {" in core.dahl(*PLAN).stdout
     assert "--node" in core.dahl("monitor", "--help").stdout
-    words = "import importlib.metadata as m, json; print(json.dumps(m.requires('dahl')))"
-    needed = [n for n in json.loads(core.python("-c", words).stdout) if "extra ==" not in n]
-    assert [one.partition(">")[0] for one in needed] == ["numpy"]
+    needs = core.metadata().requires
+    assert [one.partition(">")[0] for one in needs if "extra ==" not in one] == ["numpy"]
+    (everything,) = [one for one in needs if re.search("extra == .all.$", one)]
+    extras = set(core.metadata().metadata.get_all("Provides-Extra"))
+    assert {*re.search(r"\[(.*)\]", everything)[1].split(","), "all"} == extras
     assert sum(path.stat().st_size for path in listed(core.site) if path.is_file()) < MOST
 
 
@@ -172,6 +183,8 @@ def test_types_of_the_installed_package_find_wrong_arguments(
     [
         (["monitor", "-i", "virtual"], "python-can, cantools, rich, plotext, mpmath", "can"),
         (["record", "-o", "x.log"], "python-can", "can"),
+        (["node"], "python-can, rich", "can"),
+        (["plot", "."], "matplotlib, python-can, cantools, mpmath", "plot"),
         (
             ["identify", "x.csv"],
             "scipy, pandas, joblib, matplotlib, mpmath, rich, python-can",
@@ -184,12 +197,12 @@ def test_types_of_the_installed_package_find_wrong_arguments(
 def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, extra) -> None:
     [said] = core.dahl(*words, code=1).stderr.splitlines()
     assert f"dahl {words[0]} " in said and packages in said and f"'dahl[{extra}]'" in said
-    (metadata,) = core.site.glob("dahl-*.dist-info/METADATA")
-    brought = re.findall(
-        r"^Requires-Dist: ([\w-]+).*extra == ['\"](\w+)", metadata.read_text(), re.M
-    )
-    wanted = {name for name, of in brought if of in extra.split(",")}
-    assert wanted >= {name.lower() for name in packages.split(", ")}
+    brought = {
+        re.match(r"[\w-]+", one)[0]
+        for one in core.metadata().requires
+        if re.search("extra == .(" + extra.replace(",", "|") + ").$", one)
+    }
+    assert brought >= {name.lower() for name in packages.split(", ")}
 
 
 def test_nothing_of_the_tree_is_read(core: Environment, root: Path) -> None:

@@ -116,6 +116,14 @@ def test_what_it_may_have_is_tried_once_a_day(bare):
     assert tried()
 
 
+def test_what_apt_does_not_know_at_all_keeps_nothing_else_away(bare):
+    bare.unknown("chromium")
+    bare.does("apt-cache", '[ "$2" != chromium ]')
+    done, _ = bare.set_up("checks")
+    assert done.returncode == 0 and {"cppcheck", "shellcheck", "valgrind"} <= {*installed(bare)}
+    assert re.search(r"skipped: chromium$", done.stdout, re.M)
+
+
 @pytest.mark.parametrize("lacking", [None, "ninja", "csv.h"])
 def test_on_another_system_it_says_what_the_build_will_miss(bare, lacking):
     """Without apt-get: programs are looked for, and headers by the compiler."""
