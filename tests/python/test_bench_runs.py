@@ -93,6 +93,7 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(bench, word
     assert [call[1:] for call in asked if call[0] == "parts"] == [[str(r), "0.001"] for r in RATES]
     ticks = {(call[3], call[4]) for call in asked if call[0] == "parts-error"}
     assert ticks == {("sine_12", "20000"), ("walk", "200000"), ("sine", "200000")}
+    assert max(int(call[2]) for call in asked if call[0] == "parts-error") == 4096
     python = known["python"]
     assert python["throughput_ns"] < python["batch_ns"] < python["step_ns"]
     assert all(mix["throughput"] < mix["tick"] for mix in known["mixes"].values())

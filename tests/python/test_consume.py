@@ -128,6 +128,7 @@ def test_no_source_reads_a_header_of_its_user(own_headers: Path) -> None:
 
 def test_pkg_config(prefix: Path, own_headers: Path, tmp_path: Path) -> None:
     (config,) = prefix.rglob("dahl.pc")
+    assert run("pkg-config", "--modversion", config).strip() == dahl.__version__
     flags = run("pkg-config", "--cflags", "--libs", config).split()
     own = [f"-I{own_headers}", "-DCONSUMER"]
     run("gcc", CONSUMER / "main.c", "-o", tmp_path / "consumer", *flags, *own)

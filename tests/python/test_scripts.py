@@ -269,7 +269,10 @@ def test_the_machine_has_two_buses_and_runs_the_words_as_they_are(stage, machine
     for name in ("vcan0", "vcan1"):
         assert f"ip link add dev {name} type vcan" in stage.calls("ip")
         assert f"ip link set {name} up" in stage.calls("ip")
-    assert "local,path=a,,b,mount_tag=work," in stage.calls("qemu-system-x86_64")[0]
+    (emulated,) = stage.calls("qemu-system-x86_64")
+    assert "local,path=a,,b,mount_tag=work," in emulated
+    others = re.search(r"local,path=/,(\S+)", emulated)[1]  # this machine's files
+    assert "readonly=on" in others
 
 
 def test_a_machine_that_does_not_run_is_an_error(stage, machine):
