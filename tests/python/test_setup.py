@@ -41,6 +41,7 @@ def test_it_installs_what_is_missing_once_and_then_asks_nobody(bare):
     assert len(installed(bare)) == len(set(installed(bare)))
     by_apt = [call for call in started if "apt-get" in call]
     assert all("--no-install-recommends" in call for call in by_apt)
+    assert all("DPkg::Lock::Timeout=" in call for call in by_apt)  # of another apt-get at work
     assert by_apt[0].endswith(" python3 python3-venv")
     assert "of a run before" not in bare.lines("build/setup.log")
     assert bare.set_up("demo")[1] == []
