@@ -2,6 +2,7 @@
 /* What a user writes: 100 counts on a 14-bit encoder, printed in N m. */
 #include <dahl.h>
 #include <dahl_encoder.h>
+#include <all_calls.h>
 #include <own_headers.h>
 #include <stdio.h>
 
@@ -16,5 +17,5 @@ int main(void)
     }
     dahl_encoder_home(&encoder, 16300);
     printf("%.9g\n", (double)dahl_step_counts(&plan, &bearing, dahl_encoder_move(&encoder, 16)));
-    return 0;
+    return all_calls[0] == 0;
 }

@@ -2,6 +2,7 @@
 // The headers from C++: every public function is named, so that each one links.
 #include <dahl.h>
 #include <dahl_encoder.h>
+#include <all_calls.h>
 #include <own_headers.h>
 
 #include <cstdio>
@@ -22,5 +23,5 @@ int main()
     dahl_change_plan(&plan, &plan, &bearing);
     dahl_set_torque(&plan, &bearing, dahl_torque(&plan, &bearing));
     std::printf("%.9g\n", static_cast<double>(dahl_step_counts(&plan, &bearing, 40)));
-    return 0;
+    return all_calls[0] == 0;
 }

@@ -5,6 +5,8 @@ arduino-core-avr as the IDE compiles them, and one of them run on an emulated Me
 
 from __future__ import annotations
 
+import math
+import re
 import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -50,6 +52,10 @@ def test_it_has_the_layout_of_a_library(packed: Path) -> None:
     assert not list(packed.rglob("*.S")) and not [
         one for one in packed.rglob("*") if one.is_symlink()
     ]
+    headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))
+    for line in (packed / "keywords.txt").read_text().splitlines():  # what the editor highlights
+        word, kind = line.split("\t")
+        assert re.search(rf"\b{word}\b", headers) and kind in ("KEYWORD1", "KEYWORD2", "LITERAL1")
     done = run(ARDUINO / "pack.sh", packed.parent, code=2)
     assert done.stderr.startswith("error: ") and "is there already" in done.stderr
 
@@ -129,3 +135,23 @@ def test_a_sketch_tells_the_torques_of_the_model(sketch: Callable[[str], Sketch]
         emulator.kill()
     found = {int(line.split()[0]): float(line.split()[1]) for line in said[:-1]}
     assert found == pytest.approx(expected_torques(), abs=2e-7)
+
+
+def test_the_quadrature_sketch_follows_a_turning_shaft(packed: Path, tmp_path: Path) -> None:
+    """On a stand-in for the board: every edge counts, and the torque has the sign of the motion."""
+    sketch = packed / "examples/QuadratureEncoder/QuadratureEncoder.ino"
+    shaft, program = Path(__file__).with_name("arduino_shaft.cpp"), tmp_path / "shaft"
+    library = sorted(packed.glob("src/*/*.c"))
+    run("gcc", "-std=c99", "-O1", "-c", f"-I{packed}/src", *library, cwd=tmp_path)
+    words = ["-std=c++11", f"-I{packed}/src", f'-DSKETCH="{sketch}"', shaft]
+    run("g++", *words, *tmp_path.glob("*.o"), "-o", program)
+    rows = [line.split() for line in run(program).stdout.splitlines()]
+    per_edge = 2.0 / 0.05 * 2 * math.pi / 2000  # sigma0 / Fc, rad
+    top = 1 - math.exp(-300 * per_edge)
+    assert len(rows) >= 3
+    for n, (edges, torque) in enumerate(rows):
+        forward = n == 0 or int(edges) > int(rows[n - 1][0])
+        back = -1 + (top + 1) * math.exp(-(300 - int(edges)) * per_edge)
+        ratio = 1 - math.exp(-int(edges) * per_edge) if forward else back
+        assert float(torque) == pytest.approx(0.05 * ratio, abs=2e-6), edges
+    assert min(int(edges) for edges, _ in rows) < 0 < max(int(edges) for edges, _ in rows)

@@ -9,15 +9,10 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools" / "bench"))
-
-import host  # noqa: E402
+from conftest import BUILD, ROOT
 
 pytestmark = pytest.mark.checks
 
@@ -38,14 +33,15 @@ def counts(tmp_path_factory):
     compiler = subprocess.run(["cc", "-v"], capture_output=True, text=True, check=False).stderr
     if "gcc version 12." not in compiler:
         pytest.skip("the budgets are for gcc 12, and cc is another compiler here")
-    host.build()
+    words = ["cmake", "--build", BUILD, "--target", "host_bench"]
+    subprocess.run(words, capture_output=True, check=True)
     folder = tmp_path_factory.mktemp("callgrind")
     return lambda motion: counted(folder / motion, motion)
 
 
 def counted(out: Path, motion: str) -> dict[str, float]:
     words = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={out}"]
-    words += [str(host.PROGRAM), "batches", motion, str(TICKS)]
+    words += [str(BUILD / "tools/bench/host/host_bench"), "batches", motion, str(TICKS)]
     subprocess.run(words, capture_output=True, check=True, timeout=120)
     words = ["callgrind_annotate", "--inclusive=yes", "--threshold=100", str(out)]
     text = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Speed against error: what the commands count and measure, against limits and references."""
+"""Speed against error: what tools/bench.sh counts and measures here and now, against limits and
+references. (Each number in its place: test_bench_report.py.)
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -14,213 +16,93 @@ import time
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools" / "bench"))
-
-import figures  # noqa: E402
-import host  # noqa: E402
-import measured as models  # noqa: E402
-import report  # noqa: E402
-import results  # noqa: E402
-import table  # noqa: E402
-import target  # noqa: E402
-from dahl import reference  # noqa: E402
-from test_bench_report import rows_of  # noqa: E402
+from bench_tools import SMALL, Bench, rows_of
+from conftest import ROOT
+from dahl import reference
 
 pytestmark = pytest.mark.checks
 
-
 BUDGETS = json.loads((ROOT / "tests/target/budgets.json").read_text())
+HOST_BENCH = ROOT / "build/host/tools/bench/host/host_bench"
+SIGMA0, FC = 100.0, 0.5
+TOOLS = {name: ("arm-none-eabi-gcc", "qemu-system-arm") for name in (*SMALL, "m7", "m33")}
+TOOLS["rv32"] = ("riscv64-unknown-elf-gcc", "qemu-system-riscv32")
+HERE = [name for name, tools in TOOLS.items() if all(map(shutil.which, tools))]
+
+
+def run(*command: object) -> str:
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 @pytest.fixture(scope="module")
-def bench() -> dict[str, dict]:
-    """tools/bench.sh target, all cores, counted now; a core without its tools is left out."""
-    names = [
-        n
-        for n, c in target.CORES.items()
-        if shutil.which(c.tool("gcc")) and shutil.which(c.tools[1])
-    ]
-    if not names:
-        pytest.skip("no cross compiler with its QEMU is installed")
-    result = target.measure_all(names, quick=False)
-    target.write_result(result)
-    return result
-
-
-@pytest.fixture(scope="module")
-def counted(bench) -> dict:
-    """The three cores of the chart."""
-    return {name: of_core(bench, name) for name in results.CORES}
-
-
-@pytest.fixture(scope="module")
-def measured() -> dict:
-    """What is the same on every machine: errors, and parts that solvers need."""
-    host.build()
-    errors = host.measure_errors(host.QUICK)
-    parts = host.measure_parts(host.QUICK, list(errors))
-    return {"errors": errors, "parts": parts}
-
-
-def test_no_rival_is_cheaper_and_better_on_any_core(counted, measured) -> None:
-    for core in results.CORES:
-        assert results.beaten(results.core_points(counted, measured, core), core) == []
-
-
-def test_ours_is_within_its_bound_on_every_motion(measured) -> None:
-    ulp = 2.0**-23  # of Fc = 0.5, over Fc
-    for motion, ways in measured["errors"].items():
-        assert ways["counts_q30"][0] <= 9.4e-10, motion
-        for way in ("counts", "batch_counts", "throughput_counts", "throughput_angle"):
-            assert ways[way][0] <= 0.52 * ulp, (motion, way)
-
-
-def test_a_tick_costs_at_most_one_and_a_half_of_euler(counted) -> None:
-    motions = results.motions_of(counted, "m4f")
-    assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
-    for ways in motions.values():  # and none can do without a load, a multiplication and a store
-        assert 3 <= ways["floor"] < 0.5 * min(ways[way] for way in ways if way != "floor")
-
-
-def shown(page: str, marks: tuple[str, str]) -> str:
-    """What a page has between two marks, these included."""
-    text = (ROOT / page).read_text()
-    return text[text.index(marks[0]) : text.index(marks[1])] + marks[1]
-
-
-def test_the_pages_show_what_is_counted_now(bench, counted, measured) -> None:
-    """Each count to the instruction, where the compilers are those of the page; errors to the digit
-    that libm leaves open. Else: tools/bench.sh target && tools/bench.sh host && tools/bench.sh docs
+def bench(tmp_path_factory) -> Bench:
+    """Target and host run in a tree of their own, which leaves the user's results alone; what they
+    build is that of the project.
     """
-    page = shown("docs/microcontroller.md", table.MARKS)
-    if bench.keys() != target.CORES.keys() or any(
-        c["compiler"] not in page for c in bench.values()
-    ):
-        pytest.skip("the pages are of all cores and of other compilers")
-    assert page == table.markdown(bench)
-    assert shown("README.md", table.SHORT_MARKS) == table.short(bench)
-    assert models.block({}, bench).splitlines()[3] in shown("docs/speed.md", models.MARKS)
-    block = report.ways_table(counted, measured)
-    (head, there), (now_head, now) = map(
-        rows_of, (shown("docs/speed.md", report.WAYS_MARKS), block)
-    )
-    assert (now_head, list(now)) == (head, list(there))
-    for way, (*errors, m0, m3, m4f) in now.items():
-        assert [m0, m3, m4f] == there[way][2:], way
-        for error, before in zip(errors, there[way], strict=False):
-            numbers = [9.9 if e == "diverges" else float(e) for e in (error, before)]
-            assert max(numbers) < 1.6 * min(numbers), way
-    assert block.splitlines()[-2] in shown("docs/speed.md", report.WAYS_MARKS)
+    if not HERE:
+        pytest.skip("unproven: what a tick costs: no cross compiler with its QEMU is installed")
+    made = Bench(tmp_path_factory.mktemp("bench"))
+    cmake = made.folder / "bin/cmake"
+    cmake.parent.mkdir()
+    cmake.write_text(f'#!/bin/sh\ncd "{ROOT}" && exec {shutil.which("cmake")} "$@"\n')
+    cmake.chmod(0o755)
+    for name in ("host", *HERE):
+        (ROOT / "build" / name).mkdir(exist_ok=True)
+        (made.folder / "build" / name).symlink_to(ROOT / "build" / name)
+    (made.folder / "lib").symlink_to(ROOT / "lib")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PATH", f"{cmake.parent}:{os.environ['PATH']}")
+        for command, words in (("target", HERE), ("host", ["--quick"])):
+            done = made.run(command, *words)
+            assert done.code == 0, done.err
+    return made
 
 
-# --- what a call costs: tests/target/budgets.json holds every limit -----------------------------
+@pytest.fixture(scope="module")
+def cores(bench) -> dict[str, dict]:
+    return bench.get("target")
 
 
-def of_core(bench: dict[str, dict], name: str) -> dict:
-    if name not in bench:
-        pytest.skip(f"no tools for {name}")
-    return bench[name]
+@pytest.fixture(scope="module")
+def errors(bench) -> dict[str, dict]:
+    return bench.get("host")["errors"]
 
 
-LIMITS = [
-    (n, k, limit)
-    for n, limits in BUDGETS["instructions at most"].items()
-    for k, limit in limits.items()
-]
-BYTES = BUDGETS["bytes at most"]
-LIMITS += [(n, k, limit) for n in sorted(BYTES.keys() - {"all"}) for k, limit in BYTES[n].items()]
-LIMITS += [(n, k, limit) for n in target.CORES for k, limit in BYTES["all"].items()]
+def of_core(cores: dict[str, dict], name: str) -> dict:
+    if name not in cores:
+        pytest.skip(f"unproven: what a tick costs: no tools for {name}")
+    return cores[name]
 
 
-@pytest.mark.parametrize("name, key, limit", LIMITS)
-def test_budget(bench, name: str, key: str, limit: int) -> None:
-    assert of_core(bench, name)[key] <= limit
-
-
-@pytest.mark.parametrize(
-    "name, least", BUDGETS["newlib_expm1f over one_count_q30 at least"].items()
-)
-def test_ratio(bench, name: str, least: float) -> None:
-    core = of_core(bench, name)
-    assert core["newlib_expm1f"] >= least * core["one_count_q30"]
-
-
-@pytest.mark.parametrize("name", target.CORES)
-def test_dense_moves_cost_the_same(bench, name: str) -> None:
-    core = of_core(bench, name)
-    assert (
-        core["dense_q30_most"] - core["dense_q30_least"]
-        <= BUDGETS["dense moves differ by at most"][name]
-    )
-
-
-# --- what host_bench prints ----------------------------------------------------------------------
-
-BLOCKS = 24  # of 4096 ticks, next to 1e5
+def rows(*words: object) -> list[dict]:
+    """What host_bench prints, line by line."""
+    return [json.loads(line) for line in run(HOST_BENCH, *words).splitlines()]
 
 
 def rows_by(rows: list[dict], *keys: str) -> dict:
     return {tuple(row[key] for key in keys): row for row in rows}
 
 
-def test_moves_come_with_the_exact_torque(measured) -> None:
-    """Against a reference in 100 bits: the motion's encoder, sigma0, Fc and sign."""
-    for name, scenario in host.outside_task(host.QUICK)["scenarios"].items():
-        a_theta = reference.travel_per_count(host.SIGMA0, host.FC, scenario["theta"])
-        exact = reference.exact_ratios(scenario["moves"][:2000], a_theta)
-        assert scenario["exact"][:2000] == pytest.approx([float(w) for w in exact], abs=1e-14), name
-        assert len(scenario["moves"]) == host.QUICK.outside
+# --- speed against error -------------------------------------------------------------------------
 
 
-def test_one_part_is_the_plain_solver(measured) -> None:
-    errors = rows_by(host.rows("errors", 8192), "scenario", "way")
-    for solver in ("euler", "rk4"):
-        [parts] = host.rows("parts-error", f"{solver}_parts", 1, "sine_16", 8192)
-        plain = errors["sine_16", solver]
-        assert (parts["worst"], parts["rms"]) == (plain["worst"], plain["rms"])
-        assert 0 < float(plain["rms"]) < float(plain["worst"])
-        [many] = host.rows("parts-error", f"{solver}_parts", 16, "sine_16", 8192)
-        assert float(many["worst"]) < float(plain["worst"]) / 10
+def test_no_rival_is_cheaper_and_better_on_any_core(bench, cores) -> None:
+    for name in SMALL:
+        of_core(cores, name)
+    assert bench.run("report").code == 0
+    beaten = bench.get("results")["dominated"]
+    assert [found for found in beaten if found["core"] in SMALL] == []
 
 
-def test_growth_passes_through_the_errors_of_a_run(measured) -> None:
-    grown = rows_by(host.rows("growth", "walk_20", 10**5), "way", "ticks")
-    around = [
-        rows_by(host.rows("errors", 4096 * blocks), "scenario", "way")
-        for blocks in (BLOCKS, BLOCKS + 1)
-    ]
-    for way in figures.GROWTH_TITLES:
-        least, most = (float(errors["walk_20", way]["worst"]) for errors in around)
-        errors = [float(grown[way, 10**n]["worst"]) for n in (2, 3, 4, 5)]
-        assert errors == sorted(errors)
-        assert 0.999 * least <= errors[-1] <= 1.001 * most
-
-
-def error_of_euler(rate: int, parts: int) -> float:
-    """Worst on two turns of 0.1 rad at 1 Hz, by the closed form of Euler's parts of a tick."""
-    travel = reference.travel_per_count(host.SIGMA0, host.FC, math.tau / 2**14)
-    w = exact = worst = last = 0.0
-    for k in range(1, 2 * rate + 1):
-        place = round(2**14 / math.tau * 0.1 * math.sin(math.tau * k / rate))
-        s, u = (1.0 if place > last else -1.0), float(travel) * abs(place - last)
-        w, exact = s + (w - s) * (1 - u / parts) ** parts, s + (exact - s) * math.exp(-u)
-        worst, last = max(worst, abs(w - exact)), place
-    return worst
-
-
-def test_parts_by_rate_are_the_fewest_that_are_enough(measured) -> None:
-    """Half of them would err 16 times as much with RK4, less with the others."""
-    few, many = (rows_by(host.rows("parts", rate, 1e-3), "way") for rate in (3000, 100))
-    for row in (few["euler_parts",], many["euler_parts",]):
-        error = error_of_euler(row["rate"], row["parts"])
-        assert float(row["worst"]) == pytest.approx(error, rel=0.01)
-    assert {row["parts"] for row in host.rows("parts", 100, 1e-12)} == {0}  # beyond a float
-    for way, row in many.items():
-        assert row["rate"] == 100 and 1 <= few[way]["parts"] < row["parts"]
-        for found in (row, few[way]):
-            assert 1e-3 / 20 < float(found["worst"]) <= 1e-3 or found["parts"] == 1
+def test_ours_is_within_its_bound_on_every_motion(errors) -> None:
+    ulp = 2.0**-23  # of Fc = 0.5, over Fc
+    for motion, ways in errors.items():
+        assert ways["counts_q30"][0] <= 9.4e-10, motion
+        for way in ("counts", "batch_counts", "throughput_counts", "throughput_angle"):
+            assert ways[way][0] <= 0.52 * ulp, (motion, way)
 
 
 @pytest.mark.parametrize(
@@ -234,32 +116,149 @@ def test_parts_by_rate_are_the_fewest_that_are_enough(measured) -> None:
         (("double_state", "table_counts"), 1e-8, 1e-6),
     ],
 )
-def test_rivals_err_as_it_is_their_way(measured, ways, least, most) -> None:
+def test_rivals_err_as_it_is_their_way(errors, ways, least, most) -> None:
     """On a slow sine: by the order of a solver, the grid of a table, the rounding of a float."""
     for way in ways:
-        assert least < measured["errors"]["sine_16"][way][0] < most, way
+        assert least < errors["sine_16"][way][0] < most, way
 
 
-def test_speed_is_nanoseconds_a_tick(measured) -> None:
+def test_the_pages_show_what_is_counted_now(bench, cores) -> None:
+    """Each count to the instruction, where the compilers are those of the page; errors to the digit
+    that libm leaves open. Else: tools/bench.sh target && tools/bench.sh host && tools/bench.sh docs
+    """
+    before = {name: bench.block(page, name) for page, name in BLOCKS}
+    known = [core["compiler"] in before["target"] for core in cores.values()]
+    if cores.keys() != TOOLS.keys() or not all(known):
+        pytest.skip("unproven: the pages' numbers: they are of all cores and of other compilers")
+    bench.put(host=bench.get("host") | {"quick": False})
+    assert bench.run("report", "--docs").code == 0
+    now = {name: bench.block(page, name) for page, name in BLOCKS}
+    assert (now["target"], now["short"]) == (before["target"], before["short"])
+    (head, there), (now_head, here) = rows_of(before["ways"]), rows_of(now["ways"])
+    assert (now_head, list(here)) == (head, list(there))
+    for way, (*found, m0, m3, m4f) in here.items():
+        assert [m0, m3, m4f] == there[way][2:], way
+        for pair in zip(found, there[way], strict=False):
+            numbers = [9.9 if e == "diverges" else float(e) for e in pair]
+            assert max(numbers) < 1.6 * min(numbers), way
+    assert now["ways"].splitlines()[-1] == before["ways"].splitlines()[-1]
+
+
+BLOCKS = [("docs/microcontroller.md", "target"), ("README.md", "short"), ("docs/speed.md", "ways")]
+
+# --- what a call costs: tests/target/budgets.json holds every limit ------------------------------
+
+
+@pytest.mark.parametrize("name", TOOLS)
+def test_a_core_is_within_its_budgets(cores, name: str) -> None:
+    core = of_core(cores, name)
+    of_bytes = BUDGETS["bytes at most"]
+    limits = BUDGETS["instructions at most"][name] | of_bytes[name] | of_bytes["all"]
+    assert {key: core[key] for key, limit in limits.items() if core[key] > limit} == {}
+    spread = core["dense_q30_most"] - core["dense_q30_least"]
+    assert spread <= BUDGETS["dense moves differ by at most"][name]
+    least = BUDGETS["newlib_expm1f over one_count_q30 at least"].get(name, 0)
+    assert not least or core["newlib_expm1f"] >= least * core["one_count_q30"]
+
+
+def test_a_tick_costs_at_most_one_and_a_half_of_euler(cores) -> None:
+    motions = of_core(cores, "m4f")["motions"]["newlib"]
+    assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
+    for ways in motions.values():  # and none can do without a load, a multiplication and a store
+        assert 3 <= ways["floor"] < 0.5 * min(ways[way] for way in ways if way != "floor")
+
+
+# --- what host_bench prints ----------------------------------------------------------------------
+
+
+def test_moves_come_with_the_exact_torque(bench) -> None:
+    """Against a reference in 100 bits: the motion's encoder, sigma0, Fc and sign."""
+    for name in ("sweep_12", "two_one_24", "sine_12", "creep_18", "leap_14"):
+        pairs = [line.split() for line in run(HOST_BENCH, "moves", name, 2000).splitlines()]
+        assert len(pairs) == 2000
+        theta = math.tau / 2 ** int(name[-2:])
+        travel = reference.travel_per_count(SIGMA0, FC, float(f"{theta:.9g}"))
+        exact = reference.exact_ratios([int(move) for move, _ in pairs], travel)
+        told = [float(w) for _, w in pairs]
+        assert told == pytest.approx([float(w) for w in exact], abs=1e-6), name
+
+
+def test_one_part_is_the_plain_solver(bench) -> None:
+    found = rows_by(rows("errors", 8192), "scenario", "way")
+    for solver in ("euler", "rk4"):
+        [parts] = rows("parts-error", f"{solver}_parts", 1, "sine_16", 8192)
+        plain = found["sine_16", solver]
+        assert (parts["worst"], parts["rms"]) == (plain["worst"], plain["rms"])
+        assert 0 < float(plain["rms"]) < float(plain["worst"])
+        [many] = rows("parts-error", f"{solver}_parts", 16, "sine_16", 8192)
+        assert float(many["worst"]) < float(plain["worst"]) / 10
+
+
+def test_growth_passes_through_the_errors_of_a_run(bench) -> None:
+    """1e5 ticks lie between 24 and 25 blocks of 4096."""
+    grown = rows_by(rows("growth", "walk_20", 10**5), "way", "ticks")
+    around = [rows_by(rows("errors", 4096 * n), "scenario", "way") for n in (24, 25)]
+    for way in dict.fromkeys(way for way, _ in grown):
+        least, most = (float(found["walk_20", way]["worst"]) for found in around)
+        worst = [float(grown[way, 10**n]["worst"]) for n in (2, 3, 4, 5)]
+        assert worst == sorted(worst)
+        assert 0.999 * least <= worst[-1] <= 1.001 * most
+
+
+def error_of_euler(rate: int, parts: int) -> float:
+    """Worst on two turns of 0.1 rad at 1 Hz, by the closed form of Euler's parts of a tick."""
+    travel = float(reference.travel_per_count(SIGMA0, FC, math.tau / 2**14))
+    w = exact = worst = last = 0.0
+    for k in range(1, 2 * rate + 1):
+        place = round(2**14 / math.tau * 0.1 * math.sin(math.tau * k / rate))
+        s, u = (1.0 if place > last else -1.0), travel * abs(place - last)
+        w, exact = s + (w - s) * (1 - u / parts) ** parts, s + (exact - s) * math.exp(-u)
+        worst, last = max(worst, abs(w - exact)), place
+    return worst
+
+
+def test_parts_by_rate_are_the_fewest_that_are_enough(bench) -> None:
+    """Half of them would err 16 times as much with RK4, less with the others."""
+    few, many = (rows_by(rows("parts", rate, 1e-3), "way") for rate in (3000, 100))
+    for row in (few["euler_parts",], many["euler_parts",]):
+        error = error_of_euler(row["rate"], row["parts"])
+        assert float(row["worst"]) == pytest.approx(error, rel=0.01)
+    assert {row["parts"] for row in rows("parts", 100, 1e-12)} == {0}  # beyond a float
+    for way, row in many.items():
+        assert row["rate"] == 100 and 1 <= few[way]["parts"] < row["parts"]
+        for found in (row, few[way]):
+            assert 1e-3 / 20 < float(found["worst"]) <= 1e-3 or found["parts"] == 1
+
+
+def test_speed_is_nanoseconds_a_tick(bench) -> None:
     """All rounds of all ways take what the best round of each says, and not much more."""
     ticks, rounds = 20_000, 15
     start = time.perf_counter()
-    speed = host.measure_speed(dataclasses.replace(host.QUICK, speed=ticks))
+    speed = rows("speed", ticks)
     took = time.perf_counter() - start
-    least = sum(ns for ways in speed.values() for ns in ways.values()) * ticks * rounds * 1e-9
+    least = sum(row["ns"] for row in speed) * ticks * rounds * 1e-9
     assert 0.1 * took < least < took
 
 
-def test_a_bench_that_there_is_not_is_refused_before_anything_is_set_up() -> None:
-    done = subprocess.run(
-        [ROOT / "tools/bench.sh", "paint"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode != 0 and "knows target, host, report and docs" in done.stderr
+@pytest.mark.parametrize("words", [["nothing"], ["growth", "no_such_motion", "100"], []])
+def test_host_bench_says_what_it_takes(bench, words) -> None:
+    done = subprocess.run([HOST_BENCH, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and done.stderr.startswith("error: ")
 
 
-def test_host_bench_says_what_it_takes(measured) -> None:
-    for arguments in (["nothing"], ["growth", "no_such_motion", "100"], []):
-        done = subprocess.run(
-            [host.PROGRAM, *arguments], capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 2 and re.match("error: ", done.stderr)
+def test_the_cost_of_an_identification_is_told() -> None:
+    """Both fits find the parameters; the ratio is the rival's time over ours."""
+    script = Path(ROOT / "tools/bench/identify.py")
+    ours, theirs, long = run(
+        sys.executable, script, "--rows", "3000", "--short", "1000"
+    ).splitlines()
+    assert ours.startswith("1000 rows: ") and long.startswith("3000 rows: ")
+    found = [
+        [float(x) for x in re.search(r"sigma0 ([\d.]+), Fc ([\d.]+)", line).groups()]
+        for line in (ours, theirs)
+    ]
+    assert found[0] == pytest.approx([SIGMA0, FC], rel=0.1)
+    assert found[1] == pytest.approx(found[0], rel=2e-3)
+    seconds = [float(re.search(r" ([\d.]+) s,", line)[1]) for line in (ours, theirs)]
+    ratio = float(re.search(r"ratio (\d+)", theirs)[1])
+    assert ratio == pytest.approx(seconds[1] / seconds[0], rel=0.05, abs=0.6)

@@ -1,281 +1,350 @@
 # SPDX-License-Identifier: MIT
 """What the runs of tools/bench ask of the programs that they start, and where each answer goes.
-Here these programs note their words and answer at once.
+These programs are stand-ins, which note their words and answer at once.
 """
 
 from __future__ import annotations
 
+import io
+import itertools
 import json
+import os
+import re
 import sys
-from pathlib import Path
-from types import ModuleType, SimpleNamespace
+import time
 
+import numpy as np
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools" / "bench"))
-
-import host  # noqa: E402
-import outside  # noqa: E402
-import target  # noqa: E402
-
-# --- host.py --------------------------------------------------------------------------------------
-
-MOVES = "3 0.25\n-2 -0.5\n"
-
-
-def answer(words: list[str]) -> list[dict]:
-    """Rows of host_bench; 16 parts are enough for 1e-3 and none for 1e-6."""
-    what, *rest = words
-    if what == "parts-error":
-        worst = 5e-4 if int(rest[1]) >= 16 else 0.5
-        return [{"worst": str(worst)}]
-    if what == "growth":
-        return [{"scenario": rest[0], "way": "expf", "ticks": 10, "worst": "inf"}]
-    if what == "parts":
-        return [{"rate": int(rest[0]), "way": "rk4_parts", "parts": 3}]
-    rows = [{"scenario": name, "way": "euler"} for name in ("walk", "sine")]
-    if what == "speed":
-        return [row | {"ns": 1.5 + n} for n, row in enumerate(rows)]
-    return [row | {"worst": "0.25", "rms": "0.125"} for row in rows]
+from bench_tools import BYTES, CASES, CORES, OF_A_LIBC, OF_RIVALS, Bench, Run
 
 
 @pytest.fixture
-def asked(monkeypatch, tmp_path) -> list[list[str]]:
-    """The words of every program that a run starts."""
-    calls: list[list[str]] = []
-
-    def run(*words: object, **options: object) -> str:
-        called = [str(word) for word in words]
-        calls.append(called)
-        if called[0] == str(host.PROGRAM):
-            if called[1] == "moves":
-                return MOVES
-            return "".join(json.dumps(row) + "\n" for row in answer(called[1:]))
-        if called[-1].endswith("outside.py"):
-            calls.append([json.loads(str(options["input"]))])
-            return 'warming up\n{"mujoco": {"ns": 7}, "newton": {"missing": "no warp"}}\n'
-        return "cc (here) 12\nmore\n"
-
-    monkeypatch.setattr(host, "run", run)
-    monkeypatch.setattr(host, "measure_python", lambda: {"step_ns": 900.0})
-    monkeypatch.setattr(host, "measure_threads", lambda ticks: {"1": ticks})
-    monkeypatch.setattr(host, "measure_mixes", lambda: {"mix": {"tick": 5.0}})
-    monkeypatch.setattr(host, "RESULT", tmp_path / "host.json")
-    monkeypatch.setattr(host, "VENV", tmp_path / "venv")
-    monkeypatch.setattr(host, "OUT", tmp_path)
-    (tmp_path / "venv").mkdir()
-    (tmp_path / "venv/.complete").touch()
-    return calls
+def bench(tmp_path, monkeypatch, library) -> Bench:
+    """A tree whose bin/ comes first on the path."""
+    made = Bench(tmp_path)
+    monkeypatch.setenv("PATH", f"{tmp_path}/bin:{os.environ['PATH']}")
+    monkeypatch.setenv("STAGE", str(tmp_path))
+    return made
 
 
-@pytest.mark.parametrize(("words", "sizes"), [([], host.WHOLE), (["--quick"], host.QUICK)])
-def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(asked, tmp_path, words, sizes):
-    assert host.main(words) == 0
-    known = json.loads((tmp_path / "host.json").read_text())
-    assert (known["quick"], known["ticks"]) == (bool(words), vars(sizes))
-    assert (known["compiler"], known["python"]) == ("cc (here) 12", {"step_ns": 900.0})
-    assert (known["threads"], known["mixes"]) == ({"1": sizes.threads}, {"mix": {"tick": 5.0}})
-    assert known["errors"] == {m: {"euler": [0.25, 0.125]} for m in ("walk", "sine")}
-    assert known["speed"] == {"walk": {"euler": 1.5}, "sine": {"euler": 2.5}}
-    assert [row["rate"] for row in known["rates"]] == list(host.RATES)
-    assert [row["scenario"] for row in known["growth"]] == list(host.GROWN)
-    assert {row["worst"] for row in known["growth"]} == {host.DIVERGED}
+def program(bench: Bench, name: str, does: str) -> None:
+    path = bench.folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f'#!/bin/bash\necho "{path.name} $*" >>"$STAGE/calls"\n{does}\n')
+    path.chmod(0o755)
+
+
+def calls(bench: Bench, name: str) -> list[list[str]]:
+    """Words of each call of a program."""
+    noted = bench.folder / "calls"
+    lines = noted.read_text().splitlines() if noted.exists() else []
+    return [line.split()[1:] for line in lines if line.split()[0] == name]
+
+
+# --- tools/bench.sh host -------------------------------------------------------------------------
+
+# 16 parts are enough for 1e-3, and none for 1e-6.
+HOST_BENCH = """case $1 in
+    parts-error) [ "$3" -ge 16 ] && worst=5e-4 || worst=0.5
+        printf '{"worst": "%s"}\\n' "$worst" ;;
+    parts) printf '{"rate": %s, "way": "rk4_parts", "parts": 3}\\n' "$2" ;;
+    growth) printf '{"scenario": "%s", "way": "expf", "ticks": 9, "worst": "inf"}\\n' "$2" ;;
+    moves) printf '3 0.25\\n-2 -0.5\\n' ;;
+    speed) echo '{"scenario": "walk", "way": "euler", "ns": 1.5}'
+        echo '{"scenario": "sine", "way": "rk4", "ns": 2.5}' ;;
+    errors) echo '{"scenario": "walk", "way": "euler", "worst": "nan", "rms": "0.125"}'
+        echo '{"scenario": "sine", "way": "rk4", "worst": "0.25", "rms": "0.5"}' ;;
+esac"""
+RIVALS = """cat >"$STAGE/task"; echo warming up
+echo '{"mujoco": {"ns": 7}, "newton": {"missing": "no warp"}}'"""
+GROWN = {"leap_14", "drift_30", "sweep_24", "dither_16", "walk_20"}
+RATES = [100, 300, 1000, 3000, 10000, 30000, 100000]
+
+
+def run_host(bench: Bench, *words: str) -> Run:
+    program(bench, "bin/cmake", ":")
+    program(bench, "bin/cc", 'echo "cc (here) 12"; echo more')
+    program(bench, "build/host/tools/bench/host/host_bench", HOST_BENCH)
+    return bench.run("host", *words)
+
+
+@pytest.mark.parametrize(("words", "growth"), [(["--quick"], 10**6), ([], 10**9)])
+def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(bench, words, growth):
+    done = run_host(bench, *words)
+    assert done.code == 0, done.err
+    known = bench.get("host")
+    sizes = known["ticks"]
+    assert (known["quick"], sizes["growth"]) == (bool(words), growth)
+    assert sizes["errors"] == sizes["parts"] == 200_000  # as docs/speed.md says
+    assert known["compiler"] == "cc (here) 12" and known["cpu"]
+    assert known["errors"]["sine"] == {"rk4": [0.25, 0.5]}
+    assert known["errors"]["walk"]["euler"] == [pytest.approx(1e99), 0.125]  # JSON has no NaN
+    assert known["speed"] == {"walk": {"euler": 1.5}, "sine": {"rk4": 2.5}}
+    assert [row["rate"] for row in known["rates"]] == RATES
+    assert {row["scenario"] for row in known["growth"]} == GROWN
+    assert {row["worst"] for row in known["growth"]} == {1e99}
+    for entry in known["parts"]:
+        assert entry["parts"] == (16 if entry["limit"] == 1e-3 else 0)
+        worst = {"walk": 5e-4, "sine": 5e-4}
+        assert entry.get("worst") == (worst if entry["parts"] else None)
+    asked = calls(bench, "host_bench")
+    assert ["errors", str(sizes["errors"])] in asked and ["speed", str(sizes["speed"])] in asked
+    assert {call[1] for call in asked if call[0] == "growth" and call[2] == str(growth)} == GROWN
+    assert [call[1:] for call in asked if call[0] == "parts"] == [[str(r), "0.001"] for r in RATES]
+    ticks = {(call[3], call[4]) for call in asked if call[0] == "parts-error"}
+    assert ticks == {("sine_12", "20000"), ("walk", "200000"), ("sine", "200000")}
+    assert max(int(call[2]) for call in asked if call[0] == "parts-error") == 4096
+    python = known["python"]
+    assert python["throughput_ns"] < python["batch_ns"] < python["step_ns"]
+    assert all(mix["throughput"] < mix["tick"] for mix in known["mixes"].values())
+    for name in ("mujoco", "newton", "scipy"):  # whose environment is not there
+        assert "venv.log" in known["outside"][name]["missing"]
+
+
+class Clock:
+    """Its steps are of 3 to 9 ms by turns, so that of seven rounds the best one takes 3 ms."""
+
+    def __init__(self) -> None:
+        self.now, self.steps = 0.0, itertools.cycle([5e-3, 3e-3, 9e-3, 4e-3, 8e-3, 7e-3, 6e-3])
+
+    def __call__(self) -> float:
+        self.now += next(self.steps)
+        return self.now
+
+
+def test_times_from_python_are_nanoseconds_of_a_tick(bench, monkeypatch):
+    """The best of all rounds, by one call a tick, by one for all, by threads up to the cores here;
+    an empty call is no tick.
+    """
+    monkeypatch.setattr(time, "perf_counter", Clock())
+    run_host(bench, "--quick")
+    known, cores = bench.get("host"), len(os.sched_getaffinity(0))
+    ticks = {"step_ns": 20_000, "batch_ns": 10**6, "throughput_ns": 10**6, "empty_batch_ns": 1}
+    assert known["python"] == pytest.approx({name: 3e6 / n for name, n in ticks.items()})
+    of_threads = 3e6 / known["ticks"]["threads"]
+    threads = dict.fromkeys(map(str, sorted({1, 2, cores})), of_threads)
+    assert known["threads"] == pytest.approx(threads)
+    mixes = ("slip_1", "slip_2", "slip_4", "slip_8", "mix")
+    assert list(known["mixes"]) == [*mixes]
+    for mix in known["mixes"].values():
+        assert mix == pytest.approx({"tick": 15, "throughput": 15})  # of 200,000
+
+
+def test_rivals_get_the_moves_and_what_is_exact(bench):
+    program(bench, "build/bench/venv/bin/python", RIVALS)
+    (bench.folder / "build/bench/venv/.complete").touch()
+    done = run_host(bench, "--quick")
+    known = bench.get("host")
     assert known["outside"] == {"mujoco": {"ns": 7}, "newton": {"missing": "no warp"}}
-    enough = [entry for entry in known["parts"] if entry["limit"] == 1e-3]
-    assert [(entry["way"], entry["parts"]) for entry in enough] == [(w, 16) for w in host.SOLVERS]
-    assert all(entry["worst"] == {"walk": 5e-4, "sine": 5e-4} for entry in enough)
-    never = [entry for entry in known["parts"] if entry["limit"] == 1e-6]
-    assert [sorted(entry) for entry in never] == [["limit", "parts", "way"]] * len(host.SOLVERS)
-    assert {entry["parts"] for entry in never} == {0}
-    program = [call[1:] for call in asked if call[0] == str(host.PROGRAM)]
-    assert ["errors", str(sizes.errors)] in program and ["speed", str(sizes.speed)] in program
-    for motion in host.GROWN:
-        assert ["growth", motion, str(sizes.growth)] in program
-    for motion in host.OUTSIDE:
-        assert ["moves", motion, str(sizes.outside)] in program
-    for rate in host.RATES:
-        assert ["parts", str(rate), "0.001"] in program
-    ticks = {(call[3], call[4]) for call in program if call[0] == "parts-error"}
-    assert ticks == {("sine_12", "20000"), ("walk", str(sizes.parts)), ("sine", str(sizes.parts))}
-
-
-def test_rivals_get_the_moves_and_what_is_exact(asked, capsys):
-    found = host.measure_outside(host.QUICK)
-    assert "not compared: newton: no warp" in capsys.readouterr().out
-    assert list(found) == ["mujoco", "newton"]
-    [task] = next(call for call in asked if isinstance(call[0], dict))
-    assert list(task["scenarios"]) == list(host.OUTSIDE)
+    assert "newton: no warp" in done.out
+    task = json.loads((bench.folder / "task").read_text())
+    asked = {call[1]: call[2] for call in calls(bench, "host_bench") if call[0] == "moves"}
+    assert asked == dict.fromkeys(task["scenarios"], str(known["ticks"]["outside"]))
     for name, scenario in task["scenarios"].items():
-        assert scenario["moves"] == [3, -2] and scenario["exact"] == [0.25, -0.5]
-        bits = int(name[-2:])
-        assert scenario["theta"] == pytest.approx(6.283185307 / 2**bits, rel=1e-7)
+        assert (scenario["moves"], scenario["exact"]) == ([3, -2], [0.25, -0.5])
+        assert scenario["theta"] == pytest.approx(2 * np.pi / 2 ** int(name[-2:]), rel=1e-7)
     assert (task["sigma0"], task["Fc"]) == (100.0, 0.5)
-    assert 0 < task["solved"] < host.QUICK.outside
+    assert 0 < task["solved"] < known["ticks"]["outside"]
 
 
-# --- target.py ------------------------------------------------------------------------------------
+# --- tools/bench.sh target -----------------------------------------------------------------------
+
+QEMU = """image=${*: -1}; plugin=${*#*-plugin}; out=$(sed 's/.*out=\\([^ ]*\\).*/\\1/' <<<"$*")
+cp "$STAGE/counts.${image##*_}" "$out"; cat "$STAGE/cases.${image##*_}" """
+NM = """case $* in
+    *libdahl.a*) printf 'a.o:\\n         U __help\\n         U mine\\n'
+        printf 'b.o:\\n00000010 T mine\\n         U __aid\\n' ;;
+    *bench_*) for n in site back mark; do echo "00000100 T bench_$n"; done ;;
+esac"""
+SIZE = """case $* in *size_q30*) k=1 ;; *size_counts*) k=2 ;; *) k=3 ;; esac
+printf '%s :\\nsection size addr\\n' image
+for s in .text:10 .text.hot:1 .rodata.cst4:5 .bss:7 .data:2 .comment:99 .srodata:20 .sbss.x:30 \\
+    .sdata:40 .tdata:50 .tbss:60; do echo "${s%:*} $((k * ${s#*:})) 0"; done; echo "Total 324" """
+
+
+def number(case: str, libc: str) -> int:
+    """Instructions of a case, other than of any other."""
+    names = [*CASES, *OF_A_LIBC, *OF_RIVALS, *(f"{way}_worst" for way in OF_A_LIBC)]
+    return 1000 + 10 * names.index(case) + (5 if libc == "picolibc" else 0)
 
 
 @pytest.fixture
-def measured(monkeypatch, tmp_path) -> list[tuple[str, list[str]]]:
-    """Core and C libraries of each count."""
-    done: list[tuple[str, list[str]]] = []
-
-    def measure(core: target.Core, libcs: list[str]) -> dict:
-        done.append((core.name, libcs))
-        return {"core": core.title, "helpers": [], "helpers_O0": [], "plan_bytes": 312}
-
-    monkeypatch.setattr(target, "build_plugin", lambda: done.append(("plugin", [])))
-    monkeypatch.setattr(target, "measure", measure)
-    monkeypatch.setattr(target, "RESULT", tmp_path / "target.json")
-    return done
-
-
-BOTH = ["newlib", "picolibc"]
+def cores(bench) -> Bench:
+    """With the tools of small cores; each image counts each case twice, the second time less."""
+    for tools in ("arm-none-eabi-", "riscv64-unknown-elf-"):
+        program(bench, f"bin/{tools}gcc", 'case $* in --version) echo "gcc 12"; echo more ;; esac')
+        program(bench, f"bin/{tools}nm", NM)
+        program(bench, f"bin/{tools}size", SIZE)
+    for name in ("cc", "cmake"):
+        program(
+            bench, f"bin/{name}", 'while [ $# -gt 1 ]; do [ "$1" = -o ] && touch "$2"; shift; done'
+        )
+    for name in ("arm", "riscv32"):
+        program(bench, f"bin/qemu-system-{name}", QEMU)
+    for core in CORES:
+        (bench.folder / f"build/{core}/bench").mkdir(parents=True)
+        (bench.folder / f"build/{core}/CMakeCache.txt").write_text("CMAKE_C_FLAGS:STRING=-g\n")
+    for libc in ("newlib", "picolibc"):
+        names = [*CASES, *OF_A_LIBC, *OF_RIVALS, *(f"{way}_worst" for way in OF_A_LIBC)]
+        text = "".join(f"case {name}\n" for name in names)
+        counts = "".join(f"-\n{number(n, libc)}\n{number(n, libc) - 3}\n" for n in names)
+        text += (
+            "case motion:walk:counts\nnumber stack_a 48\nnumber stack_b 120\nnumber plan_bytes 24\n"
+        )
+        (bench.folder / f"cases.{libc}").write_text(text)
+        (bench.folder / f"counts.{libc}").write_text(f"{counts}-\n10\n20\n33\n")
+    return bench
 
 
 @pytest.mark.parametrize(
     ("words", "counted"),
     [
-        ([], {name: ["picolibc"] if name == "rv32" else BOTH for name in target.CORES}),
-        (["rv32", "m3"], {"rv32": ["picolibc"], "m3": BOTH}),
-        (["--quick", "m4f", "rv32"], {"m4f": ["newlib"], "rv32": ["picolibc"]}),
+        ([], dict.fromkeys(CORES, ["newlib", "picolibc"]) | {"rv32": ["picolibc"]}),
+        (["--quick", "rv32", "m3"], {"rv32": ["picolibc"], "m3": ["newlib"]}),
     ],
 )
-def test_the_cores_that_are_named_are_counted_and_kept(measured, tmp_path, capsys, words, counted):
-    assert target.main(words) == 0
-    assert measured == [("plugin", []), *counted.items()]
-    known = json.loads((tmp_path / "target.json").read_text())
-    assert [core["core"] for core in known.values()] == [target.CORES[n].title for n in counted]
+def test_a_number_is_the_worst_of_the_calls_that_it_stands_for(cores, words, counted):
+    """Of the cores that are named, with the C libraries that each has; newlib's where it has."""
+    done = cores.run("target", *words)
+    assert done.code == 0, done.err
+    known = cores.get("target")
     assert list(known) == list(counted)
-    shown = capsys.readouterr().out
-    assert "needs beside libdahl" in shown
-    line = next(x for x in shown.splitlines() if "plan bytes" in x)
-    assert line.count("312") == len(counted)
+    for name, libcs in counted.items():
+        core = known[name]
+        at = lambda case, libc=libcs[0]: number(case, libc)  # noqa: E731
+        for case in CASES:
+            if "_backward" in case:  # counted above the way forward, whatever its form
+                assert core[case.replace("_backward", "")] == at(case)
+            elif "_forward" not in case and case != "dense_q30":
+                assert core[case] == at(case), case
+            assert core["cases"][case] == [at(case) - 3, at(case)]
+        assert core["dense_q30_most"] - core["dense_q30_least"] == 3
+        for libc in libcs:
+            for way in OF_A_LIBC:
+                assert core[f"{libc}_{way}"] == number(way, libc)
+                assert core[f"{libc}_{way}_worst"] == number(f"{way}_worst", libc)
+            assert core["motions"][libc] == {"walk": {"counts": 21.0}}  # the mean
+        assert set(core["motions"]) == set(libcs) and core["rk4"] == at("rk4")
+        assert (core["stack_bytes"], core["plan_bytes"], core["compiler"]) == (120, 24, "gcc 12")
+        assert core["helpers"] == ["__aid", "__help"]
+        for k, path in enumerate(("", "_counts", "_angle"), 1):
+            found = [core[f"{kind}_bytes{path}"] for kind in ("code", "const", "static")]
+            assert found == [11 * k, 25 * k, 189 * k]
+    line = next(row for row in done.out.splitlines() if "plan bytes" in row)
+    assert line.count("24") == len(counted) and "plan_bytes" in BYTES
 
 
-def test_a_core_that_is_unknown_is_refused_before_anything_is_counted(measured, capsys):
-    with pytest.raises(SystemExit) as end:
-        target.main(["m3", "m9"])
-    assert end.value.code == 2 and not measured
-    words = f"unknown core m9; known are {' '.join(target.CORES)}"
-    assert words in capsys.readouterr().err and {"m0", "m4f", "rv32"} < target.CORES.keys()
+def test_a_core_that_is_unknown_is_refused_before_anything_is_counted(cores):
+    done = cores.run("target", "m3", "m9")
+    assert done.code == 2 and not (cores.folder / "calls").exists()
+    assert all(re.search(rf"\b{name}\b", done.err) for name in ("m9", *CORES))
 
 
-FORMS = ("q30", "float")
-MOVES_NAMED = ("one_count", "eight_counts", "1000_counts")
-SINGLE = ("zero", "int32_min", "reversal", "counts_worst")
-OTHERS = ("angle_zero", "angle_worst", "prepare", "torque", "set_torque", "change_plan")
-OTHERS += (
-    "counts_between",
-    "counts_between_below",
-    "encoder_move",
-    "encoder_move_other",
-    "encoder_move_jump",
+@pytest.mark.parametrize(
+    ("broken", "named"),
+    [
+        ("counts", "cases"),
+        ("no counts", "cases"),
+        ("gcc", "why not"),
+        ("no qemu", "qemu-system-arm"),
+    ],
 )
-OTHERS += ("to_units", "control_tick", "control_tick_units")
+def test_what_cannot_be_counted_is_an_error_and_leaves_no_file(cores, monkeypatch, broken, named):
+    """An image that counts other cases than it names, a tool that fails, one that is not here."""
+    if "counts" in broken:
+        text = "" if broken == "no counts" else "-\n5\n"
+        (cores.folder / "counts.newlib").write_text(text)
+    elif broken == "gcc":
+        program(cores, "bin/arm-none-eabi-gcc", "echo why not >&2; exit 1")
+    else:
+        (cores.folder / "bin/qemu-system-arm").unlink()
+        for tool in ("bash", "sed", "cp", "cat", "touch"):
+            (cores.folder / "bin" / tool).symlink_to(f"/bin/{tool}")
+        monkeypatch.setenv("PATH", str(cores.folder / "bin"))
+    done = cores.run("target", "--quick", "m3")
+    assert done.code == 1 and done.err.startswith("error: ") and named in done.err
+    assert not (cores.folder / "build/bench/target.json").exists()
+    assert not list((cores.folder / "build/bench").glob("counts.*"))
 
 
-def test_a_number_is_the_worst_of_the_calls_that_it_stands_for():
-    cases, wanted, next_number = {}, {}, iter(range(1000, 9000, 10))
-    for form in FORMS:
-        for n, move in enumerate(MOVES_NAMED):
-            there, back = next(next_number), next(next_number)
-            there, back = (back, there) if n % 2 else (there, back)
-            cases[f"{move}_forward_{form}"] = [there, there - 3]
-            cases[f"{move}_backward_{form}"] = [back - 5, back]
-            wanted[f"{move}_{form}"] = max(there, back)
-        for move in SINGLE:
-            most = next(next_number)
-            cases[f"{move}_{form}"], wanted[f"{move}_{form}"] = [most - 1, most], most
-    for name in (*OTHERS, "slip_4", "crossing_q30", "asymmetric_prepare", "parallel_2"):
-        most = next(next_number)
-        cases[name], wanted[name] = [most, most - 1], most
-    cases["dense_q30"] = [18, 21, 17, 20]
-    cases["euler"] = [5]  # of a rival: not the library's
-    numbers = {"stack_step": 48, "stack_prepare": 120, "stack_torque": 8, "plan_bytes": 312}
-    found = target.library_numbers(cases, numbers)
-    wanted |= {"dense_q30_least": 17, "dense_q30_most": 21, "stack_bytes": 120}
-    assert found == wanted | numbers
+# --- rivals from outside -------------------------------------------------------------------------
+
+# A joint whose state after a step is its travel in rad, for MuJoCo; the clock goes on by what the
+# speed says, and by 100 s at first.
+MUJOCO = """import time
+class MjModel:
+    @staticmethod
+    def from_xml_string(text):
+        model = MjModel()
+        words = text.partition('lugre="')[2].partition('"')[0].split()
+        assert [float(word) for word in words] == [100, 0, 0.5, 0.5, 1]
+        model.step = float(text.partition('timestep="')[2].partition('"')[0])
+        return model
+class MjData:
+    def __init__(self, model):
+        self.qvel, self.act = [0.0], [9.0]
+def mj_resetData(model, data):
+    data.act[0] = 0.0
+def mj_step(model, data):
+    data.act[0] += data.qvel[0] * model.step
+    time.perf_counter.now += abs(data.qvel[0]) if time.perf_counter.now else 100.0
+"""
+# A kernel that multiplies the travel by Fc over tau, the slope at rest, for Newton.
+WARP = """import numpy
+class Array(list):
+    numpy = lambda self: numpy.array(self, numpy.float32)
+array = lambda values, dtype, device: values.copy()
+empty = lambda n, dtype, device: Array()
+def launch(advance, dim, inputs, device):
+    assert dim == 1 and advance == "kernel"
+    moves, out, Fc, tau = inputs
+    out += (Fc / tau * numpy.cumsum(moves)).tolist()
+"""
 
 
-# --- rivals from outside --------------------------------------------------------------------------
-
-TASK = {"sigma0": 100.0, "Fc": 0.5, "solved": 300}
-SCENARIO = {"theta": 1e-3, "moves": [3, -2], "exact": [0.0, 0.0]}
-
-
-def test_mujoco_gets_the_joints_speed_and_says_its_deflection(monkeypatch):
-    """A stand-in whose state after a step is the travel: MuJoCo's is a deflection in rad."""
-    seen, fake = {}, ModuleType("mujoco")
-
-    def from_xml_string(text: str) -> SimpleNamespace:
-        seen["lugre"] = [float(x) for x in text.partition('lugre="')[2].partition('"')[0].split()]
-        seen["step"] = float(text.partition('timestep="')[2].partition('"')[0])
-        return SimpleNamespace()
-
-    def step(_: object, data: SimpleNamespace) -> None:
-        data.act[0] += data.qvel[0] * seen["step"]
-
-    def reset(_: object, data: SimpleNamespace) -> None:
-        data.act[0] = 0.0
-
-    fake.MjModel = SimpleNamespace(from_xml_string=from_xml_string)
-    fake.MjData = lambda model: SimpleNamespace(qvel=[0.0], act=[9.0])
-    fake.mj_resetData, fake.mj_step = reset, step
-    monkeypatch.setitem(sys.modules, "mujoco", fake)
-    run = outside.mujoco_way(TASK)
-    assert seen["lugre"] == [100.0, 0.0, 0.5, 0.5, 1.0]
-    for _ in range(2):
-        assert run(SCENARIO) == pytest.approx([0.003 * 200, 0.001 * 200])
+def measured(bench: Bench, monkeypatch, scenarios: dict) -> dict:
+    """What outside.py prints of these motions, in its last line."""
+    task = {"scenarios": scenarios, "sigma0": 100.0, "Fc": 0.5, "solved": 300}
+    monkeypatch.setattr(sys, "stdin", io.StringIO(json.dumps(task)))
+    return json.loads(bench.run("outside").out.splitlines()[-1])
 
 
-def test_newton_gets_angles_and_says_torques(monkeypatch):
-    """A stand-in for the kernel that multiplies the angle by Fc over tau, the slope at rest."""
-    warp, kernel = ModuleType("warp"), ModuleType("outside_newton")
-    warp.array = lambda values, dtype, device: values.copy()
-
-    class Out(list):
-        def numpy(self):
-            return outside_array(self)
-
-    def outside_array(values: list):
-        import numpy as np
-
-        return np.array(values, np.float32)
-
-    def launch(advance: object, dim: int, inputs: list, device: str) -> None:
-        assert dim == 1  # a tick needs the one before it
-        moves, out, Fc, tau = inputs  # noqa: N806
-        out += [Fc / tau * move for move in moves]
-
-    warp.empty = lambda n, dtype, device: Out()
-    warp.launch, kernel.advance = launch, object()
-    monkeypatch.setitem(sys.modules, "warp", warp)
-    monkeypatch.setitem(sys.modules, "outside_newton", kernel)
-    found = outside.newton_way(TASK)(SCENARIO)
-    assert found == pytest.approx([200 * 3e-3, -200 * 2e-3])  # sigma0 x/Fc
+def test_rivals_get_speeds_and_angles_and_say_torques(bench, monkeypatch):
+    """The stand-ins are springs of sigma0. A tick is timed without the first use, by the median of
+    the motions; errors are worst and RMS.
+    """
+    stand_ins = {"mujoco": MUJOCO, "warp": WARP, "outside_newton": "advance = 'kernel'"}
+    for name, text in stand_ins.items():
+        (bench.folder / f"tools/bench/{name}.py").write_text(text)
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    clock = type("Clock", (), {"now": 0.0, "__call__": lambda self: self.now})()
+    monkeypatch.setattr(time, "perf_counter", clock)
+    scenarios = {}
+    for name, ticks, theta in (("a", 20, 0.002), ("b", 4, 0.009), ("c", 5, 0.005)):
+        exact = 100 / 0.5 * theta * np.arange(1, ticks + 1)
+        exact[-1] += 0.25 if name == "b" else 0
+        scenarios[name] = {"theta": theta, "moves": [1] * ticks, "exact": exact.tolist()}
+    found = measured(bench, monkeypatch, scenarios)
+    assert found["mujoco"]["ns"] == pytest.approx(5e9)  # of 2, 9 and 5 rad/s
+    for rival in ("mujoco", "newton"):
+        assert found[rival]["ticks"] == 29
+        assert found[rival]["scenarios"]["a"] == pytest.approx([0, 0], abs=1e-5)
+        assert found[rival]["scenarios"]["b"] == pytest.approx([0.25, 0.125], rel=1e-5)
+    for name in stand_ins:
+        sys.modules.pop(name, None)
 
 
-def test_a_rival_is_timed_a_tick_without_its_first_use(monkeypatch):
-    """First use takes 100 s; then a tick of the three motions 2, 9 and 5 s: the median counts."""
-    clock, asked = [0.0], []
-
-    def make(task: dict):
-        def run(scenario: dict) -> list[float]:
-            asked.append(len(scenario["moves"]))
-            clock[0] += len(scenario["moves"]) * scenario["slow"] if asked[1:] else 100.0
-            return [0.5] * len(scenario["moves"])
-
-        return run
-
-    monkeypatch.setattr(outside.time, "perf_counter", lambda: clock[0])
-    motions = {
-        name: {"moves": [1] * n, "exact": [0.5] * (n - 1) + [0.75], "slow": slow}
-        for name, n, slow in (("a", 20, 2.0), ("b", 4, 9.0), ("c", 5, 5.0))
-    }
-    found = outside.measure(make, {"scenarios": motions})
-    assert asked == [10, 20, 4, 5]
-    assert (found["ns"], found["ticks"]) == (5e9, 29)
-    assert found["scenarios"]["b"] == [0.25, pytest.approx(0.125)]
+def test_a_rival_that_is_not_here_is_named_and_stops_no_other(bench, monkeypatch):
+    """399 moves of 0.002 rad, a long one, and the exact answer of Eq. 1."""
+    moves, exact, w = [3] * 200 + [-40] + [-2] * 199, [], 0.0
+    for move in moves:
+        s = np.sign(move)
+        w = s + (w - s) * np.exp(-200 * abs(move) * 1e-3)
+        exact.append(w)
+    found = measured(bench, monkeypatch, {"a": {"theta": 1e-3, "moves": moves, "exact": exact}})
+    assert list(found) == ["mujoco", "newton", "scipy"]
+    assert found["scipy"]["scenarios"]["a"][0] < 1e-7 and found["scipy"]["ticks"] == 300
+    assert 1e3 < found["scipy"]["ns"] < 1e9
+    for name in ("mujoco", "newton"):
+        one = found[name]
+        assert "missing" in one or (one["ticks"] == 400 and one["scenarios"]["a"][0] < 0.2)

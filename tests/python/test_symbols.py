@@ -66,7 +66,7 @@ def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
 
 
 def test_the_components_need_little_more() -> None:
-    assert faults(built("lib", "libdahl_float.a")) == {"float.c.o": FLOAT_FORM}
+    assert set().union(*faults(built("lib", "libdahl_float.a")).values()) == FLOAT_FORM
     for needed in faults(built("lib", "libdahl_batch.a")).values():
         assert needed <= VECTORS | COPIES
 

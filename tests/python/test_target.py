@@ -1,188 +1,185 @@
 # SPDX-License-Identifier: MIT
-"""Small cores: the Unity tests in QEMU, what may be linked. What a call costs: test_bench.py."""
+"""Small cores: the C tests in QEMU, what may be linked. (What a call costs: test_bench.py.)"""
 
 from __future__ import annotations
 
+import fcntl
 import re
-import shutil
 import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools" / "bench"))
-
-import target  # noqa: E402
+from conftest import ROOT, need
+from sources import CORE, PARTS
 
 pytestmark = pytest.mark.checks
 
-ARM = [name for name, core in target.CORES.items() if core.tools is target.ARM]
+ARM = ("m0", "m3", "m4f", "m7", "m33")
+CORES = dict.fromkeys(ARM, "arm-none-eabi-") | {"rv32": "riscv64-unknown-elf-"}
 EVERYWHERE = {"bits", "test_accuracy", "test_slip"}  # of what CTest has to run on every core
+PORT = ROOT / "port/cortex_m"
+START_UP = [PORT / f"{part}.c" for part in
+            ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none")]  # fmt: skip
 
 
-def need(core: target.Core) -> None:
-    for program in (core.tool("gcc"), core.tools[1]):
-        if not shutil.which(program):
-            pytest.skip(
-                f"{program} is not installed (tools/setup.sh installs it where Debian has it)"
-            )
+def run(*command: object, code: int | None = 0, seconds: float = 280, cwd: Path = ROOT) -> str:
+    """What a command says; with `code` None it may end as it likes."""
+    words = [str(word) for word in command]
+    done = subprocess.run(
+        words, capture_output=True, text=True, check=False, cwd=cwd, timeout=seconds
+    )
+    said = done.stdout + done.stderr
+    assert code is None or done.returncode == code, said
+    return said
 
 
-# --- the Unity tests on each core ----------------------------------------------------------------
+def tool(core: str, name: str) -> str:
+    return need(CORES[core] + name, f"the library on {core}")
 
 
-@pytest.fixture(scope="module")
-def ran_on(tmp_path_factory):
-    """Build one core and run its CTest entries once; the outcome of each by name."""
-    known: dict[str, dict[str, ElementTree.Element]] = {}
-
-    def run(name: str) -> dict[str, ElementTree.Element]:
-        if name not in known:
-            core = target.CORES[name]
-            need(core)
-            target.build(core, "all")
-            junit = tmp_path_factory.mktemp(name) / "ctest.xml"
-            command = ["ctest", "--test-dir", core.build, "-L", "target", "-j2"]
-            command += ["--output-junit", junit]
-            subprocess.run(command, check=False, capture_output=True, timeout=280)
-            known[name] = {
-                case.get("name"): case for case in ElementTree.parse(junit).iter("testcase")
-            }
-        return known[name]
-
-    return run
+def build(core: str, target: str) -> Path:
+    """Its build folder; one at a time, since tests of several kinds want the same."""
+    tool(core, "gcc")
+    need("qemu-system-arm" if core in ARM else "qemu-system-riscv32", f"the library on {core}")
+    folder = ROOT / "build" / core
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        run("cmake", "--preset", core)
+        run("cmake", "--build", folder, "--target", target)
+    return folder
 
 
-@pytest.mark.parametrize("name", target.CORES)
-def test_on_core(name: str, ran_on) -> None:
+def flags(folder: Path) -> list[str]:
+    """Of the core's compiler."""
+    cache = (folder / "CMakeCache.txt").read_text()
+    return re.search(r"^CMAKE_C_FLAGS:\w+=(.*)$", cache, re.M)[1].split()
+
+
+# --- the C tests on each core --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("core", CORES)
+def test_on_core(core: str, tmp_path: Path) -> None:
     """Whatever CTest has for it: the Unity tests, the golden bits; on an Arm core the ticks written
     for it against the C, and, where there is a SysTick, parameters that change under its interrupt.
     """
-    outcomes = ran_on(name)
-    on_arm = {"test_cores"} if name == "m0" else {"test_cores", "change_parameters"}
-    assert outcomes.keys() >= EVERYWHERE | (on_arm if name in ARM else set())
+    folder, junit = build(core, "all"), tmp_path / "ctest.xml"
+    run("ctest", "--test-dir", folder, "-L", "target", "-j2", "--output-junit", junit, code=None)
+    outcomes = {case.get("name"): case for case in ElementTree.parse(junit).iter("testcase")}
+    on_arm = {"test_cores"} if core == "m0" else {"test_cores", "change_parameters"}
+    assert outcomes.keys() >= EVERYWHERE | (on_arm if core in ARM else set())
     for case, outcome in outcomes.items():
         said = (outcome.findtext("system-out") or "")[-2000:]
         assert outcome.get("status") == "run" and outcome.find("failure") is None, (case, said)
+
+
+def test_bits_on_avr() -> None:
+    """16-bit int: the same hashes (some minutes; lines count, not the emulator's exit)."""
+    for program in ("avr-gcc", "qemu-system-avr"):
+        need(program, "the same bits with an int of 16 bits")
+    run("cmake", "--preset", "avr")
+    run("cmake", "--build", ROOT / "build/avr")
+    run("ctest", "--test-dir", ROOT / "build/avr", seconds=1200)
 
 
 def test_no_double_load_begins_with_its_address() -> None:
     """Erratum 602117: an early Cortex-M3 that is interrupted in such a load goes on from another
     address. gcc avoids it; what is written by hand has to.
     """
-    core = target.CORES["m3"]
-    need(core)
-    target.build(core, "dahl")
-    code = target.run(core.tool("objdump"), "-d", core.build / "lib/libdahl.a")
+    code = run(tool("m3", "objdump"), "-d", build("m3", "dahl") / "lib/libdahl.a")
     loads = re.findall(r"\tldrd\t(\w+), (\w+), \[(\w+)", code)
     assert len(loads) > 10
     assert [load for load in loads if load[0] == load[2]] == []
 
 
-def test_bits_on_avr() -> None:
-    """16-bit int: the same hashes (some minutes; lines count, not the emulator's exit)."""
-    for program in ("avr-gcc", "qemu-system-avr"):
-        if not shutil.which(program):
-            pytest.skip(f"{program} is not installed (tools/setup.sh installs it)")
-    target.run("cmake", "--preset", "avr", cwd=ROOT)
-    target.run("cmake", "--build", ROOT / "build/avr", cwd=ROOT)
-    target.run("ctest", "--test-dir", ROOT / "build/avr", timeout=1200)
-
-
-def test_a_failing_image_fails(ran_on) -> None:
-    """An exit code and a fault on the core reach CTest: an image with neither main's 0 nor a main
-    at all.
-    """
-    core = target.CORES["m3"]
-    ran_on("m3")
-    for body in ("return 3;", "return *(volatile int *)0xF0000001;"):
-        status = subprocess.run(
-            emulator(core, plant(core, f"int main(void) {{ {body} }}")), timeout=60, check=False
-        )
-        assert status.returncode == (3 if "3" in body[:9] else 70)
-
-
-PORT = ROOT / "port/cortex_m"
-PARTS = ("startup", "semihosting", "exit_semihosting", "no_tick", "fpu_none")
-
-
-def link_command(core: target.Core, board: str, image: Path, main: Path) -> list[object]:
-    """gcc's words that make an image for a board out of one file."""
-    flags = target.cache_value(core, "CMAKE_C_FLAGS").split()
-    command = [core.tool("gcc"), *flags, "-O1", f"-I{PORT}", f"-I{ROOT}/port", "-nostartfiles"]
-    command += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", image, main]
-    return command + [PORT / f"{part}.c" for part in PARTS]
-
-
-def plant(core: target.Core, source: str) -> Path:
-    """A small image for a core's board, linked as the tests are."""
-    folder = core.build / "planted"
-    folder.mkdir(exist_ok=True)
-    (folder / "main.c").write_text(source + "\n")
-    target.run(*link_command(core, core.machine, folder / "image", folder / "main.c"))
-    return folder / "image"
-
-
-def emulator(core: target.Core, image: Path) -> list[str]:
-    return [core.tools[1], "-M", core.machine, "-nographic", "-monitor", "none", "-serial", "none",
-            "-semihosting-config", "enable=on,target=native", "-kernel", str(image)]  # fmt: skip
+def link(core: str, board: str, main: Path, code: int = 0) -> str:
+    """Make an image for a board out of one file, as the tests are made."""
+    words = [*flags(build(core, "dahl")), "-O1", f"-I{PORT}", f"-I{ROOT}/port", "-nostartfiles"]
+    words += [f"-L{PORT}", f"-T{PORT}/{board}.ld", "-o", main.with_name("image"), main, *START_UP]
+    return run(tool(core, "gcc"), *words, code=code)
 
 
 @pytest.mark.parametrize(
-    "built, board", [("m3", "microbit"), ("m3", "mps2-an386"), ("m0", "mps2-an505")]
+    ("body", "code"), [("return 3;", 3), ("return *(volatile int *)0xF0000001;", 70)]
 )
-def test_wrong_board_does_not_link(built: str, board: str, tmp_path) -> None:
-    core = target.CORES[built]
-    need(core)
-    target.build(core, "dahl")
-    main = tmp_path / "main.c"
-    main.write_text("int main(void) { return 0; }\n")
-    command = link_command(core, board, tmp_path / "image", main)
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
-    assert done.returncode != 0
-    assert f"the core of {board}: configure with -DDAHL_CORE=" in done.stderr
+def test_a_failing_image_fails(body: str, code: int, tmp_path: Path) -> None:
+    """An exit code and a fault on the core come out of the emulator."""
+    (main := tmp_path / "main.c").write_text(f"int main(void) {{ {body} }}\n")
+    link("m3", "mps2-an385", main)
+    words = ["-nographic", "-monitor", "none", "-serial", "none"]
+    words += ["-semihosting-config", "enable=on,target=native", "-kernel", tmp_path / "image"]
+    run("qemu-system-arm", "-M", "mps2-an385", *words, code=code, seconds=60)
 
 
-def test_unknown_core_is_refused(tmp_path) -> None:
-    toolchain = ROOT / "port/cortex_m/toolchain.cmake"
-    command = ["cmake", "-S", ROOT, "-B", tmp_path, "--toolchain", toolchain, "-DDAHL_CORE=m9"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode != 0
-    assert f"'m9'; known are {', '.join(ARM)}" in done.stderr
+@pytest.mark.parametrize(
+    ("core", "board"), [("m3", "microbit"), ("m3", "mps2-an386"), ("m0", "mps2-an505")]
+)
+def test_wrong_board_does_not_link(core: str, board: str, tmp_path: Path) -> None:
+    (main := tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
+    said = link(core, board, main, code=1)
+    assert board in said and "-DDAHL_CORE=" in said
+
+
+def test_unknown_core_is_refused(tmp_path: Path) -> None:
+    words = ["--toolchain", PORT / "toolchain.cmake", "-DDAHL_CORE=m9"]
+    said = run("cmake", "-S", ROOT, "-B", tmp_path, *words, code=1)
+    assert "'m9'" in said and ", ".join(ARM) in said
 
 
 # --- what may be linked --------------------------------------------------------------------------
 
+PATHS = {  # what a user links
+    "q30": ["dahl_step_counts_q30"],
+    "counts": ["dahl_step_counts_q30", "dahl_step_counts", "dahl_torque"],
+    "angle": ["dahl_step_counts_q30", "dahl_step_counts", "dahl_torque", "dahl_step"],
+}
+# Of gcc's helpers those for integers: division, products, shifts and leading zeros.
+INTEGER = re.compile(
+    r"(__aeabi_(u?idiv\w*|[ui]?ldiv\w*|l\w+|u?lcmp)|__\w*(div|mod|mul|sh|clz|cmp)\w*[sd]i\d?"
+    r"|__clz_tab|__(gnu_)?u?ldivmod\w*|__restore_\w+|__save_\w+|__riscv_\w+)$"
+)
 
-@pytest.mark.parametrize("path", target.PATHS)
-@pytest.mark.parametrize("name", target.CORES)
-def test_links_nothing_but_integers(name: str, path: str) -> None:
-    core = target.CORES[name]
-    need(core)
-    target.build(core, "dahl")
-    image = target.link_path(core, path)
-    assert target.forbidden(core, image) == []
-    assert target.sizes(core, image)["static"] == 0
+
+def foreign(core: str, image: Path, *ours: Path) -> set[str]:
+    """Names in an image that are not in our own objects, but for those of the linker."""
+
+    def names(*files: Path) -> set[str]:
+        lines = (line.split() for line in run(tool(core, "nm"), *files).splitlines())
+        return {words[2] for words in lines if len(words) == 3 and words[1] not in "aA"}
+
+    linkers = re.compile(r"[$.]|_*(bss|s?data|edata|text_end|end|stack|global_pointer)", re.I)
+    return {name for name in names(image) - names(*ours) if not linkers.match(name)}
+
+
+def bare_link(core: str, image: Path, *words: object) -> None:
+    """With gcc's own helpers alone: a memcpy that gcc makes is not found."""
+    common = [*flags(ROOT / "build" / core), "-nostdlib", "-Wl,--gc-sections", "-o", image]
+    run(tool(core, "gcc"), *common, *words, "-lgcc")
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("core", CORES)
+def test_links_nothing_but_integers(core: str, path: str, tmp_path: Path) -> None:
+    library, image = build(core, "dahl") / "lib/libdahl.a", tmp_path / "image"
+    wanted = [f"-Wl,-u,{name}" for name in PATHS[path]]
+    bare_link(core, image, "-Wl,-e,dahl_prepare", *wanted, library)
+    assert {name for name in foreign(core, image, library) if not INTEGER.match(name)} == set()
+    writable = r"^\.(?:s?data|s?bss|tdata|tbss)\b\S* +(\d+)"
+    assert not sum(map(int, re.findall(writable, run(tool(core, "size"), "-A", image), re.M)))
 
 
 # At -O0 gcc copies a structure on Cortex-M0 by memcpy, also in dahl_prepare.
-LEVELS = [
-    (name, level)
-    for name in target.CORES
-    for level in ("-O0", "-Os", "-O2", "-O3")
-    if (name, level) != ("m0", "-O0")
-]
-
-
-@pytest.mark.parametrize("name, level", LEVELS)
-def test_a_bare_link_of_all_parts_needs_no_libc(name: str, level: str) -> None:
-    """Nothing but libgcc stands beside the objects: a memcpy that gcc makes is not found."""
-    core = target.CORES[name]
-    need(core)
-    target.build(core, "dahl")
-    objects = target.objects_at(core, level)
-    assert {"slip.o", "inverse.o"} <= {path.name for path in objects}
-    assert target.forbidden(core, target.link_bare(core, *objects)) == []
+@pytest.mark.parametrize("level", ("-O0", "-Os", "-O2", "-O3"))
+@pytest.mark.parametrize("core", CORES)
+def test_a_bare_link_of_all_parts_needs_no_libc(core: str, level: str, tmp_path: Path) -> None:
+    if (core, level) == ("m0", "-O0"):
+        return
+    words = [*flags(build(core, "dahl")), level, "-std=c99", f"-I{ROOT}/lib/include"]
+    units = [path for path in (*CORE, *PARTS) if path.parent.name != "cores"]
+    run(tool(core, "gcc"), *words, "-c", *units, cwd=tmp_path)
+    objects = sorted(tmp_path.glob("*.o"))
+    image = tmp_path / "image"
+    bare_link(core, image, "-Wl,-e,0", "-Wl,--no-gc-sections", *objects)
+    assert {name for name in foreign(core, image, *objects) if not INTEGER.match(name)} == set()
