@@ -35,14 +35,16 @@ def run(*words: object) -> subprocess.CompletedProcess:
 
 
 @contextlib.contextmanager
-def drawing() -> Iterator[list[Figure]]:
-    """The figures that matplotlib saves meanwhile, whoever draws them."""
+def drawing(rendered: bool = True) -> Iterator[list[Figure]]:
+    """The figures that matplotlib saves meanwhile, whoever draws them; not `rendered` they are
+    empty files, for tests of what is in them.
+    """
     drawn: list[Figure] = []
     save = Figure.savefig
 
-    def keep(figure: Figure, *where: object, **how: object) -> None:
+    def keep(figure: Figure, path: Path, **how: object) -> None:
         drawn.append(figure)
-        save(figure, *where, **how)
+        save(figure, path, **how) if rendered else path.touch()
 
     with mock.patch.object(Figure, "savefig", keep):
         yield drawn

@@ -142,7 +142,7 @@ def left(tmp_path_factory):
     names = "t_s,angle_deg,torque_Nm,clamp_N"
     np.savetxt(folder / "log.csv", table, "%.12g", ",", header=names, comments="")
     words = ("--load", "clamp_N", "--counts-per-turn", 2**14, "-o", folder, "--name", "brake")
-    with drawing() as figures:
+    with drawing(rendered=False) as figures:
         done = run("identify", folder / "log.csv", *words)
     assert done.returncode == 0, done.stderr
     kept = json.loads((folder / "brake.json").read_text())
@@ -235,7 +235,7 @@ def test_the_scene_replays_the_load(left, dahl_loop):
     folder = left.folder
     words = [dahl_loop, "--scene", folder / "brake.ini", "--virtual", "--seconds", "4"]
     subprocess.run([*words, "--log", folder / "run.log"], check=True, capture_output=True)
-    with drawing() as figures:
+    with drawing(rendered=False) as figures:
         assert run("plot", folder / "run.log", "--scene", folder / "brake.ini").returncode == 0
     caption = figures[0].axes[0].get_title(loc="left")
     assert float(re.search(r"R² = (\S+)", caption)[1]) > 0.998
