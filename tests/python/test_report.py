@@ -16,7 +16,7 @@ import pytest
 from bus_runs import FC, SIGMA0, THETA, Run, plotted
 from dahl import Friction, Loaded, Plan, report
 from dahl.scene import Measured, Recorded, Scene
-from log_reading import RefusedError
+from log_reading import RefusedError, drawing
 from log_reading import run as command
 
 SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
@@ -282,3 +282,16 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})
     assert cells == [] and "dahl 9" in page
+
+
+def test_the_fit_is_that_of_the_scene_that_is_drawn(run, tmp_path):
+    """Not that of the summary beside the log, which may be of another scene."""
+    run.tick(3, -300)
+    plotted(run, tmp_path, "torque = torque\n")
+    (tmp_path / "frames.log").rename(tmp_path / "run.log")
+    summary = {"scene_file": str(tmp_path / "x.ini"), "r2_measured": 0.875}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    with drawing(rendered=False) as figures:
+        assert command("plot", tmp_path, "--scene", tmp_path / "x.ini").returncode == 0
+    caption = figures[0].axes[0].get_title(loc="left")
+    assert "R²" in caption and "0.875" not in caption
