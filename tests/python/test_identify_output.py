@@ -1,341 +1,427 @@
 # SPDX-License-Identifier: MIT
-"""What `dahl identify` leaves: a plan whose words are dahl_prepare()'s, a scene that replays the
-log, JSON, picture, and the command's own manners.
+"""What `dahl identify` leaves: numbers under their own names in JSON, on the screen and in the
+header, a plan that is dahl_prepare()'s, a scene that replays the log, a picture of log and fit.
+
+One rig, linear, with an offset, a spring, viscous friction and inertia, all of them known.
 """
 
 from __future__ import annotations
 
+import configparser
 import json
 import re
-import shutil
 import subprocess
-from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
-import matplotlib.image
 import numpy as np
 import pytest
 from conftest import built
-from dahl import core, paths, plan_header, scene
-from dahl.identify import draw, output, pipeline
-from identify_tools import (
-    COUNT,
-    FC,
-    SIGMA0,
-    caller,
-    dahl_torque,
-    noise_of,
-    sine,
-    synthetic,
-    write_csv,
-)
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
+from log_reading import drawing, run
 
 pytestmark = pytest.mark.usefixtures("library")
 
-PROGRAM = """#include <stdio.h>
-#include <string.h>
-#include "dahl_plan_shaft.h"
+ROWS, NOISE = 6000, 0.02
+TERMS = {"offset": 0.125, "spring": 4.5, "viscous": 0.25, "inertia": 0.0375}  # N, m and s
+UNITS = {"offset": "N", "spring": "N/m", "viscous": "N s/m", "inertia": "N s2/m"}
+TIME = np.arange(ROWS) * 1e-3
+
+
+def way_of(seed: int) -> np.ndarray:
+    """A sine whose frequency grows, m."""
+    x = np.linspace(0, 1, ROWS)
+    return 0.15 * np.sin(2 * np.pi * (2 * x + 5 * x**2) + seed)
+
+
+def force_of(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Friction alone, and what the sensor shows."""
+    way = way_of(seed)
+    speed = np.gradient(way, TIME)
+    beside = TERMS["offset"] + TERMS["spring"] * (way - way_of(1)[0])
+    beside = beside + TERMS["viscous"] * speed + TERMS["inertia"] * np.gradient(speed, TIME)
+    friction = dahl_torque(way) + NOISE * FC * noise_of(seed, ROWS)
+    return friction, friction + beside
+
+
+def write_log(folder: Path, seed: int) -> Path:
+    path, table = folder / f"{seed}.csv", np.column_stack((TIME, 1e3 * way_of(seed)))
+    table = np.column_stack((table, force_of(seed)[1]))
+    np.savetxt(path, table, "%.12g", ",", header="t_s,pos_mm,force_N", comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory, library):
+    """One run over two logs with a third one predicted, and all that it leaves."""
+    folder = tmp_path_factory.mktemp("rig")
+    first, second, other = (write_log(folder, seed) for seed in (1, 2, 3))
+    words = ("--model", "dahl", "--terms", ",".join(TERMS), "--counts-per-turn", "10", "--force")
+    out = ("-o", folder / "out", "--name", "x", "--json", folder / "numbers.json")
+    with drawing() as figures:
+        done = run("identify", first, second, "--check", other, *words, *out)
+    assert done.returncode == 0, done.stderr
+    out, text = folder / "out", (folder / "numbers.json").read_text()
+    assert (out / "x.json").read_text() == text
+    return SimpleNamespace(
+        logs=[first, second],
+        check=other,
+        out=out,
+        kept=json.loads(text, parse_constant=pytest.fail),
+        shown=done.stdout,
+        figure=figures[0],
+    )
+
+
+# --- JSON -----------------------------------------------------------------------------------------
+
+
+def test_json_has_each_number_under_its_name(rig):
+    """By the truth of the rig, and by what its rows say with that truth."""
+    kept, near = rig.kept, partial(pytest.approx, rel=0.01)
+    assert kept["logs"] == [*map(str, rig.logs)] and kept["rows"] == 2 * ROWS
+    assert kept["pieces"] == [ROWS, ROWS] and kept["linear"] is True
+    assert kept["units"] == {"sigma0": "N/m", "Fc": "N", "a": "1/m"}
+    assert (kept["sigma0"], kept["Fc"], kept["a"]) == (near(SIGMA0), near(FC), near(SIGMA0 / FC))
+    for name, truth in {"sigma0": SIGMA0, "Fc": FC, "a": SIGMA0 / FC}.items():
+        low, high = kept["ci95"][name]
+        assert low < kept[name] < high and low < truth < high < 1.02 * low
+    assert kept["extra"] == {name: near(value) for name, value in TERMS.items()}
+    force = np.array([force_of(seed)[1] for seed in (1, 2)])
+    assert kept["rmse"] == pytest.approx(NOISE * FC, rel=0.1)
+    spread = np.mean((force - force.mean()) ** 2)
+    assert 1 - kept["r2"] == pytest.approx(kept["rmse"] ** 2 / spread, rel=0.1)
+    for name, one in kept["held_out"].items():
+        assert 1 - one["r2"] == pytest.approx(one["rmse"] ** 2 / spread, rel=0.1), name
+    held = [kept["held_out"][name]["rmse"] for name in ("dahl", "bilinear", "coulomb", "none")]
+    assert held == sorted(held) and held[0] < 1.1 * kept["rmse"] < held[1]
+    assert kept["r2_coulomb"] == pytest.approx(kept["held_out"]["coulomb"]["r2"], abs=0.005)
+    assert 0.8 * SIGMA0 < kept["bilinear_sigma0"] < 1.4 * SIGMA0
+    assert kept["bilinear_sigma0"] != pytest.approx(kept["sigma0"], rel=0.01)
+    turns = sum(np.count_nonzero(np.diff(np.sign(np.diff(way_of(seed))))) for seed in (1, 2))
+    assert kept["reversals"] == turns
+    assert kept["resolution"] == kept["plan"]["theta_per_count"] == pytest.approx(1e-4)
+    assert (kept["delay_rows"], kept["backlash"], kept["load"]) == (0, 0, None)
+    assert kept["checks"] == {str(rig.check): pytest.approx(kept["r2"], abs=0.001)}
+    assert kept["identifiable"] == {"sigma0": True, "Fc": True} and kept["verdict"]
+
+
+def test_json_says_how_the_numbers_came_about(rig):
+    kept = rig.kept
+    assert kept["options"] == {
+        "terms": [*TERMS],
+        "delay": True,
+        "median": 0,
+        "trust_units": False,
+        "target_counts": 0.0,
+        "model": "dahl",
+    }
+    told = (kept["median_rows"], kept["torque_sign"], kept["angle_between_counts"])
+    assert told == (1, 1.0, False)
+    assert 0 < kept["rows_weighing_less"] < 60
+    assert 2 * ROWS - kept["rows_weighing_less"] < kept["sum_of_weights"] < 2 * ROWS
+    cycles = kept["cycles"]
+    assert cycles["first_row"] == sorted(cycles["first_row"]) and len(cycles["Fc"]) == 12
+    assert cycles["Fc"] == pytest.approx([FC] * 12, rel=0.02)
+    assert cycles["sigma0"] == pytest.approx([SIGMA0] * 12, rel=0.05)
+    assert cycles["offset"] == pytest.approx([0] * 12, abs=0.02)
+    named = [note for note in kept["notes"] if note.startswith(str(rig.logs[0]))]
+    assert named and len(named) < len(kept["notes"])
+    assert kept["version"]
+    (taken,) = (one for one in kept["choices"] if one["taken"])
+    assert taken["terms"] == [*TERMS] and taken["plausible"]
+
+
+def test_the_plan_alone_has_an_r2_of_its_own(rig):
+    """Friction alone by the tests' own torque on the raw counts, offset and spring taken off."""
+    lost = spread = 0.0
+    for seed in (1, 2):
+        way = np.round((way_of(seed) - way_of(seed)[0]) / 1e-4) * 1e-4
+        extra = rig.kept["extra"]
+        seen = force_of(seed)[1] - extra["offset"]
+        seen = seen - extra["spring"] * (way_of(seed) - way_of(1)[0])
+        drawn = dahl_torque(way, rig.kept["sigma0"], rig.kept["Fc"])
+        start = np.exp(-rig.kept["a"] * np.cumsum(np.abs(np.diff(way, prepend=way[0]))))
+        left = seen - drawn
+        left = left - start * (start @ left) / (start @ start)
+        lost, spread = lost + left @ left, spread + np.sum((seen - seen.mean()) ** 2)
+    assert rig.kept["r2_plan"] == pytest.approx(1 - lost / spread, abs=0.002)
+    (against,) = rig.kept["plan"]["against"]
+    assert f"{100 * rig.kept['r2_plan']:.0f} %" in against and "90 %" in against
+
+
+# --- screen and header ----------------------------------------------------------------------------
+
+
+def test_the_screen_has_each_number_with_its_unit(rig):
+    cells = [line.split("│")[1:3] for line in rig.shown.splitlines() if line.count("│") == 3]
+    shown, kept = {name.strip(): value.strip() for name, value in cells}, rig.kept
+    assert all(path.name in rig.shown for path in rig.logs)
+    for name, unit in kept["units"].items():
+        low, high = kept["ci95"][name]
+        assert shown[name].startswith(f"{kept[name]:.5g} {unit} ")
+        assert shown[name].endswith(f"{low:.5g} to {high:.5g}")
+    for name, unit in UNITS.items():
+        assert shown[name] == f"{kept['extra'][name]:.4g} {unit}"
+    words = {"Dahl": "dahl", "Coulomb": "coulomb", "bilinear": "bilinear", "no friction": "none"}
+    for word, name in words.items():
+        (row,) = (value for key, value in shown.items() if key.startswith("held") and word in key)
+        one = kept["held_out"][name]
+        assert f"{one['r2']:.4f}" in row and f"{one['rmse']:.3g} N" in row
+    values = [*shown.values()]
+    assert shown["verdict"] == kept["verdict"] and shown["reversals"] == str(kept["reversals"])
+    assert any(f"{kept['r2']:.4f}" in one and f"{kept['rmse']:.3g} N" in one for one in values)
+    assert any(one.startswith(f"{100 * kept['informs_sigma0']:.0f} %") for one in values)
+    assert f"{kept['r2_plan']:.4f}" in next(v for k, v in shown.items() if "plan" in k)
+    assert f"{kept['checks'][str(rig.check)]:.4f}" in next(
+        v for k, v in shown.items() if "3.csv" in k
+    )
+    assert all(note in rig.shown for note in kept["notes"])
+    assert all(str(path) in rig.shown for path in rig.out.iterdir() if path.suffix != ".csv")
+
+
+SAME = """#include <string.h>
+#include "dahl_plan_x.h"
 int main(void)
 {
-    static const dahl_params_t params = {.sigma0 = %sf, .Fc = %sf, .theta_per_count = %sf};
+    static const dahl_params_t params = {%.9ef, %.9ef, %.9ef};
     dahl_plan_t plan;
     memset(&plan, 0, sizeof plan);
     if (dahl_prepare(&plan, &params) != DAHL_OK) { return 2; }
-    return memcmp(&plan, &dahl_plan_shaft, sizeof plan) != 0;
+    return memcmp(&plan, &dahl_plan_x, sizeof plan) != 0;
 }
 """
 
 
-@pytest.fixture(scope="module")
-def found():
-    return pipeline.identify([synthetic(1)])
+def is_plan_of(folder: Path, include: Path, *params: float) -> bool:
+    """Whether dahl_plan_x.h compiles without a word and is what dahl_prepare() makes of these."""
+    (folder / "main.c").write_text(SAME % tuple(map(np.float32, params)))
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{folder}", f"-I{include}"]
+    command = ["gcc", *strict, folder / "main.c", built("lib", "libdahl.a"), "-lm"]
+    subprocess.run([*command, "-o", folder / "same"], check=True, timeout=60)
+    return subprocess.run([folder / "same"], check=False, timeout=10).returncode == 0
 
 
-@pytest.mark.parametrize("stem", ["$\\undefined$", "ä ö", "(1)", "+"])
-def test_a_log_may_have_any_name(tmp_path, stem, capsys):
-    """Dollars are no formula, and what has no letter of C is "log"."""
-    log = synthetic(1, rows=2000, cycles=8)
-    write_csv(tmp_path / f"{stem}.csv", log.theta, log.torque)
-    run = caller(capsys)("identify", tmp_path / f"{stem}.csv", "-o", tmp_path / "out")
-    assert run.returncode == 0, run.stderr
-    name = {"ä ö": "log", "+": "log", "(1)": "1"}.get(stem, "undefined")
-    assert (tmp_path / "out" / f"{name}.png").is_file()
+def comment_of(header: Path) -> str:
+    """The words of the first comment, on one line."""
+    text = header.read_text().partition("*/")[0]
+    return " ".join(text.replace("*", " ").split())
 
 
-def compiled(folder, root, *params: float) -> subprocess.CompletedProcess:
-    """Build a program that compares dahl_plan_shaft.h with dahl_prepare(), and run it."""
-    compiler = shutil.which("gcc") or shutil.which("cc")
-    assert compiler, "no C compiler"
-    texts = [f"{np.float32(one):.9e}" for one in params]
-    (folder / "main.c").write_text(PROGRAM % tuple(texts))
-    command = [
-        compiler,
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-pedantic",
-        "-I",
-        folder,
-        "-I",
-        root / "lib" / "include",
-        folder / "main.c",
-        built("lib", "libdahl.a"),
-        "-lm",
-        "-o",
-        folder / "same",
-    ]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=60)
-    return subprocess.run([folder / "same"], check=False, timeout=10)
+def test_the_header_is_the_plan_of_the_numbers_and_says_what_it_rests_on(rig, root):
+    kept, header = rig.kept, rig.out / "dahl_plan_x.h"
+    params = (kept["sigma0"], kept["Fc"], kept["plan"]["theta_per_count"])
+    assert is_plan_of(rig.out, root / "lib/include", *params)
+    assert not is_plan_of(rig.out, root / "lib/include", 1.001 * params[0], *params[1:])
+    words = comment_of(header)
+    for name in ("sigma0", "Fc"):
+        low, high = kept["ci95"][name]
+        assert f"{name} [{kept['units'][name]}] 95 %: {low:.5g} to {high:.5g}" in words
+    for wanted in (
+        *(path.name for path in rig.logs),
+        kept["verdict"],
+        f"{kept['held_out']['dahl']['r2']:.4f}",
+        f"{kept['r2_plan']:.4f}",
+        *(f"FORCED, although {one}" for one in kept["plan"]["against"]),
+        *(note.partition(": ")[2] for note in kept["notes"]),
+    ):
+        assert wanted in words
+    assert all(len(line) <= 160 for line in header.read_text().splitlines())
 
 
-@pytest.mark.parametrize(
-    "params",
-    [(SIGMA0, FC, COUNT), (36449.1, 2.69, 1e-7), (3.0, 7.5, 0.0), (1.0, 2e3, 1e-3)],
-)
-def test_the_plan_is_that_of_dahl_prepare(tmp_path, root, params):
-    text = plan_header.text("shaft", core.Plan(*params), ["for a test"])
-    (tmp_path / "dahl_plan_shaft.h").write_text(text)
-    assert compiled(tmp_path, root, *params).returncode == 0
-    (tmp_path / "dahl_plan_shaft.h").write_text(re.sub(r"(\d+u),", r"1u + \1,", text, count=1))
-    assert compiled(tmp_path, root, *params).returncode == 1  # the comparison can fail
+# --- scene ----------------------------------------------------------------------------------------
 
 
-def test_the_plan_says_what_it_rests_on(found):
-    text = output.header(found, "shaft")
-    assert found.verdict.text in text
-    assert "95 %" in text
-    assert all(len(line) <= 160 for line in text.splitlines())
-
-
-@pytest.mark.parametrize(("spikes", "good"), [(0, True), (600, False)])
-def test_the_plan_has_an_r2_of_its_own_on_the_raw_motion(spikes, good, tmp_path):
-    """Friction alone, from the counts as they were read, by the tests' own torque: a fit
-    may take spikes out of the angle, a firmware does not.
-    """
-    log = synthetic(1)
-    log.theta[np.random.default_rng(0).choice(log.rows, spikes, replace=False)] += 50 * COUNT
-    result = pipeline.identify([log], pipeline.Options(terms=()))
-    drawn = dahl_torque(log.theta, result.estimate.sigma0, result.estimate.Fc)
-    settled = slice(1000, None)  # the torque at the first row is forgotten
-    left = np.sum((log.torque - drawn)[settled] ** 2) / np.sum(log.torque[settled] ** 2)
-    assert result.plan.r2 == pytest.approx(1 - left, abs=0.02)
-    assert result.r2 > 0.98
-    kept = json.loads(output.as_json(result))
-    assert kept["r2_plan"] == result.plan.r2
-    assert f"{result.plan.r2:.4f}" in output.header(result, "shaft")
-    assert (output.write_all(result, "shaft", tmp_path)[-1].suffix == ".h") is good
-    assert bool(kept["plan"]["against"]) is not good
-
-
-def test_a_plan_that_is_forced_says_so(tmp_path):
-    log = synthetic(1)
-    log.torque = log.torque + FC * noise_of(1, log.rows)
-    result = pipeline.identify([log])
-    assert result.plan.against
-    assert output.write_all(result, "shaft", tmp_path)[-1].suffix != ".h"
-    plan = output.write_all(result, "shaft", tmp_path, force=True)[-1]
-    assert "FORCED" in plan.read_text()
-
-
-@pytest.mark.parametrize("counts", [0, 4096, 65536])
-def test_the_plan_is_for_the_encoder_of_the_target(counts):
-    result = pipeline.identify([synthetic(1)], pipeline.Options(target_counts=counts))
-    assert result.plan.theta_per_count == pytest.approx(2 * np.pi / (counts or 16384))
-    (said,) = re.findall(r"theta_per_count = ([0-9.e-]+);", output.header(result, "x"))
-    assert float(said) == pytest.approx(result.plan.theta_per_count)
-    assert json.loads(output.as_json(result))["plan"]["of_target"] is bool(counts)
-
-
-def test_all_files(found, tmp_path):
-    files = output.write_all(found, "shaft", tmp_path)
-    assert [path.name for path in files] == [
-        "shaft.json",
-        "shaft.png",
-        "shaft.ini",
-        "dahl_plan_shaft.h",
-    ]
-    kept = json.loads((tmp_path / "shaft.json").read_text())
-    assert kept["verdict"] == found.verdict.text
-    assert kept["ci95"]["sigma0"][0] < kept["sigma0"] < kept["ci95"]["sigma0"][1]
-    assert matplotlib.image.imread(tmp_path / "shaft.png").std() > 0.05
-
-
-def test_the_picture_shows_what_was_taken_out_of_the_log():
-    """Odd rows and the travel of backlash, at their own rows; a short linear motion in mm."""
-    theta = sine(1, rows=400, cycles=2)
-    log = replace(synthetic(1, rows=400, cycles=2), theta=theta, linear=True, resolution=0.0)
-    log.weight, log.free_moves = np.ones(400), log.moves.copy()
-    log.weight[30:40], log.free_moves[100:120] = 0.1, 0.0
-    result = pipeline.identify([synthetic(1)], pipeline.Options(terms=()))
-    shown = draw.shown_of(replace(result, logs=[log], raw=[log]), 0)
-    (_, odd, _), (_, free, _) = draw.marks_of(shown)
-    assert np.flatnonzero(odd).tolist() == list(range(30, 40))
-    assert set(np.flatnonzero(free)) == set(range(100, 120))
-    assert shown.unit == "mm"
-    assert np.ptp(shown.angle) == pytest.approx(1e3 * np.ptp(log.theta))
-    assert shown.speed[10:-10] == pytest.approx(1e3 * np.gradient(log.theta, 1e-3)[10:-10], abs=20)
-
-
-def test_json_says_how_the_numbers_came_about(found):
-    kept = json.loads(output.as_json(found))
-    assert kept["options"] == asdict(pipeline.Options())
-    assert kept["pieces"] == [log.rows for log in found.logs]
-    assert kept["median_rows"] == found.median
-    assert len(kept["cycles"]["Fc"]) == len(kept["cycles"]["first_row"]) == 9
-    assert kept["cycles"]["Fc"] == pytest.approx([FC] * 9, rel=0.02)
-    assert kept["version"]
-
-
-def test_no_plan_where_it_cannot_be_trusted(tmp_path):
-    log = synthetic(1)
-    log.torque = noise_of(1, log.rows)
-    (tmp_path / "dahl_plan_noise.h").write_text("an old one")
-    files = output.write_all(pipeline.identify([log]), "noise", tmp_path)
-    assert all(path.suffix != ".h" for path in files)
-    assert not (tmp_path / "dahl_plan_noise.h").exists()
-
-
-def test_an_interrupted_run_leaves_whole_files(found, tmp_path, monkeypatch):
-    """Cut off while each file in turn is put in its place: the old one is there, or the new one."""
-    output.write_all(found, "shaft", tmp_path)
-    whole = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    put = Path.replace
-    for last in ("shaft.json", "shaft.csv", "shaft.ini", "dahl_plan_shaft.h"):
-
-        def cut(part, target, last=last):
-            if target.name == last:
-                raise KeyboardInterrupt
-            return put(part, target)
-
-        monkeypatch.setattr(Path, "replace", cut)
-        with pytest.raises(KeyboardInterrupt):
-            output.write_all(found, "shaft", tmp_path)
-        for name, content in whole.items():
-            if name.endswith((".json", ".csv", ".ini")):
-                assert (tmp_path / name).read_bytes() == content
-        assert not (tmp_path / "dahl_plan_shaft.h").exists()
-
-
-def test_json_has_no_infinity(tmp_path):
-    log = synthetic(1)
-    log.torque = noise_of(1, log.rows)
-    text = output.as_json(pipeline.identify([log]))
-    assert json.loads(text, parse_constant=pytest.fail)
-
-
-def test_the_scene_replays_the_log(found, tmp_path, run_dahl, dahl_loop):
-    output.write_all(found, "shaft", tmp_path)
-    played = scene.read(tmp_path / "shaft.ini")
-    assert (played.sigma0, played.Fc) == (found.estimate.sigma0, found.estimate.Fc)
-    run = subprocess.run(
-        [
-            dahl_loop,
-            "--scene",
-            tmp_path / "shaft.ini",
-            "--virtual",
-            "--seconds",
-            "3",
-            "--log",
-            tmp_path / "run.log",
-        ],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
+def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
+    """From its first angle, without the terms that a scene does not know."""
+    text = (rig.out / "x.ini").read_text()
+    assert rig.kept["verdict"] in text.splitlines()[0]
+    played = configparser.ConfigParser(inline_comment_prefixes=(";",))
+    played.read_string(text)
+    friction, motion, measured = (played[name] for name in ("friction", "motion", "measured"))
+    for name in ("sigma0", "Fc"):
+        assert float(friction[name]) == rig.kept[name]
+    assert float(friction["theta_per_count"]) == pytest.approx(1e-4)
+    assert float(motion["counts_per_unit"]) == pytest.approx(1e4)
+    assert (friction["model"], motion["file"]) == ("dahl", "x.csv")
+    assert {name: float(measured[name]) for name in ("offset", "spring")} == {
+        name: rig.kept["extra"][name] for name in ("offset", "spring")
+    }
+    assert (float(measured["torque_scale"]), float(measured["angle_scale"])) == (1, 1000)
+    assert measured["label_angle"].endswith("[mm]") and measured["label_torque"].endswith("[N]")
+    table = np.genfromtxt(rig.out / "x.csv", delimiter=",", names=True)
+    way = way_of(1)
+    assert table[motion["angle"]] == pytest.approx(way - way[0], abs=1e-9)
+    speed, extra = np.gradient(way, TIME), rig.kept["extra"]
+    timed = extra["viscous"] * speed + extra["inertia"] * np.gradient(speed, TIME)
+    inner = slice(50, -50)
+    assert table[measured["torque"]][inner] == pytest.approx(
+        (force_of(1)[1] - timed)[inner], abs=0.01
     )
-    assert run.returncode == 0, run.stderr
-    from dahl import logs, report
-
-    trace = report.trace_of(logs.read_candump(tmp_path / "run.log"))
-    recorded = scene.read_log(played, tmp_path / "shaft.csv")
-    assert report.fit(played, trace, recorded)["r2_measured"] > 0.99
+    gone = np.cumsum(np.abs(np.diff(way, prepend=way[0])))[int(measured["settle"])]
+    assert gone == pytest.approx(5 / rig.kept["a"], rel=0.05)
 
 
-def test_offset_and_spring_go_into_the_scene(found, tmp_path):
-    terms = {"offset": 0.25, "spring": 4.0, "viscous": 0.5}
-    output.write_scene(replace(found, estimate=replace(found.estimate, terms=terms)), "x", tmp_path)
-    measured = scene.read(tmp_path / "x.ini").measured
-    assert (measured.offset, measured.spring) == (0.25, 4.0)
-
-
-def test_the_command(run_dahl, tmp_path):
-    theta = np.floor(sine(1) / COUNT) * COUNT
-    path = write_csv(
-        tmp_path / "my shaft.csv",
-        theta,
-        dahl_torque(theta) + 0.03 * FC * noise_of(1, len(theta)),
-    )
-    done = run_dahl(
-        "identify",
-        path,
-        "--counts-per-turn",
-        "16384",
-        "-o",
-        tmp_path / "out",
-        "--json",
-        tmp_path / "numbers.json",
-    )
+def test_the_scene_replays_the_log(rig, dahl_loop, tmp_path):
+    """What the node then answers explains the log as the fit does."""
+    words = [dahl_loop, "--scene", rig.out / "x.ini", "--virtual", "--log", tmp_path / "run.log"]
+    subprocess.run([*words, "--seconds", "5"], check=True, capture_output=True, timeout=60)
+    with drawing() as figures:
+        done = run("plot", tmp_path / "run.log", "--scene", rig.out / "x.ini")
     assert done.returncode == 0, done.stderr
-    assert "sigma0 and Fc identifiable" in done.stdout
-    found = json.loads((tmp_path / "numbers.json").read_text())
-    assert found["resolution"] == pytest.approx(COUNT)
-    assert (tmp_path / "out" / "dahl_plan_my_shaft.h").is_file()
-    assert "-Werror" not in done.stdout
-    check = run_dahl("identify", path, "--check", path, "--json", "-", "--no-files")
-    assert json.loads(check.stdout)["checks"][str(path)] > 0.98
+    caption = figures[0].axes[0].get_title(loc="left")
+    assert float(re.search(r"R² = (\S+)", caption)[1]) > 0.999
+    assert re.search(r"100\.\d+ N/m, .*0\.50\d+ N,", caption)
 
 
-def test_help_is_quick_to_import(run_dahl):
-    """The heavy packages are not imported for --help."""
-    done = run_dahl("identify", "--help")
-    assert done.returncode == 0
-    assert "examples:" in done.stdout
-    code = (
-        "import sys; from dahl.cli import build_parser; build_parser();"
-        "print([m for m in ('scipy', 'pandas', 'asammdf', 'dask', 'joblib', 'can')"
-        " if m in sys.modules])"
+# --- picture --------------------------------------------------------------------------------------
+
+
+def panels_of(figure) -> dict:
+    names = ("residual", "by speed", "Fc", "sigma0", "loop", "cost")
+    return dict(zip(names, figure.axes, strict=True))
+
+
+def curves_of(axes) -> dict[str, np.ndarray]:
+    return {line.get_label(): line.get_xydata().T for line in axes.lines}
+
+
+def test_the_picture_shows_the_log_and_its_fit(rig):
+    panels, way, (_, force) = panels_of(rig.figure), way_of(1), force_of(1)
+    assert (rig.out / "x.png").read_bytes().startswith(b"\x89PNG")
+    from_start, extra = 1e3 * (way - way[0]), rig.kept["extra"]
+    curves = curves_of(panels["loop"])
+    for name in ("as measured", "fitted", "Coulomb"):
+        assert curves[name][0] == pytest.approx(from_start, abs=1e-6), name
+    assert curves["as measured"][1] == pytest.approx(force, abs=1e-9)
+    sign = np.sign(np.diff(way, prepend=way[0]))[1:]
+    coulomb = rig.kept["Fc"] * sign + extra["offset"] + extra["spring"] * (way - way[0])[1:]
+    assert curves["Coulomb"][1][1:] == pytest.approx(coulomb)
+    left = force - curves["fitted"][1]
+    assert left.std() == pytest.approx(rig.kept["rmse"], rel=0.05)
+    for panel, x in (("residual", from_start), ("by speed", None)):
+        drawn = panels[panel].lines[0].get_xydata().T
+        assert drawn[1] == pytest.approx(left, abs=1e-9)
+        assert x is None or drawn[0] == pytest.approx(x, abs=1e-6)
+    speed = 1e3 * np.gradient(way, TIME)
+    assert drawn[0][9:-9] == pytest.approx(speed[9:-9], abs=0.01 * np.abs(speed).max())
+
+
+def test_the_picture_shows_the_numbers_and_their_intervals(rig):
+    panels, kept = panels_of(rig.figure), rig.kept
+    title = rig.figure.get_suptitle()
+    assert f"{kept['sigma0']:.4g} N/m" in title and f"{kept['Fc']:.4g} N" in title
+    assert panels["loop"].get_title(loc="left") == kept["verdict"]
+    for name in ("sigma0", "Fc"):
+        axes, ends = panels[name], kept["ci95"][name]
+        whole, each = axes.lines
+        assert whole.get_ydata()[0] == kept[name]
+        assert each.get_xdata().tolist() == list(range(1, 13))
+        assert each.get_ydata().tolist() == kept["cycles"][name]
+        band = axes.patches[0].get_extents().transformed(axes.transData.inverted())
+        assert (band.y0, band.y1) == pytest.approx(ends, rel=1e-6)
+    cost, (low, high) = panels["cost"], kept["ci95"]["sigma0"]
+    values, least = cost.lines[0].get_xydata().T
+    assert (values[0], values[-1]) == pytest.approx((0.7 * low, 1.3 * high))
+    assert values[np.argmin(least)] == pytest.approx(kept["sigma0"], rel=0.02)
+    assert least.min() == pytest.approx(1, abs=1e-3)  # over the least of all
+    band = cost.patches[0].get_extents().transformed(cost.transData.inverted())
+    assert (band.x0, band.x1) == pytest.approx((low, high), rel=1e-6)
+
+
+def labels_of(figure) -> dict[str, tuple[str, str]]:
+    """The unit in brackets of either axis of each panel."""
+    panels = panels_of(figure).items()
+    return {
+        name: tuple(
+            "".join(re.findall(r"\[(.*)\]", words))
+            for words in (one.get_xlabel(), one.get_ylabel())
+        )
+        for name, one in panels
+    }
+
+
+def test_the_axes_of_the_picture_have_their_units(rig):
+    assert labels_of(rig.figure) == {
+        "loop": ("mm", "N"),
+        "residual": ("mm", "N"),
+        "by speed": ("mm/s", "N"),
+        "Fc": ("", "N"),
+        "sigma0": ("", "N/m"),
+        "cost": ("N/m", ""),
+    }
+
+
+# --- a turning shaft, another sign, no clock ------------------------------------------------------
+
+
+SPIKES = np.arange(100, 4000, 40)
+
+
+@pytest.fixture(scope="module")
+def shaft(tmp_path_factory, library):
+    """A shaft without a clock, its torque with the other sign and spikes; all that it leaves."""
+    folder = tmp_path_factory.mktemp("shaft")
+    theta = np.floor(sine(1, rows=4000, cycles=8) / COUNT) * COUNT
+    torque = -dahl_torque(theta) - 0.02 * FC * noise_of(1, 4000)
+    torque[SPIKES] += 20 * FC
+    path = write_csv(folder / "shaft.csv", theta, torque, "number,angle_deg,torque_Nm")
+    with drawing() as figures:
+        done = run("identify", path, "-o", folder, "--name", "x", "--terms", "none")
+    assert done.returncode == 0, done.stderr
+    kept = json.loads((folder / "x.json").read_text())
+    return SimpleNamespace(out=folder, kept=kept, figure=figures[0], theta=theta, torque=torque)
+
+
+def test_a_shaft_is_in_newton_metres_and_its_sign_is_told(shaft):
+    kept, ini = shaft.kept, (shaft.out / "x.ini").read_text()
+    assert kept["units"] == {"sigma0": "N m/rad", "Fc": "N m", "a": "1/rad"}
+    assert (kept["torque_sign"], kept["linear"], kept["extra"]) == (-1.0, False, {})
+    assert labels_of(shaft.figure)["by speed"] == ("rad/row", "N m")
+    assert labels_of(shaft.figure)["loop"] == ("rad", "N m")
+    curves = curves_of(panels_of(shaft.figure)["loop"])
+    assert curves["as measured"][1] == pytest.approx(-shaft.torque, abs=1e-6)
+    (odd,) = (line for name, line in curves.items() if name.startswith("weighs less"))
+    rows = [np.argmin(np.abs(curves["as measured"].T - one).sum(axis=1)) for one in odd.T]
+    assert {*SPIKES.tolist()} <= {*rows} and len(rows) < len(SPIKES) + 20
+    assert "torque = torque_Nm" in ini and "angle = theta_rad" in ini and "[rad]" in ini
+
+
+@pytest.mark.parametrize("counts", [4096, 65536])
+def test_the_plan_is_for_the_encoder_of_the_target(shaft, counts, root, tmp_path):
+    words = ("--model", "dahl", "--target-counts-per-turn", counts, "-o", tmp_path, "--name", "x")
+    assert run("identify", shaft.out / "shaft.csv", *words, "--force").returncode == 0
+    kept = json.loads((tmp_path / "x.json").read_text())
+    assert kept["plan"]["theta_per_count"] == pytest.approx(2 * np.pi / counts)
+    assert (kept["plan"]["of_target"], shaft.kept["plan"]["of_target"]) == (True, False)
+    assert kept["resolution"] == pytest.approx(COUNT)
+    params = (kept["sigma0"], kept["Fc"], 2 * np.pi / counts)
+    assert is_plan_of(tmp_path, root / "lib/include", *params)
+
+
+def test_noise_leaves_no_plan_and_json_has_no_infinity(tmp_path):
+    """One of an earlier run goes; nothing that is not a number is in the JSON."""
+    theta = np.floor(sine(1, rows=4000, cycles=8) / COUNT) * COUNT
+    path = write_csv(tmp_path / "noise.csv", theta, noise_of(1, 4000))
+    (tmp_path / "dahl_plan_x.h").write_text("an old one")
+    done = run("identify", path, "-o", tmp_path, "--name", "x")
+    assert done.returncode == 0 and not (tmp_path / "dahl_plan_x.h").exists()
+    kept = json.loads((tmp_path / "x.json").read_text(), parse_constant=pytest.fail)
+    assert kept["identifiable"] == {"sigma0": False, "Fc": False} and kept["plan"]["against"]
+    assert all(why in done.stdout for why in kept["plan"]["against"])
+
+
+def test_a_log_without_an_encoder_has_a_scene_that_counts_finely(tmp_path):
+    """A thousandth of a presliding length; its header is for dahl_step() alone."""
+    theta = sine(1, rows=4000, cycles=8)
+    path = write_csv(
+        tmp_path / "free.csv", theta, dahl_torque(theta) + 0.01 * FC * noise_of(1, 4000)
     )
-    import os
-    import sys
-
-    loaded = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
-        cwd=paths.ROOT,
-        env=os.environ,
-    )
-    assert loaded.stdout.strip() == "[]"
-
-
-def test_no_file_of_someone_else_is_overwritten(dahl, tmp_path):
-    """A table or a scene of the name of the log is spared; those of an earlier run are replaced."""
-    log = synthetic(1, rows=2000, cycles=8)
-    write_csv(Path("rig.tsv"), log.theta, log.torque)
-    Path("rig.ini").write_text("[scene]\ntitle = mine\n")
-    done = dahl("identify", "rig.tsv", "-o", ".")
-    words = "there already, and not written by dahl; use --name\n"
-    assert (done.returncode, done.stderr) == (2, f"error: rig.ini: {words}")
-    assert dahl("identify", "rig.tsv", "-o", ".", "--no-files").returncode == 0
-    Path("rig.ini").rename("rig.csv")
-    done = dahl("identify", "rig.tsv", "-o", ".")
-    assert (done.returncode, done.stderr) == (2, f"error: rig.csv: {words}")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.csv", "rig.tsv"]
-    for _ in range(2):
-        assert dahl("identify", "rig.tsv", "-o", ".", "--name", "a").returncode == 0
-
-
-@pytest.mark.parametrize("end", ["csv", "json"])
-def test_no_file_that_is_written_is_a_log_that_is_read(dahl, end):
-    log = synthetic(1, rows=2000, cycles=8)
-    write_csv(Path("rig.csv"), log.theta, log.torque)
-    before = Path("rig.csv").read_bytes()
-    way = {"csv": ("-o", "."), "json": ("--json", "./rig.csv", "--no-files")}[end]
-    done = dahl("identify", "rig.csv", *way)
-    what = {"csv": "what is written into .", "json": "--json ./rig.csv"}[end]
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"error: rig.csv: {what} would destroy it")
-    assert Path("rig.csv").read_bytes() == before
+    words = ("--model", "dahl", "-o", tmp_path, "--name", "x", "--force")
+    assert run("identify", path, *words).returncode == 0
+    kept = json.loads((tmp_path / "x.json").read_text())
+    (count,) = re.findall(r"theta_per_count = (\S+)", (tmp_path / "x.ini").read_text())
+    assert float(count) == pytest.approx(1e-3 / kept["a"])
+    assert kept["plan"]["theta_per_count"] == 0
+    assert "dahl_step() alone" in comment_of(tmp_path / "dahl_plan_x.h")

@@ -1,73 +1,35 @@
 # SPDX-License-Identifier: MIT
-"""What the demo says about a run is judged on runs whose answer is known: a fit, a gap, a lost
-record, a torque that is wrong.
+"""What is said of a run is judged on runs whose answer is known: a fit, a gap, a lost record, a
+torque that is wrong. `dahl plot` shows which ticks were taken; the exact error and the summary are
+asked of dahl.report, since `dahl demo` only ever sees the sound frames of dahl-loop.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from types import SimpleNamespace
 
-import can
-import cantools
 import numpy as np
 import pytest
-from crccheck.crc import Crc8Autosar
-from dahl import Error, Friction, Loaded, Plan, html_report, report
+from bus_runs import FC, SIGMA0, THETA, Run, plotted
+from dahl import Friction, Loaded, Plan, report
 from dahl.scene import Measured, Recorded, Scene
+from log_reading import RefusedError, drawing
+from log_reading import run as command
 
-SIGMA0, FC, THETA = 50.0, 0.5, 1e-4
-SCENE = Scene(None, "test", "dahl", ((SIGMA0, FC),), THETA)
-KINDS = {"EncoderState": 0x3, "FrictionTorque": 0xC, "Reset": 0xA, "ParamWrite": 0x6}
+SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
 BOUND = 0.52  # ulp of Fc
 
 
-class Run:
-    """Frames of a run, as a recorder of the bus writes them; the torque is the library's."""
+def summed(run: Run, scene: Scene = SCENE, recorded: Recorded | None = None, **loop) -> dict:
+    return report.summary(scene, report.trace_of(run.frames), recorded, loop)
 
-    def __init__(self, dbc) -> None:
-        self.database = cantools.database.load_file(dbc)
-        self.bearing = Friction(Plan(SIGMA0, FC, THETA))
-        self.frames: list[can.Message] = []
-        self.count = self.ratio = 0
-        self.pause = 0.0  # s, before the next frame
 
-    def add(self, name: str, **signals) -> None:
-        message = self.database.get_message_by_name(name)
-        data = bytearray(message.encode({"Crc": 0, **signals}, scaling=False, strict=False))
-        data[0] = Crc8Autosar.calc(data[1:] + bytes([KINDS[name] << 4 | data[1] & 15]))
-        self.frames.append(
-            can.Message(
-                timestamp=len(self.frames) / 2000 + self.pause,
-                arbitration_id=message.frame_id,
-                data=data,
-                is_extended_id=False,
-            )
-        )
-
-    def send(self, counter: int, count: int, valid: int = 1) -> None:
-        self.add("EncoderState", Counter=counter % 16, Valid=valid, Count=count)
-
-    def answer(self, counter: int, count: int, state: int = 0, used: bool = True) -> None:
-        """The node integrates the travel since the last answer, or takes the count as a start."""
-        move = (count - self.count + 2**31) % 2**32 - 2**31 if used else 0
-        self.ratio = self.bearing.step_counts_q30(move)
-        self.count = count
-        self.add(
-            "FrictionTorque",
-            Counter=0,
-            State=state,
-            EchoCounter=counter % 16,
-            TorqueRatio=self.ratio,
-        )
-
-    def tick(self, counter: int, count: int, state: int = 0, used: bool = True) -> None:
-        self.send(counter, count)
-        self.answer(counter, count, state, used)
-
-    def trace(self) -> report.Trace:
-        return report.trace_of(self.frames)
+def error_of(run: Run, scene: Scene = SCENE) -> float:
+    """Of the torque on the bus against the exact one, ulp of Fc."""
+    return summed(run, scene)["max_error_ulp_Fc"]
 
 
 @pytest.fixture
@@ -80,231 +42,256 @@ def run(library, dbc) -> Run:
     return begun
 
 
+START = [0, 20, 30]  # counts of it, from the first
+
+
+# --- which ticks are taken ------------------------------------------------------------------------
+
+
 @pytest.mark.parametrize("state", [3, 5, 6], ids=["WrongSequence", "Stale", "Init"])
-def test_a_new_start_in_the_middle_moves_nothing(run, state):
+def test_a_new_start_in_the_middle_moves_nothing(run, state, tmp_path):
     """The node integrates no travel there, so neither may the reference."""
     run.tick(3, 4000, state=state, used=False)
     run.tick(4, 4010)
-    trace = run.trace()
-    assert trace.moves().tolist() == [0, 20, 10, 0, 10]
-    assert report.max_error_ulp(SCENE, trace) <= BOUND
+    assert plotted(run, tmp_path).counts == [*START, 4500, 4510] and error_of(run) <= BOUND
 
 
 @pytest.mark.parametrize("state", [0, 2], ids=["OK", "Lost"])
-def test_travel_over_lost_frames_counts(run, state):
+def test_travel_over_lost_frames_counts(run, state, tmp_path):
     run.send(3, -460)  # not answered
     run.send(4, 77, valid=0)  # disowned by the encoder itself
     run.tick(5, -400, state=state)
-    trace = run.trace()
-    assert trace.moves().tolist() == [0, 20, 10, 70]
-    assert trace.row.tolist() == [0, 1, 2, 5]
-    assert (trace.recorded, trace.missing) == (5, 1)
-    assert report.max_error_ulp(SCENE, trace) <= BOUND
+    seen = plotted(run, tmp_path)
+    assert (seen.counts, seen.rows) == ([*START, 100], [0, 1, 2, 5])
+    numbers = summed(run)
+    assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 1)
+    assert numbers["max_error_ulp_Fc"] <= BOUND
 
 
-def test_a_restart_behind_frames_that_were_not_recorded_relaxes_its_own_tick(run):
-    """Two records are lost before the Reset, and one answer behind it."""
+def test_a_restart_behind_frames_that_were_not_recorded_relaxes_its_own_tick(run, tmp_path):
+    """Two records are lost before the Reset, and one answer behind it; one of the errors alone
+    relaxes nothing.
+    """
     run.tick(5, -440, state=2)
     run.add("Reset", Counter=0, What=2)
     run.bearing = Friction(Plan(SIGMA0, FC, THETA))
     run.tick(6, -400, state=6, used=False)
     run.tick(7, 300)
-    trace = run.trace()
-    assert trace.row.tolist() == [0, 1, 2, 5, 6, 7]
-    assert trace.relaxed.tolist() == [False] * 4 + [True, False]
-    assert report.max_error_ulp(SCENE, trace) <= BOUND
-
-
-def test_a_reset_of_the_errors_alone_relaxes_nothing(run):
     run.add("Reset", Counter=0, What=1)
-    run.tick(3, -400)
-    trace = run.trace()
-    assert not trace.relaxed.any() and report.max_error_ulp(SCENE, trace) <= BOUND
+    run.tick(8, 310)
+    seen = plotted(run, tmp_path)
+    assert seen.rows == [0, 1, 2, 5, 6, 7, 8] and error_of(run) <= BOUND
+    whole = seen.figure.axes[1]
+    marks = {mark.get_label()[:7]: mark.get_segments() for mark in whole.collections}
+    assert [stroke[0][0] for stroke in marks["restart"]] == [6]
 
 
-def test_a_load_holds_from_the_frame_that_writes_it(run):
-    """Up to 1; what is read, held or of another parameter is none."""
-    raw = {"Counter": 0, "Write": 1, "Param": 10, "Load": 2**14}
-    changes = ({"Load": 2**16}, {"Load": 2**16 + 1}, {"Write": 0}, {"Write": 2})
-    for n, change in enumerate(({}, *changes), start=3):
-        run.add("ParamWrite", **raw | change)
-        run.tick(n, -400 + n)
-    run.add("ParamWrite", Counter=0, Write=1, Param=1, Fc=5)
-    run.tick(8, 0)
-    assert run.trace().load.tolist() == [2**16] * 3 + [2**14] + [2**16] * 5
-
-
-def test_the_exact_torque_follows_the_load_that_was_told(library, dbc):
+def test_a_load_holds_from_the_frame_that_writes_it(library, dbc):
+    """Up to 1; what is read, held, beyond 1 or of another parameter is none."""
     run, gear, load = Run(dbc), Loaded(Plan(SIGMA0, FC, THETA)), 1.0
     run.bearing = SimpleNamespace(step_counts_q30=lambda move: gear.step_counts_q30(move, load))
     run.tick(0, 0, state=6, used=False)
-    for n, load in enumerate((1.0, 0.25, 0.25, 0.75), start=1):  # noqa: B007 (run's bearing has it)
-        run.add("ParamWrite", Counter=0, Write=1, Param=10, Load=int(load * 2**16))
-        run.tick(n, 70 * n)
-    scene = Scene(None, "test", "loaded", ((SIGMA0, FC),), THETA)
-    assert report.max_error_ulp(scene, run.trace()) <= BOUND
+    raw = {"Counter": 0, "Write": 1, "Param": 10, "Load": 2**14}
+    steps = [(raw, 0.25), (raw | {"Load": 2**16}, 1.0), (raw, 0.25)]
+    steps += [(raw | {"Load": 2**16 + 1}, 0.25), (raw | {"Write": 0, "Load": 9}, 0.25)]
+    steps += [(raw | {"Write": 2, "Load": 9}, 0.25), (raw | {"Load": 49152}, 0.75)]
+    steps += [({"Counter": 0, "Write": 1, "Param": 1, "Fc": 5}, 0.75)]
+    for number, (signals, load) in enumerate(steps, start=1):  # noqa: B007 (run's bearing has it)
+        run.add("ParamWrite", **signals)
+        run.tick(number, 70 * number)
+    scene = Scene(SCENE.path, "t", "loaded", SCENE.elements, THETA)
+    assert error_of(run, scene) <= BOUND
 
 
-def test_a_travel_that_the_node_left_out_is_an_error(run):
-    """The state says that it was used, the torque says that it was not."""
+def test_an_error_of_the_node_is_seen(run):
+    """A travel that it left out though the state says that it was used; one unit of 2^-16 of Fc."""
     run.tick(3, 500, state=0, used=False)
-    assert report.max_error_ulp(SCENE, run.trace()) > 1000
-
-
-def test_one_unit_of_the_ratio_is_seen(run):
-    """2^-16 of Fc is 256 ulp of it and more."""
-    run.send(3, -460)
-    run.bearing.step_counts_q30(10)
+    assert error_of(run) > 1000
+    del run.frames[-2:]
+    run.count = -470
+    run.send(3, -470)
     run.add("FrictionTorque", Counter=0, State=0, EchoCounter=3, TorqueRatio=run.ratio + 2**14)
-    assert report.max_error_ulp(SCENE, run.trace()) > 100
+    assert error_of(run) > 100
 
 
 @pytest.mark.parametrize("kind", ["is_extended_id", "is_error_frame", "is_fd", "node", "crc"])
 def test_frames_that_only_look_like_the_nodes_are_left_out(run, kind):
-    before = run.trace()
+    before = summed(run)
     run.tick(3, 7000)
     for frame in run.frames[-2:]:
         frame.arbitration_id += kind == "node"
         frame.data[0] ^= kind == "crc"
-        setattr(frame, kind, True) if kind.startswith("is_") else None
-    after = run.trace()
-    assert (after.count.tolist(), after.recorded) == (before.count.tolist(), before.recorded)
+        if kind.startswith("is_"):
+            setattr(frame, kind, True)
+    assert summed(run) == before
 
 
-def test_the_node_that_is_asked_for_is_read(run):
+def test_the_node_that_is_asked_for_is_read(run, tmp_path):
     for frame in run.frames:
         frame.arbitration_id += 3
-    assert report.trace_of(run.frames, 3).count.tolist() == [-500, -480, -470]
-    with pytest.raises(Error, match="no EncoderState with its FrictionTorque"):
-        run.trace()
+    with pytest.raises(RefusedError, match=r"no EncoderState"):
+        plotted(run, tmp_path)
+    scene = "[friction]\nnode = 3\n"
+    text = (tmp_path / "x.ini").read_text().replace("[friction]\n", scene)
+    (tmp_path / "y.ini").write_text(text)
+    seen = plotted(run, tmp_path, words=("--scene", str(tmp_path / "y.ini")))
+    assert seen.counts == START
 
 
-def test_a_count_that_wraps_is_one_path(library, dbc):
+def test_a_count_that_wraps_is_one_path(library, dbc, tmp_path):
     run = Run(dbc)
     run.tick(0, 2**31 - 5, state=6, used=False)
     run.tick(1, -(2**31) + 5)
-    trace = run.trace()
-    assert trace.moves().tolist() == [0, 10]
-    assert report.max_error_ulp(SCENE, trace) <= BOUND
-    assert trace.angle(SCENE) == pytest.approx([0, 10e-4], rel=1e-6)
-
-
-def test_frames_that_the_recorder_missed_are_counted(run):
-    run.tick(9, -450)
-    assert run.trace().missing == 6
-    assert run.trace().row.tolist() == [0, 1, 2, 9]
+    assert plotted(run, tmp_path).counts == [0, 10] and error_of(run) <= BOUND
 
 
 @pytest.mark.parametrize(
     ("step", "pause", "taken"),
     [(7, 0, True), (8, 0, True), (9, 0, False), (9, 0.0035, False), (9, 0.0045, True)],
 )
-def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, pause, taken):
+def test_a_frame_ahead_is_a_gap_and_a_later_one_is_late(run, step, pause, taken, tmp_path):
     """As the node has it: DAHL_NODE_GAP_MAX_STEP is 8; after 5 ms, here 1 ms and the pause, none
     is late.
     """
     run.pause = pause
     run.tick(2 + step, -450, used=taken)
-    assert run.trace().row.tolist() == [0, 1, 2] + [2 + step] * taken
+    assert plotted(run, tmp_path).rows == [0, 1, 2] + [2 + step] * taken
+    assert summed(run)["frames_not_recorded"] == (step - 1) * taken
 
 
-def test_an_answer_goes_to_the_frame_that_it_echoes(run):
-    """Two frames, then their answers: as a burst comes over a busy bus."""
-    run.send(3, -460)
-    run.send(4, -400)
-    run.answer(3, -460)
-    run.answer(4, -400)
-    again = {"Counter": 0, "State": 0, "EchoCounter": 4}
-    run.add("FrictionTorque", **again, TorqueRatio=-run.ratio)  # a second answer is none
-    assert run.trace().count.tolist() == [-500, -480, -470, -460, -400]
-    assert report.max_error_ulp(SCENE, run.trace()) <= BOUND
-
-
-def test_answers_that_come_many_beats_late_are_still_their_frames(run):
-    """A node that stalls answers a burst then; the 4-bit echo alone would point to newer frames."""
-    counts = [-470 + 3 * i * (-1) ** i for i in range(3, 60)]
+@pytest.mark.parametrize("ticks", [2, 57])
+def test_answers_that_come_beats_late_are_still_their_frames(run, ticks, tmp_path):
+    """A burst over a busy bus, or of a node that stalls: the 4-bit echo alone would point to newer
+    frames. A second answer to one frame is none.
+    """
+    counts = [-470 + 3 * i * (-1) ** i for i in range(3, 3 + ticks)]
     for counter, count in enumerate(counts, start=3):
         run.send(counter, count)
     for counter, count in enumerate(counts, start=3):
         run.answer(counter, count)
-    trace = run.trace()
-    assert trace.count.tolist() == [-500, -480, -470, *counts]
-    assert report.max_error_ulp(SCENE, trace) <= BOUND
+    again = {"Counter": 0, "State": 0, "EchoCounter": (2 + ticks) % 16}
+    run.add("FrictionTorque", **again, TorqueRatio=-run.ratio)
+    shown = plotted(run, tmp_path)
+    assert shown.counts == [*START, *(count + 500 for count in counts)]
+    assert error_of(run) <= BOUND
 
 
-def test_after_a_gap_a_new_start_answers_the_newest_frame(run):
+def test_after_a_gap_a_new_start_answers_the_newest_frame(run, tmp_path):
     for counter in range(3, 60):
         run.send(counter, 100 * counter)
     run.answer(59, 5900, state=5, used=False)
     run.tick(60, 5910)
-    trace = run.trace()
-    assert trace.row.tolist() == [0, 1, 2, 59, 60]
-    assert trace.moves().tolist() == [0, 20, 10, 0, 10]
-    assert report.max_error_ulp(SCENE, trace) <= BOUND
+    seen = plotted(run, tmp_path)
+    assert (seen.rows, seen.counts) == ([0, 1, 2, 59, 60], [*START, 6400, 6410])
+    assert error_of(run) <= BOUND
 
 
-def fitted(run: Run, torque, **measured) -> dict:
-    scene = Scene(
-        None, "t", "dahl", ((SIGMA0, FC),), THETA, measured=Measured(torque="T", **measured)
-    )
-    return report.fit(scene, run.trace(), Recorded(np.array(torque), None, len(torque)))
+# --- numbers --------------------------------------------------------------------------------------
+
+
+def fitted(run: Run, torque, **measured) -> tuple[float | None, float | None]:
+    scene = Scene(SCENE.path, "t", "dahl", SCENE.elements, THETA)
+    scene.measured = Measured(torque="T", **measured)
+    found = summed(run, scene, Recorded(np.array(torque), None, len(torque)))
+    return found["rmse_measured"], found["r2_measured"]
 
 
 def test_fit_is_the_textbooks(run):
     """rmse and R2 from their definitions; rows before `settle` and those without an answer are left
-    out, offset and spring in.
+    out, offset and spring in; none without rows or without spread.
     """
     run.send(3, -460)  # not answered
     run.tick(4, -440, state=2)
-    torque = run.trace().torque(SCENE).astype(float)
+    bearing = Friction(Plan(SIGMA0, FC, THETA))
+    torque = np.array([bearing.step_counts(move) for move in (0, 20, 10, 30)])
     shown = torque + 0.25 + [9, 0.1, -0.3, 0]
-    found = fitted(run, [*shown[:3], 99, shown[3]], offset=0.25, settle=1)
-    spread = 3 * np.var(shown[1:])
-    assert found["rmse_measured"] == pytest.approx((0.1 / 3) ** 0.5, rel=1e-6)
-    assert found["r2_measured"] == pytest.approx(1 - 0.1 / spread, rel=1e-6)
+    rmse, r2 = fitted(run, [*shown[:3], 99, shown[3]], offset=0.25, settle=1)
+    assert rmse == pytest.approx((0.1 / 3) ** 0.5, rel=1e-4)
+    assert r2 == pytest.approx(1 - 0.1 / (3 * np.var(shown[1:])), rel=1e-4)
     springy = torque + 7 * THETA * np.array([0, 20, 30, 60])
-    found = fitted(run, [*springy[:3], 99, springy[3]], spring=7.0)
-    assert found["rmse_measured"] == pytest.approx(0, abs=1e-9)
-
-
-def test_no_fit_without_rows_or_without_spread(run):
-    assert fitted(run, [1, 2, 3], settle=3) == {"rmse_measured": None, "r2_measured": None}
-    assert fitted(run, [1, 1, 1])["r2_measured"] is None
+    rmse, _ = fitted(run, [*springy[:3], 99, springy[3]], spring=7.0)
+    assert rmse == pytest.approx(0, abs=1e-5)
+    assert fitted(run, [1, 2, 3, 4, 5], settle=5) == (None, None)
+    assert fitted(run, [1] * 5)[1] is None
 
 
 def test_the_summary_is_what_was_recorded(run):
     run.send(3, -460)  # not answered
     run.tick(6, -450, state=2)
-    scene = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA, measured=Measured(settle=2))
+    scene = Scene(SCENE.path, "t", "dahl", SCENE.elements, THETA, measured=Measured(settle=2))
     scene.kinds, scene.breakaway = ("dahl",), 0.25
-    numbers = report.summary(scene, run.trace(), None, {"ticks": 7})
-    assert (numbers["ticks"], numbers["scene"], numbers["title"]) == (7, "b", "t")
-    assert (numbers["frames_recorded"], numbers["frames_not_recorded"]) == (5, 2)
-    assert numbers["answers_by_state"] == {"OK": 2, "Lost": 1, "Init": 1}
-    assert numbers["elements"] == [{"sigma0": SIGMA0, "Fc": FC}]
-    assert (numbers["kinds"], numbers["breakaway"]) == (["dahl"], 0.25)
-    assert numbers["units"] == {"sigma0": "N m/rad", "Fc": "N m", "theta_per_count": "rad"}
-    assert numbers["parameters"] == {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA}
-    assert (numbers["compared_from_row"], numbers["scene_file"]) == (2, str(Path.cwd() / "a/b.ini"))
-    assert 0 < numbers["max_error_ulp_Fc"] <= BOUND
+    numbers = summed(run, scene, ticks=7)
+    wanted = {
+        "ticks": 7,
+        "scene": "b",
+        "title": "t",
+        "frames_recorded": 5,
+        "frames_not_recorded": 2,
+        "answers_by_state": {"OK": 2, "Lost": 1, "Init": 1},
+        "model": "dahl",
+        "elements": [{"sigma0": SIGMA0, "Fc": FC}],
+        "kinds": ["dahl"],
+        "breakaway": 0.25,
+        "units": {"sigma0": "N m/rad", "Fc": "N m", "theta_per_count": "rad"},
+        "parameters": {"sigma0": SIGMA0, "Fc": FC, "theta_per_count": THETA},
+        "compared_from_row": 2,
+        "scene_file": str(Path.cwd() / "a/b.ini"),
+        "rmse_measured": None,
+        "r2_measured": None,
+    }
+    assert 0 < numbers.pop("max_error_ulp_Fc") <= BOUND
+    assert numbers == wanted
 
 
-def test_the_page_shows_each_number_in_its_unit():
+def test_the_caption_says_how_well_the_run_fits(run, tmp_path):
+    """R2 as numpy has it of the curves that are drawn."""
+    run.tick(3, -300)
+    seen = plotted(run, tmp_path, "torque = torque\noffset = 0.5\n")
+    measured, computed = (line.get_ydata() for line in seen.figure.axes[0].lines)
+    assert measured == pytest.approx(np.sin(np.arange(4.0)))
+    left = np.sum((measured - computed) ** 2)
+    r2 = 1 - left / np.sum((measured - measured.mean()) ** 2)
+    caption = seen.figure.axes[0].get_title(loc="left")
+    assert float(re.search(r"R² = (\S+)", caption)[1]) == pytest.approx(r2, abs=6e-5)
+    assert "50 N m/rad" in caption and "0.5 N m" in caption and "4 ticks" in caption
+    assert "4 ticks" in seen.said
+
+
+def page_of(folder: Path, numbers: dict) -> tuple[list[str], str]:
+    """The cells of the page that `dahl report` makes of a summary, and the page."""
+    (folder / "loop.png").touch()
+    (folder / "summary.json").write_text(json.dumps({"scene_file": "x.ini"} | numbers))
+    assert command("report", folder).returncode == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    return re.findall("<td>(.*?)</td>", page), page
+
+
+@pytest.mark.parametrize(("force", "slope"), [("N", "N/m"), ("N m", "N m/rad")])
+def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
+    latency = {"p50": 100.0, "p99": 1000.0, "max": 10000.4}
     numbers = {"title": "x", "ticks": 800, "bus_load": 0.2434, "max_error_ulp_Fc": 0.51}
     numbers |= {"bus": "a bus", "time": "real", "frames_sent": 11, "frames_lost": 12}
     numbers |= {"deadline_misses": 13, "rmse_measured": 0.0123456, "r2_measured": 0.98765}
     numbers |= {"realtime_factor": 3.21, "parameters": {"sigma0": 12.5}, "node": {"jumps": 1234567}}
-    page = html_report.page({**numbers, "answers_by_state": {"OK": 790}}, b"")
-    cells = re.findall("<td>(.*?)</td>", page)
-    shown = "a bus, real, 800, 11, 12, 13, 0.510 ulp of Fc, 0.01235, 0.9877, 24.3%, 3.2, 12.5"
-    assert cells[1::2] == [*shown.split(", "), "790", "1234567"]
-    assert cells[-6:] == ["sigma0", "12.5", "OK", "790", "jumps", "1234567"]
+    numbers |= {"latency_us": latency, "jitter_us": dict.fromkeys(latency, 0.0)}
+    numbers |= {"units": {"sigma0": slope, "Fc": force, "theta_per_count": "rad"}}
+    cells, _ = page_of(tmp_path, numbers | {"answers_by_state": {"OK": 790}})
+    shown = f"a bus;real;800;11;12;13;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
+    shown += f";p50 100, p99 1000, max 10000 us;12.5 {slope};790;1234567"
+    assert cells[1::2] == shown.split(";")
+    assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
+    cells, page = page_of(tmp_path, {"version": "9"})
+    assert cells == [] and "dahl 9" in page
 
 
-def test_the_page_tells_latencies_where_time_was_measured():
-    latency = {"p50": 100.0, "p99": 1000.0, "max": 10000.4}
-    still = dict.fromkeys(latency, 0.0)
-    page = html_report.page({"latency_us": latency, "jitter_us": still}, b"")
-    assert "<td>p50 100, p99 1000, max 10000 us</td>" in page
-    assert ", dahl" not in html_report.page({"version": "9"}, b"")
-    assert "change of it" not in page
+def test_the_fit_is_that_of_the_scene_that_is_drawn(run, tmp_path):
+    """Not that of the summary beside the log, which may be of another scene."""
+    run.tick(3, -300)
+    plotted(run, tmp_path, "torque = torque\n")
+    (tmp_path / "frames.log").rename(tmp_path / "run.log")
+    summary = {"scene_file": str(tmp_path / "x.ini"), "r2_measured": 0.875}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    with drawing(rendered=False) as figures:
+        assert command("plot", tmp_path, "--scene", tmp_path / "x.ini").returncode == 0
+    caption = figures[0].axes[0].get_title(loc="left")
+    assert "R²" in caption and "0.875" not in caption

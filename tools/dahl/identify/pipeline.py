@@ -364,8 +364,10 @@ def _hidden(
         return {}
     pairs = zip(study.logs, doubts, strict=True)
     logs = [replace(log, theta=log.theta + doubt) for log, doubt in pairs]
-    other = fit.point(Study(logs).again(best.a, terms), terms)
     names = ("a", "Fc", "sigma0")
+    if not any(np.ptp(log.theta) > 0 for log in logs):
+        return dict.fromkeys(names, 1.0)  # the whole motion is within a count
+    other = fit.point(Study(logs).again(best.a, terms), terms)
     return {name: abs(getattr(other, name) / getattr(best, name) - 1) for name in names}
 
 

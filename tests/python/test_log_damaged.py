@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: MIT
+"""Whatever the bytes of a log or of a DBC are, `dahl identify` answers with a log of finite numbers
+or with one line that names the file; and nothing else is said.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import log_writers
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+from law_tools import holds, modes
+from log_reading import RefusedError, read, signals
+
+pytestmark = pytest.mark.usefixtures("library")
+
+KINDS = [*log_writers.TABLES, *log_writers.FRAMES]
+KINDS.remove("structure.mat")  # for a damaged size in it scipy alone takes half a minute
+ROWS = np.arange(40)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("logs")
+
+
+def sound(folder: Path, kind: str) -> tuple[bytes, tuple[object, ...]]:
+    """A whole file of one kind, and the options with which it is read."""
+    path = folder / f"whole.{kind}"
+    if kind in log_writers.FRAMES:
+        log_writers.frames(path, 1000 + 0.01 * ROWS, 100 * ROWS, ROWS % 7)
+        return path.read_bytes(), signals(folder)
+    table = {"t": 0.01 * ROWS, "angle_deg": 0.1 * ROWS, "torque_Nm": np.sin(ROWS)}
+    log_writers.TABLES[kind](path, table)
+    return path.read_bytes(), ()
+
+
+def answered(path: Path, *words: object) -> None:
+    """A log, or one line that names the file (or the DBC)."""
+    try:
+        log = read(path, *words)
+    except RefusedError as error:
+        assert path.name in str(error) or "in the DBC" in str(error), str(error)
+        assert not str(error).endswith(f"read as {path.suffix}")  # but why it cannot
+    else:
+        assert log.theta.dtype == log.torque.dtype == float
+        assert len(log.theta) == len(log.torque) >= 30
+        assert np.isfinite(log.theta).all() and np.isfinite(log.torque).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@modes(short=15, long=300)
+def test_a_damaged_file_is_a_log_or_one_line(folder, kind, examples, caplog):
+    """Bytes put in, left out or written over anywhere; a file that ends anywhere. What asammdf says
+    to its own log reaches nobody.
+    """
+    logging.getLogger("asammdf").addHandler(caplog.handler)
+    whole, words = sound(folder, kind)
+    path, places = folder / f"damaged.{kind}", st.integers(0, len(whole))
+    path.write_bytes(whole)
+    assert read(path, *words).rows == len(ROWS)
+    for part in (1, 10, 130, len(whole) // 7, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:part])
+        answered(path, *words)
+
+    def law(cut: tuple[int, int], put: bytes, start: int) -> None:
+        low, high = min(cut), max(cut)
+        path.write_bytes(whole[:low] + put + whole[high if start else low + len(put) :])
+        answered(path, *words)
+
+    holds(law, examples, st.tuples(places, places), st.binary(max_size=8), st.integers(0, 1))
+    logging.getLogger("asammdf").removeHandler(caplog.handler)
+    assert not [one for one in caplog.records if one.name.startswith("asammdf")]
+
+
+@modes(short=60, long=2000)
+def test_any_dbc_is_taken_or_refused_in_one_line(folder, examples, dahl_here):
+    """Also by `dahl monitor`, which reads it before it opens a bus."""
+    path, log = folder / "any.dbc", folder / "whole.log"
+    log_writers.frames(log, 1000 + 0.01 * ROWS, 100 * ROWS, ROWS % 7)
+    lines = [*log_writers.DBC.encode().splitlines(), b"BO_", b"CM_ 1", b"SG_ x", b"\xff", b"\x81"]
+    lines += [b"VAL_ 256 Angle 1 2 ;", b"BO_ 256 Shaft: 2 A", b" SG_ Angle m0 : 0|8@1+ (1,0) A"]
+    names = ("--angle", "Angle", "--torque", "Torque")
+    monitor = ("monitor", "-i", "virtual", "-c", "dbc", "--seconds", "0.01", "--dbc", path)
+
+    def law(chosen: list[bytes]) -> None:
+        path.write_bytes(b"\n".join(chosen) + b"\n")
+        try:
+            read(log, "--dbc", path, *names)
+        except RefusedError as error:
+            assert any(word in str(error) for word in ("any.dbc", "DBC", "signal")), str(error)
+        assert dahl_here(*monitor).stderr.count("\n") <= 1
+
+    holds(law, examples, st.lists(st.sampled_from(lines), max_size=14))

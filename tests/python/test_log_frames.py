@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: MIT
+"""Logs of a CAN bus and channels of an MF4: the signals that a DBC tells of, each at the times of
+its own frames, brought together without a torque that belongs to another angle.
+"""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import can
+import log_writers
+import numpy as np
+import pytest
+from log_reading import RefusedError, read, refused, signals
+from log_writers import DBC, FRAMES, LOAD, SHAFT, STEP
+
+pytestmark = pytest.mark.usefixtures("library")
+
+ROWS = 100
+TIME = np.arange(ROWS) * 1e-3
+
+
+def wave(rows: int = ROWS) -> np.ndarray:
+    return np.arange(rows) * 7 % 11 - 5
+
+
+@pytest.mark.parametrize("kind", FRAMES)
+def test_frames_come_back_as_they_were_sent(kind, tmp_path):
+    """By the writers of python-can, in bits of the DBC, whatever the letters of the ending; a turn
+    of the angle is undone.
+    """
+    words = signals(tmp_path)
+    for seed in range(3):
+        draw = np.random.default_rng(seed)
+        angle, torque = draw.integers(-900_000, 900_000, (2, ROWS))
+        log_writers.frames(tmp_path / f"x.{kind}", 1000 + 0.01 * np.arange(ROWS), angle, torque)
+        path = tmp_path / f"{seed}.{kind.upper() if seed else kind}"
+        shutil.move(tmp_path / f"x.{kind}", path)
+        log = read(path, *words)
+        assert (log.rows, log.notes, log.unit) == (ROWS, [], "N m")
+        np.testing.assert_allclose(np.diff(log.time), 0.01, atol=2e-3)
+        np.testing.assert_allclose(log.torque, torque * STEP, rtol=1e-12)
+        turns = (np.degrees(log.theta) - angle * STEP) / 360
+        np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
+
+
+# --- what tells the signals -----------------------------------------------------------------------
+
+
+@pytest.fixture
+def shaft(tmp_path):
+    """A log of 100 angles and torques."""
+    log_writers.frames(tmp_path / "x.blf", TIME, np.arange(ROWS), wave())
+    return tmp_path / "x.blf"
+
+
+def test_a_bus_log_needs_a_dbc_and_names_of_it(shaft, tmp_path):
+    words = signals(tmp_path)
+    (tmp_path / "x.csv").write_text("angle,torque\n1,2\n")
+    for some, parts in (
+        ((), ("x.blf", "--dbc")),
+        (words[:2], ("--angle", "--torque")),
+        (words[:4], ("--angle", "--torque")),
+        (("--dbc", tmp_path / "none.dbc", *words[2:]), ("none.dbc: No such file",)),
+        (("--dbc", tmp_path / "x.csv", *words[2:]), ("x.csv", "DBC")),
+        ((*words[:2], "--angle", "Angel", "--torque", "Torque"), ("'Angel'", "'Angle'")),
+        ((*words, "--load", "Torqe"), ("'Torqe'", "'Torque'")),
+    ):
+        line = refused(shaft, *some)
+        assert all(part in line for part in parts), line
+    log_writers.frames(tmp_path / "x.mf4", TIME, np.arange(ROWS), wave())
+    assert "--dbc" in refused(tmp_path / "x.mf4")
+
+
+def test_a_dbc_with_a_fault_elsewhere_is_taken(shaft, tmp_path):
+    """A signal beyond the end of its message, two on one bit, letters of Windows, a comment that
+    no rule of the format knows: as in many a maker's own.
+    """
+    odd = (
+        "BO_ 300 Odd: 1 A\n"
+        ' SG_ Long : 0|16@1- (1,0) [0|0] "°" A\n'
+        ' SG_ Twice : 0|8@1- (1,0) [0|0] "" A\nCM_ 1 free words;\n'
+    )
+    assert read(shaft, *signals(tmp_path, dbc=DBC + odd)).rows == ROWS
+
+
+def test_a_signal_of_two_messages_is_named_with_its_own(shaft, tmp_path):
+    """Of what was wanted and what was measured the DBC may give both one name."""
+    wish = DBC[DBC.index("BO_ 257") :].replace("257 Load", "258 Wish").replace("0.0001", "1")
+    words = signals(tmp_path, dbc=DBC.replace("BO_ 257", f"{wish}BO_ 257"))
+    line = refused(shaft, *words)
+    assert "Wish.Torque" in line and "Load.Torque" in line
+    log = read(shaft, *words, "--torque", "Load.Torque")
+    assert log.torque == pytest.approx(wave() * STEP) and log.notes == []
+
+
+def test_values_beyond_the_range_of_the_dbc_are_none(tmp_path):
+    """As 7FFF of a sensor that has no value; error frames, requests, and short frames are none."""
+    path, torque = tmp_path / "x.log", wave() * 1000
+    torque[50] = 10**9  # 1e5 N m, where the DBC has 100 at most
+    log_writers.frames(path, TIME, np.arange(ROWS), torque)
+    log = read(path, *signals(tmp_path))
+    assert log.rows == ROWS - 1 and np.delete(torque, 50) * STEP == pytest.approx(log.torque)
+    with path.open("a") as file:
+        file.write("(2.000000) 1 101#R8\n(2.100000) 1 101#01\n(2.200000) 1 100#\n")
+    assert read(path, *signals(tmp_path)).rows == ROWS - 1
+    log_writers.frames(path, TIME[:1], *np.ones((2, 1), dtype=int))
+    assert "'Angle'" in refused(path, *signals(tmp_path))
+
+
+# --- angle, torque and load at one time -----------------------------------------------------------
+
+
+def on_a_bus(folder: Path, angle_times, torque_times, *more):
+    """The values of angle and torque that are read, and the log: frame k of either message has the
+    value k, the torque 100 more.
+    """
+    frames = [(time, SHAFT, k) for k, time in enumerate(angle_times)]
+    frames += [(time, LOAD, k + 100) for k, time in enumerate(torque_times)]
+    rows = sorted(frames, key=lambda one: one[0])
+    with can.Logger(folder / "x.log") as logger:
+        for time, number, value in rows:
+            data = (10_000 * value).to_bytes(4, "little") + bytes(4)
+            logger(can.Message(time, number, is_extended_id=False, data=data))
+    wide = DBC.replace("[-1000|1000]", "[0|0]").replace("[-100|100]", "[0|0]")
+    log = read(folder / "x.log", *signals(folder, *more, dbc=wide), "--trust-units")
+    return np.degrees(log.theta), log.torque, log
+
+
+def test_an_answer_belongs_to_its_angle_however_late_it_comes(tmp_path):
+    """A busy bus brings each answer later or earlier, within the period."""
+    angles = 1 + np.arange(1000) * 1e-3
+    answers = angles + np.random.default_rng(1).uniform(1e-6, 0.99e-3, 1000)
+    angle, torque, log = on_a_bus(tmp_path, angles, answers)
+    assert torque - angle == pytest.approx(np.full(1000, 100.0)) and len(angle) == 1000
+    assert log.time == pytest.approx(angles, abs=1e-6)
+    lost = np.delete(answers, [3, 500, 999])  # their angles have no torque
+    angle, torque, _ = on_a_bus(tmp_path, angles, lost)
+    assert angle == pytest.approx(np.delete(np.arange(1000), [3, 500, 999]))
+    assert torque == pytest.approx(np.arange(100, 1097))
+
+
+def test_a_torque_at_a_rate_of_its_own_is_interpolated(tmp_path):
+    angles = 1 + np.arange(0, 1, 1e-3)
+    _, torque, log = on_a_bus(tmp_path, angles, 1.01 + np.arange(0, 0.9, 7e-3))
+    assert log.time[[0, -1]] == pytest.approx([1.01, 1.906])
+    assert torque == pytest.approx(100 + (log.time - 1.01) / 7e-3, abs=1e-3)
+    with pytest.raises(RefusedError, match=r"x\.log.*'Angle'.*'Torque'"):
+        on_a_bus(tmp_path, angles, angles + 2)
+
+
+def test_frames_of_one_time_stay_apart(tmp_path):
+    """Interpolation would give each of them the last one's torque; so in an MF4 of channels."""
+    angles = 1 + np.repeat(np.arange(20.0), 2)
+    _, torque, _ = on_a_bus(tmp_path, angles, angles)
+    assert torque == pytest.approx(np.arange(100, 140))
+    table = {"t": np.zeros(40), "x_m": np.arange(40.0), "force_N": wave(40).astype(float)}
+    log_writers.channels(tmp_path / "burst.mf4", table)
+    words = ("--angle", "x_m", "--torque", "force_N")
+    assert read(tmp_path / "burst.mf4", *words).torque.tolist() == wave(40).tolist()
+
+
+def test_a_load_is_that_of_the_time_of_the_angle(tmp_path):
+    """From a message of its own rate, between its frames; those of other signals are added."""
+    cell = 'BO_ 258 Cell: 8 A\n SG_ Clamp : 0|16@1- (1,0) [0|0] "N" A\n'
+    frames = [(k, SHAFT, k % 7) for k in range(40)] + [(k + 0.5, LOAD, k % 5) for k in range(2, 37)]
+    frames += [(k, 258, 10 * k) for k in range(0, 40, 2)]
+    with can.Logger(tmp_path / "x.log") as logger:
+        for time, number, value in sorted(frames):
+            data = value.to_bytes(4, "little") + bytes(4)
+            logger(can.Message(float(time), number, is_extended_id=False, data=data))
+    words = signals(tmp_path, "--load", "Clamp", dbc=DBC + cell)
+    log = read(tmp_path / "x.log", *words)
+    assert log.time.tolist() == list(range(3, 37)) and log.load == pytest.approx(10 * log.time)
+    torque = np.interp(log.time, np.arange(2, 37) + 0.5, np.arange(2, 37) % 5)
+    assert log.torque == pytest.approx(torque * STEP)
+    both = read(tmp_path / "x.log", *words, "--load", "Torque")
+    assert both.load == pytest.approx(10 * log.time + torque * STEP)
+    assert "--load" not in refused(tmp_path / "x.log", *words, "--load", "Clam")
+
+
+# --- several buses and ids ------------------------------------------------------------------------
+
+
+def shaft_on(channel: object, sign: int, late: float = 0.0, **kind: bool) -> Iterator[can.Message]:
+    """100 angles and torques; the angle goes up or down by a raw step."""
+    for k in range(ROWS):
+        for number, value, after in ((SHAFT, sign * k, 0.0), (LOAD, k % 9, 2e-4)):
+            yield can.Message(
+                timestamp=1 + k * 1e-3 + after + late,
+                arbitration_id=number,
+                data=value.to_bytes(4, "little", signed=True) + bytes(4),
+                channel=channel,
+                **{"is_extended_id": False, **kind},
+            )
+
+
+def recorded(path: Path, *shafts: Iterator[can.Message]) -> Path:
+    with can.Logger(path) as logger:
+        for message in sorted(itertools.chain(*shafts), key=lambda one: one.timestamp):
+            logger.on_message_received(message)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("ending", "names"), [("log", ("can0", "can1")), ("blf", (0, 1)), ("asc", (0, 1))]
+)
+def test_a_signal_on_two_channels_is_no_signal(tmp_path, ending, names):
+    """Two shafts would be read as one that jumps to and fro."""
+    shafts = (shaft_on(name, sign) for name, sign in zip(names, (1, -1), strict=True))
+    log, words = recorded(tmp_path / f"two.{ending}", *shafts), signals(tmp_path)
+    line = refused(log, *words)
+    assert "'Angle'" in line and f"{names[0]}, {names[1]}" in line and "-c " in line
+    for name, sign in zip(names, (1, -1), strict=True):
+        one = read(log, *words, "-c", name)
+        assert one.rows == ROWS and (np.sign(np.diff(one.theta)) == sign).all()
+
+
+@pytest.mark.parametrize("late", [-20.5e-3, -1e-4, 1e-4])
+def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, late):
+    """Also where 20 angles and torques of the other id come first, as if there were no other."""
+    other = shaft_on("can0", -1, late, is_extended_id=True)
+    log = read(recorded(tmp_path / "both.log", shaft_on("can0", 1), other), *signals(tmp_path))
+    assert log.rows == ROWS and (np.diff(log.theta) > 0).all()
+
+
+# --- channels of an MF4 ---------------------------------------------------------------------------
+
+
+def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]], late: float = 0.0) -> Path:
+    """An MF4 of channels with their units, each group with a clock of its own, so much later."""
+    from asammdf import MDF, Signal
+
+    with MDF() as measured:
+        for number, group in enumerate(groups):
+            time = TIME + number * late
+            kinds = [Signal(x, time, unit, name, encoding="utf-8") for name, (x, unit) in group]
+            measured.append(kinds)
+        measured.save(path, overwrite=True)
+    return path
+
+
+def test_what_an_mf4_says_of_its_channels(tmp_path):
+    """Units stand beside the names; holes, words and two channels of one name are no numbers."""
+    theta = np.cumsum(wave()) / 100
+    angle, torque = ("Angle", (theta, "rad")), ("Torque_Nm", (1e3 * wave(), "mNm"))
+    log = read(mf4_of(tmp_path / "units.mf4", [angle, torque]))
+    assert log.theta == pytest.approx(theta) and log.torque == pytest.approx(wave())
+    assert log.notes == [] and log.time == pytest.approx(TIME)
+    holed = ("Angle", (np.where(TIME == TIME[50], np.nan, theta), "rad"))
+    path = mf4_of(tmp_path / "hole.mf4", [holed, torque])
+    line = refused(path)
+    assert "row 51" in line and "'Angle [rad]'" in line
+    assert read(path, "--skip-gaps").rows == ROWS - 1
+    words = ("State", (np.array([b"on"] * ROWS), ""))
+    line = refused(mf4_of(tmp_path / "words.mf4", [angle, torque, words]), "--torque", "State")
+    assert "words.mf4" in line and "'State'" in line
+    twice = mf4_of(tmp_path / "twice.mf4", [angle, torque], [("Angle", (2 * theta, "rad"))])
+    assert "'group 1: Angle'" in refused(twice, "--angle", "Angle")
+    assert read(twice, "--angle", "group 1: Angle").theta == pytest.approx(2 * theta)
+
+
+def test_channels_of_other_times_are_brought_together(tmp_path):
+    names = ("--angle", "x_m", "--torque", "force_N")
+    for late, here in ((4e-4, slice(1, ROWS)), (-4e-4, slice(0, ROWS - 1)), (9.0, None)):
+        rising = ("force_N", (3 * (TIME + late), "N"))
+        path = mf4_of(tmp_path / "two.mf4", [("x_m", (TIME, "m"))], [rising], late=late)
+        if here is None:
+            assert "two.mf4" in refused(path, *names)
+        else:
+            log = read(path, *names)
+            assert log.time == pytest.approx(TIME[here])
+            assert log.torque == pytest.approx(3 * TIME[here])
+
+
+@pytest.mark.parametrize("ending", ["mf4", "raw.mf4", "MF4"])
+def test_an_mf4_not_closed_leaves_no_copy(ending, tmp_path, monkeypatch):
+    """asammdf works on a copy of such a file; of a broken one it is left to us."""
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    words = signals(tmp_path) if ending == "raw.mf4" else ()
+    made = tmp_path / f"x.{ending.lower()}"
+    if words:
+        log_writers.frames(made, TIME, np.arange(ROWS), wave())
+    else:
+        log_writers.channels(made, {"t": TIME, "angle": TIME, "torque": wave()})
+    whole, path = bytearray(made.read_bytes()), tmp_path / f"open.{ending}"
+    whole[60] = 1  # "some counts are not right yet"
+    copies, copy = [], shutil.copy
+    monkeypatch.setattr(shutil, "copy", lambda *two: copies.append(copy(*two)))
+    for part in (len(whole), len(whole) // 3):
+        path.write_bytes(whole[:part])
+        try:
+            read(path, *words)
+        except RefusedError as error:
+            assert path.name in str(error)
+    assert len(copies) == 2 and list((tmp_path / "temporary").iterdir()) == []
