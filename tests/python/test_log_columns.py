@@ -131,9 +131,11 @@ def test_each_unit_that_was_assumed_is_named(header, words, assumed, tmp_path):
     columns = [(WAVE if "t" in name[:2] and "o" in name else UP) for name in header.split(",")]
     path = written_as(tmp_path, dict(zip(header.split(","), columns, strict=True)))
     log = read(path, *words.split())
-    found = [re.search(r"^(\w+) taken in (\w+)\b", note) for note in log.notes]
+    notes = [note for note in log.notes if "no column of times" not in note]
+    assert (len(notes) < len(log.notes)) is (log.time is None)
+    found = [re.search(r"^(\w+) taken in (\w+)\b", note) for note in notes]
     assert [" ".join(one.groups()) for one in found] == assumed
-    for note, one in zip(log.notes, found, strict=True):
+    for note, one in zip(notes, found, strict=True):
         assert one[1] != "time" or f"{UP[1]:.3g} s" in note
 
 
@@ -240,6 +242,22 @@ def test_a_temperature_or_a_torque_is_no_clock(clock, tmp_path):
     log = read(written_as(tmp_path, columns | {clock: UP}))
     assert log.time == pytest.approx((1e-3 if "ms" in clock else 1) * UP)
     assert log.torque.tolist() == WAVE.tolist()
+
+
+def test_a_column_that_rises_in_a_unit_of_time_is_the_clock_whatever_its_name(tmp_path):
+    """As in a table of another language: 'Zeit [s]', or a unit in the line below the names."""
+    columns = {"Dauer [s]": WAVE, "Zeit [ms]": UP, "angle_rad": UP, "torque_Nm": WAVE}
+    log = read(written_as(tmp_path, columns))
+    assert log.time == pytest.approx(1e-3 * UP)
+    (note,) = log.notes
+    assert "'Zeit [ms]'" in note and "--time" in note
+    rows = "\n".join(f"{t:.9g};{x:.9g};{F:.9g}" for t, x, F in zip(UP, UP, WAVE, strict=True))
+    path = tmp_path / "german.csv"
+    path.write_text("Zeit;Winkel;Moment\ns;rad;Nm\n" + rows.replace(".", ",") + "\n")
+    log = read(path, "--angle", "Winkel", "--torque", "Moment")
+    assert log.time == pytest.approx(UP) and log.theta == pytest.approx(UP)
+    still = columns | {"Zeit [ms]": np.ones(ROWS)}
+    assert read(written_as(tmp_path, still)).time is None
 
 
 def test_a_clock_that_goes_backward_is_refused_with_its_row(tmp_path):

@@ -32,7 +32,7 @@ def table(result: Result) -> Table:
         shown.add_row(name, words, f"{models.r2(one):.4f}", cost)
     shown.caption = (
         f"parameters: sigma0 in {log.slope_unit}, Fc in {log.unit} (forward, backward; exponent);"
-        " instructions of a tick on a Cortex-M3, at most"
+        " instructions of a tick of up to 8 counts on a Cortex-M3, at most"
     )
     return shown
 

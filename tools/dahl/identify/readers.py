@@ -35,6 +35,7 @@ SLOW = 1.0  # s a row: the time is rather in ms
 DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
 BACK = np.timedelta64(-12, "h")  # by more than this a time of day goes back at midnight alone
 CLOCK = "time [s]"  # of frames and channels, whose readers give seconds
+NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not looked for (--time)"
 TAKE_TURNS = 0.99  # part of the frames, where two messages are said to take turns
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
 
@@ -85,6 +86,9 @@ def _read_table(path: Path, source: Source) -> Columns:
     frame, first = _frame(path)
     known = [str(name) for name in frame.columns]
     names, notes = _columns(path, source, known, ("angle", "torque", "time"))
+    if "time" not in names and (clock := _clock(frame, known, names)):
+        names["time"] = clock
+        notes.append(f"time taken from '{clock}', by its unit (--time)")
     columns = {what: frame.iloc[:, known.index(name)] for what, name in names.items()}
     passed = _from_the_first(columns["time"]) if "time" in columns else None
     if passed is not None:
@@ -113,6 +117,20 @@ def _columns(
         if twice:
             raise Error(f"{path}: column '{name}' cannot be both {what} and {twice}")
     return names, notes
+
+
+def _clock(frame: pandas.DataFrame, known: Sequence[str], names: dict[str, str]) -> str:
+    """Of the columns left over the first that has a unit of time in brackets and values that never
+    fall, as in 'Zeit [s]'; "" where there is none.
+    """
+    import pandas as pd
+
+    for place, name in enumerate(known):
+        if name not in names.values() and units.bracketed(name, units.TIMES):
+            values = pd.to_numeric(frame.iloc[:, place], errors="coerce")
+            if values.is_monotonic_increasing and values.nunique() > 1:
+                return name
+    return ""
 
 
 def _frame(path: Path) -> tuple[pandas.DataFrame, int]:
@@ -549,9 +567,9 @@ def _log(
 def _seconds(
     path: Path | str, source: Source, names: dict[str, str], values: dict[str, np.ndarray]
 ) -> tuple[np.ndarray | None, list[str]]:
-    """The time column, where there is one, and a note where its unit was assumed."""
+    """The time column, with a note where its unit was assumed, or where there is none."""
     if "time" not in values:
-        return None, []
+        return None, [NO_TIME]
     _check_time(path, values["time"])
     unit, notes = units.of("time", source.time_unit, names["time"], units.TIMES, "s")
     step = float(np.ptp(values["time"])) / (len(values["time"]) - 1)

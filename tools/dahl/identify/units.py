@@ -86,6 +86,7 @@ SAME = {
 }
 PAIRED = r"lb|oz|nm$"  # two words that are one unit
 SIGNS = str.maketrans({**dict.fromkeys(" *-.·⋅"), **dict.fromkeys("µμ", "u")})
+BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 TURNS = r"angle|theta"  # what is called so is no length: theta_m is that of the motor
 SHORT_LENGTHS = ("m", "in")
 COLUMNS = {  # what a column is called when nobody says which one it is
@@ -106,15 +107,21 @@ def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
     """The unit in a column's name: in brackets, the last ones first, or the last of its words, of
     which two may be one unit, as in torque_ft_lb.
     """
-    brackets = re.findall(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
     first, *rest = re.split(r"[\s_]+", name)
     pairs = [one + other for one, other in zip([first, *rest], rest, strict=False)]
     words = [pair for pair in pairs[::-1] if re.search(PAIRED, pair, re.IGNORECASE)]
     words += [*rest[::-1], *([first] if len(first) > 2 else [])]
     if re.search(TURNS, name, re.IGNORECASE):
         words = [word for word in words if word not in SHORT_LENGTHS]
-    tried = brackets[::-1] or words
-    return next((unit for word in tried if (unit := _known_as(word, known))), default)
+    if BRACKETS.search(name):
+        return bracketed(name, known) or default
+    return next((unit for word in words if (unit := _known_as(word, known))), default)
+
+
+def bracketed(name: str, known: Mapping[str, object]) -> str:
+    """The last unit that stands in brackets in a column's name; "" for none."""
+    words = BRACKETS.findall(name)[::-1]
+    return next((unit for word in words if (unit := _known_as(word, known))), "")
 
 
 def _known_as(word: str, known: Mapping[str, object]) -> str:
@@ -174,9 +181,14 @@ def _doubt(name: str) -> int:
 
 
 def wanted(given: str, names: Sequence[str], place: str) -> str:
-    """A column by its name, or by its number from 1. Raises dahl.Error."""
+    """A column by its name, with or without its unit in brackets, or by its number from 1. Raises
+    dahl.Error.
+    """
     if given in names:
         return given
+    without_unit = [name for name in names if BRACKETS.sub("", name).strip() == given.strip()]
+    if len(without_unit) == 1:
+        return without_unit[0]
     if given.isdecimal() and 1 <= int(given) <= len(names):
         return names[int(given) - 1]
     raise Error(f"{place}: no column '{given}'{meant(given, names)}")
