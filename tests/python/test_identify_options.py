@@ -286,6 +286,7 @@ def test_no_file_of_someone_else_is_overwritten(dahl, tmp_path, rig):
         (("rig.csv", "-o", "."), "--name"),
         (("rig.csv", "--json", "./rig.csv", "--no-files"), "--json ./rig.csv"),
         (("rig.tsv", "-o", ".", "--check", "rig.csv"), "--name"),
+        (("rig.tsv", "--json", "rig.csv", "--no-files", "--check", "rig.csv"), "--json rig.csv"),
     ):
         code, line = complaint(dahl("identify", *words))
         assert code == 2 and line.startswith("rig.csv: ") and part in line

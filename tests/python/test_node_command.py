@@ -99,6 +99,13 @@ def test_the_number_of_a_served_node_is_that_of_the_scene(root, tmp_path):
     assert lines[0].startswith("node    3 ") and lines[2].endswith(" --node 3\n")
 
 
+def test_number_0_goes_before_that_of_the_scene(root, tmp_path):
+    (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
+    with started(root, "--scene", str(path), "--node", "0") as (lines, _), opened(lines) as bus:
+        asked(bus, 0)
+    assert lines[0].startswith("node    0 ")
+
+
 def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path):
     """Here another server, whose own node has another number."""
     hub = ("--role", "node", "--set", "friction.node=9")
