@@ -10,6 +10,7 @@ import math
 import re
 import shlex
 import subprocess
+import sys
 from functools import partial
 
 import pytest
@@ -246,3 +247,23 @@ def test_a_device_is_written_and_never_read(plan):
     done = plan(*KNOWN, "-o", "/dev/full")
     assert (done.returncode, done.stderr) == (1, "error: /dev/full: No space left on device\n")
     assert plan(*KNOWN, "-o", "/dev/null").returncode == 0
+
+
+def test_a_link_leads_to_the_plan_that_it_names(plan, tmp_path):
+    """A header that stands elsewhere, in a firmware's tree, and is linked here."""
+    (tmp_path / "firmware").mkdir()
+    (link := tmp_path / "plan.h").symlink_to("firmware/plan.h")
+    for sigma0 in (1, 2):
+        assert plan("--sigma0", sigma0, *KNOWN[2:], "-o", "plan.h").returncode == 0
+        assert link.is_symlink()
+        assert f"sigma0 = {sigma0}," in (tmp_path / "firmware" / "plan.h").read_text()
+
+
+def test_a_full_disk_behind_standard_output_is_one_line():
+    words = [sys.executable, "-m", "dahl", "plan", *KNOWN, "-o", "-"]
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(
+            words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert re.fullmatch(r"error: [^\n]*No space left on device\n", done.stderr), done.stderr
