@@ -259,8 +259,10 @@ def test_a_link_leads_to_the_plan_that_it_names(plan, tmp_path):
         assert f"sigma0 = {sigma0}," in (tmp_path / "firmware" / "plan.h").read_text()
 
 
-def test_a_full_disk_behind_standard_output_is_one_line():
-    words = [sys.executable, "-m", "dahl", "plan", *KNOWN, "-o", "-"]
+@pytest.mark.parametrize("verb", [["plan", *KNOWN, "-o", "-"], ["data"]])
+def test_a_full_disk_behind_standard_output_is_one_line(verb):
+    """Where much is said at once, and where a few lines are written at the end."""
+    words = [sys.executable, "-m", "dahl", *verb]
     with open("/dev/full", "w", encoding="utf-8") as full:
         done = subprocess.run(
             words, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False
