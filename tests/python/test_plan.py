@@ -259,7 +259,7 @@ def test_a_link_leads_to_the_plan_that_it_names(plan, tmp_path):
         assert f"sigma0 = {sigma0}," in (tmp_path / "firmware" / "plan.h").read_text()
 
 
-@pytest.mark.parametrize("verb", [["plan", *KNOWN, "-o", "-"], ["data"]])
+@pytest.mark.parametrize("verb", [["plan", *KNOWN, "-o", "-"], ["complete"]])
 def test_a_full_disk_behind_standard_output_is_one_line(verb):
     """Where much is said at once, and where a few lines are written at the end."""
     words = [sys.executable, "-m", "dahl", *verb]
