@@ -292,22 +292,28 @@ def test_a_torque_is_in_its_unit_where_fc_is_known(monitor, seen, dbc, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("number", "words"), [(0, ("--node", 3)), (3, ()), (7, ("--node", 3))]
-)  # fmt: skip
+    ("number", "words", "count"),
+    [
+        (0, ("--node", 3), 2000),
+        (3, (), 2000),
+        (7, ("--node", 3), 2000),
+        (3, ("--node", 0), 2),
+    ],
+)
 def test_the_number_is_that_of_the_scene_unless_another_is_given(
-    seen, monitor, dbc, tmp_path, number, words
+    seen, monitor, dbc, tmp_path, number, words, count
 ):
-    """Node 3 of three, decoded by a DBC of one's own."""
-    scene = f"[friction]\nnode = {number}\nsigma0 = 1\nFc = 1\n"
+    """One node of three, decoded by a DBC of one's own; Fc is the larger of an asymmetric one."""
+    scene = f"[friction]\nmodel = asymmetric\nnode = {number}\nsigma0 = 1\nFc = 0.5 1\n"
     (tmp_path / "own.ini").write_text(scene)
     own = dbc.read_text().replace("Count : 16|32@1- (1,0)", "Count : 16|32@1- (2,0)")
     (tmp_path / "own.dbc").write_text(own)
     sent = []
-    for node, count in ((0, 1), (3, 1000), (7, 2)):
-        sent += frames(dbc, ("EncoderState", 0.0, ANGLE | {"Counter": 1, "Count": count}))
+    for node, read in ((0, 1), (3, 1000), (7, 2)):
+        sent += frames(dbc, ("EncoderState", 0.0, ANGLE | {"Counter": 1, "Count": read}))
         sent[-1].arbitration_id += node
     known = seen(sent, "--scene", "own.ini", "--dbc", "own.dbc", *words)
-    assert known["messages"]["EncoderState"]["last"]["Count"] == 2000
+    assert known["messages"]["EncoderState"]["last"]["Count"] == count
     assert (known["Fc"], known["other_frames"]) == (1, 2)
 
 

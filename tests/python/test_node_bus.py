@@ -153,6 +153,7 @@ def test_what_of_a_bus_a_node_is_given(ends, numbers):
 def test_the_clock_is_looked_at_every_few_ms(ends):
     """By run() and by a Listener: a Status is due 15 times."""
     one = dahl.Node(PLAN, status_period=0.02)
+    assert node.run(ends[0], one, seconds=0).sent == 0
     assert 8 <= node.run(ends[0], one, seconds=0.3).sent <= 16
     listener = node.Listener(ends[0], one)
     assert all(thread.daemon for thread in threading.enumerate() if thread.name == "dahl.node")
