@@ -72,7 +72,9 @@ def _against(result: Result, r2: float) -> list[str]:
     models = result.explored.models
     found = {
         "the library has no plan for Coulomb's model": models.chosen == "Coulomb",
-        "sigma0 and Fc of Dahl's model are not both identifiable": not all(result.verdict.identifiable.values()),
+        "sigma0 and Fc of Dahl's model are not both identifiable": not all(
+            result.verdict.identifiable.values()
+        ),
         f"it explains {100 * r2:.0f} % of the friction on the raw motion,"
         f" {100 * LEAST_R2:.0f} % is the least": r2 < LEAST_R2,
         "it does not know of the backlash": result.backlash > 0,
