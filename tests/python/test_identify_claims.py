@@ -96,7 +96,10 @@ CASES: dict[str, Case] = {
         lambda: made.late(9), "Fc", {"low-passed": []}, ("comes",), options={"delay": False}
     ),
     "3 rows late, no clock": Case(lambda: made.without_clock(made.late(3)), "Fc", {}, ("comes",)),
-    "no clock": Case(lambda: made.without_clock(shaft()), "both", silent=("low-passed",)),
+    "no clock": Case(lambda: made.without_clock(shaft()), "both", silent=("low-passed", "even")),
+    "viscous, no clock": Case(
+        lambda: made.without_clock(made.beside("viscous", 0.05)), "none", {"even steps": []}
+    ),
     "clock that stands": Case(
         lambda: replace(shaft(), time=np.full(2400, 5.0)), "both", {"clock": []}
     ),

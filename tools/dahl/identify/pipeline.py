@@ -20,6 +20,7 @@ from dahl.identify import (
     clean,
     delay,
     drift,
+    even_rows,
     explore,
     fit,
     grid,
@@ -243,6 +244,7 @@ def _checked(result: Result, options: Options) -> Result:
         *explore.between_rows(result.delay, estimate.a * max(map(_usual_move, result.logs))),
         *drift.findings(result.cycles),
         *lowpass.finding(result),
+        *(even_rows.finding(result, _as_they_are) if options.terms is None else []),
         *play.finding(result),
         *ripple.finding(result, turn),
         *torque_steps.finding(result.raw, estimate),
@@ -273,6 +275,12 @@ def _refitted(result: Result, made: Sequence[Log]) -> Estimate:
     way = replace(result, sign=1.0, delay=0.0)
     study = Study([_as_fitted(way, log) for log in made])
     return fit.point(*study.search(tuple(result.estimate.terms)))
+
+
+def _as_they_are(logs: Sequence[Log]) -> Estimate:
+    """The parameters of cleaned logs with the terms that pay."""
+    study = Study(logs)
+    return fit.point(*study.search(None))
 
 
 def _refuse_swapped(logs: list[Log], found: Sweep, estimate: Estimate, options: Options) -> None:

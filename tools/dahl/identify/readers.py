@@ -35,7 +35,7 @@ SLOW = 1.0  # s a row: the time is rather in ms
 DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
 BACK = np.timedelta64(-12, "h")  # by more than this a time of day goes back at midnight alone
 CLOCK = "time [s]"  # of frames and channels, whose readers give seconds
-NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not looked for (--time)"
+NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not fitted (--time)"
 TAKE_TURNS = 0.99  # part of the frames, where two messages are said to take turns
 NEEDS_DBC = "a CAN log needs --dbc FILE, --angle SIGNAL and --torque SIGNAL"
 
