@@ -35,6 +35,7 @@ def test_each_example_of_the_help_is_a_command_line(dahl, verb):
     for words in map(shlex.split, examples):
         code, said = complaint(dahl(*words, "--no-such-option"))
         assert code == 2 and "unrecognized arguments: --no-such-option" in said
+        assert f"dahl {verb} --help" in said
         if "--port" in words and verb in ("monitor", "record"):
             assert words[words.index("--port") + 1] == "29536"  # where socketcand listens
 

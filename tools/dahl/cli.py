@@ -108,7 +108,7 @@ def build_parser() -> argparse.ArgumentParser:
             epilog=_as_here(module.EXAMPLE),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        sub.set_defaults(run=module.run, parser=parser)
+        sub.set_defaults(run=module.run, parser=parser, own=sub)
     return parser
 
 
@@ -149,7 +149,9 @@ def _run_command(words: list[str], alone: bool) -> int:
     if alone:
         by_need.spare_mf4(command, words)
     try:
-        args = build_parser().parse_args(words)
+        args, unknown = build_parser().parse_known_args(words)
+        if unknown:
+            args.own.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
         by_need.bring(args.command, words)
         return int(args.run(args) or 0)

@@ -45,7 +45,7 @@ EXAMPLE = """examples:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", type=Path, metavar="LOG", help="measured log")
     what = parser.add_argument_group("what the columns are")
-    what.add_argument("--angle", default="", metavar="NAME", help="column or signal, or its number")
+    what.add_argument("--angle", default="", metavar="NAME", help="column or signal, or its number from 1 on")
     what.add_argument("--torque", default="", metavar="NAME", help="the same for the torque")
     what.add_argument("--time", default="", metavar="NAME", help="the same for the time in s")
     what.add_argument(

@@ -5,6 +5,7 @@ not clearly away by its score on cycles left out; and what the others say of sig
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -254,7 +255,9 @@ def findings(table: Compared) -> list[Finding]:
     """Which model explains more than Dahl's; one with a speed in it takes the claim away."""
     best, dahl, found = better(table), table.of("Dahl"), []
     if best is not None and dahl is not None:
-        words = f"{best.name} explains more: R2 {table.r2(best):.4f} against {table.r2(dahl):.4f}"
+        more, less = table.r2(best), table.r2(dahl)
+        digits = max(4, math.ceil(1 - math.log10(more - less)))  # so that they differ
+        words = f"{best.name} explains more: R2 {more:.{digits}f} against {less:.{digits}f}"
         found.append(Finding(words))
     slower = table.of(SLOWER)
     if slower is not None and dahl is not None and _is_slower(table, slower, dahl):

@@ -269,9 +269,11 @@ def write_all(result: Result, name: str, folder: Path, force: bool = False) -> l
     folder.mkdir(parents=True, exist_ok=True)
     plan = folder / f"dahl_plan_{name}.h"
     plan.unlink(missing_ok=True)
-    written = [folder / f"{name}.json", folder / f"{name}.png", write_scene(result, name, folder)]
-    keep(written[0], as_json(result))
-    draw.draw(written[1], result)
+    scene = write_scene(result, name, folder)
+    json_file, picture, table = (scene.with_suffix(end) for end in (".json", ".png", ".csv"))
+    keep(json_file, as_json(result))
+    draw.draw(picture, result)
+    written = [json_file, picture, table, scene]
     if force or not result.plan.against:
         keep(plan, header(result, name))
         written.append(plan)
