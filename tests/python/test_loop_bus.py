@@ -35,11 +35,11 @@ from loop_tools import (
 
 STEERING = SCENES / "steering.ini"
 PATIENT = setting("friction.timeout_ms=60000")
-LONG = pytest.mark.parametrize("seconds", [3, pytest.param(60, marks=pytest.mark.long)])
+LONG = pytest.param(60, marks=pytest.mark.long)
 
 
-@LONG
 @pytest.mark.timeout(120)
+@pytest.mark.parametrize("seconds", [2, LONG])
 def test_python_can_sees_every_frame_with_the_time_of_the_simulation(tmp_path, seconds):
     """One process and a client that must see each frame of the log, with its time stamp, which is
     the wall clock's; nothing is lost. How late ticks come is a matter of the machine.
@@ -75,10 +75,12 @@ def without_status(lines: list[str]) -> list[str]:
     return [line.split(" ", 1)[1] for line in lines if " 120#" not in line]
 
 
-@LONG
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
-def test_two_processes_and_a_witness_on_one_bus(tmp_path, seconds, host):
+@pytest.mark.parametrize(
+    ("host", "seconds"),
+    [("127.0.0.1", 2), ("localhost", 0.5), pytest.param("localhost", 60, marks=pytest.mark.long)],
+)
+def test_two_processes_and_a_witness_on_one_bus(tmp_path, host, seconds):
     """Joined by address or by name: the counts and torques of one process in virtual time."""
     end = setting(f"motion.seconds={seconds}")
     with (
@@ -137,17 +139,17 @@ def test_a_log_that_python_can_replays_gives_the_same_torques(tmp_path):
     foreign.
     """
     scene = SCENES / "segments.ini"
-    recorded = run(tmp_path / "recorded", scene, "--virtual", "--seconds", "2").log
+    recorded = run(tmp_path / "recorded", scene, "--virtual", "--seconds", "1").log
     options = ("--role", "node", "--until-idle", *PATIENT)
     with serving(tmp_path / "node", scene, *options) as (process, port):
         with client(port) as bus:
             for message in can.MessageSync(can.LogReader(recorded)):
                 bus.send(message)
             heard = 0
-            while heard < 2000:
+            while heard < 1000:
                 heard += bus.recv(10).arbitration_id == 0x110
         again = finished(tmp_path / "node", process)
-    assert again.summary["node"]["ok"] == 2000
+    assert again.summary["node"]["ok"] == 1000
     answers = torques_of(read_log(recorded))
     assert sorted(torques_of(read_log(again.log))) == sorted(answers * 2)
 
