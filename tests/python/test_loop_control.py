@@ -115,6 +115,8 @@ DRIVEN = [  # scene, what is set, kp, kd, limit
     ("parking", ("control.torque_limit=1.5",), 60, 2, 1.5),
     ("parking", ("motion.tremor=20000", "motion.tremor_s=0.2", "motion.seconds=10"), 60, 2, 8),
     ("parking", DROPS, 60, 2, 8),
+    ("parking", ("friction.model=asymmetric", "friction.Fc=1.1 1.8"), 60, 2, 8),
+    ("parking", ("friction.model=asymmetric", "friction.Fc=1.8 1.1"), 60, 2, 8),
     ("slow-reversal", (), 60, 2, 6),
     ("slow-reversal", ("control.kp=55", "control.kd=3", *BACKWARD), 55, 3, 6),
 ]

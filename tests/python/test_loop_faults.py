@@ -287,7 +287,9 @@ def test_what_befalls_one_node_is_that_of_this_node(tmp_path, options):
     rates = {"bus_off": 0.002, "restart": 0.002, "glitch": 0.002}
     rates |= {"babble": 0.01} if options else {}  # of several nodes each hears those of its number
     summary = storm(tmp_path, *options, *words, "--seconds", 20, **rates).summary
-    assert min(summary["node"][name] for name in ("bus_off", "resets", "jump")) > 3
+    node, injected = summary["node"], summary["faults"]["injected"]
+    counted = {"bus_off": node["bus_off"], "restart": node["resets"], "glitch": node["jump"]}
+    assert {kind: injected[kind] for kind in counted} == counted and min(counted.values()) > 3
     agreement(summary)
     errors = summary["bus_counts"]["error_frames"]
     assert errors == summary["faults"]["expected"]["bus_off"]

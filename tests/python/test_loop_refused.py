@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 import dahl
+import numpy as np
 import pytest
 from loop_tools import SCENES, said, setting
 
@@ -317,6 +318,7 @@ LIMITS = [  # scene, key, least and greatest value
     ("creep", "motor.amplitude", 0, 1e12),
     ("creep", "motor.frequency", 0, 100),
     ("creep", "motor.seconds", 0.001, 1e9),
+    ("steering", "friction.breakaway", 1e-37, float(np.nextafter(np.float32(1), 0))),
     ("creep", "load.full", 1e-9, 1e12),
     ("creep", "load.rest", 0, 1),
     *(("parking", f"control.{key}", 0, 1e12) for key in ("kp", "kd", "torque_limit")),
@@ -330,6 +332,7 @@ CALM = [f"{key}=0" for _, key, *_ in LIMITS if key.startswith("faults.")]
 BESIDE = {  # what is set beside a key, so that its limit is the one that is met
     "rotor": ["rotor.inertia=1e6", "motor.bias=0", "motor.amplitude=0"],
     "faults": CALM,
+    "friction.breakaway": ["friction.model=elastoplastic"],
     "load": ["friction.model=loaded", "load.full=1"],
 }
 WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")
@@ -340,7 +343,8 @@ WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")
 )
 def test_each_number_has_its_limits(scene, key, low, high):
     section, _, name = key.partition(".")
-    beside = [one for one in BESIDE.get(section, []) if not one.startswith(f"{key}=")]
+    given = BESIDE.get(key, BESIDE.get(section, []))
+    beside = [one for one in given if not one.startswith(f"{key}=")]
     words = ["--scene", SCENES / f"{scene}.ini", "--seconds", "0.001", *setting(*beside)]
     place = f"--set:{len(beside) + 1}: [{section}] {name} = "
     for value in (low, high):
