@@ -173,14 +173,14 @@ def test_the_last_frame_of_a_client_that_leaves_is_answered_and_logged(tmp_path)
 @pytest.mark.parametrize("bus", ["loopback", "socketcand:0", "joined"])
 def test_between_two_ticks_the_processor_rests(tmp_path, bus):
     """A tick and its answer cost some 50 us; who asked again and again would need all there is."""
-    words = [program(), "--scene", str(STEERING), "--role", "encoder", "--seconds", "1", "--bus"]
+    words = [program(), "--scene", str(STEERING), "--role", "encoder", "--seconds", "0.5", "--bus"]
     with serving(tmp_path / "node", STEERING, "--role", "node") as (_, port):
         spec = f"socketcand:127.0.0.1:{port}" if bus == "joined" else bus
         with subprocess.Popen([*words, spec], stdout=subprocess.DEVNULL) as process:
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
     assert process.returncode == 0
-    assert used.ru_utime + used.ru_stime < 0.3
+    assert used.ru_utime + used.ru_stime < 0.2
 
 
 @pytest.mark.skipif(shutil.which("log2asc") is None, reason="unproven: can-utils are not here")

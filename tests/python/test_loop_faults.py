@@ -267,12 +267,12 @@ def test_a_million_frames(tmp_path, seed):
     assert summary["max_rss_kib"] < 16 * 1024
 
 
-@pytest.mark.parametrize("ms", [30, 400])
+@pytest.mark.parametrize("ms", [30.6, 400])
 def test_a_silence_is_told_in_the_tick_after_the_timeout(tmp_path, ms):
     """Counted from the last frame that came; the silence of the faults is longer than that."""
     words = setting(f"friction.timeout_ms={ms}")
     result = storm(tmp_path, "--seed", 3, *words, silence=0.002, bus_off=0.002)
-    node = Node(TRAVEL, 2000, timeout_us=1000 * ms)
+    node = Node(TRAVEL, 2000, timeout_us=round(1000 * ms))
     check_node(read_log(result.log), node, result.summary["node"])
     assert node.counts["stale"] > 5 and node.counts["bus_off"] > 5
     agreement(result.summary)

@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -165,15 +167,22 @@ def heard_from(channel: str, angles: list[Logged], answers: list[bytes]) -> None
             answers.append(b"" if message is None else bytes(message.data))
 
 
+def heard_and_ended(*words: object) -> None:
+    """The same, and Ctrl-C for the node where it still runs."""
+    heard_from(*words)
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        os.kill(os.getpid(), signal.SIGINT)
+
+
 @pytest.mark.parametrize("model", RATIOS)
 @pytest.mark.usefixtures("library")
 def test_the_command_node_answers_bit_for_bit_as_dahl_loop_does(tmp_path, dahl_here, model):
     path = scene(tmp_path, model, "timeout_ms = 60000\n", STEERING)
     log = read_log(run(tmp_path, path, "--virtual", "--seconds", "0.4").log)
     angles, answers = [frame for frame in log if frame.id == 0x100], []
-    client = threading.Thread(target=heard_from, args=(model, angles, answers))
+    client = threading.Thread(target=heard_and_ended, args=(model, angles, answers))
     client.start()
-    done = dahl_here("node", "--scene", path, "-i", "virtual", "-c", model, "--seconds", 2)
+    done = dahl_here("node", "--scene", path, "-i", "virtual", "-c", model, "--seconds", 30)
     client.join()
     assert done.returncode == 0, done.stderr
     assert len(set(answers)) > 100

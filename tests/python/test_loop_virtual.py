@@ -192,7 +192,7 @@ def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
     assert (node.counts["jump"] == 0) == used
 
 
-@pytest.mark.parametrize("ms", [30, 1234.5, 3000])
+@pytest.mark.parametrize("ms", [30.4, 1234.5, 3000])
 def test_status_tells_the_timeout_and_comes_in_its_period(tmp_path, ms):
     """In the unit that the bus description says; no error, and the version of the program."""
     words = setting(f"friction.timeout_ms={ms}", f"status.period_ms={ms}", "motion.hold_s=3")
