@@ -213,10 +213,10 @@ def looked_at(folder: Path, seconds: int, *options: object, start: int = 0, **ra
 def test_each_fault_alone_does_what_the_table_says(tmp_path, kind):
     """As often as the rate says, and as far as it may go."""
     rate = 0.002 if kind in ("silence", "bus_off", "restart") else 0.05
-    told, seen = looked_at(tmp_path, 20, **{kind: rate})
+    told, seen = looked_at(tmp_path, 12, **{kind: rate})
     injected = told["faults"]["injected"]
     assert {name for name, count in injected.items() if count} == {kind}
-    due = rate * (20000 - sum(seen.quiet))
+    due = rate * (12000 - sum(seen.quiet))
     assert abs(injected[kind] - due) < 6 * due**0.5 + 0.1 * due
     counted = {name for name, count in told["node"].items() if count and name != "ok"}
     assert counted == {name for name, count in sums(injected).items() if count}
@@ -230,7 +230,7 @@ def spread(kind: str, seen: Seen) -> None:
     if kind == "corrupt":
         assert {*seen.flips} == {1, 2, 3} and min(seen.flips.values()) > 0.2 * seen.flips.total()
     if kind == "length":
-        assert {*seen.lengths} == set(range(8)) and min(seen.lengths.values()) > 80
+        assert {*seen.lengths} == set(range(8)) and min(seen.lengths.values()) > 45
     if kind == "id":
         assert len(seen.ids) > 200
     if kind == "glitch":

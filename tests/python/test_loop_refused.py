@@ -128,7 +128,6 @@ SCENE_ERRORS = [  # scene, line, words of the error
     (scene_of(motion=ROTOR + CONTROL), 12, "[control] [motion]"),
     (scene_of(friction=ROTOR + CONTROL), 3, "[rotor] [friction]"),
     (scene_of(motion=MOTOR), 7, "[motor] [rotor]"),
-    (scene_of(status=ROTOR.replace("0.1", "1e-8") + CONTROL), 14, "[rotor] inertia 1e-08 2e-08 20"),
     ("[scene]\ntitle = empty", "", "[friction] [motion]"),
     ("", "", "[friction] [motion]"),
     ("sigma0 = 1\n[friction]", 1, '"sigma0"'),
@@ -415,7 +414,6 @@ OPTION_ERRORS = [  # scene, options, what the line names
     ("steering", "--bus socketcand:99999", "--bus socketcand:99999"),
     ("steering", "--bus socketcand::5", "--bus socketcand::5"),
     ("steering", "--bus socketcand:127.0.0.1:0", "--bus socketcand:127.0.0.1:0"),
-    ("steering", "--bus socketcand:localhost:65536", "--bus socketcand:localhost:65536"),
     ("steering", f"--bus socketcand:{'x' * 128}:5", f"--bus socketcand:{'x' * 128}:5"),
     ("steering", "--bus socketcan:", "--bus"),
     ("steering", "--wait-clients 1", "--wait-clients socketcand:PORT loopback"),
@@ -432,7 +430,6 @@ OPTION_ERRORS = [  # scene, options, what the line names
     ("steering", "--set friction.gian=1", '--set:1 "gian" [friction]'),
     ("steering", "--set friction.gain=1 --set bonus.x=1", '--set:2 "x" [bonus]'),
     ("steering", "--set motion.speed=5", "--set:1 [motion] speed steering"),
-    ("steering", "--set friction.node=1 --set motion.kind=x", "--set:2 [motion] kind x"),
     ("steering", "--set status.period_ms=9 --set faults.id=0.1", "--set:2 [faults] max_step"),
     ("steering", "--set control.kp=1", "--set:1 [control] kd"),
     (
