@@ -138,6 +138,20 @@ def test_in_lockstep_a_slow_node_loses_nothing(tmp_path):
     assert result.summary["answers_unmatched"] == 0
 
 
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_last_answer_has_time_whichever_of_two_nodes_is_there(tmp_path, number):
+    """It comes 0.3 s after the last tick; nobody answers the other encoder."""
+    options = ("--role", "encoder", "--nodes", "2", "--wait-clients", "1", "--seconds", "0.3")
+    with serving(tmp_path, STEERING, *options) as (process, port), client(port) as bus:
+        for tick in range(300):
+            while (angle := bus.recv(10)).arbitration_id != 0x100 + number:
+                pass
+            time.sleep(0.3 if tick == 299 else 0)
+            bus.send(answer_to(angle))
+        result = finished(tmp_path, process)
+    assert result.summary["frames_answered"] == 300
+
+
 def test_a_log_that_python_can_replays_gives_the_same_torques(tmp_path):
     """python-can reads the log as it is and keeps its times. To the node the old answers are
     foreign.
