@@ -299,10 +299,19 @@ static bool some_wait(const loop_t *loop)
     return waits;
 }
 
+static bool some_answered(const loop_t *loop)
+{
+    bool answered = false;
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        answered |= loop->encoders[i].answered > 0;
+    }
+    return answered;
+}
+
 /* Give the last answers time to come, longer if there is somebody who answers. */
 static void settle(loop_t *loop)
 {
-    uint64_t ticks = loop->encoders[0].answered > 0 ? SETTLE_TICKS : ALONE_TICKS;
+    uint64_t ticks = some_answered(loop) ? SETTLE_TICKS : ALONE_TICKS;
     uint64_t deadline = read_clock(CLOCK_MONOTONIC) + ticks * LOOP_PERIOD_NS;
     while (some_wait(loop) && !loop->gone && read_clock(CLOCK_MONOTONIC) < deadline) {
         receive(loop, 1000);

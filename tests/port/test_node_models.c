@@ -8,7 +8,7 @@
 #include "node_talk.h"
 
 static const dahl_params_t bearing = {100.0f, 0.5f, 1e-4f};
-static const dahl_asymmetric_params_t preloaded = {100.0f, 0.3f, 0.5f, 1e-4f};
+static const dahl_asymmetric_params_t preloaded = {100.0f, 0.3f, 0.5f, 1e-4f}, mirrored = {100.0f, 0.5f, 0.3f, 1e-4f};
 static const dahl_slip_params_t springs = {3, 1e-4f, {100.0f, 60.0f, 40.0f}, {0.25f, 0.5f, 1.0f}};
 static const dahl_node_parallel_params_t mix = {4, 0x6u, 1e-4f, {100.0f, 60.0f, 40.0f, 200.0f}, {0.25f, 0.5f, 1.0f, 0.3f}};
 
@@ -73,11 +73,21 @@ static int32_t slip_q30(int32_t dcounts, uint32_t load_q30)
     return dahl_slip_step_counts_q30(&slip_plan, &slip_state, dcounts);
 }
 
-static dahl_err_t use_asymmetric(void)
+static dahl_err_t use_asymmetric_of(const dahl_asymmetric_params_t *wanted)
 {
     state.w = 0;
-    TEST_ASSERT_EQUAL(DAHL_OK, dahl_asymmetric_prepare(&asymmetric_plan, &preloaded));
-    return dahl_node_use_asymmetric(&node, &kept.asymmetric, &preloaded);
+    TEST_ASSERT_EQUAL(DAHL_OK, dahl_asymmetric_prepare(&asymmetric_plan, wanted));
+    return dahl_node_use_asymmetric(&node, &kept.asymmetric, wanted);
+}
+
+static dahl_err_t use_asymmetric(void)
+{
+    return use_asymmetric_of(&preloaded);
+}
+
+static dahl_err_t use_mirrored(void)
+{
+    return use_asymmetric_of(&mirrored);
 }
 
 static int32_t asymmetric_q30(int32_t dcounts, uint32_t load_q30)
@@ -125,6 +135,7 @@ static const struct {
     int32_t end; /* all the way forward, at three quarters of the load */
 } models[] = {{use_slip, slip_q30, DAHL_FRAMES_MODEL_SLIP + 3, 200u << 10, 7u << 18, 1 << 30},
               {use_asymmetric, asymmetric_q30, DAHL_FRAMES_MODEL_ASYMMETRIC, 100u << 10, 1u << 19, 644245120 /* 0.3 of 0.5 */},
+              {use_mirrored, asymmetric_q30, DAHL_FRAMES_MODEL_ASYMMETRIC, 100u << 10, 1u << 19, 1 << 30},
               {use_elastoplastic, elastoplastic_q30, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 100u << 10, 1u << 19, 1 << 30},
               {use_loaded, loaded_q30, DAHL_FRAMES_MODEL_LOADED, 100u << 10, 1u << 19, 3 * (1 << 28)},
               {use_parallel, NULL, DAHL_FRAMES_MODEL_PARALLEL + 4, 400u << 10, 2149581u /* 2.05 2^20 */, 1 << 30}};

@@ -21,7 +21,9 @@ CAN = """
 #include <linux/can.h>
 #include <linux/can/raw.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 int socket(int domain, int type, int protocol)
 {
     const char *refused = getenv("CAN_NONE");
@@ -49,9 +51,16 @@ int bind(int fd, const struct sockaddr *address, socklen_t size)
 unsigned if_nametoindex(const char *name) { (void)name; return 1; }
 ssize_t recvmsg(int fd, struct msghdr *message, int flags)
 {
-    const char *fails = getenv("CAN_RECEIVE_FAILS");
+    const char *fails = getenv("CAN_RECEIVE_FAILS"), *stamp = getenv("CAN_STAMP");
     struct iovec *part = message->msg_iov;
     message->msg_controllen = 0;
+    if (stamp != 0) {
+        struct timeval when = {atol(stamp), 654321};
+        struct cmsghdr *told = message->msg_control;
+        *told = (struct cmsghdr){CMSG_LEN(sizeof when), SOL_SOCKET, SO_TIMESTAMP};
+        memcpy(CMSG_DATA(told), &when, sizeof when);
+        message->msg_controllen = CMSG_SPACE(sizeof when);
+    }
     message->msg_flags = 0;
     if (fails != 0) {
         errno = atoi(fails);

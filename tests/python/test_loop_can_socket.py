@@ -11,11 +11,12 @@ import os
 import signal
 import socket
 import struct
+from collections import Counter
 from pathlib import Path
 
 import pytest
 from can_socket import BUS_OFF, ERROR, EXTENDED, REMOTE, STEERING, frame, joined, plant
-from loop_tools import finished, read_log, run
+from loop_tools import finished, read_log, run, setting
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +65,11 @@ def test_angles_are_answered_and_all_else_is_counted(tmp_path, planted):
     assert (counts["garbage"], counts["error_frames"], counts["dropped"]) == (1, 1, 0)
 
 
-def test_error_frames_are_counted_and_only_bus_off_is_for_the_node(tmp_path, planted):
-    """CAN_ERR_RESTARTED has the number of an EncoderState. Each node hears of a bus-off."""
+def test_error_frames_are_counted_and_only_bus_off_is_for_the_node(tmp_path, planted, monkeypatch):
+    """CAN_ERR_RESTARTED has the number of an EncoderState. Each node hears of a bus-off. The log
+    has the kernel's time of each frame.
+    """
+    monkeypatch.setenv("CAN_STAMP", "1234567890")
     words = ("--role", "node", "--nodes", "2", "--seconds", "0.3")
     process, bus = joined(tmp_path, planted, *words)
     for kind in (0x100, 0x004, 0x100 | BUS_OFF):
@@ -76,37 +80,42 @@ def test_error_frames_are_counted_and_only_bus_off_is_for_the_node(tmp_path, pla
     node = {name: count for name, count in result.summary["node"].items() if count}
     assert node == {"bus_off": 2}
     assert result.summary["bus_counts"]["error_frames"] == 3
-    lines = [line.split()[2] for line in result.log.read_text().splitlines()]
-    seen = [line for line in lines if line[0] == "2"]
-    assert seen == [f"{ERROR | kind:08X}#{'00' * 8}" for kind in (0x100, 0x004, 0x100 | BUS_OFF)]
+    seen = [line for line in result.log.read_text().splitlines() if "can0 2" in line]
+    assert seen == [
+        f"(1234567890.654321) can0 {ERROR | kind:08X}#{'00' * 8}"
+        for kind in (0x100, 0x004, 0x100 | BUS_OFF)
+    ]
 
 
-TWO = {
-    "encoder": [0x111, 0x112],
-    "node": [0x101, 0x131, 0x151, 0x102, 0x132, 0x152],
-    "both": [0x101, 0x131, 0x151, 0x111, 0x102, 0x132, 0x152, 0x112],
+KINDS = {
+    "encoder": (0x110,),
+    "node": (0x100, 0x130, 0x150),
+    "both": (0x100, 0x110, 0x130, 0x150),
 }
+LOOKS = [  # numbers of the nodes, options, with a log, filtered
+    (range(1, 3), (), False, True),
+    (range(16), (), False, True),
+    (range(1, 3), ("--bitrate", "500000"), False, False),
+    (range(1, 3), ("--virtual",), False, False),
+    (range(1, 3), (), True, False),
+]
 
 
-@pytest.mark.parametrize("role", TWO)
+@pytest.mark.parametrize("role", KINDS)
 def test_only_what_is_looked_at_is_asked_for(tmp_path, planted, role):
-    """The kernel filters by id. Where a log or the load of the bus is wanted, every frame comes; in
-    virtual time one waits for one's own.
+    """The kernel filters by id, those of 16 nodes too. Where a log or the load of the bus is
+    wanted, every frame comes; in virtual time one waits for one's own.
     """
-    words = ("--role", role, "--nodes", "2", "--set", "friction.node=1", "--seconds", "0.05")
-    for options, log in (
-        ((), False),
-        (("--bitrate", "500000"), False),
-        (("--virtual",), False),
-        ((), True),
-    ):
-        process, bus = joined(tmp_path, planted, *words, *options, log=log)
+    for numbers, options, log, filtered in LOOKS:
+        words = ("--role", role, "--nodes", len(numbers), "--seconds", "0.02", *options)
+        words += ("--set", f"friction.node={numbers[0]}")
+        process, bus = joined(tmp_path, planted, *words, log=log)
         first = bus.recv(1000)
         finished(tmp_path, process)
         bus.close()
         asked = sorted(struct.iter_unpack("=II", first))
-        is_filtered = asked == sorted((i, 0x7FF) for i in TWO[role])
-        assert is_filtered == (not options and not log)
+        due = sorted((kind | number, 0x7FF) for kind in KINDS[role] for number in numbers)
+        assert (asked == due) == filtered, (numbers, options, log)
 
 
 FILTER, ERR_FILTER, OWN_MSGS, FD_FRAMES = "1245"  # linux/can/raw.h
@@ -129,15 +138,18 @@ def test_a_kernel_that_refuses_a_socket_or_an_option_is_told(
     assert (result.code, result.summary, "(" in result.err) == (1, {}, hinted)
 
 
-def test_an_id_of_29_bits_is_sent_as_such(tmp_path, planted):
-    words = ("--set", "faults.extended=0.5", "--set", "friction.max_step=2000")
-    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.1", *words)
+def test_an_id_of_29_bits_and_a_short_frame_are_sent_as_such(tmp_path, planted):
+    words = [f"faults.{kind}=0.3" for kind in ("extended", "length")]
+    sets = setting(*words, "friction.max_step=2000")
+    process, bus = joined(tmp_path, planted, "--role", "encoder", "--seconds", "0.1", *sets)
     sent = list(iter(lambda: bus.recv(100), b""))
-    summary = finished(tmp_path, process).summary
+    injected = finished(tmp_path, process).summary["faults"]["injected"]
     bus.close()
-    ids = [struct.unpack("=I", wire[:4])[0] for wire in sent]
-    assert set(ids) == {0x100, EXTENDED | 0x100}
-    assert ids.count(EXTENDED | 0x100) == summary["faults"]["injected"]["extended"]
+    forms = Counter(struct.unpack("=IB", wire[:5]) for wire in sent)
+    short = {form: number for form, number in forms.items() if form[1] < 8}
+    assert {identifier for identifier, _ in short} == {0x100} and len(short) > 4
+    assert sum(short.values()) == injected["length"] > 10
+    assert forms[EXTENDED | 0x100, 8] == injected["extended"] > 10
 
 
 def test_a_bus_that_takes_nothing_is_tried_again_then_the_frame_is_dropped(tmp_path, planted):
@@ -177,9 +189,9 @@ def test_a_bus_that_goes_away_is_told(tmp_path, planted):
 
 def test_a_silent_bus_costs_no_time_of_the_processor(tmp_path, planted):
     """It waits for a frame from tick to tick; who asked again and again would need all there is."""
-    process, bus = joined(tmp_path, planted, "--role", "node", "--seconds", "1")
+    process, bus = joined(tmp_path, planted, "--role", "node", "--seconds", "0.5")
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     bus.close()
     assert process.returncode == 0
-    assert used.ru_utime + used.ru_stime < 0.3
+    assert used.ru_utime + used.ru_stime < 0.2

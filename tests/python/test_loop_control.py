@@ -115,6 +115,8 @@ DRIVEN = [  # scene, what is set, kp, kd, limit
     ("parking", ("control.torque_limit=1.5",), 60, 2, 1.5),
     ("parking", ("motion.tremor=20000", "motion.tremor_s=0.2", "motion.seconds=10"), 60, 2, 8),
     ("parking", DROPS, 60, 2, 8),
+    ("parking", ("friction.model=asymmetric", "friction.Fc=1.1 1.8"), 60, 2, 8),
+    ("parking", ("friction.model=asymmetric", "friction.Fc=1.8 1.1"), 60, 2, 8),
     ("slow-reversal", (), 60, 2, 6),
     ("slow-reversal", ("control.kp=55", "control.kd=3", *BACKWARD), 55, 3, 6),
 ]
@@ -146,10 +148,10 @@ def test_the_trace_is_what_was_on_the_bus_and_the_summary_what_the_trace_says(
 
 def test_a_driven_shaft_is_seen_to_the_count_and_ends_when_its_motor_does(traced):
     """Nothing is fed forward; there is no reference but where the shaft is."""
-    sets = ("motor.bias=0.2", "motor.amplitude=0.3", "motor.frequency=5", "motor.seconds=1.3")
+    sets = ("motor.bias=-0.2", "motor.amplitude=0.3", "motor.frequency=5", "motor.seconds=1.3")
     trace, summary, log = traced("creep", *sets)
     assert (summary["ticks"], "control" in summary) == (1300, False)
-    due = 0.2 + 0.3 * np.sin(2 * np.pi * 5 * trace["time"])
+    due = -0.2 + 0.3 * np.sin(2 * np.pi * 5 * trace["time"])
     assert np.abs(trace["motor"] - due).max() < 1e-9
     assert counts_of(log) == [nearest(angle / COUNT) for angle in trace["angle"]]
     assert (np.abs(trace["reference"] - np.array(counts_of(log)) * COUNT) < 1e-12).all()

@@ -213,10 +213,10 @@ def looked_at(folder: Path, seconds: int, *options: object, start: int = 0, **ra
 def test_each_fault_alone_does_what_the_table_says(tmp_path, kind):
     """As often as the rate says, and as far as it may go."""
     rate = 0.002 if kind in ("silence", "bus_off", "restart") else 0.05
-    told, seen = looked_at(tmp_path, 20, **{kind: rate})
+    told, seen = looked_at(tmp_path, 12, **{kind: rate})
     injected = told["faults"]["injected"]
     assert {name for name, count in injected.items() if count} == {kind}
-    due = rate * (20000 - sum(seen.quiet))
+    due = rate * (12000 - sum(seen.quiet))
     assert abs(injected[kind] - due) < 6 * due**0.5 + 0.1 * due
     counted = {name for name, count in told["node"].items() if count and name != "ok"}
     assert counted == {name for name, count in sums(injected).items() if count}
@@ -230,7 +230,7 @@ def spread(kind: str, seen: Seen) -> None:
     if kind == "corrupt":
         assert {*seen.flips} == {1, 2, 3} and min(seen.flips.values()) > 0.2 * seen.flips.total()
     if kind == "length":
-        assert {*seen.lengths} == set(range(8)) and min(seen.lengths.values()) > 80
+        assert {*seen.lengths} == set(range(8)) and min(seen.lengths.values()) > 45
     if kind == "id":
         assert len(seen.ids) > 200
     if kind == "glitch":
@@ -241,7 +241,7 @@ def spread(kind: str, seen: Seen) -> None:
 
 def test_a_tenth_of_all_frames_spoiled_and_every_one_counted(tmp_path):
     """By the faults' own book, by plain sums, and by what the log shows; the count wraps."""
-    told, _ = looked_at(tmp_path, 100, start=2147483600)
+    told, _ = looked_at(tmp_path, 40, start=2147483600)
     injected = told["faults"]["injected"]
     assert all(injected.values())
     assert 0.09 < sum(injected.values()) / told["frames_sent"] < 0.11
@@ -267,12 +267,12 @@ def test_a_million_frames(tmp_path, seed):
     assert summary["max_rss_kib"] < 16 * 1024
 
 
-@pytest.mark.parametrize("ms", [30, 400])
+@pytest.mark.parametrize("ms", [30.6, 400])
 def test_a_silence_is_told_in_the_tick_after_the_timeout(tmp_path, ms):
     """Counted from the last frame that came; the silence of the faults is longer than that."""
     words = setting(f"friction.timeout_ms={ms}")
     result = storm(tmp_path, "--seed", 3, *words, silence=0.002, bus_off=0.002)
-    node = Node(TRAVEL, 2000, timeout_us=1000 * ms)
+    node = Node(TRAVEL, 2000, timeout_us=round(1000 * ms))
     check_node(read_log(result.log), node, result.summary["node"])
     assert node.counts["stale"] > 5 and node.counts["bus_off"] > 5
     agreement(result.summary)
@@ -287,7 +287,9 @@ def test_what_befalls_one_node_is_that_of_this_node(tmp_path, options):
     rates = {"bus_off": 0.002, "restart": 0.002, "glitch": 0.002}
     rates |= {"babble": 0.01} if options else {}  # of several nodes each hears those of its number
     summary = storm(tmp_path, *options, *words, "--seconds", 20, **rates).summary
-    assert min(summary["node"][name] for name in ("bus_off", "resets", "jump")) > 3
+    node, injected = summary["node"], summary["faults"]["injected"]
+    counted = {"bus_off": node["bus_off"], "restart": node["resets"], "glitch": node["jump"]}
+    assert {kind: injected[kind] for kind in counted} == counted and min(counted.values()) > 3
     agreement(summary)
     errors = summary["bus_counts"]["error_frames"]
     assert errors == summary["faults"]["expected"]["bus_off"]

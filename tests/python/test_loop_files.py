@@ -196,13 +196,13 @@ def read_all(reading: int) -> str:
         return pipe.read()
 
 
-@pytest.mark.parametrize(("seconds", "pause"), [(6, 20), (7, 5.8)])
+@pytest.mark.parametrize(("seconds", "pause"), [(2, 20), (2.5, 1.8)])
 def test_a_pipe_that_is_not_read_in_time_loses_whole_lines_that_are_counted(
     tmp_path, seconds, pause
 ):
     """The loop keeps its ticks; the pipe is read after its end, or while there is more to come."""
-    process, reading = piped(tmp_path, "--seconds", str(seconds))
-    wait_until(lambda: waiting_in(reading) > 4000)  # it has begun; there is room for less than 4 s
+    process, reading = piped(tmp_path, "--seconds", str(seconds), "--nodes", "4")
+    wait_until(lambda: waiting_in(reading) > 4000)  # it has begun; there is room for less than 1 s
     with contextlib.suppress(subprocess.TimeoutExpired):
         process.wait(pause)
     lines = read_all(reading).splitlines(keepends=True)
@@ -214,7 +214,7 @@ def test_a_pipe_that_is_not_read_in_time_loses_whole_lines_that_are_counted(
     assert torn <= (pause > seconds)
     assert all(LINE.fullmatch(line.rstrip("\n")) for line in lines[: len(lines) - torn])
     status = missing + len(lines) - torn - told["frames_sent"] - told["node"]["ok"]
-    assert 50 <= status <= 200 + told["node"]["stale"]  # every 100 ms, and at each stall
+    assert 60 <= status <= 200 + told["node"]["stale"]  # every 100 ms, and at each stall
 
 
 def test_in_virtual_time_the_reader_has_its_time(tmp_path):
@@ -234,13 +234,13 @@ def test_in_virtual_time_the_reader_has_its_time(tmp_path):
 
 def test_what_waits_at_the_end_is_given_time_to_be_read(tmp_path):
     """Real time, and more than a pipe holds: read half a second after the last tick."""
-    process, reading = piped(tmp_path, "--seconds", "1.5")
-    time.sleep(2)
+    process, reading = piped(tmp_path, "--seconds", "0.4", "--nodes", "4")
+    time.sleep(0.9)
     assert process.poll() is None
     text = read_all(reading)
     result = finished(tmp_path, process, 30)
     assert (result.code, result.err) == (0, "")
-    assert text.count(" 100#") == text.count(" 110#") == 1500
+    assert text.count(" 100#") == text.count(" 110#") == 400
 
 
 def test_ctrl_c_ends_the_patience_with_a_pipe_that_nobody_reads(tmp_path):

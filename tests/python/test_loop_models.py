@@ -6,8 +6,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -15,7 +18,7 @@ import cantools
 import numpy as np
 import pytest
 from loop_model import Q30_BOUND, travel_per_count
-from loop_tools import Logged, counts_of, read_log, run, torques_of
+from loop_tools import Logged, counts_of, read_log, run, setting, torques_of
 
 THETA = 3.8e-4
 STEERING = """[motion]
@@ -104,15 +107,20 @@ def q30(log: list[Logged]) -> np.ndarray:
     return np.array([ratio for _, ratio in torques_of(log)]) / 2**30
 
 
-@pytest.mark.parametrize("model", RATIOS)
-def test_every_model_is_exact_over_the_bus(tmp_path, model):
-    result = run(tmp_path, scene(tmp_path, model), "--virtual")
+EXACT = [(model, (), ratios) for model, ratios in RATIOS.items()]
+FORWARD = setting("friction.Fc=0.7 0.2")  # the larger one
+EXACT += [("asymmetric", FORWARD, lambda m: np.array([*asymmetric(m, 0.7, 0.2)]))]
+
+
+@pytest.mark.parametrize(("model", "sets", "ratios"), EXACT)
+def test_every_model_is_exact_over_the_bus(tmp_path, model, sets, ratios):
+    result = run(tmp_path, scene(tmp_path, model), "--virtual", *sets)
     assert (result.code, result.err) == (0, "")
     log = read_log(result.log)
     moves = np.diff(counts_of(log), prepend=0)
-    ratios = q30(log)
-    assert len(ratios) == 3000 and np.ptp(ratios) > 1
-    assert np.abs(ratios - RATIOS[model](moves)).max() < 2 * Q30_BOUND
+    answers = q30(log)
+    assert len(answers) == 3000 and np.ptp(answers) > 1
+    assert np.abs(answers - ratios(moves)).max() < 2 * Q30_BOUND
 
 
 TOLD = {  # elements, kinds; what the demo's torque is of
@@ -159,15 +167,22 @@ def heard_from(channel: str, angles: list[Logged], answers: list[bytes]) -> None
             answers.append(b"" if message is None else bytes(message.data))
 
 
+def heard_and_ended(*words: object) -> None:
+    """The same, and Ctrl-C for the node where it still runs."""
+    heard_from(*words)
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        os.kill(os.getpid(), signal.SIGINT)
+
+
 @pytest.mark.parametrize("model", RATIOS)
 @pytest.mark.usefixtures("library")
 def test_the_command_node_answers_bit_for_bit_as_dahl_loop_does(tmp_path, dahl_here, model):
     path = scene(tmp_path, model, "timeout_ms = 60000\n", STEERING)
     log = read_log(run(tmp_path, path, "--virtual", "--seconds", "0.4").log)
     angles, answers = [frame for frame in log if frame.id == 0x100], []
-    client = threading.Thread(target=heard_from, args=(model, angles, answers))
+    client = threading.Thread(target=heard_and_ended, args=(model, angles, answers))
     client.start()
-    done = dahl_here("node", "--scene", path, "-i", "virtual", "-c", model, "--seconds", 2)
+    done = dahl_here("node", "--scene", path, "-i", "virtual", "-c", model, "--seconds", 30)
     client.join()
     assert done.returncode == 0, done.stderr
     assert len(set(answers)) > 100
@@ -216,7 +231,7 @@ def check_loaded(log: list[Logged], loads: np.ndarray) -> None:
 
 def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
     """Of both signs: its size counts; clamped at 1, as it is at first. Told where it changes, and
-    once a second for a node that missed it.
+    once a second for a node that missed it; each of two nodes is told.
     """
     ticks = np.arange(1500)
     load = 3 + 5 * np.cos(ticks / 91)
@@ -226,16 +241,17 @@ def test_friction_follows_a_load_of_the_log(tmp_path, dbc):
     (tmp_path / "log.csv").write_text("\n".join(["angle,carried", *rows]) + "\n")
     replay = "[motion]\nkind = log\nfile = log.csv\nangle = angle\ncounts_per_unit = 1\n"
     path = scene(tmp_path, "loaded", "[load]\ncolumn = carried\nfull = 5\nrest = 0.125\n", replay)
-    result = run(tmp_path, path, "--virtual")
+    result = run(tmp_path, path, "--virtual", "--nodes", "2")
     assert (result.code, result.err) == (0, "")
-    log = read_log(result.log)
-    force, writes = told_loads(log, dbc)
     share = np.minimum(1, 0.125 + np.abs(load) / 5)
-    assert np.abs(force / 65536 - share).max() <= 0.5 / 65536 + 1e-9
-    check_loaded(log, force)
-    told = np.diff(force, prepend=65536) != 0
-    told[999::1000] = True
-    assert writes == force[told].tolist()
+    for number in (0, 1):
+        log = [replace(f, id=f.id & ~15) for f in read_log(result.log) if f.id & 15 == number]
+        force, writes = told_loads(log, dbc)
+        assert np.abs(force / 65536 - share).max() <= 0.5 / 65536 + 1e-9
+        check_loaded(log, force)
+        told = np.diff(force, prepend=65536) != 0
+        told[999::1000] = True
+        assert writes == force[told].tolist()
 
 
 def test_friction_follows_the_motors_torque(tmp_path, dbc):

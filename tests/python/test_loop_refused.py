@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 import dahl
+import numpy as np
 import pytest
 from loop_tools import SCENES, said, setting
 
@@ -127,7 +128,6 @@ SCENE_ERRORS = [  # scene, line, words of the error
     (scene_of(motion=ROTOR + CONTROL), 12, "[control] [motion]"),
     (scene_of(friction=ROTOR + CONTROL), 3, "[rotor] [friction]"),
     (scene_of(motion=MOTOR), 7, "[motor] [rotor]"),
-    (scene_of(status=ROTOR.replace("0.1", "1e-8") + CONTROL), 14, "[rotor] inertia 1e-08 2e-08 20"),
     ("[scene]\ntitle = empty", "", "[friction] [motion]"),
     ("", "", "[friction] [motion]"),
     ("sigma0 = 1\n[friction]", 1, '"sigma0"'),
@@ -317,6 +317,7 @@ LIMITS = [  # scene, key, least and greatest value
     ("creep", "motor.amplitude", 0, 1e12),
     ("creep", "motor.frequency", 0, 100),
     ("creep", "motor.seconds", 0.001, 1e9),
+    ("steering", "friction.breakaway", 1e-37, float(np.nextafter(np.float32(1), 0))),
     ("creep", "load.full", 1e-9, 1e12),
     ("creep", "load.rest", 0, 1),
     *(("parking", f"control.{key}", 0, 1e12) for key in ("kp", "kd", "torque_limit")),
@@ -330,6 +331,7 @@ CALM = [f"{key}=0" for _, key, *_ in LIMITS if key.startswith("faults.")]
 BESIDE = {  # what is set beside a key, so that its limit is the one that is met
     "rotor": ["rotor.inertia=1e6", "motor.bias=0", "motor.amplitude=0"],
     "faults": CALM,
+    "friction.breakaway": ["friction.model=elastoplastic"],
     "load": ["friction.model=loaded", "load.full=1"],
 }
 WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")
@@ -340,7 +342,8 @@ WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")
 )
 def test_each_number_has_its_limits(scene, key, low, high):
     section, _, name = key.partition(".")
-    beside = [one for one in BESIDE.get(section, []) if not one.startswith(f"{key}=")]
+    given = BESIDE.get(key, BESIDE.get(section, []))
+    beside = [one for one in given if not one.startswith(f"{key}=")]
     words = ["--scene", SCENES / f"{scene}.ini", "--seconds", "0.001", *setting(*beside)]
     place = f"--set:{len(beside) + 1}: [{section}] {name} = "
     for value in (low, high):
@@ -411,7 +414,6 @@ OPTION_ERRORS = [  # scene, options, what the line names
     ("steering", "--bus socketcand:99999", "--bus socketcand:99999"),
     ("steering", "--bus socketcand::5", "--bus socketcand::5"),
     ("steering", "--bus socketcand:127.0.0.1:0", "--bus socketcand:127.0.0.1:0"),
-    ("steering", "--bus socketcand:localhost:65536", "--bus socketcand:localhost:65536"),
     ("steering", f"--bus socketcand:{'x' * 128}:5", f"--bus socketcand:{'x' * 128}:5"),
     ("steering", "--bus socketcan:", "--bus"),
     ("steering", "--wait-clients 1", "--wait-clients socketcand:PORT loopback"),
@@ -428,7 +430,6 @@ OPTION_ERRORS = [  # scene, options, what the line names
     ("steering", "--set friction.gian=1", '--set:1 "gian" [friction]'),
     ("steering", "--set friction.gain=1 --set bonus.x=1", '--set:2 "x" [bonus]'),
     ("steering", "--set motion.speed=5", "--set:1 [motion] speed steering"),
-    ("steering", "--set friction.node=1 --set motion.kind=x", "--set:2 [motion] kind x"),
     ("steering", "--set status.period_ms=9 --set faults.id=0.1", "--set:2 [faults] max_step"),
     ("steering", "--set control.kp=1", "--set:1 [control] kd"),
     (

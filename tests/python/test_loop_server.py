@@ -13,6 +13,9 @@ import signal
 import socket
 import struct
 import time
+from collections.abc import Iterator
+from pathlib import Path
+from subprocess import Popen
 
 import can
 import pytest
@@ -244,24 +247,49 @@ def test_sixteen_may_come_at_once_and_no_more(tmp_path):
     assert [line[:6] for line in result.err.splitlines()] == ["note: "] * 2 and "16" in result.err
 
 
-def test_silent_clients_do_not_hold_their_places_but_who_speaks_does(tmp_path):
-    """Fifteen connect and say nothing or half a greeting: 5 s later they are gone."""
-    with serving(tmp_path, STEERING, "--role", "node") as (process, port):
+@contextlib.contextmanager
+def joining_who_says_nothing(folder: Path) -> Iterator[list[tuple[str, Popen, str]]]:
+    """Programs that join (bus, program, why it is none): one peer takes the connection, the queue
+    of the other is full.
+    """
+    with socket.create_server(("127.0.0.1", 0)) as silent, socket.socket() as full:
+        full.bind(("127.0.0.1", 0))
+        full.listen(0)
+        waiting = socket.create_connection(full.getsockname())
+        buses = [f"socketcand:127.0.0.1:{one.getsockname()[1]}" for one in (silent, full)]
+        programs = [start(folder / bus, STEERING, "--bus", bus) for bus in buses]
+        yield [*zip(buses, programs, ("Protocol error", "Connection timed out"), strict=True)]
+        waiting.close()
+
+
+def check_silent_clients_are_dropped(silent: list[socket.socket], begun: float) -> None:
+    """Fifteen that say nothing, or half a greeting: 5 s later they are gone."""
+    for peer in silent[:8]:
+        peer.sendall(b"< open vcan0 >")
+    for peer in silent:
+        peer.settimeout(20)
+        while peer.recv(100):
+            pass
+    assert 4.5 < time.monotonic() - begun < 7.5
+
+
+def test_who_says_nothing_is_given_up_after_5_s_by_server_and_client_but_who_speaks_stays(tmp_path):
+    begun = time.monotonic()
+    serves = serving(tmp_path / "server", STEERING, "--role", "node")
+    with joining_who_says_nothing(tmp_path) as joining, serves as (process, port):
         speaks = raw_client(port)
         silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(15)]
-        for peer in silent[:8]:
-            peer.sendall(b"< open vcan0 >")
-        begun = time.monotonic()
-        for peer in silent:
-            peer.settimeout(20)
-            while peer.recv(100):
-                pass
-        assert 4.5 < time.monotonic() - begun < 7.5
+        check_silent_clients_are_dropped(silent, begun)
+        for bus, joined, why in joining:
+            refused = finished(tmp_path / bus, joined, 20)
+            assert 4.5 < time.monotonic() - begun < 7.5
+            assert (refused.code, refused.err.count("\n")) == (1, 1)
+            assert refused.err.startswith(f"error: --bus {bus}: {why}")
         time.sleep(0.6)
         speaks.sendall(b"< echo >")
         hear(speaks, b"< echo >")
         raw_client(port).close()
-        result = ended(tmp_path, process)
+        result = ended(tmp_path / "server", process)
         speaks.close()
     assert result.code == 0
     assert sorted(map(int, re.findall(r"client (\d+)", result.err))) == [*range(2, 17)]
@@ -295,9 +323,10 @@ def test_the_place_of_a_client_that_was_dropped_is_free_and_clean(tmp_path):
         closed(*[raw_client(port) for _ in range(2)])
         result = ended(tmp_path, process)
     assert result.summary["bus_counts"]["dropped"] == 1
+    assert result.summary["beat_late_us"]["max"] < 2e6  # in real time it is not waited for
 
 
-@pytest.mark.parametrize(("pause", "seconds"), [(4, 30), (1, 2)])
+@pytest.mark.parametrize(("pause", "seconds"), [(2, 30), (0.7, 2)])
 def test_in_virtual_time_a_slow_client_is_waited_for(tmp_path, pause, seconds):
     """With more frames than any buffer holds, and with what waits when the run has ended."""
     options = ("--virtual", "--wait-clients", "1", "--seconds", seconds)
@@ -317,7 +346,7 @@ def test_ctrl_c_ends_the_wait_for_clients_and_the_patience_with_them(tmp_path, c
     options = ("--virtual", "--wait-clients", "2", "--nodes", "16")
     with serving(tmp_path, STEERING, *options) as (process, port):
         peers = [raw_client(port, receive_buffer=4096) for _ in range(clients)]
-        time.sleep(1)
+        time.sleep(0.5)
         process.send_signal(signal.SIGINT)
         result = finished(tmp_path, process, 8)
         closed(*peers)
@@ -354,7 +383,7 @@ def annoy(port: int, rng: random.Random) -> None:
 
 def test_bad_and_slow_clients_do_not_disturb_the_loop_or_a_good_one(tmp_path):
     rng = random.Random(1)
-    options = ("--wait-clients", "2", "--seconds", "6")
+    options = ("--wait-clients", "2", "--seconds", "2")
     with serving(tmp_path, STEERING, *options) as (process, port):
         slow = raw_client(port, receive_buffer=4096)
         with client(port) as bus:
@@ -365,13 +394,13 @@ def test_bad_and_slow_clients_do_not_disturb_the_loop_or_a_good_one(tmp_path):
         slow.close()
     assert result.code == 0
     assert len(lines) == len(result.log.read_text().splitlines())
-    assert (result.summary["ticks"], result.summary["frames_lost"]) == (6000, 0)
+    assert (result.summary["ticks"], result.summary["frames_lost"]) == (2000, 0)
     assert result.summary["bus_counts"]["garbage"] > 0
     assert result.summary["max_rss_kib"] < 16 * 1024
 
 
 def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
-    with serving(tmp_path, STEERING, "--wait-clients", "1", "--seconds", "3") as (process, port):
+    with serving(tmp_path, STEERING, "--wait-clients", "1", "--seconds", "2") as (process, port):
         peer = raw_client(port)
         peer.setblocking(False)
         flood = b"< send 7FF 1 0 >" * 64
@@ -385,7 +414,7 @@ def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
         peer.close()
     assert result.code == 0, result.err
     node = result.summary["node"]
-    assert (result.summary["frames_lost"], node["ok"], node["ignored"] > 1000) == (0, 3000, True)
+    assert (result.summary["frames_lost"], node["ok"], node["ignored"] > 1000) == (0, 2000, True)
 
 
 # --- ports and other servers ----------------------------------------------------------------------
@@ -451,21 +480,3 @@ def test_a_bus_may_be_at_an_address_with_colons(tmp_path):
         result = finished(tmp_path, process)
         peer.close()
     assert (result.code, result.err, result.summary["frames_sent"]) == (0, "", 100)
-
-
-def test_a_peer_that_says_nothing_is_given_up_after_5_s(tmp_path):
-    """Whether it takes the connection or not: the queue of the second is full."""
-    with socket.create_server(("127.0.0.1", 0)) as silent, socket.socket() as full:
-        full.bind(("127.0.0.1", 0))
-        full.listen(0)
-        waiting = socket.create_connection(full.getsockname())
-        buses = [f"socketcand:127.0.0.1:{one.getsockname()[1]}" for one in (silent, full)]
-        begun = time.monotonic()
-        started = [start(tmp_path / bus, STEERING, "--bus", bus) for bus in buses]
-        whys = "Protocol error", "Connection timed out"
-        for bus, process, why in zip(buses, started, whys, strict=True):
-            result = finished(tmp_path / bus, process, 20)
-            assert 4.5 < time.monotonic() - begun < 7.5
-            assert (result.code, result.err.count("\n")) == (1, 1)
-            assert result.err.startswith(f"error: --bus {bus}: {why}")
-        waiting.close()

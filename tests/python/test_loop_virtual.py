@@ -5,12 +5,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
+import random
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
-from loop_model import Node, Steering, check_node, segments, travel_per_count
+from loop_model import Node, Steering, check_node, nearest, segments, travel_per_count
 from loop_tools import SCENES, Logged, counts_of, program, read_log, run, setting, torques_of
 
 FRICTION = "[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
@@ -189,7 +192,7 @@ def test_a_move_beyond_max_step_is_a_jump(tmp_path, max_step, used):
     assert (node.counts["jump"] == 0) == used
 
 
-@pytest.mark.parametrize("ms", [30, 1234.5, 3000])
+@pytest.mark.parametrize("ms", [30.4, 1234.5, 3000])
 def test_status_tells_the_timeout_and_comes_in_its_period(tmp_path, ms):
     """In the unit that the bus description says; no error, and the version of the program."""
     words = setting(f"friction.timeout_ms={ms}", f"status.period_ms={ms}", "motion.hold_s=3")
@@ -205,23 +208,38 @@ def test_status_tells_the_timeout_and_comes_in_its_period(tmp_path, ms):
     assert {s.data[2:] for s in statuses} == {bytes([0, 0, 0, 0, major << 4 | minor, shown])}
 
 
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-@pytest.mark.parametrize("end", ["\n", "\r\n"])
-@pytest.mark.parametrize("first", ["t [s]", '"t [s]"'])
-def test_log_files_of_many_shapes(tmp_path, delimiter, end, first):
-    """With a column without a name, a long name, long rows, and no end of the last row, or two."""
-    name = "angle of the steering wheel, absolute [deg]"
-    values = [(0, 1.5), (0.001, 1.6), (0.001, 1.4), (5, -2.0)]
-    rows = [
-        [first, "", f'"{name}"', "note"],
-        *([str(t), "9", str(v), "x" * 60000] for t, v in values),
-    ]
-    text = "\ufeff" + end.join(delimiter.join(row) for row in rows)
-    (tmp_path / "log.csv").write_bytes((text if end == "\n" else text + end + end).encode())
-    path = scene(tmp_path, FRICTION, REPLAY.format(name, 10), "time = t [s]\n")
-    result = run(tmp_path, path, "--virtual")
-    assert result.code == 0, result.err
-    assert counts_of(read_log(result.log)) == [0, 1, -1, -35]
+ANGLE = "angle of the steering wheel, absolute [deg]"
+
+
+def random_table(rng: random.Random) -> tuple[bytes, list[float]]:
+    """A log as programs write them, and its angles: columns in any order, one without a name, one
+    with long or odd words; a byte order mark or none; no end of the last row, or two.
+    """
+    columns = rng.sample(["t [s]", "", ANGLE, 'a "note"'], 4)
+    angles = [rng.randrange(-800, 800) / 8 for _ in range(rng.randrange(1, 400))]
+    times = sorted(rng.choice(range(300)) / 1000 for _ in angles)
+    words = ["x" * 60000, "", "a, b", '"', " two\nlines", "9"]
+    end, text = rng.choice(["\n", "\r\n"]), io.StringIO()
+    quoting = rng.choice([csv.QUOTE_MINIMAL, csv.QUOTE_ALL])
+    table = csv.writer(text, delimiter=rng.choice(",;\t"), lineterminator=end, quoting=quoting)
+    table.writerow(columns)
+    for time, angle in zip(times, angles, strict=True):
+        cells = {"t [s]": time, "": 9, ANGLE: angle, 'a "note"': rng.choice(words)}
+        table.writerow([cells[name] for name in columns])
+    mark = rng.choice(["", "\ufeff"])
+    return f"{mark}{text.getvalue().removesuffix(end)}{end * rng.randrange(3)}".encode(), angles
+
+
+def test_log_files_of_many_shapes(tmp_path):
+    """Read as Python's csv writes them; the counts are whole numbers from the first row on."""
+    path = scene(tmp_path, FRICTION, REPLAY.format(ANGLE, 10), "time = t [s]\n")
+    for seed in range(24):
+        text, angles = random_table(random.Random(seed))
+        (tmp_path / "log.csv").write_bytes(text)
+        result = run(tmp_path, path, "--virtual")
+        assert (result.code, result.err) == (0, ""), seed
+        due = [nearest(10 * angle - 10 * angles[0]) for angle in angles]
+        assert counts_of(read_log(result.log)) == due, seed
 
 
 @pytest.mark.parametrize(

@@ -244,6 +244,18 @@ def test_a_million_random_bytes(core: str, pieces: int, serial) -> None:
     assert line.text.count(b"\a") > 30 * pieces
 
 
+def test_status_is_told_where_somebody_listens(serial) -> None:
+    """Half a second with a closed port skips no counter, and the first of all is 0."""
+    line = serial("m4f")
+    line.wait(b"t120", 2)
+    line.send(b"C")
+    time.sleep(0.5)
+    line.send(b"O")
+    said = line.wait(b"t120", len(line.lines(b"t120")) + 2)
+    assert len(said) >= 4
+    assert [int(text[8:9], 16) for text in said] == [number % 16 for number in range(len(said))]
+
+
 @pytest.mark.parametrize(
     ("params", "number", "used"),
     [
