@@ -377,6 +377,15 @@ static const model_t models[] = {
 };
 enum { MODELS = sizeof models / sizeof models[0] };
 
+static inline const model_t *model_named(const char *name)
+{
+    const model_t *model = models;
+    while (strcmp(model->name, name) != 0) {
+        model++;
+    }
+    return model;
+}
+
 /* What a torque of 1 is of: Fc, the larger one, or the sum of them. */
 static inline long double whole_of(const model_t *model, const set_t *set)
 {

@@ -170,7 +170,7 @@ static void test_elastoplastic_ends_of_the_ranges(void)
 {
     static const float breakaways[] = {1e-45f, 1e-10f, 0x1p-31f, 0x1.fffffep-1f, 0x1.fffffcp-1f};
     static const double travels[] = {1.0 / (1 << 29), 1e-3, 1.0, 1.999999, 2.0, 2.000001, 63.9, 64.1, 1e6};
-    const model_t *model = &models[MODELS - 1];
+    const model_t *model = model_named("elastoplastic");
     for (size_t i = 0; i < 2 * 5 * 9; i++) {
         const set_t set = {params_for(travels[i / 10], 1.0f), breakaways[i % 5]};
         motion_t motion = MOTION_START;

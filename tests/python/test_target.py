@@ -125,7 +125,7 @@ def test_wrong_board_does_not_link(core: str, board: str, tmp_path: Path) -> Non
 def test_unknown_core_is_refused(tmp_path: Path) -> None:
     words = ["--toolchain", PORT / "toolchain.cmake", "-DDAHL_CORE=m9"]
     said = run("cmake", "-S", ROOT, "-B", tmp_path, *words, code=1)
-    assert "'m9'" in said and ", ".join(ARM) in said
+    assert "'m9'" in said and all(core in said for core in ARM)
 
 
 # --- what may be linked --------------------------------------------------------------------------
