@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from _pytest.mark.structures import ParameterSet
 from conftest import ROOT, need
-from sources import INCLUDES, as_one
+from sources import INCLUDES, NODE, as_one
 
 HERE = Path(__file__).parent
 # Not --conversion-check: C99 lets an implementation define what a number too large becomes as a
@@ -101,6 +101,7 @@ def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
     """The checks as CBMC takes them, with the stand-ins in place."""
     whole, ready = str(folder / "whole.goto"), str(folder / "ready.goto")
     as_one(folder)
+    as_one(folder, NODE, "node_library.c")
     includes = [f"-I{path}" for path in (folder, HERE, ROOT)]
     command = [str(bin_folder / "goto-cc"), "-std=c99", *proof.flags, *includes, *INCLUDES]
     command.append(str(HERE / proof.harness))
