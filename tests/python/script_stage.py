@@ -15,7 +15,7 @@ import pytest
 from conftest import ROOT
 
 NOTE = """#!/bin/bash
-name=$(basename "$0")
+name=${0##*/}
 echo "$name $*" >>"$STAGE/calls"
 [ ! -e "$STAGE/$name.does" ] || . "$STAGE/$name.does"
 """
@@ -82,11 +82,10 @@ APT = """case "$*" in
         echo "'file:$STAGE/dists/$VERSION_CODENAME/InRelease' InRelease" ;;
     *" install "*)
         words=$*
-        for word in ${words##* install }; do
-            [[ "$word" != -* ]] || continue
-            grep -qx "$word" "$STAGE/known" || exit 100
-            echo "$word"
-        done >"$STAGE/more" && cat "$STAGE/more" >>"$STAGE/installed" ;;
+        words=(${words##* install })
+        for n in "${!words[@]}"; do [[ "${words[n]}" != -* ]] || unset "words[$n]"; done
+        ! printf '%s\\n' "${words[@]}" | grep -qvxFf "$STAGE/known" || exit 100
+        printf '%s\\n' "${words[@]}" >>"$STAGE/installed" ;;
 esac"""
 DPKG = """sed 's/^/installed /' "$STAGE/installed" """
 PYTHON = """case "$*" in
