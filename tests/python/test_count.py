@@ -79,7 +79,7 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
     "two suites that say what they collected": (
         [(TWO_SUITES, 0)],
         0,
-        "skipped: test_a.two: no data\nskipped: test_a.two: no data\n2 passed, 0 failed, 2 skipped\n",
+        2 * "skipped: test_a.two: no data\n" + "2 passed, 0 failed, 2 skipped\n",
     ),
     "no test at all": ([("<testsuite></testsuite>", 0)], 1, "0 passed, 0 failed\n"),
     "a failure": ([(NAMED.format(bad="<failure/>"), 1)], 1, "failed: b\n1 passed, 1 failed\n"),
