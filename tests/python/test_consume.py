@@ -57,7 +57,9 @@ def install(tmp: Path, *options: object, **more: object) -> Path:
 @pytest.fixture(scope="module")
 def prefix(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The library and its components, installed somewhere."""
-    return install(tmp_path_factory.mktemp("installed"), *ASKED)
+    where = run("gcc", "-print-multiarch").strip()  # as Debian wants it, and one folder deeper
+    options = [*ASKED, f"-DCMAKE_INSTALL_LIBDIR=lib/{where}"]
+    return install(tmp_path_factory.mktemp("installed"), *options)
 
 
 @pytest.fixture(scope="module")
@@ -113,6 +115,9 @@ def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> Non
     run("cmake", "--build", tmp_path)
     for program, torque in wanted.items():
         assert float(run(tmp_path / program)) == pytest.approx(torque, rel=1e-6), program
+    user = tmp_path / "user"
+    run("cmake", "--install", tmp_path, "--prefix", user)
+    assert [file.name for file in user.rglob("*") if file.is_file()] == ["consumer"]
     if way == "find_package":  # before 1.0 a minor version may move a header
         words = [*options, "-DDAHL_WANTED=0.1"]
         said = project(tmp_path / "x", way, own_headers, *words, code=1)
