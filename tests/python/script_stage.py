@@ -130,11 +130,11 @@ class Debian(Stage):
         """From now on apt-get does not know it."""
         self.write("known", *(name for name in self.lines("known") if name != package))
 
-    def set_up(self, need: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
+    def set_up(self, needs: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
         """The run, and what it started that installs something."""
         self.forget()
         own = {"DAHL_UNITY_DIR": str(self.own_unity), "DAHL_PYTHON": "", **variables}
-        done = self.run("setup", need, **own)
+        done = self.run("setup", *needs.split(), **own)
         for call in self.calls("apt-get"):  # each setting stands behind its -o
             words = call.split()
             assert all(words[n - 1] == "-o" for n, word in enumerate(words) if "::" in word), call

@@ -101,6 +101,15 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(bench, word
         assert "venv.log" in known["outside"][name]["missing"]
 
 
+@pytest.mark.parametrize("failing", ["bin/cmake", "build/host/tools/bench/host/host_bench"])
+def test_a_run_on_this_host_that_fails_says_why_and_leaves_no_file(bench, failing):
+    program(bench, "bin/cmake", ":")
+    program(bench, failing, "echo why not >&2; exit 1")
+    done = bench.run("host", "--quick")
+    assert done.code == 1 and done.err.startswith("error: ") and "why not" in done.err
+    assert not (bench.folder / "build/bench/host.json").exists()
+
+
 class Clock:
     """Its steps are of 3 to 9 ms by turns, so that of seven rounds the best one takes 3 ms."""
 
