@@ -48,7 +48,6 @@ class Proof:
     unwind: int = 3
     instead: dict[str, str] = field(default_factory=dict)
     harness: str = "cbmc_core.c"
-    solver: tuple[str, ...] = ()
     long: bool = False
     flags: tuple[str, ...] = ()  # -U__GNUC__: the form for other compilers
 
@@ -58,7 +57,6 @@ class Proof:
 
 
 CORE = [
-    Proof("check_upper_half", solver=("--z3",)),
     Proof("check_normalise", 65),
     Proof("check_update", instead=PRODUCTS),
     Proof("check_still", instead=SAME),
@@ -116,10 +114,8 @@ def compiled(proof: Proof, bin_folder: Path, folder: Path) -> str:
 def failures(proof: Proof, folder: Path) -> list[str]:
     """The statements that do not hold; there is at least one statement."""
     cbmc = need("cbmc", proof.claim)
-    if proof.solver:
-        need("z3", proof.claim)
     ready = compiled(proof, Path(cbmc).parent, folder)
-    limits = ["--unwind", str(proof.unwind), *proof.solver]
+    limits = ["--unwind", str(proof.unwind)]
     said = run([cbmc, ready, "--function", proof.function, *CHECKS, *limits], allowed=(0, 10))
     found = re.search(r"^\*\* (\d+) of (\d+) failed", said, re.MULTILINE)
     assert found is not None and int(found[2]) > 0, said[-3000:]
