@@ -76,6 +76,11 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
         1,
         "failed: b\nfailed: b\n4 passed, 2 failed\n",
     ),
+    "a run that broke off after one with a failure": (
+        [(NAMED.format(bad="<failure/>"), 1), (TWO_WELL, 8)],
+        1,
+        "failed: b\nfailed: 1.xml: exit code 8, and yet no test in it failed\n3 passed, 2 failed\n",
+    ),
     "two suites that say what they collected": (
         [(TWO_SUITES, 0)],
         0,
