@@ -29,6 +29,20 @@ static bool same(float a, float b)
     return !(a < b) && !(b < a);
 }
 
+// What is left out: forward, no limit, a counter of 32 bits, no encoder.
+static bool defaults_are_those_of_the_header()
+{
+    dahl::Plan by_angle;
+    dahl::Encoder any;
+    if (by_angle.prepare(100.0f, 0.5f) != DAHL_OK || any.init(65536) != DAHL_OK) {
+        return false;
+    }
+    dahl::Bearing shaft(by_angle);
+    any.home(10);
+    return any.move(20010) == 20000 && any.jumps() == 0 && dahl::counts_between(0xFFFFFFFFu, 1) == 2 &&
+           same(shaft.step_counts(1000), 0.0f) && shaft.step(-1e-3f) < -0.05f;
+}
+
 int main()
 {
     const dahl_params_t params = {100.0f, 0.5f, 6.2831853f / 16384}, other = {50.0f, 0.25f, 6.2831853f / 16384};
@@ -47,7 +61,7 @@ int main()
     encoder.home(65500);
     std::uint32_t reading = 65500;
     for (int tick = 0; tick < 2000; tick++) {
-        reading = (reading + random_word() % 400 + 65536 - 200) % 65536;
+        reading = (reading + random_word() % 800 + 65536 - 400) % 65536;
         const std::int32_t moved = encoder.move(reading);
         if (moved != dahl_encoder_move(&c_encoder, reading) ||
             !same(bearing.step_counts(moved), dahl_step_counts(tick < 1000 ? &c_plan : &c_softer, &c_state, moved))) {
@@ -65,7 +79,8 @@ int main()
     bearing.set_torque(0.125f);
     dahl::Bearing still(nothing), flash(c_plan);
     if (!same(bearing.torque(), 0.125f) || !same(still.step_counts(100), 0.0f) || !(flash.step_counts(3) > 0.1f) ||
-        encoder.jumps() != c_encoder.jumps || dahl::counts_between(65535, 2, 65536) != 3 ||
+        encoder.jumps() != c_encoder.jumps || encoder.jumps() < 100 || !defaults_are_those_of_the_header() ||
+        dahl::counts_between(65535, 2, 65536) != 3 ||
         dahl::to_units(1 << 29, 500000) != 250000) {
         return 5;
     }

@@ -74,6 +74,22 @@ typedef struct {
     int has_load;           /* 1: the error is of c Fc; 2: of Fc, or of c Fc where that is more */
 } model_t;
 
+/* NAME_step and NAME_q30, the two forms of a model that follows counts alone: its call, and where its plan and state are. */
+#define FOLLOWS_COUNTS(name, call, plan_of, state_of)                                                                             \
+    static inline float name##_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)                    \
+    {                                                                                                                             \
+        (void)set;                                                                                                                \
+        return call(&plan->plan_of, &state->state_of, move.counts);                                                               \
+    }                                                                                                                             \
+    static inline int32_t name##_q30(const any_plan_t *plan, any_state_t *state, move_t move)                                     \
+    {                                                                                                                             \
+        return call##_q30(&plan->plan_of, &state->state_of, move.counts);                                                         \
+    }
+FOLLOWS_COUNTS(dahl_model, dahl_step_counts, dahl, dahl)
+FOLLOWS_COUNTS(slip, dahl_slip_step_counts, slip, slip)
+FOLLOWS_COUNTS(asymmetric, dahl_asymmetric_step_counts, asymmetric, dahl)
+FOLLOWS_COUNTS(elastoplastic, dahl_elastoplastic_step_counts, elastoplastic, dahl)
+
 /* --- Dahl's element, by counts and by angle ----------------------------------------------------------------------- */
 
 static inline dahl_err_t dahl_model_prepare(any_plan_t *plan, const set_t *set)
@@ -85,17 +101,6 @@ static inline dahl_err_t angle_prepare(any_plan_t *plan, const set_t *set)
 {
     const dahl_params_t p = {set->p.sigma0, set->p.Fc, 0.0f}; /* the travel of a count may be too small for a plan */
     return dahl_prepare(&plan->dahl, &p);
-}
-
-static inline float dahl_model_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
-{
-    (void)set;
-    return dahl_step_counts(&plan->dahl, &state->dahl, move.counts);
-}
-
-static inline int32_t dahl_model_q30(const any_plan_t *plan, any_state_t *state, move_t move)
-{
-    return dahl_step_counts_q30(&plan->dahl, &state->dahl, move.counts);
 }
 
 static inline float angle_of(const set_t *set, move_t move)
@@ -146,17 +151,6 @@ static inline dahl_err_t slip_prepare(any_plan_t *plan, const set_t *set)
 {
     const dahl_slip_params_t params = slip_params(set);
     return dahl_slip_prepare(&plan->slip, &params);
-}
-
-static inline float slip_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
-{
-    (void)set;
-    return dahl_slip_step_counts(&plan->slip, &state->slip, move.counts);
-}
-
-static inline int32_t slip_q30(const any_plan_t *plan, any_state_t *state, move_t move)
-{
-    return dahl_slip_step_counts_q30(&plan->slip, &state->slip, move.counts);
 }
 
 static inline void slip_begin(exact_t *exact, const set_t *set)
@@ -216,17 +210,6 @@ static inline dahl_err_t asymmetric_prepare(any_plan_t *plan, const set_t *set)
 {
     const dahl_asymmetric_params_t params = asymmetric_params(set);
     return dahl_asymmetric_prepare(&plan->asymmetric, &params);
-}
-
-static inline float asymmetric_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
-{
-    (void)set;
-    return dahl_asymmetric_step_counts(&plan->asymmetric, &state->dahl, move.counts);
-}
-
-static inline int32_t asymmetric_q30(const any_plan_t *plan, any_state_t *state, move_t move)
-{
-    return dahl_asymmetric_step_counts_q30(&plan->asymmetric, &state->dahl, move.counts);
 }
 
 /* After a reversal the curve leads to the Fc of the new direction, and has its presliding length. */
@@ -304,17 +287,6 @@ static inline long double clamped_exact(exact_t *exact, move_t move)
 static inline dahl_err_t elastoplastic_prepare(any_plan_t *plan, const set_t *set)
 {
     return dahl_elastoplastic_prepare(&plan->elastoplastic, &set->p, set->more);
-}
-
-static inline float elastoplastic_step(const any_plan_t *plan, any_state_t *state, const set_t *set, move_t move)
-{
-    (void)set;
-    return dahl_elastoplastic_step_counts(&plan->elastoplastic, &state->dahl, move.counts);
-}
-
-static inline int32_t elastoplastic_q30(const any_plan_t *plan, any_state_t *state, move_t move)
-{
-    return dahl_elastoplastic_step_counts_q30(&plan->elastoplastic, &state->dahl, move.counts);
 }
 
 /* Elastic: w is where the last event was and the counts since then. Plastic: the gap shrinks by kappa = 1/(1 - b). */

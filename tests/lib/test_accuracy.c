@@ -7,10 +7,10 @@
 #include "plans.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 1000000
+#define TEST_TICKS 200000
 #endif
 #ifndef TEST_PARTS_TICKS /* of each model beside Dahl's */
-#define TEST_PARTS_TICKS (TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 10)
+#define TEST_PARTS_TICKS (TEST_TICKS < 20000 ? TEST_TICKS : TEST_TICKS / 4)
 #endif
 
 static const double travels[] = {1e-9, 1e-8, 1e-6, 1e-4, 1e-2, 0.3, 1.1, 3.0, 20.0};

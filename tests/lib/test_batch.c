@@ -7,7 +7,7 @@
 #include "plans.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 300000
+#define TEST_TICKS 100000
 #endif
 #define MANY 37 /* channels: two whole chunks and a rest */
 #define ROWS 3000

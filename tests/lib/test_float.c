@@ -9,7 +9,7 @@
 #include "plans.h"
 
 #ifndef TEST_TICKS
-#define TEST_TICKS 200000
+#define TEST_TICKS 100000
 #endif
 
 static dahl_float_plan_t float_plan_for(const dahl_params_t *p)

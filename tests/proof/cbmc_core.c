@@ -33,12 +33,6 @@ static void is_torque(float F)
     __CPROVER_assert(exponent != 255u && (exponent != 0u || F == 0.0f), "torque is zero or a normal float");
 }
 
-/* The upper half is that of the product; the rest takes it for that. */
-void check_upper_half(uint32_t a, uint32_t b)
-{
-    __CPROVER_assert(dahl_mulhi(a, b) == (uint32_t)(dahl_mul(a, b) >> 32), "the same product");
-}
-
 void check_normalise(uint64_t mantissa, int32_t exponent)
 {
     __CPROVER_assume(mantissa > 0 && -0x10000 <= exponent && exponent <= 0x10000);

@@ -5,7 +5,7 @@
  */
 #include <string.h>
 
-#include "frames.c"
+#include "node_library.c" /* receiver and frames (test_cbmc.py writes it) */
 
 #define CHECK(message, type, is_same)                                                                                       \
     void check_##message(dahl_can_frame_t frame, uint8_t node, type in)                                                          \

@@ -4,7 +4,6 @@
 #define CBMC_RANGES_H
 
 #include "library.c" /* all of the core (test_cbmc.py writes it) */
-#include "products.h"
 
 /* The theorem: a step from here ends here. The upper end is not reached: -(2^62 + 2^31) <= w < 2^62 + 2^31. */
 #define STATE_END (((int64_t)1 << 62) + ((int64_t)1 << 31))
@@ -23,6 +22,12 @@ static int is_plan(const dahl_plan_t *plan)
     return plan->a_mantissa >> 31 != 0 && -159 <= plan->a_exponent && plan->a_exponent <= 97 && plan->Fc_mantissa >> 31 != 0
         && (plan->Fc_mantissa & 255u) == 0 && -95 <= plan->Fc_exponent && plan->Fc_exponent <= 32;
 }
+
+/* What the proofs take for known of a product r = a b of two words, and no more, since decision procedures for bits are slow at
+ * multiplication: a <= 2^32 - 1 gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b; so with a and b exchanged. */
+#define IS_LIKE_PRODUCT(r, a, b)                                                                                            \
+    ((r) <= (a) * 0x100000000 - (a) && (r) <= (b) * 0x100000000 - (b) && ((b) < 0x80000000 || (r) >= (a) * 0x80000000) &&   \
+     ((a) < 0x80000000 || (r) >= (b) * 0x80000000))
 
 /* In the place of dahl_mul and dahl_mulhi (test_cbmc.py puts them there). */
 uint64_t any_product(uint32_t factor_a, uint32_t factor_b)

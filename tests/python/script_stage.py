@@ -15,7 +15,7 @@ import pytest
 from conftest import ROOT
 
 NOTE = """#!/bin/bash
-name=$(basename "$0")
+name=${0##*/}
 echo "$name $*" >>"$STAGE/calls"
 [ ! -e "$STAGE/$name.does" ] || . "$STAGE/$name.does"
 """
@@ -82,11 +82,10 @@ APT = """case "$*" in
         echo "'file:$STAGE/dists/$VERSION_CODENAME/InRelease' InRelease" ;;
     *" install "*)
         words=$*
-        for word in ${words##* install }; do
-            [[ "$word" != -* ]] || continue
-            grep -qx "$word" "$STAGE/known" || exit 100
-            echo "$word"
-        done >"$STAGE/more" && cat "$STAGE/more" >>"$STAGE/installed" ;;
+        words=(${words##* install })
+        for n in "${!words[@]}"; do [[ "${words[n]}" != -* ]] || unset "words[$n]"; done
+        ! printf '%s\\n' "${words[@]}" | grep -qvxFf "$STAGE/known" || exit 100
+        printf '%s\\n' "${words[@]}" >>"$STAGE/installed" ;;
 esac"""
 DPKG = """sed 's/^/installed /' "$STAGE/installed" """
 PYTHON = """case "$*" in
@@ -131,11 +130,11 @@ class Debian(Stage):
         """From now on apt-get does not know it."""
         self.write("known", *(name for name in self.lines("known") if name != package))
 
-    def set_up(self, need: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
+    def set_up(self, needs: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
         """The run, and what it started that installs something."""
         self.forget()
         own = {"DAHL_UNITY_DIR": str(self.own_unity), "DAHL_PYTHON": "", **variables}
-        done = self.run("setup", need, **own)
+        done = self.run("setup", *needs.split(), **own)
         for call in self.calls("apt-get"):  # each setting stands behind its -o
             words = call.split()
             assert all(words[n - 1] == "-o" for n, word in enumerate(words) if "::" in word), call

@@ -51,9 +51,11 @@ HOST_BENCH = """case $1 in
     growth) printf '{"scenario": "%s", "way": "expf", "ticks": 9, "worst": "inf"}\\n' "$2" ;;
     moves) printf '3 0.25\\n-2 -0.5\\n' ;;
     speed) echo '{"scenario": "walk", "way": "euler", "ns": 1.5}'
-        echo '{"scenario": "sine", "way": "rk4", "ns": 2.5}' ;;
+        echo '{"scenario": "sine", "way": "rk4", "ns": 2.5}'
+        echo '{"scenario": "walk", "way": "rk4", "ns": 3.5}' ;;
     errors) echo '{"scenario": "walk", "way": "euler", "worst": "nan", "rms": "0.125"}'
-        echo '{"scenario": "sine", "way": "rk4", "worst": "0.25", "rms": "0.5"}' ;;
+        echo '{"scenario": "sine", "way": "rk4", "worst": "0.25", "rms": "0.5"}'
+        echo '{"scenario": "walk", "way": "rk4", "worst": "2", "rms": "1"}' ;;
 esac"""
 RIVALS = """cat >"$STAGE/task"; echo warming up
 echo '{"mujoco": {"ns": 7}, "newton": {"missing": "no warp"}}'"""
@@ -77,9 +79,10 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(bench, word
     assert (known["quick"], sizes["growth"]) == (bool(words), growth)
     assert sizes["errors"] == sizes["parts"] == 200_000  # as docs/speed.md says
     assert known["compiler"] == "cc (here) 12" and known["cpu"]
+    diverged = [pytest.approx(1e99), 0.125]  # JSON has no NaN
     assert known["errors"]["sine"] == {"rk4": [0.25, 0.5]}
-    assert known["errors"]["walk"]["euler"] == [pytest.approx(1e99), 0.125]  # JSON has no NaN
-    assert known["speed"] == {"walk": {"euler": 1.5}, "sine": {"rk4": 2.5}}
+    assert known["errors"]["walk"] == {"euler": diverged, "rk4": [2, 1]}
+    assert known["speed"] == {"walk": {"euler": 1.5, "rk4": 3.5}, "sine": {"rk4": 2.5}}
     assert [row["rate"] for row in known["rates"]] == RATES
     assert {row["scenario"] for row in known["growth"]} == GROWN
     assert {row["worst"] for row in known["growth"]} == {1e99}
@@ -99,6 +102,15 @@ def test_a_run_on_this_host_asks_for_its_sizes_and_keeps_each_answer(bench, word
     assert all(mix["throughput"] < mix["tick"] for mix in known["mixes"].values())
     for name in ("mujoco", "newton", "scipy"):  # whose environment is not there
         assert "venv.log" in known["outside"][name]["missing"]
+
+
+@pytest.mark.parametrize("failing", ["bin/cmake", "build/host/tools/bench/host/host_bench"])
+def test_a_run_on_this_host_that_fails_says_why_and_leaves_no_file(bench, failing):
+    program(bench, "bin/cmake", ":")
+    program(bench, failing, "echo why not >&2; exit 1")
+    done = bench.run("host", "--quick")
+    assert done.code == 1 and done.err.startswith("error: ") and "why not" in done.err
+    assert not (bench.folder / "build/bench/host.json").exists()
 
 
 class Clock:

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from conftest import ROOT
 
 UNITY = """<testsuite tests="1"><testcase name="laws"><system-out>
 tests/lib/laws.c:10:test_semigroup:PASS
@@ -29,22 +31,30 @@ TWO_WELL = '<testsuite tests="2"><testcase name="a"/><testcase name="b"/></tests
 
 
 @pytest.fixture
-def count(root: Path, tmp_path: Path):
-    """Count these files, each (text, exit code of its run); None: no file was written."""
+def count(tmp_path: Path, monkeypatch, capsys):
+    """Count these files, each (text, exit code of its run); None: no file was written. Exit code
+    and what was printed.
+    """
 
-    def call(*runs: tuple[str | None, int], note: str = "") -> subprocess.CompletedProcess:
+    def call(*runs: tuple[str | None, int], note: str = "", folder: str = "") -> tuple[int, str]:
+        (tmp_path / folder).mkdir(exist_ok=True)
         words = []
         for number, (text, code) in enumerate(runs):
-            path = tmp_path / f"{number}.xml"
+            path = tmp_path / folder / f"{number}.xml"
+            path.unlink(missing_ok=True)
             if text is not None:
                 path.write_text(text)
             words.append(f"{path}={code}")
-        command = [sys.executable, root / "tools/count_tests.py", *words, "--note", note]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        monkeypatch.setattr(sys, "argv", ["count_tests.py", *words, "--note", note])
+        with pytest.raises(SystemExit) as end:
+            runpy.run_path(str(ROOT / "tools/count_tests.py"), run_name="__main__")
+        return end.value.code, capsys.readouterr().out
 
     return call
 
 
+SUITE = PYTEST.format(collected=2).removeprefix("<testsuites>").removesuffix("</testsuites>")
+TWO_SUITES = f"<testsuites>{SUITE}{SUITE}</testsuites>"
 NAMED = TWO_WELL.replace('name="b"/>', 'name="b">{bad}</testcase>')
 CASES = {  # files with the codes of their runs, the exit code, and what is printed
     "each kind": (
@@ -61,6 +71,21 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
         0,
         "2 passed, 0 failed\n",
     ),
+    "failures of several runs": (
+        [(NAMED.format(bad="<failure/>"), 8), (TWO_WELL, 0), (NAMED.format(bad="<error/>"), 1)],
+        1,
+        "failed: b\nfailed: b\n4 passed, 2 failed\n",
+    ),
+    "a run that broke off after one with a failure": (
+        [(NAMED.format(bad="<failure/>"), 1), (TWO_WELL, 8)],
+        1,
+        "failed: b\nfailed: 1.xml: exit code 8, and yet no test in it failed\n3 passed, 2 failed\n",
+    ),
+    "two suites that say what they collected": (
+        [(TWO_SUITES, 0)],
+        0,
+        2 * "skipped: test_a.two: no data\n" + "2 passed, 0 failed, 2 skipped\n",
+    ),
     "no test at all": ([("<testsuite></testsuite>", 0)], 1, "0 passed, 0 failed\n"),
     "a failure": ([(NAMED.format(bad="<failure/>"), 1)], 1, "failed: b\n1 passed, 1 failed\n"),
     "an error": ([(NAMED.format(bad="<error/>"), 1)], 1, "failed: b\n1 passed, 1 failed\n"),
@@ -76,10 +101,9 @@ CASES = {  # files with the codes of their runs, the exit code, and what is prin
 @pytest.mark.parametrize("case", CASES)
 def test_what_is_counted_and_named(count, case):
     runs, code, said = CASES[case]
-    counted = count(*runs)
-    assert (counted.returncode, counted.stdout) == (code, said)
+    assert count(*runs) == (code, said)
     *before, total = said.splitlines(keepends=True)
-    assert count(*runs, note="more to run").stdout == "".join([*before, "more to run\n", total])
+    assert count(*runs, note="more to run")[1] == "".join([*before, "more to run\n", total])
 
 
 BROKEN = [(text, 0, "no results") for text in (None, "", "<testsuite", "no XML at all")]
@@ -87,6 +111,7 @@ BROKEN += [
     (text, 0, "only 2 of 3 tests have a result")
     for text in (PYTEST.format(collected=3), TWO_WELL.replace('tests="2"', 'tests="3"'))
 ]
+BROKEN += [(TWO_SUITES.replace('value="2"', 'value="3"', 1), 0, "only 4 of 5 tests have")]
 BROKEN += [
     (TWO_WELL, code, f"the run broke off with exit code {code}")
     for code in (2, 3, 4, 130, 137, 139)
@@ -94,23 +119,21 @@ BROKEN += [
 BROKEN += [(TWO_WELL, code, f"exit code {code}, and yet no test in it failed") for code in (1, 8)]
 
 
+@pytest.mark.parametrize("place", [0, 1])
 @pytest.mark.parametrize(("text", "code", "why"), BROKEN)
-def test_a_run_that_did_not_come_to_its_end_has_failed(count, text, code, why):
-    """Whatever it wrote, and beside one that did."""
-    counted = count((TWO_WELL, 0), (text, code))
-    assert counted.returncode == 1
-    assert f"failed: 1.xml: {why}" in counted.stdout and " 1 failed" in counted.stdout
+def test_a_run_that_did_not_come_to_its_end_has_failed(count, text, code, why, place):
+    """Whatever it wrote, and before or after one that did."""
+    runs = [(TWO_WELL, 0)]
+    runs.insert(place, (text, code))
+    exit_code, said = count(*runs)
+    assert exit_code == 1
+    assert f"failed: {place}.xml: {why}" in said and " 1 failed" in said
 
 
-def test_a_result_may_lie_in_a_folder_of_any_name(root, tmp_path):
+@pytest.mark.parametrize(("code", "said"), [(0, "2 passed, 0 failed\n"), (137, "failed: 0.xml: ")])
+def test_a_result_may_lie_in_a_folder_of_any_name(count, code, said):
     """As a checkout may: the exit code is what stands behind the last sign."""
-    path = tmp_path / "a=1" / "x=y.xml"
-    path.parent.mkdir()
-    path.write_text(TWO_WELL)
-    for code in (0, 137):
-        words = [sys.executable, root / "tools/count_tests.py", f"{path}={code}"]
-        counted = subprocess.run(words, capture_output=True, text=True, check=False)
-        assert counted.stdout.startswith("failed: x=y.xml: " if code else "2 passed, 0 failed\n")
+    assert count((TWO_WELL, code), folder="a=1")[1].startswith(said)
 
 
 def test_pytest_here_says_how_many_tests_it_collected(root, tmp_path):

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
+import random
 import re
 import shutil
 import subprocess
@@ -12,11 +14,13 @@ import time
 from pathlib import Path
 
 import can
+import dahl
 import pytest
 from conftest import need
 from dahl.codec import EncoderState
 from dahl.node import ask
 from firmware_examples import expected_torques
+from sources import CORE
 
 
 @pytest.fixture
@@ -57,6 +61,43 @@ def test_asyncio_asks_a_node(node, root):
     assert len(found) == 10 and found[0] == 0
     assert max(found) > 0.99 and min(found) < -0.99 and max(map(abs, found)) <= 1
     assert "states: " in done.stdout and "OK" in done.stdout
+
+
+@pytest.fixture
+def shaft(root: Path, tmp_path: Path) -> ctypes.CDLL:
+    """The example of parameters that change, as a library of its own."""
+    folder, made = root / "examples/change_parameters", tmp_path / "shaft.so"
+    words = ["gcc", "-std=c11", "-shared", "-fPIC", f"-I{root}/lib/include", folder / "friction.c"]
+    subprocess.run([*words, *CORE, "-o", made], check=True)
+    lib = ctypes.CDLL(str(made))
+    lib.friction_set.restype, lib.friction_tick.restype = ctypes.c_bool, ctypes.c_float
+    return lib
+
+
+@pytest.mark.usefixtures("library")
+def test_new_parameters_are_taken_by_the_next_tick(shaft) -> None:
+    """Whatever main asks for between ticks: bad ones and those that come too early change nothing.
+    (Under a real interrupt: tests/target/change_parameters.c.)
+    """
+    bearing, waiting, err, chance = None, None, ctypes.c_int(), random.Random(1)
+    refused = early = 0
+    for tick in range(3000):
+        for _ in range(chance.randrange(3) if tick else 1):
+            good = tick == 0 or chance.random() < 0.7
+            params = (chance.uniform(30, 170), chance.uniform(0.2, 1) if good else -1.0, 4e-4)
+            words = (ctypes.c_float * 3)(*params)
+            taken = shaft.friction_set(words, ctypes.byref(err))
+            assert taken == (good and waiting is None)
+            assert (err.value != 0) == (not good and waiting is None)
+            refused, early = refused + (err.value != 0), early + (waiting is not None)
+            waiting = dahl.Plan(*words) if taken else waiting
+        if bearing is None:
+            bearing = dahl.Friction(waiting)
+        elif waiting is not None:
+            bearing.change_plan(waiting)
+        waiting, move = None, chance.randint(-20, 20)
+        assert shaft.friction_tick(move) == bearing.step_counts(move)
+    assert refused > 100 and early > 100
 
 
 @pytest.mark.checks

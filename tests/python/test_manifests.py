@@ -70,10 +70,24 @@ def test_zephyr() -> None:
     assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
 
 
-def test_zephyr_builds_nothing_unless_chosen(tmp_path: Path) -> None:
-    script = tmp_path / "follow.cmake"
-    script.write_text(f"include({ROOT}/zephyr/CMakeLists.txt)\n")  # would call Zephyr's functions
-    subprocess.run(["cmake", "-P", str(script)], check=True)
+THEIRS = ("zephyr_library_named", "zephyr_library_sources", "zephyr_include_directories")
+THEIRS += ("idf_component_register",)  # what the library calls; here they tell what they are given
+
+
+@pytest.mark.parametrize(
+    ("script", "chosen"),
+    [("zephyr", "set(CONFIG_DAHL y)"), ("zephyr", ""), (".", "set(ESP_PLATFORM 1)")],
+)
+def test_a_framework_compiles_the_core_where_it_is_chosen(tmp_path: Path, script, chosen) -> None:
+    follow = tmp_path / "follow.cmake"
+    calls = [f'function({call})\nmessage("${{ARGV}}")\nendfunction()' for call in THEIRS]
+    include = f'include("{ROOT / script}/CMakeLists.txt")'
+    follow.write_text("\n".join([*calls, chosen, include]))
+    command = ["cmake", "-P", str(follow)]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
+    words = [os.path.relpath(word, ROOT) for word in re.split(r"[;\s]", told) if "/lib/" in word]
+    sources = {path for path in CORE if path.endswith(".c")}
+    assert sorted(words) == (sorted({*sources, "lib/include"}) if chosen else [])
 
 
 def test_esp_idf() -> None:

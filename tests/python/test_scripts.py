@@ -135,18 +135,27 @@ def chosen_labels(call: str) -> set[str]:
     ],
 )
 def test_each_mode_runs_its_tests(stage, mode, need, labels):
-    """In C and in Python, those of the word that is asked for, while others may build."""
+    """In C and in Python, those of the word that is asked for, while others may build. What each
+    run writes is counted, and what the checks say is shown.
+    """
     stage.does("ctest", f'{UNLOCKED} || touch "$STAGE/locked"')
-    assert stage.run("test", "-k", "codec", *mode.split()).returncode == 0
+    stage.does("python", 'case "$*" in *tests/proof*) echo of the checks ;; esac')
+    done = stage.run("test", "-k", "codec", *mode.split())
+    assert done.returncode == 0 and ("of the checks" in done.stdout) == bool(mode)
     assert stage.calls()[0] == f"setup.sh {need}"
     assert "-DDAHL_BUILD_TESTS=ON" in " ".join(stage.calls("cmake"))
     [ctest] = stage.calls("ctest")
     assert chosen_labels(ctest) == labels and "-R codec" in ctest
+    assert "--output-on-failure" in ctest  # and whole, since tests are counted in it:
+    assert set(re.findall(r"--test-output-size-(\w+) 1000000 ", ctest)) == {"passed", "failed"}
     assert not (stage.folder / "locked").exists()
     runs = [call for call in stage.calls("python") if "-m pytest" in call]
     folders = {folder for call in runs for folder in re.findall(r" tests/(\w+)(?= )", call)}
     assert folders == {"python"} | ({"proof", "fuzz", "static", "quality"} if mode else set())
     assert all(f"-k codec {mode}".strip() in call for call in runs)
+    written = [re.search(r"--(?:output-junit|junitxml) (\S+)", call)[1] for call in [ctest, *runs]]
+    counted = re.findall(r"(\S+\.xml)=0", stage.calls("python")[-1])
+    assert sorted(counted) == sorted(written) and len(set(counted)) == len(written)
     assert ("--note not run: " in stage.calls("python")[-1]) == (not mode)
 
 
@@ -205,6 +214,20 @@ def test_each_command_of_the_bench_and_its_words(stage, words, started):
     assert [call for call in stage.calls("python") if ".py" in call] == started
 
 
+@pytest.mark.parametrize("command", ["", "--quick", "target", "host", "report", "docs"])
+@pytest.mark.parametrize("failing", ["target", "host", "report", "setup"])
+def test_a_part_of_the_bench_that_fails_is_its_end(stage, command, failing):
+    failed = f"*bench/{failing}.py*) exit 4 ;;"
+    stage.does("python", f'case "$*" in {failed} esac')
+    stage.does("setup.sh", "exit 4" if failing == "setup" else "")
+    runs = {"": ("target", "host", "report"), "docs": ("report",)}
+    runs |= {"--quick": runs[""]} | {name: (name,) for name in ("target", "host", "report")}
+    fails = failing in (*runs[command], "setup")
+    assert (stage.run("bench", *command.split()).returncode != 0) == fails
+    if fails and failing != "setup":
+        assert f"bench/{failing}.py" in stage.calls("python")[-1]
+
+
 @pytest.mark.parametrize("code", [0, 1])
 def test_rivals_are_installed_once_and_stop_nothing(stage, code):
     """What could not be had is asked for again with the next run; so is what has other pins."""
@@ -240,6 +263,8 @@ def test_each_lock_stands_on_those_before_it(stage):
         assert "--generate-hashes" in call and "--upgrade" in call
         assert "--universal --python-version 3.11 " in call  # the oldest that setup.sh takes
         assert ("--no-emit-package=numpy" in call) == ("-c demo.lock" in call)
+    stage.does("uv", 'case "$*" in *" test.txt "*) exit 1 ;; esac')
+    assert stage.run("lock").returncode != 0 and "checks" not in stage.calls("uv")[-1]
 
 
 # --- tools/vm.sh ---------------------------------------------------------------------------------
@@ -269,6 +294,8 @@ def test_the_machine_has_two_buses_and_runs_the_words_as_they_are(stage, machine
     for name in ("vcan0", "vcan1"):
         assert f"ip link add dev {name} type vcan" in stage.calls("ip")
         assert f"ip link set {name} up" in stage.calls("ip")
+    modules = {call.split()[-1] for call in stage.calls("modprobe")}
+    assert {"9p", "virtio_pci", "vcan", "can-raw", "can-gw", "sch_tbf"} <= modules
     (emulated,) = stage.calls("qemu-system-x86_64")
     assert "local,path=a,,b,mount_tag=work," in emulated
     others = re.search(r"local,path=/,(\S+)", emulated)[1]  # this machine's files

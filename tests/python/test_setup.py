@@ -56,6 +56,8 @@ OWN = {
     "test": "gcc g++ git pkg-config valgrind",
     "bench": "gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi"
     " qemu-system-misc",
+    "": "gcc g++ git pkg-config valgrind",
+    "identify firmware": "",
     "checks": "clang gcc-multilib qemu-user-static gcc-avr shellcheck cppcheck frama-c-base"
     " sollya gappa make chromium qemu-system-x86 busybox-static kmod cpio iproute2",
     "all": "",
@@ -75,6 +77,7 @@ def test_each_need_brings_what_it_stands_on(bare):
     assert has["demo"] < has["identify"] < has["test"] < has["checks"] <= has["all"]
     assert has["demo"] < has["firmware"] < has["checks"]
     assert has["identify"] | has["firmware"] < has["bench"] <= has["all"]
+    assert has["identify firmware"] == has["identify"] | has["firmware"] and has[""] == has["test"]
     assert not {"gcc-arm-none-eabi", "chromium", "clang"} & has["test"]
     assert "gcc" not in has["demo"] and "requirements/checks.lock" not in has["bench"]
 
@@ -243,6 +246,13 @@ def test_sources_that_cannot_be_reached_are_named_with_what_needs_them(bare, mus
     assert not (bare.folder / "build/deps/packages.tried").exists()
     if not must:
         assert "skipped: valgrind\n" in done.stdout
+
+
+def test_one_of_several_sources_that_answers_is_enough(bare):
+    dead = f"echo \"'file:$STAGE/dists/{codename()}/dead/InRelease' InRelease\""
+    bare.does("apt-get", f'case "$*" in *--print-uris*) {dead} ;; esac; {APT}')
+    done, _ = bare.set_up("demo")
+    assert done.returncode == 0 and "cmake" in installed(bare)
 
 
 def test_what_apt_does_not_know_is_looked_for_in_fresh_lists(bare):

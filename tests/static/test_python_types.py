@@ -13,7 +13,6 @@ from pathlib import Path
 from conftest import BUILD, ROOT
 
 TOOLS = ROOT / "tools"
-REASONED = re.compile(r"# type: ignore\[[a-z, -]+\]  # \S+")  # a code, then why
 
 
 def mypy(*files: Path | str) -> subprocess.CompletedProcess[str]:
@@ -45,13 +44,3 @@ def test_what_users_copy_is_typed(tmp_path: Path) -> None:
         path.write_text(block)
     done = mypy("--allow-untyped-defs", *files, *(ROOT / "examples").rglob("*.py"))
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_each_ignored_finding_is_named_and_has_a_reason() -> None:
-    ignored = [
-        f"{path}: {line.strip()}"
-        for path in TOOLS.rglob("*.py")
-        for line in path.read_text().splitlines()
-        if "type: ignore" in line and not REASONED.search(line)
-    ]
-    assert ignored == []

@@ -1,35 +1,18 @@
 /* SPDX-License-Identifier: MIT */
-/* The ticks written for this core return the bits of the C that they stand for: random plans, states and moves, among them
- * ties (the low word of w is 2^31), both ends of the range, small torques, tables of only ones, and plans of all zeros. */
+/* The ticks written for this core return the bits of the C that they stand for, which CMakeLists.txt compiles under other names:
+ * random plans, states and moves, among them ties (the low word of w is 2^31), both ends of the range, small torques, tables of
+ * only ones, and plans of all zeros. */
 #include "dahl_parts.h"
 
 #include <string.h>
 #include <unity.h>
 
-int32_t plain_tick_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
-float plain_tick(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
-int32_t plain_work_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
-float plain_work(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
-int64_t plain_part(const void *plan, void *state, int32_t dcounts);
-int32_t plain_parallel_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
-
-#define dahl_step_counts_q30 plain_tick_q30
-#define dahl_step_counts plain_tick
-#define dahl_work_step_counts_q30 plain_work_q30
-#define dahl_work_step_counts plain_work
-#define dahl_part_move plain_part
-#define dahl_parallel_step_counts_q30 plain_parallel_q30
-#include "../../lib/model/step_counts.c"
-#include "../../lib/model/step_counts_q30.c"
-#include "../../lib/parts/parallel_q30.c"
-#include "../../lib/parts/part_move.c"
-#include "../../lib/parts/work_step.c"
-#undef dahl_step_counts_q30
-#undef dahl_step_counts
-#undef dahl_work_step_counts_q30
-#undef dahl_work_step_counts
-#undef dahl_part_move
-#undef dahl_parallel_step_counts_q30
+int32_t plain_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+float plain_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
+int32_t plain_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+float plain_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
+int64_t plain_part_move(const void *plan, void *state, int32_t dcounts);
+int32_t plain_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
 
 #define TRIALS 300000
 #define MOVES_PER_PLAN 60
@@ -117,9 +100,9 @@ static uint32_t bits_of(float x)
 static void check_ticks(const dahl_plan_t *plan, dahl_state_t start, int32_t move)
 {
     dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start, part = start, plain_moved = start;
-    TEST_ASSERT_EQUAL_HEX32(plain_tick_q30(plan, &plain_q30, move), dahl_step_counts_q30(plan, &ours_q30, move));
-    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_tick(plan, &plain, move)), bits_of(dahl_step_counts(plan, &ours, move)));
-    TEST_ASSERT_TRUE(plain_part(plan, &plain_moved, move) == dahl_part_move(plan, &part, move) && plain_moved.w == part.w);
+    TEST_ASSERT_EQUAL_HEX32(plain_step_counts_q30(plan, &plain_q30, move), dahl_step_counts_q30(plan, &ours_q30, move));
+    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_step_counts(plan, &plain, move)), bits_of(dahl_step_counts(plan, &ours, move)));
+    TEST_ASSERT_TRUE(plain_part_move(plan, &plain_moved, move) == dahl_part_move(plan, &part, move) && plain_moved.w == part.w);
     TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w); /* Unity has no 64 bits here */
 }
 
@@ -141,9 +124,9 @@ static void check_work(const dahl_plan_t *plan, dahl_state_t start, int32_t move
     const dahl_work_t before = random_work();
     dahl_state_t ours = start, ours_q30 = start, plain = start, plain_q30 = start;
     dahl_work_t work = before, work_q30 = before, sums = before, sums_q30 = before;
-    TEST_ASSERT_EQUAL_HEX32(plain_work_q30(plan, &plain_q30, &sums_q30, move),
+    TEST_ASSERT_EQUAL_HEX32(plain_work_step_counts_q30(plan, &plain_q30, &sums_q30, move),
                             dahl_work_step_counts_q30(plan, &ours_q30, &work_q30, move));
-    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_work(plan, &plain, &sums, move)),
+    TEST_ASSERT_EQUAL_HEX32(bits_of(plain_work_step_counts(plan, &plain, &sums, move)),
                             bits_of(dahl_work_step_counts(plan, &ours, &work, move)));
     TEST_ASSERT_TRUE(plain_q30.w == ours_q30.w && plain.w == ours.w);
     TEST_ASSERT_EQUAL_MEMORY(&sums, &work, sizeof sums);
@@ -166,8 +149,8 @@ static void check_parallel(const dahl_plan_t *plan, dahl_state_t start, int32_t 
         shares[k] = (int32_t)(0u - (random_word() >> 1) / PARTS);
     }
     const uint32_t count = (uint32_t)(random64() % (PARTS + 1));
-    by_ours[random64() % PARTS].move = random64() % 4u == 0 ? plain_part : dahl_part_move;
-    TEST_ASSERT_EQUAL_HEX32(plain_parallel_q30(by_plain, shares, count, move),
+    by_ours[random64() % PARTS].move = random64() % 4u == 0 ? plain_part_move : dahl_part_move;
+    TEST_ASSERT_EQUAL_HEX32(plain_parallel_step_counts_q30(by_plain, shares, count, move),
                             dahl_parallel_step_counts_q30(by_ours, shares, count, move));
     for (size_t k = 0; k < PARTS; k++) {
         TEST_ASSERT_TRUE(plain[k].w == ours[k].w);
