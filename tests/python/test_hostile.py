@@ -199,9 +199,14 @@ def test_a_disk_that_is_full_leaves_the_old_file(dahl, kept, words):
     assert Path(kept).read_text() == "old" and not list(Path().glob(".*"))
 
 
+PLAN = "plan --sigma0 1 --fc 1 --theta-per-count 1 -o -"
+PRINTING = ["--help", "data", "complete", PLAN, "report run", "identify --no-files shaft.csv"]
+
+
 @pytest.mark.parametrize("buffered", ["", pytest.param("1", marks=pytest.mark.checks)])
-@pytest.mark.parametrize("words", ["--help", "data", "report run", "identify --no-files shaft.csv"])
+@pytest.mark.parametrize("words", PRINTING)
 def test_standard_output_that_is_full_or_has_no_reader(storm, words, buffered):
+    """Where few lines wait in the buffer until the end, and where each is written at once."""
     shaft()
     code, said = complaint(shell(f"dahl {words} >/dev/full", PYTHONUNBUFFERED=buffered))
     assert code == 1 and "No space left on device" in said
