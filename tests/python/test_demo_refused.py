@@ -22,6 +22,7 @@ from dahl import Node, Plan, node
 from demo_tools import FC, OWN, SIGMA0, TURN, another_loop, in_role, scene_of, summary_of, write_log
 from identify_tools import complaint
 from log_reading import drawing
+from loop_tools import SCENES
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop", "unpainted")
 
@@ -136,6 +137,13 @@ def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl, unit, turn):
     words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", *OWN[4:10])
     code, said = complaint(dahl("demo", "wraps.csv", *words, "-o", "out"))
     assert code == 2 and said.startswith("wraps.csv: ") and f"{angle[359]:g} to 0" in said
+
+
+def test_a_way_in_mm_has_no_turn(dahl):
+    """A rig that is put back by hand jumps as far as it likes."""
+    Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 50}\n" for n in range(20)))
+    words = ("--angle", "a", "--angle-unit", "mm", *OWN[4:8], "--counts-per-turn", 100)
+    assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
 
 
 def test_a_bad_row_is_named_before_anything_runs(own_log, dahl):
@@ -257,21 +265,31 @@ BEHIND = [  # of a node and of a summary that are not as they should be: what is
     ("segments", in_role("node", 'set -- "$@" --set friction.sigma0=50.000008'), "ulp.* 0.52"),
     ("segments", AFTERWARDS.format(name="frames_lost", value=2), "2 frames"),
     ("fault-storm", AFTERWARDS.format(name="crc", value=99999), "'crc': .99999, "),
+    (
+        "fault-storm",
+        AFTERWARDS.replace("0,/", "0,/faults/s//others/;0,/"),
+        r"\d frames .*\d frames",
+    ),
+    ("slip.ini", in_role("node", 'set -- "$@" --set friction.sigma0=50.000004'), "ulp.* 0.55"),
 ]
+SLIP = (SCENES / "segments.ini").read_text().replace("[friction]", "[friction]\nmodel = slip")
 
 
-@pytest.mark.parametrize(("scene", "script", "words"), BEHIND, ids=["error", "lost", "faults"])
+@pytest.mark.parametrize(
+    ("scene", "script", "words"), BEHIND, ids=["error", "lost", "faults", "missing", "slip"]
+)
 def test_a_run_that_was_wrong_has_another_code_than_0(
     dahl, monkeypatch, tmp_path, scene, script, words
 ):
-    """A sigma0 one float away; a frame without an answer; a fault that was not counted. The files
-    are there all the same.
+    """A sigma0 one float away; a frame without an answer; a fault that was not counted; frames that
+    nobody meant to spoil, and that are not there. The files are there all the same.
     """
+    Path("slip.ini").write_text(SLIP)
     monkeypatch.setenv("DAHL_LOOP", str(another_loop(tmp_path / "bin", script)))
     done = dahl("demo", "--scene", scene, "--seconds", "0.6", "--output", "out")
     code, said = complaint(done)
     assert code == 1 and said.startswith("out/summary.json: ") and re.search(words, said), said
-    assert summary_of(Path("out"))["max_error_ulp_Fc"] < 0.8
+    assert summary_of(Path("out"))["max_error_ulp_Fc"] < 1.5
     assert Path("out/loop.png").exists()
 
 

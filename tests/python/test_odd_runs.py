@@ -292,6 +292,14 @@ KINDS = [  # frames, and the ends of the lines that candump would write
 ODD = [
     (can.Message(is_error_frame=True, arbitration_id=4, data=b"\1"), "20000004#01"),
     (can.Message(arbitration_id=5, is_remote_frame=True, dlc=8, is_extended_id=False), "005#R8"),
+    (can.Message(arbitration_id=5, is_remote_frame=True, dlc=0, is_extended_id=False), "005#R"),
+    (
+        can.Message(
+            **{"arbitration_id": 1, "is_extended_id": False, "data": b"\2", "is_fd": True},
+            **{"bitrate_switch": True, "error_state_indicator": True},
+        ),
+        "001##302",
+    ),
 ]
 
 
@@ -301,7 +309,9 @@ def test_a_line_of_run_log_is_as_candump_writes_it(message, end):
     from dahl.bus import candump_line
 
     message.timestamp = 1234567890.5
-    assert candump_line(message) == f"(1234567890.500000) vcan0 {end}\n"
+    for channel, name in ((None, "vcan0"), (3, "vcan0"), ("can1", "can1")):
+        message.channel = channel
+        assert candump_line(message) == f"(1234567890.500000) {name} {end}\n"
 
 
 def test_a_record_starts_anew_and_ends_after_the_frames_that_came(dahl):
@@ -310,7 +320,7 @@ def test_a_record_starts_anew_and_ends_after_the_frames_that_came(dahl):
     sender = sending("here", *(message for message, _ in KINDS), KINDS[0][0])
     words = ("record", "-i", "virtual", "-c", "here", "-o", "x.log")
     refused(dahl(*words), 2, "x.log", "--force")
-    done = dahl(*words, "--force", "--frames", len(KINDS))
+    done = dahl(*words, "--force", "--frames", len(KINDS), "--seconds", 600)
     sender.join()
     assert (done.returncode, done.stderr) == (0, "") and "4 frames in x.log" in done.stdout
     lines = [line.split() for line in Path("x.log").read_text().splitlines()]
@@ -320,7 +330,8 @@ def test_a_record_starts_anew_and_ends_after_the_frames_that_came(dahl):
 
 def test_a_client_ends_after_its_seconds_without_a_frame(dahl):
     begun = time.monotonic()
-    done = dahl("record", "-i", "virtual", "-c", "x", "-o", "x.log", "--seconds", 0.7)
+    words = ("record", "-i", "virtual", "-c", "x", "-o", "x.log", "--frames", 9)
+    done = dahl(*words, "--seconds", 0.7)
     assert 0.6 < time.monotonic() - begun < 3
     refused(done, 1, "interface=virtual channel=x", "0.7")
 

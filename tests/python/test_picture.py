@@ -191,21 +191,22 @@ def test_faults_and_restarts_are_marked_where_they_were(library, dbc, steady, pi
     first tick is a new start that says nothing.
     """
     assert not any(axes.collections for axes in picture(steady).axes)
-    run = Run(dbc)
-    for row in range(200):
-        if row == 150:
+    run, lost = Run(dbc), (30, 300)
+    for row in range(400):
+        if row == 350:
             run.add("Reset", Counter=0, What=2)
-        if row != 50:
-            run.tick(row, row, state=6 if row in (0, 150) else 5 if row == 100 else 0)
-    _, whole, _ = picture(run).axes
-    strokes = {each.get_label().split()[0]: each.get_segments() for each in whole.collections}
-    (lost,), (start,), (restart,) = strokes["no"], strokes["new"], strokes["restart,"]
-    assert [each[0][0] for each in (lost, start, restart)] == pytest.approx(
-        [0.05, 0.099, 0.1495], abs=1e-6
-    )
-    assert [each[1][1] for each in (lost, start, restart)] == [0.08, 1, 1]
-    words = [text.get_text() for text in whole.get_legend().get_texts()]
-    assert [re.findall(r"\d+", each) for each in words] == [["1"]] * 3
+        if row not in lost:
+            count = 0 if row < 190 else 200 * (row % 2)
+            run.tick(row, count, state=6 if row in (0, 350) else 5 if row == 320 else 0)
+    _, whole, part = picture(run).axes
+    for axes, times in ((whole, [0.03, 0.299]), (part, [0.299])):
+        strokes = {one.get_label().split()[0]: one.get_segments() for one in axes.collections}
+        found = [[stroke[0][0] for stroke in strokes[name]] for name in ("no", "new", "restart,")]
+        assert found == [pytest.approx(one, abs=1e-6) for one in (times, [0.318], [0.3485])]
+        heights = [strokes[name][0][1][1] for name in ("no", "new", "restart,")]
+        assert heights == [0.08, 1, 1]
+        words = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert [re.findall(r"\d+", one) for one in words] == [[str(len(times))], ["1"], ["1"]]
 
 
 @pytest.mark.parametrize(("ticks", "enlarged"), [(100, 100), (300, 200), (3000, 240)])
