@@ -18,7 +18,8 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from dahl import Node, Plan, node
+from dahl import Node, Plan, RunError, node
+from dahl.codec import Param, ParamWrite
 from demo_tools import FC, OWN, SIGMA0, TURN, another_loop, in_role, scene_of, summary_of, write_log
 from identify_tools import complaint
 from log_reading import drawing
@@ -141,7 +142,7 @@ def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl, unit, turn):
 
 def test_a_way_in_mm_has_no_turn(dahl):
     """A rig that is put back by hand jumps as far as it likes."""
-    Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 50}\n" for n in range(20)))
+    Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 500}\n" for n in range(20)))
     words = ("--angle", "a", "--angle-unit", "mm", *OWN[4:8], "--counts-per-turn", 100)
     assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
 
@@ -362,10 +363,12 @@ def test_firmware_takes_no_scene_of_another_model(dahl, scene):
 
 @contextlib.contextmanager
 def attached(asked, core, params, folder, port, number) -> Iterator[None]:
-    """A node in Python joins the served bus as the firmware does."""
+    """A node in Python joins the served bus as the firmware does; nobody else has its number."""
     asked.append((core, params, folder, number))
     settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
     with can.Bus(**settings) as bus:
+        with pytest.raises(RunError, match=f"node {number} "):
+            node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
         notifier = can.Notifier(bus, [node.Listener(bus, Node(Plan(*params), number))])
         try:
             yield

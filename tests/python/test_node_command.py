@@ -20,7 +20,7 @@ from functools import partial
 
 import can
 import pytest
-from dahl import Friction, Node, Plan, codec, node
+from dahl import Friction, Node, Plan, RunError, codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, Result
 from identify_tools import complaint
 from loop_tools import SCENES, serving
@@ -317,11 +317,14 @@ STEP, TIMEOUT, STATUS = Param.STEP, Param.TIMEOUT, Param.STATUS
 @contextlib.contextmanager
 def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[None]:
     """It joins the bus that dahl-loop serves, as the firmware on its emulated core does; another
-    member asks it all the time, by frames of which every other one is lost.
+    member asks it all the time, by frames of which every other one is lost. Nobody else has its
+    number.
     """
     settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
     kept.append(Node(Plan(*params), number))
     with can.Bus(**settings) as bus, can.Bus(**settings) as other:
+        with pytest.raises(RunError, match=f"node {number} "):
+            node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
         notifier = can.Notifier(bus, [node.Listener(bus, kept[0])])
         asked = other.send_periodic([*map(partial(angle, number), range(0, 16, 2))], 0.02)
         try:
