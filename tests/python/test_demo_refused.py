@@ -321,7 +321,7 @@ def hanging(tmp_path_factory, library, dahl_loop) -> Iterator[dict[str, subproce
         )
     yield running
     for process in running.values():
-        process.kill()
+        process.terminate()
         process.communicate()
 
 

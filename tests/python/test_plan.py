@@ -54,6 +54,11 @@ MODELS = {  # options, how C makes the same, and what the header tells
         "sigma0 = 100, Fc_forward = 0.5, Fc_backward = 0.300000012,"
         " theta_per_count = 0.000380000012",
     ),
+    "asymmetric backward": (
+        ["--model", "asymmetric", "--sigma0", "100", "--fc", "0.25,0.5", *ENCODER],
+        "dahl_asymmetric_params_t params = {100, 0.25f, 0.5f, 3.8e-4f};",
+        "sigma0 = 100, Fc_forward = 0.25, Fc_backward = 0.5, theta_per_count = 0.000380000012",
+    ),
     "elastoplastic": (
         ["--model", "elastoplastic", "--sigma0", "100", "--fc", "0.5", "--breakaway", "0.7"]
         + ENCODER,
@@ -103,7 +108,7 @@ def test_no_compiler_has_a_word_to_say(compiler, standard, plan, tmp_path):
 def test_the_words_are_those_that_c_prepares(case, plan, tmp_path):
     """No warning as C99, C++11 and C++17; and what is there is made again, as it is a plan."""
     options, params, told = MODELS[case]
-    model = f"{case}_" if "--model" in options else ""
+    model = f"{case.split()[0]}_" if "--model" in options else ""
     for _ in range(2):
         assert plan(*options, "-o", "plan.h").returncode == 0
     assert (
