@@ -215,15 +215,11 @@ def test_a_run_that_is_over_before_the_recorder_is_heard(dahl, tmp_path, ticks):
 
 
 def test_plot_draws_a_run_again_by_its_own_scene_or_another(demo, dahl, tmp_path):
-    """In the kind of picture that its name says."""
     done = dahl("plot", demo[0], "-o", "again.png")
     assert (done.returncode, done.stdout) == (0, f"again.png: {TICKS} ticks, shaft.csv\n")
     assert Path("again.png").read_bytes() == (demo[0] / "loop.png").read_bytes()
     done = dahl("plot", demo[0], "--scene", "segments", "-o", "again.png")
     assert scene_of(SCENES / "segments.ini")["scene"]["title"] in done.stdout
-    for name, begins in (("x.SVG", b"<?xml"), ("x.pdf", b"%PDF"), ("x", b"\x89PNG")):
-        assert dahl("plot", demo[0], "-o", name).returncode == 0
-        assert Path(name).read_bytes().startswith(begins)
     code, said = complaint(dahl("plot", demo[0], "-o", "x.foo"))
     assert code == 2 and all(word in said for word in ("x.foo", ".png", ".svg", ".pdf"))
 

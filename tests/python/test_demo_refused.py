@@ -55,7 +55,7 @@ REFUSED = [
     *((["LOG", *without(one)], [one]) for one in NEEDED),
     (["LOG", *OWN, "--angle", "shaft"], ["shaft.csv:1", "'shaft'", "'shaft [deg]'"]),
     (["LOG", *OWN, "--fc", "-1"], ["Fc = -1"]),
-    (["LOG", *OWN, "--counts-per-turn", "0"], ["--counts-per-turn 0"]),
+    *((["LOG", *OWN, f"--counts-per-turn={n}"], ["-turn", n]) for n in ("0", "-1", "nan", "inf")),
     (["LOG", *OWN, "--bus", "canopy"], ["--bus canopy", "socketcan"]),
     (["LOG", *OWN, "--scene", "steering"], ["--scene"]),
     (["none.csv", *OWN], ["none.csv: no such file"]),
@@ -350,15 +350,6 @@ def test_an_image_that_cannot_be_built_is_one_line(
         assert code == 1 and re.search(words, said), said
     if script:
         assert (tmp_path / "asked").read_text().startswith(f"{root}: --preset m4f")
-
-
-@pytest.mark.parametrize("scene", ["parking", "fault-storm", "slip.ini"])
-def test_firmware_takes_no_scene_of_another_model(dahl, scene):
-    Path("slip.ini").write_text(
-        "[friction]\nmodel = slip\nsigma0 = 1 1\nFc = 1 1\ntheta_per_count = 1\n"
-    )
-    code, said = complaint(dahl("demo", "--scene", scene, "--target", "m4f", "-o", "out"))
-    assert code == 2 and "--target" in said and scene in said
 
 
 @contextlib.contextmanager

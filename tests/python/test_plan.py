@@ -158,14 +158,17 @@ def test_a_plan_of_another_version_is_refused_by_the_compiler(change, plan, tmp_
     ],
 )
 def test_standard_output_and_a_name(words, name, plan, tmp_path):
-    done = plan(*KNOWN, *words)
+    done = plan(*KNOWN, *words, "--model", "dahl")
     if "-" in words:
         assert list(tmp_path.iterdir()) == []
     else:
         assert done.stdout.startswith("dahl_plan_rod.h: Plan(sigma0=100.0, Fc=0.5, theta_per_")
     text = done.stdout if "-" in words else (tmp_path / "dahl_plan_rod.h").read_text()
     assert f"static const dahl_plan_t dahl_plan_{name} = {{" in text
-    assert max(map(len, text.splitlines())) <= 100
+    assert text.count(f"DAHL_PLAN_{name.upper()}_H") == 3
+    assert max(map(len, text.splitlines())) <= 96
+    plan(*KNOWN, "--name", name, "-o", "x.h")
+    assert (tmp_path / "x.h").read_text() == text
 
 
 REFUSED = [  # options, and the names, values and limits in the line
@@ -250,19 +253,3 @@ def test_the_examples_of_the_help_work(plan, tmp_path):
     for line in examples:
         assert plan(*shlex.split(line)[2:]).returncode == 0
     assert (tmp_path / "dahl_plan_shaft.h").exists()
-
-
-def test_a_device_is_written_and_never_read(plan):
-    code, said = complaint(plan(*KNOWN, "-o", "/dev/full"))
-    assert code == 1 and said.startswith("/dev/full: ")
-    assert plan(*KNOWN, "-o", "/dev/null").returncode == 0
-
-
-def test_a_link_leads_to_the_plan_that_it_names(plan, tmp_path):
-    """A header that stands elsewhere, in a firmware's tree, and is linked here."""
-    (tmp_path / "firmware").mkdir()
-    (link := tmp_path / "plan.h").symlink_to("firmware/plan.h")
-    for sigma0 in (1, 2):
-        assert plan("--sigma0", sigma0, *KNOWN[2:], "-o", "plan.h").returncode == 0
-        assert link.is_symlink()
-        assert f"sigma0 = {sigma0}," in (tmp_path / "firmware" / "plan.h").read_text()

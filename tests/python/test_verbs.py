@@ -149,17 +149,7 @@ def test_the_scene_of_excite_has_the_guess_and_the_encoder(dahl):
         assert code == 2 and said.startswith("known.json: ")
 
 
-# --- plan, report, plot ---------------------------------------------------------------------------
-
-
-def test_a_plan_says_what_it_was_made_of(dahl):
-    words = ("plan", "--sigma0", 3, "--fc", 7.5, "--theta-per-count", 0.25)
-    assert "x.h: Plan(sigma0=3.0, Fc=7.5, theta_per_count=0.25)" in dahl(*words, "-o", "x.h").stdout
-    text = Path("x.h").read_text()
-    assert "sigma0 = 3, Fc = 7.5, theta_per_count = 0.25;" in text
-    assert max(map(len, text.splitlines())) <= 96 and text.count("DAHL_PLAN_X_H") == 3
-    printed = dahl(*words, "--name", "x", "--model", "dahl", "-o", "-").stdout
-    assert printed == text
+# --- report, plot ---------------------------------------------------------------------------------
 
 
 SUMMARY = {"scene_file": str(SCENES / "segments.ini")}
