@@ -241,6 +241,14 @@ def test_a_run_remembers_its_log(dahl, quick):
     refused(dahl("plot", "there"), 2, "there/run.log", "--scene")
 
 
+@pytest.mark.parametrize("bad", [1, 2, 40])
+def test_a_bad_line_of_a_candump_log_is_named_by_its_number(dahl, bad):
+    lines = ["(1.000000) can0 123#R8"] * 40
+    lines[bad - 1] = "(1.000000) can0 123#0"
+    Path("x.log").write_text("\n".join(lines) + "\n")
+    refused(dahl("plot", "x.log", "--scene", "segments"), 2, f"x.log:{bad}: ", "123#0")
+
+
 def test_a_broken_mf4_is_one_line_also_when_the_program_ends(run_dahl, tmp_path):
     """Its reader, left half made, has nothing to say when it is collected."""
     whole, cut = tmp_path / "whole.mf4", tmp_path / "cut.mf4"
