@@ -171,11 +171,11 @@ def test_the_fault_storm_is_counted_and_exact(dahl, tmp_path):
     """What an outsider records of it is exact, and the node has counted every fault; in virtual
     time, where there are no latencies.
     """
-    done = dahl("demo", "--scene", "fault-storm", "--seconds", "10", "--output", "out")
+    done = dahl("demo", "--scene", "fault-storm", "--seconds", "5", "--output", "out")
     assert done.returncode == 0, done.stderr
     numbers = summary_of(tmp_path / "out")
     injected, expected = numbers["faults"]["injected"], numbers["faults"]["expected"]
-    assert numbers["max_error_ulp_Fc"] <= 0.52 and sum(injected.values()) > 800
+    assert numbers["max_error_ulp_Fc"] <= 0.52 and sum(injected.values()) > 400
     assert {name: numbers["node"][name] for name in expected} == expected
     told = " ".join(done.stdout.split())
     assert "all, to the last one" in told and f"bus_off {injected['bus_off']}" in told
@@ -215,15 +215,11 @@ def test_a_run_that_is_over_before_the_recorder_is_heard(dahl, tmp_path, ticks):
 
 
 def test_plot_draws_a_run_again_by_its_own_scene_or_another(demo, dahl, tmp_path):
-    """In the kind of picture that its name says."""
     done = dahl("plot", demo[0], "-o", "again.png")
     assert (done.returncode, done.stdout) == (0, f"again.png: {TICKS} ticks, shaft.csv\n")
     assert Path("again.png").read_bytes() == (demo[0] / "loop.png").read_bytes()
     done = dahl("plot", demo[0], "--scene", "segments", "-o", "again.png")
     assert scene_of(SCENES / "segments.ini")["scene"]["title"] in done.stdout
-    for name, begins in (("x.SVG", b"<?xml"), ("x.pdf", b"%PDF"), ("x", b"\x89PNG")):
-        assert dahl("plot", demo[0], "-o", name).returncode == 0
-        assert Path(name).read_bytes().startswith(begins)
     code, said = complaint(dahl("plot", demo[0], "-o", "x.foo"))
     assert code == 2 and all(word in said for word in ("x.foo", ".png", ".svg", ".pdf"))
 
@@ -301,8 +297,8 @@ def test_one_run_a_folder_and_ctrl_c_leaves_whole_files(running, dahl_here, tmp_
     ("number", "code"),
     [
         (signal.SIGKILL, -9),
+        (signal.SIGTERM, 130),
         pytest.param(signal.SIGHUP, 130, marks=pytest.mark.checks),
-        pytest.param(signal.SIGTERM, 130, marks=pytest.mark.checks),
     ],
 )
 def test_nobody_is_left_behind(running, number, code):

@@ -11,7 +11,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -19,11 +18,21 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from dahl import Node, Plan, node
+from dahl import Node, Plan, RunError, node
+from dahl.codec import Param, ParamWrite
 from demo_tools import FC, OWN, SIGMA0, TURN, another_loop, in_role, scene_of, summary_of, write_log
 from identify_tools import complaint
+from log_reading import drawing
+from loop_tools import SCENES
 
-pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
+pytestmark = pytest.mark.usefixtures("library", "dahl_loop", "unpainted")
+
+
+@pytest.fixture
+def unpainted() -> Iterator[None]:
+    """A picture is an empty file here: its painting takes longest."""
+    with drawing(rendered=False):
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +55,7 @@ REFUSED = [
     *((["LOG", *without(one)], [one]) for one in NEEDED),
     (["LOG", *OWN, "--angle", "shaft"], ["shaft.csv:1", "'shaft'", "'shaft [deg]'"]),
     (["LOG", *OWN, "--fc", "-1"], ["Fc = -1"]),
-    (["LOG", *OWN, "--counts-per-turn", "0"], ["--counts-per-turn 0"]),
+    *((["LOG", *OWN, f"--counts-per-turn={n}"], ["-turn", n]) for n in ("0", "-1", "nan", "inf")),
     (["LOG", *OWN, "--bus", "canopy"], ["--bus canopy", "socketcan"]),
     (["LOG", *OWN, "--scene", "steering"], ["--scene"]),
     (["none.csv", *OWN], ["none.csv: no such file"]),
@@ -131,6 +140,13 @@ def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl, unit, turn):
     assert code == 2 and said.startswith("wraps.csv: ") and f"{angle[359]:g} to 0" in said
 
 
+def test_a_way_in_mm_has_no_turn(dahl):
+    """A rig that is put back by hand jumps as far as it likes."""
+    Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 500}\n" for n in range(20)))
+    words = ("--angle", "a", "--angle-unit", "mm", *OWN[4:8], "--counts-per-turn", 100)
+    assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
+
+
 def test_a_bad_row_is_named_before_anything_runs(own_log, dahl):
     Path("bad.csv").write_text(own_log.read_text().replace("\n0.003,", "\n0.003,x", 1))
     code, said = complaint(dahl("demo", "bad.csv", *OWN, "--output", "out"))
@@ -169,46 +185,57 @@ def test_a_file_that_cannot_be_written_is_one_line(dahl):
 
 REAL = ("node", "encoder")
 RUNS = [
-    (("--scene", "segments", "--bus", "socketcand"), REAL, {}),
+    (("--scene", "segments", "--bus", "socketcand", "--seed", 0), REAL, {"--seed": "0"}),
     (("--scene", "creep"), ("both",), {"--virtual": None, "--trace": "out/trace.csv"}),
     (("--scene", "fault-storm", "--seed", 7), ("both",), {"--virtual": None, "--seed": "7"}),
     (("--scene", "own.ini", "--bus", "socketcand"), REAL, {"--log-file": "own.csv"}),
 ]
+OF_ENCODER = ("--virtual", "--trace", "--seed", "--log-file", "--lockstep", "--seconds")
+
+
+def told_to(loop_said: Path) -> dict[str, dict[str, str | None]]:
+    """Each option and its value, by the role of the program that was started with them."""
+    started = {}
+    for line in (line.split() for line in loop_said.read_text().splitlines()):
+        following = [*line[1:], "--"]
+        pairs = {a: b for a, b in zip(line, following, strict=True) if a.startswith("--")}
+        started[pairs["--role"]] = {a: None if b[:2] == "--" else b for a, b in pairs.items()}
+    return started
 
 
 @pytest.mark.parametrize(("words", "roles", "chosen"), RUNS, ids=lambda each: str(each)[:40])
 def test_each_demo_starts_the_programs_that_it_needs(
     dahl, monkeypatch, tmp_path, words, roles, chosen
 ):
-    told = tmp_path / "told"
-    script = f'echo "$*" >>{told}\nexec "$LOOP" "$@"'
+    """What a run before left is not taken for this one's."""
+    script = f'echo "$*" >>{tmp_path}/told\nexec "$LOOP" "$@"'
     monkeypatch.setenv("DAHL_LOOP", str(another_loop(tmp_path / "bin", script)))
     Path("own.ini").write_text(
         "[scene]\ntitle = mine\n[friction]\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
         "[motion]\nkind = log\nfile = own.csv\nangle = a\ncounts_per_unit = 1\n"
     )
     Path("own.csv").write_text("\n".join(["a", *map(str, range(400))]))
+    Path("out").mkdir()
+    for name in (*roles, "summary"):
+        Path(f"out/{name}.json").write_text('{"ticks": 99, "node": {"crc": 70000}}')
     done = dahl("demo", *words, "--seconds", 0.2, "--output", "out")
     assert done.returncode == 0, done.stderr
-    started = {}
-    for line in (line.split() for line in told.read_text().splitlines()):
-        following = [*line[1:], "--"]
-        pairs = {a: b for a, b in zip(line, following, strict=True) if a.startswith("--")}
-        started[pairs["--role"]] = {a: None if b[:2] == "--" else b for a, b in pairs.items()}
+    started = told_to(tmp_path / "told")
     assert set(started) == set(roles)
     motion = started[roles[-1]]  # the program that moves
-    assert (motion["--seconds"], Path(motion["--scene"]).stem) == ("0.2", Path(words[1]).stem)
-    for option in ("--virtual", "--trace", "--seed", "--log-file", "--lockstep"):
-        assert (option in motion) == (option in chosen)
-        assert motion.get(option) == chosen.get(option)
+    assert Path(motion["--scene"]).stem == Path(words[1]).stem
+    wanted = chosen | {"--seconds": "0.2"}
+    assert {key: motion[key] for key in OF_ENCODER if key in motion} == wanted
+    assert {role["--with-parent"] for role in started.values()} == {str(os.getpid())}
     numbers = summary_of(Path("out"))
     log = str(tmp_path / "own.csv") if "--log-file" in chosen else None
     assert (numbers["log"], numbers["ticks"]) == (log, 200)
+    assert numbers["node"]["crc"] < 70000
     shown = done.stdout.partition("bus ")[2].split("\n")[0]
     assert ("virtual time" in shown) == (len(roles) == 1)
     if len(roles) > 1:
         assert {"--lockstep", "--until-idle"} <= started["node"].keys()
-        assert "--seconds" not in started["node"]
+        assert not {"--seconds", "--seed"} & started["node"].keys()
 
 
 # --- a dahl-loop that is another ------------------------------------------------------------------
@@ -217,12 +244,11 @@ def test_each_demo_starts_the_programs_that_it_needs(
 @pytest.mark.parametrize(
     ("script", "code", "words"),
     [
-        ("exec sleep 60", 1, r"\(node\)"),
+        ("exit 0", 1, r"\(node\).* port"),
         ("exit 3", 1, r"\(node\).* 3"),
         ("echo x; echo error: no wheel >&2; exit 2", 2, "^no wheel$"),
         ("echo error: no bus >&2; exit 1", 1, "^no bus$"),
         ("echo odd >&2; echo '  error: no rig ' >&2; echo error: two >&2; exit 1", 1, "^no rig$"),
-        ("echo error while loading shared libraries: libcsv.so.3: no >&2; exit 127", 1, "libcsv3"),
         ("kill -TERM $$", 1, r"\(node\).* -15"),
         ("kill -INT $$", 1, r"\(node\).* -2"),
     ],
@@ -240,55 +266,63 @@ BEHIND = [  # of a node and of a summary that are not as they should be: what is
     ("segments", in_role("node", 'set -- "$@" --set friction.sigma0=50.000008'), "ulp.* 0.52"),
     ("segments", AFTERWARDS.format(name="frames_lost", value=2), "2 frames"),
     ("fault-storm", AFTERWARDS.format(name="crc", value=99999), "'crc': .99999, "),
+    (
+        "fault-storm",
+        AFTERWARDS.replace("0,/", "0,/faults/s//others/;0,/"),
+        r"\d frames .*\d frames",
+    ),
+    ("slip.ini", in_role("node", 'set -- "$@" --set friction.sigma0=50.000004'), "ulp.* 0.55"),
 ]
+SLIP = (SCENES / "segments.ini").read_text().replace("[friction]", "[friction]\nmodel = slip")
 
 
-@pytest.mark.parametrize(("scene", "script", "words"), BEHIND, ids=["error", "lost", "faults"])
+@pytest.mark.parametrize(
+    ("scene", "script", "words"), BEHIND, ids=["error", "lost", "faults", "missing", "slip"]
+)
 def test_a_run_that_was_wrong_has_another_code_than_0(
     dahl, monkeypatch, tmp_path, scene, script, words
 ):
-    """A sigma0 one float away; a frame without an answer; a fault that was not counted. The files
-    are there all the same.
+    """A sigma0 one float away; a frame without an answer; a fault that was not counted; frames that
+    nobody meant to spoil, and that are not there. The files are there all the same.
     """
+    Path("slip.ini").write_text(SLIP)
     monkeypatch.setenv("DAHL_LOOP", str(another_loop(tmp_path / "bin", script)))
     done = dahl("demo", "--scene", scene, "--seconds", "0.6", "--output", "out")
     code, said = complaint(done)
     assert code == 1 and said.startswith("out/summary.json: ") and re.search(words, said), said
-    assert summary_of(Path("out"))["max_error_ulp_Fc"] < 0.8
+    assert summary_of(Path("out"))["max_error_ulp_Fc"] < 1.5
     assert Path("out/loop.png").exists()
 
 
 DEAF = "$LOOP $(echo \"$*\" | sed 's/--with-parent [0-9]*//'); exec sleep 60"
 QUIET = 'set -- "$@" --set status.period_ms=60000'
-HANGING = {  # where a demo would wait for ever
-    "silent": (in_role("encoder", "exec sleep 60", QUIET), "10"),
-    "deaf": (in_role("node", f"trap '' INT; {DEAF}"), "-9"),
-    "still": ('exec "$LOOP" "$@" --wait-clients 2', "10"),
+HANGING = {  # where a demo would wait for ever: scene, dahl-loop, what is told
+    "silent": ("segments", in_role("encoder", "exec sleep 60", QUIET), "10"),
+    "deaf": ("segments", in_role("node", f"trap '' INT; echo $$ >$0.pid; {DEAF}"), "-9"),
+    "unserved": ("segments", "exec sleep 60", "(node)"),
+    "still": ("creep", 'exec "$LOOP" "$@" --wait-clients 2', "10"),
 }
 
 
-def test_a_demo_waits_for_nothing_for_ever(tmp_path):
-    """An encoder that says nothing, a node that does not end, virtual time that stands still: all
-    at once, since each takes seconds.
-    """
-    begun, running = time.monotonic(), {}
-    for name, (script, _) in HANGING.items():
-        loop = another_loop(tmp_path / name, script)
-        scene = "creep" if name == "still" else "segments"
-        words = ("demo", "--scene", scene, "--seconds", "0.2", "--output", tmp_path / name / "out")
-        words += () if name == "still" else ("--bus", "socketcand")
+@pytest.fixture(scope="module", autouse=True)
+def hanging(tmp_path_factory, library, dahl_loop) -> Iterator[dict[str, subprocess.Popen]]:
+    """A demo of each, which waits while the other tests of this file run."""
+    running = {}
+    for name, (scene, script, _) in HANGING.items():
+        loop = another_loop(tmp_path_factory.mktemp(name), script)
+        words = ("demo", "--scene", scene, "--seconds", "0.2", "--output", loop.parent / "out")
+        words += ("--bus", "socketcand") if scene == "segments" else ()
         running[name] = subprocess.Popen(
-            [sys.executable, "-m", "dahl", *map(str, words)],
+            ["timeout", "45", sys.executable, "-m", "dahl", *map(str, words)],
             env={**os.environ, "DAHL_LOOP": str(loop)},
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-    for name, process in running.items():
-        _, said = process.communicate(timeout=60)
-        assert process.returncode == 1 and said.count("\n") == 1, said
-        assert HANGING[name][1] in said
-    assert time.monotonic() - begun < 45
+    yield running
+    for process in running.values():
+        process.terminate()
+        process.communicate()
 
 
 # --- firmware in the place of the node ------------------------------------------------------------
@@ -318,21 +352,14 @@ def test_an_image_that_cannot_be_built_is_one_line(
         assert (tmp_path / "asked").read_text().startswith(f"{root}: --preset m4f")
 
 
-@pytest.mark.parametrize("scene", ["parking", "fault-storm", "slip.ini"])
-def test_firmware_takes_no_scene_of_another_model(dahl, scene):
-    Path("slip.ini").write_text(
-        "[friction]\nmodel = slip\nsigma0 = 1 1\nFc = 1 1\ntheta_per_count = 1\n"
-    )
-    code, said = complaint(dahl("demo", "--scene", scene, "--target", "m4f", "-o", "out"))
-    assert code == 2 and "--target" in said and scene in said
-
-
 @contextlib.contextmanager
 def attached(asked, core, params, folder, port, number) -> Iterator[None]:
-    """A node in Python joins the served bus as the firmware does."""
+    """A node in Python joins the served bus as the firmware does; nobody else has its number."""
     asked.append((core, params, folder, number))
     settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
     with can.Bus(**settings) as bus:
+        with pytest.raises(RunError, match=f"node {number} "):
+            node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
         notifier = can.Notifier(bus, [node.Listener(bus, Node(Plan(*params), number))])
         try:
             yield
@@ -355,3 +382,20 @@ def test_a_target_takes_the_place_of_the_node(dahl, monkeypatch, root):
     assert (numbers["target"], numbers["node"], numbers["frames_answered"]) == ("m4f", {}, 300)
     assert numbers["max_error_ulp_Fc"] <= 0.52
     assert "build/m4f/node_image" in done.stdout and "QEMU" in done.stdout
+
+
+# --- a run that waits (the last here: see `hanging`) ----------------------------------------------
+
+
+@pytest.mark.parametrize("name", HANGING)
+def test_a_demo_waits_for_nothing_for_ever(hanging, name):
+    """An encoder that says nothing, a node that does not end or serves no bus, virtual time that
+    stands still; and no program is left behind.
+    """
+    process = hanging[name]
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 1 and said.startswith("error: ") and said.count("\n") == 1, said
+    assert HANGING[name][2] in said
+    if name == "deaf":
+        (left,) = Path(process.args[process.args.index("--output") + 1]).parent.glob("*.pid")
+        assert not Path(f"/proc/{left.read_text().strip()}").exists()

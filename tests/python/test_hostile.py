@@ -199,10 +199,15 @@ def test_a_disk_that_is_full_leaves_the_old_file(dahl, kept, words):
     assert Path(kept).read_text() == "old" and not list(Path().glob(".*"))
 
 
+PLAN = "plan --sigma0 1 --fc 1 --theta-per-count 1 -o -"
+NODE = f"node {PLAN[5:-5]} -i virtual -c x --seconds 0.05"
+PRINTING = ["--help", "data", "complete", PLAN, "report run", NODE]
+
+
 @pytest.mark.parametrize("buffered", ["", pytest.param("1", marks=pytest.mark.checks)])
-@pytest.mark.parametrize("words", ["--help", "data", "report run", "identify --no-files shaft.csv"])
+@pytest.mark.parametrize("words", PRINTING)
 def test_standard_output_that_is_full_or_has_no_reader(storm, words, buffered):
-    shaft()
+    """Where few lines wait in the buffer until the end, and where each is written at once."""
     code, said = complaint(shell(f"dahl {words} >/dev/full", PYTHONUNBUFFERED=buffered))
     assert code == 1 and "No space left on device" in said
     reader = "| true; exit ${PIPESTATUS[0]}"
@@ -234,4 +239,4 @@ def test_a_terminal_without_utf8(storm, terminal):
     ):
         done = shell(f"dahl {words}", **terminal)
         assert (done.returncode, done.stderr) == (0, "")
-    assert complaint(shell("dahl identify $'n\\xff²[/x].csv'", **terminal))[0] == 2
+    assert complaint(shell("dahl report $'n\\xff²[/x].csv'", **terminal))[0] == 2

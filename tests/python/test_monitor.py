@@ -245,6 +245,20 @@ def test_each_curve_has_its_own_axes(monitor, monkeypatch, low, step):
     assert axes_hold([line[50:] for line in lines[below:]], seconds, counts)
 
 
+@pytest.mark.parametrize(("count", "ratio"), [(0, 0.0), (7, 0.5), (-7, -0.5)])
+def test_a_shaft_at_rest_is_drawn(monitor, monkeypatch, count, ratio):
+    """In the middle of its axes."""
+    answer = {"Counter": 1, "EchoCounter": 1, "State": "OK", "TorqueRatio": ratio}
+    sent = [("EncoderState", 0.0, {"Counter": 1, "Valid": 1, "Count": count})]
+    sent += [("FrictionTorque", 0.0, answer)] * 3
+    monkeypatch.setenv("COLUMNS", "100")
+    lines = monitor(sent).splitlines()
+    end = next(n for n, line in enumerate(lines) if "└" in line)
+    across = [float(word) for word in lines[end + 1].split()]
+    up = [float(line.partition("┤")[0]) for line in lines[:end] if "┤" in line]
+    assert across[0] < count < across[-1] and up[-1] < ratio < up[0]
+
+
 ERRORS = ("Format", "Repeated", "Lost", "Sequence", "Crc", "Stale", "Invalid", "Jump")
 
 

@@ -10,6 +10,7 @@ import re
 import shlex
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -19,7 +20,7 @@ from functools import partial
 
 import can
 import pytest
-from dahl import Friction, Node, Plan, codec, node
+from dahl import Friction, Node, Plan, RunError, codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, Result
 from identify_tools import complaint
 from loop_tools import SCENES, serving
@@ -27,9 +28,9 @@ from test_node import MODELS, THETA
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
 
-OWN = ("--sigma0", "100", "--fc", "0.5", "--theta-per-count", "3.8e-4")
-PLAN = Plan(100, 0.5, 3.8e-4)
-OWN_SCENE = "[friction]\nsigma0 = 100\nFc = 0.5\ntheta_per_count = 3.8e-4\n"
+OWN = ("--sigma0", "100.0625", "--fc", "12.500004768371582", "--theta-per-count", "3.8e-4")
+PLAN = Plan(100.0625, 12.500004768371582, 3.8e-4)  # more digits than are shown
+OWN_SCENE = "[friction]\nsigma0 = 100.0625\nFc = 12.500004768371582\ntheta_per_count = 3.8e-4\n"
 TIMING = ("f_clock=8000000", "brp=2", "tseg1=5", "tseg2=2", "sjw=2", "nof_samples=1")
 
 
@@ -85,7 +86,7 @@ def counted(last: list[str]) -> dict[str, int]:
 def test_a_served_node_by_the_line_that_it_prints(root, end):
     """Numbered by the option; with a Status ten times a second."""
     with started(root, *OWN, "--node", "3", end=end) as (lines, last):
-        assert "Fc 0.5 N m" in lines[0]
+        assert "Fc 12.5 N m" in lines[0]
         with opened(lines) as bus:
             asked(bus, 3)
             assert node.ask(bus, ParamWrite(Param.STATUS), 3, timeout=10).si == 0.1
@@ -100,10 +101,14 @@ def test_the_number_of_a_served_node_is_that_of_the_scene(root, tmp_path):
 
 
 def test_number_0_goes_before_that_of_the_scene(root, tmp_path):
+    """And the port that is named is the one that is served."""
     (path := tmp_path / "own.ini").write_text(f"{OWN_SCENE}node = 3\n")
-    with started(root, "--scene", str(path), "--node", "0") as (lines, _), opened(lines) as bus:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    words = ("--scene", str(path), "--node", "0", "--port", port)
+    with started(root, *words) as (lines, _), opened(lines) as bus:
         asked(bus, 0)
-    assert lines[0].startswith("node    0 ")
+    assert lines[0].startswith("node    0 ") and f"port={port}" in lines[1]
 
 
 def test_a_node_in_python_on_the_bus_that_is_named(root, tmp_path):
@@ -312,11 +317,14 @@ STEP, TIMEOUT, STATUS = Param.STEP, Param.TIMEOUT, Param.STATUS
 @contextlib.contextmanager
 def attached(kept: list[Node], core, params, folder, port, number) -> Iterator[None]:
     """It joins the bus that dahl-loop serves, as the firmware on its emulated core does; another
-    member asks it all the time, by frames of which every other one is lost.
+    member asks it all the time, by frames of which every other one is lost. Nobody else has its
+    number.
     """
     settings = {"interface": "socketcand", "channel": "vcan0", "host": "127.0.0.1", "port": port}
     kept.append(Node(Plan(*params), number))
     with can.Bus(**settings) as bus, can.Bus(**settings) as other:
+        with pytest.raises(RunError, match=f"node {number} "):
+            node.ask(bus, ParamWrite(Param.MODEL), number, timeout=0.2)
         notifier = can.Notifier(bus, [node.Listener(bus, kept[0])])
         asked = other.send_periodic([*map(partial(angle, number), range(0, 16, 2))], 0.02)
         try:

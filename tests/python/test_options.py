@@ -180,5 +180,7 @@ def test_a_shell_completes_verbs_options_and_what_they_take(dahl, root):
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
     assert set(completed("demo", "--scene", "")) == scenes
     assert completed("plan", "--model", "asy") == ["asymmetric"]
-    assert "socketcand" in completed("node", "-i", "socketcan")
+    assert completed("demo", "--angle-unit", "") == list(UNITS)
+    for name in ("-i", "--interface"):
+        assert "socketcand" in completed("node", name, "socketcan")
     assert completed("plot", "some-file") == []  # bash then offers files

@@ -11,8 +11,6 @@ import subprocess
 
 import dahl
 import pytest
-from dahl import html_report
-from dahl.scene import Measured
 
 pytestmark = pytest.mark.checks
 
@@ -130,13 +128,3 @@ def test_it_is_read_on_a_telephone_and_in_the_dark(storm, run_dahl, tmp_path):
         "--blink-settings=preferredColorScheme=0",
     )
     assert light(dark["ink"]) - light(dark["paper"]) > 150
-
-
-@pytest.mark.parametrize(("label", "unit"), [("force [N]", "N/m"), ("torque [N m]", "N m/rad")])
-def test_parameters_have_the_units_of_the_rig(label, unit):
-    numbers = {"parameters": {"sigma0": 36500.0, "Fc": 2.7}, "title": "a run"}
-    numbers["units"] = Measured(label_torque=label).units
-    page = html_report.page(numbers | {"rmse_measured": 0.25}, b"")
-    assert f"<td>36500 {unit}</td>" in page
-    own = unit.partition("/")[0]
-    assert f"<td>2.7 {own}</td>" in page and f"<td>0.25 {own}</td>" in page

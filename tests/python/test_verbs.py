@@ -144,23 +144,16 @@ def test_the_scene_of_excite_has_the_guess_and_the_encoder(dahl):
     linear = ("--from", "known.json", "--mm", "--counts-per-turn", 10000)
     assert dahl("excite", *linear, "-o", "out").returncode == 0
     assert float(scene_of(Path("out/excite.ini"))["friction"]["Fc"]) == 2.7
+    for guess in (("--sigma0", 3), ("--fc", 7)):
+        code, said = complaint(dahl("excite", *linear, *guess, "-o", "none"))
+        assert code == 2 and "--from" in said and guess[0] in said and not Path("none").exists()
     for text in ("[]", '{"sigma0": 1}', '{"sigma0": "x", "Fc": 1}', '{"sigma0": -1, "Fc": 1}'):
         Path("known.json").write_text(text)
         code, said = complaint(dahl("excite", *linear))
         assert code == 2 and said.startswith("known.json: ")
 
 
-# --- plan, report, plot ---------------------------------------------------------------------------
-
-
-def test_a_plan_says_what_it_was_made_of(dahl):
-    words = ("plan", "--sigma0", 3, "--fc", 7.5, "--theta-per-count", 0.25)
-    assert "x.h: Plan(sigma0=3.0, Fc=7.5, theta_per_count=0.25)" in dahl(*words, "-o", "x.h").stdout
-    text = Path("x.h").read_text()
-    assert "sigma0 = 3, Fc = 7.5, theta_per_count = 0.25;" in text
-    assert max(map(len, text.splitlines())) <= 96 and text.count("DAHL_PLAN_X_H") == 3
-    printed = dahl(*words, "--name", "x", "--model", "dahl", "-o", "-").stdout
-    assert printed == text
+# --- report, plot ---------------------------------------------------------------------------------
 
 
 SUMMARY = {"scene_file": str(SCENES / "segments.ini")}
