@@ -20,7 +20,7 @@ from log_reading import drawing, read, run
 
 pytestmark = pytest.mark.usefixtures("library")
 
-ROWS, CYCLES = 4800, 12
+ROWS, CYCLES = 2400, 8
 REST = np.linspace(0, 1, ROWS)
 COURSES = {  # of a load from 3 to 13 N over the log
     "rises": REST,
@@ -44,7 +44,7 @@ def torque_under(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def loaded(course: str, seed: int, more: float = MORE, noise: float = 0.05) -> Log:
-    """A log of 12 cycles of 10 presliding lengths; the load is told in N."""
+    """A log of 8 cycles of 10 presliding lengths; the load is told in N."""
     theta = np.round(sine(seed, ROWS, CYCLES) / COUNT) * COUNT
     load = 3 + 10 * COURSES[course]
     torque = torque_under(theta, 1 + more * (load - 8)) + noise * FC * noise_of(seed, ROWS)
