@@ -341,6 +341,10 @@ def test_a_verdict_keeps_to_its_limits(name):
         good = narrow and held["dahl"] >= 0.5 and parameter not in doubted
         good &= parameter == "Fc" or (beats and fine)
         assert facts["identifiable"][parameter] is bool(good), parameter
+    words = facts["verdict"].partition(";")[0]
+    for parameter, claimed in facts["identifiable"].items():
+        wrong = f"{parameter} not identifiable" in words or "neither" in words
+        assert wrong is not claimed, words
     bent = held["bilinear"] > 0.5 and 1 - held["bilinear"] < 0.7 * (1 - held["dahl"])
     few = facts["reversals"] < 8
     words = {"Coulomb": not beats, "bilinear": bent, "resolution": not fine, "reversal": few}
