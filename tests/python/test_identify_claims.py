@@ -510,11 +510,14 @@ def test_magnets_take_the_claim_from_what_they_move():
     assert facts["sigma0"] > 1.03 * SIGMA0 and facts["Fc"] < 0.98 * FC
 
 
-@pytest.mark.parametrize("counts", [64, 128, 256])
+@pytest.mark.parametrize("counts", [64, 128, 256, 1024])
 @pytest.mark.parametrize("rows", [1800, 2400])
 def test_a_counter_of_a_power_of_two_is_unwrapped(counts, rows):
-    """However far it goes from row to row: a jump may look longer or shorter than the period."""
-    log = shaft(rows=rows, cycles=4, amplitude=0.08)
+    """However far it goes from row to row, 1024 counts by a twentieth of them: a jump may look
+    longer or shorter than the period.
+    """
+    fast = {"cycles": rows / 150, "amplitude": 0.5} if counts == 1024 else {}
+    log = shaft(rows=rows, **{"cycles": 4, "amplitude": 0.08, **fast})
     turned = replace(log, theta=np.round(log.theta / COUNT) % counts * COUNT)
     facts = seen(turned, terms=(), delay=False)
     assert counts in told(facts, "wraps") and facts["Fc"] == pytest.approx(FC, rel=0.02)
