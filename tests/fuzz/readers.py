@@ -3,7 +3,8 @@
 readers.py seeds FOLDER tables|buses: inputs to begin with, where the format is no text.
 
 Only dahl.Error may escape, in one line; what is read is finite and of one length. Run by
-tests/fuzz/test_fuzz.py, by atheris (libFuzzer); FOLDER takes the file that is read.
+tests/fuzz/test_fuzz.py, by atheris (libFuzzer); FOLDER takes the file that is read. The readers are
+called as they are: the command before them would take most of the time of each execution.
 """
 
 from __future__ import annotations

@@ -344,6 +344,10 @@ def test_a_verdict_keeps_to_its_limits(name):
         good = narrow and held["dahl"] >= 0.5 and parameter not in doubted
         good &= parameter == "Fc" or (beats and fine)
         assert facts["identifiable"][parameter] is bool(good), parameter
+    words = facts["verdict"].partition(";")[0]
+    for parameter, claimed in facts["identifiable"].items():
+        wrong = f"{parameter} not identifiable" in words or "neither" in words
+        assert wrong is not claimed, words
     bent = held["bilinear"] > 0.5 and 1 - held["bilinear"] < 0.7 * (1 - held["dahl"])
     few = facts["reversals"] < 8
     words = {"Coulomb": not beats, "bilinear": bent, "resolution": not fine, "reversal": few}
@@ -440,6 +444,42 @@ def test_of_two_logs_the_worse_one_counts():
         assert not facts["identifiable"]["sigma0"], word
 
 
+SECOND = {  # a log of its own trouble, the word for it, and where there is a second one its numbers
+    "spikes of the angle": (lambda: made.spiked(20, angle=0.02), "median", [22]),
+    "spikes of the torque": (lambda: made.spiked(100, torque=2.0), "weigh", [100, 3000]),
+    "a gap": (lambda: made.with_gaps(shaft(4), (500, 700)), "gap", [1, 2]),
+    "rows that repeat": (lambda: made.repeating(29), "repeat", [29, 2429]),
+    "a counter of 128": (lambda: made.wrapping(128), "wraps", [48, 128]),
+}
+
+
+@pytest.mark.parametrize("name", SECOND)
+@pytest.mark.parametrize("place", [0, 1])
+def test_what_is_wrong_in_one_of_two_logs_is_put_right_and_said_of_that(name, place):
+    make, word, numbers = SECOND[name]
+    logs = [replace(shaft(2), name="good")]
+    logs.insert(place, replace(make(), name="bad"))
+    facts = seen(*logs, terms=(), delay=False)
+    assert all(facts["identifiable"].values()), facts["verdict"]
+    assert (facts["sigma0"], facts["Fc"]) == pytest.approx((SIGMA0, FC), rel=0.02)
+    said = [note for note in facts["notes"] if word in note]
+    assert said and all(note.startswith("bad: ") for note in said)
+    assert set(numbers) <= set(told(facts, word))
+
+
+def test_two_logs_have_one_delay_one_sign_and_the_larger_backlash():
+    late = [made.late(8, seed) for seed in (5, 6)]
+    facts = seen(*(replace(log, torque=-log.torque) for log in late))
+    assert facts["delay_rows"] == pytest.approx(8, abs=0.3) and facts["torque_sign"] == -1
+    assert (facts["sigma0"], facts["Fc"]) == pytest.approx((SIGMA0, FC), rel=0.02)
+    assert facts["rmse"] == pytest.approx(0.02 * FC, rel=0.2)
+    facts = seen(late[0], made.without_clock(late[1]))
+    assert facts["delay_rows"] == 0 and {one["delay_rows"] for one in facts["choices"]} == {0}
+    for slacks in ((0.01, 0.004), (0.004, 0.01)):
+        facts = seen(*map(made.played, slacks), terms=(), delay=False)
+        assert facts["backlash"] == pytest.approx(0.01, rel=0.1)
+
+
 @pytest.mark.parametrize(("cycles", "scored"), [(3.0, False), (3.4, True)])
 def test_choices_take_six_cycles_or_strokes(cycles, scored):
     """With fewer neither a delay nor a model is tried, and each set of terms that draws the log as
@@ -473,11 +513,14 @@ def test_magnets_take_the_claim_from_what_they_move():
     assert facts["sigma0"] > 1.03 * SIGMA0 and facts["Fc"] < 0.98 * FC
 
 
-@pytest.mark.parametrize("counts", [64, 128, 256])
+@pytest.mark.parametrize("counts", [64, 128, 256, 1024])
 @pytest.mark.parametrize("rows", [1800, 2400])
 def test_a_counter_of_a_power_of_two_is_unwrapped(counts, rows):
-    """However far it goes from row to row: a jump may look longer or shorter than the period."""
-    log = shaft(rows=rows, cycles=4, amplitude=0.08)
+    """However far it goes from row to row, 1024 counts by a twentieth of them: a jump may look
+    longer or shorter than the period.
+    """
+    fast = {"cycles": rows / 150, "amplitude": 0.5} if counts == 1024 else {}
+    log = shaft(rows=rows, **{"cycles": 4, "amplitude": 0.08, **fast})
     turned = replace(log, theta=np.round(log.theta / COUNT) % counts * COUNT)
     facts = seen(turned, terms=(), delay=False)
     assert counts in told(facts, "wraps") and facts["Fc"] == pytest.approx(FC, rel=0.02)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +21,7 @@ from log_reading import drawing, read, run
 
 pytestmark = pytest.mark.usefixtures("library")
 
-ROWS, CYCLES = 4800, 12
+ROWS, CYCLES = 2400, 8
 REST = np.linspace(0, 1, ROWS)
 COURSES = {  # of a load from 3 to 13 N over the log
     "rises": REST,
@@ -44,7 +45,7 @@ def torque_under(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def loaded(course: str, seed: int, more: float = MORE, noise: float = 0.05) -> Log:
-    """A log of 12 cycles of 10 presliding lengths; the load is told in N."""
+    """A log of 8 cycles of 10 presliding lengths; the load is told in N."""
     theta = np.round(sine(seed, ROWS, CYCLES) / COUNT) * COUNT
     load = 3 + 10 * COURSES[course]
     torque = torque_under(theta, 1 + more * (load - 8)) + noise * FC * noise_of(seed, ROWS)
@@ -93,6 +94,34 @@ def test_a_load_that_goes_to_nothing():
     assert result.estimate.Fc == pytest.approx(true["Fc"], rel=0.005)
     assert result.estimate.sigma0 == pytest.approx(true["sigma0"], rel=0.02)
     assert result.follows.shares[0] < 0.01 and result.plan.r2 > 0.99
+
+
+def test_friction_may_fall_with_the_load():
+    """As under a load that eases the bearing."""
+    result = pipeline.identify([loaded("swings", 1, -MORE)])
+    true = truth(result.follows.reference, -MORE)
+    assert result.follows.slope == pytest.approx(true["slope"], rel=0.02)
+    assert result.estimate.Fc == pytest.approx(true["Fc"], rel=0.02)
+    assert result.verdict.identifiable == {"sigma0": True, "Fc": True}
+
+
+def test_each_of_several_logs_has_a_load_of_its_own():
+    """Half a log with low loads, another half with high ones: told are the ends of both; and where
+    one has none it is not used.
+    """
+    half = ROWS // 2
+    low, high = (loaded("rises", seed) for seed in (1, 2))
+    for log, rows in ((low, slice(half)), (high, slice(half, None))):
+        for name in ("theta", "torque", "time", "load"):
+            setattr(log, name, getattr(log, name)[rows])
+    for logs in ((low, high), (high, low)):
+        result = pipeline.identify(logs)
+        true = truth(result.follows.reference)
+        assert result.follows.ends == pytest.approx((3, 13))
+        assert result.follows.slope == pytest.approx(true["slope"], rel=0.02)
+        assert result.estimate.Fc == pytest.approx(true["Fc"], rel=0.02)
+        assert result.plan.r2 > 0.99
+    assert pipeline.identify([low, replace(high, load=None)]).follows is None
 
 
 def test_a_load_that_friction_does_not_follow_changes_nothing():

@@ -249,11 +249,12 @@ def test_one_broken_log_of_a_joint_fit_is_left_out(folder, dahl_here):
 class Rig(can.BusABC):
     """A bus of python-can on which a shaft turns: an angle, and the torque 0.3 ms after it."""
 
-    def __init__(self, rows: int, noise: float, cycle: int = 300) -> None:
+    def __init__(self, rows: int, noise: float, cycle: int = 300, growth: float = 0.0) -> None:
         super().__init__("rig")
         grows = np.linspace(1, 1.5, rows)  # so that no cycle has the counts of another
         theta = np.floor(sine(1, rows=rows, cycles=rows / cycle) * grows / COUNT) * COUNT
-        self.torque = dahl_torque(theta) + noise * FC * noise_of(1, rows)
+        self.torque = dahl_torque(theta) * np.linspace(1, 1 + growth, rows)
+        self.torque += noise * FC * noise_of(1, rows)
         self.theta, self.row = theta, 0
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
@@ -324,6 +325,14 @@ def test_eight_reversals_are_the_least_to_end_with(follow):
     assert 8 <= found["reversals"] <= 10
     before = [max(widths(said)) for rows, said in looks if 600 < rows < 2000]
     assert before and max(before[1:]) < 25
+
+
+def test_what_is_not_claimed_is_not_known_however_narrow(follow):
+    """Friction that grows from cycle to cycle."""
+    rig = Rig(1500, 0.02, cycle=80, growth=2.0)
+    looks, found = follow(rig, "--within", "25", "--frames", "2000")
+    assert max(widths(looks[-1][1])[:2]) < 25 and found["reversals"] > 8
+    assert found["rows"] == 1000 and not any(found["identifiable"].values())
 
 
 @pytest.mark.parametrize(

@@ -8,13 +8,14 @@ from __future__ import annotations
 import configparser
 import json
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, built
 from dahl.identify.log import Log
 from identify_cases import A, chirp, of
 from identify_tools import (
@@ -229,8 +230,10 @@ def asked_for(tmp_path_factory, library):
 
 
 @pytest.mark.parametrize("option", NAMES)
-def test_header_scene_and_table_carry_the_model_that_is_asked_for(asked_for, capsys, root, option):
-    """Scene and header have its elements; the scene's log is the torque that these draw."""
+def test_header_scene_and_table_carry_the_model_that_is_asked_for(asked_for, capsys, option):
+    """Scene and header have its elements, the header as the library prepares them; the scene's log
+    is the torque that these draw.
+    """
     folder, log = asked_for
     name, model, endings = NAMES[option]
     words = ("--model", option, "--name", "x", "-o", folder / option, "--force")
@@ -255,7 +258,8 @@ def test_header_scene_and_table_carry_the_model_that_is_asked_for(asked_for, cap
     way, torque = np.loadtxt(folder / option / "x.csv", delimiter=",", skiprows=1).T
     left = torque - float(scene["measured"]["offset"]) - drawn_by(kinds, sizes, way)
     assert np.std(left[500:]) < (0.1 if option == "coulomb" else 0.05) * FC
-    compile_header(folder / option, root, endings)
+    tables = tables_of(kinds, sizes, facts["plan"]["theta_per_count"])
+    assert list(tables) == endings and is_header_of(folder / option, tables.values())
     assert ("Coulomb" in " ".join(facts["plan"]["against"])) is (option == "coulomb")
     shown = next(line for line in done.stdout.splitlines() if f"│ {name} (" in line)
     assert "-" in shown if option == "coulomb" else str(one["instructions_m3"]) in shown
@@ -272,13 +276,47 @@ def drawn_by(kinds: list[str], sizes: dict[str, list[float]], way: np.ndarray) -
     return drawn
 
 
-def compile_header(folder, root, endings: list[str]) -> None:
-    tables = "".join(f"    (void)dahl_plan_x{ending};\n" for ending in endings)
-    source = f'#include "dahl_plan_x.h"\nint main(void)\n{{\n{tables}    return 0;\n}}\n'
-    (folder / "main.c").write_text(source)
-    includes = ["-I", folder, "-I", root / "lib" / "include"]
-    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", *includes, "-fsyntax-only"]
-    subprocess.run([*map(str, command), str(folder / "main.c")], check=True, timeout=60)
+TABLE = """    {{
+        static const dahl_{kind}params_t params = {{{numbers}}};
+        dahl_{kind}plan_t plan;
+        memset(&plan, 0, sizeof plan);
+        if (dahl_{kind}prepare(&plan, &params) != DAHL_OK) {{ return 2; }}
+        if (memcmp(&plan, &dahl_plan_x{ending}, sizeof plan) != 0) {{ return 1; }}
+    }}
+"""
+
+
+def listed(*numbers: float) -> str:
+    return ", ".join(f"{np.float32(one):.9e}f" for one in numbers)
+
+
+def tables_of(kinds: list[str], sizes: dict[str, list[float]], count: float) -> dict[str, str]:
+    """What a header has to hold, by the ending of its name: C that compares it."""
+    if kinds == ["asymmetric"]:
+        numbers = listed(*sizes["sigma0"], *sizes["Fc"], count)
+        return {"": TABLE.format(kind="asymmetric_", numbers=numbers, ending="")}
+    parts = list(zip(kinds, sizes["sigma0"], sizes["Fc"], strict=True))
+    dahls, slips = ([part[1:] for part in parts if part[0] == kind] for kind in ("dahl", "slip"))
+    several, found = len(dahls) > 1 or bool(dahls and slips), {}
+    for number, pair in enumerate(dahls, 1):
+        ending = f"_{number}" * several
+        found[ending] = TABLE.format(kind="", numbers=listed(*pair, count), ending=ending)
+    if slips:
+        each = "}, {".join(listed(*one) for one in zip(*slips, strict=True))
+        numbers, ending = f"{len(slips)}, {listed(count)}, {{{each}}}", "_slip" * several
+        found[ending] = TABLE.format(kind="slip_", numbers=numbers, ending=ending)
+    return found
+
+
+def is_header_of(folder: Path, tables: Iterable[str]) -> bool:
+    """Whether dahl_plan_x.h compiles without a word and holds what the library makes of these."""
+    body = "".join(tables)
+    head = '#include <string.h>\n#include "dahl_plan_x.h"\n'
+    (folder / "main.c").write_text(f"{head}int main(void)\n{{\n{body}    return 0;\n}}\n")
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-I", folder, "-I", ROOT / "lib/include"]
+    command = ["cc", *strict, folder / "main.c", built("lib", "libdahl.a"), "-lm"]
+    subprocess.run([*command, "-o", folder / "same"], check=True, timeout=60)
+    return subprocess.run([folder / "same"], check=False, timeout=10).returncode == 0
 
 
 def test_no_plan_is_left_of_coulombs_model_and_none_without_an_encoder(dahl, tmp_path):

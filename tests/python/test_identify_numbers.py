@@ -410,10 +410,10 @@ def written(path: Path, log: Log, way: str = "theta_rad,torque_Nm") -> Path:
     return path
 
 
-@pytest.mark.parametrize("kind", ["late", "against", "shaky", "linear"])
+@pytest.mark.parametrize("kind", ["late", "against", "shaky", "linear", "backlash"])
 def test_r2_of_a_log_that_was_not_fitted(dahl, tmp_path, kind):
-    """It is cleaned as those that were: its delay, its sign, its filter of the angle, its spring
-    relaxed at the same angle, wherever it begins.
+    """It is cleaned as those that were: its delay, its sign, its filter of the angle, its backlash,
+    its spring relaxed at the same angle, wherever it begins, and behind a gap too.
     """
     way = "pos_m,force_N" if kind == "linear" else "theta_rad,torque_Nm"
 
@@ -422,14 +422,16 @@ def test_r2_of_a_log_that_was_not_fitted(dahl, tmp_path, kind):
             return made.late(9, seed)
         if kind == "shaky":
             return made.shaky(0.3, seed=seed)
+        if kind == "backlash":
+            return made.played(0.01)
         one = made.shaft(seed, 0.05)
         more = 0.1 + 3.0 * one.theta if kind == "linear" else 0.0
         return replace(one, torque=(-1 if kind == "against" else 1) * (one.torque + more))
 
     other = log(6)
     if kind == "linear":
-        kept = slice(700, None)
-        other = Log("", other.theta[kept], other.torque[kept], other.time[kept])
+        kept, time = slice(700, None), other.time + 0.5 * (other.time > 1.5)
+        other = Log("", other.theta[kept], other.torque[kept], time[kept])
     fitted = written(tmp_path / "a.csv", log(5), way)
     words = ("--check", written(tmp_path / "b.csv", other, way), "--json", "-", "--no-files")
     facts = json.loads(dahl("identify", fitted, "--model", "dahl", *words).stdout)

@@ -116,6 +116,7 @@ def test_each_option_of_the_fit_reaches_it(rig):
         ("--median 100", ("--median", "100", "99")),
         ("--median 5.0", ("--median", "5.0")),
         ("--target-counts-per-turn 0", ("--target-counts-per-turn", "0")),
+        ("--counts-per-turn 0", ("--counts-per-turn 0",)),
         ("--counts-per-turn 4294967296", ("--counts-per-turn",)),
         ("--counts-per-turn nan", ("--counts-per-turn nan",)),
         ("--each x", ("--each",)),
@@ -231,10 +232,16 @@ def test_swapped_columns_are_refused_with_what_they_explain(rig):
 
 
 def test_a_broken_log_among_good_ones_is_a_line_and_code_2(rig, tmp_path):
+    """Wherever it stands; files are named for the first log, and written all the same."""
     (tmp_path / "empty.csv").touch()
-    done = run("identify", rig, tmp_path / "empty.csv", "--no-files")
-    assert (done.returncode, done.stderr) == (2, f"error: {tmp_path / 'empty.csv'}: empty\n")
-    assert "sigma0" in done.stdout
+    write_csv(tmp_path / "still.csv", np.ones(ROWS), table_of()[1])
+    logs = (tmp_path / "still.csv", rig, tmp_path / "empty.csv")
+    done = run("identify", *logs, "-o", tmp_path / "out", "--terms", "offset", "--no-delay")
+    assert done.returncode == 2 and "sigma0" in done.stdout
+    first, last = done.stderr.splitlines()
+    assert "still.csv: angle is constant (1 in" in first and last.endswith("empty.csv: empty")
+    kept = json.loads((tmp_path / "out" / "still.json").read_text())
+    assert kept["logs"] == [str(rig)]
     done = run("identify", tmp_path / "empty.csv", tmp_path / "absent.csv", "--no-files")
     assert (done.returncode, done.stdout) == (2, "")
     first, last = done.stderr.splitlines()
@@ -287,6 +294,8 @@ def test_no_file_of_someone_else_is_overwritten(dahl, tmp_path, rig):
         (("rig.csv", "--json", "./rig.csv", "--no-files"), "--json ./rig.csv"),
         (("rig.tsv", "-o", ".", "--check", "rig.csv"), "--name"),
         (("rig.tsv", "--json", "rig.csv", "--no-files", "--check", "rig.csv"), "--json rig.csv"),
+        (("rig.tsv", "rig.csv", "-o", "."), "--name"),
+        (("rig.tsv", "rig.csv", "--json", "rig.csv", "--no-files"), "--json rig.csv"),
     ):
         code, line = complaint(dahl("identify", *words))
         assert code == 2 and line.startswith("rig.csv: ") and part in line

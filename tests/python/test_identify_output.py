@@ -54,19 +54,20 @@ def write_log(folder: Path, seed: int) -> Path:
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory, library):
-    """One run over two logs with a third one predicted, and all that it leaves."""
+    """One run over two logs with two more predicted, and all that it leaves."""
     folder = tmp_path_factory.mktemp("rig")
-    first, second, other = (write_log(folder, seed) for seed in (1, 2, 3))
+    first, second, *others = (write_log(folder, seed) for seed in (1, 2, 3, 4))
     words = ("--model", "dahl", "--terms", ",".join(TERMS), "--counts-per-turn", "10", "--force")
     out = ("-o", folder / "out", "--name", "x", "--json", folder / "numbers.json")
     with drawing() as figures:
-        done = run("identify", first, second, "--check", other, *words, *out)
+        check = [word for other in others for word in ("--check", other)]
+        done = run("identify", first, second, *check, *words, *out)
     assert done.returncode == 0, done.stderr
     out, text = folder / "out", (folder / "numbers.json").read_text()
     assert (out / "x.json").read_text() == text
     return SimpleNamespace(
         logs=[first, second],
-        check=other,
+        checks=[*map(str, others)],
         out=out,
         kept=json.loads(text, parse_constant=pytest.fail),
         shown=done.stdout,
@@ -103,7 +104,7 @@ def test_json_has_each_number_under_its_name(rig):
     assert kept["reversals"] == turns
     assert kept["resolution"] == kept["plan"]["theta_per_count"] == pytest.approx(1e-4)
     assert (kept["delay_rows"], kept["backlash"], kept["load"]) == (0, 0, None)
-    assert kept["checks"] == {str(rig.check): pytest.approx(kept["r2"], abs=0.001)}
+    assert kept["checks"] == dict.fromkeys(rig.checks, pytest.approx(kept["r2"], abs=0.001))
     assert kept["identifiable"] == {"sigma0": True, "Fc": True} and kept["verdict"]
 
 
@@ -174,9 +175,9 @@ def test_the_screen_has_each_number_with_its_unit(rig):
     assert any(f"{kept['r2']:.4f}" in one and f"{kept['rmse']:.3g} N" in one for one in values)
     assert any(one.startswith(f"{100 * kept['informs_sigma0']:.0f} %") for one in values)
     assert f"{kept['r2_plan']:.4f}" in next(v for k, v in shown.items() if "plan" in k)
-    assert f"{kept['checks'][str(rig.check)]:.4f}" in next(
-        v for k, v in shown.items() if "3.csv" in k
-    )
+    for path in rig.checks:
+        (row,) = (value for name, value in shown.items() if Path(path).name in name)
+        assert f"{kept['checks'][path]:.4f}" in row
     assert all(note in rig.shown for note in kept["notes"])
     assert all(str(path) in rig.shown for path in rig.out.iterdir() if path.suffix != ".csv")
 
@@ -245,6 +246,7 @@ def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
     assert float(friction["theta_per_count"]) == pytest.approx(1e-4)
     assert float(motion["counts_per_unit"]) == pytest.approx(1e4)
     assert (friction["model"], motion["file"]) == ("dahl", "x.csv")
+    assert played["scene"]["title"].startswith("x")
     assert {name: float(measured[name]) for name in ("offset", "spring")} == {
         name: rig.kept["extra"][name] for name in ("offset", "spring")
     }
@@ -388,15 +390,18 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_told(shaft):
     assert "torque = torque_Nm" in ini and "angle = theta_rad" in ini and "[rad]" in ini
 
 
-@pytest.mark.parametrize("counts", [4096, 65536])
-def test_the_plan_is_for_the_encoder_of_the_target(shaft, counts, root, tmp_path):
+@pytest.mark.parametrize(("counts", "turn"), [(4096, 2 * np.pi), (65536, 2 * np.pi), (20, 1e-3)])
+def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, root, tmp_path):
+    """Counts a turn, of a linear motion counts a millimetre."""
+    log, one = (rig.logs[0], rig) if turn == 1e-3 else (shaft.out / "shaft.csv", shaft)
     words = ("--model", "dahl", "--target-counts-per-turn", counts, "-o", tmp_path, "--name", "x")
-    assert run("identify", shaft.out / "shaft.csv", *words, "--force").returncode == 0
+    words += ("--terms", ",".join(one.kept["extra"]) or "none", "--no-delay", "--force")
+    assert run("identify", log, *words).returncode == 0
     kept = json.loads((tmp_path / "x.json").read_text())
-    assert kept["plan"]["theta_per_count"] == pytest.approx(2 * np.pi / counts)
-    assert (kept["plan"]["of_target"], shaft.kept["plan"]["of_target"]) == (True, False)
-    assert kept["resolution"] == pytest.approx(COUNT)
-    params = (kept["sigma0"], kept["Fc"], 2 * np.pi / counts)
+    assert kept["plan"]["theta_per_count"] == pytest.approx(turn / counts)
+    assert (kept["plan"]["of_target"], one.kept["plan"]["of_target"]) == (True, False)
+    assert turn == 1e-3 or kept["resolution"] == pytest.approx(COUNT)
+    params = (kept["sigma0"], kept["Fc"], turn / counts)
     assert is_plan_of(tmp_path, root / "lib/include", *params)
 
 

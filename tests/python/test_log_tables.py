@@ -105,13 +105,16 @@ ENCODINGS = {"utf-8": "\n", "utf-8-sig": "\r", "cp1252": "\r\n"}  # each with an
 
 @pytest.mark.parametrize("form", FORMS)
 def test_text_of_many_programs_is_read_to_the_same_numbers(form, tmp_path):
-    """In UTF-8 and the letters of Windows, with points and (but between commas) decimal commas."""
+    """In UTF-8 and the letters of Windows, with points and (but between commas) decimal commas,
+    which the first rows do not show where their numbers are whole.
+    """
     above, row = FORMS[form]
     time, angle, torque = table_of(2).values()
+    angle[:3], torque[:3], time = (0, 1, 2), (3, 4, 5), np.maximum(time - 0.25, 0)
     path = tmp_path / "a.csv"
     for decimal in ".," if "," not in row else ".":
         rows = zip(time.tolist(), angle.tolist(), torque.tolist(), strict=True)
-        lines = [row.format(*(f"{x!r}".replace(".", decimal) for x in each)) for each in rows]
+        lines = [row.format(*(f"{x:.17g}".replace(".", decimal) for x in each)) for each in rows]
         for encoding, end in ENCODINGS.items():
             text = above.replace("deg", "°") + "\n".join(lines) + "\n"
             path.write_text(text.replace("\n", end), encoding=encoding, newline="")

@@ -83,7 +83,6 @@ def _add_units(what: argparse._ArgumentGroup) -> None:
     what.add_argument(
         "--counts-per-turn",
         type=float,
-        default=0.0,
         metavar="N",
         help="of the encoder (linear motion: per millimetre); else seen from the log",
     )
@@ -163,12 +162,13 @@ def source_of(args: argparse.Namespace) -> Source:
     """What the arguments say about columns and units."""
     from dahl.identify.readers import Source
 
-    if not 0 <= args.counts_per_turn < 2**32:
-        raise Error(f"--counts-per-turn {args.counts_per_turn:g}: a number above 0 was expected")
+    counts = args.counts_per_turn
+    if counts is not None and not 0 < counts < 2**32:
+        raise Error(f"--counts-per-turn {counts:g}: a number above 0 and below 2^32 was expected")
     given: dict[str, Any] = {
         name: getattr(args, name, None) for name in Source.__dataclass_fields__
     }
-    return Source(**{**given, "load": tuple(args.load)})
+    return Source(**{**given, "load": tuple(args.load), "counts_per_turn": counts or 0.0})
 
 
 def options_of(args: argparse.Namespace) -> Options:
