@@ -107,6 +107,20 @@ def test_each_option_of_the_fit_reaches_it(rig):
         assert vars(asked(rig, *words.split())) == usual | change, words
 
 
+UNUSED = {
+    "x.csv": "--jobs 3, --dask tcp://a:1, --within 1, --seconds 1, --frames 1",
+    "--each .": "--json -, --name a, --force, --no-files, --check x.csv, --within 1, --frames 1",
+    "--follow": "--check x.csv, --jobs 3, --dask tcp://a:1",
+}
+
+
+@pytest.mark.parametrize("kind", UNUSED)
+def test_an_option_without_use_is_not_passed_over(kind):
+    for option in UNUSED[kind].split(", "):
+        _, line = complaint(run("identify", *kind.split(), *option.split()))
+        assert option.split()[0] in line and ("LOG" if "csv" in kind else kind.split()[0]) in line
+
+
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
@@ -143,10 +157,11 @@ def test_both_sides_of_the_limits_of_a_number(words, taken, beyond, tmp_path):
     words = words.format(tmp_path / "empty").split()
     more = ("--dbc", tmp_path / "none.dbc", "--angle", "A", "--torque", "T")
     for text in taken:
-        line = refused(*words, text, *more)
+        _, line = complaint(run("identify", *words, text, *more))
         assert "none.dbc" in line or "no logs" in line, line
     for text in beyond:
-        assert f"{words[-1]}: {text}:" in refused(*words, text, *more).replace("argument ", "")
+        _, line = complaint(run("identify", *words, text, *more))
+        assert f"{words[-1]}: {text}:" in line.replace("argument ", "")
 
 
 def test_a_log_to_check_is_read_with_the_same_options(rig):

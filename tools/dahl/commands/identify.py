@@ -41,6 +41,13 @@ EXAMPLE = """examples:
   dahl identify --each logs/ --jobs 4
   dahl identify --follow -i socketcan -c can0 --dbc car.dbc --angle A --torque T --within 2"""
 
+OF_MANY, OF_A_BUS = ("jobs", "dask"), ("within", "seconds", "frames")
+UNUSED = {  # options that a kind of run has no use for
+    "LOG": (*OF_MANY, *OF_A_BUS),
+    "--each": ("json", "name", "force", "no_files", "check", *OF_A_BUS),
+    "--follow": ("check", *OF_MANY),
+}
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", type=Path, metavar="LOG", help="measured log")
@@ -197,6 +204,7 @@ def run(args: argparse.Namespace) -> int:
 
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
+    _refuse_unused(args)
     if args.each:
         return _each(args)
     if args.follow:
@@ -216,6 +224,14 @@ def run(args: argparse.Namespace) -> int:
         result.checks[str(path)] = pipeline.check(result, readers.read(path, source))
     _report(args, result, name)
     return 2 if broken else 0
+
+
+def _refuse_unused(args: argparse.Namespace) -> None:
+    """Raise dahl.Error for an option that the kind of run which was asked for does not know."""
+    kind = "--each" if args.each else "--follow" if args.follow else "LOG"
+    for name in UNUSED[kind]:
+        if getattr(args, name) != args.own.get_default(name):
+            raise Error(f"--{name.replace('_', '-')}: has no use with {kind}")
 
 
 def _named_after(log: Path) -> str:
