@@ -220,6 +220,14 @@ def test_a_signal_on_two_channels_is_no_signal(tmp_path, ending, names):
         assert one.rows == ROWS and (np.sign(np.diff(one.theta)) == sign).all()
 
 
+@pytest.mark.parametrize(("number", "name"), [(SHAFT, "Angle"), (LOAD, "Torque")])
+def test_either_signal_alone_on_a_second_channel_is_named(tmp_path, number, name):
+    both, more = shaft_on("can0", 1), shaft_on("can1", -1)
+    frames = recorded(tmp_path / "a.log", both, (one for one in more if one.arbitration_id == number))
+    line = refused(frames, *signals(tmp_path))
+    assert f"'{name}'" in line and "can0, can1" in line
+
+
 @pytest.mark.parametrize("late", [-20.5e-3, -1e-4, 1e-4])
 def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, late):
     """Also where 20 angles and torques of the other id come first, as if there were no other."""

@@ -14,13 +14,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bus_runs import FC, SIGMA0, THETA, Run, plotted
-from dahl import Friction, Loaded, Plan, report
+from dahl import Asymmetric, Friction, Loaded, Plan, report
 from dahl.scene import Measured, Recorded, Scene
 from log_reading import RefusedError, drawing
 from log_reading import run as command
 
 SCENE = Scene(Path("a/b.ini"), "t", "dahl", ((SIGMA0, FC),), THETA)
-BOUND = 0.52  # ulp of Fc
+BOUND, BOUND_PARTS = 0.52, 0.55  # ulp of Fc
 
 
 def summed(run: Run, scene: Scene = SCENE, recorded: Recorded | None = None, **loop) -> dict:
@@ -101,6 +101,18 @@ def test_a_load_holds_from_the_frame_that_writes_it(library, dbc):
         run.tick(number, 70 * number)
     scene = Scene(SCENE.path, "t", "loaded", SCENE.elements, THETA)
     assert error_of(run, scene) <= BOUND
+
+
+@pytest.mark.parametrize("limits", [(FC, 0.7 * FC), (0.7 * FC, FC)])
+def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, dbc, limits):
+    """Either way round, at both ends."""
+    elements = tuple((SIGMA0, limit) for limit in limits)
+    run, scene = Run(dbc), Scene(SCENE.path, "t", "asymmetric", elements, THETA)
+    run.bearing = Asymmetric(SIGMA0, *limits, THETA)
+    run.tick(0, 0, state=6, used=False)
+    for number, count in enumerate((300, 9000, 8700, -9000), start=1):
+        run.tick(number, count)
+    assert error_of(run, scene) <= BOUND_PARTS
 
 
 def test_an_error_of_the_node_is_seen(run):
