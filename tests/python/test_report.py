@@ -112,6 +112,8 @@ def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, dbc, limi
     run.tick(0, 0, state=6, used=False)
     for number, count in enumerate((300, 9000, 8700, -9000), start=1):
         run.tick(number, count)
+    torque = report.trace_of(run.frames).torque(scene)
+    assert (torque.max(), torque.min()) == pytest.approx((limits[0], -limits[1]), rel=1e-6)
     assert error_of(run, scene) <= BOUND_PARTS
 
 
