@@ -46,7 +46,9 @@ def pytest_configure(config: pytest.Config) -> None:
         max_examples=MORE_EXAMPLES if more else EXAMPLES,
     )
     hypothesis.settings.load_profile("dahl")
-    os.environ.pop("PYTHONUNBUFFERED", None)  # programs buffer as a user's do: no flush is spared
+    os.environ.pop(
+        "PYTHONUNBUFFERED", None
+    )  # programs buffer as a user's do, so that a flush that is missing shows
 
 
 def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:

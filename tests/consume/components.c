@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A user of each component beside the core: every call of their headers links, and the literal form's torque is printed. */
+/* A user of the node and of the float form: every call of their headers links, and the literal form's torque is printed. */
 #include <component_calls.h>
 #include <stdio.h>
 

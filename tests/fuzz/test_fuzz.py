@@ -26,7 +26,7 @@ SECONDS = int(os.environ.get("DAHL_FUZZ_SECONDS", "20"))
 SOAK_SECONDS = 120  # what an interruption can cost
 
 
-def run_for_a_minute(name: str) -> Run:
+def run_for_a_while(name: str) -> Run:
     """From the same seed each time, so that what it finds is of the change at hand; --soak goes new
     ways.
     """
@@ -46,7 +46,7 @@ def runs(request: pytest.FixtureRequest) -> Iterator[dict[str, Future[Run]]]:
     for name in wanted:
         program_of(name)
     pool = ThreadPoolExecutor(max(2, (os.cpu_count() or 1) - 1))
-    yield {name: pool.submit(run_for_a_minute, name) for name in wanted}
+    yield {name: pool.submit(run_for_a_while, name) for name in wanted}
     pool.shutdown(wait=False, cancel_futures=True)
 
 

@@ -351,11 +351,12 @@ enum { MODELS = sizeof models / sizeof models[0] };
 
 static inline const model_t *model_named(const char *name)
 {
-    const model_t *model = models;
-    while (strcmp(model->name, name) != 0) {
-        model++;
+    for (size_t i = 0; i < MODELS; i++) {
+        if (strcmp(models[i].name, name) == 0) {
+            return &models[i];
+        }
     }
-    return model;
+    return NULL;
 }
 
 /* What a torque of 1 is of: Fc, the larger one, or the sum of them. */

@@ -88,9 +88,11 @@ def lost_motion(where: str, counts: float, every: int = 1, rows: int = 5000) -> 
     return of(encoder[::every], dahl_torque(bearing)[::every], 0.05)
 
 
-def played(slack: float, centre: float = 0.0, rows: int = 2400, cycles: float = 8) -> Log:
+def played(
+    slack: float, centre: float = 0.0, rows: int = 2400, cycles: float = 8, seed: int = 2
+) -> Log:
     """Backlash: the torque rests at `centre` of Fc over `slack` rad after each reversal."""
-    theta = sine(2, rows=rows, cycles=cycles)
+    theta = sine(seed, rows=rows, cycles=cycles)
     ratio, w, gap = [], 0.0, 0.0
     for move in np.diff(theta, prepend=theta[0]):
         side = np.sign(move)

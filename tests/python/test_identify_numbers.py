@@ -423,7 +423,7 @@ def test_r2_of_a_log_that_was_not_fitted(dahl, tmp_path, kind):
         if kind == "shaky":
             return made.shaky(0.3, seed=seed)
         if kind == "backlash":
-            return made.played(0.01)
+            return made.played(0.01, seed=seed)
         one = made.shaft(seed, 0.05)
         more = 0.1 + 3.0 * one.theta if kind == "linear" else 0.0
         return replace(one, torque=(-1 if kind == "against" else 1) * (one.torque + more))

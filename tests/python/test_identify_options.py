@@ -117,8 +117,12 @@ UNUSED = {
 @pytest.mark.parametrize("kind", UNUSED)
 def test_an_option_without_use_is_not_passed_over(kind):
     for option in UNUSED[kind].split(", "):
-        _, line = complaint(run("identify", *kind.split(), *option.split()))
-        assert option.split()[0] in line and ("LOG" if "csv" in kind else kind.split()[0]) in line
+        code, line = complaint(run("identify", *kind.split(), *option.split()))
+        assert (
+            code == 2
+            and option.split()[0] in line
+            and ("LOG" if "csv" in kind else kind.split()[0]) in line
+        )
 
 
 @pytest.mark.parametrize(
@@ -157,10 +161,12 @@ def test_both_sides_of_the_limits_of_a_number(words, taken, beyond, tmp_path):
     words = words.format(tmp_path / "empty").split()
     more = ("--dbc", tmp_path / "none.dbc", "--angle", "A", "--torque", "T")
     for text in taken:
-        _, line = complaint(run("identify", *words, text, *more))
+        code, line = complaint(run("identify", *words, text, *more))
+        assert code == 2
         assert "none.dbc" in line or "no logs" in line, line
     for text in beyond:
-        _, line = complaint(run("identify", *words, text, *more))
+        code, line = complaint(run("identify", *words, text, *more))
+        assert code == 2
         assert f"{words[-1]}: {text}:" in line.replace("argument ", "")
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What a log says does not hang on the sign of its torque sensor or on the side from which its shaft
-is looked at: a log of known trouble and its mirror images are told alike.
+"""What a log says does not hang on the sign of its torque sensor or on the side from which its
+shaft is looked at: a log of known trouble and its mirror images are told alike.
 """
 
 from __future__ import annotations

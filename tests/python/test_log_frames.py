@@ -223,7 +223,9 @@ def test_a_signal_on_two_channels_is_no_signal(tmp_path, ending, names):
 @pytest.mark.parametrize(("number", "name"), [(SHAFT, "Angle"), (LOAD, "Torque")])
 def test_either_signal_alone_on_a_second_channel_is_named(tmp_path, number, name):
     both, more = shaft_on("can0", 1), shaft_on("can1", -1)
-    frames = recorded(tmp_path / "a.log", both, (one for one in more if one.arbitration_id == number))
+    frames = recorded(
+        tmp_path / "a.log", both, (one for one in more if one.arbitration_id == number)
+    )
     line = refused(frames, *signals(tmp_path))
     assert f"'{name}'" in line and "can0, can1" in line
 

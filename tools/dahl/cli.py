@@ -108,7 +108,7 @@ def build_parser() -> argparse.ArgumentParser:
             epilog=_as_here(module.EXAMPLE),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        sub.set_defaults(run=module.run, parser=parser, own=sub)
+        sub.set_defaults(run=module.run, parser=parser, command_parser=sub)
     return parser
 
 
@@ -151,7 +151,7 @@ def _run_command(words: list[str], alone: bool) -> int:
     try:
         args, unknown = build_parser().parse_known_args(words)
         if unknown:
-            args.own.error(f"unrecognized arguments: {' '.join(unknown)}")
+            args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
         by_need.bring(args.command, words)
         return int(args.run(args) or 0)

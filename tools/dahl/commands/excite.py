@@ -98,8 +98,9 @@ def _wanted(args: argparse.Namespace) -> Wanted:
     from dahl.core import Plan
     from dahl.identify.design import Wanted
 
-    if args.known and (args.sigma0, args.fc) != (None, None):
-        raise Error("--from with --sigma0 or --fc: one guess, not two")
+    for option, value in (("--sigma0", args.sigma0), ("--fc", args.fc)):
+        if args.known and value is not None:
+            raise Error(f"--from {args.known} and {option} {value:g}: one guess, not two")
     if args.known:
         args.sigma0, args.fc = _known(args.known, args.mm)
     if args.sigma0 is None or args.fc is None:

@@ -52,7 +52,9 @@ UNUSED = {  # options that a kind of run has no use for
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", type=Path, metavar="LOG", help="measured log")
     what = parser.add_argument_group("what the columns are")
-    what.add_argument("--angle", default="", metavar="NAME", help="column or signal, or its number from 1 on")
+    what.add_argument(
+        "--angle", default="", metavar="NAME", help="column or signal, or its number from 1 on"
+    )
     what.add_argument("--torque", default="", metavar="NAME", help="the same for the torque")
     what.add_argument("--time", default="", metavar="NAME", help="the same for the time in s")
     what.add_argument(
@@ -230,7 +232,7 @@ def _refuse_unused(args: argparse.Namespace) -> None:
     """Raise dahl.Error for an option that the kind of run which was asked for does not know."""
     kind = "--each" if args.each else "--follow" if args.follow else "LOG"
     for name in UNUSED[kind]:
-        if getattr(args, name) != args.own.get_default(name):
+        if getattr(args, name) != args.command_parser.get_default(name):
             raise Error(f"--{name.replace('_', '-')}: has no use with {kind}")
 
 

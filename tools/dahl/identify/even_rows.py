@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT
 """A log without times has no speed, so a viscous torque or an inertia goes into sigma0 and Fc
 unseen. Most such logs were written in even steps all the same: what the fit finds with rows for
-times says whether there is such a part, and which parameters it makes others.
+times says whether there is such a part, and how far it changes the parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,22 +19,42 @@ from dahl.identify.result import Result
 from dahl.identify.terms import UNTIMED
 
 NAMES = ("sigma0", "Fc")
+Fitted = Callable[[Sequence[Log]], Estimate]  # with the terms that pay
 
 
-def finding(result: Result, fitted: Callable[[Sequence[Log]], Estimate]) -> list[Finding]:
-    """The parameters that a part with the speed makes others, were the rows even in time."""
-    unclocked = [log for log in result.logs if log.time is None]
-    if not unclocked or any(map(recording.by_event, unclocked)):
+@dataclass(frozen=True)
+class Change:
+    """Terms with the speed that one log has with rows for times, and what they do to the fit."""
+
+    terms: list[str]
+    ratio: dict[str, float]  # of each parameter with them to that without
+
+
+def finding(result: Result, fitted: Fitted) -> list[Finding]:
+    """The parameters that a part with the speed changes, if the rows came in even steps."""
+    unclocked = [log for log in result.logs if log.time is None and not recording.by_event(log)]
+    changes = [change for log in unclocked if (change := _changed(log, fitted)).terms]
+    if not changes:
         return []
-    other = fitted([replace(log, time=np.arange(float(log.rows))) for log in result.logs])
-    parts = [name for name in other.terms if name not in UNTIMED]
-    ends = {name: result.estimate.ci95[name] for name in NAMES}
-    values = {name: float(getattr(other, name)) for name in NAMES}
+    values = {name: _furthest(changes, name) * getattr(result.estimate, name) for name in NAMES}
+    ends = result.estimate.ci95
     doubts = tuple(name for name in NAMES if not ends[name].low <= values[name] <= ends[name].high)
-    if not parts or not doubts:
+    if not doubts:
         return []
     units = {"sigma0": result.logs[0].slope_unit, "Fc": result.logs[0].unit}
     told = ", ".join(f"{name} {values[name]:.4g} {units[name]}" for name in doubts)
-    text = f"no times, and rows in even steps would show a part with the speed ({', '.join(parts)})"
+    terms = ", ".join(sorted({term for change in changes for term in change.terms}))
+    text = f"no usable times, and rows in even steps would show a part with the speed ({terms})"
     reach = {name: (values[name], values[name]) for name in doubts}
     return [Finding(f"{text}: {told} then (--time)", doubts, reach)]
+
+
+def _changed(log: Log, fitted: Fitted) -> Change:
+    """One log alone, since the rows of another may last longer."""
+    plain, timed = fitted([log]), fitted([replace(log, time=np.arange(float(log.rows)))])
+    ratio = {name: float(getattr(timed, name) / getattr(plain, name)) for name in NAMES}
+    return Change([name for name in timed.terms if name not in UNTIMED], ratio)
+
+
+def _furthest(changes: Sequence[Change], name: str) -> float:
+    return max((change.ratio[name] for change in changes), key=lambda ratio: abs(ratio - 1))
