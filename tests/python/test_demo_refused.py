@@ -141,7 +141,7 @@ def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl, unit, turn):
 
 
 def test_a_way_in_mm_has_no_turn(dahl):
-    """A rig that is put back by hand jumps as far as it likes; parts of a count per mm are taken."""
+    """A rig that is put back by hand jumps as far as it likes; parts of a count are taken."""
     Path("x.csv").write_text("a\n" + "".join(f"{n % 10 * 500}\n" for n in range(20)))
     words = ("--angle", "a", "--angle-unit", "mm", *OWN[4:8], "--counts-per-turn", 99.5)
     assert dahl("demo", "x.csv", *words, "--bus", "socketcand", "-o", "out").returncode == 0
