@@ -11,7 +11,8 @@ import log_writers
 import numpy as np
 import pandas as pd
 import pytest
-from log_reading import read, refused
+from identify_tools import complaint
+from log_reading import read, refused, run
 from log_writers import TABLES
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -52,8 +53,8 @@ def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
 
 def test_the_logs_of_a_folder_are_those_with_the_endings_of_logs(tmp_path):
     (tmp_path / "notes.md").write_text("no log")
-    line = refused("--each", tmp_path)
-    assert str(tmp_path) in line and ".parquet" in line and ".blf" in line
+    code, line = complaint(run("identify", "--each", tmp_path))
+    assert code == 2 and str(tmp_path) in line and ".parquet" in line and ".blf" in line
 
 
 HOLED = {"csv": "7", "tsv": "7", "json": "row 6", "mat": "row 6", "parquet": "row 6"}
