@@ -251,6 +251,7 @@ REFUSED = [
     (lambda: codec.pack(codec.EncoderState(1), 16), "node = 16"),
     (lambda: of_si(Param.FC, -1), "value = -1 of parameter FC .*0 .. 4096"),
     (lambda: of_si(Param.FC, float("nan")), "value = nan"),
+    (lambda: of_si(Param.STATUS, 4e-4), "value = 0.0004 of parameter STATUS .*0.001"),
 ]
 
 

@@ -82,6 +82,9 @@ CASES: dict[str, Case] = {
         {"one speed": [], "turning points": []},
         ("rows (", "drift", "play", "noise", "backlash"),
     ),
+    "a median that was asked for": Case(
+        shaft, "both", {"--median": [3]}, options={"median": 3, "terms": ()}
+    ),
     "noise of .2 Fc": Case(lambda: shaft(5, 0.2), "both"),
     "noise of .7 Fc": Case(noisy(0.7), "Fc", {"Coulomb": []}, off=0.03),
     "noise of 1.5 Fc": Case(noisy(1.5), "none", {"explains": [26.0]}, off=ANY),
@@ -96,7 +99,7 @@ CASES: dict[str, Case] = {
         lambda: made.late(9), "Fc", {"low-passed": []}, ("comes",), options={"delay": False}
     ),
     "3 rows late, no clock": Case(lambda: made.without_clock(made.late(3)), "Fc", {}, ("comes",)),
-    "no clock": Case(lambda: made.without_clock(shaft()), "both", silent=("low-passed", "even")),
+    "no clock": Case(lambda: made.without_clock(shaft()), "both", silent=("low-passed",)),
     "viscous, no clock": Case(
         lambda: made.without_clock(made.beside("viscous", 0.05)), "none", {"even steps": [FC]}
     ),
@@ -341,6 +344,12 @@ def test_a_verdict_keeps_to_its_limits(name):
     beats = 1 - held["dahl"] < 0.85 * (1 - held["coulomb"])
     fine = 2 * facts["a"] * log.resolution <= 1
     doubted = {parameter for found in facts["findings"] for parameter in found["doubts"]}
+    low, high = facts["ci95"]["a"]
+    for parameter, ends in facts["ci95"].items():
+        for end in filter(None, ends) if parameter != "a" else ():
+            of_a = end / facts["Fc"] if parameter == "sigma0" else facts["sigma0"] / end
+            assert low <= of_a * (1 + 1e-9), parameter
+            assert high is None or of_a <= high * (1 + 1e-9), parameter
     for parameter in TRUTH:
         low, high = facts["ci95"][parameter]
         narrow = low > 0 and high is not None and width(facts, parameter) <= 0.3

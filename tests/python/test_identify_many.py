@@ -234,8 +234,9 @@ def test_a_dask_cluster_gives_the_same(folder, each):
     assert (there, earlier) == (here, 0)
 
 
-def test_one_broken_log_of_a_joint_fit_is_left_out(folder, dahl_here):
-    logs = [folder / name for name in ("run0.csv", "broken.csv", "run0.csv")]
+def test_one_broken_log_of_a_joint_fit_is_left_out(folder, dahl_here, tmp_path):
+    (again := tmp_path / "run0.csv").write_bytes((folder / "run0.csv").read_bytes())
+    logs = [folder / "run0.csv", folder / "broken.csv", again]
     done = dahl_here("identify", *logs, "--json", "-", "--no-files")
     assert done.returncode == 2
     assert done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
@@ -330,8 +331,8 @@ def test_eight_reversals_are_the_least_to_end_with(follow):
 def test_what_is_not_claimed_is_not_known_however_narrow(follow):
     """Friction that grows from cycle to cycle."""
     rig = Rig(1500, 0.02, cycle=80, growth=2.0)
-    looks, found = follow(rig, "--within", "25", "--frames", "2000")
-    assert max(widths(looks[-1][1])[:2]) < 25 and found["reversals"] > 8
+    looks, found = follow(rig, "--within", "29", "--frames", "2000")
+    assert max(widths(looks[-1][1])[:2]) < 29 and found["reversals"] > 8
     assert found["rows"] == 1000 and not any(found["identifiable"].values())
 
 

@@ -114,6 +114,16 @@ UNUSED = {
 }
 
 
+def test_a_log_counts_once(rig):
+    """In the fit, and it is not predicted by itself, by whatever path."""
+    again = rig.parent / "." / ".." / rig.parent.name / rig.name
+    for words in ((rig, again), (rig, "--check", again)):
+        code, line = complaint(run("identify", *words, "--no-files"))
+        assert code == 2 and str(rig.name) in line and "twice" in line
+    code, line = complaint(run("identify", "--each", rig.parent, "--jobs", "0"))
+    assert code == 2 and "--jobs 0" in line
+
+
 @pytest.mark.parametrize("kind", UNUSED)
 def test_an_option_without_use_is_not_passed_over(kind):
     for option in UNUSED[kind].split(", "):
@@ -139,6 +149,7 @@ def test_an_option_without_use_is_not_passed_over(kind):
         ("--counts-per-turn nan", ("--counts-per-turn nan",)),
         ("--each x", ("--each",)),
         ("--follow", ("--follow",)),
+        ("--terms none,viscous", ("--terms none",)),
     ],
 )
 def test_bad_values_are_one_line_with_the_limit(rig, words, parts):
@@ -170,10 +181,11 @@ def test_both_sides_of_the_limits_of_a_number(words, taken, beyond, tmp_path):
         assert f"{words[-1]}: {text}:" in line.replace("argument ", "")
 
 
-def test_a_log_to_check_is_read_with_the_same_options(rig):
+def test_a_log_to_check_is_read_with_the_same_options(rig, tmp_path):
+    (other := tmp_path / "other.csv").write_bytes(rig.read_bytes())
     for words in ((), ("--torque-unit", "mNm", "--torque", "4", "--skip-gaps")):
-        found = found_by(rig, *words, "--check", rig)
-        assert found["checks"] == {str(rig): pytest.approx(found["r2"], abs=0.02)}
+        found = found_by(rig, *words, "--check", other)
+        assert found["checks"] == {str(other): pytest.approx(found["r2"], abs=0.02)}
     code, line = complaint(run("identify", rig, "--check", "absent.csv", "--no-files"))
     assert code == 2 and "absent.csv" in line
 

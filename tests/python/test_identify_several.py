@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import identify_cases as made
 import pytest
+from dahl import Error
 from identify_cases import FC, SIGMA0, shaft
 from identify_tools import seen, told
 from test_identify_claims import coarse
@@ -74,3 +75,13 @@ def test_logs_without_times_may_have_rows_of_other_lengths(viscous):
     assert facts["identifiable"]["Fc"] is (viscous == 0)
     low, high = facts["ci95"]["Fc"]
     assert low <= 1.002 * FC and 0.998 * FC <= high
+
+
+@pytest.mark.parametrize("term", ["viscous", "inertia"])
+def test_a_term_of_the_speed_takes_times(term):
+    """It was told as 0, and what it would have taken went into sigma0 and Fc."""
+    log = replace(made.without_clock(shaft()), name="untimed")
+    with pytest.raises(Error, match=f"untimed: {term} .*--time"):
+        seen(shaft(2), log, terms=("offset", term))
+    facts = seen(made.without_clock(made.beside("viscous", 0.05)), terms=("offset",))
+    assert not facts["identifiable"]["Fc"]

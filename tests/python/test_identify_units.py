@@ -45,6 +45,7 @@ ANGLES = {
     "[RAD] angle": 1.0,
     "angle [rev]": 2 * np.pi,
     "angle_turn": 2 * np.pi,
+    "angle_gon": np.pi / 200,
     "angle (arcmin)": DEG / 60,
     "angle [arcsec]": DEG / 3600,
     "angle_mdeg": DEG / 1e3,

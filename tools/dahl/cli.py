@@ -9,12 +9,11 @@ ended by Ctrl-C, after one line and with whole files.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import io
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from dahl import Error, RunError, __version__, by_need, interrupt, paths, printable
 from dahl.commands import (
@@ -131,13 +130,13 @@ def _run(argv: list[str] | None) -> int:
     except Error as error:
         return _complain(error, 1 if isinstance(error, RunError) else 2)
     except BrokenPipeError:  # the reader of our output has gone (| head)
-        _drop_output()
+        _drop(sys.stdout)
         return 0
     except OSError as error:  # a file that cannot be written; without a name it was our output
         if error.filename is None and error.errno is None:
             raise
         if error.filename is None:
-            _drop_output()
+            _drop(sys.stdout)
         return _complain(Error(f"{error.filename or 'output'}: {error.strerror or error}"), 1)
     except MemoryError:
         return _complain("not enough memory", 1)
@@ -171,14 +170,16 @@ def _open_streams() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _drop_output() -> None:
-    """Let nothing more be written to standard output, not at the end of the program either."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _drop(stream: TextIO) -> None:
+    """Let nothing more be written to a stream, not at the end of the program either."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _complain(error: object, code: int) -> int:
     if interrupt.is_asked():  # what an early end made of a run is no news
         return code
-    with contextlib.suppress(OSError):  # nobody reads that either
-        print(f"error: {error}", file=sys.stderr)
+    try:
+        print(f"error: {error}", file=sys.stderr, flush=True)
+    except OSError:  # nobody reads that either
+        _drop(sys.stderr)
     return code

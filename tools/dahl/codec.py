@@ -344,6 +344,9 @@ class ParamWrite(_Valued):
         if not 0 <= steps <= core.UINT32_MAX:
             shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
             raise Error(f"{shown} is outside 0 .. {core.UINT32_MAX * unit:g}")
+        if steps and not round(steps):
+            shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
+            raise Error(f"{shown} is less than half a step of {unit:g}, and 0 means another thing")
         return ParamWrite(known, round(steps), write, counter)
 
 

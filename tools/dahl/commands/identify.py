@@ -189,7 +189,7 @@ def options_of(args: argparse.Namespace) -> Options:
 
     terms = None
     if args.terms is not None:
-        terms = tuple(filter(None, args.terms.replace("none", "").split(",")))
+        terms = () if args.terms == "none" else tuple(filter(None, args.terms.split(",")))
         wrong = next((term for term in terms if term not in TERMS), None)
         if wrong:
             raise Error(f"--terms {wrong}: no such term{meant(wrong, list(TERMS))}")
@@ -231,9 +231,23 @@ def run(args: argparse.Namespace) -> int:
 def _refuse_unused(args: argparse.Namespace) -> None:
     """Raise dahl.Error for an option that the kind of run which was asked for does not know."""
     kind = "--each" if args.each else "--follow" if args.follow else "LOG"
+    if args.jobs == 0:
+        raise Error("--jobs 0: a number of processes from 1 on, or -1 for all cores")
+    _refuse_twice(args)
     for name in UNUSED[kind]:
         if getattr(args, name) != args.command_parser.get_default(name):
             raise Error(f"--{name.replace('_', '-')}: has no use with {kind}")
+
+
+def _refuse_twice(args: argparse.Namespace) -> None:
+    """Raise dahl.Error for a log that is given more than once: its rows would count twice, or be
+    predicted by themselves.
+    """
+    known: list[Path] = []
+    for log in filter(Path.exists, (*args.logs, *args.check)):
+        if any(map(log.samefile, known)):
+            raise Error(f"{log}: given twice")
+        known.append(log)
 
 
 def _named_after(log: Path) -> str:
@@ -348,7 +362,7 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
         one = result.estimate
         parts = [
             f"{name} {getattr(one, name):.5g} (within"
-            f" {100 * one.ci95[name].relative(getattr(one, name)):.2g} %)"
+            f" {100 * one.ci95[name].to_a_side(getattr(one, name)):.2g} %)"
             for name in ("sigma0", "Fc")
         ]
         numbers = ", ".join(parts) + "; "

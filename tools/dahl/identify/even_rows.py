@@ -18,13 +18,15 @@ from dahl.identify.log import Log
 from dahl.identify.result import Result
 from dahl.identify.terms import UNTIMED
 
-NAMES = ("sigma0", "Fc")
-Fitted = Callable[[Sequence[Log]], Estimate]  # with the terms that pay
+NAMES, VISCOUS = ("sigma0", "Fc"), "viscous"
+Fitted = Callable[[Sequence[Log], Sequence[str] | None], Estimate]  # None: the terms that pay
 
 
 @dataclass(frozen=True)
 class Change:
-    """Terms with the speed that one log has with rows for times, and what they do to the fit."""
+    """Terms with the speed that pay in one log with rows for times, and what these and a viscous
+    part, which is seldom nothing at all, do to the fit.
+    """
 
     terms: list[str]
     ratio: dict[str, float]  # of each parameter with them to that without
@@ -33,27 +35,32 @@ class Change:
 def finding(result: Result, fitted: Fitted) -> list[Finding]:
     """The parameters that a part with the speed changes, if the rows came in even steps."""
     unclocked = [log for log in result.logs if log.time is None and not recording.by_event(log)]
-    changes = [change for log in unclocked if (change := _changed(log, fitted)).terms]
-    if not changes:
+    if not unclocked:
         return []
+    changes = [_changed(log, fitted) for log in unclocked]
     values = {name: _furthest(changes, name) * getattr(result.estimate, name) for name in NAMES}
     ends = result.estimate.ci95
-    doubts = tuple(name for name in NAMES if not ends[name].low <= values[name] <= ends[name].high)
-    if not doubts:
+    outside = [name for name in NAMES if not ends[name].low <= values[name] <= ends[name].high]
+    if not outside:
         return []
     units = {"sigma0": result.logs[0].slope_unit, "Fc": result.logs[0].unit}
-    told = ", ".join(f"{name} {values[name]:.4g} {units[name]}" for name in doubts)
+    told = ", ".join(f"{name} {values[name]:.4g} {units[name]}" for name in outside)
     terms = ", ".join(sorted({term for change in changes for term in change.terms}))
-    text = f"no usable times, and rows in even steps would show a part with the speed ({terms})"
-    reach = {name: (values[name], values[name]) for name in doubts}
-    return [Finding(f"{text}: {told} then (--time)", doubts, reach)]
+    text = (
+        f"no usable times: with rows in even steps and a part with the speed ({terms or VISCOUS})"
+    )
+    reach = {name: (values[name], values[name]) for name in outside}
+    return [Finding(f"{text} {told} (--time)", tuple(outside) if terms else (), reach)]
 
 
 def _changed(log: Log, fitted: Fitted) -> Change:
     """One log alone, since the rows of another may last longer."""
-    plain, timed = fitted([log]), fitted([replace(log, time=np.arange(float(log.rows)))])
+    clocked, plain = replace(log, time=np.arange(float(log.rows))), fitted([log], None)
+    pays = [term for term in fitted([clocked], None).terms if term not in UNTIMED]
+    resting = [term for term in plain.terms if term in UNTIMED]
+    timed = fitted([clocked], [*resting, *(pays or [VISCOUS])])
     ratio = {name: float(getattr(timed, name) / getattr(plain, name)) for name in NAMES}
-    return Change([name for name in timed.terms if name not in UNTIMED], ratio)
+    return Change(pays, ratio)
 
 
 def _furthest(changes: Sequence[Change], name: str) -> float:

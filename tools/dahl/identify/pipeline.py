@@ -46,7 +46,7 @@ from dahl.identify.load import Follows
 from dahl.identify.log import Log
 from dahl.identify.result import Models, Result
 from dahl.identify.sweep import Model, Sweep
-from dahl.identify.terms import TERMS, UNTIMED, torque_of
+from dahl.identify.terms import TERMS, TIMED, UNTIMED, torque_of
 
 BLOCKS = 24  # of all logs together; at least 4 each
 LEAST_LOOP, MOST_STEPS = 2.0, 3.0  # a is sought from 2/range (tips at 0.76 Fc) to 3/resolution
@@ -224,6 +224,9 @@ def _mended(logs: Sequence[Log], options: Options) -> list[Log]:
     """The pieces of the logs, as far as a fit can use them. Raises dahl.Error where it cannot."""
     for log in logs:
         clean.refuse(log, options.trust_units)
+        timed = next((term for term in options.terms or () if term in TIMED), None)
+        if timed and log.time is None:
+            raise Error(f"{log.name}: {timed} takes the speed, and there are no times (--time)")
     return [
         replace(piece, notes=list(piece.notes))
         for log in logs
@@ -244,7 +247,7 @@ def _checked(result: Result, options: Options) -> Result:
         *explore.between_rows(result.delay, estimate.a * max(map(_usual_move, result.logs))),
         *drift.findings(result.cycles),
         *lowpass.finding(result),
-        *(even_rows.finding(result, _as_they_are) if options.terms is None else []),
+        *even_rows.finding(result, _as_they_are),
         *play.finding(result),
         *ripple.finding(result, turn),
         *torque_steps.finding(result.raw, estimate),
@@ -252,7 +255,7 @@ def _checked(result: Result, options: Options) -> Result:
     ]
     tried = [*in_step.finding(result, refit, turn), *turning.finding(result, refit, turn)]
     ci95 = _drawn_out(estimate.ci95, [*result.findings, *tried])
-    result.estimate = replace(estimate, ci95=ci95)
+    result.estimate = _with_a(replace(estimate, ci95=ci95))
     result.logs[0].notes.extend(found.text for found in tried)
     result.verdict = verdict.judge(result)
     unseen = variety.note(result.logs, estimate.a, turn)
@@ -270,6 +273,14 @@ def _drawn_out(ci95: dict[str, Interval], findings: Sequence[Finding]) -> dict[s
     return ci95
 
 
+def _with_a(estimate: Estimate) -> Estimate:
+    """The interval of a = sigma0/Fc holds what those of sigma0 and of Fc allow, each by itself."""
+    sigma0, force = estimate.ci95["sigma0"], estimate.ci95["Fc"]
+    a = estimate.ci95["a"].around(sigma0.low / estimate.Fc).around(sigma0.high / estimate.Fc)
+    a = a.around(estimate.sigma0 / force.high).around(estimate.sigma0 / max(force.low, 1e-300))
+    return replace(estimate, ci95={**estimate.ci95, "a": a})
+
+
 def _refitted(result: Result, made: Sequence[Log]) -> Estimate:
     """The parameters of logs that were made to see what the cleaning and the fit do to them."""
     way = replace(result, sign=1.0, delay=0.0)
@@ -277,10 +288,9 @@ def _refitted(result: Result, made: Sequence[Log]) -> Estimate:
     return fit.point(*study.search(tuple(result.estimate.terms)))
 
 
-def _as_they_are(logs: Sequence[Log]) -> Estimate:
-    """The parameters of cleaned logs with the terms that pay."""
-    study = Study(logs)
-    return fit.point(*study.search(None))
+def _as_they_are(logs: Sequence[Log], terms: Sequence[str] | None = None) -> Estimate:
+    """The parameters of cleaned logs with these terms, or those that pay."""
+    return fit.point(*Study(logs).search(terms))
 
 
 def _refuse_swapped(logs: list[Log], found: Sweep, estimate: Estimate, options: Options) -> None:
@@ -319,10 +329,9 @@ def _steadied(logs: list[Log], options: Options) -> tuple[list[Log], int]:
     best = min(versions, key=lambda window: _first(versions[window], options).sse)
     for log, count, is_shaky in zip(versions[best], turns, shaky, strict=True):
         if is_shaky and best > 1:
-            log.notes.append(
-                f"angle turns back at once in {count} of {log.rows} rows (flicker or"
-                f" spikes): running median of {best} rows taken"
-            )
+            why = f"angle turns back at once in {count} of {log.rows} rows (flicker or spikes)"
+            why = "--median" if options.median else why
+            log.notes.append(f"{why}: running median of {best} rows taken")
     return versions[best], best
 
 
@@ -348,8 +357,6 @@ def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], list[
     """Take the angle between the counts where the torque fits that better; then each log has a
     doubt too, see clean.doubt_between_counts().
     """
-    if options.median:
-        return logs, []
     read = _first(logs, options)
     if read.a * max(log.resolution for log in logs) < FINE:
         return logs, []

@@ -545,6 +545,8 @@ def _log(
     )
     if torque_unit in units.FORCE_UNITS and not linear:
         also.append(f"'{names['torque']}' is a force over an angle: N taken for N m")
+    if linear and torque_unit not in units.FORCE_UNITS:
+        also.append(f"'{names['torque']}' is a torque over a way: N m taken for N")
     scale = units.TORQUES[torque_unit]
     time, clock = _seconds(path, source, names, values)
     theta, counts = values["angle"], source.counts_per_turn

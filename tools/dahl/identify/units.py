@@ -18,6 +18,7 @@ ANGLES = {  # rad or m per unit, linear or not
     "urad": (1e-6, False),
     "arcmin": (math.pi / 10800, False),
     "arcsec": (math.pi / 648000, False),
+    "gon": (math.pi / 200, False),
     "turn": (2 * math.pi, False),
     "counts": (0.0, False),  # by --counts-per-turn
     "m": (1.0, True),
