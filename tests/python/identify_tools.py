@@ -129,6 +129,6 @@ def told(facts: dict[str, Any], word: str) -> list[float] | None:
 
 
 def width(facts: dict[str, Any], name: str) -> float:
-    """The longer side of the interval of a parameter, in parts of it."""
-    (low, high), value = facts["ci95"][name], facts[name]
-    return max(high - value, value - low) / value if high is not None else np.inf
+    """Half the interval of a parameter, in parts of it."""
+    low, high = facts["ci95"][name]
+    return (high - low) / 2 / facts[name] if high is not None else np.inf

@@ -331,8 +331,8 @@ def test_eight_reversals_are_the_least_to_end_with(follow):
 def test_what_is_not_claimed_is_not_known_however_narrow(follow):
     """Friction that grows from cycle to cycle."""
     rig = Rig(1500, 0.02, cycle=80, growth=2.0)
-    looks, found = follow(rig, "--within", "29", "--frames", "2000")
-    assert max(widths(looks[-1][1])[:2]) < 29 and found["reversals"] > 8
+    looks, found = follow(rig, "--within", "25", "--frames", "2000")
+    assert max(widths(looks[-1][1])[:2]) < 25 and found["reversals"] > 8
     assert found["rows"] == 1000 and not any(found["identifiable"].values())
 
 

@@ -362,7 +362,7 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
         one = result.estimate
         parts = [
             f"{name} {getattr(one, name):.5g} (within"
-            f" {100 * one.ci95[name].to_a_side(getattr(one, name)):.2g} %)"
+            f" {100 * one.ci95[name].relative(getattr(one, name)):.2g} %)"
             for name in ("sigma0", "Fc")
         ]
         numbers = ", ".join(parts) + "; "

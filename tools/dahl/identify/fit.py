@@ -221,10 +221,6 @@ class Interval:
         """Half its width over the value."""
         return (self.high - self.low) / 2 / value if value > 0 else np.inf
 
-    def to_a_side(self, value: float) -> float:
-        """The longer of its sides over the value."""
-        return max(self.high - value, value - self.low) / value if value > 0 else np.inf
-
     def around(self, value: float) -> Interval:
         """With the estimate in it, which the grid of a profile misses where there is no noise."""
         return Interval(min(self.low, value), max(self.high, value))

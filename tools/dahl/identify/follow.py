@@ -66,6 +66,6 @@ def _look(signals: Signals, source: Source, options: Options) -> tuple[Result | 
 def small_enough(result: Result, within: float) -> bool:
     """Both intervals, after enough reversals, and the verdict agrees."""
     best = result.estimate
-    widths = [best.ci95[name].to_a_side(getattr(best, name)) for name in ("sigma0", "Fc")]
+    widths = [best.ci95[name].relative(getattr(best, name)) for name in ("sigma0", "Fc")]
     enough = result.reversals >= verdict.FEW and all(result.verdict.identifiable.values())
     return enough and max(widths) <= within

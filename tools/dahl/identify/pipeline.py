@@ -276,8 +276,10 @@ def _drawn_out(ci95: dict[str, Interval], findings: Sequence[Finding]) -> dict[s
 def _with_a(estimate: Estimate) -> Estimate:
     """The interval of a = sigma0/Fc holds what those of sigma0 and of Fc allow, each by itself."""
     sigma0, force = estimate.ci95["sigma0"], estimate.ci95["Fc"]
-    a = estimate.ci95["a"].around(sigma0.low / estimate.Fc).around(sigma0.high / estimate.Fc)
-    a = a.around(estimate.sigma0 / force.high).around(estimate.sigma0 / max(force.low, 1e-300))
+    least = max(sigma0.low, 0.0) / estimate.Fc
+    a = estimate.ci95["a"].around(least).around(sigma0.high / estimate.Fc)
+    most = estimate.sigma0 / force.low if force.low > 0 else np.inf
+    a = a.around(estimate.sigma0 / force.high).around(most)
     return replace(estimate, ci95={**estimate.ci95, "a": a})
 
 

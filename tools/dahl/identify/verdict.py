@@ -25,7 +25,7 @@ def judge(result: Result) -> Verdict:
     good = {
         name: not poor
         and estimate.ci95[name].bounded
-        and estimate.ci95[name].to_a_side(getattr(estimate, name)) <= WIDE
+        and estimate.ci95[name].relative(getattr(estimate, name)) <= WIDE
         for name in ("sigma0", "Fc")
     }
     if not beats_coulomb(result) or too_coarse(result):
@@ -55,7 +55,7 @@ def too_coarse(result: Result) -> bool:
 def _reasons(result: Result) -> list[str]:
     """Everything that a reader should know beside the numbers."""
     estimate, r2 = result.estimate, result.models.r2
-    wide = estimate.ci95["sigma0"].to_a_side(estimate.sigma0)
+    wide = estimate.ci95["sigma0"].relative(estimate.sigma0)
     found = {
         f"the model explains {100 * r2['dahl']:.0f} % of what was not fitted": r2["dahl"] < POOR,
         "Dahl no better than Coulomb here": not beats_coulomb(result),
@@ -80,7 +80,7 @@ def _hanging(result: Result) -> list[str]:
     """What a parameter hangs on whose interval the choices have made wide."""
     log, reasons = result.logs[0], []
     for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit)):
-        wide = result.estimate.ci95[name].to_a_side(getattr(result.estimate, name))
+        wide = result.estimate.ci95[name].relative(getattr(result.estimate, name))
         words = explore.hangs(result.explored, name, WIDE / 3)
         if words and WIDE < wide < float("inf"):
             reasons.append(f"{name} hangs on {words} {unit}")
