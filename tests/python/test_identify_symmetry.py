@@ -29,7 +29,13 @@ TROUBLES = {  # logs of test_identify_claims, and a word that is said of them
 }
 
 
-@pytest.mark.parametrize("side", [1, -1], ids=["sensor turned", "seen from behind"])
+SIDES = [
+    pytest.param(1, id="sensor turned"),
+    pytest.param(-1, id="seen from behind", marks=pytest.mark.checks),
+]
+
+
+@pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("name", TROUBLES)
 def test_a_mirrored_log_is_told_alike(name, side):
     """With the torque of the other sign the same numbers, and with the angle too."""
