@@ -156,7 +156,8 @@ def options_of(name: str, folder: Path) -> list[str]:
         *found,
         f"-max_len={fuzzer.length}",
         f"-artifact_prefix={folder}/",
-        "-timeout=20",
+        "-timeout=60",  # of one input; the first one of a reader imports what it reads with
+        "-report_slow_units=60",
         "-rss_limit_mb=2048",
         "-malloc_limit_mb=1024",
         "-print_final_stats=1",

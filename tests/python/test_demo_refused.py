@@ -376,10 +376,13 @@ def test_a_target_takes_the_place_of_the_node(dahl, monkeypatch, root):
     monkeypatch.setattr("dahl.firmware.build", lambda core: root / "build/m4f/node_image")
     monkeypatch.setattr("dahl.firmware.attached", partial(attached, asked))
     words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
-    done = dahl("demo", *words, "--output", "out")
+    for _ in range(4):  # the node in Python may be late on a busy machine, and is told so
+        done = dahl("demo", *words, "--output", "out")
+        if done.returncode == 0 or "no answer in time" not in done.stderr:
+            break
     assert done.returncode == 0, done.stderr
     numbers = summary_of(Path("out"))
-    assert asked == [("m4f", (50.0, 0.5, 9.587379924285257e-05), Path("out"), 0)]
+    assert set(asked) == {("m4f", (50.0, 0.5, 9.587379924285257e-05), Path("out"), 0)}
     assert (numbers["target"], numbers["node"], numbers["frames_answered"]) == ("m4f", {}, 300)
     assert numbers["max_error_ulp_Fc"] <= 0.52
     assert "build/m4f/node_image" in done.stdout and "QEMU" in done.stdout

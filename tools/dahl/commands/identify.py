@@ -137,7 +137,7 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         type=whole(0, 99),
         default=0,
         metavar="ROWS",
-        help="running median of the angle, 1: none (default: what fits best)",
+        help="running median of the angle, 1: as it was read (default: what fits best)",
     )
     how.add_argument(
         "--check",

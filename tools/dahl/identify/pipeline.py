@@ -359,6 +359,8 @@ def _between_counts(logs: list[Log], options: Options) -> tuple[list[Log], list[
     """Take the angle between the counts where the torque fits that better; then each log has a
     doubt too, see clean.doubt_between_counts().
     """
+    if options.median == 1:  # the angle as it was read
+        return logs, []
     read = _first(logs, options)
     if read.a * max(log.resolution for log in logs) < FINE:
         return logs, []
