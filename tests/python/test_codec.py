@@ -177,6 +177,11 @@ def test_units_are_those_of_the_dbc(database):
             asked = codec.ParamWrite.of_si(number, steps * step, Write.HOLD, counter=7)
             assert asked == codec.ParamWrite(number, raw, Write.HOLD, 7)
             assert asked.si == pytest.approx(raw * step), name
+        if Param(number) not in (
+            Param.STEP,
+            Param.STATUS,
+        ):  # a part or a stiffness of nearly 0 is 0
+            assert codec.ParamWrite.of_si(number, 0.4 * step).value == 0
         with pytest.raises(Error, match=f"{Param(number).name} is outside 0 .. "):
             codec.ParamWrite.of_si(number, (2**32 - 0.4) * step)
     torque = codec.FrictionTorque(-123456789)
@@ -252,6 +257,7 @@ REFUSED = [
     (lambda: of_si(Param.FC, -1), "value = -1 of parameter FC .*0 .. 4096"),
     (lambda: of_si(Param.FC, float("nan")), "value = nan"),
     (lambda: of_si(Param.STATUS, 4e-4), "value = 0.0004 of parameter STATUS .*0.001"),
+    (lambda: of_si(Param.STEP, 0.4), "value = 0.4 of parameter STEP .* step of 1"),
 ]
 
 

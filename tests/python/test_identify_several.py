@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import identify_cases as made
+import numpy as np
 import pytest
 from dahl import Error
 from identify_cases import FC, SIGMA0, shaft
@@ -83,5 +84,8 @@ def test_a_term_of_the_speed_takes_times(term):
     log = replace(made.without_clock(shaft()), name="untimed")
     with pytest.raises(Error, match=f"untimed: {term} .*--time"):
         seen(shaft(2), log, terms=("offset", term))
+    still = replace(shaft(), name="untimed", time=np.full(2400, 5.0))
+    with pytest.raises(Error, match=f"untimed: {term} .*--time"):
+        seen(still, terms=(term,))
     facts = seen(made.without_clock(made.beside("viscous", 0.05)), terms=("offset",))
     assert not facts["identifiable"]["Fc"]

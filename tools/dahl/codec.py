@@ -93,6 +93,7 @@ class Param(IntEnum):
     NONE = 255
 
 
+OFF_AT_0 = (Param.STEP, Param.STATUS)  # 0: a move of any length; no Status but after an event
 UNITS: dict[int, float] = {  # of one raw step
     Param.SIGMA0: 2.0**-10,  # N m/rad
     Param.FC: 2.0**-20,  # N m
@@ -341,12 +342,11 @@ class ParamWrite(_Valued):
         known = _checked("param", param, Param)
         unit = UNITS.get(known, 1.0)
         steps = checks.finite("value", value, "the parameter's unit") / unit
+        shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
         if not 0 <= steps <= core.UINT32_MAX:
-            shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
             raise Error(f"{shown} is outside 0 .. {core.UINT32_MAX * unit:g}")
-        if steps and not round(steps):
-            shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
-            raise Error(f"{shown} is less than half a step of {unit:g}, and 0 means another thing")
+        if known in OFF_AT_0 and steps and not round(steps):
+            raise Error(f"{shown} is less than half a step of {unit:g}: 0 would switch it off")
         return ParamWrite(known, round(steps), write, counter)
 
 

@@ -207,6 +207,7 @@ def run(args: argparse.Namespace) -> int:
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
     _refuse_unused(args)
+    _refuse_twice(args)
     if args.each:
         return _each(args)
     if args.follow:
@@ -231,9 +232,6 @@ def run(args: argparse.Namespace) -> int:
 def _refuse_unused(args: argparse.Namespace) -> None:
     """Raise dahl.Error for an option that the kind of run which was asked for does not know."""
     kind = "--each" if args.each else "--follow" if args.follow else "LOG"
-    if args.jobs == 0:
-        raise Error("--jobs 0: a number of processes from 1 on, or -1 for all cores")
-    _refuse_twice(args)
     for name in UNUSED[kind]:
         if getattr(args, name) != args.command_parser.get_default(name):
             raise Error(f"--{name.replace('_', '-')}: has no use with {kind}")
@@ -309,6 +307,8 @@ def _each(args: argparse.Namespace) -> int:
     from dahl.identify import folder_runs
     from dahl.terminal import console
 
+    if args.jobs == 0:
+        raise Error("--jobs 0: a number of processes from 1 on, or -1 for all cores")
     paths = folder_runs.logs_in(args.each)
     kept = folder_runs.Kept(args.output / "each", source_of(args), options_of(args))
     rows, earlier = {}, 0

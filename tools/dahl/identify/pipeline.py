@@ -224,14 +224,16 @@ def _mended(logs: Sequence[Log], options: Options) -> list[Log]:
     """The pieces of the logs, as far as a fit can use them. Raises dahl.Error where it cannot."""
     for log in logs:
         clean.refuse(log, options.trust_units)
-        timed = next((term for term in options.terms or () if term in TIMED), None)
-        if timed and log.time is None:
-            raise Error(f"{log.name}: {timed} takes the speed, and there are no times (--time)")
-    return [
+    pieces = [
         replace(piece, notes=list(piece.notes))
         for log in logs
         for piece in recording.mended(log, options.trust_units)
     ]
+    timed = next((term for term in options.terms or () if term in TIMED), "")
+    untimed = next((piece.name for piece in pieces if piece.time is None), "")
+    if timed and untimed:
+        raise Error(f"{untimed}: {timed} takes the speed, and there are no usable times (--time)")
+    return pieces
 
 
 def _checked(result: Result, options: Options) -> Result:
@@ -331,8 +333,8 @@ def _steadied(logs: list[Log], options: Options) -> tuple[list[Log], int]:
     best = min(versions, key=lambda window: _first(versions[window], options).sse)
     for log, count, is_shaky in zip(versions[best], turns, shaky, strict=True):
         if is_shaky and best > 1:
-            why = f"angle turns back at once in {count} of {log.rows} rows (flicker or spikes)"
-            why = "--median" if options.median else why
+            seen = f"angle turns back at once in {count} of {log.rows} rows (flicker or spikes)"
+            why = "--median" if options.median else seen
             log.notes.append(f"{why}: running median of {best} rows taken")
     return versions[best], best
 
