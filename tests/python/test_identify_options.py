@@ -114,6 +114,12 @@ UNUSED = {
 }
 
 
+def test_a_torque_over_a_way_is_noted(rig):
+    notes = found_by(rig, "--angle-unit", "mm")["notes"]
+    assert any("N m taken for N" in note for note in notes)
+    assert not any("taken for N" in note for note in found_by(rig)["notes"])
+
+
 def test_a_log_counts_once(rig):
     """In the fit, and it is not predicted by itself, by whatever path."""
     again = rig.parent / "." / ".." / rig.parent.name / rig.name

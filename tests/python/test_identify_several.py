@@ -78,6 +78,14 @@ def test_logs_without_times_may_have_rows_of_other_lengths(viscous):
     assert low <= 1.002 * FC and 0.998 * FC <= high
 
 
+def test_a_viscous_part_too_small_to_pay_is_in_the_interval():
+    """Without times it goes into Fc: 1.4 % of Fc at the highest speed, and both are claimed."""
+    facts = seen(made.without_clock(made.beside("viscous", 0.008)))
+    low, high = facts["ci95"]["Fc"]
+    assert all(facts["identifiable"].values()) and low <= FC <= high
+    assert facts["Fc"] > 1.003 * FC
+
+
 @pytest.mark.parametrize("term", ["viscous", "inertia"])
 def test_a_term_of_the_speed_takes_times(term):
     """It was told as 0, and what it would have taken went into sigma0 and Fc."""
