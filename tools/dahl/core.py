@@ -687,8 +687,8 @@ class Encoder(Copied):
         modulus = checks.whole("modulus", modulus, 0, UINT32_MAX)
         if modulus in (1, 2):
             raise Error(f"modulus = {modulus} tells no direction; 0, or 3 to {UINT32_MAX} does")
-        half = (modulus or 2**32) // 2
-        largest_step = checks.whole("largest_step", largest_step, 0, half - 1)
+        most = ((modulus or 2**32) - 1) // 2
+        largest_step = checks.whole("largest_step", largest_step, 0, most)
         if checks.whole("sign", sign, -1, 1) == 0:
             raise Error("sign = 0 is neither 1 nor -1")
         self._encoder = _Encoder()
