@@ -56,7 +56,7 @@
 #define DAHL_ULP_COUNTS 0.52       /* dahl_step_counts, dahl_torque: torque error in ulp of Fc */
 #define DAHL_ULP_ANGLE 0.6         /* dahl_step: torque error in ulp of Fc */
 #define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30: error of F/Fc; 9.4e-10 while a count travels 4e-8 or more */
-#define DAHL_Q30 9.313225746154785e-10 /* 2^-30: F/Fc = DAHL_Q30 * result of dahl_step_counts_q30 */
+#define DAHL_Q30 9.313225746154785e-10f /* 2^-30, exact: F/Fc = DAHL_Q30 * Q30 result; (double)result keeps all its bits */
 
 /* What dahl_prepare accepts. */
 #define DAHL_TORQUE_MIN 5.421010862427522e-20f  /* 2^-64 N m, for Fc; and N m/rad for sigma0, rad for theta_per_count */
@@ -132,7 +132,8 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
  * Returns ratio_q30 2^-30 Fc_units rounded to the nearest whole number, a half rounded up. Nothing overflows.
  * Error against Fc_units times the exact ratio: half a unit, and DAHL_ERROR_Q30 (or the bound of that other call) times
  * Fc_units: 0.501 units for an Fc of 0.5 N m in uN m. What Fc itself lost when it was made a whole number comes on top, at most half
- * a unit: in a coarse unit give Fc in 1/16 of it and shift the sum of all torques.
+ * a unit. If the unit is coarse, give Fc in 1/16 of it and round the sum of all torques to (sum + 8) >> 4. A shift alone rounds
+ * down, half a unit on average.
  * Cost: 11 instructions on Cortex-M3, M4, 41 on M0. */
 int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
 
