@@ -122,6 +122,8 @@ int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *s
 /*
  * WORK of a Dahl element, and THE WAY BACK from a torque to counts.
  */
+#define DAHL_INVERSE_ERROR 1.5e-9 /* dahl_counts_to_torque: of Fc, by which torques of moves may change their order */
+
 /* What a bearing has taken so far: all zeros at the start, or what dahl_work_step_counts() left. */
 typedef struct {
     uint32_t counts[3]; /* travelled, lowest word first */
@@ -140,9 +142,14 @@ int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, 
  * Source: Eq. 1, divided by its right-hand side and integrated. */
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 
-/* The least move, in counts, after which dahl_step_counts() returns a torque that has reached F [N m]: F or beyond, seen from
- * the torque now. 0 if that is F. State and plan stay as they are.
- * DAHL_ERR_PARAM: F is NaN or infinite. DAHL_ERR_RANGE: no move of up to 2^31 - 1 counts reaches F. *dcounts is then untouched.
+/* A move, in counts, after which dahl_step_counts() returns a torque that has reached F [N m]: F or beyond, seen from the torque
+ * now. 0 if that is F. State and plan stay as they are. A move of one count less does not reach F.
+ * It is the least move but for rounding, since a longer move may end a little short of a shorter one. A shorter move that reaches F
+ * passes it by less than DAHL_INVERSE_ERROR of Fc, before it is rounded to a float. It is shorter by at most
+ * 1 + DAHL_INVERSE_ERROR/(u p) counts. Here u is the travel of a count, and p is what F lacks of Fc in the direction of the move, as
+ * a fraction of Fc, or 2^-25 if that is more: 0.05/u counts at F = Fc, 3e-9/u at Fc/2.
+ * DAHL_ERR_PARAM: F is NaN or infinite. DAHL_ERR_RANGE: F is beyond Fc, or a move of 2^31 - 1 counts does not reach it. *dcounts is
+ * then untouched.
  * Cost on Cortex-M3: about 1000 instructions, 1450 by counts of 1e-6 presliding lengths; where counts change the torque by less
  * than its rounding, up to 62 moves of dahl_step_counts(). */
 DAHL_NODISCARD dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state, float F, int32_t *dcounts);

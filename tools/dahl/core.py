@@ -422,10 +422,11 @@ class Friction(Copied):
         )
 
     def counts_to_torque(self, F: float) -> int:  # noqa: N803 (the field's name)
-        """The least move in counts after which step_counts() returns a torque that has reached F in
-        N m: F or beyond, seen from the torque now; 0 if that is F. Nothing moves. Raises dahl.Error
-        for an F that is no finite number or that no move reaches, and for a plan without
-        theta_per_count.
+        """A move in counts after which step_counts() returns a torque that has reached F in N m: F
+        or beyond, seen from the torque now; 0 if that is F. Nothing moves. One count less does not
+        reach F; dahl_parts.h bounds by how much a move that is shorter still may. Raises dahl.Error
+        for an F that is no finite number, that is beyond Fc or that a move of 2^31-1 counts does
+        not reach, and for a plan without theta_per_count.
         """
         self._plan._need_counts()
         wanted, found = _float32("F", checks.finite("F", F, "N m"), "N m"), ctypes.c_int32()
