@@ -3,9 +3,10 @@
  * dahl: friction torque by Dahl's model, exact at every encoder tick.
  *
  * GUARANTEE
- *   A torque returned by dahl_step_counts() or dahl_torque() is within DAHL_ULP_COUNTS = 0.52 ulp of Fc of the exact
- *   solution of the model for the counts fed so far: any motion, any number of ticks, any sampling rate.
- *   A torque returned by dahl_step() is within DAHL_ULP_ANGLE = 0.6 ulp of Fc for the float angles fed so far.
+ *   A torque of a state that is fed by counts is within DAHL_ULP_COUNTS = 0.52 ulp of Fc of the exact solution of the model for
+ *   these counts: any motion, any number of ticks, any sampling rate.
+ *   Once dahl_step() has fed it an angle, the bound is DAHL_ULP_ANGLE = 0.6 ulp of Fc, for the float angles and the counts fed so
+ *   far, from dahl_step_counts() and dahl_torque() too. A change of plan adds the error that dahl_change_plan() states.
  *   The same inputs give the same bits on every processor, compiler and set of flags: inside there are integers only.
  *   There is no heap, no global, no libm, no division by a variable in a step, and no state that a bad input can poison.
  *
@@ -53,8 +54,8 @@
 #define DAHL_VERSION "0.2.0"
 
 /* Bounds that the tests read. One ulp of Fc is the distance from Fc to the next float away from zero. */
-#define DAHL_ULP_COUNTS 0.52       /* dahl_step_counts, dahl_torque: torque error in ulp of Fc */
-#define DAHL_ULP_ANGLE 0.6         /* dahl_step: torque error in ulp of Fc */
+#define DAHL_ULP_COUNTS 0.52       /* torque error in ulp of Fc, of a state that is fed by counts alone */
+#define DAHL_ULP_ANGLE 0.6         /* the same once dahl_step() has fed it an angle */
 #define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30: error of F/Fc; 9.4e-10 while a count travels 4e-8 or more */
 #define DAHL_Q30 9.313225746154785e-10f /* 2^-30, exact: F/Fc = DAHL_Q30 * Q30 result; (double)result keeps all its bits */
 
