@@ -39,7 +39,7 @@
  *   dahl_prepare() on a plan that a tick reads is allowed with parameters equal to those that it has: each word is written
  *   once, with the value that it had. With others the tick could see words of both.
  * FAILURE  dahl_prepare() is the only call that can fail; all others accept every input. A plan of all zeros (never prepared,
- *   or refused) moves nothing and gives 0 N m from every call.
+ *   or refused) moves nothing, and every torque in N m is 0.
  * BESIDE   dahl_float.h (the literal form, by a float exponential) and dahl_batch.h (long logs on a host) are libraries of
  *          their own, dahl::float and dahl::batch, that firmware does not compile unless it asks for them.
  */
@@ -56,7 +56,7 @@
 /* Bounds that the tests read. One ulp of Fc is the distance from Fc to the next float away from zero. */
 #define DAHL_ULP_COUNTS 0.52       /* torque error in ulp of Fc, of a state that is fed by counts alone */
 #define DAHL_ULP_ANGLE 0.6         /* the same once dahl_step() has fed it an angle */
-#define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30: error of F/Fc; 9.4e-10 while a count travels 4e-8 or more */
+#define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30: error of F/Fc by counts alone; 9.4e-10 if a count travels 4e-8 or more */
 #define DAHL_Q30 9.313225746154785e-10f /* 2^-30, exact: F/Fc = DAHL_Q30 * Q30 result; (double)result keeps all its bits */
 
 /* What dahl_prepare accepts. */
@@ -124,6 +124,7 @@ DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *p
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function.
+ * Error: DAHL_ERROR_Q30, or 5.8e-9 once dahl_step() has fed the state an angle.
  * Cost on Cortex-M3, M4: 14 to 18 instructions for -8 .. 8 counts by the tick written for the core, 21 by the C. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 

@@ -259,7 +259,7 @@ typedef struct {
 
 /* Move by dcounts encoder counts, any int32_t, under the load c = load_q30 2^-30, and return the torque F in N m, -c Fc .. c Fc.
  * 2^30 is the load at which the plan holds; the range is 0 .. 2^31 - 1, and more is taken as 2^31 - 1, just below 2. Without load F
- * is 0 and the bristle relaxes as soon as there is a load again. A torque below 2^-126 N m is 0.
+ * is 0 and the bristle relaxes as soon as there is a load again. If c Fc is below 2^-64 N m, a torque below 2^-32 c Fc is 0.
  * The same load and 0 counts leave the state bit-identical. Error: DAHL_ULP_PARTS ulp of c Fc.
  * Cost on Cortex-M3, M4: 88 instructions up to 8 counts, 260 where the load grew. */
 float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30);
@@ -277,7 +277,7 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  */
 
 /* Move by an angle of dtheta rad under the load c = load_q30 2^-30, as dahl_loaded_step_counts() takes it, and return the torque F
- * in N m, -c Fc .. c Fc. Without load F is 0 and stays 0 until there is motion under a load. What dtheta may be, and what NaN and
+ * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most. Without load F is 0 and stays 0 until there is motion under a load. What dtheta may be, and what NaN and
  * infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is more. A part of a load is as exact
  * as the whole, not as its own small torque. Cost on Cortex-M3, M4: 165 instructions. */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30);

@@ -35,8 +35,10 @@ static void test_counts_and_angles_mixed(void)
             const int by_angle = motion_random(&m) % 2 != 0;
             const float dtheta = (float)n * THETA;
             const float F = by_angle ? dahl_step(&plan, &state, dtheta) : dahl_step_counts(&plan, &state, n);
-            assert_torque(reference_move(&exact, by_angle ? dtheta : (long double)n * THETA), &p, F, DAHL_ULP_ANGLE);
+            const long double w = reference_move(&exact, by_angle ? dtheta : (long double)n * THETA);
+            assert_torque(w, &p, F, DAHL_ULP_ANGLE);
             TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == F);
+            TEST_ASSERT_TRUE(fabsl(dahl_step_counts_q30(&plan, &state, 0) * 0x1p-30L - w) <= 5.8e-9L);
         }
     }
 }
