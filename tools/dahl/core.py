@@ -373,8 +373,8 @@ class Friction(Copied):
 
     def step_counts(self, dcounts: int) -> float:
         """Move by dcounts, a whole number within int32; returns F in N m within 0.52 ulp of Fc of
-        the exact value (Eqs. 7, 18, 27), within 0.6 ulp once step() has moved it. Raises dahl.Error for any other dcounts, and for a plan
-        without theta_per_count.
+        the exact value (Eqs. 7, 18, 27), within 0.6 ulp once step() has moved it. Raises dahl.Error
+        for any other dcounts, and for a plan without theta_per_count.
         """
         self._plan._need_counts()
         torque: float = library().dahl_step_counts(
