@@ -56,7 +56,7 @@
 /* Bounds that the tests read. One ulp of Fc is the distance from Fc to the next float away from zero. */
 #define DAHL_ULP_COUNTS 0.52       /* torque error in ulp of Fc, of a state that is fed by counts alone */
 #define DAHL_ULP_ANGLE 0.6         /* the same once dahl_step() has fed it an angle */
-#define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30: error of F/Fc by counts alone; 9.4e-10 if a count travels 4e-8 or more */
+#define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30, by counts alone: of F/Fc; 9.4e-10 if a count travels 4e-8 or more */
 #define DAHL_Q30 9.313225746154785e-10f /* 2^-30, exact: F/Fc = DAHL_Q30 * Q30 result; (double)result keeps all its bits */
 
 /* What dahl_prepare accepts. */

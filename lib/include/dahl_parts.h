@@ -277,9 +277,9 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  */
 
 /* Move by an angle of dtheta rad under the load c = load_q30 2^-30, as dahl_loaded_step_counts() takes it, and return the torque F
- * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most. Without load F is 0 and stays 0 until there is motion under a load. What dtheta may be, and what NaN and
- * infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is more. A part of a load is as exact
- * as the whole, not as its own small torque. Cost on Cortex-M3, M4: 165 instructions. */
+ * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most. Without load F is 0 and stays 0 until there is motion under a load. What
+ * dtheta may be, and what NaN and infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is
+ * more. A part of a load is as exact as the whole, not as its own small torque. Cost on Cortex-M3, M4: 165 instructions. */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30);
 
 /*
@@ -287,9 +287,9 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
  *   Up to F = b Fc in the direction of motion the bristle is a spring, dF/dtheta = sigma0. Beyond it slides, and the gap
  *   p = 1 - |F|/Fc falls as exp(-kappa u), u travel in presliding lengths, kappa = 1/(1 - b): the slope is continuous at b.
  *   With b near 0 the first loading is Dahl's; with b near 1 it is one slip element.
- * Laws: zero drift, bit for bit: while |F| stays below b Fc counts are added in whole numbers, and a way to and fro leaves no trace
- *   however often; odd symmetry; monotone in travel; passive over every closed cycle; sampling does not matter. Return-point memory it
- *   has not: like Dahl's, a closed inner loop that slides leaves a trace.
+ * Laws: zero drift, bit for bit: while |F| stays below b Fc counts are added in whole numbers, and a way to and fro leaves no
+ *   trace however often; odd symmetry; monotone in travel; passive over every closed cycle; sampling does not matter. Return-point
+ *   memory it has not: like Dahl's, a closed inner loop that slides leaves a trace.
  */
 #define DAHL_ELASTOPLASTIC_ERROR_Q30 3.1e-9 /* dahl_elastoplastic_step_counts_q30: error of F/Fc */
 

@@ -109,8 +109,8 @@ static search_t check_neighbours(const dahl_plan_t *plan, const dahl_params_t *p
     return x;
 }
 
-/* Torques up to Fc itself, half of them within a few floats of it, for any plan and state; returns how much of what the header allows
- * is seen. */
+/* Torques up to Fc itself, half of them within a few floats of it, for any plan and state; returns how much of the bound of the
+ * header is seen. */
 static long double check_any_neighbours(motion_t *m)
 {
     const float Fc = 1.0f + (float)(motion_random(m) >> 9) * 0x1p-23f;

@@ -89,7 +89,7 @@ static void test_load_alone(void)
     TEST_ASSERT_EQUAL_INT32(-INT32_MAX, dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MIN, 0x80000000u));
 }
 
-/* Small torques of a small c Fc are 0, among them all that no normal float holds, and no load or plan makes one of the others wrong. */
+/* Small torques of a small c Fc are 0, among them all that no normal float holds; no load or plan makes another one wrong. */
 static void test_loaded_least_torques(void)
 {
     dahl_params_t p = {0x1p-60f, 0x1p-64f, 0x1p-10f};

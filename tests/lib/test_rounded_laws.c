@@ -48,7 +48,7 @@ static long double w_of(const any_state_t *state)
     return (long double)state->dahl.w * 0x1p-62L;
 }
 
-/* Work and storage in units of Fc^2/sigma0, Fc the whole. Eq. 1 in one direction s and with one end is F dtheta = end (s dtheta - dF). */
+/* In units of Fc^2/sigma0, Fc the whole. In one direction Eq. 1 is F dtheta = end (|dtheta| - s dF), as dahl_work adds it up. */
 typedef struct {
     long double loss; /* work less what the bristle stores more */
     long double way;

@@ -23,7 +23,7 @@ static void check_nearest(int32_t ratio, uint32_t Fc_units)
 
 enum { SHAFTS = 5 };
 
-/* In a coarse unit the recipe of the header errs by half a unit and 1/16 of one for each torque. A shift alone is half a unit low. */
+/* The recipe for a coarse unit errs by half a unit and 1/16 of one for each torque. A shift alone is half a unit low. */
 static void test_sixteenths_of_a_coarse_unit_are_rounded_once(void)
 {
     motion_t m = MOTION_START;
