@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 import subprocess
+from itertools import groupby
 from pathlib import Path
 
 import dahl
@@ -217,15 +218,25 @@ TIMER = (
 )
 
 
+STATEMENT = re.compile(r" \*\s+(?:[\w ]+:\s+)?(\S.*[;}])\s*(?://.*)?")  # `each tick:` before it
+
+
+def example_of(header: str) -> list[str]:
+    """The longest run of comment lines that end as statements of C do."""
+    found = [STATEMENT.fullmatch(line) for line in header.splitlines()]
+    runs = [list(run) for is_code, run in groupby(found, bool) if is_code]
+    return [line[1] for line in max(runs, key=len)]
+
+
 def snippet(name: str) -> str:
-    """The README's first C block is a whole file for a firmware; the lines of a header's USE
-    section stand in a function here, with what they leave to the reader.
+    """The README's first C block is a whole file for a firmware; a header's example stands in a
+    function here, with what it leaves to the reader.
     """
     if name == "README.md":
         return re.search(r"```c\n(.*?)```", (ROOT / name).read_text(), re.S)[1]
-    text = (ROOT / "lib/include" / name).read_text()
-    use = re.search(r"^ \* USE\n((?: \*   .*\n)+)", text, re.M)[1].splitlines()
-    lines = [line.removeprefix(" * ").replace("each tick:", "") for line in use]
+    lines = example_of((ROOT / "lib/include" / name).read_text())
+    assert any("prepare" in line or "init" in line for line in lines), lines
+    assert any("step_counts" in line for line in lines), lines
     before = TIMER if "encoder" in name else STOP
     head = f'#include "dahl.h"\n#include "{name}"\n{before}float use(void)\n{{\n    float F = 0;\n'
     return head + "\n".join(lines) + "\n    return F;\n}\n"

@@ -17,6 +17,7 @@ from typing import Any
 import identify_cases as made
 import numpy as np
 import pytest
+from dahl.identify import pipeline
 from dahl.identify.log import Log
 from identify_cases import A
 from identify_tools import (
@@ -214,6 +215,18 @@ def test_odd_rows_weigh_less():
     assert told(facts, "weigh") == [np.count_nonzero(weight < 0.5), 3000]
     left = np.sum(weight * residual**2)
     assert facts["rmse"] == pytest.approx(np.sqrt(left / weight.sum()), rel=0.01)
+
+
+def test_a_spike_weighs_little_in_both_rows_that_a_part_of_a_row_spreads_it_over():
+    """A delay of 4.5 rows draws each row of the torque from two, and either may be the spike."""
+    log = made.late_between_rows(4.5)
+    spikes = np.arange(150, log.rows - 100, 217)
+    log.torque[spikes] += 0.5 * FC
+    result = pipeline.identify([log])
+    fitted = result.logs[0]
+    assert 4.2 < result.delay < 4.8
+    light = np.concatenate([spikes - 5, spikes - 4])
+    assert np.flatnonzero(fitted.weight < 0.5).tolist() == sorted(light)
 
 
 # --- what is left out -----------------------------------------------------------------------------
