@@ -294,5 +294,5 @@ def test_what_needs_python_can_says_so(monkeypatch):
     data = codec.to_bytes(EncoderState(5))
     assert codec.from_bytes(0x100, data) == EncoderState(5)
     for call in (lambda: codec.pack(EncoderState(5)), lambda: dahl.Node(PLAN).tick()):
-        with pytest.raises(dahl.RunError, match=r"pip install 'dahl\[can\]'"):
+        with pytest.raises(dahl.RunError, match=r"pip install 'python-can\[serial\]>=[\d.]+'"):
             call()

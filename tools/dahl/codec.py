@@ -22,7 +22,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
-from dahl import Error, RunError, checks, core
+from dahl import Error, RunError, by_need, checks, core
 from dahl.arrays import INT32_MAX, INT32_MIN
 
 if TYPE_CHECKING:
@@ -445,11 +445,11 @@ def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
 
 
 def python_can() -> ModuleType:
-    """The package `can`. Raises dahl.RunError where it is not here."""
+    """The package `can`. Raises dahl.RunError if it is missing."""
     try:
         return import_module("can")
     except ImportError:
-        raise RunError("python-can is not here; pip install 'dahl[can]'") from None
+        raise RunError(f"python-can is missing; {by_need.hint(['can'], 'can')}") from None
 
 
 def raw_of(message: can.Message) -> CanFrame:
