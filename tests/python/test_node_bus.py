@@ -231,6 +231,9 @@ def test_an_answer_is_to_what_was_asked():
 
 def test_nobody_there_is_said(ends):
     """By what did not come, of which node, and to what; also where others speak all the time."""
+    for kind in (TimeoutError, dahl.RunError):
+        with pytest.raises(kind):
+            node.ask(ends[0], EncoderState(1), timeout=0)
     with pytest.raises(dahl.RunError, match=r"FrictionTorque of node 5 in 0\.05 s.*EncoderState\("):
         node.ask(ends[0], EncoderState(1, 2), node=5, timeout=0.05)
     busy = Waiting(itertools.repeat(reply(1)))

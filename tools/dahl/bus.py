@@ -18,7 +18,7 @@ from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError, by_need
+from dahl import Error, RunError, Timeout, by_need
 from dahl.arguments import whole
 
 if TYPE_CHECKING:
@@ -144,9 +144,9 @@ def _shown(settings: dict[str, Any]) -> str:
     return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
 
 
-def silent(args: argparse.Namespace, seconds: float) -> RunError:
+def silent(args: argparse.Namespace, seconds: float) -> Timeout:
     """Not one frame came."""
-    return RunError(
+    return Timeout(
         f"no frame on the bus ({_shown(named(args))}) in {seconds:.1f} s:"
         " is a node there, at this bit rate?"
     )

@@ -28,6 +28,32 @@ from dahl.arrays import INT32_MAX, INT32_MIN
 if TYPE_CHECKING:
     import can
 
+__all__ = [
+    "KINDS",
+    "NODES",
+    "OFF_AT_0",
+    "ONE_Q30",
+    "UNITS",
+    "EncoderState",
+    "Errors",
+    "Frame",
+    "FrictionTorque",
+    "Param",
+    "ParamReply",
+    "ParamWrite",
+    "Reset",
+    "Result",
+    "State",
+    "Status",
+    "What",
+    "Write",
+    "from_bytes",
+    "is_whole",
+    "pack",
+    "to_bytes",
+    "unpack",
+]
+
 NODES = 16  # DAHL_FRAMES_NODES: the number of a node is the low 4 bits of an id
 ONE_Q30 = 2**30
 EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # DAHL_CAN_FRAME_*

@@ -27,12 +27,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
-from dahl import Error, RunError, checks, codec, core, parts, variants
+from dahl import Error, RunError, Timeout, checks, codec, core, parts, variants
 from dahl.bus import receive
 from dahl.copies import Copied
 
 if TYPE_CHECKING:
     import can
+
+__all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "run", "serve"]
 
 PERIOD = 0.005  # s at most from one look at the clock to the next
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
@@ -484,9 +486,9 @@ def ask(
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
     """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
     EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
-    bus are dropped first, and others than the answer are passed over. Raises dahl.RunError where
-    none comes within `timeout` s, with the state that the node tells, such as STALE after a pause:
-    then a Reset(What.RESTART) comes first; and where the bus does not take the frame.
+    bus are dropped first, and others than the answer are passed over. Raises dahl.Timeout if none
+    comes within `timeout` s, with the state that the node reports, such as STALE after a pause:
+    then send a Reset(What.RESTART) first. Raises dahl.RunError if the bus does not take the frame.
     """
     kind = ASKED.get(type(frame))
     if kind is None:
@@ -508,7 +510,7 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
             return answer
         if status := _answer_in(told, codec.Status.base + node):
             why = _why_silent(status, frame)
-    raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
+    raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
 
 ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
