@@ -308,7 +308,7 @@ def test_without_a_rig_the_tests_are_skipped_at_once(outcome, tmp_path, dahl_loo
         }
         begin = time.monotonic()
         done = outcome(THREE, *options[what], "-rs")
-    assert time.monotonic() - begin < 2
+    assert time.monotonic() - begin < 5  # 1 s, on a machine that is not busy
     assert (done.code, done.last[:9]) == (0, "3 skipped"), done.said
     [reason] = re.findall(r"no rig: (.*)", done.said)
     assert ("node 0" if what == "no node" else options[what][3]) in reason
