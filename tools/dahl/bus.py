@@ -18,7 +18,7 @@ from collections.abc import Generator, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError
+from dahl import Error, RunError, Timeout, by_need
 from dahl.arguments import whole
 
 if TYPE_CHECKING:
@@ -46,13 +46,31 @@ def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
     """python-can's own options (-i, -c, -b, --fd, --bus-kwargs, ...), and two of the server that
     the demo offers; python-can's own settings (~/.canrc) hold where none is given.
     """
-    import can.cli
-
-    can.cli.add_bus_arguments(parser)
+    try:
+        import can.cli
+    except ModuleNotFoundError:
+        _add_bus_names(parser)
+    else:
+        can.cli.add_bus_arguments(parser)
     parser.add_argument("--host", help="socketcand: host of the server")
     parser.add_argument(
         "--port", type=whole(0, 65535), metavar="N", help="socketcand: TCP port of the server"
     )
+
+
+def _add_bus_names(parser: argparse.ArgumentParser) -> None:
+    """Add the names of python-can's options while it is missing, so that any other option is
+    reported as unknown.
+    """
+    missing = f"python-can is missing: {by_need.hint(['can'], 'can')}"
+    group = parser.add_argument_group("bus arguments", missing)
+    for key, flag in FLAGS.items():
+        words = dict.fromkeys((flag, "--" + key.replace("_", "-")))
+        if key == "fd":
+            group.add_argument(*words, action="store_true", default=argparse.SUPPRESS)
+        elif key not in ("host", "port"):
+            many = "+" if key in ("timing", "bus_kwargs") else None
+            group.add_argument(*words, dest=key, nargs=many, default=argparse.SUPPRESS)
 
 
 def named(args: argparse.Namespace) -> dict[str, Any]:
@@ -126,9 +144,9 @@ def _shown(settings: dict[str, Any]) -> str:
     return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
 
 
-def silent(args: argparse.Namespace, seconds: float) -> RunError:
+def silent(args: argparse.Namespace, seconds: float) -> Timeout:
     """Not one frame came."""
-    return RunError(
+    return Timeout(
         f"no frame on the bus ({_shown(named(args))}) in {seconds:.1f} s:"
         " is a node there, at this bit rate?"
     )

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from dahl import Error, RunError, paths
+from dahl import Error, RunError, Timeout, paths
 from dahl.bus import VCAN, candump_line, open_bus, received
 from dahl.interrupt import Stop
 
@@ -248,4 +248,4 @@ def _record(
         if ended and now - ended > DRAIN:
             return
         if now - last_frame > SILENCE:
-            raise RunError(f"no frame on the bus for {SILENCE:g} s")
+            raise Timeout(f"no frame on the bus for {SILENCE:g} s")
