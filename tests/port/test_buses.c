@@ -568,13 +568,14 @@ static uint32_t leave_server(int told)
     return elements;
 }
 
-/* The server reads late, and the socket holds little: what waits in the client when it closes comes through. */
-static void test_closing_a_client_sends_what_is_still_queued(void)
+/* The server reads late, and the socket holds little: frames that wait in the client when it closes arrive, also if it has
+ * not read all that the server sent. */
+static void check_closing_sends_what_is_queued(const char *unread)
 {
     const int small_buffer = 4096;
     dahl_can_frame_t out = {.id = 0x123, .length = 8}, back;
     uint32_t sent = 0;
-    int told = join_server("");
+    int told = join_server(unread);
     setsockopt(member.fd, SOL_SOCKET, SO_SNDBUF, &small_buffer, sizeof small_buffer);
     for (; sent < 100000 && member.outbox.end - member.outbox.begin < OUTBOX_SIZE / 2; sent++) {
         TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&member.bus, &out));
@@ -583,6 +584,12 @@ static void test_closing_a_client_sends_what_is_still_queued(void)
     }
     TEST_ASSERT_GREATER_THAN(0, member.outbox.end - member.outbox.begin);
     TEST_ASSERT_EQUAL(sent + 2, leave_server(told)); /* after open and rawmode */
+}
+
+static void test_closing_a_client_sends_what_is_still_queued(void)
+{
+    check_closing_sends_what_is_queued("");
+    check_closing_sends_what_is_queued("< frame 123 1.000000 AB >");
 }
 
 /* Seen by who only listens, too. */

@@ -111,8 +111,8 @@ def serving(
 
 
 @contextlib.contextmanager
-def client(port: int) -> Iterator[can.BusABC]:
-    bus = can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
+def client(port: int, **settings: object) -> Iterator[can.BusABC]:
+    bus = can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port, **settings)
     try:
         yield bus
     finally:
