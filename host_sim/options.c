@@ -31,7 +31,7 @@ static const char help[] =
     "  --virtual          virtual time: as fast as possible, same seed, same log byte for byte\n"
     "  --lockstep         wait for the other side, 2 s at most: an encoder for each answer, a node's clock for each angle;\n"
     "                     so that neither a slow node nor a busy machine loses frames\n"
-    "  --seconds S        end after S seconds of ticks\n"
+    "  --seconds S        end after S seconds of ticks, or with the scene's motion\n"
     "  --seed N           seed of random motions (default 1)\n"
     "  --log FILE         write every frame of the bus as candump -L does; a pipe that is read too slowly loses whole\n"
     "                     lines, which are counted, and the exit code is 1\n"
