@@ -3,6 +3,7 @@
  * misbehaves. All else of the sockets is tested from Python, by python-can. */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -434,6 +435,46 @@ static void test_an_outbox_takes_all_or_nothing(void)
     TEST_ASSERT_FALSE(outbox_put(&box, piece, 501));
     TEST_ASSERT_TRUE(outbox_put(&box, piece, 500));
     TEST_ASSERT_EQUAL(OUTBOX_SIZE, box.end);
+}
+
+static int send_error; /* of the next send(); 0: it is the kernel's */
+
+ssize_t send(int fd, const void *bytes, size_t count, int flags)
+{
+    if (send_error == 0) {
+        return sendto(fd, bytes, count, flags, NULL, 0);
+    }
+    errno = send_error;
+    send_error = 0;
+    return -1;
+}
+
+/* Flush once with this error of the socket, and once without: what arrives, and whether the peer counts as gone. */
+static void check_flush(int error, bool stays)
+{
+    int ends[2];
+    char bytes[8];
+    TEST_ASSERT_EQUAL(0, socketpair(AF_UNIX, SOCK_STREAM, 0, ends));
+    box.begin = box.end = 0;
+    outbox_put(&box, "frame", 5);
+    send_error = error;
+    TEST_ASSERT_EQUAL_MESSAGE(stays, outbox_flush(&box, ends[0]), strerror(error));
+    TEST_ASSERT_FALSE(outbox_empty(&box));
+    TEST_ASSERT_TRUE(outbox_flush(&box, ends[0]));
+    TEST_ASSERT_EQUAL(5, read(ends[1], bytes, sizeof bytes));
+    close(ends[0]);
+    close(ends[1]);
+}
+
+static void test_an_outbox_keeps_what_a_socket_does_not_take_now(void)
+{
+    static const int later[] = {EAGAIN, EINTR, ENOBUFS}, gone[] = {EPIPE, ECONNRESET};
+    for (size_t i = 0; i < sizeof later / sizeof later[0]; i++) {
+        check_flush(later[i], true);
+    }
+    for (size_t i = 0; i < sizeof gone / sizeof gone[0]; i++) {
+        check_flush(gone[i], false);
+    }
 }
 
 static dahl_can_frame_t taken;
