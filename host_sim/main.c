@@ -177,9 +177,9 @@ static int write_results(program_t *p)
 /* A motion that is shorter than --seconds ends the run. */
 static void note_early_end(const program_t *p)
 {
-    char text[120];
     const encoder_t *first = &p->parts.encoders[0];
     if (p->options.seconds > 0 && first->ended && !first->failed) {
+        char text[120];
         snprintf(text, sizeof text, "--seconds %g: the scene's motion ended after %g s", p->options.seconds,
                  (double)(p->loop.ticks * LOOP_PERIOD_NS) * 1e-9);
         log_warning(text);
