@@ -174,6 +174,18 @@ static int write_results(program_t *p)
     return code;
 }
 
+/* A motion that is shorter than --seconds ends the run. */
+static void note_early_end(const program_t *p)
+{
+    const encoder_t *first = &p->parts.encoders[0];
+    if (p->options.seconds > 0 && first->ended && !first->failed) {
+        char text[120];
+        snprintf(text, sizeof text, "--seconds %g: the scene's motion ended after %g s", p->options.seconds,
+                 (double)(p->loop.ticks * LOOP_PERIOD_NS) * 1e-9);
+        log_warning(text);
+    }
+}
+
 static int outcome(const program_t *p)
 {
     if (p->loop.gone) {
@@ -191,6 +203,7 @@ static int run(program_t *p)
     }
     set_up_loop(p);
     loop_run(&p->loop);
+    note_early_end(p);
     p->loop.bus->ops->close(p->loop.bus);
     int written = write_results(p);
     int ended = outcome(p);
