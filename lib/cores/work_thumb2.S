@@ -4,6 +4,8 @@
  * lib/parts/work_step.c, same bits. The way of w in the direction of travel is the product that the update adds or subtracts, so
  * it needs no difference. Moves of more than 8 counts go to dahl_work_step_large.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r5
 #define g_low r12
 #include "torque_thumb2.inc"
@@ -90,3 +92,8 @@ torque:
 large:
     return_torque_after dahl_work_step_large
     .size dahl_work_step_counts, . - dahl_work_step_counts
+#endif
+
+#ifdef __ELF__ /* this code needs no executable stack */
+    .section .note.GNU-stack, "", %progbits
+#endif
