@@ -18,4 +18,12 @@
 #define DAHL_THUMB2 0
 #endif
 
+/* A tick in assembly must know whether a float is returned in r0 or in s0. Builds exist that state -mfloat-abi for C alone, so its
+ * absence proves r0 only on ARMv7-M, which has no FPU, or if the build gives both the same flags (DAHL_SAME_FLAGS). */
+#if defined(__ARM_PCS_VFP) || defined(__ARM_ARCH_7M__) || defined(DAHL_SAME_FLAGS)
+#define DAHL_THUMB2_FLOAT DAHL_THUMB2
+#else
+#define DAHL_THUMB2_FLOAT 0
+#endif
+
 #endif

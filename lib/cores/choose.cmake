@@ -33,7 +33,7 @@ if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
         set(chosen "assembly for this core, from lib/cores")
         file(GLOB DAHL_CORE_TICKS ${CMAKE_CURRENT_LIST_DIR}/*.S)
         set_source_files_properties(${DAHL_CORE_TICKS} PROPERTIES LANGUAGE C COMPILE_OPTIONS "-x;assembler-with-cpp"
-            SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON SKIP_LINTING ON)
+            COMPILE_DEFINITIONS DAHL_SAME_FLAGS SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON SKIP_LINTING ON)
         list(APPEND DAHL_CORE_TICKS cores/work_large.c)
     endif()
 endif()

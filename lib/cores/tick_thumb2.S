@@ -4,7 +4,7 @@
  * 8 counts go to dahl_step_large.
  */
 #include "../arith/core.h"
-#if DAHL_THUMB2
+#if DAHL_THUMB2_FLOAT
 #define g_high r5
 #define g_low r12
 #include "torque_thumb2.inc"

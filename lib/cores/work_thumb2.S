@@ -76,6 +76,7 @@ large_q30:
     b       dahl_work_step_large
     .size dahl_work_step_counts_q30, . - dahl_work_step_counts_q30
 
+#if DAHL_THUMB2_FLOAT
     function dahl_work_step_counts
     cmp     counts, #8
     bhi     backward
@@ -92,6 +93,7 @@ torque:
 large:
     return_torque_after dahl_work_step_large
     .size dahl_work_step_counts, . - dahl_work_step_counts
+#endif
 #endif
 
 #ifdef __ELF__ /* this code needs no executable stack */

@@ -21,6 +21,7 @@ M0, M3, M4, M23, M33, A9 = (
 )
 BARE = "--target=arm-none-eabi"
 CALLS = ("dahl_step_counts_q30", "dahl_step_counts", "dahl_part_move", "dahl_work_step_counts")
+IN_FLOAT = {"dahl_step_counts", "dahl_work_step_counts"}
 WRITTEN = {core: set(CALLS) for core in (M3, M4, M33)}  # in assembly
 WRITTEN |= {core: {"dahl_step_counts_q30"} for core in (M0, M23)}
 MAIN = "".join(f"extern int {name}(void);\n" for name in CALLS) + (
@@ -116,27 +117,35 @@ SOURCES = [
 ]
 
 
-@pytest.mark.parametrize("core", [M0, M3, M4])
-@pytest.mark.parametrize("extra", ["", "-flto"])
+HARD = "-mfloat-abi=hard -mfpu=fpv4-sp-d16"
+IN_Q30 = {name for name in CALLS if name not in IN_FLOAT}
+MIXTURES = {  # flags of C, flags of the assembler, ticks in assembly
+    "m0": (M0, M0, WRITTEN[M0]),
+    "m3": (M3, M3, WRITTEN[M3]),
+    "m4": (M4, M4, IN_Q30),  # its ABI might be another
+    "m4f": (f"{M4} {HARD}", f"{M4} {HARD}", WRITTEN[M4]),
+    "m4f, link-time optimization": (f"{M4} {HARD} -flto", f"{M4} {HARD}", WRITTEN[M4]),
+    "m4f, no ABI for the assembler": (f"{M4} {HARD}", M4, IN_Q30),
+    "m4f, nothing for the assembler": (f"{M4} {HARD}", "", set()),
+    "m3, nothing for the assembler": (M3, "", set()),
+    "m0, nothing for the assembler": (M0, "", set()),
+}
+
+
+@pytest.mark.parametrize("name", MIXTURES)
 def test_sources_that_are_linked_as_objects_give_the_tick_of_the_core(
-    core: str, extra: str, tmp_path: Path
+    name: str, tmp_path: Path
 ) -> None:
-    """As Arduino's IDE, PlatformIO and a Makefile compile them: all files, and no other choice."""
+    """As Arduino's IDE, PlatformIO and a Makefile compile them: all files, and no other choice.
+    Some of Arduino's cores state no CPU for the assembler; its files are then empty.
+    """
     need(GCC, "a firmware links the tick of its core")
-    words = [*core.split(), *extra.split(), "-O2", f"-I{ROOT}/lib/include"]
-    run(GCC, *words, "-c", *SOURCES, cwd=tmp_path)
-    image = linked(f"{core} {extra}", tmp_path, *sorted(tmp_path.glob("*.o")))
-    assert ticks_in_assembly(image) == WRITTEN[core]
-
-
-@pytest.mark.parametrize("core", [M0, M3])
-def test_the_c_links_where_the_assembler_gets_no_flags(core: str, tmp_path: Path) -> None:
-    """The files in assembly are then empty."""
-    need(GCC, "a firmware links the tick of its core")
-    run(GCC, "-c", *(path for path in SOURCES if path.suffix == ".S"), cwd=tmp_path)
-    words = [*core.split(), "-O2", f"-I{ROOT}/lib/include"]
-    run(GCC, *words, "-c", *(path for path in SOURCES if path.suffix == ".c"), cwd=tmp_path)
-    assert ticks_in_assembly(linked(core, tmp_path, *sorted(tmp_path.glob("*.o")))) == set()
+    of_c, of_assembly, written = MIXTURES[name]
+    for kind, flags in ((".c", of_c), (".S", of_assembly)):
+        files = [path for path in SOURCES if path.suffix == kind]
+        run(GCC, *flags.split(), "-O2", f"-I{ROOT}/lib/include", "-c", *files, cwd=tmp_path)
+    image = linked(of_c, tmp_path, *sorted(tmp_path.glob("*.o")))
+    assert ticks_in_assembly(image) == written
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang", "avr-gcc", "riscv64-unknown-elf-gcc", GCC])
