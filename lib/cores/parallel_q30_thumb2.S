@@ -83,7 +83,4 @@ finish:
     pop     {r3-r11, pc}
     .size dahl_parallel_step_counts_q30, . - dahl_parallel_step_counts_q30
 #endif
-
-#ifdef __ELF__ /* this code needs no executable stack */
-    .section .note.GNU-stack, "", %progbits
-#endif
+#include "stack_note.inc"

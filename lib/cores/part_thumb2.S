@@ -27,7 +27,4 @@ large:
     pop     {r4, pc}
     .size dahl_part_move, . - dahl_part_move
 #endif
-
-#ifdef __ELF__ /* this code needs no executable stack */
-    .section .note.GNU-stack, "", %progbits
-#endif
+#include "stack_note.inc"

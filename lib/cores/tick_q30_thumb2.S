@@ -23,7 +23,4 @@ large:
     b       dahl_step_large
     .size dahl_step_counts_q30, . - dahl_step_counts_q30
 #endif
-
-#ifdef __ELF__ /* this code needs no executable stack */
-    .section .note.GNU-stack, "", %progbits
-#endif
+#include "stack_note.inc"

@@ -38,7 +38,4 @@ large:
     return_torque_after dahl_step_large
     .size dahl_step_counts, . - dahl_step_counts
 #endif
-
-#ifdef __ELF__ /* this code needs no executable stack */
-    .section .note.GNU-stack, "", %progbits
-#endif
+#include "stack_note.inc"

@@ -95,7 +95,4 @@ large:
     .size dahl_work_step_counts, . - dahl_work_step_counts
 #endif
 #endif
-
-#ifdef __ELF__ /* this code needs no executable stack */
-    .section .note.GNU-stack, "", %progbits
-#endif
+#include "stack_note.inc"
