@@ -104,6 +104,20 @@ def need(tool: str, claim: str) -> str:
     return str(path)
 
 
+def from_pypi(name: str, requirements: str, claim: str) -> Path:
+    """The folder of programs of these packages, in an environment of their own below build/."""
+    environment = BUILD.parent / name
+    stamp = environment / "installed.txt"
+    if not stamp.exists() or stamp.read_text() != requirements:
+        subprocess.run([sys.executable, "-m", "venv", "--clear", str(environment)], check=True)
+        wanted = [line.split("#")[0].strip() for line in requirements.splitlines()]
+        words = [str(environment / "bin/pip"), "install", "--quiet", *filter(None, wanted)]
+        if subprocess.run(words, check=False, timeout=280).returncode != 0:
+            pytest.skip(f"unproven: {claim}: PyPI is out of reach")
+        stamp.write_text(requirements)
+    return environment / "bin"
+
+
 def announce(config: pytest.Config, tests: int) -> None:
     """How many tests there were to run: tools/count_tests.py misses those without a result."""
     if junit := config.stash.get(xml_key, None):

@@ -6,6 +6,8 @@
  *
  * A Dahl element is told by its function. The reference to it is weak: where no part is one, it is 0, and nothing is linked for it.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r12
 #define g_low r0 /* once the plan is no longer needed */
 #include "update_thumb2.inc"
@@ -80,3 +82,5 @@ finish:
     mvn     r0, r0
     pop     {r3-r11, pc}
     .size dahl_parallel_step_counts_q30, . - dahl_parallel_step_counts_q30
+#endif
+#include "stack_note.inc"

@@ -12,6 +12,8 @@
  * The core multiplies to 32 bits, so z = z1:z0 and each word of g are taken by halves of 16 bits. z <= 2^31, so z1 <= 2^15,
  * and the sums that are marked do not carry out.
  */
+#include "../arith/core.h"
+#if DAHL_V6M
     .syntax unified
     .thumb
 
@@ -109,3 +111,5 @@ large:
     bx      r3
     .pool
     .size dahl_step_counts_q30, . - dahl_step_counts_q30
+#endif
+#include "stack_note.inc"

@@ -3,6 +3,8 @@
  * dahl_step_counts for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts.c, same bits. Moves of more than
  * 8 counts go to dahl_step_large.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2_FLOAT
 #define g_high r5
 #define g_low r12
 #include "torque_thumb2.inc"
@@ -35,3 +37,5 @@ torque:
 large:
     return_torque_after dahl_step_large
     .size dahl_step_counts, . - dahl_step_counts
+#endif
+#include "stack_note.inc"

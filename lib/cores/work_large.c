@@ -3,6 +3,7 @@
 #include "../model/bristle_update.h"
 #include "../parts/work_sums.h"
 
+#if DAHL_THUMB2
 int32_t dahl_work_step_large(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
 DAHL_COLD int32_t dahl_work_step_large(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts)
@@ -12,3 +13,4 @@ DAHL_COLD int32_t dahl_work_step_large(const dahl_plan_t *plan, dahl_state_t *st
     dahl_work_add(work, before, (uint64_t)state->w, dcounts);
     return ratio;
 }
+#endif

@@ -4,6 +4,8 @@
  * lib/parts/work_step.c, same bits. The way of w in the direction of travel is the product that the update adds or subtracts, so
  * it needs no difference. Moves of more than 8 counts go to dahl_work_step_large.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r5
 #define g_low r12
 #include "torque_thumb2.inc"
@@ -74,6 +76,7 @@ large_q30:
     b       dahl_work_step_large
     .size dahl_work_step_counts_q30, . - dahl_work_step_counts_q30
 
+#if DAHL_THUMB2_FLOAT
     function dahl_work_step_counts
     cmp     counts, #8
     bhi     backward
@@ -90,3 +93,6 @@ torque:
 large:
     return_torque_after dahl_work_step_large
     .size dahl_work_step_counts, . - dahl_work_step_counts
+#endif
+#endif
+#include "stack_note.inc"

@@ -9,7 +9,7 @@ static DAHL_OUT_OF_LINE float step_large(const dahl_plan_t *plan, dahl_state_t *
     return dahl_torque(plan, state);
 }
 
-float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+DAHL_WEAK_TICK float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w = (uint64_t)state->w;
     if (dcounts > 0) {

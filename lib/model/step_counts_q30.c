@@ -3,7 +3,7 @@
 #include "bristle_update.h"
 
 /* No motion goes backward by entry 0, which is 0: every short tick takes as long. */
-int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+DAHL_WEAK_TICK int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w = (uint64_t)state->w;
     if (dcounts > 0) {
