@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import os
 import re
+import resource
 import subprocess
 import sys
 import time
@@ -87,14 +88,35 @@ def test_a_log_holds_each_frame_as_soon_as_it_has_come(dahl, dbc):
     assert [message.timestamp for message in can.LogReader(log)] == [1e9 + n for n in range(4)]
 
 
-def test_ctrl_c_leaves_a_whole_log(served, root, tmp_path):
+def test_ctrl_c_is_a_normal_end_and_leaves_a_whole_log(served, root, tmp_path):
     log = tmp_path / "run.log"
     command = [sys.executable, "-m", "dahl", "record", *served, "-o", str(log)]
     process = subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True)
     wait_until(lambda: log.exists() and log.stat().st_size > 5000, 30)
     process.send_signal(2)
-    assert process.wait(10) == 130
+    assert process.wait(10) == 0
     assert log.read_text().endswith("\n") and len(angles(log)) > 50
+    assert process.stdout.read() == f"{len(log.read_text().splitlines())} frames in {log}\n"
+
+
+@pytest.mark.parametrize("ending", [".log", ".asc", ".trc"])
+def test_a_full_disk_leaves_whole_lines(served, root, tmp_path, ending):
+    """As many as fit: a limit of the file's size cuts one as a full disk does."""
+    log, whole = tmp_path / f"run{ending}", tmp_path / f"whole{ending}"
+    limit = 5003
+    command = [sys.executable, "-m", "dahl", "record", *served, "--frames", "300", "-o"]
+    how = {"cwd": root, "capture_output": True, "text": True, "timeout": 60}
+    done = subprocess.run(
+        [*command, log],
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        **how,
+    )
+    assert complaint(done) == (1, f"{log}: File too large")
+    subprocess.run([*command, whole], check=True, **how)
+    text, line = log.read_bytes(), max(map(len, whole.read_bytes().splitlines(keepends=True)))
+    assert text.endswith(b"\n") and limit - line <= len(text) <= limit
+    assert len(list(can.LogReader(log))) > 50
 
 
 def test_a_server_that_goes_away_is_one_line_and_the_log_is_whole(dahl, tmp_path):
