@@ -37,10 +37,11 @@ def whole_lines(path: Path, file: object) -> Iterator[None]:
     except OSError as error:
         if error.errno in FULL and error.filename is None:
             error.filename = str(path)
-            if isinstance(file, io.TextIOWrapper) and path.is_file():
+            if isinstance(file, io.TextIOWrapper):
                 with contextlib.suppress(OSError):
                     file.close()  # else the rest of the line may still be written
-                _cut_half_line(path)
+                if path.is_file():
+                    _cut_half_line(path)
         raise
 
 
