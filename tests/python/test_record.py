@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from bus_frames import frames, new_channel, sending
 from identify_tools import complaint
-from loop_tools import SCENES, serving, wait_until
+from loop_tools import SCENES, read_log, serving, wait_until
 from test_monitor import ANGLE, bus_of
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -60,13 +60,18 @@ def test_a_log_can_be_replayed_by_canplayer(served, dahl):
         *(pytest.param(one, marks=pytest.mark.checks) for one in (".blf", ".LOG", ".mf4", ".trc")),
     ],
 )
-def test_plot_draws_whatever_it_writes(served, dahl, ending):
+def test_plot_draws_whatever_it_writes(dahl, tmp_path, ending):
+    """Each angle has the time that the bus gave it; how even the beat is depends on the machine."""
     log = f"run{ending}"
-    done = dahl("record", *served, "-o", log, "--frames", "400")
+    limits = ("--wait-clients", "1", "--seconds", "20")
+    with serving(tmp_path / "loop", SCENES / "steering.ini", *limits) as (_, port):
+        done = dahl("record", *bus_of(port), "-o", log, "--frames", "400")
     assert (done.returncode, done.stderr) == (0, "")
-    times = np.array([frame.timestamp for frame in angles(log)])
-    assert len(times) >= 190 and np.diff(times).min() >= 0
-    assert np.median(np.diff(times)) == pytest.approx(0.001, abs=0.0005)
+    held = angles(log)
+    bus = [one for one in read_log(tmp_path / "loop" / "run.log") if one.id == 0x100][: len(held)]
+    assert len(held) >= 190 and [bytes(one.data) for one in held] == [one.data for one in bus]
+    shifts = np.array([one.timestamp for one in held]) - [one.time for one in bus]
+    assert np.ptp(shifts) < 2e-4  # what the coarsest format rounds to
     done = dahl("plot", log, "--scene", "segments", "-o", "loop.png")
     assert done.returncode == 0, done.stderr
     assert Path("loop.png").stat().st_size > 10_000
