@@ -239,7 +239,7 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    from dahl import logs, loop, report
+    from dahl import loop
     from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
@@ -268,9 +268,15 @@ def _play(
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
+    return numbers, _trace(args.output / "run.log", scene)
+
+
+def _trace(log: Path, scene: Scene) -> Trace:
+    """The answered ticks of the run. Raises RunError if none was recorded."""
+    from dahl import logs, report
+
     try:
-        frames = logs.read_candump(args.output / "run.log")
-        return numbers, report.trace_of(frames, scene.node)
+        return report.trace_of(logs.read_candump(log), scene.node)
     except Error as error:
         raise RunError(f"not compared: {error}") from None
 
