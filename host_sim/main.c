@@ -163,7 +163,7 @@ static int write_results(program_t *p)
         code = EXIT_RUNTIME;
     }
     if (p->parts.plant.trace != NULL && !plant_close(&p->parts.plant)) {
-        log_error("--trace %s: it could not be written whole", p->options.trace);
+        log_error("--trace %s: %s", p->options.trace, strerror(errno));
         code = EXIT_RUNTIME;
     }
     if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop,

@@ -310,6 +310,21 @@ def test_nobody_is_left_behind(running, number, code):
     wait_until(lambda: not any(map(is_running, programs)))
 
 
+def test_a_recorder_that_is_dropped_is_not_compared(running, tmp_path):
+    """It was stopped until the server closed its connection; the frames until then are drawn."""
+    running.send_signal(signal.SIGSTOP)
+    wait_until(lambda: "too slowly" in (tmp_path / "node.err").read_text(), 60)
+    running.send_signal(signal.SIGCONT)
+    out, errors = running.communicate(timeout=60)
+    numbers = summary_of(tmp_path)
+    assert running.returncode == 1 and errors.count("\n") == 1
+    assert errors.startswith(f"error: {tmp_path / 'summary.json'}: ") and "not compared" in errors
+    assert "not compared" in rows_of(out)["error against the exact torque"]
+    assert "ulp of Fc" not in out and numbers["max_error_ulp_Fc"] is None
+    assert 0 < numbers["frames_recorded"] < numbers["frames_sent"]
+    assert (tmp_path / "loop.png").exists()
+
+
 @pytest.mark.parametrize(("which", "name"), [(0, "node"), (1, "encoder")])
 def test_a_program_that_dies_is_named(running, which, name):
     os.kill(children(running)[which], signal.SIGKILL)

@@ -11,10 +11,11 @@ import queue
 import re
 import shutil
 import socket
+import struct
 import subprocess
 import threading
 import time
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,7 @@ FLAGS = {  # the options that name a bus, by their names in python-can
     "bus_kwargs": "--bus-kwargs",
 }
 QUIET = 0.05  # s without a frame, after which the caller has its turn
+SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts what found no room
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
@@ -159,21 +161,79 @@ def silent(args: argparse.Namespace, seconds: float) -> Timeout:
     )
 
 
-def received(
-    bus: can.BusABC, stop: Stop, seconds: float | None = None, frames: int | None = None
-) -> Iterator[can.Message | None]:
-    """Each frame as it comes, or None when for a while none has come; until stop is asked or a
-    limit is reached. Raises RunError when the bus goes away.
+class Reception:
+    """Each frame as it comes, or None if no frame came for a while, until stop is asked, finish()
+    is called or a limit is reached. Frames that came before that moment and were not read yet are
+    still returned. Raises RunError if the bus goes away.
+
+    lag_s says how far reading is behind the bus, by the time stamps of the frames: their delay
+    above that of frames that were waited for.
     """
-    until = time.monotonic() + seconds if seconds else float("inf")
-    count = 0
-    while not stop.asked and count != frames and time.monotonic() < until:
-        message = receive(bus, QUIET)
-        count += message is not None
-        yield message
+
+    def __init__(
+        self, bus: can.BusABC, stop: Stop, seconds: float | None = None, frames: int | None = None
+    ) -> None:
+        self._bus, self._stop, self._frames = bus, stop, frames
+        self._end = time.monotonic() + seconds if seconds else float("inf")
+        self._least_delay: float | None = None
+        self.lag_s = self.most_lag_s = 0.0
+
+    def finish(self) -> None:
+        """End with the frames that have come by now."""
+        self._end = min(self._end, time.monotonic())
+
+    def __iter__(self) -> Iterator[can.Message | None]:
+        count = 0
+        while count != self._frames:
+            if self._stop.asked:
+                self.finish()
+            has_ended = time.monotonic() >= self._end
+            message = self._next(0.0 if has_ended else QUIET)
+            if has_ended and (message is None or self._came_after_end()):
+                return
+            count += message is not None
+            yield message
+
+    def _next(self, seconds: float) -> can.Message | None:
+        waits_since = time.monotonic()
+        message = receive(self._bus, 0.0)
+        has_waited = message is None
+        if message is None and seconds:
+            message = receive(self._bus, seconds)
+        now = time.monotonic()
+        is_prompt = has_waited and now - waits_since < 2 * QUIET  # this process was not stopped
+        if message is not None:
+            self._measure(now - message.timestamp, is_prompt)
+        elif is_prompt:
+            self.lag_s = 0.0
+        return message
+
+    def _measure(self, delay: float, is_prompt: bool) -> None:
+        if is_prompt or self._least_delay is None:
+            self._least_delay = delay
+        self._least_delay = min(delay, self._least_delay)
+        self.lag_s = delay - self._least_delay
+        self.most_lag_s = max(self.most_lag_s, self.lag_s)
+
+    def _came_after_end(self) -> bool:
+        return time.monotonic() - self.lag_s > self._end
 
 
-def read_ahead(frames: Iterator[can.Message | None]) -> Generator[can.Message | None, None, None]:
+def lost_in_kernel(bus: can.BusABC) -> int:
+    """Frames that the kernel discarded since the receive buffer of this SocketCAN bus was full; 0
+    for another interface.
+    """
+    link = getattr(bus, "socket", None)
+    if not isinstance(link, socket.socket):
+        return 0
+    try:
+        numbers = struct.unpack("9I", link.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 36))
+    except (OSError, struct.error):  # older than Linux 4.12
+        return 0
+    return int(numbers[8])
+
+
+def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | None, None, None]:
     """The same frames, taken from the bus by a thread of their own: a server drops who reads too
     slowly, as one would who works on them between two.
     """

@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(numbers, indent=2))
     if numbers["interrupted"]:
         return 130
-    wrong = _wrong(numbers)
+    wrong = _wrong(numbers, trace.lost)
     if wrong:
         raise RunError(f"{args.output / 'summary.json'}: {'; '.join(wrong)}")
     return 0
@@ -140,8 +140,8 @@ def _spare(log: Path | None, folder: Path) -> None:
         raise Error(f"{log}: a run in {folder} would destroy it; name another -o")
 
 
-def _wrong(numbers: dict[str, Any]) -> list[str]:
-    """What makes a run that has come to its end a failed one."""
+def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
+    """What makes a run that has come to its end a failed one; lost: of the frames on the bus."""
     from dahl import report
 
     wrong = []
@@ -154,9 +154,16 @@ def _wrong(numbers: dict[str, Any]) -> list[str]:
         wrong += [f"faults counted, due: {counted}"] if counted else []
     elif numbers.get("frames_lost"):
         wrong.append(f"{numbers['frames_lost']} frames had no answer in time (a busy machine?)")
-    if "faults" not in numbers and numbers["frames_not_recorded"]:
-        wrong.append(f"{numbers['frames_not_recorded']} frames were not recorded")
+    if lost:
+        wrong.append(_not_compared(numbers, lost))
+    elif "faults" not in numbers and numbers["frames_not_recorded"]:
+        wrong.append(f"{numbers['frames_not_recorded']} frames were not on the bus")
     return wrong
+
+
+def _not_compared(numbers: dict[str, Any], lost: int) -> str:
+    why = ": the recorder read too slowly" * bool(numbers.get("recorder_dropped"))
+    return f"not compared: at least {lost} frames were not recorded{why}"
 
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
@@ -232,7 +239,7 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    from dahl import logs, loop, report
+    from dahl import loop
     from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
@@ -261,7 +268,17 @@ def _play(
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
-    return numbers, report.trace_of(logs.read_candump(args.output / "run.log"), scene.node)
+    return numbers, _trace(args.output / "run.log", scene)
+
+
+def _trace(log: Path, scene: Scene) -> Trace:
+    """The answered ticks of the run. Raises RunError if none was recorded."""
+    from dahl import logs, report
+
+    try:
+        return report.trace_of(logs.read_candump(log), scene.node)
+    except Error as error:
+        raise RunError(f"not compared: {error}") from None
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
@@ -323,7 +340,7 @@ def _keep(
     numbers |= report.summary(scene, trace, recorded, numbers)
     files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
-    console.print(_table(numbers, scene))
+    console.print(_table(numbers, scene, trace.lost))
     console.print(
         "files   "
         + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json"))
@@ -332,7 +349,7 @@ def _keep(
         console.print("ended early, as asked; the files hold all that was recorded until then")
 
 
-def _table(numbers: dict[str, Any], scene: Scene) -> Any:
+def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
     from rich.table import Table
 
     latency = numbers.get("latency_us") or {}
@@ -348,6 +365,9 @@ def _table(numbers: dict[str, Any], scene: Scene) -> Any:
         else f"{error:.3f} ulp of Fc at most",
         "error against the measurement": "no measurement here",
     }
+    if lost:
+        for name in ("exact torque", "measurement"):
+            rows[f"error against the {name}"] = _not_compared(numbers, lost)
     if numbers["r2_measured"] is not None:
         rows["error against the measurement"] = (
             f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"
