@@ -103,7 +103,7 @@ typedef enum {
     DAHL_FRAMES_PARAM_LIMIT = 4,   /* 2^-16 of Fc, 0..1: the answer is clamped to it */
     DAHL_FRAMES_PARAM_RAMP = 5,    /* ms, 0..60000: the gain needs so long from 0 to 1 */
     DAHL_FRAMES_PARAM_TIMEOUT = 6, /* ms, 1..60000 */
-    DAHL_FRAMES_PARAM_STEP = 7,    /* counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
+    DAHL_FRAMES_PARAM_STEP = 7,    /* MaxStep, counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
     DAHL_FRAMES_PARAM_STATUS = 8,  /* ms, 0..60000: period of Status, 0: only after power-on, a timeout, a bus-off, a Reset */
     DAHL_FRAMES_PARAM_MODEL = 9,   /* read only: DAHL_FRAMES_MODEL_* */
     DAHL_FRAMES_PARAM_LOAD = 10,   /* 2^-16, 0..1: part of the load at which Fc holds; for the model Loaded only */

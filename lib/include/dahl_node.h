@@ -95,7 +95,7 @@ typedef struct {
     uint32_t load;         /* of DAHL_NODE_ONE: part of the load at which Fc holds; the model Loaded alone looks at it */
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none. A wait of more than 65 ms counts as 65 ms */
     uint32_t timeout_us;
-    uint32_t max_step;     /* counts per ms; 0: no limit known */
+    uint32_t max_step;     /* MaxStep, counts per ms; 0: no limit known */
     uint32_t status_us;    /* period of Status; 0: only after power-on, a timeout, a bus-off and a Reset */
     uint32_t gain_now;     /* on its way to gain */
     uint32_t gain_rest;    /* part of its next step, of ramp_us */

@@ -171,13 +171,13 @@ static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t n
     return answer(node, seen, now_us, moved(node, travel(node, seen)), out);
 }
 
-/* Could the shaft have come so far, in so many frames or in the time since? */
+/* Could the shaft have come so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
 static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t frames, uint32_t now_us)
 {
     int32_t way = travel(node, seen);
     uint32_t size = way < 0 ? 0u - (uint32_t)way : (uint32_t)way;
-    uint32_t elapsed = 1 + (elapsed_us(node, now_us) >> 10);
-    uint64_t most = (uint64_t)node->max_step * (elapsed > frames ? elapsed : frames);
+    uint32_t elapsed_ms = (elapsed_us(node, now_us) + 999u) / 1000u;
+    uint64_t most = (uint64_t)node->max_step * (elapsed_ms > frames ? elapsed_ms : frames);
     return size <= most;
 }
 
@@ -199,7 +199,7 @@ static bool out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen,
 {
     bool known = sequence_confirmed(node, seen);
     enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
-    if (known && node->max_step > 0 && plausible(node, seen, 0, now_us)) {
+    if (known && node->max_step > 0 && plausible(node, seen, 1, now_us)) {
         enter(node, DAHL_FRAMES_LOST);
         return move(node, seen, now_us, out);
     }

@@ -282,6 +282,29 @@ static void test_with_a_step_limit_longer_gaps_are_bridged(void)
     TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
 }
 
+/* MaxStep is counts per ms: after so many us the shaft may have come so far, and one count further is not believed. */
+static void test_the_step_limit_is_counts_per_ms_after_any_time(void)
+{
+    enum { STEP = 100 };
+    static const uint32_t us[][2] = {/* elapsed; ms that are allowed: begun ones count */
+                                     {1, 1},         {1000, 1},       {1001, 2},         {2000, 2},
+                                     {42000, 42},    {43000, 43},     {44000, 44},       {100000, 100},
+                                     {512000, 512},  {1000000, 1000}, {1000001, 1001},   {30000000, 30000},
+                                     {60000000, 60000}};
+    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
+        for (int32_t beyond = 0; beyond <= 1; beyond++) {
+            int32_t count = (int32_t)us[i][1] * STEP + beyond;
+            setUp();
+            node.max_step = STEP;
+            node.timeout_us = UINT32_MAX;
+            TEST_ASSERT_TRUE(feed(0, 0));
+            now_us += us[i][0] - 1000;
+            TEST_ASSERT_EQUAL(beyond == 0, feed(1, count));
+            TEST_ASSERT_EQUAL(beyond, node.counts.jump);
+        }
+    }
+}
+
 /* --- Status -------------------------------------------------------------------------------------------------------- */
 
 /* A good frame says again why the node waits, where a corrupt one has said something else. */

@@ -270,7 +270,7 @@ class Node:
         return self.row >= 3
 
     def is_near(self, count: int, frames: int, now_us: int) -> bool:
-        elapsed = 1 + (now_us - self.good_us) // 1024
+        elapsed = -(-(now_us - self.good_us) // 1000)  # ms, begun ones included
         return abs(self.way(count)) <= self.max_step * max(frames, elapsed)
 
     def way(self, count: int) -> int:
@@ -279,7 +279,7 @@ class Node:
     def out_of_sequence(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
         is_known = self.third(counter) and is_valid
         self.state = WRONG_SEQUENCE
-        if is_known and self.max_step and self.is_near(count, 0, now_us):
+        if is_known and self.max_step and self.is_near(count, 1, now_us):
             self.state = LOST
             self.counts["ok"] += 1
             self.answer(counter, count, self.way(count), now_us)
