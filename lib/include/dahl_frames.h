@@ -8,7 +8,8 @@
  *
  *   EncoderState   0x100+n  every 1 ms      encoder -> node
  *   FrictionTorque 0x110+n  on reception    node -> all; echoes the counter that it answers
- *   Status         0x120+n  every 100 ms    node -> all; at once after a timeout and a Reset
+ *   Status         0x120+n  every 100 ms    node -> all; at once after power-on, a timeout, a bus-off and a Reset. Parameter
+ *                                           Status sets the period; 0: only after these events
  *   ParamWrite     0x130+n  when asked      anybody -> node; sets or reads one parameter
  *   ParamReply     0x140+n  on reception    node -> all; the value that holds now, with the counter of the ParamWrite
  *   Reset          0x150+n  when asked      anybody -> node; answered by Status
@@ -49,10 +50,10 @@ enum {
 
 /* What a receiver thinks of its input; on the wire in FrictionTorque and Status. */
 typedef enum {
-    DAHL_FRAMES_OK = 0,             /* next in sequence, used */
+    DAHL_FRAMES_OK = 0,             /* next in sequence; used unless it was invalid or a jump, which the errors of Status show */
     DAHL_FRAMES_REPEATED = 1,       /* same counter again, not used */
-    DAHL_FRAMES_LOST = 2,           /* some missing before it, used: the count is absolute */
-    DAHL_FRAMES_WRONG_SEQUENCE = 3, /* too many missing, or out of order: not integrated */
+    DAHL_FRAMES_LOST = 2,           /* some missing before it; used as for OK: the count is absolute */
+    DAHL_FRAMES_WRONG_SEQUENCE = 3, /* too many missing, out of order, or the third jump in a row: not integrated */
     DAHL_FRAMES_CRC = 4,            /* wrong CRC or form, not used */
     DAHL_FRAMES_STALE = 5,          /* nothing good for too long */
     DAHL_FRAMES_INIT = 6            /* nothing good yet; the first good frame is the starting point */

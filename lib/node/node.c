@@ -341,6 +341,14 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
     fall_silent(node);
 }
 
+/* Keep the age of the last bus-off from wrapping. */
+static void check_bus_off_age(dahl_node_t *node, uint32_t now_us)
+{
+    if (now_us - node->bus_off_us > INT32_MAX) {
+        node->bus_off_us = now_us - INT32_MAX;
+    }
+}
+
 static void check_age(dahl_node_t *node, uint32_t now_us)
 {
     if (node->primed && elapsed_us(node, now_us) > node->timeout_us) {
@@ -547,6 +555,10 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         dahl_node_bus_off(node, now_us);
         return false;
     }
+    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is no id of a frame, but bits that say what happened */
+        node->counts.ignored++;
+        return false;
+    }
     switch (in->id ^ node->number) {
     case DAHL_FRAMES_ID_ENCODER:
         return on_encoder(node, in, now_us, out);
@@ -563,6 +575,7 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
 bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out)
 {
     check_age(node, now_us);
+    check_bus_off_age(node, now_us);
     bool is_due = node->status_us > 0 && now_us - node->sent_us >= node->status_us;
     if (!node->urgent && !is_due) {
         return false;

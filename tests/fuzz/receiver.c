@@ -66,7 +66,7 @@ static dahl_can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
 
 static int is_encoder(const receiver_t *r, const dahl_can_frame_t *in)
 {
-    return in->id == (DAHL_FRAMES_ID_ENCODER | r->node.number) && !dahl_can_is_bus_off(in);
+    return in->id == (DAHL_FRAMES_ID_ENCODER | r->node.number) && (in->flags & DAHL_CAN_FRAME_ERROR) == 0;
 }
 
 static void note_sequence(receiver_t *r, const dahl_can_frame_t *in)

@@ -159,6 +159,11 @@ static const story_t STORIES[] = {
      {MAY_STEP(100), IS(0, 0, INIT, 0), IS(1, 60, OK, 60), NOT(12, 5000000), NOT(13, 5000010), IS(14, 5000020, WRONG_SEQUENCE, 0),
       IS(15, 5000030, OK, 10)},
      SEEN(WRONG_SEQUENCE)},
+    /* 0x100, controller restarted, is the id of an EncoderState too. */
+    {"an error frame is no frame of the encoder", "ok 3, rearm 2, bus_off 1", 9,
+     {IS(0, 0, INIT, 0), {FLAGGED, 1, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, IS(1, 5, OK, 5), GOES_OFF, WAITS(DAHL_NODE_TIMEOUT_US),
+      NOT(4, 0), {FLAGGED, 4, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, NOT(5, 0), IS(6, 0, STALE, 0)},
+     SEEN(STALE)},
     {"bad and repeated frames do not refresh the timeout", "ok 1, repeated 1, crc 1, stale 1, rearm 1", 6,
      {IS(0, 0, INIT, 0), WAITS(60000), NOT(0, 0), SPOILS(1), WAITS(60000), NOT(1, 0)}, SEEN(REPEATED) | SEEN(CRC) | SEEN(STALE)},
     /* Each frame comes a little before the one before it. */
@@ -220,7 +225,7 @@ static bool act(const beat_t *beat)
 static void play_beat(const beat_t *beat, dahl_state_t *reference, const char *name)
 {
     TEST_ASSERT_EQUAL_MESSAGE(beat->answer != NO_ANSWER, act(beat), name);
-    int32_t torque_q30 = dahl_step_counts_q30(&plan, reference, beat->travel);
+    int32_t torque_q30 = dahl_step_counts_q30(&plan, reference, beat->kind == FLAGGED ? 0 : beat->travel);
     TEST_ASSERT_TRUE_MESSAGE(reference->w == node.bearing.w, name);
     if (beat->answer != NO_ANSWER) {
         TEST_ASSERT_EQUAL_MESSAGE(beat->answer, answer.state, name);
@@ -265,6 +270,18 @@ static void test_more_than_a_byte_can_say(void)
         TEST_ASSERT_FALSE(feed(4, 500) || feed(5, 510) || feed(6, 520));
     }
     TEST_ASSERT_EQUAL(300, node.counts.bus_off);
+}
+
+/* The clock wraps after 71 minutes; a bus-off of so long ago is not taken for one of just now. */
+static void test_a_bus_off_of_long_ago_holds_nothing_back(void)
+{
+    dahl_can_frame_t out;
+    dahl_node_bus_off(&node, now_us);
+    for (uint32_t ms = 0; ms < 4294967u + 10; ms++) {
+        now_us += 1000;
+        (void)dahl_node_tick(&node, now_us, &out);
+    }
+    TEST_ASSERT_TRUE(!feed(4, 500) && !feed(5, 510) && feed(6, 520));
 }
 
 static void test_with_a_step_limit_longer_gaps_are_bridged(void)
@@ -476,10 +493,13 @@ static const beat_t play_LONG_GAP[] = {MAY_STEP(100), SENT(0, 0), SENT(8, 70)};
 static const beat_t play_AGAIN[] = {SENT(0, 0), SENT(0, 70)};
 static const beat_t play_OTHER[] = {SENT(0, 0), SENT(9, 70)};
 static const beat_t play_FAR[] = {MAY_STEP(10), SENT(0, 0), SENT(1, 70000)};
+static const beat_t play_FAR_GAP[] = {MAY_STEP(10), SENT(0, 0), SENT(8, 70000)};
 static const beat_t play_THIRD[] = {THIRD_OF_OTHERS};
 static const beat_t play_THIRD_FAR[] = {MAY_STEP(10), SENT(0, 0), SENT(1, 70000), SENT(2, 70005), SENT(3, 70010)};
 static const beat_t play_THIRD_NEAR[] = {MAY_STEP(100), THIRD_OF_OTHERS};
 static const beat_t play_DISOWNED[] = {SENT(0, 0), DISOWNS(1, 70)};
+static const beat_t play_DISOWNED_GAP[] = {SENT(0, 0), DISOWNS(3, 70)};
+static const beat_t play_DISOWNED_FIRST[] = {DISOWNS(1, 70)};
 static const beat_t play_BAD_CRC[] = {SENT(0, 0), SPOILS(1)};
 static const beat_t play_BAD_LENGTH[] = {SENT(0, 0), {CUT, 1, 70, 0, 0}};
 static const beat_t play_EXTENDED[] = {SENT(0, 0), FLAGGED_AS(DAHL_CAN_FRAME_EXTENDED)};
