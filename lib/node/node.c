@@ -474,7 +474,8 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
         return node->model == NULL ? DAHL_FRAMES_MODEL_DAHL : node->model->kind;
     }
     if (param > DAHL_FRAMES_PARAM_THETA) {
-        return *setting_of(node, param) / settings[param].scale;
+        uint32_t value = *setting_of(node, param), scale = settings[param].scale;
+        return value / scale + (value % scale >= scale - value % scale ? 1u : 0u);
     }
     float raw = *model_of(&node->params, param, &unit);
     raw /= unit;

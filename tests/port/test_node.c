@@ -322,6 +322,70 @@ static void test_the_step_limit_is_counts_per_ms_after_any_time(void)
     }
 }
 
+/* The counter has 4 bits: frames so many periods late look like ones ahead, more of them with a MaxStep. */
+static void test_which_late_frames_are_used(void)
+{
+    for (uint32_t late = 1; late <= 16; late++) {
+        for (uint32_t max_step = 0; max_step <= 20; max_step += 20) {
+            setUp();
+            node.max_step = max_step;
+            for (uint32_t i = 0; i <= 20; i++) {
+                TEST_ASSERT_TRUE(feed(i, (int32_t)i));
+            }
+            TEST_ASSERT_EQUAL(late >= (max_step > 0 ? 8 : 13) && late <= 15, feed(20 - late, (int32_t)(20 - late)));
+        }
+    }
+}
+
+/* --- an interrupt in the middle of a call -------------------------------------------------------------------------- */
+
+static bool is_masked, is_pending;
+
+/* The timer's, a microsecond after the frame. */
+static void interrupt(void)
+{
+    dahl_can_frame_t out;
+    (void)dahl_node_tick(&node, now_us + 1, &out);
+}
+
+static int32_t interrupted_step(dahl_node_model_t *model, int32_t dcounts)
+{
+    (void)model;
+    (void)dcounts;
+    is_pending = true;
+    if (!is_masked) {
+        interrupt();
+    }
+    return 0;
+}
+
+static void never_relax(dahl_node_model_t *model)
+{
+    (void)model;
+}
+
+/* The frame comes in the last microsecond of the timeout. A tick that waits until the call has ended sees no timeout; one in the
+ * middle of the call sees the old time, and the node is stale although it has answered. */
+static void test_a_tick_in_the_middle_of_a_receive_must_wait(void)
+{
+    for (int masked = 0; masked <= 1; masked++) {
+        dahl_node_model_t model = {interrupted_step, never_relax, 0, 0};
+        setUp();
+        is_masked = true;
+        node.model = &model;
+        TEST_ASSERT_TRUE(feed(0, 0));
+        is_masked = masked;
+        is_pending = false;
+        now_us += DAHL_NODE_TIMEOUT_US - 1000;
+        TEST_ASSERT_TRUE(feed(1, 10) && is_pending);
+        if (masked) {
+            interrupt();
+        }
+        TEST_ASSERT_EQUAL(masked ? 0 : 1, node.counts.stale);
+        TEST_ASSERT_EQUAL(masked ? DAHL_FRAMES_OK : DAHL_FRAMES_STALE, node.state);
+    }
+}
+
 /* --- Status -------------------------------------------------------------------------------------------------------- */
 
 /* A good frame says again why the node waits, where a corrupt one has said something else. */

@@ -47,6 +47,16 @@ static void test_settings_at_the_ends_of_their_range(void)
     }
 }
 
+/* A time that is set in us reads as the nearest ms, a half up. */
+static void test_a_time_that_is_no_whole_ms_reads_as_the_nearest(void)
+{
+    static const uint32_t us[][2] = {{0, 0}, {499, 0}, {500, 1}, {30400, 30}, {30600, 31}, {UINT32_MAX, 4294967}};
+    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
+        node.timeout_us = us[i][0];
+        TEST_ASSERT_EQUAL(us[i][1], param_now(DAHL_FRAMES_PARAM_TIMEOUT));
+    }
+}
+
 /* Whatever was asked of it: the answer has its number as the value. */
 static void test_an_unknown_parameter_is_answered_by_its_number(void)
 {
