@@ -427,7 +427,7 @@ static uint8_t take_held(dahl_node_t *node)
 static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *asked)
 {
     float unit;
-    if (asked->value == 0 || node->model != NULL) {
+    if (asked->value == 0 || asked->write > DAHL_FRAMES_PARAM_HOLD || node->model != NULL) {
         return drop_held(node);
     }
     float *value = model_of(&node->held, asked->param, &unit);
@@ -461,7 +461,7 @@ static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
     if (asked->write == DAHL_FRAMES_PARAM_READ) {
         return DAHL_FRAMES_PARAM_DONE;
     }
-    if (asked->write > DAHL_FRAMES_PARAM_HOLD || asked->param == DAHL_FRAMES_PARAM_MODEL) {
+    if (asked->param == DAHL_FRAMES_PARAM_MODEL) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
     return asked->param <= DAHL_FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);

@@ -130,7 +130,7 @@ static void test_a_model_is_written_as_a_whole(void)
 /* What is held goes with a refusal, of whatever write, and with a restart. A setting is not held, and there is no fourth request. */
 static void test_what_is_held_goes(void)
 {
-    for (int how = 0; how < 3; how++) {
+    for (int how = 0; how < 4; how++) {
         talk_begin();
         TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, UINT32_MAX).result);
         switch (how) {
@@ -139,6 +139,7 @@ static void test_what_is_held_goes(void)
             TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
             break;
         case 1: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_HOLD, 0).result != DAHL_FRAMES_PARAM_DONE); break;
+        case 2: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, 3, 1).result != DAHL_FRAMES_PARAM_DONE); break;
         default: (void)reset(DAHL_FRAMES_RESET_RESTART);
         }
         TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));
