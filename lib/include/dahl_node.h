@@ -35,8 +35,8 @@
  *
  *   mask(); due = dahl_node_tick(&node, clock_us(), &out); unmask(); if (due) { send(&out); }
  *
- * So must any code that reads or writes a member of the node, and dahl_node_bus_off and dahl_node_use_NAME. No lock is needed
- * if the interrupt only queues frames and main makes all calls. No call waits, and two nodes share nothing.
+ * The same holds for dahl_node_bus_off, dahl_node_use_NAME and any code that reads or writes a member of the node. No lock is
+ * needed if the interrupt only queues frames and main makes all calls. No call waits, and two nodes share nothing.
  *
  * Of dahl_can_bus.h the node needs dahl_can_frame_t with its flags, and no bus: any driver that fills in id, flags, length and
  * data will do. time_us is not read.
