@@ -161,8 +161,8 @@ static const story_t STORIES[] = {
      SEEN(WRONG_SEQUENCE)},
     /* 0x100, controller restarted, is the id of an EncoderState too. */
     {"an error frame is no frame of the encoder", "ok 3, rearm 2, bus_off 1", 9,
-     {IS(0, 0, INIT, 0), {FLAGGED, 1, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, IS(1, 5, OK, 5), GOES_OFF, WAITS(DAHL_NODE_TIMEOUT_US),
-      NOT(4, 0), {FLAGGED, 4, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, NOT(5, 0), IS(6, 0, STALE, 0)},
+     {IS(0, 0, INIT, 0), {FLAGGED, 1, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, IS(1, 5, OK, 5), GOES_OFF,
+      WAITS(DAHL_NODE_TIMEOUT_US), NOT(4, 0), {FLAGGED, 4, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, NOT(5, 0), IS(6, 0, STALE, 0)},
      SEEN(STALE)},
     {"bad and repeated frames do not refresh the timeout", "ok 1, repeated 1, crc 1, stale 1, rearm 1", 6,
      {IS(0, 0, INIT, 0), WAITS(60000), NOT(0, 0), SPOILS(1), WAITS(60000), NOT(1, 0)}, SEEN(REPEATED) | SEEN(CRC) | SEEN(STALE)},
