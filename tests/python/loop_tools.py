@@ -152,6 +152,7 @@ class Logged:
     id: int
     data: bytes
     is_extended: bool = False
+    is_foreign: bool = False  # a remote frame or one of CAN FD, which no log tells
 
 
 def read_log(path: Path) -> list[Logged]:

@@ -286,7 +286,8 @@ class FrictionTorque(Frame):
 @checks.calls_checked
 @dataclass(frozen=True)
 class Status(Frame):
-    """The node's own word, every 100 ms and at once after a timeout, a bus-off and a Reset.
+    """The node's own word, every 100 ms or as Param.STATUS says; at once after power-on, a timeout,
+    a bus-off and a Reset.
 
     counter        0 .. 15, one more with each Status
     state, errors  of the node now, and since the last Reset

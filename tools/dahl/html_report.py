@@ -20,7 +20,7 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "ticks": ("ticks of 1 ms", "", ".0f"),
     "frames_sent": ("angles sent", "", ".0f"),
     "frames_lost": ("angles without an answer", "", ".0f"),
-    "deadline_misses": ("answers later than a period", "", ".0f"),
+    "deadline_misses": ("answers and angles later than a period", "", ".0f"),
     "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
     "rmse_measured": ("rms error against the measurement", "", ".4g"),
     "r2_measured": ("R² against the measurement", "", ".4f"),

@@ -163,7 +163,7 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
     axes.set(xscale="log", yscale="log")
     quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]
     words = f"p50 {quantiles['p50']:.0f} us, p99 {quantiles['p99']:.0f} us, jitter p99"
-    words += f" {jitter['p99']:.0f} us, {numbers['deadline_misses']} later than a period"
+    words += f" {jitter['p99']:.0f} us, {numbers['deadline_misses']} deadlines missed"
     axes.set_title(words, loc="left", fontsize=10, color="#555555")
 
 
