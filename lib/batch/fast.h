@@ -17,7 +17,7 @@
 #include <stddef.h>
 
 #include "cpu_dispatch.h"
-#include "../arith/fixed.h"
+#include "../model/bristle_update.h"
 #include "dahl_batch.h"
 
 #define DAHL_ALL 709.5 /* travel that leaves nothing of the gap: its 2^-k is 0 as a double; an infinite one is cut here */
@@ -100,8 +100,10 @@ DAHL_INLINE double dahl_number_of_angle(const void *moves, size_t i)
     return (double)((const float *)moves)[i];
 }
 
-DAHL_INLINE double dahl_w_of(const dahl_state_t *state)
+/* w = F/Fc of a state, which is clamped first. */
+DAHL_INLINE double dahl_w_of(dahl_state_t *state)
 {
+    state->w = (int64_t)dahl_clamp((uint64_t)state->w);
     return (double)state->w * 0x1p-62;
 }
 
