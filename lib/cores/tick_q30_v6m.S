@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * dahl_step_counts_q30 for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_counts_q30.c, same bits. 59 instructions
- * forward and 61 backward; a compiler needs more, since it runs out of the eight low registers.
+ * forward and 61 backward, one more at a reversal from the end; a compiler needs more, since it runs out of the eight low registers.
  *
  * Forward, a move of n = 0 .. 8 counts, g = plan->g[n] = g_high 2^-32 + g_low 2^-64:
  *     z = 2^30 - q,  q = w in Q30, a half rounded up          the gap to +Fc, in Q30
@@ -20,21 +20,12 @@
 
 #define TABLE 16 /* bytes from the plan to its table of g, eight bytes an entry: g_high, g_low */
 
-/* Stores w and returns it in Q30; r1 is eight bytes beyond the state. */
-    .macro return_q30
-    subs    r1, r1, #8
-    stmia   r1!, {r2, r3}
-    lsrs    r0, r2, #31
-    adds    r0, r0, r3
-    pop     {r4-r7, pc}
-    .endm
-
 /* In: r0 the plan plus eight bytes for each count, r1 the state, r4 z. `add` is adds or subs, `add_carry` adcs or sbcs. Returns
  * from the tick, w in Q30. */
     .macro update add, add_carry
     lsrs    r5, r4, #16 /* z1 */
     uxth    r4, r4      /* z0 */
-    ldr     r6, [r0, #TABLE + 4]
+3:  ldr     r6, [r0, #TABLE + 4]
     lsrs    r7, r6, #16 /* g_low = r7:r6 */
     uxth    r6, r6
     movs    r2, r4
@@ -73,25 +64,20 @@
     lsrs    r4, r4, #16
     \add    r2, r2, r7
     \add_carry r3, r3, r4
-    return_q30
+    subs    r1, r1, #8
+    stmia   r1!, {r2, r3}
+    lsrs    r0, r2, #31
+    adds    r0, r0, r3
+    pop     {r4-r7, pc}
     .endm
 
-/* Where the branch on the top bit of z goes to. For z = 2^31, a reversal from the end, z g is half of g. Else the state is out of
+/* Where the branch on the top bit of z goes to. z = 2^31, a reversal from the end, goes on in `update`. Else the state is out of
  * range: it is clamped to +-2^62, the end of its side, and the tick goes on from `gap`. */
-    .macro reverse_or_clamp add, add_carry, gap
-    lsls    r5, r4, #1
-    bne     9f
-    ldr     r5, [r0, #TABLE]
-    ldr     r4, [r0, #TABLE + 4]
-    lsls    r6, r5, #31
-    lsrs    r5, r5, #1
-    lsrs    r4, r4, #1
-    orrs    r4, r4, r6
-    ldmia   r1!, {r2, r3}
-    \add    r2, r2, r4
-    \add_carry r3, r3, r5
-    return_q30
-9:  ldr     r3, [r1, #4]
+    .macro reverse_or_clamp gap
+    lsrs    r5, r4, #16
+    lsls    r4, r4, #1 /* z0 = 0 if z is 2^31 */
+    beq     3b
+    ldr     r3, [r1, #4]
     lsrs    r3, r3, #31
     lsls    r3, r3, #31
     movs    r2, #1
@@ -123,7 +109,7 @@ dahl_step_counts_q30:
     subs    r4, r4, r3
     bmi     2f
     update adds, adcs
-2:  reverse_or_clamp adds, adcs, 1b
+2:  reverse_or_clamp 1b
 
 backward:
     negs    r2, r2
@@ -140,7 +126,7 @@ backward:
     adcs    r4, r4, r3
     bmi     2f
     update subs, sbcs
-2:  reverse_or_clamp subs, sbcs, 1b
+2:  reverse_or_clamp 1b
 
 large:
     negs    r2, r2
