@@ -35,7 +35,7 @@ DAHL_INLINE void run(const job_t *job, bool converts)
     int64_t w[BLOCK];
     for (size_t i = 0; i < job->n; i += rows) {
         rows = job->n - i < BLOCK ? job->n - i : BLOCK;
-        move_all(job->plan, w, dahl_clamp((uint64_t)job->state->w), job->dcounts + i, rows);
+        move_all(job->plan, w, (uint64_t)job->state->w, job->dcounts + i, rows);
         dahl_batch_torques(job->plan, &unit, 0, w, job->F + i, rows, converts);
         job->state->w = w[rows - 1];
     }
@@ -45,6 +45,9 @@ DAHL_VARIANTS_TOLD(run_ticks, job_t, run)
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {
     job_t job = {plan, state, dcounts, F, n};
+    if (n != 0) { /* once: each tick leaves a state in range */
+        state->w = (int64_t)dahl_clamp((uint64_t)state->w);
+    }
     run_ticks(&job);
 }
 

@@ -100,10 +100,14 @@ DAHL_INLINE double dahl_number_of_angle(const void *moves, size_t i)
     return (double)((const float *)moves)[i];
 }
 
-/* w = F/Fc of a state, which is clamped first. */
-DAHL_INLINE double dahl_w_of(dahl_state_t *state)
+/* Once a call: each block leaves a state in range. */
+DAHL_INLINE void dahl_clamp_state(dahl_state_t *state)
 {
     state->w = (int64_t)dahl_clamp((uint64_t)state->w);
+}
+
+DAHL_INLINE double dahl_w_of(const dahl_state_t *state)
+{
     return (double)state->w * 0x1p-62;
 }
 
