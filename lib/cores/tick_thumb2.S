@@ -16,7 +16,9 @@
     add     r12, plan, n, lsl #3
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
-    update_forward
+11: gap_forward
+    bmi     13f
+12: update_forward
 #ifndef __ARM_FEATURE_DSP
     cmp     w_high, #0 /* UMLAL leaves no flags */
 #endif
@@ -29,10 +31,15 @@ backward:
     sub     r12, plan, n, lsl #3
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
-    update_backward
+14: gap_backward
+    bmi     16f
+15: update_backward
 
 torque:
     return_torque r4, r5
+
+13: clamp_unless_reversal 11b, 12b
+16: clamp_unless_reversal 14b, 15b
 
 large:
     return_torque_after dahl_step_large

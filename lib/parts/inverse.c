@@ -3,7 +3,7 @@
  * From a torque back to counts, without a logarithm. In the direction of travel let d = Fc - F be what the torque lacks of Fc: n
  * counts leave d exp(-n u) of it. So n has the binary digits, highest first, that leave more than the wanted torque lacks.
  * A real move takes its digits the other way round and rounds a little otherwise: what the digits find is a guess, mostly right,
- * and real moves decide.
+ * and real moves decide. (They clamp a state out of range, for which the digits find any counts.)
  * Two moves from one state err by E = 2^-31 + 2^-62/u <= 7e-10 of Fc each (docs/accuracy.md), so the exact torque of a shorter
  * one is below that of a longer one, and the returned torque below it but for 2 E: DAHL_INVERSE_ERROR.
  */

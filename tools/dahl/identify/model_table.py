@@ -21,9 +21,9 @@ from dahl.identify.terms import TIMED, place_of
 
 PROMISING = 1.2  # of the cost of Dahl's model
 SLIPS, MIXES = 4, 4  # elements side by side
-DAHL_TICK, ASYMMETRIC_TICK = 18, 33  # instructions
-SLIP_TICK = (22, 16)  # of a tick, and for each element
-DAHLS_TICK, MIXED_TICK = (21, 20), (48, 20)  # a mix has one slip element or more
+DAHL_TICK, ASYMMETRIC_TICK = 20, 33  # instructions
+SLIP_TICK = (20, 18)  # of a tick, and for each element
+DAHLS_TICK, MIXED_TICK = (21, 21), (49, 21)  # a mix has one slip element or more
 LEAST_STEP = 0.15  # of the exponent
 PLAINLY = 0.1  # of the error, that it has to remove to do without a delay and the like
 NOTHING = 1e-6  # of the torque's variance: what rounding leaves, and no model explains
