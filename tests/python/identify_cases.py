@@ -16,6 +16,7 @@ from identify_tools import (
     dahl_torque,
     noise_of,
     sine,
+    springs,
     synthetic,
     varying_torque,
 )
@@ -256,9 +257,16 @@ def late_in_coarse_cycles(cycle: int, rows: int) -> Log:
     return of(theta[rows:], dahl_torque(theta)[: 60 * cycle])
 
 
+def of_two_elements(cycles: float) -> Log:
+    """Two springs that slip, which together have SIGMA0 and FC."""
+    theta = sine(3, rows=900, cycles=cycles)
+    parts = ((0.6 * SIGMA0, 0.4 * FC), (0.4 * SIGMA0, 0.6 * FC))
+    return of(theta, springs(theta, *parts), 0.02)
+
+
 def by_edges() -> Log:
     """Written at each edge of the encoder, without a clock."""
-    counts = np.floor(sine(3, rows=40_000, cycles=5) / COUNT)
+    counts = np.floor(sine(3, rows=64_000, cycles=8) / COUNT)
     theta = counts[1:][np.diff(counts) != 0] * COUNT
     torque = dahl_torque(theta) + 0.02 * FC * noise_of(1, len(theta))
     return Log("edges", theta, torque, resolution=COUNT)
