@@ -347,9 +347,9 @@ def test_words_with_their_numbers(name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_verdict_keeps_to_its_limits(name):
-    """Claimed is what has six cycles, an interval of 30 % at most to a side, in the mean, no finding
-    against it, and an R2 of .5 on what was not fitted; sigma0 also takes 15 % less error than Coulomb's and
-    two counts in a presliding length. Words are said where their limits say so.
+    """Claimed is what has six cycles, an interval of 30 % at most to a side, in the mean, no
+    finding against it, and an R2 of .5 on what was not fitted; sigma0 also takes 15 % less error
+    than Coulomb's and two counts in a presliding length. Words are said where their limits say so.
     """
     log, facts = facts_of(name)
     held = {model: one["r2"] for model, one in facts["held_out"].items()}

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import built
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, springs, write_csv
 from log_reading import drawing, run
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -430,3 +430,32 @@ def test_a_log_without_an_encoder_has_a_scene_that_counts_finely(tmp_path):
     assert float(count) == pytest.approx(1e-3 / kept["a"])
     assert kept["plan"]["theta_per_count"] == 0
     assert "dahl_step() alone" in comment_of(tmp_path / "dahl_plan_x.h")
+
+
+@pytest.mark.parametrize("model", ["slip-1", "dahl-2", "mixed-2", "asymmetric"])
+def test_a_plan_that_goes_by_counts_alone_is_forced_with_the_count_of_the_scene(
+    model, root, tmp_path
+):
+    """The log shows no encoder: without --force there is no plan; with it the header compiles and
+    names the count, that of the scene.
+    """
+    theta = sine(1, rows=4000, cycles=8)
+    torque = springs(theta, (60, 0.4), (40, 0.1)) + 0.01 * FC * noise_of(1, 4000)
+    path = write_csv(tmp_path / "free.csv", theta, torque)
+    words = ("--model", model, "-o", tmp_path, "--name", "x")
+    header, scene = tmp_path / "dahl_plan_x.h", tmp_path / "x.ini"
+    assert run("identify", path, *words).returncode == 0 and not header.exists()
+    done = run("identify", path, *words, "--force")
+    assert done.returncode == 0, done.stderr
+    (against,) = (
+        one
+        for one in json.loads((tmp_path / "x.json").read_text())["plan"]["against"]
+        if "no encoder" in one
+    )
+    (count,) = re.findall(r"theta_per_count = (\S+)", scene.read_text())
+    (named,) = re.findall(r"theta_per_count = (\S+) rad", comment_of(header))
+    assert float(named) == pytest.approx(float(count), rel=1e-5)
+    assert f"FORCED, although {against}" in comment_of(header)
+    check = ["gcc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-const-variable", "-fsyntax-only"]
+    command = [*check, f"-I{root / 'lib/include'}", "-x", "c", header]
+    subprocess.run(command, check=True, timeout=60)
