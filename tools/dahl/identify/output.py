@@ -135,11 +135,16 @@ def table(result: Result) -> Table:
     shown = Table(show_header=False, title=titled(result))
     shown.title_justify = "left"
     shown.add_row("verdict", result.verdict.text)
+    whose = models_output.whose(result)
+    if whose:
+        shown.add_row("model", models_output.headlines(result)[0])
     for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
-        shown.add_row(name, f"{getattr(estimate, name):.5g} {unit}  {interval(result, name)}")
+        number = f"{getattr(estimate, name):.5g} {unit}{whose}"
+        shown.add_row(name, f"{number}  {interval(result, name)}")
     for name, value in estimate.terms.items():
         shown.add_row(name, f"{value:.4g} {unit_of(name, log)}")
-    shown.add_row("R2, rms on the rows fitted", f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}")
+    fit = f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}{whose}"
+    shown.add_row("R2, rms on the rows fitted", fit)
     for name, words in (
         ("dahl", "Dahl"),
         ("coulomb", "Coulomb"),
@@ -182,7 +187,7 @@ def header(result: Result, name: str) -> str:
         result.follows.words + "." if result.follows else "",
         f"Dahl's sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
         f" Fc [{log.unit}] {interval(result, 'Fc')}.",
-        f"R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
+        f"Dahl's R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
         f" {result.plan.r2:.4f}.",
         about_count,
         *(f"FORCED, although {words}." for words in result.plan.against),
