@@ -94,6 +94,11 @@ def played(
 ) -> Log:
     """Backlash: the torque rests at `centre` of Fc over `slack` rad after each reversal."""
     theta = sine(seed, rows=rows, cycles=cycles)
+    return of(theta, FC * resting_ratio(theta, slack, centre), 0.01)
+
+
+def resting_ratio(theta: np.ndarray, slack: float, centre: float = 0.0) -> np.ndarray:
+    """F/Fc that rests at `centre` over `slack` rad after each reversal."""
     ratio, w, gap = [], 0.0, 0.0
     for move in np.diff(theta, prepend=theta[0]):
         side = np.sign(move)
@@ -103,7 +108,7 @@ def played(
         else:
             w, gap = aim, 0.0
         ratio.append(w)
-    return of(theta, FC * np.array(ratio), 0.01)
+    return np.array(ratio)
 
 
 def low_passed(kind: str, rows: int = 10) -> Log:
