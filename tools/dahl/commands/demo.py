@@ -246,11 +246,7 @@ def _play(
 
     setup = _setup(args, scene, log, console)
     ticks = _expected(args, scene, recorded)
-    for path in (
-        args.output / name for name in ("summary.json", "trace.csv", report.UNCOMPENSATED)
-    ):
-        if path.is_file():  # of an earlier run: this one may be cut off
-            path.unlink()
+    _forget_earlier_run(args.output)
     columns = (
         TextColumn("run    "),
         BarColumn(),
@@ -275,6 +271,13 @@ def _play(
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
     return numbers, report.trace_of(logs.read_candump(args.output / "run.log"), scene.node)
+
+
+def _forget_earlier_run(folder: Path) -> None:
+    """Remove its numbers and traces, since this run may be cut off."""
+    for name in ("summary.json", "trace.csv", "uncompensated.csv"):
+        if (folder / name).is_file():
+            (folder / name).unlink()
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
