@@ -58,9 +58,9 @@ def headlines(result: Result) -> list[str]:
     if chosen is None or chosen.name == "Dahl":
         return lines
     kinds = [str(part["kind"]) for part in chosen.parts]
-    mix = f", {' + '.join(kinds)}" * (len(set(kinds)) > 1)
+    mix = f" ({' + '.join(kinds)})" * (len(set(kinds)) > 1)
     score = f"R2 {models.r2(chosen):.4f} on cycles left out"
-    return [f"{chosen.name} ({models.why}{mix}): {_in_units(chosen.parts, log)}, {score}", *lines]
+    return [f"{chosen.name}, {models.why}{mix}: {_in_units(chosen.parts, log)}, {score}", *lines]
 
 
 def _in_units(parts: Sequence[Part], log: Log) -> str:
