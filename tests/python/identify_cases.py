@@ -16,6 +16,7 @@ from identify_tools import (
     dahl_torque,
     noise_of,
     sine,
+    springs,
     synthetic,
     varying_torque,
 )
@@ -93,6 +94,11 @@ def played(
 ) -> Log:
     """Backlash: the torque rests at `centre` of Fc over `slack` rad after each reversal."""
     theta = sine(seed, rows=rows, cycles=cycles)
+    return of(theta, FC * resting_ratio(theta, slack, centre), 0.01)
+
+
+def resting_ratio(theta: np.ndarray, slack: float, centre: float = 0.0) -> np.ndarray:
+    """F/Fc that rests at `centre` over `slack` rad after each reversal."""
     ratio, w, gap = [], 0.0, 0.0
     for move in np.diff(theta, prepend=theta[0]):
         side = np.sign(move)
@@ -102,7 +108,7 @@ def played(
         else:
             w, gap = aim, 0.0
         ratio.append(w)
-    return of(theta, FC * np.array(ratio), 0.01)
+    return np.array(ratio)
 
 
 def low_passed(kind: str, rows: int = 10) -> Log:
@@ -256,9 +262,16 @@ def late_in_coarse_cycles(cycle: int, rows: int) -> Log:
     return of(theta[rows:], dahl_torque(theta)[: 60 * cycle])
 
 
+def of_two_elements(cycles: float) -> Log:
+    """Two springs that slip, which together have SIGMA0 and FC."""
+    theta = sine(3, rows=900, cycles=cycles)
+    parts = ((0.6 * SIGMA0, 0.4 * FC), (0.4 * SIGMA0, 0.6 * FC))
+    return of(theta, springs(theta, *parts), 0.02)
+
+
 def by_edges() -> Log:
     """Written at each edge of the encoder, without a clock."""
-    counts = np.floor(sine(3, rows=40_000, cycles=5) / COUNT)
+    counts = np.floor(sine(3, rows=64_000, cycles=8) / COUNT)
     theta = counts[1:][np.diff(counts) != 0] * COUNT
     torque = dahl_torque(theta) + 0.02 * FC * noise_of(1, len(theta))
     return Log("edges", theta, torque, resolution=COUNT)

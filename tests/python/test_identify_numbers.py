@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from dahl.identify import pipeline
 from dahl.identify.log import Log
+from dahl.identify.pipeline import Options, identify
 from identify_cases import A
 from identify_tools import (
     FC,
@@ -363,6 +364,37 @@ def test_models_are_scored_by_cycles_left_out():
     rows = np.concatenate(cycles_of(log, A))
     best = solved(np.column_stack(drawn)[rows], log.torque[rows])[0]
     assert slip["Fc"] == pytest.approx(best[0], rel=0.005)
+
+
+# --- backlash -------------------------------------------------------------------------------------
+
+
+def band_rows(way: np.ndarray, centre: float) -> int:
+    """Rows from the last one below a band of .1 of Fc to either side, to the first one above it."""
+    above = int(np.argmax(way > centre + 0.1))
+    return above - int(np.flatnonzero(way[:above] < centre - 0.1)[-1])
+
+
+@pytest.mark.parametrize("slack", [0.005, 0.01])
+def test_travel_that_is_taken_out_as_backlash(slack):
+    """Strokes at one speed, so that travel is rows. The flat band keeps the travel that the bands
+    beside it have; a row more or less in each of them is seen.
+    """
+    rows = 200  # a cycle
+    phase = (np.arange(8 * rows) / rows + 0.1) % 1
+    theta = 0.05 * np.interp(phase, [0, 0.5, 1], [-1, 1, -1])
+    ratio = made.resting_ratio(theta, slack)
+    log = made.of(theta, FC * ratio, 0.002, 0.0)
+    result = identify([log], Options(terms=("offset",), delay=False, model="dahl"))
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(theta)))) + 1
+    strokes = [ratio[i : j + 1] * (-1) ** k for k, (i, j) in enumerate(pairwise(turns), 1)]
+    low, flat, high = np.median(
+        [[band_rows(way, centre) for centre in (-0.25, 0, 0.25)] for way in strokes], axis=0
+    )
+    part, step = 1 - (low + high) / (2 * flat), 0.2 / rows  # taken out; rad a row
+    kept = np.abs(result.logs[0].moves_of(slice(turns[0], turns[-1]))).sum()
+    out = np.abs(np.diff(theta[turns[0] - 1 : turns[-1]])).sum() - kept
+    assert out / len(strokes) == pytest.approx(part * (flat - 1) * step, abs=0.35 * step)
 
 
 # --- cycle by cycle -------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import built
-from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
+from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, springs, write_csv
 from log_reading import drawing, run
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -359,6 +359,7 @@ def test_the_axes_of_the_picture_have_their_units(rig):
 
 
 SPIKES = np.arange(100, 4000, 40)
+FITTED = {"dahl": "fitted", "slip-2": "slip K=2"}
 
 
 @pytest.fixture(scope="module")
@@ -430,3 +431,84 @@ def test_a_log_without_an_encoder_has_a_scene_that_counts_finely(tmp_path):
     assert float(count) == pytest.approx(1e-3 / kept["a"])
     assert kept["plan"]["theta_per_count"] == 0
     assert "dahl_step() alone" in comment_of(tmp_path / "dahl_plan_x.h")
+
+
+@pytest.mark.parametrize("model", ["", "dahl"])
+def test_the_headline_has_the_numbers_of_the_model_that_was_chosen(tmp_path, model):
+    """Of the one that the plan carries first, with its R2, then Dahl's, each by its name; on the
+    screen too. If Dahl's is chosen there is one line.
+    """
+    theta = sine(5, rows=3000, cycles=8)
+    torque = springs(theta, (70, 0.3), (30, 0.3)) + 0.02 * FC * noise_of(5, 3000)
+    path = write_csv(tmp_path / "slip.csv", theta, torque)
+    words = ("--model", model) if model else ()
+    with drawing() as figures:
+        done = run("identify", path, "-o", tmp_path, "--name", "x", *words)
+    kept = json.loads((tmp_path / "x.json").read_text())
+    lines = figures[0].get_suptitle().replace("\n", " ").partition("slip.csv ")[2]
+    head, _, dahls = lines.rpartition("Dahl: ")
+    assert f"{kept['sigma0']:.4g} N m/rad" in dahls and f"{kept['Fc']:.4g} N m," in dahls
+    assert f"R2 {kept['r2']:.4f}" in dahls
+    chosen = next(one for one in kept["models"] if one["chosen"])
+    assert (chosen["name"] == "Dahl") is (head == "") is bool(model)
+    if not model:
+        assert head.startswith(chosen["name"]) and f"R2 {chosen['r2']:.4f}" in head
+        numbers = [part[name] for part in chosen["elements"] for name in ("sigma0", "Fc")]
+        assert all(f"{number:.4g}" in head for number in numbers)
+        assert head.strip() in done.stdout
+    assert ("(Dahl)" in done.stdout) is (not model)
+
+
+@pytest.mark.parametrize("rows", [9, -9])
+@pytest.mark.parametrize("model", FITTED)
+def test_each_curve_of_the_picture_lies_on_the_log_that_came_late(tmp_path, rows, model):
+    """Dahl's as well as that of another model, and the marks of the rows that weigh less."""
+    theta = sine(5, rows=3200, cycles=8.5)
+    torque = np.roll(dahl_torque(theta), rows)[100:-100] + 0.02 * FC * noise_of(5, 3000)
+    spikes = SPIKES[SPIKES < 2900]
+    torque[spikes] += 2 * FC
+    path = write_csv(tmp_path / "late.csv", theta[100:-100], torque)
+    with drawing() as figures:
+        done = run("identify", path, "-o", tmp_path, "--name", "x", "--model", model)
+    assert done.returncode == 0, done.stderr
+    kept = json.loads((tmp_path / "x.json").read_text())
+    assert kept["delay_rows"] == pytest.approx(rows, abs=0.3)
+    curves = curves_of(panels_of(figures[0])["loop"])
+    (fitted,) = (one[1] for name, one in curves.items() if name.startswith(FITTED[model]))
+    plain = np.isfinite(fitted)
+    plain[spikes] = False
+    left = (torque - fitted)[plain]
+    assert plain.sum() > 2850
+    assert 1 - left.var() / torque[plain].var() > 0.997  # 9 rows off: .955
+    (odd,) = (curve for name, curve in curves.items() if name.startswith("weighs less"))
+    on_spikes = [np.abs(odd[1] - torque[row]).min() < 1e-6 for row in spikes]
+    assert np.mean(on_spikes) > 0.9
+
+
+@pytest.mark.parametrize("model", ["slip-1", "dahl-2", "mixed-2", "asymmetric"])
+def test_a_plan_that_goes_by_counts_alone_is_forced_with_the_count_of_the_scene(
+    model, root, tmp_path
+):
+    """The log shows no encoder: without --force there is no plan; with it the header compiles and
+    names the count, that of the scene.
+    """
+    theta = sine(1, rows=4000, cycles=8)
+    torque = springs(theta, (60, 0.4), (40, 0.1)) + 0.01 * FC * noise_of(1, 4000)
+    path = write_csv(tmp_path / "free.csv", theta, torque)
+    words = ("--model", model, "-o", tmp_path, "--name", "x")
+    header, scene = tmp_path / "dahl_plan_x.h", tmp_path / "x.ini"
+    assert run("identify", path, *words).returncode == 0 and not header.exists()
+    done = run("identify", path, *words, "--force")
+    assert done.returncode == 0, done.stderr
+    (against,) = (
+        one
+        for one in json.loads((tmp_path / "x.json").read_text())["plan"]["against"]
+        if "no encoder" in one
+    )
+    (count,) = re.findall(r"theta_per_count = (\S+)", scene.read_text())
+    (named,) = re.findall(r"theta_per_count = (\S+) rad", comment_of(header))
+    assert float(named) == pytest.approx(float(count), rel=1e-5)
+    assert f"FORCED, although {against}" in comment_of(header)
+    check = ["gcc", "-std=c99", "-Wall", "-Werror", "-Wno-unused-const-variable", "-fsyntax-only"]
+    command = [*check, f"-I{root / 'lib/include'}", "-x", "c", header]
+    subprocess.run(command, check=True, timeout=60)

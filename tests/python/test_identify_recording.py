@@ -41,8 +41,8 @@ def told(result, words: str) -> list[str]:
     ("counts", "said"), [(16384, ""), (8192, "16384"), (32768, "16384"), (16000, "16384")]
 )
 def test_counts_per_turn_against_the_grid(tmp_path, counts, said):
-    theta = np.floor(sine(1, rows=2000, cycles=4) / COUNT) * COUNT
-    path = write_csv(tmp_path / "a.csv", theta, dahl_torque(theta) + 0.01 * noise_of(1, 2000))
+    theta = np.floor(sine(1, rows=4000, cycles=8) / COUNT) * COUNT
+    path = write_csv(tmp_path / "a.csv", theta, dahl_torque(theta) + 0.01 * noise_of(1, 4000))
     log = read(path, "--counts-per-turn", counts)
     result = pipeline.identify([log])
     assert (f"{said} counts a turn" in result.verdict.text) is bool(said)

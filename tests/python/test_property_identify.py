@@ -141,7 +141,7 @@ def test_the_step_of_an_encoder_is_found(examples):
 
 # --- the design of an experiment ------------------------------------------------------------------
 
-ROWS_OF_A_LENGTH, LEAST_COUNTS, MARGIN, FEWEST = 8, 4, 1.5, 5
+ROWS_OF_A_LENGTH, LEAST_COUNTS, MARGIN, FEWEST = 8, 4, 1.5, 6
 
 
 def proposed(run, **words: float) -> dict[str, Any]:
@@ -207,7 +207,7 @@ def test_a_motion_reaches_what_its_bound_allows(dahl, noise, within, rate, speed
 
 
 def test_what_limits_a_motion(dahl):
-    """Four counts in a presliding length at least, a million rows in a cycle at most, five cycles
+    """Four counts in a presliding length at least, a million rows in a cycle at most, six cycles
     at least.
     """
     known = {"sigma0": SIGMA0, "fc": FC, "counts_per_turn": 16384}

@@ -323,7 +323,7 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     numbers |= {"units": {"sigma0": slope, "Fc": force, "theta_per_count": "rad"}}
     cells, _ = page_of(tmp_path, numbers | {"answers_by_state": {"OK": 790}})
     shown = f"a bus;real;800;11;0;13;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
-    shown += f";p50 100, p99 1000, max 10000 us;12.5 {slope};790;1234567"
+    shown += f";p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
     assert cells[1::2] == shown.split(";")
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})

@@ -248,6 +248,18 @@ def _log_in(folder: Path) -> Iterator[IO[str]]:
         yield log
 
 
+def run_uncompensated(setup: Setup, trace: Path) -> None:
+    """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
+    words = ["--virtual", "--set", "friction.gain=0", "--trace", trace]
+    command = [paths.loop_program(), "--scene", setup.scene, *words, *_options(setup, "both")]
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, check=False, errors="replace"
+    )
+    if done.returncode:
+        last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]
+        raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
+
+
 def _record(
     bus: can.BusABC,
     log: IO[str],

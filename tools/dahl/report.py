@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
 BOUND_ULP_PARTS = 0.55  # the same for the models beside Dahl's (DAHL_ULP_PARTS)
 FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
+UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0, beside trace.csv
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
@@ -244,6 +245,11 @@ def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any
         loads = (Fraction(int(raw), FULL_LOAD) for raw in load)
         return reference.exact_loaded_ratios(moves, loads, travel)
     return reference.exact_ratios(moves, travel)
+
+
+def words(name: str) -> str:
+    """A key of a summary as people read it."""
+    return name.replace("_", " ")
 
 
 def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:

@@ -35,7 +35,16 @@ EXAMPLE = """examples:
 
 PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
-WRITTEN = ("*.ini", "*.json", "*.err", "*.bin", "run.log", "trace.csv", "loop.png")
+WRITTEN = (
+    "*.ini",
+    "*.json",
+    "*.err",
+    "*.bin",
+    "run.log",
+    "trace.csv",
+    "uncompensated.csv",
+    "loop.png",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -244,9 +253,7 @@ def _play(
 
     setup = _setup(args, scene, log, console)
     ticks = _expected(args, scene, recorded)
-    for path in (args.output / "summary.json", args.output / "trace.csv"):
-        if path.is_file():  # of an earlier run: this one may be cut off
-            path.unlink()
+    _forget_earlier_run(args.output)
     columns = (
         TextColumn("run    "),
         BarColumn(),
@@ -263,6 +270,8 @@ def _play(
         )
         done = numbers.get("ticks", 0)
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
+    if setup.trace and scene.compensates and not numbers["interrupted"]:
+        loop.run_uncompensated(setup, args.output / report.UNCOMPENSATED)
     numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
@@ -279,6 +288,13 @@ def _trace(log: Path, scene: Scene) -> Trace:
         return report.trace_of(logs.read_candump(log), scene.node)
     except Error as error:
         raise RunError(f"not compared: {error}") from None
+
+
+def _forget_earlier_run(folder: Path) -> None:
+    """Remove its numbers and traces, since this run may be cut off."""
+    for name in ("summary.json", "trace.csv", "uncompensated.csv"):
+        if (folder / name).is_file():
+            (folder / name).unlink()
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
@@ -358,7 +374,7 @@ def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
         "bus": numbers["bus"],
         "ticks": numbers.get("ticks"),
         "frames sent, lost": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
-        "latency": ", ".join(f"{key} {value:.0f} us" for key, value in latency.items())
+        "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
         or "none: virtual time stands still between an angle and its answer",
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
@@ -374,7 +390,7 @@ def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
             f" R² {numbers['r2_measured']:.4f} (from row {numbers['compared_from_row']} on)"
         )
     rows |= _special(numbers)
-    table = Table(show_header=False, title=scene.title, title_justify="left")
+    table = Table(show_header=False)
     for name, value in rows.items():
         table.add_row(name, str(value))
     return table
@@ -387,8 +403,8 @@ def _special(numbers: dict[str, Any]) -> dict[str, str]:
     rows = {}
     if "faults" in numbers:
         injected = numbers["faults"]["injected"]
-        rows["faults"] = ", ".join(f"{name} {count}" for name, count in injected.items() if count)
-        wrong = report.disagreements(numbers)
+        rows["faults"] = ", ".join(f"{report.words(key)} {n}" for key, n in injected.items() if n)
+        wrong = {report.words(key): pair for key, pair in report.disagreements(numbers).items()}
         rows["faults counted by the node"] = "all, to the last one" if not wrong else str(wrong)
     if "control" in numbers:
         control = numbers["control"]

@@ -319,7 +319,7 @@ def _each(args: argparse.Namespace) -> int:
             earlier += known
             progress.advance(task)
     folder_runs.write_table(args.output / "each.csv", rows)
-    table = Table("log", "sigma0", "Fc", "R2", "verdict")
+    table = Table("log", "sigma0 (Dahl)", "Fc (Dahl)", "R2 (Dahl)", "verdict")
     keys = ("sigma0", "Fc", "r2")
     for name, row in sorted(rows.items()):
         units = row.get("units", {})

@@ -41,17 +41,26 @@ class Part:
 class Cut:
     """Logs in bins, cut into cycles."""
 
-    def __init__(self, logs: Sequence[Log], a: float, least_turn: float, reach: int) -> None:
+    def __init__(
+        self,
+        logs: Sequence[Log],
+        a: float,
+        least_turn: float,
+        reach: int,
+        rows: int = LOOKED_AT,
+        strokes: bool = False,
+    ) -> None:
         """Cut where the angle turns by more than `least_turn` rad (m); `reach` is by how many rows
-        a torque may be moved, so that as many at the ends of a log do not count.
+        a torque may be moved, so that as many at the ends of a log do not count; `rows` of all logs
+        together are used; `strokes` are told apart also if there are many cycles.
         """
-        most = max(LOOKED_AT // len(logs), 1)
+        most = max(rows // len(logs), 1)
         logs = [log.head(most) for log in logs]
         usual = max(-(-sum(log.rows for log in logs) // BINS), 1)
         self.rows = rows_of_a_bin(usual, logs)
         self.shares = [self._shares(log) for log in logs]
         parts = [
-            self._part(log, share, a, least_turn, reach)
+            self._part(log, share, a, units_of(log, least_turn, strokes), reach)
             for log, share in zip(logs, self.shares, strict=True)
         ]
         self.moves = [part.moves for part in parts]
@@ -60,6 +69,8 @@ class Cut:
         self.torque = np.concatenate([part.torque for part in parts])
         self.root = np.sqrt(np.concatenate([part.weight for part in parts]))
         self.spans = self._spans(parts)
+        turns = [path.reversals(log.theta, least_turn) for log in logs]
+        self.cycles = min(sum(len(some) // 2 for some in turns), len(self.spans))
         names = [log.name for log in logs]
         owner = np.searchsorted(self.ends, [span.start for span in self.spans], side="right") - 1
         several = len(dict.fromkeys(names)) > 1
@@ -83,13 +94,13 @@ class Cut:
         bins = len(values) // self.rows
         return values[: bins * self.rows].reshape(bins, self.rows, *values.shape[1:])
 
-    def _part(self, log: Log, shares: np.ndarray, a: float, least_turn: float, reach: int) -> Part:
+    def _part(self, log: Log, shares: np.ndarray, a: float, units: np.ndarray, reach: int) -> Part:
         moves = log.moves_of(slice(0, log.rows))
         columns = self._mean(columns_of(log), shares)
         counted = self._counted(moves, a, min(reach, log.rows // 20))
         if log.weight is not None:
             counted *= self._by_bin(log.weight).mean(axis=1)
-        unit = units_of(log, least_turn)[:: self.rows][: len(columns)]
+        unit = units[:: self.rows][: len(columns)]
         return Part(moves, columns[:, :-1], columns[:, -1], counted, unit)
 
     def _counted(self, moves: np.ndarray, a: float, reach: int) -> np.ndarray:
@@ -174,15 +185,15 @@ def _later(columns: np.ndarray, by: int) -> np.ndarray:
     return columns[index]
 
 
-def units_of(log: Log, least_turn: float) -> np.ndarray:
+def units_of(log: Log, least_turn: float, strokes: bool = False) -> np.ndarray:
     """The number of its cycle for each row: between every second reversal, or between all of them
-    where these are few, with what is before the first and behind the last where there are hardly
-    any (one log of several that are short).
+    where these are few or `strokes` are wanted, with what is before the first and behind the last
+    where there are hardly any (one log of several that are short).
     """
     turns = path.reversals(log.theta, least_turn)
     if 2 * len(turns) <= LEAST:
         return np.searchsorted(turns, np.arange(log.rows), side="right")
-    starts = turns[::2] if len(turns) > 2 * LEAST else turns
+    starts = turns[::2] if len(turns) > 2 * LEAST and not strokes else turns
     cycle = np.searchsorted(starts, np.arange(log.rows), side="right") - 1
     return np.clip(cycle, 0, max(len(starts) - 2, 0))
 

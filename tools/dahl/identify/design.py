@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dahl import Error
-from dahl.identify import path, verdict
+from dahl.identify import path
+from dahl.identify.explore import LEAST_CYCLES
 
 AMPLITUDES = np.geomspace(3, 30, 12)  # in presliding lengths 1/a; 3, as the guess may be off
 ROWS_PER_LENGTH = 8.0  # rows in a presliding length at the highest speed, at least
@@ -132,7 +133,7 @@ def _sine(wanted: Wanted, amplitude: float) -> Motion:
     information = _information(wanted, amplitude, rows)
     error = np.sqrt(np.diag(np.linalg.inv(information)))[:2] / (wanted.sigma0, wanted.Fc)
     cycles = MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
-    cycles = max(math.ceil(cycles), verdict.FEW // 2 + 1)
+    cycles = max(math.ceil(cycles), LEAST_CYCLES)
     reached = QUANTILE * error / math.sqrt(cycles)
     named = dict(zip(("sigma0", "Fc"), map(float, reached), strict=True))
     return Motion(amplitude, cycles, rows, wanted.rate, named)

@@ -5,6 +5,7 @@ residual over angle and speed, Fc and sigma0 cycle by cycle, and how sharply the
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dahl import plots
-from dahl.identify import carried, load, plan_quality
+from dahl.identify import carried, clean, load, models_output, plan_quality
 from dahl.identify import path as paths
 from dahl.identify.fit import dense_of, profile_of
 from dahl.identify.log import Log
@@ -25,6 +26,7 @@ from dahl.plots import COMPUTED, MEASURED
 POINTS = 20_000  # drawn of a long log
 ODD = 0.5  # weight below which a row is marked
 SPEED_ROWS = 9  # over which a speed is taken
+HEADLINE = 90  # characters
 COULOMB, MARK, CHOSEN = "#3d7ea6", "#e9a23b", "#3c8f5a"
 
 
@@ -58,7 +60,6 @@ def draw(path: Path, result: Result) -> None:
     """Write the picture; the old one stays until the new one is whole."""
     index = int(np.argmax([log.rows for log in result.logs]))  # the longest piece
     shown = shown_of(result, index)
-    unit = result.logs[0]
     with rc_context(plots.STYLE):
         figure = Figure(figsize=(11, 14), layout="constrained")
         loop, rests, by_cycle, cost = figure.subplots(4, 2, height_ratios=(2.6, 1, 1, 1.1))
@@ -69,12 +70,9 @@ def draw(path: Path, result: Result) -> None:
         _profile(_merged(figure, cost), result)
         words = plots.literal(result.verdict.text)
         whole.set_title(words, loc="left", fontsize=10, color="#555555", wrap=True)
-        numbers = [
-            f"sigma0 = {result.estimate.sigma0:.4g} {unit.slope_unit}",
-            f"Fc = {result.estimate.Fc:.4g} {unit.unit}",
-        ]
+        numbers = [textwrap.fill(line, HEADLINE) for line in models_output.headlines(result)]
         figure.suptitle(
-            f"{plots.literal(titled(result))}\n{', '.join(numbers)}",
+            "\n".join([plots.literal(titled(result)), *numbers]),
             fontsize=14,
             fontweight="bold",
             x=0.01,
@@ -100,18 +98,23 @@ def _merged(figure: Figure, pair: np.ndarray) -> Axes:
 
 
 def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
-    """Torque over angle as measured, what was taken out of it marked, and two models."""
-    log, some = shown.log, shown.some
+    """Torque over angle as measured, what was taken out of it marked, and the models, each as late
+    as the torque was measured.
+    """
+    log, some, late = shown.log, shown.some, result.delay
     measured = result.sign * shown.raw.torque
     axes.plot(shown.angle, measured[some], color=MEASURED, linewidth=1.1, label="as measured")
     drawn = result.predicted[index] + load.more(log, result.follows)
     sign = paths.coulomb(log.moves, 0.0) * result.estimate.Fc
     sign = sign + plan_quality.load_of(result, log, result.estimate.terms)
     angle = (log.theta - shown.raw.theta[0])[some] / shown.size
-    axes.plot(angle, sign[some], color=COULOMB, linewidth=1.0, label="Coulomb")
-    axes.plot(angle, drawn[some], color=COMPUTED, linewidth=1.4, label="fitted")
+    for curve, color, width, label in (
+        (sign, COULOMB, 1.0, "Coulomb"),
+        (drawn, COMPUTED, 1.4, f"fitted{models_output.whose(result)}"),
+    ):
+        axes.plot(angle, _later(curve, late)[some], color=color, linewidth=width, label=label)
     _chosen(axes, result, log, angle, some)
-    for label, marks, style in marks_of(shown):
+    for label, marks, style in marks_of(shown, late):
         if marks.any():
             words = f"{label}: {100 * marks.mean():.1f} % of the rows"
             axes.plot(shown.angle[marks], measured[some][marks], style, color=MARK, label=words)
@@ -127,15 +130,28 @@ def _chosen(axes: Axes, result: Result, log: Log, angle: np.ndarray, some: slice
     friction = carried.of(result)
     if friction.model not in ("dahl", "loaded"):
         beside = torque_of(log, friction.terms)
-        drawn = plan_quality.drawn(friction, log.moves, log.torque - beside) + beside
-        label = f"{result.explored.models.chosen} (chosen)"
+        torque = clean.shifted(log.torque, friction.earlier) - beside
+        drawn = plan_quality.drawn(friction, log.moves, torque) + beside
+        drawn = _later(drawn, result.delay + friction.earlier)
+        models = result.explored.models
+        label = f"{models.chosen} ({models.why})"
         axes.plot(angle, drawn[some], color=CHOSEN, linewidth=1.4, label=label)
 
 
-def marks_of(shown: Shown) -> list[tuple[str, np.ndarray, str]]:
-    """What of the measured rows the fit did not take as it came: (some,) bool each."""
+def _later(curve: np.ndarray, rows: float) -> np.ndarray:
+    """A curve so many rows later, NaN where it would come from beyond an end of the log."""
+    index = np.arange(len(curve))
+    later: np.ndarray = np.interp(index - rows, index, curve, left=np.nan, right=np.nan)
+    return later
+
+
+def marks_of(shown: Shown, late: float) -> list[tuple[str, np.ndarray, str]]:
+    """What of the measured rows the fit did not take as it came: (some,) bool each. The weights are
+    those of the torque moved to its angle, from `late` rows behind it.
+    """
     log, none = shown.log, np.zeros(shown.log.rows, dtype=bool)
     odd = none if log.weight is None else (log.weight > 0) & (log.weight < ODD)
+    odd = _later(odd, round(late)) > ODD
     free = none if log.free_moves is None else np.abs(log.free_moves) < ODD * np.abs(log.moves)
     marks = (("weighs less", odd, "x"), ("travel taken out as backlash", free, "."))
     return [(label, where[shown.some], style) for label, where, style in marks]

@@ -10,14 +10,17 @@ from dataclasses import dataclass, field, replace
 
 from dahl.identify import choices, delay, fit, model_table
 from dahl.identify.choices import Choice, Trial
-from dahl.identify.cycles import Cut
+from dahl.identify.cycles import LOOKED_AT, Cut
 from dahl.identify.finding import Finding
 from dahl.identify.fit import Estimate
 from dahl.identify.log import Log
 from dahl.identify.model_table import Compared
 from dahl.identify.sweep import Sweep
 
-LEAST_CYCLES = 6  # or strokes, that a choice is scored by
+LEAST_CYCLES = 6  # that a claim rests on
+LEAST_PARTS = 6  # cycles or strokes that a choice is scored by
+MOST_ROWS = 1_000_000  # that are used if the first rows have too few cycles
+LOOKS = ((LOOKED_AT, False), (MOST_ROWS, False), (MOST_ROWS, True))  # rows, whether by strokes
 LONG = 40.0  # rows: from here on a delay is corrected, but its numbers are not claimed
 COARSE = 0.3  # presliding lengths in a row, that a shift by parts of rows is no longer sure of
 NAMES = ("sigma0", "Fc")
@@ -32,6 +35,7 @@ class Explored:
     spread: float = 1.0  # squares of the torque around its mean, on the rows that were scored
     models: Compared = field(default_factory=Compared)
     findings: list[Finding] = field(default_factory=list)
+    cycles: int = 0  # that the choices were scored by
 
     @property
     def choice(self) -> Choice:
@@ -51,9 +55,9 @@ class Asked:
 
 def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: Asked) -> Explored:
     """Try all choices around an estimate; `least_turn` in rad (m) tells the cycles."""
-    cut = Cut(logs, estimate.a, least_turn, int(delay.LONGEST))
-    if len(cut.spans) < LEAST_CYCLES:
-        return Explored()
+    cut = _cut(logs, estimate.a, least_turn)
+    if len(cut.spans) < LEAST_PARTS:
+        return Explored(cycles=cut.cycles)
     trials = choices.of_terms(cut, estimate.a, asked.terms)
     if not trials:
         return Explored()
@@ -73,12 +77,24 @@ def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: 
         taken, models = choices.simplest(plain), models.plainly()
     findings += model_table.findings(models)
     trials = trials + model_table.plausible(models)
-    return Explored(trials, taken, cut.spread, models, findings)
+    return Explored(trials, taken, cut.spread, models, findings, cut.cycles)
 
 
-def unscored(found: Sweep, estimate: Estimate, sets: Sequence[tuple[str, ...]]) -> Explored:
-    """Where there are too few cycles to score a choice, each set of terms is plausible with which
-    the logs are drawn as well as with those of the estimate.
+def _cut(logs: Sequence[Log], a: float, least_turn: float) -> Cut:
+    """The first rows of the logs; if these have too few cycles, more rows, or their strokes."""
+    cuts = []
+    for rows, strokes in LOOKS:
+        cuts.append(Cut(logs, a, least_turn, int(delay.LONGEST), rows, strokes))
+        if cuts[-1].cycles >= LEAST_CYCLES:
+            break
+    return max(cuts, key=lambda cut: cut.cycles)
+
+
+def unscored(
+    found: Sweep, estimate: Estimate, sets: Sequence[tuple[str, ...]], cycles: int
+) -> Explored:
+    """If the `cycles` are too few to score a choice, each set of terms is plausible with which the
+    logs are drawn as well as with those of the estimate.
     """
     limit = (1 + choices.PAYS) * estimate.sse
     points = {terms: fit.point(found, terms) for terms in sets}
@@ -88,7 +104,8 @@ def unscored(found: Sweep, estimate: Estimate, sets: Sequence[tuple[str, ...]]) 
         if one.Fc > 0
     ]
     own = [one for one in trials if set(one.choice.terms) == set(estimate.terms)]
-    return Explored(trials, own[0], fit.spread_of(found)) if own else Explored()
+    spread = fit.spread_of(found)
+    return Explored(trials, own[0], spread, cycles=cycles) if own else Explored(cycles=cycles)
 
 
 def with_backlash(seen: Explored, counted: Estimate) -> Explored:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from dahl import Error
-from dahl.identify import pipeline, verdict
+from dahl.identify import pipeline
 from dahl.identify.pipeline import Options
 from dahl.identify.readers import Signals, Source
 from dahl.identify.result import Result
@@ -64,8 +64,7 @@ def _look(signals: Signals, source: Source, options: Options) -> tuple[Result | 
 
 
 def small_enough(result: Result, within: float) -> bool:
-    """Both intervals, after enough reversals, and the verdict agrees."""
+    """Whether both parameters are claimed and their intervals are narrow enough."""
     best = result.estimate
     widths = [best.ci95[name].relative(getattr(best, name)) for name in ("sigma0", "Fc")]
-    enough = result.reversals >= verdict.FEW and all(result.verdict.identifiable.values())
-    return enough and max(widths) <= within
+    return all(result.verdict.identifiable.values()) and max(widths) <= within

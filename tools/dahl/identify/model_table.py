@@ -79,6 +79,11 @@ class Compared:
         own = [one for one in self.candidates if one.product]
         return replace(self, chosen=forced or _simplest(own).name, forced=forced)
 
+    @property
+    def why(self) -> str:
+        """The one that was chosen is "chosen" by its score or "asked for"."""
+        return "asked for" if self.forced else "chosen"
+
     def r2(self, candidate: Candidate) -> float:
         return 1 - float(candidate.trial.cost.sum()) / self.spread
 

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dahl.identify import delay
-from dahl.identify.compare import Candidate
+from dahl.identify.compare import Candidate, Part
+from dahl.identify.log import Log
 from dahl.identify.model_table import instructions
 from dahl.identify.result import Result
 
@@ -25,8 +27,7 @@ def table(result: Result) -> Table:
     shown.title_justify = "left"
     for one in models.candidates:
         ticks = instructions(one.name)
-        mark = {True: " (asked for)", False: " (chosen)"}[bool(models.forced)]
-        name = one.name + mark * (one.name == models.chosen)
+        name = one.name + f" ({models.why})" * (one.name == models.chosen)
         cost = "-" if ticks is None else f"{ticks}"
         words = "; ".join(_words(part) for part in one.parts)
         shown.add_row(name, words, f"{models.r2(one):.4f}", cost)
@@ -41,6 +42,36 @@ def _words(part: dict[str, float | str]) -> str:
     """Kind, then sigma0, Fc and so on: the numbers in the order of the caption."""
     shown = [f"{value:.4g}" for value in part.values() if not isinstance(value, str)]
     return f"{part['kind']} {', '.join(shown)}"
+
+
+def whose(result: Result) -> str:
+    """ " (Dahl)" if another model was chosen, so that two stand beside each other."""
+    return " (Dahl)" * (result.explored.models.chosen not in ("", "Dahl"))
+
+
+def headlines(result: Result) -> list[str]:
+    """The chosen model with its numbers, then Dahl's if that is another one."""
+    models, estimate, log = result.explored.models, result.estimate, result.logs[0]
+    dahl: Part = {"sigma0": estimate.sigma0, "Fc": estimate.Fc}
+    lines = [f"Dahl: {_in_units([dahl], log)}, R2 {result.r2:.4f} on the rows fitted"]
+    chosen = models.of(models.chosen)
+    if chosen is None or chosen.name == "Dahl":
+        return lines
+    kinds = [str(part["kind"]) for part in chosen.parts]
+    mix = f" ({' + '.join(kinds)})" * (len(set(kinds)) > 1)
+    score = f"R2 {models.r2(chosen):.4f} on cycles left out"
+    return [f"{chosen.name}, {models.why}{mix}: {_in_units(chosen.parts, log)}, {score}", *lines]
+
+
+def _in_units(parts: Sequence[Part], log: Log) -> str:
+    """Each number of the elements under its name, those of several elements as a sum."""
+    names = [name for name, value in parts[0].items() if not isinstance(value, str)]
+    units = {"sigma0": log.slope_unit, "exponent": ""}
+    words = []
+    for name in names:
+        values = " + ".join(f"{part[name]:.4g}" for part in parts)
+        words.append(f"{name.replace('_', ' ')} = {values} {units.get(name, log.unit)}".strip())
+    return ", ".join(words)
 
 
 def about(result: Result) -> str:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 REPLAYED = 200_000  # rows of the first log that a scene replays
 COMMENT = 110  # characters a line of a header
 OF_A_SCENE = ("offset", "spring")  # terms that its [measured] has keys for
-MADE_UP = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
+MADE_UP = 1e-3  # presliding lengths per count of a scene or plan if the log shows no encoder
 
 
 def keep_table(path: Path, columns: np.ndarray, names: str, form: str | list[str]) -> None:
@@ -135,11 +135,16 @@ def table(result: Result) -> Table:
     shown = Table(show_header=False, title=titled(result))
     shown.title_justify = "left"
     shown.add_row("verdict", result.verdict.text)
+    whose = models_output.whose(result)
+    if whose:
+        shown.add_row("model", models_output.headlines(result)[0])
     for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
-        shown.add_row(name, f"{getattr(estimate, name):.5g} {unit}  {interval(result, name)}")
+        number = f"{getattr(estimate, name):.5g} {unit}{whose}"
+        shown.add_row(name, f"{number}  {interval(result, name)}")
     for name, value in estimate.terms.items():
         shown.add_row(name, f"{value:.4g} {unit_of(name, log)}")
-    shown.add_row("R2, rms on the rows fitted", f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}")
+    fit = f"{result.r2:.4f}, {result.rmse:.3g} {log.unit}{whose}"
+    shown.add_row("R2, rms on the rows fitted", fit)
     for name, words in (
         ("dahl", "Dahl"),
         ("coulomb", "Coulomb"),
@@ -172,10 +177,9 @@ def header(result: Result, name: str) -> str:
     """dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() refuses."""
     from dahl import plan_header
 
-    log, count = result.logs[0], result.plan.theta_per_count
-    friction = carried.of(result)
+    log, friction = result.logs[0], carried.of(result)
+    count, about_count = _count_of_plan(result, friction.model)
     plans = friction.plans(count)
-    whose = "the target's" if result.plan.of_target else "that of the encoder in the log"
     comment = [
         f"Friction identified from {titled(result)}:",
         f"{result.verdict.text}.",
@@ -183,11 +187,9 @@ def header(result: Result, name: str) -> str:
         result.follows.words + "." if result.follows else "",
         f"Dahl's sigma0 [{log.slope_unit}] {interval(result, 'sigma0')};"
         f" Fc [{log.unit}] {interval(result, 'Fc')}.",
-        f"R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
+        f"Dahl's R2 held out {result.models.r2['dahl']:.4f}; of this plan alone on the raw motion"
         f" {result.plan.r2:.4f}.",
-        f"theta_per_count is {whose} (--target-counts-per-turn)."
-        if count
-        else "The log shows no encoder: this plan is for dahl_step() alone.",
+        about_count,
         *(f"FORCED, although {words}." for words in result.plan.against),
         *(f"Note: {note}." for one in result.logs for note in one.notes),
     ]
@@ -195,6 +197,26 @@ def header(result: Result, name: str) -> str:
     folded = [part for line in whole if line for part in textwrap.wrap(line, COMMENT)]
     text = plan_header.text(name, plans, folded)
     return plan_header.with_load(text, name, *friction.line) if friction.follows else text
+
+
+def _count_of_plan(result: Result, model: str) -> tuple[float, str]:
+    """theta_per_count of the plan, and where it comes from. Only Dahl's model goes by angle too, so
+    that each other one needs a count even if the log shows no encoder.
+    """
+    count, log = result.plan.theta_per_count, result.logs[0]
+    if count:
+        whose = "the target's" if result.plan.of_target else "that of the encoder in the log"
+        return count, f"theta_per_count is {whose} (--target-counts-per-turn)."
+    if model == "dahl":
+        return 0.0, "The log shows no encoder: this plan is for dahl_step() alone."
+    count = _made_up_count(result)
+    words = f"The log shows no encoder: theta_per_count = {count:.6g} {log.angle_unit} is made up"
+    return count, f"{words}; --target-counts-per-turn takes yours."
+
+
+def _made_up_count(result: Result) -> float:
+    """For a log without an encoder, rad (m)."""
+    return MADE_UP / result.estimate.a
 
 
 def write_scene(result: Result, name: str, folder: Path) -> Path:
@@ -222,7 +244,7 @@ def _scene(result: Result, name: str, angle: str, force: str) -> str:
     """The scene that replays NAME.csv."""
     log, estimate, shown = result.logs[0], result.estimate, carried.of(result)
     sigma0, Fc = (" ".join(map(repr, some)) for some in (shown.sigma0, shown.Fc))  # noqa: N806
-    count = log.resolution or MADE_UP / estimate.a
+    count = log.resolution or _made_up_count(result)
     size, unit = log.shown_in
     way = "position" if log.linear else "angle"
     rows = min(log.rows, REPLAYED)

@@ -402,7 +402,7 @@ def _explored(
     model = model_table.names().get(options.model, "")
     asked = explore.Asked(tuple(sets), options.delay and study.timed, least, model)
     seen = explore.explored(study.logs, estimate, TURN / estimate.a, asked)
-    return seen if seen.taken else explore.unscored(found, estimate, sets)
+    return seen if seen.taken else explore.unscored(found, estimate, sets, seen.cycles)
 
 
 def _explored_again(study: Study, options: Options) -> tuple[Explored, float]:

@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: MIT
 """Whether the numbers can be trusted, and if not, why: never a number without it.
 
-A parameter is identifiable when its 95 % interval has two ends and is at most WIDE of its value to
-either side, and, for sigma0, when Dahl's model beats Coulomb's on what was not fitted.
+A parameter is identifiable if at least LEAST_CYCLES cycles were scored, its 95 % interval has two
+ends and is at most WIDE of its value to either side, and, for sigma0, if Dahl's model beats
+Coulomb's on what was not fitted.
 """
 
 from __future__ import annotations
 
 from dahl.identify import explore
+from dahl.identify.explore import LEAST_CYCLES
 from dahl.identify.result import Result, Verdict
 
 WIDE = 0.3  # half width of the interval over the value
 BETTER = 0.85  # of Coulomb's held-out cost, that Dahl's must be below
 BENDS = 0.7  # of Dahl's held-out cost, below which the bilinear element's says so
-FEW = 8  # reversals
 COARSE = 2.0  # counts in a presliding length 1/a
 POOR = 0.5  # R2 below which nothing is claimed
 
@@ -21,9 +22,9 @@ POOR = 0.5  # R2 below which nothing is claimed
 def judge(result: Result) -> Verdict:
     """The verdict on a result."""
     estimate, reasons = result.estimate, _reasons(result)
-    poor = result.models.r2["dahl"] < POOR
+    sound = result.models.r2["dahl"] >= POOR and result.explored.cycles >= LEAST_CYCLES
     good = {
-        name: not poor
+        name: sound
         and estimate.ci95[name].bounded
         and estimate.ci95[name].relative(getattr(estimate, name)) <= WIDE
         for name in ("sigma0", "Fc")
@@ -54,7 +55,7 @@ def too_coarse(result: Result) -> bool:
 
 def _reasons(result: Result) -> list[str]:
     """Everything that a reader should know beside the numbers."""
-    estimate, r2 = result.estimate, result.models.r2
+    estimate, r2, cycles = result.estimate, result.models.r2, result.explored.cycles
     wide = estimate.ci95["sigma0"].relative(estimate.sigma0)
     found = {
         f"the model explains {100 * r2['dahl']:.0f} % of what was not fitted": r2["dahl"] < POOR,
@@ -62,7 +63,8 @@ def _reasons(result: Result) -> list[str]:
         "presliding below encoder resolution": too_coarse(result),
         "friction never slips: the motion is shorter than presliding": result.reversals > 0
         and not estimate.ci95["Fc"].bounded,
-        f"only {result.reversals} reversal{'s' * (result.reversals != 1)}": result.reversals < FEW,
+        f"only {cycles} cycle{'s' * (cycles != 1)} scored, {LEAST_CYCLES} are the least"
+        f" ({result.reversals} reversals)": r2["dahl"] >= POOR and cycles < LEAST_CYCLES,
         f"sigma0 known within {100 * wide:.0f} % only": WIDE < wide < float("inf"),
         "loop is bilinear: exponent 1 bends too early": 1 - r2["bilinear"]
         < BENDS * (1 - r2["dahl"])
