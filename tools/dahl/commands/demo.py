@@ -248,7 +248,7 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    from dahl import loop
+    from dahl import loop, report
     from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
