@@ -246,11 +246,12 @@ def _reserved(settings: Settings) -> Iterator[None]:
 
 def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
     """Open the bus; skip the test if it is that of a rig, and has never been open."""
-    from dahl import bus, rig
+    from dahl.bus import open_bus
+    from dahl.rig import open_rig
 
     if not _is_rig(request):
-        return bus.open_bus(**settings)
-    return _contact(request, _key(settings), lambda _: rig.open_bus(settings, FIRST_ANSWER))
+        return open_bus(**settings)
+    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER))
 
 
 def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:

@@ -40,7 +40,7 @@ class NoRig(RunError):
     """The bus of a rig does not open."""
 
 
-def open_bus(settings: dict[str, Any], patience: float) -> can.BusABC:
+def open_rig(settings: dict[str, Any], patience: float) -> can.BusABC:
     """Open the bus of a rig. Raises NoRig if it is absent, RunError for wrong settings."""
     try:
         if settings["interface"] == "socketcand":
