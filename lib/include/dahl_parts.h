@@ -282,7 +282,7 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
 
 /* Move by an angle of dtheta rad under the load c = load_q30 2^-30, as dahl_loaded_step_counts() takes it, and return the torque F
  * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most. Without load F is 0 and stays 0 until there is motion under a load. The
- * range of dtheta, NaN and infinity are as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is
+ * range of dtheta, NaN and infinity are as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc if that is
  * more. A part of a load is as exact as the whole, not as its own small torque. Under a load above 1 read the torque at rest by a
  * dtheta of 0: dahl_torque() clamps to +-Fc. Cost on Cortex-M3, M4: 165 instructions. */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30);

@@ -211,7 +211,7 @@ def _count_of_plan(result: Result, model: str) -> tuple[float, str]:
         return 0.0, "The log shows no encoder: this plan is for dahl_step() alone."
     count = _made_up_count(result)
     words = f"The log shows no encoder: theta_per_count = {count:.6g} {log.angle_unit} is made up"
-    return count, f"{words}; --target-counts-per-turn takes yours."
+    return count, f"{words}; --target-counts-per-turn sets yours."
 
 
 def _made_up_count(result: Result) -> float:
