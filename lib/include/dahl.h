@@ -110,7 +110,7 @@ typedef struct {
 } dahl_plan_t;
 
 /* w = F/Fc in Q62; +-2^62 is +-Fc, 0 is relaxed. The range is -2^62 - 2^31 <= w < 2^62 + 2^31, of which no returned value shows
- * what is beyond +-2^62. A w outside of it is taken as +-2^62. */
+ * what is beyond +-2^62. A w outside of it is clamped to +-2^62. */
 typedef struct {
     int64_t w;
 } dahl_state_t;

@@ -171,7 +171,7 @@ static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t n
     return answer(node, seen, now_us, moved(node, travel(node, seen)), out);
 }
 
-/* Could the shaft have come so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
+/* Can the shaft have moved so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
 static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t frames, uint32_t now_us)
 {
     int32_t way = travel(node, seen);
@@ -556,7 +556,7 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         dahl_node_bus_off(node, now_us);
         return false;
     }
-    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is no id of a frame, but bits that say what happened */
+    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is a set of error bits */
         node->counts.ignored++;
         return false;
     }

@@ -171,7 +171,7 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
     from dahl import codec
     from dahl.bus import receive
 
-    with contextlib.suppress(codec.python_can().CanError, OSError):  # nobody there to take it
+    with contextlib.suppress(codec.python_can().CanError, OSError):  # no other node on the bus
         bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
     own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
     until = time.monotonic() + LISTEN

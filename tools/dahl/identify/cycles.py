@@ -51,8 +51,8 @@ class Cut:
         strokes: bool = False,
     ) -> None:
         """Cut where the angle turns by more than `least_turn` rad (m); `reach` is by how many rows
-        a torque may be moved, so that as many at the ends of a log do not count; `rows` of all logs
-        together are used; `strokes` are told apart also if there are many cycles.
+        a torque may be moved, so that as many at the ends of a log do not count. Use `rows` of all
+        logs together; with `strokes` cut at each reversal even if there are many cycles.
         """
         most = max(rows // len(logs), 1)
         logs = [log.head(most) for log in logs]
@@ -186,9 +186,9 @@ def _later(columns: np.ndarray, by: int) -> np.ndarray:
 
 
 def units_of(log: Log, least_turn: float, strokes: bool = False) -> np.ndarray:
-    """The number of its cycle for each row: between every second reversal, or between all of them
-    where these are few or `strokes` are wanted, with what is before the first and behind the last
-    where there are hardly any (one log of several that are short).
+    """Return the number of its cycle for each row: between every second reversal, or between all
+    of them if these are few or with `strokes`. If there are hardly any (one log of several that are
+    short), the rows before the first and behind the last one count too.
     """
     turns = path.reversals(log.theta, least_turn)
     if 2 * len(turns) <= LEAST:

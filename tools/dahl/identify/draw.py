@@ -98,8 +98,8 @@ def _merged(figure: Figure, pair: np.ndarray) -> Axes:
 
 
 def _loop(axes: Axes, result: Result, shown: Shown, index: int) -> None:
-    """Torque over angle as measured, what was taken out of it marked, and the models, each as late
-    as the torque was measured.
+    """Draw the measured torque over angle with the rows that the fit changed, and the models with
+    the delay of the measurement.
     """
     log, some, late = shown.log, shown.some, result.delay
     measured = result.sign * shown.raw.torque
@@ -139,15 +139,15 @@ def _chosen(axes: Axes, result: Result, log: Log, angle: np.ndarray, some: slice
 
 
 def _later(curve: np.ndarray, rows: float) -> np.ndarray:
-    """A curve so many rows later, NaN where it would come from beyond an end of the log."""
+    """Return a curve delayed by so many rows, NaN beyond an end of the log."""
     index = np.arange(len(curve))
     later: np.ndarray = np.interp(index - rows, index, curve, left=np.nan, right=np.nan)
     return later
 
 
 def marks_of(shown: Shown, late: float) -> list[tuple[str, np.ndarray, str]]:
-    """What of the measured rows the fit did not take as it came: (some,) bool each. The weights are
-    those of the torque moved to its angle, from `late` rows behind it.
+    """Mark the measured rows that the fit changed: (some,) bool each. Weights belong to the torque
+    moved to its angle, from `late` rows behind it.
     """
     log, none = shown.log, np.zeros(shown.log.rows, dtype=bool)
     odd = none if log.weight is None else (log.weight > 0) & (log.weight < ODD)

@@ -81,7 +81,7 @@ def explored(logs: Sequence[Log], estimate: Estimate, least_turn: float, asked: 
 
 
 def _cut(logs: Sequence[Log], a: float, least_turn: float) -> Cut:
-    """The first rows of the logs; if these have too few cycles, more rows, or their strokes."""
+    """Cut the first rows of the logs; if they have too few cycles, more rows, or by strokes."""
     cuts = []
     for rows, strokes in LOOKS:
         cuts.append(Cut(logs, a, least_turn, int(delay.LONGEST), rows, strokes))

@@ -81,7 +81,7 @@ class Compared:
 
     @property
     def why(self) -> str:
-        """The one that was chosen is "chosen" by its score or "asked for"."""
+        """Return "asked for" for a forced model, "chosen" for one chosen by its score."""
         return "asked for" if self.forced else "chosen"
 
     def r2(self, candidate: Candidate) -> float:

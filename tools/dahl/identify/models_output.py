@@ -45,7 +45,7 @@ def _words(part: dict[str, float | str]) -> str:
 
 
 def whose(result: Result) -> str:
-    """ " (Dahl)" if another model was chosen, so that two stand beside each other."""
+    """Return " (Dahl)" if another model was chosen, since the numbers of both are shown."""
     return " (Dahl)" * (result.explored.models.chosen not in ("", "Dahl"))
 
 

@@ -200,8 +200,8 @@ def header(result: Result, name: str) -> str:
 
 
 def _count_of_plan(result: Result, model: str) -> tuple[float, str]:
-    """theta_per_count of the plan, and where it comes from. Only Dahl's model goes by angle too, so
-    that each other one needs a count even if the log shows no encoder.
+    """Return theta_per_count of the plan and its origin. Only Dahl's model also moves by angle, so
+    any other model needs a count even if the log shows no encoder.
     """
     count, log = result.plan.theta_per_count, result.logs[0]
     if count:
@@ -211,7 +211,7 @@ def _count_of_plan(result: Result, model: str) -> tuple[float, str]:
         return 0.0, "The log shows no encoder: this plan is for dahl_step() alone."
     count = _made_up_count(result)
     words = f"The log shows no encoder: theta_per_count = {count:.6g} {log.angle_unit} is made up"
-    return count, f"{words}; --target-counts-per-turn takes yours."
+    return count, f"{words}; --target-counts-per-turn sets yours."
 
 
 def _made_up_count(result: Result) -> float:
