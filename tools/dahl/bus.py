@@ -111,7 +111,7 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     said = keywords(named(args))
     server = {key: said[key] for key in ("host", "port") if key in said}
     try:
-        return can.cli.create_bus_from_namespace(args, **_tuned(said), **server)
+        return can.cli.create_bus_from_namespace(args, **tuned_for(said), **server)
     except argparse.ArgumentError as error:
         raise _not_open(named(args), error.__cause__) from None
 
@@ -126,16 +126,16 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     until = time.monotonic() + patience
     while True:
         try:
-            return can.Bus(**_tuned(settings) | settings)
+            return can.Bus(**tuned_for(settings) | settings)
         except Exception as error:  # each interface of python-can has its own kinds
             if time.monotonic() >= until:
                 raise _not_open(settings, error) from None
         time.sleep(0.05)
 
 
-def _tuned(settings: dict[str, Any]) -> dict[str, Any]:
-    """More settings: a socketcand client must send each frame at once. Its kernel would hold short
-    frames back, and discard them if the bus is closed with unread frames.
+def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings that an interface needs: a socketcand client must send each frame at once. Its
+    kernel would hold short frames back, and discard them if the bus is closed with unread frames.
     """
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
