@@ -107,7 +107,7 @@ typedef struct {
     dahl_node_model_t *model; /* none: plan and bearing */
     dahl_node_counts_t counts;
     uint32_t gain;         /* of DAHL_NODE_ONE; this and the next six may be changed after dahl_node_init */
-    uint32_t limit;        /* of DAHL_NODE_ONE */
+    uint32_t limit;        /* of DAHL_NODE_ONE; more is taken as 1, as in load */
     uint32_t load;         /* of DAHL_NODE_ONE: part of the load at which Fc holds; the model Loaded alone looks at it */
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none. A wait of more than 65 ms counts as 65 ms */
     uint32_t timeout_us;
