@@ -269,11 +269,11 @@ static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_
 
 static bool first(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
+    node->state = node->silenced ? DAHL_FRAMES_STALE : DAHL_FRAMES_INIT;
     if (!seen->valid) {
         node->good_in_a_row = 0;
         return invalid(node, seen->counter);
     }
-    node->state = node->silenced ? DAHL_FRAMES_STALE : DAHL_FRAMES_INIT;
     if (node->silenced && !is_back(node, seen, now_us)) {
         node->counts.rearm++;
         return false;
