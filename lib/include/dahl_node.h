@@ -27,7 +27,7 @@
  * one that is 8 to 15 periods late, and MaxStep bounds how far it moves the bristle.
  *
  *   MaxStep          counts per ms. A count is too far away if it needs more of them for each ms since the last count that was
- *                    accepted, begun milliseconds included; at least as many ms as the counter went on
+ *                    accepted, begun milliseconds included; in sequence at least as many ms as the counter went on
  *
  * Interrupts and threads: the node has no lock, and each call writes *node. Calls for one node must not overlap. If the
  * receive interrupt calls dahl_node_receive and main calls dahl_node_tick, main must mask that interrupt, and read the clock
