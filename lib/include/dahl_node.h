@@ -27,7 +27,7 @@
  * that is 8 to 15 periods late; MaxStep then bounds how far it moves the bristle.
  *
  *   MaxStep          counts per ms. A count is too far away if it exceeds MaxStep for each ms since the last accepted count.
- *                    A begun ms counts, and there are at least as many ms as steps of the counter
+ *                    A begun ms counts. In sequence, there are at least as many ms as steps of the counter
  *
  * Interrupts and threads: the node has no lock, and each call writes *node. Calls for one node must not overlap. If the
  * receive interrupt calls dahl_node_receive and main calls dahl_node_tick, main must mask that interrupt, and read the clock
@@ -107,7 +107,7 @@ typedef struct {
     dahl_node_model_t *model; /* none: plan and bearing */
     dahl_node_counts_t counts;
     uint32_t gain;         /* of DAHL_NODE_ONE; this and the next six may be changed after dahl_node_init */
-    uint32_t limit;        /* of DAHL_NODE_ONE */
+    uint32_t limit;        /* of DAHL_NODE_ONE; more is taken as 1, as in load */
     uint32_t load;         /* of DAHL_NODE_ONE: part of the load at which Fc holds; the model Loaded alone looks at it */
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none. A wait of more than 65 ms counts as 65 ms */
     uint32_t timeout_us;

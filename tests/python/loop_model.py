@@ -373,11 +373,11 @@ class Node:
             self.in_sequence(step, counter, is_valid, count, now_us)
 
     def first(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
+        self.state = STALE if self.silenced else INIT
         if not is_valid:
             self.disown()
             self.row = 0
             return
-        self.state = STALE if self.silenced else INIT
         is_held = self.offs > 0 and now_us - self.off_us < self.timeout_us
         if is_held or self.offs >= 4:
             self.row = 0
