@@ -98,7 +98,7 @@ def test_following_a_bus_ends_where_it_is_told(dahl, words, rows):
 
 def test_identify_leaves_what_is_asked_for_under_its_name(dahl, tmp_path):
     """And the clock of a log is the column that is named: here the second goes half as fast."""
-    theta = np.floor(sine(1, rows=1000, cycles=5) / COUNT) * COUNT
+    theta = np.floor(sine(1, rows=1000, cycles=8) / COUNT) * COUNT
     torque = dahl_torque(theta) + 0.02 * FC * noise_of(1, 1000)
     first, *lines = write_csv(tmp_path / "log", theta, torque).read_text().splitlines()
     rows = [f"{first},clock", *(f"{line},{n * 5e-4}" for n, line in enumerate(lines))]
