@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: MIT
+"""Fit one hypothesis about a log, and score it on cycles that were left out.
+
+A hypothesis is a friction law, a lag of the torque, a treatment of the angle and a set of linear
+terms. Stiffnesses, shape parameters and lags are nonlinear; the Fc of each element and the terms
+are linear. Gauss-Newton works on the nonlinear ones, with the linear ones projected out (variable
+projection). At the optimum the model is linearised in all of them. Then one Gram matrix for each
+cycle gives the score on that cycle when it is left out, the jackknife, and every subset of terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from dahl.identification import models
+from dahl.identification.models import LAWS, Law
+from dahl.identification.samples import Samples
+
+LAGS = ("none", "damping", "delay", "low pass", "play", "damping+delay")
+DELAYED = ("delay", "low pass", "damping+delay")  # the last parameter is a number of samples
+ROUNDS = 8
+MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
+MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
+MIN_LOW_PASS = 0.3  # samples; a shorter time constant is none
+MAX_LINEAR = 0.6  # of ln a: beyond it the linearisation is not trusted
+MIN_STRIBECK = -0.02  # of Fc; friction that grows with speed is viscous
+DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What the log may be."""
+
+    law: str = "dahl"
+    lag: str = "none"
+    angle: str = "between counts"
+    terms: tuple[str, ...] = ("offset",)
+    skew: float = 0.0  # samples by which the torque is read after the angle
+
+    @property
+    def friction(self) -> Law:
+        return LAWS[self.law]
+
+    @property
+    def size(self) -> int:
+        """Parameters beyond a Dahl element and an offset."""
+        lag = {"none": 0, "damping+delay": 2, "delays": 2}.get(self.lag, 1)
+        terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
+        return self.friction.size + lag + terms
+
+    def contains(self, other: Hypothesis) -> bool:
+        """Whether the other one is a special case of this one."""
+        law = other.law == self.law or other.law in self.friction.special_cases
+        lag = other.lag in (self.lag, "none")
+        terms = set(other.terms) <= set(self.terms)
+        return law and lag and terms and self.angle == other.angle
+
+    def __str__(self) -> str:
+        lag = "" if self.lag == "none" else f", {self.lag}"
+        return f"{self.law}{lag}, {self.angle}, {'+'.join(self.terms)}"
+
+
+@dataclass
+class Fit:
+    """A hypothesis at its optimum."""
+
+    hypothesis: Hypothesis
+    p: np.ndarray  # nonlinear parameters: ln a of each element, shapes, lag
+    limits: np.ndarray  # N m (N), Fc of each element
+    coefficients: np.ndarray  # of all columns of Fitter.columns()
+    cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
+    value: np.ndarray  # sigma0, Fc
+    without: np.ndarray  # (cycles, 2) the same without each cycle
+    step: float = 0.0  # of ln a: how far the linearisation went from the optimum
+
+    @property
+    def total(self) -> float:
+        return float(self.cost.sum())
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard errors of sigma0 and Fc."""
+        return jackknife(self.without)
+
+
+@dataclass
+class Optimum:
+    """Where Gauss-Newton ended."""
+
+    p: np.ndarray
+    grams: np.ndarray  # (cycles, k, k)
+    limits: np.ndarray
+
+
+def jackknife(values: np.ndarray) -> np.ndarray:
+    """Standard error of estimates of which each lacks one cycle: (cycles, k) -> (k,)."""
+    n = len(values)
+    spread = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
+    error: np.ndarray = np.sqrt((n - 1) / n * spread)
+    return error
+
+
+def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
+    """By how much a cost by cycle is above another, and the standard error of that."""
+    more = cost - best
+    return float(more.sum()), float(more.std(ddof=1) * np.sqrt(len(more)))
+
+
+def solve(gram: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+    """Least squares by Gram matrices (..., k, k), the torque last: coefficients of some columns."""
+    c = list(columns)
+    matrix, right = gram[..., c, :][..., c], gram[..., c, -1]
+    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", matrix), 1e-300))
+    matrix = matrix / scale[..., :, None] / scale[..., None, :] + 1e-10 * np.eye(len(c))
+    found: np.ndarray = np.linalg.solve(matrix, (right / scale)[..., None])[..., 0] / scale
+    return found
+
+
+def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
+    """Sum of squared residuals that these coefficients leave."""
+    c = [*columns, gram.shape[-1] - 1]
+    one = np.ones((*coefficients.shape[:-1], 1))
+    v = np.concatenate((-coefficients, one), axis=-1)
+    left: np.ndarray = np.einsum("...i,...ij,...j->...", v, gram[..., c, :][..., c], v)
+    return np.maximum(left, 0.0)
+
+
+class Fitter:
+    """Fits hypotheses to one table of samples."""
+
+    def __init__(self, samples: Samples) -> None:
+        self.samples = samples
+        self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
+        self.strokes = {name: len(models.strokes(m)[0]) for name, m in self.moves.items()}
+        self.fast = float(np.percentile(np.abs(samples.speed), 98)) or 1.0
+
+    # --- columns of a model ---
+
+    def start(self, h: Hypothesis, a: float, lag: float = 0.0) -> np.ndarray:
+        """Start values of the nonlinear parameters."""
+        law = h.friction
+        shapes = [first for first, _, _ in law.shape]
+        p = np.array([*(np.log(a) + x for x in law.stiffness), *shapes], dtype=float)
+        if h.lag == "delays":
+            return np.append(p, np.full(self.samples.logs, lag))
+        return np.append(p, lag) if h.lag in (*DELAYED, "play") else p
+
+    def elements(self, h: Hypothesis, p: np.ndarray) -> list[np.ndarray]:
+        """F/Fc of each element, as the torque sensor would show it."""
+        moves = self.moves[h.angle]
+        if h.lag == "play":
+            angle = self.samples.angles[h.angle]
+            width = float(np.exp(p[-1]))
+            moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
+        found = self.friction(h, p, moves, self.samples.pieces)
+        return [self._lagged(h, p, self.samples.delayed(x, h.skew)) for x in found]
+
+    def friction(
+        self, h: Hypothesis, p: np.ndarray, moves: np.ndarray, pieces: models.Pieces
+    ) -> list[np.ndarray]:
+        """F/Fc of each element on these moves, without a lag."""
+        law, s = h.friction, self.samples
+        a = np.exp(np.clip(p[: law.elements], -50, 50))
+        shape = [
+            float(np.clip(x, low, high))
+            for x, (_, low, high) in zip(p[law.elements :], law.shape, strict=False)
+        ]
+        if h.law == "stribeck":
+            slow = np.exp(-((s.speed / (self.fast * np.exp(shape[1]))) ** 2))
+            limits = np.maximum(1 + shape[0] * slow, 0.05)
+            return [models.dahl_with_limits(moves, pieces, a[0], limits)]
+        if h.law == "loaded":
+            assert s.load is not None
+            share = np.maximum(1 + shape[0] * (s.load / np.median(s.load) - 1), 0.02)
+            return [models.dahl_under_load(moves, pieces, a[0], share)]
+        if h.law == "asymmetric":
+            return [models.asymmetric(moves, pieces, a[0], shape[0])]
+        if shape:
+            return [models.tabulated(moves, pieces, a[0], h.law, shape[0])]
+        laws = {"dahl": models.dahl, "slip": models.slip}
+        return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
+
+    def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What a late or slow torque sensor makes of x."""
+        s = self.samples
+        if h.lag in ("delay", "damping+delay"):
+            return s.delayed(x, p[-1])
+        if h.lag == "delays":
+            each = p[len(p) - s.logs :]
+            parts = zip(s.pieces, s.log_of, strict=True)
+            return np.concatenate([_shifted(x[rows], each[k]) for rows, k in parts])
+        if h.lag == "low pass":
+            kept = np.exp(-1 / max(p[-1], 1e-2))
+            return s.by_piece(lambda y: lfilter([1 - kept], [1, -kept], y), x)
+        return x
+
+    def columns(
+        self, h: Hypothesis, p: np.ndarray, limits: np.ndarray | None, terms: Iterable[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Elements, derivatives by p, damping, terms; and the Fc of each element at which the
+        derivatives were taken.
+        """
+        w = self.elements(h, p)
+        if limits is None or len(limits) != len(w) or (limits <= 0).any():
+            limits = self._limits_of(w, terms)
+        friction = sum(c * x for c, x in zip(limits, w, strict=True))
+        changes = []
+        for k in range(len(p)):
+            step = np.zeros(len(p))
+            step[k] = DERIVATIVE_STEP_ROWS if k in self._row_parameters(h, p) else DERIVATIVE_STEP
+            moved = self.elements(h, p + step)
+            change = sum(c * (x - y) for c, x, y in zip(limits, moved, w, strict=True))
+            changes.append(change / step[k])
+        damping = [self.samples.rate(friction) / self.fast] if "damping" in h.lag else []
+        return np.column_stack((*w, *changes, *damping, *self.term_columns(terms))), limits
+
+    def _limits_of(self, w: list[np.ndarray], terms: Iterable[str]) -> np.ndarray:
+        """Fc of each element by least squares; small instead of negative."""
+        table = np.column_stack((*w, *self.term_columns(terms)))
+        gram = self.samples.grams(table).sum(axis=0)
+        limits = solve(gram, range(table.shape[1]))[: len(w)]
+        found: np.ndarray = np.maximum(limits, 0.02 * max(np.abs(limits).max(), 1e-300))
+        return found
+
+    def term_columns(self, names: Iterable[str]) -> list[np.ndarray]:
+        found: list[np.ndarray] = []
+        for name in names:
+            found += (
+                list(self.samples.waves.T) if name == "waves" else [self.samples.terms[name]]
+            )
+        return found
+
+    def _row_parameters(self, h: Hypothesis, p: np.ndarray) -> list[int]:
+        """Which parameters are a number of samples."""
+        if h.lag == "delays":
+            return list(range(len(p) - self.samples.logs, len(p)))
+        return [len(p) - 1] if h.lag in DELAYED else []
+
+    # --- the fit ---
+
+    def optimum(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Optimum | None:
+        """Gauss-Newton from p, with the linear parameters projected out."""
+        best, found, scale, limits = np.inf, None, 1.0, None
+        step = np.zeros(len(p))
+        for _ in range(rounds):
+            trial = p + scale * step
+            table, at = self.columns(h, trial, limits, h.terms)
+            grams = self.samples.grams(table)
+            whole, m, k = grams.sum(axis=0), len(at), len(p)
+            linear = [*range(m), *range(m + k, table.shape[1])]
+            coefficients = solve(whole, linear)
+            cost = float(cost_of(whole, linear, coefficients))
+            if cost > best * (1 + 1e-7):
+                scale /= 3
+                if scale < 0.03:
+                    break
+                continue
+            gain, best, p, scale = best - cost, cost, trial, 1.0
+            found = Optimum(trial, grams, at)
+            limits = coefficients[:m] if (coefficients[:m] > 0).all() else None
+            step = self._step(h, p, solve(whole, range(table.shape[1]))[m : m + k])
+            if np.abs(step[:m]).max() < SETTLED_STEP and gain < MIN_GAIN * cost:
+                break
+        return found
+
+    def _step(self, h: Hypothesis, p: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """A Gauss-Newton step within its limits."""
+        step = np.clip(wanted, -MAX_STEP, MAX_STEP)
+        for k in self._row_parameters(h, p):
+            step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
+        if h.lag == "low pass":
+            step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
+        return step
+
+    def scored(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
+        """The score of some columns on cycles left out; None if the result is no friction."""
+        whole, m = at.grams.sum(axis=0), len(at.limits)
+        full, left = solve(whole, columns), solve(whole - at.grams, columns)
+        value = self.parameters(at.p, at.limits, full)
+        falls = h.law != "stribeck" or at.p[1] + full[m + 1] > MIN_STRIBECK
+        if not ((full[:m] > 0).all() and (value > 0).all() and falls):
+            return None
+        return Fit(
+            h,
+            at.p,
+            full[:m],
+            full,
+            cost_of(at.grams, columns, left),
+            value,
+            self.parameters(at.p, at.limits, left),
+            float(np.abs(full[m : 2 * m]).max()),
+        )
+
+    def parameters(self, p: np.ndarray, limits: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """sigma0 and Fc of coefficients c (..., k) of columns that were taken at `limits`."""
+        m = len(limits)
+        a = np.exp(p[:m])
+        change = np.clip(c[..., m : 2 * m], -MAX_LINEAR, MAX_LINEAR)
+        sigma0 = np.sum(a * (c[..., :m] + limits * change), axis=-1)
+        return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
+
+    def fit(self, h: Hypothesis, p: np.ndarray) -> Fit | None:
+        """Fit and score one hypothesis from start values p."""
+        at = self.optimum(h, p)
+        return None if at is None else self.scored(h, at, range(at.grams.shape[-1] - 1))
+
+    def fit_subsets(
+        self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
+    ) -> list[Fit]:
+        """Fit with all terms of the pool, then score every subset from the same Gram matrices."""
+        at = self.optimum(replace(h, terms=tuple(pool)), p)
+        if at is None:
+            return []
+        names = [*pool, *(["cubic", "waves"] if waves else [])]
+        table, limits = self.columns(h, at.p, at.limits, names)
+        at = Optimum(at.p, self.samples.grams(table), limits)
+        base = len(limits) + len(at.p) + ("damping" in h.lag)
+        places, k = {}, base
+        for name in names:
+            width = self.samples.waves.shape[1] if name == "waves" else 1
+            places[name] = list(range(k, k + width))
+            k += width
+        found = []
+        for terms in _subsets(names):
+            columns = [*range(base), *(k for term in terms for k in places[term])]
+            one = self.scored(replace(h, terms=terms), at, columns)
+            found += [one] if one is not None else []
+        return found
+
+    # --- views of a fit ---
+
+    def predicted(self, fit: Fit) -> np.ndarray:
+        """The torque of a fit at each sample: (n,) N m (N)."""
+        h = fit.hypothesis
+        table, _ = self.columns(h, fit.p, fit.limits, h.terms)
+        torque: np.ndarray = table @ fit.coefficients
+        return torque
+
+
+def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Sets of terms worth a trial: one shape over the angle, with any of the terms by time."""
+    shapes = [("offset",), ("offset", "spring"), ("offset", "spring", "cubic"), ("offset", "waves")]
+    timed = [name for name in ("viscous", "inertia") if name in names]
+    return [
+        (*shape, *more)
+        for shape in shapes
+        if set(shape) <= set(names)
+        for n in range(len(timed) + 1)
+        for more in combinations(timed, n)
+    ]
+
+
+def _shifted(x: np.ndarray, delay: float) -> np.ndarray:
+    places = np.arange(len(x))
+    return np.interp(places - delay, places, x)
