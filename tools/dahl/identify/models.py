@@ -41,6 +41,19 @@ class Law:
         return len(self.kinds)
 
     @property
+    def label(self) -> str:
+        """For people."""
+        known = {"dahl": "Dahl", "bouc-wen": "Bouc-Wen", "stribeck": "Stribeck"}
+        known |= {"exponent": "general exponent", "2 dahl": "Dahl K=2", "mixed": "mixed K=2"}
+        is_slip = self.kinds[0] == "slip"
+        return f"slip K={self.elements}" if is_slip else known.get(self.name, self.name)
+
+    @property
+    def parameters(self) -> int:
+        """Nonlinear ones: a stiffness for each element, and the shape."""
+        return self.elements + len(self.shape)
+
+    @property
     def size(self) -> int:
         """Parameters beyond those of one Dahl element."""
         return 2 * (self.elements - 1) + len(self.shape)
@@ -94,9 +107,7 @@ def dahl(moves: np.ndarray, pieces: Pieces, a: float) -> np.ndarray:
     return np.concatenate([step.run(moves[rows], 0.0) for rows in pieces]).astype(float)
 
 
-def dahl_with_limits(
-    moves: np.ndarray, pieces: Pieces, a: float, limits: np.ndarray
-) -> np.ndarray:
+def dahl_with_limits(moves: np.ndarray, pieces: Pieces, a: float, limits: np.ndarray) -> np.ndarray:
     """Dahl's law with Fc `limits` times as large at each row (n,) and a constant sigma0."""
     kept = np.exp(-a * np.abs(moves) / limits)
     return _affine_steps(kept, np.sign(moves) * limits * (1 - kept), pieces)
@@ -188,9 +199,7 @@ def _travel_table(kind: str, shape: float) -> tuple[np.ndarray, np.ndarray]:
     return y, np.concatenate(([0.0], np.cumsum(steps)))
 
 
-def tabulated(
-    moves: np.ndarray, pieces: Pieces, a: float, kind: str, shape: float
-) -> np.ndarray:
+def tabulated(moves: np.ndarray, pieces: Pieces, a: float, kind: str, shape: float) -> np.ndarray:
     """A law dw/du = slope(s w) of one `shape` parameter: exponent, bouc-wen or soft shaft."""
     y, u = _travel_table(kind, round(shape, 6))
     ratio = np.zeros(len(moves))

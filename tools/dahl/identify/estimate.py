@@ -13,14 +13,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import t as student
 
-from dahl.identification import diagnose, preprocess, select, simulate
-from dahl.identification.diagnose import CORRECTABLE, Lack
-from dahl.identification.fit import Fit, Fitter, Hypothesis, solve
-from dahl.identification.log import Log
-from dahl.identification.result import Claim, Result, claims_of
-from dahl.identification.samples import Samples, samples_of
-from dahl.identification.select import POOL, Plausible, SearchSpace
-from dahl.identification.start import coarse_start
+from dahl import Error
+from dahl.identify import diagnose, preprocess, select, simulate
+from dahl.identify.diagnose import CORRECTABLE, Lack
+from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
+from dahl.identify.log import Log
+from dahl.identify.result import Intervals, Result, claims_of
+from dahl.identify.samples import Samples, block_for, samples_of
+from dahl.identify.select import TERMS, Plausible, SearchSpace
+from dahl.identify.start import coarse_start
 
 CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hypothesis covers
 SIMULATED_CONFIDENCE = 0.975  # of the quantile of the simulated errors: two-sided 95 %
@@ -60,24 +61,33 @@ def identify(
 
     Raises dahl.Error for a log that no fit can use.
     """
-    pieces = [piece for log in logs for piece in preprocess.preprocess(log, options.trust_units, options.median)]
+    pieces = [
+        piece
+        for log in logs
+        for piece in preprocess.preprocess(log, options.trust_units, options.median)
+    ]
     samples = samples_of(pieces)
     use = replace(use, space=_space(use.space, options))
     fitter = Fitter(samples)
     a, delay, sign = coarse_start(fitter)
+    block = block_for(pieces, samples.block, a)
+    if block < samples.block:
+        delay *= samples.block / block
+        samples = samples_of(pieces, block)
+        fitter = Fitter(samples)
     if sign < 0:
         samples.torque = -samples.torque
     _prepare(fitter, a, delay)
-    result = Result(pieces, samples, sign, options)
-    if len(samples.folds) < 3:
-        return result.without_fit("too few cycles")
     fits = select.fit_all(fitter, a, delay, use.space)
     if not fits:
-        return result.without_fit("no hypothesis fits")
+        raise Error(f"{logs[0].name}: no friction law fits; is the sign of the torque constant?")
     corrected: list[str] = []
     if use.lack_of_fit:
         fitter, fits, corrected = _correct_encoder(fitter, fits, delay, use.space)
-    return _judge(result, fitter, fits, use, corrected)
+    found = _judge(fitter, fits, use, corrected)
+    return claims_of(
+        Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
+    )
 
 
 def _space(space: SearchSpace, options: Options) -> SearchSpace:
@@ -89,7 +99,7 @@ def _prepare(fitter: Fitter, a: float, delay: float) -> None:
     """Set cycles and weights from a first fit."""
     samples = fitter.samples
     samples.prepare(a, np.zeros(samples.rows))
-    h = Hypothesis("dahl", "delay" if delay else "damping", terms=POOL)
+    h = Hypothesis("dahl", "delay" if delay else "damping", terms=TERMS)
     at = fitter.optimum(h, fitter.start(h, a, delay))
     if at is not None:
         table, _ = fitter.columns(h, at.p, at.limits, h.terms)
@@ -135,9 +145,9 @@ def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lac
 
 
 def _judge(
-    result: Result, fitter: Fitter, fits: list[Fit], use: Mechanisms, corrected: list[str]
-) -> Result:
-    """Intervals, what they come from, and the claims."""
+    fitter: Fitter, fits: list[Fit], use: Mechanisms, corrected: list[str]
+) -> tuple[Plausible, list[Lack], Intervals]:
+    """What is plausible, what is lacking, and the intervals."""
     samples = fitter.samples
     hidden = _hidden_by_rounding(samples, select.best_of(fits))
     with_skew = use.plausible and use.space.lags != ("none",)
@@ -161,10 +171,11 @@ def _judge(
     if use.simulation and (samples.count or samples.noise):
         simulated = _simulated_reach(fitter, seen.chosen) * value
         widths["counts"] = simulated / value
-        low, high = value - np.hypot(value - low, simulated), value + np.hypot(high - value, simulated)
-    result = replace(result, samples=samples, fitter=fitter, fits=fits, plausible=seen, lacks=lacks)
-    claim = Claim(value, low, high, widths)
-    return claims_of(replace(result, claim=claim))
+        low, high = (
+            value - np.hypot(value - low, simulated),
+            value + np.hypot(high - value, simulated),
+        )
+    return seen, lacks, Intervals(value, low, high, widths)
 
 
 def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
@@ -219,3 +230,15 @@ def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
     if samples.count and not samples.noise:
         reach = np.hypot(reach, 2 * np.abs(simulate.hidden_travel(fitter, chosen)))
     return reach
+
+
+def check(result: Result, log: Log) -> float:
+    """R2 of a result on a log that was not fitted, without the travel that forgets its start.
+
+    Raises dahl.Error if the log cannot be used.
+    """
+    samples, predicted = result.predict(preprocess.preprocess(log, trust_units=True))
+    weight = samples.used
+    mean = float(weight @ samples.torque / weight.sum())
+    lost = weight @ (samples.torque - predicted) ** 2
+    return 1 - float(lost / (weight @ (samples.torque - mean) ** 2))

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 
 from dahl import Error
-from dahl.identification import encoder_grid
-from dahl.identification.angle import white_noise
-from dahl.identification.log import Log, resolution_of
-from dahl.identification.models import turning_points
+from dahl.identify import encoder_grid
+from dahl.identify.angle import white_noise
+from dahl.identify.log import Log, resolution_of
+from dahl.identify.models import turning_points
 
 MIN_ROWS = 30  # of a log or a piece
 LOOKED_AT_ROWS = 100_000  # before all of them

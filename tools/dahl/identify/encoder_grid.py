@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from dahl import Error
-from dahl.identification.log import Log, resolution_of
+from dahl.identify.log import Log, resolution_of
 
 AGREEMENT = 0.01  # of a count
 PRINTED_ERROR = 0.1  # of a count

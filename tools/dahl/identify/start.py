@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import nnls
 
-from dahl.identification import models
-from dahl.identification.fit import Fitter, Hypothesis, cost_of, solve
+from dahl.identify import models
+from dahl.identify.fit import Fitter, Hypothesis, cost_of, solve
 
 DELAYS = (0.0, -60.0, -25.0, -10.0, 10.0, 25.0, 60.0)  # samples
 MIN_DELAY_GAIN = 0.8  # of the robust cost, that a delay must reach to be a start value

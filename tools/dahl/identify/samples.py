@@ -13,16 +13,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from dahl.identification import angle as treatments
-from dahl.identification import models
-from dahl.identification.log import Log
+from dahl.identify import angle as treatments
+from dahl.identify import models
+from dahl.identify.log import Log
 
 MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
+MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
 LOOKED_AT_ROWS = 100_000  # for the length of strokes
 MAX_FOLDS = 24  # cycles in more are left out in groups
 MIN_SCORED_CYCLES = 6  # below it a jackknife says little; nothing is claimed
+MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
 SETTLE_LENGTHS = 6.0  # presliding lengths of travel that forget the unknown torque at the start
 SETTLE_PART = 0.25  # of the travel of a piece, at most
 EDGE_SAMPLES = 100  # at both ends of a piece, where a shifted torque is not known
@@ -32,6 +34,15 @@ NEIGHBOURS = 9  # rows whose median says what a row should be
 MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
 KNOTS = 17  # of a torque that depends on the angle
 MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give a wild speed
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the columns are measured from, so that a fit holds for other samples too."""
+
+    centre: float  # rad (m), of springs
+    reach: float  # rad (m), from there to the far end
+    load: float = 1.0  # at which sigma0 and Fc are given
 
 
 @dataclass
@@ -51,6 +62,7 @@ class Samples:
     noise: float  # rad (m), of the angle beyond its counts
     block: int  # rows of each sample
     timed: bool
+    reference: Reference
     load: np.ndarray | None = None
     terms: dict[str, np.ndarray] = field(default_factory=dict)
     waves: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, KNOTS - 1)
@@ -106,9 +118,7 @@ class Samples:
         turns_in_all = 0
         for rows in self.pieces:
             settled[rows] = self._settled(rows, a)
-            turns = models.turning_points(
-                self.angles["between counts"][rows], MIN_TURN_LENGTHS / a
-            )
+            turns = models.turning_points(self.angles["between counts"][rows], MIN_TURN_LENGTHS / a)
             turns_in_all += len(turns)
             first = int(cycle[rows.start - 1]) + 1 if rows.start else 0
             cycle[rows] = first + _cycle_numbers(turns, rows.stop - rows.start)
@@ -119,7 +129,8 @@ class Samples:
     def _huber(self, residual: np.ndarray) -> np.ndarray:
         """Less weight for samples that disagree with their neighbours."""
         off = np.abs(
-            residual - self.by_piece(lambda r: median_filter(r, NEIGHBOURS, mode="nearest"), residual)
+            residual
+            - self.by_piece(lambda r: median_filter(r, NEIGHBOURS, mode="nearest"), residual)
         )
         usual = 1.4826 * float(np.median(off[off > 0])) if (off > 0).any() else 0.0
         if not usual:
@@ -145,7 +156,10 @@ class Samples:
             several = kept[i : i + group]
             rows = np.flatnonzero((cycle >= several[0]) & (cycle <= several[-1]))
             folds.append(slice(int(rows[0]), int(rows[-1]) + 1))
-        return folds
+        if len(folds) >= MIN_FOLDS:
+            return folds
+        ends = np.linspace(0, self.rows, FEW_CYCLES_FOLDS + 1).astype(int).tolist()
+        return [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)]
 
 
 def _cycle_numbers(turns: np.ndarray, rows: int) -> np.ndarray:
@@ -157,8 +171,11 @@ def _cycle_numbers(turns: np.ndarray, rows: int) -> np.ndarray:
     return number
 
 
-def samples_of(logs: Sequence[Log], block: int = 0) -> Samples:
-    """The samples of preprocessed logs; `block` is the number of rows of a sample (0: choose)."""
+def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None = None) -> Samples:
+    """The samples of preprocessed logs.
+
+    `block` is the number of rows of a sample (0: choose); `reference` is that of another fit.
+    """
     names = list(dict.fromkeys(log.name for log in logs))
     block = block or _block_of(logs)
     part = MAX_SAMPLES * block / sum(log.rows for log in logs)
@@ -181,10 +198,18 @@ def samples_of(logs: Sequence[Log], block: int = 0) -> Samples:
         noise=noise,
         block=block,
         timed=timed,
+        reference=reference or _reference_of(joined),
         load=joined.get("load"),
     )
     _add_terms(samples)
     return samples
+
+
+def _reference_of(table: dict[str, np.ndarray]) -> Reference:
+    angle = table["between counts"]
+    low, high = float(angle.min()), float(angle.max())
+    load = float(np.median(table["load"])) if "load" in table else 1.0
+    return Reference((high + low) / 2, (high - low) / 2, load)
 
 
 TREATMENTS = ("between counts", "sharp turns", "as read")
@@ -201,6 +226,21 @@ def _block_of(logs: Sequence[Log]) -> int:
         return 1
     per_stroke = _rows_of_a_stroke(max(logs, key=lambda log: log.rows))
     return int(np.clip(per_stroke // MIN_STROKE_SAMPLES, 1, -(-rows // MAX_SAMPLES)))
+
+
+def block_for(logs: Sequence[Log], block: int, a: float) -> int:
+    """A block that is short enough for a stiffness `a`: presliding after a turn needs samples."""
+    rows = [n for log in logs for n in _presliding_rows(log, a)]
+    return block if not rows else int(np.clip(np.median(rows) // MIN_PRESLIDING_SAMPLES, 1, block))
+
+
+def _presliding_rows(log: Log, a: float) -> list[int]:
+    """The rows of the first presliding length after each turn."""
+    theta = log.theta[:LOOKED_AT_ROWS]
+    turns = models.turning_points(theta, MIN_TURN_LENGTHS / a).tolist()
+    ends = [*turns[1:], len(theta)]
+    away = [np.abs(theta[i:j] - theta[i]) * a > 1 for i, j in zip(turns, ends, strict=True)]
+    return [int(np.argmax(far)) for far in away if far.any()]
 
 
 def _keeps_rows(log: Log) -> bool:
@@ -262,9 +302,8 @@ def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray
 
 def _add_terms(samples: Samples) -> None:
     """Columns of what acts beside friction."""
-    angle = samples.angles["between counts"]
-    z = angle - (angle.max() + angle.min()) / 2
-    z = z / np.abs(z).max()
+    reference = samples.reference
+    z = (samples.angles["between counts"] - reference.centre) / reference.reach
     samples.terms = {
         "offset": np.ones(samples.rows),
         "spring": z,

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dahl.identification import models
-from dahl.identification.fit import Fit, Fitter, cost_of, excess, jackknife, solve
-from dahl.identification.samples import MIN_TURN_LENGTHS, Samples
+from dahl.identify import models
+from dahl.identify.fit import Fit, Fitter, cost_of, excess, jackknife, solve
+from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
 MIN_GAIN = 0.02  # of the residual, that a row must explain
@@ -54,6 +54,7 @@ class Lack:
     low: np.ndarray  # (2,)
     high: np.ndarray
     withdraws: tuple[bool, bool] = (False, False)
+    text: str = ""  # one line for people
     coefficients: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
 
@@ -155,8 +156,17 @@ class _Judge:
         # a row that explains most of the residual shows that the hypothesis is wrong
         wrong = bool(np.isfinite(row.max_move)) and gain > after.sum()
         withdraws = (bool(far[0]) or wrong, bool(far[1]))
+        part = float(gain / self.before.sum())
+        text = f"{row.name} would explain {100 * part:.0f} % of the residual"
         return Lack(
-            row.name, float(gain / after.sum()), moved, low - beyond, high + beyond, withdraws, x
+            row.name,
+            float(gain / after.sum()),
+            moved,
+            low - beyond,
+            high + beyond,
+            withdraws,
+            text,
+            x,
         )
 
 

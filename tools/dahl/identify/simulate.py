@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from dahl.identification import models
-from dahl.identification.fit import Fit, Fitter, Hypothesis
-from dahl.identification.log import Log, resolution_of
-from dahl.identification.samples import MIN_TURN_LENGTHS, Samples, samples_of
+from dahl.identify import models
+from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.log import Log, resolution_of
+from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
 
 DRAWS = 6
 HIDDEN_COUNTS = 0.2  # of travel at a turn: twice the residual error of an extrapolated turn
@@ -54,7 +54,7 @@ def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> 
         Log(str(k), theta[rows], torque[rows], samples.time[rows], resolution=samples.count)
         for k, rows in zip(samples.log_of, samples.pieces, strict=True)
     ]
-    made = samples_of(logs, block=1)
+    made = samples_of(logs, block=1, reference=samples.reference)
     made = replace(made, noise=samples.noise, load=samples.load)
     made.used, made.folds, made.cycles = samples.used, samples.folds, samples.cycles
     if h.angle not in made.angles:
@@ -139,5 +139,7 @@ def _bump_at_turns(angle: np.ndarray, count: float, a: float) -> np.ndarray:
     away = np.abs(angle[nearest] - angle)
     before = np.maximum(nearest - max(len(angle) // len(turns) // 8, 2), 0)
     direction = np.sign(angle[nearest] - angle[before])
-    bump: np.ndarray = HIDDEN_COUNTS * count * np.clip(1 - away / (2 * count), 0.0, None) * direction
+    bump: np.ndarray = (
+        HIDDEN_COUNTS * count * np.clip(1 - away / (2 * count), 0.0, None) * direction
+    )
     return bump

@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dahl.identification import models
-from dahl.identification.fit import LAGS, Fit, Fitter, Hypothesis, excess
-from dahl.identification.models import LAWS
-from dahl.identification.start import pair_starts, slip_start
+from dahl.identify import models
+from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
+from dahl.identify.models import LAWS
+from dahl.identify.start import pair_starts, slip_start
 
 PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score; see docs/identify.md
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
-POOL = ("offset", "spring", "viscous", "inertia")
+TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 MAX_REFITS = 3  # of subsets whose linearisation went far
 FAR_STEP = 0.03  # of ln a
@@ -41,7 +41,7 @@ class SearchSpace:
 
     @property
     def pool(self) -> tuple[str, ...]:
-        return POOL if self.terms is None else ("offset", *self.terms)
+        return TERMS if self.terms is None else self.terms
 
 
 def penalised(fit: Fit) -> np.ndarray:
@@ -66,9 +66,7 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     return [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
 
 
-def _dahl_with_all_choices(
-    fitter: Fitter, a: float, delay: float, space: SearchSpace
-) -> list[Fit]:
+def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
     starts = {
         "delay": delay or 1.0,
         "damping+delay": delay,
@@ -108,7 +106,9 @@ def _refit_promising(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
         if one.step > FAR_STEP and one.total < CLOSE * best and refits < MAX_REFITS:
             refits += 1
             other = fitter.fit(one.hypothesis, one.p)
-            one = other if other is not None and other.total < 1.02 * one.total else one
+            if other is not None and other.total < 1.02 * one.total:
+                kept.append(other)
+                continue
         kept.append(one)
     return kept
 
@@ -186,6 +186,7 @@ def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -
     limit = penalised(best)
     near = [f for f in fits if is_near(penalised(f), limit, hidden)]
     chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
+    chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
     kept = [f for f in near if not _dominated(f, near)] or [chosen]
     if with_skew:
         kept += _skewed(fitter, kept, limit)
@@ -243,5 +244,3 @@ def reach(fit: Fit, near: list[Fit]) -> np.ndarray:
             if more <= spread:
                 error = np.minimum(error, 1.5 * other.error)
     return error
-
-
