@@ -91,17 +91,17 @@ BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")
 TURNS = r"angle|theta"  # what is called so is no length: theta_m is that of the motor
 SHORT_LENGTHS = ("m", "in")
 COLUMNS = {  # what a column is called when nobody says which one it is
-    "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$"
+    "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
     r"|(?<![a-z])pos(?![a-z])",
-    "torque": r"torque|friction|force|trq|load|moment|(?<![a-z])N_?m(?![a-z])",
-    "time": r"^time|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",  # T and T_degC are none
+    "torque": r"torque|friction|force|trq|load|moment|kraft|(?<![a-z])N_?m(?![a-z])",
+    "time": r"^time|^zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",  # T and T_degC are none
 }
 
 DERIVED = (  # of an angle or a torque, which are none: rates and what a controller lacks
     r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
 )
 ASKED = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"  # what was wanted, not measured
-FORCES = r"force|load"  # which a torque may be called too
+FORCES = r"force|load|kraft"  # which a torque may be called too
 
 
 def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
@@ -117,6 +117,11 @@ def unit_in(name: str, known: Mapping[str, object], default: str) -> str:
     if BRACKETS.search(name):
         return bracketed(name, known) or default
     return next((unit for word in words if (unit := _known_as(word, known))), default)
+
+
+def is_unit(word: str) -> bool:
+    """Whether a word is a unit of an angle, a torque or a time."""
+    return any(_known_as(word, known) for known in (ANGLES, TORQUES, TIMES))
 
 
 def bracketed(name: str, known: Mapping[str, object]) -> str:
