@@ -114,9 +114,9 @@ def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angl
 
 def seen(*logs: Log, **options: object) -> dict[str, Any]:
     """What `dahl identify --json -` prints of logs in memory."""
-    from dahl.identify import output, pipeline  # as_json(): the command's, without a file to read
+    from dahl.identify import Options, identify, report
 
-    return json.loads(output.as_json(pipeline.identify(logs, pipeline.Options(**options))))
+    return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
 def told(facts: dict[str, Any], word: str) -> list[float] | None:
