@@ -369,7 +369,7 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     from dahl.files import keep
-    from dahl.identify import report
+    from dahl.identify import export, report
     from dahl.terminal import console
 
     quiet = args.json == "-"
@@ -388,5 +388,5 @@ def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     if written:
         out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":
-        why = "; ".join(report.plan_quality(result, report.runnable_model(result)).against)
+        why = "; ".join(export.plan_quality(result, export.runnable_model(result)).against)
         out.print(f"no plan for firmware: {why} (--force leaves one)", soft_wrap=True)

@@ -46,7 +46,8 @@ def between_counts(theta: np.ndarray, count: float) -> np.ndarray:
 
 
 def _within_count(inner: np.ndarray, theta: np.ndarray, count: float) -> np.ndarray:
-    return np.clip(inner, theta - count / 2, theta + count / 2)
+    clipped: np.ndarray = np.clip(inner, theta - count / 2, theta + count / 2)
+    return clipped
 
 
 def with_sharp_turns(theta: np.ndarray, count: float) -> np.ndarray:

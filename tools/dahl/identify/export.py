@@ -83,9 +83,9 @@ class RunnableModel:
             half, mean = sum(self.Fc) / 2, (self.Fc[0] - self.Fc[1]) / 2
             w = models.asymmetric(moves, whole, self.a, mean / half)
             return mean + half * w
-        laws = {"dahl": models.dahl, "slip": models.slip}
-        parts = zip(self.kinds, self.sigma0, self.Fc, strict=True)
-        torque: np.ndarray = sum(Fc * laws[kind](moves, whole, s / Fc) for kind, s, Fc in parts)
+        torque, laws = np.zeros(len(moves)), {"dahl": models.dahl, "slip": models.slip}
+        for kind, sigma0, Fc in zip(self.kinds, self.sigma0, self.Fc, strict=True):  # noqa: N806
+            torque += Fc * laws[kind](moves, whole, sigma0 / Fc)
         return torque
 
     def plans(self, theta_per_count: float) -> dict[str, AnyPlan]:
@@ -97,7 +97,7 @@ class RunnableModel:
         from dahl.variants import Asymmetric
 
         if self.model == "asymmetric":
-            return {"": Asymmetric(*self.sigma0, *self.Fc, theta_per_count)}
+            return {"": Asymmetric(self.sigma0[0], self.Fc[0], self.Fc[1], theta_per_count)}
         several = self.model == "parallel"
         parts = list(zip(self.kinds, self.sigma0, self.Fc, strict=True))
         dahls = [Plan(s, Fc, theta_per_count) for kind, s, Fc in parts if kind == "dahl"]
@@ -106,7 +106,8 @@ class RunnableModel:
         }
         slips = [(s, Fc) for kind, s, Fc in parts if kind == "slip"]
         if slips:
-            found["_slip" if several else ""] = Slip(*zip(*slips, strict=True), theta_per_count)
+            sigma0, limits = zip(*slips, strict=True)
+            found["_slip" if several else ""] = Slip(sigma0, limits, theta_per_count)
         return found
 
 

@@ -19,7 +19,7 @@ from scipy.signal import lfilter
 
 from dahl.identify import models
 from dahl.identify.models import LAWS, Law
-from dahl.identify.samples import Samples
+from dahl.identify.samples import Samples, delayed
 
 LAGS = ("none", "damping", "delay", "low pass", "play", "damping+delay")
 DELAYED = ("delay", "low pass", "damping+delay")  # the last parameter is a number of samples
@@ -129,7 +129,8 @@ def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) 
     one = np.ones((*coefficients.shape[:-1], 1))
     v = np.concatenate((-coefficients, one), axis=-1)
     left: np.ndarray = np.einsum("...i,...ij,...j->...", v, gram[..., c, :][..., c], v)
-    return np.maximum(left, 0.0)
+    cost: np.ndarray = np.maximum(left, 0.0)
+    return cost
 
 
 class Fitter:
@@ -197,7 +198,7 @@ class Fitter:
         if h.lag == "delays":
             each = p[len(p) - s.logs :]
             parts = zip(s.pieces, s.log_of, strict=True)
-            return np.concatenate([_shifted(x[rows], each[k]) for rows, k in parts])
+            return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
         if h.lag == "low pass":
             kept = np.exp(-1 / max(p[-1], 1e-2))
             return s.by_piece(lambda y: lfilter([1 - kept], [1, -kept], y), x)
@@ -272,7 +273,7 @@ class Fitter:
 
     def _step(self, h: Hypothesis, p: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """A Gauss-Newton step within its limits."""
-        step = np.clip(wanted, -MAX_STEP, MAX_STEP)
+        step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
         for k in self._row_parameters(h, p):
             step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
         if h.lag == "low pass":
@@ -361,8 +362,3 @@ def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
 def _peaks(table: np.ndarray, elements: int) -> np.ndarray:
     peaks: np.ndarray = np.abs(table[:, :elements]).max(axis=0)
     return peaks
-
-
-def _shifted(x: np.ndarray, delay: float) -> np.ndarray:
-    places = np.arange(len(x))
-    return np.interp(places - delay, places, x)

@@ -181,12 +181,13 @@ _GAP = np.concatenate((np.linspace(2.0, 0.05, 300)[:-1], np.geomspace(0.05, 1e-8
 
 def _slope(kind: str, shape: float, gap: np.ndarray) -> np.ndarray:
     """dw/du at 1 - s w = gap."""
-    if kind == "exponent":
-        return gap**shape  # Dahl 1968
-    if kind == "soft shaft":  # Dahl's law in series with a spring of `shape` of the compliance
-        return gap / (1 - shape + shape * gap)
     y = 1 - gap
-    return 1 - np.sign(y) * np.abs(y) ** shape  # Bouc-Wen
+    slope: np.ndarray = 1 - np.sign(y) * np.abs(y) ** shape  # Bouc-Wen
+    if kind == "exponent":
+        slope = gap**shape  # Dahl 1968
+    if kind == "soft shaft":  # Dahl's law in series with a spring of `shape` of the compliance
+        slope = gap / (1 - shape + shape * gap)
+    return slope
 
 
 @lru_cache(maxsize=64)

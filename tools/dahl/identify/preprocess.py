@@ -243,7 +243,7 @@ def unwrap(log: Log, trust_units: bool = False) -> Log:
 
 
 def wraps(theta: np.ndarray) -> np.ndarray:
-    """Which moves go from one end of the range to the other in a motion that is smooth otherwise."""
+    """Which moves go from one end of the range to the other in an otherwise smooth motion."""
     moves, span = np.abs(np.diff(theta)), float(np.ptp(theta))
     jumps: np.ndarray = moves > span / 2
     if not jumps.any() or jumps.all():

@@ -159,7 +159,8 @@ class Result:
     @property
     def residual(self) -> np.ndarray:
         """Measured less predicted torque at each sample, (n,) N m (N)."""
-        return self.samples.torque - self.predicted
+        residual: np.ndarray = self.samples.torque - self.predicted
+        return residual
 
     def to_dataframe(self) -> pd.DataFrame:
         """One line for each sample of the fit: log, time, angle, torque, predicted, residual."""

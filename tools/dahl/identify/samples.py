@@ -94,12 +94,7 @@ class Samples:
 
     def delayed(self, x: np.ndarray, delay: float) -> np.ndarray:
         """x as it was `delay` samples before."""
-
-        def one(y: np.ndarray) -> np.ndarray:
-            places = np.arange(len(y))
-            return np.interp(places - delay, places, y)
-
-        return self.by_piece(one, x) if delay else x
+        return self.by_piece(lambda y: delayed(y, delay), x) if delay else x
 
     def with_angle(self, name: str, angle: np.ndarray) -> Samples:
         """The same samples with another angle."""
@@ -128,14 +123,11 @@ class Samples:
 
     def _huber(self, residual: np.ndarray) -> np.ndarray:
         """Less weight for samples that disagree with their neighbours."""
-        off = np.abs(
-            residual
-            - self.by_piece(lambda r: median_filter(r, NEIGHBOURS, mode="nearest"), residual)
-        )
-        usual = 1.4826 * float(np.median(off[off > 0])) if (off > 0).any() else 0.0
-        if not usual:
-            return self.weight
-        return np.minimum(1.0, HUBER * usual / np.maximum(off, 1e-300))
+        usual = self.by_piece(lambda r: median_filter(r, NEIGHBOURS, mode="nearest"), residual)
+        off = np.abs(residual - usual)
+        spread = 1.4826 * float(np.median(off[off > 0])) if (off > 0).any() else np.inf
+        weight: np.ndarray = np.minimum(1.0, HUBER * spread / np.maximum(off, 1e-300))
+        return weight
 
     def _settled(self, rows: slice, a: float) -> np.ndarray:
         """Samples of a piece behind which the torque at its start is forgotten."""
@@ -160,6 +152,13 @@ class Samples:
             return folds
         ends = np.linspace(0, self.rows, FEW_CYCLES_FOLDS + 1).astype(int).tolist()
         return [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)]
+
+
+def delayed(x: np.ndarray, delay: float) -> np.ndarray:
+    """A signal as it was `delay` samples before."""
+    places = np.arange(len(x))
+    found: np.ndarray = np.interp(places - delay, places, x)
+    return found
 
 
 def _cycle_numbers(turns: np.ndarray, rows: int) -> np.ndarray:
@@ -190,9 +189,14 @@ def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None 
     ends = np.cumsum([0, *lengths]).tolist()
     joined = {key: np.concatenate([table[key] for table in thinned]) for key in thinned[0]}
     samples = Samples(
-        [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)],
-        np.array([names.index(log.name) for log in logs]),
-        *(joined[key] for key in ("theta", "torque", "time", "weight", "speed", "acceleration")),
+        pieces=[slice(i, j) for i, j in zip(ends, ends[1:], strict=False)],
+        log_of=np.array([names.index(log.name) for log in logs]),
+        theta=joined["theta"],
+        torque=joined["torque"],
+        time=joined["time"],
+        weight=joined["weight"],
+        speed=joined["speed"],
+        acceleration=joined["acceleration"],
         angles={key: joined[key] for key in TREATMENTS if key in joined},
         count=count,
         noise=noise,

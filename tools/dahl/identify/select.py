@@ -99,7 +99,8 @@ def _refit_promising(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
     """Keep what is near the best of its law and lag; refit where the linearisation went far."""
     if not fits:
         return fits
-    best, kept, refits = min(f.total for f in fits), [], 0
+    best, refits = min(f.total for f in fits), 0
+    kept: list[Fit] = []
     for one in sorted(fits, key=lambda f: f.total):
         if one.total > HOPELESS * best and len(kept) > 2:
             continue

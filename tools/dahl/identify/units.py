@@ -94,7 +94,8 @@ COLUMNS = {  # what a column is called when nobody says which one it is
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
     r"|(?<![a-z])pos(?![a-z])",
     "torque": r"torque|friction|force|trq|load|moment|kraft|(?<![a-z])N_?m(?![a-z])",
-    "time": r"^time|^zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",  # T and T_degC are none
+    # T and T_degC are temperatures
+    "time": r"^time|^zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",
 }
 
 DERIVED = (  # of an angle or a torque, which are none: rates and what a controller lacks
