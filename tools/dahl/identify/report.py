@@ -151,12 +151,12 @@ def _simple_models(result: Result) -> dict[str, Any]:
     """Held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
     s, fits = result.samples, best_by_law(result)
     terms = [name for name in result.hypothesis.terms if name != "waves"]
-    columns = np.column_stack(result.fitter.term_columns(terms))
+    columns = result.fitter.term_columns(terms)
     sign = _last_direction(result.fitter.moves["between counts"])
     costs = {
         "dahl": fits["dahl"].total if "dahl" in fits else math.nan,
-        "coulomb": _held_out(result, np.column_stack((sign, columns))),
-        "none": _held_out(result, columns),
+        "coulomb": _held_out(result, [sign, *columns]),
+        "none": _held_out(result, columns or [np.zeros(s.rows)]),
         "bilinear": fits["slip"].total if "slip" in fits else math.nan,
     }
     weight = float(s.used.sum())
@@ -181,11 +181,11 @@ def _last_direction(moves: np.ndarray) -> np.ndarray:
     return direction
 
 
-def _held_out(result: Result, columns: np.ndarray) -> float:
+def _held_out(result: Result, columns: list[np.ndarray]) -> float:
     from dahl.identify.fit import cost_of
 
-    grams = result.samples.grams(columns)
-    k = list(range(columns.shape[1]))
+    grams = result.samples.grams(np.column_stack(columns))
+    k = list(range(len(columns)))
     return float(cost_of(grams, k, solve(grams.sum(axis=0) - grams, k)).sum())
 
 
@@ -297,7 +297,7 @@ def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
                 "r2": result.r2_of(f),
                 "sigma0": float(f.value[0]),
                 "Fc": float(f.value[1]),
-                "plausible": id(f) in near,
+                "plausible": id(f) in near or f is result.chosen,
                 "taken": f is result.chosen,
             }
             for f in ordered
