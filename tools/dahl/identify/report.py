@@ -117,6 +117,8 @@ def notes(result: Result) -> list[str]:
     for log in result.logs:
         place = f"{Path(log.name).name}: " if several else ""
         found += [f"{place}{note}" for note in log.notes]
+    if any(log.load is not None for log in result.raw) and result.hypothesis.law != "loaded":
+        found.append("load: not used, the friction does not follow it in all logs")
     if result.sign < 0:
         found.append("the torque was used with the other sign: friction has the sign of the motion")
     return found
@@ -341,6 +343,8 @@ def table(result: Result) -> Table:
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")
     shown.add_row("law", _law_words(result))
+    if (load := _load(result)) is not None:
+        shown.add_row("load", _load_words(load))
     for name, value in result.terms.items():
         unit = UNITS.get(name, "").format(T=log.unit, k=log.slope_unit, x=log.angle_unit)
         shown.add_row(name, f"{value:.4g} {unit}".strip())
@@ -362,6 +366,14 @@ def _law_words(result: Result) -> str:
     elif h.lag != "none":
         words.append(f"with {h.lag}")
     return ", ".join(words)
+
+
+def _load_words(load: dict[str, Any]) -> str:
+    least, most = load["shares"]
+    return (
+        f"sigma0 and Fc are given at {load['reference']:.4g}, {least:.3g} to {most:.3g} times as"
+        f" large in the log; R2 {load['r2']:.4f}, {load['r2_without']:.4f} without the load"
+    )
 
 
 def model_table(result: Result) -> Table:
