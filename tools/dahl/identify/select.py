@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -60,8 +61,9 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     if not fits:
         return fits
     if fitter.samples.load is not None and "loaded" in space.laws:
-        h = Hypothesis("loaded")
-        fits += _subsets(fitter, h, fitter.start(h, a), space)
+        for angle, lag in product(_angles(fitter, space), {"none", "delay"} & {*space.lags}):
+            h = Hypothesis("loaded", lag, angle)
+            fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
     return [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
 
@@ -77,13 +79,16 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
     lags = [*space.lags]
     if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
         lags.append("delays")
-    angles = list(fitter.samples.angles) if space.all_angles else ["between counts"]
     fits: list[Fit] = []
-    for angle in angles:
+    for angle in _angles(fitter, space):
         for lag in lags:
             h = Hypothesis("dahl", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
+
+
+def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
+    return list(fitter.samples.angles) if space.all_angles else ["between counts"]
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
