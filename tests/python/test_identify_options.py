@@ -64,7 +64,7 @@ def scaled(usual: dict, sigma0: float, Fc: float) -> dict:  # noqa: N803
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        ("--terms none", lambda _: {"extra": {}}),
+        ("--terms none", lambda _: {"coulomb_extra": []}),
         (
             "--terms offset,viscous",
             lambda _: {"extra": {"offset": near(OFFSET), "viscous": near(0)}},
@@ -251,10 +251,10 @@ def test_units_that_cannot_be_are_refused(log):
         assert read(log(theta=change), *words, "--trust-units").rows == ROWS
 
 
-def test_swapped_columns_claim_nothing(rig):
+def test_swapped_columns_are_refused(rig):
     words = "--angle torque_Nm --torque angle_deg --angle-unit deg --terms offset --no-delay"
-    found = found_by(rig, *words.split(), "--trust-units")
-    assert found["identifiable"] == {"sigma0": False, "Fc": False}, found["verdict"]
+    code, line = complaint(run("identify", rig, *words.split(), "--trust-units", "--no-files"))
+    assert code == 2 and "rig.csv" in line and "friction" in line
 
 
 def test_a_broken_log_among_good_ones_is_a_line_and_code_2(rig, tmp_path):
