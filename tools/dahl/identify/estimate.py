@@ -228,7 +228,7 @@ def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
     reach: np.ndarray = quantile * np.sqrt(np.mean(errors**2, axis=0))
     samples = fitter.samples
     if samples.count and not samples.noise:
-        reach = np.hypot(reach, 2 * np.abs(simulate.hidden_travel(fitter, chosen)))
+        reach = np.hypot(reach, simulate.hidden_travel(fitter, chosen))
     return reach
 
 
