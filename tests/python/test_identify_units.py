@@ -10,8 +10,7 @@ import re
 
 import numpy as np
 import pytest
-from identify_cases import FC, shaft, with_gaps
-from identify_tools import complaint, dahl_torque, noise_of, sine, told
+from identify_tools import FC, complaint, dahl_torque, noise_of, shaft, sine, told, with_gaps
 from log_writers import DBC
 from log_writers import frames as write_frames
 

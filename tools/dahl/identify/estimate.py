@@ -66,6 +66,7 @@ def identify(
         for log in logs
         for piece in preprocess.preprocess(log, options.trust_units, options.median)
     ]
+    _check_times(pieces, options)
     samples = samples_of(pieces)
     use = replace(use, space=_space(use.space, options))
     fitter = Fitter(samples)
@@ -88,6 +89,14 @@ def identify(
     return claims_of(
         Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
     )
+
+
+def _check_times(pieces: Sequence[Log], options: Options) -> None:
+    """Raise dahl.Error for a term of the speed without times: its unit would be unknown."""
+    timed = [term for term in options.terms or () if term in ("viscous", "inertia")]
+    untimed = next((log.name for log in pieces if log.time is None), None)
+    if timed and untimed is not None:
+        raise Error(f"{untimed}: {timed[0]} needs times of the rows (--time)")
 
 
 def _space(space: SearchSpace, options: Options) -> SearchSpace:

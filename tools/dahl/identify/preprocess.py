@@ -39,6 +39,7 @@ GAP_STEPS, GAP_PERCENTILE = 5.0, 95  # times this percentile of the clock's step
 EVENT_PART = 0.9  # of the moves by one count: a log written at each edge of the encoder
 MAX_FLICKER = 8  # rows that turn back at once, beyond the true reversals
 FLICKER_ROWS = 9  # of the running median that removes them
+SPIKE_RATIO = 10.0  # times what 90 % of the rows are off their neighbours: no white noise
 RANGES = {True: (1e-8, 1e2, "m"), False: (1e-7, 1e4, "rad")}  # of an angle, by `linear`
 
 
@@ -345,13 +346,21 @@ def remove_flicker(log: Log, median: int = 0) -> Log:
     if median == 1:
         return log
     turns = flicker(log)
-    if not median and (turns <= MAX_FLICKER or white_noise(log.theta, log.resolution)):
+    if not median and (turns <= MAX_FLICKER or _is_white(log)):
         return log
     rows = median or FLICKER_ROWS
     why = f"angle turns back at once in {turns} of {log.rows} rows" if not median else "--median"
     note = f"{why}: running median of {rows} rows used"
     theta = median_filter(log.theta, rows, mode="nearest")
     return replace(log, theta=theta, notes=[*log.notes, note])
+
+
+def _is_white(log: Log) -> bool:
+    """Whether all rows have errors of one size; a fit handles these better than a median does."""
+    off = np.abs(log.theta - median_filter(log.theta, FLICKER_ROWS, mode="nearest"))
+    usual = max(float(np.percentile(off, 90)), log.resolution)
+    has_spikes = float(off.max()) > SPIKE_RATIO * usual
+    return not has_spikes and white_noise(log.theta, log.resolution) > 0
 
 
 def flicker(log: Log) -> int:

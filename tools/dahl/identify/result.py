@@ -115,7 +115,7 @@ class Result:
 
     def _parameter(self, k: int) -> Parameter:
         i = self.intervals
-        ends = float(i.value[k]), float(i.low[k]), float(i.high[k])
+        ends = float(i.value[k]), max(float(i.low[k]), 0.0), float(i.high[k])
         return Parameter(*ends, self.claimed[k], i.dominant(k))
 
     @property
@@ -267,10 +267,12 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
 
 def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
-    i, reasons = result.intervals, []
+    i, reasons = _without_hidden_presliding(result), []
     withdrawn = np.zeros(2, dtype=bool)
     for lack in result.lacks:
         withdrawn |= np.array(lack.withdraws)
+    if i is not result.intervals:
+        reasons.append("presliding is shorter than a count or a move of one row")
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
@@ -288,4 +290,18 @@ def claims_of(result: Result) -> Result:
         claimed[:] = False
         percent = 100 * (1 - result.plausible.best.total / result.spread)
         reasons.insert(0, f"the best hypothesis explains {percent:.0f} % of what was left out")
-    return replace(result, claimed=(bool(claimed[0]), bool(claimed[1])), reasons=reasons)
+    both = bool(claimed[0]), bool(claimed[1])
+    return replace(result, intervals=i, claimed=both, reasons=reasons)
+
+
+def _without_hidden_presliding(result: Result) -> Intervals:
+    """The intervals; sigma0 has no upper end if presliding is shorter than a count or a move.
+
+    A stiffer bearing would then give the same log, and the fit ends where its start values do.
+    """
+    i, samples = result.intervals, result.samples
+    moves = np.abs(samples.moves(samples.angles["between counts"]))
+    usual = float(np.median(moves[moves > 0])) if moves.any() else 0.0
+    if i.value[1] / i.value[0] >= max(samples.count, usual):
+        return i
+    return replace(i, high=np.array([np.inf, i.high[1]]))
