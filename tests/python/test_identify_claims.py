@@ -103,13 +103,12 @@ def test_what_is_claimed(name):
             assert f"{parameter} is not identifiable" in result.verdict and result.reasons
 
 
-@pytest.mark.parametrize(("sigma0", "Fc"), [(1.3, 1.0), (1.0, 1.25), (1.3, 1.3), (0.8, 1.2)])
+@pytest.mark.parametrize(("sigma0", "Fc"), [(1.3, 1.0), (1.0, 1.25), (1.1, 1.0), (1.0, 1.06)])
 def test_logs_of_two_machines(sigma0, Fc):  # noqa: N803
-    """What differs by a quarter is not claimed, or its interval holds both."""
-    result = identify([machine(1), machine(2, sigma0, Fc)])
-    for parameter, other in ((result.sigma0, sigma0 * SIGMA0), (result.Fc, Fc * FC)):
-        first = SIGMA0 if parameter is result.sigma0 else FC
-        ends = sorted((first, other))
+    """What differs is not claimed, or its interval holds both."""
+    result = identify([machine(1), machine(2, sigma0, Fc), machine(3), machine(4, sigma0, Fc)])
+    for parameter, one, part in ((result.sigma0, SIGMA0, sigma0), (result.Fc, FC, Fc)):
+        ends = sorted((one, part * one))
         holds = parameter.low <= ends[0] * 1.01 and ends[1] * 0.99 <= parameter.high
         assert holds or not parameter.claimed, result.verdict
 
@@ -189,7 +188,9 @@ def test_a_term_of_the_speed_needs_times(term):
 
 
 def test_a_result_is_the_same_each_time():
-    first, second = (report.numbers(identify([shaft(1, rows=1200)])) for _ in range(2))
+    log = shaft(1, rows=1200)
+    log.torque = np.round(log.torque / FC * 8) * FC / 8  # made logs have this rounding, and noise
+    first, second = (report.numbers(identify([log])) for _ in range(2))
     assert first == second
 
 

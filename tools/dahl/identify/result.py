@@ -261,7 +261,7 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     if "cubic" in found:
         found["cubic"] /= reach**3
     if h.law == "asymmetric":  # the mean of both limits is friction, not offset
-        found["offset"] -= float(fit.limits[0] * fit.p[1])
+        found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
     return found
 
 
