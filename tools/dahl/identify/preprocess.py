@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
+from scipy.signal import savgol_filter
 
 from dahl import Error
 from dahl.identify import encoder_grid
@@ -36,6 +37,9 @@ ROUNDING = 1e-10  # of the torque's range
 SMOOTH_RATIO = 16.0  # range of a wrapping angle over its largest true move
 PERIOD_TOLERANCE = 0.01  # of a period
 GAP_STEPS, GAP_PERCENTILE = 5.0, 95  # times this percentile of the clock's steps
+CLOCK_ROWS = 51  # over which jittering times are smoothed
+JITTER_CORRELATION = -0.3  # of neighbouring steps: white errors of the times have -.5
+MIN_JITTER = 0.05  # of a step
 EVENT_PART = 0.9  # of the moves by one count: a log written at each edge of the encoder
 MAX_FLICKER = 8  # rows that turn back at once, beyond the true reversals
 FLICKER_ROWS = 9  # of the running median that removes them
@@ -52,7 +56,7 @@ def preprocess(log: Log, trust_units: bool = False, median: int = 0) -> list[Log
     check(log, trust_units)
     whole = unwrap(drop_repeated_rows(log), trust_units)
     pieces = split_at_gaps(mark_torque_readings(drop_stale_angles(whole)))
-    return [remove_flicker(spread_equal_times(piece), median) for piece in pieces]
+    return [remove_flicker(smooth_clock(spread_equal_times(piece)), median) for piece in pieces]
 
 
 # --- rejected logs --------------------------------------------------------------------------------
@@ -336,6 +340,18 @@ def spread_equal_times(log: Log) -> Log:
     time = np.interp(np.arange(log.rows), np.append(first, log.rows), np.append(known, end))
     note = f"{same} of {log.rows} rows have the time of the row before: spread evenly"
     return replace(log, time=time, notes=[*log.notes, note])
+
+
+def smooth_clock(log: Log) -> Log:
+    """Smooth times that jitter around an even clock, since a speed needs their differences."""
+    if log.time is None or log.rows <= CLOCK_ROWS:
+        return log
+    off = np.diff(log.time) - np.median(np.diff(log.time))
+    white = off[1:] @ off[:-1] < JITTER_CORRELATION * (off @ off)
+    if not white or off.std() < MIN_JITTER * np.median(np.diff(log.time)):
+        return log
+    time = savgol_filter(log.time, CLOCK_ROWS, 1)
+    return replace(log, time=time, notes=[*log.notes, "the times jitter: smoothed"])
 
 
 # --- flicker of the angle -------------------------------------------------------------------------

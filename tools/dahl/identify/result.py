@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NAMES = ("sigma0", "Fc")
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
+MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 SOURCES = {  # of the width of an interval, in the order in which they are added
     "noise": "noise",
@@ -265,6 +266,12 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     return found
 
 
+def _is_steepest_at_rest(fit: Fit) -> bool:
+    """Whether the slope falls within the first parts of Fc, so that no log resolves it at rest."""
+    law = fit.hypothesis.friction
+    return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
+
+
 def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
     i, reasons = _without_hidden_presliding(result), []
@@ -279,6 +286,9 @@ def claims_of(result: Result) -> Result:
             source = SOURCES[i.dominant(k)]
             reasons.append(f"{name} is known within {100 * half:.0f} % only: {source}")
     reasons += [lack.text for lack in result.lacks]
+    if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
+        withdrawn[0] = True
+        reasons.append("the loop is steepest at rest, as of small stiff elements: sigma0 is larger")
     known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
     claimed = known & ((i.high - i.low) / 2 / i.value <= MAX_HALF_WIDTH) & ~withdrawn
     if result.samples.cycles < MIN_SCORED_CYCLES:
