@@ -96,53 +96,6 @@ def test_strokes_of_several_speeds_show_a_torque_that_is_late():
         assert not parameter.claimed or parameter.low <= truth <= parameter.high
 
 
-A, ROWS_OF_A_LENGTH, MARGIN, FEWEST = SIGMA0 / FC, 8, 1.5, 8
-
-
-def bound(sigma0: float, Fc: float, count: float, noise: float, amplitude: float, rows: int):  # noqa: N803
-    """Half widths of 95 %, as parts of sigma0 and Fc, that one cycle of a sine can reach beside an
-    offset, a spring and a viscous part (Cramer and Rao), with the rounding of the encoder as noise.
-    """
-    theta = amplitude * np.sin(2 * np.pi * np.arange(3 * rows) / rows)
-    moves = np.diff(theta, prepend=0)
-
-    def change(one: float, other: float) -> np.ndarray:
-        up = dahl_torque(theta, sigma0 * (1 + one), Fc * (1 + other))
-        return (up - dahl_torque(theta, sigma0 * (1 - one), Fc * (1 - other))) / 2e-3
-
-    x = np.column_stack((change(1e-3, 0), change(0, 1e-3), np.ones(3 * rows), theta, moves))
-    slope = sigma0 * (1 - np.sign(moves) * dahl_torque(theta, sigma0, Fc) / Fc)
-    variance = (noise * Fc) ** 2 + (slope * count) ** 2 / 12
-    x = (x / np.sqrt(variance)[:, None])[2 * rows :]
-    return 1.96 * np.sqrt(np.diag(np.linalg.inv(x.T @ x)))[:2]
-
-
-@pytest.mark.parametrize(
-    ("noise", "within", "rate", "speed"), [(0.04, 2.0, 500.0, 0.2), (0.05, 1.0, 1000.0, None)]
-)
-def test_a_motion_reaches_what_its_bound_allows(noise, within, rate, speed):
-    """As many cycles as the interval needs and half as many again, of the amplitude that takes the
-    least time, no faster than is allowed and than eight rows in a presliding length.
-    """
-    words = ["--noise", noise, "--within", within, "--rate", rate]
-    time, theta, _, said = proposed(*words, *(("--speed", speed) if speed else ()))
-    fastest = min(speed or np.inf, rate / (A * ROWS_OF_A_LENGTH))
-    times = {}
-    for amplitude in np.geomspace(3, 30, 12) / A:
-        rows = int(np.ceil(2 * np.pi * amplitude / fastest * rate))
-        one = bound(SIGMA0, FC, COUNT, noise, amplitude, rows)
-        cycles = max(int(np.ceil(MARGIN * (100 * one[0] / within) ** 2)), FEWEST)
-        times[cycles * rows] = (amplitude, rows, cycles, 100 * one / np.sqrt(cycles))
-    amplitude, rows, cycles, reached = times[min(times)]
-    numbers = [float(word) for word in re.findall(r"(?<= )\d[\d.]*(?=\s|$)", said)]
-    assert numbers[1:4] == pytest.approx([amplitude, cycles, rows / rate], rel=1e-3)
-    assert numbers[8:10] == pytest.approx(reached, rel=0.06)
-    assert np.abs(theta).max() == pytest.approx(amplitude, rel=1e-3)
-    assert np.abs(np.diff(theta)).max() * rate <= 1.01 * fastest
-    assert len(np.flatnonzero(np.diff(np.sign(np.diff(theta))))) == 2 * cycles
-    assert np.diff(time) == pytest.approx(1 / rate, abs=2e-6)
-
-
 @pytest.mark.parametrize(
     "words", ["--noise 0.2", "--within 0.5", "--rate 5000", "--speed 0.05", "--name My-1"]
 )

@@ -13,15 +13,13 @@ import re
 import shutil
 import subprocess
 import sys
-import threading
 import time
 
 import can
 import joblib
 import numpy as np
 import pytest
-from dahl import RunError, paths
-from dahl import bus as dahl_bus
+from dahl import paths
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
 from log_writers import DBC, STEP
 from log_writers import frames as write_frames
@@ -206,24 +204,6 @@ def test_another_version_of_the_method_is_done_again(small, tmp_path, root):
         assert f"{earlier} of 1 " in done.stdout, done.stderr
 
 
-@pytest.mark.filterwarnings("error")
-def test_what_cannot_be_kept_is_done_again(small, each, monkeypatch):
-    """The disk is full, as far as results go: each run has its numbers, and no word of it."""
-    store = joblib._store_backends.StoreBackendMixin  # joblib alone knows where it writes
-    write = store._concurrency_safe_write
-
-    def full(self, content, name, *words):
-        if str(name).endswith("output.pkl"):
-            raise OSError(28, "No space left on device")
-        return write(self, content, name, *words)
-
-    monkeypatch.setattr(store, "_concurrency_safe_write", full)
-    folder = small("a")
-    for _ in range(2):
-        rows, earlier = each(folder)
-        assert earlier == 0 and float(rows["run.csv"]["Fc"]) == pytest.approx(FC, rel=0.02)
-
-
 def test_a_dask_cluster_gives_the_same(folder, each):
     from dask.distributed import LocalCluster
 
@@ -373,38 +353,3 @@ def test_following_a_running_loop(tmp_path, dahl_here):
     assert found["Fc"] == pytest.approx(1, rel=0.005)
     assert max(widths(done.stderr.splitlines()[-1])) < 2
     assert (tmp_path / "out" / "dahl_plan_live.h").is_file()
-
-
-# A server drops who reads too slowly: no bus in this process shows that, so the reader is called.
-
-
-def test_frames_are_taken_while_somebody_works_on_one():
-    """What ends the frames ends whoever waits for them."""
-    taken, more = [], threading.Event()
-
-    def frames():
-        for number in range(100):
-            taken.append(number)
-            yield can.Message(arbitration_id=number)
-        more.set()
-        raise RunError("the bus has gone")
-
-    ahead = dahl_bus.read_ahead(frames())
-    assert next(ahead).arbitration_id == 0
-    assert more.wait(10) and taken == list(range(100))
-    assert [next(ahead).arbitration_id for _ in range(99)] == list(range(1, 100))
-    with pytest.raises(RunError, match="the bus has gone"):
-        next(ahead)
-    assert list(dahl_bus.read_ahead(iter([None, None]))) == [None, None]
-
-
-def test_who_has_enough_frames_takes_no_more():
-    def frames():
-        while True:
-            time.sleep(0.001)
-            yield None
-
-    before = threading.active_count()
-    with contextlib.closing(dahl_bus.read_ahead(frames())) as ahead:
-        assert next(ahead) is None and threading.active_count() == before + 1
-    assert threading.active_count() == before
