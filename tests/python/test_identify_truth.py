@@ -219,12 +219,12 @@ def test_the_limits_of_all_hostile_logs(numbers, faulty):
 
 
 def test_a_few_logs_are_claimed_and_true():
-    """Of these logs one wrong claim is chance, and one log may be left unclaimed."""
+    """Of 16 claims two may be wrong by chance (a twentieth is, each), and two may be missing."""
     found = [outcome(group, kind, FIRST) for group, kinds in SHORT.items() for kind in kinds]
-    for name in TRUTH:
-        right, wrong, none = counts(found, name)
-        said = [one.kind for one in found if not (one.claimed[name] and one.right[name])]
-        assert wrong <= 1 and none <= 1 and right, f"{name}: {said}"
+    told = [counts(found, name) for name in TRUTH]
+    said = [(one.kind, one.claimed, one.right) for one in found]
+    assert sum(wrong for _, wrong, _ in told) <= 2, said
+    assert sum(none for _, _, none in told) <= 2, said
 
 
 @pytest.mark.long
