@@ -228,7 +228,9 @@ def adhesion_after_rest(seed: int) -> Log:
         if abs(move) >= 1e-12:
             since = 0.0 if rested > 5 else since + abs(move) / LENGTH
             rested = 0
-        peak.append(0.15 * FC * np.sign(move) * (since / 2) ** 2 * np.exp(2 - since) if since < 50 else 0.0)
+        peak.append(
+            0.15 * FC * np.sign(move) * (since / 2) ** 2 * np.exp(2 - since) if since < 50 else 0.0
+        )
     return rig.log(dahl(rig.theta) + np.array(peak))
 
 

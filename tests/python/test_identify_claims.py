@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What may be claimed: at least six scored cycles, a narrow interval, logs that agree, a torque that
-is mostly friction; and what a Result offers to a program.
+"""What may be claimed: six scored cycles at least, a narrow interval, logs that agree, a torque
+that is mostly friction; and what a Result offers to a program.
 """
 
 from __future__ import annotations
@@ -65,7 +65,11 @@ CASES: dict[str, tuple[Callable[[], list[Log]], tuple[bool | None, bool | None],
     "noise of 300 %": (lambda: [shaft(5, 3.0)], (False, False), "explains"),
     "one cycle": (lambda: [synthetic(1, 0.01, rows=900, cycles=1.4)], (False, False), "cycles"),
     "two cycles": (lambda: [synthetic(2, 0.01, rows=900, cycles=2.3)], (False, False), "2 cycles"),
-    "five cycles": (lambda: [synthetic(3, 0.01, rows=1500, cycles=5.2)], (False, False), "5 cycles"),
+    "five cycles": (
+        lambda: [synthetic(3, 0.01, rows=1500, cycles=5.2)],
+        (False, False),
+        "5 cycles",
+    ),
     "three and four": (
         lambda: [synthetic(k, 0.01, rows=1200, cycles=k + 0.6) for k in (3, 4)],
         (None, True),

@@ -59,7 +59,8 @@ MIN_R2 = {  # of the chosen hypothesis, on cycles left out
 }
 MIN_R2_OF_PLAY = {"1": 0.94, "2": 0.94, "3": 0.95}  # on the log left out
 MIN_R2_BY_LOAD = 0.96  # on the second half of the log, from its first half
-FEW_CYCLES = ("play", "one play", "stiffness", "both stiffnesses", "pendulum 1", "pendulum 2")
+FEW_CYCLES = ("play", "one play", "stiffness", "both stiffnesses")  # fewer than six
+CONTROLS = ("pendulum 1", "pendulum 2")  # a swinging load is no friction
 WITHIN = {  # what is known of these machines from their papers and from direct fits
     "tribometer": {"sigma0": (36e3, 41e3), "Fc": (2.6, 2.75)},
     "pneumatic 5 bar": {"Fc": (8.3, 9.2)},
@@ -120,7 +121,7 @@ def test_a_measured_set_is_claimed_by_the_rule_alone(identified, name):
     for parameter, is_claimed in found["identifiable"].items():
         low, high = found["ci95"][parameter]
         if is_claimed:
-            assert name not in FEW_CYCLES and found["cycles_scored"] >= 6
+            assert name not in (*FEW_CYCLES, *CONTROLS) and found["cycles_scored"] >= 6
             assert (high - low) / 2 / found[parameter] <= 0.3
             least, most = WITHIN.get(name, {}).get(parameter, (low, high))
             assert low <= most and least <= high
@@ -128,21 +129,20 @@ def test_a_measured_set_is_claimed_by_the_rule_alone(identified, name):
 
 def test_the_moving_load_of_the_band_brake(measured_file, capsys, tmp_path):
     """Two electric actuators move the band during the test: the first half is fitted and the second
-    predicted, with the sum of their positions as load and without.
+    predicted, with the sum of their positions as load.
     """
     path = measured_file("friction_damper", DAMPERS[2])
     whole = np.array(json.loads(path.read_text())["data"])
-    half, r2 = len(whole) // 2, {}
+    half = len(whole) // 2
     names = "time_s,x_in,force_kip,first,second"
     for name, rows in (("first", whole[:half]), ("second", whole[half:])):
         table = rows[:, [0, 1, 2, 4, 5]]
         np.savetxt(tmp_path / f"{name}.csv", table, "%.12g", ",", header=names, comments="")
     other = tmp_path / "second.csv"
-    for load in ((), ("--load", "first", "--load", "second")):
-        words = ("--angle", "x_in", "--torque", "force_kip", *load, "--check", other)
-        call = ("identify", tmp_path / "first.csv", *words, "--json", "-", "--no-files")
-        r2[bool(load)] = json.loads(caller(capsys)(*call).stdout)["checks"][str(other)]
-    assert r2[True] >= MIN_R2_BY_LOAD and r2[True] > r2[False] + 0.01, r2
+    load = ("--load", "first", "--load", "second")
+    words = ("--angle", "x_in", "--torque", "force_kip", *load, "--check", other)
+    call = ("identify", tmp_path / "first.csv", *words, "--json", "-", "--no-files")
+    assert json.loads(caller(capsys)(*call).stdout)["checks"][str(other)] >= MIN_R2_BY_LOAD
 
 
 def test_every_set_is_here():

@@ -31,7 +31,9 @@ from scipy.integrate import solve_ivp
 pytestmark = pytest.mark.usefixtures("library")
 
 A = SIGMA0 / FC
-Slope = Callable[[float, float], float]  # of w = F/Fc and of the direction: dw/du in presliding lengths
+Slope = Callable[
+    [float, float], float
+]  # of w = F/Fc and of the direction: dw/du in presliding lengths
 
 SLOPES: dict[str, Slope] = {
     "dahl": lambda w, s: 1 - s * w,
@@ -147,7 +149,9 @@ def test_a_law_is_odd_and_rests_with_its_angle(theta, name):
     moves, whole = np.diff(theta, prepend=theta[:1]), [slice(0, len(theta))]
     w = by_model(name, moves, whole)
     assert by_model(name, -moves, whole) == pytest.approx(-w, abs=1e-7)
-    twice = by_model(name, np.repeat(moves, 2) * np.tile([1, 0], len(moves)), [slice(0, 2 * len(w))])
+    twice = by_model(
+        name, np.repeat(moves, 2) * np.tile([1, 0], len(moves)), [slice(0, 2 * len(w))]
+    )
     assert twice[1::2] == pytest.approx(w, abs=1e-6)
 
 

@@ -44,11 +44,11 @@ def torque_under(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def loaded(course: str, seed: int, more: float = MORE, noise: float = 0.05) -> Log:
-    """A log of 8 cycles of 10 presliding lengths; the load is told in N."""
-    theta = np.round(sine(seed, ROWS, CYCLES) / COUNT) * COUNT
-    load = 3 + 10 * COURSES[course]
+    """A log of 8 cycles of 10 presliding lengths; the load is in N."""
+    theta, load = sine(seed, ROWS, CYCLES), 3 + 10 * COURSES[course]
     torque = torque_under(theta, 1 + more * (load - 8)) + noise * FC * noise_of(seed, ROWS)
-    return Log(course, theta, torque, np.arange(ROWS) * 1e-3, resolution=COUNT, load=load)
+    read, time = np.round(theta / COUNT) * COUNT, np.arange(ROWS) * 1e-3
+    return Log(course, read, torque, time, resolution=COUNT, load=load)
 
 
 def truth(reference: float, more: float = MORE) -> dict[str, float]:
@@ -151,10 +151,9 @@ def left(tmp_path_factory):
 def test_numbers_for_machines_and_people(left):
     told, load = left.kept["load"], left.log.load
     true = truth(told["reference"])
-    assert told["slope"] == pytest.approx(true["slope"], rel=0.01)
-    assert (left.kept["sigma0"], left.kept["Fc"]) == pytest.approx(
-        (true["sigma0"], true["Fc"]), rel=0.01
-    )
+    assert told["slope"] == pytest.approx(true["slope"], rel=0.02)
+    for name, (low, high) in left.kept["ci95"].items():
+        assert name == "a" or low <= true[name] <= high < 1.3 * low
     assert (told["least"], told["most"]) == pytest.approx((load.min(), load.max()))
     shares = 1 + told["slope"] * (np.array([told["least"], told["most"]]) - told["reference"])
     assert told["shares"] == pytest.approx(shares.tolist())
@@ -214,7 +213,7 @@ def test_the_header_takes_the_load_as_it_is_measured(left, firmware):
     """
     read_by = np.round(left.log.theta / COUNT).astype(int)
     torque, _ = firmware(np.diff(read_by, prepend=read_by[0]), left.log.load)
-    assert np.sqrt(np.mean((torque - left.log.torque) ** 2)) < 0.02 * FC
+    assert np.sqrt(np.mean((torque - left.log.torque) ** 2)) < 0.03 * FC
     assert firmware([99999999, 1], [-1e9, np.nan])[0].tolist() == [0, 0]  # no load, no friction
     told, shares = left.kept["load"], np.linspace(-0.5, 2.5, 31)
     loads = told["reference"] + (shares * max(told["shares"]) - 1) / told["slope"]

@@ -13,15 +13,13 @@ import re
 import shutil
 import subprocess
 import sys
-import threading
 import time
 
 import can
 import joblib
 import numpy as np
 import pytest
-from dahl import RunError, paths
-from dahl import bus as dahl_bus
+from dahl import paths
 from identify_tools import COUNT, FC, SIGMA0, dahl_torque, noise_of, sine, write_csv
 from log_writers import DBC, STEP
 from log_writers import frames as write_frames
@@ -39,7 +37,7 @@ def folder(tmp_path):
         theta = np.floor(sine(seed, rows=1000, cycles=5) / COUNT) * COUNT
         torque = (1 + seed) * (dahl_torque(theta) + 0.02 * FC * noise_of(seed, 1000))
         write_csv(place / f"run{seed}.csv", theta, torque)
-    (place / "broken.csv").write_text("t,angle_deg,torque_Nm\n0,1\n")
+    (place / "broken.csv").write_text("t,angle_deg,torque_Nm\n0,1,2\n1,x,2\n")
     (place / "notes.md").write_text("no log")
     return place
 
@@ -68,8 +66,8 @@ def test_a_folder_is_a_table_and_what_is_done_is_not_done_again(folder, each, mo
     rows, earlier = each(folder, "--jobs", "2", code=2)
     assert sorted(rows) == ["broken.csv", "run0.csv", "run1.csv", "run2.csv"] and earlier == 0
     errors = [line for line in each.done.stderr.splitlines() if line.startswith("error: ")]
-    assert len(errors) == 1 and "broken.csv:2" in errors[0]
-    assert "broken.csv:2" in rows["broken.csv"]["error"] and rows["broken.csv"]["Fc"] == ""
+    assert len(errors) == 1 and "broken.csv:3" in errors[0]
+    assert "broken.csv:3" in rows["broken.csv"]["error"] and rows["broken.csv"]["Fc"] == ""
     lines = [line.split("│")[1:-1] for line in each.done.stdout.splitlines() if "│" in line]
     shown = {name.strip(): [cell.strip() for cell in cells] for name, *cells in lines}
     assert shown["broken.csv"] == ["", "", "", "broken"]
@@ -206,24 +204,6 @@ def test_another_version_of_the_method_is_done_again(small, tmp_path, root):
         assert f"{earlier} of 1 " in done.stdout, done.stderr
 
 
-@pytest.mark.filterwarnings("error")
-def test_what_cannot_be_kept_is_done_again(small, each, monkeypatch):
-    """The disk is full, as far as results go: each run has its numbers, and no word of it."""
-    store = joblib._store_backends.StoreBackendMixin  # joblib alone knows where it writes
-    write = store._concurrency_safe_write
-
-    def full(self, content, name, *words):
-        if str(name).endswith("output.pkl"):
-            raise OSError(28, "No space left on device")
-        return write(self, content, name, *words)
-
-    monkeypatch.setattr(store, "_concurrency_safe_write", full)
-    folder = small("a")
-    for _ in range(2):
-        rows, earlier = each(folder)
-        assert earlier == 0 and float(rows["run.csv"]["Fc"]) == pytest.approx(FC, rel=0.02)
-
-
 def test_a_dask_cluster_gives_the_same(folder, each):
     from dask.distributed import LocalCluster
 
@@ -332,11 +312,11 @@ def test_six_cycles_are_the_least_to_end_with(follow):
 
 
 def test_what_is_not_claimed_is_not_known_however_narrow(follow):
-    """Friction that grows from cycle to cycle."""
-    rig = Rig(1500, 0.02, cycle=80, growth=2.0)
-    _, found = follow(rig, "--within", "25", "--frames", "2000", *QUICK)
-    assert found["reversals"] > 8 and found["rows"] == 1000
-    assert not any(found["identifiable"].values())
+    """A torque of noise alone has narrow intervals around nothing."""
+    rig = Rig(1500, 40.0, cycle=80)
+    looks, found = follow(rig, "--within", "1000", "--frames", "2000", *QUICK)
+    assert found["rows"] == 1000 and not any(found["identifiable"].values())
+    assert found["reversals"] > 12 and len(looks) == 4
 
 
 @pytest.mark.parametrize(
@@ -373,38 +353,3 @@ def test_following_a_running_loop(tmp_path, dahl_here):
     assert found["Fc"] == pytest.approx(1, rel=0.005)
     assert max(widths(done.stderr.splitlines()[-1])) < 2
     assert (tmp_path / "out" / "dahl_plan_live.h").is_file()
-
-
-# A server drops who reads too slowly: no bus in this process shows that, so the reader is called.
-
-
-def test_frames_are_taken_while_somebody_works_on_one():
-    """What ends the frames ends whoever waits for them."""
-    taken, more = [], threading.Event()
-
-    def frames():
-        for number in range(100):
-            taken.append(number)
-            yield can.Message(arbitration_id=number)
-        more.set()
-        raise RunError("the bus has gone")
-
-    ahead = dahl_bus.read_ahead(frames())
-    assert next(ahead).arbitration_id == 0
-    assert more.wait(10) and taken == list(range(100))
-    assert [next(ahead).arbitration_id for _ in range(99)] == list(range(1, 100))
-    with pytest.raises(RunError, match="the bus has gone"):
-        next(ahead)
-    assert list(dahl_bus.read_ahead(iter([None, None]))) == [None, None]
-
-
-def test_who_has_enough_frames_takes_no_more():
-    def frames():
-        while True:
-            time.sleep(0.001)
-            yield None
-
-    before = threading.active_count()
-    with contextlib.closing(dahl_bus.read_ahead(frames())) as ahead:
-        assert next(ahead) is None and threading.active_count() == before + 1
-    assert threading.active_count() == before

@@ -227,7 +227,9 @@ def test_pieces_too_short_or_at_rest_are_left_out():
     assert [piece.rows for piece in pieces] == [2000, 2900] and notes(pieces, "720 rows")
 
 
-@pytest.mark.parametrize("clock", ["jitter", "coarse", "bursts", "edges", "stands still", "long step"])
+@pytest.mark.parametrize(
+    "clock", ["jitter", "coarse", "bursts", "edges", "stands still", "long step"]
+)
 def test_a_clock_without_gaps_splits_nothing(clock):
     log, words = synthetic(1, rows=6000, cycles=6), {"coarse": "spread", "stands still": "not used"}
     if clock == "jitter":

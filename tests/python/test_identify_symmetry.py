@@ -42,7 +42,10 @@ def springy() -> Log:
     return replace(log, torque=log.torque + 4 * log.theta, time=None)
 
 
-LOGS: dict[str, Callable[[], Log]] = {"late, viscous": late_and_viscous, "spring, no clock": springy}
+LOGS: dict[str, Callable[[], Log]] = {
+    "late, viscous": late_and_viscous,
+    "spring, no clock": springy,
+}
 
 
 @cache
@@ -110,7 +113,9 @@ def parts_of(log: Log) -> tuple[Log, Log]:
     """Cut at the turn next to the middle."""
     middle = log.rows // 2
     cut = middle + int(np.argmax(np.abs(log.theta[middle : middle + log.rows // 6])))
-    return replace(log.part(slice(cut)), name="first"), replace(log.part(slice(cut, None)), name="b")
+    return replace(log.part(slice(cut)), name="first"), replace(
+        log.part(slice(cut, None)), name="b"
+    )
 
 
 def test_a_log_may_be_cut_at_a_turn_and_given_in_any_order():
@@ -136,5 +141,7 @@ def test_ten_times_the_rows_give_the_same():
         for one, other in ((facts, found), (found, facts)):
             low, high = one["ci95"][name]
             assert low <= truth <= high
-            assert abs(other[name] - one[name]) < 1.5 * (width(one, name) + width(other, name)) * truth
+            assert (
+                abs(other[name] - one[name]) < 1.5 * (width(one, name) + width(other, name)) * truth
+            )
     assert found["rows"] == 24_000 and sum(found["pieces"]) == 24_000

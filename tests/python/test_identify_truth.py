@@ -110,11 +110,17 @@ def row(kind: str, found: list[Outcome]) -> str:
     for name in TRUTH:
         error = np.median([one.error[name] for one in found])
         width = np.median([one.width[name] for one in found])
-        cells += ["/".join(map(str, counts(found, name))), f"{100 * error:.2g}", f"{100 * width:.2g}"]
+        cells += [
+            "/".join(map(str, counts(found, name))),
+            f"{100 * error:.2g}",
+            f"{100 * width:.2g}",
+        ]
     return f"| {kind} | {' | '.join(cells)} | {np.mean([one.cpu for one in found]):.1f} |"
 
 
-HEAD = "| kind | sigma0 right/wrong/none | error % | half width % | Fc | error % | half width % | s |"
+HEAD = (
+    "| kind | sigma0 right/wrong/none | error % | half width % | Fc | error % | half width % | s |"
+)
 
 
 def too_many(wrong: int, claims: int, part: float) -> bool:
@@ -128,13 +134,19 @@ def faults(group: str, kind: str, found: list[Outcome]) -> list[str]:
         right, wrong, _ = counts(found, name)
         part, claims = MAX_WRONG_OF_A_KIND[group], right + wrong
         if too_many(wrong, claims, part):
-            said.append(f"{kind}: {wrong} of {claims} claims of {name} are wrong, {part:.0%} at most")
+            said.append(
+                f"{kind}: {wrong} of {claims} claims of {name} are wrong, {part:.0%} at most"
+            )
         before = CLAIMED_BEFORE.get(kind, (0, 0))[k] / 100 if group == "known" else 0.0
         if claims < before * len(found):
-            said.append(f"{kind}: {name} is claimed in {claims} of {len(found)}, before {before:.0%}")
+            said.append(
+                f"{kind}: {name} is claimed in {claims} of {len(found)}, before {before:.0%}"
+            )
         error = float(np.median([one.error[name] for one in found]))
         if kind in identify_truth.MUST_CLAIM and error > WITHIN[name]:
-            said.append(f"{kind}: the median error of {name} is {error:.2%}, {WITHIN[name]:.1%} at most")
+            said.append(
+                f"{kind}: the median error of {name} is {error:.2%}, {WITHIN[name]:.1%} at most"
+            )
     return said
 
 
@@ -144,7 +156,9 @@ def faults_of_all(found: list[Outcome]) -> list[str]:
     for name, part in MAX_WRONG.items():
         right, wrong, none = counts(found, name)
         if too_many(wrong, right + wrong, part):
-            said.append(f"{wrong} of {right + wrong} claims of {name} are wrong, {part:.0%} at most")
+            said.append(
+                f"{wrong} of {right + wrong} claims of {name} are wrong, {part:.0%} at most"
+            )
         if none > (1 - MIN_CLAIMED) * len(found):
             said.append(f"{name} is claimed in {right + wrong} of {len(found)}")
     return said

@@ -305,10 +305,9 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
     settled = int(np.searchsorted(travel, SETTLED_LENGTHS / model.a))
     from_centre = float(log.theta[0]) - result.samples.reference.centre
     offset = model.terms.get("offset", 0.0) + model.terms.get("spring", 0.0) * from_centre
-    words = about(result, model)
+    words = f"written by dahl identify: {result.verdict}. {about(result, model)}"
     lines = [
-        f"; written by dahl identify: {result.verdict}",
-        *([f"; {words}"] if words else []),
+        *(f"; {line}" for line in textwrap.wrap(words, COMMENT_WIDTH)),
         "[scene]",
         f"title = {name}, identified",
         "[friction]",

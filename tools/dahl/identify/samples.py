@@ -187,7 +187,8 @@ def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None 
     thinned = [_in_blocks(table, block) for table in tables]
     lengths = [len(table["torque"]) for table in thinned]
     ends = np.cumsum([0, *lengths]).tolist()
-    joined = {key: np.concatenate([table[key] for table in thinned]) for key in thinned[0]}
+    common = [key for key in thinned[0] if all(key in table for table in thinned)]
+    joined = {key: np.concatenate([table[key] for table in thinned]) for key in common}
     samples = Samples(
         pieces=[slice(i, j) for i, j in zip(ends, ends[1:], strict=False)],
         log_of=np.array([names.index(log.name) for log in logs]),

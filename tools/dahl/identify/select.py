@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -18,7 +19,9 @@ from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 
-PLAUSIBLE_ERRORS = 1.5  # standard errors from the best score: 7 % of true hypotheses are further away
+PLAUSIBLE_ERRORS = (
+    1.5  # standard errors from the best score: 7 % of true hypotheses are further away
+)
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
@@ -60,8 +63,9 @@ def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[
     if not fits:
         return fits
     if fitter.samples.load is not None and "loaded" in space.laws:
-        h = Hypothesis("loaded")
-        fits += _subsets(fitter, h, fitter.start(h, a), space)
+        for angle, lag in product(_angles(fitter, space), {"none", "delay"} & {*space.lags}):
+            h = Hypothesis("loaded", lag, angle)
+            fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
     fits += _other_laws(fitter, fits, space)
     return [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
 
@@ -77,13 +81,16 @@ def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: Search
     lags = [*space.lags]
     if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
         lags.append("delays")
-    angles = list(fitter.samples.angles) if space.all_angles else ["between counts"]
     fits: list[Fit] = []
-    for angle in angles:
+    for angle in _angles(fitter, space):
         for lag in lags:
             h = Hypothesis("dahl", lag, angle)
             fits += _subsets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
     return fits
+
+
+def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
+    return list(fitter.samples.angles) if space.all_angles else ["between counts"]
 
 
 def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
