@@ -70,7 +70,7 @@ def read(path: Path) -> Table:
     import pandas as pd
 
     form = form_of(path)
-    with warnings.catch_warnings(), path.open(encoding=form.encoding, newline="") as file:
+    with warnings.catch_warnings(), path.open(encoding=form.encoding) as file:
         warnings.simplefilter("error", pd.errors.ParserWarning)
         for _ in range(form.first - 1):
             file.readline()
@@ -108,7 +108,7 @@ def form_of(path: Path) -> Form:
     above, body = rows[:first], rows[first:]
     names, head = _names(path, above, body, separator)
     decimal = "," if any(DECIMAL_COMMA.fullmatch(x) for _, row in body for x in row) else "."
-    marks = [row[0][0] for _, row in rows if row[0].startswith(MARKS)]
+    marks = [row[0][0] for _, row in [*body, *above[::-1]] if row[0].startswith(MARKS)]
     return Form(encoding, separator, decimal, next(iter(marks), None), names, head, body[0][0])
 
 
@@ -129,26 +129,23 @@ def _head(path: Path) -> tuple[str, list[str]]:
         encoding, text = "cp1252", raw.decode("cp1252", errors="replace")
         if is_wide or BINARY.search(text):
             raise Error(f"{path}: not a text file (byte {error.start})") from None
-    lines = list(io.StringIO(text, newline=""))
+    lines = list(io.StringIO(text, newline=None))
     return encoding, lines if is_whole else lines[:-1] or lines
 
 
 def _split(lines: list[str], separator: str) -> list[Row]:
     """Return the rows of lines; a quote that is never closed is a character as any other."""
-    try:
-        return list(_rows(lines, separator, strict=True))
-    except csv.Error:
-        return list(_rows(lines, separator, quoting=csv.QUOTE_NONE))
+    rows = list(_rows(lines, separator))
+    is_open = "".join(lines).count('"') % 2 and any("\n" in x for _, row in rows[-1:] for x in row)
+    return list(_rows(lines, separator, has_quotes=False)) if is_open else rows
 
 
-def _rows(
-    lines: Iterable[str], separator: str, strict: bool = False, quoting: int = csv.QUOTE_MINIMAL
-) -> Iterator[Row]:
+def _rows(lines: Iterable[str], separator: str, has_quotes: bool = True) -> Iterator[Row]:
     """Yield the rows that are not blank, as pandas counts them."""
     if separator == BLANKS:
         lines, separator = (line.replace("\t", " ") for line in lines), " "
-    form = {"delimiter": separator, "strict": strict, "quoting": quoting}
-    reader = csv.reader(lines, skipinitialspace=True, **form)
+    quoting = csv.QUOTE_MINIMAL if has_quotes else csv.QUOTE_NONE
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True, quoting=quoting)
     line = 1
     for row in reader:
         cells = [cell.strip() for cell in row]
@@ -178,17 +175,20 @@ def _first_row(rows: list[Row]) -> int | None:
     """Return the index of the first row of the table, None if there is none.
 
     It has its numbers in the same columns as most rows. Rows with a number directly above it belong
-    to the table too: they have an empty cell, or one that is wrong.
+    to the table too: they have an empty cell, or one that is wrong. If the topmost of them has few
+    numbers, it has the names.
     """
     shapes = [tuple(map(is_number, row)) for _, row in rows]
     counts = Counter(shape for shape in shapes if sum(shape) >= 2)
     if not counts:
         return None
     usual = counts.most_common(1)[0][0]
-    first = shapes.index(usual)
-    while first and any(shapes[first - 1]) and len(shapes[first - 1]) == len(usual):
-        first -= 1
-    return first
+    first = top = shapes.index(usual)
+    while top and any(shapes[top - 1]) and len(shapes[top - 1]) == len(usual):
+        top -= 1
+    has_names_above = top > 0 and len(shapes[top - 1]) == len(usual)
+    has_names = not has_names_above and 2 * sum(shapes[top]) < sum(usual)
+    return min(top + has_names, first)
 
 
 def _names(path: Path, above: list[Row], body: list[Row], separator: str) -> tuple[list[str], int]:
@@ -217,7 +217,7 @@ def _name(name: str, label: str, number: str) -> str:
 
 def _header_cells(row: list[str], separator: str, width: int) -> list[str]:
     """Return the cells of a line of names or units, without the mark of a comment before them."""
-    cells = _without_empty_end([row[0].lstrip("".join(MARKS)).strip(), *row[1:]])
+    cells = _without_empty_end([row[0].lstrip("".join(MARKS)).strip('" '), *row[1:]])
     if cells and not cells[0] and len(cells) > width:
         cells = cells[1:]
     if separator != BLANKS or len(cells) <= width:
@@ -242,11 +242,10 @@ def _is_units(cells: list[str]) -> bool:
     return 0 < len(words) <= 2 * sum(map(units.is_unit, words))
 
 
-def _body(path: Path, form: Form, strict: bool = False) -> Iterator[Row]:
+def _body(path: Path, form: Form) -> Iterator[Row]:
     """Yield the rows of a whole table."""
-    with path.open(encoding=form.encoding, newline="") as file:
-        lines = islice(file, form.first - 1, None)
-        for line, row in _rows(lines, form.separator, strict):
+    with path.open(encoding=form.encoding) as file:
+        for line, row in _rows(islice(file, form.first - 1, None), form.separator):
             if not (form.mark and row[0].startswith(form.mark)):
                 yield line + form.first - 1, row
 
@@ -262,7 +261,7 @@ def _fault(path: Path, form: Form, words: str) -> str:
     raw, line = path.read_bytes(), form.first - 1
     try:
         raw.decode(form.encoding)
-        for line, row in _body(path, form, strict=True):
+        for line, row in _body(path, form):
             if len(row) > len(form.names):
                 return f"{path}:{line}: {len(row)} cells over {len(form.names)} columns"
     except UnicodeDecodeError as error:
@@ -270,4 +269,4 @@ def _fault(path: Path, form: Form, words: str) -> str:
         return f"{path}:{line}: byte {error.start} is no text in {code.upper()}"
     except csv.Error as error:
         return f"{path}:{line + 1}: {error}"
-    return f"{path}:{form.first}: {' '.join(words.split())[:160]}"
+    return f"{path}:{line}: {words.rpartition('error: ')[2].strip()[:160]}"
