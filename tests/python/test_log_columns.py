@@ -101,7 +101,7 @@ TURNING = {"angle": "angle_rad", "torque": "torque_Nm", "time": "t_s"}
 def test_a_unit_is_one_factor_however_a_column_spells_it(role, table, others, tmp_path):
     """A name without a unit has the usual one, and a note."""
     sound = {"angle": UP / 8, "torque": WAVE, "time": UP}
-    for name, size in {name: size for size in table for name in table[size].split("|")}.items():
+    for name, size in {name: x for x, names in table.items() for name in names.split("|")}.items():
         names = {**others, role: name}
         path = written_as(tmp_path, {names[one]: column for one, column in sound.items()})
         log = read_log(path, Source())
@@ -270,6 +270,8 @@ def test_loads_are_added(tmp_path):
     log = read(path, "--load", "load_N", "--load", "4")
     assert (log.load.tolist(), log.torque.tolist()) == ((11 * UP).tolist(), WAVE.tolist())
     assert read(path, "--torque", "torque_Nm").load is None
+    path = written(tmp_path, angle_deg=UP, load_N=UP, force_N=WAVE)
+    assert read(path, "--load", "load_N").torque.tolist() == WAVE.tolist()
     path = written(tmp_path, angle_deg=UP, torque_Nm=WAVE, clamp=np.where(UP == UP[2], np.inf, UP))
     line = refused(path, "--load", "clamp")
     assert "x.csv:4:" in line and "'clamp'" in line and "inf" in line

@@ -196,16 +196,21 @@ def _names(path: Path, above: list[Row], body: list[Row], separator: str) -> tup
     width = len(body[0][1])
     least = max(len(_without_empty_end(row)) for _, row in body if len(row) == width)
     numbers = [str(number) for number in range(1, width + 1)]
-    texts = [row for row in above if any(map(str.isalpha, "".join(row[1])))]
-    if not texts:
+    rows = []  # with letters, from top to bottom; of comments those that may be names
+    for line, row in above:
+        cells = _header_cells(row, separator, width)
+        is_fit = least <= len(cells) <= width
+        if any(map(str.isalpha, "".join(row))) and (is_fit or not row[0].startswith(MARKS)):
+            rows.append((line, cells, is_fit))
+    if not rows:
         return numbers, body[0][0]
-    rows = [_header_cells(row, separator, width) for _, row in texts[-2:]]
-    has_units = len(rows) > 1 and _is_units(rows[1]) and least <= len(rows[0]) <= width
-    line, raw = texts[-2] if has_units else texts[-1]
-    names, labels = rows if has_units else (rows[-1], [])
-    if least <= len(names) <= width:
+    labels: list[str] = []
+    if len(rows) > 1 and _is_units(rows[-1][1]) and rows[-2][2]:
+        labels = rows.pop()[1]
+    line, names, is_fit = rows[-1]
+    if is_fit:
         return [_name(*cells) for cells in zip_longest(names, labels, numbers, fillvalue="")], line
-    if len(names) == 1 or raw[0].startswith(MARKS):
+    if len(names) == 1:  # a title
         return numbers, line
     raise Error(f"{path}:{line}: {len(names)} names over {width} columns")
 
