@@ -144,8 +144,12 @@ def _rows(lines: Iterable[str], separator: str, has_quotes: bool = True) -> Iter
     """Yield the rows that are not blank, as pandas counts them."""
     if separator == BLANKS:
         lines, separator = (line.replace("\t", " ") for line in lines), " "
-    quoting = csv.QUOTE_MINIMAL if has_quotes else csv.QUOTE_NONE
-    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True, quoting=quoting)
+    reader = csv.reader(
+        lines,
+        delimiter=separator,
+        skipinitialspace=True,
+        quoting=csv.QUOTE_MINIMAL if has_quotes else csv.QUOTE_NONE,
+    )
     line = 1
     for row in reader:
         cells = [cell.strip() for cell in row]
