@@ -261,7 +261,7 @@ def _body(path: Path, form: Form) -> Iterator[Row]:
 
 def _place(path: Path, form: Form, row: int) -> str:
     """Return the file and the line of a row, from 0 on."""
-    line, _ = next(islice(_body(path, form), row, None))
+    line, _ = next(islice(_body(path, form), row, None), (form.first + row, []))
     return f"{path}:{line}"
 
 
