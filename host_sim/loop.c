@@ -331,6 +331,7 @@ static uint64_t run_due_tick(loop_t *loop, uint64_t now)
     uint64_t soonest = now + LOOP_PERIOD_NS * 3 / 4;
     uint64_t late = now - loop->due_ns;
     histogram_add(&loop->late, late);
+    loop->late_ticks += late > LOOP_PERIOD_NS && !loop->lockstep ? 1u : 0u;
     loop->ticked_ns = now;
     tick(loop);
     loop->due_ns += late > STALL_NS ? late + LOOP_PERIOD_NS : LOOP_PERIOD_NS;

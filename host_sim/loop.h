@@ -4,7 +4,8 @@
  * the bus goes to the log. A part that is not there is not run. Up to 16 nodes and encoders share the bus.
  *
  * Real time: ticks are kept by the monotonic clock. After a stall of the machine they come a third faster until they have
- * caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for.
+ * caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for. A tick that comes
+ * more than a period late has missed its deadline, but in lockstep: there it may have waited for the other side.
  * A node's clock counts ticks: a program that the machine stalls has missed no time, as a core that is halted has not.
  * In lockstep a tick also waits for the other side: that of an encoder for the answer to the one before it, so that a slow
  * node outside loses nothing; that of a node alone for the next angle, so that no stall of the machine is a timeout. Both
@@ -67,6 +68,7 @@ typedef struct {
     double load;          /* of the bus, over the whole run */
     double peak_load;     /* of the fullest second */
     histogram_t late;     /* of ticks, real time */
+    uint64_t late_ticks;  /* that missed their deadline; real time */
 } loop_t;
 
 void sim_clock_start(sim_clock_t *clock, bool is_virtual);

@@ -163,7 +163,7 @@ static int write_results(program_t *p)
         code = EXIT_RUNTIME;
     }
     if (p->parts.plant.trace != NULL && !plant_close(&p->parts.plant)) {
-        log_error("--trace %s: it could not be written whole", p->options.trace);
+        log_error("--trace %s: %s", p->options.trace, strerror(errno));
         code = EXIT_RUNTIME;
     }
     if (p->options.summary != NULL && !summary_write(p->options.summary, &p->options, &p->scene, &p->loop,
@@ -172,6 +172,18 @@ static int write_results(program_t *p)
         code = EXIT_RUNTIME;
     }
     return code;
+}
+
+/* A motion that is shorter than --seconds ends the run. */
+static void note_early_end(const program_t *p)
+{
+    const encoder_t *first = &p->parts.encoders[0];
+    if (p->options.seconds > 0 && first->ended && !first->failed) {
+        char text[120];
+        snprintf(text, sizeof text, "--seconds %g: the scene's motion ended after %g s", p->options.seconds,
+                 (double)(p->loop.ticks * LOOP_PERIOD_NS) * 1e-9);
+        log_warning(text);
+    }
 }
 
 static int outcome(const program_t *p)
@@ -191,6 +203,7 @@ static int run(program_t *p)
     }
     set_up_loop(p);
     loop_run(&p->loop);
+    note_early_end(p);
     p->loop.bus->ops->close(p->loop.bus);
     int written = write_results(p);
     int ended = outcome(p);

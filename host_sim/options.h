@@ -26,7 +26,7 @@ typedef struct {
     uint64_t seed;
     uint32_t wait_clients;
     uint32_t nodes;
-    uint32_t bitrate; /* 0: the bus takes no time */
+    uint32_t bitrate; /* 0: no load is computed, and loopback takes no time */
     uint32_t parent;  /* process whose end ends this one; 0: none */
 } options_t;
 

@@ -2,6 +2,7 @@
 /* plant: see plant.h. */
 #include "plant.h"
 
+#include <errno.h>
 #include <math.h>
 
 #include "load.h"
@@ -92,11 +93,12 @@ static void look_at_error(plant_t *p)
     p->max_error = fmax(p->max_error, fabs(error));
 }
 
-static void write_row(const plant_t *p, double angle, double omega)
+static void write_row(plant_t *p, double angle, double omega)
 {
-    if (p->trace != NULL) {
+    if (p->trace != NULL &&
         fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", (double)p->ticks * TICK_S,
-                (double)p->place * theta_per_count(p), angle, omega, p->torque, p->rotor.friction, p->compensation);
+                (double)p->place * theta_per_count(p), angle, omega, p->torque, p->rotor.friction, p->compensation) < 0) {
+        p->trace_errno = errno;
     }
 }
 
@@ -177,6 +179,9 @@ bool plant_trace(plant_t *plant, const char *path)
 
 bool plant_close(plant_t *plant)
 {
-    bool failed = ferror(plant->trace) != 0;
-    return fclose(plant->trace) == 0 && !failed;
+    if (fclose(plant->trace) != 0) {
+        plant->trace_errno = errno;
+    }
+    errno = plant->trace_errno;
+    return errno == 0;
 }

@@ -23,6 +23,7 @@ typedef struct {
     motion_t *reference;      /* NULL: [motor] */
     const encoder_t *encoder; /* whose answers are added */
     FILE *trace;              /* NULL: none */
+    int trace_errno;          /* why a row of it could not be written; 0: all are */
     rotor_t rotor;
     uint64_t ticks;
     double torque;       /* of the motor, N m */
@@ -44,7 +45,7 @@ bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const
 /* Write time, reference, angle, velocity, motor, friction, compensation of each tick as CSV. False: errno says why. */
 bool plant_trace(plant_t *plant, const char *path);
 
-/* Close the trace that was asked for. False: it could not be written whole. */
+/* Close the trace that was asked for. False: it could not be written whole, and errno says why. */
 bool plant_close(plant_t *plant);
 
 #endif

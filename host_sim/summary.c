@@ -73,7 +73,7 @@ static void add_run(cJSON *to, const options_t *options, const scene_t *scene, c
 }
 
 typedef struct {
-    uint64_t sent, answered, unmatched, corrupt, late;
+    uint64_t sent, answered, unmatched, corrupt;
     histogram_t latency, jitter;
 } encoders_t;
 
@@ -85,7 +85,6 @@ static void add_up(encoders_t *all, const loop_t *loop)
         all->answered += encoder->answered;
         all->unmatched += encoder->unmatched;
         all->corrupt += encoder->corrupt;
-        all->late += encoder->late;
         histogram_merge(&all->latency, &encoder->latency);
         histogram_merge(&all->jitter, &encoder->jitter);
     }
@@ -99,7 +98,6 @@ static bool has_latencies(const loop_t *loop)
 
 static void add_latencies(cJSON *to, const encoders_t *all)
 {
-    add_count(to, "deadline_misses", all->late);
     add_histogram(to, "latency_us", &all->latency);
     add_histogram(to, "jitter_us", &all->jitter);
     add_bins(to, "latency_histogram", &all->latency);
@@ -118,6 +116,16 @@ static void add_encoders(cJSON *to, const loop_t *loop)
     if (has_latencies(loop)) {
         add_latencies(to, &all);
     }
+}
+
+/* An answer or a tick that comes more than a period late has missed its deadline. */
+static void add_deadlines(cJSON *to, const loop_t *loop)
+{
+    uint64_t misses = loop->late_ticks;
+    for (uint32_t i = 0; i < loop->encoder_count; i++) {
+        misses += loop->encoders[i].late;
+    }
+    add_count(to, "deadline_misses", misses);
 }
 
 /* Names of dahl_node_counts_t, in its order. */
@@ -234,6 +242,9 @@ static cJSON *collect(const options_t *options, const scene_t *scene, const loop
     add_run(root, options, scene, loop);
     if (loop->encoder_count > 0) {
         add_encoders(root, loop);
+    }
+    if (has_latencies(loop)) {
+        add_deadlines(root, loop);
     }
     if (loop->node_count > 0) {
         add_nodes(root, loop);

@@ -26,6 +26,7 @@ BUILD = Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
 
 CHECKS = ("proof", "fuzz", "static", "quality")  # folders whose tests are all marked checks
+MODES = ("--checks", "--long", "--full", "--soak")  # that run some of these
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -37,18 +38,42 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """The same examples on every machine: a red test stays red until it is mended."""
-    more = any(config.getoption(mode) for mode in ("--checks", "--long", "--full", "--soak"))
     hypothesis.settings.register_profile(
         "dahl",
         deadline=None,
         database=None,
         derandomize=True,
-        max_examples=MORE_EXAMPLES if more else EXAMPLES,
+        max_examples=MORE_EXAMPLES if runs_checks(config) else EXAMPLES,
     )
     hypothesis.settings.load_profile("dahl")
     os.environ.pop(
         "PYTHONUNBUFFERED", None
     )  # programs buffer as a user's do, so that a flush that is missing shows
+
+
+def runs_checks(config: pytest.Config) -> bool:
+    """Whether the chosen mode runs tests in the folders of checks."""
+    return any(config.getoption(mode) for mode in MODES)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no checks that the mode does not run: their packages come with tools/setup.sh checks.
+    A file that the caller names is imported all the same.
+    """
+    is_check = bool({collection_path.name, collection_path.parent.name} & set(CHECKS))
+    return True if is_check and not runs_checks(config) else None
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """Say which folders were not imported."""
+    asked = [Path(word.partition("::")[0]).resolve() for word in config.args]
+    folders = [Path(__file__).parent / name for name in CHECKS]
+    left_out = [folder.name for folder in folders if {folder, *folder.parents}.intersection(asked)]
+    if left_out and not runs_checks(config):
+        names = ", ".join(left_out)
+        terminalreporter.write_line(
+            f"left out: {names}; pytest --checks runs them, after tools/setup.sh checks"
+        )
 
 
 def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
@@ -77,6 +102,20 @@ def need(tool: str, claim: str) -> str:
     if path is None:
         pytest.skip(f"unproven: {claim}: {tool} is not here, and tools/setup.sh could not get it")
     return str(path)
+
+
+def from_pypi(name: str, requirements: str, claim: str) -> Path:
+    """The folder of programs of these packages, in an environment of their own below build/."""
+    environment = BUILD.parent / name
+    stamp = environment / "installed.txt"
+    if not stamp.exists() or stamp.read_text() != requirements:
+        subprocess.run([sys.executable, "-m", "venv", "--clear", str(environment)], check=True)
+        wanted = [line.split("#")[0].strip() for line in requirements.splitlines()]
+        words = [str(environment / "bin/pip"), "install", "--quiet", *filter(None, wanted)]
+        if subprocess.run(words, check=False, timeout=280).returncode != 0:
+            pytest.skip(f"unproven: {claim}: PyPI is out of reach")
+        stamp.write_text(requirements)
+    return environment / "bin"
 
 
 def announce(config: pytest.Config, tests: int) -> None:

@@ -7,8 +7,9 @@
 #   identify  demo, and what the other commands of `dahl` import
 #   firmware  demo, and a cross compiler and an emulator for Cortex-M (tools/demo.sh --target)
 #   test      identify, and what tools/test.sh runs by itself: Unity, pytest
-#   checks    test and firmware, and what tools/test.sh --checks adds: other compilers, small cores, fuzzers, provers, a
-#             browser, CBMC, and where this kernel has no CAN one that has it (tools/vm.sh)
+#   vm        demo, and for tools/vm.sh an emulator, can-utils, and a kernel with CAN if this one has none
+#   checks    test, firmware and vm, and what tools/test.sh --checks adds: other compilers, small cores, fuzzers, provers, a
+#             browser, CBMC
 #   bench     identify and firmware, and the other cores of tools/bench.sh
 #   all       everything
 # Debian packages come by apt-get, as root or by sudo; all else lies under build/: Python packages in build/venv, pinned with

@@ -4,7 +4,7 @@
 #
 # Runs a command on a Linux kernel that has CAN, in QEMU, for machines whose own kernel has none: there are vcan0 and
 # vcan1, this machine's files read-only, and FOLDER (an absolute path) to write to. Prints what the command prints and
-# ends with its exit code; 77 and a reason where no virtual machine can be had. tools/setup.sh fetches the kernel.
+# ends with its exit code; 77 and a reason where no virtual machine can be had. `tools/setup.sh vm` gets what it needs.
 # Example: tools/vm.sh /tmp/out sh -c 'cangen -n 3 vcan0 & candump -n 3 vcan0 >/tmp/out/log'
 #
 # Environment: DAHL_VM_SECONDS  limit for all of it (default: 240)
@@ -21,9 +21,9 @@ absent() { say "no virtual machine here: $*"; exit 77; }
 check() {
     local tool
     for tool in qemu-system-x86_64 busybox cpio ip modprobe; do
-        command -v "$tool" >/dev/null || absent "$tool is not installed"
+        command -v "$tool" >/dev/null || absent "$tool is not installed (tools/setup.sh vm installs it)"
     done
-    [ -s "$KERNEL/vmlinuz" ] || absent "no kernel in build/deps/kernel (tools/setup.sh fetches it)"
+    [ -s "$KERNEL/vmlinuz" ] || absent "no kernel in build/deps/kernel (tools/setup.sh vm fetches it)"
 }
 
 # The modules above and what they need, in the order of loading.

@@ -10,8 +10,9 @@
 
 static dahl_plan_t plans[2];
 static dahl_state_t bearing;
-static atomic_uint published; /* written by main only */
-static atomic_uint used;      /* written by the tick only */
+/* A byte each: on AVR a wider atomic access is a call that its libraries do not have. */
+static atomic_uchar published; /* written by main only */
+static atomic_uchar used;      /* written by the tick only */
 
 bool friction_set(const dahl_params_t *params, dahl_err_t *err)
 {
@@ -25,7 +26,7 @@ bool friction_set(const dahl_params_t *params, dahl_err_t *err)
     if (*err != DAHL_OK) {
         return false;
     }
-    atomic_store_explicit(&published, next, memory_order_release);
+    atomic_store_explicit(&published, (unsigned char)next, memory_order_release);
     return true;
 }
 
@@ -40,7 +41,7 @@ float friction_tick(int32_t dcounts)
     unsigned next = atomic_load_explicit(&published, memory_order_acquire);
     if (next != now) {
         dahl_change_plan(&plans[now], &plans[next], &bearing);
-        atomic_store_explicit(&used, next, memory_order_release);
+        atomic_store_explicit(&used, (unsigned char)next, memory_order_release);
     }
     return dahl_step_counts(&plans[next], &bearing, dcounts);
 }

@@ -7,6 +7,8 @@
 #include <limits.h>
 #include <stdint.h>
 
+#include "core.h"
+
 #if CHAR_BIT != 8
 #error "dahl needs bytes of 8 bits"
 #endif
@@ -29,11 +31,12 @@
 /* An array of this size does not compile where float and uint32_t differ in size. */
 typedef char dahl_needs_a_float_of_4_bytes[sizeof(float) == 4 && sizeof(uint32_t) == 4 ? 1 : -1];
 
-/* ARMv6-M and ARMv8-M Baseline multiply to 32 bits only and have eight registers for most instructions. */
-#if defined(__GNUC__) && (defined(__ARM_ARCH_6M__) || defined(__ARM_ARCH_8M_BASE__))
-#define DAHL_V6M 1
+/* A C tick that lib/cores may have in assembly too. It is weak, so that the linker prefers the tick in assembly if the build has
+ * assembled one. */
+#if DAHL_V6M || DAHL_THUMB2
+#define DAHL_WEAK_TICK __attribute__((weak))
 #else
-#define DAHL_V6M 0
+#define DAHL_WEAK_TICK
 #endif
 
 /* Optimization barrier: the compiler may assume nothing about the value of x. So it takes x for a word, and does not widen

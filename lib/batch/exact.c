@@ -45,6 +45,9 @@ DAHL_VARIANTS_TOLD(run_ticks, job_t, run)
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {
     job_t job = {plan, state, dcounts, F, n};
+    if (n != 0) { /* once: each tick leaves a state in range */
+        state->w = (int64_t)dahl_clamp((uint64_t)state->w);
+    }
     run_ticks(&job);
 }
 

@@ -157,7 +157,7 @@ DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
     chunk->alike = count == CHUNK;
     for (size_t c = 0; c < count; c++) {
         chunk->unit[c] = dahl_batch_unit(&job->plans[c]);
-        chunk->w[c] = job->states[c].w;
+        chunk->w[c] = (int64_t)dahl_clamp((uint64_t)job->states[c].w);
         for (size_t n = 0; n < DIRECT; n++) {
             chunk->alike = chunk->alike && pair(job->plans[c].g[n]) == pair(job->plans[0].g[n]);
         }

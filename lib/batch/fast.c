@@ -127,7 +127,8 @@ dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_s
 {
     dahl_throughput_scale_t scale;
     dahl_err_t err = dahl_throughput_check(params, true, &scale);
-    if (err == DAHL_OK) {
+    if (err == DAHL_OK && n != 0) {
+        dahl_clamp_state(state);
         job_t job = {&scale, state, dcounts, F, n, NULL};
         counts(&job);
     }
@@ -138,7 +139,8 @@ dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t 
 {
     dahl_throughput_scale_t scale;
     dahl_err_t err = dahl_throughput_check(params, false, &scale);
-    if (err == DAHL_OK) {
+    if (err == DAHL_OK && n != 0) {
+        dahl_clamp_state(state);
         job_t job = {&scale, state, dtheta, F, n, NULL};
         angles(&job);
     }

@@ -17,7 +17,7 @@
 #include <stddef.h>
 
 #include "cpu_dispatch.h"
-#include "../arith/fixed.h"
+#include "../model/bristle_update.h"
 #include "dahl_batch.h"
 
 #define DAHL_ALL 709.5 /* travel that leaves nothing of the gap: its 2^-k is 0 as a double; an infinite one is cut here */
@@ -98,6 +98,12 @@ DAHL_INLINE double dahl_value_of_angle(const void *moves, size_t i)
 DAHL_INLINE double dahl_number_of_angle(const void *moves, size_t i)
 {
     return (double)((const float *)moves)[i];
+}
+
+/* Once a call: each block leaves a state in range. */
+DAHL_INLINE void dahl_clamp_state(dahl_state_t *state)
+{
+    state->w = (int64_t)dahl_clamp((uint64_t)state->w);
 }
 
 DAHL_INLINE double dahl_w_of(const dahl_state_t *state)

@@ -222,6 +222,9 @@ static dahl_err_t run_all(const job_t *all, void (*run_chunk)(const job_t *))
     dahl_err_t err = check_all(all->params, all->count, all->by_counts);
     for (size_t first = 0; first < all->count && all->n != 0 && err == DAHL_OK; first += CHUNK) {
         job_t job = chunk_of(all, first);
+        for (size_t c = 0; c < job.count; c++) {
+            dahl_clamp_state(&job.states[c]);
+        }
         run_chunk(&job);
     }
     return err;

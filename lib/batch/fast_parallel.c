@@ -144,6 +144,7 @@ DAHL_INLINE void add_slip(block_t *block, dahl_throughput_element_t *element, co
 DAHL_INLINE void add_dahl(block_t *block, dahl_throughput_element_t *element, const dahl_throughput_scale_t *scale,
                           const int32_t *dcounts)
 {
+    dahl_clamp_state(&element->state);
     double w0 = dahl_w_of(&element->state);
     scan_block(&block->scan, scale, w0, dcounts, 0, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
     dahl_carry(&element->state, join_groups(&block->scan));

@@ -1,33 +1,40 @@
 # SPDX-License-Identifier: MIT
-# The ticks written for the core that is compiled for: DAHL_CORE_TICKS, files of lib/cores that take the place of those in
-# DAHL_CORE_STANDS_FOR, with the same bits. Both are empty where there are none, or with -DDAHL_CORES=OFF: then
-# the C is used.
-option(DAHL_CORES "ticks written for the core, where there are any" ON)
+# DAHL_CORE_TICKS: the ticks in assembly, if the core that is compiled for has some and -DDAHL_CORES=OFF does not leave them out.
+# Each has the bits of the C, which is weak on such a core (lib/arith/core.h says which cores). They must stand before the C in the
+# archive, since the linker stops at the first definition that it finds there.
+option(DAHL_CORES "ticks written for the core, if there are any" ON)
 set(DAHL_CORE_TICKS "")
-set(DAHL_CORE_STANDS_FOR "")
-if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
-    include(CheckCSourceCompiles)
+
+# Assemble ticks by the C compiler with the flags that the library's C gets: CMAKE_C_FLAGS, and add_compile_options of the project
+# around, which try_compile sees only through a target.
+function(dahl_probe_core_ticks result)
     set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY) # a bare core has nothing to link with
-    check_c_source_compiles("
-        #if !defined(__ARM_ARCH_6M__) && !defined(__ARM_ARCH_8M_BASE__)
-        #error
+    set(probe "${CMAKE_CURRENT_BINARY_DIR}/core_ticks.c")
+    file(WRITE "${probe}" "
+        #include \"${CMAKE_CURRENT_LIST_DIR}/../arith/core.h\"
+        #if !DAHL_V6M && !DAHL_THUMB2
+        #error no tick is written for this core
         #endif
-        int dahl_core;" DAHL_CORE_IS_V6M)
-    check_c_source_compiles("
-        #if !defined(__thumb2__) || !defined(__ARM_ARCH_PROFILE) || __ARM_ARCH_PROFILE != 'M'
-        #error
-        #endif
-        int dahl_core;" DAHL_CORE_IS_THUMB2)
-    if(DAHL_CORE_IS_V6M)
-        set(DAHL_CORE_TICKS cores/tick_q30_v6m.S)
-        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c)
-    elseif(DAHL_CORE_IS_THUMB2)
-        set(DAHL_CORE_TICKS cores/tick_q30_thumb2.S cores/tick_thumb2.S cores/part_thumb2.S cores/parallel_q30_thumb2.S
-            cores/work_thumb2.S cores/work_large.c)
-        set(DAHL_CORE_STANDS_FOR model/step_counts_q30.c model/step_counts.c parts/part_move.c
-            parts/parallel_q30.c parts/work_step.c)
+        #include \"${CMAKE_CURRENT_LIST_DIR}/tick_q30_v6m.S\"
+        #include \"${CMAKE_CURRENT_LIST_DIR}/tick_thumb2.S\"\n")
+    get_directory_property(options COMPILE_OPTIONS)
+    add_library(dahl_probe_flags INTERFACE IMPORTED)
+    set_target_properties(dahl_probe_flags PROPERTIES INTERFACE_COMPILE_OPTIONS "${options};SHELL:-x assembler-with-cpp")
+    unset(assembled CACHE) # flags may have changed since the last time
+    try_compile(assembled "${CMAKE_CURRENT_BINARY_DIR}/core_ticks" "${probe}" LINK_LIBRARIES dahl_probe_flags)
+    set(${result} ${assembled} PARENT_SCOPE)
+    unset(assembled CACHE)
+endfunction()
+
+set(chosen "C")
+if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
+    dahl_probe_core_ticks(has_core_ticks)
+    if(has_core_ticks)
+        set(chosen "assembly for this core, from lib/cores")
+        file(GLOB DAHL_CORE_TICKS ${CMAKE_CURRENT_LIST_DIR}/*.S)
+        set_source_files_properties(${DAHL_CORE_TICKS} PROPERTIES LANGUAGE C COMPILE_OPTIONS "-x;assembler-with-cpp"
+            COMPILE_DEFINITIONS DAHL_SAME_FLAGS SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON SKIP_LINTING ON)
+        list(APPEND DAHL_CORE_TICKS cores/work_large.c)
     endif()
 endif()
-if(DAHL_CORE_TICKS)
-    enable_language(ASM)
-endif()
+message(STATUS "dahl: ticks in ${chosen}")

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * dahl_parallel_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the sum of lib/parts/parallel_q30.c, same bits. A
- * part that is a Dahl element is moved in place, by 18 instructions forward and 20 backward. Any other part is called, and so are
+ * part that is a Dahl element is moved in place, by 19 instructions forward and 21 backward. Any other part is called, and so are
  * all of them for a move of more than 8 counts.
  *
  * A Dahl element is told by its function. The reference to it is weak: where no part is one, it is 0, and nothing is linked for it.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r12
 #define g_low r0 /* once the plan is no longer needed */
 #include "update_thumb2.inc"
@@ -30,8 +32,8 @@
     bne     \next
     .endm
 
-/* All parts, one after the other, by `update` where `add_or_sub` of the counts finds the entry of the table. */
-    .macro move_parts add_or_sub, update
+/* All parts, one after the other, by `gap` and `update` where `add_or_sub` of the counts finds the entry of the table. */
+    .macro move_parts add_or_sub, gap, update
 1:  ldr     move, [parts], #16
     ldrd    plan, state, [parts, #-12]
     cmp     move, dahl_element
@@ -39,7 +41,9 @@
     \add_or_sub plan, plan, counts, lsl #3
     ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [plan, #TABLE]
-    \update
+3:  \gap
+    bmi     5f
+4:  \update
     strd    w_low, w_high, [state]
     add     w_q30, w_high, w_low, lsr #31
     add_share 1b
@@ -49,6 +53,7 @@
     add     w_q30, r1, r0, lsr #31
     add_share 1b
     b       finish
+5:  clamp_unless_reversal 3b, 4b
     .endm
 
     function dahl_parallel_step_counts_q30
@@ -65,14 +70,14 @@
     cmp     counts, #8 /* unsigned, so that negative ones are above it */
     bhi     not_forward
 forward:
-    move_parts add, update_forward
+    move_parts add, gap_forward, update_forward
 
 not_forward:
     cmn     counts, #8 /* carries for -8 .. -1 alone */
     itt     cc
     movcc   dahl_element, #0
     bcc     forward
-    move_parts sub, update_backward
+    move_parts sub, gap_backward, update_backward
 
 finish:
     adds    sum_low, sum_low, sum_low
@@ -80,3 +85,5 @@ finish:
     mvn     r0, r0
     pop     {r3-r11, pc}
     .size dahl_parallel_step_counts_q30, . - dahl_parallel_step_counts_q30
+#endif
+#include "stack_note.inc"

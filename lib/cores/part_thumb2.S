@@ -3,6 +3,8 @@
  * dahl_part_move for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the move of lib/parts/part_move.c, same bits. The state that it
  * returns is still in registers when it is stored. Moves of more than 8 counts go to dahl_step_large.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r12
 #define g_low r0 /* once the plan is no longer needed */
 #include "update_thumb2.inc"
@@ -24,3 +26,5 @@ large:
     ldrd    r0, r1, [r4]
     pop     {r4, pc}
     .size dahl_part_move, . - dahl_part_move
+#endif
+#include "stack_note.inc"

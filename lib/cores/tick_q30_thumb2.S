@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * dahl_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts_q30.c, same bits.
- * 15 instructions forward and 18 backward; 14 forward where the core has UMAAL. Moves of more than 8 counts go to
+ * 16 instructions forward and 19 backward; 15 forward where the core has UMAAL. Moves of more than 8 counts go to
  * dahl_step_large (lib/model/step_large.c), all arguments untouched.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r12
 #define g_low r0 /* once the plan is no longer needed */
 #include "update_thumb2.inc"
@@ -20,3 +22,5 @@
 large:
     b       dahl_step_large
     .size dahl_step_counts_q30, . - dahl_step_counts_q30
+#endif
+#include "stack_note.inc"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * dahl_step_counts_q30 for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_counts_q30.c, same bits. 58 instructions
- * forward and 60 backward; a compiler needs more, since it runs out of the eight low registers.
+ * dahl_step_counts_q30 for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_counts_q30.c, same bits. 59 instructions
+ * forward and 61 backward, one more at a reversal from the end; a compiler needs more, since it runs out of the eight low registers.
  *
  * Forward, a move of n = 0 .. 8 counts, g = plan->g[n] = g_high 2^-32 + g_low 2^-64:
  *     z = 2^30 - q,  q = w in Q30, a half rounded up          the gap to +Fc, in Q30
@@ -9,9 +9,14 @@
  * Backward, n = -1 .. -8, is its mirror image: z = 2^30 + q is the gap to -Fc, and the product is subtracted.
  * Any other move goes to dahl_step_large (lib/model/step_large.c), all arguments untouched.
  *
+ * z of a state in range is 0 .. 2^31 (dahl_is_gap). So one branch on its top bit leaves the tick for 2^31, a reversal from the end,
+ * and for a state out of range.
+ *
  * The core multiplies to 32 bits, so z = z1:z0 and each word of g are taken by halves of 16 bits. z <= 2^31, so z1 <= 2^15,
  * and the sums that are marked do not carry out.
  */
+#include "../arith/core.h"
+#if DAHL_V6M
     .syntax unified
     .thumb
 
@@ -22,7 +27,7 @@
     .macro update add, add_carry
     lsrs    r5, r4, #16 /* z1 */
     uxth    r4, r4      /* z0 */
-    ldr     r6, [r0, #TABLE + 4]
+3:  ldr     r6, [r0, #TABLE + 4]
     lsrs    r7, r6, #16 /* g_low = r7:r6 */
     uxth    r6, r6
     movs    r2, r4
@@ -68,6 +73,24 @@
     pop     {r4-r7, pc}
     .endm
 
+/* Where the branch on the top bit of z goes to. z = 2^31, a reversal from the end, goes on in `update`. Else the state is out of
+ * range: it is clamped to +-2^62, the end of its side, and the tick goes on from `gap`. */
+    .macro reverse_or_clamp gap
+    lsrs    r5, r4, #16
+    lsls    r4, r4, #1 /* z0 = 0 if z is 2^31 */
+    beq     3b
+    ldr     r3, [r1, #4]
+    lsrs    r3, r3, #31
+    lsls    r3, r3, #31
+    movs    r2, #1
+    lsls    r2, r2, #30
+    orrs    r3, r3, r2
+    movs    r2, #0
+    stmia   r1!, {r2, r3}
+    subs    r1, r1, #8
+    b       \gap
+    .endm
+
     .section .text.dahl_step_counts_q30, "ax", %progbits
     .global dahl_step_counts_q30
     .type dahl_step_counts_q30, %function
@@ -79,14 +102,16 @@ dahl_step_counts_q30:
     push    {r4-r7, lr}
     lsls    r2, r2, #3
     adds    r0, r0, r2
-    ldr     r2, [r1, #0]
+1:  ldr     r2, [r1, #0]
     ldr     r3, [r1, #4]
     lsrs    r2, r2, #31
     adds    r3, r3, r2
     movs    r4, #1
     lsls    r4, r4, #30
     subs    r4, r4, r3
+    bmi     2f
     update adds, adcs
+2:  reverse_or_clamp 1b
 
 backward:
     negs    r2, r2
@@ -95,13 +120,15 @@ backward:
     push    {r4-r7, lr}
     lsls    r2, r2, #3
     adds    r0, r0, r2
-    ldr     r2, [r1, #0]
+1:  ldr     r2, [r1, #0]
     ldr     r3, [r1, #4]
     movs    r4, #1
     lsls    r4, r4, #30
     lsls    r2, r2, #1 /* the carry is what rounds w up */
     adcs    r4, r4, r3
+    bmi     2f
     update subs, sbcs
+2:  reverse_or_clamp 1b
 
 large:
     negs    r2, r2
@@ -109,3 +136,5 @@ large:
     bx      r3
     .pool
     .size dahl_step_counts_q30, . - dahl_step_counts_q30
+#endif
+#include "stack_note.inc"

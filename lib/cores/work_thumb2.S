@@ -4,6 +4,8 @@
  * lib/parts/work_step.c, same bits. The way of w in the direction of travel is the product that the update adds or subtracts, so
  * it needs no difference. Moves of more than 8 counts go to dahl_work_step_large.
  */
+#include "../arith/core.h"
+#if DAHL_THUMB2
 #define g_high r5
 #define g_low r12
 #include "torque_thumb2.inc"
@@ -28,8 +30,9 @@
     bcs     13f /* also where negative counts are subtracted: there a sum that carries is one that does not borrow */
 11: ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
-    \gap
-    product
+15: \gap
+    bmi     17f
+16: product
     ldrd    low, high, [sums, #WAY]
     adds    low, low, g_low
     adcs    high, high, spare
@@ -47,9 +50,11 @@
     b       \back
     .endm
 
-    .macro carries
+/* Where sum_up_and_update goes to, which is rare. */
+    .macro rare
 13: carry   COUNTS + 4, 11b
 14: carry   WAY + 8, 12b
+17: clamp_unless_reversal 15b, 16b
     .endm
 
     .macro return_q30
@@ -63,30 +68,34 @@
     bhi     backward_q30
     sum_up_and_update add, gap_forward, add_product
     return_q30
-    carries
+    rare
 backward_q30:
     cmn     counts, #8 /* carries for -8 .. -1 alone */
     bcc     large_q30
     sum_up_and_update sub, gap_backward, subtract_product
     return_q30
-    carries
+    rare
 large_q30:
     b       dahl_work_step_large
     .size dahl_work_step_counts_q30, . - dahl_work_step_counts_q30
 
+#if DAHL_THUMB2_FLOAT
     function dahl_work_step_counts
     cmp     counts, #8
     bhi     backward
     sum_up_and_update add, gap_forward, add_product
     b       torque
-    carries
+    rare
 backward:
     cmn     counts, #8
     bcc     large
     sum_up_and_update sub, gap_backward, subtract_product
 torque:
     return_torque r4-r6
-    carries
+    rare
 large:
     return_torque_after dahl_work_step_large
     .size dahl_work_step_counts, . - dahl_work_step_counts
+#endif
+#endif
+#include "stack_note.inc"

@@ -31,6 +31,15 @@ static uint64_t travel_of(float u)
     return u < 32.0f ? (uint64_t)(u * TRAVEL_ONE) : TRAVEL_END;
 }
 
+/* Any bits become a state: |F/Fc| <= 1 at the reversal, 0 for NaN, a direction of -1, 0 or 1, and no more travel than all. */
+static void clamp(dahl_float_state_t *state)
+{
+    float w = state->w_reversal;
+    state->w_reversal = fabsf(w) <= 1.0f ? w : w > 1.0f ? 1.0f : w < -1.0f ? -1.0f : 0.0f;
+    state->direction = (state->direction > 0) - (state->direction < 0);
+    state->travel = state->travel < TRAVEL_END ? state->travel : TRAVEL_END;
+}
+
 /* F/Fc after the travel since the last reversal (Eq. 18, anchored there). */
 static float w_now(const dahl_float_plan_t *plan, const dahl_float_state_t *state)
 {
@@ -51,6 +60,7 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 {
     uint32_t n = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     int32_t direction = dcounts > 0 ? 1 : dcounts < 0 ? -1 : 0;
+    clamp(state);
     if (direction != 0) {
         if (state->direction != direction || state->counts > UINT32_MAX - n) {
             start_anew(plan, state, direction);
@@ -63,6 +73,7 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
 {
     int32_t direction = dtheta > 0.0f ? 1 : dtheta < 0.0f ? -1 : 0; /* 0 for NaN too */
+    clamp(state);
     if (direction != 0) {
         if (state->direction != direction) {
             start_anew(plan, state, direction);

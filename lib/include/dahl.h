@@ -3,11 +3,12 @@
  * dahl: friction torque by Dahl's model, exact at every encoder tick.
  *
  * GUARANTEE
- *   A torque returned by dahl_step_counts() or dahl_torque() is within DAHL_ULP_COUNTS = 0.52 ulp of Fc of the exact
- *   solution of the model for the counts fed so far: any motion, any number of ticks, any sampling rate.
- *   A torque returned by dahl_step() is within DAHL_ULP_ANGLE = 0.6 ulp of Fc for the float angles fed so far.
+ *   A torque of a state that is fed by counts is within DAHL_ULP_COUNTS = 0.52 ulp of Fc of the exact solution of the model for
+ *   these counts: any motion, any number of ticks, any sampling rate.
+ *   Once dahl_step() has fed it an angle, the bound is DAHL_ULP_ANGLE = 0.6 ulp of Fc, for the float angles and the counts fed so
+ *   far, from dahl_step_counts() and dahl_torque() too. A change of plan adds the error that dahl_change_plan() states.
  *   The same inputs give the same bits on every processor, compiler and set of flags: inside there are integers only.
- *   There is no heap, no global, no libm, no division by a variable in a step, and no state that a bad input can poison.
+ *   There is no heap, no global, no libm and no division by a variable in a step.
  *
  * THE MODEL, in five lines (Ciarla, Cahouet, Canudas de Wit, Quaine; equation numbers are theirs)
  *   dF/dtheta = sigma0 (1 - F/Fc sgn(dtheta))                                                       (Eq. 1)
@@ -37,8 +38,12 @@
  *   steps by the new plan; main does not prepare again before the tick has taken it.
  *   dahl_prepare() on a plan that a tick reads is allowed with parameters equal to those that it has: each word is written
  *   once, with the value that it had. With others the tick could see words of both.
+ * STATES   Every call first clamps the state to the range of its own element and plan. So any bits are a safe state, whether
+ *   another element, another plan or bad memory left them: no call returns a torque beyond the limits of its element.
+ *   Over a power cycle keep the torque, not the bytes of the state: store dahl_torque() with a checksum, and restore it by
+ *   dahl_set_torque(). Bytes with one wrong bit are mostly still in range, and their torque may have the wrong sign.
  * FAILURE  dahl_prepare() is the only call that can fail; all others accept every input. A plan of all zeros (never prepared,
- *   or refused) moves nothing and gives 0 N m from every call.
+ *   or refused) moves nothing, and every torque in N m is 0.
  * BESIDE   dahl_float.h (the literal form, by a float exponential) and dahl_batch.h (long logs on a host) are libraries of
  *          their own, dahl::float and dahl::batch, that firmware does not compile unless it asks for them.
  */
@@ -53,10 +58,10 @@
 #define DAHL_VERSION "0.2.0"
 
 /* Bounds that the tests read. One ulp of Fc is the distance from Fc to the next float away from zero. */
-#define DAHL_ULP_COUNTS 0.52       /* dahl_step_counts, dahl_torque: torque error in ulp of Fc */
-#define DAHL_ULP_ANGLE 0.6         /* dahl_step: torque error in ulp of Fc */
-#define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30: error of F/Fc; 9.4e-10 while a count travels 4e-8 or more */
-#define DAHL_Q30 9.313225746154785e-10 /* 2^-30: F/Fc = DAHL_Q30 * result of dahl_step_counts_q30 */
+#define DAHL_ULP_COUNTS 0.52       /* torque error in ulp of Fc, of a state that is fed by counts alone */
+#define DAHL_ULP_ANGLE 0.6         /* the same once dahl_step() has fed it an angle */
+#define DAHL_ERROR_Q30 1.21e-9     /* dahl_step_counts_q30, by counts alone: of F/Fc; 9.4e-10 if a count travels 4e-8 or more */
+#define DAHL_Q30 9.313225746154785e-10f /* 2^-30, exact: F/Fc = DAHL_Q30 * Q30 result; (double)result keeps all its bits */
 
 /* What dahl_prepare accepts. */
 #define DAHL_TORQUE_MIN 5.421010862427522e-20f  /* 2^-64 N m, for Fc; and N m/rad for sigma0, rad for theta_per_count */
@@ -104,9 +109,8 @@ typedef struct {
     dahl_q64_t g[37];     /* g of 0, 1 .. 8 counts, then of 16, 32 .. 2^31 counts; all 0 without counts */
 } dahl_plan_t;
 
-/* w = F/Fc in Q62; +-2^62 is +-Fc, 0 is relaxed. A state is all zeros or what a call left, and every call leaves
- * -2^62 - 2^31 <= w < 2^62 + 2^31, of which no returned value shows what is beyond +-2^62. A w from elsewhere that is outside
- * that range is no state: no call then has undefined behaviour, but what it returns means nothing. */
+/* w = F/Fc in Q62; +-2^62 is +-Fc, 0 is relaxed. The range is -2^62 - 2^31 <= w < 2^62 + 2^31, of which no returned value shows
+ * what is beyond +-2^62. A w outside of it is taken as +-2^62. */
 typedef struct {
     int64_t w;
 } dahl_state_t;
@@ -118,12 +122,14 @@ DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *p
 /* Move by dcounts encoder counts, any int32_t (INT32_MIN too), and return the torque F in N m, rounded once.
  * 0 leaves the state bit-identical. Error: DAHL_ULP_COUNTS ulp of Fc. Tiny motions keep their relative accuracy: n ticks
  * from rest with a total travel of U presliding lengths err by at most 0.52 ulp of F and Fc (2^-31 U + 2^-62 n).
- * Cost on Cortex-M3, M4 (docs/microcontroller.md has all): 38 instructions up to 8 counts, and about 15 for each further
+ * Cost on Cortex-M3, M4 (docs/microcontroller.md has all): 39 instructions up to 8 counts, and about 15 for each further
  * binary digit. */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only: no float, no helper function.
- * Cost on Cortex-M3, M4: 14 to 18 instructions for -8 .. 8 counts by the tick written for the core, 21 by the C. */
+ * Error: DAHL_ERROR_Q30, or 5.8e-9 once dahl_step() has fed the state an angle.
+ * Cost on Cortex-M3, M4, for -8 .. 8 counts: 15 to 19 instructions by the tick written for the core, 20 at a reversal from
+ * +-Fc, and 23 by the C. */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* A torque in whole units of your own, to be added to others in integers: uN m, mN m, counts of the drive's current. ratio_q30
@@ -132,7 +138,8 @@ int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32
  * Returns ratio_q30 2^-30 Fc_units rounded to the nearest whole number, a half rounded up. Nothing overflows.
  * Error against Fc_units times the exact ratio: half a unit, and DAHL_ERROR_Q30 (or the bound of that other call) times
  * Fc_units: 0.501 units for an Fc of 0.5 N m in uN m. What Fc itself lost when it was made a whole number comes on top, at most half
- * a unit: in a coarse unit give Fc in 1/16 of it and shift the sum of all torques.
+ * a unit. If the unit is coarse, give Fc in 1/16 of it and round the sum of all torques to (sum + 8) >> 4. A shift alone rounds
+ * down, half a unit on average.
  * Cost: 11 instructions on Cortex-M3, M4, 41 on M0. */
 int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
 
@@ -144,6 +151,10 @@ float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 
 /* The torque F in N m without motion, -Fc .. Fc. */
 float dahl_torque(const dahl_plan_t *plan, const dahl_state_t *state);
+
+/* Return 1 if the state is in range, as every call of this header leaves it, and 0 if the next one would clamp it: a sign of bad
+ * memory. A wrong bit that leaves w in range does not show. Cost: 8 instructions on Cortex-M3. */
+int dahl_state_ok(const dahl_state_t *state);
 
 /* Set the state to torque F in N m, clamped to +-Fc; NaN is ignored. dahl_torque() then returns the same float
  * while |F| >= 2^-36 Fc. */

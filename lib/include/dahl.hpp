@@ -2,7 +2,8 @@
 /*
  * The calls of dahl.h and dahl_encoder.h as members, for C++11 and later: header only, nothing to link beside the C library.
  * No constructor runs at start, no destructor, no exception, no heap, no virtual call: a static bearing lies in .bss or in .data
- * as its C struct does, and each call compiles to the C call. What a call does, its bounds and its costs: dahl.h.
+ * as its C struct does, and each call compiles to the C call. What a call does, its bounds, its costs, and why any bits are a
+ * safe state: dahl.h.
  *
  * USE
  *   static dahl::Plan plan;                        // or a const dahl_plan_t in flash, as `dahl plan` writes it
@@ -68,6 +69,7 @@ public:
     }
 
     constexpr const dahl_state_t &state() const { return state_; }
+    bool state_ok() const { return dahl_state_ok(&state_) != 0; }
 
 private:
     const dahl_plan_t *plan_;

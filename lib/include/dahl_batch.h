@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * Batches, for long logs on a host; each in a file of its own, linked only when called. n ticks in, n torques in N m out,
- * states moved on; nothing is allocated. Arrays must not overlap. n or channels of 0 does nothing. Many channels: tick after
- * tick, move t of channel c at [t * channels + c], F as well; plans[c], params[c], states[c].
+ * states moved on; nothing is allocated. As in dahl.h, every call first clamps its states, so any bits are safe ones. Arrays must
+ * not overlap. n or channels of 0 does nothing. Many channels: tick after tick, move t of channel c at [t * channels + c], F as
+ * well; plans[c], params[c], states[c].
  */
 #ifndef DAHL_BATCH_H
 #define DAHL_BATCH_H

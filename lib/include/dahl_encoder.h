@@ -47,7 +47,7 @@ typedef struct {
 /* Describe the counter. sign is -1 where it counts down while the shaft turns forward, else +1. largest_step is the most
  * counts that the shaft can turn between two readings; 0: no limit.
  * Fails with DAHL_ERR_PARAM iff sign is neither; with DAHL_ERR_RANGE iff modulus is 1 or 2 (two values tell no direction)
- * or largest_step >= modulus/2 (no move is longer, so the limit would never hold). Then *encoder is untouched. */
+ * or largest_step >= modulus/2, the exact half: of a modulus of 11, 5 is accepted. Then *encoder is untouched. */
 DAHL_NODISCARD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign, uint32_t largest_step);
 
 /* The counter was set to `reading` without motion, as by homing. The next move starts there. */

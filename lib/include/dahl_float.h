@@ -32,9 +32,9 @@ typedef struct {
     float a_per_count; /* travel of one count */
 } dahl_float_plan_t;
 
-/* All zeros: relaxed, no motion yet. */
+/* All zeros: relaxed, no motion yet. As in dahl.h, every call first clamps it, so any bits are a safe state. */
 typedef struct {
-    float w_reversal;  /* F/Fc at the last reversal */
+    float w_reversal;  /* F/Fc at the last reversal, -1 .. 1 */
     uint32_t counts;   /* travel since then, by counts */
     uint64_t travel;   /* travel since then, by angle, in presliding lengths, Q57, 2^62 at most */
     int32_t direction; /* +1, -1; 0 before the first motion */

@@ -8,7 +8,8 @@
  *
  *   EncoderState   0x100+n  every 1 ms      encoder -> node
  *   FrictionTorque 0x110+n  on reception    node -> all; echoes the counter that it answers
- *   Status         0x120+n  every 100 ms    node -> all; at once after a timeout and a Reset
+ *   Status         0x120+n  every 100 ms    node -> all; at once after power-on, a timeout, a bus-off and a Reset. Parameter
+ *                                           Status sets the period; 0: only after these events
  *   ParamWrite     0x130+n  when asked      anybody -> node; sets or reads one parameter
  *   ParamReply     0x140+n  on reception    node -> all; the value that holds now, with the counter of the ParamWrite
  *   Reset          0x150+n  when asked      anybody -> node; answered by Status
@@ -49,10 +50,10 @@ enum {
 
 /* What a receiver thinks of its input; on the wire in FrictionTorque and Status. */
 typedef enum {
-    DAHL_FRAMES_OK = 0,             /* next in sequence, used */
+    DAHL_FRAMES_OK = 0,             /* next in sequence; used unless it was invalid or a jump, which the errors of Status show */
     DAHL_FRAMES_REPEATED = 1,       /* same counter again, not used */
-    DAHL_FRAMES_LOST = 2,           /* some missing before it, used: the count is absolute */
-    DAHL_FRAMES_WRONG_SEQUENCE = 3, /* too many missing, or out of order: not integrated */
+    DAHL_FRAMES_LOST = 2,           /* some missing before it; used as for OK: the count is absolute */
+    DAHL_FRAMES_WRONG_SEQUENCE = 3, /* too many missing, out of order, or the third jump in a row: not integrated */
     DAHL_FRAMES_CRC = 4,            /* wrong CRC or form, not used */
     DAHL_FRAMES_STALE = 5,          /* nothing good for too long */
     DAHL_FRAMES_INIT = 6            /* nothing good yet; the first good frame is the starting point */
@@ -103,7 +104,7 @@ typedef enum {
     DAHL_FRAMES_PARAM_LIMIT = 4,   /* 2^-16 of Fc, 0..1: the answer is clamped to it */
     DAHL_FRAMES_PARAM_RAMP = 5,    /* ms, 0..60000: the gain needs so long from 0 to 1 */
     DAHL_FRAMES_PARAM_TIMEOUT = 6, /* ms, 1..60000 */
-    DAHL_FRAMES_PARAM_STEP = 7,    /* counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
+    DAHL_FRAMES_PARAM_STEP = 7,    /* MaxStep, counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
     DAHL_FRAMES_PARAM_STATUS = 8,  /* ms, 0..60000: period of Status, 0: only after power-on, a timeout, a bus-off, a Reset */
     DAHL_FRAMES_PARAM_MODEL = 9,   /* read only: DAHL_FRAMES_MODEL_* */
     DAHL_FRAMES_PARAM_LOAD = 10,   /* 2^-16, 0..1: part of the load at which Fc holds; for the model Loaded only */
@@ -121,7 +122,8 @@ enum {
 };
 
 /* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in
- * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. */
+ * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. One that is
+ * refused drops those held before it. */
 enum { DAHL_FRAMES_PARAM_READ = 0, DAHL_FRAMES_PARAM_WRITE = 1, DAHL_FRAMES_PARAM_HOLD = 2 };
 
 enum { DAHL_FRAMES_PARAM_DONE = 0, DAHL_FRAMES_PARAM_OUT_OF_RANGE = 1, DAHL_FRAMES_PARAM_UNKNOWN = 2 };

@@ -7,8 +7,20 @@
  *   A torque returned in N m by counts is within DAHL_ULP_PARTS = 0.55 ulp of Fc (of the sum of Fc where there are several) of the
  *   exact solution for the counts fed so far: any motion, any number of ticks, any sampling rate.
  *   The same inputs give the same bits on every processor, compiler and set of flags: inside there are integers only.
- *   There is no heap, no global, no libm, no division by a variable in a step, and no state that a bad input can poison.
+ *   There is no heap, no global, no libm and no division by a variable in a step.
  *   A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m. A part that is not called is not linked.
+ *
+ * LAWS are those of the exact solution. A part keeps them within its rounding, and exactly if they say "bit for bit":
+ *   A closed cycle gives back at most DAHL_ENERGY_ERROR of Fc times its way (of c Fc under a load c above 1), and 2^-59 Fc^2/sigma0
+ *   more for each tick by angle.
+ *   The opposite motion has the opposite torque, but a tie (a w whose low 32 bits are 2^31) rounds up both ways. A tick from a tie
+ *   then differs by up to 2^-30 of Fc, and later torques by up to twice their error.
+ *   A longer move by counts ends at most DAHL_MONOTONE_ERROR of Fc short of a shorter one from the same state.
+ *
+ * STATES   Every call first clamps the state to the range of its own element and plan. So any bits are a safe state, and no call
+ *   returns a torque beyond the limits of its element. An element that goes on with the dahl_state_t of another keeps its w, not F.
+ *   Over a power cycle dahl_torque() and dahl_set_torque() also keep the torque of an elasto-plastic element, by &plan.plastic,
+ *   and of dahl_clamped_step(), up to Fc. No call sets the torque of the other elements: store their states with a checksum.
  *
  * UNITS, SIGN, THREADS and what happens to a reversal inside one sample: as in dahl.h.
  */
@@ -19,7 +31,9 @@
 
 #include "dahl.h"
 
-#define DAHL_ULP_PARTS 0.55 /* torque error of every part, and of any mix, in ulp of (the sum of) Fc */
+#define DAHL_ULP_PARTS 0.55        /* torque error of every part, and of any mix, in ulp of (the sum of) Fc */
+#define DAHL_ENERGY_ERROR 1e-9     /* what rounding may add to energy, in Fc times the way */
+#define DAHL_MONOTONE_ERROR 5.5e-9 /* what a longer move may lack by rounding, in Fc */
 
 #ifdef __cplusplus
 extern "C" {
@@ -61,8 +75,7 @@ typedef struct {
     uint8_t shift[DAHL_SLIP_MAX]; /* 2^shift units are a count */
 } dahl_slip_plan_t;
 
-/* Deflection of each element in its units, -limit .. limit; 0 is relaxed. A state is all zeros or what a call by the same plan
- * left. From any other no call has undefined behaviour, but what it returns means nothing. */
+/* Deflection of each element in its units, -limit .. limit; 0 is relaxed. */
 typedef struct {
     int32_t x[DAHL_SLIP_MAX];
 } dahl_slip_state_t;
@@ -74,11 +87,11 @@ DAHL_NODISCARD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan, const dahl_s
 
 /* Move by dcounts encoder counts, any int32_t, and return the torque F in N m. 0 leaves the state bit-identical.
  * Error: DAHL_ULP_PARTS ulp of the sum of Fc, 0.522 with one element. All elements slipping give the sum of Fc, where a float
- * has it. Cost on Cortex-M3, M4, whatever the move: 50 instructions and 16 for each element. */
+ * has it. Cost on Cortex-M3, M4, whatever the move: 51 instructions and 18 for each element. */
 float dahl_slip_step_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts);
 
 /* The same move; returns F / sum of Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only.
- * Cost on Cortex-M3, M4: 19 instructions and 16 for each element. */
+ * Cost on Cortex-M3, M4: 20 instructions and 18 for each element. */
 int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts);
 
 /*
@@ -116,33 +129,41 @@ void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t co
 /* The same move by the shares of the same parts; returns F / sum of Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only;
  * shares of all zeros give 0. All parts at Fc give +-2^30. dahl_to_units() makes units of torque of it.
  * Error of F / sum of Fc: DAHL_PARALLEL_ERROR_Q30(count); it is the largest of the parts' own in Q30, and 2^-31 for each part.
- * Cost on Cortex-M3, M4: 21 instructions, 20 for each Dahl element up to 8 counts, 11 for any other part beside its own move. */
+ * Cost on Cortex-M3, M4: 21 instructions, 22 for each Dahl element up to 8 counts, 11 for any other part beside its own move. */
 int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
 
 /*
  * WORK of a Dahl element, and THE WAY BACK from a torque to counts.
  */
+#define DAHL_INVERSE_ERROR 1.5e-9 /* dahl_counts_to_torque: of Fc, by which torques of moves may change their order */
+
 /* What a bearing has taken so far: all zeros at the start, or what dahl_work_step_counts() left. */
 typedef struct {
     uint32_t counts[3]; /* travelled, lowest word first */
     uint32_t way[4];    /* of w = F/Fc in the direction of travel, in Q62, lowest word first */
 } dahl_work_t;
 
-/* dahl_step_counts() that also adds up the work. Cost on Cortex-M3: 52 instructions up to 8 counts. */
+/* dahl_step_counts() that also adds up the work. Cost on Cortex-M3: 53 instructions up to 8 counts. */
 float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
-/* dahl_step_counts_q30() that also adds up the work. Cost on Cortex-M3: 33 instructions up to 8 counts. */
+/* dahl_step_counts_q30() that also adds up the work. Cost on Cortex-M3: 34 instructions up to 8 counts. */
 int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, int32_t dcounts);
 
-/* The work so far, the sum of F dtheta along the path, in J (N m rad), for the params of the plan: positive where the bearing
- * took energy, negative only where the state at the start had some to give back (F^2/(2 sigma0)). Infinite beyond the floats,
- * 0 below the normal ones. Error: half an ulp of the result, and for each reversal 2^-30 of Fc^2/sigma0.
+/* The work so far, the sum of F dtheta along the path, in J (N m rad), for the params of the plan: positive if the bearing
+ * took energy. It is negative only by what the state had stored at the start, F^2/(2 sigma0), and by rounding, DAHL_ENERGY_ERROR of
+ * Fc times the way. Infinite beyond the floats, 0 below the normal ones. Error after R reversals: half an ulp of the result, and
+ * (R + 1/2) times 1.5e-9 of Fc^2/sigma0, or 9.5e-10 if a count travels 4e-8 or more.
  * Source: Eq. 1, divided by its right-hand side and integrated. */
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 
-/* The least move, in counts, after which dahl_step_counts() returns a torque that has reached F [N m]: F or beyond, seen from
- * the torque now. 0 if that is F. State and plan stay as they are.
- * DAHL_ERR_PARAM: F is NaN or infinite. DAHL_ERR_RANGE: no move of up to 2^31 - 1 counts reaches F. *dcounts is then untouched.
+/* A move, in counts, after which dahl_step_counts() returns a torque that has reached F [N m]: F or beyond, seen from the torque
+ * now. 0 if that is F. State and plan stay as they are. A move of one count less does not reach F.
+ * It is the least move but for rounding, since a longer move may end a little short of a shorter one. A shorter move that reaches F
+ * passes it by less than DAHL_INVERSE_ERROR of Fc, before it is rounded to a float. It is shorter by at most
+ * 1 + DAHL_INVERSE_ERROR/(u p) counts. Here u is the travel of a count, and p is what F lacks of Fc in the direction of the move, as
+ * a fraction of Fc, or 2^-25 if that is more: 0.05/u counts at F = Fc, 3e-9/u at Fc/2.
+ * DAHL_ERR_PARAM: F is NaN or infinite. DAHL_ERR_RANGE: F is beyond Fc, or a move of 2^31 - 1 counts does not reach it. *dcounts is
+ * then untouched.
  * Cost on Cortex-M3: about 1000 instructions, 1450 by counts of 1e-6 presliding lengths; where counts change the torque by less
  * than its rounding, up to 62 moves of dahl_step_counts(). */
 DAHL_NODISCARD dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state, float F, int32_t *dcounts);
@@ -217,10 +238,10 @@ DAHL_NODISCARD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan, 
 
 /* Move by dcounts encoder counts, any int32_t, and return the torque F in N m, -Fc_backward .. Fc_forward; beyond the smaller of
  * the two by the error at most. 0 leaves the state bit-identical. w of the state is F in parts of the larger Fc.
- * Error: DAHL_ULP_PARTS ulp of the larger Fc. Cost on Cortex-M3, M4: 58 instructions up to 8 counts, by the C. */
+ * Error: DAHL_ULP_PARTS ulp of the larger Fc. Cost on Cortex-M3, M4: 60 instructions up to 8 counts, by the C. */
 float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
-/* The same move; returns F / larger Fc in Q30, a half rounded up. Integers only. Cost on Cortex-M3, M4: 28 instructions. */
+/* The same move; returns F / larger Fc in Q30, a half rounded up. Integers only. Cost on Cortex-M3, M4: 32 instructions. */
 int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /*
@@ -242,13 +263,13 @@ typedef struct {
 
 /* Move by dcounts encoder counts, any int32_t, under the load c = load_q30 2^-30, and return the torque F in N m, -c Fc .. c Fc.
  * 2^30 is the load at which the plan holds; the range is 0 .. 2^31 - 1, and more is taken as 2^31 - 1, just below 2. Without load F
- * is 0 and the bristle relaxes as soon as there is a load again. A torque below 2^-126 N m is 0.
+ * is 0 and the bristle relaxes as soon as there is a load again. If c Fc is below 2^-64 N m, a torque below 2^-32 c Fc is 0.
  * The same load and 0 counts leave the state bit-identical. Error: DAHL_ULP_PARTS ulp of c Fc.
- * Cost on Cortex-M3, M4: 88 instructions up to 8 counts, 260 where the load grew. */
+ * Cost on Cortex-M3, M4: 90 instructions up to 8 counts, 266 where the load grew. */
 float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30);
 
 /* The same move; returns F/Fc in Q30, -2^31 < . < 2^31, a half rounded up. Integers only.
- * Cost on Cortex-M3, M4: 37 instructions, 213 where the load grew. */
+ * Cost on Cortex-M3, M4: 39 instructions, 221 where the load grew. */
 int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30);
 
 /*
@@ -260,9 +281,10 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  */
 
 /* Move by an angle of dtheta rad under the load c = load_q30 2^-30, as dahl_loaded_step_counts() takes it, and return the torque F
- * in N m, -c Fc .. c Fc. Without load F is 0 and stays 0 until there is motion under a load. What dtheta may be, and what NaN and
- * infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is more. A part of a load is as exact
- * as the whole, not as its own small torque. Cost on Cortex-M3, M4: 165 instructions. */
+ * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most. Without load F is 0 and stays 0 until there is motion under a load. What
+ * dtheta may be, and what NaN and infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is
+ * more. A part of a load is as exact as the whole, not as its own small torque. Under a load above 1 read the torque at rest by a
+ * dtheta of 0: dahl_torque() clamps to +-Fc. Cost on Cortex-M3, M4: 165 instructions. */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30);
 
 /*
@@ -270,9 +292,9 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
  *   Up to F = b Fc in the direction of motion the bristle is a spring, dF/dtheta = sigma0. Beyond it slides, and the gap
  *   p = 1 - |F|/Fc falls as exp(-kappa u), u travel in presliding lengths, kappa = 1/(1 - b): the slope is continuous at b.
  *   With b near 0 the first loading is Dahl's; with b near 1 it is one slip element.
- * Laws: zero drift: while |F| stays below b Fc counts are added in whole numbers, and a way to and fro leaves no trace however
- *   often; odd symmetry; monotone in travel; passive over every closed cycle; sampling does not matter. Return-point memory it
- *   has not: like Dahl's, a closed inner loop that slides leaves a trace.
+ * Laws: zero drift, bit for bit: while |F| stays below b Fc counts are added in whole numbers, and a way to and fro leaves no
+ *   trace however often; odd symmetry; monotone in travel; passive over every closed cycle; sampling does not matter. Return-point
+ *   memory it has not: like Dahl's, a closed inner loop that slides leaves a trace.
  */
 #define DAHL_ELASTOPLASTIC_ERROR_Q30 3.1e-9 /* dahl_elastoplastic_step_counts_q30: error of F/Fc */
 
@@ -294,11 +316,11 @@ DAHL_NODISCARD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *
                                                      float breakaway);
 
 /* Move by dcounts encoder counts, any int32_t, and return the torque F in N m, -Fc .. Fc. 0 leaves the state bit-identical.
- * Error: DAHL_ULP_PARTS ulp of Fc. Cost on Cortex-M3, M4: 75 instructions up to 8 counts, 143 where they cross b. */
+ * Error: DAHL_ULP_PARTS ulp of Fc. Cost on Cortex-M3, M4: 75 instructions up to 8 counts, 144 where they cross b. */
 float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only.
- * Cost on Cortex-M3, M4: 37 instructions, 106 where they cross b. */
+ * Cost on Cortex-M3, M4: 38 instructions, 107 where they cross b. */
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 #ifdef __cplusplus

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* The state from a torque in N m. */
-#include "../arith/fixed.h"
-#include "dahl.h"
+#include "bristle_update.h"
 
 /* |F|/Fc in Q62, clamped to 1. A subnormal F is none, and without Fc (a plan of all zeros) there is no torque. */
 static uint64_t size_of(const dahl_plan_t *plan, uint32_t magnitude)
@@ -17,6 +16,7 @@ void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F)
 {
     uint32_t bits = dahl_bits_of(F), magnitude = bits & DAHL_BITS_MAGNITUDE;
     if (magnitude > DAHL_BITS_INF) { /* NaN */
+        state->w = (int64_t)dahl_clamp((uint64_t)state->w);
         return;
     }
     uint64_t size = size_of(plan, magnitude);

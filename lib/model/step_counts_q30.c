@@ -3,16 +3,16 @@
 #include "bristle_update.h"
 
 /* No motion goes backward by entry 0, which is 0: every short tick takes as long. */
-int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
+DAHL_WEAK_TICK int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w = (uint64_t)state->w;
     if (dcounts > 0) {
-        if (dcounts > DAHL_DIRECT_COUNTS_MAX) {
+        if (dcounts > DAHL_DIRECT_COUNTS_MAX || !dahl_is_gap(dahl_gap_forward(w))) {
             return dahl_step_large(plan, state, dcounts);
         }
         w = dahl_forward(w, plan->g[dcounts]);
     } else {
-        if (dcounts < -DAHL_DIRECT_COUNTS_MAX) {
+        if (dcounts < -DAHL_DIRECT_COUNTS_MAX || !dahl_is_gap(dahl_gap_backward(w))) {
             return dahl_step_large(plan, state, dcounts);
         }
         w = dahl_backward(w, plan->g[-dcounts]);

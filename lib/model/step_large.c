@@ -22,7 +22,7 @@ static DAHL_COLD uint64_t forward_by(const dahl_plan_t *plan, uint64_t w, uint32
 
 DAHL_COLD int32_t dahl_step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
-    uint64_t w = (uint64_t)state->w;
+    uint64_t w = dahl_clamp((uint64_t)state->w);
     w = dcounts < 0 ? ~forward_by(plan, ~w, 0u - (uint32_t)dcounts) : forward_by(plan, w, (uint32_t)dcounts);
     state->w = (int64_t)w;
     return (int32_t)dahl_q30(w);

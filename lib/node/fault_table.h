@@ -4,7 +4,8 @@
  * node plays each row, tools/fault_table.py writes it into the documentation. The product does not compile it.
  *
  * Columns: name of the row; the frame; counts that go up by it (of dahl_node_counts_t); state that Status then says; is the
- * bristle moved or kept; is there an answer.
+ * bristle moved or kept; is there an answer. Frames come within the timeout, and counters are relative to the last frame in
+ * sequence, unless the row says otherwise.
  */
 #ifndef FAULT_TABLE_H
 #define FAULT_TABLE_H
@@ -16,11 +17,14 @@
     ROW(LONG_GAP, "counter + 4 to + 8, with a MaxStep", "ok, lost", LOST, "moved", true) \
     ROW(AGAIN, "the same counter again", "repeated", REPEATED, "kept", false) \
     ROW(OTHER, "any other counter", "wrong_sequence", WRONG_SEQUENCE, "kept", false) \
-    ROW(FAR, "further away than MaxStep allows", "jump", OK, "kept", false) \
-    ROW(THIRD, "third consecutive frame of any other counter", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
-    ROW(THIRD_FAR, "third consecutive frame further away than MaxStep allows", "jump", WRONG_SEQUENCE, "kept", true) \
-    ROW(THIRD_NEAR, "third consecutive frame of any other counter, as near as MaxStep allows", "ok", LOST, "moved", true) \
-    ROW(DISOWNED, "not valid by its own flag", "invalid", OK, "kept", false) \
+    ROW(FAR, "counter + 1, further away than MaxStep allows", "jump", OK, "kept", false) \
+    ROW(FAR_GAP, "counter + 2 to + 8, further away than MaxStep allows", "lost, jump", LOST, "kept", false) \
+    ROW(THIRD, "third consecutive frame of any other counter, if valid; without a MaxStep, or further away than it allows", "wrong_sequence", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_FAR, "counter + 1, third consecutive frame further away than MaxStep allows", "jump", WRONG_SEQUENCE, "kept", true) \
+    ROW(THIRD_NEAR, "third consecutive frame of any other counter, if valid; as near as MaxStep allows", "ok", LOST, "moved", true) \
+    ROW(DISOWNED, "counter + 1, not valid by its own flag", "invalid", OK, "kept", false) \
+    ROW(DISOWNED_GAP, "counter + 2 or + 3, with a MaxStep to + 8, not valid by its own flag", "lost, invalid", LOST, "kept", false) \
+    ROW(DISOWNED_FIRST, "not valid by its own flag, before the first good one", "invalid", INIT, "kept", false) \
     ROW(BAD_CRC, "wrong CRC", "crc", CRC, "kept", false) \
     ROW(BAD_LENGTH, "wrong length", "format", CRC, "kept", false) \
     ROW(EXTENDED, "extended id", "format", CRC, "kept", false) \

@@ -171,13 +171,13 @@ static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t n
     return answer(node, seen, now_us, moved(node, travel(node, seen)), out);
 }
 
-/* Could the shaft have come so far, in so many frames or in the time since? */
+/* Could the shaft have come so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
 static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t frames, uint32_t now_us)
 {
     int32_t way = travel(node, seen);
     uint32_t size = way < 0 ? 0u - (uint32_t)way : (uint32_t)way;
-    uint32_t elapsed = 1 + (elapsed_us(node, now_us) >> 10);
-    uint64_t most = (uint64_t)node->max_step * (elapsed > frames ? elapsed : frames);
+    uint32_t elapsed_ms = (elapsed_us(node, now_us) + 999u) / 1000u;
+    uint64_t most = (uint64_t)node->max_step * (elapsed_ms > frames ? elapsed_ms : frames);
     return size <= most;
 }
 
@@ -199,7 +199,7 @@ static bool out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen,
 {
     bool known = sequence_confirmed(node, seen);
     enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
-    if (known && node->max_step > 0 && plausible(node, seen, 0, now_us)) {
+    if (known && node->max_step > 0 && plausible(node, seen, 1, now_us)) {
         enter(node, DAHL_FRAMES_LOST);
         return move(node, seen, now_us, out);
     }
@@ -341,6 +341,14 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
     fall_silent(node);
 }
 
+/* Keep the age of the last bus-off from wrapping. */
+static void check_bus_off_age(dahl_node_t *node, uint32_t now_us)
+{
+    if (now_us - node->bus_off_us > INT32_MAX) {
+        node->bus_off_us = now_us - INT32_MAX;
+    }
+}
+
 static void check_age(dahl_node_t *node, uint32_t now_us)
 {
     if (node->primed && elapsed_us(node, now_us) > node->timeout_us) {
@@ -419,7 +427,7 @@ static uint8_t take_held(dahl_node_t *node)
 static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *asked)
 {
     float unit;
-    if (asked->value == 0 || node->model != NULL) {
+    if (asked->value == 0 || asked->write > DAHL_FRAMES_PARAM_HOLD || node->model != NULL) {
         return drop_held(node);
     }
     float *value = model_of(&node->held, asked->param, &unit);
@@ -453,7 +461,7 @@ static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
     if (asked->write == DAHL_FRAMES_PARAM_READ) {
         return DAHL_FRAMES_PARAM_DONE;
     }
-    if (asked->write > DAHL_FRAMES_PARAM_HOLD || asked->param == DAHL_FRAMES_PARAM_MODEL) {
+    if (asked->param == DAHL_FRAMES_PARAM_MODEL) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
     return asked->param <= DAHL_FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
@@ -466,7 +474,8 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
         return node->model == NULL ? DAHL_FRAMES_MODEL_DAHL : node->model->kind;
     }
     if (param > DAHL_FRAMES_PARAM_THETA) {
-        return *setting_of(node, param) / settings[param].scale;
+        uint32_t value = *setting_of(node, param), scale = settings[param].scale;
+        return value / scale + (value % scale >= scale - value % scale ? 1u : 0u);
     }
     float raw = *model_of(&node->params, param, &unit);
     raw /= unit;
@@ -547,6 +556,10 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         dahl_node_bus_off(node, now_us);
         return false;
     }
+    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is no id of a frame, but bits that say what happened */
+        node->counts.ignored++;
+        return false;
+    }
     switch (in->id ^ node->number) {
     case DAHL_FRAMES_ID_ENCODER:
         return on_encoder(node, in, now_us, out);
@@ -563,6 +576,7 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
 bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out)
 {
     check_age(node, now_us);
+    check_bus_off_age(node, now_us);
     bool is_due = node->status_us > 0 && now_us - node->sent_us >= node->status_us;
     if (!node->urgent && !is_due) {
         return false;

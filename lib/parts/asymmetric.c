@@ -3,13 +3,25 @@
  * Fc of each direction its own. The state is F in parts of the larger Fc; each direction draws it to its own end, Fc_forward
  * or -Fc_backward, by its own g, since sigma0 is the same both ways and the presliding length Fc/sigma0 is not:
  *     z = end - s w        w += s z g         z in Q30, rounded, as in ../model/bristle_update.h
- * A z that is rounded up passes the end by 2^31 at most, and then it is 0.
+ * A z that is rounded up passes the end by 2^31 at most, and then it is 0. So w is in range if and only if it passes neither end
+ * by more. Then z, as a word without a sign, is at most the sum of both ends and a unit or two; of a w out of range it is more than
+ * their upper words add up to.
  */
 #include "../model/bristle_update.h"
 #include "../model/check_params.h"
 #include "../model/prepare_table.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
+
+static inline uint32_t gap_forward(const dahl_asymmetric_plan_t *plan, uint64_t w)
+{
+    return dahl_q30(plan->end_forward - w);
+}
+
+static inline uint32_t gap_backward(const dahl_asymmetric_plan_t *plan, uint64_t w)
+{
+    return dahl_q30(plan->end_backward + w);
+}
 
 static inline uint64_t rise(uint64_t w, uint64_t end, dahl_q64_t g)
 {
@@ -35,19 +47,43 @@ static DAHL_COLD uint64_t rise_by(const dahl_q64_t *table, uint64_t end, uint64_
     return w;
 }
 
+/* w, or the end of its side if it is out of range. A plan of all zeros has no ends. */
+static DAHL_COLD uint64_t clamp(const dahl_asymmetric_plan_t *plan, uint64_t w)
+{
+    if (plan->Fc_mantissa == 0) {
+        return dahl_clamp(w);
+    }
+    if ((int64_t)w > (int64_t)(plan->end_forward + DAHL_TOP_BIT)) {
+        return plan->end_forward;
+    }
+    return (int64_t)w < -(int64_t)(plan->end_backward + DAHL_TOP_BIT) ? 0u - plan->end_backward : w;
+}
+
 static DAHL_COLD DAHL_OUT_OF_LINE uint64_t asymmetric_large(const dahl_asymmetric_plan_t *plan, uint64_t w, int32_t dcounts)
 {
+    w = clamp(plan, w);
     return dcounts < 0 ? 0u - rise_by(plan->backward, plan->end_backward, 0u - w, 0u - (uint32_t)dcounts)
                        : rise_by(plan->forward, plan->end_forward, w, (uint32_t)dcounts);
 }
 
+/* A z up to this is of a w in range. A larger one is out of range or near the other end, which the large move decides. */
+static inline uint32_t sure_gap(const dahl_asymmetric_plan_t *plan)
+{
+    return (uint32_t)(plan->end_forward >> 32) + (uint32_t)(plan->end_backward >> 32);
+}
+
 static inline DAHL_ALWAYS_INLINE uint64_t asymmetric_move(const dahl_asymmetric_plan_t *plan, uint64_t w, int32_t dcounts)
 {
-    if (dcounts > DAHL_DIRECT_COUNTS_MAX || dcounts < -DAHL_DIRECT_COUNTS_MAX) {
+    if (dcounts > 0) {
+        if (dcounts > DAHL_DIRECT_COUNTS_MAX || gap_forward(plan, w) > sure_gap(plan)) {
+            return asymmetric_large(plan, w, dcounts);
+        }
+        return rise(w, plan->end_forward, plan->forward[dcounts]);
+    }
+    if (dcounts < -DAHL_DIRECT_COUNTS_MAX || gap_backward(plan, w) > sure_gap(plan)) {
         return asymmetric_large(plan, w, dcounts);
     }
-    return dcounts > 0 ? rise(w, plan->end_forward, plan->forward[dcounts])
-                       : fall(w, plan->end_backward, plan->backward[-dcounts]);
+    return fall(w, plan->end_backward, plan->backward[-dcounts]);
 }
 
 int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, int32_t dcounts)

@@ -14,17 +14,17 @@
 
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
 
-/* F in Q62 of Fc, cut off at the load. */
+/* F in Q62 of Fc, any 64 bits, cut off at the load. Up to half a unit of Q30 beyond the load, q30 shows the load. */
 static uint64_t within(uint64_t w, uint32_t load)
 {
-    int32_t q30 = (int32_t)dahl_q30(w), most = (int32_t)load;
+    const int64_t most = (int64_t)((uint64_t)load << 32 | (DAHL_TOP_BIT - 1));
     if (load == 0) {
         return 0;
     }
-    if (q30 > most) {
+    if ((int64_t)w > most) {
         return (uint64_t)load << 32;
     }
-    return q30 < -most ? 0u - ((uint64_t)load << 32) : w;
+    return (int64_t)w < -most - 1 ? 0u - ((uint64_t)load << 32) : w;
 }
 
 /* 1/x in Q31 for x in Q32, 1/2 <= x < 1, by Newton's method from the line 48/17 - 32/17 x, which errs by 1/17 at most: three steps

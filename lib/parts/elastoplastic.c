@@ -73,12 +73,19 @@ static uint32_t leave_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t *x
     return left;
 }
 
-/* A move that starts elastic, of more counts than have an entry. */
+/* Whether x below b passes the other end of the range, be it by the 2^31 that it may. */
+static inline int is_past_end(uint64_t x)
+{
+    return (uint32_t)(x >> 32) + DAHL_ONE_Q30 >= DAHL_TOP_BIT;
+}
+
+/* A move that starts elastic, of more counts than have an entry or from a w that may be out of range. */
 static DAHL_COLD DAHL_OUT_OF_LINE int32_t elastoplastic_large(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
                                                               int32_t dcounts)
 {
+    state->w = (int64_t)dahl_clamp((uint64_t)state->w);
     uint64_t x = along((uint64_t)state->w, dcounts);
-    if (plan->travel[1] == 0) { /* a plan of all zeros */
+    if (dcounts == 0 || plan->travel[1] == 0) { /* no move, or a plan of all zeros */
         return (int32_t)dahl_q30((uint64_t)state->w);
     }
     uint32_t left = leave_elastic(plan, &x, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
@@ -93,7 +100,7 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
     if ((int64_t)x >= plan->breakaway) {
         return dahl_step_counts_q30(&plan->plastic, state, dcounts);
     }
-    if (counts > plan->direct_counts) {
+    if (counts > plan->direct_counts || is_past_end(x)) {
         return elastoplastic_large(plan, state, dcounts);
     }
     uint64_t w = along(elastic_or_beyond(plan, x, plan->travel[counts]), dcounts);

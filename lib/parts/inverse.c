@@ -3,7 +3,9 @@
  * From a torque back to counts, without a logarithm. In the direction of travel let d = Fc - F be what the torque lacks of Fc: n
  * counts leave d exp(-n u) of it. So n has the binary digits, highest first, that leave more than the wanted torque lacks.
  * A real move takes its digits the other way round and rounds a little otherwise: what the digits find is a guess, mostly right,
- * and real moves decide.
+ * and real moves decide. (They clamp a state out of range, for which the digits find any counts.)
+ * Two moves from one state err by E = 2^-31 + 2^-62/u <= 7e-10 of Fc each (docs/accuracy.md), so the exact torque of a shorter
+ * one is below that of a longer one, and the returned torque below it but for 2 E: DAHL_INVERSE_ERROR.
  */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
@@ -82,9 +84,9 @@ static uint32_t between(uint32_t step, uint32_t below, uint32_t reached)
     return step < half ? step : half;
 }
 
-/* The least counts that reach it, or more than COUNTS_MOST, from a guess: steps from there that grow, until it is between two
- * moves, and then halves. */
-static uint32_t least_counts(const dahl_search_t *search, uint32_t guess)
+/* Counts that reach it if one count less does not, or more than COUNTS_MOST. From a guess the search takes steps that grow, until
+ * the result is between two moves, and then halves. */
+static uint32_t first_counts(const dahl_search_t *search, uint32_t guess)
 {
     uint32_t below = 0, reached = COUNTS_MOST + 1, probe = guess;
     for (uint32_t step = 1; reached - below > 1; step = 2 * step + 1) {
@@ -114,7 +116,7 @@ dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *st
         return DAHL_ERR_PARAM;
     }
     if (target != here) {
-        counts = is_beyond_Fc(&search) ? COUNTS_MOST + 1 : least_counts(&search, counts_below(&search));
+        counts = is_beyond_Fc(&search) ? COUNTS_MOST + 1 : first_counts(&search, counts_below(&search));
     }
     if (counts > COUNTS_MOST) {
         return DAHL_ERR_RANGE;

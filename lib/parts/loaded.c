@@ -41,7 +41,7 @@ static inline uint32_t next_word(uint32_t *left, uint32_t now, uint32_t reciproc
 /* w before/now for before < now < 2^31: never more, and 3.25 units less at most. */
 static DAHL_COLD DAHL_OUT_OF_LINE void take_more_load(dahl_loaded_state_t *state, uint32_t now)
 {
-    uint64_t w = (uint64_t)state->bristle.w, size = state->bristle.w < 0 ? 0u - w : w;
+    uint64_t w = dahl_clamp((uint64_t)state->bristle.w), size = state->bristle.w < 0 ? 0u - w : w;
     uint32_t zeros = dahl_leading_zeros(now) - 1, left = state->load_q30 << zeros, reciprocal = reciprocal_of(now << zeros);
     uint32_t ratio_high = next_word(&left, now << zeros, reciprocal), ratio_low = next_word(&left, now << zeros, reciprocal);
     size = dahl_mul_fraction((uint32_t)(size >> 32), ratio_high, ratio_low) + dahl_mulhi((uint32_t)size, ratio_high);

@@ -9,7 +9,8 @@
 
 #define HALF_Q61 ((int64_t)1 << 30) /* half a unit of Q30, in units of the sum */
 
-int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts)
+DAHL_WEAK_TICK int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count,
+                                                     int32_t dcounts)
 {
     int64_t opposite = 0;
     for (; count != 0; count--, parts++) {

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /* A Dahl element as a part: the tick in counts, whose state is what the sum takes. */
+#include "../arith/compiler.h"
 #include "dahl_parts.h"
 
-int64_t dahl_part_move(const void *plan, void *state, int32_t dcounts)
+DAHL_WEAK_TICK int64_t dahl_part_move(const void *plan, void *state, int32_t dcounts)
 {
     dahl_state_t *bearing = (dahl_state_t *)state;
     (void)dahl_step_counts_q30((const dahl_plan_t *)plan, bearing, dcounts);

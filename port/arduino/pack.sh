@@ -19,6 +19,9 @@ if [ -e "$made" ]; then
 fi
 mkdir -p "$made/src"
 cp -R "$here/library.properties" "$here/keywords.txt" "$here/examples" "$root/LICENSE" "$made"
-cp "$root"/lib/include/{dahl.h,dahl.hpp,dahl_encoder.h,dahl_parts.h} "$made/src"
-cp -R "$root"/lib/{arith,model,parts} "$made/src"
+cp "$root"/lib/include/{dahl.h,dahl.hpp,dahl_encoder.h,dahl_parts.h,dahl_node.h,dahl_frames.h,dahl_can_bus.h} "$made/src"
+cp -R "$root"/lib/{arith,cores,model,node,parts} "$made/src"
+rm "$made/src/cores/choose.cmake" # what is no source
+mkdir "$made/extras"
+mv "$made/src/node/dahl.dbc" "$made/extras"
 echo "$made"

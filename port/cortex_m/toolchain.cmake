@@ -10,9 +10,9 @@ set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
 # dahl_core(NAME BOARD FLAG...): a core, QEMU's board that has it, and how gcc is told. The one list of them: the demo and the
 # benches read these lines too (tools/dahl/firmware.py).
-set(DAHL_CORES "")
+set(dahl_cores "")
 macro(dahl_core name board)
-    list(APPEND DAHL_CORES ${name})
+    list(APPEND dahl_cores ${name})
     set(DAHL_BOARD_${name} ${board})
     set(DAHL_CORE_${name} ${ARGN})
 endmacro()
@@ -22,8 +22,8 @@ dahl_core(m4f mps2-an386 -mcpu=cortex-m4 -mfloat-abi=hard -mfpu=fpv4-sp-d16)
 dahl_core(m7 mps2-an500 -mcpu=cortex-m7 -mfloat-abi=hard -mfpu=fpv5-d16)
 dahl_core(m33 mps2-an505 -mcpu=cortex-m33 -mfloat-abi=hard -mfpu=fpv5-sp-d16)
 if(NOT DEFINED DAHL_BOARD_${DAHL_CORE})
-    list(JOIN DAHL_CORES ", " DAHL_CORES)
-    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; known are ${DAHL_CORES}")
+    list(JOIN dahl_cores ", " dahl_cores)
+    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; known are ${dahl_cores}")
 endif()
 set(DAHL_BOARD ${DAHL_BOARD_${DAHL_CORE}})
 

@@ -14,7 +14,14 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { READ_SIZE = 4096 };
+enum { READ_SIZE = 4096, PART_MS = 2000 };
+
+static uint64_t monotonic_ms(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000u + (uint64_t)now.tv_nsec / 1000000u;
+}
 
 static dahl_can_result_t member_send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame)
 {
@@ -84,6 +91,22 @@ static uint32_t member_peers(const dahl_can_bus_t *bus)
     return 1;
 }
 
+/* Closing with unread input would reset the connection, and the kernel would discard what it has not sent yet. So read
+ * until the server closes, within PART_MS. */
+static void part(int fd)
+{
+    char bytes[READ_SIZE];
+    struct pollfd ready = {.fd = fd, .events = POLLIN};
+    uint64_t give_up = monotonic_ms() + PART_MS;
+    shutdown(fd, SHUT_WR);
+    for (uint64_t now = monotonic_ms(); now < give_up; now = monotonic_ms()) {
+        if (poll(&ready, 1, (int)(give_up - now)) <= 0 || recv(fd, bytes, sizeof bytes, MSG_DONTWAIT) <= 0) {
+            break;
+        }
+    }
+    close(fd);
+}
+
 static void member_close(dahl_can_bus_t *bus)
 {
     socketcand_member_t *self = (socketcand_member_t *)bus;
@@ -93,7 +116,7 @@ static void member_close(dahl_can_bus_t *bus)
             break;
         }
     }
-    close(self->fd);
+    part(self->fd);
 }
 
 static const dahl_can_bus_ops_t member_ops = {member_send, member_receive, member_peers, member_close};

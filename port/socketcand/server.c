@@ -19,6 +19,9 @@ enum {
     FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
     QUIET_MS = 100,        /* python-can takes "< ok >" for bad if a frame follows in the same piece */
     KERNEL_BYTES = 65536,  /* the kernel would let a client that does not read fill megabytes */
+    SEGMENT_BYTES = 88,    /* the least that Linux takes for TCP_MAXSEG */
+    WINDOW_BYTES = 65536,
+    RECEIVE_BYTES = 4 * WINDOW_BYTES,
     LINGER_MS = 2000,
     DRAIN_MS = 50
 };
@@ -36,6 +39,28 @@ static void leave(socketcand_client_t *client)
     client->stage = SOCKETCAND_FREE;
 }
 
+static bool is_listening(const socketcand_client_t *client)
+{
+    return client->stage != SOCKETCAND_FREE && !client->is_leaving;
+}
+
+/* Send no more. Input that has arrived can still be read; then recv() returns 0, even if the client would send for ever. */
+static void dismiss(socketcand_client_t *client)
+{
+    shutdown(client->fd, SHUT_RDWR);
+    client->is_leaving = true;
+    client->outbox.begin = 0;
+    client->outbox.end = 0;
+}
+
+/* A client with Nagle's algorithm keeps its next short frames until the last one is acknowledged, and loses them if it then
+ * closes with unread input. Linux delays acknowledgements again after each answer, so the option is set each time. */
+static void acknowledge_at_once(const socketcand_client_t *client)
+{
+    const int on = 1;
+    setsockopt(client->fd, IPPROTO_TCP, TCP_QUICKACK, &on, sizeof on);
+}
+
 static void drop(socketcand_server_t *self, socketcand_client_t *client, const char *why)
 {
     char text[160];
@@ -43,7 +68,7 @@ static void drop(socketcand_server_t *self, socketcand_client_t *client, const c
     if (self->report != NULL) {
         self->report(text);
     }
-    leave(client);
+    dismiss(client);
 }
 
 static void drop_slow(socketcand_server_t *self, socketcand_client_t *client)
@@ -61,7 +86,7 @@ static void drop_silent(socketcand_server_t *self)
     for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
         socketcand_client_t *client = &self->clients[i];
         bool greets = client->stage == SOCKETCAND_GREETED || client->stage == SOCKETCAND_OPENED;
-        if (greets && real_ns() - client->joined_ns > SOCKETCAND_HANDSHAKE_MS * UINT64_C(1000000)) {
+        if (greets && !client->is_leaving && real_ns() - client->joined_ns > SOCKETCAND_HANDSHAKE_MS * UINT64_C(1000000)) {
             drop(self, client, "it did not enter raw mode in time");
         }
     }
@@ -79,11 +104,17 @@ static void end_quiet(socketcand_client_t *client)
     }
 }
 
+/* A client that has closed its side may have left frames to read, so it is not closed here. */
 static void flush(socketcand_client_t *client)
 {
     end_quiet(client);
-    if (client->stage != SOCKETCAND_FREE && !is_quiet(client) && !outbox_flush(&client->outbox, client->fd)) {
-        leave(client);
+    if (!is_listening(client) || is_quiet(client) || outbox_empty(&client->outbox)) {
+        return;
+    }
+    if (outbox_flush(&client->outbox, client->fd)) {
+        acknowledge_at_once(client);
+    } else {
+        dismiss(client);
     }
 }
 
@@ -100,7 +131,7 @@ static bool wait_for(socketcand_server_t *self, socketcand_client_t *client)
     struct pollfd ready = {.fd = client->fd, .events = POLLOUT};
     uint64_t give_up = real_ns() + (uint64_t)self->patience_ms * 1000000u;
     size_t before = client->outbox.end - client->outbox.begin;
-    while (client->stage != SOCKETCAND_FREE && client->outbox.end - client->outbox.begin >= before) {
+    while (is_listening(client) && client->outbox.end - client->outbox.begin >= before) {
         if (real_ns() >= give_up) {
             return false;
         }
@@ -110,13 +141,13 @@ static bool wait_for(socketcand_server_t *self, socketcand_client_t *client)
         }
         flush(client);
     }
-    return client->stage != SOCKETCAND_FREE;
+    return is_listening(client);
 }
 
 static void put(socketcand_server_t *self, socketcand_client_t *client, const char *text, size_t length)
 {
-    while (client->stage != SOCKETCAND_FREE && !outbox_put(&client->outbox, text, length)) {
-        if (!wait_for(self, client) && client->stage != SOCKETCAND_FREE) {
+    while (is_listening(client) && !outbox_put(&client->outbox, text, length)) {
+        if (!wait_for(self, client) && is_listening(client)) {
             drop_slow(self, client);
         }
     }
@@ -174,6 +205,12 @@ static void on_rawmode(socketcand_server_t *self, socketcand_client_t *client)
     }
 }
 
+static void refuse_command(socketcand_server_t *self, socketcand_client_t *client)
+{
+    self->bus.counts.garbage++;
+    put_word(self, client, "< error unknown command >");
+}
+
 static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, const char *element)
 {
     char verb[16];
@@ -184,22 +221,24 @@ static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, 
     } else if (some && strcmp(verb, "rawmode") == 0 && client->stage == SOCKETCAND_OPENED) {
         on_rawmode(self, client);
     } else {
-        self->bus.counts.garbage++;
-        put_word(self, client, "< error unknown command >");
+        refuse_command(self, client);
     }
 }
 
-/* In raw mode garbage is counted and not answered: python-can stops at an element that it cannot parse. */
+/* A bad send is counted and not answered: python-can stops at an answer that is no frame. Other commands are answered, as
+ * python-can has none. */
 static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const char *element)
 {
     dahl_can_frame_t frame;
     client->quiet_until_ns = 0; /* who speaks now has read "< ok >" */
-    if (!text_to_send(element, &frame)) {
+    if (text_to_send(element, &frame)) {
+        frame.time_us = dahl_can_clock_now_us(&self->bus.clock);
+        deliver(self, &frame, client);
+    } else if (text_is_send(element)) {
         self->bus.counts.garbage++;
-        return;
+    } else {
+        refuse_command(self, client);
     }
-    frame.time_us = dahl_can_clock_now_us(&self->bus.clock);
-    deliver(self, &frame, client);
 }
 
 static void on_element(socketcand_server_t *self, socketcand_client_t *client, const char *element)
@@ -229,6 +268,7 @@ static void read_from(socketcand_server_t *self, socketcand_client_t *client)
     char bytes[READ_SIZE];
     ssize_t n = recv(client->fd, bytes, sizeof bytes, MSG_DONTWAIT);
     if (n > 0) {
+        acknowledge_at_once(client);
         feed(self, client, bytes, (size_t)n);
     } else if (n == 0 || (errno != EAGAIN && errno != EINTR)) {
         leave(client);
@@ -268,6 +308,7 @@ static void greet(socketcand_server_t *self, socketcand_client_t *client, int fd
     client->stage = SOCKETCAND_GREETED;
     client->joined_ns = real_ns();
     client->quiet_until_ns = 0;
+    client->is_leaving = false;
     client->input.inside = false;
     client->outbox.begin = 0;
     client->outbox.end = 0;
@@ -383,6 +424,19 @@ static void server_close(dahl_can_bus_t *bus)
 
 static const dahl_can_bus_ops_t server_ops = {server_send, server_receive, server_peers, server_close};
 
+/* Make the kernel acknowledge input every SEGMENT_BYTES, even while this process does something else: what a client has
+ * sent waits in its kernel for acknowledgements, and a reset discards it there. Linux acknowledges early if more than a
+ * segment has come and the window need not shrink, so segments are short and the buffer is larger than the window. */
+static void acknowledge_early(int listener)
+{
+    const int segment = SEGMENT_BYTES;
+    const int window = WINDOW_BYTES;
+    const int buffer = RECEIVE_BYTES;
+    setsockopt(listener, IPPROTO_TCP, TCP_MAXSEG, &segment, sizeof segment);
+    setsockopt(listener, IPPROTO_TCP, TCP_WINDOW_CLAMP, &window, sizeof window);
+    setsockopt(listener, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer);
+}
+
 static dahl_can_result_t listen_on(int fd, uint16_t *port)
 {
     const int on = 1;
@@ -390,6 +444,7 @@ static dahl_can_result_t listen_on(int fd, uint16_t *port)
         .sin_family = AF_INET, .sin_port = htons(*port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
     socklen_t size = sizeof address;
     setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    acknowledge_early(fd);
     if (bind(fd, (struct sockaddr *)&address, size) != 0 || listen(fd, SOCKETCAND_CLIENTS) != 0 ||
         getsockname(fd, (struct sockaddr *)&address, &size) != 0) {
         return DAHL_CAN_BUS_ERROR;

@@ -6,6 +6,8 @@
  * The tick comes first: no call blocks, each client has a bounded outbox, and a client that falls behind by more than
  * that is dropped with a report. With patience (virtual time, where no tick can be missed) the server waits instead.
  * A client that has not opened the bus and entered raw mode SOCKETCAND_HANDSHAKE_MS after it connected is dropped too.
+ *
+ * All frames that reach this machine before a client leaves are carried, also if the client closes with unread input.
  */
 #ifndef SOCKETCAND_SERVER_H
 #define SOCKETCAND_SERVER_H
@@ -28,6 +30,7 @@ typedef struct {
     socketcand_stage_t stage;
     uint64_t joined_ns;
     uint64_t quiet_until_ns; /* frames wait in the outbox until then */
+    bool is_leaving;         /* no more is sent to it; it is read until the end of its input */
     text_splitter_t input;
     outbox_t outbox;
 } socketcand_client_t;

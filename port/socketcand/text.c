@@ -144,6 +144,11 @@ static bool begins_with(const char **cursor, const char *verb)
     return text_word(cursor, word, sizeof word) && strcmp(word, verb) == 0;
 }
 
+bool text_is_send(const char *element)
+{
+    return begins_with(&element, "send");
+}
+
 static bool at_end(const char *cursor)
 {
     return cursor[strspn(cursor, " ")] == '\0';

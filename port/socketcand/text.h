@@ -46,6 +46,9 @@ size_t text_from_send(char *out, const dahl_can_frame_t *frame);
 bool text_to_send(const char *element, dahl_can_frame_t *frame);
 bool text_to_frame(const char *element, dahl_can_frame_t *frame);
 
+/* The element's first word is send, whatever follows. */
+bool text_is_send(const char *element);
+
 /* The next word of *cursor into word (size bytes); false: none left or too long. */
 bool text_word(const char **cursor, char *word, size_t size);
 

@@ -78,7 +78,7 @@ int main()
     }
     bearing.set_torque(0.125f);
     dahl::Bearing still(nothing), flash(c_plan);
-    if (!same(bearing.torque(), 0.125f) || !same(still.step_counts(100), 0.0f) || !(flash.step_counts(3) > 0.1f) ||
+    if (!same(bearing.torque(), 0.125f) || !same(still.step_counts(100), 0.0f) || !bearing.state_ok() || !(flash.step_counts(3) > 0.1f) ||
         encoder.jumps() != c_encoder.jumps || encoder.jumps() < 100 || !defaults_are_those_of_the_header() ||
         dahl::counts_between(65535, 2, 65536) != 3 ||
         dahl::to_units(1 << 29, 500000) != 250000) {

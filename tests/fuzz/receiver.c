@@ -66,7 +66,7 @@ static dahl_can_frame_t any_frame(fuzz_bytes_t *bytes, const receiver_t *r)
 
 static int is_encoder(const receiver_t *r, const dahl_can_frame_t *in)
 {
-    return in->id == (DAHL_FRAMES_ID_ENCODER | r->node.number) && !dahl_can_is_bus_off(in);
+    return in->id == (DAHL_FRAMES_ID_ENCODER | r->node.number) && (in->flags & DAHL_CAN_FRAME_ERROR) == 0;
 }
 
 static void note_sequence(receiver_t *r, const dahl_can_frame_t *in)
@@ -109,7 +109,7 @@ static void check_torque(receiver_t *r, const dahl_node_t *before, const dahl_ca
     LAW(!r->is_silent || r->in_a_row >= DAHL_NODE_REARM, "silence ends with enough good frames in a row");
     LAW(r->node.primed && r->node.count == (uint32_t)seen.count, "what was answered is the starting point");
     LAW(way == 0 || r->node.max_step == 0 || r->now_us - before->good_us > 1u << 30 ||
-            (uint64_t)llabs(way) <= (uint64_t)r->node.max_step * (16u + ((r->now_us - before->good_us) >> 10)),
+            (uint64_t)llabs(way) <= (uint64_t)r->node.max_step * (16u + (r->now_us - before->good_us) / 1000u),
         "MaxStep bounds a move");
     r->torque_counter = (r->torque_counter + 1) & 15u;
     r->is_silent = 0;

@@ -35,7 +35,7 @@ static uint32_t bits_of(float x)
 
 static int is_in_range(int64_t w)
 {
-    return w < ONE + PAST && w > -ONE - PAST;
+    return w < ONE + PAST && w >= -ONE - PAST;
 }
 
 static int32_t rounded_q30(int64_t w)
@@ -236,11 +236,16 @@ static void change(walk_t *walk)
     begin_batch(walk);
 }
 
+/* A state in range, small ones as often, or any bits, which the next call clamps. */
 static void place(walk_t *walk, uint64_t value, uint32_t size)
 {
     int64_t w = (int64_t)(value % (uint64_t)(ONE + PAST));
-    w = size == 0 ? w : w >> (value >> 58); /* small ones as often */
-    walk->state.w = value >> 63 ? -w : w;
+    w = size == 0 ? w : w >> (value >> 58);
+    walk->state.w = size == 2 ? (int64_t)value : value >> 63 ? -w : w;
+    w = is_in_range(walk->state.w) ? walk->state.w : walk->state.w < 0 ? -ONE : ONE;
+    check_torque(walk, w, dahl_torque(&walk->plan->plan, &walk->state));
+    dahl_step_counts(&walk->plan->plan, &walk->state, 0);
+    LAW(walk->state.w == w, "any bits are a safe state");
     start_float(walk);
     begin_batch(walk);
 }

@@ -115,11 +115,18 @@ static void test_two_forward_one_back(void) { check_motion(2); }
 static void test_random_walk(void) { check_motion(3); }
 static void test_leaps(void) { check_motion(4); }
 
+/* A double here would bring soft-double code into firmware whose FPU has floats alone. */
+static void test_the_unit_of_q30_is_a_float(void)
+{
+    TEST_ASSERT_EQUAL_size_t(sizeof(float), sizeof(1.0f * DAHL_Q30));
+}
+
 /* A bound that is too small turns the tests above red; one that grows would only make them lenient. */
 static void test_bounds_are_no_wider_than_promised(void)
 {
     TEST_ASSERT_TRUE(DAHL_ULP_COUNTS <= 0.52 && DAHL_ULP_ANGLE <= 0.6 && DAHL_ULP_PARTS <= 0.55);
-    TEST_ASSERT_TRUE(DAHL_ERROR_Q30 <= 1.21e-9 && DAHL_Q30 == 0x1p-30 && DAHL_SLIP_ERROR_Q30 <= 3.15e-9);
+    TEST_ASSERT_TRUE(DAHL_ERROR_Q30 <= 1.21e-9 && DAHL_Q30 == 0x1p-30f && DAHL_SLIP_ERROR_Q30 <= 3.15e-9);
     TEST_ASSERT_TRUE(DAHL_ASYMMETRIC_ERROR_Q30 <= 1.41e-9 && DAHL_LOADED_ERROR_Q30 <= 4.7e-9);
     TEST_ASSERT_TRUE(DAHL_ELASTOPLASTIC_ERROR_Q30 <= 3.1e-9 && DAHL_PARALLEL_ERROR_Q30(2) <= 4.1e-9);
+    TEST_ASSERT_TRUE(DAHL_INVERSE_ERROR <= 1.5e-9);
 }

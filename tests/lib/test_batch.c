@@ -380,6 +380,88 @@ static void test_nothing_to_do_touches_nothing(void)
     TEST_ASSERT_TRUE(state.w == 12345);
 }
 
+/* w around the ends of the range and of its type, on both sides. */
+static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, ((int64_t)1 << 62) + ((int64_t)1 << 31),
+                                  -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
+                                  3 * ((int64_t)1 << 61),                      -3 * ((int64_t)1 << 61),
+                                  INT64_MAX,                                   INT64_MIN};
+#define FOREIGN (sizeof foreign / sizeof foreign[0])
+
+static void set_foreign(dahl_state_t *states)
+{
+    for (size_t c = 0; c < MANY; c++) {
+        states[c].w = foreign[c % FOREIGN];
+    }
+}
+
+/* The throughput form stays within the bound of the bitwise one, which has the bits of single steps. */
+static void check_foreign_throughput(dahl_err_t err, const float *got, size_t n)
+{
+    TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
+    for (size_t i = 0; i < n; i++) {
+        TEST_ASSERT_TRUE(fabsl((long double)got[i] - F[i]) <= 2 * DAHL_ULP_ANGLE * ulp_of(channels.params[i % MANY].Fc));
+    }
+}
+
+static void test_states_out_of_range_are_clamped_as_by_single_steps(void)
+{
+    enum { N = 40 * MANY };
+    set_channels();
+    fill(motion_walk, THETA);
+    set_foreign(channels.one);
+    set_foreign(channels.batch);
+    for (size_t i = 0; i < N; i++) {
+        F[i] = dahl_step_counts(&channels.plans[i % MANY], &channels.one[i % MANY], moves[i]);
+    }
+    dahl_batch_counts_channels(channels.plans, channels.batch, MANY, moves, G, N / MANY);
+    assert_same(G, F, N);
+    TEST_ASSERT_EQUAL_MEMORY(channels.one, channels.batch, sizeof channels.one);
+    set_foreign(channels.batch);
+    check_foreign_throughput(dahl_throughput_counts_channels(channels.in_double, channels.batch, MANY, moves, G, N / MANY), G, N);
+    set_foreign(channels.batch);
+    check_foreign_throughput(dahl_throughput_channels(channels.in_double, channels.batch, MANY, angles, G, N / MANY), G, N);
+}
+
+static void test_one_trajectory_from_a_state_out_of_range(void)
+{
+    enum { N = 300 };
+    const dahl_params_t p = params_for(1e-4, 2.5f);
+    const dahl_throughput_params_t q = in_double(&p);
+    const dahl_plan_t plan = plan_for(&p);
+    fill(motion_walk, p.theta_per_count);
+    for (size_t k = 0; k < FOREIGN; k++) {
+        dahl_state_t one = {foreign[k]}, batch = one, by_angle = one, fast = one, fast_by_angle = one;
+        dahl_throughput_element_t element = {q, 0, one, 0.0};
+        for (int t = 0; t < N; t++) {
+            F[t] = dahl_step_counts(&plan, &one, moves[t]);
+        }
+        dahl_batch_counts(&plan, &batch, moves, G, N);
+        assert_same(G, F, N);
+        dahl_batch(&plan, &by_angle, angles, G, N);
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts(&q, &fast, moves, G + N, N));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &fast_by_angle, angles, G + 2 * N, N));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&element, 1, moves, G + 3 * N, N));
+        for (int t = 0; t < 4 * N; t++) {
+            TEST_ASSERT_TRUE(fabsl((long double)G[t] - F[t % N]) <= 2 * DAHL_ULP_ANGLE * ulp_of(p.Fc));
+        }
+    }
+}
+
+/* A slip element's deflection is a double. */
+static void test_a_slip_element_with_any_deflection_stays_within_Fc(void)
+{
+    static const double any[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e300, -1e9};
+    const dahl_params_t p = params_for(1e-2, 2.5f);
+    fill(motion_walk, p.theta_per_count);
+    for (size_t k = 0; k < sizeof any / sizeof any[0]; k++) {
+        dahl_throughput_element_t element = {in_double(&p), 1, {0}, any[k]};
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_parallel_counts(&element, 1, moves, G, 300));
+        for (int t = 0; t < 300; t++) {
+            TEST_ASSERT_TRUE(fabsf(G[t]) <= p.Fc);
+        }
+    }
+}
+
 static void test_bad_angles_within_a_batch(void)
 {
     static const float bad[] = {1e-3f, NAN, -NAN, -0.0f, 1e-40f, -1e-3f, NAN, INFINITY, 1e-3f, -INFINITY, NAN, 3e38f, 2e-3f};

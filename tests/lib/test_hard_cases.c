@@ -21,6 +21,28 @@ static void test_p01_one_update(void)
     }
 }
 
+/* One state by counts and by angles, as they come: each call has the bound of angles. */
+static void test_counts_and_angles_mixed(void)
+{
+    motion_t m = MOTION_START;
+    for (double travel = 2e-9; travel < 10; travel *= 30) {
+        dahl_params_t p = params_for(travel, 1.9f);
+        dahl_plan_t plan = plan_for(&p);
+        dahl_state_t state = {0};
+        reference_t exact = reference_by_angle(&p);
+        for (int t = 0; t < 20000; t++) {
+            const int32_t n = motion_walk(&m);
+            const int by_angle = motion_random(&m) % 2 != 0;
+            const float dtheta = (float)n * THETA;
+            const float F = by_angle ? dahl_step(&plan, &state, dtheta) : dahl_step_counts(&plan, &state, n);
+            const long double w = reference_move(&exact, by_angle ? dtheta : (long double)n * THETA);
+            assert_torque(w, &p, F, DAHL_ULP_ANGLE);
+            TEST_ASSERT_TRUE(dahl_torque(&plan, &state) == F);
+            TEST_ASSERT_TRUE(fabsl(dahl_step_counts_q30(&plan, &state, 0) * 0x1p-30L - w) <= 5.8e-9L);
+        }
+    }
+}
+
 /* A sine at 32 samples a cycle; returns the largest |F|/Fc of the last cycle and checks every sample. */
 static double sine_peak(float sigma0, double amplitude, int cycles)
 {

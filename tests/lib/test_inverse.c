@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_counts_to_torque: each move that it finds is tried, and so is the one that is a count shorter; dahl_tip_torque against tanh
- * in long double (test_laws.c runs such a loop until it repeats). */
+/* dahl_counts_to_torque: each move that it finds is tried, and so are shorter ones, beside the logarithm in long double;
+ * dahl_tip_torque against tanh in long double (test_laws.c runs such a loop until it repeats). */
+#include <stdio.h>
+
 #include "dahl_parts.h"
 #include "motions.h"
 #include "plans.h"
@@ -10,6 +12,7 @@
 #else
 #define TRIES (TEST_TICKS < 20000 ? TEST_TICKS : 20000)
 #endif
+#define NEIGHBOURS (TRIES / 5)
 
 static const double travels[] = {1.1e-9, 1e-7, 1e-5, 1e-3, 0.1, 3.0, 20.0};
 #define TRAVELS (sizeof travels / sizeof travels[0])
@@ -44,7 +47,99 @@ static void check_one(const dahl_plan_t *plan, const dahl_state_t *state, float 
     }
 }
 
-static void test_the_least_move_to_a_torque(void)
+/* From one state to one torque, in the direction s of the move. */
+typedef struct {
+    const dahl_plan_t *plan;
+    dahl_state_t state;
+    dahl_params_t p;
+    float F;
+    int s;
+    int32_t found;       /* counts, as the library says */
+    long double earlier; /* counts by which a shorter move may reach F too */
+    int32_t least;       /* the shortest one that a test saw reach it */
+} search_t;
+
+/* What F lacks of Fc in the direction of the move, in parts of Fc, as the header counts it. */
+static long double lacking(const search_t *x)
+{
+    return fmaxl(1 - x->s * (long double)x->F / x->p.Fc, 0x1p-25L);
+}
+
+/* A shorter move does not reach F, or by no more than a rounding, and then it is not much shorter. */
+static void check_shorter(search_t *x, int32_t counts)
+{
+    const float F = after(x->plan, x->state, x->s * counts);
+    if (x->s > 0 ? F < x->F : F > x->F) {
+        return;
+    }
+    const long double beyond = x->s * ((long double)F - x->F) / x->p.Fc;
+    TEST_ASSERT_TRUE(beyond <= (long double)DAHL_INVERSE_ERROR + 0.51L * ulp_of(fabsf(F)) / x->p.Fc);
+    TEST_ASSERT_TRUE(x->found - counts <= 1 + x->earlier);
+    x->least = counts < x->least ? counts : x->least;
+}
+
+/* Ln((1 - s w)/lacking)/u counts lead there; lacking is less by half the float's last bit, and u errs by 6e-11 of it. */
+static void check_logarithm(const search_t *x, long double u)
+{
+    const long double gap = 1 - x->s * (long double)x->state.w * 0x1p-62L, half = ulp_of(fabsf(x->F)) / x->p.Fc / 2;
+    const long double least = logl(gap / (lacking(x) + half)) / u, most = logl(gap / fmaxl(lacking(x) - half, 0x1p-26L)) / u;
+    TEST_ASSERT_TRUE(x->found >= least - x->earlier - 6e-11L * x->found);
+    TEST_ASSERT_TRUE(x->found <= most + x->earlier + 6e-11L * x->found + 1);
+}
+
+/* Neighbours one by one, moves from as much earlier as is allowed, and any shorter ones. */
+static search_t check_neighbours(const dahl_plan_t *plan, const dahl_params_t *p, int64_t w, float F, motion_t *m)
+{
+    search_t x = {plan, {w}, *p, F, 1, 0, 0, 0};
+    const long double u = reference_by_counts(p).a;
+    if (dahl_counts_to_torque(plan, &x.state, F, &x.found) != DAHL_OK || x.found == 0) {
+        return x;
+    }
+    x.s = x.found < 0 ? -1 : 1;
+    x.found *= x.s;
+    x.least = x.found;
+    x.earlier = DAHL_INVERSE_ERROR / (u * lacking(&x));
+    check_logarithm(&x, u);
+    const uint32_t window = (uint32_t)fminl(1.5L * x.earlier + 1, (long double)x.found);
+    for (int i = 1; i <= NEIGHBOURS; i++) {
+        check_shorter(&x, x.found > i ? x.found - i : 0);
+        check_shorter(&x, x.found - 1 - (int32_t)(motion_random(m) % window));
+        check_shorter(&x, (int32_t)(motion_random(m) % (uint32_t)x.found));
+    }
+    return x;
+}
+
+/* Torques up to Fc itself, half of them within a few floats of it, for any plan and state; returns how much of the bound of the
+ * header is seen. */
+static long double check_any_neighbours(motion_t *m)
+{
+    const float Fc = 1.0f + (float)(motion_random(m) >> 9) * 0x1p-23f;
+    const dahl_params_t p = params_for(pow(2.0, motion_random(m) * 0x1p-32 * 26 - 29.5), motion_random(m) % 4 == 0 ? 1.0f : Fc);
+    const dahl_plan_t plan = plan_for(&p);
+    const int64_t w = motion_random(m) % 2 ? (int64_t)((uint64_t)motion_random(m) << 32 | motion_random(m)) >> 1 : 0;
+    float F = random_torque(m, p.Fc);
+    if (motion_random(m) % 2 == 0) {
+        F = copysignf(p.Fc - (float)(motion_random(m) % 4) * (float)ulp_of(p.Fc / 2), F);
+    }
+    const search_t x = check_neighbours(&plan, &p, w, F, m);
+    return x.earlier > 3 ? (x.found - x.least) / (1 + x.earlier) : 0;
+}
+
+static void test_a_shorter_move_reaches_a_torque_by_rounding_alone(void)
+{
+    const dahl_params_t p = {1.0f, 1.0f, 1e-5f};
+    const dahl_plan_t plan = plan_for(&p);
+    motion_t m = MOTION_START;
+    const search_t seen = check_neighbours(&plan, &p, 0, p.Fc, &m);
+    TEST_ASSERT_TRUE(seen.found - seen.least > 300); /* the order of moves does change */
+    long double worst = 0;
+    for (int i = 0; i < TRIES / 40; i++) {
+        worst = fmaxl(worst, check_any_neighbours(&m));
+    }
+    printf("shorter moves that reach F: %.3Lf of the bound\n", worst);
+}
+
+static void test_a_move_to_a_torque(void)
 {
     motion_t m = MOTION_START;
     for (size_t i = 0; i < TRAVELS; i++) {

@@ -89,7 +89,7 @@ static void test_load_alone(void)
     TEST_ASSERT_EQUAL_INT32(-INT32_MAX, dahl_loaded_step_counts_q30(&plan, &loaded, INT32_MIN, 0x80000000u));
 }
 
-/* Torques that no normal float holds are 0, and no load or plan makes one of the others wrong. */
+/* Small torques of a small c Fc are 0, among them all that no normal float holds; no load or plan makes another one wrong. */
 static void test_loaded_least_torques(void)
 {
     dahl_params_t p = {0x1p-60f, 0x1p-64f, 0x1p-10f};
@@ -102,8 +102,9 @@ static void test_loaded_least_torques(void)
         long double c_Fc = p.Fc * (load * 0x1p-30L), F = ldexpl(state.bristle.w, -62) * c_Fc;
         float got = dahl_loaded_step_counts(&plan, &state, 0, load);
         TEST_ASSERT_TRUE(fabsl(got - F) <= 0.512L * c_Fc * 0x1p-23L && (got == 0.0f || got >= 0x1p-126f));
+        TEST_ASSERT_TRUE((got == 0.0f) == (F == 0 || (c_Fc < 0x1p-64L && F < 0x1p-32L * c_Fc)));
         TEST_ASSERT_TRUE(dahl_loaded_step_counts(&plan, &mirrored, 0, load) == -got);
-        TEST_ASSERT_TRUE(F < 0x1p-126L * 0x1p32L || fabsl(got - F) <= 0x1p-24L * 1.02L * F);
+        TEST_ASSERT_TRUE(got == 0.0f || fabsl(got - F) <= 0x1p-24L * 1.02L * F);
     }
 }
 
@@ -127,6 +128,23 @@ static void test_clamped_ends_of_the_input(void)
         float F = dahl_clamped_step(&plan, &any, (float)motion_walk(&m) * THETA, load);
         TEST_ASSERT_TRUE(fabsf(F) <= (float)((load + 1) * 0x1p-30) * 2.0000002f);
     }
+}
+
+/* The gap is whole units of 2^-30 of Fc, also if the load is a few of them: F may pass c Fc by half a unit, and does. */
+static void test_clamped_passes_a_small_load_by_half_a_unit(void)
+{
+    dahl_params_t p = params_for(0.01, 1.7f);
+    dahl_plan_t plan = plan_for(&p);
+    motion_t m = MOTION_START;
+    long double most = 0;
+    for (int t = 0; t < 10 * LAW_TICKS; t++) {
+        static dahl_state_t state;
+        const uint32_t load = motion_random(&m) >> 1 >> motion_random(&m) % 31u;
+        const float dtheta = ldexpf((float)(int32_t)motion_random(&m), -25 - (int)(motion_random(&m) % 40u));
+        const float F = fabsf(dahl_clamped_step(&plan, &state, dtheta, load));
+        most = fmaxl(most, (F - load * 0x1p-30L * p.Fc - 0.51L * ulp_of(F)) / p.Fc);
+    }
+    TEST_ASSERT_TRUE(most <= 0x1p-31L && most > 0x1p-33L);
 }
 
 /* Below breakaway a way to and fro leaves no trace, however often and however it is cut in pieces. */

@@ -3,6 +3,7 @@
  * misbehaves. All else of the sockets is tested from Python, by python-can. */
 #define _GNU_SOURCE
 #include <arpa/inet.h>
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -436,6 +437,46 @@ static void test_an_outbox_takes_all_or_nothing(void)
     TEST_ASSERT_EQUAL(OUTBOX_SIZE, box.end);
 }
 
+static int send_error; /* of the next send(); 0: it is the kernel's */
+
+ssize_t send(int fd, const void *bytes, size_t count, int flags)
+{
+    if (send_error == 0) {
+        return sendto(fd, bytes, count, flags, NULL, 0);
+    }
+    errno = send_error;
+    send_error = 0;
+    return -1;
+}
+
+/* Flush once with this error of the socket, and once without: what arrives, and whether the peer counts as gone. */
+static void check_flush(int error, bool stays)
+{
+    int ends[2];
+    char bytes[8];
+    TEST_ASSERT_EQUAL(0, socketpair(AF_UNIX, SOCK_STREAM, 0, ends));
+    box.begin = box.end = 0;
+    outbox_put(&box, "frame", 5);
+    send_error = error;
+    TEST_ASSERT_EQUAL_MESSAGE(stays, outbox_flush(&box, ends[0]), strerror(error));
+    TEST_ASSERT_FALSE(outbox_empty(&box));
+    TEST_ASSERT_TRUE(outbox_flush(&box, ends[0]));
+    TEST_ASSERT_EQUAL(5, read(ends[1], bytes, sizeof bytes));
+    close(ends[0]);
+    close(ends[1]);
+}
+
+static void test_an_outbox_keeps_what_a_socket_does_not_take_now(void)
+{
+    static const int later[] = {EAGAIN, EINTR, ENOBUFS}, gone[] = {EPIPE, ECONNRESET};
+    for (size_t i = 0; i < sizeof later / sizeof later[0]; i++) {
+        check_flush(later[i], true);
+    }
+    for (size_t i = 0; i < sizeof gone / sizeof gone[0]; i++) {
+        check_flush(gone[i], false);
+    }
+}
+
 static dahl_can_frame_t taken;
 static const char *to_read; /* what the host has sent and nobody has read yet */
 static char written[200];
@@ -568,13 +609,14 @@ static uint32_t leave_server(int told)
     return elements;
 }
 
-/* The server reads late, and the socket holds little: what waits in the client when it closes comes through. */
-static void test_closing_a_client_sends_what_is_still_queued(void)
+/* The server reads late, and the socket holds little: frames that wait in the client when it closes arrive, also if it has
+ * not read all that the server sent. */
+static void check_closing_sends_what_is_queued(const char *unread)
 {
     const int small_buffer = 4096;
     dahl_can_frame_t out = {.id = 0x123, .length = 8}, back;
     uint32_t sent = 0;
-    int told = join_server("");
+    int told = join_server(unread);
     setsockopt(member.fd, SOL_SOCKET, SO_SNDBUF, &small_buffer, sizeof small_buffer);
     for (; sent < 100000 && member.outbox.end - member.outbox.begin < OUTBOX_SIZE / 2; sent++) {
         TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&member.bus, &out));
@@ -583,6 +625,12 @@ static void test_closing_a_client_sends_what_is_still_queued(void)
     }
     TEST_ASSERT_GREATER_THAN(0, member.outbox.end - member.outbox.begin);
     TEST_ASSERT_EQUAL(sent + 2, leave_server(told)); /* after open and rawmode */
+}
+
+static void test_closing_a_client_sends_what_is_still_queued(void)
+{
+    check_closing_sends_what_is_queued("");
+    check_closing_sends_what_is_queued("< frame 123 1.000000 AB >");
 }
 
 /* Seen by who only listens, too. */

@@ -159,6 +159,11 @@ static const story_t STORIES[] = {
      {MAY_STEP(100), IS(0, 0, INIT, 0), IS(1, 60, OK, 60), NOT(12, 5000000), NOT(13, 5000010), IS(14, 5000020, WRONG_SEQUENCE, 0),
       IS(15, 5000030, OK, 10)},
      SEEN(WRONG_SEQUENCE)},
+    /* 0x100, controller restarted, is the id of an EncoderState too. */
+    {"an error frame is no frame of the encoder", "ok 3, rearm 2, bus_off 1", 9,
+     {IS(0, 0, INIT, 0), {FLAGGED, 1, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, IS(1, 5, OK, 5), GOES_OFF,
+      WAITS(DAHL_NODE_TIMEOUT_US), NOT(4, 0), {FLAGGED, 4, 70, NO_ANSWER, DAHL_CAN_FRAME_ERROR}, NOT(5, 0), IS(6, 0, STALE, 0)},
+     SEEN(STALE)},
     {"bad and repeated frames do not refresh the timeout", "ok 1, repeated 1, crc 1, stale 1, rearm 1", 6,
      {IS(0, 0, INIT, 0), WAITS(60000), NOT(0, 0), SPOILS(1), WAITS(60000), NOT(1, 0)}, SEEN(REPEATED) | SEEN(CRC) | SEEN(STALE)},
     /* Each frame comes a little before the one before it. */
@@ -220,7 +225,7 @@ static bool act(const beat_t *beat)
 static void play_beat(const beat_t *beat, dahl_state_t *reference, const char *name)
 {
     TEST_ASSERT_EQUAL_MESSAGE(beat->answer != NO_ANSWER, act(beat), name);
-    int32_t torque_q30 = dahl_step_counts_q30(&plan, reference, beat->travel);
+    int32_t torque_q30 = dahl_step_counts_q30(&plan, reference, beat->kind == FLAGGED ? 0 : beat->travel);
     TEST_ASSERT_TRUE_MESSAGE(reference->w == node.bearing.w, name);
     if (beat->answer != NO_ANSWER) {
         TEST_ASSERT_EQUAL_MESSAGE(beat->answer, answer.state, name);
@@ -267,6 +272,18 @@ static void test_more_than_a_byte_can_say(void)
     TEST_ASSERT_EQUAL(300, node.counts.bus_off);
 }
 
+/* The clock wraps after 71 minutes; a bus-off of so long ago is not taken for one of just now. */
+static void test_a_bus_off_of_long_ago_holds_nothing_back(void)
+{
+    dahl_can_frame_t out;
+    dahl_node_bus_off(&node, now_us);
+    for (uint32_t ms = 0; ms < 4294967u + 10; ms++) {
+        now_us += 1000;
+        (void)dahl_node_tick(&node, now_us, &out);
+    }
+    TEST_ASSERT_TRUE(!feed(4, 500) && !feed(5, 510) && feed(6, 520));
+}
+
 static void test_with_a_step_limit_longer_gaps_are_bridged(void)
 {
     for (uint32_t step = 1; step <= DAHL_NODE_GAP_MAX_STEP; step++) {
@@ -280,6 +297,93 @@ static void test_with_a_step_limit_longer_gaps_are_bridged(void)
     }
     TEST_ASSERT_FALSE(feed(2 * DAHL_NODE_GAP_MAX_STEP + 1, 0));
     TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
+}
+
+/* MaxStep is counts per ms: after so many us the shaft may have come so far, and one count further is not believed. */
+static void test_the_step_limit_is_counts_per_ms_after_any_time(void)
+{
+    enum { STEP = 100 };
+    static const uint32_t us[][2] = {/* elapsed; ms that are allowed: begun ones count */
+                                     {1, 1},         {1000, 1},       {1001, 2},         {2000, 2},
+                                     {42000, 42},    {43000, 43},     {44000, 44},       {100000, 100},
+                                     {512000, 512},  {1000000, 1000}, {1000001, 1001},   {30000000, 30000},
+                                     {60000000, 60000}};
+    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
+        for (int32_t beyond = 0; beyond <= 1; beyond++) {
+            int32_t count = (int32_t)us[i][1] * STEP + beyond;
+            setUp();
+            node.max_step = STEP;
+            node.timeout_us = UINT32_MAX;
+            TEST_ASSERT_TRUE(feed(0, 0));
+            now_us += us[i][0] - 1000;
+            TEST_ASSERT_EQUAL(beyond == 0, feed(1, count));
+            TEST_ASSERT_EQUAL(beyond, node.counts.jump);
+        }
+    }
+}
+
+/* The counter has 4 bits: frames so many periods late look like ones ahead, more of them with a MaxStep. */
+static void test_which_late_frames_are_used(void)
+{
+    for (uint32_t late = 1; late <= 16; late++) {
+        for (uint32_t max_step = 0; max_step <= 20; max_step += 20) {
+            setUp();
+            node.max_step = max_step;
+            for (uint32_t i = 0; i <= 20; i++) {
+                TEST_ASSERT_TRUE(feed(i, (int32_t)i));
+            }
+            TEST_ASSERT_EQUAL(late >= (max_step > 0 ? 8 : 13) && late <= 15, feed(20 - late, (int32_t)(20 - late)));
+        }
+    }
+}
+
+/* --- an interrupt in the middle of a call -------------------------------------------------------------------------- */
+
+static bool is_masked, is_pending;
+
+/* The timer's, a microsecond after the frame. */
+static void interrupt(void)
+{
+    dahl_can_frame_t out;
+    (void)dahl_node_tick(&node, now_us + 1, &out);
+}
+
+static int32_t interrupted_step(dahl_node_model_t *model, int32_t dcounts)
+{
+    (void)model;
+    (void)dcounts;
+    is_pending = true;
+    if (!is_masked) {
+        interrupt();
+    }
+    return 0;
+}
+
+static void never_relax(dahl_node_model_t *model)
+{
+    (void)model;
+}
+
+/* The frame comes in the last microsecond of the timeout. A tick that waits until the call has ended sees no timeout; one in the
+ * middle of the call sees the old time, and the node is stale although it has answered. */
+static void test_a_tick_in_the_middle_of_a_receive_must_wait(void)
+{
+    for (int masked = 0; masked <= 1; masked++) {
+        dahl_node_model_t model = {interrupted_step, never_relax, 0, 0};
+        setUp();
+        is_masked = true;
+        node.model = &model;
+        TEST_ASSERT_TRUE(feed(0, 0));
+        is_masked = masked;
+        is_pending = false;
+        now_us += DAHL_NODE_TIMEOUT_US - 1000;
+        TEST_ASSERT_TRUE(feed(1, 10) && is_pending);
+        if (masked) {
+            interrupt();
+        }
+        TEST_ASSERT_EQUAL(masked ? 0 : 1, node.counts.stale);
+        TEST_ASSERT_EQUAL(masked ? DAHL_FRAMES_OK : DAHL_FRAMES_STALE, node.state);
+    }
 }
 
 /* --- Status -------------------------------------------------------------------------------------------------------- */
@@ -453,10 +557,13 @@ static const beat_t play_LONG_GAP[] = {MAY_STEP(100), SENT(0, 0), SENT(8, 70)};
 static const beat_t play_AGAIN[] = {SENT(0, 0), SENT(0, 70)};
 static const beat_t play_OTHER[] = {SENT(0, 0), SENT(9, 70)};
 static const beat_t play_FAR[] = {MAY_STEP(10), SENT(0, 0), SENT(1, 70000)};
+static const beat_t play_FAR_GAP[] = {MAY_STEP(10), SENT(0, 0), SENT(8, 70000)};
 static const beat_t play_THIRD[] = {THIRD_OF_OTHERS};
 static const beat_t play_THIRD_FAR[] = {MAY_STEP(10), SENT(0, 0), SENT(1, 70000), SENT(2, 70005), SENT(3, 70010)};
 static const beat_t play_THIRD_NEAR[] = {MAY_STEP(100), THIRD_OF_OTHERS};
 static const beat_t play_DISOWNED[] = {SENT(0, 0), DISOWNS(1, 70)};
+static const beat_t play_DISOWNED_GAP[] = {SENT(0, 0), DISOWNS(3, 70)};
+static const beat_t play_DISOWNED_FIRST[] = {DISOWNS(1, 70)};
 static const beat_t play_BAD_CRC[] = {SENT(0, 0), SPOILS(1)};
 static const beat_t play_BAD_LENGTH[] = {SENT(0, 0), {CUT, 1, 70, 0, 0}};
 static const beat_t play_EXTENDED[] = {SENT(0, 0), FLAGGED_AS(DAHL_CAN_FRAME_EXTENDED)};

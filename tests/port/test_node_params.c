@@ -47,6 +47,16 @@ static void test_settings_at_the_ends_of_their_range(void)
     }
 }
 
+/* A time that is set in us reads as the nearest ms, a half up. */
+static void test_a_time_that_is_no_whole_ms_reads_as_the_nearest(void)
+{
+    static const uint32_t us[][2] = {{0, 0}, {499, 0}, {500, 1}, {30400, 30}, {30600, 31}, {UINT32_MAX, 4294967}};
+    for (size_t i = 0; i < sizeof us / sizeof us[0]; i++) {
+        node.timeout_us = us[i][0];
+        TEST_ASSERT_EQUAL(us[i][1], param_now(DAHL_FRAMES_PARAM_TIMEOUT));
+    }
+}
+
 /* Whatever was asked of it: the answer has its number as the value. */
 static void test_an_unknown_parameter_is_answered_by_its_number(void)
 {
@@ -120,7 +130,7 @@ static void test_a_model_is_written_as_a_whole(void)
 /* What is held goes with a refusal, of whatever write, and with a restart. A setting is not held, and there is no fourth request. */
 static void test_what_is_held_goes(void)
 {
-    for (int how = 0; how < 3; how++) {
+    for (int how = 0; how < 4; how++) {
         talk_begin();
         TEST_ASSERT_EQUAL(DAHL_FRAMES_PARAM_DONE, ask(DAHL_FRAMES_PARAM_SIGMA0, DAHL_FRAMES_PARAM_HOLD, UINT32_MAX).result);
         switch (how) {
@@ -129,6 +139,7 @@ static void test_what_is_held_goes(void)
             TEST_ASSERT_FALSE(set_param(DAHL_FRAMES_PARAM_FC, 1));
             break;
         case 1: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, DAHL_FRAMES_PARAM_HOLD, 0).result != DAHL_FRAMES_PARAM_DONE); break;
+        case 2: TEST_ASSERT_TRUE(ask(DAHL_FRAMES_PARAM_THETA, 3, 1).result != DAHL_FRAMES_PARAM_DONE); break;
         default: (void)reset(DAHL_FRAMES_RESET_RESTART);
         }
         TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_FC, 1u << 20));

@@ -195,7 +195,11 @@ def test_sums_lead_to_the_header(constants: dict[str, mpf]) -> None:
     assert_just_below(worst, 7.43e-10, 0.002)
     assert_just_below(worst + k["gap_rounding"], number("DAHL_ERROR_Q30"), 0.01)
     assert_just_below(ulps(k, worst), number("DAHL_ULP_COUNTS"), 0.01)
-    assert_just_below(ulps(k, error_by_angle(k, 2.0**31)), number("DAHL_ULP_ANGLE"), 0.02)
+    mixed = error_by_angle(k, 2.0**31) + 2 * travel_error(k, LEAST_TRAVEL)
+    assert_just_below(ulps(k, mixed), number("DAHL_ULP_ANGLE"), 0.02)
+    assert_just_below(mixed + k["gap_rounding"], 5.8e-9, 0.03)
+    inverse = 2 * (k["gap_rounding"] + k["cut"] / LEAST_TRAVEL) * (1 + mpf(2) ** -32)
+    assert_just_below(inverse, number("DAHL_INVERSE_ERROR", "dahl_parts.h"), 0.1)
     assert k["kernel"] == number("DAHL_KERNEL_ERROR", "kernel.h")
 
 

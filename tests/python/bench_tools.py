@@ -118,7 +118,7 @@ SOLVERS = ("euler", "rk4", "backward", "trapezoid")
 HOST_NAMES = {"backward": "backward_parts", "trapezoid": "trapezoid_parts"}
 
 # What an image of a core counts, by the name in its output.
-MOVES = [f"{move}_{way}" for move in ("one_count", "eight_counts", "1000_counts")
+MOVES = [f"{move}_{way}" for move in ("one_count", "one_count_c", "eight_counts", "1000_counts")
          for way in ("forward", "backward")]  # fmt: skip
 BY_FORM = [*MOVES, "zero", "int32_min", "reversal", "counts_worst"]
 CASES = [f"{case}_{form}" for case in BY_FORM for form in ("q30", "float")]

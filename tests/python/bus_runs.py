@@ -37,6 +37,7 @@ class Run:
         self.frames: list[can.Message] = []
         self.count = self.ratio = 0
         self.pause = 0.0  # s, before the next frame
+        self.answers: int | None = None  # given a number, the answers are counted from it on
 
     def add(self, name: str, **signals: int) -> None:
         message = self.database.get_message_by_name(name)
@@ -60,9 +61,11 @@ class Run:
         move = (count - self.count + 2**31) % 2**32 - 2**31 if used else 0
         self.ratio = self.bearing.step_counts_q30(move)
         self.count = count
+        if self.answers is not None:
+            self.answers += 1
         self.add(
             "FrictionTorque",
-            Counter=0,
+            Counter=(self.answers or 0) % 16,
             State=state,
             EchoCounter=counter % 16,
             TorqueRatio=self.ratio,

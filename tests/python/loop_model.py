@@ -10,14 +10,17 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from crccheck.crc import Crc8Autosar
 from loop_tools import Logged, word
 
 Q30_BOUND = 9.4e-10  # of F/Fc: half a step of Q30, and what the library's error allows
-BUS_OFF = 0x20000040  # as candump writes the error frame
-ENCODER, TORQUE, STATUS, RESET = 0x100, 0x110, 0x120, 0x150
+ERROR = 0x20000000  # in an id of candump: an error frame
+BUS_OFF = ERROR | 0x40  # and that the controller is off the bus
+ENCODER, TORQUE, STATUS, PARAM, RESET = 0x100, 0x110, 0x120, 0x130, 0x150
+KINDS = {ENCODER: 3, PARAM: 6, RESET: 10}  # high half of the data id of what a node takes
 OK, REPEATED, LOST, WRONG_SEQUENCE, CRC, STALE, INIT = range(7)  # states, by the DBC
 
 
@@ -152,24 +155,73 @@ def travel_per_count(sigma0: float, Fc: float, theta: float) -> float:  # noqa: 
 
 @dataclass
 class Answer:
+    """A FrictionTorque."""
+
     time: float
     state: int
     echo: int
-    ratio: float  # F/Fc
+    ratio: float  # F/Fc, times the gain and clamped
+    counter: int
+
+
+class Told(NamedTuple):
+    """A Status, but for its version."""
+
+    time: float
+    counter: int
+    state: int
+    errors: int
+    lost: int
+    corrupt: int
+    out_of_step: int
+    timeout: int
+
+
+class Reply(NamedTuple):
+    """A ParamReply."""
+
+    counter: int
+    result: int
+    param: int
+    value: int
+
+
+SUMS = {  # of Status: the counts in each
+    "lost": ("lost",),
+    "corrupt": ("crc", "format"),
+    "out_of_step": ("repeated", "wrong_sequence", "jump", "stale", "bus_off"),
+}
+UNITS = (2.0**-10, 2.0**-20, 2.0**-38)  # of Sigma0, Fc and ThetaPerCount
+SETTINGS = {  # parameters by number: member, least, most, us or counts of a step
+    3: ("gain", 0, 65536, 1),
+    4: ("limit", 0, 65536, 1),
+    5: ("ramp_us", 0, 60000, 1000),
+    6: ("timeout_us", 1, 60000, 1000),
+    7: ("max_step", 0, 2**31 - 1, 1),
+    8: ("status_us", 0, 60000, 1000),
+}
+DONE, OUT_OF_RANGE, UNKNOWN = range(3)
+READ, WRITE, HOLD = range(3)
 
 
 @dataclass
 class Node:
-    """One row of the table of docs/loop.md after the other; Eq. 1 in closed form."""
+    """One row of the table of docs/loop.md after the other, and what dahl_node.h and dahl_frames.h
+    say of parameters, Status and Reset; Eq. 1 in closed form. Each call returns what is sent.
+    """
 
     travel: float  # of a count
     max_step: int = 0
     timeout_us: int = 100_000
     status_us: int = 100_000
     number: int = 0
+    params: list[float] = field(default_factory=list)  # sigma0, Fc, theta; else they are not asked
+    gain: int = 65536
+    limit: int = 65536
+    ramp_us: int = 0
     counts: Counter = field(default_factory=Counter)
     answers: list[Answer] = field(default_factory=list)
-    statuses: list[tuple[float, int]] = field(default_factory=list)  # time, state
+    statuses: list[Told] = field(default_factory=list)
     offs: int = 0
     off_us: int = 0
     told_us: int = 0
@@ -181,6 +233,17 @@ class Node:
     def restart(self) -> None:
         self.w, self.state, self.row, self.offs = 0.0, INIT, 0, 0
         self.runs, self.silenced, self.urgent = False, False, True
+        self.gain_now = 0.0 if self.ramp_us else float(self.gain)
+        self.answered = self.told = 0
+        self.held = list(self.params)
+        self.clear()
+
+    def clear(self) -> None:
+        self.errors, self.cleared = 0, self.counts.copy()
+
+    def enter(self, state: int) -> None:
+        self.state = state
+        self.errors |= 1 << state if state else 0
 
     def play(self, log: list[Logged]) -> None:
         """All frames that the bus carried but its own, and a tick at each millisecond."""
@@ -194,14 +257,22 @@ class Node:
             if frame.id not in own:
                 self.receive(frame, now_us)
 
-    def tick(self, now_us: int) -> None:
+    def tick(self, now_us: int) -> Told | None:
         self.look_at_age(now_us)
         if self.urgent or (self.status_us and now_us - self.told_us >= self.status_us):
-            self.tell(now_us)
+            return self.tell(now_us)
+        return None
 
-    def tell(self, now_us: int) -> None:
-        self.statuses.append((now_us / 1e6, self.state))
-        self.urgent, self.told_us = False, now_us
+    def tell(self, now_us: int) -> Told:
+        since = {
+            name: sum(self.counts[one] - self.cleared[one] for one in names) % 256
+            for name, names in SUMS.items()
+        }
+        timeout = min(255, -(-self.timeout_us // 10_000))
+        told = Told(now_us / 1e6, self.told, self.state, self.errors, timeout=timeout, **since)
+        self.statuses.append(told)
+        self.urgent, self.told_us, self.told = False, now_us, (self.told + 1) % 16
+        return told
 
     def look_at_age(self, now_us: int) -> None:
         if self.runs and now_us - self.good_us > self.timeout_us:
@@ -209,32 +280,85 @@ class Node:
             self.fall_silent()
 
     def fall_silent(self) -> None:
-        self.runs, self.row, self.silenced, self.urgent, self.state = False, 0, True, True, STALE
+        self.runs, self.row, self.silenced, self.urgent = False, 0, True, True
+        self.gain_now = 0.0 if self.ramp_us else self.gain_now
+        self.enter(STALE)
 
-    def receive(self, frame: Logged, now_us: int) -> None:
+    def receive(self, frame: Logged, now_us: int) -> Answer | Told | Reply | None:
         kind = frame.id ^ self.number
-        if frame.id == BUS_OFF:
+        if frame.id & BUS_OFF == BUS_OFF:
             self.counts["bus_off"] += 1
             self.offs, self.off_us = self.offs + 1, now_us
             self.fall_silent()
-        elif kind == RESET:
-            self.counts["resets"] += 1
-            self.restart()
-            self.tell(now_us)
-        elif kind != ENCODER:
+        elif kind not in KINDS or frame.id & ERROR:
             self.counts["ignored"] += 1
-        elif frame.is_extended or len(frame.data) != 8:
+        elif frame.is_extended or frame.is_foreign or len(frame.data) != 8:
+            self.errors |= 1
             self.refuse("format")
-        elif not is_good(frame, 3):
+        elif not is_good(frame, KINDS[kind]):
             self.refuse("crc")
+        elif kind == RESET:
+            return self.reset(frame.data[1] >> 4, now_us)
+        elif kind == PARAM:
+            return self.param(frame.data)
         else:
             self.look_at_age(now_us)
+            before = len(self.answers)
             self.angle(frame.data[1] & 15, bool(frame.data[1] & 16), word(frame.data, 2), now_us)
+            return self.answers[-1] if len(self.answers) > before else None
+        return None
 
     def refuse(self, why: str) -> None:
         self.counts[why] += 1
-        self.state = CRC
+        self.enter(CRC)
         self.row = self.row if self.runs else 0
+
+    def reset(self, what: int, now_us: int) -> Told:
+        self.counts["resets"] += 1
+        if what == 1:
+            self.clear()
+        if what == 2:
+            self.restart()
+        return self.tell(now_us)
+
+    def param(self, data: bytes) -> Reply:
+        counter, write, number = data[1] & 15, data[1] >> 4 & 3, data[2]
+        self.counts["params"] += 1
+        if number > 10:
+            return Reply(counter, UNKNOWN, 255, number)
+        result = DONE if write == READ else self.write(number, write, word(data, 4) % 2**32)
+        return Reply(counter, result, number, self.value(number))
+
+    def write(self, number: int, write: int, value: int) -> int:
+        if number < len(UNITS):
+            return self.write_model(number, write, value)
+        name, least, most, scale = SETTINGS.get(number, ("", 1, 0, 1))
+        if write != WRITE or not least <= value <= most:
+            return OUT_OF_RANGE
+        setattr(self, name, value * scale)
+        return DONE
+
+    def write_model(self, number: int, write: int, value: int) -> int:
+        """Held until the next one; one that is refused drops what was held."""
+        if write > HOLD or value == 0:
+            self.held = list(self.params)
+            return OUT_OF_RANGE
+        self.held[number] = float(np.float32(np.float32(value) * UNITS[number]))
+        if write == WRITE:
+            (stiffness, limit, _), self.params = self.params, list(self.held)
+            carried = self.w * limit * min(1.0, self.params[0] / stiffness)
+            self.w = max(-1.0, min(1.0, carried / self.params[1]))
+            self.travel = travel_per_count(*self.params)
+        return DONE
+
+    def value(self, number: int) -> int:
+        """Of a parameter now, to the nearest step."""
+        if number < len(UNITS):
+            return min(2**32 - 1, math.floor(self.params[number] / UNITS[number] + 0.5))
+        if number in SETTINGS:
+            name, _, _, scale = SETTINGS[number]
+            return math.floor(getattr(self, name) / scale + 0.5)
+        return {9: 0, 10: 65536}[number]  # the model Dahl, which follows no load
 
     def angle(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
         step = counter - getattr(self, "counter", 0) & 15
@@ -242,7 +366,7 @@ class Node:
             self.first(counter, is_valid, count, now_us)
         elif step == 0:
             self.counts["repeated"] += 1
-            self.state = REPEATED
+            self.enter(REPEATED)
         elif step > (8 if self.max_step else 3):
             self.out_of_sequence(counter, is_valid, count, now_us)
         else:
@@ -250,7 +374,7 @@ class Node:
 
     def first(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
         if not is_valid:
-            self.counts["invalid"] += 1
+            self.disown()
             self.row = 0
             return
         self.state = STALE if self.silenced else INIT
@@ -263,6 +387,10 @@ class Node:
         self.counts["ok"] += 1
         self.answer(counter, count, 0, now_us)
 
+    def disown(self) -> None:
+        self.counts["invalid"] += 1
+        self.errors |= 64
+
     def third(self, counter: int) -> bool:
         """Whether this is the third frame in a row that goes on from the one before it."""
         self.row = self.row + 1 if counter == (self.candidate + 1) % 16 else 1
@@ -270,7 +398,7 @@ class Node:
         return self.row >= 3
 
     def is_near(self, count: int, frames: int, now_us: int) -> bool:
-        elapsed = 1 + (now_us - self.good_us) // 1024
+        elapsed = -(-(now_us - self.good_us) // 1000)  # ms, begun ones included
         return abs(self.way(count)) <= self.max_step * max(frames, elapsed)
 
     def way(self, count: int) -> int:
@@ -278,9 +406,9 @@ class Node:
 
     def out_of_sequence(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
         is_known = self.third(counter) and is_valid
-        self.state = WRONG_SEQUENCE
-        if is_known and self.max_step and self.is_near(count, 0, now_us):
-            self.state = LOST
+        self.enter(WRONG_SEQUENCE)
+        if is_known and self.max_step and self.is_near(count, 1, now_us):
+            self.enter(LOST)
             self.counts["ok"] += 1
             self.answer(counter, count, self.way(count), now_us)
             return
@@ -290,15 +418,16 @@ class Node:
 
     def in_sequence(self, step: int, counter: int, is_valid: bool, count: int, now_us: int) -> None:
         self.counts["lost"] += step - 1
-        self.state = OK if step == 1 else LOST
+        self.enter(OK if step == 1 else LOST)
         if not is_valid:
-            self.counts["invalid"] += 1
+            self.disown()
             self.counter = counter
         elif self.max_step and not self.is_near(count, step, now_us):
             self.counts["jump"] += 1
+            self.errors |= 128
             self.counter = counter
             if self.third(counter):
-                self.state = WRONG_SEQUENCE
+                self.enter(WRONG_SEQUENCE)
                 self.answer(counter, count, 0, now_us)
         else:
             self.counts["ok"] += 1
@@ -308,9 +437,25 @@ class Node:
         if move:
             side = math.copysign(1, move)
             self.w = side - (side - self.w) * math.exp(-self.travel * abs(move))
+        self.ramp(min(now_us - self.good_us, 65535) if self.runs else 0)
         self.counter, self.count, self.good_us = counter, count, now_us
         self.runs, self.row, self.offs = True, 0, 0
-        self.answers.append(Answer(now_us / 1e6, self.state, counter, self.w))
+        limit = self.limit / 65536
+        ratio = max(-limit, min(limit, self.w * self.gain_now / 65536))
+        self.answers.append(Answer(now_us / 1e6, self.state, counter, ratio, self.answered))
+        self.answered = (self.answered + 1) % 16
+
+    def ramp(self, elapsed_us: int) -> None:
+        """The gain on its way, as far as the time since the last answer lets it."""
+        step = 65536 * elapsed_us / self.ramp_us if self.ramp_us else math.inf
+        self.gain_now += max(-step, min(step, self.gain - self.gain_now))
+
+
+def told_in(frame: Logged) -> Told:
+    """The Status in a frame."""
+    assert is_good(frame, 5)
+    first, *sums, _, timeout = frame.data[1:]
+    return Told(round(frame.time, 6), first & 15, first >> 4, *sums, timeout)
 
 
 def check_node(log: list[Logged], node: Node, told: dict | None = None) -> Node:
@@ -320,15 +465,14 @@ def check_node(log: list[Logged], node: Node, told: dict | None = None) -> Node:
     node.play(log)
     seen = [frame for frame in log if frame.id == TORQUE | node.number]
     assert all(is_good(frame, 0xC) for frame in seen)
-    assert [frame.data[1] & 15 for frame in seen[:15]] == list(range(min(15, len(seen))))
-    assert [(round(f.time * 1e6), f.data[1] >> 4, f.data[2] & 15) for f in seen] == [
-        (round(a.time * 1e6), a.state, a.echo) for a in node.answers
+    assert [(round(f.time * 1e6), f.data[1], f.data[2] & 15) for f in seen] == [
+        (round(a.time * 1e6), a.state << 4 | a.counter, a.echo) for a in node.answers
     ]
     ratios = np.array([word(frame.data, 4) for frame in seen]) / 2**30
     exact = np.array([answer.ratio for answer in node.answers])
     assert np.abs(ratios - exact).max(initial=0) < Q30_BOUND
-    states = [(round(f.time, 6), f.data[1] >> 4) for f in log if f.id == STATUS | node.number]
-    assert states == node.statuses
+    statuses = [told_in(frame) for frame in log if frame.id == STATUS | node.number]
+    assert statuses == node.statuses
     if told is not None:
         assert {name: count for name, count in told.items() if count} == +node.counts
     return node

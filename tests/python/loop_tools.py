@@ -11,7 +11,7 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -111,8 +111,8 @@ def serving(
 
 
 @contextlib.contextmanager
-def client(port: int) -> Iterator[can.BusABC]:
-    bus = can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
+def client(port: int, opens: Callable[..., can.BusABC] = can.Bus) -> Iterator[can.BusABC]:
+    bus = opens(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
     try:
         yield bus
     finally:
@@ -152,6 +152,7 @@ class Logged:
     id: int
     data: bytes
     is_extended: bool = False
+    is_foreign: bool = False  # a remote frame or one of CAN FD, which no log tells
 
 
 def read_log(path: Path) -> list[Logged]:

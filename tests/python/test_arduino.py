@@ -49,9 +49,10 @@ def test_it_has_the_layout_of_a_library(packed: Path) -> None:
     assert set(wanted.split()) <= set(fields)
     assert (fields["name"], fields["includes"]) == ("dahl", "dahl.hpp")
     assert (packed / "src" / fields["includes"]).exists()
-    assert not list(packed.rglob("*.S")) and not [
-        one for one in packed.rglob("*") if one.is_symlink()
-    ]
+    assert not [one for one in packed.rglob("*") if one.is_symlink()]
+    kinds = {one.suffix for one in (packed / "src").rglob("*.*")}
+    assert kinds == {".c", ".h", ".hpp", ".S", ".inc"}
+    assert (packed / "extras/dahl.dbc").exists()
     headers = "".join(path.read_text() for path in packed.glob("src/*.h*"))
     for line in (packed / "keywords.txt").read_text().splitlines():  # what the editor highlights
         word, kind = line.split("\t")
@@ -85,7 +86,7 @@ class Sketch:
         source = self.folder / f"{name}.ino.cpp"
         text = (self.packed / f"examples/{name}/{name}.ino").read_text()
         source.write_text(f"#include <Arduino.h>\n{text}")
-        library = sorted(self.packed.glob("src/*/*.c"))
+        library = sorted(self.packed.glob("src/*/*.[cS]"))
         strict = ["-Wall", "-Wextra", "-Werror"]
         with ThreadPoolExecutor(2) as workers:
             objects = list(workers.map(self.compiled, self.core))
@@ -141,7 +142,7 @@ def test_the_quadrature_sketch_follows_a_turning_shaft(packed: Path, tmp_path: P
     """On a stand-in for the board: every edge counts, and the torque has the sign of the motion."""
     sketch = packed / "examples/QuadratureEncoder/QuadratureEncoder.ino"
     shaft, program = Path(__file__).with_name("arduino_shaft.cpp"), tmp_path / "shaft"
-    library = sorted(packed.glob("src/*/*.c"))
+    library = sorted(packed.glob("src/*/*.[cS]"))
     run("gcc", "-std=c99", "-O1", "-c", f"-I{packed}/src", *library, cwd=tmp_path)
     words = ["-std=c++11", f"-I{packed}/src", f'-DSKETCH="{sketch}"', shaft]
     run("g++", *words, *tmp_path.glob("*.o"), "-o", program)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -39,17 +40,44 @@ def without(monkeypatch: pytest.MonkeyPatch, package: str) -> None:
     monkeypatch.setenv("DAHL_SETUP_TRIED", "1")
 
 
+def brought_by(said: str) -> list[list[str]]:
+    """What each pip command in a line installs, as a shell splits it."""
+    commands = re.findall(r"pip install ('[^']+'(?: '[^']+')*)", said)
+    return [shlex.split(words) for words in commands]
+
+
 @pytest.mark.parametrize("verb", NEEDS)
-def test_each_command_names_what_it_lacks_and_what_brings_it(dahl, tmp_path, verb, monkeypatch):
-    """And nothing has been written then."""
-    extras, packages = NEEDS[verb]
+def test_each_command_names_what_it_lacks_and_what_brings_it(
+    dahl, tmp_path, verb, monkeypatch, extras
+):
+    """By the packages' own names, since no index has dahl, and in the versions of its extras; or by
+    an extra, from the sources. Nothing has been written then.
+    """
+    names, packages = NEEDS[verb]
     for package in packages:
         with monkeypatch.context() as missing:
             without(missing, package)
             code, said = complaint(dahl(verb, *WORDS.get(verb, [])))
         assert code == 1 and f"dahl {verb} " in said
-        assert CALLED.get(package, package) in said and f"pip install 'dahl[{extras}]'" in said
+        (direct,), from_sources = brought_by(said)
+        allowed = {str(one) for some in extras.values() for one in some if "dahl" not in one.name}
+        assert str(Requirement(direct)) in allowed
+        assert Requirement(direct).name == CALLED.get(package, package)
+        assert from_sources == [f".[{names}]"]
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("verb", NEEDS)
+def test_an_unknown_option_is_reported_before_what_is_lacking(dahl, verb, monkeypatch):
+    """Not an option of python-can's, which it knows without it."""
+    for package in NEEDS[verb][1]:
+        without(monkeypatch, package)
+    words = [*WORDS.get(verb, []), "--nonsense", "7"]
+    if verb in ("monitor", "record", "node", "identify"):
+        words += ["--interface", "socketcan", "-b", "500000", "--fd", "--bus-kwargs", "a=1"]
+    code, said = complaint(dahl(verb, *words))
+    assert code == 2 and "--nonsense" in said
+    assert [word for word in ("socketcan", "500000", "--fd", "a=1", "pip") if word in said] == []
 
 
 @pytest.mark.parametrize("asked", ["--help", "-h"])
@@ -58,8 +86,10 @@ def test_the_help_without_python_can_says_what_it_lacks(dahl, monkeypatch, asked
     without(monkeypatch, "can")
     said = dahl("monitor", asked)
     assert (said.returncode, said.stderr) == (0, "")
-    for words in ("--window TICKS", "dahl monitor -i socketcan", "pip install 'dahl[can]'"):
+    for words in ("--window TICKS", "dahl monitor -i socketcan", "--bitrate"):
         assert words in said.stdout
+    (direct,), from_sources = brought_by(" ".join(said.stdout.split()))
+    assert direct.startswith("python-can") and from_sources == [".[can]"]
 
 
 def test_numpy_alone_is_enough_for_a_plan_and_completion(dahl, monkeypatch):

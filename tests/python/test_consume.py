@@ -5,14 +5,16 @@ as C and as C++.
 """
 
 import math
+import os
 import re
 import shutil
 import subprocess
+from itertools import groupby
 from pathlib import Path
 
 import dahl
 import pytest
-from conftest import ROOT, need
+from conftest import ROOT, from_pypi, need
 
 CONSUMER = ROOT / "tests/consume"
 PRIVATE = {
@@ -105,12 +107,12 @@ def all_calls(headers: set[str], table: str) -> str:
     ],
 )
 def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> None:
-    """And the components, where there are any, with headers that no other file stands beside."""
+    """And the components, with headers that no other file stands beside; a package has the node."""
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
-    wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED}
-    if way in ("add_subdirectory", "find_package"):
-        options += ["-DCOMPONENTS=ON", *(ASKED if way == "add_subdirectory" else [])]
-        wanted |= {"consumer_node": 2 * EXPECTED, "consumer_components": EXPECTED}
+    options += ["-DDAHL_COMPONENTS=node;float", *ASKED]
+    wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_node": 2 * EXPECTED}
+    if way in ("add_subdirectory", "FetchContent", "find_package"):
+        wanted["consumer_components"] = EXPECTED
     project(tmp_path, way, own_headers, *options)
     run("cmake", "--build", tmp_path)
     for program, torque in wanted.items():
@@ -124,19 +126,70 @@ def test_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> Non
         assert f"version: {dahl.__version__}" in said
 
 
+@pytest.mark.parametrize(
+    ("asked", "found"), [("dahl", True), ("float", True), ("batch", False), ("dahl;gear", False)]
+)
+def test_a_component_that_is_not_installed_is_not_found(
+    asked: str, found: bool, prefix: Path, own_headers: Path, tmp_path: Path
+) -> None:
+    """It is named, with those that are installed. (CMake breaks the lines of a message.)"""
+    options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_COMPONENTS={asked}"]
+    if found:
+        project(tmp_path, "find_package", own_headers, *options)
+        return
+    said = project(tmp_path, "find_package", own_headers, *options, code=1)
+    said = " ".join(said.split())
+    missing = asked.rpartition(";")[2]
+    assert f"'{missing}'" in said and "dahl;node;float" in said
+    assert "-DDAHL_BUILD_NODE=ON" in said
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("way", ["add_subdirectory", "find_package"])
+def test_cmake_of_debian_11_and_ubuntu_20_04_suffices(
+    way: str, prefix: Path, own_headers: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """3.16, for a project that takes the library and for the library itself."""
+    oldest = from_pypi("cmake_3.16", "cmake==3.16.8", "CMake 3.16 suffices")
+    monkeypatch.setenv("PATH", f"{oldest}:{os.environ['PATH']}")
+    assert run("cmake", "--version").startswith("cmake version 3.16")
+    own = install(tmp_path / "by_3.16", *ASKED)
+    options = [f"-DCMAKE_PREFIX_PATH={own}", "-DDAHL_COMPONENTS=node;float", *ASKED]
+    project(tmp_path / "b", way, own_headers, *options)
+    run("cmake", "--build", tmp_path / "b")
+    assert float(run(tmp_path / "b/consumer_node")) == pytest.approx(2 * EXPECTED, rel=1e-6)
+    options[0] = f"-DCMAKE_PREFIX_PATH={prefix}"  # what a newer CMake has installed
+    project(tmp_path / "c", way, own_headers, *options)
+
+
 def test_no_source_reads_a_header_of_its_user(own_headers: Path) -> None:
     """Not those of the components either, though the user's folder comes first."""
     flags = ["-std=c99", f"-I{own_headers}", f"-I{ROOT}/lib/include", "-fsyntax-only"]
     run("gcc", *flags, *(ROOT / "lib").rglob("*.c"))
 
 
-def test_pkg_config(prefix: Path, own_headers: Path, tmp_path: Path) -> None:
-    (config,) = prefix.rglob("dahl.pc")
-    assert run("pkg-config", "--modversion", config).strip() == dahl.__version__
-    flags = run("pkg-config", "--cflags", "--libs", config).split()
+@pytest.mark.parametrize(
+    ("package", "source", "torque"),
+    [("dahl", "main.c", EXPECTED), ("dahl_node", "node.c", 2 * EXPECTED)],
+)
+def test_pkg_config(
+    package: str, source: str, torque: float, prefix: Path, own_headers: Path, tmp_path: Path
+) -> None:
+    (config,) = prefix.rglob(f"{package}.pc")
+    path = {**os.environ, "PKG_CONFIG_PATH": str(config.parent)}
+    assert run("pkg-config", "--modversion", package, env=path).strip() == dahl.__version__
+    flags = run("pkg-config", "--cflags", "--libs", package, env=path).split()
     own = [f"-I{own_headers}", "-DCONSUMER"]
-    run("gcc", CONSUMER / "main.c", "-o", tmp_path / "consumer", *flags, *own)
-    assert float(run(tmp_path / "consumer")) == pytest.approx(EXPECTED, rel=1e-6)
+    run("gcc", CONSUMER / source, "-o", tmp_path / "consumer", *flags, *own)
+    assert float(run(tmp_path / "consumer")) == pytest.approx(torque, rel=1e-6)
+
+
+def test_pkg_config_knows_each_component(prefix: Path) -> None:
+    """All their calls link with the flags of the component alone."""
+    assert {file.stem for file in prefix.rglob("*.pc")} == {"dahl", "dahl_node", "dahl_float"}
+    path = {**os.environ, "PKG_CONFIG_PATH": str(next(prefix.rglob("dahl.pc")).parent)}
+    libs = run("pkg-config", "--libs", "dahl_float", env=path).split()
+    assert {"-ldahl_float", "-ldahl", "-lm"} <= set(libs)
 
 
 @pytest.mark.parametrize(
@@ -187,7 +240,8 @@ def test_a_plain_build_needs_a_compiler_and_nothing_else(tmp_path: Path) -> None
     assert {file.name for file in prefix.rglob("*.a")} == {"libdahl.a"}
     assert headers(prefix) == HEADERS and (prefix / "include/dahl.hpp").exists()
     assert {file.name for file in prefix.rglob("*.cmake")} == {
-        *("dahl-config.cmake", "dahl-config-version.cmake", "dahl-config-relwithdebinfo.cmake")
+        *("dahl-config.cmake", "dahl-config-version.cmake"),
+        *("dahl-targets.cmake", "dahl-targets-relwithdebinfo.cmake"),
     }
     dbc, described = prefix / "share/dahl/dahl.dbc", ROOT / "lib/node/dahl.dbc"
     assert dbc.read_bytes() == described.read_bytes()
@@ -217,15 +271,25 @@ TIMER = (
 )
 
 
+STATEMENT = re.compile(r" \*\s+(?:[\w ]+:\s+)?(\S.*[;}])\s*(?://.*)?")  # `each tick:` before it
+
+
+def example_of(header: str) -> list[str]:
+    """The longest run of comment lines that end as statements of C do."""
+    found = [STATEMENT.fullmatch(line) for line in header.splitlines()]
+    runs = [list(run) for is_code, run in groupby(found, bool) if is_code]
+    return [line[1] for line in max(runs, key=len)]
+
+
 def snippet(name: str) -> str:
-    """The README's first C block is a whole file for a firmware; the lines of a header's USE
-    section stand in a function here, with what they leave to the reader.
+    """The README's first C block is a whole file for a firmware; a header's example stands in a
+    function here, with what it leaves to the reader.
     """
     if name == "README.md":
         return re.search(r"```c\n(.*?)```", (ROOT / name).read_text(), re.S)[1]
-    text = (ROOT / "lib/include" / name).read_text()
-    use = re.search(r"^ \* USE\n((?: \*   .*\n)+)", text, re.M)[1].splitlines()
-    lines = [line.removeprefix(" * ").replace("each tick:", "") for line in use]
+    lines = example_of((ROOT / "lib/include" / name).read_text())
+    assert any("prepare" in line or "init" in line for line in lines), lines
+    assert any("step_counts" in line for line in lines), lines
     before = TIMER if "encoder" in name else STOP
     head = f'#include "dahl.h"\n#include "{name}"\n{before}float use(void)\n{{\n    float F = 0;\n'
     return head + "\n".join(lines) + "\n    return F;\n}\n"

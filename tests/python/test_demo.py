@@ -32,6 +32,7 @@ from demo_tools import (
     write_log,
 )
 from identify_tools import caller, complaint
+from log_reading import drawing
 from loop_tools import SCENES, wait_until
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
@@ -99,7 +100,7 @@ def test_the_table_has_the_numbers_of_the_summary(demo):
     assert (rows["bus"], rows["ticks"]) == (numbers["bus"], str(TICKS))
     assert rows["frames sent, lost"] == f"{TICKS}, 0"
     for name, value in numbers["latency_us"].items():
-        assert f"{name} {value:.0f} us" in rows["latency"]
+        assert f"{name} {value:.0f} µs" in rows["latency"]
     exact, fit = (rows[name] for name in rows if name.startswith("error against"))
     assert exact.startswith(f"{numbers['max_error_ulp_Fc']:.3f} ulp of Fc")
     assert f"{numbers['rmse_measured']:.4g} N m, R² {numbers['r2_measured']:.4f} " in fit
@@ -177,18 +178,24 @@ def test_the_fault_storm_is_counted_and_exact(dahl, tmp_path):
     injected, expected = numbers["faults"]["injected"], numbers["faults"]["expected"]
     assert numbers["max_error_ulp_Fc"] <= 0.52 and sum(injected.values()) > 400
     assert {name: numbers["node"][name] for name in expected} == expected
-    told = " ".join(done.stdout.split())
-    assert "all, to the last one" in told and f"bus_off {injected['bus_off']}" in told
+    rows = {name: " ".join(value.split()) for name, value in rows_of(done.stdout).items()}
+    assert "all, to the last one" in rows["faults counted by the node"]
+    assert f"bus off {injected['bus_off']}" in rows["faults"]
     assert not [key for key in numbers if re.search("latency|jitter|deadline", key)]
-    assert " us" not in done.stdout
+    assert " µs" not in done.stdout
     assert dahl("report", "out").returncode == 0 and dahl("plot", "out").returncode == 0
     assert "latency of" not in (tmp_path / "out" / "report.html").read_text().lower()
 
 
 def test_a_closed_loop_says_how_well_it_follows(dahl, tmp_path):
-    """And is drawn again with no panel less."""
-    done = dahl("demo", "--scene", "slow-reversal", "--output", "out")
+    """Beside itself without compensation, whose error is five times as large; and is drawn again
+    with no panel less.
+    """
+    with drawing() as figures:
+        done = dahl("demo", "--scene", "slow-reversal", "--output", "out")
     assert done.returncode == 0, done.stderr
+    tracking, without = (line.get_ydata() for line in figures[0].axes[-1].lines)
+    assert np.sqrt(np.mean(without**2)) > 5 * np.sqrt(np.mean(tracking**2))
     folder = tmp_path / "out"
     numbers, rows = summary_of(folder), rows_of(done.stdout)
     assert numbers["max_error_ulp_Fc"] is None
@@ -197,6 +204,7 @@ def test_a_closed_loop_says_how_well_it_follows(dahl, tmp_path):
         assert f"{part} {control[name]:.3g} rad" in rows["tracking error"]
     turns = [control["torque_alternations"], control["reference_reversals"]]
     assert list(map(int, re.findall(r"\d+", rows["sign of the torque"]))) == turns
+    assert control["rms_error_rad"] == pytest.approx(np.sqrt(np.mean(tracking**2)), rel=1e-6)
     assert (folder / "trace.csv").stat().st_size > 100000
     assert dahl("plot", "out", "-o", "again.png").returncode == 0
     assert Path("again.png").read_bytes() == (folder / "loop.png").read_bytes()
@@ -308,6 +316,21 @@ def test_nobody_is_left_behind(running, number, code):
     running.send_signal(number)
     assert running.wait(30) == code
     wait_until(lambda: not any(map(is_running, programs)))
+
+
+def test_a_recorder_that_is_dropped_is_not_compared(running, tmp_path):
+    """It was stopped until the server closed its connection; the frames until then are drawn."""
+    running.send_signal(signal.SIGSTOP)
+    wait_until(lambda: "too slowly" in (tmp_path / "node.err").read_text(), 60)
+    running.send_signal(signal.SIGCONT)
+    out, errors = running.communicate(timeout=60)
+    numbers = summary_of(tmp_path)
+    assert running.returncode == 1 and errors.count("\n") == 1
+    assert errors.startswith(f"error: {tmp_path / 'summary.json'}: ") and "not compared" in errors
+    assert "not compared" in rows_of(out)["error against the exact torque"]
+    assert "ulp of Fc" not in out and numbers["max_error_ulp_Fc"] is None
+    assert 0 < numbers["frames_recorded"] < numbers["frames_sent"]
+    assert (tmp_path / "loop.png").exists()
 
 
 @pytest.mark.parametrize(("which", "name"), [(0, "node"), (1, "encoder")])

@@ -9,6 +9,7 @@ import contextlib
 import math
 import os
 import re
+import resource
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -176,9 +177,30 @@ def test_a_file_that_cannot_be_written_is_one_line(dahl):
     words = ("demo", "--scene", "segments", "--output", "file/out")
     code, said = complaint(dahl(*words))
     assert code == 1 and said.startswith("file/out: ")
-    Path("trace.csv").symlink_to("/dev/full")
-    code, said = complaint(dahl("demo", "--scene", "parking", "--seconds", 0.3, "--output", "."))
-    assert code == 1 and "trace.csv: " in said
+    for name in ("trace.csv", "run.log"):
+        Path(name).unlink(missing_ok=True)
+        Path(name).symlink_to("/dev/full")
+        done = dahl("demo", "--scene", "parking", "--seconds", 0.3, "--output", ".")
+        code, said = complaint(done)
+        assert code == 1 and said.endswith(f"{name}: No space left on device")
+        Path(name).unlink()
+
+
+@pytest.mark.parametrize(("limit", "name"), [(50003, "run.log"), (0, "node.err")])
+def test_a_full_disk_leaves_whole_lines(run_dahl, tmp_path, limit, name):
+    """As many as fit: a limit of the file's size cuts one as a full disk does. It may hold no word
+    of dahl-loop.
+    """
+    words = ("demo", "--scene", "steering", "--seconds", "2", "--bus", "socketcand")
+    done = run_dahl(
+        *words,
+        *("--output", tmp_path),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    file = tmp_path / name
+    assert complaint(done) == (1, f"{file}: File too large")
+    if limit:
+        assert file.read_bytes().endswith(b"\n") and limit - 50 < file.stat().st_size <= limit
 
 
 # --- what dahl-loop is started with ---------------------------------------------------------------

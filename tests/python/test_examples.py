@@ -100,6 +100,32 @@ def test_new_parameters_are_taken_by_the_next_tick(shaft) -> None:
     assert refused > 100 and early > 100
 
 
+USE = """#include "friction.h"
+int main(void)
+{
+    dahl_params_t params = {100.0f, 0.5f, 4e-4f};
+    dahl_err_t err;
+    return friction_set(&params, &err) && friction_plan() != 0 && friction_tick(3) > 0.0f;
+}
+"""
+
+
+@pytest.mark.checks
+@pytest.mark.parametrize(
+    "compiler",
+    ["avr-gcc -mmcu=atmega2560", "arm-none-eabi-gcc -mcpu=cortex-m0 --specs=nosys.specs"],
+)
+def test_new_parameters_need_no_library_of_atomics(compiler, root, tmp_path) -> None:
+    """An access that the core does not make at once is a call that no bare-metal library has."""
+    words, folder = compiler.split(), root / "examples/change_parameters"
+    need(words[0], "parameters change under an interrupt")
+    (main := tmp_path / "main.c").write_text(USE)
+    words += ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-Werror", f"-I{root}/lib/include"]
+    files = [f"-I{folder}", main, folder / "friction.c", *CORE, "-o", tmp_path / "image"]
+    done = subprocess.run([*words, *files], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.checks
 @pytest.mark.parametrize("words", [[], ["-m", "pytest", "-p", "no:cacheprovider"]])
 def test_without_a_node_an_example_says_so_in_few_lines(root, tmp_path, words):
@@ -136,6 +162,22 @@ def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path
     said = re.findall(r"tick +(\d+) +(-?\d+) nN m", done.stdout + done.stderr)
     found = {int(tick): int(torque) * 1e-9 for tick, torque in said}
     assert found == pytest.approx(expected_torques(), abs=1e-7)
+    image = project / "build/firmware.elf"
+    names = subprocess.run(["arm-none-eabi-nm", image], capture_output=True, text=True, check=True)
+    assert " T dahl_step_counts_q30\n" in names.stdout  # in assembly: the C is weak, W
+
+
+def test_the_example_for_esp_idf_tells_the_torques_of_the_model(root: Path, tmp_path: Path) -> None:
+    """Its app_main() on this machine; what ESP-IDF adds is its build."""
+    (main := tmp_path / "main.c").write_text(
+        "void app_main(void);\nint main(void) { app_main(); }\n"
+    )
+    example, program = root / "examples/esp_idf/main/main.c", tmp_path / "program"
+    words = ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", f"-I{root}/lib/include"]
+    subprocess.run([*words, main, example, *CORE, "-o", program], check=True)
+    said = subprocess.run([program], capture_output=True, text=True, check=True).stdout
+    found = {int(t): float(F) for t, F in re.findall(r"tick (\d+) (\S+) N m", said)}
+    assert found == pytest.approx(expected_torques(), abs=1e-6)
 
 
 @pytest.mark.checks

@@ -278,6 +278,18 @@ def test_a_silence_is_told_in_the_tick_after_the_timeout(tmp_path, ms):
     agreement(result.summary)
 
 
+@pytest.mark.parametrize("kind", ["silence", "bus_off"])
+def test_the_books_agree_whenever_the_run_ends(tmp_path, kind):
+    """In each tick of a silence: before the timeout, in the tick that sees it, and after it."""
+    seen = set()
+    for ticks in range(OFF_TICKS - 20, OFF_TICKS + 20):
+        summary = storm(tmp_path, "--seconds", ticks / 1000, **{kind: 1}).summary
+        agreement(summary)
+        seen.add((summary["node"]["stale"], summary["node"]["bus_off"], summary["node"]["rearm"]))
+    told = (1, 0) if kind == "silence" else (0, 1)
+    assert {(*told, rearm) for rearm in (0, 1, 2)} <= seen
+
+
 @pytest.mark.parametrize("options", [(), ("--bitrate", 500000), ("--bitrate", 1000000)])
 def test_what_befalls_one_node_is_that_of_this_node(tmp_path, options):
     """Three that do not begin at 0, or one on a bus that takes time: their own bus-offs,

@@ -225,3 +225,18 @@ def test_four_nodes_at_one_kilohertz_lose_nothing(tmp_path, seconds):
     assert result.code == 0, result.err
     assert told["frames_sent"] == told["frames_answered"] == 4000 * seconds
     assert told["latency_us"]["p99"] < 1000
+
+
+def test_a_bit_rate_delays_frames_on_loopback_alone(tmp_path):
+    """On a served bus it is there for the load, which is that of the same frames on loopback."""
+    common = ("--virtual", "--bitrate", 250000, "--seconds", 0.2)
+    timed, served = (
+        run(tmp_path / bus, STEERING, *common, "--bus", bus) for bus in ("loopback", "socketcand:0")
+    )
+    frames, delayed = read_log(served.log), read_log(timed.log)
+    assert sorted(frame.data for frame in frames) == sorted(frame.data for frame in delayed)
+    assert all(round(frame.time * 1e6) % 1000 == 0 for frame in frames)
+    assert any(round(frame.time * 1e6) % 1000 for frame in delayed)
+    load = sum(map(bits, frames)) / (250000 * 0.2)
+    assert served.summary["bus_load"] == pytest.approx(load, rel=1e-6)
+    assert load > 0.7 and LATE_LINES.fullmatch(served.err.strip())

@@ -200,6 +200,20 @@ def test_a_stall_of_the_nodes_program_is_no_silence_of_the_bus(node):
     assert (results[0]["node"]["ok"], results[0]["node"]["stale"]) == (60, 0)
 
 
+def test_what_had_come_when_the_end_came_is_answered(node):
+    """A node that is asked to end while frames wait for it."""
+    with node(*PATIENT) as (encoder, process, results):
+        encoder.good(0, 0, state="Init", used=False)
+        process.send_signal(signal.SIGSTOP)
+        for counter in range(1, 60):
+            encoder.bus.send(encoder.frame(counter % 16, 10 * counter))
+        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGCONT)
+        answers = [encoder.heard(0x110) for _ in range(1, 60)]
+    assert [answer["EchoCounter"] for answer in answers] == [k % 16 for k in range(1, 60)]
+    assert results[0]["node"]["ok"] == 60
+
+
 def test_in_lockstep_a_stall_of_the_encoders_program_is_none_either_and_patience_ends(node):
     """A node's clock waits for the next angle, for 2 s; then it runs on, and the timeout passes."""
     with node("friction.node=5", options=("--lockstep",)) as (encoder, _, results):

@@ -83,7 +83,7 @@ def due_times(stall: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(times), np.array(late)
 
 
-@pytest.mark.parametrize(("stall", "seconds"), [(0, 3), (0.3, 3), (0.95, 6), (1.5, 2)])
+@pytest.mark.parametrize(("stall", "seconds"), [(0, 3), (0.3, 3), (0.95, 6), (1.5, 2), (3, 2)])
 def test_the_beat_is_a_millisecond_and_a_stall_is_made_up_for_a_third_faster(
     tmp_path, clock, stall, seconds
 ):
@@ -98,7 +98,18 @@ def test_the_beat_is_a_millisecond_and_a_stall_is_made_up_for_a_third_faster(
     assert gaps.min() > 0.73 * TICK and np.sort(gaps)[-2] < 1.02 * TICK
     assert told["beat_late_us"]["max"] == pytest.approx(1e6 * late.max(), rel=0.01, abs=20)
     assert told["beat_late_us"]["p50"] == pytest.approx(1e6 * np.median(late), rel=0.04, abs=20)
+    misses = np.count_nonzero(late > TICK)
+    assert told["deadline_misses"] == pytest.approx(misses, abs=3 if 0 < stall < 1 else 0)
     assert told["realtime_factor"] == pytest.approx(seconds / (due[-1] + TICK), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "misses"), [(("--role", "node"), 1), (("--role", "node", "--lockstep"), 0)]
+)
+def test_a_tick_of_a_node_that_comes_late_has_missed_its_deadline(tmp_path, clock, words, misses):
+    """But in lockstep, where it may have waited for an angle."""
+    told = timed(tmp_path, clock, 3, "--seconds", "1", *words).summary
+    assert (told["deadline_misses"], told["beat_late_us"]["max"] > 2.9e6) == (misses, True)
 
 
 def test_the_last_answers_have_a_second_where_somebody_answers(tmp_path, clock):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import random
+import re
 import subprocess
 from pathlib import Path
 
@@ -287,11 +288,15 @@ def test_where_a_measured_log_is_looked_for(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(("seconds", "ticks"), [("0.001", 1), ("1.2346", 1235), ("0.0015", 2)])
 def test_it_ends_when_its_time_is_over(tmp_path, seconds, ticks):
-    """--seconds counts ticks, to the nearest one; a motion that is shorter ends it before."""
+    """--seconds counts ticks, to the nearest one; a shorter motion ends it before, and says so."""
     path = SCENES / "steering.ini"
-    assert run(tmp_path, path, "--virtual", "--seconds", seconds).summary["ticks"] == ticks
-    ended = run(tmp_path, path, "--virtual", "--seconds", 9, *setting(f"motion.seconds={seconds}"))
+    whole = run(tmp_path, path, "--virtual", "--seconds", seconds)
+    assert (whole.summary["ticks"], whole.err) == (ticks, "")
+    short = setting(f"motion.seconds={seconds}")
+    ended = run(tmp_path, path, "--virtual", "--nodes", 16, "--seconds", 9, *short)
     assert ended.summary["ticks"] == ticks
+    assert re.fullmatch(rf"note: .*\b9\b.*\b{ticks / 1000} s\n", ended.err)
+    assert run(tmp_path, path, "--virtual", *short).err == ""
 
 
 def test_the_summary_says_what_was_run(tmp_path):

@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import tarfile
 from pathlib import Path
 
@@ -18,18 +17,28 @@ import cantools
 import dahl
 import pytest
 import yaml
-from conftest import BUILD, ROOT
+from conftest import ROOT, from_pypi
 
 PUBLIC = {
-    f"lib/include/{name}" for name in ("dahl.h", "dahl_encoder.h", "dahl_parts.h", "dahl.hpp")
+    f"lib/include/{name}"
+    for name in ("dahl.h", "dahl_encoder.h", "dahl_parts.h", "dahl.hpp", "dahl_node.h")
+    + ("dahl_frames.h", "dahl_can_bus.h")
 }
-CORE = {
-    path.relative_to(ROOT).as_posix()
-    for folder in ("arith", "model", "parts")
-    for path in (ROOT / "lib" / folder).glob("*.[ch]")
-}
-NEEDED = PUBLIC | CORE | {"LICENSE", "README.md"}
+
+
+def of(folder: str, *kinds: str) -> set[str]:
+    """Files of a folder by their kinds."""
+    files = [path for kind in kinds for path in (ROOT / folder).rglob(f"*.{kind}")]
+    assert files
+    return {path.relative_to(ROOT).as_posix() for path in files}
+
+
+CORE = set().union(*(of(f"lib/{name}", "c", "h") for name in ("arith", "model", "parts")))
+NODE = of("lib/node", "c", "h", "dbc")
+ASSEMBLY = of("lib/cores", "S", "inc", "c")
+NEEDED = PUBLIC | CORE | NODE | {"LICENSE", "README.md"}
 ESP_IDF = {"CMakeLists.txt", "idf_component.yml", "port/esp_idf/component.cmake"}
+ESP_IDF |= of("examples/esp_idf", "txt", "yml", "c")  # no ESP has a core of Arm's
 HEADER = (ROOT / "lib/include/dahl.h").read_text()
 VERSION = re.search(r'#define DAHL_VERSION "([\d.]+)"', HEADER)[1]
 
@@ -60,25 +69,53 @@ def test_platformio() -> None:
     manifest = json.loads((ROOT / "library.json").read_text())
     assert (manifest["name"], manifest["license"]) == ("dahl", "MIT")
     assert set(manifest["headers"]) == {Path(path).name for path in PUBLIC}
-    assert matching(manifest["export"]["include"]) == NEEDED | {"library.json"}
+    packed = matching(manifest["export"]["include"])
+    shown = {f"{one['base']}/{file}" for one in manifest["examples"] for file in one["files"]}
+    assert packed == NEEDED | ASSEMBLY | {"library.json"} | shown
+    assert len(shown) > 3
+    sources = {f"+<{folder}/>" for folder in ("arith", "cores", "model", "node", "parts")}
+    assert set(manifest["build"]["srcFilter"]) == sources
+
+
+ADDRESS = re.compile(r"https://[\w./-]+")
+
+
+def test_all_manifests_name_one_author_and_one_address() -> None:
+    """In the fields that each format has for them."""
+    pio = json.loads((ROOT / "library.json").read_text())
+    idf = yaml.safe_load((ROOT / "idf_component.yml").read_text())
+    lines = (ROOT / "port/arduino/library.properties").read_text().splitlines()
+    arduino = dict(line.split("=", 1) for line in lines)
+    home = {pio["homepage"], idf["url"], arduino["url"], *(one["url"] for one in pio["authors"])}
+    assert len(home) == 1 and ADDRESS.fullmatch(home.pop())
+    assert pio["repository"]["url"] == idf["repository"] and ADDRESS.fullmatch(idf["repository"])
+    (author,) = {one["name"] for one in pio["authors"]}
+    assert [author] == idf["maintainers"] and author == arduino["author"] == arduino["maintainer"]
 
 
 def test_zephyr() -> None:
     module = yaml.safe_load((ROOT / "zephyr/module.yml").read_text())
     assert module["name"] == "dahl"
-    assert (ROOT / module["build"]["kconfig"]).read_text().count("config DAHL\n") == 1
+    options = re.findall(r"^config (\w+)$", (ROOT / module["build"]["kconfig"]).read_text(), re.M)
+    assert options == ["DAHL", "DAHL_NODE"]
     assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
 
 
+# What the library calls; here they tell what they are given.
 THEIRS = ("zephyr_library_named", "zephyr_library_sources", "zephyr_include_directories")
-THEIRS += ("idf_component_register",)  # what the library calls; here they tell what they are given
+THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
 
 
 @pytest.mark.parametrize(
-    ("script", "chosen"),
-    [("zephyr", "set(CONFIG_DAHL y)"), ("zephyr", ""), (".", "set(ESP_PLATFORM 1)")],
+    ("script", "chosen", "files"),
+    [
+        ("zephyr", "set(CONFIG_DAHL y)", CORE | ASSEMBLY),
+        ("zephyr", "set(CONFIG_DAHL y)\nset(CONFIG_DAHL_NODE y)", CORE | ASSEMBLY | NODE),
+        ("zephyr", "", None),
+        (".", "set(ESP_PLATFORM 1)", CORE | NODE),
+    ],
 )
-def test_a_framework_compiles_the_core_where_it_is_chosen(tmp_path: Path, script, chosen) -> None:
+def test_a_framework_compiles_what_is_chosen(tmp_path: Path, script, chosen, files) -> None:
     follow = tmp_path / "follow.cmake"
     calls = [f'function({call})\nmessage("${{ARGV}}")\nendfunction()' for call in THEIRS]
     include = f'include("{ROOT / script}/CMakeLists.txt")'
@@ -86,8 +123,8 @@ def test_a_framework_compiles_the_core_where_it_is_chosen(tmp_path: Path, script
     command = ["cmake", "-P", str(follow)]
     told = subprocess.run(command, check=True, capture_output=True, text=True).stderr
     words = [os.path.relpath(word, ROOT) for word in re.split(r"[;\s]", told) if "/lib/" in word]
-    sources = {path for path in CORE if path.endswith(".c")}
-    assert sorted(words) == (sorted({*sources, "lib/include"}) if chosen else [])
+    sources = {path for path in files or () if path.endswith((".c", ".S"))}
+    assert sorted(words) == (sorted({*sources, "lib/include"}) if files else [])
 
 
 def test_esp_idf() -> None:
@@ -99,19 +136,9 @@ def test_esp_idf() -> None:
 
 @pytest.fixture(scope="module")
 def packers() -> Path:
-    """The folder of `pio` and `compote`, from PyPI, in an environment of their own."""
-    environment = BUILD.parent / "packers"
-    requirements = ROOT / "tests/consume/requirements.txt"
-    wanted = requirements.read_text()
-    stamp = environment / "installed.txt"
-    if not stamp.exists() or stamp.read_text() != wanted:
-        subprocess.run([sys.executable, "-m", "venv", "--clear", str(environment)], check=True)
-        pip = [str(environment / "bin/pip"), "install", "--quiet", "-r", str(requirements)]
-        done = subprocess.run(pip, check=False, timeout=280)
-        if done.returncode != 0:
-            pytest.skip("unproven: the packers of PlatformIO and ESP-IDF: PyPI is out of reach")
-        stamp.write_text(wanted)
-    return environment / "bin"
+    """The folder of `pio` and `compote`, from PyPI."""
+    wanted = (ROOT / "tests/consume/requirements.txt").read_text()
+    return from_pypi("packers", wanted, "the packers of PlatformIO and ESP-IDF")
 
 
 # PlatformIO looks up the names of licences on the net, and nothing else.
@@ -145,7 +172,8 @@ def test_pio_packs_what_is_needed(packers: Path, tree: Path, tmp_path: Path) -> 
     archive, home = (tmp_path / "dahl.tar.gz", {**os.environ, "PLATFORMIO_CORE_DIR": str(tmp_path)})
     command = [packers / "python", "-c", PACK, tree, archive]
     subprocess.run([str(word) for word in command], check=True, env=home, timeout=120)
-    assert packed(archive) == NEEDED | {"library.json"}
+    include = json.loads((ROOT / "library.json").read_text())["export"]["include"]
+    assert packed(archive) == matching(include)
 
 
 @pytest.mark.long

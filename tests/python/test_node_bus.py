@@ -231,11 +231,38 @@ def test_an_answer_is_to_what_was_asked():
 
 def test_nobody_there_is_said(ends):
     """By what did not come, of which node, and to what; also where others speak all the time."""
+    for kind in (TimeoutError, dahl.RunError):
+        with pytest.raises(kind):
+            node.ask(ends[0], EncoderState(1), timeout=0)
     with pytest.raises(dahl.RunError, match=r"FrictionTorque of node 5 in 0\.05 s.*EncoderState\("):
         node.ask(ends[0], EncoderState(1, 2), node=5, timeout=0.05)
     busy = Waiting(itertools.repeat(reply(1)))
     with pytest.raises(dahl.RunError, match=r"Status of node 0 in 0\.05 s"):
         node.ask(busy, Reset(What.ERRORS), timeout=0.05)
+
+
+SPOILED = codec.pack(EncoderState(5))
+SPOILED.data[5] ^= 1
+STATUS = codec.pack(codec.Status(1, State.OK, codec.Errors(0), 0, 0, 0, 0, 2, 25))
+TORQUE, OTHER = (codec.pack(codec.FrictionTorque(7), number) for number in (0, 1))
+
+
+@pytest.mark.parametrize("asked", [None, EncoderState(5), SPOILED])
+@pytest.mark.parametrize(
+    ("after", "is_answer"),
+    [((), False), ((STATUS, SPOILED, OTHER), False), ((STATUS, TORQUE), True), ((reply(1),), True)],
+)
+def test_silence_is_no_answer_of_that_node(asked, after, is_answer):
+    """Not a Status, which comes unasked, nor what waited before, nor what another node says."""
+    bus = Waiting([TORQUE], after)
+    sent, send = [], bus.send
+    bus.send = lambda message: (sent.append(bytes(message.data)), send(message))
+    if asked is None:
+        bus.queue = iter([TORQUE, None, *after])
+    with pytest.raises(dahl.RunError, match="node 0") if is_answer else contextlib.nullcontext():
+        node.expect_silence(bus, asked, seconds=0.02)
+    wanted = codec.pack(asked) if isinstance(asked, codec.Frame) else asked
+    assert sent == ([] if asked is None else [bytes(wanted.data)])
 
 
 @pytest.mark.parametrize(
@@ -276,6 +303,10 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: node.run(BUS, dahl.Node(PLAN), "x", seconds=0), r"nodes\[1\] = 'x'"),
     (lambda: node.ask(BUS, EncoderState(0), 16), "node = 16"),
     (lambda: node.ask(BUS, codec.FrictionTorque(5)), "frame = Friction"),
+    (lambda: node.expect_silence(BUS, 5, seconds=0), "5 is not a can.Message"),
+    (lambda: node.expect_silence(BUS, seconds=-1), "seconds = -1"),
+    (lambda: node.expect_silence(BUS, node=16), "node = 16"),
+    (lambda: node.expect_silence(Waiting(refuses=OSError), EncoderState(5)), "no buffer space"),
     *((lambda b=b: node.run(b, dahl.Node(PLAN), seconds=0), f"bus = {b!r}") for b in (None, 5)),
     *((lambda b=b: node.ask(b, EncoderState(0)), f"bus = {b!r}") for b in (None, 5)),
     *((lambda b=b: node.Listener(b, dahl.Node(PLAN)), f"bus = {b!r}") for b in (None, 5)),
@@ -294,5 +325,5 @@ def test_what_needs_python_can_says_so(monkeypatch):
     data = codec.to_bytes(EncoderState(5))
     assert codec.from_bytes(0x100, data) == EncoderState(5)
     for call in (lambda: codec.pack(EncoderState(5)), lambda: dahl.Node(PLAN).tick()):
-        with pytest.raises(dahl.RunError, match=r"pip install 'dahl\[can\]'"):
+        with pytest.raises(dahl.RunError, match=r"pip install 'python-can\[serial\]>=[\d.]+'"):
             call()

@@ -23,7 +23,7 @@ import pytest
 from dahl import Friction, Node, Plan, RunError, codec, node
 from dahl.codec import EncoderState, Param, ParamWrite, Result
 from identify_tools import complaint
-from loop_tools import SCENES, serving
+from loop_tools import SCENES, client, finished, serving
 from test_node import MODELS, THETA
 
 pytestmark = pytest.mark.usefixtures("library", "dahl_loop")
@@ -157,7 +157,8 @@ def asking(channel: str, found: list[object]) -> Iterator[None]:
 
     def ask() -> None:
         with can.Bus(interface="virtual", channel=channel) as bus:
-            assert bus.recv(10).arbitration_id == codec.Status.base
+            while bus.recv(10).arbitration_id != codec.Status.base:  # it first asks for another one
+                pass
             found.append(told(bus))
             found.append([node.ask(bus, EncoderState(n * n, n)).torque_q30 for n in range(9)])
 
@@ -230,6 +231,22 @@ def test_a_second_node_of_the_same_number_is_refused(tmp_path, dahl):
         assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
         other = dahl("node", *OWN, *on_port(port), "--node", "4", "--seconds", "0.1")
         assert other.returncode == 0 and other.stdout.startswith("node    4 ")
+
+
+@pytest.mark.parametrize("status", [(), ("--set", "status.period_ms=1000")])
+def test_a_second_node_is_refused_where_the_first_one_is_silent(tmp_path, dahl, status):
+    """One that sends no Status, or seldom, and has had no angle: it answers a read."""
+    hub = ("--role", "node", "--set", "friction.node=3", *status)
+    (scene := tmp_path / "own.ini").write_text(OWN_SCENE)
+    with serving(tmp_path / "loop", scene, *hub) as (process, port):
+        with client(port) as bus:  # the Status after power-on is over
+            node.ask(bus, ParamWrite(Param.MODEL), 3, timeout=10)
+        done = dahl("node", *OWN, *on_port(port), "--node", "3", "--seconds", "0.1")
+        code, said = complaint(done)
+        assert (code, done.stdout) == (1, "") and "3" in said and "--node" in said
+        process.send_signal(signal.SIGTERM)
+        summary = finished(tmp_path / "loop", process).summary
+    assert summary["node"]["params"] == 2
 
 
 def test_the_printed_lines_name_the_same_bus(dahl):

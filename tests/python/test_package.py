@@ -196,7 +196,7 @@ def test_types_of_the_installed_package_find_wrong_arguments(
 )
 def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, extra) -> None:
     [said] = core.dahl(*words, code=1).stderr.splitlines()
-    assert f"dahl {words[0]} " in said and packages in said and f"'dahl[{extra}]'" in said
+    assert f"dahl {words[0]} " in said and packages in said and f"'.[{extra}]'" in said
     brought = {
         re.match(r"[\w-]+", one)[0]
         for one in core.metadata().requires

@@ -48,6 +48,7 @@ def picture(tmp_path):
         run: Run,
         measured: str = "",
         theta: float = THETA,
+        friction: str = "",
         title: str = "a title",
         rendered: bool = False,
         **numbers: object,
@@ -59,7 +60,7 @@ def picture(tmp_path):
         motion = "[motion]\nkind = log\nfile = rows.csv\nangle = a\ntime = t\n" if measured else ""
         (tmp_path / "x.ini").write_text(
             f"[scene]\ntitle = {title}\n[friction]\nsigma0 = {SIGMA0}\nFc = {FC}\n"
-            f"theta_per_count = {theta!r}\n{motion}[measured]\n{measured}\n"
+            f"theta_per_count = {theta!r}\n{friction}\n{motion}[measured]\n{measured}\n"
         )
         run.write(tmp_path / "run.log")
         known = {"scene_file": str(tmp_path / "x.ini"), **numbers}
@@ -135,7 +136,7 @@ TIMES = {
     "jitter_us": {"p50": 1.0, "p99": 21.0, "max": 30.0},
     "deadline_misses": 5,
 }
-FAULTS = {"faults": {"injected": {"crc": 4, "lost": 9}, "expected": {}}}
+FAULTS = {"faults": {"injected": {"crc": 4, "bus_off": 9}, "expected": {}}}
 
 
 def test_what_only_some_runs_have_is_shown_as_it_was(steady, picture, tmp_path):
@@ -151,8 +152,9 @@ def test_what_only_some_runs_have_is_shown_as_it_was(steady, picture, tmp_path):
     assert (latencies.get_xscale(), latencies.lines[0].get_xdata()[0]) == ("log", 1000)
     words = latencies.get_title(loc="left")
     assert re.findall(r" (\d+) ", words) == ["150", "390", "21", "5"]
+    assert "jitter" in words and "[µs]" in latencies.get_xlabel() and words.count(" µs") == 3
     assert ([bar.get_height() for bar in faults.patches], faults.get_yscale()) == ([4, 9], "symlog")
-    assert [label.get_text() for label in faults.get_xticklabels()] == ["crc", "lost"]
+    assert [label.get_text() for label in faults.get_xticklabels()] == ["crc", "bus off"]
     assert axis(tracking) == ("time [s]", "tracking error [rad]")
     assert tracking.lines[0].get_xdata() == pytest.approx([0, 0.001, 0.002])
     assert tracking.lines[0].get_ydata() == pytest.approx([0.25, -0.5, 0])
@@ -160,6 +162,26 @@ def test_what_only_some_runs_have_is_shown_as_it_was(steady, picture, tmp_path):
     assert re.findall(r"[\d.]+", words.partition("=")[2]) == ["50", "0.5", "300"]
     assert "50 N m/rad" in words and "0.5 N m," in words and "socketcand" in words
     assert figure.get_suptitle() == "a title"
+
+
+def test_a_compensated_loop_shows_its_gain_and_how_it_is_without(steady, picture, tmp_path):
+    """The tracking errors of both runs, told apart by colour, name and number."""
+    errors = {"trace": (0.25, -0.5, 0.25), "uncompensated": (1, -2, 3)}
+    for name, values in errors.items():
+        rows = "".join(f"{k / 1000},{value},0\n" for k, value in enumerate(values))
+        (tmp_path / f"{name}.csv").write_text(f"time_s,reference_rad,angle_rad\n{rows}")
+    figure = picture(steady, friction="gain = 0.85\nlimit = 0.95", control={})
+    loop, tracking = figure.axes[0], figure.axes[-1]
+    assert ["0.85" in text.get_text() for text in loop.get_legend().get_texts()] == [True]
+    for line, values in zip(tracking.lines, errors.values(), strict=True):
+        assert line.get_ydata() == pytest.approx(values)
+    names = [text.get_text() for text in tracking.get_legend().get_texts()]
+    assert re.findall(r"gain ([\d.]+)", " ".join(names)) == ["0.85", "0"]
+    assert len({line.get_color() for line in tracking.lines}) == 2
+    words = tracking.get_title(loc="left")
+    assert [float(one) for one in re.findall(r"[\d.]+", words)] == [0.354, 2.16, 6.11]
+    (tmp_path / "uncompensated.csv").unlink()
+    assert len(picture(steady, control={}).axes[-1].lines) == 1
 
 
 def test_a_force_is_in_newton_and_a_panel_without_anything_to_show_is_none(steady, picture):
@@ -199,6 +221,9 @@ def test_faults_and_restarts_are_marked_where_they_were(library, dbc, steady, pi
             count = 0 if row < 190 else 200 * (row % 2)
             run.tick(row, count, state=6 if row in (0, 350) else 5 if row == 320 else 0)
     _, whole, part = picture(run).axes
+    for axes in (whole, part):
+        looks = {(str(one.get_color()), str(one.get_linestyle())) for one in axes.collections}
+        assert len(looks) == len(axes.collections) == 3
     for axes, times in ((whole, [0.03, 0.299]), (part, [0.299])):
         strokes = {one.get_label().split()[0]: one.get_segments() for one in axes.collections}
         found = [[stroke[0][0] for stroke in strokes[name]] for name in ("no", "new", "restart,")]

@@ -18,7 +18,7 @@ from typing import Any
 import dahl
 import numpy as np
 import pytest
-from dahl import codec
+from dahl import codec, node
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -101,7 +101,7 @@ KINDS = {
         Kind(dahl.Work, PLANNED, step),
     )
 }
-EXCEPTIONS = {"Error", "RunError"}  # equal only to themselves, as all of Python's
+EXCEPTIONS = {"Error", "RunError", "Timeout"}  # equal only to themselves, as all of Python's
 CLASSES = {name for name in dahl.__all__ if inspect.isclass(getattr(dahl, name))}
 COPIES = [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))]
 
@@ -243,10 +243,45 @@ def test_the_names_of_the_api_are_listed_and_no_others() -> None:
 
 
 def test_exceptions_are_one_line_also_when_pickled() -> None:
-    for kind_of in (dahl.Error, dahl.RunError):
+    for kind_of in (dahl.Error, dahl.RunError, dahl.Timeout):
         again = pickle.loads(pickle.dumps(kind_of("sigma0 = -1\n\x1b[2J")))
         assert (type(again), str(again)) == (kind_of, "sigma0 = -1 ?[2J")
-    assert issubclass(dahl.RunError, dahl.Error) and not issubclass(dahl.Error, ValueError)
+    assert issubclass(dahl.RunError, dahl.Error)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: dahl.Plan(-1, 1),
+        lambda: dahl.Plan("x", 1),
+        lambda: dahl.Plan(1, 1, theta=1),
+        lambda: codec.EncoderState(2**40),
+        lambda: codec.from_bytes(0x100, bytes(8)),
+    ],
+)
+def test_a_wrong_value_is_a_value_error(call: Callable[[], Any]) -> None:
+    for kind_of in (dahl.Error, ValueError):
+        with pytest.raises(kind_of):
+            call()
+
+
+@pytest.mark.parametrize("module", [node, codec])
+def test_a_star_import_brings_what_the_module_defines_and_nothing_else(module: Any) -> None:
+    """Every class and function of it without a leading underscore, but the seams to C."""
+    brought: dict[str, Any] = {}
+    exec(f"from {module.__name__} import *", brought)
+    del brought["__builtins__"]
+    assert {name for name in brought if inspect.ismodule(brought[name])} == set()
+    kinds = inspect.isclass, inspect.isfunction
+    own = {
+        name
+        for name, value in vars(module).items()
+        if any(is_one(value) for is_one in kinds) and value.__module__ == module.__name__
+        if not name.startswith("_")
+    }
+    to_c = {"NodeStructure", "CanFrame", "raw_of", "message_of", "number_of", "python_can"}
+    classes_and_calls = {name for name in brought if callable(brought[name])}
+    assert classes_and_calls == own - to_c
 
 
 def test_both_ends_of_a_parameter_are_taken() -> None:

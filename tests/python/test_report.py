@@ -200,6 +200,38 @@ def test_after_a_gap_a_new_start_answers_the_newest_frame(run, tmp_path):
     assert error_of(run) <= BOUND
 
 
+@pytest.mark.parametrize("interrupted", [False, True])
+@pytest.mark.parametrize(
+    ("lost", "compared"),
+    [
+        ((), True),
+        (range(2), False),
+        (range(60, 70), False),
+        (range(61, 62), False),  # an answer
+        (range(60, 61), False),  # an angle with its answer
+        (range(194, 200), None),  # where the recorder has ended
+    ],
+)
+def test_frames_that_were_not_recorded_leave_nothing_to_compare(
+    library, dbc, lost, compared, interrupted
+):
+    """The shaft turns back in them. Of a run that was cut off the end may be missing."""
+    run = Run(dbc)
+    run.answers = 7
+    for number in range(100):
+        run.tick(number, 900 * (number % 7) - 300, state=6 * (number == 0), used=number > 0)
+    run.frames = [frame for number, frame in enumerate(run.frames) if number not in lost]
+    loop = {"frames_sent": 100, "frames_answered": 100, "interrupted": interrupted}
+    measured = Recorded(np.arange(100.0), None, 100)
+    numbers = summed(run, recorded=measured, **loop)
+    wanted = interrupted if compared is None else compared
+    if wanted:
+        assert numbers["max_error_ulp_Fc"] <= BOUND and numbers["r2_measured"] is not None
+    else:
+        assert numbers["max_error_ulp_Fc"] is None and numbers["r2_measured"] is None
+        assert numbers["frames_not_recorded"] > 0
+
+
 # --- numbers --------------------------------------------------------------------------------------
 
 
@@ -291,7 +323,7 @@ def test_the_page_shows_each_number_in_its_unit(force, slope, tmp_path):
     numbers |= {"units": {"sigma0": slope, "Fc": force, "theta_per_count": "rad"}}
     cells, _ = page_of(tmp_path, numbers | {"answers_by_state": {"OK": 790}})
     shown = f"a bus;real;800;11;0;13;0.510 ulp of Fc;0.01235 {force};0.9877;24.3%;3.2"
-    shown += f";p50 100, p99 1000, max 10000 us;12.5 {slope};790;1234567"
+    shown += f";p50 100, p99 1000, max 10000 µs;12.5 {slope};790;1234567"
     assert cells[1::2] == shown.split(";")
     assert cells[-6:] == ["sigma0", f"12.5 {slope}", "OK", "790", "jumps", "1234567"]
     cells, page = page_of(tmp_path, {"version": "9"})

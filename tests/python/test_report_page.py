@@ -84,6 +84,15 @@ def test_a_storm_as_a_browser_shows_it(storm, run_dahl, tmp_path):
         assert cells[at + 3 * i : at + 3 * i + 3] == want
 
 
+def test_the_title_stands_once_and_a_quantity_has_one_name(storm, run_dahl, tmp_path):
+    """The picture has the title of the run; the page names the tab by it."""
+    assert run_dahl("report", storm, "-o", tmp_path / "page.html").returncode == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    title = json.loads((storm / "summary.json").read_text())["title"]
+    body = re.sub(r"<[^>]*>", " ", text.partition("<body>")[2])
+    assert f"<title>{title}</title>" in text and title not in body
+
+
 def test_a_counter_that_is_wrong_is_shown(storm, run_dahl, tmp_path):
     numbers = json.loads((storm / "summary.json").read_text())
     numbers["node"]["crc"] += 1
@@ -100,6 +109,7 @@ def test_latencies_of_a_run_in_real_time(run_dahl, tmp_path, root, dahl_loop, li
     seen = shown(folder / "report.html", tmp_path)
     assert seen["sections"] == ["numbers", "states", "counters"]
     numbers = json.loads((folder / "summary.json").read_text())
+    assert any(row.startswith("jitter") and row.endswith(" µs") for row in seen["rows"])
     (latency,) = (row for row in seen["rows"] if row.startswith("latency"))
     quantiles = [float(word) for word in re.findall(r"\s(\d+)\b", latency)]
     assert quantiles == [round(numbers["latency_us"][key]) for key in ("p50", "p99", "max")]

@@ -57,9 +57,10 @@ OWN = {
     "bench": "gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi"
     " qemu-system-misc",
     "": "gcc g++ git pkg-config valgrind",
+    "vm": "can-utils qemu-system-x86 busybox-static kmod cpio iproute2",
     "identify firmware": "",
     "checks": "clang gcc-multilib qemu-user-static gcc-avr shellcheck cppcheck frama-c-base"
-    " sollya gappa make chromium qemu-system-x86 busybox-static kmod cpio iproute2",
+    " sollya gappa make chromium",
     "all": "",
 }
 
@@ -76,6 +77,7 @@ def test_each_need_brings_what_it_stands_on(bare):
         assert set(own.split()) <= has[need], need
     assert has["demo"] < has["identify"] < has["test"] < has["checks"] <= has["all"]
     assert has["demo"] < has["firmware"] < has["checks"]
+    assert has["demo"] < has["vm"] < has["checks"] and "gcc" not in has["vm"]
     assert has["identify"] | has["firmware"] < has["bench"] <= has["all"]
     assert has["identify firmware"] == has["identify"] | has["firmware"] and has[""] == has["test"]
     assert not {"gcc-arm-none-eabi", "chromium", "clang"} & has["test"]
@@ -339,11 +341,12 @@ def test_what_cannot_be_fetched_is_not_there_and_not_tried_again_at_once(bare, a
     assert not (bare.folder / "build/deps/kernel").exists()
 
 
+@pytest.mark.parametrize("need", ["vm", "checks"])
 @pytest.mark.parametrize("machine", ["x86_64", "aarch64"])
-def test_a_kernel_is_fetched_only_where_it_can_run(bare, machine):
+def test_a_kernel_is_fetched_only_where_it_can_run(bare, need, machine):
     makes_archives(bare)
     bare.stand_in("bin/uname", f"echo {machine}")
-    bare.set_up("checks")
+    bare.set_up(need)
     assert (bare.folder / "build/deps/kernel").exists() == (machine == "x86_64")
 
 

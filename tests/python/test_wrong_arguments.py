@@ -101,6 +101,7 @@ WHOLE = {  # with its limits
     ("segment_bits", 0, 24): [lambda v: dahl.VelocityTable([1.0] * 16, v)],
     ("sign", -1, 1): [lambda v: dahl.Encoder(10, v)],
     ("largest_step", 0, 4): [lambda v: dahl.Encoder(10, 1, v)],
+    ("largest_step", 0, 5): [lambda v: dahl.Encoder(11, 1, v)],
     ("largest_step", 0, 2**31 - 1): [lambda v: dahl.Encoder(0, 1, v)],
     ("reading", 0, 9999): [
         lambda v: dahl.Encoder(10000).move(v),

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /* The ticks written for this core return the bits of the C that they stand for, which CMakeLists.txt compiles under other names:
- * random plans, states and moves, among them ties (the low word of w is 2^31), both ends of the range, small torques, tables of
- * only ones, and plans of all zeros. */
+ * random plans, states and moves, among them ties (the low word of w is 2^31), both ends of the range, states out of range, small
+ * torques, tables of only ones, and plans of all zeros. */
 #include "dahl_parts.h"
 
 #include <string.h>
@@ -60,7 +60,8 @@ static dahl_plan_t random_plan(void)
     return plan;
 }
 
-/* -2^62 .. 2^62, sometimes a tie or within a few units of an end; and the 2^31 that a step can pass an end by. */
+/* -2^62 .. 2^62, sometimes a tie or within a few units of an end; the 2^31 that a step can pass an end by; sometimes beyond that,
+ * or any 64 bits. */
 static int64_t random_w(void)
 {
     uint64_t bits = random64();
@@ -78,6 +79,11 @@ static int64_t random_w(void)
         w = (int64_t)(random64() >> 1 >> (bits >> 8 & 63u)); /* small torques, to the last bit */
         w = w > one ? w >> 1 : w;
         break;
+    case 4:
+        w = one + ((int64_t)1 << 31) + (int64_t)(bits >> 8 & 7u) - 3;
+        break;
+    case 5:
+        return (int64_t)random64();
     default:
         return w;
     }

@@ -271,7 +271,7 @@ def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dic
     worst = {name: max(counts) for name, counts in cases.items()}
     result = {}
     for form in ("q30", "float"):
-        for move in ("one_count", "eight_counts", "1000_counts"):
+        for move in ("one_count", "one_count_c", "eight_counts", "1000_counts"):
             result[f"{move}_{form}"] = max(
                 worst[f"{move}_forward_{form}"], worst[f"{move}_backward_{form}"]
             )

@@ -19,7 +19,7 @@ The mathematics is the C library's; this package calls it and never does it agai
     to_units(ratio_q30, Fc_units)       a torque in whole units, from F/Fc in Q30
     Node(plan, number)                  the friction node of a bus: python-can messages in and out
     node, codec                         modules: nodes on any bus, and the frames that they speak
-    Error, RunError                     all errors that a user can cause or meet
+    Error, RunError, Timeout            all errors that a user can cause or meet
 
 >>> import dahl
 >>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
@@ -59,6 +59,7 @@ __all__ = [
     "Throughput",
     "ThroughputParallel",
     "ThroughputSlip",
+    "Timeout",
     "VelocityTable",
     "Work",
     "codec",
@@ -81,13 +82,12 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
-class Error(Exception):
+class Error(ValueError):
     """Something that a user can put right: one line that names value, limit and place, whatever
     the names in a file are made of.
 
     The one root of all that this package raises about its input, wrong types and unknown keywords
-    included: `except dahl.Error` misses nothing. It is no ValueError, so that code which catches
-    those around a conversion of its own does not hide it.
+    included: `except dahl.Error` misses nothing, and `except ValueError` catches it too.
     """
 
     def __str__(self) -> str:
@@ -98,6 +98,10 @@ class RunError(Error):
     """A run failed for a reason outside the input: a bus gone, a program not built. Exit code 1
     instead of 2.
     """
+
+
+class Timeout(RunError, TimeoutError):
+    """No answer came in time. Also a TimeoutError, as those of sockets and asyncio are."""
 
 
 if not TYPE_CHECKING:  # where it would make any name at all a right one

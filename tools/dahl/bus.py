@@ -11,14 +11,15 @@ import queue
 import re
 import shutil
 import socket
+import struct
 import subprocess
 import threading
 import time
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError
+from dahl import Error, RunError, Timeout, by_need
 from dahl.arguments import whole
 
 if TYPE_CHECKING:
@@ -40,19 +41,38 @@ FLAGS = {  # the options that name a bus, by their names in python-can
     "bus_kwargs": "--bus-kwargs",
 }
 QUIET = 0.05  # s without a frame, after which the caller has its turn
+SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts what found no room
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
     """python-can's own options (-i, -c, -b, --fd, --bus-kwargs, ...), and two of the server that
     the demo offers; python-can's own settings (~/.canrc) hold where none is given.
     """
-    import can.cli
-
-    can.cli.add_bus_arguments(parser)
+    try:
+        import can.cli
+    except ModuleNotFoundError:
+        _add_bus_names(parser)
+    else:
+        can.cli.add_bus_arguments(parser)
     parser.add_argument("--host", help="socketcand: host of the server")
     parser.add_argument(
         "--port", type=whole(0, 65535), metavar="N", help="socketcand: TCP port of the server"
     )
+
+
+def _add_bus_names(parser: argparse.ArgumentParser) -> None:
+    """Add the names of python-can's options while it is missing, so that any other option is
+    reported as unknown.
+    """
+    missing = f"python-can is missing: {by_need.hint(['can'], 'can')}"
+    group = parser.add_argument_group("bus arguments", missing)
+    for key, flag in FLAGS.items():
+        words = dict.fromkeys((flag, "--" + key.replace("_", "-")))
+        if key == "fd":
+            group.add_argument(*words, action="store_true", default=argparse.SUPPRESS)
+        elif key not in ("host", "port"):
+            many = "+" if key in ("timing", "bus_kwargs") else None
+            group.add_argument(*words, dest=key, nargs=many, default=argparse.SUPPRESS)
 
 
 def named(args: argparse.Namespace) -> dict[str, Any]:
@@ -90,7 +110,7 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     said = keywords(named(args))
     server = {key: said[key] for key in ("host", "port") if key in said}
     try:
-        return can.cli.create_bus_from_namespace(args, **server)
+        return can.cli.create_bus_from_namespace(args, **_tuned(said), **server)
     except argparse.ArgumentError as error:
         raise _not_open(named(args), error.__cause__) from None
 
@@ -105,11 +125,18 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     until = time.monotonic() + patience
     while True:
         try:
-            return can.Bus(**settings)
+            return can.Bus(**_tuned(settings) | settings)
         except Exception as error:  # each interface of python-can has its own kinds
             if time.monotonic() >= until:
                 raise _not_open(settings, error) from None
         time.sleep(0.05)
+
+
+def _tuned(settings: dict[str, Any]) -> dict[str, Any]:
+    """More settings: a socketcand client must send each frame at once. Its kernel would hold short
+    frames back, and discard them if the bus is closed with unread frames.
+    """
+    return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
 
 def _silence() -> None:
@@ -126,29 +153,87 @@ def _shown(settings: dict[str, Any]) -> str:
     return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
 
 
-def silent(args: argparse.Namespace, seconds: float) -> RunError:
+def silent(args: argparse.Namespace, seconds: float) -> Timeout:
     """Not one frame came."""
-    return RunError(
+    return Timeout(
         f"no frame on the bus ({_shown(named(args))}) in {seconds:.1f} s:"
         " is a node there, at this bit rate?"
     )
 
 
-def received(
-    bus: can.BusABC, stop: Stop, seconds: float | None = None, frames: int | None = None
-) -> Iterator[can.Message | None]:
-    """Each frame as it comes, or None when for a while none has come; until stop is asked or a
-    limit is reached. Raises RunError when the bus goes away.
+class Reception:
+    """Each frame as it comes, or None if no frame came for a while, until stop is asked, finish()
+    is called or a limit is reached. Frames that came before that moment and were not read yet are
+    still returned. Raises RunError if the bus goes away.
+
+    lag_s says how far reading is behind the bus, by the time stamps of the frames: their delay
+    above that of frames that were waited for.
     """
-    until = time.monotonic() + seconds if seconds else float("inf")
-    count = 0
-    while not stop.asked and count != frames and time.monotonic() < until:
-        message = receive(bus, QUIET)
-        count += message is not None
-        yield message
+
+    def __init__(
+        self, bus: can.BusABC, stop: Stop, seconds: float | None = None, frames: int | None = None
+    ) -> None:
+        self._bus, self._stop, self._frames = bus, stop, frames
+        self._end = time.monotonic() + seconds if seconds else float("inf")
+        self._least_delay: float | None = None
+        self.lag_s = self.most_lag_s = 0.0
+
+    def finish(self) -> None:
+        """End with the frames that have come by now."""
+        self._end = min(self._end, time.monotonic())
+
+    def __iter__(self) -> Iterator[can.Message | None]:
+        count = 0
+        while count != self._frames:
+            if self._stop.asked:
+                self.finish()
+            has_ended = time.monotonic() >= self._end
+            message = self._next(0.0 if has_ended else QUIET)
+            if has_ended and (message is None or self._came_after_end()):
+                return
+            count += message is not None
+            yield message
+
+    def _next(self, seconds: float) -> can.Message | None:
+        waits_since = time.monotonic()
+        message = receive(self._bus, 0.0)
+        has_waited = message is None
+        if message is None and seconds:
+            message = receive(self._bus, seconds)
+        now = time.monotonic()
+        is_prompt = has_waited and now - waits_since < 2 * QUIET  # this process was not stopped
+        if message is not None:
+            self._measure(now - message.timestamp, is_prompt)
+        elif is_prompt:
+            self.lag_s = 0.0
+        return message
+
+    def _measure(self, delay: float, is_prompt: bool) -> None:
+        if is_prompt or self._least_delay is None:
+            self._least_delay = delay
+        self._least_delay = min(delay, self._least_delay)
+        self.lag_s = delay - self._least_delay
+        self.most_lag_s = max(self.most_lag_s, self.lag_s)
+
+    def _came_after_end(self) -> bool:
+        return time.monotonic() - self.lag_s > self._end
 
 
-def read_ahead(frames: Iterator[can.Message | None]) -> Generator[can.Message | None, None, None]:
+def lost_in_kernel(bus: can.BusABC) -> int:
+    """Frames that the kernel discarded since the receive buffer of this SocketCAN bus was full; 0
+    for another interface.
+    """
+    link = getattr(bus, "socket", None)
+    if not isinstance(link, socket.socket):
+        return 0
+    try:
+        numbers = struct.unpack("9I", link.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 36))
+    except (OSError, struct.error):  # older than Linux 4.12
+        return 0
+    return int(numbers[8])
+
+
+def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | None, None, None]:
     """The same frames, taken from the bus by a thread of their own: a server drops who reads too
     slowly, as one would who works on them between two.
     """

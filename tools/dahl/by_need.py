@@ -2,15 +2,18 @@
 """Which command needs which Python packages, and how they come.
 
 The package itself needs numpy alone. In a checkout tools/demo.sh sets up what `dahl demo` imports,
-and the first command that needs more brings it, by tools/setup.sh. Elsewhere one line says which
-extra of the package to install.
+and the first command that needs more brings it, by tools/setup.sh. Elsewhere one line says what to
+install.
 """
 
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import subprocess
 import sys
+from importlib import metadata
 from importlib.util import find_spec
 from types import ModuleType
 from typing import cast
@@ -63,7 +66,31 @@ def refusal(command: str, module: str = "") -> RunError:
     """What to install for a command that lacks packages, or could not import this module."""
     lacking = _lacking(command) or [module.partition(".")[0]]
     extras = NEEDS[command][0] if _lacking(command) else AT_TIMES.get(lacking[0], "all")
-    return RunError(f"dahl {command} needs {_named(lacking)}; pip install 'dahl[{extras}]'")
+    return RunError(f"dahl {command} needs {_named(lacking)}; {hint(lacking, extras)}")
+
+
+def hint(packages: list[str], extras: str) -> str:
+    """Return the pip commands that bring these packages. No index has dahl itself, so its extras
+    can only come from its sources.
+    """
+    wanted = shlex.join(map(_requirement, packages))
+    return f"pip install {wanted}, or pip install '.[{extras}]' in the source folder of dahl"
+
+
+def _requirement(package: str) -> str:
+    """Return the package with the versions that the extras of the installed dahl allow."""
+    name = DISTRIBUTED_AS.get(package, package)
+    try:
+        known = metadata.requires("dahl") or []
+    except metadata.PackageNotFoundError:  # run from a source folder by PYTHONPATH
+        known = []
+    specifiers = (each.partition(";")[0].strip() for each in known)
+    return next((one for one in specifiers if _project(one) == _project(name)), name)
+
+
+def _project(requirement: str) -> str:
+    """Return the bare name in a requirement such as "plotext<6,>=5.3"."""
+    return re.split(r"[^\w.-]", requirement, maxsplit=1)[0].lower()
 
 
 def is_lacking(command: str, module: str | None) -> bool:

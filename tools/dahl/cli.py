@@ -12,7 +12,7 @@ import argparse
 import io
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
 from dahl import Error, RunError, __version__, by_need, interrupt, paths, printable
@@ -48,18 +48,8 @@ class Parser(argparse.ArgumentParser):
             fill(self)
 
     def parse_known_args(self, *args: Any, **kwargs: Any) -> Any:
-        try:
-            self.fill()
-        except ModuleNotFoundError as error:  # python-can, whose options they are
-            self._help_without(error, *args)
+        self.fill()
         return super().parse_known_args(*args, **kwargs)
-
-    def _help_without(self, error: ModuleNotFoundError, words: Sequence[str] = (), *_: Any) -> None:
-        """Go on where help is wanted, and say there what it lacks."""
-        if not {"-h", "--help"} & set(words):
-            raise error
-        lacking = by_need.refusal(self.prog.split()[-1], str(error.name))
-        self.epilog = f"{self.epilog}\n\nMore options, of the bus: {lacking}"
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"error: {printable(message)} (see {self.prog} --help)\n")

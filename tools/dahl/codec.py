@@ -22,11 +22,37 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
-from dahl import Error, RunError, checks, core
+from dahl import Error, RunError, by_need, checks, core
 from dahl.arrays import INT32_MAX, INT32_MIN
 
 if TYPE_CHECKING:
     import can
+
+__all__ = [
+    "KINDS",
+    "NODES",
+    "OFF_AT_0",
+    "ONE_Q30",
+    "UNITS",
+    "EncoderState",
+    "Errors",
+    "Frame",
+    "FrictionTorque",
+    "Param",
+    "ParamReply",
+    "ParamWrite",
+    "Reset",
+    "Result",
+    "State",
+    "Status",
+    "What",
+    "Write",
+    "from_bytes",
+    "is_whole",
+    "pack",
+    "to_bytes",
+    "unpack",
+]
 
 NODES = 16  # DAHL_FRAMES_NODES: the number of a node is the low 4 bits of an id
 ONE_Q30 = 2**30
@@ -260,7 +286,8 @@ class FrictionTorque(Frame):
 @checks.calls_checked
 @dataclass(frozen=True)
 class Status(Frame):
-    """The node's own word, every 100 ms and at once after a timeout, a bus-off and a Reset.
+    """The node's own word, every 100 ms or as Param.STATUS says; at once after power-on, a timeout,
+    a bus-off and a Reset.
 
     counter        0 .. 15, one more with each Status
     state, errors  of the node now, and since the last Reset
@@ -445,11 +472,11 @@ def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
 
 
 def python_can() -> ModuleType:
-    """The package `can`. Raises dahl.RunError where it is not here."""
+    """The package `can`. Raises dahl.RunError if it is missing."""
     try:
         return import_module("can")
     except ImportError:
-        raise RunError("python-can is not here; pip install 'dahl[can]'") from None
+        raise RunError(f"python-can is missing; {by_need.hint(['can'], 'can')}") from None
 
 
 def raw_of(message: can.Message) -> CanFrame:

@@ -373,8 +373,8 @@ class Friction(Copied):
 
     def step_counts(self, dcounts: int) -> float:
         """Move by dcounts, a whole number within int32; returns F in N m within 0.52 ulp of Fc of
-        the exact value (Eqs. 7, 18, 27). Raises dahl.Error for any other dcounts, and for a plan
-        without theta_per_count.
+        the exact value (Eqs. 7, 18, 27), within 0.6 ulp once step() has moved it. Raises dahl.Error
+        for any other dcounts, and for a plan without theta_per_count.
         """
         self._plan._need_counts()
         torque: float = library().dahl_step_counts(
@@ -422,10 +422,11 @@ class Friction(Copied):
         )
 
     def counts_to_torque(self, F: float) -> int:  # noqa: N803 (the field's name)
-        """The least move in counts after which step_counts() returns a torque that has reached F in
-        N m: F or beyond, seen from the torque now; 0 if that is F. Nothing moves. Raises dahl.Error
-        for an F that is no finite number or that no move reaches, and for a plan without
-        theta_per_count.
+        """A move in counts after which step_counts() returns a torque that has reached F in N m: F
+        or beyond, seen from the torque now; 0 if that is F. Nothing moves. One count less does not
+        reach F; dahl_parts.h bounds by how much a move that is shorter still may. Raises dahl.Error
+        for an F that is no finite number, that is beyond Fc or that a move of 2^31-1 counts does
+        not reach, and for a plan without theta_per_count.
         """
         self._plan._need_counts()
         wanted, found = _float32("F", checks.finite("F", F, "N m"), "N m"), ctypes.c_int32()
@@ -687,8 +688,8 @@ class Encoder(Copied):
         modulus = checks.whole("modulus", modulus, 0, UINT32_MAX)
         if modulus in (1, 2):
             raise Error(f"modulus = {modulus} tells no direction; 0, or 3 to {UINT32_MAX} does")
-        half = (modulus or 2**32) // 2
-        largest_step = checks.whole("largest_step", largest_step, 0, half - 1)
+        most = ((modulus or 2**32) - 1) // 2
+        largest_step = checks.whole("largest_step", largest_step, 0, most)
         if checks.whole("sign", sign, -1, 1) == 0:
             raise Error("sign = 0 is neither 1 nor -1")
         self._encoder = _Encoder()

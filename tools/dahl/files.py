@@ -6,6 +6,8 @@ or not there.
 from __future__ import annotations
 
 import contextlib
+import errno
+import io
 import json
 import os
 import re
@@ -20,6 +22,34 @@ from dahl import Error, RunError
 OURS = re.compile(
     rb"; written by dahl |time_s,theta,counts\r?\n|theta_(rad|m),torque_Nm?(,load)?\r?\n"
 )
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of a file, never of a bus
+LINE_MAX = 4096  # bytes, above any line of a log of frames
+
+
+@contextlib.contextmanager
+def whole_lines(path: Path, file: object) -> Iterator[None]:
+    """While a log is written: if the disk is full, the error names the log, and the beginning of a
+    line is removed from a text file.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL and error.filename is None:
+            error.filename = str(path)
+            if isinstance(file, io.TextIOWrapper):
+                with contextlib.suppress(OSError):
+                    file.close()  # else the rest of the line may still be written
+                if path.is_file():
+                    _cut_half_line(path)
+        raise
+
+
+def _cut_half_line(path: Path) -> None:
+    with path.open("rb+") as log:
+        begin = max(path.stat().st_size - LINE_MAX, 0)
+        log.seek(begin)
+        log.truncate(begin + log.read().rfind(b"\n") + 1)
 
 
 def spare_others(paths: Iterable[Path], hint: str) -> None:

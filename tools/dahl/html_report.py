@@ -20,21 +20,21 @@ NUMBERS = {  # of the summary, in the order of the page: name, unit, format
     "ticks": ("ticks of 1 ms", "", ".0f"),
     "frames_sent": ("angles sent", "", ".0f"),
     "frames_lost": ("angles without an answer", "", ".0f"),
-    "deadline_misses": ("answers later than a period", "", ".0f"),
+    "deadline_misses": ("answers and angles later than a period", "", ".0f"),
     "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
     "rmse_measured": ("rms error against the measurement", "", ".4g"),
     "r2_measured": ("R² against the measurement", "", ".4f"),
     "bus_load": ("bus load", "", ".1%"),
     "realtime_factor": ("times real time", "", ".1f"),
 }
-LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "change of it"}
+LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}
 
 
 def page(numbers: dict[str, Any], picture: bytes) -> str:
     """The whole page. `numbers`: as dahl.summary.read() gives them; `picture`: loop.png."""
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     room = jinja2.Environment(loader=folder, autoescape=True, trim_blocks=True)
-    room.filters["words"] = lambda name: name.replace("_", " ")
+    room.filters["words"] = report.words
     room.filters["number"] = lambda value: str(value) if isinstance(value, int) else f"{value:.6g}"
     return room.get_template("html_report.html").render(
         run=numbers,
@@ -61,6 +61,6 @@ def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
     for key, name in LATENCIES.items():
         if numbers.get(key, {}).get("max"):
             words = (f"{each} {value:.0f}" for each, value in numbers[key].items())
-            yield name, ", ".join(words) + " us"
+            yield name, ", ".join(words) + " µs"
     for name, value in numbers.get("parameters", {}).items():
         yield name, f"{value:.6g} {units.get(name, '')}".strip()

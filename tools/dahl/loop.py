@@ -15,21 +15,21 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from dahl import Error, RunError, paths
-from dahl.bus import VCAN, candump_line, open_bus, received
+from dahl import Error, RunError, Timeout, files, paths
+from dahl.bus import VCAN, Reception, candump_line, open_bus
 from dahl.interrupt import Stop
 
 if TYPE_CHECKING:
     import can
 
 PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
-DRAIN = 0.3  # s to go on recording after the encoder has ended
+DRAIN = 0.3  # s to go on recording after the encoder has ended; what waits then is read too
 SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
 LACKS = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
 PACKAGES = "libinih1 libcsv3 libcjson1"  # of Debian, with what dahl-loop links to
@@ -112,7 +112,17 @@ class Program:
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
         )
         kind = Error if self.process.returncode == 2 else RunError
-        raise kind(words or f"dahl-loop ({self.role}) ended with code {self.process.returncode}")
+        ended = f"dahl-loop ({self.role}) ended with code {self.process.returncode}"
+        raise kind(words or self._unwritable() or ended)
+
+    def _unwritable(self) -> str:
+        """Why its words could not be written, such as a full disk; "" if they could."""
+        try:
+            with Path(self.errors.name).open("a", encoding="utf-8") as errors:
+                errors.write("\n")
+        except OSError as error:
+            return f"{self.errors.name}: {error.strerror}"
+        return ""
 
     def words(self) -> str:
         """All that it has said so far."""
@@ -180,14 +190,14 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         encoder_bus, here = _ends(setup.bus, node)
         with (
             open_bus(PATIENCE, **here) as bus,
-            (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log,
+            _log_in(setup.folder) as log,
             setup.attach(here["port"]) if setup.attach else nullcontext(),
         ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
     except RunError:
-        if encoder is None or not encoder.ends():  # after it the node may end, and its bus
-            raise
+        if encoder is None or not (encoder.ends() or _has_dropped(node, encoder)):
+            raise  # else its end closes the bus, and what was recorded is reported
     finally:
         programs = [program for program in (node, encoder) if program]
         for program in reversed(programs):
@@ -199,6 +209,7 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
         **encoder.numbers(),
         "node": node.numbers().get("node", {}),
         "interrupted": stop.asked,
+        "recorder_dropped": _has_dropped(node),
     }
 
 
@@ -210,16 +221,43 @@ def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dic
     try:
         with (
             open_bus(PATIENCE, **_ends("socketcand:0", program)[1]) as bus,
-            (setup.folder / "run.log").open("w", buffering=1, encoding="ascii") as log,
+            _log_in(setup.folder) as log,
         ):
             _record(bus, log, program, program, stop, progress)
     except RunError:
-        if not program.ends():  # its end closes the bus: that is no failure
-            raise
+        if not (program.ends() or _has_dropped(program)):
+            raise  # else its end closes the bus: that is no failure
     finally:
         program.end()
         program.check()
-    return {**program.numbers(), "interrupted": stop.asked}
+    dropped = _has_dropped(program)
+    return {**program.numbers(), "interrupted": stop.asked, "recorder_dropped": dropped}
+
+
+def _has_dropped(server: Program, *clients: Program) -> bool:
+    """Whether the server closed the connection of a recorder that read too slowly. Ends all."""
+    for program in (*clients, server):
+        program.end()
+    return bool(server.numbers().get("bus_counts", {}).get("dropped"))
+
+
+@contextmanager
+def _log_in(folder: Path) -> Iterator[IO[str]]:
+    path = folder / "run.log"
+    with path.open("w", buffering=1, encoding="ascii") as log, files.whole_lines(path, log):
+        yield log
+
+
+def run_uncompensated(setup: Setup, trace: Path) -> None:
+    """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
+    words = ["--virtual", "--set", "friction.gain=0", "--trace", trace]
+    command = [paths.loop_program(), "--scene", setup.scene, *words, *_options(setup, "both")]
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, check=False, errors="replace"
+    )
+    if done.returncode:
+        last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]
+        raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
 
 
 def _record(
@@ -234,7 +272,8 @@ def _record(
     is asked.
     """
     frames, last_frame, looked, ended = 0, time.monotonic(), 0.0, None
-    for message in received(bus, stop):
+    reception = Reception(bus, stop)
+    for message in reception:
         now = time.monotonic()
         if message is not None:
             log.write(candump_line(message))
@@ -246,6 +285,6 @@ def _record(
         progress(frames)
         ended = ended or (now if encoder.ended() or node.ended() else None)
         if ended and now - ended > DRAIN:
-            return
+            reception.finish()
         if now - last_frame > SILENCE:
-            raise RunError(f"no frame on the bus for {SILENCE:g} s")
+            raise Timeout(f"no frame on the bus for {SILENCE:g} s")

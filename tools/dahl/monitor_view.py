@@ -29,6 +29,7 @@ LEAST_BESIDE = 40  # columns of each of two panels side by side
 ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
 NUMBERED = ALWAYS  # one more with each frame; any other's counter is the asker's own
 FINE = {"OK", "Init"}  # states that need no colour
+LATE = 0.5  # s behind the bus, from which on it has colour
 UNSAID = {"State", "Crc", "Counter"}  # State stands first, in its colour
 SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
@@ -71,6 +72,7 @@ class View:
         self.ratio: deque[float] = deque(maxlen=window)
         self.frames, self.others = 0, 0
         self.states: Counter[str] = Counter()
+        self.lag_s = self.most_lag_s = 0.0  # how far reading is behind the bus
 
     def feed(self, frame: can.Message) -> None:
         """Take one frame, whatever it is."""
@@ -121,6 +123,8 @@ class View:
             "other_frames": self.others,
             "states": dict(self.states.most_common()),
             "Fc": self.Fc,
+            "behind_s": self.lag_s,
+            "most_behind_s": self.most_lag_s,
             "messages": {
                 name: {
                     "frames": seen.frames,
@@ -201,10 +205,15 @@ class View:
         states = ", ".join(f"{name} {count}" for name, count in self.states.most_common())
         style = "" if set(self.states) <= FINE else "yellow"
         lines.append(Text.assemble("node states  ", (states or "none yet", style)))
-        lines.append(Text(f"other frames  {self.others}"))
+        lines.append(Text.assemble(f"other frames  {self.others}  behind  ", self._behind()))
         for line in lines:
             line.no_wrap, line.overflow = not fold, "fold" if fold else "ellipsis"
             yield line
+
+    def _behind(self) -> tuple[str, str]:
+        """Words and colour."""
+        words = f"{self.lag_s:.1f} s, at most {self.most_lag_s:.1f} s"
+        return words, "yellow" if self.most_lag_s > LATE else ""
 
     def _below(self, seen: Seen) -> Text:
         return Text.assemble((f"{seen.message.name}  ", "bold"), self._last(seen))

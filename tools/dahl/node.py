@@ -2,8 +2,8 @@
 """The friction node in Python: lib/node as a firmware links it, on any bus that python-can opens.
 
 Node decides, bit for bit as the firmware does, and has no bus and no clock. run() serves nodes on a
-bus until it is told to end, Listener does so in a can.Notifier, serve() in asyncio; ask() is the
-other end.
+bus until it is told to end, Listener does so in a can.Notifier, serve() in asyncio; ask() and
+expect_silence() are the other end.
 
 >>> import dahl
 >>> from dahl import codec
@@ -27,12 +27,14 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
 
-from dahl import Error, RunError, checks, codec, core, parts, variants
+from dahl import Error, RunError, Timeout, checks, codec, core, parts, variants
 from dahl.bus import receive
 from dahl.copies import Copied
 
 if TYPE_CHECKING:
     import can
+
+__all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
 PERIOD = 0.005  # s at most from one look at the clock to the next
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
@@ -484,23 +486,18 @@ def ask(
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
     """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
     EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
-    bus are dropped first, and others than the answer are passed over. Raises dahl.RunError where
-    none comes within `timeout` s, with the state that the node tells, such as STALE after a pause:
-    then a Reset(What.RESTART) comes first; and where the bus does not take the frame.
+    bus are dropped first, and others than the answer are passed over. Raises dahl.Timeout if none
+    comes within `timeout` s, with the state that the node reports, such as STALE after a pause:
+    then send a Reset(What.RESTART) first. Raises dahl.RunError if the bus does not take the frame.
     """
     kind = ASKED.get(type(frame))
     if kind is None:
         raise Error(f"frame = {checks.shown(frame)} is none that a node answers")
     _checked_bus(bus, "send", "recv")
     timeout, node = _within("timeout", timeout, 0, LONG, "s"), codec.number_of(node)
-    until, message = time.monotonic() + timeout, codec.pack(frame, node)
-    while receive(bus, 0) is not None and time.monotonic() < until:
-        pass
-    try:
-        bus.send(message)
-    except (codec.python_can().CanError, OSError) as error:
-        raise RunError(f"the bus does not take {frame}: {error}") from None
-    why = ""
+    until, why = time.monotonic() + timeout, ""
+    _drop_waiting(bus, until)
+    _send(bus, codec.pack(frame, node), frame)
     while (left := until - time.monotonic()) > 0:
         told = receive(bus, left)
         answer = _answer_in(told, kind.base + node)
@@ -508,7 +505,49 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
             return answer
         if status := _answer_in(told, codec.Status.base + node):
             why = _why_silent(status, frame)
-    raise RunError(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
+    raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
+
+
+@checks.names_checked
+def expect_silence(
+    bus: can.BusABC,
+    frame: codec.Frame | can.Message | None = None,
+    node: int = 0,
+    seconds: float = 0.1,
+) -> None:
+    """Send a frame that a node must not answer, and wait. A can.Message is sent as it is, such as
+    one with a wrong CRC; without a frame nothing is sent. Frames that wait on the bus are dropped
+    first. Raises dahl.RunError for a FrictionTorque or ParamReply of the node within `seconds`;
+    Status does not count, since a node sends it unasked.
+    """
+    _checked_bus(bus, "send", "recv")
+    seconds, node = _within("seconds", seconds, 0, LONG, "s"), codec.number_of(node)
+    message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
+    if message is not None:
+        codec.raw_of(message)  # refuses what is no can.Message
+    _drop_waiting(bus, time.monotonic() + seconds)
+    begin = time.monotonic()
+    if message is not None:
+        _send(bus, message, frame)
+    while (left := begin + seconds - time.monotonic()) > 0:
+        told = receive(bus, left)
+        for kind in (codec.FrictionTorque, codec.ParamReply):
+            if answer := _answer_in(told, kind.base + node):
+                after = f"after {time.monotonic() - begin:.3f} s"
+                raise RunError(f"node {node} was to be silent, and sent {answer} {after}")
+
+
+def _drop_waiting(bus: can.BusABC, until: float) -> None:
+    """Drop the frames that wait on the bus; of one that never falls silent, until then."""
+    while receive(bus, 0) is not None and time.monotonic() < until:
+        pass
+
+
+def _send(bus: can.BusABC, message: can.Message, frame: object) -> None:
+    try:
+        bus.send(message)
+    except (codec.python_can().CanError, OSError) as error:
+        raise RunError(f"the bus does not take {frame}: {error}") from None
 
 
 ASKED: dict[type[codec.Frame], type[codec.Frame]] = {

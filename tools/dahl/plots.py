@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from dahl import files, logs, report
 from dahl.scene import Recorded, Scene
 
-MEASURED, COMPUTED, MARK = "#7c8b9c", "#d1495b", "#e9a23b"
+MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
 STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() takes
     "font.size": 11,
     "axes.spines.top": False,
@@ -52,12 +52,13 @@ def draw(
     )
     computed = report.modelled(scene, trace)
     time, time_label = _time(trace, recorded)
-    more = _more_panels(numbers, (folder or path.parent) / "trace.csv")
+    gain = f"gain {scene.friction.get('gain', 1):g}" if scene.compensates else ""
+    more = _more_panels(numbers, folder or path.parent, gain)
     with rc_context(STYLE):
         figure = Figure()
         panels = _stacked(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
-        _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed)
+        _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed, gain)
         loop.set(
             xlabel=literal(scene.measured.label_angle),
             ylabel=literal(scene.measured.label_torque),
@@ -113,7 +114,7 @@ def _mark(axes: Axes, trace: report.Trace, time: np.ndarray, where: slice) -> No
     """
     later = np.arange(len(time)) > 0
     skipped = np.diff(trace.row, prepend=trace.row[:1]) > 1
-    _strokes(axes, time[where][skipped[where]], "no answer just before", 0.08, "-")
+    _strokes(axes, time[where][skipped[where]], "no answer just before", 0.08, "-", MISSING)
     started = trace.fresh & later & ~trace.relaxed
     _strokes(axes, time[where][started[where]], "new start", 1.0, "--")
     relaxed = trace.relaxed & later
@@ -124,12 +125,17 @@ def _mark(axes: Axes, trace: report.Trace, time: np.ndarray, where: slice) -> No
 
 
 def _strokes(
-    axes: Axes, times: np.ndarray, name: str, height: float, style: Literal["-", "--"]
+    axes: Axes,
+    times: np.ndarray,
+    name: str,
+    height: float,
+    style: Literal["-", "--"],
+    color: str = MARK,
 ) -> None:
     """One stroke at each time, over this part of the panel's height; nothing for none."""
     if len(times):
         words = f"{name} ({len(times)})"
-        drawn = axes.vlines(times, 0, height, colors=MARK, linestyles=style, label=words)
+        drawn = axes.vlines(times, 0, height, colors=color, linestyles=style, label=words)
         drawn.set(transform=axes.get_xaxis_transform(), linewidth=1, zorder=0)
 
 
@@ -143,15 +149,15 @@ def _caption(scene: Scene, trace: report.Trace, numbers: dict[str, Any]) -> str:
     return words + ("" if fit is None else f", R² = {fit:.4f}")
 
 
-def _more_panels(numbers: dict[str, Any], trace: Path) -> list[Callable[[Axes], None]]:
+def _more_panels(numbers: dict[str, Any], folder: Path, gain: str) -> list[Callable[[Axes], None]]:
     """What only some runs have: latencies, faults, a tracking error."""
     panels = []
     if numbers.get("latency_histogram") and numbers["latency_us"]["max"] > 0:
         panels.append(lambda axes: _latencies(axes, numbers))
     if "faults" in numbers:
         panels.append(lambda axes: _faults(axes, numbers))
-    if "control" in numbers and trace.is_file():
-        panels.append(lambda axes: _tracking(axes, trace))
+    if "control" in numbers and (folder / "trace.csv").is_file():
+        panels.append(lambda axes: _tracking(axes, folder, gain))
     return panels
 
 
@@ -159,39 +165,56 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
     edges, counts = np.array(numbers["latency_histogram"]).T
     axes.bar(edges, counts, width=-edges / 33, align="edge", color=COMPUTED)
     axes.axvline(1000, color=MEASURED, linewidth=1)
-    axes.set(xlabel="latency of an answer [us]; the line is one period", ylabel="answers")
+    axes.set(xlabel="latency of an answer [µs]; the line is one period", ylabel="answers")
     axes.set(xscale="log", yscale="log")
     quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]
-    words = f"p50 {quantiles['p50']:.0f} us, p99 {quantiles['p99']:.0f} us, jitter p99"
-    words += f" {jitter['p99']:.0f} us, {numbers['deadline_misses']} later than a period"
+    words = f"p50 {quantiles['p50']:.0f} µs, p99 {quantiles['p99']:.0f} µs, jitter p99"
+    words += f" {jitter['p99']:.0f} µs, {numbers['deadline_misses']} deadlines missed"
     axes.set_title(words, loc="left", fontsize=10, color="#555555")
 
 
 def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
-    bars = axes.bar([*map(literal, injected)], list(injected.values()), color=COMPUTED)
+    names = [literal(report.words(name)) for name in injected]
+    bars = axes.bar(names, list(injected.values()), color=COMPUTED)
     axes.bar_label(bars, fmt="%d", fontsize=9)
     axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
     axes.tick_params(axis="x", labelsize=9)
-    wrong = report.disagreements(numbers)
+    wrong = {report.words(name): pair for name, pair in report.disagreements(numbers).items()}
     words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
     axes.set_title(literal(words), loc="left", fontsize=10, color="#555555")
 
 
-def _tracking(axes: Axes, trace: Path) -> None:
-    table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
-    error = table["reference_rad"] - table["angle_rad"]
-    axes.plot(table["time_s"], error, color=COMPUTED, linewidth=1.2)
+def _tracking(axes: Axes, folder: Path, gain: str) -> None:
+    """How far the angle is behind its reference, and how far it is without any compensation."""
+    time, error = _error(folder / "trace.csv")
+    axes.plot(time, error, color=COMPUTED, linewidth=1.2, label=gain)
     axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
     axes.margins(x=0.01)
+    if not (gain and (folder / report.UNCOMPENSATED).is_file()):
+        return
+    time, plain = _error(folder / report.UNCOMPENSATED)
+    axes.plot(time, plain, color=MEASURED, linewidth=1.2, label="gain 0: without compensation")
+    rms, more = (float(np.sqrt(np.mean(one**2))) for one in (error, plain))
+    words = f"rms {rms:.3g} rad, without compensation {more:.3g} rad"
+    words += f" ({more / rms:.3g} times as large)" if rms else ""
+    axes.set_title(words, loc="left", fontsize=10, color="#555555")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=9)
 
 
-def _panel(axes: Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray) -> None:
+def _error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Time in s and tracking error in rad of a rotor's trace."""
+    table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
+    return table["time_s"], table["reference_rad"] - table["angle_rad"]
+
+
+def _panel(
+    axes: Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray, gain: str = ""
+) -> None:
     if measured is not None:
         axes.plot(x, measured, color=MEASURED, linewidth=1.1, label="measured")
-    axes.plot(
-        x, computed, color=COMPUTED, linewidth=1.4, label="computed, as received over the bus"
-    )
+    label = "computed, as received over the bus" + f", {gain}" * bool(gain)
+    axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label=label)
 
 
 def _time(trace: report.Trace, recorded: Recorded | None) -> tuple[np.ndarray, str]:

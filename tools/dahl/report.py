@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from dahl import Error, RunError, codec, counters, paths, reference
+from dahl.missing import Missing
 from dahl.scene import Measured, Recorded, Scene
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
 BOUND_ULP_PARTS = 0.55  # the same for the models beside Dahl's (DAHL_ULP_PARTS)
 FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
+UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0, beside trace.csv
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
@@ -43,6 +45,7 @@ class Trace:
     recorded: int  # EncoderState frames in the log
     missing: int  # EncoderState frames that the counter says are not in the log
     load: np.ndarray | None = None  # of FULL_LOAD, as it was last told; None: 1 throughout
+    lost: int = 0  # frames that were on the bus and are not in the log, at least
 
     def angle(self, scene: Scene) -> np.ndarray:
         """rad (m) from the start, shape (n,)."""
@@ -112,9 +115,12 @@ class Pairing:
         self.new_start = new_start_states()
         self.channels: set[str] = set()  # on which their frames came
         self.row, self._counter = -1, 0
+        self._missing = Missing()
 
     def feed(self, frame: can.Message) -> None:
         """Take one frame; others than the two messages pass by."""
+        if frame.arbitration_id in self.messages:
+            self._missing.feed(frame)
         name = self.messages.get(frame.arbitration_id)
         if name is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
             return
@@ -186,6 +192,7 @@ class Pairing:
             len(self.ticks),
             self.row + 1 - len(self.ticks),
             load,
+            self._missing.proved().least,
         )
 
 
@@ -208,9 +215,10 @@ def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
 def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
     """Largest error of the received torque against the exact solution, in ulp of Fc.
 
-    None where the node was told to answer a part of the torque only.
+    None if the node answers a part of the torque only, or if frames are lost: the travel in them is
+    unknown.
     """
-    if scene.compensates:
+    if scene.compensates or trace.lost:
         return None
     load = np.full(len(trace.row), FULL_LOAD) if trace.load is None else trace.load
     apart = np.flatnonzero(trace.relaxed)
@@ -239,6 +247,11 @@ def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any
     return reference.exact_ratios(moves, travel)
 
 
+def words(name: str) -> str:
+    """A key of a summary as people read it."""
+    return name.replace("_", " ")
+
+
 def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
     """Counters of the node that are not what the faults injected must have made: (counted, due)."""
     expected, counted = numbers["faults"]["expected"], numbers.get("node", {})
@@ -259,7 +272,7 @@ def modelled(scene: Scene, trace: Trace) -> np.ndarray:
 def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, float | None]:
     """rmse_measured in N m (N) and r2_measured, or None where nothing was measured."""
     use = trace.row >= scene.measured.settle
-    if recorded is None or recorded.torque is None or not use.any():
+    if recorded is None or recorded.torque is None or trace.lost or not use.any():
         return {"rmse_measured": None, "r2_measured": None}
     truth = recorded.torque[trace.row[use]]
     residual = truth - modelled(scene, trace)[use]
@@ -268,18 +281,28 @@ def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, floa
     return {"rmse_measured": float(np.sqrt(np.mean(residual**2))), "r2_measured": r2}
 
 
+def _lost_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
+    """Answers that the log lacks where no counter shows it: the first one of a node is a new start,
+    and dahl-loop knows how many it has received.
+    """
+    if "faults" in loop or loop.get("interrupted"):  # the counts of dahl-loop are others then
+        return int(loop.get("recorder_dropped", False) or not trace.fresh[0])
+    return max(int(loop.get("frames_answered", 0)) - len(trace.row), 0)
+
+
 def summary(
     scene: Scene, trace: Trace, recorded: Recorded | None, loop: dict[str, Any]
 ) -> dict[str, Any]:
     """All numbers of a run: what dahl-loop counted (`loop`), what was recorded, how exact, how near
     to the measurement.
     """
+    trace.lost = max(trace.lost, _lost_at_ends(trace, loop))
     return {
         **loop,
         "scene": scene.name,
         "title": scene.title,
         "frames_recorded": trace.recorded,
-        "frames_not_recorded": trace.missing,
+        "frames_not_recorded": max(trace.missing, trace.lost),
         "answers_by_state": trace.states,
         "max_error_ulp_Fc": max_error_ulp(scene, trace),
         **fit(scene, trace, recorded),

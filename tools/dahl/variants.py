@@ -94,7 +94,7 @@ class _Bristle(Element, Copied):
 class Asymmetric(_Bristle):
     """Friction with an Fc of each direction its own (dahl_asymmetric_plan_t), relaxed at first:
     dF/dtheta = sigma0 (1 - F/Fc_forward) forward, sigma0 (1 + F/Fc_backward) backward. Passive over
-    every closed cycle.
+    every closed cycle, within rounding.
 
     sigma0           N m/rad  stiffness at F = 0, both ways, range as in Plan
     Fc_forward       N m      F after a long way forward, range of Fc in Plan

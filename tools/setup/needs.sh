@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: MIT
 # What each need is made of. To add a package, add it here; a Python package goes into tools/requirements/NEED.txt.
 
-NEEDS=(demo identify firmware test checks bench all)
+NEEDS=(demo identify firmware test vm checks bench all)
 
 # Needs that one brings along.
 declare -A BRINGS=(
     [identify]='demo'
     [firmware]='demo'
     [test]='identify'
-    [checks]='test firmware'
+    [vm]='demo'
+    [checks]='test firmware vm'
     [bench]='identify firmware'
     [all]='checks bench'
 )
@@ -31,12 +32,13 @@ esac
 # Debian packages without which it does less, and says so.
 declare -A MAY=(
     [test]='valgrind'
+    [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2'
     # Other compilers, 32 bits, big-endian programs by clang (Debian's own cross compiler cannot stand beside gcc-multilib).
     [checks]='tcc clang libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
         clang-19 llvm-19 libclang-rt-19-dev clang-tidy-19 cppcheck shellcheck frama-c-base gappa sollya
-        can-utils qemu-system-x86 busybox-static kmod cpio iproute2 chromium'
+        chromium'
     [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc'
 )
 
@@ -44,7 +46,8 @@ declare -A MAY=(
 declare -A FETCHED=(
     [firmware]='unity' # a core's preset configures its tests too
     [test]='unity'
-    [checks]='kernel cbmc'
+    [vm]='kernel'
+    [checks]='cbmc'
 )
 
 # Python packages: tools/requirements/NAME.lock. Each lock stands on those before it.

@@ -117,7 +117,7 @@ RATIOS(counts_q30)
 {
     (void)angles;
     for (size_t i = 0; i < n; i++) {
-        w[i] = dahl_step_counts_q30(&r->plan, &r->state, dcounts[i]) * DAHL_Q30;
+        w[i] = (double)dahl_step_counts_q30(&r->plan, &r->state, dcounts[i]) * (double)DAHL_Q30;
     }
 }
 

@@ -19,6 +19,10 @@ int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
 int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 int32_t call_units(int32_t, uint32_t) __asm__("bench_call");
 
+/* The C of lib/model under other names (CMakeLists.txt), since the library has a tick in assembly on some cores. */
+float c_step_counts(const dahl_plan_t *, dahl_state_t *, int32_t);
+int32_t c_step_counts_q30(const dahl_plan_t *, dahl_state_t *, int32_t);
+
 /* One axis of a drive, and what its interrupt does each tick: from the reading of the 16-bit timer to the torque that the
  * controller asks for and what friction will take, in sum. In N m, or without a float in units of the drive. */
 typedef struct {
@@ -164,6 +168,32 @@ static void bench_moves(void)
         bench_case(moves[i].name_float);
         from_all_starts(by_float, moves[i].dcounts);
     }
+}
+
+static void c_by_q30(int64_t w, int32_t dcounts)
+{
+    dahl_state_t state = {w};
+    bench_function = (bench_function_t)c_step_counts_q30;
+    call_q30(&plan, &state, dcounts);
+}
+
+static void c_by_float(int64_t w, int32_t dcounts)
+{
+    dahl_state_t state = {w};
+    bench_function = (bench_function_t)c_step_counts;
+    call_float(&plan, &state, dcounts);
+}
+
+static void bench_ticks_in_c(void)
+{
+    bench_case("one_count_c_forward_q30");
+    from_all_starts(c_by_q30, 1);
+    bench_case("one_count_c_backward_q30");
+    from_all_starts(c_by_q30, -1);
+    bench_case("one_count_c_forward_float");
+    from_all_starts(c_by_float, 1);
+    bench_case("one_count_c_backward_float");
+    from_all_starts(c_by_float, -1);
 }
 
 static void bench_dense(void)
@@ -368,6 +398,7 @@ void bench_library(void)
         return; /* the reader misses the cases */
     }
     bench_moves();
+    bench_ticks_in_c();
     bench_dense();
     bench_reversal();
     bench_counts_worst();

@@ -35,7 +35,16 @@ EXAMPLE = """examples:
 
 PREFERRED = ("tribometer", "cycloidal")  # measured sets, best first
 WITHOUT_DATA = "steering"
-WRITTEN = ("*.ini", "*.json", "*.err", "*.bin", "run.log", "trace.csv", "loop.png")
+WRITTEN = (
+    "*.ini",
+    "*.json",
+    "*.err",
+    "*.bin",
+    "run.log",
+    "trace.csv",
+    "uncompensated.csv",
+    "loop.png",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -127,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(numbers, indent=2))
     if numbers["interrupted"]:
         return 130
-    wrong = _wrong(numbers)
+    wrong = _wrong(numbers, trace.lost)
     if wrong:
         raise RunError(f"{args.output / 'summary.json'}: {'; '.join(wrong)}")
     return 0
@@ -140,8 +149,8 @@ def _spare(log: Path | None, folder: Path) -> None:
         raise Error(f"{log}: a run in {folder} would destroy it; name another -o")
 
 
-def _wrong(numbers: dict[str, Any]) -> list[str]:
-    """What makes a run that has come to its end a failed one."""
+def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
+    """What makes a run that has come to its end a failed one; lost: of the frames on the bus."""
     from dahl import report
 
     wrong = []
@@ -154,9 +163,16 @@ def _wrong(numbers: dict[str, Any]) -> list[str]:
         wrong += [f"faults counted, due: {counted}"] if counted else []
     elif numbers.get("frames_lost"):
         wrong.append(f"{numbers['frames_lost']} frames had no answer in time (a busy machine?)")
-    if "faults" not in numbers and numbers["frames_not_recorded"]:
-        wrong.append(f"{numbers['frames_not_recorded']} frames were not recorded")
+    if lost:
+        wrong.append(_not_compared(numbers, lost))
+    elif "faults" not in numbers and numbers["frames_not_recorded"]:
+        wrong.append(f"{numbers['frames_not_recorded']} frames were not on the bus")
     return wrong
+
+
+def _not_compared(numbers: dict[str, Any], lost: int) -> str:
+    why = ": the recorder read too slowly" * bool(numbers.get("recorder_dropped"))
+    return f"not compared: at least {lost} frames were not recorded{why}"
 
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
@@ -232,14 +248,12 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    from dahl import logs, loop, report
+    from dahl import loop
     from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
     ticks = _expected(args, scene, recorded)
-    for path in (args.output / "summary.json", args.output / "trace.csv"):
-        if path.is_file():  # of an earlier run: this one may be cut off
-            path.unlink()
+    _forget_earlier_run(args.output)
     columns = (
         TextColumn("run    "),
         BarColumn(),
@@ -256,12 +270,31 @@ def _play(
         )
         done = numbers.get("ticks", 0)
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
+    if setup.trace and scene.compensates and not numbers["interrupted"]:
+        loop.run_uncompensated(setup, args.output / report.UNCOMPENSATED)
     numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it
         numbers |= {"node": {}, "target": args.target}
-    return numbers, report.trace_of(logs.read_candump(args.output / "run.log"), scene.node)
+    return numbers, _trace(args.output / "run.log", scene)
+
+
+def _trace(log: Path, scene: Scene) -> Trace:
+    """The answered ticks of the run. Raises RunError if none was recorded."""
+    from dahl import logs, report
+
+    try:
+        return report.trace_of(logs.read_candump(log), scene.node)
+    except Error as error:
+        raise RunError(f"not compared: {error}") from None
+
+
+def _forget_earlier_run(folder: Path) -> None:
+    """Remove its numbers and traces, since this run may be cut off."""
+    for name in ("summary.json", "trace.csv", "uncompensated.csv"):
+        if (folder / name).is_file():
+            (folder / name).unlink()
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
@@ -323,7 +356,7 @@ def _keep(
     numbers |= report.summary(scene, trace, recorded, numbers)
     files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
-    console.print(_table(numbers, scene))
+    console.print(_table(numbers, scene, trace.lost))
     console.print(
         "files   "
         + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json"))
@@ -332,7 +365,7 @@ def _keep(
         console.print("ended early, as asked; the files hold all that was recorded until then")
 
 
-def _table(numbers: dict[str, Any], scene: Scene) -> Any:
+def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
     from rich.table import Table
 
     latency = numbers.get("latency_us") or {}
@@ -341,20 +374,23 @@ def _table(numbers: dict[str, Any], scene: Scene) -> Any:
         "bus": numbers["bus"],
         "ticks": numbers.get("ticks"),
         "frames sent, lost": f"{numbers.get('frames_sent')}, {numbers.get('frames_lost')}",
-        "latency": ", ".join(f"{key} {value:.0f} us" for key, value in latency.items())
+        "latency": ", ".join(f"{key} {value:.0f} µs" for key, value in latency.items())
         or "none: virtual time stands still between an angle and its answer",
         "error against the exact torque": "not compared: the node answers a part of the torque"
         if error is None
         else f"{error:.3f} ulp of Fc at most",
         "error against the measurement": "no measurement here",
     }
+    if lost:
+        for name in ("exact torque", "measurement"):
+            rows[f"error against the {name}"] = _not_compared(numbers, lost)
     if numbers["r2_measured"] is not None:
         rows["error against the measurement"] = (
             f"rms {numbers['rmse_measured']:.4g} {scene.measured.unit},"
             f" R² {numbers['r2_measured']:.4f} (from row {numbers['compared_from_row']} on)"
         )
     rows |= _special(numbers)
-    table = Table(show_header=False, title=scene.title, title_justify="left")
+    table = Table(show_header=False)
     for name, value in rows.items():
         table.add_row(name, str(value))
     return table
@@ -367,8 +403,8 @@ def _special(numbers: dict[str, Any]) -> dict[str, str]:
     rows = {}
     if "faults" in numbers:
         injected = numbers["faults"]["injected"]
-        rows["faults"] = ", ".join(f"{name} {count}" for name, count in injected.items() if count)
-        wrong = report.disagreements(numbers)
+        rows["faults"] = ", ".join(f"{report.words(key)} {n}" for key, n in injected.items() if n)
+        wrong = {report.words(key): pair for key, pair in report.disagreements(numbers).items()}
         rows["faults counted by the node"] = "all, to the last one" if not wrong else str(wrong)
     if "control" in numbers:
         control = numbers["control"]

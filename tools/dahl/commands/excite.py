@@ -113,12 +113,12 @@ def _wanted(args: argparse.Namespace) -> Wanted:
 
 
 def _known(path: Path, linear: bool) -> tuple[float, float]:
+    found = files.read_json(path)
     try:
-        found = files.read_json(path)
         if found.get("linear", linear) != linear:
             raise Error(f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm")
         return positive(str(found["sigma0"])), positive(str(found["Fc"]))
-    except (ValueError, KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
+    except (KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
         raise Error(f"{path}: not what dahl identify leaves (sigma0 and Fc)") from None
 
 

@@ -340,7 +340,7 @@ def _each(args: argparse.Namespace) -> int:
 def _follow(args: argparse.Namespace) -> int:
     """Identify what comes over a bus until it is known well enough."""
     from dahl import plan_header
-    from dahl.bus import open_from, read_ahead, received
+    from dahl.bus import Reception, open_from, read_ahead
     from dahl.identify import follow
     from dahl.interrupt import Stop
 
@@ -348,7 +348,7 @@ def _follow(args: argparse.Namespace) -> int:
     _spare(args, name)
     follow.signals_of(source)  # a bad DBC is named before any bus is opened
     with open_from(args) as bus, Stop() as stop:
-        frames = read_ahead(received(bus, stop, args.seconds, args.frames))
+        frames = read_ahead(Reception(bus, stop, args.seconds, args.frames))
         with contextlib.closing(frames):
             result = follow.follow(frames, source, options_of(args), args.within / 100, _shown)
     _report(args, result, name)

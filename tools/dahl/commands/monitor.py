@@ -4,8 +4,9 @@ Watch a friction node live in the terminal: the counters, torque over angle, bot
 
 Frames are decoded with the node's own DBC (or --dbc). Works with any interface that python-can has,
 from 60 columns and 18 rows on. Torques are in N m where Fc is known: by --fc, by --scene, or by a
-ParamReply on the bus. Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it
-prints one picture of the state at the end, with --json the numbers.
+ParamReply on the bus. "behind" says how late frames are read: a bus drops frames if that grows.
+Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the
+state at the end, with --json the numbers.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,8 +22,7 @@ from dahl.arguments import add_limits, positive, whole
 from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
-    import can
-
+    from dahl.bus import Reception
     from dahl.monitor_view import View
 
 HELP = "live view of a node in the terminal"
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> None:
     from rich.live import Live
 
     from dahl import terminal
-    from dahl.bus import open_from, received, silent
+    from dahl.bus import Reception, open_from, silent
     from dahl.interrupt import Stop
     from dahl.monitor_view import View
 
@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> None:
     begin = time.monotonic()
     try:
         with open_from(args) as bus, Stop() as stop:
-            frames = received(bus, stop, args.seconds, args.frames)
+            frames = Reception(bus, stop, args.seconds, args.frames)
             if console.is_terminal and not args.json:
                 view.fills_screen = True
                 with Live(view, console=console, screen=True, auto_refresh=False) as live:
@@ -98,10 +98,11 @@ def _known(args: argparse.Namespace) -> tuple[int, float | None, str]:
     return number, found.Fc, found.measured.unit
 
 
-def _watch(frames: Iterable[can.Message | None], view: View, draw: Callable[[], None]) -> None:
+def _watch(frames: Reception, view: View, draw: Callable[[], None]) -> None:
     """Feed the view until the end, and draw it from time to time."""
     drawn = 0.0
     for frame in frames:
+        view.lag_s, view.most_lag_s = frames.lag_s, frames.most_lag_s
         if frame is not None:
             view.feed(frame)
         if time.monotonic() - drawn > REDRAW:

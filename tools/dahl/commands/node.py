@@ -44,7 +44,7 @@ EXAMPLE = """examples:
 SCENE = "steering"
 OWN = ("sigma0", "fc", "theta_per_count")
 HOST = "127.0.0.1"
-LISTEN = 0.25  # s; a node tells its Status every 0.1 s unless a scene says otherwise
+LISTEN = 0.25  # s for a node of the same number to answer
 LOOK = 0.05  # s
 DRAIN = 0.2  # s to read what had come at the end
 PATIENCE = 10.0  # s for firmware to answer
@@ -165,12 +165,14 @@ def _on_bus(
 
 
 def _refuse_second(bus: can.BusABC, number: int) -> None:
-    """Raise dahl.RunError where a node of this number speaks already: both would answer each angle,
-    with the same id.
+    """Raise dahl.RunError if a node of this number sends a frame or answers a read: both would
+    answer each angle, with the same id.
     """
     from dahl import codec
     from dahl.bus import receive
 
+    with contextlib.suppress(codec.python_can().CanError, OSError):  # nobody there to take it
+        bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
     own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
     until = time.monotonic() + LISTEN
     while (left := until - time.monotonic()) > 0:

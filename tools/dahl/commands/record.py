@@ -3,19 +3,25 @@
 Record a bus into a log: candump (.log, which canplayer can replay), ASC, BLF, TRC or MF4, by the
 ending of its name.
 
-Works with any interface that python-can has. Ends with Ctrl-C, or after --frames or --seconds. A
+Works with any interface that python-can has. Stop it with Ctrl-C, or give --frames or --seconds. A
 .log, .asc or .trc holds whole lines at any moment; .blf and .mf4 are whole once it has ended. A
 .trc holds no CAN FD, remote or error frames: they are left out, and how many is said at the end.
+
+If frames of a friction node are missing in the log, one line says how many, and it exits with 1: a
+program that reads too slowly loses frames. They are counted by the sequence counters of
+EncoderState, FrictionTorque and Status; with SocketCAN also by the kernel. A counter has 4 bits, so
+"3 to 1987" means 3 by the counters and 1987 by the time stamps. A frame that did not reach the node
+either, a repeated one and a restarted node do not count. Frames of other devices have no such
+counter.
 """
 
 from __future__ import annotations
 
 import argparse
-import errno
 import io
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,9 +38,9 @@ EXAMPLE = """examples:
   dahl record -i socketcan -c can0 --fd -o run.blf
   dahl record -i socketcand -c vcan0 --host 127.0.0.1 --port 29536 -o run.log"""
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of a file, never of a bus
 TRC = ".trc"  # the one format that cannot hold every frame
 PATIENCE = 3.0  # s without a frame, after which one waits knowingly
+LATE = 0.5  # s behind the bus; below it a busy machine is no news
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,48 +58,74 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.bus import open_from, received, silent
+    from dahl.bus import Reception, lost_in_kernel, open_from, silent
     from dahl.interrupt import Stop
 
     existed = _check(args.output, args.force, bool(getattr(args, "fd", False)))
-    held = Held(args.output)
+    tally, gone = Tally(args.output), ""
     begin = time.monotonic()
     try:
-        with open_from(args) as bus, Stop() as stop:
+        with open_from(args) as bus, Stop(is_its_end=True) as stop:
             args.output.open("ab").close()  # it can be written
-            messages = received(bus, stop, args.seconds, args.frames)
-            frames = _write(args.output, held.among(messages))
+            messages = Reception(bus, stop, args.seconds, args.frames)
+            try:
+                _write(args.output, tally.among(messages))
+            except RunError as error:
+                gone = f"{error}{_how_late(messages.most_lag_s)}"
+            tally.lost_in_kernel = lost_in_kernel(bus)
     finally:
         if not existed and args.output.exists() and args.output.stat().st_size == 0:
             args.output.unlink()
-    if frames == 0 and held.left_out:
-        raise RunError(f"{args.output}: {held.told()}")
-    if frames == 0:
+    if tally.frames == 0 and not tally.left_out and not gone:
         raise silent(args, time.monotonic() - begin)
-    print(f"{frames} frames in {args.output}")
-    if held.left_out:
-        print(held.told())
+    tally.report(gone)
 
 
-class Held:
-    """Takes out the frames that the format of a log cannot hold, and counts them: python-can's
-    writer of TRC would drop them with no more than a warning.
+def _how_late(lag_s: float) -> str:
+    """A server closes the connection of a client that reads too slowly."""
+    return f", and reading was up to {lag_s:.1f} s late" if lag_s > LATE else ""
+
+
+class Tally:
+    """Counts the frames that a log holds and those that it lacks.
+
+    It takes out those that the format cannot hold: python-can's writer of TRC would drop them with
+    no more than a warning.
     """
 
     def __init__(self, path: Path) -> None:
-        self.left_out, self._is_trc = 0, path.suffix.lower() == TRC
+        from dahl.missing import Missing
 
-    def among(self, messages: Iterator[can.Message | None]) -> Iterator[can.Message | None]:
-        """The messages without those frames."""
+        self.frames = self.left_out = self.lost_in_kernel = 0
+        self._path, self._is_trc = path, path.suffix.lower() == TRC
+        self._missing = Missing()
+
+    def among(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
+        """The messages that the log can hold; one counts as held when the next is asked for."""
         for message in messages:
-            if message is not None and self._is_trc and _is_special(message):
+            if message is None:
+                yield None
+            elif self._is_trc and _is_special(message):
                 self.left_out += 1
             else:
+                self._missing.feed(message)
                 yield message
+                self.frames += 1
 
-    def told(self) -> str:
-        """How many were left out, and what holds them."""
-        return f"{self.left_out} frames that {TRC} cannot hold were left out; .blf holds them"
+    def report(self, gone: str) -> None:
+        """Print the counts. Raises RunError if frames are missing or the bus has gone."""
+        special = f"{self.left_out} frames that {TRC} cannot hold were left out; .blf holds them"
+        gap = self._missing.count().at_least(self.lost_in_kernel)
+        wrong = [f"{self._path}: {gap} frames are missing"] * (gap.most > 0) + [gone] * bool(gone)
+        if self.frames:
+            print(f"{self.frames} frames in {self._path}")
+        elif self.left_out:
+            wrong.append(f"{self._path}: {special}")
+        if self.frames and self.left_out:
+            print(special)
+        if wrong:
+            sys.stdout.flush()  # before the error
+            raise RunError("; ".join(wrong))
 
 
 def _is_special(message: can.Message) -> bool:
@@ -113,24 +145,19 @@ def _check(path: Path, force: bool, fd: bool) -> bool:
     return path.exists()
 
 
-def _write(path: Path, messages: Iterator[can.Message | None]) -> int:
-    """Write each frame; what was there before goes with the first one. Returns how many."""
+def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
+    """Write each frame; what was there before goes with the first one."""
+    from dahl.files import whole_lines
+
     first = _first(messages)
     if first is None:
-        return 0
-    frames = 1
-    try:
-        with _writer(path) as writer:
-            writer.on_message_received(first)
-            for message in messages:
-                if message is not None:
-                    writer.on_message_received(message)
-                    frames += 1
-    except OSError as error:
-        if error.errno in FULL and error.filename is None:
-            error.filename = str(path)
-        raise
-    return frames
+        return
+    writer = _writer(path)
+    with whole_lines(path, getattr(writer, "file", None)), writer:
+        writer.on_message_received(first)
+        for message in messages:
+            if message is not None:
+                writer.on_message_received(message)
 
 
 def _first(messages: Iterator[can.Message | None]) -> can.Message | None:

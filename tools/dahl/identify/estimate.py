@@ -66,6 +66,7 @@ def identify(
         for log in logs
         for piece in preprocess.preprocess(log, options.trust_units, options.median)
     ]
+    _check_times(pieces, options)
     samples = samples_of(pieces)
     use = replace(use, space=_space(use.space, options))
     fitter = Fitter(samples)
@@ -88,6 +89,14 @@ def identify(
     return claims_of(
         Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
     )
+
+
+def _check_times(pieces: Sequence[Log], options: Options) -> None:
+    """Raise dahl.Error for a term of the speed without times: its unit would be unknown."""
+    timed = [term for term in options.terms or () if term in ("viscous", "inertia")]
+    untimed = next((log.name for log in pieces if log.time is None), None)
+    if timed and untimed is not None:
+        raise Error(f"{untimed}: {timed[0]} needs times of the rows (--time)")
 
 
 def _space(space: SearchSpace, options: Options) -> SearchSpace:
@@ -156,14 +165,16 @@ def _judge(
         seen = replace(seen, fits=[seen.chosen])
     value = seen.chosen.value
     quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
-    low, high = _over_hypotheses(seen, fits, quantile, widen=use.plausible)
+    lacks: list[Lack] = []
+    if use.lack_of_fit and not hidden:
+        lacks = diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
+    low, high = _over_hypotheses(seen, quantile)
+    if use.plausible:
+        low, high = _beyond_one_element(seen, fits, lacks, low, high)
     widths = {
         "noise": quantile * seen.chosen.error / value,
         "hypotheses": (high - low) / 2 / value,
     }
-    lacks: list[Lack] = []
-    if use.lack_of_fit and not hidden:
-        lacks = diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
     for one in lacks:
         low, high = np.minimum(low, one.low), np.maximum(high, one.high)
     widths["lack of fit"] = (high - low) / 2 / value
@@ -187,35 +198,31 @@ def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
     return ROUNDING_SEEN * rounding * weight if coarse else 0.0
 
 
-def _over_hypotheses(
-    seen: Plausible, fits: list[Fit], quantile: float, widen: bool
-) -> tuple[np.ndarray, np.ndarray]:
+def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest sigma0 and Fc over all plausible hypotheses, with their errors."""
     reach = [quantile * select.reach(f, seen.near) for f in seen.fits]
     low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
     high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
-    laws = {f.hypothesis.law for f in seen.fits}
-    if not widen or "dahl" in laws or seen.fits[0].hypothesis.law == "loaded":
-        return low, high
-    return _beyond_one_element(seen, fits, low, high)
+    return low, high
 
 
 def _beyond_one_element(
-    seen: Plausible, fits: list[Fit], low: np.ndarray, high: np.ndarray
+    seen: Plausible, fits: list[Fit], lacks: list[Lack], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Widen if one Dahl element is not enough.
 
     Then the fitted law is one of many that bend so. The distance from the best Dahl fit to it says
-    how much the law matters; the truth may lie that far on: 1.4 times if there are several
-    elements, of which small stiff ones may be missed, .5 times for another law.
+    how much the law matters, and the truth may lie half as far on. It may lie 1.4 times as far on
+    if there are several elements and the residual asks for more: small stiff ones may be missed.
     """
     plain = [f for f in fits if f.hypothesis.law == "dahl"]
-    if not plain:
+    laws = {f.hypothesis.law for f in seen.fits}
+    if not plain or laws & {"dahl", "loaded"}:
         return low, high
     several = seen.best.hypothesis.friction.elements > 1
     value = seen.best.value
     apart = np.abs(value - min(plain, key=lambda f: f.total).value)
-    apart *= MORE_ELEMENTS if several else OTHER_LAW
+    apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
     return np.minimum(low, value - apart), np.maximum(high, value + apart)
 
 
@@ -228,7 +235,7 @@ def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
     reach: np.ndarray = quantile * np.sqrt(np.mean(errors**2, axis=0))
     samples = fitter.samples
     if samples.count and not samples.noise:
-        reach = np.hypot(reach, 2 * np.abs(simulate.hidden_travel(fitter, chosen)))
+        reach = np.hypot(reach, simulate.hidden_travel(fitter, chosen))
     return reach
 
 

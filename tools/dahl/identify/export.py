@@ -303,9 +303,8 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
     rows = min(log.rows, REPLAYED_ROWS)
     travel = np.cumsum(np.abs(log.moves[:rows]))
     settled = int(np.searchsorted(travel, SETTLED_LENGTHS / model.a))
-    relaxed_at_start = model.terms.get("spring", 0.0) * (
-        log.theta[0] - result.samples.reference.centre
-    )
+    from_centre = float(log.theta[0]) - result.samples.reference.centre
+    offset = model.terms.get("offset", 0.0) + model.terms.get("spring", 0.0) * from_centre
     words = about(result, model)
     lines = [
         f"; written by dahl identify: {result.verdict}",
@@ -329,7 +328,7 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
         "[measured]",
         f"torque = {force}",
         "torque_scale = 1",
-        f"offset = {model.terms.get('offset', 0.0) + relaxed_at_start!r}",
+        f"offset = {offset!r}",
         f"spring = {model.terms.get('spring', 0.0)!r}",
         f"settle = {settled if settled < rows // 2 else 0}",
         f"angle_scale = {1 / size!r}",

@@ -62,14 +62,19 @@ def _angle(result: Result) -> tuple[np.ndarray, str]:
 
 
 def _draw_loop(axes: Axes, result: Result) -> None:
-    """Torque over angle, measured and fitted, on the same samples; each piece is a line."""
+    """Torque over angle, measured and fitted, on the same samples; each piece is a line.
+
+    The fit is drawn from where the unknown torque at the start of a piece is forgotten.
+    """
     angle, label = _angle(result)
     measured, log = result.samples.torque, result.logs[0]
     for k, rows in enumerate(result.samples.pieces):
         words = ("measured", f"fitted: {result.hypothesis.friction.label}") if k == 0 else ("", "")
         axes.plot(angle[rows], measured[rows], color=MEASURED, linewidth=1.1, label=words[0])
+        start = rows.start + int(np.argmax(result.samples.used[rows] > 0))
+        settled = slice(start, rows.stop)
         axes.plot(
-            angle[rows], result.predicted[rows], color=COMPUTED, linewidth=1.4, label=words[1]
+            angle[settled], result.predicted[settled], color=COMPUTED, linewidth=1.4, label=words[1]
         )
     weight = result.samples.weight
     odd = (weight > 0) & (weight < MAX_MARKED_WEIGHT)

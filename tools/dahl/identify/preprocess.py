@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
+from scipy.signal import savgol_filter
 
 from dahl import Error
 from dahl.identify import encoder_grid
@@ -36,9 +37,13 @@ ROUNDING = 1e-10  # of the torque's range
 SMOOTH_RATIO = 16.0  # range of a wrapping angle over its largest true move
 PERIOD_TOLERANCE = 0.01  # of a period
 GAP_STEPS, GAP_PERCENTILE = 5.0, 95  # times this percentile of the clock's steps
+CLOCK_ROWS = 51  # over which jittering times are smoothed
+JITTER_CORRELATION = -0.3  # of neighbouring steps: white errors of the times have -.5
+MIN_JITTER = 0.05  # of a step
 EVENT_PART = 0.9  # of the moves by one count: a log written at each edge of the encoder
 MAX_FLICKER = 8  # rows that turn back at once, beyond the true reversals
 FLICKER_ROWS = 9  # of the running median that removes them
+SPIKE_RATIO = 10.0  # times what 90 % of the rows are off their neighbours: no white noise
 RANGES = {True: (1e-8, 1e2, "m"), False: (1e-7, 1e4, "rad")}  # of an angle, by `linear`
 
 
@@ -51,7 +56,7 @@ def preprocess(log: Log, trust_units: bool = False, median: int = 0) -> list[Log
     check(log, trust_units)
     whole = unwrap(drop_repeated_rows(log), trust_units)
     pieces = split_at_gaps(mark_torque_readings(drop_stale_angles(whole)))
-    return [remove_flicker(spread_equal_times(piece), median) for piece in pieces]
+    return [remove_flicker(smooth_clock(spread_equal_times(piece)), median) for piece in pieces]
 
 
 # --- rejected logs --------------------------------------------------------------------------------
@@ -337,6 +342,18 @@ def spread_equal_times(log: Log) -> Log:
     return replace(log, time=time, notes=[*log.notes, note])
 
 
+def smooth_clock(log: Log) -> Log:
+    """Smooth times that jitter around an even clock, since a speed needs their differences."""
+    if log.time is None or log.rows <= CLOCK_ROWS:
+        return log
+    off = np.diff(log.time) - np.median(np.diff(log.time))
+    white = off[1:] @ off[:-1] < JITTER_CORRELATION * (off @ off)
+    if not white or off.std() < MIN_JITTER * np.median(np.diff(log.time)):
+        return log
+    time = savgol_filter(log.time, CLOCK_ROWS, 1)
+    return replace(log, time=time, notes=[*log.notes, "the times jitter: smoothed"])
+
+
 # --- flicker of the angle -------------------------------------------------------------------------
 
 
@@ -345,13 +362,21 @@ def remove_flicker(log: Log, median: int = 0) -> Log:
     if median == 1:
         return log
     turns = flicker(log)
-    if not median and (turns <= MAX_FLICKER or white_noise(log.theta, log.resolution)):
+    if not median and (turns <= MAX_FLICKER or _is_white(log)):
         return log
     rows = median or FLICKER_ROWS
     why = f"angle turns back at once in {turns} of {log.rows} rows" if not median else "--median"
     note = f"{why}: running median of {rows} rows used"
     theta = median_filter(log.theta, rows, mode="nearest")
     return replace(log, theta=theta, notes=[*log.notes, note])
+
+
+def _is_white(log: Log) -> bool:
+    """Whether all rows have errors of one size; a fit handles these better than a median does."""
+    off = np.abs(log.theta - median_filter(log.theta, FLICKER_ROWS, mode="nearest"))
+    usual = max(float(np.percentile(off, 90)), log.resolution)
+    has_spikes = float(off.max()) > SPIKE_RATIO * usual
+    return not has_spikes and white_noise(log.theta, log.resolution) > 0
 
 
 def flicker(log: Log) -> int:

@@ -117,6 +117,8 @@ def notes(result: Result) -> list[str]:
     for log in result.logs:
         place = f"{Path(log.name).name}: " if several else ""
         found += [f"{place}{note}" for note in log.notes]
+    if any(log.load is not None for log in result.raw) and result.hypothesis.law != "loaded":
+        found.append("load: not used, the friction does not follow it in all logs")
     if result.sign < 0:
         found.append("the torque was used with the other sign: friction has the sign of the motion")
     return found
@@ -151,12 +153,12 @@ def _simple_models(result: Result) -> dict[str, Any]:
     """Held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
     s, fits = result.samples, best_by_law(result)
     terms = [name for name in result.hypothesis.terms if name != "waves"]
-    columns = np.column_stack(result.fitter.term_columns(terms))
+    columns = result.fitter.term_columns(terms)
     sign = _last_direction(result.fitter.moves["between counts"])
     costs = {
         "dahl": fits["dahl"].total if "dahl" in fits else math.nan,
-        "coulomb": _held_out(result, np.column_stack((sign, columns))),
-        "none": _held_out(result, columns),
+        "coulomb": _held_out(result, [sign, *columns]),
+        "none": _held_out(result, columns or [np.zeros(s.rows)]),
         "bilinear": fits["slip"].total if "slip" in fits else math.nan,
     }
     weight = float(s.used.sum())
@@ -181,11 +183,11 @@ def _last_direction(moves: np.ndarray) -> np.ndarray:
     return direction
 
 
-def _held_out(result: Result, columns: np.ndarray) -> float:
+def _held_out(result: Result, columns: list[np.ndarray]) -> float:
     from dahl.identify.fit import cost_of
 
-    grams = result.samples.grams(columns)
-    k = list(range(columns.shape[1]))
+    grams = result.samples.grams(np.column_stack(columns))
+    k = list(range(len(columns)))
     return float(cost_of(grams, k, solve(grams.sum(axis=0) - grams, k)).sum())
 
 
@@ -297,7 +299,7 @@ def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
                 "r2": result.r2_of(f),
                 "sigma0": float(f.value[0]),
                 "Fc": float(f.value[1]),
-                "plausible": id(f) in near,
+                "plausible": id(f) in near or f is result.chosen,
                 "taken": f is result.chosen,
             }
             for f in ordered
@@ -341,6 +343,8 @@ def table(result: Result) -> Table:
         high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
         shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")
     shown.add_row("law", _law_words(result))
+    if (load := _load(result)) is not None:
+        shown.add_row("load", _load_words(load))
     for name, value in result.terms.items():
         unit = UNITS.get(name, "").format(T=log.unit, k=log.slope_unit, x=log.angle_unit)
         shown.add_row(name, f"{value:.4g} {unit}".strip())
@@ -362,6 +366,14 @@ def _law_words(result: Result) -> str:
     elif h.lag != "none":
         words.append(f"with {h.lag}")
     return ", ".join(words)
+
+
+def _load_words(load: dict[str, Any]) -> str:
+    least, most = load["shares"]
+    return (
+        f"sigma0 and Fc are given at {load['reference']:.4g}, {least:.3g} to {most:.3g} times as"
+        f" large in the log; R2 {load['r2']:.4f}, {load['r2_without']:.4f} without the load"
+    )
 
 
 def model_table(result: Result) -> Table:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NAMES = ("sigma0", "Fc")
 MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
+MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
 MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
 SOURCES = {  # of the width of an interval, in the order in which they are added
     "noise": "noise",
@@ -115,7 +116,7 @@ class Result:
 
     def _parameter(self, k: int) -> Parameter:
         i = self.intervals
-        ends = float(i.value[k]), float(i.low[k]), float(i.high[k])
+        ends = float(i.value[k]), max(float(i.low[k]), 0.0), float(i.high[k])
         return Parameter(*ends, self.claimed[k], i.dominant(k))
 
     @property
@@ -261,22 +262,33 @@ def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
     if "cubic" in found:
         found["cubic"] /= reach**3
     if h.law == "asymmetric":  # the mean of both limits is friction, not offset
-        found["offset"] -= float(fit.limits[0] * fit.p[1])
+        found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
     return found
+
+
+def _is_steepest_at_rest(fit: Fit) -> bool:
+    """Whether the slope falls within the first parts of Fc, so that no log resolves it at rest."""
+    law = fit.hypothesis.friction
+    return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
 
 
 def claims_of(result: Result) -> Result:
     """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
-    i, reasons = result.intervals, []
+    i, reasons = _without_hidden_presliding(result), []
     withdrawn = np.zeros(2, dtype=bool)
     for lack in result.lacks:
         withdrawn |= np.array(lack.withdraws)
+    if i is not result.intervals:
+        reasons.append("presliding is shorter than a count or a move of one row")
     for k, name in enumerate(NAMES):
         half = (i.high[k] - i.low[k]) / 2 / i.value[k]
         if half > MAX_HALF_WIDTH and np.isfinite(half):
             source = SOURCES[i.dominant(k)]
             reasons.append(f"{name} is known within {100 * half:.0f} % only: {source}")
     reasons += [lack.text for lack in result.lacks]
+    if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
+        withdrawn[0] = True
+        reasons.append("the loop is steepest at rest, as of small stiff elements: sigma0 is larger")
     known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
     claimed = known & ((i.high - i.low) / 2 / i.value <= MAX_HALF_WIDTH) & ~withdrawn
     if result.samples.cycles < MIN_SCORED_CYCLES:
@@ -288,4 +300,18 @@ def claims_of(result: Result) -> Result:
         claimed[:] = False
         percent = 100 * (1 - result.plausible.best.total / result.spread)
         reasons.insert(0, f"the best hypothesis explains {percent:.0f} % of what was left out")
-    return replace(result, claimed=(bool(claimed[0]), bool(claimed[1])), reasons=reasons)
+    both = bool(claimed[0]), bool(claimed[1])
+    return replace(result, intervals=i, claimed=both, reasons=reasons)
+
+
+def _without_hidden_presliding(result: Result) -> Intervals:
+    """The intervals; sigma0 has no upper end if presliding is shorter than a count or a move.
+
+    A stiffer bearing would then give the same log, and the fit ends where its start values do.
+    """
+    i, samples = result.intervals, result.samples
+    moves = np.abs(samples.moves(samples.angles["between counts"]))
+    usual = float(np.median(moves[moves > 0])) if moves.any() else 0.0
+    if i.value[1] / i.value[0] >= max(samples.count, usual):
+        return i
+    return replace(i, high=np.array([np.inf, i.high[1]]))

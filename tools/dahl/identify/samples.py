@@ -242,8 +242,8 @@ def _presliding_rows(log: Log, a: float) -> list[int]:
     """The rows of the first presliding length after each turn."""
     theta = log.theta[:LOOKED_AT_ROWS]
     turns = models.turning_points(theta, MIN_TURN_LENGTHS / a).tolist()
-    ends = [*turns[1:], len(theta)]
-    away = [np.abs(theta[i:j] - theta[i]) * a > 1 for i, j in zip(turns, ends, strict=True)]
+    strokes = zip(turns, [*turns[1:], len(theta)], strict=False)
+    away = [np.abs(theta[i:j] - theta[i]) * a > 1 for i, j in strokes]
     return [int(np.argmax(far)) for far in away if far.any()]
 
 

@@ -13,12 +13,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from dahl.identify import models
-from dahl.identify.fit import Fit, Fitter, Hypothesis
+from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
 from dahl.identify.log import Log, resolution_of
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
 
 DRAWS = 6
-HIDDEN_COUNTS = 0.2  # of travel at a turn: twice the residual error of an extrapolated turn
+HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
 FINE_STEPS = 4  # of the true motion between two samples
 REFIT_ROUNDS = 5
 MAX_LEVELS = 400  # a torque sensor of more levels is not coarse
@@ -114,9 +114,10 @@ def _measured(
 
 
 def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
-    """What HIDDEN_COUNTS more travel at each turn changes of sigma0 and Fc, as parts: (2,).
+    """Half width of sigma0 and Fc by the travel that a count hides at each turn, as parts: (2,).
 
-    How far the shaft went within the last count is extrapolated from the edges before it.
+    The angle within the last count is extrapolated, with an error of HIDDEN_COUNTS. The torque
+    shows a part of this error, so that only the rest is unknown.
     """
     samples, h = fitter.samples, fit.hypothesis
     bent = samples.angles[h.angle].copy()
@@ -125,7 +126,23 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
     again = Fitter(samples.with_angle(h.angle, bent))
     at = again.optimum(h, fit.p, REFIT_ROUNDS - 1)
     one = None if at is None else again.scored(h, at, range(at.grams.shape[-1] - 1))
-    return np.full(2, np.inf) if one is None else one.value / fit.value - 1
+    if one is None:
+        return np.full(2, np.inf)
+    seen, error = _amplitude(fitter, fit, again.predicted(fit) - fitter.predicted(fit))
+    shrink = 1 / (1 + error**2)  # the posterior of a normal prior of standard deviation 1
+    unknown = abs(seen) * shrink + 2 * error * np.sqrt(shrink)
+    reach: np.ndarray = np.abs(one.value / fit.value - 1) * unknown
+    return reach
+
+
+def _amplitude(fitter: Fitter, fit: Fit, change: np.ndarray) -> tuple[float, float]:
+    """How much of a change of the torque the log shows beside the fit, and its standard error."""
+    h = fit.hypothesis
+    base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
+    grams = fitter.samples.grams(np.column_stack((base, change)))
+    whole, columns = grams.sum(axis=0), range(base.shape[1] + 1)
+    left = solve(whole - grams, columns)[:, -1:]
+    return float(solve(whole, columns)[-1]), float(jackknife(left)[0])
 
 
 def _bump_at_turns(angle: np.ndarray, count: float, a: float) -> np.ndarray:

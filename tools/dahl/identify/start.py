@@ -27,7 +27,8 @@ def coarse_start(fitter: Fitter) -> tuple[float, float, float]:
     s = fitter.samples
     rows = _grid_samples(fitter)
     weight, torque = s.weight[rows], s.torque[rows]
-    terms = [s.terms[name][rows] for name in ("offset", "spring", "viscous")]
+    names = ("offset", "spring", "viscous", *(["inertia"] if s.timed else []))
+    terms = [s.terms[name][rows] for name in names]
     moves = fitter.moves["between counts"]
     best, found = np.inf, (1.0, 0.0, 1.0)
     for a in _stiffnesses(fitter):

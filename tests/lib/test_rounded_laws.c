@@ -1,0 +1,195 @@
+/* SPDX-License-Identifier: MIT */
+/* Laws of the models with a rounded state, over random plans, states and moves: no energy from nothing, the opposite motion, longer
+ * moves. Each holds within the bound that dahl_parts.h gives, and each is seen to need one. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <unity.h>
+
+#define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
+#include "laws.h"
+
+#ifndef TEST_TICKS
+#define TEST_TICKS 200000
+#endif
+
+#define TIE ((uint32_t)1 << 31)
+
+static motion_t m = MOTION_START;
+static subject_t subject;
+static set_t set;
+
+static int has_rounded_state(const model_t *model) /* slip elements have whole numbers */
+{
+    return model->step != slip_step && model->step != mix_step;
+}
+
+static float random_mantissa(void)
+{
+    return 1.0f + (float)(motion_random(&m) >> 9) * 0x1p-23f;
+}
+
+/* Travel of a count from 2^-29.9 to 1, b from near 0 to near 1, Fc each way within 100 of the other. */
+static void begin_any(const model_t *model)
+{
+    const float Fc = random_mantissa();
+    const double least = model->step == asymmetric_step ? -22 : -29.9;
+    set.p.Fc = Fc;
+    set.p.sigma0 = (float)ldexp((double)Fc * pow(2.0, motion_random(&m) * -0x1p-32 * least + least), 20);
+    set.p.theta_per_count = 0x1p-20f;
+    set.more = model->step == asymmetric_step ? (float)pow(10.0, (int)(motion_random(&m) % 5u) - 2)
+        : motion_random(&m) % 2               ? (float)pow(10.0, motion_random(&m) * 0x1p-32 * 9 - 9)
+                                              : (float)(motion_random(&m) % 1000u + 1) / 1001.0f;
+    TEST_ASSERT_TRUE_MESSAGE(subject_begin(&subject, model, &set), model->name);
+}
+
+/* w is the first member of every state here. */
+static long double w_of(const any_state_t *state)
+{
+    return (long double)state->dahl.w * 0x1p-62L;
+}
+
+/* In units of Fc^2/sigma0, Fc the whole. In one direction Eq. 1 is F dtheta = end (|dtheta| - s dF), as dahl_work adds it up. */
+typedef struct {
+    long double loss; /* work less what the bristle stores more */
+    long double way;
+} energy_t;
+
+static energy_t energy_of(const model_t *model, move_t move, long double w0, long double w1)
+{
+    const long double whole = whole_of(model, &set), c = move.load_q30 * 0x1p-30L;
+    const long double theta = model->by_angle ? angle_of(&set, move) : (long double)move.counts * set.p.theta_per_count;
+    const int s = theta < 0 ? -1 : 1;
+    const long double u = fabsl(theta) * set.p.sigma0 / whole, stored = (w1 - w0) * (w1 + w0) / 2, rise = s * (w1 - w0);
+    energy_t energy = {u - rise - stored, u};
+    if (model->step == asymmetric_step) {
+        const dahl_asymmetric_params_t p = asymmetric_params(&set);
+        energy.loss = (s > 0 ? p.Fc_forward : p.Fc_backward) / whole * (u - rise) - stored;
+    } else if (model->step == loaded_step) { /* w is of c Fc, and sigma0 follows c */
+        energy.loss *= c;
+    } else if (model->step == clamped_step) {
+        energy.loss = c * (u - rise) - stored;
+    } else if (model->step == elastoplastic_step) {
+        const long double b = set.more, from = fmaxl(s * w0, b), to = fmaxl(s * w1, from), elastic = fminl(fmaxl(b - s * w0, 0), u);
+        energy.loss = u - elastic - (to - from) * (1 - b + (to + from) / 2);
+    }
+    energy.way *= model->has_load != 0 ? fmaxl(c, 1) : 1;
+    return energy;
+}
+
+/* To and fro by as many counts, a random walk, or first some way. */
+static int32_t next_move(uint32_t kind, int t, int32_t amplitude)
+{
+    const int32_t to_and_fro = t % 2 ? -amplitude : amplitude;
+    const int32_t walk = (int32_t)(motion_random(&m) % (2 * (uint32_t)amplitude + 1)) - amplitude;
+    return kind == 0 ? to_and_fro : kind == 1 ? walk : t < 40 ? 1 : to_and_fro;
+}
+
+/* Returns the least of what the motion so far lost, in Fc times its way. */
+static long double least_loss(const model_t *model)
+{
+    const uint32_t kind = motion_random(&m) % 3u;
+    const int32_t amplitude = 1 << motion_random(&m) % 12u;
+    move_t move = {0, ONE_Q30};
+    long double loss = 0, way = 0, least = 0;
+    for (int t = 0; t < 500; t++) {
+        if (model->has_load != 0 && t % 20 == 0) {
+            move.load_q30 = motion_random(&m) >> 1 >> motion_random(&m) % 20u | 1u;
+        }
+        (void)subject_step(&subject, &subject.state, 0, move.load_q30);
+        const long double before = w_of(&subject.state);
+        move.counts = next_move(kind, t, amplitude);
+        (void)subject_step(&subject, &subject.state, move.counts, move.load_q30);
+        const energy_t energy = energy_of(model, move, before, w_of(&subject.state));
+        loss += energy.loss;
+        way += energy.way;
+        least = way > 0 ? fminl(least, loss / way) : least;
+    }
+    return least;
+}
+
+static void test_no_energy_but_for_rounding(void)
+{
+    for (size_t i = 0; i < MODELS; i++) {
+        long double least = 0;
+        if (!has_rounded_state(&models[i])) {
+            continue;
+        }
+        for (int k = 0; k < TEST_TICKS / 200; k++) {
+            begin_any(&models[i]);
+            least = fminl(least, least_loss(&models[i]));
+        }
+        printf("%s: least loss %.2Le of Fc times the way\n", models[i].name, least);
+        TEST_ASSERT_TRUE_MESSAGE(least >= -(long double)DAHL_ENERGY_ERROR, models[i].name);
+    }
+}
+
+/* Any word as the low half of w. */
+static any_state_t random_state(const model_t *model, uint32_t low, uint32_t load)
+{
+    any_state_t state = {{(int64_t)((uint64_t)(motion_random(&m) >> 1) << 32 | low) - ((int64_t)1 << 62)}};
+    state.loaded.load_q30 = model->has_load == 1 ? load : 0;
+    return state;
+}
+
+/* A tick, and the opposite one from the opposite state; returns what their states lack for being opposite, in units of 2^-62. */
+static int64_t asymmetry_of_tick(const model_t *model, uint32_t low)
+{
+    const uint32_t load = model->has_load != 0 ? motion_random(&m) >> 1 | 1u : ONE_Q30;
+    const int32_t counts = (int32_t)(motion_random(&m) % 8u) + 1;
+    any_state_t there = random_state(model, low, load), opposite = there;
+    opposite.dahl.w = -there.dahl.w;
+    (void)subject_step(&subject, &there, counts, load);
+    (void)subject_step(&subject, &opposite, -counts, load);
+    return there.dahl.w + opposite.dahl.w;
+}
+
+static void test_the_opposite_motion_differs_at_ties_alone(void)
+{
+    int64_t most = 0;
+    for (size_t i = 0; i < MODELS; i++) {
+        for (int k = 0; models[i].is_odd && has_rounded_state(&models[i]) && k < TEST_TICKS / 10; k++) {
+            begin_any(&models[i]);
+            const uint32_t low = motion_random(&m);
+            TEST_ASSERT_TRUE_MESSAGE(low == TIE || asymmetry_of_tick(&models[i], low) == 0, models[i].name);
+            const int64_t at_tie = llabs(asymmetry_of_tick(&models[i], TIE));
+            TEST_ASSERT_TRUE_MESSAGE(at_tie <= (int64_t)1 << 32, models[i].name); /* 2^-30 of Fc */
+            most = at_tie > most ? at_tie : most;
+        }
+    }
+    TEST_ASSERT_TRUE(most > (int64_t)1 << 30); /* ties do differ */
+}
+
+/* By how much a longer move ends short of a shorter one, in Fc. */
+static long double fall_of_longer_move(const model_t *model)
+{
+    const uint32_t load = model->has_load != 0 ? motion_random(&m) >> 1 | 1u : ONE_Q30;
+    for (int k = 0; k < 3; k++) {
+        (void)subject_step(&subject, &subject.state, motion_leap(&m), load);
+    }
+    const any_state_t start = subject.state;
+    const int32_t s = motion_random(&m) & 64u ? 1 : -1, n = (int32_t)(motion_random(&m) >> 2 >> motion_random(&m) % 29u);
+    long double before = -2, fall = 0;
+    for (int32_t k = 0; k < 30; k++) {
+        any_state_t state = start;
+        (void)subject_step(&subject, &state, s * (n + k), load);
+        fall = fmaxl(fall, before - s * w_of(&state));
+        before = fmaxl(before, s * w_of(&state));
+    }
+    return fall * (model->has_load != 0 ? load * 0x1p-30L : 1);
+}
+
+static void test_a_longer_move_falls_short_by_rounding_alone(void)
+{
+    for (size_t i = 0; i < MODELS; i++) {
+        long double most = 0;
+        if (!has_rounded_state(&models[i]) || models[i].by_angle) {
+            continue;
+        }
+        for (int k = 0; k < TEST_TICKS / 10; k++) {
+            begin_any(&models[i]);
+            most = fmaxl(most, fall_of_longer_move(&models[i]));
+        }
+        printf("%s: a longer move ends up to %.2Le of Fc short\n", models[i].name, most);
+        TEST_ASSERT_TRUE_MESSAGE(most <= (long double)DAHL_MONOTONE_ERROR, models[i].name);
+    }
+}
