@@ -405,9 +405,9 @@ def _torque(
     """Return the torque in N m, the force of a linear motion in N, with notes."""
     unit, notes = units.choose("torque", source.torque_unit, name, "N" if linear else "Nm")
     if unit in units.FORCES and not linear:
-        notes.append(f"'{name}' is a force over an angle: N read as N m")
+        notes.append(f"'{name}' is a force over an angle: N taken for N m")
     if unit in units.MOMENTS and linear:
-        notes.append(f"'{name}' is a torque over a way: N m read as N")
+        notes.append(f"'{name}' is a torque over a way: N m taken for N")
     is_16_bit = torque.min() >= 0 and 32768 <= torque.max() <= 65535 and not (torque % 1).any()
     if is_16_bit and not ((torque > 16384) & (torque < 49152)).any():
         torque = np.where(torque > 32767, torque - 65536, torque)
