@@ -30,7 +30,7 @@ set(chosen "C")
 if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
     dahl_probe_core_ticks(has_core_ticks)
     if(has_core_ticks)
-        set(chosen "assembly for this core, from lib/cores")
+        set(chosen "assembly, as far as lib/cores has them for this core")
         file(GLOB DAHL_CORE_TICKS ${CMAKE_CURRENT_LIST_DIR}/*.S)
         set_source_files_properties(${DAHL_CORE_TICKS} PROPERTIES LANGUAGE C COMPILE_OPTIONS "-x;assembler-with-cpp"
             COMPILE_DEFINITIONS DAHL_SAME_FLAGS SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON SKIP_LINTING ON)

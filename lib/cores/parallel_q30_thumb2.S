@@ -32,7 +32,7 @@
     bne     \next
     .endm
 
-/* All parts, one after the other, by `gap` and `update` where `add_or_sub` of the counts finds the entry of the table. */
+/* Move all parts in turn by `gap` and `update`; `add_or_sub` of the counts finds the entry of the table. */
     .macro move_parts add_or_sub, gap, update
 1:  ldr     move, [parts], #16
     ldrd    plan, state, [parts, #-12]

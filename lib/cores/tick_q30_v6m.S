@@ -73,8 +73,8 @@
     pop     {r4-r7, pc}
     .endm
 
-/* Where the branch on the top bit of z goes to. z = 2^31, a reversal from the end, goes on in `update`. Else the state is out of
- * range: it is clamped to +-2^62, the end of its side, and the tick goes on from `gap`. */
+/* Target of the branch on the top bit of z. z = 2^31, a reversal from the end, continues in `update`. Else the state is out of
+ * range: it is clamped to +-2^62, the end of its side, and the tick continues from `gap`. */
     .macro reverse_or_clamp gap
     lsrs    r5, r4, #16
     lsls    r4, r4, #1 /* z0 = 0 if z is 2^31 */

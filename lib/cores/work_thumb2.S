@@ -50,7 +50,7 @@
     b       \back
     .endm
 
-/* Where sum_up_and_update goes to, which is rare. */
+/* Rare targets of sum_up_and_update. */
     .macro rare
 13: carry   COUNTS + 4, 11b
 14: carry   WAY + 8, 12b

@@ -31,7 +31,7 @@ static uint64_t travel_of(float u)
     return u < 32.0f ? (uint64_t)(u * TRAVEL_ONE) : TRAVEL_END;
 }
 
-/* Any bits become a state: |F/Fc| <= 1 at the reversal, 0 for NaN, a direction of -1, 0 or 1, and no more travel than all. */
+/* Clamp any bits to a state: |F/Fc| <= 1 at the reversal, 0 for NaN; a direction of -1, 0 or 1; travel up to TRAVEL_END. */
 static void clamp(dahl_float_state_t *state)
 {
     float w = state->w_reversal;

@@ -6,7 +6,8 @@
  *   A torque of a state that is fed by counts is within DAHL_ULP_COUNTS = 0.52 ulp of Fc of the exact solution of the model for
  *   these counts: any motion, any number of ticks, any sampling rate.
  *   Once dahl_step() has fed it an angle, the bound is DAHL_ULP_ANGLE = 0.6 ulp of Fc, for the float angles and the counts fed so
- *   far, from dahl_step_counts() and dahl_torque() too. A change of plan adds the error that dahl_change_plan() states.
+ *   far, from dahl_step_counts() and dahl_torque() too. A change of plan keeps the error that F had in N m, which is more ulp of
+ *   a smaller Fc, and adds the one that dahl_change_plan() states.
  *   The same inputs give the same bits on every processor, compiler and set of flags: inside there are integers only.
  *   There is no heap, no global, no libm and no division by a variable in a step.
  *
@@ -110,7 +111,7 @@ typedef struct {
 } dahl_plan_t;
 
 /* w = F/Fc in Q62; +-2^62 is +-Fc, 0 is relaxed. The range is -2^62 - 2^31 <= w < 2^62 + 2^31, of which no returned value shows
- * what is beyond +-2^62. A w outside of it is taken as +-2^62. */
+ * what is beyond +-2^62. A w outside of it is clamped to +-2^62. */
 typedef struct {
     int64_t w;
 } dahl_state_t;

@@ -2,8 +2,8 @@
 /*
  * The calls of dahl.h and dahl_encoder.h as members, for C++11 and later: header only, nothing to link beside the C library.
  * No constructor runs at start, no destructor, no exception, no heap, no virtual call: a static bearing lies in .bss or in .data
- * as its C struct does, and each call compiles to the C call. What a call does, its bounds, its costs, and why any bits are a
- * safe state: dahl.h.
+ * as its C struct does, and each call compiles to the C call. dahl.h documents each call, its bounds and costs, and why any
+ * bits are a safe state.
  *
  * USE
  *   static dahl::Plan plan;                        // or a const dahl_plan_t in flash, as `dahl plan` writes it

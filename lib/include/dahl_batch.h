@@ -51,7 +51,7 @@ void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcount
 typedef struct {
     double sigma0;          /* N m/rad */
     double Fc;              /* N m */
-    double theta_per_count; /* rad/count; not read by angle */
+    double theta_per_count; /* rad/count, by counts not 0; not read by angle */
 } dahl_throughput_params_t;
 
 dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,

@@ -122,8 +122,8 @@ enum {
 };
 
 /* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in
- * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. One that is
- * refused drops those held before it. */
+ * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. A refused write
+ * drops those held before it. */
 enum { DAHL_FRAMES_PARAM_READ = 0, DAHL_FRAMES_PARAM_WRITE = 1, DAHL_FRAMES_PARAM_HOLD = 2 };
 
 enum { DAHL_FRAMES_PARAM_DONE = 0, DAHL_FRAMES_PARAM_OUT_OF_RANGE = 1, DAHL_FRAMES_PARAM_UNKNOWN = 2 };

@@ -23,11 +23,11 @@
  * Where the bristle is kept and yet an answer is given, the count is a new starting point: counts that passed unseen in a
  * gap are never integrated blindly, a jump of the encoder cannot become a torque. A receiver that hears no
  * FrictionTorque for 3 periods takes 0 by itself.
- * The counter has 4 bits, so a frame that is 13 to 15 periods late looks like one ahead and is used. With a MaxStep so does
- * one that is 8 to 15 periods late, and MaxStep bounds how far it moves the bristle.
+ * The counter has 4 bits, so a frame that is 13 to 15 periods late looks like one ahead and is used. With a MaxStep, so is one
+ * that is 8 to 15 periods late; MaxStep then bounds how far it moves the bristle.
  *
- *   MaxStep          counts per ms. A count is too far away if it needs more of them for each ms since the last count that was
- *                    accepted, begun milliseconds included; at least as many ms as the counter went on
+ *   MaxStep          counts per ms. A count is too far away if it exceeds MaxStep for each ms since the last accepted count.
+ *                    A begun ms counts. In sequence, there are at least as many ms as steps of the counter
  *
  * Interrupts and threads: the node has no lock, and each call writes *node. Calls for one node must not overlap. If the
  * receive interrupt calls dahl_node_receive and main calls dahl_node_tick, main must mask that interrupt, and read the clock
@@ -38,8 +38,8 @@
  * The same holds for dahl_node_bus_off, dahl_node_use_NAME and any code that reads or writes a member of the node. No lock is
  * needed if the interrupt only queues frames and main makes all calls. No call waits, and two nodes share nothing.
  *
- * Of dahl_can_bus.h the node needs dahl_can_frame_t with its flags, and no bus: any driver that fills in id, flags, length and
- * data will do. time_us is not read.
+ * Of dahl_can_bus.h the node needs dahl_can_frame_t with its flags, and no bus. Any driver can fill in id, flags, length and
+ * data; time_us is not read.
  *
  * What is answered is gain * F/Fc, clamped to limit; at gain 1 and limit 1, as after dahl_node_init, the bits of the library.
  */
@@ -107,7 +107,7 @@ typedef struct {
     dahl_node_model_t *model; /* none: plan and bearing */
     dahl_node_counts_t counts;
     uint32_t gain;         /* of DAHL_NODE_ONE; this and the next six may be changed after dahl_node_init */
-    uint32_t limit;        /* of DAHL_NODE_ONE */
+    uint32_t limit;        /* of DAHL_NODE_ONE; more is taken as 1, as in load */
     uint32_t load;         /* of DAHL_NODE_ONE: part of the load at which Fc holds; the model Loaded alone looks at it */
     uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none. A wait of more than 65 ms counts as 65 ms */
     uint32_t timeout_us;
@@ -210,12 +210,12 @@ DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_pa
 /* The controller went off the bus, where that is not told by an error frame: dahl_node_receive takes those. */
 void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);
 
-/* Take one frame, any frame. True: *out is the answer to send at once. now_us, here and below, is one clock that may wrap but
- * must not go back from call to call. */
+/* Process one frame of any kind. True: *out is the answer to send at once. now_us, here and below, is one clock that may wrap
+ * but must not go back from call to call. */
 bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out);
 
-/* Look at the clock, every millisecond or so: a timeout is seen at the next tick or good frame. After more than 35 minutes
- * without a tick an age may be taken for a short one. True: *out is a Status frame to send; the first call gives one at once. */
+/* Check the clock, every millisecond or so: a timeout is detected at the next tick or good frame. After more than 35 minutes
+ * without a tick an age may look short. True: *out is a Status frame to send; the first call gives one at once. */
 bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out);
 
 #ifdef __cplusplus

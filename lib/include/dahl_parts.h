@@ -15,7 +15,8 @@
  *   more for each tick by angle.
  *   The opposite motion has the opposite torque, but a tie (a w whose low 32 bits are 2^31) rounds up both ways. A tick from a tie
  *   then differs by up to 2^-30 of Fc, and later torques by up to twice their error.
- *   A longer move by counts ends at most DAHL_MONOTONE_ERROR of Fc short of a shorter one from the same state.
+ *   A longer move by counts ends at most DAHL_MONOTONE_ERROR of Fc short of a shorter one from the same state, before it is
+ *   rounded to a float.
  *
  * STATES   Every call first clamps the state to the range of its own element and plan. So any bits are a safe state, and no call
  *   returns a torque beyond the limits of its element. An element that goes on with the dahl_state_t of another keeps its w, not F.
@@ -32,8 +33,8 @@
 #include "dahl.h"
 
 #define DAHL_ULP_PARTS 0.55        /* torque error of every part, and of any mix, in ulp of (the sum of) Fc */
-#define DAHL_ENERGY_ERROR 1e-9     /* what rounding may add to energy, in Fc times the way */
-#define DAHL_MONOTONE_ERROR 5.5e-9 /* what a longer move may lack by rounding, in Fc */
+#define DAHL_ENERGY_ERROR 1e-9     /* energy that rounding may add, in Fc times the way */
+#define DAHL_MONOTONE_ERROR 5.5e-9 /* by which rounding of w may shorten a longer move, in Fc */
 
 #ifdef __cplusplus
 extern "C" {
@@ -129,13 +130,13 @@ void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t co
 /* The same move by the shares of the same parts; returns F / sum of Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only;
  * shares of all zeros give 0. All parts at Fc give +-2^30. dahl_to_units() makes units of torque of it.
  * Error of F / sum of Fc: DAHL_PARALLEL_ERROR_Q30(count); it is the largest of the parts' own in Q30, and 2^-31 for each part.
- * Cost on Cortex-M3, M4: 21 instructions, 22 for each Dahl element up to 8 counts, 11 for any other part beside its own move. */
+ * Cost on Cortex-M3, M4: 21 instructions, 22 for each Dahl element up to 8 counts, 11 and its own move for any other part. */
 int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares, uint32_t count, int32_t dcounts);
 
 /*
  * WORK of a Dahl element, and THE WAY BACK from a torque to counts.
  */
-#define DAHL_INVERSE_ERROR 1.5e-9 /* dahl_counts_to_torque: of Fc, by which torques of moves may change their order */
+#define DAHL_INVERSE_ERROR 1.5e-9 /* dahl_counts_to_torque: of Fc, by which rounding may reorder moves */
 
 /* What a bearing has taken so far: all zeros at the start, or what dahl_work_step_counts() left. */
 typedef struct {
@@ -151,8 +152,8 @@ int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, 
 
 /* The work so far, the sum of F dtheta along the path, in J (N m rad), for the params of the plan: positive if the bearing
  * took energy. It is negative only by what the state had stored at the start, F^2/(2 sigma0), and by rounding, DAHL_ENERGY_ERROR of
- * Fc times the way. Infinite beyond the floats, 0 below the normal ones. Error after R reversals: half an ulp of the result, and
- * (R + 1/2) times 1.5e-9 of Fc^2/sigma0, or 9.5e-10 if a count travels 4e-8 or more.
+ * Fc times the way. Infinite beyond the floats, 0 below the normal ones. Error after R reversals: half an ulp of the result, 2^-59
+ * of Fc times the way, and (R + 1/2) times 1.5e-9 of Fc^2/sigma0, or 9.5e-10 if a count travels 4e-8 or more.
  * Source: Eq. 1, divided by its right-hand side and integrated. */
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 
@@ -261,15 +262,16 @@ typedef struct {
     uint32_t load_q30;    /* of the last tick */
 } dahl_loaded_state_t;
 
-/* Move by dcounts encoder counts, any int32_t, under the load c = load_q30 2^-30, and return the torque F in N m, -c Fc .. c Fc.
+/* Move by dcounts encoder counts, any int32_t, under the load c = load_q30 2^-30, and return the torque F in N m, -c Fc .. c Fc, to
+ * the nearest float.
  * 2^30 is the load at which the plan holds; the range is 0 .. 2^31 - 1, and more is taken as 2^31 - 1, just below 2. Without load F
  * is 0 and the bristle relaxes as soon as there is a load again. If c Fc is below 2^-64 N m, a torque below 2^-32 c Fc is 0.
  * The same load and 0 counts leave the state bit-identical. Error: DAHL_ULP_PARTS ulp of c Fc.
- * Cost on Cortex-M3, M4: 90 instructions up to 8 counts, 266 where the load grew. */
+ * Cost on Cortex-M3, M4: 90 instructions up to 8 counts, 266 if the load grew. */
 float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30);
 
 /* The same move; returns F/Fc in Q30, -2^31 < . < 2^31, a half rounded up. Integers only.
- * Cost on Cortex-M3, M4: 39 instructions, 221 where the load grew. */
+ * Cost on Cortex-M3, M4: 39 instructions, 221 if the load grew. */
 int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30);
 
 /*
@@ -281,10 +283,10 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
  */
 
 /* Move by an angle of dtheta rad under the load c = load_q30 2^-30, as dahl_loaded_step_counts() takes it, and return the torque F
- * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most. Without load F is 0 and stays 0 until there is motion under a load. What
- * dtheta may be, and what NaN and infinity do, is as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc where that is
- * more. A part of a load is as exact as the whole, not as its own small torque. Under a load above 1 read the torque at rest by a
- * dtheta of 0: dahl_torque() clamps to +-Fc. Cost on Cortex-M3, M4: 165 instructions. */
+ * in N m, -c Fc .. c Fc, or beyond by 2^-31 Fc at most, to the nearest float. Without load F is 0 and stays 0 until there is motion
+ * under a load. The range of dtheta, NaN and infinity are as with dahl_step(). Error: DAHL_ULP_ANGLE ulp of Fc, or of c Fc if that
+ * is more. A part of a load is as exact as the whole, not as its own small torque. Under a load above 1 read the torque at rest by a
+ * dtheta of 0: dahl_torque() clamps to +-Fc. A plan of all zeros leaves the state. Cost on Cortex-M3, M4: 165 instructions. */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta, uint32_t load_q30);
 
 /*
@@ -316,11 +318,11 @@ DAHL_NODISCARD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *
                                                      float breakaway);
 
 /* Move by dcounts encoder counts, any int32_t, and return the torque F in N m, -Fc .. Fc. 0 leaves the state bit-identical.
- * Error: DAHL_ULP_PARTS ulp of Fc. Cost on Cortex-M3, M4: 75 instructions up to 8 counts, 144 where they cross b. */
+ * Error: DAHL_ULP_PARTS ulp of Fc. Cost on Cortex-M3, M4: 75 instructions up to 8 counts, 144 if they cross b. */
 float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /* The same move; returns F/Fc in Q30, -2^30 .. 2^30, a half rounded up. Integers only.
- * Cost on Cortex-M3, M4: 38 instructions, 107 where they cross b. */
+ * Cost on Cortex-M3, M4: 38 instructions, 107 if they cross b. */
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 #ifdef __cplusplus

@@ -32,7 +32,7 @@ DAHL_COLD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus
     if (sign != 1 && sign != -1) {
         return DAHL_ERR_PARAM;
     }
-    const uint32_t most = (modulus - 1) / 2; /* the largest whole number below modulus/2, where 0 is 2^32 */
+    const uint32_t most = (modulus - 1) / 2; /* the largest whole number below modulus/2; 0 is 2^32 */
     if (modulus == 1 || modulus == 2 || largest_step > most) {
         return DAHL_ERR_RANGE;
     }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The rare ends of dahl_step: a state out of range, which is clamped; no motion, none that counts, NaN; infinity, which saturates;
- * a plan of all zeros, which moves nothing. */
+/* The rare ends of dahl_step: a state out of range, which is clamped; an angle that moves nothing (0, subnormal, NaN);
+ * infinity, which saturates; a plan of all zeros. */
 #include "bristle_update.h"
 
 DAHL_COLD float dahl_step_rare(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits)

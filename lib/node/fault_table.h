@@ -5,7 +5,8 @@
  *
  * Columns: name of the row; the frame; counts that go up by it (of dahl_node_counts_t); state that Status then says; is the
  * bristle moved or kept; is there an answer. Frames come within the timeout, and counters are relative to the last frame in
- * sequence, unless the row says otherwise.
+ * sequence, unless the row says otherwise. Frames out of sequence or too far away are consecutive if each has the counter after the
+ * one before; an accepted count ends such a row, and repeated, bad and disowned frames do not.
  */
 #ifndef FAULT_TABLE_H
 #define FAULT_TABLE_H

@@ -113,14 +113,13 @@ static void ramp(dahl_node_t *node, uint32_t elapsed)
     node->gain_now += least(step, rise) - least(step, fall);
 }
 
-/* What is answered for F/Fc in Q30. */
+/* What is answered for F/Fc in Q30, for any gain and limit. */
 static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 {
-    int32_t gain = (int32_t)node->gain_now;
-    int32_t part = (int32_t)((int64_t)torque_q30 * gain / (int32_t)DAHL_NODE_ONE);
-    int32_t limit = (int32_t)(node->limit << 14);
+    int64_t part = (int64_t)torque_q30 * node->gain_now / (int32_t)DAHL_NODE_ONE;
+    int64_t limit = (int64_t)least(node->limit, DAHL_NODE_ONE) << 14;
     part = part < limit ? part : limit;
-    return part > -limit ? part : -limit;
+    return (int32_t)(part > -limit ? part : -limit);
 }
 
 static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, int32_t torque_q30,
@@ -150,7 +149,7 @@ static int32_t moved(dahl_node_t *node, int32_t dcounts)
     if (node->model == NULL) {
         return dahl_step_counts_q30(&node->plan, &node->bearing, dcounts);
     }
-    node->model->load_q30 = node->load << 14;
+    node->model->load_q30 = least(node->load, DAHL_NODE_ONE) << 14;
     return node->model->step_q30(node->model, dcounts);
 }
 
@@ -171,7 +170,7 @@ static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t n
     return answer(node, seen, now_us, moved(node, travel(node, seen)), out);
 }
 
-/* Could the shaft have come so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
+/* Can the shaft have moved so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
 static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t frames, uint32_t now_us)
 {
     int32_t way = travel(node, seen);
@@ -270,11 +269,11 @@ static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_
 
 static bool first(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
 {
+    node->state = node->silenced ? DAHL_FRAMES_STALE : DAHL_FRAMES_INIT;
     if (!seen->valid) {
         node->good_in_a_row = 0;
         return invalid(node, seen->counter);
     }
-    node->state = node->silenced ? DAHL_FRAMES_STALE : DAHL_FRAMES_INIT;
     if (node->silenced && !is_back(node, seen, now_us)) {
         node->counts.rearm++;
         return false;
@@ -556,7 +555,7 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         dahl_node_bus_off(node, now_us);
         return false;
     }
-    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is no id of a frame, but bits that say what happened */
+    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is a set of error bits */
         node->counts.ignored++;
         return false;
     }

@@ -3,9 +3,9 @@
  * Fc of each direction its own. The state is F in parts of the larger Fc; each direction draws it to its own end, Fc_forward
  * or -Fc_backward, by its own g, since sigma0 is the same both ways and the presliding length Fc/sigma0 is not:
  *     z = end - s w        w += s z g         z in Q30, rounded, as in ../model/bristle_update.h
- * A z that is rounded up passes the end by 2^31 at most, and then it is 0. So w is in range if and only if it passes neither end
- * by more. Then z, as a word without a sign, is at most the sum of both ends and a unit or two; of a w out of range it is more than
- * their upper words add up to.
+ * A z that is rounded up passes the end by less than 2^31, and then it is 0. A w that passes an end by more is out of range, and so
+ * is one that passes end_forward by 2^31: in Q30 it would show as more than the end. Then z, as a word without a sign, is at most
+ * the sum of both ends and a unit or two; of any other w out of range it is more than their upper words add up to.
  */
 #include "../model/bristle_update.h"
 #include "../model/check_params.h"
@@ -53,7 +53,7 @@ static DAHL_COLD uint64_t clamp(const dahl_asymmetric_plan_t *plan, uint64_t w)
     if (plan->Fc_mantissa == 0) {
         return dahl_clamp(w);
     }
-    if ((int64_t)w > (int64_t)(plan->end_forward + DAHL_TOP_BIT)) {
+    if ((int64_t)w >= (int64_t)(plan->end_forward + DAHL_TOP_BIT)) {
         return plan->end_forward;
     }
     return (int64_t)w < -(int64_t)(plan->end_backward + DAHL_TOP_BIT) ? 0u - plan->end_backward : w;
@@ -72,10 +72,16 @@ static inline uint32_t sure_gap(const dahl_asymmetric_plan_t *plan)
     return (uint32_t)(plan->end_forward >> 32) + (uint32_t)(plan->end_backward >> 32);
 }
 
+/* The one w out of range whose z is in range: it passes the end by 2^31, and a half is rounded up to a z of 0. */
+static inline int is_past_forward(const dahl_asymmetric_plan_t *plan, uint64_t w)
+{
+    return gap_forward(plan, w) == 0 && (uint32_t)(plan->end_forward - w) == DAHL_TOP_BIT;
+}
+
 static inline DAHL_ALWAYS_INLINE uint64_t asymmetric_move(const dahl_asymmetric_plan_t *plan, uint64_t w, int32_t dcounts)
 {
     if (dcounts > 0) {
-        if (dcounts > DAHL_DIRECT_COUNTS_MAX || gap_forward(plan, w) > sure_gap(plan)) {
+        if (dcounts > DAHL_DIRECT_COUNTS_MAX || gap_forward(plan, w) > sure_gap(plan) || is_past_forward(plan, w)) {
             return asymmetric_large(plan, w, dcounts);
         }
         return rise(w, plan->end_forward, plan->forward[dcounts]);

@@ -84,8 +84,8 @@ static uint32_t between(uint32_t step, uint32_t below, uint32_t reached)
     return step < half ? step : half;
 }
 
-/* Counts that reach it if one count less does not, or more than COUNTS_MOST. From a guess the search takes steps that grow, until
- * the result is between two moves, and then halves. */
+/* Counts that reach it if one count less does not, or more than COUNTS_MOST. From a guess the search makes growing steps until
+ * the result is between two moves, then halves the distance. */
 static uint32_t first_counts(const dahl_search_t *search, uint32_t guess)
 {
     uint32_t below = 0, reached = COUNTS_MOST + 1, probe = guess;

@@ -172,8 +172,8 @@ DAHL_COLD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan, const dahl_slip_p
     return (dahl_err_t)err;
 }
 
-/* The way to the limit in direction s, 0 .. 2 limit; that of the nearer limit if x is beyond one. What the rare end needs is computed
- * there: an instruction less for each element in range. */
+/* The way to the limit in direction s, 0 .. 2 limit; that of the nearer limit if x is beyond one. Only the rare branch
+ * computes the sign of x, which saves an instruction for each element in range. */
 static inline DAHL_ALWAYS_INLINE uint32_t room_of(uint32_t limit, int32_t x, uint32_t s)
 {
     uint32_t room = dahl_opaque(limit - s * (uint32_t)x);

@@ -265,3 +265,28 @@ static void test_state_ok_is_the_range_to_the_bit(void)
         TEST_ASSERT_EQUAL_INT(cases[i].ok, dahl_state_ok(&bearing));
     }
 }
+
+/* Just in range, just out of it, at both ends: 2^30 is all that a ratio can be, under a load of 1 too. */
+static void check_ratios_from(const element_t *e, int64_t w)
+{
+    static const int32_t counts[] = {0, 1, 8, 9, -1, -9};
+    for (size_t k = 0; k < sizeof counts / sizeof counts[0]; k++) {
+        const move_t move = {counts[k], ONE_Q30};
+        any_state_t at_end = {{0}};
+        at_end.dahl.w = w;
+        const int32_t q30 = e->model->step_q30(&e->plan, &at_end, move);
+        HOLDS(q30 <= (int32_t)ONE_Q30 && q30 >= -(int32_t)ONE_Q30, e->model->name);
+    }
+}
+
+static void test_no_ratio_is_beyond_the_ends_to_the_bit(void)
+{
+    const int64_t end = ((int64_t)1 << 62) + ((int64_t)1 << 31), starts[] = {end - 1, end, end + 1, 1 - end, -end, -end - 1};
+    seed = 3;
+    for (uint32_t i = 0; i < 16 * MODELS; i++) {
+        prepare(&element, &models[i % MODELS]);
+        for (size_t k = 0; k < sizeof starts / sizeof starts[0] && element.model->step_q30 != NULL; k++) {
+            check_ratios_from(&element, starts[k]);
+        }
+    }
+}

@@ -388,6 +388,19 @@ static void test_a_tick_in_the_middle_of_a_receive_must_wait(void)
 
 /* --- Status -------------------------------------------------------------------------------------------------------- */
 
+/* Before the first good one, and after a timeout; a corrupt frame has said something else. */
+static void test_a_disowned_count_says_why_the_node_waits(void)
+{
+    dahl_can_frame_t corrupt = encoder_frame(4, 0, true), disowned = encoder_frame(5, 0, false);
+    corrupt.data[3] ^= 1;
+    TEST_ASSERT_FALSE(give(&corrupt) || give(&disowned));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_INIT, node.state);
+    TEST_ASSERT_TRUE(feed(0, 0));
+    now_us += DAHL_NODE_TIMEOUT_US;
+    TEST_ASSERT_FALSE(feed(1, 0) || give(&corrupt) || give(&disowned));
+    TEST_ASSERT_EQUAL(DAHL_FRAMES_STALE, node.state);
+}
+
 /* A good frame says again why the node waits, where a corrupt one has said something else. */
 static void test_status_tells_what_happened(void)
 {

@@ -151,6 +151,23 @@ static void test_what_is_held_goes(void)
     TEST_ASSERT_TRUE(param_now(DAHL_FRAMES_PARAM_GAIN) == DAHL_NODE_ONE && param_now(DAHL_FRAMES_PARAM_FC) == 1u << 20);
 }
 
+/* Set in the node itself, beyond what a client may write: no answer passes the limit or Fc, and none changes its side. */
+static void test_any_gain_and_limit_keep_the_answer_in_range(void)
+{
+    static const uint32_t values[] = {DAHL_NODE_ONE / 2, DAHL_NODE_ONE, DAHL_NODE_ONE + 1, 2 * DAHL_NODE_ONE, UINT32_MAX};
+    enum { VALUES = sizeof values / sizeof values[0] };
+    for (size_t i = 0; i < VALUES * VALUES; i++) {
+        const uint32_t gain = values[i % VALUES], limit = values[i / VALUES];
+        const int32_t most = gain < DAHL_NODE_ONE || limit < DAHL_NODE_ONE ? 1 << 29 : 1 << 30;
+        talk_begin();
+        node.gain = gain;
+        node.limit = limit;
+        TEST_ASSERT_TRUE(feed(0, 0) && answer.torque_q30 == 0);
+        TEST_ASSERT_TRUE(feed(1, 100000000) && answer.torque_q30 == most);
+        TEST_ASSERT_TRUE(feed(2, -100000000) && answer.torque_q30 == -most);
+    }
+}
+
 static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
 {
     const dahl_plan_t plan = plan_of(params.sigma0, params.Fc);

@@ -164,8 +164,8 @@ class Answer:
     counter: int
 
 
-class Told(NamedTuple):
-    """A Status, but for its version."""
+class Status(NamedTuple):
+    """One without its version."""
 
     time: float
     counter: int
@@ -221,10 +221,10 @@ class Node:
     ramp_us: int = 0
     counts: Counter = field(default_factory=Counter)
     answers: list[Answer] = field(default_factory=list)
-    statuses: list[Told] = field(default_factory=list)
+    statuses: list[Status] = field(default_factory=list)
     offs: int = 0
     off_us: int = 0
-    told_us: int = 0
+    sent_us: int = 0
     candidate: int = 0
 
     def __post_init__(self) -> None:
@@ -234,7 +234,7 @@ class Node:
         self.w, self.state, self.row, self.offs = 0.0, INIT, 0, 0
         self.runs, self.silenced, self.urgent = False, False, True
         self.gain_now = 0.0 if self.ramp_us else float(self.gain)
-        self.answered = self.told = 0
+        self.answered = self.sent = 0
         self.held = list(self.params)
         self.clear()
 
@@ -257,22 +257,22 @@ class Node:
             if frame.id not in own:
                 self.receive(frame, now_us)
 
-    def tick(self, now_us: int) -> Told | None:
+    def tick(self, now_us: int) -> Status | None:
         self.look_at_age(now_us)
-        if self.urgent or (self.status_us and now_us - self.told_us >= self.status_us):
-            return self.tell(now_us)
+        if self.urgent or (self.status_us and now_us - self.sent_us >= self.status_us):
+            return self.send_status(now_us)
         return None
 
-    def tell(self, now_us: int) -> Told:
+    def send_status(self, now_us: int) -> Status:
         since = {
             name: sum(self.counts[one] - self.cleared[one] for one in names) % 256
             for name, names in SUMS.items()
         }
         timeout = min(255, -(-self.timeout_us // 10_000))
-        told = Told(now_us / 1e6, self.told, self.state, self.errors, timeout=timeout, **since)
-        self.statuses.append(told)
-        self.urgent, self.told_us, self.told = False, now_us, (self.told + 1) % 16
-        return told
+        status = Status(now_us / 1e6, self.sent, self.state, self.errors, timeout=timeout, **since)
+        self.statuses.append(status)
+        self.urgent, self.sent_us, self.sent = False, now_us, (self.sent + 1) % 16
+        return status
 
     def look_at_age(self, now_us: int) -> None:
         if self.runs and now_us - self.good_us > self.timeout_us:
@@ -284,7 +284,7 @@ class Node:
         self.gain_now = 0.0 if self.ramp_us else self.gain_now
         self.enter(STALE)
 
-    def receive(self, frame: Logged, now_us: int) -> Answer | Told | Reply | None:
+    def receive(self, frame: Logged, now_us: int) -> Answer | Status | Reply | None:
         kind = frame.id ^ self.number
         if frame.id & BUS_OFF == BUS_OFF:
             self.counts["bus_off"] += 1
@@ -313,13 +313,13 @@ class Node:
         self.enter(CRC)
         self.row = self.row if self.runs else 0
 
-    def reset(self, what: int, now_us: int) -> Told:
+    def reset(self, what: int, now_us: int) -> Status:
         self.counts["resets"] += 1
         if what == 1:
             self.clear()
         if what == 2:
             self.restart()
-        return self.tell(now_us)
+        return self.send_status(now_us)
 
     def param(self, data: bytes) -> Reply:
         counter, write, number = data[1] & 15, data[1] >> 4 & 3, data[2]
@@ -373,11 +373,11 @@ class Node:
             self.in_sequence(step, counter, is_valid, count, now_us)
 
     def first(self, counter: int, is_valid: bool, count: int, now_us: int) -> None:
+        self.state = STALE if self.silenced else INIT
         if not is_valid:
             self.disown()
             self.row = 0
             return
-        self.state = STALE if self.silenced else INIT
         is_held = self.offs > 0 and now_us - self.off_us < self.timeout_us
         if is_held or self.offs >= 4:
             self.row = 0
@@ -451,11 +451,11 @@ class Node:
         self.gain_now += max(-step, min(step, self.gain - self.gain_now))
 
 
-def told_in(frame: Logged) -> Told:
+def status_in(frame: Logged) -> Status:
     """The Status in a frame."""
     assert is_good(frame, 5)
     first, *sums, _, timeout = frame.data[1:]
-    return Told(round(frame.time, 6), first & 15, first >> 4, *sums, timeout)
+    return Status(round(frame.time, 6), first & 15, first >> 4, *sums, timeout)
 
 
 def check_node(log: list[Logged], node: Node, told: dict | None = None) -> Node:
@@ -471,7 +471,7 @@ def check_node(log: list[Logged], node: Node, told: dict | None = None) -> Node:
     ratios = np.array([word(frame.data, 4) for frame in seen]) / 2**30
     exact = np.array([answer.ratio for answer in node.answers])
     assert np.abs(ratios - exact).max(initial=0) < Q30_BOUND
-    statuses = [told_in(frame) for frame in log if frame.id == STATUS | node.number]
+    statuses = [status_in(frame) for frame in log if frame.id == STATUS | node.number]
     assert statuses == node.statuses
     if told is not None:
         assert {name: count for name, count in told.items() if count} == +node.counts

@@ -188,8 +188,8 @@ def test_the_fault_storm_is_counted_and_exact(dahl, tmp_path):
 
 
 def test_a_closed_loop_says_how_well_it_follows(dahl, tmp_path):
-    """Beside itself without compensation, whose error is five times as large; and is drawn again
-    with no panel less.
+    """The same run without compensation has five times the error. It is drawn again with no panel
+    less.
     """
     with drawing() as figures:
         done = dahl("demo", "--scene", "slow-reversal", "--output", "out")

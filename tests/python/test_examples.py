@@ -167,7 +167,7 @@ def test_a_plain_makefile_builds_a_firmware_that_runs(root: Path, tmp_path: Path
     assert " T dahl_step_counts_q30\n" in names.stdout  # in assembly: the C is weak, W
 
 
-def test_the_example_for_esp_idf_tells_the_torques_of_the_model(root: Path, tmp_path: Path) -> None:
+def test_the_example_for_esp_idf_prints_torques_of_the_model(root: Path, tmp_path: Path) -> None:
     """Its app_main() on this machine; what ESP-IDF adds is its build."""
     (main := tmp_path / "main.c").write_text(
         "void app_main(void);\nint main(void) { app_main(); }\n"

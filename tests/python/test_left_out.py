@@ -27,7 +27,7 @@ def folder(root: Path, tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("words", "code", "lines"),
     [
         ((".",), 0, ["1 passed", "left out: proof, fuzz, static, quality; "]),
         ((".", "-n", "2"), 0, ["1 passed", "left out: proof, fuzz, static, quality; "]),
@@ -37,7 +37,7 @@ def folder(root: Path, tmp_path: Path) -> Path:
         (("quality/test_quality.py",), 2, ["1 error", "a_package_that_only_checks_need"]),
     ],
 )
-def test_checks_are_imported_only_when_they_are_asked_for(folder, words, code, told):
+def test_checks_are_imported_only_when_they_are_asked_for(folder, words, code, lines):
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-c", "pytest.ini", *words],
         cwd=folder,
@@ -46,5 +46,5 @@ def test_checks_are_imported_only_when_they_are_asked_for(folder, words, code, t
         check=False,
     )
     assert done.returncode == code, done.stdout + done.stderr
-    assert [words for words in told if words not in done.stdout] == [], done.stdout
-    assert ("left out: " in done.stdout) == any("left out" in words for words in told)
+    assert [line for line in lines if line not in done.stdout] == [], done.stdout
+    assert ("left out: " in done.stdout) == any("left out" in line for line in lines)

@@ -101,7 +101,7 @@ def test_zephyr() -> None:
     assert (ROOT / module["build"]["cmake"] / "CMakeLists.txt").exists()
 
 
-# What the library calls; here they tell what they are given.
+# Functions of the frameworks; the stand-ins here print their arguments.
 THEIRS = ("zephyr_library_named", "zephyr_library_sources", "zephyr_include_directories")
 THEIRS += ("zephyr_library_compile_definitions", "idf_component_register")
 

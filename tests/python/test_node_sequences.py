@@ -27,8 +27,8 @@ from loop_model import (
     Answer,
     Node,
     Reply,
-    Told,
-    told_in,
+    Status,
+    status_in,
     travel_per_count,
 )
 from loop_tools import Logged, word
@@ -182,8 +182,8 @@ def message_of(frame: Logged) -> can.Message:
 # --- what is sent --------------------------------------------------------------------------------
 
 
-def read(message: can.Message | None, now_us: int) -> Answer | Told | Reply | None:
-    """As the model says it."""
+def read(message: can.Message | None, now_us: int) -> Answer | Status | Reply | None:
+    """Return it as the model does."""
     if message is None:
         return None
     assert message.arbitration_id & 15 == NUMBER
@@ -193,7 +193,7 @@ def read(message: can.Message | None, now_us: int) -> Answer | Told | Reply | No
         ratio = word(data, 4) / 2**30
         return Answer(now_us / 1e6, data[1] >> 4, data[2] & 15, ratio, data[1] & 15)
     if kind == STATUS:
-        return told_in(Logged(now_us / 1e6, message.arbitration_id, data))
+        return status_in(Logged(now_us / 1e6, message.arbitration_id, data))
     return Reply(data[1] & 15, data[1] >> 4, data[2], word(data, 4) % 2**32)
 
 
@@ -205,7 +205,7 @@ def alike(here: object, there: object, bound: float) -> None:
 
 
 def play(talk: list[tuple]) -> None:
-    """Both are told the same."""
+    """Play the same frames to both."""
     real, model = dahl.Node(dahl.Plan(*PARAMS), NUMBER), Node(travel_per_count(*PARAMS))
     model.number, model.params, model.held = NUMBER, list(PARAMS), list(PARAMS)
     encoder, bound = Encoder(), BOUND

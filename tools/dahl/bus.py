@@ -41,7 +41,8 @@ FLAGS = {  # the options that name a bus, by their names in python-can
     "bus_kwargs": "--bus-kwargs",
 }
 QUIET = 0.05  # s without a frame, after which the caller has its turn
-SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts what found no room
+NOTICEABLE_LAG = 0.5  # s behind the bus; a busy machine alone causes less
+SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts discarded frames
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
@@ -110,7 +111,7 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     said = keywords(named(args))
     server = {key: said[key] for key in ("host", "port") if key in said}
     try:
-        return can.cli.create_bus_from_namespace(args, **_tuned(said), **server)
+        return can.cli.create_bus_from_namespace(args, **tuned_for(said), **server)
     except argparse.ArgumentError as error:
         raise _not_open(named(args), error.__cause__) from None
 
@@ -125,16 +126,16 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     until = time.monotonic() + patience
     while True:
         try:
-            return can.Bus(**_tuned(settings) | settings)
+            return can.Bus(**tuned_for(settings) | settings)
         except Exception as error:  # each interface of python-can has its own kinds
             if time.monotonic() >= until:
                 raise _not_open(settings, error) from None
         time.sleep(0.05)
 
 
-def _tuned(settings: dict[str, Any]) -> dict[str, Any]:
-    """More settings: a socketcand client must send each frame at once. Its kernel would hold short
-    frames back, and discard them if the bus is closed with unread frames.
+def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings that an interface needs: a socketcand client must send each frame at once. Its
+    kernel would hold short frames back, and discard them if the bus is closed with unread frames.
     """
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
@@ -146,17 +147,18 @@ def _silence() -> None:
 def _not_open(settings: dict[str, Any], error: object) -> Error:
     if "interface" not in settings and "Unknown interface type" in str(error):
         return Error(WHICH)
-    return RunError(f"cannot open the bus ({_shown(settings)}): {error}")
+    return RunError(f"cannot open the bus ({shown(settings)}): {error}")
 
 
-def _shown(settings: dict[str, Any]) -> str:
+def shown(settings: dict[str, Any]) -> str:
+    """A bus as messages name it."""
     return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
 
 
 def silent(args: argparse.Namespace, seconds: float) -> Timeout:
     """Not one frame came."""
     return Timeout(
-        f"no frame on the bus ({_shown(named(args))}) in {seconds:.1f} s:"
+        f"no frame on the bus ({shown(named(args))}) in {seconds:.1f} s:"
         " is a node there, at this bit rate?"
     )
 
@@ -166,8 +168,8 @@ class Reception:
     is called or a limit is reached. Frames that came before that moment and were not read yet are
     still returned. Raises RunError if the bus goes away.
 
-    lag_s says how far reading is behind the bus, by the time stamps of the frames: their delay
-    above that of frames that were waited for.
+    lag_s is how far reading is behind the bus: the delay of a frame since its time stamp, above the
+    delay of frames that were waited for.
     """
 
     def __init__(
@@ -179,7 +181,7 @@ class Reception:
         self.lag_s = self.most_lag_s = 0.0
 
     def finish(self) -> None:
-        """End with the frames that have come by now."""
+        """End with the frames that have arrived by now."""
         self._end = min(self._end, time.monotonic())
 
     def __iter__(self) -> Iterator[can.Message | None]:
@@ -220,8 +222,8 @@ class Reception:
 
 
 def lost_in_kernel(bus: can.BusABC) -> int:
-    """Frames that the kernel discarded since the receive buffer of this SocketCAN bus was full; 0
-    for another interface.
+    """Frames that the kernel discarded because the receive buffer of this SocketCAN bus was full;
+    0 for another interface.
     """
     link = getattr(bus, "socket", None)
     if not isinstance(link, socket.socket):

@@ -2,8 +2,8 @@
 """Which command needs which Python packages, and how they come.
 
 The package itself needs numpy alone. In a checkout tools/demo.sh sets up what `dahl demo` imports,
-and the first command that needs more brings it, by tools/setup.sh. Elsewhere one line says what to
-install.
+and the first command that needs more installs it by tools/setup.sh. Elsewhere one line names the
+packages to install.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ def refusal(command: str, module: str = "") -> RunError:
 
 
 def hint(packages: list[str], extras: str) -> str:
-    """Return the pip commands that bring these packages. No index has dahl itself, so its extras
-    can only come from its sources.
+    """Return the pip commands that install these packages. No index has dahl itself, so its extras
+    must come from its sources.
     """
     wanted = shlex.join(map(_requirement, packages))
     return f"pip install {wanted}, or pip install '.[{extras}]' in the source folder of dahl"

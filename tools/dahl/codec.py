@@ -286,7 +286,7 @@ class FrictionTorque(Frame):
 @checks.calls_checked
 @dataclass(frozen=True)
 class Status(Frame):
-    """The node's own word, every 100 ms or as Param.STATUS says; at once after power-on, a timeout,
+    """Health of the node, every 100 ms or as Param.STATUS sets; at once after power-on, a timeout,
     a bus-off and a Reset.
 
     counter        0 .. 15, one more with each Status

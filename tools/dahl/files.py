@@ -29,8 +29,8 @@ LINE_MAX = 4096  # bytes, above any line of a log of frames
 
 @contextlib.contextmanager
 def whole_lines(path: Path, file: object) -> Iterator[None]:
-    """While a log is written: if the disk is full, the error names the log, and the beginning of a
-    line is removed from a text file.
+    """Keep whole lines in a log: if the disk is full, name the log in the error and remove a half
+    line from a text file.
     """
     try:
         yield

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The frames of a bus, noted for the report of a failed test. They can be read ahead of the test,
-which then receives them as if nobody had.
+"""The frames of a bus, logged for the report of a failed test. They can be read ahead of the test,
+which then receives them in the same order.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ KEPT = 200  # frames in a report
 
 
 class FrameLog:
-    """Notes each frame that is sent and received through a bus of python-can, whose send() and
-    recv() it replaces. `listeners` are called with each received message.
+    """Log each frame that is sent and received through a bus of python-can, whose send() and recv()
+    are replaced. `listeners` are called with each received message.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -45,8 +45,8 @@ class FrameLog:
         return self._ahead.popleft() if self._ahead else self._read(timeout)
 
     def read_ahead(self, timeout: float, drop: Callable[[can.Message], bool]) -> bool:
-        """Wait for one frame, and keep it for recv() unless drop() says otherwise. Returns False if
-        none came. Raises dahl.RunError if the bus goes away.
+        """Wait for one frame, and keep it for recv() unless drop() is true. Return False if no
+        frame came. Raises dahl.RunError if the bus goes away.
         """
         try:
             message = self._read(timeout)
@@ -57,7 +57,7 @@ class FrameLog:
         return message is not None
 
     def read_rest(self) -> None:
-        """Note the frames that wait on the bus."""
+        """Log the frames that wait on the bus."""
         with contextlib.suppress(RunError):
             for _ in range(KEPT):
                 if not self.read_ahead(0, lambda _: False):

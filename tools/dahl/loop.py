@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import can
 
 PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
-DRAIN = 0.3  # s to go on recording after the encoder has ended; what waits then is read too
+DRAIN = 0.3  # s to record after the encoder has ended; waiting frames are still read
 SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
 LACKS = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
 PACKAGES = "libinih1 libcsv3 libcjson1"  # of Debian, with what dahl-loop links to
@@ -116,7 +116,7 @@ class Program:
         raise kind(words or self._unwritable() or ended)
 
     def _unwritable(self) -> str:
-        """Why its words could not be written, such as a full disk; "" if they could."""
+        """Return why its messages could not be written, such as a full disk; "" if they could."""
         try:
             with Path(self.errors.name).open("a", encoding="utf-8") as errors:
                 errors.write("\n")

@@ -2,11 +2,11 @@
 """Count the frames of friction nodes that a recorder has missed, by their sequence counters.
 
 A counter has 4 bits, so it shows a gap modulo 16: that is the least number of missing frames. The
-most follows from the time stamps and the mean period of these frames. A gap of 16 n frames cannot
-be told from a pause of the sender, and is not counted.
+most follows from the time stamps and the mean period of these frames. A gap of 16 n frames looks
+like a pause of the sender, and is not counted.
 
-Angles that did not reach the node either were lost on the bus, not by the recorder. The answers
-show it: their own counter has no gap there. Without answers each gap counts.
+Angles that did not reach the node either were lost on the bus, not by the recorder. The counter of
+the answers then has no gap. Without answers each gap counts.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from dahl import codec, core, counters
 if TYPE_CHECKING:
     import can
 
-ANGLE, TORQUE, STATUS = 0x100, 0x110, 0x120  # ids of node 0
-MAX_UNANSWERED = 16  # angles after a gap; after more the node does not answer at all
-MAX_SPOILED = 16  # frames in a row; after more this id is not that of a node
+ANGLE, TORQUE, STATUS = codec.EncoderState.base, codec.FrictionTorque.base, codec.Status.base
+MAX_UNANSWERED = 16  # angles after a gap; after more the node does not answer
+MAX_SPOILED = 16  # frames in a row; after more this id is not of a node
 
 
 class Gap(NamedTuple):
@@ -46,14 +46,14 @@ NO_GAP = Gap()
 
 
 class Missing:
-    """Feed it each recorded frame; count() says how many are missing among those of all nodes."""
+    """Feed it each recorded frame; count() returns how many frames of all nodes are missing."""
 
     def __init__(self) -> None:
         core.library()  # must not fail later, while a bus is recorded
         self._nodes: dict[tuple[object, int], _Node] = {}
 
     def feed(self, frame: can.Message) -> None:
-        """Take one frame, whatever it is."""
+        """Process one frame of any kind."""
         identifier = frame.arbitration_id
         is_plain = not (frame.is_extended_id or frame.is_remote_frame or frame.is_error_frame)
         if is_plain and not frame.is_fd and ANGLE <= identifier <= STATUS | 15:
@@ -65,7 +65,7 @@ class Missing:
         return self.proved().plus(_sum(node.unproved() for node in self._nodes.values()))
 
     def proved(self) -> Gap:
-        """Those of them that were on the bus for certain."""
+        """Missing frames that were certainly on the bus."""
         return _sum(node.proved for node in self._nodes.values())
 
 
@@ -83,17 +83,17 @@ class _Sequence:
         self._spoiled = 0  # frames with a wrong CRC or length since the newest
 
     def spoil(self) -> None:
-        """A frame that cannot be read: it is recorded, whichever it was."""
+        """Note an unreadable frame: it is recorded, so it is not missing."""
         self._spoiled += 1
         if self._spoiled > MAX_SPOILED:
             self._time = None
 
     def restart(self) -> None:
-        """The sender begins anew, and its counter with it."""
+        """Forget the counter of a sender that has restarted."""
         self._time = None
 
     def gap(self, counter: int, now: float) -> Gap | None:
-        """Frames missing before this one; None if it is repeated or late."""
+        """Return the frames missing before this one; None if it is repeated or late."""
         before = self._time
         if before is not None:
             least, most = self._steps_to(counter, now - before)
@@ -110,13 +110,13 @@ class _Sequence:
         return Gap(max(least - 1 - spoiled, 0), max(most - 1 - spoiled, 0))
 
     def _steps_to(self, counter: int, seconds: float) -> tuple[int, int]:
-        """Steps of the counter, at least and by the time that has passed; 0 for a repeated or late
-        frame.
+        """Return the steps of the counter, at least and by the elapsed time; 0 for a repeated or
+        late frame.
         """
         ahead = (counter - self.counter) % codec.COUNTERS
         if ahead == 1:
             return 1, 1
-        if self._seconds <= 0:  # no period yet, nor is it sure that this sender counts
+        if self._seconds <= 0:  # no period yet, and this sender may not count
             step = 0 if ahead == 0 else counters.step(self.counter, counter, seconds)
             return step, step
         periods = seconds * self._steps / self._seconds
@@ -126,15 +126,15 @@ class _Sequence:
 
 
 class _Node:
-    """The frames of one node: what is missing for certain, and a gap of angles that its next
-    answers decide about.
+    """The frames of one node: those proved missing, and a gap of angles that its next answers
+    decide.
     """
 
     def __init__(self) -> None:
         self._by_kind = {kind: _Sequence() for kind in (ANGLE, TORQUE, STATUS)}
         self.proved = self._undecided = NO_GAP
         self._angles_since = 0  # the undecided gap
-        self._is_answered_ahead = False  # the newest answer is to an angle that has not come
+        self._is_answered_ahead = False  # the newest answer is to an angle not yet recorded
         self._answers = False
 
     def feed(self, frame: can.Message) -> None:
@@ -174,7 +174,7 @@ class _Node:
         self._is_answered_ahead = behind > counters.LATE
         if gap.least or self._angles_since <= behind < self._angles_since + self._undecided.least:
             self._decide(is_missing=True)
-        elif behind < self._angles_since:  # the node answered over the gap and has none itself
+        elif behind < self._angles_since:  # an answer after the gap, without a gap of its own
             self._decide(is_missing=False)
 
     def _decide(self, is_missing: bool) -> None:
@@ -183,5 +183,5 @@ class _Node:
         self._undecided = NO_GAP
 
     def unproved(self) -> Gap:
-        """An undecided gap of a node that never answers, so that no answer will decide."""
+        """An undecided gap of a node that never answers."""
         return NO_GAP if self._answers else self._undecided

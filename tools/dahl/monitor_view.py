@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dahl import Error, codec, counters, paths
+from dahl.bus import NOTICEABLE_LAG
 from dahl.monitor_curves import panel
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ LEAST_BESIDE = 40  # columns of each of two panels side by side
 ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
 NUMBERED = ALWAYS  # one more with each frame; any other's counter is the asker's own
 FINE = {"OK", "Init"}  # states that need no colour
-LATE = 0.5  # s behind the bus, from which on it has colour
 UNSAID = {"State", "Crc", "Counter"}  # State stands first, in its colour
 SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
@@ -213,7 +213,7 @@ class View:
     def _behind(self) -> tuple[str, str]:
         """Words and colour."""
         words = f"{self.lag_s:.1f} s, at most {self.most_lag_s:.1f} s"
-        return words, "yellow" if self.most_lag_s > LATE else ""
+        return words, "yellow" if self.most_lag_s > NOTICEABLE_LAG else ""
 
     def _below(self, seen: Seen) -> Text:
         return Text.assemble((f"{seen.message.name}  ", "bold"), self._last(seen))

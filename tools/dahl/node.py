@@ -2,7 +2,7 @@
 """The friction node in Python: lib/node as a firmware links it, on any bus that python-can opens.
 
 Node decides, bit for bit as the firmware does, and has no bus and no clock. run() serves nodes on a
-bus until it is told to end, Listener does so in a can.Notifier, serve() in asyncio; ask() and
+bus until it is stopped, Listener does so in a can.Notifier, serve() in asyncio; ask() and
 expect_silence() are the other end.
 
 >>> import dahl
@@ -530,15 +530,15 @@ def expect_silence(
     if message is not None:
         _send(bus, message, frame)
     while (left := begin + seconds - time.monotonic()) > 0:
-        told = receive(bus, left)
+        received = receive(bus, left)
         for kind in (codec.FrictionTorque, codec.ParamReply):
-            if answer := _answer_in(told, kind.base + node):
+            if answer := _answer_in(received, kind.base + node):
                 after = f"after {time.monotonic() - begin:.3f} s"
-                raise RunError(f"node {node} was to be silent, and sent {answer} {after}")
+                raise RunError(f"node {node} must be silent, but sent {answer} {after}")
 
 
 def _drop_waiting(bus: can.BusABC, until: float) -> None:
-    """Drop the frames that wait on the bus; of one that never falls silent, until then."""
+    """Drop the frames that wait on the bus, until this time at the latest."""
     while receive(bus, 0) is not None and time.monotonic() < until:
         pass
 

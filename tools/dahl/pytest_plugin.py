@@ -12,13 +12,13 @@ in this process, or it is on a rig that --dahl-interface names; the tests are th
     mark dahl       dahl(plan=..., timeout=...) gives both for one test. Every test that uses
                     dahl_bus has this mark, so that -m dahl selects them
 
-On a rig each test begins with a Reset. The node has the settings of a simulated one during the
-test, and its own again after it; its plan is written only if the test gives one, else dahl_plan is
-that of the rig. One test at a time uses a rig, also among the workers of pytest-xdist. A node that
-has never answered is not there: its tests are skipped. With --dahl-serve the nodes are simulated on
+On a rig each test begins with a Reset. The settings of a simulated node are written to the node,
+and its own are written back after the test. Its plan is written only if the test gives one, else
+dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of pytest-xdist.
+If a node has never answered, its tests are skipped. With --dahl-serve the nodes are simulated on
 that bus.
 
-pytest loads this by itself where dahl is installed; it costs nothing until a fixture is used.
+pytest loads this by itself if dahl is installed; it costs nothing until a fixture is used.
 """
 
 from __future__ import annotations
@@ -32,15 +32,13 @@ import itertools
 import math
 import os
 import tempfile
-import threading
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import pytest
 
-from dahl import Error, RunError, Timeout
+from dahl import Error, Timeout
 
 if TYPE_CHECKING:
     import can
@@ -55,22 +53,17 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 VIRTUAL = "virtual"
-FIRST_ANSWER = 0.8  # s for a rig to open, and to answer for the first time
+FIRST_ANSWER = 0.8  # s for a rig to open, and for its first answer
 MARK = "dahl(plan=None, **settings): of dahl_node. Every test that uses dahl_bus has this mark."
 _numbers = itertools.count()
 _frames = pytest.StashKey["FrameLog"]()  # of a test
-_taken = pytest.StashKey[set[int]]()  # numbers of the nodes of a test
-_contacts = pytest.StashKey[
-    dict[str, str]
-]()  # of a session: why a rig is left out, "" if it is not
-
-
-class _NoRig(RunError):
-    """The bus of a rig does not open."""
+_in_use = pytest.StashKey[set[int]]()  # numbers of the nodes of a test
+# Of a session: the reason to skip the tests of a bus or node, "" if it has answered.
+_contacts = pytest.StashKey[dict[str, str]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Which bus."""
+    """Add the options that name the bus."""
     group = parser.getgroup("dahl", "a friction node on a CAN bus")
     group.addoption(
         "--dahl-interface",
@@ -87,12 +80,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--dahl-serve",
         action="store_true",
-        help="let dahl_node answer on that bus too, where no node is there (vcan0)",
+        help="simulate dahl_node on that bus too, if it has no node (vcan0)",
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Refuse options that would be passed over, or that no test could use."""
+    """Refuse options that would be ignored, or that no test could use."""
     config.addinivalue_line("markers", MARK)
     config.stash[_contacts] = {}
     words = str(config.getoption("--dahl-bus-kwargs")).split()
@@ -140,8 +133,8 @@ def pytest_runtest_makereport(
 
 @contextlib.contextmanager
 def _one_line() -> Iterator[None]:
-    """A bus that is not there, or a node that is silent, ends a test in one line, without the
-    insides of a fixture.
+    """Fail a test with one line, without the insides of a fixture, if the bus does not open or the
+    node is silent.
     """
     try:
         yield
@@ -149,7 +142,7 @@ def _one_line() -> Iterator[None]:
         raise pytest.fail.Exception(str(error), pytrace=False) from None
 
 
-def _marked(request: pytest.FixtureRequest) -> Settings:
+def _mark_arguments(request: pytest.FixtureRequest) -> Settings:
     """Return the arguments of the mark dahl."""
     mark = request.node.get_closest_marker("dahl")
     if mark is not None and mark.args:
@@ -164,18 +157,19 @@ def dahl_plan(request: pytest.FixtureRequest) -> Friction:
     """
     from dahl.core import Plan
 
-    if (plan := _marked(request).get("plan")) is not None:
+    arguments = _mark_arguments(request)
+    if (plan := arguments.get("plan")) is not None:
         return plan  # type: ignore[no-any-return]
     if not _is_rig(request):
         return Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * math.pi / 16384)
-    settings = request.getfixturevalue("dahl_node_settings") | _marked(request)
+    settings = request.getfixturevalue("dahl_node_settings") | arguments
     with _one_line():
-        return _contacted(request, settings.get("number", 0)).plan
+        return _reset_node(request, settings.get("number", 0)).plan
 
 
 @pytest.fixture
 def dahl_node_settings() -> Settings:
-    """Arguments of Node() beside dahl_plan: a timeout in s that a busy machine does not reach."""
+    """The other arguments of Node(): a timeout in s that a busy machine does not reach."""
     return {"timeout": 10.0}
 
 
@@ -184,7 +178,7 @@ def dahl_node_settings() -> Settings:
 
 @pytest.fixture
 def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
-    """What can.Bus() takes to open the bus; a channel of its own for each test if virtual."""
+    """Arguments of can.Bus() to open the bus; a separate channel for each test if virtual."""
     from dahl import codec
 
     with _one_line():
@@ -202,9 +196,9 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
 def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Iterator[can.BusABC]:
     """The test's end of the bus."""
     is_shared = dahl_bus_settings["interface"] != VIRTUAL
-    with _turn(dahl_bus_settings) if is_shared else contextlib.nullcontext():
+    with _reserved(dahl_bus_settings) if is_shared else contextlib.nullcontext():
         with _one_line():
-            bus = _opened(request, dahl_bus_settings)
+            bus = _open(request, dahl_bus_settings)
         with bus:
             _log_of(request, bus)
             yield bus
@@ -221,7 +215,7 @@ def dahl_async_bus(dahl_bus: can.BusABC) -> AsyncBus:
 
 
 def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
-    """Return the log of the frames of a test, whose bus may be that of its own fixture."""
+    """Return the log of the frames of a test, which may define dahl_bus itself."""
     from dahl import frame_log
 
     stash = request.node.stash
@@ -242,7 +236,7 @@ def _key(settings: Settings) -> str:
 
 
 @contextlib.contextmanager
-def _turn(settings: Settings) -> Iterator[None]:
+def _reserved(settings: Settings) -> Iterator[None]:
     """Wait until no other test of this user has the bus."""
     path = Path(tempfile.gettempdir(), f"dahl-bus-{os.getuid()}-{_key(settings)}.lock")
     with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "rb") as lock:
@@ -250,67 +244,28 @@ def _turn(settings: Settings) -> Iterator[None]:
         yield
 
 
-def _opened(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
+def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
     """Open the bus; skip the test if it is that of a rig, and has never been open."""
     from dahl.bus import open_bus
+    from dahl.rig import open_rig
 
     if not _is_rig(request):
         return open_bus(**settings)
-    return _first_contact(request, _key(settings), lambda _: _open_rig(settings))
+    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER))
 
 
-def _open_rig(settings: Settings) -> can.BusABC:
-    """Open the bus of a rig. Raises _NoRig if it is not there, RunError if it cannot be."""
-    import can
-
-    from dahl.bus import open_bus
-
-    try:
-        if settings["interface"] == "socketcand":
-            return _open_in_time(settings)
-        return open_bus(**settings)
-    except RunError as error:
-        if isinstance(error.__context__, (can.CanInitializationError, OSError)):
-            raise _NoRig(str(error)) from None
-        raise
-
-
-def _open_in_time(settings: Settings) -> can.BusABC:
-    """Open a bus within FIRST_ANSWER: python-can tries for 10 s to reach a socketcand server."""
-    from dahl.bus import open_bus
-
-    opened: Future[can.BusABC] = Future()
-
-    def work() -> None:
-        try:
-            opened.set_result(open_bus(**settings))
-        except RunError as error:
-            opened.set_exception(error)
-
-    threading.Thread(target=work, daemon=True).start()
-    try:
-        return opened.result(FIRST_ANSWER)
-    except TimeoutError:
-        opened.add_done_callback(_close)
-        shown = " ".join(f"{key}={value}" for key, value in settings.items())
-        raise _NoRig(f"cannot open the bus ({shown}) in {FIRST_ANSWER:g} s") from None
-
-
-def _close(opened: Future[can.BusABC]) -> None:
-    if opened.exception() is None:
-        opened.result().shutdown()
-
-
-def _first_contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
+def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
     """Return the result of a call to a rig; skip the test if the rig has never answered. A rig that
-    has answered before, and does not now, is a failure.
+    has answered before, and does not now, is a failure. call(True) is the first one.
     """
+    from dahl.rig import NoRig
+
     contacts = request.config.stash[_contacts]
     if contacts.get(key):
         pytest.skip(contacts[key])
     try:
         result = call(key not in contacts)
-    except (Timeout, _NoRig) as error:
+    except (Timeout, NoRig) as error:
         if key in contacts:
             raise
         contacts[key] = f"no rig: {error}"
@@ -350,7 +305,7 @@ def dahl_node(
     dahl_node_settings: Settings,
 ) -> AnyNode:
     """The node at the other end of dahl_bus."""
-    settings = {"number": 0, "plan": dahl_plan} | dahl_node_settings | _marked(request)
+    settings = {"number": 0, "plan": dahl_plan} | dahl_node_settings | _mark_arguments(request)
     with _one_line():
         return dahl_make_node(friction=settings.pop("plan"), **settings)
 
@@ -359,7 +314,7 @@ def dahl_node(
 def _simulated(
     request: pytest.FixtureRequest, friction: Friction, settings: Settings
 ) -> Iterator[Node]:
-    """A node of this process, on an end of its own of the bus."""
+    """A node of this process, with its own end of the bus."""
     import can
 
     from dahl.bus import open_bus
@@ -380,7 +335,7 @@ def _on_rig(
 ) -> Iterator[RigNode]:
     """A node of the rig, with these parameters until the test ends."""
     wanted = _new(request, friction, settings)
-    rig = _contacted(request, wanted.number)
+    rig = _reset_node(request, wanted.number)
     try:
         rig.configure(wanted)
         rig.restart()
@@ -393,14 +348,14 @@ def _new(request: pytest.FixtureRequest, friction: Friction, settings: Settings)
     """Return a node of these parameters. Raises dahl.Error for wrong ones."""
     from dahl.node import Node
 
-    node, taken = Node(friction, **settings), request.node.stash.setdefault(_taken, set())
-    if node.number in taken:
+    node, in_use = Node(friction, **settings), request.node.stash.setdefault(_in_use, set())
+    if node.number in in_use:
         raise Error(f"number = {node.number}: this test has a node of this number already")
-    taken.add(node.number)
+    in_use.add(node.number)
     return node
 
 
-def _contacted(request: pytest.FixtureRequest, number: int) -> RigNode:
+def _reset_node(request: pytest.FixtureRequest, number: int) -> RigNode:
     """Return a node of the rig after a Reset; skip the test if it has never answered."""
     from dahl.rig import PATIENCE, RigNode
 
@@ -410,5 +365,5 @@ def _contacted(request: pytest.FixtureRequest, number: int) -> RigNode:
     def restart(is_first: bool) -> None:
         rig.restart(FIRST_ANSWER if is_first else PATIENCE)
 
-    _first_contact(request, f"{_key(settings)} {number}", restart)
+    _contact(request, f"{_key(settings)} {number}", restart)
     return rig

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
 BOUND_ULP_PARTS = 0.55  # the same for the models beside Dahl's (DAHL_ULP_PARTS)
 FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
-UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0, beside trace.csv
+UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0, next to trace.csv
 # States of FrictionTorque in which the node took the count as a new start and integrated no travel.
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
@@ -282,8 +282,8 @@ def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, floa
 
 
 def _lost_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
-    """Answers that the log lacks where no counter shows it: the first one of a node is a new start,
-    and dahl-loop knows how many it has received.
+    """Return the answers that the log lacks without a gap of the counters: the first answer of a
+    node is a new start, and dahl-loop counts those that it receives.
     """
     if "faults" in loop or loop.get("interrupted"):  # the counts of dahl-loop are others then
         return int(loop.get("recorder_dropped", False) or not trace.fresh[0])

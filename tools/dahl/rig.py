@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: MIT
-"""A node on a rig, for tests that know dahl.Node: the same properties, read over the bus."""
+"""A node on a rig, for tests of a dahl.Node: the same properties, read over the bus."""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from dahl import Error, RunError, Timeout, codec
+from dahl import bus as buses
 from dahl.codec import Errors, Param, ParamWrite, Result, State, Write
 from dahl.core import Plan
 from dahl.node import COUNTS, Counts, Node, ask
@@ -22,7 +25,7 @@ PATIENCE = 1.0  # s for an answer
 LOOK = 0.02  # s
 EACH_TICK = ParamWrite(Param.STATUS, 1, Write.WRITE)  # a Status every ms
 MODEL = (Param.SIGMA0, Param.FC, Param.THETA)
-# Sums in Status, and the errors by which it says which of their summands may be above 0.
+# Sums in Status, and the error bit of each summand: if it is clear, the summand is 0.
 CORRUPT = {"crc": Errors.CRC, "format": Errors.FORMAT}
 OUT_OF_STEP = {
     "repeated": Errors.REPEATED,
@@ -33,8 +36,47 @@ OUT_OF_STEP = {
 }
 
 
+class NoRig(RunError):
+    """The bus of a rig does not open."""
+
+
+def open_rig(settings: dict[str, Any], patience: float) -> can.BusABC:
+    """Open the bus of a rig. Raises NoRig if it is absent, RunError for wrong settings."""
+    try:
+        if settings["interface"] == "socketcand":
+            return _open_in_time(settings, patience)
+        return buses.open_bus(**settings)
+    except RunError as error:
+        if isinstance(error.__context__, (codec.python_can().CanInitializationError, OSError)):
+            raise NoRig(str(error)) from None
+        raise
+
+
+def _open_in_time(settings: dict[str, Any], patience: float) -> can.BusABC:
+    """Open a bus within `patience` s: python-can tries for 10 s to reach a socketcand server."""
+    opened: Future[can.BusABC] = Future()
+
+    def work() -> None:
+        try:
+            opened.set_result(buses.open_bus(**settings))
+        except RunError as error:
+            opened.set_exception(error)
+
+    threading.Thread(target=work, daemon=True).start()
+    try:
+        return opened.result(patience)
+    except TimeoutError:
+        opened.add_done_callback(_close)
+        raise NoRig(f"cannot open the bus ({buses.shown(settings)}) in {patience:g} s") from None
+
+
+def _close(opened: Future[can.BusABC]) -> None:
+    if opened.exception() is None:
+        opened.result().shutdown()
+
+
 def _refuse(name: str, why: str) -> NoReturn:
-    raise RunError(f"dahl_node.{name}: not known of a node on a rig: {why}")
+    raise RunError(f"dahl_node.{name}: a node on a rig does not have it: {why}")
 
 
 class RigCounts:
@@ -63,7 +105,7 @@ class RigCounts:
         _refuse(f"counts.{name}", "no frame carries it")
 
     def _share(self, name: str, kinds: Mapping[str, Errors], total: int) -> int:
-        """One summand of a sum: known if the errors leave only one, or leave it out."""
+        """Return one summand of a sum: known if its error bit is clear, or the only one set."""
         possible = [kind for kind, error in kinds.items() if error in self._status.errors]
         if name not in possible:
             return 0
@@ -86,8 +128,8 @@ class RigNode:
     """A node on a rig, with the properties of dahl.Node.
 
     Reading `state`, `errors` or `counts` makes it send a Status; `friction` reads its parameters.
-    What no frame gives raises dahl.RunError with its name, as do calls that only a node of this
-    process has.
+    A property that no frame carries raises dahl.RunError with its name. So do calls that need a
+    node of this process.
     """
 
     def __init__(self, bus: can.BusABC, frames: FrameLog, number: int) -> None:
@@ -105,7 +147,7 @@ class RigNode:
         self._ok = 0
 
     def configure(self, wanted: Node) -> None:
-        """Write the settings and the Plan of a node where they differ from those of the rig. Raises
+        """Write the settings and the Plan of a node if they differ from those of the rig. Raises
         dahl.RunError for one that the rig refuses.
         """
         for asked in _settings(wanted):
@@ -118,7 +160,7 @@ class RigNode:
         self._change(list(map(ParamWrite.of_si, MODEL, values, how)))
 
     def restore(self) -> None:
-        """Write back what configure() found."""
+        """Write back the parameters that configure() changed."""
         while self._before:
             self._write(self._before.pop())
 
@@ -141,7 +183,7 @@ class RigNode:
 
     @property
     def state(self) -> State:
-        """What it thinks of its input."""
+        """State of its input."""
         return self._next_status().state
 
     @property
@@ -151,7 +193,7 @@ class RigNode:
 
     @property
     def counts(self) -> RigCounts:
-        """Frames by what became of them."""
+        """Frame counts by outcome."""
         status = self._next_status()
         return RigCounts(self._ok, status)
 
@@ -219,8 +261,8 @@ class RigNode:
         return found()[0]
 
     def _wait(self, done: Callable[[], bool], what: str) -> None:
-        """Read ahead until done(). Frames of the ids in _own are answers to this object; all others
-        are left to the test.
+        """Read ahead until done(). Drop frames of the ids in _own, which answer this object; keep
+        all others for the test.
         """
         own = [base + self._number for base in self._own]
         until = time.monotonic() + PATIENCE
@@ -230,10 +272,10 @@ class RigNode:
             self._frames.read_ahead(LOOK, lambda message: message.arbitration_id in own)
 
     def _change(self, wanted: list[ParamWrite]) -> None:
-        """Write a set of parameters unless the node has them, and note what it had."""
+        """Write a set of parameters unless the node has them, and keep the earlier values."""
         had = [replace(one, value=self._ask(ParamWrite(one.param)).value) for one in wanted]
         if had != wanted:
-            self._write(wanted)  # refused, it has changed nothing
+            self._write(wanted)  # a refusal changes no parameter
             self._before.append(had)
 
     def _write(self, writes: list[ParamWrite]) -> None:
@@ -247,7 +289,7 @@ class RigNode:
 
 
 def _settings(node: Node) -> Iterator[ParamWrite]:
-    """Writes that give another node the settings of this one."""
+    """Yield the writes that give another node the settings of this one."""
     held = node._node
     yield ParamWrite(Param.GAIN, held.gain, Write.WRITE)
     yield ParamWrite(Param.LIMIT, held.limit, Write.WRITE)

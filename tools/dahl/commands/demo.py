@@ -150,7 +150,7 @@ def _spare(log: Path | None, folder: Path) -> None:
 
 
 def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
-    """What makes a run that has come to its end a failed one; lost: of the frames on the bus."""
+    """Return why a complete run has failed; `lost` frames of the bus were not recorded."""
     from dahl import report
 
     wrong = []
@@ -248,7 +248,7 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    from dahl import loop
+    from dahl import loop, report
     from dahl.interrupt import Stop
 
     setup = _setup(args, scene, log, console)
@@ -281,7 +281,7 @@ def _play(
 
 
 def _trace(log: Path, scene: Scene) -> Trace:
-    """The answered ticks of the run. Raises RunError if none was recorded."""
+    """Return the answered ticks of the run. Raises RunError if no tick was recorded."""
     from dahl import logs, report
 
     try:

@@ -4,9 +4,9 @@ Watch a friction node live in the terminal: the counters, torque over angle, bot
 
 Frames are decoded with the node's own DBC (or --dbc). Works with any interface that python-can has,
 from 60 columns and 18 rows on. Torques are in N m where Fc is known: by --fc, by --scene, or by a
-ParamReply on the bus. "behind" says how late frames are read: a bus drops frames if that grows.
-Ends with Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the
-state at the end, with --json the numbers.
+ParamReply on the bus. "behind" is the delay of reading; a bus drops frames if it grows. Ends with
+Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the state at the
+end, with --json the numbers.
 """
 
 from __future__ import annotations

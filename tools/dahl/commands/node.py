@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 from dahl import Error, RunError
 from dahl.arguments import seconds, whole
-from dahl.bus import add_bus_arguments, keywords, named, words
+from dahl.bus import add_bus_arguments, keywords, named, tuned_for, words
 
 if TYPE_CHECKING:
     import can
@@ -134,7 +134,7 @@ def _say(
     console: Any, args: argparse.Namespace, scene: Scene, where: str, bus: dict[str, Any]
 ) -> None:
     """What there is, and how to speak to it; `bus` as dahl.bus.named() has it."""
-    call = ", ".join(f"{key}={value!r}" for key, value in keywords(bus).items())
+    call = ", ".join(f"{key}={value!r}" for key, value in (keywords(bus) | tuned_for(bus)).items())
     number = f" --node {args.node}" if args.node else ""
     of = f"{scene.title}: {scene.model}, Fc {scene.Fc:g} {scene.measured.unit}"
     console.print(f"node    {args.node} {where} ({of})")
@@ -171,7 +171,7 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
     from dahl import codec
     from dahl.bus import receive
 
-    with contextlib.suppress(codec.python_can().CanError, OSError):  # nobody there to take it
+    with contextlib.suppress(codec.python_can().CanError, OSError):  # no other node on the bus
         bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
     own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
     until = time.monotonic() + LISTEN

@@ -5,14 +5,14 @@ ending of its name.
 
 Works with any interface that python-can has. Stop it with Ctrl-C, or give --frames or --seconds. A
 .log, .asc or .trc holds whole lines at any moment; .blf and .mf4 are whole once it has ended. A
-.trc holds no CAN FD, remote or error frames: they are left out, and how many is said at the end.
+.trc holds no CAN FD, remote or error frames: they are left out, and their number is printed at the
+end.
 
-If frames of a friction node are missing in the log, one line says how many, and it exits with 1: a
-program that reads too slowly loses frames. They are counted by the sequence counters of
-EncoderState, FrictionTorque and Status; with SocketCAN also by the kernel. A counter has 4 bits, so
-"3 to 1987" means 3 by the counters and 1987 by the time stamps. A frame that did not reach the node
-either, a repeated one and a restarted node do not count. Frames of other devices have no such
-counter.
+If the log lacks frames of a friction node, it prints how many and exits with 1: a program that
+reads too slowly loses frames. They are counted by the sequence counters of EncoderState,
+FrictionTorque and Status; with SocketCAN also by the kernel. A counter has 4 bits, so "3 to 1987"
+means 3 by the counters and 1987 by the time stamps. A frame that did not reach the node either, a
+repeated one and a restarted node do not count. Frames of other devices have no such counter.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 from dahl import Error, RunError
 from dahl.arguments import add_limits
-from dahl.bus import add_bus_arguments
+from dahl.bus import NOTICEABLE_LAG, add_bus_arguments
 
 if TYPE_CHECKING:
     import can
@@ -40,7 +40,6 @@ EXAMPLE = """examples:
 
 TRC = ".trc"  # the one format that cannot hold every frame
 PATIENCE = 3.0  # s without a frame, after which one waits knowingly
-LATE = 0.5  # s behind the bus; below it a busy machine is no news
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,14 +82,14 @@ def run(args: argparse.Namespace) -> None:
 
 def _how_late(lag_s: float) -> str:
     """A server closes the connection of a client that reads too slowly."""
-    return f", and reading was up to {lag_s:.1f} s late" if lag_s > LATE else ""
+    return f", and reading was up to {lag_s:.1f} s late" if lag_s > NOTICEABLE_LAG else ""
 
 
 class Tally:
-    """Counts the frames that a log holds and those that it lacks.
+    """Count the frames that a log holds and those that it lacks.
 
-    It takes out those that the format cannot hold: python-can's writer of TRC would drop them with
-    no more than a warning.
+    Frames that the format cannot hold are left out here: python-can's writer of TRC would drop them
+    with no more than a warning.
     """
 
     def __init__(self, path: Path) -> None:
@@ -101,7 +100,7 @@ class Tally:
         self._missing = Missing()
 
     def among(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
-        """The messages that the log can hold; one counts as held when the next is asked for."""
+        """Yield the messages that the log can hold; each counts once the next one is requested."""
         for message in messages:
             if message is None:
                 yield None
@@ -146,7 +145,7 @@ def _check(path: Path, force: bool, fd: bool) -> bool:
 
 
 def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
-    """Write each frame; what was there before goes with the first one."""
+    """Write each frame; the first one replaces an earlier log."""
     from dahl.files import whole_lines
 
     first = _first(messages)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 from dahl import Error
 from dahl.identify import estimate
+from dahl.identify.can_signals import Signals
 from dahl.identify.estimate import Options
-from dahl.identify.readers import Signals, Source
+from dahl.identify.log import Log
+from dahl.identify.readers import Source, to_log
 from dahl.identify.result import Result
 
 if TYPE_CHECKING:
@@ -32,26 +34,29 @@ def follow(
     for frame in frames:
         if frame is not None:
             signals.feed(frame)
-        rows = min(map(len, signals.found.values()))  # of the rarer signal
-        if rows >= due:
+        if (rows := signals.rows()) >= due:
             due = int(rows * GROWTH)
             result, words = _estimate(signals, source, options)
             show(rows, result, words)
             if result is not None and is_known(result, within):
                 return result
-    return estimate.identify([signals.log("bus", source)], options)
+    return estimate.identify([_log(signals, source)], options)
 
 
 def signals_of(source: Source) -> Signals:
     """The signals to follow. Raises dahl.Error if the options do not name them."""
     if source.dbc is None or not (source.angle and source.torque):
         raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
-    return Signals(source.dbc, source.angle, source.torque, source.loads)
+    return Signals(source.dbc, source.signals)
+
+
+def _log(signals: Signals, source: Source) -> Log:
+    return to_log("bus", source, (signals.columns, signals.values("bus")))
 
 
 def _estimate(signals: Signals, source: Source, options: Options) -> tuple[Result | None, str]:
     try:
-        result = estimate.identify([signals.log("bus", source)], options)
+        result = estimate.identify([_log(signals, source)], options)
     except Error as error:  # too little motion so far
         return None, str(error)
     return result, result.verdict

@@ -16,6 +16,7 @@ from dahl.files import keep
 from dahl.identify.export import (
     PlanQuality,
     RunnableModel,
+    about,
     header,
     plan_quality,
     runnable_model,
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 MAX_CHOICES = 40  # hypotheses that JSON lists, the best ones
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
 INFORMS = 0.1  # of sigma0: a slope above it informs sigma0
-TICKS = {"dahl": 18, "asymmetric": 33}  # instructions of a Q30 tick on Cortex-M3
-SUM_TICKS = {"slip": (22, 16), "dahl": (21, 20), "mixed": (48, 20)}  # of a sum, of each element
+TICKS = {"dahl": 20, "asymmetric": 33}  # instructions of a Q30 tick on Cortex-M3
+SUM_TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}  # of a sum, of each element
 
 
 def title_of(result: Result) -> str:
@@ -351,7 +352,10 @@ def table(result: Result) -> Table:
     shown.add_row("R2, cycles left out", f"{result.r2:.4f} of {result.samples.cycles} cycles")
     for name, r2 in result.checks.items():
         shown.add_row(f"check {Path(name).name}", f"R2 {r2:.4f}, not fitted")
-    quality = plan_quality(result, runnable_model(result))
+    model = runnable_model(result)
+    if words := about(result, model):
+        shown.add_row("header and scene", words)
+    quality = plan_quality(result, model)
     shown.add_row("R2 of the plan alone", f"{quality.r2:.4f} on the raw motion")
     for note in notes(result):
         shown.add_row("note", note)
