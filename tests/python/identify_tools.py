@@ -145,15 +145,6 @@ def seen(*logs: Log, **options: object) -> dict[str, Any]:
     return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
-def told(facts: dict[str, Any], word: str) -> list[float] | None:
-    """The numbers in what is said of a log with this word; nothing where it is not said."""
-    lines = {*facts["reasons"], *(found["text"] for found in facts["findings"])}
-    lines |= {note.removeprefix(f"{name}: ") for note in facts["notes"] for name in facts["logs"]}
-    fitting = [line for line in sorted(lines) if word in line]
-    numbers = re.findall(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", " ".join(fitting))
-    return list(map(float, numbers)) if fitting else None
-
-
 def width(facts: dict[str, Any], name: str) -> float:
     """Half the interval of a parameter, in parts of it."""
     low, high = facts["ci95"][name]
