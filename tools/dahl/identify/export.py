@@ -301,8 +301,6 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
     count = log.resolution or NO_ENCODER_COUNT / model.a
     size, unit = log.shown_in
     rows = min(log.rows, REPLAYED_ROWS)
-    travel = np.cumsum(np.abs(log.moves[:rows]))
-    settled = int(np.searchsorted(travel, SETTLED_LENGTHS / model.a))
     from_centre = float(log.theta[0]) - result.samples.reference.centre
     offset = model.terms.get("offset", 0.0) + model.terms.get("spring", 0.0) * from_centre
     words = f"written by dahl identify: {result.verdict}. {about(result, model)}"
@@ -329,12 +327,18 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
         "torque_scale = 1",
         f"offset = {offset!r}",
         f"spring = {model.terms.get('spring', 0.0)!r}",
-        f"settle = {settled if settled < rows // 2 else 0}",
+        f"settle = {_settled_rows(log.moves[:rows], model.a)}",
         f"angle_scale = {1 / size!r}",
         f"label_angle = {'position' if log.linear else 'angle'} from the start [{unit}]",
         f"label_torque = friction [{log.unit}]",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _settled_rows(moves: np.ndarray, a: float) -> int:
+    """Rows after which the torque at the start is forgotten; 0 if these are half of all."""
+    settled = int(np.searchsorted(np.cumsum(np.abs(moves)), SETTLED_LENGTHS / a))
+    return settled if settled < len(moves) // 2 else 0
 
 
 def write_csv(path: Path, columns: np.ndarray, names: str, form: str | list[str]) -> None:
