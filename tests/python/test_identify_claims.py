@@ -22,6 +22,7 @@ from identify_tools import (
     dahl_torque,
     log_of,
     noise_of,
+    seen,
     shaft,
     sine,
     synthetic,
@@ -201,3 +202,19 @@ def test_a_result_is_the_same_each_time():
 def test_noise_that_is_all():
     log = Log("x", sine(1, rows=1500, cycles=8), noise_of(1, 1500), np.arange(1500) * 1e-3)
     assert identify([log]).claimed == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("motion", "words"),
+    [
+        (0.05 * np.sin(np.arange(2400) / 48), ("one speed", "the same turning points")),
+        (0.02 * np.sin(np.arange(3600) / 80) + 0.04 * np.sin(np.arange(3600) / 33), ()),
+    ],
+)
+def test_a_motion_of_equal_strokes_is_named(motion, words):
+    """What acts alike in each stroke cannot be told from friction."""
+    found = seen(log_of(motion, dahl_torque(motion)))
+    assert found["identifiable"]["sigma0"]
+    alike = [note for note in found["notes"] if "all strokes have" in note]
+    assert all(word in note for note in alike for word in words)
+    assert bool(alike) == bool(words)

@@ -19,7 +19,7 @@ from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
 from dahl.identify.log import Log
 from dahl.identify.result import Intervals, Result, claims_of
-from dahl.identify.samples import Samples, block_for, samples_of
+from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
 from dahl.identify.select import TERMS, Plausible, SearchSpace
 from dahl.identify.start import coarse_start
 
@@ -79,9 +79,11 @@ def identify(
     if sign < 0:
         samples.torque = -samples.torque
     _prepare(fitter, a, delay)
+    if samples.cycles < MIN_SCORED_CYCLES:
+        use = replace(use, space=select.few_cycles(use.space))
     fits = select.fit_all(fitter, a, delay, use.space)
     if not fits:
-        raise Error(f"{logs[0].name}: no friction law fits; is the sign of the torque constant?")
+        raise Error(f"{logs[0].name}: no friction law fits; are angle and torque swapped?")
     corrected: list[str] = []
     if use.lack_of_fit:
         fitter, fits, corrected = _correct_encoder(fitter, fits, delay, use.space)

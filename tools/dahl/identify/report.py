@@ -13,6 +13,7 @@ import numpy as np
 
 from dahl import __version__
 from dahl.files import keep
+from dahl.identify import excitation
 from dahl.identify.export import (
     PlanQuality,
     RunnableModel,
@@ -25,6 +26,7 @@ from dahl.identify.export import (
 from dahl.identify.fit import Fit, jackknife, solve
 from dahl.identify.models import LAWS
 from dahl.identify.result import Parameter, Result, terms_of
+from dahl.identify.samples import MIN_TURN_LENGTHS
 from dahl.identify.select import penalised
 
 if TYPE_CHECKING:
@@ -120,6 +122,9 @@ def notes(result: Result) -> list[str]:
         found += [f"{place}{note}" for note in log.notes]
     if any(log.load is not None for log in result.raw) and result.hypothesis.law != "loaded":
         found.append("load: not used, the friction does not follow it in all logs")
+    alike = excitation.warning(result.logs, result.a.value, MIN_TURN_LENGTHS / result.a.value)
+    if alike and result.claimed[0]:
+        found.append(alike)
     if result.sign < 0:
         found.append("the torque was used with the other sign: friction has the sign of the motion")
     return found
@@ -194,7 +199,6 @@ def _held_out(result: Result, columns: list[np.ndarray]) -> float:
 
 def _reversals(result: Result) -> int:
     from dahl.identify.models import turning_points
-    from dahl.identify.samples import MIN_TURN_LENGTHS
 
     least = MIN_TURN_LENGTHS / result.a.value
     return sum(len(turning_points(log.theta, least)) for log in result.logs)

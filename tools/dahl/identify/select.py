@@ -41,10 +41,18 @@ class SearchSpace:
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
     all_angles: bool = True
+    shapes: bool = True  # whether a torque may depend on the angle by more than a spring
 
     @property
     def pool(self) -> tuple[str, ...]:
         return TERMS if self.terms is None else self.terms
+
+
+def few_cycles(space: SearchSpace) -> SearchSpace:
+    """The hypotheses that a few cycles can tell apart; more would predict other logs worse."""
+    lags = tuple(lag for lag in space.lags if lag in ("none", "damping"))
+    laws = tuple(law for law in space.laws if LAWS[law].kinds[0] in ("dahl", "slip", "loaded"))
+    return replace(space, lags=lags, laws=laws, shapes=False)
 
 
 def penalised(fit: Fit) -> np.ndarray:
@@ -99,7 +107,7 @@ def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -
         one = fitter.fit(replace(h, terms=space.pool), p)
         return [one] if one is not None else []
     pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
-    return _refit_promising(fitter, fitter.fit_subsets(h, p, pool))
+    return _refit_promising(fitter, fitter.fit_subsets(h, p, pool, space.shapes))
 
 
 def _refit_promising(fitter: Fitter, fits: list[Fit]) -> list[Fit]:

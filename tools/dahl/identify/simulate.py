@@ -117,7 +117,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
     """Half width of sigma0 and Fc by the travel that a count hides at each turn, as parts: (2,).
 
     The angle within the last count is extrapolated, with an error of HIDDEN_COUNTS. The torque
-    shows a part of this error, so that only the rest is unknown.
+    shows a part of this error, so that only the rest is unknown: one standard error at least.
     """
     samples, h = fitter.samples, fit.hypothesis
     bent = samples.angles[h.angle].copy()
@@ -130,7 +130,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
         return np.full(2, np.inf)
     seen, error = _amplitude(fitter, fit, again.predicted(fit) - fitter.predicted(fit))
     shrink = 1 / (1 + error**2)  # the posterior of a normal prior of standard deviation 1
-    unknown = abs(seen) * shrink + 2 * error * np.sqrt(shrink)
+    unknown = max(abs(seen) * shrink + 2 * error * np.sqrt(shrink), 1.0)
     reach: np.ndarray = np.abs(one.value / fit.value - 1) * unknown
     return reach
 
