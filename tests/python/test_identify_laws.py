@@ -5,14 +5,15 @@ file; and what sigma0 and Fc mean in each: the slope at rest and the friction at
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 import pytest
-from dahl.identify import Log, Result, identify, models
-from dahl.identify.export import MODEL_NAMES, law_of
-from dahl.identify.models import LAWS
+from dahl import Error
+from dahl.identify import Log, Options, Result, identify, models, report
+from dahl.identify.models import LAWS, OPTIONS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -23,6 +24,7 @@ from identify_tools import (
     dahl_torque,
     log_of,
     noise_of,
+    shaft,
     springs,
     varying_torque,
 )
@@ -218,11 +220,38 @@ def test_a_law_is_recognised_and_its_numbers_mean_the_same(name):
 
 
 def test_the_names_of_the_models_are_laws_of_the_library():
-    for name in MODEL_NAMES:
-        assert name == "coulomb" or LAWS[law_of(name)].in_library
+    for name, law in OPTIONS.items():
+        assert name == "coulomb" or LAWS[law].in_library
 
 
 def test_what_no_law_explains_is_not_claimed():
     """A torque of noise alone."""
     result = identify([Log("x", MOTION, noise_of(1, len(MOTION)), np.arange(2400) * 1e-3)])
     assert result.claimed == (False, False) and result.r2 < 0.1
+
+
+def mixed() -> Log:
+    """A Dahl element and two slip elements."""
+    theta = chirp()
+    more = springs(theta, (0.3 * SIGMA0, 0.1 * FC), (0.1 * SIGMA0, 0.3 * FC))
+    return log_of(theta, dahl_torque(theta, 0.6 * SIGMA0, 0.6 * FC) + more)
+
+
+@pytest.mark.parametrize(
+    ("log", "name", "elements"),
+    [(mixed(), "mixed-3", 3), (shaft(), "slip-4", 4), (shaft(), "coulomb", None)],
+)
+def test_a_law_that_is_asked_for_is_exported(log, name, elements):
+    """Also one that the log does not ask for."""
+    facts = json.loads(report.as_json(identify([log], Options(model=name))))
+    if elements:
+        assert facts["exported_model"].endswith(f"K={elements}")
+        (parts,) = (m["parts"] for m in facts["models"] if m["name"] == facts["exported_model"])
+        assert len(parts) == elements
+    else:
+        assert "Coulomb" in facts["plan"]["against"][0]
+
+
+def test_a_law_that_a_log_contradicts_is_not_exported():
+    with pytest.raises(Error, match="mixed-4: .*does not fit"):
+        report.numbers(identify([shaft()], Options(model="mixed-4")))

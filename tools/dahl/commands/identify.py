@@ -183,7 +183,7 @@ def source_of(args: argparse.Namespace) -> Source:
 def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
     from dahl.identify.estimate import Options
-    from dahl.identify.export import MODEL_NAMES
+    from dahl.identify.models import OPTIONS
     from dahl.identify.select import TERMS
     from dahl.logs import meant
 
@@ -194,8 +194,8 @@ def options_of(args: argparse.Namespace) -> Options:
         if wrong:
             raise Error(f"--terms {wrong}: no such term{meant(wrong, list(TERMS))}")
     model = args.model.lower()
-    if model and model not in MODEL_NAMES:
-        raise Error(f"--model {args.model}: no such model{meant(model, list(MODEL_NAMES))}")
+    if model and model not in OPTIONS:
+        raise Error(f"--model {args.model}: no such model{meant(model, list(OPTIONS))}")
     target = args.target_counts_per_turn
     return Options(terms, not args.no_delay, args.median, args.trust_units, target, model)
 

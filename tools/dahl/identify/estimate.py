@@ -18,6 +18,7 @@ from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
 from dahl.identify.log import Log
+from dahl.identify.models import OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
 from dahl.identify.select import TERMS, Plausible, SearchSpace
@@ -103,7 +104,8 @@ def _check_times(pieces: Sequence[Log], options: Options) -> None:
 
 def _space(space: SearchSpace, options: Options) -> SearchSpace:
     lags = space.lags if options.delay else tuple(x for x in space.lags if "delay" not in x)
-    return replace(space, terms=options.terms, lags=lags)
+    wanted = OPTIONS.get(options.model, "")
+    return replace(space, terms=options.terms, lags=lags, wanted=wanted)
 
 
 def _prepare(fitter: Fitter, a: float, delay: float) -> None:

@@ -19,7 +19,7 @@ from dahl.files import keep
 from dahl.identify import encoder_grid, models
 from dahl.identify.fit import Fit
 from dahl.identify.log import Log
-from dahl.identify.models import LAWS
+from dahl.identify.models import LAWS, OPTIONS
 from dahl.identify.result import Result, terms_of
 from dahl.identify.select import best_of
 
@@ -32,27 +32,6 @@ COMMENT_WIDTH = 110
 SCENE_TERMS = ("offset", "spring")  # that [measured] of a scene has keys for
 NO_ENCODER_COUNT = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
 SETTLED_LENGTHS = 5  # presliding lengths after which the torque at the start is forgotten
-
-
-def law_of(name: str) -> str:
-    """The law that --model NAME asks for; "" if there is none of that name."""
-    kind, _, count = name.partition("-")
-    several = {"slip": f"{count} slip", "dahl": f"{count} dahl", "mixed": "mixed"}
-    law = several.get(kind, "") if count else name
-    return {"1 slip": "slip", "coulomb": "coulomb"}.get(law, law)
-
-
-MODEL_NAMES = (
-    "dahl",
-    "slip-1",
-    "slip-2",
-    "slip-3",
-    "slip-4",
-    "dahl-2",
-    "mixed-2",
-    "asymmetric",
-    "coulomb",
-)
 
 
 @dataclass(frozen=True)
@@ -113,7 +92,7 @@ class RunnableModel:
 
 def runnable_model(result: Result) -> RunnableModel:
     """The chosen law, or the one asked for; the best that the library has if it lacks that law."""
-    wanted = law_of(result.options.model) or result.hypothesis.law
+    wanted = OPTIONS.get(result.options.model, result.hypothesis.law)
     library = [f for f in result.fits if LAWS[f.hypothesis.law].in_library]
     same = [f for f in library if f.hypothesis.law == wanted]
     if result.options.model and wanted != "coulomb" and not same:

@@ -45,8 +45,10 @@ class Law:
         """For people."""
         known = {"dahl": "Dahl", "bouc-wen": "Bouc-Wen", "stribeck": "Stribeck"}
         known |= {"exponent": "general exponent", "2 dahl": "Dahl K=2", "mixed": "mixed K=2"}
-        is_slip = self.kinds[0] == "slip"
-        return f"slip K={self.elements}" if is_slip else known.get(self.name, self.name)
+        if self.kinds[0] == "slip":
+            return f"slip K={self.elements}"
+        mixed = f"mixed K={self.elements}" if self.elements > 2 else self.name
+        return known.get(self.name, mixed)
 
     @property
     def parameters(self) -> int:
@@ -67,6 +69,24 @@ def slip_law(elements: int) -> Law:
     return Law(name, ("slip",) * elements, stiffness, special_cases=special, in_library=True)
 
 
+def mixed_law(elements: int) -> Law:
+    """A Dahl element and slip elements. With more than two it is fitted if a user asks for it."""
+    stiffness = (0.0, *np.linspace(0.5, -0.5, elements - 1).tolist())
+    kinds = ("dahl", *("slip",) * (elements - 1))
+    return Law(f"mixed {elements}", kinds, stiffness, special_cases=("mixed",), in_library=True)
+
+
+OPTIONS = {  # law by the name of --model
+    "dahl": "dahl",
+    "slip-1": "slip",
+    **{f"slip-{elements}": f"{elements} slip" for elements in (2, 3, 4)},
+    "dahl-2": "2 dahl",
+    "mixed-2": "mixed",
+    **{f"mixed-{elements}": f"mixed {elements}" for elements in (3, 4)},
+    "asymmetric": "asymmetric",
+    "coulomb": "coulomb",
+}
+
 LAWS = {
     law.name: law
     for law in (
@@ -74,6 +94,7 @@ LAWS = {
         *(slip_law(elements) for elements in (1, 2, 3, 4)),
         Law("2 dahl", ("dahl", "dahl"), (0.7, -0.5), special_cases=("dahl",), in_library=True),
         Law("mixed", ("dahl", "slip"), (0.0, 0.0), special_cases=("dahl", "slip"), in_library=True),
+        *(mixed_law(elements) for elements in (3, 4)),
         Law(
             "asymmetric",
             ("asymmetric",),

@@ -41,6 +41,7 @@ class SearchSpace:
     lags: tuple[str, ...] = LAGS
     laws: tuple[str, ...] = tuple(LAWS)
     all_angles: bool = True
+    wanted: str = ""  # a law that is fitted in any case
     shapes: bool = True  # whether a torque may depend on the angle by more than a spring
 
     @property
@@ -161,7 +162,10 @@ def _law_starts(
     several = slip_start(fitter, plain, a)
     if several is not None and several[0].friction.elements > 2:
         starts[several[0].law] = several[1]
-    return {law: p for law, p in starts.items() if law in space.laws}
+    if LAWS.get(space.wanted) is not None and space.wanted not in ("", "loaded"):
+        starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
+    kept = {*space.laws, space.wanted}
+    return {law: p for law, p in starts.items() if law in kept}
 
 
 def _with_other_angles(
