@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
 with atheris.instrument_imports(include=["dahl"]):
     from dahl import Error, logs
-    from dahl.identify import readers
+    from dahl.identify import can_signals, readers
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def read_bus(path: Path, choice: int) -> None:
         check_arrays([log.theta, log.torque, log.time])
     elif choice & 2:
         dbc.write_bytes(path.read_bytes())
-        readers.Signals(dbc, "angle", "torque")
+        can_signals.read_dbc(dbc)
     elif path.suffix == ".log":
         assert logs.read_candump(path), "no frames and no error"
     else:

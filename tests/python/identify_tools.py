@@ -78,6 +78,32 @@ def synthetic(seed: int = 0, part: float = 0.05, shared: float = 0.0, **motion: 
     return Log(f"seed {seed}", read, torque, np.arange(len(theta)) * 1e-3, resolution=COUNT)
 
 
+def shaft(seed: int = 3, noise: float = 0.02, rows: int = 2400, cycles: float = 8, **more) -> Log:
+    """A small log with nothing wrong."""
+    return synthetic(seed, noise, rows=rows, cycles=cycles, **more)
+
+
+def log_of(theta: np.ndarray, torque: np.ndarray, noise: float = 0.02, count: float = COUNT) -> Log:
+    """What a rig logs of a motion and its torque; count 0: an angle without an encoder."""
+    read = np.floor(theta / count + 0.3) * count if count else theta
+    noisy = torque + noise * FC * noise_of(3, len(theta))
+    return Log("rig", read, noisy, np.arange(len(theta)) * 1e-3, resolution=count)
+
+
+def chirp(rows: int = 3000, amplitude: float = 0.05, first: float = 4, last: float = 14):
+    """A motion of many speeds, rad."""
+    x = np.linspace(0, 1, rows)
+    return amplitude * np.sin(2 * np.pi * (first * x + (last - first) / 2 * x**2))
+
+
+def with_gaps(log: Log, *cuts: tuple[int, int]) -> Log:
+    """Without the rows of these cuts; the clock goes on."""
+    kept = np.ones(log.rows, dtype=bool)
+    for start, end in cuts:
+        kept[start:end] = False
+    return log.part(kept)
+
+
 def caller(capsys: pytest.CaptureFixture) -> Callable[..., subprocess.CompletedProcess]:
     """The command `dahl` in this process, which has its imports behind it: as run_dahl of conftest,
     several times as quick.
@@ -114,18 +140,9 @@ def write_csv(path, theta: np.ndarray, torque: np.ndarray, header: str = "t,angl
 
 def seen(*logs: Log, **options: object) -> dict[str, Any]:
     """What `dahl identify --json -` prints of logs in memory."""
-    from dahl.identify import output, pipeline  # as_json(): the command's, without a file to read
+    from dahl.identify import Options, identify, report
 
-    return json.loads(output.as_json(pipeline.identify(logs, pipeline.Options(**options))))
-
-
-def told(facts: dict[str, Any], word: str) -> list[float] | None:
-    """The numbers in what is said of a log with this word; nothing where it is not said."""
-    lines = {*facts["reasons"], *(found["text"] for found in facts["findings"])}
-    lines |= {note.removeprefix(f"{name}: ") for note in facts["notes"] for name in facts["logs"]}
-    fitting = [line for line in sorted(lines) if word in line]
-    numbers = re.findall(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", " ".join(fitting))
-    return list(map(float, numbers)) if fitting else None
+    return json.loads(report.as_json(identify(logs, Options(**options))))
 
 
 def width(facts: dict[str, Any], name: str) -> float:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """`dahl` in this process: what a verb says and leaves, what it draws, and what `dahl identify`
-reads of a file, by its options: the log that it hands to pipeline.identify(), where nothing is
+reads of a file, by its options: the log that it hands to estimate.identify(), where nothing is
 fitted, or the one line with which it refuses.
 """
 
@@ -15,9 +15,7 @@ from pathlib import Path
 from unittest import mock
 
 from dahl.cli import main
-from dahl.identify import pipeline
-from dahl.identify.log import Log
-from dahl.identify.pipeline import Options
+from dahl.identify import Log, Options, estimate
 from log_writers import DBC
 from matplotlib.figure import Figure
 
@@ -76,7 +74,7 @@ def asked(*words: object) -> Options:
 
 
 def handed(*words: object) -> Handed:
-    with mock.patch.object(pipeline, "identify", hand_over):
+    with mock.patch.object(estimate, "identify", hand_over):
         try:
             done = run("identify", *words, "--no-files")
         except Handed as found:

@@ -73,13 +73,13 @@ def test_what_is_said_of_a_bus_reaches_python_can(dahl, monkeypatch, verb, words
 
 
 @pytest.mark.parametrize(
-    ("words", "rows"), [(("--frames", 1300), 650), (("--within", 8, "--frames", 1400), 500)]
+    ("words", "rows"), [(("--frames", 1300), 650), (("--within", 20, "--frames", 1400), 500)]
 )
 def test_following_a_bus_ends_where_it_is_told(dahl, words, rows):
-    """The first look, at 500 rows, tells sigma0 within 8 %; all 700 do not tell it within 2 %."""
+    """At 500 rows sigma0 is known within 20 %; at all 700 it is not known within 2 %."""
     Path("bus.dbc").write_text(DBC)
     theta = np.floor(sine(1, rows=700, cycles=10) / COUNT) * COUNT
-    torque = dahl_torque(theta) + 0.1 * FC * noise_of(1, 700)
+    torque = dahl_torque(theta) + 0.02 * FC * noise_of(1, 700)
     bits = [np.rint(values / STEP).astype(int) for values in (np.degrees(theta), torque)]
     write_frames(Path("bus.log"), 1e9 + np.arange(700) * 1e-3, *bits)
     quiet = ("--json", "-", "-o", "out", "--terms", "offset", "--name", "Live one", "--seconds", 20)

@@ -22,8 +22,7 @@ from typing import TypeVar
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402  (the number of threads comes first)
-from dahl.identify import path, pipeline  # noqa: E402
-from dahl.identify.log import Log  # noqa: E402
+from dahl.identify import Log, Options, identify, models  # noqa: E402
 from scipy.integrate import solve_ivp  # noqa: E402
 from scipy.optimize import least_squares  # noqa: E402
 
@@ -33,7 +32,8 @@ SIGMA0, FC, COUNT = 100.0, 0.5, 2 * np.pi / 2**14
 def synthetic(rows: int, cycles: float) -> Log:
     """A sine on a 14-bit encoder, 5 % noise."""
     theta = 0.05 * np.sin(2 * np.pi * cycles * np.arange(rows) / rows)
-    torque = FC * path.dahl(np.diff(theta, prepend=theta[0]), SIGMA0 / FC).astype(float)
+    moves = np.diff(theta, prepend=theta[0])
+    torque = FC * models.dahl(moves, [slice(0, rows)], SIGMA0 / FC)
     torque += 0.05 * FC * np.random.default_rng(1).normal(size=rows)
     read = np.floor(theta / COUNT) * COUNT
     return Log("synthetic", read, torque, np.arange(rows) * 1e-3, resolution=COUNT)
@@ -90,13 +90,13 @@ def main() -> None:
     parser.add_argument("--short", type=int, default=5_000, help="of the log of the comparison")
     args = parser.parse_args()
     short = synthetic(args.short, args.short / 1000)
-    options = pipeline.Options(terms=(), delay=False, median=1)
-    pipeline.identify([short], options)  # everything is loaded
-    ours, result = timed(lambda: pipeline.identify([short], options))
+    options = Options(terms=(), delay=False, median=1)
+    identify([short], options)  # everything is loaded
+    ours, result = timed(lambda: identify([short], options))
     theirs, (sigma0, Fc, calls) = timed(lambda: by_solve_ivp(short))  # noqa: N806
     print(
-        f"{args.short} rows: identify {ours:.3f} s, sigma0 {result.estimate.sigma0:.3f},"
-        f" Fc {result.estimate.Fc:.4f}, with intervals and comparison"
+        f"{args.short} rows: identify {ours:.3f} s, sigma0 {result.sigma0.value:.3f},"
+        f" Fc {result.Fc.value:.4f}, with intervals and comparison"
     )
     print(
         f"{args.short} rows: solve_ivp {theirs:.3f} s, sigma0 {sigma0:.3f}, Fc {Fc:.4f},"
@@ -104,11 +104,11 @@ def main() -> None:
     )
     long = synthetic(args.rows, args.rows / 5000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    whole, result = timed(lambda: pipeline.identify([long]))
+    whole, result = timed(lambda: identify([long]))
     more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     print(
         f"{args.rows} rows: identify {whole:.2f} s, everything tried,"
-        f" {1024 * more / args.rows:.0f} bytes per row beside the log; {result.verdict.text}"
+        f" {1024 * more / args.rows:.0f} bytes per row beside the log; {result.verdict}"
     )
 
 

@@ -125,12 +125,12 @@ def _known(path: Path, linear: bool) -> tuple[float, float]:
 def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
     import numpy as np
 
-    from dahl.identify import output
+    from dahl.identify import export
 
     theta = motion.theta()
     counts = np.round(theta / wanted.theta_per_count)
     table = np.column_stack((np.arange(len(theta)) / motion.rate, theta, counts))
-    output.keep_table(path, table, "time_s,theta,counts", ["%.6f", "%.9g", "%d"])
+    export.write_csv(path, table, "time_s,theta,counts", ["%.6f", "%.9g", "%d"])
     return path
 
 

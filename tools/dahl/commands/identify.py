@@ -26,8 +26,8 @@ from dahl.arguments import add_limits, add_output, positive, whole
 from dahl.bus import add_bus_arguments
 
 if TYPE_CHECKING:
+    from dahl.identify.estimate import Options
     from dahl.identify.log import Log
-    from dahl.identify.pipeline import Options
     from dahl.identify.readers import Source
     from dahl.identify.result import Result
 
@@ -116,7 +116,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
-    from dahl.identify.terms import TERMS
+    from dahl.identify.select import TERMS
 
     how = parser.add_argument_group("how to fit")
     how.add_argument(
@@ -182,9 +182,9 @@ def source_of(args: argparse.Namespace) -> Source:
 
 def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
-    from dahl.identify.model_table import names
-    from dahl.identify.pipeline import Options
-    from dahl.identify.terms import TERMS
+    from dahl.identify.estimate import Options
+    from dahl.identify.models import OPTIONS
+    from dahl.identify.select import TERMS
     from dahl.logs import meant
 
     terms = None
@@ -194,15 +194,15 @@ def options_of(args: argparse.Namespace) -> Options:
         if wrong:
             raise Error(f"--terms {wrong}: no such term{meant(wrong, list(TERMS))}")
     model = args.model.lower()
-    if model and model not in names():
-        raise Error(f"--model {args.model}: no such model{meant(model, list(names()))}")
+    if model and model not in OPTIONS:
+        raise Error(f"--model {args.model}: no such model{meant(model, list(OPTIONS))}")
     target = args.target_counts_per_turn
     return Options(terms, not args.no_delay, args.median, args.trust_units, target, model)
 
 
 def run(args: argparse.Namespace) -> int:
     from dahl import plan_header
-    from dahl.identify import pipeline, readers
+    from dahl.identify import estimate, readers
 
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
@@ -219,12 +219,12 @@ def run(args: argparse.Namespace) -> int:
     _spare(args, name)
     logs, broken = _readable(args, source, options)
     try:
-        result = pipeline.identify(logs, options)
+        result = estimate.identify(logs, options)
     except MemoryError:
         rows = sum(log.rows for log in logs)
         raise RunError(f"{rows} rows do not fit into memory (100 bytes a row)") from None
     for path in args.check:
-        result.checks[str(path)] = pipeline.check(result, readers.read(path, source))
+        result.checks[str(path)] = estimate.check(result, readers.read(path, source))
     _report(args, result, name)
     return 2 if broken else 0
 
@@ -276,13 +276,13 @@ def _readable(
     """The logs that a fit can use; each other one is a line on stderr. Raises dahl.Error when none
     is left.
     """
-    from dahl.identify import clean, readers
+    from dahl.identify import preprocess, readers
 
     logs, broken = [], []
     for path in args.logs:
         try:
             log = readers.read(path, source)
-            clean.refuse(log, options.trust_units)
+            preprocess.check(log, options.trust_units)
             logs.append(log)
         except Error as error:
             broken.append(error)
@@ -304,22 +304,22 @@ def _each(args: argparse.Namespace) -> int:
     from rich.progress import Progress
     from rich.table import Table
 
-    from dahl.identify import folder_runs
+    from dahl.identify import batch
     from dahl.terminal import console
 
     if args.jobs == 0:
         raise Error("--jobs 0: a number of processes from 1 on, or -1 for all cores")
-    paths = folder_runs.logs_in(args.each)
-    kept = folder_runs.Kept(args.output / "each", source_of(args), options_of(args))
+    paths = batch.logs_in(args.each)
+    store = batch.Store(args.output / "each", source_of(args), options_of(args))
     rows, earlier = {}, 0
     with Progress(console=console(stderr=True)) as progress:
         task = progress.add_task("identify", total=len(paths))
-        for path, numbers, known in folder_runs.run(paths, kept, args.jobs, args.dask):
+        for path, numbers, known in batch.run(paths, store, args.jobs, args.dask):
             rows[path.name] = numbers
             earlier += known
             progress.advance(task)
-    folder_runs.write_table(args.output / "each.csv", rows)
-    table = Table("log", "sigma0 (Dahl)", "Fc (Dahl)", "R2 (Dahl)", "verdict")
+    batch.write_table(args.output / "each.csv", rows)
+    table = Table("log", "sigma0", "Fc", "R2", "verdict")
     keys = ("sigma0", "Fc", "r2")
     for name, row in sorted(rows.items()):
         units = row.get("units", {})
@@ -359,11 +359,9 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
     """One line for each look at a live bus."""
     numbers = ""
     if result is not None:
-        one = result.estimate
         parts = [
-            f"{name} {getattr(one, name):.5g} (within"
-            f" {100 * one.ci95[name].relative(getattr(one, name)):.2g} %)"
-            for name in ("sigma0", "Fc")
+            f"{name} {p.value:.5g} (within {100 * p.half_width:.2g} %)"
+            for name, p in (("sigma0", result.sigma0), ("Fc", result.Fc))
         ]
         numbers = ", ".join(parts) + "; "
     print(f"{rows} rows: {numbers}{why}", file=sys.stderr, flush=True)
@@ -371,25 +369,24 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     from dahl.files import keep
-    from dahl.identify import models_output, output
+    from dahl.identify import export, report
     from dahl.terminal import console
 
     quiet = args.json == "-"
     if quiet:
-        sys.stdout.write(output.as_json(result))
+        sys.stdout.write(report.as_json(result))
     elif args.json:
-        keep(Path(args.json), output.as_json(result))
+        keep(Path(args.json), report.as_json(result))
     written = []
     if not args.no_files:
-        written = output.write_all(result, name, args.output, args.force)
+        written = report.write_files(result, name, args.output, args.force)
     if quiet:
         return
     out = console()
-    out.print(output.table(result))
-    if result.explored.models.candidates:
-        out.print(models_output.table(result))
+    out.print(report.table(result))
+    out.print(report.model_table(result))
     if written:
         out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":
-        why = "; ".join(result.plan.against)
+        why = "; ".join(export.plan_quality(result, export.runnable_model(result)).against)
         out.print(f"no plan for firmware: {why} (--force leaves one)", soft_wrap=True)

@@ -1,8 +1,37 @@
 # SPDX-License-Identifier: MIT
-"""From measured logs to sigma0 and Fc, with intervals and a verdict.
+"""Identify sigma0 and Fc from measured logs, with intervals and a verdict.
 
-readers -> log -> clean -> sweep -> fit -> explore -> verdict, in this order; pipeline runs them,
-output writes what was found. What may be chosen otherwise is tried by explore: choices (terms),
-delay, model_table (other models), all scored by cycles. The command is `dahl identify`
-(dahl.commands.identify).
+    from pathlib import Path
+    from dahl.identify import Options, Source, identify, read
+    result = identify([read(Path("shaft.csv"), Source())], Options())
+    print(result.verdict, result.sigma0, result.Fc)
+    result.to_dataframe()
+
+readers -> preprocess -> samples -> start -> select (fit) -> diagnose, simulate -> result; estimate
+runs them in this order. export, report and plot write what was found. The command is
+`dahl identify` (dahl.commands.identify).
 """
+
+from __future__ import annotations
+
+from typing import Any
+
+_HOMES = {
+    "Log": "log",
+    "Options": "estimate",
+    "Result": "result",
+    "Source": "readers",
+    "check": "estimate",
+    "identify": "estimate",
+    "read": "readers",
+}
+__all__ = sorted(_HOMES)  # noqa: PLE0605  (names of the table above)
+
+
+def __getattr__(name: str) -> Any:
+    """Import on first use: scipy and pandas take a second that other commands do not need."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

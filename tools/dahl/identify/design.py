@@ -19,14 +19,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from dahl import Error
-from dahl.identify import path
-from dahl.identify.explore import LEAST_CYCLES
+from dahl.identify import models
 
 AMPLITUDES = np.geomspace(3, 30, 12)  # in presliding lengths 1/a; 3, as the guess may be off
 ROWS_PER_LENGTH = 8.0  # rows in a presliding length at the highest speed, at least
 MARGIN = 1.5  # cycles beyond what the bound asks for, as real noise is not independent
 LEAST_COUNTS = 4.0  # counts in a presliding length
 QUANTILE = 1.96
+MIN_CYCLES = 8  # two more than are scored at least: the first and the last may be incomplete
 CYCLE_ROWS = 1_000_000
 PLACES = (1.0, 0.9, 0.8)  # of the amplitude, turning point by turning point
 PACES = (1.0,) * 6 + (1.6,) * 6  # of the rows of a stroke: few changes, for a change is no sine
@@ -133,7 +133,7 @@ def _sine(wanted: Wanted, amplitude: float) -> Motion:
     information = _information(wanted, amplitude, rows)
     error = np.sqrt(np.diag(np.linalg.inv(information)))[:2] / (wanted.sigma0, wanted.Fc)
     cycles = MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
-    cycles = max(math.ceil(cycles), LEAST_CYCLES)
+    cycles = max(math.ceil(cycles), MIN_CYCLES)
     reached = QUANTILE * error / math.sqrt(cycles)
     named = dict(zip(("sigma0", "Fc"), map(float, reached), strict=True))
     return Motion(amplitude, cycles, rows, wanted.rate, named)
@@ -145,7 +145,7 @@ def _information(wanted: Wanted, amplitude: float, rows: int) -> np.ndarray:
     moves = np.diff(theta, prepend=0.0)
 
     def torque(sigma0: float, Fc: float) -> np.ndarray:  # noqa: N803
-        return Fc * path.dahl(moves, sigma0 / Fc).astype(float)
+        return Fc * models.dahl(moves, [slice(0, len(moves))], sigma0 / Fc)
 
     step = EDGE
     columns = [

@@ -1,351 +1,364 @@
 # SPDX-License-Identifier: MIT
-"""From Gram matrices to parameters: variable projection, terms, intervals, held-out error.
+"""Fit one hypothesis about a log, and score it on cycles that were left out.
 
-INTERVALS  The cost is known for every (a, Fc): J(a, Fc) = sse(a) + stiff(a) (Fc - Fc(a))^2. The
-profile likelihood of Fc, sigma0 and a follows from it, also where it is skew or has no end. Its
-threshold is widened by what neighbouring rows share: the jackknife over blocks of rows says how
-much a parameter varies in truth, the curvature of the profile how much it would with independent
-errors; their ratio (at least 1) and Student's t for so many blocks set the 95 % line.
-
-TERMS  One is kept when it has the sign of a passive part (all but the offset above 0), when the
-motion can tell it from the others (INFORMED of its column is left beside them), and when it lowers
-the cost on the parts of the log not fitted by PAYS.
+A hypothesis is a friction law, a lag of the torque, a treatment of the angle and a set of linear
+terms. Stiffnesses, shape parameters and lags are nonlinear; the Fc of each element and the terms
+are linear. Gauss-Newton works on the nonlinear ones, with the linear ones projected out (variable
+projection). At the optimum the model is linearised in all of them. Then one Gram matrix for each
+cycle gives the score on that cycle when it is left out, the jackknife, and every subset of terms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.stats import t as student
+from scipy.signal import lfilter
 
-from dahl.identify.sweep import FIRST_TERM, FRICTION, Sweep
-from dahl.identify.terms import place_of, places_of
+from dahl.identify import models
+from dahl.identify.models import LAWS, Law
+from dahl.identify.samples import Samples, delayed
 
-PAYS = 0.03  # of the held-out cost
-INFORMED, HARDLY = 0.1, 0.03  # of a column's variance
-FOLDS = 5
-ROUNDS, STEPS = 2, 9  # of refining the grid around its best node
-COARSE = 1.3  # ratio of neighbouring a in the first grid
-DENSE = 4001  # points at which a profile is read
-CLOSEST = 1e-9  # of log a, from the best to the next point of a profile
-EXACT = 1e-16  # of the largest cost: less than rounding leaves of a log without any noise
+LAGS = ("none", "damping", "delay", "low pass", "play", "damping+delay")
+DELAYED = ("delay", "low pass", "damping+delay")  # the last parameter is a number of samples
+ROUNDS = 8
+MAX_STEP, MAX_DELAY_STEP = 0.4, 6.0  # of a Gauss-Newton step: in ln a and shapes, in samples
+MIN_GAIN, SETTLED_STEP = 1e-4, 1e-3  # of the cost and of ln a, below which the fit has converged
+MIN_LOW_PASS = 0.3  # samples; a shorter time constant is none
+MAX_LINEAR = 0.6  # of ln a: beyond it the linearisation is not trusted
+MIN_STRIBECK = -0.02  # of Fc; friction that grows with speed is viscous
+MAX_FRICTION = 1.5  # of the measured torque: more would have to be cancelled by inertia or a spring
+DERIVATIVE_STEP, DERIVATIVE_STEP_ROWS = 0.01, 0.05  # of numerical derivatives
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """What the log may be."""
+
+    law: str = "dahl"
+    lag: str = "none"
+    angle: str = "between counts"
+    terms: tuple[str, ...] = ("offset",)
+    skew: float = 0.0  # samples by which the torque is read after the angle
+
+    @property
+    def friction(self) -> Law:
+        return LAWS[self.law]
+
+    @property
+    def size(self) -> int:
+        """Parameters beyond a Dahl element and an offset."""
+        lag = {"none": 0, "damping+delay": 2, "delays": 2}.get(self.lag, 1)
+        terms = sum(16 if term == "waves" else 1 for term in self.terms) - 1
+        return self.friction.size + lag + terms
+
+    def contains(self, other: Hypothesis) -> bool:
+        """Whether the other one is a special case of this one."""
+        law = other.law == self.law or other.law in self.friction.special_cases
+        lag = other.lag in (self.lag, "none")
+        terms = set(other.terms) <= set(self.terms)
+        return law and lag and terms and self.angle == other.angle
+
+    def __str__(self) -> str:
+        lag = "" if self.lag == "none" else f", {self.lag}"
+        return f"{self.law}{lag}, {self.angle}, {'+'.join(self.terms)}"
 
 
 @dataclass
-class Curve:
-    """The best linear parameters at each node."""
+class Fit:
+    """A hypothesis at its optimum."""
 
-    a: np.ndarray  # (nodes,)
-    sse: np.ndarray  # (nodes,)
-    stiff: np.ndarray  # (nodes,) what a unit of Fc away from the best costs
-    coefficient: np.ndarray  # (nodes, 1 + terms): Fc, then the terms
+    hypothesis: Hypothesis
+    p: np.ndarray  # nonlinear parameters: ln a of each element, shapes, lag
+    limits: np.ndarray  # N m (N), Fc of each element
+    coefficients: np.ndarray  # of all columns of Fitter.columns()
+    cost: np.ndarray  # (cycles,) squared residuals of each cycle when it is left out
+    value: np.ndarray  # sigma0, Fc
+    without: np.ndarray  # (cycles, 2) the same without each cycle
+    step: float = 0.0  # of ln a: how far the linearisation went from the optimum
 
     @property
-    def best(self) -> int:
-        return int(np.argmin(self.sse))
+    def total(self) -> float:
+        return float(self.cost.sum())
+
+    @property
+    def error(self) -> np.ndarray:
+        """Standard errors of sigma0 and Fc."""
+        return jackknife(self.without)
 
 
-def columns_of(terms: Sequence[str]) -> list[int]:
-    """Columns of the Gram matrix: friction first."""
-    return [FRICTION, *(FIRST_TERM + place for place in places_of(terms))]
+@dataclass
+class Optimum:
+    """Where Gauss-Newton ended."""
+
+    p: np.ndarray
+    grams: np.ndarray  # (cycles, k, k)
+    limits: np.ndarray
+    peaks: np.ndarray  # largest |F/Fc| of each element
 
 
-def curve_of(a: np.ndarray, gram: np.ndarray, terms: Sequence[str]) -> Curve:
-    """Solve (nodes, WIDTH, WIDTH) for the given terms at each node."""
-    matrix, right, power = _normal(gram, columns_of(terms))
-    inverse = np.linalg.inv(matrix)
-    coefficient = np.einsum("kij,kj->ki", inverse, right)
-    sse = np.maximum(power - np.einsum("ki,ki->k", coefficient, right), 1e-15 * power)
-    return Curve(a, sse, 1 / inverse[:, 0, 0], coefficient)
+def jackknife(values: np.ndarray) -> np.ndarray:
+    """Standard error of estimates of which each lacks one cycle: (cycles, k) -> (k,)."""
+    n = len(values)
+    spread = np.sum((values - values.mean(axis=0)) ** 2, axis=0)
+    error: np.ndarray = np.sqrt((n - 1) / n * spread)
+    return error
 
 
-def _normal(gram: np.ndarray, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normal equations; a ridge of 1e-12 keeps a column of zeros from stopping everything."""
-    matrix = gram[:, columns][:, :, columns].copy()
-    diagonal = np.arange(len(columns))
-    matrix[:, diagonal, diagonal] *= 1 + 1e-12
-    matrix[:, diagonal, diagonal] += 1e-30
-    return matrix, gram[:, columns, -1], gram[:, -1, -1]
+def excess(cost: np.ndarray, best: np.ndarray) -> tuple[float, float]:
+    """By how much a cost by cycle is above another, and the standard error of that."""
+    more = cost - best
+    return float(more.sum()), float(more.std(ddof=1) * np.sqrt(len(more)))
 
 
-def cost_of(gram: np.ndarray, columns: list[int], coefficient: np.ndarray) -> np.ndarray:
-    """Sum of squares on the rows of `gram` with coefficients found elsewhere: (nodes,)."""
-    matrix, right, power = gram[:, columns][:, :, columns], gram[:, columns, -1], gram[:, -1, -1]
-    squares = np.einsum("ki,kij,kj->k", coefficient, matrix, coefficient)
-    cost: np.ndarray = power - 2 * np.einsum("ki,ki->k", coefficient, right) + squares
-    return cost
-
-
-def search(
-    make: Callable[[np.ndarray], Sweep], low: float, high: float, terms: Sequence[str]
-) -> Sweep:
-    """Sweeps from low to high, then ever finer around the best a."""
-    count = max(int(np.ceil(np.log(high / low) / np.log(COARSE))) + 1, 8)
-    found = make(np.geomspace(low, high, count))
-    for _ in range(ROUNDS):
-        found = refine(found, make, terms)
+def solve(gram: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+    """Least squares by Gram matrices (..., k, k), the torque last: coefficients of some columns."""
+    c = list(columns)
+    matrix, right = gram[..., c, :][..., c], gram[..., c, -1]
+    scale = np.sqrt(np.maximum(np.einsum("...ii->...i", matrix), 1e-300))
+    matrix = matrix / scale[..., :, None] / scale[..., None, :] + 1e-10 * np.eye(len(c))
+    found: np.ndarray = np.linalg.solve(matrix, (right / scale)[..., None])[..., 0] / scale
     return found
 
 
-def refine(found: Sweep, make: Callable[[np.ndarray], Sweep], terms: Sequence[str]) -> Sweep:
-    """Add STEPS nodes on either side of the best."""
-    best = curve_of(found.a, found.total(), terms).best
-    left, right = found.a[max(best - 1, 0)], found.a[min(best + 1, len(found.a) - 1)]
-    here = found.a[best]
-    inner = [np.geomspace(x, y, STEPS // 2 + 2)[1:-1] for x, y in ((left, here), (here, right))]
-    fresh = np.concatenate([part for part in inner if part[0] != part[-1]])
-    return found.with_nodes(make(fresh)) if len(fresh) else found
+def cost_of(gram: np.ndarray, columns: Sequence[int], coefficients: np.ndarray) -> np.ndarray:
+    """Sum of squared residuals that these coefficients leave."""
+    c = [*columns, gram.shape[-1] - 1]
+    one = np.ones((*coefficients.shape[:-1], 1))
+    v = np.concatenate((-coefficients, one), axis=-1)
+    left: np.ndarray = np.einsum("...i,...ij,...j->...", v, gram[..., c, :][..., c], v)
+    cost: np.ndarray = np.maximum(left, 0.0)
+    return cost
 
 
-@dataclass
-class HeldOut:
-    """The cost on blocks that were not fitted, each block once."""
+class Fitter:
+    """Fits hypotheses to one table of samples."""
 
-    sse: float
-    sst: float  # around the mean of those blocks' logs
+    def __init__(self, samples: Samples) -> None:
+        self.samples = samples
+        self.moves = {name: samples.moves(angle) for name, angle in samples.angles.items()}
+        self.strokes = {name: len(models.strokes(m)[0]) for name, m in self.moves.items()}
+        self.fast = float(np.percentile(np.abs(samples.speed), 98)) or 1.0
+        torque = samples.torque[samples.weight > 0]
+        self.max_friction = MAX_FRICTION * float(np.ptp(np.percentile(torque, (1, 99)))) / 2
 
-    @property
-    def r2(self) -> float:
-        return 1 - self.sse / self.sst if self.sst > 0 else 0.0
+    # --- columns of a model ---
 
+    def start(self, h: Hypothesis, a: float, lag: float = 0.0) -> np.ndarray:
+        """Start values of the nonlinear parameters."""
+        law = h.friction
+        shapes = [first for first, _, _ in law.shape]
+        p = np.array([*(np.log(a) + x for x in law.stiffness), *shapes], dtype=float)
+        if h.lag == "delays":
+            return np.append(p, np.full(self.samples.logs, lag))
+        return np.append(p, lag) if h.lag in (*DELAYED, "play") else p
 
-def folds_of(owner: np.ndarray) -> np.ndarray:
-    """The fold of each block: whole logs where there are several, else parts of the one log."""
-    logs, index = np.unique(owner, return_inverse=True)
-    if len(logs) > 1:
-        return np.asarray(index * min(FOLDS, len(logs)) // len(logs))
-    return np.arange(len(owner)) * FOLDS // len(owner)
+    def elements(self, h: Hypothesis, p: np.ndarray) -> list[np.ndarray]:
+        """F/Fc of each element, as the torque sensor would show it."""
+        moves = self.moves[h.angle]
+        if h.lag == "play":
+            angle = self.samples.angles[h.angle]
+            width = float(np.exp(p[-1]))
+            moves = self.samples.moves(models.behind_play(angle, self.samples.pieces, width))
+        found = self.friction(h, p, moves, self.samples.pieces)
+        return [self._lagged(h, p, self.samples.delayed(x, h.skew)) for x in found]
 
+    def friction(
+        self, h: Hypothesis, p: np.ndarray, moves: np.ndarray, pieces: models.Pieces
+    ) -> list[np.ndarray]:
+        """F/Fc of each element on these moves, without a lag."""
+        law, s = h.friction, self.samples
+        a = np.exp(np.clip(p[: law.elements], -50, 50))
+        shape = [
+            float(np.clip(x, low, high))
+            for x, (_, low, high) in zip(p[law.elements :], law.shape, strict=False)
+        ]
+        if h.law == "stribeck":
+            slow = np.exp(-((s.speed / (self.fast * np.exp(shape[1]))) ** 2))
+            limits = np.maximum(1 + shape[0] * slow, 0.05)
+            return [models.dahl_with_limits(moves, pieces, a[0], limits)]
+        if h.law == "loaded":
+            assert s.load is not None
+            share = np.maximum(1 + shape[0] * (s.load / s.reference.load - 1), 0.02)
+            return [models.dahl_under_load(moves, pieces, a[0], share)]
+        if h.law == "asymmetric":
+            return [models.asymmetric(moves, pieces, a[0], shape[0])]
+        if shape:
+            return [models.tabulated(moves, pieces, a[0], h.law, shape[0])]
+        laws = {"dahl": models.dahl, "slip": models.slip}
+        return [laws[kind](moves, pieces, a[k]) for k, kind in enumerate(law.kinds)]
 
-def held_out(found: Sweep, columns: list[int]) -> HeldOut:
-    """Fit FOLDS times without one part, and add up the cost on those parts."""
-    fold, sse = folds_of(found.owner), 0.0
-    for part in np.unique(fold):
-        train, test = found.total(fold != part), found.total(fold == part)
-        matrix, right, power = _normal(train, columns)
-        coefficient = np.linalg.solve(matrix, right[..., None])[..., 0]
-        best = _lowest(found.a, power - np.einsum("ki,ki->k", coefficient, right))
-        costs = cost_of(test, columns, coefficient)
-        sse += float(np.interp(np.log(best), np.log(found.a), costs))
-    return HeldOut(sse, spread_of(found))
+    def _lagged(self, h: Hypothesis, p: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What a late or slow torque sensor makes of x."""
+        s = self.samples
+        if h.lag in ("delay", "damping+delay"):
+            return s.delayed(x, p[-1])
+        if h.lag == "delays":
+            each = p[len(p) - s.logs :]
+            parts = zip(s.pieces, s.log_of, strict=True)
+            return np.concatenate([delayed(x[rows], each[k]) for rows, k in parts])
+        if h.lag == "low pass":
+            kept = np.exp(-1 / max(p[-1], 1e-2))
+            return s.by_piece(lambda y: lfilter([1 - kept], [1, -kept], y), x)
+        return x
 
+    def columns(
+        self, h: Hypothesis, p: np.ndarray, limits: np.ndarray | None, terms: Iterable[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Elements, derivatives by p, damping, terms; and the Fc of each element at which the
+        derivatives were taken.
+        """
+        w = self.elements(h, p)
+        if limits is None or len(limits) != len(w) or (limits <= 0).any():
+            limits = self._limits_of(w, terms)
+        friction = sum(c * x for c, x in zip(limits, w, strict=True))
+        changes = []
+        for k in range(len(p)):
+            step = np.zeros(len(p))
+            step[k] = DERIVATIVE_STEP_ROWS if k in self._row_parameters(h, p) else DERIVATIVE_STEP
+            moved = self.elements(h, p + step)
+            change = sum(c * (x - y) for c, x, y in zip(limits, moved, w, strict=True))
+            changes.append(change / step[k])
+        damping = [self.samples.rate(friction) / self.fast] if "damping" in h.lag else []
+        return np.column_stack((*w, *changes, *damping, *self.term_columns(terms))), limits
 
-def spread_of(found: Sweep) -> float:
-    """Sum of squares of the torque around its mean."""
-    whole = found.gram[0].sum(axis=0)
-    return float(whole[-1, -1] - whole[FIRST_TERM, -1] ** 2 / whole[FIRST_TERM, FIRST_TERM])
+    def _limits_of(self, w: list[np.ndarray], terms: Iterable[str]) -> np.ndarray:
+        """Fc of each element by least squares; small instead of negative."""
+        table = np.column_stack((*w, *self.term_columns(terms)))
+        gram = self.samples.grams(table).sum(axis=0)
+        limits = solve(gram, range(table.shape[1]))[: len(w)]
+        found: np.ndarray = np.maximum(limits, 0.02 * max(np.abs(limits).max(), 1e-300))
+        return found
 
+    def term_columns(self, names: Iterable[str]) -> list[np.ndarray]:
+        found: list[np.ndarray] = []
+        for name in names:
+            found += list(self.samples.waves.T) if name == "waves" else [self.samples.terms[name]]
+        return found
 
-def _lowest(a: np.ndarray, cost: np.ndarray) -> float:
-    """Where a parabola through the lowest node and its neighbours (in log a) is lowest."""
-    i = int(np.argmin(cost))
-    if i in (0, len(a) - 1):
-        return float(a[i])
-    x, y = np.log(a[i - 1 : i + 2]), cost[i - 1 : i + 2]
-    x = x - x[1]
-    bend = (y[2] - y[1]) / x[2] + (y[1] - y[0]) / x[0]
-    slope = ((y[2] - y[1]) / x[2] * -x[0] + (y[0] - y[1]) / x[0] * x[2]) / (x[2] - x[0])
-    step = -slope * (x[2] - x[0]) / (2 * bend) if bend > 0 else 0.0
-    return float(a[i] * np.exp(np.clip(step, x[0], x[2])))
+    def _row_parameters(self, h: Hypothesis, p: np.ndarray) -> list[int]:
+        """Which parameters are a number of samples."""
+        if h.lag == "delays":
+            return list(range(len(p) - self.samples.logs, len(p)))
+        return [len(p) - 1] if h.lag in DELAYED else []
 
+    # --- the fit ---
 
-def choose_terms(found: Sweep, candidates: Sequence[str]) -> list[str]:
-    """The subset with the least held-out cost, where each term has to lower it by PAYS."""
-    costs = {
-        kept: np.log(held_out(found, columns_of(kept)).sse) - np.log1p(-PAYS) * len(kept)
-        for count in range(len(candidates) + 1)
-        for kept in combinations(candidates, count)
-        if "spring" not in kept or "offset" in kept  # where it is relaxed is not known
-    }
-    for kept in sorted(costs, key=costs.__getitem__):
-        if all(fits_in(found, [other for other in kept if other != term], term) for term in kept):
-            return sorted(kept, key=place_of)
-    return []
+    def optimum(self, h: Hypothesis, p: np.ndarray, rounds: int = ROUNDS) -> Optimum | None:
+        """Gauss-Newton from p, with the linear parameters projected out."""
+        best, found, scale, limits = np.inf, None, 1.0, None
+        step = np.zeros(len(p))
+        for _ in range(rounds):
+            trial = p + scale * step
+            table, at = self.columns(h, trial, limits, h.terms)
+            grams = self.samples.grams(table)
+            whole, m, k = grams.sum(axis=0), len(at), len(p)
+            linear = [*range(m), *range(m + k, table.shape[1])]
+            coefficients = solve(whole, linear)
+            cost = float(cost_of(whole, linear, coefficients))
+            if cost > best * (1 + 1e-7):
+                scale /= 3
+                if scale < 0.03:
+                    break
+                continue
+            gain, best, p, scale = best - cost, cost, trial, 1.0
+            found = Optimum(trial, grams, at, _peaks(table, m))
+            limits = coefficients[:m] if (coefficients[:m] > 0).all() else None
+            step = self._step(h, p, solve(whole, range(table.shape[1]))[m : m + k])
+            if np.abs(step[:m]).max() < SETTLED_STEP and gain < MIN_GAIN * cost:
+                break
+        return found
 
+    def _step(self, h: Hypothesis, p: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """A Gauss-Newton step within its limits."""
+        step: np.ndarray = np.clip(wanted, -MAX_STEP, MAX_STEP)
+        for k in self._row_parameters(h, p):
+            step[k] = np.clip(wanted[k], -MAX_DELAY_STEP, MAX_DELAY_STEP)
+        if h.lag == "low pass":
+            step[-1] = max(step[-1], MIN_LOW_PASS - p[-1])
+        return step
 
-def fits_in(found: Sweep, kept: Sequence[str], term: str) -> bool:
-    """Told apart by the motion, and with the sign of a passive part."""
-    if term == "offset":
-        return True
-    curve = curve_of(found.a, found.total(), [*kept, term])
-    return told_apart(found, kept, term) and bool(curve.coefficient[curve.best, -1] > 0)
-
-
-def told_apart(found: Sweep, kept: Sequence[str], term: str, part: float = INFORMED) -> bool:
-    """Whether the motion can tell a term from the others and from friction."""
-    total, own = found.total(), FIRST_TERM + place_of(term)
-    best = curve_of(found.a, total, [*kept, term]).best
-    others = columns_of(list(dict.fromkeys(["offset", *kept])))
-    nodes = (best, len(found.a) - 1)  # beside Dahl's curve, and beside a bare sign
-    return all(_left_beside(total[node], own, others) >= part for node in nodes)
-
-
-def sets_of(found: Sweep, candidates: Sequence[str]) -> list[tuple[str, ...]]:
-    """Sets of terms, the empty one first, in which the motion tells each from the others at all."""
-    subsets = [
-        kept for count in range(len(candidates) + 1) for kept in combinations(candidates, count)
-    ]
-    return [
-        kept
-        for kept in subsets
-        if ("offset" in kept or not kept)
-        and all(
-            told_apart(found, [other for other in kept if other != term], term, HARDLY)
-            for term in kept
-            if term != "offset"
+    def scored(self, h: Hypothesis, at: Optimum, columns: Sequence[int]) -> Fit | None:
+        """The score of some columns on cycles left out; None if the result is no friction."""
+        whole, m = at.grams.sum(axis=0), len(at.limits)
+        full, left = solve(whole, columns), solve(whole - at.grams, columns)
+        value = self.parameters(at.p, at.limits, full)
+        falls = h.law != "stribeck" or at.p[1] + full[m + 1] > MIN_STRIBECK
+        hidden = full[:m] @ at.peaks > self.max_friction
+        if not ((full[:m] > 0).all() and (value > 0).all() and falls) or hidden:
+            return None
+        return Fit(
+            h,
+            at.p,
+            full[:m],
+            full,
+            cost_of(at.grams, columns, left),
+            value,
+            self.parameters(at.p, at.limits, left),
+            float(np.abs(full[m : 2 * m]).max()),
         )
+
+    def parameters(self, p: np.ndarray, limits: np.ndarray, c: np.ndarray) -> np.ndarray:
+        """sigma0 and Fc of coefficients c (..., k) of columns that were taken at `limits`."""
+        m = len(limits)
+        a = np.exp(p[:m])
+        change = np.clip(c[..., m : 2 * m], -MAX_LINEAR, MAX_LINEAR)
+        sigma0 = np.sum(a * (c[..., :m] + limits * change), axis=-1)
+        return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
+
+    def fit(self, h: Hypothesis, p: np.ndarray) -> Fit | None:
+        """Fit and score one hypothesis from start values p."""
+        at = self.optimum(h, p)
+        return None if at is None else self.scored(h, at, range(at.grams.shape[-1] - 1))
+
+    def fit_subsets(
+        self, h: Hypothesis, p: np.ndarray, pool: Sequence[str], waves: bool = True
+    ) -> list[Fit]:
+        """Fit with all terms of the pool, then score every subset from the same Gram matrices."""
+        at = self.optimum(replace(h, terms=tuple(pool)), p)
+        if at is None:
+            return []
+        names = [*pool, *(["cubic", "waves"] if waves else [])]
+        table, limits = self.columns(h, at.p, at.limits, names)
+        at = replace(at, grams=self.samples.grams(table), limits=limits)
+        base = len(limits) + len(at.p) + ("damping" in h.lag)
+        places, k = {}, base
+        for name in names:
+            width = self.samples.waves.shape[1] if name == "waves" else 1
+            places[name] = list(range(k, k + width))
+            k += width
+        found = []
+        for terms in _subsets(names):
+            columns = [*range(base), *(k for term in terms for k in places[term])]
+            one = self.scored(replace(h, terms=terms), at, columns)
+            found += [one] if one is not None else []
+        return found
+
+    # --- views of a fit ---
+
+    def predicted(self, fit: Fit) -> np.ndarray:
+        """The torque of a fit at each sample: (n,) N m (N)."""
+        h = fit.hypothesis
+        table, _ = self.columns(h, fit.p, fit.limits, h.terms)
+        torque: np.ndarray = table @ fit.coefficients
+        return torque
+
+
+def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
+    """Sets of terms worth a trial: one shape over the angle, with any of the terms by time."""
+    shapes = [("offset",), ("offset", "spring"), ("offset", "spring", "cubic"), ("offset", "waves")]
+    timed = [name for name in ("viscous", "inertia") if name in names]
+    return [
+        (*shape, *more)
+        for shape in shapes
+        if set(shape) <= set(names)
+        for n in range(len(timed) + 1)
+        for more in combinations(timed, n)
     ]
 
 
-def _left_beside(gram: np.ndarray, own: int, others: list[int]) -> float:
-    """Part of a column's variance that the others and a constant cannot draw."""
-    matrix, right = gram[np.ix_(others, others)], gram[others, own]
-    rest = gram[own, own] - right @ np.linalg.lstsq(matrix, right, rcond=None)[0]
-    mean = gram[FIRST_TERM, own] ** 2 / gram[FIRST_TERM, FIRST_TERM]
-    variance = gram[own, own] - mean
-    return float(rest / variance) if variance > 0 else 0.0
-
-
-@dataclass
-class Interval:
-    """95 %; inf where the cost never rises enough."""
-
-    low: float
-    high: float
-
-    def relative(self, value: float) -> float:
-        """Half its width over the value."""
-        return (self.high - self.low) / 2 / value if value > 0 else np.inf
-
-    def around(self, value: float) -> Interval:
-        """With the estimate in it, which the grid of a profile misses where there is no noise."""
-        return Interval(min(self.low, value), max(self.high, value))
-
-    @property
-    def bounded(self) -> bool:
-        return bool(np.isfinite(self.high) and self.low > 0)
-
-
-@dataclass
-class Estimate:
-    """What one sweep says for one choice of terms."""
-
-    a: float
-    Fc: float
-    terms: dict[str, float]
-    sse: float
-    rows: float  # sum of the weights
-    blocks: int
-    ci95: dict[str, Interval]
-    inflation: dict[str, float]  # variance over what independent errors would give
-    curve: Curve
-
-    @property
-    def sigma0(self) -> float:
-        return self.a * self.Fc
-
-
-def point(found: Sweep, terms: Sequence[str]) -> Estimate:
-    """The parameters of a sweep, without intervals."""
-    curve = curve_of(found.a, found.total(), terms)
-    a = _lowest(curve.a, curve.sse)
-    values = [float(_spline(curve.a, column)(np.log(a))) for column in curve.coefficient.T]
-    rows = float(found.gram[0, :, FIRST_TERM, FIRST_TERM].sum())
-    named = dict(zip(terms, values[1:], strict=True))
-    sse = float(curve.sse.min())
-    return Estimate(a, values[0], named, sse, rows, len(found.owner), {}, {}, curve)
-
-
-def estimate(
-    found: Sweep, terms: Sequence[str], hidden: Mapping[str, float] | None = None
-) -> Estimate:
-    """Parameters and their intervals. `hidden` are further standard errors of a, Fc and sigma0, as
-    parts of them, that all blocks share.
-    """
-    best = point(found, terms)
-    dense = _dense(best.curve, best.a)
-    freedom = best.rows - len(terms) - 3
-    true = _jackknife(found, terms)
-    for name, part in (hidden or {}).items():
-        true[name] += (part * getattr(best, name)) ** 2
-    naive = {name: _naive(dense, name, freedom) for name in ("a", "Fc", "sigma0")}
-    inflation = {name: max(true[name] / naive[name], 1.0) if naive[name] else 1.0 for name in naive}
-    quantile = float(student.ppf(0.975, best.blocks - 1)) ** 2 / freedom
-    ci95 = {
-        name: _profile(dense, name, 1 + quantile * inflation[name]).around(getattr(best, name))
-        for name in naive
-    }
-    return replace(best, ci95=ci95, inflation=inflation)
-
-
-def dense_of(best: Estimate) -> Curve:
-    """The curve of an estimate at many points."""
-    return _dense(best.curve, best.a)
-
-
-def profile_of(dense: Curve, sigma0: np.ndarray) -> np.ndarray:
-    """Least cost for each sigma0 over the least of all: (n,) -> (n,)."""
-    off = sigma0[:, None] / dense.a - dense.coefficient[:, 0]
-    least = np.min(dense.sse + dense.stiff * off**2, axis=1)
-    best = max(dense.sse.min(), EXACT * dense.sse.max())
-    shape: np.ndarray = least / best
-    return shape
-
-
-def _spline(a: np.ndarray, values: np.ndarray) -> CubicSpline:
-    return CubicSpline(np.log(a), values)
-
-
-def _dense(curve: Curve, a: float) -> Curve:
-    """The curve at DENSE points over all and DENSE on either side of the best, ever closer to it,
-    so that an interval of any width has ends.
-    """
-    wide = np.linspace(np.log(curve.a[0]), np.log(curve.a[-1]), DENSE)
-    apart = np.geomspace(CLOSEST, wide[-1] - wide[0], DENSE)
-    x = np.unique(np.concatenate((np.log(a) - apart, np.log(a) + apart, wide)))
-    x = x[(x >= wide[0]) & (x <= wide[-1])]
-    columns = (curve.sse, curve.stiff, curve.coefficient[:, :1])
-    sse, stiff, Fc = (_spline(curve.a, y)(x) for y in columns)  # noqa: N806
-    return Curve(np.exp(x), np.maximum(sse, 0.0), stiff, Fc)
-
-
-def _profile(dense: Curve, name: str, ratio: float) -> Interval:
-    """All values of a parameter whose least cost is below ratio times the least of all."""
-    limit = dense.sse.min() * ratio
-    inside = dense.sse <= limit
-    room = np.sqrt(np.where(inside, limit - dense.sse, 0) / dense.stiff)
-    scale = {"a": None, "Fc": np.ones_like(dense.a), "sigma0": dense.a}[name]
-    if scale is None:
-        low, high = dense.a[inside].min(), dense.a[inside].max()
-    else:
-        low = (scale * (dense.coefficient[:, 0] - room))[inside].min()
-        high = (scale * (dense.coefficient[:, 0] + room))[inside].max()
-    open_above = bool(inside[-1]) and name != "Fc"
-    open_below = bool(inside[0])
-    return Interval(
-        0.0 if open_below and name != "Fc" else max(float(low), 0.0),
-        np.inf if open_above or (open_below and name == "Fc") else float(high),
-    )
-
-
-def _naive(dense: Curve, name: str, freedom: float) -> float:
-    """Variance with independent errors: from the width of the profile one standard error up."""
-    interval = _profile(dense, name, 1 + 1 / freedom)
-    return ((interval.high - interval.low) / 2) ** 2 if np.isfinite(interval.high) else 0.0
-
-
-def _jackknife(found: Sweep, terms: Sequence[str]) -> dict[str, float]:
-    """Variance of each parameter from fits that leave one block out."""
-    count, values = len(found.owner), []
-    for block in range(count):
-        use = np.arange(count) != block
-        curve = curve_of(found.a, found.total(use), terms)
-        a = _lowest(curve.a, curve.sse)
-        Fc = float(np.interp(np.log(a), np.log(curve.a), curve.coefficient[:, 0]))  # noqa: N806
-        values.append((a, Fc, a * Fc))
-    spread = np.var(np.array(values), axis=0) * (count - 1)
-    return dict(zip(("a", "Fc", "sigma0"), map(float, spread), strict=True))
+def _peaks(table: np.ndarray, elements: int) -> np.ndarray:
+    peaks: np.ndarray = np.abs(table[:, :elements]).max(axis=0)
+    return peaks

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A running estimate on a live bus: all that came so far is identified again each time it has grown
-by a part, until the intervals are small enough.
-"""
+"""A running estimate on a live bus, repeated as the log grows, until the intervals are narrow."""
 
 from __future__ import annotations
 
@@ -9,15 +7,17 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from dahl import Error
-from dahl.identify import pipeline
-from dahl.identify.pipeline import Options
-from dahl.identify.readers import Signals, Source
+from dahl.identify import estimate
+from dahl.identify.can_signals import Signals
+from dahl.identify.estimate import Options
+from dahl.identify.log import Log
+from dahl.identify.readers import Source, to_log
 from dahl.identify.result import Result
 
 if TYPE_CHECKING:
     import can
 
-FIRST, GROWTH = 500, 1.25  # rows of the first look; how much more for each further one
+FIRST_ROWS, GROWTH = 500, 1.25  # of the first estimate; growth of the log until the next one
 
 
 def follow(
@@ -27,44 +27,42 @@ def follow(
     within: float,
     show: Callable[[int, Result | None, str], None],
 ) -> Result:
-    """Look again and again; ends when the frames do, or when both parameters are identifiable and
-    known to `within` of their value. Raises dahl.Error when nothing could be identified.
+    """Identify again and again. Ends with the frames, or as soon as both parameters are claimed
+    and known to `within` of their value. Raises dahl.Error if nothing could be identified.
     """
-    signals, due, rows = signals_of(source), FIRST, signals_rows
+    signals, due = signals_of(source), FIRST_ROWS
     for frame in frames:
         if frame is not None:
             signals.feed(frame)
-        if rows(signals) >= due:
-            due = int(rows(signals) * GROWTH)
-            result, why = _look(signals, source, options)
-            show(rows(signals), result, why)
-            if result is not None and small_enough(result, within):
+        if (rows := signals.rows()) >= due:
+            due = int(rows * GROWTH)
+            result, words = _estimate(signals, source, options)
+            show(rows, result, words)
+            if result is not None and is_known(result, within):
                 return result
-    return pipeline.identify([signals.log("bus", source)], options)
+    return estimate.identify([_log(signals, source)], options)
 
 
 def signals_of(source: Source) -> Signals:
-    """What is looked for on the bus. Raises dahl.Error."""
+    """The signals to follow. Raises dahl.Error if the options do not name them."""
     if source.dbc is None or not (source.angle and source.torque):
         raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
-    return Signals(source.dbc, source.angle, source.torque, source.loads)
+    return Signals(source.dbc, source.signals)
 
 
-def signals_rows(signals: Signals) -> int:
-    """Frames of the rarer signal."""
-    return min(map(len, signals.found.values()))
+def _log(signals: Signals, source: Source) -> Log:
+    return to_log("bus", source, (signals.columns, signals.values("bus")))
 
 
-def _look(signals: Signals, source: Source, options: Options) -> tuple[Result | None, str]:
+def _estimate(signals: Signals, source: Source, options: Options) -> tuple[Result | None, str]:
     try:
-        result = pipeline.identify([signals.log("bus", source)], options)
-    except Error as error:  # too little motion as yet
+        result = estimate.identify([_log(signals, source)], options)
+    except Error as error:  # too little motion so far
         return None, str(error)
-    return result, result.verdict.text
+    return result, result.verdict
 
 
-def small_enough(result: Result, within: float) -> bool:
-    """Whether both parameters are claimed and their intervals are narrow enough."""
-    best = result.estimate
-    widths = [best.ci95[name].relative(getattr(best, name)) for name in ("sigma0", "Fc")]
-    return all(result.verdict.identifiable.values()) and max(widths) <= within
+def is_known(result: Result, within: float) -> bool:
+    """Whether both parameters are claimed and known to `within` of their value."""
+    widths = [result.sigma0.half_width, result.Fc.half_width]
+    return all(result.claimed) and max(widths) <= within

@@ -7,14 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-BY_ROW = (
-    "theta",
-    "torque",
-    "time",
-    "weight",
-    "free_moves",
-    "load",
-)  # arrays of a Log, one entry a row
+BY_ROW = ("theta", "torque", "time", "weight", "load")  # arrays of a Log, one entry for each row
 SMALL = 1.0  # m: a linear motion of less is shown in mm
 
 
@@ -29,9 +22,7 @@ class Log:
     linear: bool = False
     resolution: float = 0.0  # rad (m) per encoder count; 0: none was found
     weight: np.ndarray | None = None  # of each row, 1 at most; 0 where nothing was read
-    free_moves: np.ndarray | None = None  # rad (m) from row to row without the travel of backlash
     load: np.ndarray | None = None  # what the friction may follow, in whatever unit it came in
-    zero: float = 0.0  # rad (m), the angle at which a spring is taken to be relaxed
     notes: list[str] = field(default_factory=list)  # what was found and how it was handled
 
     @property
@@ -43,20 +34,11 @@ class Log:
         """rad (m) from row to row, 0 first."""
         return np.diff(self.theta, prepend=self.theta[:1])
 
-    def moves_of(self, rows: slice) -> np.ndarray:
-        """rad (m) from row to row for some rows, without the travel of backlash."""
-        if self.free_moves is not None:
-            return self.free_moves[rows]
-        start = rows.start or 0
-        return np.diff(self.theta[rows], prepend=self.theta[max(start - 1, 0)])
-
-    def head(self, rows: int) -> Log:
-        """The first rows, at most so many; itself where it is no longer."""
-        if self.rows <= rows:
-            return self
+    def part(self, rows: slice | np.ndarray, notes: list[str] | None = None) -> Log:
+        """Some rows; with these notes instead of its own, if given."""
         arrays = {name: getattr(self, name) for name in BY_ROW}
-        shorter = {name: all_[:rows] for name, all_ in arrays.items() if all_ is not None}
-        return replace(self, **shorter)
+        some = {name: values[rows] for name, values in arrays.items() if values is not None}
+        return replace(self, notes=list(self.notes) if notes is None else notes, **some)
 
     @property
     def unit(self) -> str:

@@ -1,101 +1,317 @@
 # SPDX-License-Identifier: MIT
-"""What an identification found: the numbers, the models they were compared with, the verdict."""
+"""The result of an identification, and the one rule that decides what is claimed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.identify.explore import Explored
-from dahl.identify.finding import Finding
-from dahl.identify.fit import Estimate
-from dahl.identify.load import Follows
+from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
 from dahl.identify.log import Log
+from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-@dataclass
-class Verdict:
-    """identifiable: by parameter; text: one line; reasons: what it rests on."""
+    from dahl.identify.diagnose import Lack
+    from dahl.identify.select import Plausible
 
-    sigma0: bool = False
-    Fc: bool = False
-    text: str = ""
-    reasons: list[str] = field(default_factory=list)
-
-    @property
-    def identifiable(self) -> dict[str, bool]:
-        return {"sigma0": self.sigma0, "Fc": self.Fc}
-
-
-@dataclass
-class Models:
-    """Held-out R2 and RMSE of Dahl's model and of simpler ones, each with its own best terms."""
-
-    r2_coulomb: float  # on the rows fitted
-    r2: dict[str, float]
-    rmse: dict[str, float]
-    terms: dict[str, list[str]]
-    bilinear_sigma0: float
-
-
-@dataclass
-class Cycles:
-    """Each whole cycle of all logs by itself."""
-
-    value: dict[str, np.ndarray] = field(default_factory=dict)  # Fc, sigma0, offset
-    error: dict[str, np.ndarray] = field(default_factory=dict)  # standard errors / that of a row
-    rows: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))  # over all logs
-
-    def __len__(self) -> int:
-        return len(self.rows)
+NAMES = ("sigma0", "Fc")
+MAX_HALF_WIDTH = 0.3  # of the value; a wider interval is no basis for a firmware
+MIN_BOUC_WEN = 0.8  # its slope at .05 Fc is 9 % below that at rest; of smaller shapes still more
+MIN_R2 = 0.5  # on cycles left out; below it most of the torque is not friction
+SOURCES = {  # of the width of an interval, in the order in which they are added
+    "noise": "noise",
+    "hypotheses": "which law, lag and terms are right",
+    "lack of fit": "what no hypothesis explains",
+    "counts": "what the counts of the encoder hide",
+}
 
 
 @dataclass(frozen=True)
-class PlanQuality:
-    """What a plan of the found parameters is worth in a firmware."""
+class Parameter:
+    """A number with its 95 % interval. `uncertainty` is the dominant source of its width."""
 
-    theta_per_count: float = 0.0  # rad (m)
-    of_target: bool = False  # of --target-counts-per-turn, not of the log's encoder
-    r2: float = 0.0  # on the raw motion, friction alone
-    against: list[str] = field(default_factory=list)  # why there should be none
+    value: float
+    low: float
+    high: float
+    claimed: bool
+    uncertainty: str
+
+    @property
+    def half_width(self) -> float:
+        """Relative, the mean of both sides."""
+        return (self.high - self.low) / 2 / self.value
+
+
+@dataclass
+class Intervals:
+    """sigma0 and Fc with what their intervals come from: arrays (2,)."""
+
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    widths: dict[str, np.ndarray]  # relative half widths by source; all but "counts" cumulative
+
+    def dominant(self, k: int) -> str:
+        """The source that most of an interval comes from."""
+        nested = {name: float(w[k]) for name, w in self.widths.items() if name != "counts"}
+        own = np.diff([0.0, *nested.values()]).tolist()
+        shares = dict(zip(nested, own, strict=True))
+        if "counts" in self.widths:
+            shares["counts"] = float(self.widths["counts"][k])
+        return max(shares, key=lambda name: shares[name])
 
 
 @dataclass
 class Result:
-    """All that was found."""
+    """All that was found. Torque in N m and angle in rad, or N and m for linear motion."""
 
-    logs: list[Log]
-    estimate: Estimate
-    models: Models
-    r2: float  # on the rows fitted
-    rmse: float
-    reversals: int
-    informs: float  # part of the rows in which sigma0 shows
-    delay: float  # rows
-    median: int  # rows of the running median that the angle went through
-    backlash: float  # rad (m)
-    sign: float = field(default=1.0, kw_only=True)  # -1: the torque was taken with the other one
-    inner: bool = field(default=False, kw_only=True)  # the angle was taken between the counts
-    predicted: list[np.ndarray]  # N m (N), (rows,) of each log
-    verdict: Verdict = field(default_factory=Verdict)
+    raw: list[Log]  # as given
+    logs: list[Log]  # preprocessed pieces
+    samples: Samples
+    fitter: Fitter
+    sign: float  # -1 if the torque was used with the other sign
+    options: Any
+    fits: list[Fit]
+    plausible: Plausible
+    lacks: list[Lack]
+    intervals: Intervals
+    claimed: tuple[bool, bool] = (False, False)
+    reasons: list[str] = field(default_factory=list)
     checks: dict[str, float] = field(default_factory=dict)  # log not fitted -> R2
-    raw: list[Log] = field(default_factory=list)  # as measured, before any cleaning of the angle
-    eased: list[Log] = field(default_factory=list)  # the same, as at the reference of the load
-    findings: list[Finding] = field(default_factory=list)
-    follows: Follows | None = None  # how the friction follows the load, where it does
-    options: dict[str, Any] = field(default_factory=dict)  # what was asked for
-    cycles: Cycles = field(default_factory=Cycles)
-    plan: PlanQuality = field(default_factory=PlanQuality)
-    explored: Explored = field(default_factory=Explored)
+
+    # --- numbers ---
 
     @property
-    def notes(self) -> list[str]:
-        return [f"{log.name}: {note}" for log in self.logs for note in log.notes]
+    def chosen(self) -> Fit:
+        """The simplest plausible hypothesis; sigma0 and Fc are its numbers."""
+        return self.plausible.chosen
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        return self.chosen.hypothesis
+
+    @property
+    def sigma0(self) -> Parameter:
+        """Slope dF/dtheta at rest, N m/rad (N/m)."""
+        return self._parameter(0)
+
+    @property
+    def Fc(self) -> Parameter:  # noqa: N802
+        """Torque at full slip, N m (N)."""
+        return self._parameter(1)
+
+    @property
+    def a(self) -> Parameter:
+        """sigma0/Fc, 1/rad (1/m)."""
+        s, c = self.sigma0, self.Fc
+        low = s.low / c.high if c.high > 0 else 0.0
+        high = s.high / c.low if c.low > 0 else np.inf
+        return Parameter(s.value / c.value, low, high, s.claimed and c.claimed, s.uncertainty)
+
+    def _parameter(self, k: int) -> Parameter:
+        i = self.intervals
+        ends = float(i.value[k]), max(float(i.low[k]), 0.0), float(i.high[k])
+        return Parameter(*ends, self.claimed[k], i.dominant(k))
+
+    @property
+    def r2(self) -> float:
+        """Of the chosen hypothesis, on cycles that were left out."""
+        return self.r2_of(self.chosen)
+
+    def r2_of(self, fit: Fit) -> float:
+        return 1 - fit.total / self.spread
+
+    @cached_property
+    def spread(self) -> float:
+        """Sum of squares of the torque around its mean, as the fit weighs it."""
+        gram = self.samples.grams(np.ones((self.samples.rows, 1))).sum(axis=0)
+        return float(gram[1, 1] - gram[0, 1] ** 2 / gram[0, 0])
+
+    @property
+    def delay_rows(self) -> float:
+        """Rows by which the torque is late in the chosen hypothesis."""
+        h = self.hypothesis
+        late = float(np.mean(self.chosen.p[h.friction.parameters :])) if "delay" in h.lag else 0.0
+        return (late + h.skew) * self.samples.block
+
+    @property
+    def play(self) -> float:
+        """Width of the play between encoder and bearing in the chosen hypothesis, rad (m)."""
+        return float(np.exp(self.chosen.p[-1])) if self.hypothesis.lag == "play" else 0.0
+
+    @property
+    def terms(self) -> dict[str, float]:
+        """Coefficients beside friction: offset [N m], spring [N m/rad], viscous, inertia."""
+        return terms_of(self.chosen, self.samples)
+
+    # --- views for people and programs ---
+
+    @cached_property
+    def predicted(self) -> np.ndarray:
+        """Torque of the chosen hypothesis at each sample, (n,) N m (N)."""
+        return self.fitter.predicted(self.chosen)
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured less predicted torque at each sample, (n,) N m (N)."""
+        residual: np.ndarray = self.samples.torque - self.predicted
+        return residual
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One line for each sample of the fit: log, time, angle, torque, predicted, residual."""
+        import pandas as pd
+
+        s = self.samples
+        names = list(dict.fromkeys(log.name for log in self.logs))
+        pieces = zip(s.pieces, s.log_of, strict=True)
+        owner = np.concatenate([np.full(rows.stop - rows.start, k) for rows, k in pieces])
+        return pd.DataFrame(
+            {
+                "log": [names[k] for k in owner],
+                "time": s.time,
+                "angle": s.angles[self.hypothesis.angle],
+                "speed": s.speed,
+                "torque": s.torque,
+                "predicted": self.predicted,
+                "residual": self.residual,
+                "weight": s.used,
+            }
+        )
+
+    def _optimum(self) -> Optimum:
+        fit, h = self.chosen, self.hypothesis
+        table, limits = self.fitter.columns(h, fit.p, fit.limits, h.terms)
+        return Optimum(fit.p, self.samples.grams(table), limits, np.ones(len(limits)))
+
+    def bootstrap(self, draws: int = 1000, seed: int = 0) -> np.ndarray:
+        """sigma0 and Fc of resampled cycles, (draws, 2): the noise part of the uncertainty."""
+        at = self._optimum()
+        n = len(at.grams)
+        times = np.random.default_rng(seed).multinomial(n, np.full(n, 1 / n), size=draws)
+        grams = np.tensordot(times.astype(float), at.grams, axes=1)
+        return self.fitter.parameters(at.p, at.limits, solve(grams, range(at.grams.shape[-1] - 1)))
+
+    @property
+    def correlation(self) -> float:
+        """Of sigma0 and Fc, over resampled cycles."""
+        return float(np.corrcoef(self.bootstrap().T)[0, 1])
+
+    def by_cycle(self) -> dict[str, np.ndarray]:
+        """sigma0, Fc and offset of each scored cycle alone, in the linearised model: (cycles,)."""
+        at = self._optimum()
+        m, k = len(at.limits), at.grams.shape[-1] - 1
+        kept = [*range(2 * m), *range(m + len(at.p), k)]  # shapes and lags are those of all cycles
+        c = np.zeros((len(at.grams), k))
+        c[:, kept] = solve(at.grams, kept)
+        value = self.fitter.parameters(at.p, at.limits, c)
+        first = k - len(self.fitter.term_columns(self.hypothesis.terms))
+        offset = c[:, first] if "offset" in self.hypothesis.terms else np.zeros(len(c))
+        return {"sigma0": value[:, 0], "Fc": value[:, 1], "offset": offset}
+
+    def predict(self, pieces: Sequence[Log]) -> tuple[Samples, np.ndarray]:
+        """Samples of preprocessed logs that were not fitted, and their torque by this result."""
+        samples = samples_of(pieces, reference=self.samples.reference)
+        samples.torque = self.sign * samples.torque
+        fit = self.chosen
+        if self.hypothesis.angle not in samples.angles:
+            samples = samples.with_angle(self.hypothesis.angle, samples.angles["between counts"])
+        if samples.block != self.samples.block and "delay" in self.hypothesis.lag:
+            p = fit.p.copy()
+            p[-1] *= self.samples.block / samples.block
+            fit = replace(fit, p=p)
+        samples.prepare(self.a.value, np.zeros(samples.rows))
+        return samples, Fitter(samples).predicted(fit)
+
+    # --- the verdict ---
+
+    @property
+    def verdict(self) -> str:
+        """One line: what is claimed, how well it is known, and the dominant uncertainty."""
+        log, words = self.logs[0], []
+        for name, p, unit in (
+            ("sigma0", self.sigma0, log.slope_unit),
+            ("Fc", self.Fc, log.unit),
+        ):
+            within = f"within {100 * p.half_width:.2g} %, mostly {SOURCES[p.uncertainty]}"
+            if p.claimed:
+                words.append(f"{name} = {p.value:.4g} {unit} {within}")
+            else:
+                words.append(f"{name} is not identifiable")
+        return "; ".join([*words, *self.reasons])
 
 
-def titled(result: Result) -> str:
-    """The names of the logs, each once."""
-    return ", ".join(dict.fromkeys(Path(one.name).name for one in result.logs))
+def terms_of(fit: Fit, samples: Samples) -> dict[str, float]:
+    """Coefficients of the terms of a fit in N m, N m/rad, ... (N, N/m, ...)."""
+    h, reach = fit.hypothesis, samples.reference.reach
+    first = len(fit.limits) + len(fit.p) + ("damping" in h.lag)
+    found, k = {}, first
+    for name in h.terms:
+        if name == "waves":
+            k += samples.waves.shape[1]
+            continue
+        found[name] = float(fit.coefficients[k])
+        k += 1
+    if "spring" in found:
+        found["spring"] /= reach
+    if "cubic" in found:
+        found["cubic"] /= reach**3
+    if h.law == "asymmetric":  # the mean of both limits is friction, not offset
+        found["offset"] = found.get("offset", 0.0) - float(fit.limits[0] * fit.p[1])
+    return found
+
+
+def _is_steepest_at_rest(fit: Fit) -> bool:
+    """Whether the slope falls within the first parts of Fc, so that no log resolves it at rest."""
+    law = fit.hypothesis.friction
+    return law.name == "bouc-wen" and float(fit.p[law.elements]) < MIN_BOUC_WEN
+
+
+def claims_of(result: Result) -> Result:
+    """Apply the rule: enough cycles, enough explained, a narrow interval, nothing withdrawn."""
+    i, reasons = _without_hidden_presliding(result), []
+    withdrawn = np.zeros(2, dtype=bool)
+    for lack in result.lacks:
+        withdrawn |= np.array(lack.withdraws)
+    if i is not result.intervals:
+        reasons.append("presliding is shorter than a count or a move of one row")
+    for k, name in enumerate(NAMES):
+        half = (i.high[k] - i.low[k]) / 2 / i.value[k]
+        if half > MAX_HALF_WIDTH and np.isfinite(half):
+            source = SOURCES[i.dominant(k)]
+            reasons.append(f"{name} is known within {100 * half:.0f} % only: {source}")
+    reasons += [lack.text for lack in result.lacks]
+    if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
+        withdrawn[0] = True
+        reasons.append("the loop is steepest at rest, as of small stiff elements: sigma0 is larger")
+    known = np.isfinite(i.low) & np.isfinite(i.high) & (i.low > 0)
+    claimed = known & ((i.high - i.low) / 2 / i.value <= MAX_HALF_WIDTH) & ~withdrawn
+    if result.samples.cycles < MIN_SCORED_CYCLES:
+        claimed[:] = False
+        reasons.insert(
+            0, f"only {result.samples.cycles} cycles, {MIN_SCORED_CYCLES} are needed to score a fit"
+        )
+    if 1 - result.plausible.best.total / result.spread < MIN_R2:
+        claimed[:] = False
+        percent = 100 * (1 - result.plausible.best.total / result.spread)
+        reasons.insert(0, f"the best hypothesis explains {percent:.0f} % of what was left out")
+    both = bool(claimed[0]), bool(claimed[1])
+    return replace(result, intervals=i, claimed=both, reasons=reasons)
+
+
+def _without_hidden_presliding(result: Result) -> Intervals:
+    """The intervals; sigma0 has no upper end if presliding is shorter than a count or a move.
+
+    A stiffer bearing would then give the same log, and the fit ends where its start values do.
+    """
+    i, samples = result.intervals, result.samples
+    moves = np.abs(samples.moves(samples.angles["between counts"]))
+    usual = float(np.median(moves[moves > 0])) if moves.any() else 0.0
+    if i.value[1] / i.value[0] >= max(samples.count, usual):
+        return i
+    return replace(i, high=np.array([np.inf, i.high[1]]))

@@ -1,35 +1,55 @@
 # SPDX-License-Identifier: MIT
-"""Tables of text as programs for measuring write them: columns between tabs, semicolons, commas or
-blanks, numbers with a decimal point or comma, names in the first line or none, comments before
-them (# or %), a line of units below, in UTF-8 or the letters of Windows.
+"""Tables of text as measuring programs write them.
+
+Columns are separated by tabs, semicolons, commas or blanks, with decimal points or commas. Names
+stand above the first row, with or without a line of units below them, after a preamble or comments.
+The encoding is UTF-8, UTF-16 or Windows-1252. The first 64 KiB show how a table is written.
 """
 
 from __future__ import annotations
 
-import contextlib
+import codecs
 import csv
+import io
 import re
 import warnings
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dahl import Error
+from dahl.identify import units
 
 if TYPE_CHECKING:
     import pandas
 
-HEAD = 65536  # bytes by which the form of a table is told
+HEAD_BYTES = 65536  # must hold the names and some rows
 BLANKS = r"\s+"
-COMMENT = "#%"
+SEPARATORS = ("\t", ";", ",", BLANKS)  # the first one of equals
+MARKS = ("#", "%")  # of comments
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
-CONTROL = re.compile("[\x01-\x08\x0e-\x1f]")  # which no text of Windows has
-LINE_END = re.compile("\r\n|\r|\n")  # and no others: as pandas reads
+MOMENT = re.compile(r"\d{4}-\d\d-\d\d[\d:., TZ+-]*|\d+:\d\d:\d\d([.,]\d+)?")
+BINARY = re.compile("[\x01-\x08\x0e-\x1f\ufffd]")  # characters that no text of Windows has
+OTHER_FORMATS = {  # by the first bytes
+    b"PK\x03\x04": "a workbook (XLSX, ODS) or another ZIP: save its table as CSV",
+    b"\xd0\xcf\x11\xe0": "a workbook (XLS): save its table as CSV",
+    b"TDSm": "a TDMS file: export its channels as CSV, MAT or Parquet",
+    b"\x89HDF": "an HDF5 file: save its columns as CSV, MAT (-v7) or Parquet",
+}
+Row = tuple[int, list[str]]  # its first line, from 1 on, and its cells
 
-Line = tuple[int, str]  # number, from 0 on, and text
+
+@dataclass(frozen=True)
+class Table:
+    """A table and the places of its parts, which errors name."""
+
+    frame: pandas.DataFrame
+    head: str  # place of the names
+    place: Callable[[int], str]  # of a row, from 0 on
 
 
 @dataclass(frozen=True)
@@ -39,139 +59,223 @@ class Form:
     encoding: str
     separator: str
     decimal: str
-    names: list[str] | None  # None: pandas takes them from the first line that is not skipped
-    skipped: list[int]  # lines, from 0 on
-    first: int  # line of the first row, from 1 on
+    mark: str | None  # of comments between the rows
+    names: list[str]
+    head: int  # line of the names, from 1 on
+    first: int  # line of the first row
 
 
-def read(path: Path) -> tuple[pandas.DataFrame, int]:
-    """The table, and the number of the line of its first row. Raises dahl.Error."""
+def read(path: Path) -> Table:
+    """Read a table. Raises dahl.Error."""
     import pandas as pd
 
     form = form_of(path)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), path.open(encoding=form.encoding) as file:
         warnings.simplefilter("error", pd.errors.ParserWarning)
+        for _ in range(form.first - 1):
+            file.readline()
         try:
             frame = pd.read_csv(
-                path,
+                file,
                 sep=form.separator,
                 decimal=form.decimal,
-                header=None if form.names else 0,
-                skiprows=form.skipped,
+                comment=form.mark,
+                header=None,
+                names=range(len(form.names)),
                 skipinitialspace=True,
                 low_memory=False,
-                encoding=form.encoding,
                 index_col=False,
             )
-        except pd.errors.ParserWarning:
-            raise Error(f"{path}:1: fewer names than a row has columns") from None
-    frame.columns = [str(name).strip() for name in form.names or frame.columns]
-    if frame.empty:
-        raise Error(f"{path}:1: no rows after the column names")
-    return frame, form.first
+        except (ValueError, pd.errors.ParserWarning) as error:
+            raise Error(_fault(path, form, str(error))) from None
+    frame.columns = form.names
+    return Table(frame, f"{path}:{form.head}", partial(_place, path, form))
 
 
 def form_of(path: Path) -> Form:
-    """How a table is written, by its first lines. Raises dahl.Error."""
-    encoding, text = _head(path)
-    lines = [(i, line) for i, line in enumerate(LINE_END.split(text)) if line.strip()]
-    comments = 0
-    while comments < len(lines) and lines[comments][1].lstrip()[0] in COMMENT:
-        comments += 1
-    skipped, rows = [i for i, _ in lines[:comments]], lines[comments:]
-    above = lines[comments - 1][1].lstrip().lstrip(COMMENT) if comments else ""
-    if not rows:
-        raise Error(f"{path}: empty; a first line with column names was expected")
-    separator = _separator_of_numbers(rows[0][1])
-    if separator:
-        names = cells(above, separator)
-        if len(names) != len(cells(rows[0][1], separator)):  # a comment, and no names
-            names = [str(i + 1) for i in range(len(cells(rows[0][1], separator)))]
-        return Form(encoding, separator, _decimal(rows, separator), names, skipped, rows[0][0] + 1)
-    named, below = _names_and_rows(rows)
-    names_line = "\n".join(line for _, line in named)
-    separator = _separator_of_names(names_line)
-    decimal = _decimal(below, separator)
-    first = below[0][0] + 1 if below else named[-1][0] + 2
-    units = _units(cells(names_line, separator), below, separator)
-    if units is None:
-        return Form(encoding, separator, decimal, None, skipped, first)
-    skipped += [*range(named[0][0], named[-1][0] + 1), below[0][0]]
-    return Form(encoding, separator, decimal, units, skipped, below[1][0] + 1)
+    """Find out how a table is written. Raises dahl.Error."""
+    encoding, lines = _head(path)
+    if not "".join(lines).strip():
+        raise Error(f"{path}: empty; a line of column names was expected")
+    splits = [(separator, _split(lines, separator)) for separator in SEPARATORS]
+    found = [(*split, first) for split in splits if (first := _first_row(split[1])) is not None]
+    if not found:
+        raise Error(
+            f"{path}:1: no rows with two numbers, between tabs, semicolons, commas or blanks,"
+            f" in the first {len(lines)} lines"
+        )
+    separator, rows, first = max(found, key=lambda one: _part_of_numbers(one[1][one[2] :]))
+    above, body = rows[:first], rows[first:]
+    names, head = _names(path, above, body, separator)
+    decimal = "," if any(DECIMAL_COMMA.fullmatch(x) for _, row in body for x in row) else "."
+    marks = [row[0][0] for _, row in [*body, *above[::-1]] if row[0].startswith(MARKS)]
+    return Form(encoding, separator, decimal, next(iter(marks), None), names, head, body[0][0])
 
 
-def _names_and_rows(rows: Sequence[Line]) -> tuple[Sequence[Line], Sequence[Line]]:
-    """The lines of the names, of which a quoted one may go over several, and the lines below."""
-    quotes = np.cumsum([line.count('"') for _, line in rows])
-    closed = int(np.argmin(quotes % 2)) + 1  # 1 too where a quote is never closed, as of inches
-    return rows[:closed], rows[closed:]
-
-
-def _head(path: Path) -> tuple[str, str]:
-    """The encoding and the first whole lines of a file. Raises dahl.Error."""
+def _head(path: Path) -> tuple[str, list[str]]:
+    """Return the encoding and the first complete lines of a file. Raises dahl.Error."""
     with path.open("rb") as file:
-        raw = file.read(HEAD)
-    whole = raw if len(raw) < HEAD else raw[: raw.rfind(b"\n") + 1] or raw
-    if b"\0" in whole:
-        raise Error(f"{path}: not a text file (byte {whole.index(0)})")
+        raw = file.read(HEAD_BYTES)
+    for start, name in OTHER_FORMATS.items():
+        if raw.startswith(start):
+            raise Error(f"{path}: {name}")
+    is_wide = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    encoding, is_whole = "utf-16" if is_wide else "utf-8-sig", len(raw) < HEAD_BYTES
+    if b"\0" in raw and not is_wide:
+        raise Error(f"{path}: not a text file (byte {raw.index(0)})")
     try:
-        return "utf-8-sig", whole.decode("utf-8-sig")
+        text = codecs.getincrementaldecoder(encoding)().decode(raw, final=is_whole)
     except UnicodeDecodeError as error:
-        with contextlib.suppress(UnicodeDecodeError):
-            text = whole.decode("cp1252")
-            if not CONTROL.search(text):
-                return "cp1252", text
-        raise Error(f"{path}: not a text file (byte {error.start})") from None
+        encoding, text = "cp1252", raw.decode("cp1252", errors="replace")
+        if is_wide or BINARY.search(text):
+            raise Error(f"{path}: not a text file (byte {error.start})") from None
+    lines = list(io.StringIO(text, newline=None))
+    return encoding, lines if is_whole else lines[:-1] or lines
 
 
-def cells(line: str, separator: str) -> list[str]:
-    """What stands between the separators of a line."""
+def _split(lines: list[str], separator: str) -> list[Row]:
+    """Return the rows of lines; a quote that is never closed is a character as any other."""
+    rows = list(_rows(lines, separator))
+    is_open = "".join(lines).count('"') % 2 and any("\n" in x for _, row in rows[-1:] for x in row)
+    return list(_rows(lines, separator, has_quotes=False)) if is_open else rows
+
+
+def _rows(lines: Iterable[str], separator: str, has_quotes: bool = True) -> Iterator[Row]:
+    """Yield the rows that are not blank, as pandas counts them."""
     if separator == BLANKS:
-        return line.split()
-    found = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
-    return [cell.strip() for cell in found]
+        lines, separator = (line.replace("\t", " ") for line in lines), " "
+    reader = csv.reader(
+        lines,
+        delimiter=separator,
+        skipinitialspace=True,
+        quoting=csv.QUOTE_MINIMAL if has_quotes else csv.QUOTE_NONE,
+    )
+    line = 1
+    for row in reader:
+        cells = [cell.strip() for cell in row]
+        if separator == " ":
+            cells = [cell for cell in cells if cell]
+        if len(cells) > 1 or any(cells):
+            yield line, cells
+        line = reader.line_num + 1
 
 
-def _separator_of_numbers(line: str) -> str:
-    """By which a line falls into numbers; "" where it does not."""
-    for separator in ("\t", ";", ",", BLANKS):
-        if separator == BLANKS or separator in line:
-            found = cells(line, separator)
-            if found and all(is_number(cell, comma=separator != ",") for cell in found):
-                return separator
-    return ""
-
-
-def _separator_of_names(line: str) -> str:
-    return max("\t;,", key=line.count) if re.search("[\t;,]", line) else BLANKS
-
-
-def _decimal(rows: Sequence[Line], separator: str) -> str:
-    """The sign before the decimals: a comma where some number has one."""
-    if separator == ",":
-        return "."
-    some = (cell for _, line in rows for cell in cells(line, separator))
-    return "," if any(DECIMAL_COMMA.fullmatch(cell) for cell in some) else "."
-
-
-def _units(names: Sequence[str], below: Sequence[Line], separator: str) -> list[str] | None:
-    """The names with the units of the line below, as columns are called; None where there are no
-    units but numbers below.
-    """
-    if len(below) < 2 or not _separator_of_numbers(below[1][1]):
-        return None
-    units = [unit.strip("[]()") for unit in cells(below[0][1], separator)]
-    words = [unit for unit in units if unit and not is_number(unit)]
-    if len(units) != len(names) or not words or len(words) < sum(map(bool, units)):
-        return None
-    pairs = zip(names, units, strict=True)
-    return [f"{name} [{unit}]" if unit else name for name, unit in pairs]
-
-
-def is_number(text: str, comma: bool = True) -> bool:
-    """Whether a cell holds a number, with a decimal comma too."""
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with a decimal point or comma, or a moment."""
     try:
-        float(text)
+        float(cell)
     except ValueError:
-        return comma and bool(DECIMAL_COMMA.fullmatch(text))
+        return bool(DECIMAL_COMMA.fullmatch(cell) or MOMENT.fullmatch(cell))
     return True
+
+
+def _part_of_numbers(rows: list[Row]) -> float:
+    """Return how many of the cells that are not empty hold numbers, 0 to 1."""
+    cells = [cell for _, row in rows for cell in row if cell]
+    return sum(map(is_number, cells)) / max(len(cells), 1)
+
+
+def _first_row(rows: list[Row]) -> int | None:
+    """Return the index of the first row of the table, None if there is none.
+
+    It has its numbers in the same columns as most rows. Rows with a number directly above it belong
+    to the table too: they have an empty cell, or one that is wrong. If the topmost of them has few
+    numbers, it has the names.
+    """
+    shapes = [tuple(map(is_number, row)) for _, row in rows]
+    counts = Counter(shape for shape in shapes if sum(shape) >= 2)
+    if not counts:
+        return None
+    usual = counts.most_common(1)[0][0]
+    first = top = shapes.index(usual)
+    while top and any(shapes[top - 1]) and len(shapes[top - 1]) == len(usual):
+        top -= 1
+    has_names_above = top > 0 and len(shapes[top - 1]) == len(usual)
+    has_names = not has_names_above and 2 * sum(shapes[top]) < sum(usual)
+    return min(top + has_names, first)
+
+
+def _names(path: Path, above: list[Row], body: list[Row], separator: str) -> tuple[list[str], int]:
+    """Return the names of the columns and their line; numbers if there are none."""
+    width = len(body[0][1])
+    least = max(len(_without_empty_end(row)) for _, row in body if len(row) == width)
+    numbers = [str(number) for number in range(1, width + 1)]
+    rows = []  # with letters, from top to bottom; of comments those that may be names
+    for line, row in above:
+        cells = _header_cells(row, separator, width)
+        is_fit = least <= len(cells) <= width
+        if any(map(str.isalpha, "".join(row))) and (is_fit or not row[0].startswith(MARKS)):
+            rows.append((line, cells, is_fit))
+    if not rows:
+        return numbers, body[0][0]
+    labels: list[str] = []
+    if len(rows) > 1 and _is_units(rows[-1][1]) and rows[-2][2]:
+        labels = rows.pop()[1]
+    line, names, is_fit = rows[-1]
+    if is_fit:
+        return [_name(*cells) for cells in zip_longest(names, labels, numbers, fillvalue="")], line
+    if len(names) == 1:  # a title
+        return numbers, line
+    raise Error(f"{path}:{line}: {len(names)} names over {width} columns")
+
+
+def _name(name: str, label: str, number: str) -> str:
+    unit = label.strip("[]()-")
+    return f"{name} [{unit}]" if name and unit else name or number
+
+
+def _header_cells(row: list[str], separator: str, width: int) -> list[str]:
+    """Return the cells of a line of names or units, without the mark of a comment before them."""
+    cells = _without_empty_end([row[0].lstrip("".join(MARKS)).strip('" '), *row[1:]])
+    if cells and not cells[0] and len(cells) > width:
+        cells = cells[1:]
+    if separator != BLANKS or len(cells) <= width:
+        return cells
+    merged = cells[:1]  # 'angle [deg]' is one name
+    for cell in cells[1:]:
+        if cell.startswith(("[", "(")):
+            merged[-1] += f" {cell}"
+        else:
+            merged.append(cell)
+    return merged
+
+
+def _without_empty_end(cells: list[str]) -> list[str]:
+    used = [place for place, cell in enumerate(cells, 1) if cell]
+    return cells[: used[-1]] if used else []
+
+
+def _is_units(cells: list[str]) -> bool:
+    """Whether at least half of the words are units."""
+    words = [cell.strip("[]()") for cell in cells if cell]
+    return 0 < len(words) <= 2 * sum(map(units.is_unit, words))
+
+
+def _body(path: Path, form: Form) -> Iterator[Row]:
+    """Yield the rows of a whole table."""
+    with path.open(encoding=form.encoding) as file:
+        for line, row in _rows(islice(file, form.first - 1, None), form.separator):
+            if not (form.mark and row[0].startswith(form.mark)):
+                yield line + form.first - 1, row
+
+
+def _place(path: Path, form: Form, row: int) -> str:
+    """Return the file and the line of a row, from 0 on."""
+    line, _ = next(islice(_body(path, form), row, None), (form.first + row, []))
+    return f"{path}:{line}"
+
+
+def _fault(path: Path, form: Form, words: str) -> str:
+    """Return the place of what pandas rejected, and why."""
+    raw, line = path.read_bytes(), form.first - 1
+    try:
+        raw.decode(form.encoding)
+        for line, row in _body(path, form):
+            if len(row) > len(form.names):
+                return f"{path}:{line}: {len(row)} cells over {len(form.names)} columns"
+    except UnicodeDecodeError as error:
+        line, code = raw[: error.start].count(b"\n") + 1, form.encoding.removesuffix("-sig")
+        return f"{path}:{line}: byte {error.start} is no text in {code.upper()}"
+    except csv.Error as error:
+        return f"{path}:{line + 1}: {error}"
+    return f"{path}:{line}: {words.rpartition('error: ')[2].strip()[:160]}"

@@ -1,0 +1,339 @@
+# SPDX-License-Identifier: MIT
+"""Logs of known truth that the hypotheses of `dahl identify` do not describe, or describe late.
+
+Each kind has one thing that real rigs have: a sensor, a mechanism, a recorder or a motion. The
+torque comes from recurrences of this file, with no code of the package in it. The truth is always
+SIGMA0 (slope at rest) and FC (full slip; the mean, if Fc varies), of all friction together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from dahl.identify.log import Log
+from scipy.signal import filtfilt, lfilter
+
+SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
+LENGTH = FC / SIGMA0  # rad, of presliding
+COUNT = 2 * np.pi / 2**14  # rad
+ROWS, STEP = 4000, 1e-3  # s
+LEAD = 300  # rows before the log
+
+
+@dataclass
+class Rig:
+    """A motion of its own for each seed, with LEAD rows before the log."""
+
+    seed: int
+    cycles: float = 0.0  # 0: 9 to 15
+    amplitude: float = 0.0  # presliding lengths; 0: 6 to 14
+
+    def __post_init__(self) -> None:
+        self.random = np.random.default_rng([self.seed, 77])
+        self.cycles = self.cycles or self.random.uniform(9, 15)
+        self.amplitude = self.amplitude or self.random.uniform(6, 14)
+        self.rows = np.arange(-LEAD, ROWS)
+        self.phase = 2 * np.pi * (self.cycles * self.rows / ROWS + self.random.uniform())
+        self.theta = self.stroke(self.phase, self.seed % 3)
+
+    def stroke(self, phase: np.ndarray, kind: int) -> np.ndarray:
+        """A sine, two sines, or a rounded triangle; rad."""
+        shapes = (
+            np.sin(phase),
+            0.75 * np.sin(phase) + 0.35 * np.sin(2.3 * phase),
+            np.arcsin(0.97 * np.sin(phase)) / 1.32,
+        )
+        return self.amplitude * LENGTH * shapes[kind]
+
+    @property
+    def speed(self) -> np.ndarray:
+        return np.gradient(self.theta, STEP)
+
+    def noise(self, part: float, shared: float = 0.0) -> np.ndarray:
+        """Of `part` of Fc; `shared` of it with the row before."""
+        white = self.random.normal(size=len(self.theta))
+        return part * FC * lfilter([np.sqrt(1 - shared**2)], [1, -shared], white)
+
+    def log(self, torque: np.ndarray, noise: float = 0.03, theta: np.ndarray | None = None) -> Log:
+        """What the recorder writes: 14 bits, every millisecond."""
+        seen = self.theta if theta is None else theta
+        read = np.round((seen + self.random.uniform() * COUNT) / COUNT) * COUNT
+        measured = torque + self.noise(noise)
+        time = STEP * np.arange(ROWS)
+        return Log(f"seed {self.seed}", read[LEAD:], measured[LEAD:], time, resolution=COUNT)
+
+
+def dahl(theta: np.ndarray, sigma0: float = SIGMA0, Fc: np.ndarray | float = FC) -> np.ndarray:  # noqa: N803
+    """Eq. 1 with a limit at each row; the exact step."""
+    limits = np.broadcast_to(np.asarray(Fc, dtype=float), theta.shape).tolist()
+    force, torque = 0.0, []
+    for move, limit in zip(np.diff(theta, prepend=theta[0]).tolist(), limits, strict=True):
+        end = limit if move > 0 else -limit
+        force += (end - force) * -np.expm1(-sigma0 * abs(move) / limit)
+        torque.append(force)
+    return np.array(torque)
+
+
+def slip(theta: np.ndarray, sigma0: float, Fc: float) -> np.ndarray:  # noqa: N803
+    force, torque = 0.0, []
+    for move in np.diff(theta, prepend=theta[0]).tolist():
+        force = min(max(force + sigma0 * move, -Fc), Fc)
+        torque.append(force)
+    return np.array(torque)
+
+
+# --- sensors --------------------------------------------------------------------------------------
+
+
+def mains_hum(seed: int) -> Log:
+    """A sine of 10 % of Fc that has nothing to do with the motion."""
+    rig = Rig(seed)
+    hum = 0.1 * FC * np.sin(2 * np.pi * rig.rows * 0.0507 + seed)
+    return rig.log(dahl(rig.theta) + hum)
+
+
+def noise_with_speed(seed: int) -> Log:
+    rig = Rig(seed)
+    fast = np.abs(rig.speed) / np.abs(rig.speed).max()
+    return rig.log(dahl(rig.theta) + rig.noise(0.15) * fast)
+
+
+def noise_bursts(seed: int) -> Log:
+    """Three tenths of a second with thirty times the noise."""
+    rig = Rig(seed)
+    extra = np.zeros(len(rig.theta))
+    for start in rig.random.integers(LEAD, ROWS - 300, size=3):
+        extra[start : start + 100] = 1.0
+    return rig.log(dahl(rig.theta) + rig.noise(0.9) * extra)
+
+
+def dead_band(seed: int) -> Log:
+    """A converter that reads 0 within 4 % of Fc."""
+    rig = Rig(seed)
+    torque = dahl(rig.theta) + rig.noise(0.01)
+    return rig.log(np.where(np.abs(torque) < 0.04 * FC, 0.0, torque), noise=0.003)
+
+
+def ringing(seed: int) -> Log:
+    """A torque cell on a shaft that rings: a second order of 15 rows with little damping."""
+    rig = Rig(seed)
+    pole = np.exp((-0.3 + 1j * np.sqrt(1 - 0.09)) * 2 * np.pi / 15)
+    a = np.array([1.0, -2 * pole.real, abs(pole) ** 2])
+    return rig.log(lfilter([a.sum()], a, dahl(rig.theta)))
+
+
+def offset_jumps(seed: int) -> Log:
+    """The offset jumps by up to 6 % of Fc, four times."""
+    rig = Rig(seed)
+    torque = dahl(rig.theta)
+    for start in rig.random.integers(LEAD, ROWS, size=4):
+        torque[start:] += rig.random.uniform(-0.06, 0.06) * FC
+    return rig.log(torque)
+
+
+def slow_encoder_filter(seed: int) -> Log:
+    """The angle goes through a filter of two rows, so that the torque seems early."""
+    rig = Rig(seed)
+    seen = lfilter([1 - np.exp(-0.5)], [1, -np.exp(-0.5)], rig.theta)
+    return rig.log(dahl(rig.theta), theta=seen)
+
+
+def eccentric_encoder(seed: int) -> Log:
+    """An error of three counts once per turn, on strokes of a small part of a turn."""
+    rig = Rig(seed)
+    return rig.log(dahl(rig.theta), theta=rig.theta + 3 * COUNT * np.sin(rig.theta + seed))
+
+
+# --- recorders ------------------------------------------------------------------------------------
+
+
+def zero_phase_filter(seed: int) -> Log:
+    """The torque was smoothed forward and backward before it was written."""
+    rig = Rig(seed)
+    noisy = dahl(rig.theta) + rig.noise(0.05)
+    return rig.log(filtfilt([0.35], [1, -0.65], noisy), noise=0.0)
+
+
+def interpolated_rows(seed: int) -> Log:
+    """Both channels come every four rows and are interpolated."""
+    rig = Rig(seed)
+    log = rig.log(dahl(rig.theta))
+    known = np.arange(0, ROWS, 4)
+    log.theta = np.interp(np.arange(ROWS), known, log.theta[known])
+    log.torque = np.interp(np.arange(ROWS), known, log.torque[known])
+    return Log(log.name, log.theta, log.torque, log.time)
+
+
+def jittering_clock(seed: int) -> Log:
+    """Times that are wrong by up to .4 of a row; a viscous part that needs them."""
+    rig = Rig(seed)
+    log = rig.log(dahl(rig.theta) + 0.15 * FC * rig.speed / np.abs(rig.speed).max())
+    log.time = log.time + STEP * rig.random.uniform(-0.4, 0.4, size=ROWS)
+    return log
+
+
+def drifting_clocks(seed: int) -> Log:
+    """Two recorders: the torque is late by 0 rows at the start and by 3 at the end."""
+    rig = Rig(seed)
+    late = np.maximum(rig.rows, 0) * 3 / ROWS
+    places = np.arange(len(rig.theta))
+    return rig.log(np.interp(places - late, places, dahl(rig.theta)))
+
+
+def missed_counts(seed: int) -> Log:
+    """The counter loses a count in one of four reversals."""
+    rig = Rig(seed)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(rig.theta)))) + 1
+    lost = np.zeros(len(rig.theta))
+    for turn in turns[:: 4 - seed % 2]:
+        lost[turn:] += COUNT
+    return rig.log(dahl(rig.theta), theta=rig.theta - lost)
+
+
+# --- mechanisms -----------------------------------------------------------------------------------
+
+
+def unbalanced(seed: int) -> Log:
+    """A weight on the shaft: 30 % of Fc times the sine of a large angle."""
+    rig = Rig(seed, amplitude=60.0, cycles=8.4)
+    gravity = 0.3 * FC * np.sin(12 * rig.theta + seed)
+    return rig.log(dahl(rig.theta) + gravity)
+
+
+def wearing_in(seed: int) -> Log:
+    """Fc falls by 12 % within the first third of the log; the truth is its mean."""
+    rig = Rig(seed)
+    factor = 1 + 0.12 * np.exp(-np.maximum(rig.rows, 0) / (ROWS / 3))
+    return rig.log(dahl(rig.theta, Fc=FC * factor / factor[LEAD:].mean()))
+
+
+def eccentric_bearing(seed: int) -> Log:
+    """Fc depends on the angle by 12 %."""
+    rig = Rig(seed)
+    factor = 1 + 0.12 * np.sin(rig.theta / (2 * LENGTH) + seed)
+    return rig.log(dahl(rig.theta, Fc=FC * factor))
+
+
+def adhesion_after_rest(seed: int) -> Log:
+    """Rests at each turn, then a peak of 15 % of Fc two presliding lengths later."""
+    rig = Rig(seed)
+    rig.theta = rig.amplitude * LENGTH * np.clip(1.4 * np.sin(rig.phase), -1, 1)
+    moves = np.diff(rig.theta, prepend=rig.theta[0])
+    since, peak = 1e9, []
+    rested = 0
+    for move in moves.tolist():
+        rested = rested + 1 if abs(move) < 1e-12 else rested
+        if abs(move) >= 1e-12:
+            since = 0.0 if rested > 5 else since + abs(move) / LENGTH
+            rested = 0
+        peak.append(
+            0.15 * FC * np.sign(move) * (since / 2) ** 2 * np.exp(2 - since) if since < 50 else 0.0
+        )
+    return rig.log(dahl(rig.theta) + np.array(peak))
+
+
+def eight_elements(seed: int) -> Log:
+    """A rolling bearing: eight slip elements from stiff to soft."""
+    rig = Rig(seed)
+    limits = np.full(8, FC / 8)
+    lengths = np.geomspace(0.3, 3.0, 8)
+    stiffness = limits / lengths
+    stiffness *= SIGMA0 / stiffness.sum()
+    return rig.log(sum(slip(rig.theta, k, f) for k, f in zip(stiffness, limits, strict=True)))
+
+
+def lever_spring_with_play(seed: int) -> Log:
+    """A spring that acts only beyond half of the stroke."""
+    rig = Rig(seed)
+    beyond = np.sign(rig.theta) * np.maximum(np.abs(rig.theta) - 0.5 * np.abs(rig.theta).max(), 0)
+    return rig.log(dahl(rig.theta) + 0.4 * FC * beyond / np.abs(beyond).max())
+
+
+def heavy_rotor(seed: int) -> Log:
+    """An inertia whose torque is as large as Fc, on a motion of many speeds."""
+    rig = Rig(seed)
+    x = np.linspace(0, 1, len(rig.theta))
+    rig.theta = rig.amplitude * LENGTH * np.sin(2 * np.pi * (5 * x + 5 * x**2) + seed)
+    acceleration = np.gradient(rig.speed, STEP)
+    return rig.log(dahl(rig.theta) + FC * acceleration / np.abs(acceleration).max())
+
+
+# --- motions --------------------------------------------------------------------------------------
+
+
+def moved_by_hand(seed: int) -> Log:
+    """Strokes of all lengths and speeds; the torque is a row late."""
+    rig = Rig(seed)
+    steps = rig.random.normal(size=len(rig.theta))
+    pole = np.exp(-1 / 60)
+    for _ in range(3):
+        steps = lfilter([1 - pole], [1, -pole], steps)
+    rig.theta = 8 * LENGTH * (steps - steps.mean()) / np.std(steps)
+    return rig.log(np.roll(dahl(rig.theta), 1))
+
+
+def stick_slip(seed: int) -> Log:
+    """The shaft jumps: it rests, then catches up within a few rows."""
+    rig = Rig(seed)
+    held, moved = rig.theta[0], []
+    for target in rig.theta.tolist():
+        if abs(target - held) > 1.5 * LENGTH:
+            held = target
+        moved.append(held)
+    rig.theta = filtfilt([0.4], [1, -0.6], np.array(moved))
+    return rig.log(dahl(rig.theta))
+
+
+def stops_within_strokes(seed: int) -> Log:
+    rig = Rig(seed)
+    pace = np.where(np.sin(3.7 * rig.phase + 1) > 0.5, 0.0, 1.0)
+    phase = np.cumsum(pace) / pace.sum() * np.ptp(rig.phase) + rig.phase[0]
+    rig.theta = rig.stroke(phase, seed % 3)
+    return rig.log(dahl(rig.theta))
+
+
+def two_lengths(seed: int) -> Log:
+    """Five long strokes, then many of .8 presliding lengths."""
+    rig = Rig(seed, cycles=16.2)
+    envelope = np.where(rig.rows < ROWS * 0.4, 1.0, 0.8 / rig.amplitude)
+    rig.theta = rig.theta * envelope
+    return rig.log(dahl(rig.theta))
+
+
+def ratchet(seed: int) -> Log:
+    """Each cycle goes a third further than it comes back."""
+    rig = Rig(seed)
+    drift = 0.35 * 2 * rig.amplitude * LENGTH * rig.cycles * (rig.rows / ROWS)
+    rig.theta = rig.theta + drift
+    return rig.log(dahl(rig.theta))
+
+
+KINDS: dict[str, Callable[[int], Log]] = {
+    "mains hum": mains_hum,
+    "noise with speed": noise_with_speed,
+    "noise bursts": noise_bursts,
+    "dead band of the sensor": dead_band,
+    "ringing torque cell": ringing,
+    "offset jumps": offset_jumps,
+    "filtered angle": slow_encoder_filter,
+    "eccentric encoder": eccentric_encoder,
+    "zero-phase filter": zero_phase_filter,
+    "interpolated rows": interpolated_rows,
+    "jittering clock": jittering_clock,
+    "clocks that drift apart": drifting_clocks,
+    "missed counts": missed_counts,
+    "unbalanced shaft": unbalanced,
+    "wearing in 12 %": wearing_in,
+    "Fc by angle 12 %": eccentric_bearing,
+    "adhesion after rests": adhesion_after_rest,
+    "eight elements": eight_elements,
+    "spring beyond half": lever_spring_with_play,
+    "heavy rotor": heavy_rotor,
+    "moved by hand": moved_by_hand,
+    "stick-slip motion": stick_slip,
+    "stops within strokes": stops_within_strokes,
+    "two lengths": two_lengths,
+    "ratchet": ratchet,
+}

@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: MIT
+"""A log is repaired and the repair is noted, or it is rejected with value, limit and place: before
+any fit. Beside each limit stands a log that just passes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dahl import Error
+from dahl.identify import Log, encoder_grid
+from dahl.identify.preprocess import preprocess
+from identify_tools import COUNT, FC, dahl_torque, noise_of, shaft, sine, synthetic, with_gaps
+
+# --- rejected -------------------------------------------------------------------------------------
+
+
+def changed(**columns: float) -> Log:
+    """A log with a column that never changes."""
+    log = shaft(rows=300, cycles=3)
+    return replace(log, **{name: np.full(300, value) for name, value in columns.items()})
+
+
+def clipped(part: float, rows: int = 4000, side: int = 1, moving: float = 1.0) -> Log:
+    """A noisy torque that is at its end for a part of the rows; in `moving` of these the shaft
+    moves.
+    """
+    log = synthetic(1, rows=rows, cycles=4)
+    start, count = rows // 4, int(part * rows)
+    log.torque[start : start + count] = 1.01 * log.torque.max()
+    rest = slice(start, start + int(count * (1 - moving)))
+    log.theta[rest] = log.theta[start]
+    return replace(log, torque=side * log.torque)
+
+
+def creeping(end: float) -> Log:
+    """A shaft that needs six rows and more for a count, and a sensor that ends at a part of Fc."""
+    log = synthetic(1, rows=8000, cycles=4, amplitude=0.02)
+    return replace(log, torque=np.clip(log.torque, -end * FC, end * FC))
+
+
+def coarse_torque() -> Log:
+    log = shaft(rows=3000, noise=0.0)
+    return replace(log, torque=np.round(log.torque / FC * 4) * FC / 4)
+
+
+def spanning(span: float, linear: bool) -> Log:
+    log = synthetic(1, rows=400, cycles=3)
+    theta = log.theta * span / np.ptp(log.theta)
+    return replace(log, theta=theta, linear=linear, resolution=0.0, time=None)
+
+
+def in_other_unit(counts: float, linear: bool = False, to_deg: bool = True) -> Log:
+    """An angle in deg of an encoder of so many counts, used as rad; or the reverse."""
+    log = synthetic(1, rows=400, cycles=3, amplitude=0.6)
+    step, turn = (360 / counts, np.degrees) if to_deg else (2 * np.pi / counts, lambda x: x)
+    theta = np.round(turn(log.theta) / step) * step
+    if not to_deg:
+        theta, step = np.radians(theta), np.radians(step)
+    return replace(log, theta=theta, resolution=step, linear=linear)
+
+
+def short_pieces(rows: int) -> Log:
+    """Ten pieces of so many rows between gaps of the clock."""
+    log = synthetic(1, rows=10 * rows, cycles=4)
+    return replace(log, time=log.time + 0.02 * (np.arange(10 * rows) // rows))
+
+
+def wrapping(counts: int, offset: int = 0) -> Log:
+    """A counter that starts again after so many; the motion covers 260."""
+    log = shaft()
+    return replace(log, theta=(np.round(log.theta / COUNT) + offset) % counts * COUNT)
+
+
+def wrapping_at_a_turn(linear: bool) -> Log:
+    theta = (3.0 * np.sin(np.linspace(0, 40, 4000)) + 3) * 1.5
+    torque = dahl_torque(theta, 2.0, 1.0) + 0.02 * noise_of(1, 4000)
+    return Log("x", theta % (2 * np.pi), torque, linear=linear)
+
+
+def seldom(log: Log, every: int, straight: bool, first: int = 0) -> Log:
+    """A torque of every so many rows, held or interpolated."""
+    rows = np.arange(log.rows)
+    last = np.maximum((rows - first) // every * every + first, first)
+    between = np.interp(rows, rows[first::every], log.torque[first::every])
+    return replace(log, torque=between if straight else log.torque[last])
+
+
+STAIRS = [0.0, 2, 4, 4, 4, 6, 3, 0, 0, 3, 6, 9]
+
+
+def stairs(times: int, size: float = 1.0) -> Log:
+    """An angle that is read every four rows, and at some readings did not move."""
+    theta = np.repeat(STAIRS * times, 4) * COUNT * size
+    rows = np.arange(theta.size) * 1.0
+    return Log("x", theta, rows, rows, resolution=COUNT)
+
+
+REJECTED: dict[str, tuple[Callable[[], Log], str]] = {
+    "angle at rest": (lambda: changed(theta=0.25), r"angle .*0\.25 .*300"),
+    "torque at rest": (lambda: changed(torque=-1.5), r"torque .*-1\.5 .*300"),
+    "29 rows": (lambda: synthetic(1, rows=29), "29 rows.* 30"),
+    "30 rows": (lambda: synthetic(1, rows=30), ""),
+    "clipped": (lambda: clipped(0.03), r"clipped at 0\.\d+ N m .120 of 4000 rows.* row 1001"),
+    "hardly clipped": (lambda: clipped(0.019), ""),
+    "clipped below": (lambda: clipped(0.03, side=-1), r"clipped at -0\.\d+ N m .120 of 4000"),
+    "clipped while it rests": (lambda: clipped(0.03, moving=0.1), ""),
+    "clipped, a third moves": (lambda: clipped(0.03, moving=0.35), "clipped"),
+    "few clipped rows": (lambda: clipped(0.05, rows=380), ""),
+    "22 clipped rows": (lambda: clipped(0.058, rows=380), "clipped .*22 of 380"),
+    "creeping, clipped": (lambda: creeping(0.9), r"clipped at -?0\.45 N m"),
+    "creeping": (lambda: creeping(2), ""),
+    "coarse torque": (coarse_torque, ""),
+    "110 m": (lambda: spanning(1.1e2, True), "110 m.*100 "),
+    "90 m": (lambda: spanning(0.9e2, True), ""),
+    "9 nm": (lambda: spanning(0.9e-8, True), "9e-09 m.*1e-08"),
+    "11 nm": (lambda: spanning(1.1e-8, True), ""),
+    "11000 rad": (lambda: spanning(1.1e4, False), "11000 rad.*10000"),
+    "9000 rad": (lambda: spanning(0.9e4, False), ""),
+    "90 nrad": (lambda: spanning(0.9e-7, False), "9e-08 rad.*1e-07"),
+    "110 nrad": (lambda: spanning(1.1e-7, False), ""),
+    "deg of 4096": (lambda: in_other_unit(4096), "0878906 rad .*71\\.5 .*4096 in deg"),
+    "deg of 256": (lambda: in_other_unit(256), "256 in deg"),
+    "deg of 128": (lambda: in_other_unit(128), ""),
+    "deg of 4096, a bit off": (lambda: in_other_unit(4096 * 1.0004), "4098 in deg"),
+    "deg of another number": (lambda: in_other_unit(4096 * 1.0006), ""),
+    "mm of 4096": (lambda: in_other_unit(4096, linear=True), ""),
+    "rad of 4096": (lambda: in_other_unit(4096, to_deg=False), "4096 in rad"),
+    "pieces of 29 rows": (lambda: short_pieces(29), "9 gaps.* 0 pieces.* 290 rows"),
+    "pieces of 30 rows": (lambda: short_pieces(30), ""),
+    "wrap at no period": (lambda: wrapping(200), " 16 times"),
+    "wrap at a turn": (lambda: wrapping_at_a_turn(False), ""),
+    "wrap at a turn, in m": (lambda: wrapping_at_a_turn(True), "unwrap"),
+    "11 readings of the angle": (
+        lambda: stairs(9).part(slice(48)),
+        "every 4 rows only: 11 readings, at least 30",
+    ),
+    "29 readings of the torque": (
+        lambda: seldom(synthetic(3).part(slice(1050)), 35, straight=False),
+        "every 35 rows only: 29 readings, at least 30",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REJECTED)
+def test_what_is_rejected_and_what_just_passes(name):
+    """With its value and limit in one line; an unclear unit passes if it is to be trusted."""
+    make, words = REJECTED[name]
+    trusted = "readings" in name
+    if not words:
+        preprocess(make())
+        return
+    with pytest.raises(Error, match=words) as said:
+        preprocess(make(), trusted)
+    assert "\n" not in str(said.value) and str(said.value).startswith(f"{make().name}: ")
+    if re.search("trust-units", str(said.value)):
+        preprocess(make(), trust_units=True)
+
+
+@pytest.mark.parametrize(
+    ("part", "said"), [(1.0, ""), (2.0, "16384"), (0.5, "16384"), (16384 / 16000, "16384")]
+)
+def test_counts_that_were_given_against_the_grid(part, said):
+    words = encoder_grid.contradiction(replace(shaft(), resolution=part * COUNT))
+    assert bool(words) is bool(said) and said in words
+
+
+# --- repaired -------------------------------------------------------------------------------------
+
+
+def notes(pieces: list[Log], word: str) -> list[str]:
+    return [note for piece in pieces for note in piece.notes if word in note]
+
+
+def numbers(pieces: list[Log], word: str) -> list[float]:
+    (note,) = notes(pieces, word)
+    return [float(number) for number in re.findall(r"(?<![\w.])\d+(?:\.\d+)?", note)]
+
+
+@pytest.mark.parametrize(("counts", "offset"), [(128, 0), (256, 0), (256, 60), (128, 60)])
+def test_a_counter_that_wraps_at_a_power_of_two(counts, offset):
+    log = wrapping(counts, offset)
+    (piece,) = preprocess(log)
+    times = np.count_nonzero(np.abs(np.diff(log.theta)) > counts / 2 * COUNT)
+    assert {times, counts} <= {*numbers([piece], "wraps")}
+    assert np.diff(piece.theta) == pytest.approx(np.diff(shaft().theta), abs=1e-9)
+
+
+def test_an_angle_that_wraps_at_a_turn():
+    (piece,) = preprocess(wrapping_at_a_turn(False))
+    assert np.ptp(piece.theta) == pytest.approx(9, rel=1e-3) and notes([piece], "6.28319 rad")
+
+
+@pytest.mark.parametrize("kind", ["spikes", "two levels", "coarse", "quick returns"])
+def test_what_does_not_wrap(kind):
+    log = synthetic(1, rows=20_000 if kind == "coarse" else 2000, cycles=8)
+    theta = log.theta.copy()
+    if kind == "spikes":
+        theta[::500] = theta.max()
+    elif kind == "two levels":
+        theta = (theta > 0) * COUNT
+    elif kind == "coarse":
+        theta = theta[::400]
+    else:  # in one row each: two from end to end, one over two thirds
+        theta = np.concatenate([np.linspace(low, 1, 500) for low in (0, 0, 1 / 3, 0)])
+    log = replace(log, theta=theta, torque=log.torque[: len(theta)], time=None)
+    pieces = preprocess(log, median=1)
+    assert not notes(pieces, "wraps") and np.ptp(pieces[0].theta) == np.ptp(theta)
+
+
+def test_a_log_is_split_at_the_gaps_of_its_clock():
+    log = with_gaps(shaft(), (300, 420), (1400, 1999))
+    pieces = preprocess(log)
+    assert [piece.rows for piece in pieces] == [300, 980, 401]
+    assert numbers(pieces, "gaps")[0] == 2 and sum(piece.rows for piece in pieces) == log.rows
+    assert numbers(preprocess(with_gaps(shaft(), (300, 420))), "1 gap ")[:3] == [1, 0.121, 300]
+
+
+def test_pieces_too_short_or_at_rest_are_left_out():
+    log = synthetic(1, rows=6000, cycles=12)
+    log.theta[2300:3000] = log.theta[2300]
+    pieces = preprocess(with_gaps(log, (2000, 2100), (2120, 2300), (3000, 3100)))
+    assert [piece.rows for piece in pieces] == [2000, 2900] and notes(pieces, "720 rows")
+
+
+@pytest.mark.parametrize(
+    "clock", ["jitter", "coarse", "bursts", "edges", "stands still", "long step"]
+)
+def test_a_clock_without_gaps_splits_nothing(clock):
+    log, words = synthetic(1, rows=6000, cycles=6), {"coarse": "spread", "stands still": "not used"}
+    if clock == "jitter":
+        log.time = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, log.rows))
+    elif clock == "bursts":
+        log.time = np.cumsum(np.where(np.arange(log.rows) % 10, 1e-4, 1e-3))
+    elif clock == "coarse":
+        log.time = np.floor(log.time / 0.004) * 0.004
+    elif clock == "stands still":
+        log.time = np.zeros(log.rows)
+    elif clock == "long step":
+        log.time[3000:] += 3.9e-3  # 4.9 steps
+    else:
+        log = log.part(np.concatenate(([True], np.diff(log.theta) != 0)))
+    (piece,) = preprocess(log)
+    assert piece.rows == log.rows and not notes([piece], "gap")
+    said = [notes([piece], word) for word in words.values()]
+    assert [bool(some) for some in said] == [word == words.get(clock) for word in words.values()]
+    if clock == "coarse":
+        assert np.diff(piece.time) == pytest.approx(1e-3)
+    assert (piece.time is None) == (clock == "stands still")
+
+
+@pytest.mark.parametrize("every", [2.0, 5.0, 4.4])
+@pytest.mark.parametrize("count", [COUNT, 0.0])
+def test_rows_between_two_readings_of_the_angle_are_left_out(every, count):
+    log = synthetic(3, rows=6000, cycles=20)
+    if not count:
+        theta = sine(3, rows=6000, cycles=20)
+        log = replace(log, theta=theta, torque=dahl_torque(theta), resolution=0.0)
+    held = np.ceil(np.floor(np.arange(log.rows) / every) * every).astype(int)
+    (piece,) = preprocess(replace(log, theta=log.theta[held]))
+    assert piece.rows == pytest.approx(6000 / every, rel=0.1)
+    assert numbers([piece], "angle has a new reading") == [round(every), 6000 - piece.rows]
+
+
+def test_rows_that_are_left_have_a_reading_of_their_own():
+    """If the angle stands still for several readings, each of them counts; counts of a slow motion
+    are no readings.
+    """
+    (piece,) = preprocess(stairs(9), trust_units=True)
+    assert piece.torque.tolist() == [4.0 * k for k in range(1, 9 * len(STAIRS))]
+    assert preprocess(stairs(9, 1 / 3), trust_units=True)[0].rows == stairs(9).rows
+
+
+@pytest.mark.parametrize(("every", "straight"), [(4, True), (20, False), (20, True), (33, False)])
+def test_a_torque_read_at_some_rows_weighs_at_those(every, straight):
+    log = seldom(synthetic(2, part=0.02, rows=16_000, cycles=15.3), every, straight, first=3)
+    (piece,) = preprocess(replace(log, torque=log.torque.round(6)))
+    weighing = np.flatnonzero(piece.weight)
+    assert set(weighing) <= set(range(3, 16_000, every)) and len(weighing) > 0.9 * 16_000 / every
+    assert piece.torque[weighing] == pytest.approx(log.torque[weighing], abs=1e-6)
+    assert numbers([piece], "torque has a new reading") == [every, 16_000 - len(weighing)]
+
+
+SMOOTH = dahl_torque(sine(3, rows=6000, cycles=40))
+DRY = np.sign(np.sin(np.arange(6000) * 0.05))  # 0 in the first row
+SPRING = np.abs(np.arange(6000) / 63 % 2 - 1)  # of a motion to and fro at one speed
+NOISY = SMOOTH + 0.01 * noise_of(3, 6000)
+EACH_ROW = {
+    "smooth": SMOOTH,
+    "noisy": NOISY,
+    "two digits": NOISY.round(2),
+    "a step every 20 rows, by the last digit": np.round(np.linspace(0, 3, 6000), 2),
+    "rows that repeat at odd places": np.repeat(NOISY, np.arange(6000) % 3 + 1)[:6000],
+    "dry": DRY + 1e-9 * SPRING,
+    "a spring": SPRING,
+    "dry and a spring": DRY + SPRING,
+    "dry and noise": DRY + 0.06 * noise_of(3, 6000),
+}
+
+
+@pytest.mark.parametrize("kind", EACH_ROW)
+def test_a_torque_with_a_reading_in_each_row_stays(kind):
+    (piece,) = preprocess(Log("x", sine(3, rows=6000, cycles=40), EACH_ROW[kind]), True)
+    assert not notes([piece], "new reading") and piece.weight is None
+
+
+@pytest.mark.parametrize("kind", ["each twice", "some"])
+def test_repeated_rows_are_left_out_and_counted(kind):
+    log = synthetic(1, rows=4000, cycles=8)
+    often = np.full(log.rows, 2)
+    if kind == "some":
+        often = 1 + (np.random.default_rng(1).uniform(size=log.rows) < 0.1)
+    rows = np.repeat(np.arange(log.rows), often)
+    (piece,) = preprocess(replace(log.part(rows), time=np.arange(len(rows)) * 1e-3))
+    assert np.array_equal(piece.torque, log.torque)
+    assert numbers([piece], "repeat") == [len(rows) - log.rows, len(rows)]
+
+
+@pytest.mark.parametrize(
+    "kind", ["noise", "computed", "computed, with rests", "coarse torque", "at rest", "loads"]
+)
+def test_rows_that_are_alike_for_other_reasons_stay(kind):
+    log = synthetic(1, rows=4000, cycles=8)
+    if kind == "computed":
+        log.torque = dahl_torque(log.theta)
+    elif kind == "computed, with rests":
+        rests = np.repeat(np.arange(log.rows), np.where(np.arange(log.rows) % 50, 1, 2))
+        theta = sine(1, rows=4000, cycles=8)[rests]
+        log = Log("x", theta, dahl_torque(theta), np.arange(len(rests)) * 1e-3)
+    elif kind == "coarse torque":
+        log.torque = np.round(log.torque / 0.05) * 0.05
+    elif kind == "loads":  # one row before and one after another load is put on
+        log = log.part(np.repeat(np.arange(log.rows), 2))
+        log.load = np.arange(log.rows) % 2.0
+    elif kind == "at rest":
+        log.theta[500:] = log.theta[500]
+        log.torque[500:] = log.torque[500]
+    pieces = preprocess(log)
+    assert not notes(pieces, "repeat") and sum(one.rows for one in pieces) == log.rows
+
+
+def spiked(spikes: int, size: float = 0.02) -> Log:
+    """So many rows, each alone, with another angle, rad."""
+    log = shaft(4, rows=3000, cycles=6)
+    log.theta[np.random.default_rng(0).choice(2998, spikes, replace=False) + 1] += size
+    return log
+
+
+@pytest.mark.parametrize(
+    ("spikes", "median", "rows"), [(4, 0, 0), (20, 0, 9), (20, 1, 0), (20, 5, 5), (0, 5, 5)]
+)
+def test_an_angle_that_flickers(spikes, median, rows):
+    """More than eight rows that turn back at once: a running median, unless it was chosen."""
+    (piece,) = preprocess(spiked(spikes), median=median)
+    assert bool(notes([piece], "median")) is (rows > 0)
+    if rows:
+        assert numbers([piece], "median")[-1] == rows
+        assert np.abs(piece.theta - spiked(0).theta).max() < 3 * COUNT
+
+
+def test_white_noise_of_the_angle_is_no_flicker():
+    theta = sine(1, rows=3000, cycles=8) + 5 * COUNT * noise_of(51, 3000)
+    log = Log("x", np.round(theta / COUNT) * COUNT, dahl_torque(theta), resolution=COUNT)
+    (piece,) = preprocess(log)
+    assert not notes([piece], "median") and np.array_equal(piece.theta, log.theta)
+
+
+def test_each_note_belongs_to_the_log_of_its_trouble():
+    """A log as given is left as it is."""
+    log = wrapping(128)
+    before = log.theta.copy()
+    assert notes(preprocess(log), "wraps") and not log.notes and np.array_equal(log.theta, before)
+    assert not preprocess(shaft())[0].notes

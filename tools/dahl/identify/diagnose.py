@@ -1,0 +1,356 @@
+# SPDX-License-Identifier: MIT
+"""Lack of fit: columns that must not explain what the best hypothesis leaves.
+
+Each row of the table is one thing that the hypotheses do not know. If cycles that were left out ask
+for it, it widens the intervals by what it moves. If it moves a parameter too far, the claim of that
+parameter is withdrawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dahl.identify import models
+from dahl.identify.fit import Fit, Fitter, cost_of, excess, jackknife, solve
+from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
+
+SURE = 2.0  # standard errors of the gain on cycles left out
+MIN_GAIN = 0.02  # of the residual, that a row must explain
+BEYOND = 0.5  # of what a row moves: columns are one of many ways to describe what is there
+ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
+SHAPE_KNOTS = (0.15, 0.5, 1.2, 2.5, 5.0, 10.0)  # presliding lengths since the last turn
+ENCODER_ERROR = 0.5  # counts, at which the effect of an encoder error is linearised
+CORRECTABLE = "encoder error"  # rows whose name begins so can be taken out of the angle
+
+
+@dataclass
+class Row:
+    """Columns of one thing, and what their coefficients add to sigma0 and Fc.
+
+    `effect` (2, columns) is added to sigma0 and Fc. `ends` (2, ends, columns) gives ln a and Fc at
+    both ends of what varies, as parts. `max_move` is the part by which a parameter may move before
+    its claim is withdrawn.
+    """
+
+    name: str
+    columns: np.ndarray
+    max_move: float = np.inf
+    min_gain: float = MIN_GAIN
+    effect: np.ndarray | None = None
+    ends: np.ndarray | None = None
+    is_friction: bool = False  # the first coefficient is an Fc and must be positive
+
+
+@dataclass
+class Lack:
+    """A row that cycles left out ask for."""
+
+    name: str
+    gain: float  # part of the residual
+    moved: np.ndarray  # (2,) of sigma0 and Fc, as parts
+    low: np.ndarray  # (2,)
+    high: np.ndarray
+    withdraws: tuple[bool, bool] = (False, False)
+    text: str = ""  # one line for people
+    coefficients: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass
+class Context:
+    """What the rows are made from."""
+
+    fitter: Fitter
+    fit: Fit
+    base: np.ndarray  # columns of the hypothesis
+
+    def __post_init__(self) -> None:
+        h, m = self.fit.hypothesis, len(self.fit.limits)
+        self.samples: Samples = self.fitter.samples
+        self.friction = self.base[:, :m] @ self.fit.limits  # N m
+        self.Fc = float(self.fit.limits.sum())
+        self.w = self.friction / self.Fc
+        self.by_a = self.base[:, m : 2 * m].sum(axis=1)  # change with ln a of all elements
+        self.a = float(np.sum(np.exp(self.fit.p[:m]) * self.fit.limits) / self.Fc)
+        self.moves = self.fitter.moves[h.angle]
+        self.angle = self.samples.angles[h.angle]
+        self.z = self.samples.terms["spring"]
+        self.progress = np.linspace(-0.5, 0.5, self.samples.rows)  # through all logs
+        self.relative_speed = np.abs(self.samples.speed) / self.fitter.fast
+        self.delay = float(self.fit.p[-1]) if h.lag == "delay" else 0.0
+
+    def element(self, law: Callable[..., np.ndarray], *parameters: float | str) -> np.ndarray:
+        """Fc times another law on the same motion, with the delay of the fit."""
+        w = law(self.moves, self.samples.pieces, *parameters)
+        found: np.ndarray = self.Fc * self.samples.delayed(w, self.delay)
+        return found
+
+
+def lack_of_fit(
+    fitter: Fitter, fit: Fit, quantile: float, corrected: Sequence[str] = ()
+) -> list[Lack]:
+    """The rows that cycles left out ask for.
+
+    Rows named in `corrected` were taken out of the angle before. They are listed with what is not
+    known of them.
+    """
+    h = fit.hypothesis
+    base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
+    rows = table(Context(fitter, fit, base))
+    units = [np.sqrt(np.mean(row.columns**2, axis=0)) + 1e-300 for row in rows]
+    scaled = [row.columns / unit for row, unit in zip(rows, units, strict=True)]
+    judge = _Judge(fit, fitter.samples.grams(np.column_stack((base, *scaled))), base.shape[1])
+    lacks, first = [], base.shape[1]
+    for row, unit in zip(rows, units, strict=True):
+        columns = list(range(first, first + row.columns.shape[1]))
+        first += row.columns.shape[1]
+        lack = judge.lack(row, columns, unit, quantile, row.name in corrected)
+        lacks += [lack] if lack is not None else []
+    return lacks
+
+
+class _Judge:
+    """Scores rows against the fit without them."""
+
+    def __init__(self, fit: Fit, grams: np.ndarray, own: int) -> None:
+        self.fit, self.grams, self.own = fit, grams, list(range(own))
+        self.whole = grams.sum(axis=0)
+        self.before, _, c = self._scored(self.own)
+        self.value = self._parameters(c)
+
+    def _scored(self, columns: list[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        left = solve(self.whole - self.grams, columns)
+        return cost_of(self.grams, columns, left), left, solve(self.whole, columns)
+
+    def _parameters(self, c: np.ndarray) -> np.ndarray:
+        m = len(self.fit.limits)
+        change = self.fit.limits * np.clip(c[..., m : 2 * m], -0.6, 0.6)
+        sigma0 = np.sum(np.exp(self.fit.p[:m]) * (c[..., :m] + change), axis=-1)
+        return np.stack((sigma0, c[..., :m].sum(axis=-1)), axis=-1)
+
+    def lack(
+        self, row: Row, columns: list[int], unit: np.ndarray, quantile: float, known: bool
+    ) -> Lack | None:
+        """What a row finds; None if the cycles do not ask for it."""
+        after, left, c = self._scored(self.own + columns)
+        gain, error = excess(self.before, after)
+        asked = gain > SURE * error and gain > row.min_gain * after.sum()
+        own = len(self.own)
+        if not (known or asked) or (row.is_friction and not known and c[own] <= 0):
+            return None
+        x, each_x = c[own:] / unit, left[:, own:] / unit
+        value, each = self._parameters(c), self._parameters(left)
+        if row.effect is not None:
+            value, each = value + row.effect @ x, each + each_x @ row.effect.T
+        spread = quantile * jackknife(each)
+        low, high = value - spread, value + spread
+        moved = value / self.value - 1
+        if known:
+            return Lack(row.name, 0.0, moved, low, high, coefficients=x)
+        if row.ends is not None:
+            low, high = _at_ends(row.ends, x, each_x, value, each, quantile)
+        beyond = BEYOND * np.abs(value - self.value)
+        far = np.abs(moved) > row.max_move
+        # a row that explains most of the residual shows that the hypothesis is wrong
+        wrong = bool(np.isfinite(row.max_move)) and gain > after.sum()
+        withdraws = (bool(far[0]) or wrong, bool(far[1]))
+        part = float(gain / self.before.sum())
+        text = f"{row.name} would explain {100 * part:.0f} % of the residual"
+        return Lack(
+            row.name,
+            float(gain / after.sum()),
+            moved,
+            low - beyond,
+            high + beyond,
+            withdraws,
+            text,
+            x,
+        )
+
+
+def _at_ends(
+    ends: np.ndarray,
+    x: np.ndarray,
+    each_x: np.ndarray,
+    value: np.ndarray,
+    each: np.ndarray,
+    quantile: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest sigma0 and Fc over the ends of what varies, with their errors."""
+    rate, size = ends[0] @ x, ends[1] @ x
+    at = value * np.column_stack((np.exp(rate) * (1 + size), 1 + size))
+    rates, sizes = each_x @ ends[0].T, each_x @ ends[1].T
+    parts = np.stack((rates + sizes, sizes), axis=-1)  # (cycles, ends, 2)
+    error = quantile * np.hypot(jackknife(parts), jackknife(each) / value) * value
+    return (at - error).min(axis=0), (at + error).max(axis=0)
+
+
+# --- the table ------------------------------------------------------------------------------------
+
+
+def table(x: Context) -> list[Row]:
+    """All rows that make sense for a log."""
+    makers = (_laws, _elements, _turns_and_lags, _speed, _drift, _angle, _encoder, _between_logs)
+    return [row for make in makers for row in make(x)]
+
+
+def _stack(*columns: np.ndarray) -> np.ndarray:
+    return np.column_stack(columns)
+
+
+def _laws(x: Context) -> list[Row]:
+    """Another law in place of the one that was fitted."""
+    h = x.fit.hypothesis
+    many = x.fitter.strokes[h.angle] >= models.MAX_STROKES
+    if h.friction.kinds == ("table",) or many:
+        return []
+    shapes = (("exponent", 0.7), ("exponent", 1.4), ("bouc-wen", 1.5))
+    return [
+        Row(
+            f"{kind} {shape}",
+            _stack(x.element(models.tabulated, x.a, kind, shape) - x.friction),
+            max_move=0.1,
+        )
+        for kind, shape in shapes
+    ]
+
+
+def _elements(x: Context) -> list[Row]:
+    """One more element beside the law."""
+    more = ((models.dahl, 1 / 3), (models.dahl, 3.0), (models.slip, 0.5), (models.slip, 2.0))
+    return [
+        Row(
+            f"second element ({law.__name__} {ratio:.2g} a)",
+            _stack(x.element(law, x.a * ratio)),
+            max_move=0.15,
+            effect=np.array([[ratio * x.a * x.Fc], [x.Fc]]),
+            is_friction=True,
+        )
+        for law, ratio in more
+    ]
+
+
+def _turns_and_lags(x: Context) -> list[Row]:
+    """The shape after a turn, and a torque that is late."""
+    rate = x.samples.rate(x.friction)
+    return [
+        Row("shape since the turn", _since_turn(x), max_move=0.03, min_gain=0.03),
+        Row("low pass or delay", _stack(rate, x.samples.rate(rate)), max_move=0.2),
+    ]
+
+
+def _since_turn(x: Context) -> np.ndarray:
+    """Hat functions of the travel since the last turn, with the sign of the motion."""
+    knots, angle = np.array([0.0, *SHAPE_KNOTS]), x.samples.angles["between counts"]
+    columns = []
+    for rows in x.samples.pieces:
+        part = angle[rows]
+        turns = models.turning_points(part, MIN_TURN_LENGTHS / x.a)
+        last = np.searchsorted(turns, np.arange(len(part)), side="right") - 1
+        from_turn = part - part[np.append(turns, 0)[last]]
+        direction = np.where(from_turn == 0, 1.0, np.sign(from_turn))
+        hats = np.eye(len(knots))[1:-1]  # what fades: neither at the turn nor far from it
+        travel = x.a * np.abs(from_turn)
+        columns.append(np.column_stack([np.interp(travel, knots, h) for h in hats]))
+        columns[-1] *= direction[:, None]
+    return np.concatenate(columns)
+
+
+def _speed(x: Context) -> list[Row]:
+    """Friction that depends on speed."""
+    slow = [x.w * np.exp(-((x.relative_speed / part) ** 2)) for part in (0.1, 0.4)]
+    return [
+        Row("speed", _stack(*slow), max_move=0.03),
+        Row("viscous", _stack(x.samples.speed), max_move=0.2),
+    ]
+
+
+def _drift(x: Context) -> list[Row]:
+    """Parameters that change with time or with the direction."""
+    t, step = x.progress, np.sign(x.progress)
+    trend = _stack(t, t**2 - 1 / 12)
+    at = np.array([-0.45, 0.0, 0.45])
+    slope, none = np.column_stack((at, at**2 - 1 / 12)), np.zeros((3, 1))
+    rates = np.hstack((0 * slope, at[:, None]))
+    sizes = np.hstack((slope, none))
+    both_ways = np.array([[[0, -1.0], [0, 1]], [[-1, 0], [1, 0]]])
+    return [
+        Row("offset drift", trend),
+        Row(
+            "drift",
+            np.column_stack((x.friction[:, None] * trend, x.by_a * t)),
+            ends=np.stack((rates, sizes)),
+        ),
+        Row("step", _stack(x.friction * step, x.by_a * step), ends=both_ways),
+        Row(
+            "direction",
+            _stack(np.maximum(x.friction, 0), x.by_a * (np.sign(x.w) > 0)),
+            max_move=0.2,
+        ),
+    ]
+
+
+def _angle(x: Context) -> list[Row]:
+    """Torque or friction that depends on the angle."""
+    waves = x.samples.waves
+    rows = [Row("cubic spring", _stack(x.z, x.z**3, x.z**5))]
+    if "waves" not in x.fit.hypothesis.terms:
+        rows.append(Row("angle ripple", waves, max_move=0.2))
+    rows.append(
+        Row("Fc by angle", x.friction[:, None] * waves[:, ::3], max_move=0.2, min_gain=0.05)
+    )
+    return rows
+
+
+def _encoder(x: Context) -> list[Row]:
+    """An error of the encoder that repeats every so many counts."""
+    count = x.samples.count
+    rows = []
+    for period in ENCODER_PERIODS if count else ():
+        if 4 * period * count > np.ptp(x.angle):
+            continue
+        pair = []
+        for wave in (np.sin, np.cos):
+            error = ENCODER_ERROR * count * wave(2 * np.pi * x.angle / (period * count))
+            moves = x.samples.moves(x.angle + error)
+            changed = models.dahl(moves, x.samples.pieces, x.a)
+            change = changed - models.dahl(x.moves, x.samples.pieces, x.a)
+            pair.append(x.Fc * x.samples.delayed(change, x.delay) / (ENCODER_ERROR * count))
+        name = f"{CORRECTABLE} each {period} counts"
+        rows.append(Row(name, _stack(*pair), max_move=0.1, min_gain=0.03))
+    return rows
+
+
+def _between_logs(x: Context) -> list[Row]:
+    """Logs that differ."""
+    logs = np.unique(x.samples.log_of)
+    if len(logs) < 2:
+        return []
+    pieces = zip(x.samples.pieces, x.samples.log_of, strict=True)
+    owner = np.concatenate([np.full(rows.stop - rows.start, k) for rows, k in pieces])
+    share = 1 / len(logs)
+    masks = [np.where(owner == k, 1 - share, -share) for k in logs[1:]]
+    each = np.array([[float(k == j) - share for j in logs[1:]] for k in logs])
+    none = np.zeros_like(each)
+    ends = np.stack((np.hstack((each, none)), np.hstack((none, each))))
+    rate = x.samples.rate(x.friction)
+    both = _stack(*(part * mask for part in (x.by_a, x.friction) for mask in masks))
+    return [
+        Row("each log", both, min_gain=0.005, ends=ends),
+        Row("delay of each log", _stack(*(rate * mask for mask in masks)), max_move=0.1),
+        Row("offset of each log", _stack(*masks)),
+    ]
+
+
+def correct_encoder(samples: Samples, error: Lack) -> Samples:
+    """Take a periodic error of the encoder out of all angles."""
+    period = float(error.name.split()[-2]) * samples.count
+    angles = {}
+    for name, angle in samples.angles.items():
+        phase = 2 * np.pi * angle / period
+        angles[name] = angle + error.coefficients @ np.stack((np.sin(phase), np.cos(phase)))
+    for name, angle in angles.items():
+        samples = samples.with_angle(name, angle)
+    return samples

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: MIT
+"""From logs to sigma0 and Fc: fit hypotheses, find what is plausible, widen by what is not known.
+
+identify() runs all of it. The interval of a parameter starts with the plausible hypotheses. Lack of
+fit and simulated logs widen it. One rule then decides what is claimed (result.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from dahl import Error
+from dahl.identify import diagnose, preprocess, select, simulate
+from dahl.identify.diagnose import CORRECTABLE, Lack
+from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
+from dahl.identify.log import Log
+from dahl.identify.models import OPTIONS
+from dahl.identify.result import Intervals, Result, claims_of
+from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
+from dahl.identify.select import TERMS, Plausible, SearchSpace
+from dahl.identify.start import coarse_start
+
+CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hypothesis covers
+SIMULATED_CONFIDENCE = 0.975  # of the quantile of the simulated errors: two-sided 95 %
+MIN_ENCODER_GAIN = 0.1  # of the residual, from which an encoder error is taken out of the angle
+MAX_CORRECTIONS = 2
+ROUNDING_SEEN = 0.3  # of the variance of a torque's rounding: it repeats in each cycle
+COARSE_ERROR = 2.0  # times the variance of rounding, below which a torque sensor is coarse here
+MORE_ELEMENTS, OTHER_LAW = 1.4, 0.5  # see _beyond_one_element()
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user asked for."""
+
+    terms: tuple[str, ...] | None = None  # beside friction; None: those that pay
+    delay: bool = True  # whether the torque may be late
+    median: int = 0  # rows of a running median of the angle; 0: choose, 1: none
+    trust_units: bool = False
+    target_counts: float = 0.0  # per turn (millimetre) of the plan's encoder; 0: the log's
+    model: str = ""  # law of header and scene; "": the one that the log asks for
+
+
+@dataclass(frozen=True)
+class Mechanisms:
+    """What an ablation leaves out."""
+
+    space: SearchSpace = field(default_factory=SearchSpace)
+    lack_of_fit: bool = True
+    simulation: bool = True
+    plausible: bool = True
+
+
+def identify(
+    logs: Sequence[Log], options: Options = Options(), use: Mechanisms = Mechanisms()
+) -> Result:
+    """Identify sigma0 and Fc from one or more logs.
+
+    Raises dahl.Error for a log that no fit can use.
+    """
+    pieces = [
+        piece
+        for log in logs
+        for piece in preprocess.preprocess(log, options.trust_units, options.median)
+    ]
+    _check_times(pieces, options)
+    samples = samples_of(pieces)
+    use = replace(use, space=_space(use.space, options))
+    fitter = Fitter(samples)
+    a, delay, sign = coarse_start(fitter)
+    block = block_for(pieces, samples.block, a)
+    if block < samples.block:
+        delay *= samples.block / block
+        samples = samples_of(pieces, block)
+        fitter = Fitter(samples)
+    if sign < 0:
+        samples.torque = -samples.torque
+    _prepare(fitter, a, delay)
+    if samples.cycles < MIN_SCORED_CYCLES:
+        use = replace(use, space=select.few_cycles(use.space))
+    fits = select.fit_all(fitter, a, delay, use.space)
+    if not fits:
+        raise Error(f"{logs[0].name}: no friction law fits; are angle and torque swapped?")
+    corrected: list[str] = []
+    if use.lack_of_fit:
+        fitter, fits, corrected = _correct_encoder(fitter, fits, delay, use.space)
+    found = _judge(fitter, fits, use, corrected)
+    return claims_of(
+        Result(list(logs), pieces, fitter.samples, fitter, sign, options, fits, *found)
+    )
+
+
+def _check_times(pieces: Sequence[Log], options: Options) -> None:
+    """Raise dahl.Error for a term of the speed without times: its unit would be unknown."""
+    timed = [term for term in options.terms or () if term in ("viscous", "inertia")]
+    untimed = next((log.name for log in pieces if log.time is None), None)
+    if timed and untimed is not None:
+        raise Error(f"{untimed}: {timed[0]} needs times of the rows (--time)")
+
+
+def _space(space: SearchSpace, options: Options) -> SearchSpace:
+    lags = space.lags if options.delay else tuple(x for x in space.lags if "delay" not in x)
+    wanted = OPTIONS.get(options.model, "")
+    return replace(space, terms=options.terms, lags=lags, wanted=wanted)
+
+
+def _prepare(fitter: Fitter, a: float, delay: float) -> None:
+    """Set cycles and weights from a first fit."""
+    samples = fitter.samples
+    samples.prepare(a, np.zeros(samples.rows))
+    h = Hypothesis("dahl", "delay" if delay else "damping", terms=TERMS)
+    at = fitter.optimum(h, fitter.start(h, a, delay))
+    if at is not None:
+        table, _ = fitter.columns(h, at.p, at.limits, h.terms)
+        c = solve(at.grams.sum(axis=0), range(table.shape[1]))
+        samples.prepare(float(np.exp(at.p[0])), samples.torque - table @ c)
+
+
+def _correct_encoder(
+    fitter: Fitter, fits: list[Fit], delay: float, space: SearchSpace
+) -> tuple[Fitter, list[Fit], list[str]]:
+    """Take periodic errors of the encoder out of the angle, if no other law explains them."""
+    corrected: list[str] = []
+    for _ in range(MAX_CORRECTIONS):
+        error = _encoder_error(fitter, fits, corrected)
+        if error is None:
+            break
+        again = Fitter(diagnose.correct_encoder(fitter.samples, error))
+        a = float(np.exp(select.best_of(fits).p[0]))
+        other = select.fit_all(again, a, delay, space)
+        if not other or min(f.total for f in other) > min(f.total for f in fits):
+            break
+        fitter, fits = again, other
+        corrected.append(error.name)
+    return fitter, fits, corrected
+
+
+def _encoder_error(fitter: Fitter, fits: list[Fit], corrected: list[str]) -> Lack | None:
+    """The largest periodic error that both a simple Dahl law and the best law leave."""
+    plain = [f for f in fits if f.hypothesis.law == "dahl" and f.hypothesis.size < 4]
+    found = diagnose.lack_of_fit(fitter, select.best_of(plain or fits), diagnose.SURE)
+    errors = [
+        one
+        for one in found
+        if one.name.startswith(CORRECTABLE)
+        and one.gain > MIN_ENCODER_GAIN
+        and one.name not in corrected
+    ]
+    if not errors:
+        return None
+    left = diagnose.lack_of_fit(fitter, select.best_of(fits), diagnose.SURE)
+    still = {one.name for one in left}
+    return max((one for one in errors if one.name in still), key=lambda e: e.gain, default=None)
+
+
+def _judge(
+    fitter: Fitter, fits: list[Fit], use: Mechanisms, corrected: list[str]
+) -> tuple[Plausible, list[Lack], Intervals]:
+    """What is plausible, what is lacking, and the intervals."""
+    samples = fitter.samples
+    hidden = _hidden_by_rounding(samples, select.best_of(fits))
+    with_skew = use.plausible and use.space.lags != ("none",)
+    seen = select.plausible(fitter, fits, hidden, with_skew)
+    if not use.plausible:
+        seen = replace(seen, fits=[seen.chosen])
+    value = seen.chosen.value
+    quantile = float(student.ppf(CONFIDENCE, max(len(samples.folds) - 1, 1)))
+    lacks: list[Lack] = []
+    if use.lack_of_fit and not hidden:
+        lacks = diagnose.lack_of_fit(fitter, seen.best, quantile, corrected)
+    low, high = _over_hypotheses(seen, quantile)
+    if use.plausible:
+        low, high = _beyond_one_element(seen, fits, lacks, low, high)
+    widths = {
+        "noise": quantile * seen.chosen.error / value,
+        "hypotheses": (high - low) / 2 / value,
+    }
+    for one in lacks:
+        low, high = np.minimum(low, one.low), np.maximum(high, one.high)
+    widths["lack of fit"] = (high - low) / 2 / value
+    simulated = np.zeros(2)
+    if use.simulation and (samples.count or samples.noise):
+        simulated = _simulated_reach(fitter, seen.chosen) * value
+        widths["counts"] = simulated / value
+        low, high = (
+            value - np.hypot(value - low, simulated),
+            value + np.hypot(high - value, simulated),
+        )
+    return seen, lacks, Intervals(value, low, high, widths)
+
+
+def _hidden_by_rounding(samples: Samples, best: Fit) -> float:
+    """Cost of the rounding of a coarse torque sensor, which cycles left out cannot see."""
+    step = simulate.torque_step(samples.torque)
+    weight = float(samples.used.sum())
+    rounding = step**2 / 12
+    coarse = bool(step) and best.total / weight < COARSE_ERROR * rounding
+    return ROUNDING_SEEN * rounding * weight if coarse else 0.0
+
+
+def _over_hypotheses(seen: Plausible, quantile: float) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest sigma0 and Fc over all plausible hypotheses, with their errors."""
+    reach = [quantile * select.reach(f, seen.near) for f in seen.fits]
+    low = np.min([f.value - r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
+    high = np.max([f.value + r for f, r in zip(seen.fits, reach, strict=True)], axis=0)
+    return low, high
+
+
+def _beyond_one_element(
+    seen: Plausible, fits: list[Fit], lacks: list[Lack], low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Widen if one Dahl element is not enough.
+
+    Then the fitted law is one of many that bend so. The distance from the best Dahl fit to it says
+    how much the law matters, and the truth may lie half as far on. It may lie 1.4 times as far on
+    if there are several elements and the residual asks for more: small stiff ones may be missed.
+    """
+    plain = [f for f in fits if f.hypothesis.law == "dahl"]
+    laws = {f.hypothesis.law for f in seen.fits}
+    if not plain or laws & {"dahl", "loaded"}:
+        return low, high
+    several = seen.best.hypothesis.friction.elements > 1
+    value = seen.best.value
+    apart = np.abs(value - min(plain, key=lambda f: f.total).value)
+    apart *= MORE_ELEMENTS if several and lacks else OTHER_LAW
+    return np.minimum(low, value - apart), np.maximum(high, value + apart)
+
+
+def _simulated_reach(fitter: Fitter, chosen: Fit) -> np.ndarray:
+    """Half width by counts, rounding and angle noise, as parts: (2,)."""
+    errors = simulate.refit_errors(fitter, chosen)
+    if len(errors) < 2:
+        return np.full(2, np.inf)
+    quantile = float(student.ppf(SIMULATED_CONFIDENCE, len(errors)))
+    reach: np.ndarray = quantile * np.sqrt(np.mean(errors**2, axis=0))
+    samples = fitter.samples
+    if samples.count and not samples.noise:
+        reach = np.hypot(reach, simulate.hidden_travel(fitter, chosen))
+    return reach
+
+
+def check(result: Result, log: Log) -> float:
+    """R2 of a result on a log that was not fitted, without the travel that forgets its start.
+
+    Raises dahl.Error if the log cannot be used.
+    """
+    samples, predicted = result.predict(preprocess.preprocess(log, trust_units=True))
+    weight = samples.used
+    mean = float(weight @ samples.torque / weight.sum())
+    lost = weight @ (samples.torque - predicted) ** 2
+    return 1 - float(lost / (weight @ (samples.torque - mean) ** 2))

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: MIT
+"""Warn if all strokes are alike, since then some effects cannot be told from friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dahl.identify.log import Log
+from dahl.identify.models import turning_points
+
+MIN_STROKES = 4
+MAX_SPEED_RATIO = 1.3  # of the fastest tenth of the strokes to the slowest: one speed
+MAX_SPREAD_LENGTHS = 0.5  # presliding lengths between the turning points on one side: one place
+
+
+def warning(logs: Sequence[Log], a: float, min_turn: float) -> str:
+    """What this motion cannot show, in one line; "" if the strokes differ.
+
+    At one speed, a part of the torque that is late rounds each reversal as a softer bearing does.
+    At the same turning points, so does an encoder error there.
+    """
+    speeds: list[float] = []
+    spreads: list[float] = []
+    for log in logs:
+        turns = turning_points(log.theta, min_turn)
+        if len(turns) < MIN_STROKES:
+            continue
+        clock = np.arange(log.rows) if log.time is None else log.time
+        seconds = np.maximum(np.diff(clock[turns]), 1e-12)
+        speeds += (np.abs(np.diff(log.theta[turns])) / seconds).tolist()
+        sides = (log.theta[turns[0::2]], log.theta[turns[1::2]])
+        spreads += [float(np.ptp(np.percentile(side, (10, 90)))) for side in sides]
+    hidden = []
+    if speeds and np.percentile(speeds, 90) < MAX_SPEED_RATIO * np.percentile(speeds, 10):
+        hidden.append("one speed: a part of the torque that is late")
+    if spreads and a * max(spreads) < MAX_SPREAD_LENGTHS:
+        hidden.append("the same turning points: an error of the encoder there")
+    if not hidden:
+        return ""
+    return f"all strokes have {', and '.join(hidden)}, would pass for another sigma0"

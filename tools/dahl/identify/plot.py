@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: MIT
+"""The picture of an identification: what was fitted over what was measured, and what is left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dahl import plots
+from dahl.identify.result import NAMES, Result
+from dahl.plots import COMPUTED, MEASURED
+
+MAX_LAG = 60  # samples of the autocorrelation
+MAX_MARKED_WEIGHT = 0.5  # samples of less weight are marked
+MARK = "#e9a23b"
+
+
+def draw(path: Path, result: Result, title: str) -> None:
+    """Write the picture; an old one stays until the new one is complete."""
+    with rc_context(plots.STYLE):
+        figure = Figure(figsize=(11, 14), layout="constrained")
+        axes = figure.subplots(4, 2, height_ratios=(2.6, 1, 1, 1))
+        loop = _merge(figure, axes[0])
+        _draw_loop(loop, result)
+        _draw_residual(axes[1], result)
+        _draw_autocorrelation(axes[2, 0], result)
+        _draw_hypotheses(axes[2, 1], result)
+        _draw_cycles(axes[3], result)
+        loop.set_title(
+            plots.literal(result.verdict), loc="left", fontsize=10, color="#555555", wrap=True
+        )
+        log = result.logs[0]
+        numbers = (
+            f"sigma0 = {result.sigma0.value:.4g} {log.slope_unit},"
+            f" Fc = {result.Fc.value:.4g} {log.unit}"
+        )
+        words = f"{plots.literal(title)}\n{result.hypothesis.friction.label}: {numbers}"
+        figure.suptitle(words, fontsize=14, fontweight="bold", x=0.01, ha="left")
+        plots.save(figure, path)
+
+
+def _merge(figure: Figure, pair: np.ndarray) -> Axes:
+    """One panel in the place of two."""
+    place = pair[0].get_gridspec()[pair[0].get_subplotspec().rowspan.start, :]
+    for axes in pair:
+        axes.remove()
+    merged: Axes = figure.add_subplot(place)
+    return merged
+
+
+def _angle(result: Result) -> tuple[np.ndarray, str]:
+    """The angle of the samples from the start, and its label."""
+    log = result.logs[0]
+    size, unit = log.shown_in
+    angle = result.samples.angles[result.hypothesis.angle]
+    name = "position" if log.linear else "angle"
+    return (angle - angle[0]) / size, f"{name} from the start [{unit}]"
+
+
+def _draw_loop(axes: Axes, result: Result) -> None:
+    """Torque over angle, measured and fitted, on the same samples; each piece is a line.
+
+    The fit is drawn from where the unknown torque at the start of a piece is forgotten.
+    """
+    angle, label = _angle(result)
+    measured, log = result.samples.torque, result.logs[0]
+    for k, rows in enumerate(result.samples.pieces):
+        words = ("measured", f"fitted: {result.hypothesis.friction.label}") if k == 0 else ("", "")
+        axes.plot(angle[rows], measured[rows], color=MEASURED, linewidth=1.1, label=words[0])
+        start = rows.start + int(np.argmax(result.samples.used[rows] > 0))
+        settled = slice(start, rows.stop)
+        axes.plot(
+            angle[settled], result.predicted[settled], color=COMPUTED, linewidth=1.4, label=words[1]
+        )
+    weight = result.samples.weight
+    odd = (weight > 0) & (weight < MAX_MARKED_WEIGHT)
+    if odd.any():
+        words_odd = f"outliers, {100 * odd.mean():.1f} % of the samples"
+        axes.plot(angle[odd], measured[odd], "x", color=MARK, label=words_odd)
+    kind = "force" if log.linear else "torque"
+    axes.set(xlabel=label, ylabel=f"{kind} [{log.unit}]")
+    axes.legend(loc="best", fontsize=9)
+
+
+def _draw_residual(pair: np.ndarray, result: Result) -> None:
+    """The residual over angle and over speed: structure there is what the fit lacks."""
+    log = result.logs[0]
+    size, unit = log.shown_in
+    angle, label = _angle(result)
+    speed_label = f"speed [{unit}/{'s' if result.samples.timed else 'row'}]"
+    speed = result.samples.speed / size * (1.0 if result.samples.timed else 1e-3)
+    used = result.samples.used > 0
+    for axes, x, words in ((pair[0], angle, label), (pair[1], speed, speed_label)):
+        axes.plot(x[used], result.residual[used], ".", color=MEASURED, markersize=1.5)
+        axes.axhline(0, color=COMPUTED, linewidth=1)
+        axes.set(xlabel=words, ylabel=f"residual [{log.unit}]")
+
+
+def _draw_autocorrelation(axes: Axes, result: Result) -> None:
+    """Of the residual, with the band in which that of white noise lies."""
+    x = (result.residual * (result.samples.used > 0))[:20_000]
+    n = len(x)
+    most = min(MAX_LAG, n // 4)
+    power = float(x @ x) or 1.0
+    lags = np.arange(1, most + 1)
+    axes.bar(lags, [float(x[k:] @ x[:-k]) / power for k in lags], width=0.8, color=MEASURED)
+    axes.axhspan(-1.96 / np.sqrt(n), 1.96 / np.sqrt(n), color=COMPUTED, alpha=0.25)
+    axes.set(xlabel="lag [samples] (shaded: white noise)", ylabel="autocorrelation of the residual")
+
+
+def _draw_hypotheses(axes: Axes, result: Result) -> None:
+    """sigma0 and Fc of all plausible hypotheses in their interval."""
+    log = result.logs[0]
+    for fit in result.plausible.fits:
+        axes.plot(*fit.value, "o", color=MEASURED, markersize=4)
+    axes.plot(*result.chosen.value, "o", color=COMPUTED, markersize=7, label="chosen")
+    ends = [(result.sigma0.low, result.sigma0.high), (result.Fc.low, result.Fc.high)]
+    if np.isfinite(ends).all():
+        axes.axvspan(*ends[0], color=COMPUTED, alpha=0.15)
+        axes.axhspan(*ends[1], color=COMPUTED, alpha=0.15)
+    axes.set(xlabel=f"sigma0 [{log.slope_unit}] of plausible hypotheses", ylabel=f"Fc [{log.unit}]")
+    axes.legend(loc="best", fontsize=9)
+
+
+def _draw_cycles(pair: np.ndarray, result: Result) -> None:
+    """sigma0 and Fc cycle by cycle with their intervals."""
+    log, cycles = result.logs[0], result.by_cycle()
+    for axes, name, unit in zip(pair, NAMES, (log.slope_unit, log.unit), strict=True):
+        p = getattr(result, name)
+        if np.isfinite(p.high):
+            axes.axhspan(p.low, p.high, color=COMPUTED, alpha=0.25)
+        axes.axhline(p.value, color=COMPUTED, linewidth=1)
+        axes.plot(np.arange(len(cycles[name])) + 1, cycles[name], "o", color=MEASURED, ms=4)
+        axes.set(xlabel="cycle (shaded: 95 % of the whole log)", ylabel=f"{name} [{unit}]")

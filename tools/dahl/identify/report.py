@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: MIT
+"""The result as JSON and as a table. No number stands anywhere without its verdict."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dahl import __version__
+from dahl.files import keep
+from dahl.identify import excitation
+from dahl.identify.export import (
+    PlanQuality,
+    RunnableModel,
+    about,
+    header,
+    plan_quality,
+    runnable_model,
+    write_scene,
+)
+from dahl.identify.fit import Fit, jackknife, solve
+from dahl.identify.models import LAWS
+from dahl.identify.result import Parameter, Result, terms_of
+from dahl.identify.samples import MIN_TURN_LENGTHS
+from dahl.identify.select import penalised
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+MAX_CHOICES = 40  # hypotheses that JSON lists, the best ones
+UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
+INFORMS = 0.1  # of sigma0: a slope above it informs sigma0
+TICKS = {"dahl": 20, "asymmetric": 33}  # instructions of a Q30 tick on Cortex-M3
+SUM_TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}  # of a sum, of each element
+
+
+def title_of(result: Result) -> str:
+    """The names of the logs, each once."""
+    return ", ".join(dict.fromkeys(Path(one.name).name for one in result.raw))
+
+
+def instructions(law: str) -> int | None:
+    """Of one Q30 tick on a Cortex-M3 (docs/microcontroller.md); None if the library lacks it."""
+    if law in TICKS or not LAWS[law].in_library or law == "loaded":
+        return TICKS.get(law)
+    kinds = LAWS[law].kinds
+    base, each = SUM_TICKS[kinds[0] if len(set(kinds)) == 1 else "mixed"]
+    return base + each * len(kinds)
+
+
+def best_by_law(result: Result) -> dict[str, Fit]:
+    """The best fit of each law, simple laws first; of the chosen law, the chosen fit."""
+    found = {f.hypothesis.law: f for f in sorted(result.fits, key=lambda f: -penalised(f).sum())}
+    found[result.hypothesis.law] = result.chosen
+    return dict(sorted(found.items(), key=lambda item: LAWS[item[0]].size))
+
+
+# --- JSON -----------------------------------------------------------------------------------------
+
+
+def numbers(result: Result) -> dict[str, Any]:
+    """Everything, for programs. Units: N m and rad, or N and m if `linear` is true."""
+    log, model = result.logs[0], runnable_model(result)
+    quality = plan_quality(result, model)
+    residual = result.residual * np.sqrt(result.samples.used)
+    return {
+        "logs": list(dict.fromkeys(one.name for one in result.raw)),
+        "rows": sum(one.rows for one in result.logs),
+        "linear": log.linear,
+        "units": {"sigma0": log.slope_unit, "Fc": log.unit, "a": f"1/{log.angle_unit}"},
+        **{name: getattr(result, name).value for name in ("sigma0", "Fc", "a")},
+        "ci95": {name: _ends(getattr(result, name)) for name in ("sigma0", "Fc", "a")},
+        "uncertainty": {name: getattr(result, name).uncertainty for name in ("sigma0", "Fc")},
+        "identifiable": dict(zip(("sigma0", "Fc"), result.claimed, strict=True)),
+        "verdict": result.verdict,
+        "reasons": result.reasons,
+        "notes": notes(result),
+        "extra": result.terms,
+        "extra_standard_errors": _term_errors(result),
+        "r2": 1 - float(residual @ residual) / result.spread,
+        "rmse": float(np.sqrt(residual @ residual / result.samples.used.sum())),
+        **_simple_models(result),
+        "checks": result.checks,
+        "reversals": _reversals(result),
+        "informs_sigma0": _informing_part(result),
+        "cycles_scored": result.samples.cycles,
+        "delay_rows": result.delay_rows,
+        "delay_rows_standard_error": _delay_error(result),
+        "backlash": result.play,
+        "resolution": log.resolution,
+        "r2_plan": quality.r2,
+        "plan": {
+            "theta_per_count": quality.theta_per_count,
+            "of_target": quality.is_for_target,
+            "against": quality.against,
+        },
+        "load": _load(result),
+        **_how(result),
+        **_models(result, model),
+    }
+
+
+def as_json(result: Result) -> str:
+    return json.dumps(numbers(result), indent=2) + "\n"
+
+
+def _ends(p: Parameter) -> list[float | None]:
+    """JSON has no infinity."""
+    return [float(x) if math.isfinite(x) else None for x in (p.low, p.high)]
+
+
+def notes(result: Result) -> list[str]:
+    several = len({one.name for one in result.raw}) > 1
+    found = []
+    for log in result.logs:
+        place = f"{Path(log.name).name}: " if several else ""
+        found += [f"{place}{note}" for note in log.notes]
+    if any(log.load is not None for log in result.raw) and result.hypothesis.law != "loaded":
+        found.append("load: not used, the friction does not follow it in all logs")
+    alike = excitation.warning(result.logs, result.a.value, MIN_TURN_LENGTHS / result.a.value)
+    if alike and result.claimed[0]:
+        found.append(alike)
+    if result.sign < 0:
+        found.append("the torque was used with the other sign: friction has the sign of the motion")
+    return found
+
+
+def _term_errors(result: Result) -> dict[str, float]:
+    """Standard errors of the terms, by the jackknife over cycles."""
+    fit, h = result.chosen, result.hypothesis
+    table, _ = result.fitter.columns(h, fit.p, fit.limits, h.terms)
+    grams = result.samples.grams(table)
+    left = solve(grams.sum(axis=0) - grams, range(table.shape[1]))
+    errors = terms_of(_with_coefficients(fit, jackknife(left)), result.samples)
+    return {name: abs(error) for name, error in errors.items()}
+
+
+def _with_coefficients(fit: Fit, coefficients: np.ndarray) -> Fit:
+    from dataclasses import replace
+
+    return replace(fit, coefficients=coefficients, limits=np.zeros_like(fit.limits))
+
+
+def _delay_error(result: Result) -> float:
+    """Half the range of the delay over all plausible hypotheses, in rows."""
+    late = [
+        float(f.p[-1]) if f.hypothesis.lag in ("delay", "damping+delay") else 0.0
+        for f in result.plausible.fits
+    ]
+    return float(np.ptp(late)) / 2 * result.samples.block
+
+
+def _simple_models(result: Result) -> dict[str, Any]:
+    """Held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
+    s, fits = result.samples, best_by_law(result)
+    terms = [name for name in result.hypothesis.terms if name != "waves"]
+    columns = result.fitter.term_columns(terms)
+    sign = _last_direction(result.fitter.moves["between counts"])
+    costs = {
+        "dahl": fits["dahl"].total if "dahl" in fits else math.nan,
+        "coulomb": _held_out(result, [sign, *columns]),
+        "none": _held_out(result, columns or [np.zeros(s.rows)]),
+        "bilinear": fits["slip"].total if "slip" in fits else math.nan,
+    }
+    weight = float(s.used.sum())
+    held = {
+        name: {"r2": 1 - cost / result.spread, "rmse": math.sqrt(cost / weight)}
+        for name, cost in costs.items()
+        if math.isfinite(cost)
+    }
+    return {
+        "held_out": held,
+        "r2_coulomb": held["coulomb"]["r2"],
+        "coulomb_extra": terms,
+        "bilinear_sigma0": float(fits["slip"].value[0]) if "slip" in fits else None,
+    }
+
+
+def _last_direction(moves: np.ndarray) -> np.ndarray:
+    """The sign of the last move that was one."""
+    sign = np.sign(moves)
+    last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
+    direction: np.ndarray = sign[last]
+    return direction
+
+
+def _held_out(result: Result, columns: list[np.ndarray]) -> float:
+    from dahl.identify.fit import cost_of
+
+    grams = result.samples.grams(np.column_stack(columns))
+    k = list(range(len(columns)))
+    return float(cost_of(grams, k, solve(grams.sum(axis=0) - grams, k)).sum())
+
+
+def _reversals(result: Result) -> int:
+    from dahl.identify.models import turning_points
+
+    least = MIN_TURN_LENGTHS / result.a.value
+    return sum(len(turning_points(log.theta, least)) for log in result.logs)
+
+
+def _informing_part(result: Result) -> float:
+    """Part of the moving samples at which the slope is above INFORMS of sigma0."""
+    from dahl.identify import models
+
+    moves = result.fitter.moves["between counts"]
+    moving = moves != 0
+    w = models.dahl(moves, result.samples.pieces, result.a.value)
+    return float(np.mean((1 - np.sign(moves) * w)[moving] > INFORMS)) if moving.any() else 0.0
+
+
+def _load(result: Result) -> dict[str, Any] | None:
+    """How sigma0 and Fc follow the load: times 1 + slope (load - reference)."""
+    fit, s = result.chosen, result.samples
+    if fit.hypothesis.law != "loaded" or s.load is None:
+        return None
+    plain = best_by_law(result)["dahl"]
+    slope = float(fit.p[1]) / s.reference.load
+    ends = float(s.load.min()), float(s.load.max())
+    change = fit.coefficients[2]
+    return {
+        "reference": s.reference.load,
+        "slope": slope,
+        "slope_standard_error": _slope_error(result) / s.reference.load,
+        "least": ends[0],
+        "most": ends[1],
+        "shares": [1 + slope * (end - s.reference.load) for end in ends],
+        "r2": result.r2,
+        "r2_without": result.r2_of(plain),
+        "linearised_change": float(change),
+    }
+
+
+def _slope_error(result: Result) -> float:
+    fit, h = result.chosen, result.hypothesis
+    table, _ = result.fitter.columns(h, fit.p, fit.limits, h.terms)
+    grams = result.samples.grams(table)
+    left = solve(grams.sum(axis=0) - grams, range(table.shape[1]))
+    return float(jackknife(left[:, 2:3])[0])
+
+
+def _how(result: Result) -> dict[str, Any]:
+    """How the numbers came about: options, preprocessing, and what was found by cycle."""
+    weight = result.samples.weight
+    cycles = result.by_cycle()
+    first = [fold.start * result.samples.block for fold in result.samples.folds]
+    return {
+        "version": __version__,
+        "options": asdict(result.options),
+        "median_rows": result.options.median,
+        "torque_sign": result.sign,
+        "angle_between_counts": result.hypothesis.angle != "as read",
+        "rows_weighing_less": int(np.count_nonzero((weight > 0) & (weight < 1))),
+        "sum_of_weights": float(result.samples.used.sum()),
+        "rows_per_sample": result.samples.block,
+        "pieces": [one.rows for one in result.logs],
+        "cycles": {"first_row": first, **{key: x.tolist() for key, x in cycles.items()}},
+        "findings": [
+            {
+                "text": lack.text,
+                "doubts": [n for n, no in zip(("sigma0", "Fc"), lack.withdraws, strict=True) if no],
+            }
+            for lack in result.lacks
+        ],
+    }
+
+
+def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
+    """Each law with its best fit, and the best hypotheses."""
+    near = {id(f) for f in result.plausible.fits}
+    ordered = sorted(result.fits, key=lambda f: f.total)[:MAX_CHOICES]
+    if all(f is not result.chosen for f in ordered):
+        ordered.append(result.chosen)
+    return {
+        "model": result.hypothesis.friction.label,
+        "exported_model": model.fit.hypothesis.friction.label,
+        "exported_model_lost_r2": model.lost_r2,
+        "models": [
+            {
+                "name": LAWS[law].label,
+                "chosen": law == result.hypothesis.law,
+                "parts": _parts(fit),
+                "r2": result.r2_of(fit),
+                "delay_rows": float(fit.p[-1]) * result.samples.block
+                if "delay" in fit.hypothesis.lag
+                else 0.0,
+                "extra": terms_of(fit, result.samples),
+                "instructions_m3": instructions(law),
+                "in_library": LAWS[law].in_library,
+            }
+            for law, fit in best_by_law(result).items()
+        ],
+        "choices": [
+            {
+                "model": f.hypothesis.friction.label,
+                "lag": f.hypothesis.lag,
+                "angle": f.hypothesis.angle,
+                "terms": list(f.hypothesis.terms),
+                "r2": result.r2_of(f),
+                "sigma0": float(f.value[0]),
+                "Fc": float(f.value[1]),
+                "plausible": id(f) in near or f is result.chosen,
+                "taken": f is result.chosen,
+            }
+            for f in ordered
+        ],
+    }
+
+
+def _parts(fit: Fit) -> list[dict[str, float | str]]:
+    """The elements of a law, each with its kind and parameters."""
+    law = fit.hypothesis.friction
+    if fit.hypothesis.law == "asymmetric":
+        sigma0 = float(np.exp(fit.p[0]) * fit.limits[0])
+        ways = {"Fc_forward": 1 + fit.p[1], "Fc_backward": 1 - fit.p[1]}
+        limits = {name: float(fit.limits[0] * part) for name, part in ways.items()}
+        return [{"kind": "asymmetric", "sigma0": sigma0, **limits}]
+    parts: list[dict[str, float | str]] = []
+    for k, kind in enumerate(law.kinds):
+        limit = float(fit.limits[k])
+        words = law.label if kind == "table" else kind
+        parts.append({"kind": words, "sigma0": float(np.exp(fit.p[k])) * limit, "Fc": limit})
+    for k in range(len(law.shape)):
+        parts[0]["exponent" if law.name == "exponent" else f"shape_{k + 1}"] = float(
+            fit.p[law.elements + k]
+        )
+    return parts
+
+
+# --- tables for people ----------------------------------------------------------------------------
+
+
+def table(result: Result) -> Table:
+    """The verdict first, then the numbers; at most 80 columns if the names of logs allow it."""
+    from rich.table import Table
+
+    log = result.logs[0]
+    shown = Table(show_header=False, title=title_of(result), width=80)
+    shown.title_justify = "left"
+    shown.add_row("verdict", result.verdict)
+    for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
+        p = getattr(result, name)
+        high = f"{p.high:.5g}" if math.isfinite(p.high) else "no end"
+        shown.add_row(name, f"{p.value:.5g} {unit}, 95 %: {p.low:.5g} to {high}")
+    shown.add_row("law", _law_words(result))
+    if (load := _load(result)) is not None:
+        shown.add_row("load", _load_words(load))
+    for name, value in result.terms.items():
+        unit = UNITS.get(name, "").format(T=log.unit, k=log.slope_unit, x=log.angle_unit)
+        shown.add_row(name, f"{value:.4g} {unit}".strip())
+    shown.add_row("R2, cycles left out", f"{result.r2:.4f} of {result.samples.cycles} cycles")
+    for name, r2 in result.checks.items():
+        shown.add_row(f"check {Path(name).name}", f"R2 {r2:.4f}, not fitted")
+    model = runnable_model(result)
+    if words := about(result, model):
+        shown.add_row("header and scene", words)
+    quality = plan_quality(result, model)
+    shown.add_row("R2 of the plan alone", f"{quality.r2:.4f} on the raw motion")
+    for note in notes(result):
+        shown.add_row("note", note)
+    return shown
+
+
+def _law_words(result: Result) -> str:
+    h = result.hypothesis
+    words = [h.friction.label]
+    if result.delay_rows:
+        words.append(f"torque late by {result.delay_rows:.2g} rows")
+    elif h.lag != "none":
+        words.append(f"with {h.lag}")
+    return ", ".join(words)
+
+
+def _load_words(load: dict[str, Any]) -> str:
+    least, most = load["shares"]
+    return (
+        f"sigma0 and Fc are given at {load['reference']:.4g}, {least:.3g} to {most:.3g} times as"
+        f" large in the log; R2 {load['r2']:.4f}, {load['r2_without']:.4f} without the load"
+    )
+
+
+def model_table(result: Result) -> Table:
+    """Law, parameters, R2 on cycles left out, cost of a tick."""
+    from rich.table import Table
+
+    log = result.logs[0]
+    shown = Table("law", "parameters", "R2", "tick", title="laws", width=80)
+    shown.title_justify = "left"
+    for law, fit in best_by_law(result).items():
+        ticks = instructions(law)
+        mark = " (chosen)" if law == result.hypothesis.law else ""
+        parts = "; ".join(
+            ", ".join(f"{x:.4g}" for x in part.values() if not isinstance(x, str))
+            for part in _parts(fit)
+        )
+        cost = "-" if ticks is None else str(ticks)
+        shown.add_row(f"{LAWS[law].label}{mark}", parts, f"{result.r2_of(fit):.4f}", cost)
+    shown.caption = (
+        f"sigma0 [{log.slope_unit}] and Fc [{log.unit}] of each element (asymmetric: Fc forward and"
+        " backward), then shape parameters; R2 on cycles left out; instructions of a Q30 tick on"
+        " Cortex-M3, - if the library has no such law"
+    )
+    return shown
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def write_files(result: Result, name: str, folder: Path, force: bool = False) -> list[Path]:
+    """Write JSON, picture, scene and header. The header is last, and is left out if something
+    speaks against the plan and it is not forced.
+    """
+    from dahl.identify import plot
+
+    folder.mkdir(parents=True, exist_ok=True)
+    model = runnable_model(result)
+    quality: PlanQuality = plan_quality(result, model)
+    plan = folder / f"dahl_plan_{name}.h"
+    plan.unlink(missing_ok=True)  # none of an earlier run stays beside new numbers
+    scene = write_scene(result, model, name, folder)
+    json_file, picture, csv = (scene.with_suffix(end) for end in (".json", ".png", ".csv"))
+    keep(json_file, as_json(result))
+    plot.draw(picture, result, title_of(result))
+    written = [json_file, picture, csv, scene]
+    if force or not quality.against:
+        keep(plan, header(result, model, quality, name, title_of(result)))
+        written.append(plan)
+    return written

@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: MIT
+"""All rows of all logs in one table: angles, torque, terms, weights and the cycles that are scored.
+
+A long log is thinned first. If its strokes have many rows, blocks of rows become one sample. If
+there are many strokes, evenly spread segments are used. So a fit costs the same for any log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from dahl.identify import angle as treatments
+from dahl.identify import models
+from dahl.identify.log import Log
+
+MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
+MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
+MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
+SEGMENTS = 8  # of a log with many strokes, so that drift shows
+LOOKED_AT_ROWS = 100_000  # for the length of strokes
+MAX_FOLDS = 24  # cycles in more are left out in groups
+MIN_SCORED_CYCLES = 6  # below it a jackknife says little; nothing is claimed
+MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
+SETTLE_LENGTHS = 6.0  # presliding lengths of travel that forget the unknown torque at the start
+SETTLE_PART = 0.25  # of the travel of a piece, at most
+EDGE_SAMPLES = 100  # at both ends of a piece, where a shifted torque is not known
+MIN_TURN_LENGTHS = 0.3  # presliding lengths by which a reversal must turn to be counted
+HUBER = 4.0  # robust standard deviations beyond which a row weighs less
+NEIGHBOURS = 9  # rows whose median says what a row should be
+MAX_OUTLIERS = 0.002  # part of the rows; with more, blocks would spread outliers
+KNOTS = 17  # of a torque that depends on the angle
+MIN_STEP = 0.2  # of the usual time step: a shorter one is jitter and would give a wild speed
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the columns are measured from, so that a fit holds for other samples too."""
+
+    centre: float  # rad (m), of springs
+    reach: float  # rad (m), from there to the far end
+    load: float = 1.0  # at which sigma0 and Fc are given
+
+
+@dataclass
+class Samples:
+    """Arrays of shape (n,) over all pieces; `angles` by the treatment of the angle."""
+
+    pieces: list[slice]
+    log_of: np.ndarray  # number of the log of each piece
+    theta: np.ndarray  # rad (m), as read
+    torque: np.ndarray  # N m (N)
+    time: np.ndarray  # s
+    weight: np.ndarray  # 0 .. 1
+    speed: np.ndarray  # rad/s (m/s)
+    acceleration: np.ndarray
+    angles: dict[str, np.ndarray]  # rad (m)
+    count: float  # rad (m)
+    noise: float  # rad (m), of the angle beyond its counts
+    block: int  # rows of each sample
+    timed: bool
+    reference: Reference
+    load: np.ndarray | None = None
+    terms: dict[str, np.ndarray] = field(default_factory=dict)
+    waves: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n, KNOTS - 1)
+    used: np.ndarray = field(default_factory=lambda: np.zeros(0))  # weight in the fit
+    folds: list[slice] = field(default_factory=list)  # samples of each cycle that is left out
+    cycles: int = 0
+
+    @property
+    def rows(self) -> int:
+        return len(self.torque)
+
+    @property
+    def logs(self) -> int:
+        return len(np.unique(self.log_of))
+
+    def moves(self, angle: np.ndarray) -> np.ndarray:
+        """From sample to sample, 0 at the start of each piece."""
+        moves = np.diff(angle, prepend=angle[:1])
+        moves[[rows.start for rows in self.pieces]] = 0.0
+        return moves
+
+    def by_piece(self, function: Callable[..., np.ndarray], *arrays: np.ndarray) -> np.ndarray:
+        """A function of each piece alone, joined."""
+        return np.concatenate([function(*(x[rows] for x in arrays)) for rows in self.pieces])
+
+    def rate(self, x: np.ndarray) -> np.ndarray:
+        """The derivative by time."""
+        return self.by_piece(np.gradient, x, self.time)
+
+    def delayed(self, x: np.ndarray, delay: float) -> np.ndarray:
+        """x as it was `delay` samples before."""
+        return self.by_piece(lambda y: delayed(y, delay), x) if delay else x
+
+    def with_angle(self, name: str, angle: np.ndarray) -> Samples:
+        """The same samples with another angle."""
+        return replace(self, angles={**self.angles, name: angle})
+
+    def grams(self, columns: np.ndarray) -> np.ndarray:
+        """Products of the columns and of the torque, by cycle: (cycles, k + 1, k + 1)."""
+        table = np.column_stack((columns, self.torque)) * np.sqrt(self.used)[:, None]
+        return np.stack([table[fold].T @ table[fold] for fold in self.folds])
+
+    def prepare(self, a: float, residual: np.ndarray) -> None:
+        """Set weights and cycles for a stiffness `a` that is roughly known."""
+        if (self.weight > 0).all():
+            self.weight = self._huber(residual)
+        settled, cycle = np.zeros(self.rows, dtype=bool), np.zeros(self.rows, dtype=int)
+        turns_in_all = 0
+        for rows in self.pieces:
+            settled[rows] = self._settled(rows, a)
+            turns = models.turning_points(self.angles["between counts"][rows], MIN_TURN_LENGTHS / a)
+            turns_in_all += len(turns)
+            first = int(cycle[rows.start - 1]) + 1 if rows.start else 0
+            cycle[rows] = first + _cycle_numbers(turns, rows.stop - rows.start)
+        self.cycles = turns_in_all // 2
+        self.used = self.weight * settled if (self.weight * settled).any() else self.weight.copy()
+        self.folds = self._folds_of(cycle)
+
+    def _huber(self, residual: np.ndarray) -> np.ndarray:
+        """Less weight for samples that disagree with their neighbours."""
+        usual = self.by_piece(lambda r: median_filter(r, NEIGHBOURS, mode="nearest"), residual)
+        off = np.abs(residual - usual)
+        spread = 1.4826 * float(np.median(off[off > 0])) if (off > 0).any() else np.inf
+        weight: np.ndarray = np.minimum(1.0, HUBER * spread / np.maximum(off, 1e-300))
+        return weight
+
+    def _settled(self, rows: slice, a: float) -> np.ndarray:
+        """Samples of a piece behind which the torque at its start is forgotten."""
+        angle = self.angles["between counts"][rows]
+        travel = np.cumsum(np.abs(np.diff(angle, prepend=angle[:1])))
+        settled: np.ndarray = travel > min(SETTLE_LENGTHS / a, SETTLE_PART * travel[-1])
+        edge = min(EDGE_SAMPLES, len(angle) // 20)
+        settled[:edge] = settled[len(angle) - edge :] = False
+        return settled
+
+    def _folds_of(self, cycle: np.ndarray) -> list[slice]:
+        """Cycles with enough weight, in at most MAX_FOLDS groups of neighbours."""
+        mass = np.bincount(cycle, self.used)
+        kept = np.flatnonzero(mass > 0.1 * mass.mean())
+        group = -(-len(kept) // MAX_FOLDS) or 1
+        folds = []
+        for i in range(0, len(kept), group):
+            several = kept[i : i + group]
+            rows = np.flatnonzero((cycle >= several[0]) & (cycle <= several[-1]))
+            folds.append(slice(int(rows[0]), int(rows[-1]) + 1))
+        if len(folds) >= MIN_FOLDS:
+            return folds
+        ends = np.linspace(0, self.rows, FEW_CYCLES_FOLDS + 1).astype(int).tolist()
+        return [slice(i, j) for i, j in zip(ends, ends[1:], strict=False)]
+
+
+def delayed(x: np.ndarray, delay: float) -> np.ndarray:
+    """A signal as it was `delay` samples before."""
+    places = np.arange(len(x))
+    found: np.ndarray = np.interp(places - delay, places, x)
+    return found
+
+
+def _cycle_numbers(turns: np.ndarray, rows: int) -> np.ndarray:
+    """The number of the cycle of each sample; of the stroke, if there are few cycles."""
+    cuts = turns[::2] if len(turns) > 2 * MIN_SCORED_CYCLES else turns
+    number = np.searchsorted(cuts, np.arange(rows), side="right")
+    if len(cuts) > 2:  # the parts before the first and after the last turn belong to neighbours
+        number = np.clip(number - 1, 0, max(len(cuts) - 2, 0))
+    return number
+
+
+def samples_of(logs: Sequence[Log], block: int = 0, reference: Reference | None = None) -> Samples:
+    """The samples of preprocessed logs.
+
+    `block` is the number of rows of a sample (0: choose); `reference` is that of another fit.
+    """
+    names = list(dict.fromkeys(log.name for log in logs))
+    block = block or _block_of(logs)
+    part = MAX_SAMPLES * block / sum(log.rows for log in logs)
+    logs = [segment for log in logs for segment in _segments_of(log, part)]
+    count = max(log.resolution for log in logs)
+    noise = max(treatments.white_noise(log.theta, log.resolution) for log in logs)
+    noise = noise if noise > MIN_NOISE_COUNTS * count else 0.0
+    timed = all(log.time is not None for log in logs)
+    tables = [_columns_of(log, noise, timed) for log in logs]
+    thinned = [_in_blocks(table, block) for table in tables]
+    lengths = [len(table["torque"]) for table in thinned]
+    ends = np.cumsum([0, *lengths]).tolist()
+    common = [key for key in thinned[0] if all(key in table for table in thinned)]
+    joined = {key: np.concatenate([table[key] for table in thinned]) for key in common}
+    samples = Samples(
+        pieces=[slice(i, j) for i, j in zip(ends, ends[1:], strict=False)],
+        log_of=np.array([names.index(log.name) for log in logs]),
+        theta=joined["theta"],
+        torque=joined["torque"],
+        time=joined["time"],
+        weight=joined["weight"],
+        speed=joined["speed"],
+        acceleration=joined["acceleration"],
+        angles={key: joined[key] for key in TREATMENTS if key in joined},
+        count=count,
+        noise=noise,
+        block=block,
+        timed=timed,
+        reference=reference or _reference_of(joined),
+        load=joined.get("load"),
+    )
+    _add_terms(samples)
+    return samples
+
+
+def _reference_of(table: dict[str, np.ndarray]) -> Reference:
+    angle = table["between counts"]
+    low, high = float(angle.min()), float(angle.max())
+    load = float(np.median(table["load"])) if "load" in table else 1.0
+    return Reference((high + low) / 2, (high - low) / 2, load)
+
+
+TREATMENTS = ("between counts", "sharp turns", "as read")
+MIN_NOISE_COUNTS = 0.3  # below it, noise of an angle is part of its counts
+KEEP_ALL = 0.6  # part of the rows, above which segments are not worth the cycles that they cut
+MIN_SEGMENT_ROWS = 300
+NO_CLOCK_STEP = 1e-3  # s, of rows without a clock
+
+
+def _block_of(logs: Sequence[Log]) -> int:
+    """Rows of a sample: 1 unless the strokes have many rows and there are too many rows."""
+    rows = sum(log.rows for log in logs)
+    if rows <= MAX_SAMPLES or any(_keeps_rows(log) for log in logs):
+        return 1
+    per_stroke = _rows_of_a_stroke(max(logs, key=lambda log: log.rows))
+    return int(np.clip(per_stroke // MIN_STROKE_SAMPLES, 1, -(-rows // MAX_SAMPLES)))
+
+
+def block_for(logs: Sequence[Log], block: int, a: float) -> int:
+    """A block that is short enough for a stiffness `a`: presliding after a turn needs samples."""
+    rows = [n for log in logs for n in _presliding_rows(log, a)]
+    return block if not rows else int(np.clip(np.median(rows) // MIN_PRESLIDING_SAMPLES, 1, block))
+
+
+def _presliding_rows(log: Log, a: float) -> list[int]:
+    """The rows of the first presliding length after each turn."""
+    theta = log.theta[:LOOKED_AT_ROWS]
+    turns = models.turning_points(theta, MIN_TURN_LENGTHS / a).tolist()
+    strokes = zip(turns, [*turns[1:], len(theta)], strict=False)
+    away = [np.abs(theta[i:j] - theta[i]) * a > 1 for i, j in strokes]
+    return [int(np.argmax(far)) for far in away if far.any()]
+
+
+def _keeps_rows(log: Log) -> bool:
+    """Whether rows must stay apart: some have no torque of their own, or some are outliers."""
+    if log.weight is not None and not log.weight.all():
+        return True
+    torque = log.torque[:LOOKED_AT_ROWS]
+    off = np.abs(torque - median_filter(torque, NEIGHBOURS, mode="nearest"))
+    usual = 1.4826 * float(np.median(off))
+    return bool(np.mean(off > 2 * HUBER * usual) > MAX_OUTLIERS) if usual else False
+
+
+def _rows_of_a_stroke(log: Log) -> float:
+    theta = log.theta[:LOOKED_AT_ROWS]
+    turns = models.turning_points(theta, max(5 * log.resolution, 0.05 * float(np.ptp(theta))))
+    return float(np.median(np.diff(turns))) if len(turns) > 1 else float(len(theta))
+
+
+def _segments_of(log: Log, part: float) -> list[Log]:
+    """The log or, if only a small part of its rows is to be used, evenly spread segments."""
+    length = int(log.rows * part) // SEGMENTS
+    if part > KEEP_ALL or length < MIN_SEGMENT_ROWS:
+        return [log]
+    starts = np.linspace(0, log.rows - length, SEGMENTS).astype(int)
+    return [log.part(slice(int(i), int(i) + length)) for i in starts]
+
+
+def _columns_of(log: Log, noise: float, timed: bool) -> dict[str, np.ndarray]:
+    """All arrays of a log at its own rows."""
+    smooth = treatments.smoothed(log.theta, log.resolution, noise)
+    time = log.time if timed and log.time is not None else NO_CLOCK_STEP * np.arange(log.rows)
+    step = np.gradient(time)
+    usual = float(np.median(step)) or 1.0
+    one, two = treatments.derivatives(log.theta, smooth, 0.0 if noise else log.resolution)
+    table = {
+        "theta": log.theta,
+        "torque": log.torque,
+        "time": time,
+        "weight": np.ones(log.rows) if log.weight is None else log.weight,
+        "speed": one / np.maximum(step, MIN_STEP * usual),
+        "acceleration": two / usual**2,
+        "between counts": smooth,
+    }
+    if not noise and log.resolution:
+        table["sharp turns"] = treatments.with_sharp_turns(log.theta, log.resolution)
+        table["as read"] = log.theta
+    if log.load is not None:
+        table["load"] = log.load
+    return table
+
+
+def _in_blocks(table: dict[str, np.ndarray], block: int) -> dict[str, np.ndarray]:
+    """Means over `block` rows; the last incomplete block is left out."""
+    if block == 1:
+        return table
+    whole = len(table["torque"]) // block * block
+    return {key: x[:whole].reshape(-1, block).mean(axis=1) for key, x in table.items()}
+
+
+def _add_terms(samples: Samples) -> None:
+    """Columns of what acts beside friction."""
+    reference = samples.reference
+    z = (samples.angles["between counts"] - reference.centre) / reference.reach
+    samples.terms = {
+        "offset": np.ones(samples.rows),
+        "spring": z,
+        "viscous": samples.speed,
+        "inertia": samples.acceleration,
+        "cubic": z**3,
+    }
+    knots = np.linspace(-1, 1, KNOTS)
+    samples.waves = np.column_stack([np.interp(z, knots, row) for row in np.eye(KNOTS)[1:]])

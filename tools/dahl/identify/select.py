@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: MIT
+"""Which hypotheses are fitted, and which of them the log cannot tell apart.
+
+Dahl's law is fitted with every lag, angle and set of terms. Then the other laws are fitted with the
+lags and the angle that did best. A hypothesis is plausible if its score on cycles left out is close
+to the best one. The interval covers all plausible hypotheses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from dahl.identify import models
+from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
+from dahl.identify.models import LAWS
+from dahl.identify.start import pair_starts, slip_start
+
+PLAUSIBLE_ERRORS = (
+    1.5  # standard errors from the best score: 7 % of true hypotheses are further away
+)
+PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
+SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
+MAX_SKEWED = 3  # hypotheses that are fitted with a skew
+TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
+MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
+MAX_REFITS = 3  # of subsets whose linearisation went far
+FAR_STEP = 0.03  # of ln a
+HOPELESS, CLOSE = 1.5, 1.2  # times the best cost of a law: not kept; worth a refit
+OTHER_ANGLES = 5  # laws that are fitted again with the other angles
+
+
+@dataclass(frozen=True)
+class SearchSpace:
+    """What the user allows, and what an ablation leaves out."""
+
+    terms: tuple[str, ...] | None = None  # exactly these beside friction; None: those that pay
+    lags: tuple[str, ...] = LAGS
+    laws: tuple[str, ...] = tuple(LAWS)
+    all_angles: bool = True
+    wanted: str = ""  # a law that is fitted in any case
+    shapes: bool = True  # whether a torque may depend on the angle by more than a spring
+
+    @property
+    def pool(self) -> tuple[str, ...]:
+        return TERMS if self.terms is None else self.terms
+
+
+def few_cycles(space: SearchSpace) -> SearchSpace:
+    """The hypotheses that a few cycles can tell apart; more would predict other logs worse."""
+    lags = tuple(lag for lag in space.lags if lag in ("none", "damping"))
+    laws = tuple(law for law in space.laws if LAWS[law].kinds[0] in ("dahl", "slip", "loaded"))
+    return replace(space, lags=lags, laws=laws, shapes=False)
+
+
+def penalised(fit: Fit) -> np.ndarray:
+    """Cost by cycle with a small charge for each parameter: (cycles,)."""
+    cost: np.ndarray = fit.cost * (1 + PENALTY * fit.hypothesis.size)
+    return cost
+
+
+def best_of(fits: Sequence[Fit]) -> Fit:
+    return min(fits, key=lambda fit: float(penalised(fit).sum()))
+
+
+def fit_all(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
+    """Every hypothesis worth a fit, from a stiffness and a delay that are roughly known."""
+    fits = _dahl_with_all_choices(fitter, a, delay, space)
+    if not fits:
+        return fits
+    if fitter.samples.load is not None and "loaded" in space.laws:
+        for angle, lag in product(_angles(fitter, space), {"none", "delay"} & {*space.lags}):
+            h = Hypothesis("loaded", lag, angle)
+            fits += _subsets(fitter, h, fitter.start(h, a, delay or 1.0), space)
+    fits += _other_laws(fitter, fits, space)
+    return [f for f in fits if np.isfinite(f.value).all() and np.isfinite(f.cost).all()]
+
+
+def _dahl_with_all_choices(fitter: Fitter, a: float, delay: float, space: SearchSpace) -> list[Fit]:
+    starts = {
+        "delay": delay or 1.0,
+        "damping+delay": delay,
+        "delays": delay,
+        "low pass": max(delay, 3.0),
+        "play": float(np.log(0.2 / a)),
+    }
+    lags = [*space.lags]
+    if "delay" in lags and 1 < fitter.samples.logs <= MAX_LOGS_WITH_DELAYS:
+        lags.append("delays")
+    fits: list[Fit] = []
+    for angle in _angles(fitter, space):
+        for lag in lags:
+            h = Hypothesis("dahl", lag, angle)
+            fits += _subsets(fitter, h, fitter.start(h, a, starts.get(lag, 0.0)), space)
+    return fits
+
+
+def _angles(fitter: Fitter, space: SearchSpace) -> list[str]:
+    return list(fitter.samples.angles) if space.all_angles else ["between counts"]
+
+
+def _subsets(fitter: Fitter, h: Hypothesis, p: np.ndarray, space: SearchSpace) -> list[Fit]:
+    """All sets of terms, with the promising ones fitted again."""
+    if space.terms is not None:
+        one = fitter.fit(replace(h, terms=space.pool), p)
+        return [one] if one is not None else []
+    pool = [name for name in space.pool if fitter.samples.timed or name in ("offset", "spring")]
+    return _refit_promising(fitter, fitter.fit_subsets(h, p, pool, space.shapes))
+
+
+def _refit_promising(fitter: Fitter, fits: list[Fit]) -> list[Fit]:
+    """Keep what is near the best of its law and lag; refit where the linearisation went far."""
+    if not fits:
+        return fits
+    best, refits = min(f.total for f in fits), 0
+    kept: list[Fit] = []
+    for one in sorted(fits, key=lambda f: f.total):
+        if one.total > HOPELESS * best and len(kept) > 2:
+            continue
+        if one.step > FAR_STEP and one.total < CLOSE * best and refits < MAX_REFITS:
+            refits += 1
+            other = fitter.fit(one.hypothesis, one.p)
+            if other is not None and other.total < 1.02 * one.total:
+                kept.append(other)
+                continue
+        kept.append(one)
+    return kept
+
+
+def _other_laws(fitter: Fitter, fits: list[Fit], space: SearchSpace) -> list[Fit]:
+    """Laws other than Dahl's, with the lags and the angle that did best with Dahl's."""
+    best = best_of(fits)
+    a, angle = float(np.exp(best.p[0])), best.hypothesis.angle
+    by_lag = {f.hypothesis.lag: f for f in sorted(fits, key=lambda f: -f.total)}
+    terms = best.hypothesis.terms if "waves" not in best.hypothesis.terms else ("offset",)
+    found: list[Fit] = []
+    for lag in sorted({"none", "damping", best.hypothesis.lag} & {*space.lags, "delays"}):
+        own = by_lag.get(lag, best)
+        lead = own.p[own.hypothesis.friction.elements :]  # lag of the Dahl fit
+        base = Hypothesis("dahl", lag, angle, terms)
+        for law, p in _law_starts(fitter, base, a, space).items():
+            h = replace(base, law=law)
+            found += _subsets(fitter, h, np.append(p, lead), space)
+    return found + _with_other_angles(fitter, found, angle, space)
+
+
+def _law_starts(
+    fitter: Fitter, base: Hypothesis, a: float, space: SearchSpace
+) -> dict[str, np.ndarray]:
+    """Start values without a lag, by law."""
+    plain = replace(base, lag="none")
+    pairs = pair_starts(fitter, plain, a)
+    starts: dict[str, np.ndarray] = {}
+    for law in ("slip", "stribeck", "asymmetric", "exponent", "bouc-wen", "soft shaft"):
+        by_stroke = LAWS[law].kinds == ("table",)
+        if not by_stroke or fitter.strokes[base.angle] < models.MAX_STROKES:
+            starts[law] = fitter.start(replace(plain, law=law), a)
+    starts |= pairs
+    several = slip_start(fitter, plain, a)
+    if several is not None and several[0].friction.elements > 2:
+        starts[several[0].law] = several[1]
+    if LAWS.get(space.wanted) is not None and space.wanted not in ("", "loaded"):
+        starts.setdefault(space.wanted, fitter.start(replace(plain, law=space.wanted), a))
+    kept = {*space.laws, space.wanted}
+    return {law: p for law, p in starts.items() if law in kept}
+
+
+def _with_other_angles(
+    fitter: Fitter, fits: list[Fit], angle: str, space: SearchSpace
+) -> list[Fit]:
+    """The best laws with the other treatments of the angle."""
+    found: list[Fit] = []
+    seen: set[tuple[str, str]] = set()
+    others = [name for name in fitter.samples.angles if name != angle] if space.all_angles else []
+    for one in sorted(fits, key=lambda f: float(penalised(f).sum())):
+        h = one.hypothesis
+        if (h.law, h.lag) in seen or len(seen) >= OTHER_ANGLES:
+            continue
+        seen.add((h.law, h.lag))
+        for name in others:
+            other = fitter.fit(replace(h, angle=name), one.p)
+            found += [other] if other is not None else []
+    return found
+
+
+@dataclass
+class Plausible:
+    """What the log cannot tell apart. `fits` are judged; `near` also holds what they dominate."""
+
+    chosen: Fit  # the simplest
+    best: Fit  # by the score
+    fits: list[Fit]
+    near: list[Fit]
+
+
+def plausible(fitter: Fitter, fits: list[Fit], hidden: float, with_skew: bool) -> Plausible:
+    """The hypotheses within PLAUSIBLE_ERRORS of the best one.
+
+    `hidden` is a cost that cycles left out cannot see, as the rounding of a coarse torque sensor
+    that is the same in each cycle.
+    """
+    best = best_of(fits)
+    limit = penalised(best)
+    near = [f for f in fits if is_near(penalised(f), limit, hidden)]
+    chosen = min(near, key=lambda f: (f.hypothesis.size, f.total))
+    chosen = fitter.fit(chosen.hypothesis, chosen.p) or chosen  # without a step of linearisation
+    kept = [f for f in near if not _dominated(f, near)] or [chosen]
+    if with_skew:
+        kept += _skewed(fitter, kept, limit)
+    if hidden:  # more parameters than the chosen one only fit the rounding
+        kept = [f for f in kept if f.hypothesis.size <= chosen.hypothesis.size + 1]
+    return Plausible(chosen, best, kept, near)
+
+
+def is_near(cost: np.ndarray, best: np.ndarray, hidden: float = 0.0) -> bool:
+    """Whether a cost by cycle is within PLAUSIBLE_ERRORS of the best one.
+
+    Both the sum and the mean logarithm must be near. In the logarithm no single cycle dominates.
+    """
+    more, error = excess(cost, best)
+    tiny = 1e-12 * float(best.sum()) + 1e-300
+    ratio, spread = excess(np.log(cost + tiny), np.log(best + tiny))
+    near_ratio = ratio <= PLAUSIBLE_ERRORS * spread or more <= hidden
+    return more <= PLAUSIBLE_ERRORS * error + hidden and near_ratio
+
+
+def _dominated(fit: Fit, others: list[Fit]) -> bool:
+    """Whether a special case scores as well."""
+    return any(
+        other.hypothesis.size < fit.hypothesis.size
+        and other.total <= fit.total
+        and fit.hypothesis.contains(other.hypothesis)
+        for other in others
+    )
+
+
+def _skewed(fitter: Fitter, kept: list[Fit], limit: np.ndarray) -> list[Fit]:
+    """The best ones with torque and angle read half a row apart, if that is as plausible."""
+    found = []
+    without = [f for f in kept if "delay" not in f.hypothesis.lag]
+    for one in sorted(without, key=lambda f: f.total)[:MAX_SKEWED]:
+        for skew in (-SKEW_SAMPLES, SKEW_SAMPLES):
+            other = fitter.fit(replace(one.hypothesis, skew=skew), one.p)
+            if other is not None and is_near(penalised(other), limit):
+                found.append(other)
+    return found
+
+
+def reach(fit: Fit, near: list[Fit]) -> np.ndarray:
+    """Standard errors of sigma0 and Fc that a hypothesis adds to the interval.
+
+    If the cycles do not ask for what it has beyond a special case, its standard errors are at most
+    1.5 times those of the special case. Its value counts in any case.
+    """
+    error = fit.error
+    for other in near:
+        if other.hypothesis.size < fit.hypothesis.size and fit.hypothesis.contains(
+            other.hypothesis
+        ):
+            more, spread = excess(other.cost, fit.cost)
+            if more <= spread:
+                error = np.minimum(error, 1.5 * other.error)
+    return error

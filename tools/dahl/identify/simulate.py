@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: MIT
+"""Simulate and refit: what counts, rounding, sampling and angle noise do to the estimate.
+
+Logs are made from the fitted parameters on the same motion, with known truth. The distance of their
+refits from the truth is the bias and the spread of the method on this log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from dahl.identify import models
+from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
+from dahl.identify.log import Log, resolution_of
+from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
+
+DRAWS = 6
+HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
+FINE_STEPS = 4  # of the true motion between two samples
+REFIT_ROUNDS = 5
+MAX_LEVELS = 400  # a torque sensor of more levels is not coarse
+GOLDEN, SILVER = 0.618, 0.414  # steps of a sequence that fills an interval evenly
+
+
+def torque_step(torque: np.ndarray) -> float:
+    """The step of a coarse torque sensor, N m (N); 0 if noise hides it or there is none."""
+    return 0.0 if len(np.unique(torque)) > MAX_LEVELS else resolution_of(torque)
+
+
+def refit_errors(fitter: Fitter, fit: Fit, draws: int = DRAWS, seed: int = 0) -> np.ndarray:
+    """Refits of simulated logs over their truth, less 1: (draws, 2). The worst one is left out."""
+    random = np.random.default_rng(seed)
+    refits = [_refit(fitter, fit, k, random) for k in range(draws)]
+    errors = np.array([one.value / fit.value - 1 for one in refits if one is not None])
+    errors = errors.reshape(-1, 2)
+    if len(errors) < 4:
+        return errors
+    by_size = np.argsort(np.abs(errors), axis=0)
+    return np.take_along_axis(errors, by_size, axis=0)[:-1]
+
+
+def _refit(fitter: Fitter, fit: Fit, draw: int, random: np.random.Generator) -> Fit | None:
+    """Simulate one log and fit the same hypothesis to it."""
+    samples, h = fitter.samples, fit.hypothesis
+    true = _other_phase(samples, h, draw)
+    torque = _measured(fitter, fit, _torque_on(fitter, fit, true), random)
+    theta = true + (random.normal(size=samples.rows) * samples.noise if samples.noise else 0.0)
+    if samples.count:
+        theta = np.round(theta / samples.count) * samples.count
+    logs = [
+        Log(str(k), theta[rows], torque[rows], samples.time[rows], resolution=samples.count)
+        for k, rows in zip(samples.log_of, samples.pieces, strict=True)
+    ]
+    made = samples_of(logs, block=1, reference=samples.reference)
+    made = replace(made, noise=samples.noise, load=samples.load)
+    made.used, made.folds, made.cycles = samples.used, samples.folds, samples.cycles
+    if h.angle not in made.angles:
+        made = made.with_angle(h.angle, made.theta)
+    again = Fitter(made)
+    at = again.optimum(h, fit.p, REFIT_ROUNDS)
+    return None if at is None else again.scored(h, at, range(at.grams.shape[-1] - 1))
+
+
+def _other_phase(samples: Samples, h: Hypothesis, draw: int) -> np.ndarray:
+    """The motion of the log with its counts at other places, and half a count longer or shorter."""
+    angle = samples.angles[h.angle if h.angle != "as read" else "between counts"]
+    shift = (draw * GOLDEN) % 1 - 0.5
+    stretch = (draw * SILVER) % 1 - 0.5
+    around = angle - angle.mean()
+    moved: np.ndarray = angle + samples.count * (shift + stretch * around / np.abs(around).max())
+    return moved
+
+
+def _torque_on(fitter: Fitter, fit: Fit, true: np.ndarray) -> np.ndarray:
+    """The torque of the fit on a motion, with what the motion between samples changes."""
+    again = Fitter(fitter.samples.with_angle(fit.hypothesis.angle, true))
+    between = _friction(again, fit, true, FINE_STEPS) - _friction(again, fit, true, 1)
+    torque: np.ndarray = again.predicted(fit) + between
+    return torque
+
+
+def _friction(fitter: Fitter, fit: Fit, true: np.ndarray, steps: int) -> np.ndarray:
+    """Friction alone, with so many steps from sample to sample; no law with speed or load."""
+    h, parts = fit.hypothesis, []
+    if h.law in ("stribeck", "loaded"):
+        return np.zeros(len(true))
+    for rows in fitter.samples.pieces:
+        n = rows.stop - rows.start
+        places = np.arange((n - 1) * steps + 1) / steps
+        fine = CubicSpline(np.arange(n), true[rows])(places)
+        moves = np.diff(fine, prepend=fine[:1])
+        elements = fitter.friction(h, fit.p, moves, [slice(0, len(fine))])
+        torque = sum(c * w for c, w in zip(fit.limits, elements, strict=True))
+        parts.append(torque[::steps])
+    return np.concatenate(parts)
+
+
+def _measured(
+    fitter: Fitter, fit: Fit, torque: np.ndarray, random: np.random.Generator
+) -> np.ndarray:
+    """The torque as a coarse sensor reads it. White noise is left to the jackknife."""
+    step = torque_step(fitter.samples.torque)
+    if not step:
+        return torque
+    residual = fitter.samples.torque - fitter.predicted(fit)
+    noise = min(float(np.std(residual)), 0.3 * step) * random.normal(size=len(torque))
+    shift = random.uniform() * step
+    gain = 1 + 0.5 * step / np.ptp(torque) * random.uniform(-1, 1)
+    measured: np.ndarray = np.round(((torque + noise) * gain + shift) / step) * step - shift
+    return measured
+
+
+def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
+    """Half width of sigma0 and Fc by the travel that a count hides at each turn, as parts: (2,).
+
+    The angle within the last count is extrapolated, with an error of HIDDEN_COUNTS. The torque
+    shows a part of this error, so that only the rest is unknown: one standard error at least.
+    """
+    samples, h = fitter.samples, fit.hypothesis
+    bent = samples.angles[h.angle].copy()
+    for rows in samples.pieces:
+        bent[rows] += _bump_at_turns(bent[rows], samples.count, float(np.exp(fit.p[0])))
+    again = Fitter(samples.with_angle(h.angle, bent))
+    at = again.optimum(h, fit.p, REFIT_ROUNDS - 1)
+    one = None if at is None else again.scored(h, at, range(at.grams.shape[-1] - 1))
+    if one is None:
+        return np.full(2, np.inf)
+    seen, error = _amplitude(fitter, fit, again.predicted(fit) - fitter.predicted(fit))
+    shrink = 1 / (1 + error**2)  # the posterior of a normal prior of standard deviation 1
+    unknown = max(abs(seen) * shrink + 2 * error * np.sqrt(shrink), 1.0)
+    reach: np.ndarray = np.abs(one.value / fit.value - 1) * unknown
+    return reach
+
+
+def _amplitude(fitter: Fitter, fit: Fit, change: np.ndarray) -> tuple[float, float]:
+    """How much of a change of the torque the log shows beside the fit, and its standard error."""
+    h = fit.hypothesis
+    base, _ = fitter.columns(h, fit.p, fit.limits, h.terms)
+    grams = fitter.samples.grams(np.column_stack((base, change)))
+    whole, columns = grams.sum(axis=0), range(base.shape[1] + 1)
+    left = solve(whole - grams, columns)[:, -1:]
+    return float(solve(whole, columns)[-1]), float(jackknife(left)[0])
+
+
+def _bump_at_turns(angle: np.ndarray, count: float, a: float) -> np.ndarray:
+    """HIDDEN_COUNTS further at each turn, and less up to two counts away from it."""
+    turns = models.turning_points(angle, MIN_TURN_LENGTHS / a)
+    if len(turns) == 0:
+        return np.zeros(len(angle))
+    places = np.arange(len(angle))
+    between = (turns[1:] + turns[:-1]) / 2
+    nearest = turns[np.searchsorted(between, places)]
+    away = np.abs(angle[nearest] - angle)
+    before = np.maximum(nearest - max(len(angle) // len(turns) // 8, 2), 0)
+    direction = np.sign(angle[nearest] - angle[before])
+    bump: np.ndarray = (
+        HIDDEN_COUNTS * count * np.clip(1 - away / (2 * count), 0.0, None) * direction
+    )
+    return bump
