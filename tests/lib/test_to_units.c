@@ -21,7 +21,7 @@ static void check_nearest(int32_t ratio, uint32_t Fc_units)
     TEST_ASSERT_TRUE(-ONE_Q30 / 2 <= off && off < ONE_Q30 / 2);
 }
 
-enum { SHAFTS = 5 };
+#define SHAFTS 5
 
 /* The recipe for a coarse unit errs by half a unit and 1/16 of one for each torque. A shift alone is half a unit low. */
 static void test_sixteenths_of_a_coarse_unit_are_rounded_once(void)

@@ -281,6 +281,16 @@ static void test_bad_elements_are_refused(void)
     }
 }
 
+/* A bad send is no unknown command: the server counts it and does not answer it. */
+static void test_a_send_is_known_by_its_first_word(void)
+{
+    TEST_ASSERT_TRUE(text_is_send(" send 123 1 00 "));
+    TEST_ASSERT_TRUE(text_is_send(" send xyz "));
+    TEST_ASSERT_FALSE(text_is_send(" sendd 123 0 "));
+    TEST_ASSERT_FALSE(text_is_send(" bcmmode "));
+    TEST_ASSERT_FALSE(text_is_send(" "));
+}
+
 /* More than 8 bytes are CAN FD, which has a few lengths up to 64; the first 8 are kept. */
 static void test_more_than_8_bytes_are_a_frame_of_can_fd(void)
 {

@@ -191,7 +191,7 @@ def test_elastoplastic(lib: ctypes.CDLL, constants: dict[str, mpf]) -> None:
         most_breakaway = max(most_breakaway, abs(breakaway - mpf(b)))
         assert plan.breakaway == b * ONE or b < 2**-8
         for _ in range(30):
-            before = plan.breakaway - random.randrange(plan.travel[1])
+            before = plan.breakaway - random.randrange(min(plan.travel[1], plan.breakaway + ONE))
             rest = u - mpf(plan.breakaway - before) / ONE
             g = -mp.expm1(-rest / (1 - breakaway))
             error = mpf(crossed(lib, plan, before)) / ONE - breakaway - (1 - breakaway) * g

@@ -19,6 +19,7 @@ from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
 
 DRAWS = 6
 HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges
+MIN_HIDDEN = 0.5  # standard errors, however well the torque fits
 FINE_STEPS = 4  # of the true motion between two samples
 REFIT_ROUNDS = 5
 MAX_LEVELS = 400  # a torque sensor of more levels is not coarse
@@ -117,7 +118,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
     """Half width of sigma0 and Fc by the travel that a count hides at each turn, as parts: (2,).
 
     The angle within the last count is extrapolated, with an error of HIDDEN_COUNTS. The torque
-    shows a part of this error, so that only the rest is unknown: one standard error at least.
+    shows a part of this error, so that only the rest is unknown: half a standard error at least.
     """
     samples, h = fitter.samples, fit.hypothesis
     bent = samples.angles[h.angle].copy()
@@ -130,7 +131,7 @@ def hidden_travel(fitter: Fitter, fit: Fit) -> np.ndarray:
         return np.full(2, np.inf)
     seen, error = _amplitude(fitter, fit, again.predicted(fit) - fitter.predicted(fit))
     shrink = 1 / (1 + error**2)  # the posterior of a normal prior of standard deviation 1
-    unknown = max(abs(seen) * shrink + 2 * error * np.sqrt(shrink), 1.0)
+    unknown = max(abs(seen) * shrink + 2 * error * np.sqrt(shrink), MIN_HIDDEN)
     reach: np.ndarray = np.abs(one.value / fit.value - 1) * unknown
     return reach
 
