@@ -116,7 +116,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
-    from dahl.identify.select import TERMS
+    from dahl.identify.log import TERMS
 
     how = parser.add_argument_group("how to fit")
     how.add_argument(
@@ -183,8 +183,8 @@ def source_of(args: argparse.Namespace) -> Source:
 def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
     from dahl.identify.estimate import Options
+    from dahl.identify.log import TERMS
     from dahl.identify.models import OPTIONS
-    from dahl.identify.select import TERMS
     from dahl.logs import meant
 
     terms = None

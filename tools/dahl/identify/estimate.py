@@ -17,11 +17,11 @@ from dahl import Error
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
-from dahl.identify.log import Log
+from dahl.identify.log import TERMS, Log
 from dahl.identify.models import OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
-from dahl.identify.select import TERMS, Plausible, SearchSpace
+from dahl.identify.select import Plausible, SearchSpace
 from dahl.identify.start import coarse_start
 
 CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hypothesis covers

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 BY_ROW = ("theta", "torque", "time", "weight", "load")  # arrays of a Log, one entry for each row
+TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
 SMALL = 1.0  # m: a linear motion of less is shown in mm
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from dahl.identify import models
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
+from dahl.identify.log import TERMS
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
 
@@ -25,7 +26,6 @@ PLAUSIBLE_ERRORS = (
 PENALTY = 0.002  # of the best cost, for each parameter: a tie goes to the simpler hypothesis
 SKEW_SAMPLES = 0.5  # torque and angle of one row may be read half a row apart
 MAX_SKEWED = 3  # hypotheses that are fitted with a skew
-TERMS = ("offset", "spring", "viscous", "inertia")  # that --terms may name
 MAX_LOGS_WITH_DELAYS = 4  # logs that may each have a delay of their own
 MAX_REFITS = 3  # of subsets whose linearisation went far
 FAR_STEP = 0.03  # of ln a
