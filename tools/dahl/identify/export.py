@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import math
 import textwrap
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,8 +98,18 @@ def runnable_model(result: Result) -> RunnableModel:
     if result.options.model and wanted != "coulomb" and not same:
         raise Error(f"--model {result.options.model}: this law does not fit the log")
     is_chosen = wanted == result.hypothesis.law and LAWS[wanted].in_library
-    fit = result.chosen if is_chosen else best_of(same or library)
+    fit = result.chosen if is_chosen else _alone(result, best_of(same or library))
     return _runnable(result, fit)
+
+
+def _alone(result: Result, fit: Fit) -> Fit:
+    """A law as a plan must run it: without a lag, beside an offset and a spring at most."""
+    if fit.hypothesis.law == "loaded":
+        return fit
+    h = replace(fit.hypothesis, lag="none", skew=0.0)
+    start = fit.p[: h.friction.parameters]
+    alone = (result.fitter.fit(replace(h, terms=t), start) for t in (SCENE_TERMS, ("offset",)))
+    return next((one for one in alone if one is not None), fit)
 
 
 def _runnable(result: Result, fit: Fit) -> RunnableModel:

@@ -285,7 +285,7 @@ def claims_of(result: Result) -> Result:
         if half > MAX_HALF_WIDTH and np.isfinite(half):
             source = SOURCES[i.dominant(k)]
             reasons.append(f"{name} is known within {100 * half:.0f} % only: {source}")
-    reasons += [lack.text for lack in result.lacks]
+    reasons += [lack.text for lack in result.lacks if lack.text]
     if any(_is_steepest_at_rest(fit) for fit in result.plausible.fits):
         withdrawn[0] = True
         reasons.append("the loop is steepest at rest, as of small stiff elements: sigma0 is larger")
