@@ -120,15 +120,15 @@ static int open_bus(program_t *p)
     uint32_t ids[4 * DAHL_FRAMES_NODES];
     sim_clock_start(&p->clock, p->options.is_virtual);
     bool all = p->options.log != NULL || p->options.is_virtual || p->options.bitrate > 0;
-    bus_wish_t wish = {
+    bus_config_t config = {
         .spec = p->options.bus,
         .clock = sim_clock_seam(&p->clock),
-        .patient = p->options.is_virtual,
+        .is_patient = p->options.is_virtual,
         .bitrate = p->options.bitrate,
         .ids = all ? NULL : ids,
         .id_count = list_ids(p, ids),
     };
-    int code = bus_open(&opened, &wish);
+    int code = bus_open(&opened, &config);
     if (code != 0) {
         return code;
     }
