@@ -34,7 +34,7 @@ bool text_feed(text_splitter_t *s, char c)
     if (c == '>') {
         return finish(s);
     }
-    if (c == '<' || c == '\0' || room == 0) { /* a 0 would hide what stands after it */
+    if (c == '<' || c == '\0' || room == 0) { /* a 0 would hide the text after it */
         s->garbage++;
         s->inside = c == '<';
         s->length = 0;
@@ -62,7 +62,7 @@ static int id_digits(const dahl_can_frame_t *frame)
     return (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 ? 8 : 3;
 }
 
-static bool has_words(const dahl_can_frame_t *frame)
+static bool is_expressible(const dahl_can_frame_t *frame)
 {
     return (frame->flags & (DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD)) == 0;
 }
@@ -77,7 +77,7 @@ static char *put_byte(char *out, uint8_t byte)
 
 size_t text_from_frame(char *out, const dahl_can_frame_t *frame)
 {
-    if (!has_words(frame)) {
+    if (!is_expressible(frame)) {
         return 0;
     }
     uint32_t id = frame->id & 0x1FFFFFFFu;
@@ -93,7 +93,7 @@ size_t text_from_frame(char *out, const dahl_can_frame_t *frame)
 
 size_t text_from_send(char *out, const dahl_can_frame_t *frame)
 {
-    if (!has_words(frame)) {
+    if (!is_expressible(frame)) {
         return 0;
     }
     uint32_t id = frame->id & 0x1FFFFFFFu;
@@ -112,7 +112,7 @@ static bool to_number(const char *word, int base, uint64_t limit, uint64_t *valu
     if (digits == 0 || word[digits] != '\0') {
         return false;
     }
-    *value = strtoull(word, NULL, base); /* the largest of all where it is too large */
+    *value = strtoull(word, NULL, base); /* ULLONG_MAX if it is too large */
     return *value <= limit;
 }
 
@@ -154,7 +154,7 @@ static bool at_end(const char *cursor)
     return cursor[strspn(cursor, " ")] == '\0';
 }
 
-/* What has more than 8 bytes, up to 64, is of CAN FD, which has these lengths; only its first 8 bytes are kept. */
+/* A frame of more than 8 bytes is CAN FD, which has these lengths. Only its first 8 bytes are stored. */
 static bool set_length(dahl_can_frame_t *frame, uint64_t length)
 {
     static const char fd_lengths[] = {12, 16, 20, 24, 32, 48, 64, 0};
@@ -167,7 +167,7 @@ static bool set_length(dahl_can_frame_t *frame, uint64_t length)
     return strchr(fd_lengths, (int)length) != NULL;
 }
 
-static void keep(dahl_can_frame_t *frame, uint64_t i, uint64_t byte)
+static void store_byte(dahl_can_frame_t *frame, uint64_t i, uint64_t byte)
 {
     if (i < frame->length) {
         frame->data[i] = (uint8_t)byte;
@@ -187,7 +187,7 @@ bool text_to_send(const char *element, dahl_can_frame_t *frame)
         if (!hex_word(&element, 0xFF, &byte)) {
             return false;
         }
-        keep(frame, i, byte);
+        store_byte(frame, i, byte);
     }
     return at_end(element);
 }
@@ -227,7 +227,7 @@ static bool data_word(const char **cursor, dahl_can_frame_t *frame)
         if (!to_number(pair, 16, UINT8_MAX, &value)) {
             return false;
         }
-        keep(frame, i, value);
+        store_byte(frame, i, value);
     }
     return true;
 }
