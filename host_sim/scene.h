@@ -12,8 +12,6 @@
 #include "dahl_parts.h"
 #include "faults.h"
 
-#define SCENE_TEXT 160u
-
 typedef enum { MOTION_SEGMENTS = 1, MOTION_STEERING = 2, MOTION_LOG = 4 } motion_kind_t;
 
 typedef struct {

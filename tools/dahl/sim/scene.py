@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Scene files, as far as Python needs them: what the node's parameters are and what was measured
-beside the angle.
+"""Read the node's parameters and the measured torque from scene files.
 
-dahl-loop reads and checks all sections, so which there are is told there alone; only [measured] is
-read here alone. A user's own log becomes a scene too, so that there is one way to run anything.
+dahl-loop reads and checks all sections but [measured], which only this module reads. scene_keys
+lists the keys for both. `dahl demo LOG` writes a scene for a user's log, so each run has a scene.
 """
 
 from __future__ import annotations
@@ -21,27 +20,15 @@ from dahl import paths
 from dahl.binding import core, parts, variants
 from dahl.errors import Error
 from dahl.io import files, logs, units
+from dahl.sim import scene_keys
 
 if TYPE_CHECKING:
     from dahl.can import node
-
-TEXT = 160  # bytes of a text in a scene, with its end, as dahl-loop has them
 
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
     "rad": (1.0, "N m"),
     "mm": (1e-3, "N"),
-}
-
-
-NODE_KEYS = ("gain", "limit", "ramp_ms", "timeout_ms", "max_step")  # of [friction]
-
-MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
-ONE = {"dahl": (1, 1), "elastoplastic": (1, 1), "loaded": (1, 1), "asymmetric": (1, 2)}  # element
-OWN_KEYS = {"kinds": "parallel", "breakaway": "elastoplastic"}  # of one model alone
-KNOWN_KEYS = {  # of the sections that a node is made of
-    "friction": ("model", "sigma0", "Fc", "theta_per_count", "node", *OWN_KEYS, *NODE_KEYS),
-    "status": ("period_ms",),
 }
 
 
@@ -194,7 +181,7 @@ def read(path: Path) -> Scene:
     scene.parts = tuple(parser.sections())
     scene.friction = {
         key: _number(path, parser, "friction", key, 0.0)
-        for key in NODE_KEYS
+        for key in scene_keys.node_settings()
         if parser.has_option("friction", key)
     }
     scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
@@ -209,11 +196,12 @@ def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques
     """What dahl-loop would not take of [friction] and [status], else nothing: a key that is none,
     another number of elements than the model has, a kind that there is not.
     """
-    if model not in MODELS:
-        return f"[friction] model = {model} is none of {', '.join(MODELS)}"
+    known = scene_keys.models()
+    if model not in known:
+        return f"[friction] model = {model} is not one of {', '.join(known)}"
     if not sigma0 or not torques:
         return "[friction] has no sigma0 and Fc"
-    if (sigma0, torques) != ONE.get(model, (torques, torques)):
+    if (sigma0, torques) != (known[model].sigma0 or torques, known[model].Fc or torques):
         return f"[friction] sigma0 has {sigma0} numbers and Fc {torques}: not those of {model}"
     kinds = parser.get("friction", "kinds", fallback="").split()
     if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
@@ -222,11 +210,13 @@ def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques
 
 
 def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
-    for section, known in KNOWN_KEYS.items():
+    """Check the sections that a node is made of."""
+    for section in ("friction", "status"):
+        known = scene_keys.names(section)
         for key in parser[section] if parser.has_section(section) else ():
             if key not in known:
                 return f"[{section}] has no key '{key}' (known: {', '.join(known)})"
-            if OWN_KEYS.get(key, model) != model:
+            if scene_keys.own_keys().get(key, model) != model:
                 return f"[friction] {key} has no meaning for model = {model}"
     return ""
 
@@ -251,10 +241,11 @@ def _number(
 
 
 def _node(path: Path, parser: configparser.ConfigParser) -> int:
-    """[friction] node, from 0 to 15."""
-    number = _number(path, parser, "friction", "node", 0.0)
-    if number not in range(16):
-        raise Error(f"{path}: [friction] node = {number:g} is not a whole number from 0 to 15")
+    key = scene_keys.keys()["friction", "node"]
+    number = _number(path, parser, "friction", "node", key.default)
+    if not (key.low <= number <= key.high and number.is_integer()):
+        limits = f"from {key.low:g} to {key.high:g}"
+        raise Error(f"{path}: [friction] node = {number:g} is not a whole number {limits}")
     return int(number)
 
 
@@ -405,7 +396,7 @@ def _can_hold(name: str) -> bool:
     dahl-loop.
     """
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
-    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < TEXT
+    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < scene_keys.text_size()
 
 
 def _theta_per_count(own: OwnLog) -> float:
