@@ -9,50 +9,50 @@ static void copy(float *to, const scene_list_t *from)
     }
 }
 
-static dahl_err_t use_slip(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *f)
+static dahl_err_t use_slip(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
 {
     dahl_slip_params_t params = {.elements = f->Fc_of.count, .theta_per_count = (float)f->theta_per_count};
     copy(params.sigma0, &f->sigma0_of);
     copy(params.Fc, &f->Fc_of);
-    return dahl_node_use_slip(node, &storage->slip, &params);
+    return dahl_node_use_slip(node, &kept->slip, &params);
 }
 
-static dahl_err_t use_parallel(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *f)
+static dahl_err_t use_parallel(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
 {
     dahl_node_parallel_params_t params = {
         .elements = f->Fc_of.count, .slips = f->slips, .theta_per_count = (float)f->theta_per_count};
     copy(params.sigma0, &f->sigma0_of);
     copy(params.Fc, &f->Fc_of);
-    return dahl_node_use_parallel(node, &storage->parallel, &params);
+    return dahl_node_use_parallel(node, &kept->parallel, &params);
 }
 
-static dahl_err_t use_asymmetric(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *f)
+static dahl_err_t use_asymmetric(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
 {
     const dahl_asymmetric_params_t params = {(float)f->sigma0_of.value[0], (float)f->Fc_of.value[0], (float)f->Fc_of.value[1],
                                              (float)f->theta_per_count};
-    return dahl_node_use_asymmetric(node, &storage->asymmetric, &params);
+    return dahl_node_use_asymmetric(node, &kept->asymmetric, &params);
 }
 
-static dahl_err_t use_elastoplastic(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *f)
+static dahl_err_t use_elastoplastic(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
 {
     const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    return dahl_node_use_elastoplastic(node, &storage->elastoplastic, &params, (float)f->breakaway);
+    return dahl_node_use_elastoplastic(node, &kept->elastoplastic, &params, (float)f->breakaway);
 }
 
-static dahl_err_t use_loaded(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *f)
+static dahl_err_t use_loaded(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
 {
     const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    return dahl_node_use_loaded(node, &storage->loaded, &params);
+    return dahl_node_use_loaded(node, &kept->loaded, &params);
 }
 
-dahl_err_t models_use(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *friction)
+dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction)
 {
     switch (friction->model) {
-    case MODEL_SLIP: return use_slip(node, storage, friction);
-    case MODEL_PARALLEL: return use_parallel(node, storage, friction);
-    case MODEL_ASYMMETRIC: return use_asymmetric(node, storage, friction);
-    case MODEL_ELASTOPLASTIC: return use_elastoplastic(node, storage, friction);
-    case MODEL_LOADED: return use_loaded(node, storage, friction);
+    case MODEL_SLIP: return use_slip(node, kept, friction);
+    case MODEL_PARALLEL: return use_parallel(node, kept, friction);
+    case MODEL_ASYMMETRIC: return use_asymmetric(node, kept, friction);
+    case MODEL_ELASTOPLASTIC: return use_elastoplastic(node, kept, friction);
+    case MODEL_LOADED: return use_loaded(node, kept, friction);
     default: return DAHL_OK;
     }
 }

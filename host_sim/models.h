@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: MIT */
-/* models: configure a node for the friction model that a scene names. */
+/* models: a node made to answer by the model that a scene names. */
 #ifndef MODELS_H
 #define MODELS_H
 
 #include "dahl_node.h"
 #include "scene.h"
 
-/* Plan and state of any model but dahl, which the node itself holds. */
+/* What a node keeps for any model but Dahl's own. */
 typedef union {
     dahl_node_slip_t slip;
     dahl_node_parallel_t parallel;
     dahl_node_asymmetric_t asymmetric;
     dahl_node_elastoplastic_t elastoplastic;
     dahl_node_loaded_t loaded;
-} model_storage_t;
+} models_kept_t;
 
-/* Call it after dahl_node_init. Returns the library's code. */
-dahl_err_t models_use(dahl_node_t *node, model_storage_t *storage, const scene_friction_t *friction);
+/* After dahl_node_init. The library's code. */
+dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction);
 
 #endif

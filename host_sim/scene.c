@@ -19,7 +19,7 @@
 enum { SEGMENTS = MOTION_SEGMENTS, STEERING = MOTION_STEERING, LOG = MOTION_LOG, ANY = SEGMENTS | STEERING | LOG };
 
 typedef enum { NUMBER, WHOLE, LIST, TEXT } value_type_t;
-typedef enum { OPTIONAL, REQUIRED } need_t;
+typedef enum { OPTIONAL, REQUIRED, OWN } need_t;
 
 typedef struct {
     const char *section;
@@ -27,7 +27,7 @@ typedef struct {
     size_t offset; /* of the value in scene_t */
     value_type_t type;
     double low, high;   /* of a number, both allowed */
-    need_t need;        /* if the section is there */
+    need_t need;
     unsigned kinds;     /* of [motion] that have the key */
     double usual;       /* number if the key is absent */
 } scene_key_t;
@@ -45,26 +45,7 @@ static const char *const sections[] = {
 #include "scene_keys.def"
 };
 
-#define SCENE_MODEL(NAME, name, sigma0, Fc, own_key, numbers) {#name, sigma0, Fc, own_key, numbers},
-static const struct {
-    const char *name;
-    uint32_t sigma0, Fc; /* how many numbers of each; 0: one for each element */
-    const char *own_key; /* that only this model has, and that it needs; "": none */
-    const char *numbers; /* the same as sigma0 and Fc, in words */
-} models[] = {
-#include "scene_keys.def"
-};
-
-#define SCENE_MODEL(NAME, name, sigma0, Fc, own_key, numbers) ", " #name
-static const char model_names[] =
-#include "scene_keys.def"
-    ;
-
-enum {
-    KEYS = sizeof keys / sizeof keys[0],
-    SECTIONS = sizeof sections / sizeof sections[0],
-    MODELS = sizeof models / sizeof models[0]
-};
+enum { KEYS = sizeof keys / sizeof keys[0], SECTIONS = sizeof sections / sizeof sections[0] };
 
 typedef struct {
     scene_t *scene;
@@ -317,6 +298,23 @@ static bool check_key(const reader_t *r, int i)
     return true;
 }
 
+/* What each model takes. */
+static const struct {
+    const char *name;
+    uint32_t sigma0, Fc; /* numbers of each; 0: one an element */
+    const char *key;     /* that it needs beside them, and no other model has */
+    const char *wants;
+} models[] = {
+    [MODEL_DAHL] = {"dahl", 1, 1, NULL, "one of each"},
+    [MODEL_SLIP] = {"slip", 0, 0, NULL, "as many of both, one an element"},
+    [MODEL_PARALLEL] = {"parallel", 0, 0, "kinds", "as many of both, one an element"},
+    [MODEL_ASYMMETRIC] = {"asymmetric", 1, 2, NULL, "one sigma0, and Fc forward and backward"},
+    [MODEL_ELASTOPLASTIC] = {"elastoplastic", 1, 1, "breakaway", "one of each"},
+    [MODEL_LOADED] = {"loaded", 1, 1, NULL, "one of each"},
+};
+
+enum { MODELS = sizeof models / sizeof models[0] };
+
 static int friction_line(const reader_t *r, const char *key)
 {
     return r->key_line[find_key("friction", key)];
@@ -326,21 +324,22 @@ static bool find_model(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
     for (int i = 0; i < MODELS; i++) {
-        if (strcmp(f->model_name[0] == '\0' ? models[MODEL_DAHL].name : f->model_name, models[i].name) == 0) {
+        if (strcmp(f->model_name[0] == '\0' ? "dahl" : f->model_name, models[i].name) == 0) {
             f->model = (scene_model_t)i;
             return true;
         }
     }
-    log_error("%s:%d: [friction] model = %s: not one of %s", PLACE(r, friction_line(r, "model")), f->model_name,
-              model_names + strlen(", "));
+    log_error("%s:%d: [friction] model = %s: not one of dahl, slip, parallel, asymmetric, elastoplastic, loaded",
+              PLACE(r, friction_line(r, "model")), f->model_name);
     return false;
 }
 
-/* The own key of a model must be there if the scene has this model, and only then. */
-static bool check_own_key(const reader_t *r, int model)
+/* A key that one model needs and no other has. */
+static bool check_own_key(const reader_t *r, const char *key)
 {
-    const char *key = models[model].own_key, *name = models[r->scene->friction.model].name;
-    bool is_needed_here = model == (int)r->scene->friction.model, is_given = friction_line(r, key) != 0;
+    const char *needed = models[r->scene->friction.model].key;
+    bool is_needed_here = needed != NULL && strcmp(needed, key) == 0, is_given = friction_line(r, key) != 0;
+    const char *name = models[r->scene->friction.model].name;
     if (is_needed_here && !is_given) {
         log_error("%s:%d: [friction] model = %s needs the key \"%s\"", PLACE(r, friction_line(r, "model")), name, key);
     } else if (is_given && !is_needed_here) {
@@ -349,30 +348,20 @@ static bool check_own_key(const reader_t *r, int model)
     return is_given == is_needed_here;
 }
 
-static bool check_own_keys(const reader_t *r)
-{
-    for (int i = 0; i < MODELS; i++) {
-        if (models[i].own_key[0] != '\0' && !check_own_key(r, i)) {
-            return false;
-        }
-    }
-    return true;
-}
-
-static bool check_element_count(const reader_t *r)
+static bool check_numbers_of_elements(const reader_t *r)
 {
     const scene_friction_t *f = &r->scene->friction;
     uint32_t sigma0 = models[f->model].sigma0, Fc = models[f->model].Fc;
     bool is_good = sigma0 == 0 ? f->sigma0_of.count == f->Fc_of.count : f->sigma0_of.count == sigma0 && f->Fc_of.count == Fc;
     if (!is_good) {
-        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model %s needs %s", PLACE(r, friction_line(r, "Fc")),
-                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, models[f->model].numbers);
+        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model %s wants %s", PLACE(r, friction_line(r, "Fc")),
+                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, models[f->model].wants);
     }
     return is_good;
 }
 
-/* dahl or slip for each element of parallel. */
-static bool read_element_kinds(reader_t *r)
+/* Read dahl or slip for each element of parallel. */
+static bool take_kinds(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
     char copy[SCENE_TEXT], *rest = copy;
@@ -387,14 +376,14 @@ static bool read_element_kinds(reader_t *r)
         f->slips |= count < DAHL_SLIP_MAX && word[0] == 's' ? 1u << count : 0u;
     }
     if (count != f->Fc_of.count) {
-        log_error("%s:%d: [friction] kinds has %u words and Fc %u numbers: each element needs one",
+        log_error("%s:%d: [friction] kinds has %u words and Fc %u numbers: one an element is wanted",
                   PLACE(r, friction_line(r, "kinds")), count, f->Fc_of.count);
     }
     return count == f->Fc_of.count;
 }
 
 /* Compute the sigma0 and Fc that the ratio on the bus refers to. */
-static void compute_totals(scene_friction_t *f)
+static void add_up(scene_friction_t *f)
 {
     for (uint32_t k = 0; k < f->sigma0_of.count; k++) {
         f->sigma0 += f->sigma0_of.value[k];
@@ -404,12 +393,12 @@ static void compute_totals(scene_friction_t *f)
     }
 }
 
-static bool read_model(reader_t *r)
+static bool take_model(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
-    bool is_good = find_model(r) && check_own_keys(r) && check_element_count(r)
-                   && (f->model != MODEL_PARALLEL || read_element_kinds(r));
-    compute_totals(f);
+    bool is_good = find_model(r) && check_own_key(r, "kinds") && check_own_key(r, "breakaway") && check_numbers_of_elements(r)
+                   && (f->model != MODEL_PARALLEL || take_kinds(r));
+    add_up(f);
     return is_good;
 }
 
@@ -444,7 +433,7 @@ static bool check_travel(const reader_t *r, double sigma0, double Fc)
 static bool check_friction(reader_t *r)
 {
     const scene_friction_t *f = &r->scene->friction;
-    if (!read_model(r)) {
+    if (!take_model(r)) {
         return false;
     }
     for (uint32_t k = 0; k < f->Fc_of.count; k++) {

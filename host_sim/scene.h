@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * scene: read a scene file (INI, by libinih). scene_keys.def lists its sections and keys with ranges, units and defaults. A part
- * of the loop runs only if its section is there. Sections [measured] are ignored here.
+ * of the loop runs only if its section is there. Section [measured] is ignored here.
  */
 #ifndef SCENE_H
 #define SCENE_H
@@ -12,6 +12,8 @@
 #include "dahl_parts.h"
 #include "faults.h"
 
+#include "scene_keys.def" /* SCENE_TEXT */
+
 typedef enum { MOTION_SEGMENTS = 1, MOTION_STEERING = 2, MOTION_LOG = 4 } motion_kind_t;
 
 typedef struct {
@@ -19,16 +21,13 @@ typedef struct {
     double value[DAHL_SLIP_MAX];
 } scene_list_t;
 
-typedef enum {
-#define SCENE_MODEL(NAME, ...) MODEL_##NAME,
-#include "scene_keys.def"
-} scene_model_t;
+typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_ELASTOPLASTIC, MODEL_LOADED } scene_model_t;
 
 typedef struct {
     char model_name[SCENE_TEXT], kinds[SCENE_TEXT];
     scene_model_t model;
     uint32_t slips;                /* of parallel: bit k is set if element k slips */
-    scene_list_t sigma0_of, Fc_of; /* of each element; see SCENE_MODEL */
+    scene_list_t sigma0_of, Fc_of; /* of each element; of asymmetric one sigma0, and Fc forward and backward */
     double sigma0, Fc;             /* of the ratio on the bus: the sums, or the larger Fc of asymmetric */
     double breakaway;
     double theta_per_count, node, timeout_ms;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Two plans. The tick uses one. Main prepares the other and publishes it by one store. The next tick keeps the torque, changes to
- * the new plan and confirms it by one store. Then main may write the first plan. Release and acquire of C11 order the words of
- * the plan and these two stores, for the compiler and for the core.
+ * Two plans. The tick uses one. Main prepares the other and publishes it by one store. The next tick keeps the torque, changes
+ * to the new plan and confirms it by one store. Then main may write the first plan. Release and acquire of C11 order the words
+ * of the plan and these two stores, for the compiler and for the core.
  */
 #include "friction.h"
 

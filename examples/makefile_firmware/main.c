@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Friction of a shaft with a 14-bit encoder at 1 kHz, by SysTick, on a core without an FPU. No step from the reading to the torque
- * in nN m uses a float. The encoder is simulated: it turns by 2 counts a tick, 50 ticks forward and 50 back. The main loop waits
- * for the last tick and prints each tenth torque through the debugger.
+ * Friction of a shaft with a 14-bit encoder at 1 kHz, by SysTick, on a core without an FPU. No step from the reading to the
+ * torque in nN m uses a float. The encoder is simulated: it turns by 2 counts a tick, 50 ticks forward and 50 back. The main
+ * loop waits for the last tick and prints each tenth torque through the debugger.
  */
 #include <stdint.h>
 #include <stdio.h>

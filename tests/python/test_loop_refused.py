@@ -11,7 +11,6 @@ from pathlib import Path
 import dahl
 import numpy as np
 import pytest
-from dahl.sim import scene_keys
 from loop_tools import SCENES, said, setting
 
 GOOD = {
@@ -328,20 +327,6 @@ LIMITS = [  # scene, key, least and greatest value
         + "babble silence bus_off restart".split()
     ),
 ]
-ELSEWHERE = {  # lists and numbers whose own limits other limits hide, by line of SCENE_ERRORS
-    "friction.sigma0",
-    "friction.Fc",
-    "friction.theta_per_count",
-    "motion.counts_per_unit",
-}
-
-
-def test_each_number_of_a_scene_has_its_case():
-    keys = scene_keys.keys().values()
-    numbers = {f"{key.section}.{key.name}" for key in keys if key.type != "TEXT"}
-    assert numbers == {key for _, key, *_ in LIMITS} | ELSEWHERE
-
-
 CALM = [f"{key}=0" for _, key, *_ in LIMITS if key.startswith("faults.")]
 BESIDE = {  # what is set beside a key, so that its limit is the one that is met
     "rotor": ["rotor.inertia=1e6", "motor.bias=0", "motor.amplitude=0"],

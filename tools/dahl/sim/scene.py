@@ -25,10 +25,22 @@ from dahl.sim import scene_keys
 if TYPE_CHECKING:
     from dahl.can import node
 
+TEXT = scene_keys.text_size()
+
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
     "rad": (1.0, "N m"),
     "mm": (1e-3, "N"),
+}
+
+
+NODE_KEYS = scene_keys.node_settings()
+
+MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
+ONE = {"dahl": (1, 1), "elastoplastic": (1, 1), "loaded": (1, 1), "asymmetric": (1, 2)}  # element
+OWN_KEYS = {"kinds": "parallel", "breakaway": "elastoplastic"}  # of one model alone
+KNOWN_KEYS = {  # of the sections that a node is made of
+    section: scene_keys.names(section) for section in ("friction", "status")
 }
 
 
@@ -181,7 +193,7 @@ def read(path: Path) -> Scene:
     scene.parts = tuple(parser.sections())
     scene.friction = {
         key: _number(path, parser, "friction", key, 0.0)
-        for key in scene_keys.node_settings()
+        for key in NODE_KEYS
         if parser.has_option("friction", key)
     }
     scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
@@ -196,12 +208,11 @@ def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques
     """What dahl-loop would not take of [friction] and [status], else nothing: a key that is none,
     another number of elements than the model has, a kind that there is not.
     """
-    known = scene_keys.models()
-    if model not in known:
-        return f"[friction] model = {model} is not one of {', '.join(known)}"
+    if model not in MODELS:
+        return f"[friction] model = {model} is none of {', '.join(MODELS)}"
     if not sigma0 or not torques:
         return "[friction] has no sigma0 and Fc"
-    if (sigma0, torques) != (known[model].sigma0 or torques, known[model].Fc or torques):
+    if (sigma0, torques) != ONE.get(model, (torques, torques)):
         return f"[friction] sigma0 has {sigma0} numbers and Fc {torques}: not those of {model}"
     kinds = parser.get("friction", "kinds", fallback="").split()
     if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
@@ -210,13 +221,11 @@ def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques
 
 
 def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
-    """Check the sections that a node is made of."""
-    for section in ("friction", "status"):
-        known = scene_keys.names(section)
+    for section, known in KNOWN_KEYS.items():
         for key in parser[section] if parser.has_section(section) else ():
             if key not in known:
                 return f"[{section}] has no key '{key}' (known: {', '.join(known)})"
-            if scene_keys.own_keys().get(key, model) != model:
+            if OWN_KEYS.get(key, model) != model:
                 return f"[friction] {key} has no meaning for model = {model}"
     return ""
 
@@ -241,6 +250,7 @@ def _number(
 
 
 def _node(path: Path, parser: configparser.ConfigParser) -> int:
+    """[friction] node, from 0 to 15."""
     key = scene_keys.keys()["friction", "node"]
     number = _number(path, parser, "friction", "node", key.default)
     if not (key.low <= number <= key.high and number.is_integer()):
@@ -396,7 +406,7 @@ def _can_hold(name: str) -> bool:
     dahl-loop.
     """
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
-    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < scene_keys.text_size()
+    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < TEXT
 
 
 def _theta_per_count(own: OwnLog) -> float:

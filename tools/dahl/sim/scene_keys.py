@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Sections, keys, friction models and faults of scene files.
+"""Sections, keys and faults of scene files.
 
 They are read from host_sim/scene_keys.def, from which dahl-loop is compiled too.
 """
@@ -25,18 +25,8 @@ class Key:
     type: str  # NUMBER, WHOLE, LIST or TEXT
     low: float
     high: float
-    required: bool  # if the section is there
+    need: str  # REQUIRED if the section is there, OPTIONAL, or OWN: of one friction model
     default: float
-
-
-@dataclass(frozen=True)
-class Model:
-    """One friction model."""
-
-    name: str
-    sigma0: int  # how many numbers it needs; 0: one for each element
-    Fc: int  # the same
-    own_key: str  # that only this model has, and that it needs; "": none
 
 
 @functools.cache
@@ -45,7 +35,7 @@ def _text() -> str:
 
 
 def rows(table: str) -> list[list[str]]:
-    """Return the cells of all rows of a table: SECTION, MODEL, KEY, FAULT or PLOT_KEY."""
+    """Return the cells of all rows of a table: SECTION, KEY, FAULT or PLOT_KEY."""
     lines = [cells for name, cells in ROW.findall(_text()) if name == table]
     return list(csv.reader(lines, skipinitialspace=True))
 
@@ -63,7 +53,7 @@ def keys() -> dict[tuple[str, str], Key]:
     """Return all keys that dahl-loop reads, by section and name."""
     found = [_key(*cells) for cells in rows("KEY")]
     found += [
-        Key("faults", name, "NUMBER", 0.0, 1.0, required=False, default=0.0)
+        Key("faults", name, "NUMBER", 0.0, 1.0, need="OPTIONAL", default=0.0)
         for _, name, *_ in rows("FAULT")
     ]
     return {(key.section, key.name): key for key in found}
@@ -72,20 +62,11 @@ def keys() -> dict[tuple[str, str], Key]:
 def _key(*cells: str) -> Key:
     section, name, _, kind, low, high, need, _, _, default, _ = cells
     numbers = (_number(low), _number(high))
-    return Key(section, name, kind, *numbers, need == "REQUIRED", _number(default))
+    return Key(section, name, kind, *numbers, need, _number(default))
 
 
 def _number(literal: str) -> float:
     return float.fromhex(literal) if "0x" in literal else float(literal)
-
-
-@functools.cache
-def models() -> dict[str, Model]:
-    """Return all friction models by name."""
-    return {
-        name: Model(name, int(sigma0), int(torques), own_key)
-        for _, name, sigma0, torques, own_key, _ in rows("MODEL")
-    }
 
 
 @functools.cache
@@ -99,18 +80,12 @@ def names(section: str) -> tuple[str, ...]:
     return tuple(name for place, name in (*keys(), *plot_keys()) if place == section)
 
 
-def own_keys() -> dict[str, str]:
-    """Return the keys that only one friction model has, each with the name of this model."""
-    return {model.own_key: model.name for model in models().values() if model.own_key}
-
-
 def node_settings() -> tuple[str, ...]:
     """Return the keys of [friction] that set a node and not its friction: the optional numbers."""
     return tuple(
         key.name
         for key in keys().values()
-        if key.section == "friction"
+        if (key.section, key.need) == ("friction", "OPTIONAL")
         and key.type != "TEXT"
-        and not key.required
-        and key.name not in {"node", *own_keys()}
+        and key.name != "node"
     )
