@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * candump: write a log of the bus in the format of candump -L, which canplayer reads. The log has whole lines only, at any moment
- * and however the program ends. If a disk is full, the last incomplete line is removed.
+ * candump: write a log of the bus in the format of candump -L, which canplayer reads. The log has whole lines only, at any
+ * moment and however the program ends. If a disk is full, the last incomplete line is removed.
  *
  * The log never delays a tick. If the reader of a pipe is slow, CANDUMP_ROOM bytes are buffered: 2 to 3 s of an angle and an
- * answer at 1 kHz. If the buffer is full, whole lines are omitted and counted. A patient log (virtual time, in which no tick can
- * be late) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
+ * answer at 1 kHz. If the buffer is full, whole lines are omitted and counted. A patient log (virtual time, in which no tick
+ * can be late) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
  */
 #ifndef CANDUMP_H
 #define CANDUMP_H

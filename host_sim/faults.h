@@ -4,9 +4,9 @@
  * scene_keys.def lists the faults and the counters of the node that each increments. A frame has one fault at most. `expected`
  * holds the counts that the node must have, so that both can be compared.
  *
- * No fault may hide another one. At most 6 consecutive frames are lost. A good frame follows each late frame, glitch and restart.
- * A good frame precedes silence, bus_off and restart. The bus-off event goes to the controller of a node in this process only; a
- * node elsewhere receives the silence.
+ * No fault may hide another one. At most 6 consecutive frames are lost. A good frame follows each late frame, glitch and
+ * restart. A good frame precedes silence, bus_off and restart. The bus-off event goes to the controller of a node in this
+ * process only; a node elsewhere receives the silence.
  */
 #ifndef FAULTS_H
 #define FAULTS_H
@@ -52,8 +52,8 @@ typedef struct {
 /* timeout_us: of the node. *rates must stay valid. */
 void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t seed, uint32_t timeout_us);
 
-/* Write the frames to send in place of an EncoderState to out, in order, and return their number. An error frame is an event for
- * the controller of the node with this number. */
+/* Write the frames to send in place of an EncoderState to out, in order, and return their number. An error frame is an event
+ * for the controller of the node with this number. */
 size_t faults_pass(faults_t *f, const dahl_can_frame_t *in, dahl_can_frame_t out[FAULTS_OUT]);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * histogram: quantiles of durations in fixed memory, for runs of any length. Each octave has 32 bins, so the error of a quantile
- * is below 3.2 %, from 1 ns to centuries. The maximum is exact.
+ * histogram: quantiles of durations in fixed memory, for runs of any length. Each octave has 32 bins, so the error of a
+ * quantile is below 3.2 %, from 1 ns to centuries. The maximum is exact.
  */
 #ifndef HISTOGRAM_H
 #define HISTOGRAM_H

@@ -11,7 +11,7 @@
 
 enum { FRESH_TICKS = 3 }; /* an answer is used for this many ticks */
 
-static const double RATE_FILTER = 0.2; /* share of each new difference; about 35 Hz, so that a step of one count causes no jerk */
+static const double RATE_FILTER = 0.2; /* of each new difference; about 35 Hz, so that a count causes no jerk */
 static const double TWO_PI = 6.283185307179586;
 static const double COUNTS_MAX = 0x1p53; /* a double holds each count up to here */
 

@@ -107,7 +107,8 @@ static void end_header(recording_t *self)
     const char *name = missing_column(self);
     self->columns = self->column;
     if (name != NULL) {
-        log_error("%s:%llu: no column \"%s\"; the header has %s", self->path, (unsigned long long)self->line, name, self->header);
+        log_error("%s:%llu: no column \"%s\"; the header has %s", self->path, (unsigned long long)self->line, name,
+                  self->header);
         fail(self);
     }
 }

@@ -2,8 +2,8 @@
 /*
  * rotor: inertia, viscous drag and Dahl friction under a motor torque T that is constant during each call:
  *   J domega/dt = T - b omega - F,    dF/dtheta = sigma0 (1 - F/(c Fc) sgn(omega)),    |F| <= c Fc, c: load
- * Integration: half steps in speed around an exact step of the friction. It is of second order in ROTOR_STEP_S, and stable if the
- * inertia is at least rotor_least_inertia().
+ * Integration: half steps in speed around an exact step of the friction. It is of second order in ROTOR_STEP_S, and stable if
+ * the inertia is at least rotor_least_inertia().
  */
 #ifndef ROTOR_H
 #define ROTOR_H

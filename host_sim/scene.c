@@ -26,15 +26,15 @@ typedef struct {
     const char *name;
     size_t offset; /* of the value in scene_t */
     value_type_t type;
-    double low, high;   /* of a number, both allowed */
+    double low, high; /* of a number, both allowed */
     need_t need;
-    unsigned kinds;     /* of [motion] that have the key */
-    double usual;       /* number if the key is absent */
+    unsigned kinds; /* of [motion] that have the key */
+    double usual;   /* number if the key is absent */
 } scene_key_t;
 
-#define SCENE_KEY(section, name, member, type, low, high, need, kinds, unit, usual, meaning)                                    \
+#define SCENE_KEY(section, name, member, type, low, high, need, kinds, unit, usual, meaning) \
     {#section, #name, offsetof(scene_t, member), type, low, high, need, kinds, usual},
-#define SCENE_FAULT(NAME, name, meaning, counts)                                                                                \
+#define SCENE_FAULT(NAME, name, meaning, counts) \
     {"faults", #name, offsetof(scene_t, faults[FAULT_##NAME]), NUMBER, 0, 1, OPTIONAL, ANY, 0},
 static const scene_key_t keys[] = {
 #include "scene_keys.def"

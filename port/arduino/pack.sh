@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: MIT
 # Usage: port/arduino/pack.sh FOLDER
 #
-# Create FOLDER/dahl in the layout of the Arduino IDE: library.properties, keywords.txt, examples/, and the sources in src/. Copy
-# that folder into Arduino's libraries, or zip it for "Add .ZIP Library".
+# Create FOLDER/dahl in the layout of the Arduino IDE: library.properties, keywords.txt, examples/, and the sources in src/.
+# Copy that folder into Arduino's libraries, or zip it for "Add .ZIP Library".
 set -euo pipefail
 
 case "${1:-}" in

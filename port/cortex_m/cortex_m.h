@@ -24,15 +24,15 @@ void cortex_fault(void) __attribute__((noreturn));
 void tick_start(void);
 uint32_t tick_now_us(void);
 
-/* The serial port. uart_read returns false if no byte has arrived. uart_write waits for room. uart_wait sleeps until a byte arrives
- * or an interrupt is handled. */
+/* The serial port. uart_read returns false if no byte has arrived. uart_write waits for room. uart_wait sleeps until a byte
+ * arrives or an interrupt is handled. */
 void uart_start(void);
 bool uart_read(uint8_t *byte);
 void uart_write(uint8_t byte);
 void uart_wait(void);
 
-/* Sleep until interrupt `number` or another one is pending, unless ready() returns true. Interrupt `number` only wakes the core and
- * needs no handler. */
+/* Sleep until interrupt `number` or another one is pending, unless ready() returns true. Interrupt `number` only wakes the core
+ * and needs no handler. */
 void cortex_wait(uint32_t number, bool (*ready)(void));
 
 #endif

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
  * The friction node as a firmware image: lib/node/node.c unchanged, on a serial port with slcan.
- * A page of flash (param_page, at the address in the board's linker script) holds the parameters, so that they can be calibrated
- * in the field. If the page is blank, the defaults below apply. If dahl_prepare refuses the parameters, slcan works but the node
- * does not answer: no torque is better than a wrong one.
+ * A page of flash (param_page, at the address in the board's linker script) holds the parameters, so that they can be
+ * calibrated in the field. If the page is blank, the defaults below apply. If dahl_prepare refuses the parameters, slcan works
+ * but the node does not answer: no torque is better than a wrong one.
  */
 #include <stddef.h>
 

@@ -41,8 +41,8 @@ static uint32_t latest_of(uint32_t now)
     return latest;
 }
 
-/* Read again if an interrupt occurred, so that both parts are of the same millisecond. If an interrupt is pending, the counter has
- * been reloaded, so add its millisecond. */
+/* Read again if an interrupt occurred, so that both parts are of the same millisecond. If an interrupt is pending, the counter
+ * has been reloaded, so add its millisecond. */
 uint32_t tick_now_us(void)
 {
     uint32_t whole, left, pending, reload = mhz() * US_PER_MS - 1u;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * slcan: CAN frames as text lines over a serial port, the protocol of the CAN232 adapters, from the adapter's side. To python-can
- * (-i slcan), slcand and most tools, a firmware with slcan is a CAN bus, and its node is the other member.
+ * slcan: CAN frames as text lines over a serial port, the protocol of the CAN232 adapters, from the adapter's side. To
+ * python-can (-i slcan), slcand and most tools, a firmware with slcan is a CAN bus, and its node is the other member.
  *
  *   line from the host            answer       meaning
  *   O, L                          CR           open; frames pass from now on

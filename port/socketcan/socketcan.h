@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * socketcan: a bus of the Linux kernel (vcan0, can0). Frames have the kernel's time stamps. The raw socket also receives its own
- * frames, so that an encoder and a node in one process also communicate through the kernel.
+ * socketcan: a bus of the Linux kernel (vcan0, can0). Frames have the kernel's time stamps. The raw socket also receives its
+ * own frames, so that an encoder and a node in one process also communicate through the kernel.
  */
 #ifndef SOCKETCAN_H
 #define SOCKETCAN_H

@@ -55,8 +55,8 @@ static void dismiss(socketcand_client_t *client)
     client->outbox.end = 0;
 }
 
-/* With Nagle's algorithm, a client delays short frames until the last one is acknowledged, and loses them if it closes with unread
- * input. Linux delays acknowledgements again after each answer, so set the option each time. */
+/* With Nagle's algorithm, a client delays short frames until the last one is acknowledged, and loses them if it closes with
+ * unread input. Linux delays acknowledgements again after each answer, so set the option each time. */
 static void acknowledge_at_once(const socketcand_client_t *client)
 {
     const int on = 1;
@@ -426,9 +426,9 @@ static void server_close(dahl_can_bus_t *bus)
 
 static const dahl_can_bus_ops_t server_ops = {server_send, server_receive, server_peers, server_close};
 
-/* Make the kernel acknowledge input every SEGMENT_BYTES, even while this process is busy. A client's kernel keeps sent bytes until
- * they are acknowledged, and discards them on a reset. Linux acknowledges early if more than a segment has arrived and the window
- * need not shrink, so segments are short and the buffer is larger than the window. */
+/* Make the kernel acknowledge input every SEGMENT_BYTES, even while this process is busy. A client's kernel keeps sent bytes
+ * until they are acknowledged, and discards them on a reset. Linux acknowledges early if more than a segment has arrived and
+ * the window need not shrink, so segments are short and the buffer is larger than the window. */
 static void acknowledge_early(int listener)
 {
     const int segment = SEGMENT_BYTES;

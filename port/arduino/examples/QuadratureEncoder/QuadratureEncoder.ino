@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Friction of a shaft with a quadrature encoder of 500 lines on pins 2 and 3, the interrupt pins of an Uno and a Mega. Each edge
-// counts, so a turn has 2000 counts. Once a millisecond the torque follows from the counts since the last tick.
+// Friction of a shaft with a quadrature encoder of 500 lines on pins 2 and 3, the interrupt pins of an Uno and a Mega. Each
+// edge counts, so a turn has 2000 counts. Once a millisecond the torque follows from the counts since the last tick.
 #include <dahl.hpp>
 
 const uint8_t PIN_A = 2, PIN_B = 3;
