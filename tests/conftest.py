@@ -213,7 +213,7 @@ def measured_file():
     """
 
     def find(name: str, file: str) -> Path:
-        from dahl import data
+        from dahl.io import data
 
         folder = data.local_folder(name)
         if folder is None or not (folder / file).exists():

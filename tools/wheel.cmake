@@ -7,7 +7,7 @@ set(DAHL_BUILD_SHARED ON)
 set(DAHL_INSTALL OFF)
 
 # dahl-loop wants Linux and three small libraries. They are not carried: at run time it finds those of the system, and
-# tools/dahl/loop.py says what is missing. A wheel without it has all else, and `dahl demo` says what was missing.
+# tools/dahl/sim/loop.py says what is missing. A wheel without it has all else, and `dahl demo` says what was missing.
 find_path(INIH_INCLUDE ini.h)
 find_library(INIH_LIBRARY inih)
 find_path(CSV_INCLUDE csv.h)

@@ -9,7 +9,7 @@ list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
 # dahl_core(NAME BOARD FLAG...): a core, QEMU's board that has it, and how gcc is told. The one list of them: the demo and the
-# benches read these lines too (tools/dahl/firmware.py).
+# benches read these lines too (tools/dahl/sim/firmware.py).
 set(dahl_cores "")
 macro(dahl_core name board)
     list(APPEND dahl_cores ${name})

@@ -19,8 +19,8 @@ import atheris
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
 with atheris.instrument_imports(include=["dahl"]):
-    from dahl import Error, logs
-    from dahl.identify import can_signals, readers
+    from dahl import Error
+    from dahl.io import can_signals, logs, readers
 
 import numpy as np
 

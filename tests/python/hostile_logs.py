@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from dahl.identify.log import Log
+from dahl.io.log import Log
 from scipy.signal import filtfilt, lfilter
 
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m

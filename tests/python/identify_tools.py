@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from dahl.identify.log import Log
+from dahl.io.log import Log
 
 SIGMA0, FC = 100.0, 0.5  # N m/rad, N m
 COUNT = 2 * np.pi / 2**14  # rad

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from dahl.identify.log import Log
+from dahl.io.log import Log
 from identify_tools import COUNT, FC, SIGMA0, noise_of
 from scipy.signal import butter, lfilter, sosfilt
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from bench_tools import SMALL, Bench, rows_of
 from conftest import ROOT
-from dahl import reference
+from dahl.sim import reference
 
 pytestmark = pytest.mark.checks
 

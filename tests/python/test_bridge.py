@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """The bridge from slcan to a served bus as a program between two sockets, which are node and
-bus: `python -m dahl.bridge SLCAN_PORT SOCKETCAND_PORT`.
+bus: `python -m dahl.can.bridge SLCAN_PORT SOCKETCAND_PORT`.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Peer:
 def begun(root) -> Iterator[tuple[Peer, Peer, subprocess.Popen]]:
     """Node and bus that the bridge has reached, and the bridge."""
     node, bus = Peer(), Peer()
-    words = [sys.executable, "-m", "dahl.bridge", node.port, bus.port]
+    words = [sys.executable, "-m", "dahl.can.bridge", node.port, bus.port]
     with subprocess.Popen(
         words, cwd=root / "tools", stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as work:
@@ -122,6 +122,6 @@ def test_a_bus_that_hangs_up_at_the_greeting_is_one_line(begun):
 
 @pytest.mark.parametrize("ports", [["x", "y"], ["1"], ["1", "1"]])
 def test_a_bridge_that_does_not_open_is_one_line(root, ports):
-    words = [sys.executable, "-m", "dahl.bridge", *ports]
+    words = [sys.executable, "-m", "dahl.can.bridge", *ports]
     done = subprocess.run(words, cwd=root / "tools", capture_output=True, text=True, check=False)
     one_line(done.returncode, done.stderr)

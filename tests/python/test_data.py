@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from dahl import data  # the pinned sums and the checkout's folder: see `alone` and `expected`
+from dahl.io import data  # the pinned sums and the checkout's folder: see `alone` and `expected`
 from identify_tools import complaint
 
 ROWS = [(8.595, 1), (8.6, 2), (8.605, 3), (128.995, 4), (129, 5), (130, 6)]

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from dahl import data
+from dahl.io import data
 from identify_tools import caller
 
 pytestmark = pytest.mark.usefixtures("library")

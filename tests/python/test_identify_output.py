@@ -234,7 +234,8 @@ def comment_of(header: Path) -> str:
 
 def test_the_header_is_the_plan_of_the_numbers_and_says_what_it_rests_on(rig, root):
     """Bit for bit, by the C compiler and by dahl.Plan."""
-    from dahl import Plan, plan_header
+    from dahl import Plan
+    from dahl.binding import plan_header
 
     kept, header = rig.kept, rig.out / "dahl_plan_x.h"
     params = params_of(kept)

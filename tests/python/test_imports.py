@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Modules of the package use each other in one direction: what a module needs can be read and
-changed without it.
+"""A module of the package uses its own layer and those below it, and no two modules use each other
+in a circle.
 """
 
 from __future__ import annotations
@@ -12,6 +12,22 @@ from pathlib import Path
 import dahl
 
 PACKAGE = Path(dahl.__file__).parent
+LAYERS = (  # docs/architecture.md; each layer may use itself and those before it
+    {"errors", "version"},
+    {"dependencies", "interrupt", "paths"},
+    {"binding"},
+    {"can", "io"},
+    {"sim"},
+    {"identify", "report"},
+    {"commands"},
+    {"cli"},
+)
+LAYER = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}
+FILES = {
+    ".".join(("dahl", *path.relative_to(PACKAGE).with_suffix("").parts)): path
+    for path in PACKAGE.rglob("*.py")
+    if path.name != "__init__.py"
+}
 
 
 def imported(path: Path) -> set[str]:
@@ -25,12 +41,22 @@ def imported(path: Path) -> set[str]:
     return names
 
 
+GRAPH = {name: imported(path) & FILES.keys() for name, path in FILES.items()}
+
+
 def test_no_circle_among_the_modules():
-    files = {
-        ".".join(("dahl", *path.relative_to(PACKAGE).with_suffix("").parts)): path
-        for path in PACKAGE.rglob("*.py")
-        if path.name != "__init__.py"
-    }
-    graph = {name: imported(path) & files.keys() for name, path in files.items()}
-    assert sum(map(len, graph.values())) > 50
-    TopologicalSorter(graph).prepare()  # raises CycleError with the circle
+    assert sum(map(len, GRAPH.values())) > 50
+    TopologicalSorter(GRAPH).prepare()  # raises CycleError with the circle
+
+
+def test_no_module_uses_a_layer_above_its_own():
+    def layer(name: str) -> int | None:
+        return LAYER.get(name.split(".")[1])
+
+    upward = [
+        (user, used)
+        for user, uses in GRAPH.items()
+        for used in uses
+        if layer(user) is not None and layer(user) < layer(used)
+    ]
+    assert not upward

@@ -361,8 +361,8 @@ def test_firmware_is_sent_what_the_scene_says(dahl, monkeypatch, tmp_path, numbe
     exception to the public seams: the emulator, which takes seconds, is replaced at its two calls.
     """
     kept: list[Node] = []
-    monkeypatch.setattr("dahl.firmware.build", lambda core: tmp_path / "node_image")
-    monkeypatch.setattr("dahl.firmware.attached", partial(attached, kept))
+    monkeypatch.setattr("dahl.sim.firmware.build", lambda core: tmp_path / "node_image")
+    monkeypatch.setattr("dahl.sim.firmware.attached", partial(attached, kept))
     more = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
     (tmp_path / "own.ini").write_text(OWN_SCENE + more)
     words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 0.4)

@@ -406,7 +406,8 @@ def test_a_target_runs_dahls_model_alone_on_a_core_that_is_known(dahl):
 
 def test_qemu_gets_image_and_parameters_and_its_complaint_is_told(monkeypatch, tmp_path):
     """A class that docs/python.md does not name: without it an image has to be cross-compiled."""
-    from dahl import RunError, firmware
+    from dahl import RunError
+    from dahl.sim import firmware
 
     (tmp_path / "qemu-system-arm").write_text('#!/bin/sh\necho "qemu: $*" >&2\nexit 1\n')
     (tmp_path / "qemu-system-arm").chmod(0o755)

@@ -213,9 +213,10 @@ opened = []
 sys.addaudithook(lambda event, args: opened.append(str(args[0]))
                  if event in ("open", "ctypes.dlopen", "os.listdir", "os.scandir") else None)
 from dahl.cli import main
-import dahl, dahl.scene
+import dahl
+from dahl.sim import scene
 codes = [main({PLAN!r}), main(["data", "tribometer"]), main(["demo"])]
-dahl.scene.read(dahl.scene.find("steering"))
+scene.read(scene.find("steering"))
 print("\\n".join(one for one in opened if one.startswith({str(root)!r})), file=sys.stderr)
 assert any(one.endswith("libdahl.so") for one in opened) and codes[0] == 0
 """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """What is said of a run is judged on runs whose answer is known: a fit, a gap, a lost record, a
 torque that is wrong. `dahl plot` shows which ticks were taken; the exact error and the summary are
-asked of dahl.report, since `dahl demo` only ever sees the sound frames of dahl-loop.
+asked of dahl.report.traces, since `dahl demo` only ever sees the sound frames of dahl-loop.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from bus_runs import FC, SIGMA0, THETA, Run, plotted
-from dahl import Asymmetric, Friction, Loaded, Plan, report
-from dahl.scene import Measured, Recorded, Scene
+from dahl import Asymmetric, Friction, Loaded, Plan
+from dahl.report import traces
+from dahl.sim.scene import Measured, Recorded, Scene
 from log_reading import RefusedError, drawing
 from log_reading import run as command
 
@@ -24,7 +25,7 @@ BOUND, BOUND_PARTS = 0.52, 0.55  # ulp of Fc
 
 
 def summed(run: Run, scene: Scene = SCENE, recorded: Recorded | None = None, **loop) -> dict:
-    return report.summary(scene, report.trace_of(run.frames), recorded, loop)
+    return traces.summary(scene, traces.trace_of(run.frames), recorded, loop)
 
 
 def error_of(run: Run, scene: Scene = SCENE) -> float:
@@ -112,7 +113,7 @@ def test_an_asymmetric_torque_is_in_parts_of_its_larger_limit(library, dbc, limi
     run.tick(0, 0, state=6, used=False)
     for number, count in enumerate((300, 9000, 8700, -9000), start=1):
         run.tick(number, count)
-    torque = report.trace_of(run.frames).torque(scene)
+    torque = traces.trace_of(run.frames).torque(scene)
     assert (torque.max(), torque.min()) == pytest.approx((limits[0], -limits[1]), rel=1e-6)
     assert error_of(run, scene) <= BOUND_PARTS
 

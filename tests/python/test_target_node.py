@@ -20,8 +20,9 @@ import can
 import dahl
 import pytest
 from conftest import ROOT, need
-from dahl import codec, firmware  # firmware: nothing public starts QEMU with a page of parameters
+from dahl import codec
 from dahl.codec import EncoderState, FrictionTorque, Param, ParamWrite, Reset, State, Write
+from dahl.sim import firmware  # firmware: nothing public starts QEMU with a page of parameters
 from loop_tools import run
 
 pytestmark = [pytest.mark.checks, pytest.mark.usefixtures("library")]

@@ -15,7 +15,7 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt  # noqa: E402  (the backend comes first)
-from dahl.plots import STYLE  # noqa: E402
+from dahl.report.plots import STYLE  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 from results import CORES, Point, core_points, host_points, motions_of  # noqa: E402

@@ -26,11 +26,11 @@ from dahl.identify import Log, Options, identify, models  # noqa: E402
 from scipy.integrate import solve_ivp  # noqa: E402
 from scipy.optimize import least_squares  # noqa: E402
 
-SIGMA0, FC, COUNT = 100.0, 0.5, 2 * np.pi / 2**14
+SIGMA0, FC, COUNT = 100.0, 0.5, 2 * np.pi / 2**18
 
 
 def synthetic(rows: int, cycles: float) -> Log:
-    """A sine on a 14-bit encoder, 5 % noise."""
+    """A sine on an 18-bit encoder, 5 % noise; both fits read the same angle."""
     theta = 0.05 * np.sin(2 * np.pi * cycles * np.arange(rows) / rows)
     moves = np.diff(theta, prepend=theta[0])
     torque = FC * models.dahl(moves, [slice(0, rows)], SIGMA0 / FC)

@@ -22,7 +22,7 @@ from typing import Any
 import dahl
 import numpy as np
 import pandas
-from dahl import data
+from dahl.io import data
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.ndimage import median_filter

@@ -33,16 +33,25 @@ from __future__ import annotations
 
 from importlib import import_module
 
-TYPE_CHECKING = False  # typing itself would cost as much as the rest of `dahl --help`
-if TYPE_CHECKING:  # for those who check types the names are what they are; else see __getattr__
-    from dahl import codec as codec  # the form that says: also for users
-    from dahl import node as node
-    from dahl.core import Encoder, Friction, Plan, State, Throughput, counts_between, to_units
-    from dahl.node import Node
-    from dahl.parts import Parallel, Slip, ThroughputParallel, ThroughputSlip
-    from dahl.variants import Asymmetric, ElastoPlastic, Loaded, VelocityTable, Work
+from dahl.errors import Error, RunError, Timeout
+from dahl.version import __version__ as __version__
 
-__version__ = "0.2.0"
+TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
+if TYPE_CHECKING:
+    from dahl.binding.core import (
+        Encoder,
+        Friction,
+        Plan,
+        State,
+        Throughput,
+        counts_between,
+        to_units,
+    )
+    from dahl.binding.parts import Parallel, Slip, ThroughputParallel, ThroughputSlip
+    from dahl.binding.variants import Asymmetric, ElastoPlastic, Loaded, VelocityTable, Work
+    from dahl.can import codec, node
+    from dahl.can.node import Node
+
 __all__ = [
     "Asymmetric",
     "ElastoPlastic",
@@ -67,51 +76,24 @@ __all__ = [
     "node",
     "to_units",
 ]
-SUBMODULES = ("codec", "node")
+SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
 MODULES = (
-    dict.fromkeys(("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "dahl.parts")
+    dict.fromkeys(("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "binding.parts")
     | dict.fromkeys(
-        ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "dahl.variants"
+        ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "binding.variants"
     )
-    | {"Node": "dahl.node"}
-)  # of names that are not of dahl.core
+    | {"Node": "can.node"}
+)  # module of each public name that is not in binding.core
 
 
-def printable(text: str) -> str:
-    """One line that no terminal takes for a command, whatever the text is made of."""
-    return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
-
-
-class Error(ValueError):
-    """Something that a user can put right: one line that names value, limit and place, whatever
-    the names in a file are made of.
-
-    The one root of all that this package raises about its input, wrong types and unknown keywords
-    included: `except dahl.Error` misses nothing, and `except ValueError` catches it too.
-    """
-
-    def __str__(self) -> str:
-        return printable(super().__str__())
-
-
-class RunError(Error):
-    """A run failed for a reason outside the input: a bus gone, a program not built. Exit code 1
-    instead of 2.
-    """
-
-
-class Timeout(RunError, TimeoutError):
-    """No answer came in time. Also a TimeoutError, as those of sockets and asyncio are."""
-
-
-if not TYPE_CHECKING:  # where it would make any name at all a right one
+if not TYPE_CHECKING:  # a type checker would accept any name
 
     def __getattr__(name: str) -> object:
         """Load the library only when one of its names is used, so that `dahl --help` is quick."""
         if name in SUBMODULES:
-            return import_module(f"dahl.{name}")
+            return import_module(SUBMODULES[name])
         if name in __all__:
-            return getattr(import_module(MODULES.get(name, "dahl.core")), name)
+            return getattr(import_module(f"dahl.{MODULES.get(name, 'binding.core')}"), name)
         raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 

@@ -15,7 +15,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn, TextIO
 
-from dahl import Error, RunError, __version__, by_need, interrupt, paths, printable
+from dahl import dependencies, interrupt, paths
 from dahl.commands import (
     complete,
     data,
@@ -30,6 +30,8 @@ from dahl.commands import (
     record,
     report,
 )
+from dahl.errors import Error, RunError, printable
+from dahl.version import __version__
 
 
 class Parser(argparse.ArgumentParser):
@@ -136,18 +138,18 @@ def _run_command(words: list[str], alone: bool) -> int:
     """The exit code of one command; `alone` in this program."""
     command = next((word for word in words if word in COMMANDS), "")
     if alone:
-        by_need.spare_mf4(command, words)
+        dependencies.spare_mf4(command, words)
     try:
         args, unknown = build_parser().parse_known_args(words)
         if unknown:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
-        by_need.bring(args.command, words)
+        dependencies.bring(args.command, words)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:
-        if not by_need.is_lacking(command, error.name):
+        if not dependencies.is_lacking(command, error.name):
             raise
-        raise by_need.refusal(command, str(error.name)) from None
+        raise dependencies.refusal(command, str(error.name)) from None
 
 
 def _open_streams() -> None:

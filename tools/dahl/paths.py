@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from dahl import RunError
+from dahl.errors import RunError
 
 PACKAGE = Path(__file__).resolve().parent
 SHARE = PACKAGE / "share"  # what a wheel carries (tools/wheel.cmake); a checkout has none

@@ -14,7 +14,7 @@ import json
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dahl.data import Set
+    from dahl.io.data import Set
 
 HELP = "measured sets: where they are; fetch one"
 EXAMPLE = "example: head -3 $(dahl data tribometer)/reciprocating.tsv"
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import data
+    from dahl.io import data
 
     if args.name:
         folder = str(data.folder(args.name))
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _numbers(name: str, known: Set) -> dict[str, str | None]:
     """A set for a program: `folder` where it is, `download` where it could come from."""
-    from dahl import data
+    from dahl.io import data
 
     found = data.local_folder(name)
     return {
@@ -53,7 +53,7 @@ def _numbers(name: str, known: Set) -> dict[str, str | None]:
 
 
 def _where(name: str, known: Set) -> str:
-    from dahl import data
+    from dahl.io import data
 
     found = data.local_folder(name)
     if found:

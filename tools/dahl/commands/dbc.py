@@ -14,8 +14,9 @@ import copy
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error, files
-from dahl.arguments import whole
+from dahl.commands.arguments import whole
+from dahl.errors import Error
+from dahl.io import files
 
 if TYPE_CHECKING:
     from cantools.database.can import Message, Node
@@ -50,7 +51,7 @@ def describe(nodes: int) -> str:
     from cantools.database.can import Database
     from cantools.database.utils import sort_signals_by_start_bit
 
-    from dahl.report import database
+    from dahl.report.traces import database
 
     one = database()
     every = Database(

@@ -18,13 +18,15 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError, __version__, paths
-from dahl.arguments import finite, seconds, whole
+from dahl import paths
+from dahl.commands.arguments import finite, seconds, whole
+from dahl.errors import Error, RunError
+from dahl.version import __version__
 
 if TYPE_CHECKING:
-    from dahl.loop import Setup
-    from dahl.report import Trace
-    from dahl.scene import Recorded, Scene
+    from dahl.report.traces import Trace
+    from dahl.sim.loop import Setup
+    from dahl.sim.scene import Recorded, Scene
 
 HELP = "the main job: replay, record, compare, draw"
 EXAMPLE = """examples:
@@ -123,7 +125,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    from dahl import terminal
+    from dahl.report import terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
     with paths.owned(args.output):
@@ -151,15 +153,15 @@ def _spare(log: Path | None, folder: Path) -> None:
 
 def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
     """Return why a complete run has failed; `lost` frames of the bus were not recorded."""
-    from dahl import report
+    from dahl.report import traces
 
     wrong = []
     error = numbers["max_error_ulp_Fc"]
-    bound = report.BOUND_ULP if numbers["model"] == "dahl" else report.BOUND_ULP_PARTS
+    bound = traces.BOUND_ULP if numbers["model"] == "dahl" else traces.BOUND_ULP_PARTS
     if error is not None and error > bound:
         wrong.append(f"error of {error:.3f} ulp of Fc, above the bound of {bound:g}")
     if "faults" in numbers:
-        counted = report.disagreements(numbers)
+        counted = traces.disagreements(numbers)
         wrong += [f"faults counted, due: {counted}"] if counted else []
     elif numbers.get("frames_lost"):
         wrong.append(f"{numbers['frames_lost']} frames had no answer in time (a busy machine?)")
@@ -177,7 +179,8 @@ def _not_compared(numbers: dict[str, Any], lost: int) -> str:
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
     """Which scene and which log, checked before anything is started."""
-    from dahl import data, scene
+    from dahl.io import data
+    from dahl.sim import scene
 
     if args.log:
         own = _own(args)
@@ -195,8 +198,8 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
 
 
 def _own(args: argparse.Namespace) -> Any:
-    from dahl.core import Plan
-    from dahl.scene import OwnLog, unit_in
+    from dahl.binding.core import Plan
+    from dahl.sim.scene import OwnLog, unit_in
 
     if not args.log.exists():
         raise Error(f"{args.log}: no such file")
@@ -215,7 +218,7 @@ def _own(args: argparse.Namespace) -> Any:
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
     """What the command line says of a log of one's own."""
-    from dahl.scene import OwnLog
+    from dahl.sim.scene import OwnLog
 
     said = {key: getattr(args, key) for key in OwnLog.__dataclass_fields__}
     return {key: value for key, value in said.items() if value is not None}
@@ -223,7 +226,8 @@ def _given(args: argparse.Namespace) -> dict[str, Any]:
 
 def _default(console: Any) -> Scene:
     """The best measured set in reach, else a scene without any."""
-    from dahl import data, scene
+    from dahl.io import data
+    from dahl.sim import scene
 
     for name in PREFERRED:
         try:
@@ -248,8 +252,9 @@ def _play(
     """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    from dahl import loop, report
     from dahl.interrupt import Stop
+    from dahl.report import traces
+    from dahl.sim import loop
 
     setup = _setup(args, scene, log, console)
     ticks = _expected(args, scene, recorded)
@@ -271,7 +276,7 @@ def _play(
         done = numbers.get("ticks", 0)
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
     if setup.trace and scene.compensates and not numbers["interrupted"]:
-        loop.run_uncompensated(setup, args.output / report.UNCOMPENSATED)
+        loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
     numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
@@ -282,10 +287,11 @@ def _play(
 
 def _trace(log: Path, scene: Scene) -> Trace:
     """Return the answered ticks of the run. Raises RunError if no tick was recorded."""
-    from dahl import logs, report
+    from dahl.io import logs
+    from dahl.report import traces
 
     try:
-        return report.trace_of(logs.read_candump(log), scene.node)
+        return traces.trace_of(logs.read_candump(log), scene.node)
     except Error as error:
         raise RunError(f"not compared: {error}") from None
 
@@ -299,7 +305,8 @@ def _forget_earlier_run(folder: Path) -> None:
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
     """Which bus, which node and which clock, said before anything is started."""
-    from dahl import bus, loop
+    from dahl.can import bus
+    from dahl.sim import loop
 
     paths.loop_program()  # built?
     alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
@@ -317,7 +324,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
 
 def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
     """Let firmware be the node: dahl-loop's own only serves the bus."""
-    from dahl import firmware
+    from dahl.sim import firmware
 
     if not setup.bus.startswith("socketcand"):
         raise Error(f"--target goes with --bus socketcand, not {setup.bus}")
@@ -351,9 +358,10 @@ def _keep(
     console: Any,
 ) -> None:
     """Summary, picture and table; each file is replaced only once its successor is whole."""
-    from dahl import files, plots, report
+    from dahl.io import files
+    from dahl.report import plots, traces
 
-    numbers |= report.summary(scene, trace, recorded, numbers)
+    numbers |= traces.summary(scene, trace, recorded, numbers)
     files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
     console.print(_table(numbers, scene, trace.lost))
@@ -398,13 +406,13 @@ def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:
 
 def _special(numbers: dict[str, Any]) -> dict[str, str]:
     """Rows of scenes with faults or a rotor."""
-    from dahl import report
+    from dahl.report import traces
 
     rows = {}
     if "faults" in numbers:
         injected = numbers["faults"]["injected"]
-        rows["faults"] = ", ".join(f"{report.words(key)} {n}" for key, n in injected.items() if n)
-        wrong = {report.words(key): pair for key, pair in report.disagreements(numbers).items()}
+        rows["faults"] = ", ".join(f"{traces.words(key)} {n}" for key, n in injected.items() if n)
+        wrong = {traces.words(key): pair for key, pair in traces.disagreements(numbers).items()}
         rows["faults counted by the node"] = "all, to the last one" if not wrong else str(wrong)
     if "control" in numbers:
         control = numbers["control"]

@@ -13,8 +13,9 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error, files
-from dahl.arguments import add_output, positive
+from dahl.commands.arguments import add_output, positive
+from dahl.errors import Error
+from dahl.io import files
 
 if TYPE_CHECKING:
     from dahl.identify.design import Motion, Wanted
@@ -64,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import plan_header
+    from dahl.binding import plan_header
     from dahl.identify import design
     from dahl.identify.design import PACES, PLACES
 
@@ -95,7 +96,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _wanted(args: argparse.Namespace) -> Wanted:
-    from dahl.core import Plan
+    from dahl.binding.core import Plan
     from dahl.identify.design import Wanted
 
     for option, value in (("--sigma0", args.sigma0), ("--fc", args.fc)):

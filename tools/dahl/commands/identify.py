@@ -21,15 +21,15 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError
-from dahl.arguments import add_limits, add_output, positive, whole
-from dahl.bus import add_bus_arguments
+from dahl.commands.arguments import add_limits, add_output, positive, whole
+from dahl.commands.bus_arguments import add_bus_arguments
+from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
     from dahl.identify.estimate import Options
-    from dahl.identify.log import Log
-    from dahl.identify.readers import Source
     from dahl.identify.result import Result
+    from dahl.io.log import Log
+    from dahl.io.readers import Source
 
 HELP = "from a measured log to sigma0 and Fc"
 EXAMPLE = """examples:
@@ -116,7 +116,7 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
-    from dahl.identify.log import TERMS
+    from dahl.io.log import TERMS
 
     how = parser.add_argument_group("how to fit")
     how.add_argument(
@@ -169,7 +169,7 @@ def _add_many_and_live(parser: argparse.ArgumentParser) -> None:
 
 def source_of(args: argparse.Namespace) -> Source:
     """What the arguments say about columns and units."""
-    from dahl.identify.readers import Source
+    from dahl.io.readers import Source
 
     counts = args.counts_per_turn
     if counts is not None and not 0 < counts < 2**32:
@@ -183,9 +183,9 @@ def source_of(args: argparse.Namespace) -> Source:
 def options_of(args: argparse.Namespace) -> Options:
     """What the arguments say about the fit."""
     from dahl.identify.estimate import Options
-    from dahl.identify.log import TERMS
     from dahl.identify.models import OPTIONS
-    from dahl.logs import meant
+    from dahl.io.log import TERMS
+    from dahl.io.logs import meant
 
     terms = None
     if args.terms is not None:
@@ -201,8 +201,9 @@ def options_of(args: argparse.Namespace) -> Options:
 
 
 def run(args: argparse.Namespace) -> int:
-    from dahl import plan_header
-    from dahl.identify import estimate, readers
+    from dahl.binding import plan_header
+    from dahl.identify import estimate
+    from dahl.io import readers
 
     if [bool(args.logs), bool(args.each), args.follow].count(True) != 1:
         raise Error("give LOGs, or --each DIR, or --follow (see dahl identify --help)")
@@ -257,7 +258,7 @@ def _spare(args: argparse.Namespace, name: str) -> None:
     """Raise dahl.Error where this run would write over a log that it reads, or over a table or a
     scene of someone else.
     """
-    from dahl.files import spare_others
+    from dahl.io.files import spare_others
 
     endings = () if args.no_files else (".csv", ".ini", ".json", ".png")
     written = {args.output / f"{name}{end}" for end in endings}
@@ -276,7 +277,8 @@ def _readable(
     """The logs that a fit can use; each other one is a line on stderr. Raises dahl.Error when none
     is left.
     """
-    from dahl.identify import preprocess, readers
+    from dahl.identify import preprocess
+    from dahl.io import readers
 
     logs, broken = [], []
     for path in args.logs:
@@ -305,7 +307,7 @@ def _each(args: argparse.Namespace) -> int:
     from rich.table import Table
 
     from dahl.identify import batch
-    from dahl.terminal import console
+    from dahl.report.terminal import console
 
     if args.jobs == 0:
         raise Error("--jobs 0: a number of processes from 1 on, or -1 for all cores")
@@ -339,8 +341,8 @@ def _each(args: argparse.Namespace) -> int:
 
 def _follow(args: argparse.Namespace) -> int:
     """Identify what comes over a bus until it is known well enough."""
-    from dahl import plan_header
-    from dahl.bus import Reception, open_from, read_ahead
+    from dahl.binding import plan_header
+    from dahl.can.bus import Reception, open_from, read_ahead
     from dahl.identify import follow
     from dahl.interrupt import Stop
 
@@ -368,9 +370,9 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
-    from dahl.files import keep
     from dahl.identify import export, report
-    from dahl.terminal import console
+    from dahl.io.files import keep
+    from dahl.report.terminal import console
 
     quiet = args.json == "-"
     if quiet:

@@ -18,12 +18,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl.arguments import add_limits, positive, whole
-from dahl.bus import add_bus_arguments
+from dahl.commands.arguments import add_limits, positive, whole
+from dahl.commands.bus_arguments import add_bus_arguments
 
 if TYPE_CHECKING:
-    from dahl.bus import Reception
-    from dahl.monitor_view import View
+    from dahl.can.bus import Reception
+    from dahl.can.monitor_view import View
 
 HELP = "live view of a node in the terminal"
 EXAMPLE = """examples:
@@ -59,10 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     from rich.live import Live
 
-    from dahl import terminal
-    from dahl.bus import Reception, open_from, silent
+    from dahl.can.bus import Reception, open_from, silent
+    from dahl.can.monitor_view import View
     from dahl.interrupt import Stop
-    from dahl.monitor_view import View
+    from dahl.report import terminal
 
     console = terminal.console()
     number, Fc, unit = _known(args)  # noqa: N806 (the field's name)
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _known(args: argparse.Namespace) -> tuple[int, float | None, str]:
     """The node's number, its Fc and the unit of the torque, as far as they are told."""
-    from dahl import scene
+    from dahl.sim import scene
 
     if args.scene is None:
         return args.node or 0, args.fc, "N m"

@@ -23,16 +23,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error, RunError
-from dahl.arguments import seconds, whole
-from dahl.bus import add_bus_arguments, keywords, named, tuned_for, words
+from dahl.can.bus import keywords, named, tuned_for, words
+from dahl.commands.arguments import seconds, whole
+from dahl.commands.bus_arguments import add_bus_arguments
+from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
     import can
 
     from dahl.interrupt import Stop
-    from dahl.loop import Program
-    from dahl.scene import Scene
+    from dahl.sim.loop import Program
+    from dahl.sim.scene import Scene
 
 HELP = "a node to speak to, on any bus or on a served one"
 EXAMPLE = """examples:
@@ -69,8 +70,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import terminal
     from dahl.interrupt import Stop
+    from dahl.report import terminal
 
     console = terminal.console(soft_wrap=True)
     _check(args)
@@ -96,7 +97,8 @@ def _check(args: argparse.Namespace) -> None:
         names = ", ".join("--" + name.replace("_", "-") for name in OWN)
         raise Error(f"{names}: all three, or a --scene")
     if given:
-        from dahl import Plan, core
+        from dahl import Plan
+        from dahl.binding import core
 
         core.need_counted(args.theta_per_count)
         Plan(args.sigma0, args.fc, args.theta_per_count)  # refuses what the node would
@@ -119,7 +121,7 @@ def _check_bus(args: argparse.Namespace) -> None:
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
     """That of the name, or one of the parameters given."""
-    from dahl import scene
+    from dahl.sim import scene
 
     if args.sigma0 is None:
         return scene.read(scene.find(args.scene or SCENE))
@@ -152,9 +154,9 @@ def _on_bus(
     """In Python, on a bus of python-can."""
     from dataclasses import asdict
 
-    from dahl.bus import open_from
-    from dahl.node import Node, run
-    from dahl.scene import element, settings
+    from dahl.can.bus import open_from
+    from dahl.can.node import Node, run
+    from dahl.sim.scene import element, settings
 
     node = Node(element(scene), args.node, **settings(scene))
     with open_from(args) as bus:
@@ -168,8 +170,8 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
     """Raise dahl.RunError if a node of this number sends a frame or answers a read: both would
     answer each angle, with the same id.
     """
-    from dahl import codec
-    from dahl.bus import receive
+    from dahl.can import codec
+    from dahl.can.bus import receive
 
     with contextlib.suppress(codec.python_can().CanError, OSError):  # no other node on the bus
         bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
@@ -196,10 +198,10 @@ def _on_target(
     args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
     """In firmware, on a bus that dahl-loop serves; what it has counted comes with its Status."""
-    from dahl import firmware
-    from dahl.bus import open_bus
-    from dahl.codec import Param, ParamWrite
-    from dahl.node import ask
+    from dahl.can.bus import open_bus
+    from dahl.can.codec import Param, ParamWrite
+    from dahl.can.node import ask
+    from dahl.sim import firmware
 
     if scene.model != "dahl" or scene.compensates:
         raise Error(f"--target runs model dahl alone, not the scene's ({scene.path.name})")
@@ -222,9 +224,9 @@ def _configure(bus: can.BusABC, number: int, scene: Scene) -> None:
     """Send firmware what its page of flash has no room for. Raises dahl.Error for a value that it
     does not take, or not exactly.
     """
-    from dahl.codec import Param, ParamWrite
-    from dahl.node import ask
-    from dahl.scene import settings
+    from dahl.can.codec import Param, ParamWrite
+    from dahl.can.node import ask
+    from dahl.sim.scene import settings
 
     for name, value in settings(scene).items():
         asked = ParamWrite.of_si(Param[SENT[name]], value)
@@ -235,8 +237,8 @@ def _configure(bus: can.BusABC, number: int, scene: Scene) -> None:
 
 def _watch(args: argparse.Namespace, stop: Stop, bus: can.BusABC) -> dict[str, int]:
     """Frames of the bus, answers and the last Status of the node, until the end."""
-    from dahl import codec
-    from dahl.bus import receive
+    from dahl.can import codec
+    from dahl.can.bus import receive
 
     counts = {"frames": 0, "answers": 0}
     end, last = time.monotonic() + (args.seconds or math.inf), math.inf
@@ -263,7 +265,7 @@ def _hub(
     args: argparse.Namespace, scene: Path, folder: Path, number: int
 ) -> Iterator[tuple[Program, int]]:
     """dahl-loop's node as the server of a bus, and the port."""
-    from dahl.loop import Program, Setup
+    from dahl.sim.loop import Program, Setup
 
     hub = Program(
         Setup(scene, "socketcand", folder),
@@ -287,6 +289,6 @@ def _wait(args: argparse.Namespace, stop: Stop, programs: list[Program]) -> None
 
 
 def _client(port: int) -> dict[str, Any]:
-    from dahl.bus import VCAN
+    from dahl.can.bus import VCAN
 
     return {"interface": "socketcand", "channel": VCAN, "host": HOST, "port": port}

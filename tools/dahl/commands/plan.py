@@ -16,11 +16,11 @@ import math
 import sys
 from pathlib import Path
 
-from dahl import Error
+from dahl.errors import Error
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from dahl.plan_header import AnyPlan
+    from dahl.binding.plan_header import AnyPlan
 
 HELP = "a plan for flash from known numbers"
 EXAMPLE = """examples:
@@ -69,7 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import files, plan_header
+    from dahl.binding import plan_header
+    from dahl.io import files
 
     plan = _plan(args)
     path = Path("shaft.h" if args.output == "-" else args.output)
@@ -85,9 +86,9 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _plan(args: argparse.Namespace) -> AnyPlan:
-    from dahl.core import FC, SIGMA0, Plan
-    from dahl.parts import Slip
-    from dahl.variants import Asymmetric, ElastoPlastic
+    from dahl.binding.core import FC, SIGMA0, Plan
+    from dahl.binding.parts import Slip
+    from dahl.binding.variants import Asymmetric, ElastoPlastic
 
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
     theta = _theta_per_count(args)
@@ -125,7 +126,7 @@ def _number(option: str, text: str, limit: str) -> float:
 
 
 def _theta_per_count(args: argparse.Namespace) -> float:
-    from dahl.core import THETA_PER_COUNT
+    from dahl.binding.core import THETA_PER_COUNT
 
     if args.theta_per_count is not None:
         return _number("--theta-per-count", args.theta_per_count, THETA_PER_COUNT)

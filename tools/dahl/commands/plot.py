@@ -13,11 +13,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import Error
+from dahl.errors import Error
 
 if TYPE_CHECKING:
-    from dahl.report import Trace
-    from dahl.scene import Recorded, Scene
+    from dahl.report.traces import Trace
+    from dahl.sim.scene import Recorded, Scene
 
 HELP = "draw a recorded run"
 EXAMPLE = """examples:
@@ -39,7 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import plots, report, scene, summary
+    from dahl.report import plots, summary, traces
+    from dahl.sim import scene
 
     if args.output and args.output.suffix.lower() not in plots.PICTURES:
         endings = ", ".join(plots.PICTURES[:-1])
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> None:
             f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
         )
     output = args.output or folder / "loop.png"
-    known |= report.fit(played, trace, recorded)  # that of the run may be of another scene
+    known |= traces.fit(played, trace, recorded)  # that of the run may be of another scene
     plots.draw(output, played, trace, recorded, known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
@@ -72,9 +73,10 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
     """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them, or
     where there is none of that name.
     """
-    from dahl import logs, report
+    from dahl.io import logs
+    from dahl.report import traces
 
-    pairing, buses = report.Pairing(node), set()
+    pairing, buses = traces.Pairing(node), set()
     for frame in logs.frames_of(log):
         buses |= set() if frame.channel is None else {str(frame.channel)}  # of an error frame
         if channel in (None, str(frame.channel)):
@@ -97,7 +99,8 @@ def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:
 
 def _recorded(played: Scene, log: str | None) -> Recorded | None:
     """What was measured beside the angle: in the log of the run, else in that of the scene."""
-    from dahl import data, scene
+    from dahl.io import data
+    from dahl.sim import scene
 
     if not played.log:
         return None

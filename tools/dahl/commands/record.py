@@ -25,9 +25,10 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl import Error, RunError
-from dahl.arguments import add_limits
-from dahl.bus import NOTICEABLE_LAG, add_bus_arguments
+from dahl.can.bus import NOTICEABLE_LAG
+from dahl.commands.arguments import add_limits
+from dahl.commands.bus_arguments import add_bus_arguments
+from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
     import can
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl.bus import Reception, lost_in_kernel, open_from, silent
+    from dahl.can.bus import Reception, lost_in_kernel, open_from, silent
     from dahl.interrupt import Stop
 
     existed = _check(args.output, args.force, bool(getattr(args, "fd", False)))
@@ -93,7 +94,7 @@ class Tally:
     """
 
     def __init__(self, path: Path) -> None:
-        from dahl.missing import Missing
+        from dahl.can.missing import Missing
 
         self.frames = self.left_out = self.lost_in_kernel = 0
         self._path, self._is_trc = path, path.suffix.lower() == TRC
@@ -133,7 +134,7 @@ def _is_special(message: can.Message) -> bool:
 
 def _check(path: Path, force: bool, fd: bool) -> bool:
     """Whether the file is there. Raises dahl.Error for one that is not to be written."""
-    from dahl.logs import CAN_LOGS
+    from dahl.io.logs import CAN_LOGS
 
     if path.suffix.lower() not in CAN_LOGS:
         raise Error(f"{path}: {', '.join(CAN_LOGS)} was expected as its ending")
@@ -146,7 +147,7 @@ def _check(path: Path, force: bool, fd: bool) -> bool:
 
 def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
     """Write each frame; the first one replaces an earlier log."""
-    from dahl.files import whole_lines
+    from dahl.io.files import whole_lines
 
     first = _first(messages)
     if first is None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from dahl import Error
+from dahl.errors import Error
 
 HELP = "one self-contained HTML page about a run"
 EXAMPLE = """examples:
@@ -25,13 +25,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> None:
-    from dahl import files, html_report, summary
+    from dahl.io import files
+    from dahl.report import page, summary
 
     folder = args.run_path
     if folder.is_file():
         raise Error(f"{folder}: a file; the folder of a run was expected")
     output = args.output or folder / "report.html"
-    text = html_report.page(summary.read(folder), _picture(folder / "loop.png"))
+    text = page.page(summary.read(folder), _picture(folder / "loop.png"))
     files.keep(output, text)
     print(f"{output}: {len(text) // 1024} KiB")
 

@@ -17,13 +17,13 @@ from __future__ import annotations
 from typing import Any
 
 _HOMES = {
-    "Log": "log",
-    "Options": "estimate",
-    "Result": "result",
-    "Source": "readers",
-    "check": "estimate",
-    "identify": "estimate",
-    "read": "readers",
+    "Log": "io.log",
+    "Options": "identify.estimate",
+    "Result": "identify.result",
+    "Source": "io.readers",
+    "check": "identify.estimate",
+    "identify": "identify.estimate",
+    "read": "io.readers",
 }
 __all__ = sorted(_HOMES)  # noqa: PLE0605  (names of the table above)
 
@@ -34,4 +34,4 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return getattr(import_module(f"dahl.{_HOMES[name]}"), name)

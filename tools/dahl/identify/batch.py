@@ -18,11 +18,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from dahl import Error, RunError, __version__, logs
-from dahl.files import keep
-from dahl.identify import estimate, readers, report
+from dahl.errors import Error, RunError
+from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
-from dahl.identify.readers import Source
+from dahl.io import readers
+from dahl.io.files import keep
+from dahl.io.readers import Source
+from dahl.version import __version__
 
 ENDINGS = {".csv", ".tsv", ".txt", ".json", ".mat", ".parquet"} | readers.CAN_LOGS
 CLUSTER_TIMEOUT_S = 10.0
@@ -61,8 +63,8 @@ def digest(path: Path) -> str:
 @cache
 def method_version() -> str:
     """A hash of all that turns a log into numbers; other code makes stored results invalid."""
-    package = Path(readers.__file__).parent
-    sources = [Path(logs.__file__), *sorted(package.glob("*.py"))]
+    rooms = (Path(estimate.__file__).parent, Path(readers.__file__).parent)
+    sources = [path for room in rooms for path in sorted(room.glob("*.py"))]
     return __version__ + "".join(map(digest, sources))
 
 

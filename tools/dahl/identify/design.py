@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dahl import Error
+from dahl.errors import Error
 from dahl.identify import models
 
 AMPLITUDES = np.geomspace(3, 30, 12)  # in presliding lengths 1/a; 3, as the guess may be off

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from dahl import Error
-from dahl.identify.log import Log, resolution_of
+from dahl.errors import Error
+from dahl.io.log import Log, resolution_of
 
 AGREEMENT = 0.01  # of a count
 PRINTED_ERROR = 0.1  # of a count

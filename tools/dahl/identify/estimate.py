@@ -13,16 +13,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.stats import t as student
 
-from dahl import Error
+from dahl.errors import Error
 from dahl.identify import diagnose, preprocess, select, simulate
 from dahl.identify.diagnose import CORRECTABLE, Lack
 from dahl.identify.fit import Fit, Fitter, Hypothesis, solve
-from dahl.identify.log import TERMS, Log
 from dahl.identify.models import OPTIONS
 from dahl.identify.result import Intervals, Result, claims_of
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, block_for, samples_of
 from dahl.identify.select import Plausible, SearchSpace
 from dahl.identify.start import coarse_start
+from dahl.io.log import TERMS, Log
 
 CONFIDENCE = 0.99  # of the t quantile: a 95 % interval, and room for what no hypothesis covers
 SIMULATED_CONFIDENCE = 0.975  # of the quantile of the simulated errors: two-sided 95 %

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dahl.identify.log import Log
 from dahl.identify.models import turning_points
+from dahl.io.log import Log
 
 MIN_STROKES = 4
 MAX_SPEED_RATIO = 1.3  # of the fastest tenth of the strokes to the slowest: one speed

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dahl import Error
-from dahl.files import keep
+from dahl.errors import Error
 from dahl.identify import encoder_grid, models
 from dahl.identify.fit import Fit
-from dahl.identify.log import Log
 from dahl.identify.models import LAWS, OPTIONS
 from dahl.identify.result import Result, terms_of
 from dahl.identify.select import best_of
+from dahl.io.files import keep
+from dahl.io.log import Log
 
 if TYPE_CHECKING:
-    from dahl.plan_header import AnyPlan
+    from dahl.binding.plan_header import AnyPlan
 
 MIN_PLAN_R2 = 0.9  # on the raw motion; below it a plan does more harm than good
 REPLAYED_ROWS = 200_000  # of the first log that a scene replays
@@ -71,9 +71,9 @@ class RunnableModel:
         """What a firmware needs, by the ending of its name. Raises dahl.Error for parameters that
         the library rejects.
         """
-        from dahl.core import Plan
-        from dahl.parts import Slip
-        from dahl.variants import Asymmetric
+        from dahl.binding.core import Plan
+        from dahl.binding.parts import Slip
+        from dahl.binding.variants import Asymmetric
 
         if self.model == "asymmetric":
             return {"": Asymmetric(self.sigma0[0], self.Fc[0], self.Fc[1], theta_per_count)}
@@ -207,7 +207,7 @@ def header(
     result: Result, model: RunnableModel, quality: PlanQuality, name: str, title: str
 ) -> str:
     """dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() rejects."""
-    from dahl import plan_header
+    from dahl.binding import plan_header
 
     log = result.logs[0]
     whose = "the target's" if quality.is_for_target else "that of the encoder in the log"

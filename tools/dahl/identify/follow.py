@@ -6,13 +6,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
-from dahl import Error
+from dahl.errors import Error
 from dahl.identify import estimate
-from dahl.identify.can_signals import Signals
 from dahl.identify.estimate import Options
-from dahl.identify.log import Log
-from dahl.identify.readers import Source, to_log
 from dahl.identify.result import Result
+from dahl.io.can_signals import Signals
+from dahl.io.log import Log
+from dahl.io.readers import Source, to_log
 
 if TYPE_CHECKING:
     import can

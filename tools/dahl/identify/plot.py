@@ -10,9 +10,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dahl import plots
 from dahl.identify.result import NAMES, Result
-from dahl.plots import COMPUTED, MEASURED
+from dahl.report import plots
+from dahl.report.plots import COMPUTED, MEASURED
 
 MAX_LAG = 60  # samples of the autocorrelation
 MAX_MARKED_WEIGHT = 0.5  # samples of less weight are marked

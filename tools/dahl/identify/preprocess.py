@@ -13,11 +13,11 @@ import numpy as np
 from scipy.ndimage import maximum_filter, median_filter
 from scipy.signal import savgol_filter
 
-from dahl import Error
+from dahl.errors import Error
 from dahl.identify import encoder_grid
 from dahl.identify.angle import white_noise
-from dahl.identify.log import Log, resolution_of
 from dahl.identify.models import turning_points
+from dahl.io.log import Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
 LOOKED_AT_ROWS = 100_000  # before all of them

@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl import __version__
-from dahl.files import keep
 from dahl.identify import excitation
 from dahl.identify.export import (
     PlanQuality,
@@ -28,6 +26,8 @@ from dahl.identify.models import LAWS
 from dahl.identify.result import Parameter, Result, terms_of
 from dahl.identify.samples import MIN_TURN_LENGTHS
 from dahl.identify.select import penalised
+from dahl.io.files import keep
+from dahl.version import __version__
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl.identify.fit import Fit, Fitter, Hypothesis, Optimum, solve
-from dahl.identify.log import Log
 from dahl.identify.samples import MIN_SCORED_CYCLES, Samples, samples_of
+from dahl.io.log import Log
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,7 @@ from scipy.ndimage import median_filter
 
 from dahl.identify import angle as treatments
 from dahl.identify import models
-from dahl.identify.log import Log
+from dahl.io.log import Log
 
 MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly

@@ -16,9 +16,9 @@ import numpy as np
 
 from dahl.identify import models
 from dahl.identify.fit import LAGS, Fit, Fitter, Hypothesis, excess
-from dahl.identify.log import TERMS
 from dahl.identify.models import LAWS
 from dahl.identify.start import pair_starts, slip_start
+from dahl.io.log import TERMS
 
 PLAUSIBLE_ERRORS = (
     1.5  # standard errors from the best score: 7 % of true hypotheses are further away

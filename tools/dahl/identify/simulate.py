@@ -14,8 +14,8 @@ from scipy.interpolate import CubicSpline
 
 from dahl.identify import models
 from dahl.identify.fit import Fit, Fitter, Hypothesis, jackknife, solve
-from dahl.identify.log import Log, resolution_of
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples, samples_of
+from dahl.io.log import Log, resolution_of
 
 DRAWS = 6
 HIDDEN_COUNTS = 0.2  # standard error of the travel at a turn that is extrapolated from edges

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Python classes over the C library: plans, friction models, arrays."""

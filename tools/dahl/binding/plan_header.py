@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: MIT
+"""A prepared plan as a header for C99 and C++11, ready for flash, of Dahl's model or of one of
+dahl_parts.h. dahl_prepare() and its like make the words, the structs in the headers say what they
+are called; no layout is known here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from dahl import paths
+from dahl.binding.core import Plan
+from dahl.binding.parts import Slip
+from dahl.binding.variants import Asymmetric, ElastoPlastic
+from dahl.errors import Error, RunError
+from dahl.version import __version__
+
+AnyPlan = Plan | Slip | Asymmetric | ElastoPlastic
+KINDS: dict[type, tuple[str, str, tuple[str, ...]]] = {  # prefix of the C names, header, parameters
+    Plan: ("dahl_", "dahl.h", ("sigma0", "Fc", "theta_per_count")),
+    Slip: ("dahl_slip_", "dahl_parts.h", ("sigma0", "Fc", "theta_per_count")),
+    Asymmetric: (
+        "dahl_asymmetric_",
+        "dahl_parts.h",
+        ("sigma0", "Fc_forward", "Fc_backward", "theta_per_count"),
+    ),
+    ElastoPlastic: (
+        "dahl_elastoplastic_",
+        "dahl_parts.h",
+        ("sigma0", "Fc", "theta_per_count", "breakaway"),
+    ),
+}
+WORDS = {
+    "uint8_t": ctypes.c_uint8,
+    "uint32_t": ctypes.c_uint32,
+    "int32_t": ctypes.c_int32,
+    "uint64_t": ctypes.c_uint64,
+    "int64_t": ctypes.c_int64,
+}
+SUFFIX = {
+    ctypes.c_uint8: "u",
+    ctypes.c_uint32: "u",
+    ctypes.c_int32: "",
+    ctypes.c_uint64: "ull",
+    ctypes.c_int64: "ll",
+}
+LINE = 96  # characters
+HEAD = re.compile(
+    r"/\*(?:(?!\*/).)*dahl_(?:\w+_)?prepare\(\) of .*?\*/\n#ifndef DAHL_PLAN_\w+_H\n", re.DOTALL
+)
+
+
+@cache
+def _headers() -> str:
+    """dahl.h and dahl_parts.h, without comments, and with the numbers that stand for names."""
+    try:
+        text = "".join(
+            (paths.INCLUDE / name).read_text(encoding="utf-8")
+            for name in ("dahl.h", "dahl_parts.h")
+        )
+    except OSError as error:
+        raise RunError(f"{error.filename}: {error.strerror}") from None
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    for name, value in re.findall(r"#define (DAHL_\w+) (\d+)\n", text):
+        text = re.sub(rf"\[{name}\]", f"[{value}]", text)
+    return text
+
+
+@cache
+def structure(name: str) -> type[ctypes.Structure]:
+    """A struct as the headers declare it."""
+    body = re.search(rf"typedef struct\s*\w*\s*\{{([^}}]*)\}}\s*{name};", _headers())
+    if body is None:
+        raise RunError(f"dahl.h, dahl_parts.h: no struct {name}")
+    fields: list[tuple[str, Any]] = []
+    for kind, field, count in re.findall(r"(\w+)\s+(\w+)(?:\[(\d+)\])?;", body[1]):
+        one = WORDS.get(kind) or structure(kind)
+        fields.append((field, one * int(count) if count else one))
+    if len(fields) != body[1].count(";"):
+        raise RunError(
+            f"dahl.h, dahl_parts.h: a field of {name} that is no word nor array of words"
+        )
+    return type(name, (ctypes.Structure,), {"_fields_": fields})
+
+
+def identifier(name: str) -> str:
+    """A name that C takes."""
+    plain_name = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").lower()
+    if not plain_name:
+        raise Error(f"--name {name}: letters, digits and _ were expected")
+    return plain_name
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file is a header that was made here."""
+    try:
+        return HEAD.match(path.read_text(encoding="utf-8")) is not None
+    except UnicodeDecodeError:
+        return False
+
+
+def _initialiser(value: Any, kind: Any) -> str:
+    if issubclass(kind, ctypes.Array):
+        return "{" + ", ".join(_initialiser(one, kind._type_) for one in value) + "}"
+    if issubclass(kind, ctypes.Structure):
+        return "{" + ", ".join(initial for _, initial in _fields(value)) + "}"
+    return f"{value}{SUFFIX[kind]}"
+
+
+def _fields(value: ctypes.Structure) -> list[tuple[str, str]]:
+    return [(name, _initialiser(getattr(value, name), kind)) for name, kind, *_ in value._fields_]
+
+
+def _parameters(plan: AnyPlan, names: tuple[str, ...]) -> str:
+    """Name = value, of several elements as many values."""
+    values = ((name, getattr(plan, name)) for name in names)
+    return ", ".join(
+        f"{name} = "
+        + " ".join(f"{v:.9g}" for v in (value if isinstance(value, tuple) else [value]))
+        for name, value in values
+    )
+
+
+def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> str:
+    """The header: `static const dahl_plan_t dahl_plan_NAME` (or dahl_slip_plan_t, ...), the words
+    of dahl_prepare() (dahl_slip_prepare(), ...) in the order of the struct, since C++ has had
+    designated initialisers only since C++20; of several plans each with an ending of its own.
+    Another version of the library may order them otherwise, and is refused when the header is
+    compiled.
+    """
+    plans = plan if isinstance(plan, dict) else {"": plan}
+    kinds = [KINDS[type(one)] for one in plans.values()]
+    guard = f"DAHL_PLAN_{name.upper()}_H"
+    major, minor, _ = __version__.split(".")
+    said = [
+        f"{prefix}prepare() of {_parameters(one, names)}; keep it const."
+        for one, (prefix, _, names) in zip(plans.values(), kinds, strict=True)
+    ]
+    lines = [
+        "/*",
+        *(f" * {line}".rstrip() for line in comment),
+        *([" *"] if comment else []),
+        *(f" * {line}" for line in said),
+        " */",
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        "",
+        *(f'#include "{header}"' for header in sorted({header for _, header, _ in kinds})),
+        "",
+        f"#if DAHL_VERSION_MAJOR != {major} || DAHL_VERSION_MINOR != {minor}",
+        f'#error "this plan was made for dahl {major}.{minor}: make it again with this version"',
+        "#endif",
+        "",
+        *(line for ending, one in plans.items() for line in _words(f"{name}{ending}", one)),
+        f"#endif /* {guard} */",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
+    """A header of a plan for dahl_loaded_step_counts() with what makes its load_q30 out of a load
+    as it is measured: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
+    """
+    header = header.replace('#include "dahl.h"', '#include "dahl_parts.h"')
+    end = header.rindex("#endif /* ")
+    function = [
+        "/* load_q30 of dahl_loaded_step_counts() for a load as the log has it. */",
+        f"static inline uint32_t dahl_plan_{name}_load_q30(float load)",
+        "{",
+        f"    const float share = {_float(at_zero)} + {_float(per_unit)} * load;",
+        "",
+        "    return share >= 2 ? 2147483647u : share > 0 ? (uint32_t)(share * 1073741824) : 0u;",
+        "}",
+        "",
+    ]
+    return header[:end] + "\n".join(function) + "\n" + header[end:]
+
+
+def _float(value: float) -> str:
+    """A literal of C."""
+    text = f"{value:.9g}"
+    return f"{text}f" if re.search(r"[.e]", text) else f"{text}.0f"
+
+
+def _words(name: str, plan: AnyPlan) -> list[str]:
+    """One plan."""
+    prefix = KINDS[type(plan)][0]
+    words = structure(f"{prefix}plan_t").from_buffer_copy(plan._words)
+    return [
+        f"static const {prefix}plan_t dahl_plan_{name} = {{",
+        *(line for field, value in _fields(words) for line in _folded(f"/* {field} */ {value},")),
+        "};",
+        "",
+    ]
+
+
+def _folded(field: str) -> list[str]:
+    """A long initialiser in lines of at most LINE characters, cut after a comma."""
+    lines, indent = [], "    "
+    while len(indent + field) > LINE:
+        cut = field.rfind(", ", 0, LINE - len(indent)) + 1
+        lines.append(indent + field[:cut])
+        field, indent = field[cut:].lstrip(), "        "
+    return [*lines, indent + field]

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""CAN: frames, nodes, buses, monitoring, the pytest plugin."""

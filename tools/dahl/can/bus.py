@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: MIT
+"""Buses: any that python-can opens, which one is best here, and the lines of a log that canplayer
+can replay.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import queue
+import re
+import shutil
+import socket
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dahl.errors import Error, RunError, Timeout
+
+if TYPE_CHECKING:
+    import can
+
+    from dahl.interrupt import Stop
+
+VCAN = "vcan0"
+WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
+FLAGS = {  # the options that name a bus, by their names in python-can
+    "interface": "-i",
+    "channel": "-c",
+    "bitrate": "-b",
+    "fd": "--fd",
+    "data_bitrate": "--data-bitrate",
+    "timing": "--timing",
+    "host": "--host",
+    "port": "--port",
+    "bus_kwargs": "--bus-kwargs",
+}
+QUIET = 0.05  # s without a frame, after which the caller has its turn
+NOTICEABLE_LAG = 0.5  # s behind the bus; a busy machine alone causes less
+SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts discarded frames
+
+
+def named(args: argparse.Namespace) -> dict[str, Any]:
+    """What the arguments say of the bus."""
+    return {key: value for key in FLAGS if (value := getattr(args, key, None)) is not None}
+
+
+def keywords(said: dict[str, Any]) -> dict[str, Any]:
+    """Of can.Bus, by what named() has found. Raises dahl.Error for one that is said twice."""
+    more: dict[str, Any] = said.get("bus_kwargs", {})
+    first = {key: value for key, value in said.items() if key != "bus_kwargs"}
+    for key, value in more.items():
+        if key in first:
+            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} says it too")
+    return first | more
+
+
+def words(said: dict[str, Any]) -> list[str]:
+    """What named() has found as words of a command line."""
+    found = []
+    for key, value in said.items():
+        found.append(FLAGS[key])
+        if isinstance(value, Mapping):
+            found += [f"{name}={one}" for name, one in value.items()]
+        elif key != "fd":  # a flag
+            found.append(str(value))
+    return found
+
+
+def open_from(args: argparse.Namespace) -> can.BusABC:
+    """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
+    import can.cli
+
+    _silence()
+    said = keywords(named(args))
+    server = {key: said[key] for key in ("host", "port") if key in said}
+    try:
+        return can.cli.create_bus_from_namespace(args, **tuned_for(said), **server)
+    except argparse.ArgumentError as error:
+        raise _not_open(named(args), error.__cause__) from None
+
+
+def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
+    """Open a python-can bus, trying again for `patience` seconds. Raises RunError in one line
+    whatever the interface.
+    """
+    import can
+
+    _silence()
+    until = time.monotonic() + patience
+    while True:
+        try:
+            return can.Bus(**tuned_for(settings) | settings)
+        except Exception as error:  # each interface of python-can has its own kinds
+            if time.monotonic() >= until:
+                raise _not_open(settings, error) from None
+        time.sleep(0.05)
+
+
+def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings that an interface needs: a socketcand client must send each frame at once. Its
+    kernel would hold short frames back, and discard them if the bus is closed with unread frames.
+    """
+    return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
+
+
+def _silence() -> None:
+    logging.getLogger("can").setLevel(logging.ERROR)  # a frame in two pieces is no news
+
+
+def _not_open(settings: dict[str, Any], error: object) -> Error:
+    if "interface" not in settings and "Unknown interface type" in str(error):
+        return Error(WHICH)
+    return RunError(f"cannot open the bus ({shown(settings)}): {error}")
+
+
+def shown(settings: dict[str, Any]) -> str:
+    """A bus as messages name it."""
+    return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
+
+
+def silent(args: argparse.Namespace, seconds: float) -> Timeout:
+    """Not one frame came."""
+    return Timeout(
+        f"no frame on the bus ({shown(named(args))}) in {seconds:.1f} s:"
+        " is a node there, at this bit rate?"
+    )
+
+
+class Reception:
+    """Each frame as it comes, or None if no frame came for a while, until stop is asked, finish()
+    is called or a limit is reached. Frames that came before that moment and were not read yet are
+    still returned. Raises RunError if the bus goes away.
+
+    lag_s is how far reading is behind the bus: the delay of a frame since its time stamp, above the
+    delay of frames that were waited for.
+    """
+
+    def __init__(
+        self, bus: can.BusABC, stop: Stop, seconds: float | None = None, frames: int | None = None
+    ) -> None:
+        self._bus, self._stop, self._frames = bus, stop, frames
+        self._end = time.monotonic() + seconds if seconds else float("inf")
+        self._least_delay: float | None = None
+        self.lag_s = self.most_lag_s = 0.0
+
+    def finish(self) -> None:
+        """End with the frames that have arrived by now."""
+        self._end = min(self._end, time.monotonic())
+
+    def __iter__(self) -> Iterator[can.Message | None]:
+        count = 0
+        while count != self._frames:
+            if self._stop.asked:
+                self.finish()
+            has_ended = time.monotonic() >= self._end
+            message = self._next(0.0 if has_ended else QUIET)
+            if has_ended and (message is None or self._came_after_end()):
+                return
+            count += message is not None
+            yield message
+
+    def _next(self, seconds: float) -> can.Message | None:
+        waits_since = time.monotonic()
+        message = receive(self._bus, 0.0)
+        has_waited = message is None
+        if message is None and seconds:
+            message = receive(self._bus, seconds)
+        now = time.monotonic()
+        is_prompt = has_waited and now - waits_since < 2 * QUIET  # this process was not stopped
+        if message is not None:
+            self._measure(now - message.timestamp, is_prompt)
+        elif is_prompt:
+            self.lag_s = 0.0
+        return message
+
+    def _measure(self, delay: float, is_prompt: bool) -> None:
+        if is_prompt or self._least_delay is None:
+            self._least_delay = delay
+        self._least_delay = min(delay, self._least_delay)
+        self.lag_s = delay - self._least_delay
+        self.most_lag_s = max(self.most_lag_s, self.lag_s)
+
+    def _came_after_end(self) -> bool:
+        return time.monotonic() - self.lag_s > self._end
+
+
+def lost_in_kernel(bus: can.BusABC) -> int:
+    """Frames that the kernel discarded because the receive buffer of this SocketCAN bus was full;
+    0 for another interface.
+    """
+    link = getattr(bus, "socket", None)
+    if not isinstance(link, socket.socket):
+        return 0
+    try:
+        numbers = struct.unpack("9I", link.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 36))
+    except (OSError, struct.error):  # older than Linux 4.12
+        return 0
+    return int(numbers[8])
+
+
+def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | None, None, None]:
+    """The same frames, taken from the bus by a thread of their own: a server drops who reads too
+    slowly, as one would who works on them between two.
+    """
+    taken: queue.SimpleQueue[can.Message | None | BaseException] = queue.SimpleQueue()
+    enough = threading.Event()
+
+    def take() -> None:
+        try:
+            for frame in frames:
+                taken.put(frame)
+                if enough.is_set():
+                    return
+            taken.put(StopIteration())
+        except BaseException as error:  # who waits for frames raises it
+            taken.put(error)
+
+    reader = threading.Thread(target=take, daemon=True)
+    reader.start()
+    try:
+        while not isinstance(frame := taken.get(), BaseException):
+            yield frame
+        if not isinstance(frame, StopIteration):
+            raise frame
+    finally:
+        enough.set()
+        reader.join()
+
+
+def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
+    """The next frame, None where none comes in time. Raises RunError when the bus goes away."""
+    import can
+
+    try:
+        message = bus.recv(seconds)
+    except (can.CanError, OSError) as error:
+        raise RunError(f"the bus has gone: {error}") from None
+    if message is None and _hung_up(bus):
+        raise RunError("the bus has gone: its server has closed the connection")
+    return message
+
+
+def _hung_up(bus: can.BusABC) -> bool:
+    """python-can's socketcand client does not notice that its server has gone, and has no public
+    way to ask its socket.
+    """
+    link = getattr(bus, "_SocketCanDaemonBus__socket", None)
+    try:
+        return link is not None and link.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+
+
+def candump_line(message: can.Message) -> str:
+    """One line `(seconds.microseconds) bus id#data` as `candump -L` writes it, without the
+    direction that some add.
+    """
+    bus = message.channel if isinstance(message.channel, str) else VCAN
+    if message.is_error_frame:
+        head, form = f"{message.arbitration_id | 0x20000000:08X}", "#"
+    else:
+        head = (
+            f"{message.arbitration_id:08X}"
+            if message.is_extended_id
+            else f"{message.arbitration_id:03X}"
+        )
+        form = (
+            f"##{message.bitrate_switch + 2 * message.error_state_indicator:X}"
+            if message.is_fd
+            else "#"
+        )
+    data = f"R{message.dlc or ''}" if message.is_remote_frame else message.data.hex().upper()
+    return f"({message.timestamp:017.6f}) {bus} {head}{form}{data}\n"
+
+
+def has_socketcan() -> bool:
+    """True where the kernel knows CAN."""
+    try:
+        socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def vcan_is_up(name: str = VCAN) -> bool:
+    """True where the interface is there and up; makes it where we may (root, and the kernel has the
+    module).
+    """
+    if not Path(f"/sys/class/net/{name}").exists() and shutil.which("ip"):
+        subprocess.run(
+            ["ip", "link", "add", "dev", name, "type", "vcan"], capture_output=True, check=False
+        )
+        subprocess.run(["ip", "link", "set", name, "up"], capture_output=True, check=False)
+    try:
+        return bool(int(Path(f"/sys/class/net/{name}/flags").read_text(), 16) & 1)
+    except (OSError, ValueError):
+        return False
+
+
+def choose(wanted: str | None) -> tuple[str, str]:
+    """The bus of a demo and why: ('socketcan:vcan0' or 'socketcand', a sentence)."""
+    if wanted:
+        if not re.fullmatch(r"socketcand(:\d+)?|socketcan:[^\s:/]+", wanted):
+            raise Error(
+                f"--bus {wanted}: socketcan:INTERFACE, socketcand or socketcand:PORT was expected"
+            )
+        return wanted, "as asked for"
+    if not has_socketcan():
+        return (
+            "socketcand",
+            "this kernel has no SocketCAN, so the loop serves socketcand on a local TCP port",
+        )
+    if not vcan_is_up():
+        return (
+            "socketcand",
+            f"no interface {VCAN} is up (ip link add dev {VCAN} type vcan), so socketcand",
+        )
+    return f"socketcan:{VCAN}", "the kernel has SocketCAN"

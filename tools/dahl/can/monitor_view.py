@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: MIT
+"""What the monitor shows: what has been seen of each message, and in the rows that are left the
+last ticks as curves.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.table import Table
+from rich.text import Text
+
+from dahl import paths
+from dahl.can import codec, counters
+from dahl.can.bus import NOTICEABLE_LAG
+from dahl.can.monitor_curves import panel
+from dahl.errors import Error
+
+if TYPE_CHECKING:
+    import can
+    from cantools.database.can import Message
+
+WIDE = 110  # columns from which on the table holds what each message last said
+UNLIMITED_ROWS = 27  # of curves, where the height is not limited
+LEAST_ROWS, TWO_ROWS = 6, 18  # for a row of panels, and for two
+LEAST_BESIDE = 40  # columns of each of two panels side by side
+ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
+NUMBERED = ALWAYS  # one more with each frame; any other's counter is the asker's own
+FINE = {"OK", "Init"}  # states that need no colour
+UNSAID = {"State", "Crc", "Counter"}  # State stands first, in its colour
+SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
+
+
+@dataclass
+class Seen:
+    """One message: how often, how many are missing where its counter tells it, its last word."""
+
+    message: Message
+    frames: int = 0
+    missing: int = 0
+    wrong: int = 0  # CAN FD; CRC, length or contents that are not as they should be
+    last: dict[str, Any] | None = None
+    first_time: float = 0.0
+    time: float = 0.0
+    newest: tuple[int, float] | None = None  # counter and time of the frame before the next
+
+    def rate(self) -> float:
+        span = self.time - self.first_time
+        return (self.frames - 1) / span if span > 0 else 0.0
+
+
+class View:
+    """Feed it frames; rich draws it, in the width and height that it is given."""
+
+    def __init__(
+        self,
+        node: int = 0,
+        window: int = 4000,
+        dbc: Path | None = None,
+        Fc: float | None = None,  # noqa: N803 (the field's name)
+        unit: str = "N m",
+    ) -> None:
+        self.fills_screen = False  # of the terminal that it is drawn on
+        self.Fc, self.unit = Fc, unit  # of the ratio on the bus; None until a ParamReply tells
+        self.seen = {one.frame_id + node: Seen(one) for one in _messages(dbc)}
+        self.names = {seen.message.name: seen for seen in self.seen.values()}
+        self.time: deque[float] = deque(maxlen=window)
+        self.count: deque[int] = deque(maxlen=window)
+        self.ratio: deque[float] = deque(maxlen=window)
+        self.frames, self.others = 0, 0
+        self.states: Counter[str] = Counter()
+        self.lag_s = self.most_lag_s = 0.0  # how far reading is behind the bus
+
+    def feed(self, frame: can.Message) -> None:
+        """Take one frame, whatever it is."""
+        self.frames += 1
+        seen = self.seen.get(frame.arbitration_id)
+        if seen is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
+            self.others += 1
+            return
+        try:
+            if frame.is_fd or not codec.is_whole(frame.arbitration_id, frame.data):
+                raise ValueError("CAN FD, a wrong CRC or length")
+            signals = seen.message.decode_simple(bytes(frame.data))
+        except Exception:  # cantools has several for frames that are too short
+            seen.wrong += 1
+            return
+        self._count(seen, signals, frame.timestamp)
+        if seen.message.name == "FrictionTorque":
+            self._answer(signals, frame.timestamp)
+        elif seen.message.name == "ParamReply":
+            told = signals.get("Fc")
+            self.Fc = float(told) if isinstance(told, (int, float)) else self.Fc
+
+    def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
+        if seen.last is None:
+            seen.first_time = now
+        if seen.message.name in NUMBERED and "Counter" in signals:
+            counter = signals["Counter"]
+            if counter == 0 and str(signals.get("State")) == "Init":
+                seen.newest = None  # the node has begun anew, and its counters with it
+            before, then = seen.newest or (counter - 1, now)
+            step = counters.step(before, counter, now - then)
+            if step:  # else it is repeated or late, and the next is expected as before
+                seen.missing, seen.newest = seen.missing + step - 1, (counter, now)
+        seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
+
+    def _answer(self, signals: dict[str, Any], now: float) -> None:
+        self.states[str(signals["State"])] += 1
+        encoder = self.names["EncoderState"].last
+        if encoder:
+            self.time.append(now)
+            self.count.append(encoder["Count"])
+            self.ratio.append(signals["TorqueRatio"])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as numbers, for JSON."""
+        return {
+            "frames": self.frames,
+            "other_frames": self.others,
+            "states": dict(self.states.most_common()),
+            "Fc": self.Fc,
+            "behind_s": self.lag_s,
+            "most_behind_s": self.most_lag_s,
+            "messages": {
+                name: {
+                    "frames": seen.frames,
+                    "per_s": seen.rate(),
+                    "missing": seen.missing,
+                    "bad": seen.wrong,
+                    "last": {key: _plain(value) for key, value in (seen.last or {}).items()},
+                }
+                for name, seen in self.names.items()
+            },
+        }
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        height = console.size.height if self.fills_screen else options.height
+        words = Group(*self._words(options.max_width, fold=height is None))
+        used = len(console.render_lines(words, options.update(height=None)))
+        rows = UNLIMITED_ROWS if height is None else height - used
+        yield words
+        yield from self._panels(options.max_width, rows)
+
+    def _panels(self, width: int, rows: int) -> Iterator[RenderableType]:
+        """The loop first; both over time where there is room."""
+        if rows < LEAST_ROWS:
+            return
+        low = rows * 2 // 5 if rows >= TWO_ROWS else 0
+        beside = width >= 2 * LEAST_BESIDE
+        if not low and beside:
+            yield self._side_by_side(self._loop(width // 2, rows), self._times(width, rows)[0])
+            return
+        yield self._loop(width, rows - low)
+        if low:
+            first, second = self._times(width if beside else 2 * width, low)
+            yield self._side_by_side(first, second) if beside else first
+
+    @staticmethod
+    def _side_by_side(*panels: RenderableType) -> Table:
+        row = Table.grid()
+        row.add_row(*panels)
+        return row
+
+    def _torque(self) -> tuple[list[float], str]:
+        """Torques, and what they are: in N m where Fc is known."""
+        if self.Fc is None:
+            return list(self.ratio), "F/Fc"
+        return [ratio * self.Fc for ratio in self.ratio], f"F [{self.unit}]"
+
+    def _loop(self, width: int, rows: int) -> Text:
+        torque, name = self._torque()
+        return panel(self.count, torque, f"{name} over counts", width, rows, "cyan")
+
+    def _times(self, width: int, rows: int) -> tuple[Text, Text]:
+        start = self.time[0] if self.time else 0.0
+        seconds = [moment - start for moment in self.time]
+        torque, name = self._torque()
+        half = width // 2
+        return (
+            panel(seconds, torque, f"{name} over s", half, rows, "cyan"),
+            panel(seconds, self.count, "counts over s", width - half, rows, "green"),
+        )
+
+    def _words(self, width: int, fold: bool) -> Iterator[RenderableType]:
+        """The counters, one row each, and what was last said: beside them or below. Without `fold`
+        each is one row.
+        """
+        wide = width >= WIDE
+        shown = [seen for name, seen in self.names.items() if seen.frames or name in ALWAYS]
+        table = Table(expand=wide, box=None, header_style="bold", pad_edge=False)
+        table.add_column("message", no_wrap=True)
+        for name in ("frames", "1/s", "missing", "bad"):
+            table.add_column(name, justify="right", no_wrap=True)
+        if wide:
+            table.add_column("last", ratio=1, no_wrap=not fold, overflow="ellipsis")
+        for seen in shown:
+            table.add_row(*_row(seen), *([self._last(seen)] if wide else []))
+        yield table
+        told = [seen for seen in shown if seen.last and (fold or seen.message.name in ALWAYS)]
+        lines = [] if wide else [self._below(seen) for seen in told]
+        states = ", ".join(f"{name} {count}" for name, count in self.states.most_common())
+        style = "" if set(self.states) <= FINE else "yellow"
+        lines.append(Text.assemble("node states  ", (states or "none yet", style)))
+        lines.append(Text.assemble(f"other frames  {self.others}  behind  ", self._behind()))
+        for line in lines:
+            line.no_wrap, line.overflow = not fold, "fold" if fold else "ellipsis"
+            yield line
+
+    def _behind(self) -> tuple[str, str]:
+        """Words and colour."""
+        words = f"{self.lag_s:.1f} s, at most {self.most_lag_s:.1f} s"
+        return words, "yellow" if self.most_lag_s > NOTICEABLE_LAG else ""
+
+    def _below(self, seen: Seen) -> Text:
+        return Text.assemble((f"{seen.message.name}  ", "bold"), self._last(seen))
+
+    def _last(self, seen: Seen) -> Text:
+        """What a message last said: the torque in its unit, what is not as it should be in
+        colour.
+        """
+        if seen.last is None:
+            return Text("not seen")
+        signals = dict(seen.last)
+        words = self._torque_and_state(signals)
+        errors = [name.removeprefix("Error") for name, v in signals.items() if str(v) == "Seen"]
+        if errors:
+            words.append(f"seen: {' '.join(errors)}  ", "yellow")
+        for name, value in _version_last(signals).items():
+            if name not in UNSAID and str(value) not in ("None", "Seen"):
+                told = f"{value:.6f}" if isinstance(value, float) else str(value)
+                words.append(f"{name} {told}  ")
+        return words
+
+    def _torque_and_state(self, signals: dict[str, Any]) -> Text:
+        words = Text()
+        if self.Fc is not None and "TorqueRatio" in signals:
+            words.append(f"{signals['TorqueRatio'] * self.Fc:+.6f} {self.unit}  ", "cyan")
+        if "State" in signals:
+            state = str(signals["State"])
+            words.append(f"State {state}  ", "" if state in FINE else "yellow")
+        return words
+
+
+def _version_last(signals: dict[str, Any]) -> dict[str, Any]:
+    """The signals, the parts of a version as one, behind all others: a narrow window cuts the
+    line.
+    """
+    parts = [signals.pop(name, None) for name in ("VersionMajor", "VersionMinor")]
+    return signals if None in parts else {**signals, "Version": "{}.{}".format(*parts)}
+
+
+def _row(seen: Seen) -> tuple[Text, ...]:
+    """Name and counts of a message, with colour where they are not 0 and ought to be."""
+    return (
+        Text(seen.message.name),
+        Text(str(seen.frames)),
+        Text(f"{seen.rate():.0f}"),
+        Text(str(seen.missing), "yellow" if seen.missing else ""),
+        Text(str(seen.wrong), "red" if seen.wrong else ""),
+    )
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (int, float)) else str(value)
+
+
+def _messages(dbc: Path | None) -> list[Message]:
+    """Those of a bus description that has what is shown. Raises dahl.Error."""
+    import cantools
+
+    path = dbc or paths.DBC
+    try:
+        database = cantools.database.load_file(path)
+        found: list[Message] = list(getattr(database, "messages", []))
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except (cantools.Error, ValueError) as error:
+        raise Error(f"{path}: {' '.join(str(error).split())}") from None
+    found = _without_other_nodes(found)
+    known = {message.name: {signal.name for signal in message.signals} for message in found}
+    for name, signals in SHOWN.items():
+        missing = sorted(signals - known.get(name, set()))
+        if missing:
+            raise Error(f"{path}: no signal '{missing[0]}' in a message '{name}'")
+    return found
+
+
+def _without_other_nodes(messages: list[Message]) -> list[Message]:
+    """Those of node 0 and any that are no node's: node n has the messages of node 0 at id + n, and
+    a description of several nodes has them too.
+    """
+    ids = {one.frame_id for one in messages}
+    numbers = [one.frame_id % codec.NODES for one in messages]
+    return [
+        one
+        for one, number in zip(messages, numbers, strict=True)
+        if number == 0 or one.frame_id - number not in ids
+    ]

@@ -1,0 +1,369 @@
+# SPDX-License-Identifier: MIT
+"""Fixtures for tests of a friction node, and of programs that speak to one. The node is simulated
+in this process, or it is on a rig that --dahl-interface names; the tests are the same.
+
+    dahl_bus        a python-can bus; the report of a failed test has its frames
+    dahl_node       the node that answers on it: a dahl.Node, on a rig a dahl.can.rig.RigNode, which
+                    reads the same properties over the bus
+    dahl_make_node  dahl_make_node(number=3, friction=None, **settings) makes one more node
+    dahl_async_bus  the bus for `async def` tests: await dahl_async_bus.ask(frame)
+    dahl_plan, dahl_node_settings
+                    of that node; a test file that has a fixture of this name has its own
+    mark dahl       dahl(plan=..., timeout=...) gives both for one test. Every test that uses
+                    dahl_bus has this mark, so that -m dahl selects them
+
+On a rig each test begins with a Reset. The settings of a simulated node are written to the node,
+and its own are written back after the test. Its plan is written only if the test gives one, else
+dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of pytest-xdist.
+If a node has never answered, its tests are skipped. With --dahl-serve the nodes are simulated on
+that bus.
+
+pytest loads this by itself if dahl is installed; it costs nothing until a fixture is used.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import fcntl
+import hashlib
+import inspect
+import itertools
+import math
+import os
+import tempfile
+from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+
+import pytest
+
+from dahl.errors import Error, Timeout
+
+if TYPE_CHECKING:
+    import can
+
+    from dahl.can.async_bus import AsyncBus
+    from dahl.can.frame_log import FrameLog
+    from dahl.can.node import Friction, Node
+    from dahl.can.rig import RigNode
+
+    AnyNode: TypeAlias = Node | RigNode
+    Settings: TypeAlias = dict[str, Any]
+
+T = TypeVar("T")
+VIRTUAL = "virtual"
+FIRST_ANSWER = 0.8  # s for a rig to open, and for its first answer
+MARK = "dahl(plan=None, **settings): of dahl_node. Every test that uses dahl_bus has this mark."
+_numbers = itertools.count()
+_frames = pytest.StashKey["FrameLog"]()  # of a test
+_in_use = pytest.StashKey[set[int]]()  # numbers of the nodes of a test
+# Of a session: the reason to skip the tests of a bus or node, "" if it has answered.
+_contacts = pytest.StashKey[dict[str, str]]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options that name the bus."""
+    group = parser.getgroup("dahl", "a friction node on a CAN bus")
+    group.addoption(
+        "--dahl-interface",
+        metavar="NAME",
+        help="python-can interface of dahl_bus, such as socketcan (default: virtual)",
+    )
+    group.addoption("--dahl-channel", metavar="NAME", help="its channel, such as can0")
+    group.addoption(
+        "--dahl-bus-kwargs",
+        default="",
+        metavar="KEY=VALUE ...",
+        help="more of python-can's arguments in one word, such as 'bitrate=500000 fd=True'",
+    )
+    group.addoption(
+        "--dahl-serve",
+        action="store_true",
+        help="simulate dahl_node on that bus too, if it has no node (vcan0)",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse options that would be ignored, or that no test could use."""
+    config.addinivalue_line("markers", MARK)
+    config.stash[_contacts] = {}
+    words = str(config.getoption("--dahl-bus-kwargs")).split()
+    if bad := next((word for word in words if "=" not in word.strip("=")), None):
+        raise pytest.UsageError(f"--dahl-bus-kwargs {bad}: KEY=VALUE was expected")
+    if config.getoption("--dahl-interface") is None:
+        for option in ("--dahl-channel", "--dahl-bus-kwargs", "--dahl-serve"):
+            if config.getoption(option):
+                raise pytest.UsageError(f"{option} goes with --dahl-interface, such as socketcan")
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark the tests that use the bus."""
+    if "dahl_bus" in getattr(item, "fixturenames", ()) and not item.get_closest_marker("dahl"):
+        item.add_marker("dahl")
+
+
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run an `async def` test of dahl_async_bus, unless a plugin for asyncio does."""
+    test, given = pyfuncitem.obj, pyfuncitem.funcargs
+    if "dahl_async_bus" not in given or not inspect.iscoroutinefunction(test):
+        return None
+    names = inspect.signature(test).parameters
+    asyncio.run(test(**{name: given[name] for name in names if name in given}))
+    return True
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Add the frames to the report of a failed test."""
+    report = yield
+    frames = item.stash.get(_frames, None)
+    if report.failed and frames is not None:
+        if call.when != "teardown":
+            frames.read_rest()
+        if text := frames.text():
+            report.sections.append(("frames on dahl_bus", text))
+    return report
+
+
+# --- parameters of the node -----------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def _one_line() -> Iterator[None]:
+    """Fail a test with one line, without the insides of a fixture, if the bus does not open or the
+    node is silent.
+    """
+    try:
+        yield
+    except Error as error:
+        raise pytest.fail.Exception(str(error), pytrace=False) from None
+
+
+def _mark_arguments(request: pytest.FixtureRequest) -> Settings:
+    """Return the arguments of the mark dahl."""
+    mark = request.node.get_closest_marker("dahl")
+    if mark is not None and mark.args:
+        pytest.fail(f"mark dahl: {mark.args[0]!r} has no name, such as plan=", pytrace=False)
+    return {} if mark is None else dict(mark.kwargs)
+
+
+@pytest.fixture
+def dahl_plan(request: pytest.FixtureRequest) -> Friction:
+    """Parameters of dahl_node: 100 N m/rad, 0.5 N m, an encoder of 16384 counts a turn; on a rig
+    those that it has.
+    """
+    from dahl.binding.core import Plan
+
+    arguments = _mark_arguments(request)
+    if (plan := arguments.get("plan")) is not None:
+        return plan  # type: ignore[no-any-return]
+    if not _is_rig(request):
+        return Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * math.pi / 16384)
+    settings = request.getfixturevalue("dahl_node_settings") | arguments
+    with _one_line():
+        return _reset_node(request, settings.get("number", 0)).plan
+
+
+@pytest.fixture
+def dahl_node_settings() -> Settings:
+    """The other arguments of Node(): a timeout in s that a busy machine does not reach."""
+    return {"timeout": 10.0}
+
+
+# --- the bus --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
+    """Arguments of can.Bus() to open the bus; a separate channel for each test if virtual."""
+    from dahl.can import codec
+
+    with _one_line():
+        cast_from_string = codec.python_can().util.cast_from_string
+    option = request.config.getoption
+    interface, channel = option("--dahl-interface") or VIRTUAL, option("--dahl-channel")
+    if channel is None and interface == VIRTUAL:
+        channel = f"dahl-{next(_numbers)}"
+    pairs = (word.partition("=") for word in option("--dahl-bus-kwargs").split())
+    more = {key.replace("-", "_"): cast_from_string(value) for key, _, value in pairs}
+    return {"interface": interface, "channel": channel, **more}
+
+
+@pytest.fixture
+def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Iterator[can.BusABC]:
+    """The test's end of the bus."""
+    is_shared = dahl_bus_settings["interface"] != VIRTUAL
+    with _reserved(dahl_bus_settings) if is_shared else contextlib.nullcontext():
+        with _one_line():
+            bus = _open(request, dahl_bus_settings)
+        with bus:
+            _log_of(request, bus)
+            yield bus
+
+
+@pytest.fixture
+def dahl_async_bus(dahl_bus: can.BusABC) -> AsyncBus:
+    """dahl_bus for `async def` tests, which run in asyncio without any plugin, and with that of
+    pytest-asyncio or anyio too.
+    """
+    from dahl.can.async_bus import AsyncBus
+
+    return AsyncBus(dahl_bus)
+
+
+def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
+    """Return the log of the frames of a test, which may define dahl_bus itself."""
+    from dahl.can import frame_log
+
+    stash = request.node.stash
+    if _frames not in stash:
+        stash[_frames] = frame_log.FrameLog(bus)
+    return stash[_frames]  # type: ignore[no-any-return]
+
+
+def _is_rig(request: pytest.FixtureRequest) -> bool:
+    """Whether the nodes are those of a rig."""
+    interface = request.getfixturevalue("dahl_bus_settings")["interface"]
+    return interface != VIRTUAL and not request.config.getoption("--dahl-serve")
+
+
+def _key(settings: Settings) -> str:
+    """Return the same short text for the same bus, in each process."""
+    return hashlib.sha256(repr(sorted(settings.items())).encode()).hexdigest()[:16]
+
+
+@contextlib.contextmanager
+def _reserved(settings: Settings) -> Iterator[None]:
+    """Wait until no other test of this user has the bus."""
+    path = Path(tempfile.gettempdir(), f"dahl-bus-{os.getuid()}-{_key(settings)}.lock")
+    with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
+    """Open the bus; skip the test if it is that of a rig, and has never been open."""
+    from dahl.can.bus import open_bus
+    from dahl.can.rig import open_rig
+
+    if not _is_rig(request):
+        return open_bus(**settings)
+    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER))
+
+
+def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
+    """Return the result of a call to a rig; skip the test if the rig has never answered. A rig that
+    has answered before, and does not now, is a failure. call(True) is the first one.
+    """
+    from dahl.can.rig import NoRig
+
+    contacts = request.config.stash[_contacts]
+    if contacts.get(key):
+        pytest.skip(contacts[key])
+    try:
+        result = call(key not in contacts)
+    except (Timeout, NoRig) as error:
+        if key in contacts:
+            raise
+        contacts[key] = f"no rig: {error}"
+        pytest.skip(contacts[key])
+    contacts[key] = ""
+    return result
+
+
+# --- nodes ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def dahl_make_node(
+    request: pytest.FixtureRequest, dahl_bus: can.BusABC, dahl_node_settings: Settings
+) -> Iterator[Callable[..., AnyNode]]:
+    """Return a function that makes one more node on dahl_bus, or returns the one of this number on
+    a rig: make(number=1, friction=dahl_plan, **settings), with the other arguments of dahl.Node.
+    """
+    with _one_line(), contextlib.ExitStack() as nodes:
+
+        def make(number: int = 1, friction: Friction | None = None, **settings: Any) -> AnyNode:
+            if friction is None:
+                friction = request.getfixturevalue("dahl_plan")
+            settings = dahl_node_settings | settings | {"number": number}
+            if _is_rig(request):
+                return nodes.enter_context(_on_rig(request, friction, settings))
+            return nodes.enter_context(_simulated(request, friction, settings))
+
+        yield make
+
+
+@pytest.fixture
+def dahl_node(
+    request: pytest.FixtureRequest,
+    dahl_make_node: Callable[..., AnyNode],
+    dahl_plan: Friction,
+    dahl_node_settings: Settings,
+) -> AnyNode:
+    """The node at the other end of dahl_bus."""
+    settings = {"number": 0, "plan": dahl_plan} | dahl_node_settings | _mark_arguments(request)
+    with _one_line():
+        return dahl_make_node(friction=settings.pop("plan"), **settings)
+
+
+@contextlib.contextmanager
+def _simulated(
+    request: pytest.FixtureRequest, friction: Friction, settings: Settings
+) -> Iterator[Node]:
+    """A node of this process, with its own end of the bus."""
+    import can
+
+    from dahl.can.bus import open_bus
+    from dahl.can.node import Listener
+
+    node = _new(request, friction, settings)
+    with open_bus(**request.getfixturevalue("dahl_bus_settings")) as bus:
+        notifier = can.Notifier(bus, [Listener(bus, node)], timeout=0.05)
+        try:
+            yield node
+        finally:
+            notifier.stop()
+
+
+@contextlib.contextmanager
+def _on_rig(
+    request: pytest.FixtureRequest, friction: Friction, settings: Settings
+) -> Iterator[RigNode]:
+    """A node of the rig, with these parameters until the test ends."""
+    wanted = _new(request, friction, settings)
+    rig = _reset_node(request, wanted.number)
+    try:
+        rig.configure(wanted)
+        rig.restart()
+        yield rig
+    finally:
+        rig.restore()
+
+
+def _new(request: pytest.FixtureRequest, friction: Friction, settings: Settings) -> Node:
+    """Return a node of these parameters. Raises dahl.Error for wrong ones."""
+    from dahl.can.node import Node
+
+    node, in_use = Node(friction, **settings), request.node.stash.setdefault(_in_use, set())
+    if node.number in in_use:
+        raise Error(f"number = {node.number}: this test has a node of this number already")
+    in_use.add(node.number)
+    return node
+
+
+def _reset_node(request: pytest.FixtureRequest, number: int) -> RigNode:
+    """Return a node of the rig after a Reset; skip the test if it has never answered."""
+    from dahl.can.rig import PATIENCE, RigNode
+
+    bus, settings = map(request.getfixturevalue, ("dahl_bus", "dahl_bus_settings"))
+    rig = RigNode(bus, _log_of(request, bus), number)
+
+    def restart(is_first: bool) -> None:
+        rig.restart(FIRST_ANSWER if is_first else PATIENCE)
+
+    _contact(request, f"{_key(settings)} {number}", restart)
+    return rig

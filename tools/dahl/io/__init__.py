@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Files: tables, CAN logs, measured data sets, safe writing."""

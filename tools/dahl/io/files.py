@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: MIT
+"""Files as all verbs read and write them: JSON that may hold anything, and outputs that are whole
+or not there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from dahl.errors import Error, RunError
+
+# How the scenes and tables begin that identification leaves.
+OURS = re.compile(
+    rb"; written by dahl |time_s,theta,counts\r?\n|theta_(rad|m),torque_Nm?(,load)?\r?\n"
+)
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of a file, never of a bus
+LINE_MAX = 4096  # bytes, above any line of a log of frames
+
+
+@contextlib.contextmanager
+def whole_lines(path: Path, file: object) -> Iterator[None]:
+    """Keep whole lines in a log: if the disk is full, name the log in the error and remove a half
+    line from a text file.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL and error.filename is None:
+            error.filename = str(path)
+            if isinstance(file, io.TextIOWrapper):
+                with contextlib.suppress(OSError):
+                    file.close()  # else the rest of the line may still be written
+                if path.is_file():
+                    _cut_half_line(path)
+        raise
+
+
+def _cut_half_line(path: Path) -> None:
+    with path.open("rb+") as log:
+        begin = max(path.stat().st_size - LINE_MAX, 0)
+        log.seek(begin)
+        log.truncate(begin + log.read().rfind(b"\n") + 1)
+
+
+def spare_others(paths: Iterable[Path], hint: str) -> None:
+    """Raise dahl.Error for a file that does not begin as the scenes and tables that are written
+    here do; `hint` says what to do about it.
+    """
+    for path in paths:
+        if path.is_file() and not _is_ours(path):
+            raise Error(f"{path}: there already, and not written by dahl; {hint}")
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return OURS.match(file.read(80)) is not None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+
+
+def read_json(path: Path, hint: str = "") -> Any:
+    """What a JSON file holds. Raises dahl.Error; `hint` says where such a file comes from."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise Error(f"{path}: no such file{hint}") from None
+    except OSError as error:
+        raise Error(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise Error(f"{path}: not a text file (byte {error.start})") from None
+    except json.JSONDecodeError as error:
+        raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits, lists in lists
+        raise Error(f"{path}: not JSON that can be read ({error})") from None
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Where to write the successor of a file: it takes the name once it is whole, and goes where it
+    cannot be. It gets the mode of the file that it replaces. A device or a pipe is written itself.
+    Raises RunError.
+    """
+    try:
+        if path.is_dir():
+            raise Error(f"{path}: a folder; the name of a file was expected")
+        if path.exists() and not path.is_file():
+            yield path
+            return
+        with contextlib.suppress(FileNotFoundError):
+            path.stat()  # a loop of links is an error here, and not a file that is still to come
+        part = path.resolve().with_name(f".{os.getpid()}.part")
+        try:
+            yield part
+            if path.exists():
+                shutil.copymode(path, part)
+            part.replace(path.resolve())
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise RunError(f"{path}: {error.strerror or error}") from None
+
+
+def keep(path: Path, text: str) -> None:
+    """Write a file; the old one stays until the new one is whole."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8", errors="replace")

@@ -1,0 +1,436 @@
+# SPDX-License-Identifier: MIT
+"""Read a measured log of any usual kind as one Log in SI units.
+
+The files are read by pandas, scipy, python-can, cantools and asammdf. This module finds the columns
+and applies their units. An error names file, line or row, column and value.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dahl.errors import Error
+from dahl.io import files, logs, text_tables, units
+from dahl.io.can_signals import (
+    NEEDS_DBC,
+    TIME_COLUMN,
+    Columns,
+    Signals,
+    check_clock,
+    read_channels,
+    short,
+)
+from dahl.io.log import Log, resolution_of
+from dahl.io.text_tables import Table
+
+if TYPE_CHECKING:
+    import pandas
+
+CAN_LOGS = set(logs.CAN_LOGS)
+LONG_STEP_S = 1.0  # of a row: the time is rather in ms
+WRAP_PART = 0.9  # of a turn in one row: the angle starts anew
+DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
+MIDNIGHT = np.timedelta64(-12, "h")  # a time of day that goes back by more has passed midnight
+NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not fitted (--time)"
+
+ROLES = {  # names of columns by which they are found
+    "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
+    r"|(?<![a-z])pos(?![a-z])",
+    "torque": r"torque|friction|force|trq|load|moment|kraft|(?<![a-z])N_?m(?![a-z])",
+    # T and T_degC are temperatures
+    "time": r"^time|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",
+}
+DERIVED = (  # rates and errors of a controller
+    r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
+)
+SETPOINT = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"
+FORCE = r"force|load|kraft"  # less likely than a torque
+
+
+@dataclass(frozen=True)
+class Source:
+    """What the user says about the columns of logs."""
+
+    angle: str = ""
+    torque: str = ""
+    time: str = ""
+    angle_unit: str = ""
+    torque_unit: str = ""
+    time_unit: str = ""
+    counts_per_turn: float = 0.0  # of a linear motion: per mm
+    dbc: Path | None = None
+    skip_gaps: bool = False
+    load: tuple[str, ...] = ()  # columns whose sum the friction may follow
+    channel: str | None = None  # of a CAN log that has several
+
+    @property
+    def loads(self) -> dict[str, str]:
+        """Names of the columns of the load, by role."""
+        return {f"load {number}": name for number, name in enumerate(self.load, 1)}
+
+    @property
+    def signals(self) -> dict[str, str]:
+        """Names of the signals on a bus, by role."""
+        return {"angle": self.angle, "torque": self.torque, **self.loads}
+
+
+def read(path: Path, source: Source) -> Log:
+    """Read one log. Raises dahl.Error."""
+    if path.is_dir():
+        raise Error(f"{path}: a folder; --each takes the logs in it")
+    if not path.is_file():
+        raise Error(f"{path}: no such file")
+    if path.stat().st_size == 0:
+        raise Error(f"{path}: empty")
+    notes: list[str] = []
+    if path.suffix.lower() not in CAN_LOGS:
+        columns = _read_table(path, source, notes)
+    elif source.dbc is None and path.suffix.lower() == ".mf4":
+        columns = _read_channels(path, source, notes)
+    else:
+        columns = _read_frames(path, source)
+    return to_log(f"{path}", source, columns, notes)
+
+
+def _read_frames(path: Path, source: Source) -> Columns:
+    """Read the signals of a CAN log."""
+    if source.dbc is None:
+        raise Error(f"{path}: {NEEDS_DBC}")
+    if not (source.angle and source.torque):
+        raise Error(f"{path}: name the signals with --angle SIGNAL and --torque SIGNAL")
+    signals = Signals(source.dbc, source.signals)
+    for frame in logs.frames_of(path):
+        if source.channel is None or str(frame.channel) == source.channel:
+            signals.feed(frame)
+    return signals.columns, signals.values(path)
+
+
+def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:
+    def choose(known: list[str]) -> dict[str, str]:
+        found = find_columns(f"{path}", source, known, ("angle", "torque"), notes)
+        return {role: known[place] for role, place in found.items()}
+
+    names, values = read_channels(path, choose)
+    return names, _without_gaps(lambda row: f"{path}: row {row + 1}", source, names, values)
+
+
+# --- tables ---------------------------------------------------------------------------------------
+
+
+def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
+    """Read angle, torque, loads and, if there is one, the time."""
+    table = _open_table(path)
+    known = [str(name) for name in table.frame.columns]
+    places = find_columns(table.head, source, known, tuple(ROLES), notes)
+    if "time" not in places and (clock := _clock(table.frame, known, places)) is not None:
+        places["time"] = clock
+        notes.append(f"time read from '{known[clock]}' by its unit (--time)")
+    names = {role: known[place] for role, place in places.items()}
+    columns = {role: table.frame.iloc[:, place] for role, place in places.items()}
+    seconds = _seconds_from_first(columns["time"]) if "time" in columns else None
+    if seconds is not None:
+        columns["time"] = seconds
+    values = {role: _numbers(table, names[role], column) for role, column in columns.items()}
+    values = _without_gaps(table.place, source, names, values)
+    return names | ({} if seconds is None else {"time": TIME_COLUMN}), values
+
+
+def _open_table(path: Path) -> Table:
+    kinds = {".json": _from_json, ".mat": _from_mat, ".parquet": _from_parquet}
+    kind = kinds.get(path.suffix.lower())
+    try:
+        if kind is None:
+            return text_tables.read(path)
+        return Table(kind(path), f"{path}", lambda row: f"{path}: row {row + 1}")
+    except Error:
+        raise
+    except Exception as error:  # for a damaged file each library has kinds beyond its own
+        form = path.suffix or "a table"
+        raise Error(f"{path}: cannot be read as {form}: {short(error)}") from None
+
+
+def _from_json(path: Path) -> pandas.DataFrame:
+    """Read a list of rows, an object of columns, or an object that holds one of them."""
+    import pandas as pd
+
+    rows = _rows_in(files.read_json(path))
+    if rows is None:
+        raise Error(f"{path}: no list of rows and no columns of equal length in it")
+    frame = pd.DataFrame(rows)
+    if all(isinstance(name, int) for name in frame.columns):
+        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
+    return frame
+
+
+def _rows_in(content: Any) -> Any:
+    """Return the first list of rows, or object of columns of one length, in nested objects."""
+    if isinstance(content, list):
+        return content if content and isinstance(content[0], (dict, list)) else None
+    if not isinstance(content, dict):
+        return None
+    columns = {
+        name: value
+        for name, value in content.items()
+        if isinstance(value, list) and value and isinstance(value[0], (int, float))
+    }
+    if len(columns) > 1 and len(set(map(len, columns.values()))) == 1:
+        return columns
+    found = map(_rows_in, content.values())
+    return next((rows for rows in found if rows is not None), None)
+
+
+def _from_mat(path: Path) -> pandas.DataFrame:
+    """Read the longest vectors of a MAT file."""
+    import pandas as pd
+    from scipy.io import loadmat
+
+    if _crashes(lambda: loadmat(path)):
+        raise Error(f"{path}: broken: reading it crashes")
+    try:
+        content = loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise Error(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
+    columns = dict(_vectors("", {k: v for k, v in content.items() if not k.startswith("__")}))
+    if not columns:
+        raise Error(f"{path}: no vectors in it")
+    longest = max(map(len, columns.values()))
+    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == longest})
+
+
+def _crashes(read_file: Callable[[], object]) -> bool:
+    """Try in a child process: scipy crashes on a damaged type (scipy pull request 25349)."""
+    child = os.fork()
+    if child == 0:
+        faulthandler.disable()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        with contextlib.suppress(Exception):  # the second reading reports these
+            read_file()
+        os._exit(0)
+    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
+
+
+def _vectors(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield vectors by name: fields as `structure.field`, columns of matrices by number."""
+    for name, value in content.items():
+        if hasattr(value, "_fieldnames"):
+            yield from _vectors(f"{prefix}{name}.", vars(value))
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
+            if value.ndim == 1:
+                yield f"{prefix}{name}", value
+            for number, column in enumerate(value.T if value.ndim == 2 else (), 1):
+                yield f"{prefix}{name}.{number}", column
+
+
+def _from_parquet(path: Path) -> pandas.DataFrame:
+    """Read the columns, and the index if it has a name."""
+    import pandas as pd
+
+    frame = pd.read_parquet(path)
+    return frame.reset_index(allow_duplicates=True) if any(frame.index.names) else frame
+
+
+def _seconds_from_first(column: pandas.Series) -> pandas.Series | None:
+    """Return dates and times of day as s from the first, None if the column has none of them.
+
+    A cell that is none of them stays as it is.
+    """
+    moments = column if column.dtype.kind in "Mm" else _moments(column)
+    if moments is None or moments.empty:
+        return None
+    seconds: pandas.Series = (moments - moments.iloc[0]).dt.total_seconds()
+    return seconds.where(seconds.notna(), column)
+
+
+def _moments(column: pandas.Series) -> pandas.Series | None:
+    """Return dates or times of day (ISO 8601, decimal comma too) that text holds."""
+    import pandas as pd
+
+    first = "" if column.empty else str(column.iloc[0]).strip()
+    is_date = DATE.match(first)
+    if not (is_date or TIME_OF_DAY.match(first)):
+        return None
+    text = column.astype(str).str.strip().str.replace(",", ".")
+    if is_date:
+        return pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce")
+    times = pd.to_timedelta(text, errors="coerce")
+    return times + pd.to_timedelta((times.diff() < MIDNIGHT).astype(int).cumsum(), unit="D")
+
+
+def _numbers(table: Table, name: str, column: pandas.Series) -> np.ndarray:
+    """Return a column as float64, NaN for empty cells. Raises dahl.Error for other text."""
+    import pandas as pd
+
+    try:
+        values = pd.to_numeric(column, errors="coerce").to_numpy(dtype=float)
+    except OverflowError:
+        raise Error(f"{table.head}: column '{name}': a number is beyond 1e308") from None
+    rows = np.flatnonzero(np.isnan(values) & column.notna().to_numpy())
+    if len(rows):  # one of them leaves decimal commas as text too
+        cells = [str(cell) for cell in column.iloc[rows]]
+        first = next((k for k, cell in enumerate(cells) if not text_tables.is_number(cell)), 0)
+        place, cell = table.place(int(rows[first])), cells[first][:60]
+        raise Error(f"{place}: column '{name}': '{cell}' is not a number")
+    return values
+
+
+def _without_gaps(
+    place: Callable[[int], str],
+    source: Source,
+    names: dict[str, str],
+    values: dict[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Leave out rows without a number, if the user allows it, and check the clock."""
+    whole = np.all([np.isfinite(column) for column in values.values()], axis=0)
+    missing = int(np.count_nonzero(~whole))
+    if missing and (missing == len(whole) or not source.skip_gaps):
+        row = int(np.argmin(whole))
+        role = next(role for role, column in values.items() if not np.isfinite(column[row]))
+        raise Error(
+            f"{place(row)}: column '{names[role]}': no finite number ({values[role][row]}) here and"
+            f" in {missing} of {len(whole)} rows in all (--skip-gaps leaves them out)"
+        )
+    rows = np.flatnonzero(whole)
+    if "time" in values:
+        check_clock(values["time"][rows], lambda row: place(int(rows[row])))
+    return {role: column[rows] for role, column in values.items()} if missing else values
+
+
+# --- which column is what -------------------------------------------------------------------------
+
+
+def find_columns(
+    place: str, source: Source, known: Sequence[str], roles: Sequence[str], notes: list[str]
+) -> dict[str, int]:
+    """Return the index of the column of each role, and of the loads. Raises dahl.Error.
+
+    It is the one that the user named, else the likeliest by its name. A time may be absent.
+    """
+    found = {role: _index_of(name, known, place) for role, name in source.loads.items()}
+    free = [k for k in range(len(known)) if k not in found.values()]
+    for role in roles:
+        given = getattr(source, role)
+        fitting = [_index_of(given, known, place)] if given else _likeliest(role, known, free)
+        if not fitting and role != "time":
+            hint = logs.meant(role, known)
+            raise Error(f"{place}: which column is the {role}? Name it with --{role}{hint}")
+        found |= dict.fromkeys([role] * bool(fitting), next(iter(fitting), 0))
+        if len(fitting) > 1 and role != "time":
+            first, *others = (f"'{known[k]}'" for k in fitting)
+            notes.append(f"{role} read from {first}, not from {' or '.join(others)} (--{role})")
+    for role, column in found.items():
+        twice = next((other for other in found if other != role and found[other] == column), None)
+        if twice:
+            raise Error(f"{place}: column '{known[column]}' cannot be both {role} and {twice}")
+    return found
+
+
+def _likeliest(role: str, known: Sequence[str], free: Sequence[int]) -> list[int]:
+    """Return the columns whose names fit best: measured rather than wanted, torque before force."""
+    fitting = [k for k in free if re.search(ROLES[role], known[k], re.IGNORECASE)]
+    if role == "time":
+        return fitting
+    fitting = [k for k in fitting if not re.search(DERIVED, known[k], re.IGNORECASE)]
+    doubts = [
+        2 * bool(re.search(SETPOINT, known[k], re.IGNORECASE))
+        + bool(re.search(FORCE, known[k], re.IGNORECASE))
+        for k in fitting
+    ]
+    return [k for k, doubt in zip(fitting, doubts, strict=True) if doubt == min(doubts)]
+
+
+def _index_of(given: str, known: Sequence[str], place: str) -> int:
+    """Return the column of a name, with or without its unit in brackets, or of a number from 1."""
+    plain = [units.BRACKETS.sub("", name).strip() for name in known]
+    for names in (known, plain):
+        if list(names).count(given) == 1:
+            return list(names).index(given)
+    if given not in known and given.isdecimal() and 1 <= int(given) <= len(known):
+        return int(given) - 1
+    if given in known:
+        raise Error(f"{place}: {list(known).count(given)} columns '{given}': give a number from 1")
+    raise Error(f"{place}: no column '{given}'{logs.meant(given, known)}")
+
+
+def _clock(frame: pandas.DataFrame, known: Sequence[str], places: dict[str, int]) -> int | None:
+    """Return the first other column with a unit of time in brackets whose values never fall."""
+    import pandas as pd
+
+    for place, name in enumerate(known):
+        if place not in places.values() and units.unit_in_brackets(name, units.TIMES):
+            values = pd.to_numeric(frame.iloc[:, place], errors="coerce")
+            if values.is_monotonic_increasing and values.nunique() > 1:
+                return place
+    return None
+
+
+# --- units ----------------------------------------------------------------------------------------
+
+
+def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = ()) -> Log:
+    """Apply the units of columns, and undo wraps. Raises dahl.Error."""
+    names, values = columns
+    if len(values["angle"]) < 2:
+        raise Error(f"{name}: {len(values['angle'])} rows; a log has more than one")
+    unit, angle_notes = units.choose("angle", source.angle_unit, names["angle"], "deg")
+    linear, counts = unit in units.LENGTHS, source.counts_per_turn
+    if unit == "counts" and not counts:
+        raise Error(f"{name}: an angle in counts needs --counts-per-turn")
+    theta = values["angle"] * (2 * np.pi / counts if unit == "counts" else units.ANGLES[unit])
+    if not linear and _wraps(theta):
+        theta = np.unwrap(theta)
+        angle_notes.append("angle wraps at a turn: unwrapped")
+    torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
+    time, time_notes = _time(source, names.get("time", ""), values.get("time"))
+    log = Log(name, theta, torque, time, linear)
+    log.notes = [*notes, *angle_notes, *torque_notes, *time_notes]
+    count = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
+    log.resolution = count or resolution_of(theta)
+    if source.loads:
+        log.load = np.sum([values[role] for role in source.loads], axis=0)
+    return log
+
+
+def _torque(
+    source: Source, name: str, torque: np.ndarray, linear: bool
+) -> tuple[np.ndarray, list[str]]:
+    """Return the torque in N m, the force of a linear motion in N, with notes."""
+    unit, notes = units.choose("torque", source.torque_unit, name, "N" if linear else "Nm")
+    if unit in units.FORCES and not linear:
+        notes.append(f"'{name}' is a force over an angle: N taken for N m")
+    if unit in units.MOMENTS and linear:
+        notes.append(f"'{name}' is a torque over a way: N m taken for N")
+    is_16_bit = torque.min() >= 0 and 32768 <= torque.max() <= 65535 and not (torque % 1).any()
+    if is_16_bit and not ((torque > 16384) & (torque < 49152)).any():
+        torque = np.where(torque > 32767, torque - 65536, torque)
+        notes.append(
+            "torque is a signed 16-bit number read as unsigned: 65536 subtracted above 32767"
+        )
+    return torque * units.TORQUES[unit], notes
+
+
+def _time(
+    source: Source, name: str, time: np.ndarray | None
+) -> tuple[np.ndarray | None, list[str]]:
+    """Return the time in s with a note if its unit was assumed or if there is none."""
+    if time is None:
+        return None, [NO_TIME]
+    unit, notes = units.choose("time", source.time_unit, name, "s")
+    step = float(np.ptp(time)) / (len(time) - 1)
+    doubt = f"; a row comes every {step:.3g} s" + ", is it in ms?" * (step >= LONG_STEP_S)
+    return time * units.TIMES[unit], [note + doubt for note in notes]
+
+
+def _wraps(theta: np.ndarray) -> bool:
+    """Whether an angle stays within a turn and jumps by one, rad."""
+    turn = 2 * np.pi * (1 + 1e-9)
+    jumps = np.abs(np.diff(theta)).max() > WRAP_PART * turn
+    return bool(np.ptp(theta) <= turn and jumps)

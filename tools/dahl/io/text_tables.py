@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: MIT
+"""Tables of text as measuring programs write them.
+
+Columns are separated by tabs, semicolons, commas or blanks, with decimal points or commas. Names
+stand above the first row, with or without a line of units below them, after a preamble or comments.
+The encoding is UTF-8, UTF-16 or Windows-1252. The first 64 KiB show how a table is written.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import io
+import re
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice, zip_longest
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dahl.errors import Error
+from dahl.io import units
+
+if TYPE_CHECKING:
+    import pandas
+
+HEAD_BYTES = 65536  # must hold the names and some rows
+BLANKS = r"\s+"
+SEPARATORS = ("\t", ";", ",", BLANKS)  # the first one of equals
+MARKS = ("#", "%")  # of comments
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+MOMENT = re.compile(r"\d{4}-\d\d-\d\d[\d:., TZ+-]*|\d+:\d\d:\d\d([.,]\d+)?")
+BINARY = re.compile("[\x01-\x08\x0e-\x1f\ufffd]")  # characters that no text of Windows has
+OTHER_FORMATS = {  # by the first bytes
+    b"PK\x03\x04": "a workbook (XLSX, ODS) or another ZIP: save its table as CSV",
+    b"\xd0\xcf\x11\xe0": "a workbook (XLS): save its table as CSV",
+    b"TDSm": "a TDMS file: export its channels as CSV, MAT or Parquet",
+    b"\x89HDF": "an HDF5 file: save its columns as CSV, MAT (-v7) or Parquet",
+}
+Row = tuple[int, list[str]]  # its first line, from 1 on, and its cells
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table and the places of its parts, which errors name."""
+
+    frame: pandas.DataFrame
+    head: str  # place of the names
+    place: Callable[[int], str]  # of a row, from 0 on
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a table is written."""
+
+    encoding: str
+    separator: str
+    decimal: str
+    mark: str | None  # of comments between the rows
+    names: list[str]
+    head: int  # line of the names, from 1 on
+    first: int  # line of the first row
+
+
+def read(path: Path) -> Table:
+    """Read a table. Raises dahl.Error."""
+    import pandas as pd
+
+    form = form_of(path)
+    with warnings.catch_warnings(), path.open(encoding=form.encoding) as file:
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        for _ in range(form.first - 1):
+            file.readline()
+        try:
+            frame = pd.read_csv(
+                file,
+                sep=form.separator,
+                decimal=form.decimal,
+                comment=form.mark,
+                header=None,
+                names=range(len(form.names)),
+                skipinitialspace=True,
+                low_memory=False,
+                index_col=False,
+            )
+        except (ValueError, pd.errors.ParserWarning) as error:
+            raise Error(_fault(path, form, str(error))) from None
+    frame.columns = form.names
+    return Table(frame, f"{path}:{form.head}", partial(_place, path, form))
+
+
+def form_of(path: Path) -> Form:
+    """Find out how a table is written. Raises dahl.Error."""
+    encoding, lines = _head(path)
+    if not "".join(lines).strip():
+        raise Error(f"{path}: empty; a line of column names was expected")
+    splits = [(separator, _split(lines, separator)) for separator in SEPARATORS]
+    found = [(*split, first) for split in splits if (first := _first_row(split[1])) is not None]
+    if not found:
+        raise Error(
+            f"{path}:1: no rows with two numbers, between tabs, semicolons, commas or blanks,"
+            f" in the first {len(lines)} lines"
+        )
+    separator, rows, first = max(found, key=lambda one: _part_of_numbers(one[1][one[2] :]))
+    above, body = rows[:first], rows[first:]
+    names, head = _names(path, above, body, separator)
+    decimal = "," if any(DECIMAL_COMMA.fullmatch(x) for _, row in body for x in row) else "."
+    marks = [row[0][0] for _, row in [*body, *above[::-1]] if row[0].startswith(MARKS)]
+    return Form(encoding, separator, decimal, next(iter(marks), None), names, head, body[0][0])
+
+
+def _head(path: Path) -> tuple[str, list[str]]:
+    """Return the encoding and the first complete lines of a file. Raises dahl.Error."""
+    with path.open("rb") as file:
+        raw = file.read(HEAD_BYTES)
+    for start, name in OTHER_FORMATS.items():
+        if raw.startswith(start):
+            raise Error(f"{path}: {name}")
+    is_wide = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    encoding, is_whole = "utf-16" if is_wide else "utf-8-sig", len(raw) < HEAD_BYTES
+    if b"\0" in raw and not is_wide:
+        raise Error(f"{path}: not a text file (byte {raw.index(0)})")
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(raw, final=is_whole)
+    except UnicodeDecodeError as error:
+        encoding, text = "cp1252", raw.decode("cp1252", errors="replace")
+        if is_wide or BINARY.search(text):
+            raise Error(f"{path}: not a text file (byte {error.start})") from None
+    lines = list(io.StringIO(text, newline=None))
+    return encoding, lines if is_whole else lines[:-1] or lines
+
+
+def _split(lines: list[str], separator: str) -> list[Row]:
+    """Return the rows of lines; a quote that is never closed is a character as any other."""
+    rows = list(_rows(lines, separator))
+    is_open = "".join(lines).count('"') % 2 and any("\n" in x for _, row in rows[-1:] for x in row)
+    return list(_rows(lines, separator, has_quotes=False)) if is_open else rows
+
+
+def _rows(lines: Iterable[str], separator: str, has_quotes: bool = True) -> Iterator[Row]:
+    """Yield the rows that are not blank, as pandas counts them."""
+    if separator == BLANKS:
+        lines, separator = (line.replace("\t", " ") for line in lines), " "
+    reader = csv.reader(
+        lines,
+        delimiter=separator,
+        skipinitialspace=True,
+        quoting=csv.QUOTE_MINIMAL if has_quotes else csv.QUOTE_NONE,
+    )
+    line = 1
+    for row in reader:
+        cells = [cell.strip() for cell in row]
+        if separator == " ":
+            cells = [cell for cell in cells if cell]
+        if len(cells) > 1 or any(cells):
+            yield line, cells
+        line = reader.line_num + 1
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with a decimal point or comma, or a moment."""
+    try:
+        float(cell)
+    except ValueError:
+        return bool(DECIMAL_COMMA.fullmatch(cell) or MOMENT.fullmatch(cell))
+    return True
+
+
+def _part_of_numbers(rows: list[Row]) -> float:
+    """Return how many of the cells that are not empty hold numbers, 0 to 1."""
+    cells = [cell for _, row in rows for cell in row if cell]
+    return sum(map(is_number, cells)) / max(len(cells), 1)
+
+
+def _first_row(rows: list[Row]) -> int | None:
+    """Return the index of the first row of the table, None if there is none.
+
+    It has its numbers in the same columns as most rows. Rows with a number directly above it belong
+    to the table too: they have an empty cell, or one that is wrong. If the topmost of them has few
+    numbers, it has the names.
+    """
+    shapes = [tuple(map(is_number, row)) for _, row in rows]
+    counts = Counter(shape for shape in shapes if sum(shape) >= 2)
+    if not counts:
+        return None
+    usual = counts.most_common(1)[0][0]
+    first = top = shapes.index(usual)
+    while top and any(shapes[top - 1]) and len(shapes[top - 1]) == len(usual):
+        top -= 1
+    has_names_above = top > 0 and len(shapes[top - 1]) == len(usual)
+    has_names = not has_names_above and 2 * sum(shapes[top]) < sum(usual)
+    return min(top + has_names, first)
+
+
+def _names(path: Path, above: list[Row], body: list[Row], separator: str) -> tuple[list[str], int]:
+    """Return the names of the columns and their line; numbers if there are none."""
+    width = len(body[0][1])
+    least = max(len(_without_empty_end(row)) for _, row in body if len(row) == width)
+    numbers = [str(number) for number in range(1, width + 1)]
+    rows = []  # with letters, from top to bottom; of comments those that may be names
+    for line, row in above:
+        cells = _header_cells(row, separator, width)
+        is_fit = least <= len(cells) <= width
+        if any(map(str.isalpha, "".join(row))) and (is_fit or not row[0].startswith(MARKS)):
+            rows.append((line, cells, is_fit))
+    if not rows:
+        return numbers, body[0][0]
+    labels: list[str] = []
+    if len(rows) > 1 and _is_units(rows[-1][1]) and rows[-2][2]:
+        labels = rows.pop()[1]
+    line, names, is_fit = rows[-1]
+    if is_fit:
+        return [_name(*cells) for cells in zip_longest(names, labels, numbers, fillvalue="")], line
+    if len(names) == 1:  # a title
+        return numbers, line
+    raise Error(f"{path}:{line}: {len(names)} names over {width} columns")
+
+
+def _name(name: str, label: str, number: str) -> str:
+    unit = label.strip("[]()-")
+    return f"{name} [{unit}]" if name and unit else name or number
+
+
+def _header_cells(row: list[str], separator: str, width: int) -> list[str]:
+    """Return the cells of a line of names or units, without the mark of a comment before them."""
+    cells = _without_empty_end([row[0].lstrip("".join(MARKS)).strip('" '), *row[1:]])
+    if cells and not cells[0] and len(cells) > width:
+        cells = cells[1:]
+    if separator != BLANKS or len(cells) <= width:
+        return cells
+    merged = cells[:1]  # 'angle [deg]' is one name
+    for cell in cells[1:]:
+        if cell.startswith(("[", "(")):
+            merged[-1] += f" {cell}"
+        else:
+            merged.append(cell)
+    return merged
+
+
+def _without_empty_end(cells: list[str]) -> list[str]:
+    used = [place for place, cell in enumerate(cells, 1) if cell]
+    return cells[: used[-1]] if used else []
+
+
+def _is_units(cells: list[str]) -> bool:
+    """Whether at least half of the words are units."""
+    words = [cell.strip("[]()") for cell in cells if cell]
+    return 0 < len(words) <= 2 * sum(map(units.is_unit, words))
+
+
+def _body(path: Path, form: Form) -> Iterator[Row]:
+    """Yield the rows of a whole table."""
+    with path.open(encoding=form.encoding) as file:
+        for line, row in _rows(islice(file, form.first - 1, None), form.separator):
+            if not (form.mark and row[0].startswith(form.mark)):
+                yield line + form.first - 1, row
+
+
+def _place(path: Path, form: Form, row: int) -> str:
+    """Return the file and the line of a row, from 0 on."""
+    line, _ = next(islice(_body(path, form), row, None), (form.first + row, []))
+    return f"{path}:{line}"
+
+
+def _fault(path: Path, form: Form, words: str) -> str:
+    """Return the place of what pandas rejected, and why."""
+    raw, line = path.read_bytes(), form.first - 1
+    try:
+        raw.decode(form.encoding)
+        for line, row in _body(path, form):
+            if len(row) > len(form.names):
+                return f"{path}:{line}: {len(row)} cells over {len(form.names)} columns"
+    except UnicodeDecodeError as error:
+        line, code = raw[: error.start].count(b"\n") + 1, form.encoding.removesuffix("-sig")
+        return f"{path}:{line}: byte {error.start} is no text in {code.upper()}"
+    except csv.Error as error:
+        return f"{path}:{line + 1}: {error}"
+    return f"{path}:{line}: {words.rpartition('error: ')[2].strip()[:160]}"

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Results for people: traces, pictures, pages, summaries."""

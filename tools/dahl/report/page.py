@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT
+"""The page of `dahl report`: page.html filled with the numbers of a run. Jinja2 escapes all
+that comes from them.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from dahl.report import traces
+
+NUMBERS = {  # of the summary, in the order of the page: name, unit, format
+    "bus": ("bus", "", "s"),
+    "time": ("time", "", "s"),
+    "ticks": ("ticks of 1 ms", "", ".0f"),
+    "frames_sent": ("angles sent", "", ".0f"),
+    "frames_lost": ("angles without an answer", "", ".0f"),
+    "deadline_misses": ("answers and angles later than a period", "", ".0f"),
+    "max_error_ulp_Fc": ("largest error against the exact torque", "ulp of Fc", ".3f"),
+    "rmse_measured": ("rms error against the measurement", "", ".4g"),
+    "r2_measured": ("R² against the measurement", "", ".4f"),
+    "bus_load": ("bus load", "", ".1%"),
+    "realtime_factor": ("times real time", "", ".1f"),
+}
+LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}
+
+
+def page(numbers: dict[str, Any], picture: bytes) -> str:
+    """The whole page. `numbers`: as dahl.report.summary.read() gives them; `picture`: loop.png."""
+    folder = jinja2.FileSystemLoader(Path(__file__).parent)
+    room = jinja2.Environment(loader=folder, autoescape=True, trim_blocks=True)
+    room.filters["words"] = traces.words
+    room.filters["number"] = lambda value: str(value) if isinstance(value, int) else f"{value:.6g}"
+    return room.get_template("page.html").render(
+        run=numbers,
+        picture=base64.b64encode(picture).decode("ascii"),
+        rows=dict(_numbers(numbers)),
+        wrong=traces.disagreements(numbers) if "faults" in numbers else {},
+        made=_made(numbers),
+    )
+
+
+def _made(numbers: dict[str, Any]) -> str:
+    """When and by which version, as far as the summary says it."""
+    words = [numbers.get("date", ""), "dahl " + numbers["version"] if "version" in numbers else ""]
+    return ", ".join(word for word in words if word)
+
+
+def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Name and value with its unit; those of the parameters are a linear rig's where it is one."""
+    units = numbers.get("units", {})
+    units = units | {"rmse_measured": units.get("Fc", "")}
+    for key, (name, unit, form) in NUMBERS.items():
+        if numbers.get(key) is not None:
+            yield name, f"{format(numbers[key], form)} {unit or units.get(key, '')}".strip()
+    for key, name in LATENCIES.items():
+        if numbers.get(key, {}).get("max"):
+            words = (f"{each} {value:.0f}" for each, value in numbers[key].items())
+            yield name, ", ".join(words) + " µs"
+    for name, value in numbers.get("parameters", {}).items():
+        yield name, f"{value:.6g} {units.get(name, '')}".strip()

@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: MIT
+"""loop.png: torque over angle first, then over time; measured and computed in the same two colours
+throughout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dahl.io import files, logs
+from dahl.report import traces
+from dahl.sim.scene import Recorded, Scene
+
+MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
+STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() takes
+    "font.size": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e6ea",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+}
+WINDOW = 0.08  # part of the run that the last panel shows enlarged
+WIDTH, ABOVE, BELOW, BETWEEN = 11.0, 1.35, 0.65, 0.9  # inches; room above, below, between panels
+LEFT, RIGHT = 1.0, 0.35  # inches beside the panels
+LOOP, TRACE = 4.9, 2.0  # inches: height of the loop, of each panel below it
+
+
+def draw(
+    path: Path,
+    scene: Scene,
+    trace: traces.Trace,
+    recorded: Recorded | None,
+    numbers: dict[str, Any] | None = None,
+    folder: Path | None = None,
+) -> None:
+    """Write the picture; the old one stays until the new one is whole. `numbers`: the summary of
+    the run; `folder`: where its files are, where the picture goes elsewhere.
+    """
+    numbers = numbers or {}
+    measured = (
+        recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
+    )
+    computed = traces.modelled(scene, trace)
+    time, time_label = _time(trace, recorded)
+    gain = f"gain {scene.friction.get('gain', 1):g}" if scene.compensates else ""
+    more = _more_panels(numbers, folder or path.parent, gain)
+    with rc_context(STYLE):
+        figure = Figure()
+        panels = _stacked(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
+        loop, whole, part = panels[:3]
+        _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed, gain)
+        loop.set(
+            xlabel=literal(scene.measured.label_angle),
+            ylabel=literal(scene.measured.label_torque),
+        )
+        for axes, where in ((whole, slice(None)), (part, _window(computed))):
+            _panel(
+                axes, time[where], None if measured is None else measured[where], computed[where]
+            )
+            _mark(axes, trace, time, where)
+            axes.set(xlabel=time_label, ylabel=literal(_short(scene.measured.label_torque)))
+            axes.margins(x=0.01)
+        part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
+        for axes, panel in zip(panels[3:], more, strict=True):
+            panel(axes)
+        _head(figure, loop, literal(scene.title), literal(_caption(scene, trace, numbers)))
+        save(figure, path)
+
+
+def _stacked(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
+    """Panels of these heights in inches, one below the other, with room for their words."""
+    whole = ABOVE + sum(heights) + BETWEEN * (len(heights) - 1) + BELOW
+    figure.set_size_inches(WIDTH, whole)
+    grid = figure.add_gridspec(
+        len(heights),
+        1,
+        height_ratios=heights,
+        left=LEFT / WIDTH,
+        right=1 - RIGHT / WIDTH,
+        top=1 - ABOVE / whole,
+        bottom=BELOW / whole,
+        hspace=BETWEEN * len(heights) / sum(heights),
+    )
+    return [figure.add_subplot(grid[row]) for row in range(len(heights))]
+
+
+def _head(figure: Figure, loop: Axes, title: str, caption: str) -> None:
+    """Title, caption and legend in lines of their own above the loop, so that none lies on a curve
+    or on another.
+    """
+    height = figure.get_size_inches()[1]
+    figure.suptitle(
+        title, fontsize=15, fontweight="bold", x=0.01, y=1 - 0.2 / height, ha="left", va="top"
+    )
+    loop.set_title(caption, loc="left", fontsize=10, color="#555555", pad=36)
+    loop.legend(
+        loc="lower left", bbox_to_anchor=(0, 1.005), ncols=2, borderaxespad=0.3, handlelength=1.6
+    )
+
+
+def _mark(axes: Axes, trace: traces.Trace, time: np.ndarray, where: slice) -> None:
+    """A line where the node started anew after a fault, one where a Reset relaxed it, and a short
+    stroke where ticks of the motion have no answer. The first tick is a new start of every run.
+    """
+    later = np.arange(len(time)) > 0
+    skipped = np.diff(trace.row, prepend=trace.row[:1]) > 1
+    _strokes(axes, time[where][skipped[where]], "no answer just before", 0.08, "-", MISSING)
+    started = trace.fresh & later & ~trace.relaxed
+    _strokes(axes, time[where][started[where]], "new start", 1.0, "--")
+    relaxed = trace.relaxed & later
+    _strokes(axes, time[where][relaxed[where]], "restart, relaxed", 1.0, "-")
+    if axes.collections:
+        handles = list(axes.collections)
+        axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=9)
+
+
+def _strokes(
+    axes: Axes,
+    times: np.ndarray,
+    name: str,
+    height: float,
+    style: Literal["-", "--"],
+    color: str = MARK,
+) -> None:
+    """One stroke at each time, over this part of the panel's height; nothing for none."""
+    if len(times):
+        words = f"{name} ({len(times)})"
+        drawn = axes.vlines(times, 0, height, colors=color, linestyles=style, label=words)
+        drawn.set(transform=axes.get_xaxis_transform(), linewidth=1, zorder=0)
+
+
+def _caption(scene: Scene, trace: traces.Trace, numbers: dict[str, Any]) -> str:
+    """Parameters, length and fit of a run, and its bus where that is known."""
+    units = scene.measured.units
+    words = f"sigma0 = {scene.sigma0:g} {units['sigma0']}, Fc = {scene.Fc:g} {units['Fc']}"
+    words += f", {len(trace.row)} ticks"
+    words += f" over {numbers['bus']}" if "bus" in numbers else ""
+    fit = numbers.get("r2_measured")
+    return words + ("" if fit is None else f", R² = {fit:.4f}")
+
+
+def _more_panels(numbers: dict[str, Any], folder: Path, gain: str) -> list[Callable[[Axes], None]]:
+    """What only some runs have: latencies, faults, a tracking error."""
+    panels = []
+    if numbers.get("latency_histogram") and numbers["latency_us"]["max"] > 0:
+        panels.append(lambda axes: _latencies(axes, numbers))
+    if "faults" in numbers:
+        panels.append(lambda axes: _faults(axes, numbers))
+    if "control" in numbers and (folder / "trace.csv").is_file():
+        panels.append(lambda axes: _tracking(axes, folder, gain))
+    return panels
+
+
+def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
+    edges, counts = np.array(numbers["latency_histogram"]).T
+    axes.bar(edges, counts, width=-edges / 33, align="edge", color=COMPUTED)
+    axes.axvline(1000, color=MEASURED, linewidth=1)
+    axes.set(xlabel="latency of an answer [µs]; the line is one period", ylabel="answers")
+    axes.set(xscale="log", yscale="log")
+    quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]
+    words = f"p50 {quantiles['p50']:.0f} µs, p99 {quantiles['p99']:.0f} µs, jitter p99"
+    words += f" {jitter['p99']:.0f} µs, {numbers['deadline_misses']} deadlines missed"
+    axes.set_title(words, loc="left", fontsize=10, color="#555555")
+
+
+def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
+    injected = numbers["faults"]["injected"]
+    names = [literal(traces.words(name)) for name in injected]
+    bars = axes.bar(names, list(injected.values()), color=COMPUTED)
+    axes.bar_label(bars, fmt="%d", fontsize=9)
+    axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
+    axes.tick_params(axis="x", labelsize=9)
+    wrong = {traces.words(name): pair for name, pair in traces.disagreements(numbers).items()}
+    words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
+    axes.set_title(literal(words), loc="left", fontsize=10, color="#555555")
+
+
+def _tracking(axes: Axes, folder: Path, gain: str) -> None:
+    """How far the angle is behind its reference, and how far it is without any compensation."""
+    time, error = _error(folder / "trace.csv")
+    axes.plot(time, error, color=COMPUTED, linewidth=1.2, label=gain)
+    axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
+    axes.margins(x=0.01)
+    if not (gain and (folder / traces.UNCOMPENSATED).is_file()):
+        return
+    time, plain = _error(folder / traces.UNCOMPENSATED)
+    axes.plot(time, plain, color=MEASURED, linewidth=1.2, label="gain 0: without compensation")
+    rms, more = (float(np.sqrt(np.mean(one**2))) for one in (error, plain))
+    words = f"rms {rms:.3g} rad, without compensation {more:.3g} rad"
+    words += f" ({more / rms:.3g} times as large)" if rms else ""
+    axes.set_title(words, loc="left", fontsize=10, color="#555555")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=9)
+
+
+def _error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Time in s and tracking error in rad of a rotor's trace."""
+    table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
+    return table["time_s"], table["reference_rad"] - table["angle_rad"]
+
+
+def _panel(
+    axes: Axes, x: np.ndarray, measured: np.ndarray | None, computed: np.ndarray, gain: str = ""
+) -> None:
+    if measured is not None:
+        axes.plot(x, measured, color=MEASURED, linewidth=1.1, label="measured")
+    label = "computed, as received over the bus" + f", {gain}" * bool(gain)
+    axes.plot(x, computed, color=COMPUTED, linewidth=1.4, label=label)
+
+
+def _time(trace: traces.Trace, recorded: Recorded | None) -> tuple[np.ndarray, str]:
+    if recorded is not None and recorded.time is not None:
+        return recorded.time[trace.row], "time in the log [s]"
+    return trace.time - trace.time[0], "time on the bus [s]"
+
+
+def _window(torque: np.ndarray) -> slice:
+    """The piece in which the torque moves most, at least 200 ticks where there are so many."""
+    width = min(max(int(len(torque) * WINDOW), 200), len(torque))
+    moved = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(torque)))))
+    start = int(np.argmax(moved[width - 1 :] - moved[: len(torque) - width + 1]))
+    return slice(start, start + width)
+
+
+def _short(label: str) -> str:
+    """'friction torque [N m]' -> 'torque [N m]', which fits beside a low panel."""
+    words, _, unit = label.partition(" [")
+    return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
+
+
+PICTURES = (".png", ".svg", ".pdf", "")  # of no ending: PNG
+
+
+def literal(text: str) -> str:
+    """A name that somebody gave, in which a dollar sign begins no formula."""
+    return text.replace("$", r"\$")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a picture as PICTURES has them; the old one stays until the new one is whole."""
+    with files.replacing(path) as part:
+        figure.savefig(part, dpi=130, format=path.suffix[1:].lower() or "png")

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: MIT
+"""summary.json of a run, read back: anyone may have written it, so its shape is checked once, here.
+
+Keys that are not named below pass by; of those that are, each may be absent or null.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dahl.errors import Error
+from dahl.io import files
+
+NUMBER, WORDS, NUMBERS, BINS = "a finite number", "a text", "an object of numbers", "pairs above 0"
+SHAPE: dict[str, Any] = {
+    "title": WORDS,
+    "bus": WORDS,
+    "time": WORDS,
+    "date": WORDS,
+    "version": WORDS,
+    "command": WORDS,
+    "units": {"sigma0": WORDS, "Fc": WORDS, "theta_per_count": WORDS},
+    "scene_file": WORDS,
+    "log": WORDS,
+    "ticks": NUMBER,
+    "frames_sent": NUMBER,
+    "frames_lost": NUMBER,
+    "deadline_misses": NUMBER,
+    "max_error_ulp_Fc": NUMBER,
+    "rmse_measured": NUMBER,
+    "r2_measured": NUMBER,
+    "bus_load": NUMBER,
+    "realtime_factor": NUMBER,
+    "parameters": NUMBERS,
+    "control": NUMBERS,
+    "node": NUMBERS,
+    "answers_by_state": NUMBERS,
+    "latency_us": {"p50": NUMBER, "p99": NUMBER, "max": NUMBER},
+    "jitter_us": {"p50": NUMBER, "p99": NUMBER, "max": NUMBER},
+    "latency_histogram": BINS,
+    "faults": {"injected": NUMBERS, "expected": NUMBERS},
+}
+MEASURED = {"latency_us", "jitter_us", "deadline_misses"}  # beside each histogram
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """The summary of the run in a folder, without its nulls. Raises dahl.Error."""
+    path = folder / "summary.json"
+    known = files.read_json(path, "; `dahl demo` leaves one")
+    if not isinstance(known, dict) or not isinstance(known.get("scene_file"), str):
+        raise Error(f"{path}: not the summary of a demo (no scene_file)")
+    known = {"title": "a run"} | {key: value for key, value in known.items() if value is not None}
+    _check(path, "", known, SHAPE)
+    if "latency_histogram" in known and not MEASURED <= known.keys():
+        raise Error(f"{path}: latency_histogram without {', '.join(sorted(MEASURED))}")
+    return known
+
+
+def _check(path: Path, where: str, known: dict[str, Any], shape: dict[str, Any]) -> None:
+    """Raise dahl.Error for the first key whose value has another shape."""
+    for key, wanted in ((key, wanted) for key, wanted in shape.items() if key in known):
+        name, value = f"{where}{key}", known[key]
+        if isinstance(wanted, dict):
+            if not isinstance(value, dict) or wanted.keys() - value.keys():
+                raise Error(f"{path}: {name}: an object with {', '.join(wanted)} was expected")
+            _check(path, f"{name}.", value, wanted)
+        elif not _has_shape(value, wanted):
+            raise Error(f"{path}: {name} = {str(value)[:40]}: {wanted} was expected")
+
+
+def _has_shape(value: Any, wanted: str) -> bool:
+    if wanted == WORDS:
+        return isinstance(value, str)
+    if wanted == NUMBER:
+        return _is_number(value)
+    if wanted == NUMBERS:
+        return isinstance(value, dict) and all(map(_is_number, value.values()))
+    return isinstance(value, list) and all(
+        isinstance(pair, list) and len(pair) == 2 and all(_is_number(x) and x >= 0 for x in pair)
+        for pair in value
+    )
+
+
+def _is_number(value: Any) -> bool:
+    """Finite, also as a float: an int may be too large for one."""
+    return isinstance(value, (int, float)) and abs(value) < 1e300

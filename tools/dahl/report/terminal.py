@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: MIT
+"""The one place where text meets rich: what a file, a column or a title holds is shown as it is,
+never read as markup, as an emoji or as a command to the terminal.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NoReturn
+
+from rich.console import Console
+from rich.text import Text
+
+from dahl.errors import printable
+
+
+class PlainConsole(Console):
+    """A console that takes every string for plain text, also in titles and cells of tables."""
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        lines = (printable(line) for line in text.split("\n"))
+        return super().render_str("\n".join(lines), **{**how, "markup": False, "emoji": False})
+
+    def on_broken_pipe(self) -> NoReturn:
+        """Leave it to dahl.cli, as for every other output."""
+        raise BrokenPipeError
+
+
+def console(stderr: bool = False, soft_wrap: bool = False) -> Console:
+    """Standard output, or standard error; soft_wrap leaves the folding of lines to the terminal."""
+    return PlainConsole(stderr=stderr, highlight=False, soft_wrap=soft_wrap)

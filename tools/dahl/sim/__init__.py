@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: MIT
+"""Simulation: scenes, the program dahl-loop, emulated firmware, exact references."""

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: MIT
+"""One run of dahl-loop: a node and an encoder as two processes on one bus, and python-can beside
+them that records.
+
+The encoder's latency is then a real round trip over the bus, and what is judged afterwards is what
+an outsider saw.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from dahl import paths
+from dahl.can.bus import VCAN, Reception, candump_line, open_bus
+from dahl.errors import Error, RunError, Timeout
+from dahl.interrupt import Stop
+from dahl.io import files
+
+if TYPE_CHECKING:
+    import can
+
+PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
+DRAIN = 0.3  # s to record after the encoder has ended; waiting frames are still read
+SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
+LACKS = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
+PACKAGES = "libinih1 libcsv3 libcjson1"  # of Debian, with what dahl-loop links to
+SILENCE = 10.0  # s without any frame, after which a run has failed
+
+
+@dataclass
+class Setup:
+    """What to run and where its files go."""
+
+    scene: Path
+    bus: str  # socketcan:IF, socketcand, socketcand:PORT
+    folder: Path
+    log: Path | None = None  # recorded motion, in place of the scene's own
+    seconds: float | None = None
+    seed: int | None = None
+    node_scene: Path | None = None  # of the serving node, where another one computes the torque
+    attach: Callable[[int], AbstractContextManager[object]] | None = (
+        None  # brings that one to a port
+    )
+    alone: bool = False  # one process in virtual time: faults and rotors, the same on each machine
+    trace: bool = False  # angle, velocity and torques of a rotor into folder/trace.csv
+    lockstep: bool = False  # each angle waits for the answer to the one before it
+
+
+class Program:
+    """dahl-loop in one role, as a child that a terminal's Ctrl-C does not reach: this side ends it
+    in order.
+    """
+
+    def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
+        self.told = False  # to end
+        self.role, self.summary = role, setup.folder / f"{role}.json"
+        self.summary.unlink(missing_ok=True)
+        self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
+        command = [paths.loop_program(), "--scene", setup.scene, "--role", role, "--bus", bus]
+        command += ["--summary", self.summary, "--with-parent", os.getpid()]
+        command += [*_options(setup, role), *extra]
+        self.process = subprocess.Popen(
+            [str(word) for word in command],
+            stdin=subprocess.DEVNULL,
+            stdout=self.errors,
+            stderr=self.errors,
+            start_new_session=True,
+        )
+
+    def ended(self) -> bool:
+        return self.process.poll() is not None
+
+    def ends(self) -> bool:
+        """Wait for its own end."""
+        try:
+            self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def end(self) -> None:
+        """Ask it to end in order, and make sure that it does."""
+        if not self.ended():
+            self.told = True
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self.errors.close()
+
+    def check(self) -> None:
+        """Raise what it complained about, if it failed."""
+        code = self.process.returncode
+        if code in (0, None) or (self.told and code == -signal.SIGINT):  # before it could listen
+            return
+        lacks = LACKS.search(self.words())
+        if lacks:
+            raise RunError(f"dahl-loop needs {lacks[1]}, not here: apt-get install {PACKAGES}")
+        lines = [line.strip() for line in self.words().split("\n") if line.strip()]
+        words = next(
+            (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
+        )
+        kind = Error if self.process.returncode == 2 else RunError
+        ended = f"dahl-loop ({self.role}) ended with code {self.process.returncode}"
+        raise kind(words or self._unwritable() or ended)
+
+    def _unwritable(self) -> str:
+        """Return why its messages could not be written, such as a full disk; "" if they could."""
+        try:
+            with Path(self.errors.name).open("a", encoding="utf-8") as errors:
+                errors.write("\n")
+        except OSError as error:
+            return f"{self.errors.name}: {error.strerror}"
+        return ""
+
+    def words(self) -> str:
+        """All that it has said so far."""
+        return Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
+
+    def port(self) -> int:
+        """The TCP port that it says it serves."""
+        until = time.monotonic() + PATIENCE
+        while time.monotonic() < until and not self.ended():
+            said = SERVED.search(
+                Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
+            )
+            if said:
+                return int(said[1])
+            time.sleep(0.02)
+        self.end()
+        self.check()
+        raise RunError(f"dahl-loop ({self.role}) did not say which port it serves")
+
+    def numbers(self) -> dict[str, Any]:
+        """Its summary, {} where it left none."""
+        try:
+            known: dict[str, Any] = json.loads(self.summary.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return known
+
+
+def _options(setup: Setup, role: str) -> list[str]:
+    if role == "node":
+        return []
+    named = {"--log-file": setup.log, "--seconds": setup.seconds, "--seed": setup.seed}
+    words = [str(word) for pair in named.items() if pair[1] is not None for word in pair]
+    return words + ["--lockstep"] * setup.lockstep
+
+
+def _ends(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
+    """The bus as the encoder and as python-can name it; a served one says its port itself."""
+    kind, _, rest = bus.partition(":")
+    if kind == "socketcan":
+        return bus, {"interface": "socketcan", "channel": rest}
+    port = node.port()
+    return f"socketcand:127.0.0.1:{port}", {
+        "interface": "socketcand",
+        "channel": VCAN,
+        "host": "127.0.0.1",
+        "port": port,
+    }
+
+
+def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
+    """Run the scene, record it in folder/run.log, return the numbers of both programs; `stop` ends
+    it early, in order.
+
+    progress is called about ten times a second with the number of frames recorded so far.
+    """
+    if setup.alone:
+        return _run_alone(setup, stop, progress)
+    serves = setup.bus.startswith("socketcand")
+    node_bus = "socketcand:0" if setup.bus == "socketcand" else setup.bus
+    served = dataclasses.replace(setup, scene=setup.node_scene or setup.scene)
+    node = Program(served, "node", node_bus, "--lockstep", *["--until-idle"] * serves)
+    encoder = None
+    try:
+        encoder_bus, here = _ends(setup.bus, node)
+        with (
+            open_bus(PATIENCE, **here) as bus,
+            _log_in(setup.folder) as log,
+            setup.attach(here["port"]) if setup.attach else nullcontext(),
+        ):
+            encoder = Program(setup, "encoder", encoder_bus)
+            _record(bus, log, encoder, node, stop, progress)
+    except RunError:
+        if encoder is None or not (encoder.ends() or _has_dropped(node, encoder)):
+            raise  # else its end closes the bus, and what was recorded is reported
+    finally:
+        programs = [program for program in (node, encoder) if program]
+        for program in reversed(programs):
+            program.end()
+        for program in programs:  # their own words are better than that the bus has gone
+            program.check()
+    return {
+        **node.numbers(),
+        **encoder.numbers(),
+        "node": node.numbers().get("node", {}),
+        "interrupted": stop.asked,
+        "recorder_dropped": _has_dropped(node),
+    }
+
+
+def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
+    """As run(), with one process that waits for the recorder."""
+    extra = ["--virtual", "--wait-clients", "1"]
+    extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
+    program = Program(setup, "both", "socketcand:0", *extra)
+    try:
+        with (
+            open_bus(PATIENCE, **_ends("socketcand:0", program)[1]) as bus,
+            _log_in(setup.folder) as log,
+        ):
+            _record(bus, log, program, program, stop, progress)
+    except RunError:
+        if not (program.ends() or _has_dropped(program)):
+            raise  # else its end closes the bus: that is no failure
+    finally:
+        program.end()
+        program.check()
+    dropped = _has_dropped(program)
+    return {**program.numbers(), "interrupted": stop.asked, "recorder_dropped": dropped}
+
+
+def _has_dropped(server: Program, *clients: Program) -> bool:
+    """Whether the server closed the connection of a recorder that read too slowly. Ends all."""
+    for program in (*clients, server):
+        program.end()
+    return bool(server.numbers().get("bus_counts", {}).get("dropped"))
+
+
+@contextmanager
+def _log_in(folder: Path) -> Iterator[IO[str]]:
+    path = folder / "run.log"
+    with path.open("w", buffering=1, encoding="ascii") as log, files.whole_lines(path, log):
+        yield log
+
+
+def run_uncompensated(setup: Setup, trace: Path) -> None:
+    """Run the scene again with gain 0, in virtual time and without a bus; leave its trace."""
+    words = ["--virtual", "--set", "friction.gain=0", "--trace", trace]
+    command = [paths.loop_program(), "--scene", setup.scene, *words, *_options(setup, "both")]
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, check=False, errors="replace"
+    )
+    if done.returncode:
+        last = done.stderr.strip().splitlines()[-1:] or [f"code {done.returncode}"]
+        raise RunError(f"dahl-loop without compensation: {last[0].removeprefix('error: ')}")
+
+
+def _record(
+    bus: can.BusABC,
+    log: IO[str],
+    encoder: Program,
+    node: Program,
+    stop: Stop,
+    progress: Callable[[int], None],
+) -> None:
+    """Write each frame as a whole line until the encoder has ended (and DRAIN has passed), or stop
+    is asked.
+    """
+    frames, last_frame, looked, ended = 0, time.monotonic(), 0.0, None
+    reception = Reception(bus, stop)
+    for message in reception:
+        now = time.monotonic()
+        if message is not None:
+            log.write(candump_line(message))
+            frames += 1
+            last_frame = now
+        if now - looked < 0.1:
+            continue
+        looked = now
+        progress(frames)
+        ended = ended or (now if encoder.ended() or node.ended() else None)
+        if ended and now - ended > DRAIN:
+            reception.finish()
+        if now - last_frame > SILENCE:
+            raise Timeout(f"no frame on the bus for {SILENCE:g} s")
