@@ -195,7 +195,7 @@ def test_another_version_of_the_method_is_done_again(small, tmp_path, root):
     shutil.copytree(root / "tools" / "dahl", tmp_path / "copy" / "dahl", ignore=ignored)
     words = ("identify", "--each", small("a"), "-o", tmp_path / "out", "--jobs", "1")
     command = [sys.executable, "-c", THE_COPY, tmp_path / "copy", *words]
-    for edited, earlier in (("", 0), ("", 1), ("identify/fit.py", 0), ("logs.py", 0)):
+    for edited, earlier in (("", 0), ("", 1), ("identify/fit.py", 0), ("io/logs.py", 0)):
         if edited:
             source = tmp_path / "copy" / "dahl" / edited
             source.write_text(source.read_text() + "#\n")

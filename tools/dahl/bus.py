@@ -1,4 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The public name of dahl.can.bus."""
+"""The public name of dahl.can.bus: both names are the same module."""
 
-from dahl.can.bus import *  # noqa: F403
+import sys
+
+from dahl.can import bus
+from dahl.can.bus import *  # noqa: F403  (for type checkers)
+
+sys.modules[__name__] = bus

@@ -1,4 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The public name of dahl.can.node."""
+"""The public name of dahl.can.node: both names are the same module."""
 
-from dahl.can.node import *  # noqa: F403
+import sys
+
+from dahl.can import node
+from dahl.can.node import *  # noqa: F403  (for type checkers)
+
+sys.modules[__name__] = node
