@@ -18,7 +18,7 @@ BUS: dict[str, Any] = {
     "host": "127.0.0.1",
     "port": 28600,
 }
-logging.getLogger("can").setLevel(logging.ERROR)  # otherwise it logs each failed attempt to connect
+logging.getLogger("can").setLevel(logging.ERROR)  # not each failed attempt to connect
 
 
 def ask(bus: can.BusABC, counter: int, count: int) -> float:
