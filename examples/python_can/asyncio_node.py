@@ -45,7 +45,7 @@ class Node:
 
 def open_bus(port: int) -> can.BusABC:
     """The bus that the node serves."""
-    logging.getLogger("can").setLevel(logging.ERROR)  # not each failed attempt to connect
+    logging.getLogger("can").setLevel(logging.ERROR)  # else each of many tries to connect is told
     try:
         return can.Bus(interface="socketcand", channel="vcan0", host="127.0.0.1", port=port)
     except OSError as error:
