@@ -99,12 +99,12 @@ static int check_one(const named_t *written, const named_t *others, size_t count
 
 int files_check(const options_t *options, const char *measured_log)
 {
-    bool to_stdout = options->summary != NULL && strcmp(options->summary, "-") == 0;
+    bool is_stdout = options->summary != NULL && strcmp(options->summary, "-") == 0;
     const named_t files[] = {{"--scene", options->scene},
                              {"the measured log", measured_log},
                              {"--log", options->log},
                              {"--trace", options->trace},
-                             {"--summary", to_stdout ? NULL : options->summary}};
+                             {"--summary", is_stdout ? NULL : options->summary}};
     for (size_t i = 2; i < sizeof files / sizeof files[0]; i++) {
         if (check_one(&files[i], files, i) != 0) {
             return -1;

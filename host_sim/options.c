@@ -71,9 +71,9 @@ static const struct option long_options[] = {
 
 static int parse_role(options_t *options, const char *text)
 {
-    bool both = strcmp(text, "both") == 0;
-    options->run_encoder = both || strcmp(text, "encoder") == 0;
-    options->run_node = both || strcmp(text, "node") == 0;
+    bool is_both = strcmp(text, "both") == 0;
+    options->run_encoder = is_both || strcmp(text, "encoder") == 0;
+    options->run_node = is_both || strcmp(text, "node") == 0;
     if (!options->run_encoder && !options->run_node) {
         return log_error("--role %s: not one of both, encoder, node", text);
     }

@@ -14,7 +14,7 @@
 
 static void fail(recording_t *self)
 {
-    self->failed = true;
+    self->has_failed = true;
 }
 
 /* Limit the memory of a field. Without it, the parser would read the whole file into a field whose quote never closes. */
@@ -34,7 +34,7 @@ static void match_column(recording_t *self, const char *text, const char *name, 
     if (name[0] == '\0' || strcmp(text, name) != 0) {
         return;
     }
-    if (*column != NO_COLUMN && !self->failed) {
+    if (*column != NO_COLUMN && !self->has_failed) {
         log_error("%s:%llu: two columns \"%s\"", self->path, (unsigned long long)self->line, name);
         fail(self);
     }
@@ -53,7 +53,7 @@ static void read_number(recording_t *self, const char *text, const char *name, d
 {
     char *end;
     *to = strtod(text, &end);
-    if (!self->failed && (end == text || *end != '\0' || !isfinite(*to))) {
+    if (!self->has_failed && (end == text || *end != '\0' || !isfinite(*to))) {
         log_error("%s:%llu: column \"%s\": \"%.40s\" is not a finite number", self->path,
                  (unsigned long long)self->line, name, text);
         fail(self);
@@ -79,7 +79,7 @@ static void on_field(void *field, size_t length, void *user)
     recording_t *self = (recording_t *)user;
     const char *text = field == NULL ? "" : (const char *)field;
     (void)length;
-    if (self->failed) {
+    if (self->has_failed) {
         return;
     }
     if (self->columns == 0) {
@@ -163,7 +163,7 @@ static void on_row(int terminator, void *user)
 {
     recording_t *self = (recording_t *)user;
     (void)terminator;
-    if (self->failed) {
+    if (self->has_failed) {
         return;
     }
     if (self->columns == 0) {
@@ -186,22 +186,22 @@ static unsigned char choose_delimiter(const char *text, size_t length)
 
 static void report_bad_csv(recording_t *self)
 {
-    bool too_long = csv_error(&self->parser) == CSV_ENOMEM;
+    bool is_too_long = csv_error(&self->parser) == CSV_ENOMEM;
     log_error("%s:%llu: column %zu: %s", self->path, (unsigned long long)self->line, self->column + 1,
-             too_long ? "a field without end (a quote that is never closed?)" : "a quote inside a field or never closed");
+             is_too_long ? "a field without end (a quote that is never closed?)" : "a quote inside a field or never closed");
     fail(self);
 }
 
 static void parse(recording_t *self, const char *text, size_t length)
 {
-    if (csv_parse(&self->parser, text, length, on_field, on_row, self) != length && !self->failed) {
+    if (csv_parse(&self->parser, text, length, on_field, on_row, self) != length && !self->has_failed) {
         report_bad_csv(self);
     }
 }
 
 static void feed(recording_t *self, const char *text, size_t length)
 {
-    while (length > 0 && !self->failed) {
+    while (length > 0 && !self->has_failed) {
         const char *end = memchr(text, '\n', length);
         size_t piece = end == NULL ? length : (size_t)(end - text) + 1;
         parse(self, text, piece);
@@ -213,13 +213,13 @@ static void feed(recording_t *self, const char *text, size_t length)
 
 static void finish(recording_t *self)
 {
-    self->ended = true;
+    self->has_ended = true;
     if (ferror(self->file) != 0) {
         log_error("%s:%llu: cannot be read: %s", self->path, (unsigned long long)self->line, strerror(errno));
         fail(self);
         return;
     }
-    if (csv_fini(&self->parser, on_field, on_row, self) != 0 && !self->failed) {
+    if (csv_fini(&self->parser, on_field, on_row, self) != 0 && !self->has_failed) {
         report_bad_csv(self);
     }
 }
@@ -251,7 +251,7 @@ static void read_chunk(recording_t *self)
 
 static void reset_state(recording_t *self)
 {
-    self->ended = false;
+    self->has_ended = false;
     self->line = 1;
     self->rows = 0;
     self->columns = 0;
@@ -266,30 +266,30 @@ static void reset_state(recording_t *self)
 
 static bool rewind_to_start(recording_t *self)
 {
-    if (self->parser_ready) {
+    if (self->is_parser_ready) {
         csv_free(&self->parser);
     }
     reset_state(self);
-    self->parser_ready = csv_init(&self->parser, CSV_APPEND_NULL | CSV_STRICT | CSV_STRICT_FINI) == 0;
+    self->is_parser_ready = csv_init(&self->parser, CSV_APPEND_NULL | CSV_STRICT | CSV_STRICT_FINI) == 0;
     csv_set_realloc_func(&self->parser, limited_realloc);
-    self->failed = !self->parser_ready || fseek(self->file, 0, SEEK_SET) != 0;
-    if (self->failed) {
+    self->has_failed = !self->is_parser_ready || fseek(self->file, 0, SEEK_SET) != 0;
+    if (self->has_failed) {
         log_error("%s: cannot be read from the start: %s", self->path, strerror(errno));
     }
-    return !self->failed;
+    return !self->has_failed;
 }
 
 static bool check_all(recording_t *self)
 {
-    while (!self->ended && !self->failed) {
+    while (!self->has_ended && !self->has_failed) {
         read_chunk(self);
     }
-    if (!self->failed && self->rows == 0) {
+    if (!self->has_failed && self->rows == 0) {
         log_error("%s:%llu: column \"%s\": the file has no rows", self->path, (unsigned long long)self->line,
                  self->angle_name);
         fail(self);
     }
-    return !self->failed;
+    return !self->has_failed;
 }
 
 bool recording_open(recording_t *self, const char *path, const recording_columns_t *columns)
@@ -310,8 +310,8 @@ bool recording_open(recording_t *self, const char *path, const recording_columns
 int recording_next(recording_t *self, int32_t *count, double *load)
 {
     while (self->head == self->tail) {
-        if (self->failed || self->ended) {
-            return self->failed ? -1 : 0;
+        if (self->has_failed || self->has_ended) {
+            return self->has_failed ? -1 : 0;
         }
         read_chunk(self);
     }
@@ -322,7 +322,7 @@ int recording_next(recording_t *self, int32_t *count, double *load)
 
 void recording_close(recording_t *self)
 {
-    if (self->parser_ready) {
+    if (self->is_parser_ready) {
         csv_free(&self->parser);
     }
     if (self->file != NULL) {

@@ -23,9 +23,9 @@ typedef struct {
     const char *load_name; /* "": not read */
     double counts_per_unit;
     struct csv_parser parser;
-    bool parser_ready;
-    bool failed;
-    bool ended;
+    bool is_parser_ready;
+    bool has_failed;
+    bool has_ended;
     uint64_t line;
     uint64_t rows;
     size_t columns; /* of the header; 0 before it */

@@ -461,31 +461,31 @@ static bool needs(const reader_t *r, const char *section, const char *other)
 /* A load is the motor's torque or a column of the log. */
 static bool check_load_source(const reader_t *r)
 {
-    bool from_log = r->scene->motion.kind == MOTION_LOG && !has(r, "rotor"), is_given = r->scene->load.column[0] != '\0';
+    bool is_from_log = r->scene->motion.kind == MOTION_LOG && !has(r, "rotor"), is_given = r->scene->load.column[0] != '\0';
     int line = r->section_line[find_section("load")];
-    if (!from_log && !has(r, "rotor")) {
+    if (!is_from_log && !has(r, "rotor")) {
         log_error("%s:%d: [load] needs a [rotor], or [motion] kind = log with a column of the load", PLACE(r, line));
         return false;
     }
-    if (from_log && !is_given) {
+    if (is_from_log && !is_given) {
         log_error("%s:%d: [load] has no key \"column\": which column of the log holds the load?", PLACE(r, line));
-    } else if (is_given && !from_log) {
+    } else if (is_given && !is_from_log) {
         log_error("%s:%d: [load] column has no meaning with a [rotor]", PLACE(r, r->key_line[find_key("load", "column")]));
     }
-    return from_log == is_given;
+    return is_from_log == is_given;
 }
 
 static bool check_load(const reader_t *r)
 {
-    bool follows = r->scene->friction.model == MODEL_LOADED;
+    bool is_loaded = r->scene->friction.model == MODEL_LOADED;
     if (!needs(r, "load", "friction")) {
         return false;
     }
-    if (follows && !has(r, "load")) {
+    if (is_loaded && !has(r, "load")) {
         log_error("%s:%d: [friction] model = loaded needs [load]", PLACE(r, friction_line(r, "model")));
         return false;
     }
-    if (has(r, "load") && !follows) {
+    if (has(r, "load") && !is_loaded) {
         log_error("%s:%d: [load] has no meaning for model = %s", PLACE(r, r->section_line[find_section("load")]),
                   models[r->scene->friction.model].name);
         return false;

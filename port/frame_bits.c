@@ -15,9 +15,9 @@ typedef struct {
 
 static void put_bit(bits_t *bits, uint32_t bit)
 {
-    bool invert = (bit ^ (bits->crc >> 14)) != 0;
+    bool is_inverted = (bit ^ (bits->crc >> 14)) != 0;
     bits->crc = (bits->crc << 1) & 0x7FFFu;
-    bits->crc ^= invert ? (uint32_t)CRC_POLYNOMIAL : 0u;
+    bits->crc ^= is_inverted ? (uint32_t)CRC_POLYNOMIAL : 0u;
     bits->run = bits->count > 0 && bit == bits->last ? bits->run + 1 : 1;
     bits->last = bit;
     bits->count++;
