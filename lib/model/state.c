@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* Whether a state is in range. */
+/**
+ * @file state.c
+ * @brief Check that a state is in range.
+ */
 #include "bristle_update.h"
 
 int dahl_state_ok(const dahl_state_t *state)

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* A tick in counts that returns N m. */
+/**
+ * @file step_counts.c
+ * @brief Tick by counts that returns N m.
+ */
 #include "bristle_update.h"
 #include "torque.h"
 

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The torque of a state, without motion. */
+/**
+ * @file torque.c
+ * @brief Torque of a state without motion.
+ */
 #include "bristle_update.h"
 #include "torque.h"
 

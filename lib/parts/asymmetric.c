@@ -111,7 +111,7 @@ float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state
 static DAHL_COLD void write_direction(dahl_q64_t *table, int entries, dahl_real_t sigma0, dahl_real_t theta, dahl_real_t Fc)
 {
     uint64_t a = dahl_quotient_q63(sigma0.mantissa, Fc.mantissa);
-    uint64_t left = dahl_left_by(dahl_product(a, sigma0.exponent - Fc.exponent - 63, theta));
+    uint64_t left = dahl_remaining_after(dahl_product(a, sigma0.exponent - Fc.exponent - 63, theta));
     dahl_write_table(table, DAHL_DIRECT_COUNTS_MAX + 1, left);
     left = ~((uint64_t)table[DAHL_DIRECT_COUNTS_MAX].hi << 32 | table[DAHL_DIRECT_COUNTS_MAX].lo);
     for (int n = DAHL_DIRECT_COUNTS_MAX + 1; n < entries; n++) {
@@ -139,7 +139,7 @@ DAHL_COLD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan, const
 {
     const dahl_params_t forward = {params->sigma0, params->Fc_forward, params->theta_per_count};
     const dahl_params_t backward = {params->sigma0, params->Fc_backward, params->theta_per_count};
-    int32_t err = dahl_check_counted(&forward) | dahl_check_counted(&backward);
+    int32_t err = dahl_check_params_by_counts(&forward) | dahl_check_params_by_counts(&backward);
     if (err == DAHL_OK) {
         write_asymmetric(plan, params);
     }

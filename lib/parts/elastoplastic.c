@@ -139,7 +139,7 @@ static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_
     plastic->a_mantissa = (uint32_t)(kappa_per_ln2.mantissa >> 32);
     plastic->a_exponent = kappa_per_ln2.exponent + 32 + unit_of(u);
     u = dahl_normalise(dahl_mulhi64(kappa, u.mantissa), exponent + u.exponent + 64);
-    dahl_write_table(plastic->g, (int)(sizeof plastic->g / sizeof plastic->g[0]), dahl_left_by(u));
+    dahl_write_table(plastic->g, (int)(sizeof plastic->g / sizeof plastic->g[0]), dahl_remaining_after(u));
 }
 
 /* Travel u of one count, rounded to a unit, and of as many as travel less than 2, up to 8. (A u of 64 or more is taken as 32 to 64,
@@ -186,7 +186,7 @@ static int32_t check_breakaway(uint32_t bits)
 
 DAHL_COLD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *plan, const dahl_params_t *params, float breakaway)
 {
-    int32_t err = dahl_check_counted(params) | check_breakaway(dahl_bits_of(breakaway));
+    int32_t err = dahl_check_params_by_counts(params) | check_breakaway(dahl_bits_of(breakaway));
     if (err == DAHL_OK) {
         write_elastoplastic(plan, params, breakaway_q31(dahl_real_of_float(breakaway)));
     }

@@ -141,7 +141,7 @@ static DAHL_COLD int32_t check(const dahl_slip_params_t *params, uint32_t elemen
     int32_t err = DAHL_OK;
     for (uint32_t k = 0; k < elements; k++) {
         dahl_params_t one = params_of(params, k);
-        err |= dahl_check_counted(&one);
+        err |= dahl_check_params_by_counts(&one);
     }
     return err;
 }
