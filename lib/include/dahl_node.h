@@ -205,7 +205,8 @@ typedef struct {
 } dahl_node_asymmetric_t;
 
 /** Use asymmetric friction. The answer is a fraction of the larger Fc, which Fc returns. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *kept,
+DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node,
+                                                   dahl_node_asymmetric_t *storage,
                                                    const dahl_asymmetric_params_t *params);
 
 /** Storage of dahl_node_use_elastoplastic(). */
@@ -217,7 +218,7 @@ typedef struct {
 
 /** Use elasto-plastic friction, without creep below breakaway. */
 DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node,
-                                                      dahl_node_elastoplastic_t *kept,
+                                                      dahl_node_elastoplastic_t *storage,
                                                       const dahl_params_t *params, float breakaway);
 
 /** Storage of dahl_node_use_loaded(). */
@@ -229,7 +230,7 @@ typedef struct {
 
 /** Use friction whose Fc and sigma0 scale with parameter Load, 0 .. 1. Load is 1 after
  * dahl_node_init(). params are those at load 1, and the answer is a fraction of their Fc. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *kept,
+DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *storage,
                                                const dahl_params_t *params);
 
 /** Parameters of dahl_node_use_parallel(). */
@@ -256,7 +257,7 @@ typedef struct {
 /** Use Dahl and slip elements on one shaft. The answer is a fraction of the sum of Fc. Fc and
  * Sigma0 return their sums. Error: 1e-9 plus that of the elements. The call needs 3 KiB of
  * stack. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *kept,
+DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage,
                                                  const dahl_node_parallel_params_t *params);
 /** @} */
 

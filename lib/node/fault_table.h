@@ -1,12 +1,16 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The fault table: what the node does with each frame that can come, or fails to. It stands here once: the unit test of the
- * node plays each row, tools/fault_table.py writes it into the documentation. The product does not compile it.
+/**
+ * @file fault_table.h
+ * @brief Fault table: the reaction of the node to each frame, and to missing frames.
  *
- * Columns: name of the row; the frame; counts that go up by it (of dahl_node_counts_t); state that Status then says; is the
- * bristle moved or kept; is there an answer. Frames come within the timeout, and counters are relative to the last frame in
- * sequence, unless the row says otherwise. Frames out of sequence or too far away are consecutive if each has the counter after the
- * one before; an accepted count ends such a row, and repeated, bad and disowned frames do not.
+ * The table exists once. The unit test of the node runs each row, and tools/fault_table.py writes the table into
+ * the documentation. The product does not compile it.
+ *
+ * Columns: name of the row; frame; counts that increment (members of dahl_node_counts_t); state that Status
+ * reports; whether the bristle moves or is kept; whether the node answers. Unless a row says otherwise, frames
+ * arrive within the timeout, and counters are relative to the last frame in sequence. Frames out of sequence or too
+ * far away are consecutive if each has the counter after the one before. An accepted count ends such a run;
+ * repeated, bad and invalid frames do not.
  */
 #ifndef FAULT_TABLE_H
 #define FAULT_TABLE_H
