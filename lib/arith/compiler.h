@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file compiler.h
- * @brief Requirements on the compiler, checked at compile time, and its attributes. Private.
- */
+/** Requirements on the compiler, checked at compile time, and its attributes. */
 #ifndef DAHL_COMPILER_H
 #define DAHL_COMPILER_H
 
@@ -34,16 +31,15 @@
 /** The size of this array is invalid if float or uint32_t does not have 4 bytes. */
 typedef char dahl_needs_a_float_of_4_bytes[sizeof(float) == 4 && sizeof(uint32_t) == 4 ? 1 : -1];
 
-/** A C tick that lib/cores may also have in assembly. It is weak, so the linker prefers the assembly tick if the
- * build contains it. */
+/** A C tick that lib/cores may also have in assembly. It is weak, so the linker prefers the assembly tick. */
 #if DAHL_V6M || DAHL_THUMB2
 #define DAHL_WEAK_TICK __attribute__((weak))
 #else
 #define DAHL_WEAK_TICK
 #endif
 
-/** Optimization barrier: the compiler must not assume anything about the value of x. It then keeps x in 32 bits,
- * even if x comes from several branches. This saves 8 of the 105 instructions of a tick by angle. */
+/** Optimization barrier: the compiler must not assume anything about x. It then keeps x in 32 bits even if x comes
+ * from several branches, which saves 8 of the 105 instructions of a tick by angle. */
 static inline uint32_t dahl_opaque(uint32_t x)
 {
 #if defined(__GNUC__)

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file core.h
- * @brief Target core, from the macros of the compiler. Preprocessor lines only: the assembly files include it too.
- */
+/** Target core, from the macros of the compiler. Preprocessor lines only: assembly includes them too. */
 #ifndef DAHL_CORE_H
 #define DAHL_CORE_H
 
@@ -20,8 +17,8 @@
 #define DAHL_THUMB2 0
 #endif
 
-/** An assembly tick must know whether a float is returned in r0 or in s0. Some builds pass -mfloat-abi to C only. A
- * missing macro therefore proves r0 only on ARMv7-M, which has no FPU, or if both get the same flags
+/** An assembly tick must know whether a float is returned in r0 or in s0. Some builds pass -mfloat-abi to C
+ * only. A missing macro thus proves r0 only on ARMv7-M, which has no FPU, or if both get the same flags
  * (DAHL_SAME_FLAGS). */
 #if defined(__ARM_PCS_VFP) || defined(__ARM_ARCH_7M__) || defined(DAHL_SAME_FLAGS)
 #define DAHL_THUMB2_FLOAT DAHL_THUMB2

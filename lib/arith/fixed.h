@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file fixed.h
- * @brief Fixed-point arithmetic. Private.
+ * Fixed-point arithmetic.
  *
  * Three representations:
  * - Q30, Q62, Q64: the integer i means i 2^-30, i 2^-62, i 2^-64
@@ -62,16 +61,15 @@ static inline dahl_real_t dahl_real_of(uint32_t bits)
     return r;
 }
 
-/** Return the bits of the float nearest to mantissa 2^exponent, a half rounded up. The top bit of the mantissa must
- * be set, and the float must be normal. The top bit adds 1 to the exponent field, and so does a carry of the
- * rounding. */
+/** Return the bits of the float nearest to mantissa 2^exponent, a half rounded up. The mantissa must have its
+ * top bit set, and the float must be normal. The top bit, or a carry of the rounding, adds 1 to the exponent
+ * field. */
 static inline uint32_t dahl_round_to_float(uint32_t mantissa, uint32_t exponent)
 {
     return ((exponent + (127 + 31 - 1)) << 23) + (((mantissa >> 7) + 1) >> 1);
 }
 
-/** Return the leading zeros of x > 0. If the core has no instruction for it, this avoids a helper function of the
- * compiler. */
+/** Leading zeros of x > 0, without a helper function of the compiler if the core has no instruction for it. */
 #if defined(__GNUC__) && UINT_MAX == 0xffffffff                                                                             \
     && (defined(__ARM_FEATURE_CLZ) || defined(__aarch64__) || defined(__x86_64__) || defined(__i386__)                      \
         || defined(__riscv_zbb) || defined(__XTENSA__))

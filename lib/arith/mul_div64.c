@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file mul_div64.c
- * @brief Wide products and quotients from narrow ones; smaller than the helper functions of the compiler.
- */
+/** Wide products and quotients from narrow ones; smaller than the helper functions of the compiler. */
 #include "fixed.h"
 
 DAHL_COLD uint64_t dahl_mulhi64(uint64_t a, uint64_t b)

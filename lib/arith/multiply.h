@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file multiply.h
- * @brief Products of 32 x 32 bits, of their upper half, and of 32 x 64 bits. Private.
+ * Products of 32 x 32 bits, of their upper half, and of 32 x 64 bits.
  *
  * If the core has only a 32-bit product (Cortex-M0), multiply_v6m.h builds the first from 16-bit products, with the
  * same bits.

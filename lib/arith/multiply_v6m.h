@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file multiply_v6m.h
- * @brief 32 x 32 -> 64 bit product for ARMv6-M and ARMv8-M Baseline, from four 16 x 16 bit products. Private.
+ * 32 x 32 -> 64 bit product for ARMv6-M and ARMv8-M Baseline, from four 16 x 16 bit products.
  *
  * In assembly, since compilers run out of low registers and need four times the instructions. x0 and x1 are the
  * lower and the upper half of x.

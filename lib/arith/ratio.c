@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file ratio.c
- * @brief Quotient of two numbers as a fraction.
- */
+/** Quotient of two numbers as a fraction. */
 #include "fixed.h"
 
 static int is_below(dahl_real_t x, dahl_real_t y)

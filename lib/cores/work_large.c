@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file work_large.c
- * @brief Move of more than 8 counts that adds up its work, for the assembly ticks. Returns F/Fc in Q30.
- */
+/** Move of more than 8 counts that adds up its work, for the assembly ticks. Returns F/Fc in Q30. */
 #include "../model/bristle_update.h"
 #include "../parts/work_sums.h"
 

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file float.c
- * @brief Textbook form: travel since the last reversal, one float exponential, a branch at each sign change.
+ * Textbook form: travel since the last reversal, one float exponential, a branch at each sign change.
  *
  * The error of a direction does not accumulate: travel is summed in integers, which no compiler flag can reorder,
  * and the exponential always starts at the reversal. Each reversal rounds the torque. This error decays as

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file bristle_update.h
- * @brief One exact update of the bristle. Private.
+ * One exact update of the bristle.
  *
  * @par Idea
  * Let gap = 1 - s w in [0, 2] be the distance to saturation in the direction of travel s. Travel u removes the
- * fraction g(u) of the gap. A reversal reflects it: gap -> 2 - gap. The exponential and the branch on the sign
- * change therefore become one product (Eqs. 7, 18, 27):
+ * fraction g(u) of it. A reversal reflects it: gap -> 2 - gap. The exponential and the branch on the sign change
+ * become one product (Eqs. 7, 18, 27):
  * @verbatim
  *     q = w rounded to Q30        z = 1 - s q        w += s z g        z g: a 32 x 64 bit product in Q62
  * @endverbatim
@@ -14,19 +13,19 @@
  *
  * @par Range
  * z exceeds the gap by at most half a unit of Q30, and g < 1. Hence -2^62 - 2^31 <= w < 2^62 + 2^31. At both ends q
- * is +-2^30, so the next z is 0 and w stays there. Saturation reads exactly +-2^30 and +-Fc. A state w is thus in
- * range if and only if 0 <= z <= 2^31. Every call first clamps any other w to +-2^62. w is unsigned in this file,
- * so no bits cause undefined behaviour.
+ * is +-2^30, the next z is 0, and w stays there: saturation reads exactly +-2^30 and +-Fc. A w is thus in range if
+ * and only if 0 <= z <= 2^31. Every call first clamps any other w to +-2^62. w is unsigned here, so no bits cause
+ * undefined behaviour.
  *
  * @par Symmetry
- * A backward move mirrors a forward move bit for bit, with one exception. If w is a tie (its low word is 2^31),
- * both directions round up. Mirroring the tie would cost one instruction per tick.
+ * A backward move mirrors a forward move bit for bit, except at a tie (the low word of w is 2^31), which rounds up
+ * in both directions. Mirroring the tie would cost one instruction per tick.
  *
  * @par Error
- * z is wrong by at most 2^-31 of Fc. A step adds this error times g, and shrinks the earlier error by the factor 1
- * - g. Over any motion the sum stays below 2^-31, plus 2^-62/g for the truncated low product, plus the error of g.
- * Proof: docs/accuracy.md. In a step by angle, g can be tiny. kernel.h therefore returns g + 2^-63. If w = 0, so
- * that z = 2^30, this turns the truncation into rounding to nearest.
+ * z is wrong by at most 2^-31 of Fc. A step adds this error times g, and shrinks the earlier error by 1 - g. Over
+ * any motion the sum stays below 2^-31, plus 2^-62/g for the truncated low product, plus the error of g
+ * (docs/accuracy.md). By angle, g can be tiny; kernel.h returns g + 2^-63. If w = 0, so that z = 2^30, this turns
+ * the truncation into rounding to nearest.
  */
 #ifndef DAHL_BRISTLE_UPDATE_H
 #define DAHL_BRISTLE_UPDATE_H
@@ -69,18 +68,17 @@ static inline uint64_t dahl_backward(uint64_t w, dahl_q64_t g)
     return w - dahl_mul_fraction(dahl_gap_backward(w), g.hi, g.lo);
 }
 
-/** Return w. If it is out of range, return +-2^62 with the sign of w. */
+/** Return w, or +-2^62 on its side if it is out of range. */
 static inline uint64_t dahl_clamp(uint64_t w)
 {
     return dahl_is_gap(dahl_gap_backward(w)) ? w : (w >> 63 << 63 | DAHL_ONE_Q62);
 }
 
-/** Move by more than DAHL_DIRECT_COUNTS_MAX counts, or from a w out of range (step_large.c). It is out of line, so
- * that the usual tick stays short. Return F/Fc in Q30. */
+/** Move by more counts, or from a w out of range (step_large.c); out of line to keep the usual tick short. Return
+ * F/Fc in Q30. */
 int32_t dahl_step_large(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
-/** Handle the rare cases of dahl_step() (step_rare.c): an angle that is not a normal float, a plan of all zeros, or
- * a w out of range. `bits` are those of the angle. Return F [N m]. */
+/** Rare cases of dahl_step() (step_rare.c). `bits` are those of the angle. Return F [N m]. */
 float dahl_step_rare(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits);
 
 #endif

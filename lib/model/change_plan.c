@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file change_plan.c
- * @brief New parameters between two ticks.
+ * New parameters between two ticks.
  *
  * Keeping F means w *= Fc_from/Fc_to. Keeping the deflection F/sigma0 of the bristle means w *= a_to/a_from. The
- * ratio of the two factors is sigma0_to/sigma0_from. The smaller factor therefore keeps F unless the bristle became
- * softer, and the stored energy F^2/(2 sigma0) does not grow. Rounding does not increase it either. The first
- * factor is truncated, so F never grows. The second is wrong by at most 2^-30, but float values of sigma0 differ by
- * at least 2^-24 or not at all.
+ * smaller factor keeps F unless the bristle became softer, so the energy F^2/(2 sigma0) does not grow. Rounding
+ * does not increase it either. The first factor is truncated. The second is wrong by at most 2^-30, but float
+ * values of sigma0 differ by at least 2^-24 or not at all.
  */
 #include "../arith/fixed.h"
 #include "dahl.h"

@@ -1,13 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file check_params.c
- * @brief Exact check of the parameters of an element, in integers.
- */
+/** Exact check of the parameters of an element, in integers. */
 #include "check_params.h"
 
 #include "../arith/fixed.h"
 
-/** Return the error code of one parameter. The OR of several codes is the most severe one. */
+/** The OR of several codes is the most severe one. */
 static DAHL_OUT_OF_LINE DAHL_COLD int32_t check(uint32_t bits)
 {
     const uint32_t least = dahl_bits_of(DAHL_TORQUE_MIN), most = dahl_bits_of(DAHL_TORQUE_MAX);
@@ -17,9 +14,8 @@ static DAHL_OUT_OF_LINE DAHL_COLD int32_t check(uint32_t bits)
     return least <= bits && bits < most ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
-/** Return true if 2^-30 <= sigma0 theta/Fc < 2^20, decided exactly. Comparing the upper half of the product with
- * the mantissa of Fc, and with half of it, gives the exponent of the quotient. The lowest bits of the mantissa of a
- * float are 0. */
+/** 2^-30 <= sigma0 theta/Fc < 2^20, decided exactly. Comparing the upper half of the product with the mantissa of
+ * Fc, and with half of it, gives the exponent of the quotient. */
 static int is_travel_in_range(dahl_real_t sigma0, dahl_real_t theta, dahl_real_t Fc)
 {
     uint32_t high = dahl_mulhi(sigma0.mantissa, theta.mantissa);

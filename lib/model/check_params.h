@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file check_params.h
- * @brief Checks of all prepare functions. Private.
- */
+/** Checks of all prepare functions. */
 #ifndef DAHL_CHECK_PARAMS_H
 #define DAHL_CHECK_PARAMS_H
 
@@ -15,7 +12,7 @@ static inline int dahl_has_counts(const dahl_params_t *params)
     return dahl_bits_of(params->theta_per_count) << 1 != 0;
 }
 
-/** Return DAHL_OK if each parameter and the travel of one count are in range. theta_per_count may be 0. */
+/** Return DAHL_OK if the parameters and the travel of one count are in range. theta_per_count may be 0. */
 dahl_err_t dahl_check_params(const dahl_params_t *params);
 
 /** The same for an element by counts: theta_per_count = 0 is rejected. */

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file counts_between.c
- * @brief Moves from the readings of a counter that wraps.
- */
+/** Moves from the readings of a counter that wraps. */
 #include "shortest_move.h"
 
 #include "dahl.h"

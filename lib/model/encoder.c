@@ -1,11 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file encoder.c
- * @brief Encoder counter: wrap, direction and jumps.
- *
- * dahl_encoder_init() and dahl_encoder_home() prepare all that they can. The inline move of the header is then one
- * difference, one product and one comparison.
- */
+/** Encoder counter: wrap, direction and jumps. All that can be prepared is computed here, so that the inline move
+ * of the header is one difference, one product and one comparison. */
 #define DAHL_ENCODER_INLINE extern inline /* emit the inline move here once, for callers from other languages */
 #include "dahl_encoder.h"
 
@@ -22,7 +17,7 @@ static int is_power_of_two(uint32_t modulus) /* true for 2^32 too, which is writ
     return (modulus & (modulus - 1)) == 0;
 }
 
-/** Return the shift that makes the reading wrap at 32 bits, for a modulus that is a power of two; otherwise 0. */
+/** Return the shift that makes the reading wrap at 32 bits; 0 if the modulus is not a power of two. */
 static uint32_t shift_of(uint32_t modulus)
 {
     uint32_t shift = 0;

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file kernel.h
- * @brief Kernel: g(u) = 1 - exp(-u) for u = a |dtheta|, in integers. Private.
+ * Kernel: g(u) = 1 - exp(-u) for u = a |dtheta|, in integers.
  *
- * The plan holds a/ln 2, so that the product is v = u/ln 2 and g = 1 - 2^-v. v is mantissa 2^(-32 - shift) with the
- * top bit set: small travel keeps all its bits.
+ * The plan holds a/ln 2, so v = u/ln 2 and g = 1 - 2^-v. v is mantissa 2^(-32 - shift) with the top bit set: small
+ * travel keeps all its bits.
  * @verbatim
  *   v < 2^-30    g = v ln 2
  *   v < 1/4      g = v P(4 v), P of degree 4
@@ -12,12 +11,11 @@
  *                1 - 2^-y = y P(16 y), P of degree 3
  *   otherwise    1 - g is below 2^-32: g = 1
  * @endverbatim
- * Coefficients: kernel.sollya, in Q32. Their relative error is below 2^-30.6, certified there. The last coefficient
- * has few bits and is multiplied by the upper half of Y only.
+ * Coefficients in Q32: kernel.sollya, which certifies a relative error below 2^-30.6. The last coefficient has few
+ * bits and is multiplied by the upper half of Y only.
  *
- * DAHL_KERNEL_ERROR bounds the relative error of g for every a and every angle, including the product with a.
- * Sollya and Gappa certify it (tests/proof); a test runs all floats for a = 1. g has up to 2 units of 2^-64 in
- * addition, for bristle_update.h.
+ * DAHL_KERNEL_ERROR bounds the relative error of g for every a and angle, including the product with a (Sollya and
+ * Gappa, tests/proof; all floats were run for a = 1). g has up to 2 more units of 2^-64, for bristle_update.h.
  */
 #ifndef DAHL_KERNEL_H
 #define DAHL_KERNEL_H
@@ -56,8 +54,8 @@ static inline uint32_t dahl_horner(uint32_t c, uint32_t Y, uint32_t r)
     return c - dahl_mulhi(Y, r);
 }
 
-/** For 2 <= shift < 32. The 2 units are the rounding that bristle_update.h needs. An OR adds them, except
- * for some g < 2^-31. */
+/** For 2 <= shift < 32. The OR adds the 2 units that bristle_update.h needs for rounding, except for some g <
+ * 2^-31. */
 static inline dahl_q64_t dahl_kernel_small(dahl_scaled_t v)
 {
     uint32_t Y = v.mantissa >> (v.shift - 2);

@@ -1,11 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file prepare.c
- * @brief Convert parameters to a plan.
- *
- * All values are computed in locals, and each word of the plan is written once. If equal parameters are prepared
- * again while a tick reads the plan, no word changes at any moment.
- */
+/** Convert parameters to a plan. Each word of the plan is written once. If equal parameters are prepared again
+ * while a tick reads the plan, no word changes at any moment. */
 #include "check_params.h"
 #include "prepare_table.h"
 

@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file prepare_table.h
- * @brief Table of g from the travel of one count. Private.
+ * Table of g from the travel of one count.
  *
- * For a small travel v = u 2^-n, two terms of the series give the remaining gap exp(-v) = 1 - v + v^2/2. All other
- * entries follow from joining travels in one direction, exp(-(x + y)) = exp(-x) exp(-y). This needs no exponential
- * and no relative error grows. The relative error of every entry is below 2^-32: the series 2^-42, the quotient
- * 2^-37, one unit of Q64 at the start (2^-34 of the smallest travel), and one unit at each join.
+ * For a small travel v = u 2^-n, the series gives the remaining gap exp(-v) = 1 - v + v^2/2. All other entries
+ * follow from joining travels, exp(-(x + y)) = exp(-x) exp(-y), by which no relative error grows. The relative
+ * error of every entry is below 2^-32: the series 2^-42, the quotient 2^-37, one unit of Q64 at the start (2^-34 of
+ * the smallest travel), and one unit at each join.
  *
- * Each prepare function has its own copy of these functions. A firmware with one prepare function gets them
- * inlined.
+ * Each prepare function has its own inlined copy of these functions.
  */
 #ifndef DAHL_PREPARE_TABLE_H
 #define DAHL_PREPARE_TABLE_H
@@ -31,8 +29,8 @@ static inline DAHL_COLD dahl_wide_t dahl_product(uint64_t a, int32_t exponent, d
     return dahl_normalise(high, exponent + b.exponent + 32);
 }
 
-/** Return the gap, in Q64, that remains after travel x and then y. The product is rounded up to the next integer.
- * It therefore stays above 0, and 2^64 - 1, which means no travel, stays unchanged. */
+/** Return the gap, in Q64, that remains after travel x and then y. Rounding up keeps it above 0, and keeps 2^64 -
+ * 1, which means no travel. */
 static inline uint64_t dahl_join(uint64_t after_x, uint64_t after_y)
 {
     return dahl_mulhi64(after_x, after_y) + 1;

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file set_torque.c
- * @brief Set the state to a torque in N m.
- */
+/** Set the state to a torque in N m. */
 #include "bristle_update.h"
 
 /** Return |F|/Fc in Q62, clamped to 1. It is 0 if F is subnormal or if the plan is all zeros. */

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file shortest_move.h
- * @brief Shortest signed move between two readings of a counter that wraps. Private.
- */
+/** Shortest signed move between two readings of a counter that wraps. */
 #ifndef DAHL_SHORTEST_MOVE_H
 #define DAHL_SHORTEST_MOVE_H
 

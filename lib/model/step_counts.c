@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file step_counts.c
- * @brief Tick by counts that returns N m.
- */
+/** Tick by counts that returns N m. */
 #include "bristle_update.h"
 #include "torque.h"
 

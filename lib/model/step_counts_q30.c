@@ -1,13 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file step_counts_q30.c
- * @brief Tick by counts with integers only.
- *
- * It is separate from step_counts.c so that firmware in Q30 links no conversion to float.
- */
+/** Tick by counts with integers only, in its own file, so that firmware in Q30 links no conversion to float. */
 #include "bristle_update.h"
 
-/** A tick without motion moves backward by entry 0, which is 0. All short ticks therefore need the same time. */
+/** A tick without motion moves backward by entry 0, which is 0: all short ticks need the same time. */
 DAHL_WEAK_TICK int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w = (uint64_t)state->w;

@@ -1,10 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file step_large.c
- * @brief Move by many counts, digit by digit: the low three bits, then 8 counts, 16, 32 ...
- *
- * A backward move is the forward move of the complement, because bristle_update.h rounds ~w exactly opposite to w.
- */
+/** Move by many counts, digit by digit: the low three bits, then 8 counts, 16, 32 ... A backward move is the
+ * forward move of the complement, because bristle_update.h rounds ~w exactly opposite to w. */
 #include "bristle_update.h"
 
 #define LOW_DIGITS DAHL_DIRECT_COUNTS_MAX /* values of the low digit: 0 .. 7 */

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file to_units.c
- * @brief Convert a torque ratio to whole units.
+ * Convert a torque ratio to whole units.
  *
  * An offset of 2, the magnitude of the least ratio, makes all numbers unsigned: (ratio + 2) Fc = ratio Fc + 2 Fc.
  */

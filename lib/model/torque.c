@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file torque.c
- * @brief Torque of a state without motion.
- */
+/** Torque of a state without motion. */
 #include "bristle_update.h"
 #include "torque.h"
 

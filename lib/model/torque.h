@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file torque.h
- * @brief Convert a state to N m. Private.
+ * Convert a state to N m.
  *
- * The 32 leading bits of w are multiplied by the mantissa of Fc in integers. The product is rounded once to the 24
- * bits of a float, so small torques keep their relative accuracy. (w as a float times Fc would round twice.) Two
- * truncations cost less than 2 units of 2^-31 of the result. Half a unit is added to the mantissa of Fc to centre
- * them. The total error is 0.5 + 0.008 ulp of the result. Since Fc >= 2^-64 and |w| >= 2^-62, the result is a
- * normal float.
+ * The 32 leading bits of w are multiplied by the mantissa of Fc in integers, and rounded once to the 24 bits of a
+ * float. Small torques thus keep their relative accuracy. Two truncations cost less than 2 units of 2^-31 of the
+ * result; half a unit is added to the mantissa of Fc to centre them. Total error: 0.508 ulp of the result. Since Fc
+ * >= 2^-64 and |w| >= 2^-62, the result is a normal float.
  */
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
@@ -42,7 +40,7 @@ static inline float dahl_torque_from(dahl_real_t Fc, uint64_t w)
     return dahl_float_of(sign | dahl_torque_bits(Fc, s, zeros));
 }
 
-/** The lowest bit of the mantissa of a float is 0, so the OR adds half a unit. A plan of all zeros has no
+/** The OR adds half a unit, since the lowest bit of the mantissa of a float is 0. A plan of all zeros has no
  * torque. */
 static inline float dahl_torque_of(const dahl_plan_t *plan, uint64_t w)
 {

@@ -1,16 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file fault_table.h
- * @brief Fault table: the reaction of the node to each frame, and to missing frames.
+ * Fault table: the reaction of the node to each frame, and to missing frames. The unit test of the node runs each
+ * row, and tools/fault_table.py writes the table into the documentation. The product does not compile it.
  *
- * The table exists once. The unit test of the node runs each row, and tools/fault_table.py writes the table into
- * the documentation. The product does not compile it.
- *
- * Columns: name of the row; frame; counts that increment (members of dahl_node_counts_t); state that Status
- * reports; whether the bristle moves or is kept; whether the node answers. Unless a row says otherwise, frames
- * arrive within the timeout, and counters are relative to the last frame in sequence. Frames out of sequence or too
- * far away are consecutive if each has the counter after the one before. An accepted count ends such a run;
- * repeated, bad and invalid frames do not.
+ * Columns: name; frame; counts that increment (members of dahl_node_counts_t); state in Status; whether the bristle
+ * moves or is kept; whether the node answers. Unless a row says otherwise, frames arrive within the timeout, and
+ * counters are relative to the last frame in sequence. Frames out of sequence or too far away are consecutive if
+ * each has the counter after the one before. An accepted count ends such a run; repeated, bad and invalid frames do
+ * not.
  */
 #ifndef FAULT_TABLE_H
 #define FAULT_TABLE_H

@@ -1,10 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file frames.c
- * @brief Pack and unpack the frames of dahl_frames.h.
- *
- * Packing writes every byte. Unpacking checks the format, then the CRC, and only then reads.
- */
+/** Frames of dahl_frames.h. Packing writes every byte. Unpacking checks the format, then the CRC, then reads. */
 #include "dahl_frames.h"
 
 #include <stddef.h>

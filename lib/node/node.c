@@ -1,20 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file node.c
- * @brief Friction node: frames in, frames out. The interface is dahl_node.h.
+ * Friction node: frames in, frames out. The interface is dahl_node.h.
  *
- * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept() selects the row of the fault
- * table (fault_table.h):
+ * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept() selects the row of
+ * fault_table.h:
  * @verbatim
- *   no starting point (power-on, after a timeout or a bus-off)   handle_start()
- *   same counter as before                                       handle_repeat()
- *   counter step within the allowed gap                          handle_in_sequence()
- *   larger counter step                                          handle_out_of_sequence()
+ *   no starting point                     handle_start()
+ *   same counter as before                handle_repeat()
+ *   counter step within the allowed gap   handle_in_sequence()
+ *   larger counter step                   handle_out_of_sequence()
  * @endverbatim
- * A handler returns true if it wrote an answer. All times are in us, on the clock of the caller, which may wrap.
- *
- * Terms: a node is "primed" if `count` is a valid starting point. To "rearm" is to wait for DAHL_NODE_REARM good
- * frames in a row.
+ * A handler returns true if it wrote an answer. A node is "primed" if `count` is a valid starting point.
  */
 #include "dahl_node.h"
 
@@ -45,7 +41,7 @@ static void clear_errors(dahl_node_t *node)
     node->cleared = tally(&node->counts);
 }
 
-/** Return to the state after power-on, but keep the parameters. */
+/** Return to power-on, but keep the parameters. */
 static void restart(dahl_node_t *node)
 {
     node->bearing = (dahl_state_t){0};
@@ -98,15 +94,15 @@ static uint32_t minimum(uint32_t a, uint32_t b)
     return a < b ? a : b;
 }
 
-/** Return the time [us] since the last accepted count. If the clock went back, return 0. */
+/** Time [us] since the last accepted count; 0 if the clock went back. */
 static uint32_t elapsed_us(const dahl_node_t *node, uint32_t now_us)
 {
     uint32_t elapsed = now_us - node->good_us;
     return elapsed <= INT32_MAX ? elapsed : 0;
 }
 
-/** Return the step of the gain in `elapsed` us, in units of 1/DAHL_NODE_ONE. gain_rest keeps the remainder of the
- * division. Without it, frequent calls would slow down a long ramp. */
+/** Return the step of the gain in `elapsed` us. Without the remainder in gain_rest, frequent calls would slow down
+ * a long ramp. */
 static uint32_t ramp_step(dahl_node_t *node, uint32_t elapsed)
 {
     uint32_t whole = DAHL_NODE_ONE * minimum(elapsed, DAHL_NODE_ONE - 1);
@@ -129,7 +125,6 @@ static void ramp(dahl_node_t *node, uint32_t elapsed)
     node->gain_now += minimum(step, rise) - minimum(step, fall);
 }
 
-/** Return the torque to send for F/Fc in Q30: times gain, clamped to +-limit. */
 static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 {
     int64_t part = (int64_t)torque_q30 * node->gain_now / (int32_t)DAHL_NODE_ONE;
@@ -159,7 +154,6 @@ static bool answer(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint3
     return true;
 }
 
-/** Move the model of this node. Return torque over Fc in Q30. */
 static int32_t step_model(dahl_node_t *node, int32_t dcounts)
 {
     if (node->model == NULL) {
@@ -169,7 +163,6 @@ static int32_t step_model(dahl_node_t *node, int32_t dcounts)
     return node->model->step_q30(node->model, dcounts);
 }
 
-/** Answer, and use the count only as a starting point: a move of 0 counts reads the torque. */
 static bool prime(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
     return answer(node, encoder, now_us, step_model(node, 0), out);
@@ -197,8 +190,8 @@ static bool is_plausible(const dahl_node_t *node, const dahl_encoder_state_t *en
     return size <= most;
 }
 
-/** Count frames in a row that each have the next counter. Return true if there are at least DAHL_NODE_REARM and
- * this one is valid. */
+/** Return true if the shaft can have moved this far: max_step counts for each of `frames` frames of 1 ms, or for
+ * each started ms since the last accepted count, if there are more. */
 static bool confirm_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder)
 {
     if (encoder->counter != ((node->candidate + 1) & 0x0F)) {
@@ -211,8 +204,7 @@ static bool confirm_sequence(dahl_node_t *node, const dahl_encoder_state_t *enco
     return node->good_in_a_row >= DAHL_NODE_REARM && encoder->valid;
 }
 
-/** Handle a counter step outside the allowed gap. If enough frames follow each other, use the count: as a move if
- * MaxStep confirms it, otherwise as a new starting point. */
+/** Return true for a valid frame, if at least DAHL_NODE_REARM frames in a row had the next counter. */
 static bool handle_out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us,
                                    dahl_can_frame_t *out)
 {
@@ -270,14 +262,15 @@ static bool handle_in_sequence(dahl_node_t *node, const dahl_encoder_state_t *en
     return move(node, encoder, now_us, out);
 }
 
-/** Return true during the timeout after a bus-off, and if DAHL_NODE_OFF_MAX bus-offs have latched the node. */
+/** If enough frames follow each other, use the count: as a move if MaxStep confirms it, otherwise as a new starting
+ * point. */
 static bool is_held(const dahl_node_t *node, uint32_t now_us)
 {
     return node->bus_off_count >= DAHL_NODE_OFF_MAX
            || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
 }
 
-/** Return true if the silence ends: enough good frames in a row, none of them while is_held(). */
+/** The timeout after a bus-off runs, or DAHL_NODE_OFF_MAX bus-offs have latched the node. */
 static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us)
 {
     if (is_held(node, now_us)) {
@@ -317,8 +310,7 @@ static bool accept(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint3
     return handle_in_sequence(node, encoder, step, now_us, out);
 }
 
-/** Return true if the frame may be used; otherwise count the error. An error before the starting point restarts the
- * count of good frames. */
+/** The silence ends: enough good frames in a row, none of them while is_held(). */
 static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
 {
     switch (check) {
@@ -339,7 +331,7 @@ static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
     return false;
 }
 
-/** Stop answering until enough good frames arrive. If a ramp is set, the gain restarts at 0. */
+/** Return true if the frame may be used; otherwise count the error. */
 static void fall_silent(dahl_node_t *node)
 {
     node->primed = false;
@@ -361,7 +353,7 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
     fall_silent(node);
 }
 
-/** Keep the age of the last bus-off from wrapping. */
+/** Stop answering until enough good frames arrive. */
 static void check_bus_off_age(dahl_node_t *node, uint32_t now_us)
 {
     if (now_us - node->bus_off_us > INT32_MAX) {
@@ -431,7 +423,7 @@ static uint8_t drop_held(dahl_node_t *node)
     return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
 }
 
-/** Apply all held values at once, between two ticks. */
+/** A member of dahl_node_t: member = raw * scale, low <= raw <= high. */
 static uint8_t apply_held(dahl_node_t *node)
 {
     dahl_plan_t plan;
@@ -502,7 +494,7 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
     if (raw >= 0x1p32f) {
         return UINT32_MAX;
     }
-    uint32_t whole = (uint32_t)raw; /* raw + 0.5 would round twice: from 2^23 on, a float has no halves */
+    uint32_t whole = (uint32_t)raw; /* Apply all held values together. */
     return whole + (raw - (float)whole >= 0.5f ? 1u : 0u);
 }
 

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file node_asymmetric.c
- * @brief Node with asymmetric friction.
- */
+/** Node with asymmetric friction. */
 #include "use_model.h"
 
 static dahl_node_asymmetric_t *asymmetric_of(dahl_node_model_t *model)

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file node_elastoplastic.c
- * @brief Node with elasto-plastic friction.
- */
+/** Node with elasto-plastic friction. */
 #include "use_model.h"
 
 static dahl_node_elastoplastic_t *elastoplastic_of(dahl_node_model_t *model)

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file node_loaded.c
- * @brief Node with friction that scales with a load.
- */
+/** Node with friction that scales with a load. */
 #include "use_model.h"
 
 static dahl_node_loaded_t *loaded_of(dahl_node_model_t *model)

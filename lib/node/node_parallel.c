@@ -1,12 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file node_parallel.c
- * @brief Node with Dahl and slip elements on one shaft.
- *
- * The ratio on the bus is the sum of w_k = F_k/Fc_k times its share Fc_k / sum of Fc. Shares are integer multiples
- * of 2^-62 with the sum 1: if all elements are at Fc, the answer is exactly 1. Error of the ratio: 2^-32 from
- * rounding w to Q31, 2^-31 from rounding the sum, plus the errors of the elements times their shares.
- */
+/** Node with Dahl and slip elements on one shaft. The ratio on the bus is the sum of w_k = F_k/Fc_k times its share
+ * Fc_k / sum of Fc. Shares are integer multiples of 2^-62 with the sum 1: if all elements are at Fc, the answer is
+ * exactly 1. Error: 2^-32 from rounding w to Q31, 2^-31 from rounding the sum, plus the errors of the elements
+ * times their shares. */
 #include "use_model.h"
 
 #define ONE_Q31 (INT64_C(1) << 31)
@@ -84,7 +80,7 @@ static int32_t highest_exponent(const dahl_node_parallel_t *storage)
     return highest;
 }
 
-/** Compute the shares. The slip elements, or else the first Dahl element, get the remainder of the rounding. */
+/** The slip elements, or else the first Dahl element, get the remainder of the rounding. */
 static void distribute_shares(dahl_node_parallel_t *storage)
 {
     const int32_t highest = highest_exponent(storage);

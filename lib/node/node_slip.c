@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file node_slip.c
- * @brief Node with slip elements.
- */
+/** Node with slip elements. */
 #include "use_model.h"
 
 /** The model is the first member of its storage. */

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file use_model.h
- * @brief Common part of the dahl_node_use_... calls. Private.
- */
+/** Common part of the dahl_node_use_... calls. */
 #ifndef DAHL_NODE_USE_MODEL_H
 #define DAHL_NODE_USE_MODEL_H
 

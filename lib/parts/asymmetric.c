@@ -1,19 +1,16 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file asymmetric.c
- * @brief Friction with one Fc for each direction.
- *
- * The state is w = F / larger Fc. Each direction draws w to its own end, Fc_forward or -Fc_backward, by its own g.
- * sigma0 is common to both directions, but the presliding length Fc/sigma0 is not:
+ * Friction with one Fc for each direction. The state is w = F / larger Fc. Each direction draws w to its own end,
+ * Fc_forward or -Fc_backward, by its own g, since the presliding length Fc/sigma0 differs:
  * @verbatim
  *     z = end - s w        w += s z g         z in Q30, rounded, as in ../model/bristle_update.h
  * @endverbatim
  *
  * @par Range
- * If z is rounded up, w passes the end by less than 2^31, and the next z is 0. A w further beyond an end is out of
- * range. At 2^31 beyond end_forward, it is out of range too, because Q30 would show more than the end. For every w
- * in range, z as an unsigned word is at most the sum of both ends plus a unit or two. For every other w except this
- * one, z is larger than the sum of the upper words of both ends.
+ * If z is rounded up, w passes the end by less than 2^31, and the next z is 0. A w further beyond is out of range.
+ * At exactly 2^31 beyond end_forward it is out of range too, because Q30 would show more than the end. In range, z
+ * as an unsigned word is at most the sum of both ends plus a unit or two. Otherwise, except in this one case, it is
+ * larger than the sum of their upper words.
  */
 #include "../model/bristle_update.h"
 #include "../model/check_params.h"
@@ -74,15 +71,14 @@ static DAHL_COLD DAHL_OUT_OF_LINE uint64_t asymmetric_large(const dahl_asymmetri
                        : step_forward_by(plan->forward, plan->end_forward, w, (uint32_t)dcounts);
 }
 
-/** Return the largest z that proves that w is in range. If z is larger, w is out of range or near the other end;
- * the large move decides. */
+/** A z up to this proves that w is in range. A larger z is out of range or near the other end; the large move
+ * decides. */
 static inline uint32_t max_sure_gap(const dahl_asymmetric_plan_t *plan)
 {
     return (uint32_t)(plan->end_forward >> 32) + (uint32_t)(plan->end_backward >> 32);
 }
 
-/** Return true for the only w out of range whose z is in range: 2^31 beyond the end, where a half is rounded up to
- * z = 0. */
+/** The only w out of range whose z is in range: 2^31 beyond the end, where a half is rounded up to z = 0. */
 static inline int is_past_end_forward(const dahl_asymmetric_plan_t *plan, uint64_t w)
 {
     return gap_forward(plan, w) == 0 && (uint32_t)(plan->end_forward - w) == DAHL_TOP_BIT;

@@ -1,16 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file clamped.c
- * @brief Load that scales Fc only.
- *
- * sigma0 is constant, so the presliding length c Fc/sigma0 changes with the load c, and no table of g by counts is
+ * Load that scales Fc only. The presliding length c Fc/sigma0 changes with the load c, so no table by counts is
  * valid. A tick is by angle, with g(u/c) from the kernel:
  * @verbatim
  *     clamp |F| to c Fc        z = c - s w        w += s z g(u/c)        w = F/Fc, z in Q30
  * @endverbatim
- * If the load falls, F is clamped to c Fc; if it grows, F is kept. Neither increases the stored energy F^2/(2
- * sigma0). As in ../model/bristle_update.h, a z that is rounded up passes the end by at most 2^31, and the next z
- * is 0. A w that Q30 shows as the end is therefore not clamped.
+ * If the load falls, F is clamped to c Fc; if it grows, F is kept. Neither increases the energy F^2/(2 sigma0). A z
+ * that is rounded up passes the end by at most 2^31, as in ../model/bristle_update.h. A w that Q30 shows as the end
+ * is therefore not clamped.
  */
 #include "../model/bristle_update.h"
 #include "../model/kernel.h"
@@ -19,8 +16,7 @@
 
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
 
-/** Clamp any w (Q62, relative to Fc) to the load. Up to half a unit of Q30 beyond the load is allowed: it reads as
- * the load in Q30. */
+/** Clamp any w to the load. Up to half a unit of Q30 beyond it is allowed, which reads as the load. */
 static uint64_t clamp_to_load(uint64_t w, uint32_t load)
 {
     const int64_t most = (int64_t)((uint64_t)load << 32 | (DAHL_TOP_BIT - 1));
@@ -34,7 +30,7 @@ static uint64_t clamp_to_load(uint64_t w, uint32_t load)
 }
 
 /** Return 1/x in Q31, for x in Q32 and 1/2 <= x < 1. Newton's method from the line 48/17 - 32/17 x, whose error is
- * at most 1/17. Three steps square it to 2^-32. With the truncations the result is within 2 units. */
+ * at most 1/17; three steps square it to 2^-32. With the truncations the result is within 2 units. */
 static uint32_t reciprocal(uint32_t x)
 {
     uint32_t y = 1768515945u - dahl_mulhi(x, 4042322161u); /* modulo 2, since the result is below 2 */

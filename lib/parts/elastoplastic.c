@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file elastoplastic.c
- * @brief Elasto-plastic element of Dupont, over space.
+ * Elasto-plastic element of Dupont, over space.
  *
  * In the direction of travel let x = s w, and let b be the breakaway:
  * @verbatim
@@ -19,8 +18,8 @@
 
 #define COARSE_BITS 5 /* the travel of a count is in Q62; if it is 2 or more, in Q57 */
 
-/** Return x = b + (1 - b) g(kappa travel), for travel > 0 beyond b in units. Uses the 32 leading bits of travel,
- * plus half a bit that centres the truncation. */
+/** Return x = b + (1 - b) g(kappa travel), for travel > 0 beyond b: its 32 leading bits, plus half a bit to centre
+ * the truncation. */
 static DAHL_OUT_OF_LINE uint64_t plastic_position(const dahl_elastoplastic_plan_t *plan, uint64_t travel)
 {
     const uint32_t kappa = plan->plastic.a_mantissa;
@@ -63,8 +62,7 @@ static inline uint64_t in_direction(uint64_t w, int32_t dcounts)
     return dcounts < 0 ? 0u - w : w;
 }
 
-/** Move until x is beyond b. Two steps of counts_max counts suffice from any x, since each travels 1 to 2. Return
- * the remaining counts. */
+/** Move until x is beyond b, which at most two steps of counts_max counts reach. Return the remaining counts. */
 static uint32_t leave_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t *x, uint32_t remaining)
 {
     if (plan->counts_max == 0) {
@@ -85,8 +83,7 @@ static inline int is_past_end(uint64_t x)
     return (uint32_t)(x >> 32) + DAHL_ONE_Q30 >= DAHL_TOP_BIT;
 }
 
-/** Handle a move that starts elastic, if it has more counts than the table has entries, or if w may be out of
- * range. */
+/** A move that starts elastic, if it has more counts than the table, or if w may be out of range. */
 static DAHL_COLD DAHL_OUT_OF_LINE int32_t elastoplastic_large(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
                                                               int32_t dcounts)
 {
@@ -151,7 +148,7 @@ static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_
 }
 
 /** Write the travel u of one count, rounded to a unit, and its multiples below 2, up to 8 counts. A u of 64 or more
- * counts as 32 to 64, which also reaches saturation. As in prepare.c, each word of the plan is written once. */
+ * counts as 32 to 64, which saturates too. As in prepare.c, each word is written once. */
 static DAHL_COLD void write_travel(dahl_elastoplastic_plan_t *plan, dahl_wide_t u)
 {
     uint64_t half_units = u.mantissa;

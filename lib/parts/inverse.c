@@ -1,16 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file inverse.c
- * @brief Counts from a torque, without a logarithm.
+ * Counts from a torque, without a logarithm.
  *
- * Let d = Fc - F be the gap in the direction of travel. n counts leave d exp(-n u). The binary digits of n, highest
+ * Let d = Fc - F be the gap in the direction of travel; n counts leave d exp(-n u). The binary digits of n, highest
  * first, are those that leave more than the gap of the target. A real move applies its digits in the opposite order
- * and rounds differently. The digits therefore give a guess, which is usually right, and real moves decide. Real
- * moves also clamp a state out of range, for which the guess is arbitrary.
+ * and rounds differently. The digits therefore give a guess, usually right, and real moves decide. They also clamp
+ * a state out of range, for which the guess is arbitrary.
  *
- * Two moves from one state have an error of E = 2^-31 + 2^-62/u <= 7e-10 of Fc each (docs/accuracy.md). The exact
- * torque of a shorter move is below that of a longer one. The returned torque is below it except for 2 E, which is
- * DAHL_INVERSE_ERROR.
+ * Each move has an error of E = 2^-31 + 2^-62/u <= 7e-10 of Fc (docs/accuracy.md). The exact torque of a shorter
+ * move is below that of a longer one, so the returned torque is below it except for 2 E = DAHL_INVERSE_ERROR.
  */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
@@ -20,7 +18,7 @@
 #define COUNTS_MAX UINT32_C(0x7fffffff)
 #define TOP_DIGIT 30
 
-/** Start and target of the search. The target is an ordered torque (order_of) in the direction of travel. */
+/** Start and target. Torques are ordered (order_of) in the direction of travel. */
 typedef struct {
     const dahl_plan_t *plan;
     dahl_state_t state;
@@ -28,7 +26,7 @@ typedef struct {
     int32_t target;
 } dahl_search_t;
 
-/** Return an integer in the order of the floats: the next float is one more, and -F gives the negative. */
+/** Map floats to integers in the same order. -F gives the negative. */
 static int32_t order_of(float F)
 {
     uint32_t bits = dahl_bits_of(F), magnitude = bits & DAHL_BITS_MAGNITUDE;
@@ -42,15 +40,14 @@ static int reaches(const dahl_search_t *search, uint32_t counts)
     return search->direction * order_of(F) >= search->target;
 }
 
-/** Return the gap from the torque of the state to Fc, in units of 2^-30 of the last bit of the mantissa of Fc. */
+/** Return the gap of the state, in units of 2^-30 of the last bit of the mantissa of Fc. */
 static uint64_t gap_of_state(const dahl_search_t *search)
 {
     uint64_t w = (uint64_t)search->state.w, gap = DAHL_ONE_Q62 - (search->direction < 0 ? 0u - w : w);
     return dahl_mul_fraction(search->plan->Fc_mantissa, (uint32_t)(gap >> 32), (uint32_t)gap);
 }
 
-/** Return the same gap for the least torque that rounds to the target: half-way between the float before and the
- * target. */
+/** Return the gap of the least torque that rounds to the target: half-way from the float before. */
 static uint64_t gap_of_target(const dahl_search_t *search)
 {
     uint32_t before = (uint32_t)(search->target > 0 ? search->target - 1 : -search->target);
@@ -90,8 +87,8 @@ static uint32_t limit_step(uint32_t step, uint32_t below, uint32_t above)
     return step < half ? step : half;
 }
 
-/** Return counts that reach the target although one count less does not, or more than COUNTS_MAX. The steps from
- * the guess grow until two moves enclose the result; then they halve the distance. */
+/** Return counts that reach the target although one less does not, or more than COUNTS_MAX. The steps from the
+ * guess grow until two moves enclose the result; then they halve the distance. */
 static uint32_t search_counts(const dahl_search_t *search, uint32_t guess)
 {
     uint32_t below = 0, above = COUNTS_MAX + 1, probe = guess;

@@ -1,12 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file loaded.c
- * @brief Load that scales Fc and sigma0.
- *
- * The presliding length is constant, and so is the table of g. If the load c falls, the bristle keeps its
- * deflection: w is kept and F falls with c. If it grows, F is kept: w *= c_before/c_now. Neither increases the
- * stored energy F^2/(2 c sigma0). The product is truncated, so rounding does not increase it either.
- */
+/** Load that scales Fc and sigma0, so the presliding length and the table of g are constant. If the load c falls, w
+ * is kept and F falls with c. If it grows, F is kept: w *= c_before/c_now. Neither increases the energy F^2/(2 c
+ * sigma0), nor does rounding, since the product is truncated. */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
@@ -14,9 +9,9 @@
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
 #define MIN_EXPONENT (-64 - 31) /* exponent of Fc = 2^-64 N m as a real */
 
-/** Return 2^46/now rounded down, in at most 16 bits, for 2^30 <= now < 2^31. Two steps of Newton's method, which
- * end below the exact value. The first guess is linear in the upper bits of now and has an error of at most 1/12.
- * The steps reduce it to 1/141 and 1/20000. */
+/** Return 2^46/now rounded down, in at most 16 bits, for 2^30 <= now < 2^31. The first guess is linear in the upper
+ * bits of now, with an error of at most 1/12. Two steps of Newton's method reduce it to 1/141 and 1/20000; they end
+ * below the exact value. */
 static inline uint32_t reciprocal_of(uint32_t now)
 {
     uint32_t upper = (now >> 15) + 1, r = 95493u - upper; /* Q16, and Q15 of 1 .. 2 */
@@ -24,8 +19,8 @@ static inline uint32_t reciprocal_of(uint32_t now)
     return r * ((0u - upper * r) >> 16) >> 15;
 }
 
-/** Return the next 32 bits of dividend/divisor, in digits of 8 bits. The remainder times the reciprocal gives a digit,
- * or one less. The remainder therefore stays below 2 divisor, in 32 bits. */
+/** Return the next 32 bits of dividend/divisor, in digits of 8 bits. The reciprocal gives a digit or one less, so
+ * the remainder stays below 2 divisor, in 32 bits. */
 static inline uint32_t divide_word(uint32_t *dividend, uint32_t divisor, uint32_t reciprocal)
 {
     uint32_t word = 0, remainder = *dividend;
@@ -59,7 +54,7 @@ static inline uint32_t clamp_load(uint32_t load_q30)
     return load_q30 < LOAD_MAX ? load_q30 : LOAD_MAX;
 }
 
-/** Return c Fc, truncated, for a load that is not 0. If the load is 1, it is the value that dahl_torque() uses. */
+/** Return c Fc, truncated, for c > 0. If c is 1, it is the value that dahl_torque() uses. */
 static inline dahl_real_t loaded_Fc(const dahl_plan_t *plan, uint32_t load)
 {
     uint32_t zeros = dahl_leading_zeros(load);
@@ -69,8 +64,7 @@ static inline dahl_real_t loaded_Fc(const dahl_plan_t *plan, uint32_t load)
     return Fc;
 }
 
-/** Return true if the torque is below 2^-32 of c Fc. Since c Fc >= 2^-94 N m, any larger torque is a normal
- * float. */
+/** Below 2^-32 of c Fc. Since c Fc >= 2^-94 N m, any larger torque is a normal float. */
 static int is_small(int64_t w)
 {
     return -((int64_t)1 << 30) < w && w < (int64_t)1 << 30;

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file parallel.c
- * @brief Any mix of elements on one shaft, in N m.
+ * Any mix of elements on one shaft, in N m.
  *
  * Torques are added before the sum is rounded to a float. The exponent of the sum is that of the largest Fc so far,
- * plus spare bits for the number of parts. A torque of a smaller exponent is shifted right towards 0, so the
- * opposite motion gives the opposite sum. Fc w has 62 bits. A unit of the sum is thus 2^-62 of the largest Fc,
- * times the number of parts or at most twice that.
+ * plus spare bits for the number of parts. A smaller torque is shifted right towards 0, so the opposite motion
+ * gives the opposite sum. Fc w has 62 bits: a unit of the sum is 2^-62 of the largest Fc, times at most twice the
+ * number of parts.
  */
 #include "dahl_parts.h"
 
@@ -28,7 +27,7 @@ static uint64_t scale_down(uint64_t torque, uint32_t bits)
     return torque >> 63 ? 0u - dahl_shift_right(0u - torque, bits) : dahl_shift_right(torque, bits);
 }
 
-/** Return the sum plus Fc w, for w in Q62. A plan of all zeros has an Fc of 0 and is ignored. */
+/** A plan of all zeros has an Fc of 0 and is ignored. */
 static inline sum_t add_torque(sum_t sum, dahl_real_t Fc, uint64_t w, uint32_t spare)
 {
     if (Fc.exponent > sum.exponent && Fc.mantissa != 0) {

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file parallel_q30.c
- * @brief Any mix of elements on one shaft, relative to the sum of Fc.
+ * Any mix of elements on one shaft, relative to the sum of Fc.
  *
  * F / sum of Fc = sum of share_k w_k, with share_k in Q31 (parallel_shares.c) and w_k in Q30. The shares are
  * negative, and so is the sum until the last line.

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file parallel_shares.c
- * @brief Share of each part in the sum of Fc: share_k = Fc_k / sum of Fc, in Q31.
+ * Share of each part in the sum of Fc: share_k = Fc_k / sum of Fc, in Q31. The division is done once, so that a
+ * tick only multiplies and adds.
  *
- * The division is done once, so that a tick only multiplies and adds. Each share is the difference of two rounded
- * running sums. Its error is below 2^-31, and all shares together are exactly 1: all parts at Fc give 2^30. Shares
- * are negative, since -2^31, which is the whole, fits in a word, but 2^31 does not.
+ * Each share is the difference of two rounded running sums. Its error is below 2^-31, and all shares together are
+ * exactly 1. Shares are negative, since -2^31, which is the whole, fits in a word.
  */
 #include "part.h"
 #include "shift.h"

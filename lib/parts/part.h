@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file part.h
- * @brief Access to the Fc of a part. Private.
- */
+/** Access to the Fc of a part. */
 #ifndef DAHL_PART_H
 #define DAHL_PART_H
 

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file part_move.c
- * @brief Dahl element as a part of a mix.
- */
+/** Dahl element as a part of a mix. */
 #include "../arith/compiler.h"
 #include "dahl_parts.h"
 

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file shift.h
- * @brief 64-bit shift by a variable from two words, without a helper function on small cores. Private.
- */
+/** 64-bit shift by a variable from two words, without a helper function on small cores. */
 #ifndef DAHL_SHIFT_H
 #define DAHL_SHIFT_H
 

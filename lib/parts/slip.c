@@ -1,13 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file slip.c
- * @brief Slip elements.
- *
- * The deflection of an element is an integer x, and one count is 2^shift units. A move is therefore exact: x += n
- * 2^shift, clamped to +-limit. Only two values are rounded, once each: the limit, Fc/(sigma0 theta_per_count)
- * 2^shift units in 31 bits, and the weight of a unit in the torque. All errors are thus errors of parameters and
- * never grow.
- */
+/** Slip elements. The deflection is an integer x, and one count is 2^shift units. A move is therefore exact: x += n
+ * 2^shift, clamped to +-limit. Two values are rounded, once each: the limit, Fc/(sigma0 theta_per_count) 2^shift
+ * units in 31 bits, and the weight of a unit in the torque. All errors are thus errors of parameters and never
+ * grow. */
 #include "dahl_parts.h"
 
 #include "../model/bristle_update.h"
@@ -24,7 +19,7 @@ static dahl_real_t real_of(float x)
 }
 
 /** Write the limit and return the shift, from 1/u = Fc/(sigma0 theta_per_count), the counts from rest to slipping;
- * 2^-20 < 1/u <= 2^30. Floats have mantissas of 24 bits, so only the last rounding is inexact. */
+ * 2^-20 < 1/u <= 2^30. Only the last rounding is inexact. */
 static DAHL_COLD uint32_t write_limit(uint32_t *limit, const dahl_params_t *params)
 {
     const dahl_real_t sigma0 = real_of(params->sigma0), Fc = real_of(params->Fc), theta = real_of(params->theta_per_count);
@@ -42,9 +37,9 @@ static DAHL_COLD uint32_t write_limit(uint32_t *limit, const dahl_params_t *para
     return (uint32_t)(31 - exponent);
 }
 
-/** Plan under construction. Fc is in units of 2^exponent. The remainder is the share of an element minus its weight
- * times limit. One array for each member, since compilers replace a copy of whole elements by memcpy, which a bare
- * link does not have. */
+/** Plan under construction. Fc is in units of 2^exponent. The remainder is the share of an element minus weight
+ * times limit. Each member has its own array, since compilers replace a copy of whole elements by memcpy, which a
+ * bare link does not have. */
 typedef struct {
     uint32_t limit[DAHL_SLIP_MAX];
     uint32_t weight[DAHL_SLIP_MAX];
@@ -72,8 +67,7 @@ static DAHL_COLD void sum_Fc(draft_t *draft, const dahl_slip_params_t *params, u
     }
 }
 
-/** The torque of an element at its limit is weight times limit. The weight is truncated, which leaves a
- * remainder. */
+/** The torque of an element at its limit is weight times limit. Truncating the weight leaves a remainder. */
 static DAHL_COLD void set_weight(draft_t *draft, uint32_t k)
 {
     const uint32_t limit = draft->limit[k];
@@ -98,8 +92,8 @@ static DAHL_COLD uint32_t largest_deficit(const draft_t *draft, uint32_t element
     return found;
 }
 
-/** Give the remainders to the elements with the largest deficit. All elements at their limits then give the sum of
- * Fc. */
+/** Give the remainders to the elements with the largest deficit, so that all elements at their limits give the sum
+ * of Fc. */
 static DAHL_COLD void distribute_remainders(draft_t *draft, uint32_t elements)
 {
     int64_t remainders = 0;
@@ -115,7 +109,7 @@ static DAHL_COLD void distribute_remainders(draft_t *draft, uint32_t elements)
     }
 }
 
-/** Write each word once, as in prepare.c. The sum of Fc is rounded up to 32 bits, which centres the truncation in
+/** Write each word once, as in prepare.c. Rounding the sum of Fc up to 32 bits centres the truncation in
  * torque.h. */
 static DAHL_COLD void write_plan(dahl_slip_plan_t *plan, const draft_t *draft, uint32_t elements)
 {
@@ -179,8 +173,8 @@ DAHL_COLD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan, const dahl_slip_p
     return (dahl_err_t)err;
 }
 
-/** Return the distance to the limit in direction s, 0 .. 2 limit. If x is beyond a limit, use that limit instead.
- * Only the rare branch computes the sign of x, which saves one instruction for each element. */
+/** Return the distance to the limit in direction s, 0 .. 2 limit, with x clamped. Only the rare branch computes the
+ * sign of x, which saves one instruction for each element. */
 static inline DAHL_ALWAYS_INLINE uint32_t distance_to_limit(uint32_t limit, int32_t x, uint32_t s)
 {
     uint32_t distance = dahl_opaque(limit - s * (uint32_t)x);

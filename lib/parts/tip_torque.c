@@ -1,11 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file tip_torque.c
- * @brief Torque at the tips of the steady loop of a constant stroke.
- *
- * Each half of the loop closes the fraction g of the gap from one tip to Fc of the other side. Hence tip = -tip +
- * (1 + tip) g, or tip = g/(2 - g) = tanh(u/2), with u the travel of the stroke.
- */
+/** Torque at the tips of the steady loop of a constant stroke. Each half of the loop closes the fraction g of the
+ * gap from one tip to Fc of the other side. Hence tip = -tip + (1 + tip) g, or tip = g/(2 - g) = tanh(u/2), with u
+ * the travel of the stroke. */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"

@@ -1,12 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file velocity.c
- * @brief Friction that depends on speed: an odd table over the counts per tick.
- *
- * The table is linear between its values and constant beyond its end. A value is an integer multiple of 2^-30 of
- * the largest one, so interpolation needs one product. Error: half a unit at a value of the table, one and a half
- * units between two values, plus the rounding in torque.h.
- */
+/** Friction that depends on speed: an odd table over the counts per tick, linear between its values and constant
+ * beyond its end. A value is an integer multiple of 2^-30 of the largest one, so interpolation needs one product.
+ * Error: half a unit at a value, one and a half between two values, plus the rounding in torque.h. */
 #include "../model/torque.h"
 #include "dahl_parts.h"
 

@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file work.c
- * @brief Work of a bearing.
- *
- * In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw. Hence
+ * Work of a bearing. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw.
+ * Hence
  * @verbatim
  *     work = Fc |dtheta| - (Fc^2/sigma0) s (w_after - w_before)
  * @endverbatim
  * Two sums of integers are enough: the counts travelled, and the path of w in the direction of travel, which is
- * never negative. Each tick adds to them exactly the change of the state; only reading them rounds. 96 and 128 bits
- * hold 2^63 ticks.
+ * never negative. Each tick adds exactly the change of the state; only reading rounds. 96 and 128 bits hold 2^63
+ * ticks.
  */
 #include "../arith/fixed.h"
 #include "dahl_parts.h"

@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file work_step.c
- * @brief Ticks that add up the work, in the sums of work_sums.h.
- */
+/** Ticks that add up the work, in the sums of work_sums.h. */
 #include "../arith/compiler.h"
 #include "../model/bristle_update.h"
 #include "work_sums.h"

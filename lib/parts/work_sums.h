@@ -1,8 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/**
- * @file work_sums.h
- * @brief The two sums for the work of a bearing. Private.
- */
+/** The two sums for the work of a bearing. */
 #ifndef DAHL_WORK_SUMS_H
 #define DAHL_WORK_SUMS_H
 
