@@ -52,7 +52,6 @@ typedef struct {
     int32_t exponent;
 } dahl_wide_t;
 
-/** Convert the bits of a normal positive float to a real. */
 static inline dahl_real_t dahl_real_of(uint32_t bits)
 {
     dahl_real_t r;
@@ -101,7 +100,6 @@ static inline uint32_t dahl_leading_zeros(uint32_t x)
 }
 #endif
 
-/** Convert mantissa 2^exponent to a wide, for mantissa > 0. */
 static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent)
 {
     dahl_wide_t r;
@@ -116,7 +114,6 @@ static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent)
 
 /* The following functions are out of line (mul_div64.c, ratio.c): for parameters, not for a tick. */
 
-/** Return the upper half of a 64 x 64 bit product, truncated. */
 uint64_t dahl_mulhi64(uint64_t a, uint64_t b);
 
 /** Return numerator/denominator in Q63, truncated, in (2^62, 2^64). The top bits of both must be set. */

@@ -71,7 +71,6 @@ static inline uint64_t dahl_batch_move_large(const dahl_plan_t *plan, uint64_t w
     return dahl_batch_gap(gap);
 }
 
-/** Move forward by `size` counts. */
 static inline uint64_t dahl_batch_move(const dahl_plan_t *plan, uint64_t w, uint32_t size)
 {
     return DAHL_LIKELY(size <= DAHL_DIRECT_COUNTS_MAX) ? dahl_batch_gap(dahl_batch_shrink(dahl_batch_gap(w), plan->g[size]))

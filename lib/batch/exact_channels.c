@@ -54,7 +54,6 @@ DAHL_INLINE uint64_t pair(dahl_q64_t g)
     return ((uint64_t)g.lo << 32) + g.hi;
 }
 
-/** Fills chunk->g of some rows. */
 typedef void (*gather_t)(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows);
 
 DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)

@@ -68,7 +68,7 @@ DAHL_INLINE double dahl_g_any(double x)
     return copysign((uint32_t)k == 0u ? g : 1.0 - power.value * (1.0 - g), x); /* k = 0: a difference could cancel */
 }
 
-/** A move of the input: its value, 0 for NaN, and a measure of its size. The measure of NaN is the largest. */
+/** A move of the input: its value, 0 for NaN, and a measure of its size, largest for NaN. */
 typedef double (*dahl_value_t)(const void *moves, size_t i);
 typedef uint32_t (*dahl_measure_t)(const void *moves, size_t i);
 
@@ -100,7 +100,6 @@ DAHL_INLINE double dahl_number_of_angle(const void *moves, size_t i)
     return (double)((const float *)moves)[i];
 }
 
-/** Called once per call: each block leaves a state in range. */
 DAHL_INLINE void dahl_clamp_state(dahl_state_t *state)
 {
     state->w = (int64_t)dahl_clamp((uint64_t)state->w);

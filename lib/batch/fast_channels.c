@@ -61,7 +61,6 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
     }
 }
 
-/** Processes the ticks of a block. */
 typedef void (*steps_t)(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last);
 
 DAHL_INLINE void step_up_to(uint32_t most, chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last,
@@ -89,7 +88,6 @@ DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, siz
 }
 
 #ifdef DAHL_AVX512
-/** Step up to eight channels of one row. */
 DAHL_WIDE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
                           float *F)
 {

@@ -86,7 +86,6 @@ DAHL_INLINE void join_one(const block_t *block, lanes_t *lanes)
     lanes->x[0] = x;
 }
 
-/** The same for all lanes at once, so that no lane waits for its previous step. */
 DAHL_INLINE void join_all(const block_t *block, lanes_t *lanes)
 {
     for (size_t i = 0; i < GROUPS; i++) {
@@ -161,7 +160,6 @@ DAHL_INLINE void add_dahl(block_t *block, dahl_throughput_element_t *element, co
     }
 }
 
-/** Read the moves of a group, their sum, and the extremes of the partial sums. */
 DAHL_INLINE void start_group(block_t *block, size_t i, const int32_t *dcounts)
 {
     double d = 0.0, back = 0.0, ahead = 0.0;
@@ -221,7 +219,6 @@ DAHL_INLINE void run_block(block_t *block, const job_t *job, const int32_t *dcou
     end_block(block, F);
 }
 
-/** The last ticks are padded to a block with ticks without motion. */
 DAHL_INLINE void run_elements(const job_t *job)
 {
     block_t block = {0};

@@ -15,7 +15,6 @@ static int is_torque(double x)
     return x >= (double)DAHL_TORQUE_MIN && x < (double)DAHL_TORQUE_MAX;
 }
 
-/** Return a normal positive double as mantissa 2^exponent. */
 static dahl_wide_t wide_of(double x)
 {
     dahl_double_t as;

@@ -51,7 +51,6 @@ DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, 
     }
 }
 
-/** Return d at the end of the block. */
 DAHL_INLINE double join_groups(scan_t *scan)
 {
     double d = 0.0;
@@ -62,7 +61,6 @@ DAHL_INLINE double join_groups(scan_t *scan)
     return d;
 }
 
-/** Do steps 1 and 2 of the block that starts at tick n, from w0. */
 DAHL_INLINE void scan_block(scan_t *scan, const dahl_throughput_scale_t *scale, double w0, const void *moves, size_t n,
                             dahl_value_t value, dahl_value_t number, dahl_measure_t measure)
 {

@@ -17,13 +17,12 @@
 
 #ifdef DAHL_AVX512
 
-#define DAHL_LANES 8 /* doubles in a register, and ticks in each lane */
+#define DAHL_LANES 8 /* doubles in a register, ticks in a lane */
 #define DAHL_TILES 8 /* tiles in a block */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
 #define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
 #define DAHL_NAN_CLASS 0x81 /* quiet and signalling NaN for fpclass */
 
-/** The element at the start of a block. */
 typedef struct {
     __m512d table[2]; /* g of 0 .. 15 counts */
     __m512d a, w0, Fc, F0;
@@ -36,7 +35,6 @@ typedef struct {
 
 /** Computes g of two ticks per lane, with the sign of the move. */
 typedef void (*dahl_tile_g_t)(const dahl_tile_element_t *element, __m512i pair, __m512d g[2]);
-/** Kernels of fast.h, for eight travels at a time. */
 typedef __m512d (*dahl_tile_kernel_t)(__m512d x);
 
 DAHL_WIDE __m512d dahl_tile_all(double x)
@@ -157,7 +155,6 @@ DAHL_WIDE void dahl_tile_make_maps(dahl_tiles_t *tiles, int t, const dahl_tile_e
     }
 }
 
-/** Join the map (e, c) to that of the ticks before it. */
 DAHL_WIDE void dahl_tile_join(__m512d *before_e, __m512d *before_c, __m512d e, __m512d c)
 {
     *before_c = e * *before_c + c;
@@ -216,7 +213,6 @@ DAHL_WIDE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_t
     return _mm512_permutexvar_pd(_mm512_set1_epi64(DAHL_LANES - 1), ends);
 }
 
-/** Write g of 0 .. 15 counts. */
 DAHL_WIDE void dahl_tiles_table(double a, double table[DAHL_TABLE_ENTRIES])
 {
     const __m512d counts = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
@@ -233,7 +229,6 @@ typedef struct {
     float *F;
 } dahl_tile_job_t;
 
-/** Return d at the end of the block. */
 DAHL_WIDE double dahl_tiles_run(const dahl_tile_job_t *job, dahl_tile_g_t g_of)
 {
     const dahl_throughput_scale_t *scale = job->scale;

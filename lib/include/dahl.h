@@ -3,9 +3,10 @@
  * @file dahl.h
  * @brief Friction torque by Dahl's model, exact at every encoder tick.
  *
- * Use this header to compute the friction of a bearing, gear or seal from encoder counts or from
- * angles. Call dahl_prepare() once at start-up. Then call dahl_step_counts(),
- * dahl_step_counts_q30() or dahl_step() in every tick.
+ * Use it to compute the friction of a bearing, gear or seal from encoder counts or angles. Call
+ * dahl_prepare() once at start-up, then one of the step functions in every tick. Costs are
+ * instructions on Cortex-M3, and within a few percent on M4; docs/microcontroller.md has other
+ * cores.
  *
  * @verbatim
  * USE
@@ -17,7 +18,7 @@
  * @endverbatim
  *
  * @par Sign
- * F has the sign of the motion. The bearing acts on the shaft with -F. Feed-forward compensation
+ * F has the sign of the motion. The bearing acts on the shaft with -F; feed-forward compensation
  * adds +F.
  *
  * @par Guarantee
@@ -40,18 +41,16 @@
  *   w = F/Fc, a = sigma0/Fc [1/rad], travel u = a |dtheta| in direction s = +-1
  *   w += (s - w) g(u),    g(u) = 1 - exp(-u)          exact for one tick     (Eqs. 7, 18, 27)
  * @endverbatim
- * Time does not appear: the torque depends only on the path of theta. The presliding length is 1/a;
- * travel u is measured in it.
+ * The torque depends only on the path of theta, not on time. The presliding length is 1/a.
  *
  * @par Limit: a reversal within one sample is invisible
- * If the shaft moves +3 and -2 counts between two samples, the encoder shows +1. The two paths
- * leave different torques. The difference is at most 2 Fc g(hidden travel). Feed each edge, or
- * sample faster than the shaft can reverse by one count. A lost sample causes no error unless it
- * hid a reversal.
+ * If the shaft moves +3 and -2 counts between two samples, the encoder shows +1. The torques of the
+ * two paths differ by up to 2 Fc g(hidden travel). Feed each edge, or sample faster than the shaft
+ * can reverse by one count. A lost sample causes no error unless it hid a reversal.
  *
  * @par Threads
- * A plan is read-only for all calls except dahl_prepare(), so callers may share it. A state belongs
- * to one caller: one call at a time. The main program must not use a state that an interrupt steps.
+ * Only dahl_prepare() writes a plan, so callers may share it. A state belongs to one caller: one
+ * call at a time. The main program must not use a state that an interrupt steps.
  *
  * @par Change parameters while ticks run (examples/change_parameters)
  * -# Keep two plans.
@@ -60,26 +59,25 @@
  * -# The main program must not prepare again before the tick has switched.
  *
  * dahl_prepare() may also rewrite a plan that a tick reads, if the parameters are equal to the
- * current ones. It writes each word once, with the value that the word already has. With other
- * parameters, the tick could read a mix of old and new words.
+ * current ones: it writes each word once, with the same value. With other parameters, the tick
+ * could read a mix of old and new words.
  *
  * @par States
  * Every call first clamps the state to the range of its element and plan. Any bits are therefore a
- * safe state, even after memory corruption or use by another element. No call returns a torque
- * beyond the limits of its element.
+ * safe state, and no call returns a torque beyond the limits of its element.
  *
  * @par Power cycle
  * Store dahl_torque() with a checksum and restore it with dahl_set_torque(). Do not store the bytes
- * of the state: with one wrong bit they are usually still in range, but the torque may have the
- * wrong sign.
+ * of the state: with a wrong bit they are usually still in range, but the torque may have the wrong
+ * sign.
  *
  * @par Failure
  * Only dahl_prepare() can fail; all other calls accept every input. A plan of all zeros (never
  * prepared, or rejected) moves nothing, and every torque in N m is 0.
  *
  * @par Related headers
- * dahl_float.h has the textbook form with a float exponential. dahl_batch.h processes long logs on
- * a host. Each is a separate library (dahl::float, dahl::batch), compiled only on request.
+ * dahl_float.h (textbook form with a float exponential) and dahl_batch.h (long logs on a host) are
+ * separate libraries, dahl::float and dahl::batch.
  */
 #ifndef DAHL_H
 #define DAHL_H
@@ -88,13 +86,9 @@
 
 /** @name Version */
 /** @{ */
-/** First number. */
 #define DAHL_VERSION_MAJOR 0
-/** Second number. */
 #define DAHL_VERSION_MINOR 2
-/** Third number. */
 #define DAHL_VERSION_PATCH 0
-/** All three. */
 #define DAHL_VERSION "0.2.0"
 /** @} */
 
@@ -104,15 +98,14 @@
  * zero.
  */
 /** @{ */
-/** [ulp of Fc] Torque error of a state that was moved by counts only. */
+/** [ulp of Fc] Torque error if the state was moved by counts only. */
 #define DAHL_ULP_COUNTS 0.52
-/** [ulp of Fc] Torque error of a state that dahl_step() has moved. */
+/** [ulp of Fc] Torque error if dahl_step() has moved the state. */
 #define DAHL_ULP_ANGLE 0.6
-/** [1] Error of F/Fc of dahl_step_counts_q30(), if the state was moved by counts only. If a count
- * travels 4e-8 or more, the error is 9.4e-10. */
+/** [1] Q30 error of F/Fc if the state was moved by counts only; 9.4e-10 if a count travels 4e-8 or
+ * more. */
 #define DAHL_ERROR_Q30 1.21e-9
-/** [1] 2^-30, exact: F/Fc = DAHL_Q30 * result of a Q30 call. Convert the result to double to keep
- * all its bits. */
+/** [1] 2^-30, exact: F/Fc = DAHL_Q30 * (double)result keeps all bits of a Q30 result. */
 #define DAHL_Q30 9.313225746154785e-10f
 /** @} */
 
@@ -161,8 +154,8 @@ typedef struct {
     uint32_t lo; /**< lower 32 bits */
 } dahl_q64_t;
 
-/** All values that dahl_prepare() derives from the parameters; may be `const` in flash. Integers
- * only: the bits are equal on every machine. */
+/** Values that dahl_prepare() derives from the parameters. Integers only: equal bits on every
+ * machine; may be `const` in flash. */
 typedef struct {
     uint32_t a_mantissa;  /**< sigma0/(Fc ln 2) = a_mantissa 2^a_exponent [1/rad]; top bit set */
     int32_t a_exponent;   /**< exponent of a_mantissa */
@@ -182,26 +175,24 @@ typedef struct {
 /**
  * Prepare a plan from parameters. Call it at start-up.
  *
- * @param[out] plan   plan to write, a valid pointer; unchanged if the call fails
- * @param[in]  params parameters, a valid pointer
- * @return #DAHL_OK, or the reason of the rejection: #DAHL_ERR_PARAM or #DAHL_ERR_RANGE
- * @note Cost: 3000 instructions on Cortex-M3.
+ * @param[out] plan   plan to write; unchanged if the call fails
+ * @param params parameters; both pointers must be valid
+ * @return #DAHL_OK, or why a parameter is rejected
+ * @note Cost: 3000.
  */
 DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *params);
 
 /**
- * Move by encoder counts and return the torque.
+ * Move by encoder counts and return the torque (Eqs. 7, 18, 27).
  *
- * @param[in]     plan    prepared plan
- * @param[in,out] state   state to move; 0 counts leave it bit-identical
- * @param[in]     dcounts [counts] signed move, any int32_t including INT32_MIN
+ * @param plan    prepared plan
+ * @param state   state to move; 0 counts leave it bit-identical
+ * @param dcounts [counts] signed move, any int32_t including INT32_MIN
  * @return F [N m], -Fc .. Fc, rounded once
  * @note Error: #DAHL_ULP_COUNTS ulp of Fc. Small motions keep their relative accuracy: after n
  *   ticks from rest with a total travel of U presliding lengths, the error is at most 0.52 ulp of F
  *   plus Fc (2^-31 U + 2^-62 n).
- * @note Cost on Cortex-M3 and M4: 39 instructions for up to 8 counts, about 15 more for each
- *   further binary digit. For other cores see docs/microcontroller.md.
- * @note Equations 7, 18 and 27, as one recursion.
+ * @note Cost: 39 for up to 8 counts, about 15 more for each further binary digit.
  */
 float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
@@ -209,108 +200,102 @@ float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dco
  * Move by encoder counts and return the torque as a fraction of Fc. Integers only: no float and no
  * compiler helper function.
  *
- * @param[in]     plan    prepared plan
- * @param[in,out] state   state to move, as in dahl_step_counts()
- * @param[in]     dcounts [counts] signed move, any int32_t
+ * @param plan    prepared plan
+ * @param state   state to move; 0 counts leave it bit-identical
+ * @param dcounts [counts] signed move, any int32_t
  * @return F/Fc in Q30, -2^30 .. 2^30, a half rounded up
  * @note Error: #DAHL_ERROR_Q30, or 5.8e-9 if dahl_step() has moved the state.
- * @note Cost on Cortex-M3 and M4 for -8 .. 8 counts: 15 to 19 instructions with the assembly tick
- *   of the core, 20 at a reversal from +-Fc, 23 with the C code.
+ * @note Cost for up to 8 counts: 15 to 19 in assembly, 20 at a reversal from +-Fc, 23 in C.
  */
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /**
- * Convert a torque ratio to whole units, so that torques can be added as integers. The unit is your
- * choice: uN m, mN m, or counts of the drive current. No float, no division, no overflow.
+ * Convert a torque ratio to whole units of your choice (uN m, mN m, counts of the drive current),
+ * so that torques can be added as integers. No float, no division, no overflow.
  *
- * @param[in] ratio_q30 torque ratio from a Q30 call of dahl.h or dahl_parts.h, any int32_t
- * @param[in] Fc_units  [your unit] torque to which the ratio refers (Fc, the sum of Fc, or the
- *   largest torque), 0 .. 2^30; larger values count as 2^30
+ * @param ratio_q30 result of a Q30 call, any int32_t
+ * @param Fc_units  [your unit] torque of the ratio 1 (Fc, the sum of Fc, or the largest torque), 0
+ *   .. 2^30; a larger value counts as 2^30
  * @return [your unit] ratio_q30 2^-30 Fc_units, rounded to nearest, a half rounded up
- * @note Error, relative to the exact ratio times Fc_units: half a unit plus #DAHL_ERROR_Q30 (or the
- *   bound of the other call) times Fc_units. Example: 0.501 units for Fc = 0.5 N m in uN m.
- *   Rounding Fc itself to an integer adds at most half a unit.
+ * @note Error: half a unit plus the error of the ratio times Fc_units; 0.501 units for Fc = 0.5 N m
+ *   in uN m. Rounding Fc itself to an integer adds at most half a unit.
  * @note If the unit is coarse, give Fc in 1/16 of it and round the sum of all torques as (sum + 8)
  *   >> 4. A shift alone rounds down, by half a unit on average.
- * @note Cost: 11 instructions on Cortex-M3 and M4, 41 on M0.
+ * @note Cost: 11; 41 on Cortex-M0.
  */
 int32_t dahl_to_units(int32_t ratio_q30, uint32_t Fc_units);
 
 /**
- * Move by an angle and return the torque.
+ * Move by an angle and return the torque (Eqs. 7, 18, 27).
  *
- * @param[in]     plan   prepared plan
- * @param[in,out] state  state to move
- * @param[in]     dtheta [rad] signed move. If it is NaN or +-0, the state is unchanged. If it is
- *   +-Inf, the torque saturates at +-Fc.
+ * @param plan   prepared plan
+ * @param state  state to move
+ * @param dtheta [rad] signed move. If it is NaN or +-0, the state is unchanged. If it is +-Inf, the
+ *   torque saturates at +-Fc.
  * @return F [N m], -Fc .. Fc
  * @note Error: #DAHL_ULP_ANGLE ulp of Fc for the floats fed. The bound holds forever if each travel
  *   u is at least 2^-30, otherwise for 2^31 ticks. A subnormal dtheta, or a travel u below 2^-65,
  *   counts as no motion.
- * @note Cost: 100 instructions on Cortex-M3 and M4. g(u) is a polynomial and a table of 16 words,
- *   without libm.
- * @note Equations 7, 18 and 27, as one recursion.
+ * @note Cost: 100. g(u) is a polynomial and a table of 16 words, without libm.
  */
 float dahl_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta);
 
 /**
  * Return the torque without motion.
- *
- * @param[in] plan  prepared plan
- * @param[in] state state to read
+ * @param plan  prepared plan
+ * @param state state to read
  * @return F [N m], -Fc .. Fc
- * @note Cost: 37 instructions on Cortex-M3.
+ * @note Cost: 37.
  */
 float dahl_torque(const dahl_plan_t *plan, const dahl_state_t *state);
 
 /**
  * Check that a state is in range, as every call of this header leaves it. A state out of range
- * shows memory corruption. A wrong bit that leaves w in range is not detected.
+ * shows memory corruption; a wrong bit within the range is not detected.
  *
- * @param[in] state state to check
+ * @param state state to check
  * @return 1 if the state is in range, 0 if the next call would clamp it
- * @note Cost: 8 instructions on Cortex-M3.
+ * @note Cost: 8.
  */
 int dahl_state_ok(const dahl_state_t *state);
 
 /**
  * Set the state to a torque.
  *
- * @param[in]     plan  prepared plan
- * @param[in,out] state state to set
- * @param[in]     F     [N m] torque, clamped to +-Fc. If it is NaN, the state keeps its torque.
+ * @param plan  prepared plan
+ * @param state state to set
+ * @param F     [N m] torque, clamped to +-Fc. If it is NaN, the state keeps its torque.
  * @note If |F| >= 2^-36 Fc, dahl_torque() then returns the same float.
- * @note Cost: at most 710 instructions on Cortex-M3.
+ * @note Cost: at most 710.
  */
 void dahl_set_torque(const dahl_plan_t *plan, dahl_state_t *state, float F);
 
 /**
  * Switch a state from one plan to another. Call it between two ticks.
  *
- * The torque stays the same if the new parameters can hold it. If sigma0_to < sigma0_from, the
- * bristle keeps its deflection: the torque is scaled by sigma0_to/sigma0_from. In both cases it is
- * clamped to the new Fc. The stored energy F^2/(2 sigma0) therefore never grows.
+ * The torque is kept, clamped to the new Fc. If the new sigma0 is smaller, the bristle keeps its
+ * deflection instead: the torque is first scaled by sigma0_to/sigma0_from. The stored energy F^2/(2
+ * sigma0) therefore never grows.
  *
- * @param[in]     from  plan used so far
- * @param[in]     to    plan to use from now on
- * @param[in,out] state state to convert
+ * @param from  plan used so far
+ * @param to    plan to use from now on
+ * @param state state to convert
  * @note Error of the new F, for any two plans: 2^-30 of F itself plus 2^-62 of the new Fc. The
- *   earlier error of F in N m stays; it is more ulp if Fc becomes smaller.
- * @note Cost: at most 1716 instructions on Cortex-M3.
+ *   earlier error in N m stays, which is more ulp of a smaller Fc.
+ * @note Cost: at most 1716.
  */
 void dahl_change_plan(const dahl_plan_t *from, const dahl_plan_t *to, dahl_state_t *state);
 
 /**
  * Return the shortest signed move between two readings of a counter that wraps. dahl_encoder.h also
- * stores the last reading.
+ * keeps the last reading.
  *
- * @param[in] before  [counts] earlier reading, modulo `modulus`
- * @param[in] now     [counts] later reading, modulo `modulus`
- * @param[in] modulus number of values of the reading (often not the counts per turn): 65536 for a
- *   16-bit timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder
+ * @param before  [counts] earlier reading, modulo `modulus`
+ * @param now     [counts] later reading, modulo `modulus`
+ * @param modulus number of values of the reading: 65536 for a 16-bit timer, 0 for a 32-bit timer,
+ *   the counts per turn for an absolute encoder
  * @return [counts] move, -modulus/2 <= result < modulus/2; half a modulus counts as negative
- * @note Cost: 19 instructions on Cortex-M3. On a core without a divider, a reading that is not
- *   below the modulus costs more.
+ * @note Cost: 19. Without a divider, a reading that is not below the modulus costs more.
  */
 int32_t dahl_counts_between(uint32_t before, uint32_t now, uint32_t modulus);
 

@@ -3,17 +3,16 @@
  * @file dahl_batch.h
  * @brief Process long logs on a host: n ticks in, n torques out.
  *
- * Use the exact calls (dahl_batch_...) for the bits of single steps. Use the throughput calls
- * (dahl_throughput_...) if speed matters more than identical bits; the error bounds are the same.
+ * Use dahl_batch_... for the bits of single steps. Use dahl_throughput_... if speed matters more;
+ * the error bounds are the same.
  *
  * All calls write F [N m] and advance the states by n ticks. They allocate no memory. Arrays must
- * not overlap. If n or the number of channels is 0, a call does nothing. As in dahl.h, every call
- * first clamps its states, so any bits are safe. Each file is linked only if a program calls it.
+ * not overlap. If n or the number of channels is 0, a call does nothing. States are clamped first,
+ * as in dahl.h. Each file is linked only if a program calls it.
  *
  * @par Channels
- * The calls with `channels` process many trajectories, tick after tick. The move t of channel c is
- * at [t * channels + c], and so is its torque. plans[c], params[c] and states[c] belong to channel
- * c.
+ * Many trajectories, tick after tick: move and torque t of channel c are at [t * channels + c];
+ * plans[c], params[c] and states[c] belong to it.
  */
 #ifndef DAHL_BATCH_H
 #define DAHL_BATCH_H
@@ -76,13 +75,12 @@ void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcount
 
 /**
  * @name Throughput
- * The same recurrence in double, with the vectors of the processor. The bits depend on these
- * vectors. The error bound does not grow with n: #DAHL_ULP_COUNTS ulp of Fc by counts. By angle it
- * is the same if each |u| is 0 or at least 2^-30.
+ * The same recurrence in double, with vectors; the bits depend on the processor. Error for any n:
+ * #DAHL_ULP_COUNTS ulp of Fc by counts, and by angle if each |u| is 0 or at least 2^-30.
  *
  * There is no plan: parameters are double, with the limits and error codes of dahl_prepare(). If a
- * call fails, it writes nothing. NaN moves by angle count as no motion; infinite ones saturate. The
- * state is that of the exact form. An optimized build uses 16 KiB of stack.
+ * call fails, it writes nothing. A NaN angle is no motion; an infinite one saturates. States are
+ * those of the exact form. Stack, if optimized: 16 KiB.
  */
 /** @{ */
 

@@ -3,12 +3,12 @@
  * @file dahl_can_bus.h
  * @brief Interface between a node and a CAN bus.
  *
- * Use this header to write a driver for a bus. A bus delivers every frame to every member in one
- * order, including the sender: own frames return from receive() with #DAHL_CAN_FRAME_OWN set. One
- * reader therefore sees the whole bus, and a log of receive() is complete.
+ * Use it to write a driver for a bus. A bus delivers every frame to every member in one order,
+ * including the sender: own frames return from receive() with #DAHL_CAN_FRAME_OWN set. A log of
+ * receive() is therefore complete.
  *
- * Each bus in port/ implements this interface in its own folder; a firmware adds its own. The
- * choice is made at link time, not by the preprocessor.
+ * Each folder of port/ with a bus implements this interface. The linker chooses, not the
+ * preprocessor.
  */
 #ifndef DAHL_CAN_BUS_H
 #define DAHL_CAN_BUS_H
@@ -92,7 +92,7 @@ struct dahl_can_bus {
     dahl_can_bus_counts_t counts;  /**< counts since open */
 };
 
-/** Return true if the own controller reports bus-off. Such a frame was not on the bus. */
+/** Return true if the own controller reports bus-off. */
 static inline bool dahl_can_is_bus_off(const dahl_can_frame_t *frame)
 {
     return (frame->flags & DAHL_CAN_FRAME_ERROR) != 0 && (frame->id & DAHL_CAN_ERROR_BUS_OFF) != 0;

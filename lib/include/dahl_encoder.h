@@ -3,7 +3,7 @@
  * @file dahl_encoder.h
  * @brief Convert the readings of an encoder counter to the counts of each tick.
  *
- * Use this header if the counter wraps, counts against the positive direction, or may jump.
+ * Use it if the counter wraps, counts backward, or may jump.
  *
  * @verbatim
  * USE
@@ -17,10 +17,9 @@
  * timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder or a timer that reloads.
  *
  * @par Jumps
- * A move larger than largest_step is rejected as a jump. Its cause is a counter reset by the index
- * pulse, or a corrupted reading. A jump counts as no motion and increments `jumps`. The next move
- * starts at the new reading. A jump is therefore never integrated, but the real motion of that tick
- * is lost.
+ * A move larger than largest_step is rejected as a jump, for example a reset by the index pulse or
+ * a corrupted reading. It counts as no motion and increments `jumps`. The next move starts at the
+ * new reading, so only the real motion of that tick is lost.
  *
  * docs/encoder.md covers quadrature, index pulses, velocities, and angles as float.
  */
@@ -29,9 +28,8 @@
 
 #include "dahl.h"
 
-/** Linkage of an inline function. Each caller compiles it into its own code. The library also has
- * it as `extern inline`, for other languages. With gnu89 inline rules, the keywords have the
- * opposite meaning of C99. */
+/** Linkage of an inline function. The library also has it as `extern inline`, for other languages.
+ * Under gnu89 rules, the keywords have the opposite meaning. */
 #if defined(__GNUC_GNU_INLINE__) && !defined(__cplusplus)
 #define DAHL_ENCODER_INLINE extern inline
 #elif !defined(DAHL_ENCODER_INLINE)
@@ -59,36 +57,34 @@ typedef struct {
 /**
  * Describe the counter.
  * @param[out] encoder      encoder to initialize; unchanged if the call fails
- * @param[in]  modulus      number of values of the reading; 0: 2^32
- * @param[in]  sign         +1, or -1 if the counter counts down while the shaft turns forward
- * @param[in]  largest_step [counts] largest move of the shaft between two readings; 0: no limit
+ * @param modulus      number of values of the reading; 0: 2^32
+ * @param sign         +1, or -1 if the counter counts down while the shaft turns forward
+ * @param largest_step [counts] largest move of the shaft between two readings; 0: no limit
  * @return #DAHL_OK; #DAHL_ERR_PARAM if sign is neither +1 nor -1; #DAHL_ERR_RANGE if modulus is 1
- *   or 2 (two values show no direction), or if largest_step >= modulus/2. The half is exact: for a
- *   modulus of 11, a largest_step of 5 is accepted.
+ *   or 2 (two values show no direction), or if largest_step >= modulus/2. The half is exact: for
+ *   modulus 11, largest_step 5 is accepted.
  */
 DAHL_NODISCARD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign,
                                             uint32_t largest_step);
 
 /**
  * Set the starting point of the next move, if the counter was set without motion, as by homing.
- * @param[in,out] encoder encoder
- * @param[in]     reading [counts] present reading
+ * @param encoder encoder
+ * @param reading [counts] present reading
  */
 void dahl_encoder_home(dahl_encoder_t *encoder, uint32_t reading);
 
-/** Handle the moves that dahl_encoder_move() does not compute inline: the first one, one of
- * largest_step or more, and all moves if the modulus is not a power of two. Call
- * dahl_encoder_move() instead. */
+/** Moves that dahl_encoder_move() does not compute inline: the first, one of largest_step or more,
+ * and all if the modulus is not a power of two. Call dahl_encoder_move() instead. */
 int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
 
 /**
  * Return the counts since the last reading, by the shortest way.
- * @param[in,out] encoder encoder
- * @param[in]     reading [counts] present reading, modulo the modulus
+ * @param encoder encoder
+ * @param reading [counts] present reading, modulo the modulus
  * @return [counts] signed move; half a modulus counts as negative. 0 for the first reading, for a
  *   jump, and if the encoder is not initialized.
- * @note Cost on Cortex-M, inline: 11 instructions if the modulus is a power of two, as for every
- *   16-bit or 32-bit timer.
+ * @note Cost: 11, inline, if the modulus is a power of two, as for a 16-bit or 32-bit timer.
  */
 DAHL_ENCODER_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
 {

@@ -3,17 +3,16 @@
  * @file dahl_float.h
  * @brief Textbook form of Dahl's model: a float exponential and a branch at each reversal.
  *
- * Use it to read, to teach and to cross-check; use dahl.h in a product. It solves Eq. 1 from the
- * last reversal (Eqs. 7, 18, 27). It needs libm (expm1f), and float hardware to be fast. Other
- * implementations of libm give other bits.
+ * Use it to read, teach and cross-check. It solves Eq. 1 from the last reversal (Eqs. 7, 18, 27).
+ * It needs libm (expm1f), whose bits differ between platforms, and float hardware to be fast.
  *
  * @par Error of F
  * With E = #DAHL_FLOAT_ERROR of Fc, each reversal adds an error that decays with travel:
  * @verbatim
  *   E (1 + sum over past reversals of exp(-travel u since the reversal))
  * @endverbatim
- * Sweeps have an error of 1 E or 2 E. Repeated moves of 2 counts forward and 1 back, at u = 1e-6
- * per count, reach 6e5 E. The integer form in dahl.h has no such term.
+ * Sweeps have 1 E or 2 E. Moves of 2 counts forward and 1 back, at u = 1e-6 per count, reach 6e5 E.
+ * dahl.h has no such term.
  *
  * Without a reversal the error stays E for any number of steps, because travel is summed in
  * integers:

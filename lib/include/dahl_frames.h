@@ -3,8 +3,8 @@
  * @file dahl_frames.h
  * @brief CAN frames of a friction node: pack, unpack and check.
  *
- * Use this header to exchange frames with a node. dahl.dbc describes the same frames; a test
- * compares both bit by bit.
+ * Use it to exchange frames with a node. dahl.dbc describes the same frames; a test compares both
+ * bit by bit.
  *
  * All frames have 8 bytes, little endian, and an 11-bit id with the node number n = 0 .. 15 in the
  * low 4 bits:
@@ -21,10 +21,9 @@
  * @endverbatim
  *
  * @par Protection
- * AUTOSAR E2E profile 2. Byte 0 is CRC-8 (polynomial 0x2F) over bytes 1 .. 7 and one byte of the
- * data id list. The 4-bit counter in the low half of byte 1 selects this byte: (kind << 4) |
- * counter. The CRC detects every single and double bit error. Of the 41,664 triples it misses 48,
- * each with bits of the counter.
+ * AUTOSAR E2E profile 2. Byte 0 is CRC-8 (polynomial 0x2F) over bytes 1 .. 7 and a data id, (kind
+ * << 4) | counter. The 4-bit counter is in the low half of byte 1. The CRC detects every single and
+ * double bit error. Of the 41,664 triples it misses 48, each with bits of the counter.
  *
  * @par Cost
  * One table look-up per byte. No division, no float, no loop of more than 8 turns.
@@ -154,9 +153,9 @@ enum {
     DAHL_FRAMES_MODEL_PARALLEL = 32       /**< plus the number of elements, 1 .. 8 */
 };
 
-/** Kinds of ParamWrite. Sigma0, Fc and ThetaPerCount have a common range (dahl_prepare()), and a
- * change of one changes the torque. To change several, write all but the last with HOLD and the
- * last with WRITE. They apply together or not at all: a rejected write drops the held values. */
+/** Kinds of ParamWrite. To change several of Sigma0, Fc and ThetaPerCount, write all but the last
+ * with HOLD and the last with WRITE. They apply together or not at all: a rejected write drops the
+ * held values. */
 enum {
     DAHL_FRAMES_PARAM_READ = 0,  /**< reply only */
     DAHL_FRAMES_PARAM_WRITE = 1, /**< apply at once, with the held values */
@@ -201,8 +200,7 @@ typedef struct {
 
 /**
  * @name Pack
- * Write a frame of node 0 .. 15; higher bits of the number are ignored. Flags and time of the frame
- * are set to 0.
+ * Write a frame of node 0 .. 15; higher bits are ignored. Flags and time are set to 0.
  */
 /** @{ */
 /** Pack EncoderState. */

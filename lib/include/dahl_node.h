@@ -3,9 +3,9 @@
  * @file dahl_node.h
  * @brief Friction node on a CAN bus: encoder frames in, torque frames out.
  *
- * Use this header to answer each encoder count on a bus with the friction torque. The firmware and
- * the simulation link the same file. There is no I/O, no heap and no operating system. Only reading
- * or writing a parameter uses float.
+ * Use it to answer each encoder count on a bus with the friction torque. Firmware and simulation
+ * link the same file. There is no I/O, heap or operating system, and no float except to read or
+ * write a parameter.
  *
  * @verbatim
  *   static dahl_node_t node;
@@ -15,29 +15,27 @@
  * @endverbatim
  *
  * @par Answer
- * The node answers each accepted EncoderState once, with a FrictionTorque for the torque after this
- * count. The value is gain * F/Fc, clamped to limit. With a gain and a limit of 1, as after
- * dahl_node_init(), it has the bits of the library. The count is absolute, so a lost frame does not
- * lose travel.
+ * The node answers each accepted EncoderState once, with the FrictionTorque after this count: gain
+ * F/Fc, clamped to limit. With a gain and a limit of 1, as after dahl_node_init(), it has the bits
+ * of the library. The count is absolute, so a lost frame loses no travel.
  *
  * @par Faults
- * lib/node/fault_table.h is the only list of faults. For each kind of frame it states the counter
- * that increments, the state in Status, whether the bristle moves, and whether the node answers.
- * - Timeout: #DAHL_NODE_TIMEOUT_US, unless parameter Timeout was written. Status shows it. After
- *   the timeout, Status reports STALE at once. A bus-off has the same effect without the wait.
+ * lib/node/fault_table.h states the reaction to each frame: counter, state in Status, motion of the
+ * bristle, answer.
+ * - Timeout: DAHL_NODE_TIMEOUT_US, unless parameter Timeout was written. Then Status reports STALE
+ *   at once; on bus-off, without the wait.
  * - Torque during STALE: 0, because the node sends no answer. If a ramp is set, the gain restarts
  *   at 0.
  * - Recovery: the third good frame in a row ends the silence. Its count is the new starting point.
- *   After a bus-off, the node starts to count good frames only after one timeout. The fourth
- *   bus-off without an answer in between latches the node until a Reset with Restart.
- * - If the node keeps the bristle and yet answers, the count is a new starting point. Counts that
- *   passed unseen are never integrated, so a jump of the encoder cannot become a torque.
+ *   After a bus-off, good frames count only after one timeout. The fourth bus-off without an answer
+ *   in between latches the node until a Reset with Restart.
+ * - If the node answers but keeps the bristle, the count is a new starting point: a jump of the
+ *   encoder cannot become a torque.
  * - A receiver must set the torque to 0 if no FrictionTorque arrives for 3 periods.
  *
  * @par MaxStep
- * A limit in counts per ms. A count is rejected as too far away if it exceeds MaxStep for each
- * started ms since the last accepted count. In sequence, each step of the counter counts as at
- * least one ms.
+ * A count is rejected as too far away if it exceeds MaxStep counts for each started ms since the
+ * last accepted count. In sequence, each step of the counter counts as at least one ms.
  *
  * @par Limit: late frames
  * The sequence counter has 4 bits. A frame that is 13 to 15 periods late looks like one ahead and
@@ -45,19 +43,18 @@
  * it moves the bristle.
  *
  * @par Interrupts and threads
- * There is no lock, and each call writes the node. Calls for one node must not overlap. If a
- * receive interrupt calls dahl_node_receive() and the main program calls dahl_node_tick(), the main
- * program must mask that interrupt. It must also read the clock while the interrupt is masked:
+ * There is no lock, so calls for one node must not overlap. If a receive interrupt calls
+ * dahl_node_receive() and the main program calls dahl_node_tick(), the main program must mask that
+ * interrupt, and read the clock while it is masked:
  * @verbatim
  *   mask(); due = dahl_node_tick(&node, clock_us(), &out); unmask(); if (due) { send(&out); }
  * @endverbatim
- * The same rule holds for dahl_node_bus_off(), the dahl_node_use_... calls and all code that
- * accesses a member of the node. No mask is needed if the interrupt only queues frames and the main
- * program makes all calls. No call waits, and two nodes share no data.
+ * The same holds for all other calls and all code that accesses a member of the node. No mask is
+ * needed if the interrupt only queues frames. No call waits, and two nodes share no data.
  *
  * @par Driver
- * From dahl_can_bus.h the node uses only dahl_can_frame_t and its flags. Any driver can fill in id,
- * flags, length and data. The node does not read time_us.
+ * The node needs only dahl_can_frame_t and its flags from dahl_can_bus.h. Any driver can fill in
+ * id, flags, length and data; time_us is not read.
  */
 #ifndef DAHL_NODE_H
 #define DAHL_NODE_H
@@ -74,15 +71,15 @@
 extern "C" {
 #endif
 
-/** [us] Default timeout: 100 frames. The 4-bit counter alone would show a gap only modulo 16. */
+/** [us] Default timeout: 100 frames. The 4-bit counter shows a gap only modulo 16. */
 #define DAHL_NODE_TIMEOUT_US 100000u
 /** [us] Default period of Status. */
 #define DAHL_NODE_STATUS_US 100000u
 /** Largest counter step that is used without a MaxStep: two frames missing. */
 #define DAHL_NODE_GAP_MAX 3u
-/** Largest counter step that is used with a MaxStep. Larger steps look like late frames. */
+/** The same with a MaxStep. Larger steps look like late frames. */
 #define DAHL_NODE_GAP_MAX_STEP 8u
-/** Good frames in a row that make a new starting point, out of sequence or after a timeout. */
+/** Good frames in a row that make a new starting point. */
 #define DAHL_NODE_REARM 3u
 /** Bus-offs without an answer in between that latch the node. */
 #define DAHL_NODE_OFF_MAX 4u
@@ -168,8 +165,8 @@ typedef struct {
 /**
  * Initialize a node: relaxed, before the first frame.
  * @param[out] node   node to write; unchanged if the call fails
- * @param[in]  params parameters of the Dahl element
- * @param[in]  number node number 0 .. 15; higher bits are ignored
+ * @param params parameters of the Dahl element
+ * @param number node number 0 .. 15; higher bits are ignored
  * @return as dahl_prepare()
  */
 DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params,
@@ -177,19 +174,18 @@ DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t 
 
 /**
  * @name Other models (dahl_parts.h)
- * Call dahl_node_use_... after dahl_node_init(). The node then answers with this model, from its
- * relaxed state. The second argument stores plan and state; it must live as long as the node.
- * Parameter Model returns the model. Fc, Sigma0 and ThetaPerCount return the values stated below;
- * writing them is rejected with OutOfRange. If a call fails, it returns the error of the prepare
- * function and changes nothing. A model that a program does not call is not linked.
+ * Call one after dahl_node_init(). The node then answers with this relaxed model. The storage must
+ * live as long as the node. Parameter Model returns the model; writing Fc, Sigma0 or ThetaPerCount
+ * is rejected with OutOfRange. If a call fails, it returns the error of the prepare function and
+ * changes nothing. A model that is not called is not linked.
  */
 /** @{ */
 
-/** Storage of dahl_node_use_slip(). */
+/** Storage; model must be first. */
 typedef struct {
-    dahl_node_model_t model; /**< must be first */
-    dahl_slip_plan_t plan;   /**< plan */
-    dahl_slip_state_t state; /**< state */
+    dahl_node_model_t model;
+    dahl_slip_plan_t plan;
+    dahl_slip_state_t state;
 } dahl_node_slip_t;
 
 /** Use slip elements. The answer is a fraction of the sum of Fc. Fc and Sigma0 return their
@@ -197,11 +193,11 @@ typedef struct {
 DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip,
                                              const dahl_slip_params_t *params);
 
-/** Storage of dahl_node_use_asymmetric(). */
+/** Storage; model must be first. */
 typedef struct {
-    dahl_node_model_t model;     /**< must be first */
-    dahl_asymmetric_plan_t plan; /**< plan */
-    dahl_state_t state;          /**< state */
+    dahl_node_model_t model;
+    dahl_asymmetric_plan_t plan;
+    dahl_state_t state;
 } dahl_node_asymmetric_t;
 
 /** Use asymmetric friction. The answer is a fraction of the larger Fc, which Fc returns. */
@@ -209,11 +205,11 @@ DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node,
                                                    dahl_node_asymmetric_t *storage,
                                                    const dahl_asymmetric_params_t *params);
 
-/** Storage of dahl_node_use_elastoplastic(). */
+/** Storage; model must be first. */
 typedef struct {
-    dahl_node_model_t model;        /**< must be first */
-    dahl_elastoplastic_plan_t plan; /**< plan */
-    dahl_state_t state;             /**< state */
+    dahl_node_model_t model;
+    dahl_elastoplastic_plan_t plan;
+    dahl_state_t state;
 } dahl_node_elastoplastic_t;
 
 /** Use elasto-plastic friction, without creep below breakaway. */
@@ -221,15 +217,15 @@ DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node,
                                                       dahl_node_elastoplastic_t *storage,
                                                       const dahl_params_t *params, float breakaway);
 
-/** Storage of dahl_node_use_loaded(). */
+/** Storage; model must be first. */
 typedef struct {
-    dahl_node_model_t model;   /**< must be first */
-    dahl_plan_t plan;          /**< plan */
-    dahl_loaded_state_t state; /**< state */
+    dahl_node_model_t model;
+    dahl_plan_t plan;
+    dahl_loaded_state_t state;
 } dahl_node_loaded_t;
 
-/** Use friction whose Fc and sigma0 scale with parameter Load, 0 .. 1. Load is 1 after
- * dahl_node_init(). params are those at load 1, and the answer is a fraction of their Fc. */
+/** Use friction whose Fc and sigma0 scale with parameter Load, 0 .. 1, which starts at 1. params
+ * are those at load 1; the answer is a fraction of their Fc. */
 DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *storage,
                                                const dahl_params_t *params);
 
@@ -242,9 +238,9 @@ typedef struct {
     float Fc[DAHL_SLIP_MAX];     /**< [N m] Coulomb torque of each element */
 } dahl_node_parallel_params_t;
 
-/** Storage of dahl_node_use_parallel(). */
+/** Storage; model must be first. */
 typedef struct {
-    dahl_node_model_t model;           /**< must be first */
+    dahl_node_model_t model;
     uint32_t bearings;                 /**< number of Dahl elements */
     dahl_slip_plan_t slip;             /**< plan of the slip elements */
     dahl_slip_state_t slip_state;      /**< state of the slip elements */
@@ -255,38 +251,35 @@ typedef struct {
 } dahl_node_parallel_t;
 
 /** Use Dahl and slip elements on one shaft. The answer is a fraction of the sum of Fc. Fc and
- * Sigma0 return their sums. Error: 1e-9 plus that of the elements. The call needs 3 KiB of
- * stack. */
+ * Sigma0 return their sums. Error: 1e-9 plus that of the elements. Stack: 3 KiB. */
 DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage,
                                                  const dahl_node_parallel_params_t *params);
 /** @} */
 
 /**
- * Report that the controller went bus-off, if the driver does not deliver this as an error frame.
- * @param[in,out] node   node
- * @param[in]     now_us [us] time, as in dahl_node_receive()
+ * Report a bus-off that the driver does not deliver as an error frame.
+ * @param node   node
+ * @param now_us [us] time
  */
 void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);
 
 /**
- * Process one received frame of any kind.
- * @param[in,out] node   node
- * @param[in]     in     received frame
- * @param[in]     now_us [us] time on a clock that may wrap but must not go back between calls. Use
- *   one clock for all calls of a node.
- * @param[out]    out    answer
+ * Process a received frame of any kind.
+ * @param node   node
+ * @param in     received frame
+ * @param now_us [us] time; one clock for all calls, which may wrap but must not go back
+ * @param[out] out    answer
  * @return true if `out` must be sent at once
  */
 bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us,
                        dahl_can_frame_t *out);
 
 /**
- * Check the timeout and the period of Status. Call it about every millisecond: a timeout is
- * detected at the next tick or good frame. After more than 35 minutes without a tick, an age may
- * appear too short.
- * @param[in,out] node   node
- * @param[in]     now_us [us] time, as in dahl_node_receive()
- * @param[out]    out    Status frame
+ * Check the timeout and the period of Status, about every millisecond. A timeout is detected at the
+ * next tick or good frame. After 35 minutes without a tick, an age may appear too short.
+ * @param node   node
+ * @param now_us [us] time
+ * @param[out] out    Status frame
  * @return true if `out` must be sent; the first call returns true
  */
 bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out);

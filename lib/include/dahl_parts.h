@@ -4,25 +4,22 @@
  * @brief Friction elements that extend Dahl's model, sums of elements in parallel, work and
  *   inverse.
  *
- * Use this header if one Dahl element does not fit a measured bearing or gear. docs/model.md shows
- * which element lowers the error on which log. Each element has its own parameters, plan and
- * prepare function. The calls follow the pattern of dahl.h: prepare once, then step in every tick.
+ * Use it if one Dahl element does not fit a measured bearing or gear; docs/model.md shows which
+ * element lowers the error on which log. As in dahl.h, prepare once, then step in every tick.
  *
  * @par Guarantee
- * - If states are moved by counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc of
- *   the exact solution. For several elements, read the sum of Fc. The bound holds for any motion,
- *   number of ticks and sampling rate.
- * - The same inputs give the same bits on every processor, compiler and set of flags. All
- *   calculations use integers.
- * - There is no heap, no global variable, no libm, and no division by a variable in a step.
+ * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc (of the sum of Fc, if
+ *   there are several) of the exact solution, for any motion, number of ticks and sampling rate.
+ * - As in dahl.h: equal bits everywhere, no heap, no global variable, no libm, no division by a
+ *   variable in a step.
  * - A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m.
- * - An element that a program does not call is not linked.
+ * - An element that is not called is not linked.
  *
  * @par Laws
- * The laws below hold for the exact solution. If a law says "bit for bit", the code keeps it
- * exactly, otherwise within its rounding:
- * - A closed cycle returns at most #DAHL_ENERGY_ERROR of Fc times its path length (under a load c >
- *   1: of c Fc), plus 2^-59 Fc^2/sigma0 for each tick by angle.
+ * Laws are those of the exact solution. "Bit for bit" means that the code keeps them exactly;
+ * otherwise its rounding has these effects:
+ * - A closed cycle returns at most #DAHL_ENERGY_ERROR of Fc (under a load c above 1: of c Fc) times
+ *   its path length, plus 2^-59 Fc^2/sigma0 for each tick by angle.
  * - The opposite motion gives the opposite torque, except at a tie: a w whose low 32 bits are 2^31
  *   rounds up in both directions. A tick from a tie then differs by at most 2^-30 of Fc, and later
  *   torques by at most twice their error.
@@ -30,18 +27,15 @@
  *   the same state, before it is rounded to a float.
  *
  * @par States
- * Every call first clamps the state to the range of its element and plan, so any bits are a safe
- * state. No call returns a torque beyond the limits of its element. If an element continues with
- * the dahl_state_t of another, it keeps w, not F.
+ * As in dahl.h, every call first clamps the state, so any bits are safe. If an element continues
+ * with the dahl_state_t of another, it keeps w, not F.
  *
  * @par Power cycle
  * dahl_torque() and dahl_set_torque() also save and restore an elasto-plastic element (with
- * &plan.plastic) and the state of dahl_clamped_step() up to Fc. No call sets the torque of the
- * other elements. Store their states with a checksum.
+ * &plan.plastic), and the state of dahl_clamped_step() up to Fc. For other elements, store the
+ * state with a checksum.
  *
- * Units, sign, threads and the limit of reversals within one sample: as in dahl.h. Costs are in
- * instructions on Cortex-M3, which are those of M4 within a few percent; docs/microcontroller.md
- * has the other cores.
+ * Units, sign, threads, costs and hidden reversals: as in dahl.h.
  */
 #ifndef DAHL_PARTS_H
 #define DAHL_PARTS_H
@@ -64,19 +58,19 @@ extern "C" {
 /**
  * @name Slip elements (Maxwell slip, Prandtl-Ishlinskii)
  * Each element is a spring of stiffness sigma0 that slips at the torque Fc: dF/dtheta = sigma0 if
- * |F| < Fc, otherwise F = +-Fc. This is Dahl's model with the exponent 0. The torque is the sum of
- * all elements. Several elements remember each reversal until a larger one erases it, as rolling
- * bearings do (Rizos and Fassois 2004; the GMS model of Al-Bender without velocity).
+ * |F| < Fc, otherwise F = +-Fc. This is Dahl's model with the exponent 0. The torques add. Several
+ * elements remember each reversal until a larger one erases it, as rolling bearings do (Rizos and
+ * Fassois 2004; Al-Bender's GMS without velocity).
  *
  * Laws, bit for bit:
  * - return-point memory: a closed inner loop leaves no trace
  * - congruency: loops between the same two angles have one shape
  * - Masing's rule: after a reversal, the curve is the first loading curve, twice as large
  * - odd symmetry
- * - any division of the travel into ticks gives the same result
+ * - travel may be divided into ticks in any way
  *
- * The torque never falls with travel, and no closed cycle returns energy. Deflections are integers,
- * so no number of ticks causes drift.
+ * The torque never falls with travel, no closed cycle returns energy, and integer deflections never
+ * drift.
  */
 /** @{ */
 
@@ -94,13 +88,13 @@ typedef struct {
     float Fc[DAHL_SLIP_MAX];     /**< [N m] torque at which it slips, range as in dahl_params_t */
 } dahl_slip_params_t;
 
-/** One element of a slip plan. Deflections are integers; the unit differs between elements. */
+/** One element of a slip plan. Each element has its own unit of deflection. */
 typedef struct {
     uint32_t limit;  /**< [unit] deflection at which it slips, 2^30 .. 2^31 - 1 */
     uint32_t weight; /**< torque of one unit, in 2^-62 of the sum of Fc */
 } dahl_slip_element_t;
 
-/** Prepared slip elements. Integers only; may be `const` in flash. */
+/** Prepared slip elements; may be `const` in flash. */
 typedef struct {
     uint64_t full;                              /**< torque of all elements at their limits,
                                                      about 2^62; 0 in a plan of all zeros */
@@ -121,24 +115,22 @@ typedef struct {
 /**
  * Prepare slip elements.
  * @param[out] plan   plan to write; unchanged if the call fails
- * @param[in]  params parameters
- * @return #DAHL_OK; #DAHL_ERR_PARAM or #DAHL_ERR_RANGE if a parameter, or the travel sigma0/Fc
- *   theta_per_count of one count, is out of range for any element. theta_per_count = 0 is
- *   #DAHL_ERR_PARAM: there is no step by angle.
- * @note Cost: 1800 instructions for each element.
+ * @param params parameters
+ * @return #DAHL_OK, or why a parameter, or the travel sigma0/Fc theta_per_count of one count, is
+ *   rejected for an element. theta_per_count = 0 is #DAHL_ERR_PARAM: there is no step by angle.
+ * @note Cost: 1800 for each element.
  */
 DAHL_NODISCARD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan,
                                             const dahl_slip_params_t *params);
 
 /**
  * Move slip elements by counts and return the torque.
- * @param[in]     plan    prepared plan
- * @param[in,out] state   state to move; 0 counts leave it bit-identical
- * @param[in]     dcounts [counts] signed move, any int32_t
- * @return F [N m]. If all elements slip, it is the sum of Fc, provided that a float can represent
- *   it.
+ * @param plan    prepared plan
+ * @param state   state to move; 0 counts leave it bit-identical
+ * @param dcounts [counts] signed move, any int32_t
+ * @return F [N m]. If all elements slip, it is the sum of Fc, if a float can represent it.
  * @note Error: #DAHL_ULP_PARTS ulp of the sum of Fc, 0.522 with one element.
- * @note Cost, for any move: 51 instructions plus 18 for each element.
+ * @note Cost, for any move: 51, and 18 for each element.
  */
 float dahl_slip_step_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state,
                             int32_t dcounts);
@@ -146,7 +138,7 @@ float dahl_slip_step_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *sta
 /**
  * Move slip elements as dahl_slip_step_counts() does. Integers only.
  * @return F / sum of Fc in Q30, -2^30 .. 2^30, a half rounded up
- * @note Error: #DAHL_SLIP_ERROR_Q30. Cost: 20 instructions plus 18 for each element.
+ * @note Error: #DAHL_SLIP_ERROR_Q30. Cost: 20, and 18 for each element.
  */
 int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_t *state,
                                   int32_t dcounts);
@@ -154,9 +146,8 @@ int32_t dahl_slip_step_counts_q30(const dahl_slip_plan_t *plan, dahl_slip_state_
 
 /**
  * @name Any mix in parallel
- * Elements that the same shaft moves and whose torques add. A law holds for the sum if it holds for
- * each part. A Dahl element has no return-point memory and no congruency, so a mix with a Dahl
- * element has neither.
+ * Elements on one shaft, whose torques add. A law holds for the sum if it holds for each part. A
+ * mix with a Dahl element has no return-point memory and no congruency.
  * @verbatim
  *   static const dahl_part_t parts[] = {DAHL_PART(&plan, &bearing), DAHL_SLIP_PART(&slips, &seal)};
  *   each tick:  F = dahl_parallel_step_counts(parts, 2, dcounts);
@@ -173,11 +164,10 @@ typedef struct {
     uint32_t Fc;      /**< [byte] offset of the mantissa of Fc in the plan; its exponent follows */
 } dahl_part_t;
 
-/** Initializer of a part that is a Dahl element. The compiler rejects other plans and states. */
+/** Initializer of a part: a Dahl element. The compiler rejects other plans and states. */
 #define DAHL_PART(plan, state) \
     {dahl_part_move, &(plan)->a_mantissa, &(state)->w, offsetof(dahl_plan_t, Fc_mantissa)}
-/** Initializer of a part that consists of slip elements. The compiler rejects other plans and
- * states. */
+/** Initializer of a part: slip elements. */
 #define DAHL_SLIP_PART(plan, state) \
     {dahl_slip_part_move, &(plan)->full, &(state)->x[0], offsetof(dahl_slip_plan_t, Fc_mantissa)}
 
@@ -187,26 +177,25 @@ int64_t dahl_part_move(const void *plan, void *state, int32_t dcounts);
 int64_t dahl_slip_part_move(const void *plan, void *state, int32_t dcounts);
 
 /**
- * Move all parts by counts and return the sum of their torques, rounded once. The torques are added
- * with all bits of the states, even if the Fc differ by many orders of magnitude.
- * @param[in] parts   parts; their states are moved
- * @param[in] count   number of parts; if it is 0, the torque is 0 N m
- * @param[in] dcounts [counts] signed move, any int32_t
+ * Move all parts by counts and return the sum of their torques, rounded once. No bits of the states
+ * are lost, however much the Fc differ.
+ * @param parts   parts; their states are moved
+ * @param count   number of parts; if it is 0, the torque is 0 N m
+ * @param dcounts [counts] signed move, any int32_t
  * @return sum of F [N m]
  * @note Error: #DAHL_ULP_PARTS ulp of the sum of all Fc, for up to 10000 parts; 0.52 ulp if all are
  *   Dahl elements.
- * @note Cost: 50 instructions, and for each part 40 in addition to its own move.
+ * @note Cost: 50, and for each part 40 plus its own move.
  */
 float dahl_parallel_step_counts(const dahl_part_t *parts, uint32_t count, int32_t dcounts);
 
 /**
  * Compute the share of each part in the sum of Fc, for dahl_parallel_step_counts_q30(). Call it
  * again if a plan changes.
- * @param[out] shares negative shares in Q31, -2^31 .. 0, with the sum -2^31; a plan of all zeros
- *   has the share 0
- * @param[in]  parts  parts
- * @param[in]  count  number of parts and shares
- * @note Cost: 460 instructions for each part.
+ * @param[out] shares [Q31] negative shares with the sum -2^31; 0 for a plan of all zeros
+ * @param parts  parts
+ * @param count  number of parts and shares
+ * @note Cost: 460 for each part.
  */
 void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t count);
 
@@ -215,16 +204,16 @@ void dahl_parallel_shares(int32_t *shares, const dahl_part_t *parts, uint32_t co
 #define DAHL_PARALLEL_ERROR_Q30(parts) (DAHL_SLIP_ERROR_Q30 + 4.66e-10 * (parts))
 
 /**
- * Move all parts by counts and return the torque as a fraction of the sum of Fc. Integers only.
- * @param[in] parts   parts; their states are moved
- * @param[in] shares  shares of the same parts; if all are 0, the result is 0
- * @param[in] count   number of parts
- * @param[in] dcounts [counts] signed move, any int32_t
- * @return F / sum of Fc in Q30, -2^30 .. 2^30, a half rounded up. If all parts are at Fc, it is
- *   +-2^30. dahl_to_units() converts it to units of torque.
+ * Move all parts by counts. Integers only.
+ * @param parts   parts; their states are moved
+ * @param shares  shares of the same parts; if all are 0, the result is 0
+ * @param count   number of parts
+ * @param dcounts [counts] signed move, any int32_t
+ * @return F / sum of Fc in Q30, a half rounded up; +-2^30 if all parts are at Fc. dahl_to_units()
+ *   converts it.
  * @note Error: DAHL_PARALLEL_ERROR_Q30(count).
- * @note Cost: 21 instructions, 22 for each Dahl element up to 8 counts, 11 plus its own move for
- *   any other part.
+ * @note Cost: 21, and 22 for each Dahl element up to 8 counts, 11 plus its own move for any other
+ *   part.
  */
 int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *shares,
                                       uint32_t count, int32_t dcounts);
@@ -233,37 +222,35 @@ int32_t dahl_parallel_step_counts_q30(const dahl_part_t *parts, const int32_t *s
 /** @name Work of a Dahl element */
 /** @{ */
 
-/** Sums for the work of a bearing. Start with all zeros, then pass what dahl_work_step_counts()
- * leaves. */
+/** Sums for the work of a bearing. Start with all zeros. */
 typedef struct {
     uint32_t counts[3]; /**< [counts] distance travelled, lowest word first */
     uint32_t way[4];    /**< [Q62] path of w = F/Fc in the direction of travel, lowest word first */
 } dahl_work_t;
 
 /**
- * Move as dahl_step_counts() does and add up the work in `work`.
- * @note Cost: 53 instructions for up to 8 counts.
+ * Move as dahl_step_counts() does and add up the work.
+ * @note Cost: 53 for up to 8 counts.
  */
 float dahl_work_step_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work,
                             int32_t dcounts);
 
 /**
- * Move as dahl_step_counts_q30() does and add up the work in `work`.
- * @note Cost: 34 instructions for up to 8 counts.
+ * Move as dahl_step_counts_q30() does and add up the work.
+ * @note Cost: 34 for up to 8 counts.
  */
 int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work,
                                   int32_t dcounts);
 
 /**
- * Return the work so far, the sum of F dtheta along the path.
- * @param[in] params parameters from which the plan was prepared
- * @param[in] work   sums
- * @return [J] energy that the bearing absorbed. It is negative only by the energy stored at the
- *   start, F^2/(2 sigma0), and by rounding: #DAHL_ENERGY_ERROR of Fc times the path length. If it
- *   exceeds the largest float, it is infinite; if it is below the least normal float, it is 0.
+ * Return the work so far, the sum of F dtheta along the path (Eq. 1, integrated).
+ * @param params parameters from which the plan was prepared
+ * @param work   sums
+ * @return [J] energy that the bearing absorbed; infinite above the largest float, 0 below the least
+ *   normal one. It is negative only by the energy stored at the start, F^2/(2 sigma0), and by
+ *   rounding: #DAHL_ENERGY_ERROR of Fc times the path length.
  * @note Error after R reversals: half an ulp of the result, 2^-59 of Fc times the path length, and
  *   (R + 1/2) times 1.5e-9 of Fc^2/sigma0 (9.5e-10 if a count travels 4e-8 or more).
- * @note Source: Eq. 1, divided by its right-hand side and integrated.
  */
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 /** @} */
@@ -275,36 +262,34 @@ float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 #define DAHL_INVERSE_ERROR 1.5e-9
 
 /**
- * Find a move after which dahl_step_counts() returns a torque that has reached F: F itself, or
- * beyond F as seen from the present torque. A move of one count less does not reach F.
+ * Find a move after which dahl_step_counts() returns F, or a torque beyond F as seen from the
+ * present one. A move of one count less does not reach F.
  *
- * Except for rounding, it is the least such move. Rounding may let a longer move end slightly short
- * of a shorter one. A shorter move that reaches F passes it by less than #DAHL_INVERSE_ERROR of Fc,
- * before rounding to a float. It is shorter by at most 1 + DAHL_INVERSE_ERROR/(u p) counts. Here u
- * is the travel of one count. p is the gap from F to Fc in the direction of the move, as a fraction
- * of Fc, but at least 2^-25. Examples: 0.05/u counts at F = Fc, 3e-9/u at Fc/2.
+ * Except for rounding, it is the least such move. A shorter move that reaches F passes it by less
+ * than #DAHL_INVERSE_ERROR of Fc, before rounding to a float. It is shorter by at most 1 +
+ * DAHL_INVERSE_ERROR/(u p) counts: u is the travel of one count, p the gap from F to Fc in the
+ * direction of the move, as a fraction of Fc, at least 2^-25. Examples: 0.05/u counts at F = Fc,
+ * 3e-9/u at Fc/2.
  *
- * @param[in]  plan    prepared plan
- * @param[in]  state   present state; unchanged
- * @param[in]  F       [N m] torque to reach, -Fc .. Fc
+ * @param plan    prepared plan
+ * @param state   present state; unchanged
+ * @param F       [N m] torque to reach, -Fc .. Fc
  * @param[out] dcounts [counts] signed move; 0 if F is the present torque. Unchanged if the call
  *   fails.
  * @return #DAHL_OK; #DAHL_ERR_PARAM if F is NaN or infinite; #DAHL_ERR_RANGE if F is beyond Fc, or
  *   if a move of 2^31 - 1 counts does not reach it
- * @note Cost: about 1000 instructions, 1450 if a count travels 1e-6. If counts change the torque by
- *   less than its rounding, up to 62 moves of dahl_step_counts().
+ * @note Cost: about 1000, 1450 if a count travels 1e-6. If counts change the torque by less than
+ *   its rounding, up to 62 moves.
  */
 DAHL_NODISCARD dahl_err_t dahl_counts_to_torque(const dahl_plan_t *plan, const dahl_state_t *state,
                                                 float F, int32_t *dcounts);
 
 /**
- * Return the torque at the tips of the steady loop of a shaft that moves back and forth by the same
- * stroke.
- * @param[in] plan   prepared plan
- * @param[in] stroke [counts] distance between the two ends
+ * Return the torque at the tips of the steady loop of a constant stroke.
+ * @param plan   prepared plan
+ * @param stroke [counts] distance between the two ends
  * @return [N m] Fc tanh(u/2), u the travel of the stroke
- * @note Error: 2^-30 of the result, and one rounding. Cost: 530 instructions for 1000 counts, at
- *   most 900.
+ * @note Error: 2^-30 of the result, and one rounding. Cost: 530 for 1000 counts, at most 900.
  */
 float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke);
 /** @} */
@@ -312,8 +297,8 @@ float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke);
 /**
  * @name Friction that depends on speed (viscous, Stribeck)
  * An odd table over the counts per tick. It is independent of the path: add its torque to that of
- * an element. Viscous friction is a straight line, Stribeck friction a table that falls. Values may
- * be negative; only a negative value feeds energy into the motion.
+ * an element. Viscous friction is a straight line, Stribeck friction a table that falls. Only a
+ * negative value feeds energy into the motion.
  */
 /** @{ */
 
@@ -330,7 +315,7 @@ typedef struct {
                                                beyond the end. */
 } dahl_velocity_params_t;
 
-/** Prepared table. Integers only; may be `const` in flash. */
+/** Prepared table; may be `const` in flash. */
 typedef struct {
     uint32_t segment_bits;                         /**< as in dahl_velocity_params_t */
     uint32_t torque_mantissa;                      /**< largest |torque| = torque_mantissa
@@ -343,7 +328,7 @@ typedef struct {
 /**
  * Prepare the table.
  * @param[out] plan   plan to write; unchanged if the call fails
- * @param[in]  params parameters
+ * @param params parameters
  * @return #DAHL_OK; #DAHL_ERR_PARAM if a torque is NaN or infinite; #DAHL_ERR_RANGE if a value is
  *   out of range
  */
@@ -352,18 +337,17 @@ DAHL_NODISCARD dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan,
 
 /**
  * Return the torque at a speed.
- * @param[in] plan    prepared plan; if it is all zeros, the torque is 0
- * @param[in] dcounts [counts per tick] signed speed, any int32_t
+ * @param plan    prepared plan; if it is all zeros, the torque is 0
+ * @param dcounts [counts per tick] signed speed, any int32_t
  * @return torque [N m]
- * @note Error, relative to straight lines between the given values: 1.5 2^-30 of the largest
- *   torque, and one rounding. Cost: 43 instructions.
+ * @note Error: 1.5 2^-30 of the largest torque, and one rounding. Cost: 43.
  */
 float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts);
 
 /**
- * Return the torque at a speed as dahl_velocity_torque() does. Integers only.
+ * The same in integers.
  * @return torque over the largest |torque|, in Q30
- * @note Cost: 23 instructions.
+ * @note Cost: 23.
  */
 int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts);
 /** @} */
@@ -377,11 +361,10 @@ int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcoun
  * @endverbatim
  * With m = (Fc_forward - Fc_backward)/2 and h = (Fc_forward + Fc_backward)/2, this is F = m + h w:
  * Dahl's model with a different presliding length Fc/sigma0 for each direction. Relaxed is F = 0,
- * not w = 0. There is only one sigma0, because two could create energy in a closed cycle.
+ * not w = 0. Two values of sigma0 could create energy in a closed cycle.
  *
- * Laws: passive over every closed cycle. If both Fc are exchanged, the mirrored motion gives the
- * mirrored torque. A long move in one direction ends at the Fc of this direction. Odd symmetry
- * holds only if both Fc are equal.
+ * Laws: passive over every closed cycle. With both Fc exchanged, the mirrored motion gives the
+ * mirrored torque. A long move ends at the Fc of its direction.
  */
 /** @{ */
 
@@ -397,7 +380,7 @@ typedef struct {
     float theta_per_count; /**< [rad/count] 2^-64 <= theta_per_count < 2^64 */
 } dahl_asymmetric_params_t;
 
-/** Prepared asymmetric friction. Integers only; may be `const` in flash. */
+/** Prepared asymmetric friction; may be `const` in flash. */
 typedef struct {
     uint64_t end_forward;    /**< [Q62] Fc_forward over the larger Fc */
     uint64_t end_backward;   /**< [Q62] Fc_backward over the larger Fc */
@@ -410,23 +393,22 @@ typedef struct {
 /**
  * Prepare asymmetric friction.
  * @param[out] plan   plan to write; unchanged if the call fails
- * @param[in]  params parameters
- * @return #DAHL_OK; #DAHL_ERR_PARAM or #DAHL_ERR_RANGE if a parameter, or the travel sigma0/Fc
- *   theta_per_count of one count, is out of range for either Fc. theta_per_count = 0 is
- *   #DAHL_ERR_PARAM: there is no step by angle.
- * @note Cost: 5000 instructions.
+ * @param params parameters
+ * @return #DAHL_OK, or why a parameter, or the travel sigma0/Fc theta_per_count of one count, is
+ *   rejected for either Fc. theta_per_count = 0 is #DAHL_ERR_PARAM: there is no step by angle.
+ * @note Cost: 5000.
  */
 DAHL_NODISCARD dahl_err_t dahl_asymmetric_prepare(dahl_asymmetric_plan_t *plan,
                                                   const dahl_asymmetric_params_t *params);
 
 /**
  * Move by counts and return the torque.
- * @param[in]     plan    prepared plan
- * @param[in,out] state   state to move, w = F / larger Fc; 0 counts leave it bit-identical
- * @param[in]     dcounts [counts] signed move, any int32_t
+ * @param plan    prepared plan
+ * @param state   state to move, w = F / larger Fc; 0 counts leave it bit-identical
+ * @param dcounts [counts] signed move, any int32_t
  * @return F [N m], -Fc_backward .. Fc_forward; it exceeds the smaller of the two by at most the
  *   error
- * @note Error: #DAHL_ULP_PARTS ulp of the larger Fc. Cost: 60 instructions for up to 8 counts.
+ * @note Error: #DAHL_ULP_PARTS ulp of the larger Fc. Cost: 60 for up to 8 counts.
  */
 float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state,
                                   int32_t dcounts);
@@ -434,7 +416,7 @@ float dahl_asymmetric_step_counts(const dahl_asymmetric_plan_t *plan, dahl_state
 /**
  * Move as dahl_asymmetric_step_counts() does. Integers only.
  * @return F / larger Fc in Q30, a half rounded up
- * @note Error: #DAHL_ASYMMETRIC_ERROR_Q30. Cost: 32 instructions.
+ * @note Error: #DAHL_ASYMMETRIC_ERROR_Q30. Cost: 32.
  */
 int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl_state_t *state,
                                         int32_t dcounts);
@@ -442,18 +424,16 @@ int32_t dahl_asymmetric_step_counts_q30(const dahl_asymmetric_plan_t *plan, dahl
 
 /**
  * @name Load that scales Fc and sigma0
- * A factor c on the friction, given with each tick: normal force, torque through a gear, preload or
- * temperature. Fc and sigma0 both scale with c. The presliding length Fc/sigma0 is therefore
- * constant, and one plan serves all loads. If the load falls, the bristle keeps its deflection and
- * F falls with c. If the load grows, F is kept: loading alone creates no torque. A tick first
- * applies its load and then moves.
+ * A factor c, given with each tick: normal force, torque through a gear, preload or temperature. Fc
+ * and sigma0 both scale with c, so one plan serves all loads. If the load falls, the bristle keeps
+ * its deflection and F falls with c. If it grows, F is kept: loading alone creates no torque. A
+ * tick first applies its load, then moves.
  *
  * Laws: passive over every closed cycle of motion and load, since a change of load never increases
  * the stored energy F^2/(2 c sigma0). At c = 1 the torque has the bits of dahl_step_counts(). Odd
  * symmetry.
  *
- * Keeping the deflection in both directions would create energy: 0.066 Fc^2/sigma0 in random
- * cycles. For a constant sigma0 see dahl_clamped_step().
+ * Keeping the deflection if the load grows would create energy: 0.066 Fc^2/sigma0 in random cycles.
  */
 /** @{ */
 
@@ -468,15 +448,14 @@ typedef struct {
 
 /**
  * Move by counts under a load and return the torque.
- * @param[in]     plan     plan for the load 1, from dahl_prepare()
- * @param[in,out] state    state to move; the same load and 0 counts leave it bit-identical
- * @param[in]     dcounts  [counts] signed move, any int32_t
- * @param[in]     load_q30 [Q30] load c, 0 .. 2^31 - 1 (just below 2); a larger value counts as 2^31
+ * @param plan     plan for the load 1, from dahl_prepare()
+ * @param state    state to move; the same load and 0 counts leave it bit-identical
+ * @param dcounts  [counts] signed move, any int32_t
+ * @param load_q30 [Q30] load c, 0 .. 2^31 - 1 (just below 2); a larger value counts as 2^31
  * - 1. If c = 0, F is 0, and the bristle relaxes when a load returns.
  * @return F [N m], -c Fc .. c Fc, the nearest float. If c Fc < 2^-64 N m, a torque below 2^-32 c Fc
  *   becomes 0.
- * @note Error: #DAHL_ULP_PARTS ulp of c Fc. Cost: 90 instructions for up to 8 counts, 266 if the
- *   load grew.
+ * @note Error: #DAHL_ULP_PARTS ulp of c Fc. Cost: 90 for up to 8 counts, 266 if the load grew.
  */
 float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts,
                               uint32_t load_q30);
@@ -484,7 +463,7 @@ float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *stat
 /**
  * Move as dahl_loaded_step_counts() does. Integers only.
  * @return F/Fc in Q30, between -2^31 and 2^31, a half rounded up
- * @note Error: #DAHL_LOADED_ERROR_Q30. Cost: 39 instructions, 221 if the load grew.
+ * @note Error: #DAHL_LOADED_ERROR_Q30. Cost: 39, 221 if the load grew.
  */
 int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t *state,
                                     int32_t dcounts, uint32_t load_q30);
@@ -493,9 +472,8 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
 /**
  * @name Load that scales Fc only
  * The other passive rule: Fc scales with the load c, sigma0 is constant. Use it if the stiffness is
- * that of the bearing, not that of its contacts. The presliding length c Fc/sigma0 changes with the
- * load, so no table by counts is valid and a tick is by angle. If the load falls, F is clamped to c
- * Fc. If it grows, F is kept.
+ * that of the bearing, not that of its contacts. The presliding length changes with the load, so a
+ * tick is by angle. If the load falls, F is clamped to c Fc. If it grows, F is kept.
  *
  * Laws: passive over every closed cycle of motion and load, since a change of load never increases
  * the stored energy F^2/(2 sigma0). At c = 1 the torque has the bits of dahl_step(). Odd symmetry.
@@ -503,18 +481,16 @@ int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t
 /** @{ */
 
 /**
- * Move by an angle under a load and return the torque. To read the torque at rest under a load
- * above 1, pass a dtheta of 0: dahl_torque() clamps to +-Fc.
- * @param[in]     plan     plan for the load 1, from dahl_prepare(); if it is all zeros, the state
- *   is unchanged
- * @param[in,out] state    state to move, w = F/Fc
- * @param[in]     dtheta   [rad] signed move; NaN and infinity as in dahl_step()
- * @param[in]     load_q30 [Q30] load c, as in dahl_loaded_step_counts(). If it is 0, F is 0 and
- *   stays 0 until the shaft moves under a load.
+ * Move by an angle under a load and return the torque. To read it at rest under a load above 1,
+ * move by 0, since dahl_torque() clamps to +-Fc.
+ * @param plan     plan for the load 1, from dahl_prepare(); if it is all zeros, the state is
+ *   unchanged
+ * @param state    state to move, w = F/Fc
+ * @param dtheta   [rad] signed move; NaN and infinity as in dahl_step()
+ * @param load_q30 [Q30] load c, as in dahl_loaded_step_counts(). If it is 0, F is 0 and stays 0
+ *   until the shaft moves under a load.
  * @return F [N m], -c Fc .. c Fc, exceeded by at most 2^-31 Fc, the nearest float
- * @note Error: #DAHL_ULP_ANGLE ulp of the larger of Fc and c Fc. A small load thus keeps the
- *   absolute accuracy of Fc, not the relative accuracy of c Fc.
- * @note Cost: 165 instructions.
+ * @note Error: #DAHL_ULP_ANGLE ulp of Fc, or of c Fc if c > 1. Cost: 165.
  */
 float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dtheta,
                         uint32_t load_q30);
@@ -524,12 +500,10 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
  * @name Elasto-plastic friction: no creep below breakaway
  * Source: Dupont, Hayward, Armstrong, Altpeter 2002; over space as in Hayward 2009. Up to F = b Fc
  * in the direction of motion, the bristle is a spring: dF/dtheta = sigma0. Beyond b it slides: the
- * gap p = 1 - |F|/Fc falls as exp(-kappa u). u is travel in presliding lengths and kappa = 1/(1 -
- * b), which makes the slope continuous at b. If b is near 0, the first loading curve is that of
- * Dahl's model. If b is near 1, the element is one slip element.
+ * gap p = 1 - |F|/Fc falls as exp(-kappa u). kappa = 1/(1 - b) makes the slope continuous at b.
+ * With b near 0, the first loading is that of Dahl's model; with b near 1, that of a slip element.
  *
- * Laws: zero drift, bit for bit. While |F| < b Fc, whole counts are added, so a motion back and
- * forth leaves no trace, however often it repeats. Odd symmetry; monotone in travel; passive over
+ * Laws: zero drift, bit for bit, while |F| < b Fc. Odd symmetry; monotone in travel; passive over
  * every closed cycle; independent of the sampling. There is no return-point memory: a closed inner
  * loop that slides leaves a trace, as in Dahl's model.
  */
@@ -538,7 +512,7 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
 /** [1] Error of F/Fc of dahl_elastoplastic_step_counts_q30(). */
 #define DAHL_ELASTOPLASTIC_ERROR_Q30 3.1e-9
 
-/** Prepared elasto-plastic element. Integers only; may be `const` in flash. */
+/** Prepared elasto-plastic element; may be `const` in flash. */
 typedef struct {
     dahl_plan_t plastic;    /**< beyond b: Dahl's model with kappa sigma0; its a is kappa/ln 2
                                  per unit of travel */
@@ -553,12 +527,12 @@ typedef struct {
 /**
  * Prepare an elasto-plastic element.
  * @param[out] plan      plan to write; unchanged if the call fails
- * @param[in]  params    parameters; theta_per_count must not be 0
- * @param[in]  breakaway [1] b, 0 < b < 1
- * @return #DAHL_OK; #DAHL_ERR_RANGE if a parameter or the travel of one count is out of range, or
- *   if b >= 1; #DAHL_ERR_PARAM if a parameter is invalid, if b is NaN, infinite, zero or negative,
- *   or if theta_per_count = 0: there is no step by angle
- * @note Cost: 4000 instructions.
+ * @param params    parameters
+ * @param breakaway [1] b, 0 < b < 1
+ * @return #DAHL_OK, or why a parameter or the travel of one count is rejected. b >= 1 is
+ *   #DAHL_ERR_RANGE; a b that is NaN, infinite, zero or negative, and theta_per_count = 0, are
+ *   #DAHL_ERR_PARAM.
+ * @note Cost: 4000.
  */
 DAHL_NODISCARD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *plan,
                                                      const dahl_params_t *params,
@@ -566,12 +540,11 @@ DAHL_NODISCARD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *
 
 /**
  * Move by counts and return the torque.
- * @param[in]     plan    prepared plan
- * @param[in,out] state   state to move; 0 counts leave it bit-identical
- * @param[in]     dcounts [counts] signed move, any int32_t
+ * @param plan    prepared plan
+ * @param state   state to move; 0 counts leave it bit-identical
+ * @param dcounts [counts] signed move, any int32_t
  * @return F [N m], -Fc .. Fc
- * @note Error: #DAHL_ULP_PARTS ulp of Fc. Cost: 75 instructions for up to 8 counts, 144 if they
- *   cross b.
+ * @note Error: #DAHL_ULP_PARTS ulp of Fc. Cost: 75 for up to 8 counts, 144 if they cross b.
  */
 float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
                                      int32_t dcounts);
@@ -579,7 +552,7 @@ float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl
 /**
  * Move as dahl_elastoplastic_step_counts() does. Integers only.
  * @return F/Fc in Q30, -2^30 .. 2^30, a half rounded up
- * @note Error: #DAHL_ELASTOPLASTIC_ERROR_Q30. Cost: 38 instructions, 107 if they cross b.
+ * @note Error: #DAHL_ELASTOPLASTIC_ERROR_Q30. Cost: 38, 107 if they cross b.
  */
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan,
                                            dahl_state_t *state, int32_t dcounts);

@@ -41,14 +41,12 @@ static inline dahl_scaled_t dahl_scaled_of(uint64_t product, int32_t exponent)
     return v;
 }
 
-/** Return v = |dtheta| a/ln 2 for the bits of a normal float. */
 static inline dahl_scaled_t dahl_travel(const dahl_plan_t *plan, uint32_t magnitude)
 {
     dahl_real_t theta = dahl_real_of(magnitude);
     return dahl_scaled_of(dahl_mul(theta.mantissa, plan->a_mantissa), theta.exponent + plan->a_exponent);
 }
 
-/** Return c - Y r in Q32. */
 static inline uint32_t dahl_horner(uint32_t c, uint32_t Y, uint32_t r)
 {
     return c - dahl_mulhi(Y, r);

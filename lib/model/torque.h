@@ -20,7 +20,6 @@ static inline uint32_t dahl_torque_bits(dahl_real_t Fc, uint32_t s, uint32_t zer
     return dahl_round_to_float(product << missing, (uint32_t)Fc.exponent + 2 - zeros - missing);
 }
 
-/** Return w Fc, for w in Q62. */
 static inline float dahl_torque_from(dahl_real_t Fc, uint64_t w)
 {
     uint32_t sign = (uint32_t)(w >> 32) & DAHL_BITS_SIGN, high, low, zeros, s;

@@ -25,7 +25,6 @@ static uint8_t low_byte(uint32_t value)
     return (uint8_t)(value & 0xFFu);
 }
 
-/** Group the counts as Status reports them, modulo 256. */
 static dahl_node_tally_t tally(const dahl_node_counts_t *n)
 {
     return (dahl_node_tally_t){
@@ -353,7 +352,6 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
     fall_silent(node);
 }
 
-/** Stop answering until enough good frames arrive. */
 static void check_bus_off_age(dahl_node_t *node, uint32_t now_us)
 {
     if (now_us - node->bus_off_us > INT32_MAX) {
@@ -423,7 +421,6 @@ static uint8_t drop_held(dahl_node_t *node)
     return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
 }
 
-/** A member of dahl_node_t: member = raw * scale, low <= raw <= high. */
 static uint8_t apply_held(dahl_node_t *node)
 {
     dahl_plan_t plan;
@@ -518,7 +515,7 @@ static bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_fra
 
 /* --- status and reset --------------------------------------------------------------------------------------------- */
 
-/** Return the timeout in the unit of Status, rounded up, at most 255. */
+/** member = raw * scale, low <= raw <= high. */
 static uint8_t status_timeout(const dahl_node_t *node)
 {
     uint32_t whole = node->timeout_us / DAHL_FRAMES_TIMEOUT_US, rest = node->timeout_us % DAHL_FRAMES_TIMEOUT_US;
@@ -568,7 +565,7 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         dahl_node_bus_off(node, now_us);
         return false;
     }
-    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* the id is a set of error bits */
+    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) {
         node->counts.ignored++;
         return false;
     }

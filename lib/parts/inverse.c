@@ -80,7 +80,6 @@ static uint32_t guess_below(const dahl_search_t *search)
     return counts;
 }
 
-/** Limit a step to half the distance between the two bounds. */
 static uint32_t limit_step(uint32_t step, uint32_t below, uint32_t above)
 {
     uint32_t half = (above - below) / 2;

@@ -42,7 +42,6 @@ static inline sum_t add_torque(sum_t sum, dahl_real_t Fc, uint64_t w, uint32_t s
     return sum;
 }
 
-/** Return the float nearest to a sum, a half away from zero. */
 static float torque_of(sum_t sum, uint32_t spare)
 {
     uint32_t sign = (uint32_t)(sum.torque >> 32) & DAHL_BITS_SIGN, exponent = (uint32_t)sum.exponent + spare + 2;

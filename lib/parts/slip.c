@@ -185,7 +185,6 @@ static inline DAHL_ALWAYS_INLINE uint32_t distance_to_limit(uint32_t limit, int3
     return is_negative == (s == 1u) ? 2 * dahl_opaque(limit) : 0;
 }
 
-/** Return the distance to the limit after some counts towards it. */
 static inline uint32_t distance_after(uint32_t distance, uint32_t counts, uint32_t shift)
 {
     return dahl_opaque(counts > distance >> shift ? 0 : distance - (counts << shift));
@@ -207,7 +206,6 @@ static inline DAHL_ALWAYS_INLINE uint64_t move_elements(const dahl_slip_plan_t *
     return deficit;
 }
 
-/** Move by dcounts. Return F / sum of Fc in Q62. */
 static inline DAHL_ALWAYS_INLINE uint64_t move(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts)
 {
     if (dcounts > 0) {

@@ -19,7 +19,6 @@ static int32_t check(uint32_t bits)
         : DAHL_ERR_RANGE;
 }
 
-/** Return torque/largest in Q30, rounded. */
 static int32_t ratio_q30(uint32_t bits, dahl_real_t largest)
 {
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
