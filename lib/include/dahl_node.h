@@ -15,8 +15,8 @@
  * @endverbatim
  *
  * @par Answer
- * The node answers each accepted EncoderState once, with the FrictionTorque after this count: gain
- * F/Fc, clamped to limit. With a gain and a limit of 1, as after dahl_node_init(), it has the bits
+ * The node answers each accepted EncoderState once, with the FrictionTorque after this count:
+ * gain times F/Fc, clamped to limit. With a gain and a limit of 1, as after dahl_node_init(), it has the bits
  * of the library. The count is absolute, so a lost frame loses no travel.
  *
  * @par Faults

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file dahl_parts.h
- * @brief Friction elements that extend Dahl's model, sums of elements in parallel, work and
- *   inverse.
+ * @brief Elements that extend Dahl's model, elements in parallel, work and inverse.
  *
  * Use it if one Dahl element does not fit a measured bearing or gear; docs/model.md shows which
  * element lowers the error on which log. As in dahl.h, prepare once, then step in every tick.
