@@ -57,9 +57,9 @@ typedef struct {
 /**
  * Describe the counter.
  * @param[out] encoder      encoder to initialize; unchanged if the call fails
- * @param modulus      number of values of the reading; 0: 2^32
- * @param sign         +1, or -1 if the counter counts down while the shaft turns forward
- * @param largest_step [counts] largest move of the shaft between two readings; 0: no limit
+ * @param      modulus      number of values of the reading; 0: 2^32
+ * @param      sign         +1, or -1 if the counter counts down while the shaft turns forward
+ * @param      largest_step [counts] largest move of the shaft between two readings; 0: no limit
  * @return #DAHL_OK; #DAHL_ERR_PARAM if sign is neither +1 nor -1; #DAHL_ERR_RANGE if modulus is 1
  *   or 2 (two values show no direction), or if largest_step >= modulus/2. The half is exact: for
  *   modulus 11, largest_step 5 is accepted.
@@ -84,7 +84,8 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
  * @param reading [counts] present reading, modulo the modulus
  * @return [counts] signed move; half a modulus counts as negative. 0 for the first reading, for a
  *   jump, and if the encoder is not initialized.
- * @note Cost: 11, inline, if the modulus is a power of two, as for a 16-bit or 32-bit timer.
+ * @note Cost: 11 instructions, inline, if the modulus is a power of two, as for a 16-bit or 32-bit
+ *   timer.
  */
 DAHL_ENCODER_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
 {

@@ -15,9 +15,9 @@
  * @endverbatim
  *
  * @par Answer
- * The node answers each accepted EncoderState once, with the FrictionTorque after this count:
- * gain times F/Fc, clamped to limit. With a gain and a limit of 1, as after dahl_node_init(), it has the bits
- * of the library. The count is absolute, so a lost frame loses no travel.
+ * The node answers each accepted EncoderState once, with the FrictionTorque after this count: gain
+ * times F/Fc, clamped to limit. With a gain and a limit of 1, as after dahl_node_init(), it has the
+ * bits of the library. The count is absolute, so a lost frame loses no travel.
  *
  * @par Faults
  * lib/node/fault_table.h states the reaction to each frame: counter, state in Status, motion of the
@@ -165,8 +165,8 @@ typedef struct {
 /**
  * Initialize a node: relaxed, before the first frame.
  * @param[out] node   node to write; unchanged if the call fails
- * @param params parameters of the Dahl element
- * @param number node number 0 .. 15; higher bits are ignored
+ * @param      params parameters of the Dahl element
+ * @param      number node number 0 .. 15; higher bits are ignored
  * @return as dahl_prepare()
  */
 DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params,
@@ -265,9 +265,9 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);
 
 /**
  * Process a received frame of any kind.
- * @param node   node
- * @param in     received frame
- * @param now_us [us] time; one clock for all calls, which may wrap but must not go back
+ * @param      node   node
+ * @param      in     received frame
+ * @param      now_us [us] time; one clock for all calls, which may wrap but must not go back
  * @param[out] out    answer
  * @return true if `out` must be sent at once
  */
@@ -277,8 +277,8 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
 /**
  * Check the timeout and the period of Status, about every millisecond. A timeout is detected at the
  * next tick or good frame. After 35 minutes without a tick, an age may appear too short.
- * @param node   node
- * @param now_us [us] time
+ * @param      node   node
+ * @param      now_us [us] time
  * @param[out] out    Status frame
  * @return true if `out` must be sent; the first call returns true
  */
