@@ -85,10 +85,10 @@
 
 /** @name Version */
 /** @{ */
-#define DAHL_VERSION_MAJOR 0
-#define DAHL_VERSION_MINOR 2
-#define DAHL_VERSION_PATCH 0
-#define DAHL_VERSION "0.2.0"
+#define DAHL_VERSION_MAJOR 0 /**< major number */
+#define DAHL_VERSION_MINOR 2 /**< minor number */
+#define DAHL_VERSION_PATCH 0 /**< patch number */
+#define DAHL_VERSION "0.2.0" /**< whole version */
 /** @} */
 
 /**

@@ -77,7 +77,7 @@ extern "C" {
 #define DAHL_NODE_STATUS_US 100000u
 /** Largest counter step that is used without a MaxStep: two frames missing. */
 #define DAHL_NODE_GAP_MAX 3u
-/** The same with a MaxStep. Larger steps look like late frames. */
+/** Largest counter step that is used with a MaxStep. Larger steps look like late frames. */
 #define DAHL_NODE_GAP_MAX_STEP 8u
 /** Good frames in a row that make a new starting point. */
 #define DAHL_NODE_REARM 3u

@@ -344,7 +344,7 @@ DAHL_NODISCARD dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan,
 float dahl_velocity_torque(const dahl_velocity_plan_t *plan, int32_t dcounts);
 
 /**
- * The same in integers.
+ * Return the torque at a speed. Integers only.
  * @return torque over the largest |torque|, in Q30
  * @note Cost: 23 instructions.
  */
