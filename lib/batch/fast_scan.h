@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * One long trajectory of a Dahl element by a scan. A tick is the affine map d -> e d + c, with e = 1 - g and c = (s
- * - w0) g, and so are several ticks in a row. For a block of ticks:
+ * One long trajectory of a Dahl element by a scan. A tick is the affine map d -> e d + c, and so are several ticks
+ * in a row. For one tick, e = 1 - g and c = (s - w0) g. For a block of ticks:
  * -# Compute e and c of every tick, and from them the map of each group of 8 ticks.
  * -# Compute d at the start of each group: the only serial part, one product for 8 ticks.
  * -# Compute d of every tick, and the torque. The users of this file do this.

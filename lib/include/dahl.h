@@ -75,8 +75,8 @@
  * prepared, or rejected) moves nothing, and every torque in N m is 0.
  *
  * @par Related headers
- * dahl_float.h (textbook form with a float exponential) and dahl_batch.h (long logs on a host) are
- * separate libraries, dahl::float and dahl::batch.
+ * dahl_float.h (textbook form) and dahl_batch.h (long logs on a host) are separate libraries,
+ * dahl::float and dahl::batch.
  */
 #ifndef DAHL_H
 #define DAHL_H

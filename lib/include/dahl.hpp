@@ -31,9 +31,9 @@
 /// The C library as classes.
 namespace dahl {
 
-constexpr size_t plan_size = sizeof(dahl_plan_t);       ///< [byte] for a static_assert
-constexpr size_t state_size = sizeof(dahl_state_t);     ///< [byte] for a static_assert
-constexpr size_t encoder_size = sizeof(dahl_encoder_t); ///< [byte] for a static_assert
+constexpr size_t plan_size = sizeof(dahl_plan_t);       ///< [byte]
+constexpr size_t state_size = sizeof(dahl_state_t);     ///< [byte]
+constexpr size_t encoder_size = sizeof(dahl_encoder_t); ///< [byte]
 
 /// Prepared parameters, shared by any number of bearings. Before prepare(), torques are 0 N m.
 class Plan {

@@ -181,11 +181,11 @@ DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t 
  */
 /** @{ */
 
-/** Storage; model must be first. */
+/** Slip elements of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_slip_plan_t plan;
-    dahl_slip_state_t state;
+    dahl_node_model_t model; /**< must be first */
+    dahl_slip_plan_t plan;   /**< plan */
+    dahl_slip_state_t state; /**< state */
 } dahl_node_slip_t;
 
 /** Use slip elements. The answer is a fraction of the sum of Fc. Fc and Sigma0 return their
@@ -193,11 +193,11 @@ typedef struct {
 DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip,
                                              const dahl_slip_params_t *params);
 
-/** Storage; model must be first. */
+/** Asymmetric friction of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_asymmetric_plan_t plan;
-    dahl_state_t state;
+    dahl_node_model_t model;     /**< must be first */
+    dahl_asymmetric_plan_t plan; /**< plan */
+    dahl_state_t state;          /**< state */
 } dahl_node_asymmetric_t;
 
 /** Use asymmetric friction. The answer is a fraction of the larger Fc, which Fc returns. */
@@ -205,11 +205,11 @@ DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node,
                                                    dahl_node_asymmetric_t *storage,
                                                    const dahl_asymmetric_params_t *params);
 
-/** Storage; model must be first. */
+/** Elasto-plastic friction of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_elastoplastic_plan_t plan;
-    dahl_state_t state;
+    dahl_node_model_t model;        /**< must be first */
+    dahl_elastoplastic_plan_t plan; /**< plan */
+    dahl_state_t state;             /**< state */
 } dahl_node_elastoplastic_t;
 
 /** Use elasto-plastic friction, without creep below breakaway. */
@@ -217,11 +217,11 @@ DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node,
                                                       dahl_node_elastoplastic_t *storage,
                                                       const dahl_params_t *params, float breakaway);
 
-/** Storage; model must be first. */
+/** Loaded friction of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_plan_t plan;
-    dahl_loaded_state_t state;
+    dahl_node_model_t model;   /**< must be first */
+    dahl_plan_t plan;          /**< plan */
+    dahl_loaded_state_t state; /**< state */
 } dahl_node_loaded_t;
 
 /** Use friction whose Fc and sigma0 scale with parameter Load, 0 .. 1, which starts at 1. params
@@ -238,9 +238,9 @@ typedef struct {
     float Fc[DAHL_SLIP_MAX];     /**< [N m] Coulomb torque of each element */
 } dahl_node_parallel_params_t;
 
-/** Storage; model must be first. */
+/** Elements in parallel of a node. */
 typedef struct {
-    dahl_node_model_t model;
+    dahl_node_model_t model;           /**< must be first */
     uint32_t bearings;                 /**< number of Dahl elements */
     dahl_slip_plan_t slip;             /**< plan of the slip elements */
     dahl_slip_state_t slip_state;      /**< state of the slip elements */

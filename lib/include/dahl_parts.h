@@ -306,8 +306,8 @@ float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke);
 
 /** Parameters of the table. */
 typedef struct {
-    uint32_t segment_bits;                /**< a segment is 2^segment_bits counts per tick, 0 ..
-                                               24 */
+    uint32_t segment_bits;                /**< 0 .. 24: a segment is 2^segment_bits counts per
+                                               tick */
     float torque[DAHL_VELOCITY_SEGMENTS]; /**< [N m] at (k + 1) 2^segment_bits counts forward; 0,
                                                or 2^-64 <= |torque| < 2^64. Linear in between, 0
                                                at rest, the negative backward, the last value
@@ -450,8 +450,8 @@ typedef struct {
  * @param plan     plan for the load 1, from dahl_prepare()
  * @param state    state to move; the same load and 0 counts leave it bit-identical
  * @param dcounts  [counts] signed move, any int32_t
- * @param load_q30 [Q30] load c, 0 .. 2^31 - 1 (just below 2); a larger value counts as 2^31
- * - 1. If c = 0, F is 0, and the bristle relaxes when a load returns.
+ * @param load_q30 [Q30] load c, below 2^31; a larger value counts as 2^31 - 1. If c = 0, F is 0,
+ *   and the bristle relaxes when a load returns.
  * @return F [N m], -c Fc .. c Fc, the nearest float. If c Fc < 2^-64 N m, a torque below 2^-32 c Fc
  *   becomes 0.
  * @note Error: #DAHL_ULP_PARTS ulp of c Fc. Cost: 90 instructions for up to 8 counts, 266 if the

@@ -4,8 +4,8 @@
  *
  * The 32 leading bits of w are multiplied by the mantissa of Fc in integers, and rounded once to the 24 bits of a
  * float. Small torques thus keep their relative accuracy. Two truncations cost less than 2 units of 2^-31 of the
- * result; half a unit is added to the mantissa of Fc to centre them. Total error: 0.508 ulp of the result. Since Fc
- * >= 2^-64 and |w| >= 2^-62, the result is a normal float.
+ * result; half a unit is added to the mantissa of Fc to centre them. Total error: 0.508 ulp of the result. Fc is at
+ * least 2^-64 and |w| at least 2^-62, so the result is a normal float.
  */
 #ifndef DAHL_TORQUE_H
 #define DAHL_TORQUE_H
