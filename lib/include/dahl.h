@@ -24,8 +24,8 @@
  * - If a state is moved by counts only, its torque is within #DAHL_ULP_COUNTS = 0.52 ulp of Fc of
  *   the exact solution of the model. The bound holds for any motion, number of ticks and sampling
  *   rate.
- * - If dahl_step() has moved the state, the bound is #DAHL_ULP_ANGLE = 0.6 ulp of Fc for every
- *   later call, for the float angles and the counts fed so far.
+ * - If dahl_step() has moved the state, the bound of all later calls is #DAHL_ULP_ANGLE = 0.6 ulp
+ *   of Fc. It refers to the float angles and counts fed so far.
  * - The same inputs give the same bits on every processor, compiler and set of flags. All
  *   calculations use integers.
  * - There is no heap, no global variable, no libm, and no division by a variable in a step.
@@ -188,7 +188,7 @@ DAHL_NODISCARD dahl_err_t dahl_prepare(dahl_plan_t *plan, const dahl_params_t *p
  * @param state   state to move; 0 counts leave it bit-identical
  * @param dcounts [counts] signed move, any int32_t including INT32_MIN
  * @return F [N m], -Fc .. Fc, rounded once
- * @note Error: #DAHL_ULP_COUNTS ulp of Fc. Small motions keep their relative accuracy: after n
+ * @note Error: #DAHL_ULP_COUNTS ulp of Fc. Small motions keep their relative accuracy. After n
  *   ticks from rest with a total travel of U presliding lengths, the error is at most 0.52 ulp of F
  *   plus Fc (2^-31 U + 2^-62 n).
  * @note Cost: 39 instructions for up to 8 counts, about 15 more for each further binary digit.
@@ -210,8 +210,8 @@ float dahl_step_counts(const dahl_plan_t *plan, dahl_state_t *state, int32_t dco
 int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts);
 
 /**
- * Convert a torque ratio to whole units of your choice (uN m, mN m, counts of the drive current),
- * so that torques can be added as integers. No float, no division, no overflow.
+ * Convert a torque ratio to whole units of your choice: uN m, mN m, counts of the drive current.
+ * Torques can then be added as integers. No float, no division, no overflow.
  *
  * @param ratio_q30 result of a Q30 call, any int32_t
  * @param Fc_units  [your unit] torque of the ratio 1 (Fc, the sum of Fc, or the largest torque), 0

@@ -45,7 +45,7 @@
  * @par Interrupts and threads
  * There is no lock, so calls for one node must not overlap. If a receive interrupt calls
  * dahl_node_receive() and the main program calls dahl_node_tick(), the main program must mask that
- * interrupt, and read the clock while it is masked:
+ * interrupt. It must read the clock while it is masked:
  * @verbatim
  *   mask(); due = dahl_node_tick(&node, clock_us(), &out); unmask(); if (due) { send(&out); }
  * @endverbatim

@@ -7,8 +7,9 @@
  * element lowers the error on which log. As in dahl.h, prepare once, then step in every tick.
  *
  * @par Guarantee
- * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc (of the sum of Fc, if
- *   there are several) of the exact solution, for any motion, number of ticks and sampling rate.
+ * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc of the exact solution.
+ *   For several elements, read the sum of Fc. The bound holds for any motion, number of ticks and
+ *   sampling rate.
  * - As in dahl.h: equal bits everywhere, no heap, no global variable, no libm, no division by a
  *   variable in a step.
  * - A state of all zeros is relaxed. A plan of all zeros moves nothing and gives 0 N m.
@@ -247,8 +248,8 @@ int32_t dahl_work_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, 
  * @return [J] energy that the bearing absorbed; infinite above the largest float, 0 below the least
  *   normal one. It is negative only by the energy stored at the start, F^2/(2 sigma0), and by
  *   rounding: #DAHL_ENERGY_ERROR of Fc times the path length.
- * @note Error after R reversals: half an ulp of the result, 2^-59 of Fc times the path length, and
- *   (R + 1/2) times 1.5e-9 of Fc^2/sigma0 (9.5e-10 if a count travels 4e-8 or more).
+ * @note Error after R reversals: half an ulp of the result, plus 2^-59 of Fc times the path length,
+ *   plus (R + 1/2) times 1.5e-9 of Fc^2/sigma0. If a count travels 4e-8 or more, read 9.5e-10.
  */
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
 /** @} */
@@ -265,7 +266,7 @@ float dahl_work(const dahl_params_t *params, const dahl_work_t *work);
  *
  * Except for rounding, it is the least such move. A shorter move that reaches F passes it by less
  * than #DAHL_INVERSE_ERROR of Fc, before rounding to a float. It is shorter by at most 1 +
- * DAHL_INVERSE_ERROR/(u p) counts: u is the travel of one count, p the gap from F to Fc in the
+ * DAHL_INVERSE_ERROR/(u p) counts. u is the travel of one count. p is the gap from F to Fc in the
  * direction of the move, as a fraction of Fc, at least 2^-25. Examples: 0.05/u counts at F = Fc,
  * 3e-9/u at Fc/2.
  *
