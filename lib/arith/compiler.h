@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What the library asks of a compiler and its core, private: checked here, once, when it is compiled. */
+/** Requirements on the compiler, checked at compile time, and its attributes. */
 #ifndef DAHL_COMPILER_H
 #define DAHL_COMPILER_H
 
@@ -28,19 +28,18 @@
 #error "dahl needs uint32_t and uint64_t"
 #endif
 
-/* An array of this size does not compile where float and uint32_t differ in size. */
+/** The size of this array is invalid if float or uint32_t does not have 4 bytes. */
 typedef char dahl_needs_a_float_of_4_bytes[sizeof(float) == 4 && sizeof(uint32_t) == 4 ? 1 : -1];
 
-/* A C tick that lib/cores may have in assembly too. It is weak, so that the linker prefers the tick in assembly if the build has
- * assembled one. */
+/** A C tick that lib/cores may also have in assembly. It is weak, so the linker prefers the assembly tick. */
 #if DAHL_V6M || DAHL_THUMB2
 #define DAHL_WEAK_TICK __attribute__((weak))
 #else
 #define DAHL_WEAK_TICK
 #endif
 
-/* Optimization barrier: the compiler may assume nothing about the value of x. So it takes x for a word, and does not widen
- * it to 64 bits where x comes from several branches: 8 of the 105 instructions of a tick by angle. */
+/** Optimization barrier: the compiler must not assume anything about x. It then keeps x in 32 bits even if x comes
+ * from several branches, which saves 8 of the 105 instructions of a tick by angle. */
 static inline uint32_t dahl_opaque(uint32_t x)
 {
 #if defined(__GNUC__)
@@ -51,9 +50,9 @@ static inline uint32_t dahl_opaque(uint32_t x)
 
 #if defined(__GNUC__)
 #define DAHL_LIKELY(condition) __builtin_expect((condition), 1)
-#define DAHL_COLD __attribute__((cold)) /* made small rather than quick */
+#define DAHL_COLD __attribute__((cold)) /* small rather than fast */
 #define DAHL_OUT_OF_LINE __attribute__((noinline))
-#define DAHL_ALWAYS_INLINE __attribute__((always_inline)) /* where the compiler, asked for small code, would call */
+#define DAHL_ALWAYS_INLINE __attribute__((always_inline)) /* for compilers that would call it when they optimize for size */
 #else
 #define DAHL_LIKELY(condition) (condition)
 #define DAHL_COLD

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Fixed-point arithmetic, private. Three representations:
- *   Q30, Q62, Q64   fixed point: the integer i means i 2^-30, i 2^-62, i 2^-64
- *   real            mantissa 2^exponent, 32 bits whose top bit is set
- *   wide            the same with 64 bits
+/**
+ * Fixed-point arithmetic.
+ *
+ * Three representations:
+ * - Q30, Q62, Q64: the integer i means i 2^-30, i 2^-62, i 2^-64
+ * - real: mantissa 2^exponent, 32 bits, top bit set
+ * - wide: the same with 64 bits
  */
 #ifndef DAHL_FIXED_H
 #define DAHL_FIXED_H
@@ -20,7 +22,7 @@
 #define DAHL_BITS_INF UINT32_C(0x7f800000)
 #define DAHL_BITS_NORMAL UINT32_C(0x00800000) /* smallest normal float */
 
-/* A float and its bits. Its value is not touched: safe for NaN and under every floating-point flag. */
+/** A float and its bits, without a floating-point operation: safe for NaN and with every compiler flag. */
 typedef union {
     float value;
     uint32_t bits;
@@ -50,7 +52,6 @@ typedef struct {
     int32_t exponent;
 } dahl_wide_t;
 
-/* A normal positive float as a real. */
 static inline dahl_real_t dahl_real_of(uint32_t bits)
 {
     dahl_real_t r;
@@ -59,14 +60,15 @@ static inline dahl_real_t dahl_real_of(uint32_t bits)
     return r;
 }
 
-/* The bits of the float nearest to mantissa 2^exponent, a half rounded up; the mantissa's top bit is set, and the float must
- * be a normal one. That top bit counts 1 in the float's exponent field, and so does a carry out of the rounding. */
+/** Return the bits of the float nearest to mantissa 2^exponent, a half rounded up. The mantissa must have its
+ * top bit set, and the float must be normal. The top bit, or a carry of the rounding, adds 1 to the exponent
+ * field. */
 static inline uint32_t dahl_round_to_float(uint32_t mantissa, uint32_t exponent)
 {
     return ((exponent + (127 + 31 - 1)) << 23) + (((mantissa >> 7) + 1) >> 1);
 }
 
-/* Leading zeros of x > 0. Where the core has no instruction for it, no helper of the compiler's library is called. */
+/** Leading zeros of x > 0, without a helper function of the compiler if the core has no instruction for it. */
 #if defined(__GNUC__) && UINT_MAX == 0xffffffff                                                                             \
     && (defined(__ARM_FEATURE_CLZ) || defined(__aarch64__) || defined(__x86_64__) || defined(__i386__)                      \
         || defined(__riscv_zbb) || defined(__XTENSA__))
@@ -98,7 +100,6 @@ static inline uint32_t dahl_leading_zeros(uint32_t x)
 }
 #endif
 
-/* mantissa 2^exponent as a wide, for mantissa > 0. */
 static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent)
 {
     dahl_wide_t r;
@@ -111,18 +112,18 @@ static inline dahl_wide_t dahl_normalise(uint64_t mantissa, int32_t exponent)
     return r;
 }
 
-/* Out of line (mul_div64.c, ratio.c): for parameters, not for a tick. */
+/* The following functions are out of line (mul_div64.c, ratio.c): for parameters, not for a tick. */
 
-/* Upper half of a 64 x 64 bit product, truncated. */
 uint64_t dahl_mulhi64(uint64_t a, uint64_t b);
 
-/* numerator/denominator in Q63, truncated, for mantissas with the top bit set: in (2^62, 2^64). */
+/** Return numerator/denominator in Q63, truncated, in (2^62, 2^64). The top bits of both must be set. */
 uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator);
 
-/* numerator/denominator in units of 2^-bits, truncated, for numerator <= denominator < 2^63; of equal ones a unit less. */
+/** Return numerator/denominator in units of 2^-bits, truncated, for numerator <= denominator < 2^63. If both are
+ * equal, the result is one unit less. */
 uint64_t dahl_quotient(uint64_t numerator, uint64_t denominator, int bits);
 
-/* x/y in Q62, rounded, clamped to 1. The lowest bit of both mantissas is not used. */
+/** Return x/y in Q62, rounded, clamped to 1. The lowest bits of both mantissas are ignored. */
 uint64_t dahl_ratio_q62(dahl_real_t x, dahl_real_t y);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The wide operations on parameters, made from narrow ones: a call to the compiler's own would be larger. */
+/** Wide products and quotients from narrow ones; smaller than the helper functions of the compiler. */
 #include "fixed.h"
 
 DAHL_COLD uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
@@ -11,7 +11,8 @@ DAHL_COLD uint64_t dahl_mulhi64(uint64_t a, uint64_t b)
     return dahl_mul(a1, b1) + (middle >> 32) + (other >> 32);
 }
 
-/* One bit a turn. The lowest bit of both is not used, so that the rest never overflows: floats leave it 0. */
+/** One bit per turn. The lowest bits of both, which are 0 for floats, are ignored, so the remainder never
+ * overflows. */
 DAHL_COLD uint64_t dahl_quotient_q63(uint32_t numerator, uint32_t denominator)
 {
     uint64_t quotient = 0;

@@ -1,6 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* Products of 32 x 32 bits, whole or upper half, and of 32 x 64 bits, private. Cores that multiply to 32 bits only
- * (Cortex-M0) make the first from 16-bit products in multiply_v6m.h; the bits are the same. */
+/**
+ * Products of 32 x 32 bits, of their upper half, and of 32 x 64 bits.
+ *
+ * If the core has only a 32-bit product (Cortex-M0), multiply_v6m.h builds the first from 16-bit products, with the
+ * same bits.
+ */
 #ifndef DAHL_MULTIPLY_H
 #define DAHL_MULTIPLY_H
 
@@ -9,7 +13,7 @@
 #if DAHL_V6M
 #include "multiply_v6m.h"
 
-/* From the product of the words as they stand: those of a negative factor are too large by 2^32. */
+/** Unsigned product, then a correction: a negative factor counts 2^32 too much. */
 static inline int64_t dahl_mul_signed(int32_t a, int32_t b)
 {
     uint32_t too_much = (a < 0 ? (uint32_t)b : 0) + (b < 0 ? (uint32_t)a : 0);
@@ -35,7 +39,7 @@ static inline uint32_t dahl_mulhi(uint32_t a, uint32_t b)
     return (uint32_t)(dahl_mul(a, b) >> 32);
 }
 
-/* z times the fraction high:low in Q64, truncated. */
+/** Return z times the Q64 fraction high:low, truncated. */
 static inline uint64_t dahl_mul_fraction(uint32_t z, uint32_t high, uint32_t low)
 {
     return dahl_mul(z, dahl_opaque(high)) + dahl_mulhi(z, dahl_opaque(low));

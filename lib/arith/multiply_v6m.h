@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* 32 x 32 -> 64 bits from four products of 16 x 16, private, for ARMv6-M and ARMv8-M Baseline. In assembly, since compilers
- * run out of low registers here and put the parts on the stack: four times the instructions. x0 and x1 are the lower and
- * upper half of x. */
+/**
+ * 32 x 32 -> 64 bit product for ARMv6-M and ARMv8-M Baseline, from four 16 x 16 bit products.
+ *
+ * In assembly, since compilers run out of low registers and need four times the instructions. x0 and x1 are the
+ * lower and the upper half of x.
+ */
 #ifndef DAHL_MULTIPLY_V6M_H
 #define DAHL_MULTIPLY_V6M_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The quotient of two numbers of which the first is smaller, as a fraction. */
+/** Quotient of two numbers as a fraction. */
 #include "fixed.h"
 
 static int is_below(dahl_real_t x, dahl_real_t y)

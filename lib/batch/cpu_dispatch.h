@@ -1,15 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * One source, several instruction sets, private: DAHL_VARIANTS(name, type, run) defines name(const type *) as run, compiled
- * for what every processor of the family has and for those with wider vectors, chosen at each call. `run` and all that it
- * calls is DAHL_INLINE. DAHL_VARIANTS_OF takes another call for each: with AVX-512, with AVX2, with neither. Where the
- * compiler cannot do that, the one form is all there is. DAHL_VARIANTS_TOLD tells run, by a second argument, whether the
- * instruction set makes doubles of whole numbers of 64 bits: AVX2 has vectors, but not for that.
- */
+/** One source for several instruction sets. DAHL_VARIANTS(name, type, run) defines name(const type *) as run,
+ * compiled for the baseline of the processor family and for wider vectors; each call selects one. `run` and all
+ * functions that it calls must be DAHL_INLINE. DAHL_VARIANTS_OF has a separate call for AVX-512, for AVX2 and for
+ * neither. If the compiler does not support this, only the baseline exists. DAHL_VARIANTS_CONVERT passes true as a
+ * second argument if the instruction set converts 64-bit integers to double, which AVX2 cannot. */
 #ifndef DAHL_CPU_DISPATCH_H
 #define DAHL_CPU_DISPATCH_H
 
-/* Before a short inner loop: vectors, not a long row of single steps. */
+/** Before a short inner loop: use vectors, do not unroll it to single steps. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define DAHL_AS_VECTORS _Pragma("GCC unroll 1") _Pragma("GCC ivdep")
 #define DAHL_UNROLL_8 _Pragma("GCC unroll 8")
@@ -52,6 +50,6 @@
 #endif
 
 #define DAHL_VARIANTS(name, type, run) DAHL_VARIANTS_OF(name, type, run(job), run(job), run(job))
-#define DAHL_VARIANTS_TOLD(name, type, run) DAHL_VARIANTS_OF(name, type, run(job, true), run(job, false), run(job, true))
+#define DAHL_VARIANTS_CONVERT(name, type, run) DAHL_VARIANTS_OF(name, type, run(job, true), run(job, false), run(job, true))
 
 #endif

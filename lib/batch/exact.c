@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * One trajectory, bit for bit as single steps. By counts: the direction is a mask, not a branch, so that a motion whose sign
- * nobody can predict costs no more; short moves take their table entry, the rest go by digits. The states of a block of ticks
- * come first, one waiting for the other; their torques, which wait for nothing, are left to vectors.
- */
+/** One trajectory with the bits of single steps. By counts, the direction is a mask instead of a branch, so an
+ * unpredictable sign costs no more. Short moves use their table entry, longer ones go digit by digit. A block first
+ * computes its dependent states, then its independent torques with vectors. */
 #include "exact.h"
 
 #define BLOCK 64 /* ticks */
@@ -16,13 +14,13 @@ typedef struct {
     size_t n;
 } job_t;
 
-/* w after each tick. From tick to tick it is kept as the direction of travel sees it, which turns only where that does. */
+/** Write w after each tick. Between ticks, w is kept as seen in the direction of travel. */
 DAHL_INLINE void move_all(const dahl_plan_t *plan, int64_t *w, uint64_t start, const int32_t *dcounts, size_t n)
 {
     uint64_t ahead = start, backward = 0;
     for (size_t i = 0; i < n; i++) {
         uint64_t before = backward;
-        backward = dahl_batch_backward(dcounts[i]);
+        backward = dahl_batch_direction(dcounts[i]);
         ahead = dahl_batch_move(plan, ahead ^ before ^ backward, dahl_batch_size(dcounts[i]));
         w[i] = (int64_t)(ahead ^ backward);
     }
@@ -40,12 +38,12 @@ DAHL_INLINE void run(const job_t *job, bool converts)
         job->state->w = w[rows - 1];
     }
 }
-DAHL_VARIANTS_TOLD(run_ticks, job_t, run)
+DAHL_VARIANTS_CONVERT(run_ticks, job_t, run)
 
 void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n)
 {
     job_t job = {plan, state, dcounts, F, n};
-    if (n != 0) { /* once: each tick leaves a state in range */
+    if (n != 0) { /* once per call: each tick leaves a state in range */
         state->w = (int64_t)dahl_clamp((uint64_t)state->w);
     }
     run_ticks(&job);

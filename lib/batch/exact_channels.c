@@ -1,38 +1,36 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Many channels side by side, bit for bit as single steps. For a few rows of ticks the table entries of the low digits are
- * gathered first; those of the further binary digits lie channel by channel from the start. Then the rows go one after the
- * other, each a vector of channels, digit by digit: one that is not set takes g = 0, which changes nothing.
- */
+/** Many channels with the bits of single steps. For a few rows of ticks, the table entries of the low digits are
+ * gathered first. The entries of the other digits are stored by channel at the start. Each row is then a vector of
+ * channels and moves digit by digit; g = 0 for a digit that is not set. */
 #include "exact.h"
 
 #ifdef DAHL_AVX512
 #include <immintrin.h>
 #endif
 
-#define CHUNK 16  /* channels at a time, and ticks */
-#define DIGITS 29 /* of a move, in eights */
-#define DIRECT (DAHL_DIRECT_COUNTS_MAX + 1u) /* entries of moves that need no digits */
+#define CHUNK 16  /* channels, and ticks, at a time */
+#define DIGITS 29 /* number of digits of a move, in units of 8 counts */
+#define DIRECT (DAHL_DIRECT_COUNTS_MAX + 1u) /* entries for moves without further digits */
 
 typedef struct {
-    int64_t w[CHUNK % 16 == 0 ? CHUNK : -1]; /* whole vectors of floats, the widest that there are */
+    int64_t w[CHUNK % 16 == 0 ? CHUNK : -1]; /* whole vectors of floats, for the widest vectors */
     double unit[CHUNK];
     uint64_t digit[DIGITS][CHUNK]; /* entries as in pair() */
     uint64_t backward[CHUNK][CHUNK], g[CHUNK][CHUNK];
     uint32_t low[CHUNK][CHUNK], eights[CHUNK][CHUNK];
-    bool alike; /* a whole chunk of channels with the same entries: one encoder and one stiffness over Fc */
+    bool is_uniform; /* a full chunk of channels with equal entries: one encoder, one sigma0/Fc */
 } chunk_t;
 
 typedef struct {
     const dahl_plan_t *plans;
     dahl_state_t *states;
-    const int32_t *dcounts; /* of the first channel of the chunk */
+    const int32_t *dcounts; /* moves of the first channel of the chunk */
     float *F;
     size_t count, stride, n;
 } job_t;
 
-/* Takes the moves of some rows apart; returns the digits above the low one that any of them has. */
-DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
+/** Split the moves of some rows. Return the OR of all digits above the low one. */
+DAHL_INLINE uint32_t split_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows)
 {
     uint32_t digits = 0;
     for (size_t t = 0; t < rows; t++) {
@@ -41,7 +39,7 @@ DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, s
         for (size_t c = 0; c < count; c++) {
             uint32_t size = dahl_batch_size(dcounts[c]);
             uint32_t eights = size == DAHL_DIRECT_COUNTS_MAX ? 0u : size / DAHL_DIRECT_COUNTS_MAX;
-            chunk->backward[t][c] = dahl_batch_backward(dcounts[c]);
+            chunk->backward[t][c] = dahl_batch_direction(dcounts[c]);
             chunk->low[t][c] = size - eights * DAHL_DIRECT_COUNTS_MAX;
             chunk->eights[t][c] = eights;
             digits |= eights;
@@ -50,13 +48,12 @@ DAHL_INLINE uint32_t take_rows(chunk_t *chunk, const job_t *job, size_t count, s
     return digits;
 }
 
-/* An entry in one word; this way round it is a plain load where the low byte comes first. */
+/** Return an entry in one word. On a little-endian core, this order is a plain load. */
 DAHL_INLINE uint64_t pair(dahl_q64_t g)
 {
     return ((uint64_t)g.lo << 32) + g.hi;
 }
 
-/* Fills chunk->g of some rows. */
 typedef void (*gather_t)(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows);
 
 DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
@@ -69,11 +66,11 @@ DAHL_INLINE void gather(chunk_t *chunk, const dahl_plan_t *plans, size_t count, 
 }
 
 #ifdef DAHL_AVX512
-/* By two registers that hold the entries of the first channel, where all have the same. */
+/** Gather from two registers, if all channels have the entries of the first one. */
 DAHL_AVX512 DAHL_INLINE void gather_from_registers(chunk_t *chunk, const dahl_plan_t *plans, size_t count, size_t rows)
 {
     uint64_t entries[16] = {0};
-    if (!chunk->alike) {
+    if (!chunk->is_uniform) {
         gather(chunk, plans, count, rows);
         return;
     }
@@ -90,14 +87,14 @@ DAHL_AVX512 DAHL_INLINE void gather_from_registers(chunk_t *chunk, const dahl_pl
 }
 #endif
 
-/* As dahl_forward, by what vectors have. */
+/** The same as dahl_forward(), with operations that vectors have. */
 DAHL_INLINE int64_t step(int64_t w, uint64_t backward, uint64_t g)
 {
     uint64_t v = (uint64_t)w ^ backward, z = dahl_batch_gap(v) >> 32;
     return (int64_t)((v + (z * (g & UINT32_MAX) + (z * (g >> 32) >> 32))) ^ backward);
 }
 
-DAHL_INLINE void low_row(chunk_t *chunk, size_t count, size_t t)
+DAHL_INLINE void move_low_digit(chunk_t *chunk, size_t count, size_t t)
 {
     DAHL_AS_VECTORS
     for (size_t c = 0; c < count; c++) {
@@ -105,7 +102,7 @@ DAHL_INLINE void low_row(chunk_t *chunk, size_t count, size_t t)
     }
 }
 
-DAHL_INLINE void digit_row(chunk_t *chunk, size_t count, size_t t, uint32_t digit)
+DAHL_INLINE void move_digit(chunk_t *chunk, size_t count, size_t t, uint32_t digit)
 {
     const uint64_t *entries = chunk->digit[31u - dahl_leading_zeros(digit)];
     DAHL_AS_VECTORS
@@ -115,28 +112,28 @@ DAHL_INLINE void digit_row(chunk_t *chunk, size_t count, size_t t, uint32_t digi
     }
 }
 
-/* The digits that can change a bit: those of channels where some gap is left. */
-DAHL_INLINE uint32_t open_digits(const chunk_t *chunk, size_t count, size_t t)
+/** Return the digits that can change a bit: those of channels with a remaining gap. */
+DAHL_INLINE uint32_t active_digits(const chunk_t *chunk, size_t count, size_t t)
 {
-    uint64_t open = 0;
+    uint64_t active = 0;
     DAHL_AS_VECTORS
     for (size_t c = 0; c < count; c++) {
         uint64_t gap = dahl_batch_gap((uint64_t)chunk->w[c] ^ chunk->backward[t][c]) >> 32;
-        open |= gap != 0 ? chunk->eights[t][c] : 0u;
+        active |= gap != 0 ? chunk->eights[t][c] : 0u;
     }
-    return (uint32_t)open;
+    return (uint32_t)active;
 }
 
-/* Every third digit it looks which of those above can change a bit. */
+/** After every third digit, drop the digits that cannot change a bit. */
 DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digits)
 {
-    low_row(chunk, count, t);
+    move_low_digit(chunk, count, t);
     for (uint32_t rest = digits; rest != 0;) {
         uint32_t digit = rest & (0u - rest);
-        digit_row(chunk, count, t, digit);
+        move_digit(chunk, count, t, digit);
         rest &= rest - 1u;
         if ((digit & 0x24924924u) != 0) {
-            rest &= open_digits(chunk, count, t);
+            rest &= active_digits(chunk, count, t);
         }
     }
 }
@@ -144,7 +141,7 @@ DAHL_INLINE void move_row(chunk_t *chunk, size_t count, size_t t, uint32_t digit
 DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t rows, bool converts,
                           gather_t entries)
 {
-    uint32_t digits = take_rows(chunk, job, count, first, rows);
+    uint32_t digits = split_rows(chunk, job, count, first, rows);
     entries(chunk, job->plans, count, rows);
     for (size_t t = 0; t < rows; t++) {
         move_row(chunk, count, t, digits);
@@ -154,12 +151,12 @@ DAHL_INLINE void run_rows(chunk_t *chunk, const job_t *job, size_t count, size_t
 
 DAHL_INLINE void start(chunk_t *chunk, const job_t *job, size_t count)
 {
-    chunk->alike = count == CHUNK;
+    chunk->is_uniform = count == CHUNK;
     for (size_t c = 0; c < count; c++) {
         chunk->unit[c] = dahl_batch_unit(&job->plans[c]);
         chunk->w[c] = (int64_t)dahl_clamp((uint64_t)job->states[c].w);
         for (size_t n = 0; n < DIRECT; n++) {
-            chunk->alike = chunk->alike && pair(job->plans[c].g[n]) == pair(job->plans[0].g[n]);
+            chunk->is_uniform = chunk->is_uniform && pair(job->plans[c].g[n]) == pair(job->plans[0].g[n]);
         }
         for (int k = 0; k < DIGITS; k++) {
             chunk->digit[k][c] = pair(job->plans[c].g[DAHL_DIRECT_COUNTS_MAX + k]);
@@ -181,7 +178,7 @@ DAHL_INLINE void run_count(const job_t *job, size_t count, bool converts, gather
     }
 }
 
-/* A whole chunk has a number of channels that the compiler knows. */
+/** A full chunk passes a constant number of channels to the compiler. */
 DAHL_INLINE void run(const job_t *job, bool converts, gather_t entries)
 {
     if (job->count == CHUNK) {

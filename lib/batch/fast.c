@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* One long trajectory of a Dahl element, by counts and by angles: by the scan of fast_scan.h, or that of fast_tiles.h. */
+/** One long trajectory of a Dahl element, with the scan of fast_scan.h or of fast_tiles.h. */
 #include <stddef.h>
 #include <string.h>
 
@@ -27,11 +27,11 @@ DAHL_INLINE void write_torques(const scan_t *scan, double w0, double Fc, float *
     }
 }
 
-/* A block from w0; returns d at its end. */
+/** Processes a block from w0. Returns d at its end. */
 typedef double (*block_t)(const job_t *job, double w0, const void *moves, float *F);
 
-DAHL_INLINE double scanned(const job_t *job, double w0, const void *moves, float *F, dahl_value_t value, dahl_value_t number,
-                           dahl_measure_t measure)
+DAHL_INLINE double scan_and_write(const job_t *job, double w0, const void *moves, float *F, dahl_value_t value,
+                                  dahl_value_t number, dahl_measure_t measure)
 {
     scan_t scan;
     scan_block(&scan, job->scale, w0, moves, 0, value, number, measure);
@@ -42,15 +42,15 @@ DAHL_INLINE double scanned(const job_t *job, double w0, const void *moves, float
 
 DAHL_INLINE double counts_block(const job_t *job, double w0, const void *moves, float *F)
 {
-    return scanned(job, w0, moves, F, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
+    return scan_and_write(job, w0, moves, F, dahl_value_of_count, dahl_value_of_count, dahl_measure_of_count);
 }
 
 DAHL_INLINE double angles_block(const job_t *job, double w0, const void *moves, float *F)
 {
-    return scanned(job, w0, moves, F, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
+    return scan_and_write(job, w0, moves, F, dahl_value_of_angle, dahl_number_of_angle, dahl_measure_of_angle);
 }
 
-/* The last ticks, filled up to a block with ticks that do not move. */
+/** The last ticks, padded to a block with ticks without motion. */
 typedef struct {
     union {
         int32_t counts[BLOCK];
@@ -59,8 +59,8 @@ typedef struct {
     float F[BLOCK];
 } last_t;
 
-/* n ticks from tick `done` on; where a block finds them now, and leaves their torques. */
-DAHL_INLINE void take_last(last_t *last, const job_t *job, size_t done, size_t n, const void **moves, float **F)
+/** Copy n ticks, from tick `done` on, and set the pointers of the block. */
+DAHL_INLINE void copy_last(last_t *last, const job_t *job, size_t done, size_t n, const void **moves, float **F)
 {
     (void)memcpy(last->moves.counts, (const int32_t *)job->moves + done, n * sizeof last->moves.counts[0]);
     *moves = &last->moves;
@@ -75,7 +75,7 @@ DAHL_INLINE void run(const job_t *job, block_t block)
         const void *moves = (const int32_t *)job->moves + done;
         float *F = job->F + done;
         if (n < BLOCK) {
-            take_last(&last, job, done, n, &moves, &F);
+            copy_last(&last, job, done, n, &moves, &F);
         }
         dahl_carry(job->state, block(job, dahl_w_of(job->state), moves, F));
         if (n < BLOCK) {

@@ -1,34 +1,32 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Many channels side by side: the vectors run across channels, so nothing is serial but the ticks. As for one trajectory
- * only d = w - w0 is computed for a block of ticks, then carried into the state. With AVX-512, channels whose travel a
- * count is the same take g of few counts from a table in registers (fast_table.h).
- */
+/** Many channels: vectors run across the channels, so only the ticks are serial. A block of ticks computes only d =
+ * w - w0, which is then carried into the state. If the channels have equal travel per count and the core has
+ * AVX-512, g of few counts comes from a table in registers (fast_table.h). */
 #include <stddef.h>
 #include <string.h>
 
 #include "fast_table.h"
 
 #define CHUNK 16  /* channels at a time */
-#define BLOCK 128 /* ticks before d is carried */
+#define BLOCK 128 /* ticks before d is carried into the state */
 
 typedef struct {
     double a[CHUNK], Fc[CHUNK], w0[CHUNK], F0[CHUNK], d[CHUNK];
-    uint32_t small, tiny;             /* the least of all channels */
-    double table[DAHL_TABLE_ENTRIES]; /* g of 0 .. table_most counts of any channel */
-    uint32_t table_most;              /* 0: there is none */
+    uint32_t small, tiny;             /* least values of all channels */
+    double table[DAHL_TABLE_ENTRIES]; /* g of 0 .. table_most counts, equal for all channels */
+    uint32_t table_most;              /* 0: no table */
 } chunk_t;
 
 typedef struct {
     const dahl_throughput_params_t *params;
     dahl_state_t *states;
-    const void *moves; /* int32_t or float, of the first channel of the chunk */
+    const void *moves; /* int32_t or float; moves of the first channel of the chunk */
     float *F;
     size_t count, stride, n;
     bool by_counts;
 } job_t;
 
-/* The largest measure of these ticks. Rows without a gap between them are one long row. */
+/** Largest measure of these ticks. Rows without a gap in memory count as one long row. */
 DAHL_INLINE uint32_t largest(const job_t *job, size_t first, size_t last, dahl_measure_t measure)
 {
     size_t rows = last - first, width = job->count, start = first * job->stride;
@@ -63,7 +61,6 @@ DAHL_INLINE void step(chunk_t *chunk, const job_t *job, size_t count, size_t fir
     }
 }
 
-/* The ticks of a block. */
 typedef void (*steps_t)(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last);
 
 DAHL_INLINE void step_up_to(uint32_t most, chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last,
@@ -91,7 +88,6 @@ DAHL_INLINE void step_angles(chunk_t *chunk, const job_t *job, size_t count, siz
 }
 
 #ifdef DAHL_AVX512
-/* Up to eight channels of one row. */
 DAHL_WIDE void step_eight(chunk_t *chunk, const __m512d table[2], __m512d *d, size_t from, __mmask8 used, const int32_t *moves,
                           float *F)
 {
@@ -118,7 +114,7 @@ DAHL_WIDE void step_by_table(chunk_t *chunk, const job_t *job, size_t count, siz
     _mm512_storeu_pd(chunk->d + 8, d[1]);
 }
 
-/* Travel is what the table is of: Fc may differ, sigma0 and theta too, their quotient may not. */
+/** Make the table if all channels have the same travel per count. */
 DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
 {
     double a = chunk->a[0];
@@ -133,7 +129,7 @@ DAHL_INLINE void make_table(chunk_t *chunk, size_t count)
 
 DAHL_WIDE void step_few_counts(chunk_t *chunk, const job_t *job, size_t count, size_t first, size_t last)
 {
-    if (first == 0 && last >= 16) { /* ticks that make up for a table */
+    if (first == 0 && last >= 16) { /* enough ticks to pay for the table */
         make_table(chunk, count);
     }
     uint32_t most = largest(job, first, last, dahl_measure_of_count);
@@ -158,7 +154,7 @@ DAHL_INLINE void run_block(chunk_t *chunk, const job_t *job, size_t count, size_
     }
 }
 
-DAHL_INLINE void take_params(chunk_t *chunk, const job_t *job, size_t count)
+DAHL_INLINE void read_params(chunk_t *chunk, const job_t *job, size_t count)
 {
     (void)memset(chunk, 0, sizeof *chunk);
     chunk->small = chunk->tiny = UINT32_MAX;
@@ -175,7 +171,7 @@ DAHL_INLINE void take_params(chunk_t *chunk, const job_t *job, size_t count)
 DAHL_INLINE void run(const job_t *job, size_t count, steps_t steps)
 {
     chunk_t chunk;
-    take_params(&chunk, job, count);
+    read_params(&chunk, job, count);
     size_t rows;
     for (size_t t = 0; t < job->n; t += rows) {
         rows = job->n - t < BLOCK ? job->n - t : BLOCK;
@@ -183,8 +179,8 @@ DAHL_INLINE void run(const job_t *job, size_t count, steps_t steps)
     }
 }
 
-/* A whole chunk has a number of channels that the compiler knows. */
-DAHL_INLINE void run_known(const job_t *job, steps_t steps)
+/** A full chunk passes a constant number of channels to the compiler. */
+DAHL_INLINE void run_by_size(const job_t *job, steps_t steps)
 {
     if (job->count == CHUNK) {
         run(job, CHUNK, steps);
@@ -193,8 +189,8 @@ DAHL_INLINE void run_known(const job_t *job, steps_t steps)
     }
 }
 
-DAHL_VARIANTS_OF(counts, job_t, run_known(job, step_few_counts), run_known(job, step_counts), run_known(job, step_counts))
-DAHL_VARIANTS_OF(angles, job_t, run_known(job, step_angles), run_known(job, step_angles), run_known(job, step_angles))
+DAHL_VARIANTS_OF(counts, job_t, run_by_size(job, step_few_counts), run_by_size(job, step_counts), run_by_size(job, step_counts))
+DAHL_VARIANTS_OF(angles, job_t, run_by_size(job, step_angles), run_by_size(job, step_angles), run_by_size(job, step_angles))
 
 static dahl_err_t check_all(const dahl_throughput_params_t *params, size_t channels, bool by_counts)
 {

@@ -1,13 +1,17 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Elements in parallel, in double: any mix of Dahl elements, by the scan of fast_scan.h, and of slip elements, by one of their
- * own. Each adds its torque to those of a block of ticks; the sum is rounded once.
- *   A slip element's deflection x, in counts, is cut to +-L after every tick, L = Fc/(sigma0 theta_per_count). A tick is a map
- *   x -> min(high, max(low, x + d)), and so are several in a row; low and high are where +-L end. So as there: the maps of
- *   groups of ticks, x at the start of each group, x of every tick.
- * Error of x: none but that of L, 2^-52 of it, and a deflection errs by no more than its limit does. All of x, low and high are
- * whole multiples of the last bit of L, which a count is too (L <= 2^30), and a sum of them that is not exact is beyond L and
- * is cut. So nothing adds up over any number of ticks.
+/**
+ * Elements in parallel, in double: Dahl elements by the scan of fast_scan.h, slip elements by another scan. Each
+ * adds its torque to those of a block of ticks. The sum is rounded once.
+ *
+ * @par Scan of slip elements
+ * The deflection x, in counts, is clamped to +-L after every tick, with L = Fc/(sigma0 theta_per_count). A tick is
+ * a map x -> min(high, max(low, x + d)), and so are several ticks in a row; low and high are the results for x = -L
+ * and L. The scan computes the maps of groups of ticks, then x at the start of each group, then x of every tick.
+ *
+ * @par Error
+ * The only error of x is that of L, 2^-52 of L. All of x, low and high are integer multiples of the last bit of L,
+ * and so is one count, since L <= 2^30. If a sum of them is inexact, it is beyond L and is clamped. No error
+ * accumulates.
  */
 #include <string.h>
 
@@ -15,21 +19,21 @@
 
 #define LANES 8
 
-/* Slip elements, up to LANES of them, so that the serial part is done for all at once. */
+/** Up to LANES slip elements, so that the serial part runs for all of them at once. */
 typedef struct {
     dahl_throughput_element_t *element[LANES];
     size_t used;
     double x[LANES], limit[LANES], torque_per_count[LANES];
-    double low[LANES][GROUPS], high[LANES][GROUPS], start[LANES][GROUPS]; /* the map of each group, and x before it */
+    double low[LANES][GROUPS], high[LANES][GROUPS], start[LANES][GROUPS]; /* map of each group, and x before it */
 } lanes_t;
 
 typedef struct {
-    double count[GROUP][GROUPS]; /* of tick k of group i */
-    double d[GROUPS];            /* counts of each group, and how far they lead from its start at most, either way */
+    double count[GROUP][GROUPS]; /* move of tick k of group i */
+    double d[GROUPS];            /* sum of the moves of each group; back and ahead are the extremes of its partial sums */
     double back[GROUPS], ahead[GROUPS];
-    double widest; /* the largest way from the farthest back to the farthest ahead */
+    double max_width; /* largest ahead - back of all groups */
     double torque[GROUP][GROUPS];
-    scan_t scan; /* of a Dahl element */
+    scan_t scan; /* scan of a Dahl element */
     lanes_t lanes;
 } block_t;
 
@@ -41,29 +45,28 @@ typedef struct {
     size_t n;
 } job_t;
 
-DAHL_INLINE double cut(double x, double low, double high)
+DAHL_INLINE double clamp_between(double x, double low, double high)
 {
     double above = x > low ? x : low;
     return above < high ? above : high;
 }
 
-/* Where +-limit end, by the ticks of each group one after the other. */
+/** Compute the maps of the groups for -limit and +limit, tick by tick. */
 DAHL_INLINE void follow_limits(const block_t *block, double limit, double *lows, double *highs)
 {
     for (size_t i = 0; i < GROUPS; i++) {
         double low = -limit, high = limit;
         DAHL_UNROLL_8
         for (size_t k = 0; k < GROUP; k++) {
-            low = cut(low + block->count[k][i], -limit, limit);
-            high = cut(high + block->count[k][i], -limit, limit);
+            low = clamp_between(low + block->count[k][i], -limit, limit);
+            high = clamp_between(high + block->count[k][i], -limit, limit);
         }
         lows[i] = low;
         highs[i] = high;
     }
 }
 
-/* The same where no group is wider than 2 limit, so that it meets one limit at most: from -limit up, what it goes back is lost,
- * from limit what it goes ahead. */
+/** The same, if no group is wider than 2 limit and so reaches at most one limit. */
 DAHL_INLINE void shift_limits(const block_t *block, double limit, double *lows, double *highs)
 {
     for (size_t i = 0; i < GROUPS; i++) {
@@ -72,25 +75,24 @@ DAHL_INLINE void shift_limits(const block_t *block, double limit, double *lows, 
     }
 }
 
-/* x at the start of each group, and at the end of the block: one lane, whose x stays in a register, */
+/** Compute x at the start of each group and at the end of the block, for one lane in a register. */
 DAHL_INLINE void join_one(const block_t *block, lanes_t *lanes)
 {
     double x = lanes->x[0];
     for (size_t i = 0; i < GROUPS; i++) {
         lanes->start[0][i] = x;
-        x = cut(x + block->d[i], lanes->low[0][i], lanes->high[0][i]);
+        x = clamp_between(x + block->d[i], lanes->low[0][i], lanes->high[0][i]);
     }
     lanes->x[0] = x;
 }
 
-/* or all of them side by side, so that none waits for its own last step. */
 DAHL_INLINE void join_all(const block_t *block, lanes_t *lanes)
 {
     for (size_t i = 0; i < GROUPS; i++) {
         for (size_t j = 0; j < lanes->used; j++) {
             double x = lanes->x[j];
             lanes->start[j][i] = x;
-            lanes->x[j] = cut(x + block->d[i], lanes->low[j][i], lanes->high[j][i]);
+            lanes->x[j] = clamp_between(x + block->d[i], lanes->low[j][i], lanes->high[j][i]);
         }
     }
 }
@@ -101,7 +103,7 @@ DAHL_INLINE void add_slip_torques(block_t *block, double limit, double torque_pe
         double x = start[i];
         DAHL_UNROLL_8
         for (size_t k = 0; k < GROUP; k++) {
-            x = cut(x + block->count[k][i], -limit, limit);
+            x = clamp_between(x + block->count[k][i], -limit, limit);
             block->torque[k][i] += torque_per_count * x;
         }
     }
@@ -130,8 +132,8 @@ DAHL_INLINE void add_slip(block_t *block, dahl_throughput_element_t *element, co
     lanes->element[j] = element;
     lanes->limit[j] = limit;
     lanes->torque_per_count[j] = scale->Fc * scale->a;
-    lanes->x[j] = cut(element->x, -limit, limit);
-    if (block->widest > 2.0 * limit) {
+    lanes->x[j] = clamp_between(element->x, -limit, limit);
+    if (block->max_width > 2.0 * limit) {
         follow_limits(block, limit, lanes->low[j], lanes->high[j]);
     } else {
         shift_limits(block, limit, lanes->low[j], lanes->high[j]);
@@ -158,7 +160,6 @@ DAHL_INLINE void add_dahl(block_t *block, dahl_throughput_element_t *element, co
     }
 }
 
-/* The counts of a group, its way as a whole, and how far back and ahead it goes. */
 DAHL_INLINE void start_group(block_t *block, size_t i, const int32_t *dcounts)
 {
     double d = 0.0, back = 0.0, ahead = 0.0;
@@ -178,15 +179,15 @@ DAHL_INLINE void start_group(block_t *block, size_t i, const int32_t *dcounts)
 
 DAHL_INLINE void start_block(block_t *block, const int32_t *dcounts)
 {
-    double widest = 0.0;
+    double max_width = 0.0;
     for (size_t i = 0; i < GROUPS; i++) {
         start_group(block, i, &dcounts[GROUP * i]);
     }
     for (size_t i = 0; i < GROUPS; i++) {
         double width = block->ahead[i] - block->back[i];
-        widest = width > widest ? width : widest;
+        max_width = width > max_width ? width : max_width;
     }
-    block->widest = widest;
+    block->max_width = max_width;
 }
 
 DAHL_INLINE void end_block(const block_t *block, float *F)
@@ -205,7 +206,7 @@ DAHL_INLINE void run_block(block_t *block, const job_t *job, const int32_t *dcou
     for (size_t j = 0; j < job->count; j++) {
         dahl_throughput_element_t *element = &job->elements[j];
         dahl_throughput_scale_t scale;
-        (void)dahl_throughput_check(&element->params, true, &scale); /* was good when the call began */
+        (void)dahl_throughput_check(&element->params, true, &scale); /* checked at the start of the call */
         if (element->slips != 0) {
             add_slip(block, element, &scale);
         } else {
@@ -218,7 +219,6 @@ DAHL_INLINE void run_block(block_t *block, const job_t *job, const int32_t *dcou
     end_block(block, F);
 }
 
-/* The last ticks are filled up to a block with ticks that do not move. */
 DAHL_INLINE void run_elements(const job_t *job)
 {
     block_t block = {0};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The limits of dahl_prepare, for parameters in double. */
+/** Limits of dahl_prepare() for parameters in double. */
 #include "fast.h"
 
-/* By its bits, so that -ffast-math does not lose NaN. */
+/** Compare bits, since -ffast-math may ignore NaN. */
 static int is_positive(double x)
 {
     dahl_double_t as;
@@ -15,7 +15,6 @@ static int is_torque(double x)
     return x >= (double)DAHL_TORQUE_MIN && x < (double)DAHL_TORQUE_MAX;
 }
 
-/* A normal positive double as mantissa 2^exponent. */
 static dahl_wide_t wide_of(double x)
 {
     dahl_double_t as;
@@ -24,8 +23,8 @@ static dahl_wide_t wide_of(double x)
     return r;
 }
 
-/* DAHL_TRAVEL_MIN <= sigma0 theta/Fc < DAHL_TRAVEL_MAX, decided exactly, as in prepare.c: the lowest bits of a double's
- * mantissa are 0. */
+/** Return true if DAHL_TRAVEL_MIN <= sigma0 theta/Fc < DAHL_TRAVEL_MAX, decided exactly as in check_params.c. The
+ * lowest bits of the mantissa of a double are 0. */
 static int is_travel_in_range(double sigma0, double theta, double Fc)
 {
     dahl_wide_t s = wide_of(sigma0), t = wide_of(theta), f = wide_of(Fc);
@@ -35,8 +34,8 @@ static int is_travel_in_range(double sigma0, double theta, double Fc)
     return -30 <= exponent && exponent < 20;
 }
 
-/* A travel as counts, or as the bits of a float: rounding up by 2^-24 is within the kernels' range. By counts a is about
- * 2^-30 or more, by angle a > 2^-128, so that a travel of ln 2 is no more than either can say. */
+/** Convert a travel to a measure: counts, or the bits of a float. Rounding up by 2^-24 is within the range of the
+ * kernels. By counts a is about 2^-30 or more, by angle a > 2^-128, so a travel of ln 2 fits in both. */
 static uint32_t measure_of(double travel, double a, bool by_counts)
 {
     double most = travel / a;

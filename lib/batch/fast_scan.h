@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * One long trajectory of a Dahl element by a scan, private. A tick is the affine map d -> e d + c, with e = 1 - g and
- * c = (s - w0) g, and so are several ticks in a row. For a block of ticks:
- *   1. e and c of every tick, and from them the map of each group of 8 ticks
- *   2. d at the start of each group, one after the other: the only serial part, one product for 8 ticks
- *   3. d of every tick within its group, and the torque: what the users of this file do
- * The compiler makes vectors of 1 and 3.
+/**
+ * One long trajectory of a Dahl element by a scan. A tick is the affine map d -> e d + c, and so are several ticks
+ * in a row. For one tick, e = 1 - g and c = (s - w0) g. For a block of ticks:
+ * -# Compute e and c of every tick, and from them the map of each group of 8 ticks.
+ * -# Compute d at the start of each group: the only serial part, one product for 8 ticks.
+ * -# Compute d of every tick, and the torque. The users of this file do this.
+ *
+ * The compiler vectorizes steps 1 and 3.
  */
 #ifndef DAHL_BATCH_FAST_SCAN_H
 #define DAHL_BATCH_FAST_SCAN_H
@@ -17,9 +18,9 @@
 #define BLOCK (GROUP * GROUPS)
 
 typedef struct {
-    double e[GROUP][GROUPS], c[GROUP][GROUPS]; /* of tick k of group i */
+    double e[GROUP][GROUPS], c[GROUP][GROUPS]; /* tick k of group i */
     double group_e[GROUPS], group_c[GROUPS];
-    double d[GROUPS]; /* at the start of each group */
+    double d[GROUPS]; /* d at the start of each group */
 } scan_t;
 
 DAHL_INLINE uint32_t largest(const void *moves, size_t n, dahl_measure_t measure)
@@ -50,7 +51,6 @@ DAHL_INLINE void make_maps(scan_t *scan, const void *moves, size_t n, double a, 
     }
 }
 
-/* Returns d at the end of the block. */
 DAHL_INLINE double join_groups(scan_t *scan)
 {
     double d = 0.0;
@@ -61,7 +61,6 @@ DAHL_INLINE double join_groups(scan_t *scan)
     return d;
 }
 
-/* Steps 1 and 2 of the block that starts at tick n, from w0. */
 DAHL_INLINE void scan_block(scan_t *scan, const dahl_throughput_scale_t *scale, double w0, const void *moves, size_t n,
                             dahl_value_t value, dahl_value_t number, dahl_measure_t measure)
 {

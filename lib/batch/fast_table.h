@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * g of few counts from a table in two registers of AVX-512, private: where all ticks have one travel a count, one permutation
- * stands for a polynomial. For one trajectory (fast_tiles.h) and for channels that are alike (fast_channels.c).
+/**
+ * g of few counts from a table in two AVX-512 registers.
+ *
+ * If all ticks have one travel per count, one permutation replaces a polynomial: for one trajectory (fast_tiles.h)
+ * and for uniform channels (fast_channels.c).
  */
 #ifndef DAHL_BATCH_FAST_TABLE_H
 #define DAHL_BATCH_FAST_TABLE_H
@@ -15,7 +17,7 @@
 
 #include <immintrin.h>
 
-#define DAHL_WIDE DAHL_AVX512 DAHL_INLINE /* a function in registers of 512 bits */
+#define DAHL_WIDE DAHL_AVX512 DAHL_INLINE /* a function that uses 512-bit registers */
 
 DAHL_WIDE __m512d dahl_with_sign_of(__m512i number, __m512d size)
 {
@@ -23,7 +25,7 @@ DAHL_WIDE __m512d dahl_with_sign_of(__m512i number, __m512d size)
     return _mm512_or_pd(size, _mm512_castsi512_pd(_mm512_and_si512(number, sign)));
 }
 
-/* g of eight moves by their counts: a permutation looks at the lowest four bits of each word of 64. */
+/** Return g of eight moves by their counts. The permutation reads the lowest four bits of each 64-bit word. */
 DAHL_WIDE __m512d dahl_table_look_up(const __m512d table[2], __m512i counts)
 {
     return _mm512_permutex2var_pd(table[0], counts, table[1]);

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * One long trajectory of a Dahl element in registers of 512 bits, private: the scan of fast_scan.h in the instructions of
- * AVX-512. A compiler puts every eighth tick into a vector by shuffles of its own choice and knows no tables in registers; this
- * takes two thirds of the time where moves are of few counts, and a tenth less elsewhere (docs/decisions/04).
- *
- *   lanes    a tile is 64 ticks: lane i of vector k is tick 8 i + k, so that each lane runs through 8 ticks in a row
- *   pairs    ticks 2 m and 2 m + 1 of a lane stay in one word of 64 bits until they become doubles: half the shuffles
- *   table    g of up to 15 counts: fast_table.h
- *   three passes over a block, each with all that the next one needs in memory: a tile takes longer from end to end than from
- *            tile to tile, and a processor looks only so many instructions ahead
+/**
+ * One long trajectory of a Dahl element in AVX-512 registers: the scan of fast_scan.h. A compiler uses more
+ * shuffles and no tables in registers. This form needs two thirds of the time for moves of few counts, and a tenth
+ * less otherwise (docs/decisions/04).
+ * - lanes: a tile is 64 ticks. Lane i of vector k is tick 8 i + k, so each lane runs through 8 ticks in a row.
+ * - pairs: ticks 2 m and 2 m + 1 of a lane share one 64-bit word until they become doubles, which halves the
+ *   shuffles.
+ * - table: g of up to 15 counts (fast_table.h).
+ * - three passes over a block, with their input in memory, since the latency of a tile exceeds the look-ahead of a
+ *   processor.
  */
 #ifndef DAHL_BATCH_FAST_TILES_H
 #define DAHL_BATCH_FAST_TILES_H
@@ -17,26 +17,24 @@
 
 #ifdef DAHL_AVX512
 
-#define DAHL_LANES 8 /* doubles in a register, and ticks of each lane */
-#define DAHL_TILES 8 /* of a block */
+#define DAHL_LANES 8 /* doubles in a register, ticks in a lane */
+#define DAHL_TILES 8 /* tiles in a block */
 #define DAHL_TILE_TICKS (DAHL_LANES * DAHL_LANES)
 #define DAHL_TILES_TICKS (DAHL_TILES * DAHL_TILE_TICKS)
-#define DAHL_NAN_CLASS 0x81 /* NaN, quiet or signalling, as fpclass names it */
+#define DAHL_NAN_CLASS 0x81 /* quiet and signalling NaN for fpclass */
 
-/* The element as a block starts. */
 typedef struct {
     __m512d table[2]; /* g of 0 .. 15 counts */
     __m512d a, w0, Fc, F0;
 } dahl_tile_element_t;
 
-/* d -> e d + c of each tick, and of all ticks from the start of the tile to the end of each lane. */
+/** Map d -> e d + c of each tick. to_e and to_c: the map from the start of the tile to the end of each lane. */
 typedef struct {
     __m512d e[DAHL_TILES][DAHL_LANES], c[DAHL_TILES][DAHL_LANES], to_e[DAHL_TILES], to_c[DAHL_TILES];
 } dahl_tiles_t;
 
-/* g of two ticks a lane, with the sign of the move. */
+/** Computes g of two ticks per lane, with the sign of the move. */
 typedef void (*dahl_tile_g_t)(const dahl_tile_element_t *element, __m512i pair, __m512d g[2]);
-/* The kernels of fast.h, for eight travels at a time. */
 typedef __m512d (*dahl_tile_kernel_t)(__m512d x);
 
 DAHL_WIDE __m512d dahl_tile_all(double x)
@@ -44,7 +42,7 @@ DAHL_WIDE __m512d dahl_tile_all(double x)
     return _mm512_set1_pd(x);
 }
 
-/* lanes[m] has ticks 2 m and 2 m + 1 of each lane: with the pairs numbered as they lie in memory, 4 i + m in lane i. */
+/** Load a tile. lanes[m] gets ticks 2 m and 2 m + 1 of each lane; in memory this is pair 4 i + m for lane i. */
 DAHL_WIDE void dahl_tile_load(const void *moves, __m512i lanes[4])
 {
     const __m512i first = _mm512_setr_epi64(0, 4, 8, 12, 1, 5, 9, 13), last = _mm512_setr_epi64(2, 6, 10, 14, 3, 7, 11, 15);
@@ -59,7 +57,7 @@ DAHL_WIDE void dahl_tile_load(const void *moves, __m512i lanes[4])
     lanes[3] = _mm512_shuffle_i64x2(ab23, cd23, 0xee);
 }
 
-/* The other way round: F[k] has tick k of each lane. Pairs first, then fours, then the lanes one after the other. */
+/** Store a tile, from F[k] with tick k of each lane. */
 DAHL_WIDE void dahl_tile_store(const __m256 F[8], float *to)
 {
     const __m512i mixed = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
@@ -94,7 +92,7 @@ DAHL_WIDE __m512d dahl_tile_tiny(__m512d x)
     return x * DAHL_TINY_SLOPE(u);
 }
 
-/* As dahl_g_any; NaN, seen by its class, is no travel. */
+/** The same as dahl_g_any(). NaN, detected by its class, is no travel. */
 DAHL_WIDE __m512d dahl_tile_any(__m512d x)
 {
     __m512d number = _mm512_mask_mov_pd(x, _mm512_fpclass_pd_mask(x, DAHL_NAN_CLASS), _mm512_setzero_pd());
@@ -157,14 +155,13 @@ DAHL_WIDE void dahl_tile_make_maps(dahl_tiles_t *tiles, int t, const dahl_tile_e
     }
 }
 
-/* The map (e, c) after that of the ticks before it. */
 DAHL_WIDE void dahl_tile_join(__m512d *before_e, __m512d *before_c, __m512d e, __m512d c)
 {
     *before_c = e * *before_c + c;
     *before_e = e * *before_e;
 }
 
-/* Lanes moved up by 1, 2 or 4, from `first` on. */
+/** Shift the lanes up by 1, 2 or 4, and fill with those of `first`. */
 DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
 {
     __m512i high = _mm512_castpd_si512(x), low = _mm512_castpd_si512(first);
@@ -173,7 +170,7 @@ DAHL_WIDE __m512d dahl_tile_up(__m512d x, __m512d first, int lanes)
                                             : _mm512_alignr_epi64(high, low, 4));
 }
 
-/* The maps of 8 ticks to one, two by two, then those of the lanes before each. */
+/** Join the maps of the 8 ticks of a lane in pairs, then those of the lanes before each lane. */
 DAHL_WIDE void dahl_tile_join_all(dahl_tiles_t *tiles, int t)
 {
     __m512d e[DAHL_LANES], c[DAHL_LANES];
@@ -201,7 +198,7 @@ DAHL_WIDE void dahl_tile_join_all(dahl_tiles_t *tiles, int t)
     tiles->to_c[t] = c[0];
 }
 
-/* d at the start of the tile, in all lanes, to d at its end. */
+/** Write the torques. Return d at the end of the tile, from d at its start, in all lanes. */
 DAHL_WIDE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_tile_element_t *element, __m512d d, float *to)
 {
     __m256 F[DAHL_LANES];
@@ -216,7 +213,6 @@ DAHL_WIDE __m512d dahl_tile_write(const dahl_tiles_t *tiles, int t, const dahl_t
     return _mm512_permutexvar_pd(_mm512_set1_epi64(DAHL_LANES - 1), ends);
 }
 
-/* g of 0 .. 15 counts. */
 DAHL_WIDE void dahl_tiles_table(double a, double table[DAHL_TABLE_ENTRIES])
 {
     const __m512d counts = _mm512_setr_pd(0, 1, 2, 3, 4, 5, 6, 7);
@@ -224,7 +220,7 @@ DAHL_WIDE void dahl_tiles_table(double a, double table[DAHL_TABLE_ENTRIES])
     _mm512_storeu_pd(table + 8, dahl_tile_any(a * (counts + 8.0)));
 }
 
-/* What a block is run with: an element, and where it starts. */
+/** Input of a block: an element and its start. */
 typedef struct {
     const dahl_throughput_scale_t *scale;
     const double *table;
@@ -233,7 +229,6 @@ typedef struct {
     float *F;
 } dahl_tile_job_t;
 
-/* Returns d at the end of the block. */
 DAHL_WIDE double dahl_tiles_run(const dahl_tile_job_t *job, dahl_tile_g_t g_of)
 {
     const dahl_throughput_scale_t *scale = job->scale;

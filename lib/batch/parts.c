@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Parts for callers from other languages, and over a log: tick by tick, with the bits of a tick. */
+/** Elements over a log, tick by tick with the bits of single steps; and parts for callers from other languages. */
 #include "dahl_batch.h"
 
 dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: MIT
-# DAHL_CORE_TICKS: the ticks in assembly, if the core that is compiled for has some and -DDAHL_CORES=OFF does not leave them out.
-# Each has the bits of the C, which is weak on such a core (lib/arith/core.h says which cores). They must stand before the C in the
-# archive, since the linker stops at the first definition that it finds there.
-option(DAHL_CORES "ticks written for the core, if there are any" ON)
+# DAHL_CORE_TICKS: assembly ticks for the target core, if there are any (lib/arith/core.h) and -DDAHL_CORES=OFF is not set.
+# Each has the bits of the C tick, which is weak on such a core. They must precede the C ticks in the archive, since the
+# linker stops at the first definition.
+option(DAHL_CORES "assembly ticks for the target core, if there are any" ON)
 set(DAHL_CORE_TICKS "")
 
-# Assemble ticks by the C compiler with the flags that the library's C gets: CMAKE_C_FLAGS, and add_compile_options of the project
-# around, which try_compile sees only through a target.
+# Test whether the C compiler assembles the ticks with the flags of the library: CMAKE_C_FLAGS, and add_compile_options of
+# the parent project, which try_compile sees only through a target.
 function(dahl_probe_core_ticks result)
-    set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY) # a bare core has nothing to link with
+    set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY) # a bare core cannot link
     set(probe "${CMAKE_CURRENT_BINARY_DIR}/core_ticks.c")
     file(WRITE "${probe}" "
         #include \"${CMAKE_CURRENT_LIST_DIR}/../arith/core.h\"
@@ -20,7 +20,7 @@ function(dahl_probe_core_ticks result)
     get_directory_property(options COMPILE_OPTIONS)
     add_library(dahl_probe_flags INTERFACE IMPORTED)
     set_target_properties(dahl_probe_flags PROPERTIES INTERFACE_COMPILE_OPTIONS "${options};SHELL:-x assembler-with-cpp")
-    unset(assembled CACHE) # flags may have changed since the last time
+    unset(assembled CACHE) # flags may have changed since the last run
     try_compile(assembled "${CMAKE_CURRENT_BINARY_DIR}/core_ticks" "${probe}" LINK_LIBRARIES dahl_probe_flags)
     set(${result} ${assembled} PARENT_SCOPE)
     unset(assembled CACHE)
@@ -30,7 +30,7 @@ set(chosen "C")
 if(DAHL_CORES AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang")
     dahl_probe_core_ticks(has_core_ticks)
     if(has_core_ticks)
-        set(chosen "assembly, as far as lib/cores has them for this core")
+        set(chosen "assembly, if lib/cores has them for this core")
         file(GLOB DAHL_CORE_TICKS ${CMAKE_CURRENT_LIST_DIR}/*.S)
         set_source_files_properties(${DAHL_CORE_TICKS} PROPERTIES LANGUAGE C COMPILE_OPTIONS "-x;assembler-with-cpp"
             COMPILE_DEFINITIONS DAHL_SAME_FLAGS SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON SKIP_LINTING ON)

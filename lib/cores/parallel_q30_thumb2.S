@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * dahl_parallel_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the sum of lib/parts/parallel_q30.c, same bits. A
- * part that is a Dahl element is moved in place, by 19 instructions forward and 21 backward. Any other part is called, and so are
- * all of them for a move of more than 8 counts.
+ * dahl_parallel_step_counts_q30() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the sum of lib/parts/parallel_q30.c,
+ * same bits. A Dahl element is moved inline, with 19 instructions forward and 21 backward. Any other part is
+ * called. If the move is more than 8 counts, all parts are called.
  *
- * A Dahl element is told by its function. The reference to it is weak: where no part is one, it is 0, and nothing is linked for it.
+ * A part is a Dahl element if its function is dahl_part_move. The reference to it is weak: if no part is a Dahl
+ * element, it is 0 and links nothing.
  */
 #include "../arith/core.h"
 #if DAHL_THUMB2
@@ -13,18 +14,18 @@
 #include "update_thumb2.inc"
 
 #define parts r5
-#define shares r6 /* of Q31, negative */
+#define shares r6 /* [Q31] negative */
 #define count r7
-#define counts r8      /* that all parts move by */
-#define dahl_element r9 /* dahl_part_move, or 0 where all parts are to be called */
+#define counts r8      /* the move of all parts */
+#define dahl_element r9 /* dahl_part_move, or 0 if all parts must be called */
 #define sum_low r10
 #define sum_high r11
 #define move r12 /* until the table is read */
-#define w_q30 r4 /* where z was */
+#define w_q30 r4 /* in the register of z */
 
     .weak   dahl_part_move
 
-/* Adds w_q30 of this part, at its share, and goes on with the next. */
+/* Add w_q30 of this part times its share, and continue with the next part. */
     .macro add_share next
     ldr     r12, [shares], #4
     smlal   sum_low, sum_high, w_q30, r12
@@ -32,7 +33,7 @@
     bne     \next
     .endm
 
-/* Move all parts in turn by `gap` and `update`; `add_or_sub` of the counts finds the entry of the table. */
+/* Move all parts by `gap` and `update`. `add_or_sub` applies the counts to the address of the table entry. */
     .macro move_parts add_or_sub, gap, update
 1:  ldr     move, [parts], #16
     ldrd    plan, state, [parts, #-12]
@@ -57,23 +58,23 @@
     .endm
 
     function dahl_parallel_step_counts_q30
-    push    {r3-r11, lr} /* ten, so that the stack stays aligned for the parts that are called */
+    push    {r3-r11, lr} /* ten registers keep the stack aligned for the called parts */
     mov     parts, r0
     mov     shares, r1
     mov     counts, r3
-    mvn     sum_low, #0x40000000 /* -2^30 - 1: ~(sum - 2^30 - 1) = 2^30 - sum, a half up */
+    mvn     sum_low, #0x40000000 /* -2^30 - 1: ~(sum - 2^30 - 1) = 2^30 - sum, a half rounded up */
     mvn     sum_high, #0
     movs    count, r2
     beq     finish
-    movw    dahl_element, #:lower16:dahl_part_move /* no literal: code may be execute-only */
+    movw    dahl_element, #:lower16:dahl_part_move /* no literal, since code may be execute-only */
     movt    dahl_element, #:upper16:dahl_part_move
-    cmp     counts, #8 /* unsigned, so that negative ones are above it */
+    cmp     counts, #8 /* unsigned: negative counts are above 8 */
     bhi     not_forward
 forward:
     move_parts add, gap_forward, update_forward
 
 not_forward:
-    cmn     counts, #8 /* carries for -8 .. -1 alone */
+    cmn     counts, #8 /* the carry is set for -8 .. -1 only */
     itt     cc
     movcc   dahl_element, #0
     bcc     forward

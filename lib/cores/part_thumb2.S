@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * dahl_part_move for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the move of lib/parts/part_move.c, same bits. The state that it
- * returns is still in registers when it is stored. Moves of more than 8 counts go to dahl_step_large.
- */
+/* dahl_part_move() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the move of lib/parts/part_move.c, same bits. The
+ * returned state is still in registers when it is stored. Moves of more than 8 counts go to dahl_step_large(). */
 #include "../arith/core.h"
 #if DAHL_THUMB2
 #define g_high r12

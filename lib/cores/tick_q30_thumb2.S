@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * dahl_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts_q30.c, same bits.
- * 16 instructions forward and 19 backward; 15 forward if the core has UMAAL. Moves of more than 8 counts go to
- * dahl_step_large (lib/model/step_large.c), all arguments untouched.
- */
+/* dahl_step_counts_q30() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts_q30.c, same
+ * bits. 16 instructions forward and 19 backward; 15 forward if the core has UMAAL. Moves of more than 8 counts go
+ * to dahl_step_large() with unchanged arguments. */
 #include "../arith/core.h"
 #if DAHL_THUMB2
 #define g_high r12

@@ -1,29 +1,30 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * dahl_step_counts_q30 for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_counts_q30.c, same bits. 59 instructions
- * forward and 61 backward, one more at a reversal from the end; a compiler needs more, since it runs out of the eight low registers.
+ * dahl_step_counts_q30() for ARMv6-M and ARMv8-M Baseline: the tick of lib/model/step_counts_q30.c, same bits. 59
+ * instructions forward and 61 backward, one more at a reversal from the end. A compiler needs more, since it runs
+ * out of the eight low registers.
  *
  * Forward, a move of n = 0 .. 8 counts, g = plan->g[n] = g_high 2^-32 + g_low 2^-64:
  *     z = 2^30 - q,  q = w in Q30, a half rounded up          the gap to +Fc, in Q30
  *     w += z g_high + floor(z g_low 2^-32)
- * Backward, n = -1 .. -8, is its mirror image: z = 2^30 + q is the gap to -Fc, and the product is subtracted.
- * Any other move goes to dahl_step_large (lib/model/step_large.c), all arguments untouched.
+ * Backward, n = -1 .. -8, is its mirror image: z = 2^30 + q is the gap to -Fc, and the product is subtracted. Any
+ * other move goes to dahl_step_large() with unchanged arguments.
  *
- * z of a state in range is 0 .. 2^31 (dahl_is_gap). So one branch on its top bit leaves the tick for 2^31, a reversal from the end,
- * and for a state out of range.
+ * If the state is in range, z is 0 .. 2^31 (dahl_is_gap). One branch on the top bit of z therefore finds both z =
+ * 2^31, a reversal from the end, and every state out of range.
  *
- * The core multiplies to 32 bits, so z = z1:z0 and each word of g are taken by halves of 16 bits. z <= 2^31, so z1 <= 2^15,
- * and the sums that are marked do not carry out.
+ * The core multiplies to 32 bits, so z = z1:z0 and each word of g are split into halves of 16 bits. Since z <=
+ * 2^31, z1 <= 2^15, and the marked sums do not carry.
  */
 #include "../arith/core.h"
 #if DAHL_V6M
     .syntax unified
     .thumb
 
-#define TABLE 16 /* bytes from the plan to its table of g, eight bytes an entry: g_high, g_low */
+#define TABLE 16 /* [byte] offset of the table of g in the plan; an entry is g_high, g_low */
 
-/* In: r0 the plan plus eight bytes for each count, r1 the state, r4 z. `add` is adds or subs, `add_carry` adcs or sbcs. Returns
- * from the tick, w in Q30. */
+/* In: r0 the plan plus eight bytes for each count, r1 the state, r4 z. `add` is adds or subs, `add_carry` adcs or
+ * sbcs. Returns from the tick with w in Q30. */
     .macro update add, add_carry
     lsrs    r5, r4, #16 /* z1 */
     uxth    r4, r4      /* z0 */
@@ -34,7 +35,7 @@
     muls    r2, r6, r2
     lsrs    r2, r2, #16
     muls    r6, r5, r6
-    adds    r6, r6, r2  /* z g_low without z0 times its upper half, from bit 16 on: no carry */
+    adds    r6, r6, r2  /* z g_low from bit 16 on, without z0 times its upper half: no carry */
     movs    r2, r4
     muls    r2, r7, r2
     muls    r7, r5, r7
@@ -49,7 +50,7 @@
     uxth    r6, r6
     ldmia   r1!, {r2, r3} /* w */
     \add    r2, r2, r7
-    movs    r7, #0      /* leaves the carry as it is, and so do the products */
+    movs    r7, #0      /* keeps the carry, and so do the products */
     \add_carry r3, r3, r7
     movs    r7, r4
     muls    r7, r6, r7
@@ -73,8 +74,8 @@
     pop     {r4-r7, pc}
     .endm
 
-/* Target of the branch on the top bit of z. z = 2^31, a reversal from the end, continues in `update`. Else the state is out of
- * range: it is clamped to +-2^62, the end of its side, and the tick continues from `gap`. */
+/* Target of the branch on the top bit of z. If z = 2^31, continue in `update`. Otherwise clamp the state to +-2^62
+ * on its side and continue at `gap`. */
     .macro reverse_or_clamp gap
     lsrs    r5, r4, #16
     lsls    r4, r4, #1 /* z0 = 0 if z is 2^31 */
@@ -97,7 +98,7 @@
     .thumb_func
     .balign 4
 dahl_step_counts_q30:
-    cmp     r2, #8 /* unsigned, so that a negative n is above it */
+    cmp     r2, #8 /* unsigned: a negative n is above 8 */
     bhi     backward
     push    {r4-r7, lr}
     lsls    r2, r2, #3
@@ -124,7 +125,7 @@ backward:
     ldr     r3, [r1, #4]
     movs    r4, #1
     lsls    r4, r4, #30
-    lsls    r2, r2, #1 /* the carry is what rounds w up */
+    lsls    r2, r2, #1 /* the carry rounds w up */
     adcs    r4, r4, r3
     bmi     2f
     update subs, sbcs

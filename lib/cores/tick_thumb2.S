@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * dahl_step_counts for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts.c, same bits. Moves of more than
- * 8 counts go to dahl_step_large.
- */
+/* dahl_step_counts() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the tick of lib/model/step_counts.c, same bits.
+ * Moves of more than 8 counts go to dahl_step_large(). */
 #include "../arith/core.h"
 #if DAHL_THUMB2_FLOAT
 #define g_high r5
@@ -10,7 +8,7 @@
 #include "torque_thumb2.inc"
 
     function dahl_step_counts
-    cmp     n, #8 /* unsigned, so that a negative n is above it */
+    cmp     n, #8 /* unsigned: a negative n is above 8 */
     bhi     backward
     push    {r4, r5, lr}
     add     r12, plan, n, lsl #3
@@ -20,12 +18,12 @@
     bmi     13f
 12: update_forward
 #ifndef __ARM_FEATURE_DSP
-    cmp     w_high, #0 /* UMLAL leaves no flags */
+    cmp     w_high, #0 /* UMLAL sets no flags */
 #endif
     b       torque
 
 backward:
-    cmn     n, #8 /* carries for -8 .. -1 alone */
+    cmn     n, #8 /* the carry is set for -8 .. -1 only */
     bcc     large
     push    {r4, r5, lr}
     sub     r12, plan, n, lsl #3

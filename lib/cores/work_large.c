@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A move of more than 8 counts that adds up its work: where the ticks written for the core go with it. Returns F/Fc in Q30. */
+/** Move of more than 8 counts that adds up its work, for the assembly ticks. Returns F/Fc in Q30. */
 #include "../model/bristle_update.h"
 #include "../parts/work_sums.h"
 

@@ -1,9 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * dahl_work_step_counts and dahl_work_step_counts_q30 for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the ticks of
- * lib/parts/work_step.c, same bits. The way of w in the direction of travel is the product that the update adds or subtracts, so
- * it needs no difference. Moves of more than 8 counts go to dahl_work_step_large.
- */
+/* dahl_work_step_counts() and dahl_work_step_counts_q30() for ARMv7-M, ARMv7E-M and ARMv8-M Mainline: the ticks of
+ * lib/parts/work_step.c, same bits. The product that the update adds or subtracts is the path of w in the direction
+ * of travel, so no difference is needed. Moves of more than 8 counts go to dahl_work_step_large(). */
 #include "../arith/core.h"
 #if DAHL_THUMB2
 #define g_high r5
@@ -12,14 +10,15 @@
 
 #define work r2
 #define counts r3
-#define sums r6 /* work, once w has its registers */
-#define low r4 /* two words of a sum, while z and g_high are not needed */
+#define sums r6 /* work, since w needs its register */
+#define low r4 /* two words of a sum, before z and g_high are needed */
 #define high r5
 
-#define COUNTS 0 /* bytes from the sums to the lowest word of each */
+#define COUNTS 0 /* [byte] offsets of the lowest words of both sums */
 #define WAY 12
 
-/* From the entry to the update of w, whose sign it leaves in the flags. `add_or_sub` of the signed counts makes them larger. */
+/* From the entry to the update of w, whose sign is left in the flags. `add_or_sub` of the signed counts makes the
+ * sum larger. */
     .macro sum_up_and_update add_or_sub, gap, update
     push    {r4-r6, lr}
     \add_or_sub r12, plan, counts, lsl #3
@@ -27,7 +26,7 @@
     ldr     low, [sums, #COUNTS]
     \add_or_sub\()s low, low, counts
     str     low, [sums, #COUNTS]
-    bcs     13f /* also where negative counts are subtracted: there a sum that carries is one that does not borrow */
+    bcs     13f /* for subtracted negative counts too: no borrow means that the sum carries */
 11: ldrd    w_low, w_high, [state]
     ldrd    g_high, g_low, [r12, #TABLE]
 15: \gap
@@ -41,7 +40,7 @@
 12: \update
     .endm
 
-/* One more in the upper words of a sum, which is rare. */
+/* Add one to the upper words of a sum; rare. */
     .macro carry words, back
     ldrd    low, high, [sums, #\words]
     adds    low, low, #1
@@ -64,13 +63,13 @@
     .endm
 
     function dahl_work_step_counts_q30
-    cmp     counts, #8 /* unsigned, so that negative counts are above it */
+    cmp     counts, #8 /* unsigned: negative counts are above 8 */
     bhi     backward_q30
     sum_up_and_update add, gap_forward, add_product
     return_q30
     rare
 backward_q30:
-    cmn     counts, #8 /* carries for -8 .. -1 alone */
+    cmn     counts, #8 /* the carry is set for -8 .. -1 only */
     bcc     large_q30
     sum_up_and_update sub, gap_backward, subtract_product
     return_q30

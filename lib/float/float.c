@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The literal form: torque and travel since the last reversal, one float exponential, a branch where the motion changes
- * sign. Within one direction nothing accumulates: the travel is summed in integers, which no flag of a compiler can
- * reorder, and the exponential always starts from the reversal. At each reversal the torque is rounded, and that error
- * stays until the bristle forgets it: the sum over past reversals of DAHL_FLOAT_ERROR exp(-travel since) of Fc.
- * The core has no such term.
+/**
+ * Textbook form: travel since the last reversal, one float exponential, a branch at each sign change.
+ *
+ * The error of a direction does not accumulate: travel is summed in integers, which no compiler flag can reorder,
+ * and the exponential always starts at the reversal. Each reversal rounds the torque. This error decays as
+ * exp(-travel since); dahl_float.h has the bound.
  */
 #include <math.h>
 
@@ -13,7 +13,7 @@
 dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *params)
 {
     dahl_plan_t checked;
-    dahl_err_t err = dahl_prepare(&checked, params); /* one set of limits for both forms */
+    dahl_err_t err = dahl_prepare(&checked, params); /* the same limits as the integer form */
     if (err == DAHL_OK) {
         plan->Fc = params->Fc;
         plan->a = params->sigma0 / params->Fc;
@@ -22,7 +22,7 @@ dahl_err_t dahl_float_prepare(dahl_float_plan_t *plan, const dahl_params_t *para
     return err;
 }
 
-/* Travel by angle is held in Q57 presliding lengths. 32 of them are as good as any more: exp(-32) is 1e-14. */
+/** Travel by angle is stored in Q57 presliding lengths. It saturates at 32 of them: exp(-32) is 1e-14. */
 #define TRAVEL_ONE 0x1p57f
 #define TRAVEL_END ((uint64_t)1 << 62)
 
@@ -31,7 +31,8 @@ static uint64_t travel_of(float u)
     return u < 32.0f ? (uint64_t)(u * TRAVEL_ONE) : TRAVEL_END;
 }
 
-/* Clamp any bits to a state: |F/Fc| <= 1 at the reversal, 0 for NaN; a direction of -1, 0 or 1; travel up to TRAVEL_END. */
+/** Clamp any bits to a valid state: |F/Fc| <= 1 at the reversal (NaN becomes 0), direction -1, 0 or 1, travel up to
+ * TRAVEL_END. */
 static void clamp(dahl_float_state_t *state)
 {
     float w = state->w_reversal;
@@ -40,15 +41,15 @@ static void clamp(dahl_float_state_t *state)
     state->travel = state->travel < TRAVEL_END ? state->travel : TRAVEL_END;
 }
 
-/* F/Fc after the travel since the last reversal (Eq. 18, anchored there). */
+/** Return F/Fc after the travel since the last reversal (Eq. 18). */
 static float w_now(const dahl_float_plan_t *plan, const dahl_float_state_t *state)
 {
     float u = plan->a_per_count * (float)state->counts + (float)state->travel / TRAVEL_ONE;
     return state->w_reversal - ((float)state->direction - state->w_reversal) * expm1f(-u);
 }
 
-/* The torque reached becomes the start: where the motion changes sign, and where the counts would pass 32 bits. */
-static void start_anew(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t direction)
+/** Use the present torque as the new start, at a sign change and before the counts exceed 32 bits. */
+static void start_from_here(const dahl_float_plan_t *plan, dahl_float_state_t *state, int32_t direction)
 {
     state->w_reversal = w_now(plan, state);
     state->travel = 0;
@@ -63,7 +64,7 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
     clamp(state);
     if (direction != 0) {
         if (state->direction != direction || state->counts > UINT32_MAX - n) {
-            start_anew(plan, state, direction);
+            start_from_here(plan, state, direction);
         }
         state->counts += n;
     }
@@ -72,11 +73,11 @@ float dahl_float_step_counts(const dahl_float_plan_t *plan, dahl_float_state_t *
 
 float dahl_float_step(const dahl_float_plan_t *plan, dahl_float_state_t *state, float dtheta)
 {
-    int32_t direction = dtheta > 0.0f ? 1 : dtheta < 0.0f ? -1 : 0; /* 0 for NaN too */
+    int32_t direction = dtheta > 0.0f ? 1 : dtheta < 0.0f ? -1 : 0; /* 0 for NaN */
     clamp(state);
     if (direction != 0) {
         if (state->direction != direction) {
-            start_anew(plan, state, direction);
+            start_from_here(plan, state, direction);
         }
         uint64_t travel = state->travel + travel_of(plan->a * fabsf(dtheta));
         state->travel = travel < TRAVEL_END ? travel : TRAVEL_END;

@@ -1,74 +1,101 @@
 // SPDX-License-Identifier: MIT
-/*
- * The calls of dahl.h and dahl_encoder.h as members, for C++11 and later: header only, nothing to link beside the C library.
- * No constructor runs at start, no destructor, no exception, no heap, no virtual call: a static bearing lies in .bss or in .data
- * as its C struct does, and each call compiles to the C call. dahl.h documents each call, its bounds and costs, and why any
- * bits are a safe state.
+/**
+ * @file dahl.hpp
+ * @brief C++11 classes for dahl.h and dahl_encoder.h.
  *
+ * Use this header to call the C library from C++. It is header only; link the C library. No
+ * constructor runs at start-up. There is no destructor, exception, heap or virtual call. A static
+ * bearing lies in .bss or .data as its C structure does, and each call compiles to the C call.
+ * dahl.h documents the calls, their error bounds and costs, and why any bits are a safe state.
+ *
+ * @verbatim
  * USE
- *   static dahl::Plan plan;                        // or a const dahl_plan_t in flash, as `dahl plan` writes it
- *   static dahl::Bearing bearing(plan);            // relaxed
+ *   static dahl::Plan plan;              // or a const dahl_plan_t in flash, from `dahl plan`
+ *   static dahl::Bearing bearing(plan);  // relaxed
  *   static dahl::Encoder encoder;
- *   if (plan.prepare(100.0f, 0.5f, 6.2831853f / 16384) != DAHL_OK || encoder.init(65536) != DAHL_OK) stop();
+ *   if (plan.prepare(100.0f, 0.5f, 6.2831853f / 16384) != DAHL_OK) stop();
+ *   if (encoder.init(65536) != DAHL_OK) stop();
  *   each tick:  F = bearing.step_counts(encoder.move(reading));
+ * @endverbatim
  */
 #ifndef DAHL_HPP
 #define DAHL_HPP
 
-// Not <cstddef> and <cstdint>: avr-gcc has no C++ library.
+// avr-gcc has no C++ library, so <cstddef> and <cstdint> are not available.
 #include <stddef.h>
 #include <stdint.h>
 
 #include "dahl.h"
 #include "dahl_encoder.h"
 
+/// The C library as classes.
 namespace dahl {
 
-// Bytes, for a static_assert of one's own.
-constexpr size_t plan_size = sizeof(dahl_plan_t);
-constexpr size_t state_size = sizeof(dahl_state_t);
-constexpr size_t encoder_size = sizeof(dahl_encoder_t);
+constexpr size_t plan_size = sizeof(dahl_plan_t);       ///< [byte]
+constexpr size_t state_size = sizeof(dahl_state_t);     ///< [byte]
+constexpr size_t encoder_size = sizeof(dahl_encoder_t); ///< [byte]
 
-// Parameters, prepared once; shared by any number of bearings. Of all zeros until prepare(): every torque is then 0 N m.
+/// Prepared parameters, shared by any number of bearings. Before prepare(), torques are 0 N m.
 class Plan {
 public:
+    /// A plan of all zeros.
     constexpr Plan() : plan_() {}
 
-    // sigma0 in N m/rad, Fc in N m, theta_per_count in rad; 0: no encoder, step() only. DAHL_OK, or why the plan is unchanged.
+    /**
+     * Call dahl_prepare().
+     * @param sigma0          [N m/rad] stiffness at rest
+     * @param Fc              [N m] Coulomb torque
+     * @param theta_per_count [rad/count] 0: no encoder, step() only
+     * @return #DAHL_OK; otherwise the plan is unchanged
+     */
     DAHL_NODISCARD dahl_err_t prepare(float sigma0, float Fc, float theta_per_count = 0.0f)
     {
         const dahl_params_t params = {sigma0, Fc, theta_per_count};
         return dahl_prepare(&plan_, &params);
     }
 
+    /// The C plan.
     constexpr const dahl_plan_t &c() const { return plan_; }
 
 private:
     dahl_plan_t plan_;
 };
 
-// One bearing: a plan, which must outlive it, and a state, relaxed at first. One call at a time. Torques in N m.
+/// One bearing: a reference to a plan, which must outlive it, and a state. One call at a time.
 class Bearing {
 public:
+    /// A relaxed bearing.
     explicit constexpr Bearing(const Plan &plan) : plan_(&plan.c()), state_() {}
+    /// A relaxed bearing on a C plan.
     explicit constexpr Bearing(const dahl_plan_t &plan) : plan_(&plan), state_() {}
 
+    /// dahl_step_counts()
     float step_counts(int32_t dcounts) { return dahl_step_counts(plan_, &state_, dcounts); }
-    int32_t step_counts_q30(int32_t dcounts) { return dahl_step_counts_q30(plan_, &state_, dcounts); }
+    /// dahl_step_counts_q30()
+    int32_t step_counts_q30(int32_t dcounts)
+    {
+        return dahl_step_counts_q30(plan_, &state_, dcounts);
+    }
+    /// dahl_step()
     float step(float dtheta) { return dahl_step(plan_, &state_, dtheta); }
 
+    /// dahl_torque()
     float torque() const { return dahl_torque(plan_, &state_); }
+    /// dahl_set_torque()
     void set_torque(float F) { dahl_set_torque(plan_, &state_, F); }
 
-    // Go on with other parameters, between two ticks: dahl_change_plan().
+    /// dahl_change_plan(): use other parameters from now on. Call it between two ticks.
     void change_plan(const Plan &to) { change_plan(to.c()); }
+    /// dahl_change_plan() to a C plan.
     void change_plan(const dahl_plan_t &to)
     {
         dahl_change_plan(plan_, &to, &state_);
         plan_ = &to;
     }
 
+    /// The C state.
     constexpr const dahl_state_t &state() const { return state_; }
+    /// dahl_state_ok()
     bool state_ok() const { return dahl_state_ok(&state_) != 0; }
 
 private:
@@ -76,31 +103,36 @@ private:
     dahl_state_t state_;
 };
 
-// From the readings of a counter to the counts of each tick: dahl_encoder.h. Gives no motion until init().
+/// Readings of a counter to counts per tick (dahl_encoder.h). It never moves before init().
 class Encoder {
 public:
+    /// An encoder that is not initialized.
     constexpr Encoder() : encoder_() {}
 
+    /// dahl_encoder_init()
     DAHL_NODISCARD dahl_err_t init(uint32_t modulus, int sign = 1, uint32_t largest_step = 0)
     {
         return dahl_encoder_init(&encoder_, modulus, sign, largest_step);
     }
 
+    /// dahl_encoder_move()
     int32_t move(uint32_t reading) { return dahl_encoder_move(&encoder_, reading); }
+    /// dahl_encoder_home()
     void home(uint32_t reading) { dahl_encoder_home(&encoder_, reading); }
+    /// Number of rejected jumps.
     constexpr uint32_t jumps() const { return encoder_.jumps; }
 
 private:
     dahl_encoder_t encoder_;
 };
 
-// A torque in whole units of your own from F/Fc in Q30, and Fc in those units: dahl_to_units().
+/// dahl_to_units()
 inline int32_t to_units(int32_t ratio_q30, uint32_t Fc_units)
 {
     return dahl_to_units(ratio_q30, Fc_units);
 }
 
-// Shortest signed way from one reading to the next; modulus is where the reading wraps, 0 for all 32 bits.
+/// dahl_counts_between(). A modulus of 0 means 2^32.
 inline int32_t counts_between(uint32_t before, uint32_t now, uint32_t modulus = 0)
 {
     return dahl_counts_between(before, now, modulus);

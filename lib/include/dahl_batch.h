@@ -1,9 +1,18 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Batches, for long logs on a host; each in a file of its own, linked only when called. n ticks in, n torques in N m out,
- * states moved on; nothing is allocated. As in dahl.h, every call first clamps its states, so any bits are safe ones. Arrays must
- * not overlap. n or channels of 0 does nothing. Many channels: tick after tick, move t of channel c at [t * channels + c], F as
- * well; plans[c], params[c], states[c].
+/**
+ * @file dahl_batch.h
+ * @brief Process long logs on a host: n ticks in, n torques out.
+ *
+ * Use dahl_batch_... for the bits of single steps. Use dahl_throughput_... if speed matters more;
+ * the error bounds are the same.
+ *
+ * All calls write F [N m] and advance the states by n ticks. They allocate no memory. Arrays must
+ * not overlap. If n or the number of channels is 0, a call does nothing. States are clamped first,
+ * as in dahl.h. Each file is linked only if a program calls it.
+ *
+ * @par Channels
+ * Many trajectories, tick after tick: move and torque t of channel c are at [t * channels + c];
+ * plans[c], params[c] and states[c] belong to it.
  */
 #ifndef DAHL_BATCH_H
 #define DAHL_BATCH_H
@@ -16,68 +25,110 @@
 extern "C" {
 #endif
 
-/* Exact: the bits of dahl_step_counts and dahl_step, tick by tick, while the processor rounds to nearest, as it starts. */
-void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F, size_t n);
-void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F, size_t n);
-void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const int32_t *dcounts,
-                                float *F, size_t n);
-void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels, const float *dtheta, float *F,
-                         size_t n);
-
-/* DAHL_PART and DAHL_SLIP_PART, for callers from other languages. */
-dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state);
-dahl_part_t dahl_batch_slip_part(const dahl_slip_plan_t *plan, dahl_slip_state_t *state);
-
-/* Parts (dahl_parts.h): the bits of dahl_NAME_step_counts and of dahl_velocity_torque, tick by tick. */
-void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, const int32_t *dcounts, float *F, size_t n);
-void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts, float *F, size_t n);
-void dahl_batch_asymmetric_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state, const int32_t *dcounts, float *F,
-                                  size_t n);
-void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, const int32_t *dcounts,
-                              const uint32_t *load_q30, float *F, size_t n);
-void dahl_batch_elastoplastic_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, const int32_t *dcounts,
-                                     float *F, size_t n);
-void dahl_batch_work_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work, const int32_t *dcounts, float *F,
-                            size_t n);
-void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcounts, float *F, size_t n);
-
-/*
- * Throughput: the same recurrence in double, in vectors. Other bits (those of the processor's vectors), the same bounds:
- * DAHL_ULP_COUNTS ulp of Fc (of floats as large as it) by counts and, while each |u| >= 2^-30 or 0, by angle; without end.
- * Parameters are double and need no plan; limits and codes are those of dahl_prepare, and on a code nothing is touched. NaN
- * moves by angle are no motion, infinite ones saturate. The state is that of the exact form. Temporaries: 16 KiB of stack in
- * an optimised build.
+/**
+ * @name Exact
+ * The bits of single steps, if the processor rounds to nearest, which is its default.
  */
+/** @{ */
+/** dahl_step_counts() for each tick: F[t] [N m] from dcounts[t] [counts]. */
+void dahl_batch_counts(const dahl_plan_t *plan, dahl_state_t *state, const int32_t *dcounts,
+                       float *F, size_t n);
+/** dahl_step() for each tick: F[t] [N m] from dtheta[t] [rad]. */
+void dahl_batch(const dahl_plan_t *plan, dahl_state_t *state, const float *dtheta, float *F,
+                size_t n);
+/** dahl_step_counts() for each tick of each channel. */
+void dahl_batch_counts_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels,
+                                const int32_t *dcounts, float *F, size_t n);
+/** dahl_step() for each tick of each channel. */
+void dahl_batch_channels(const dahl_plan_t *plans, dahl_state_t *states, size_t channels,
+                         const float *dtheta, float *F, size_t n);
+/** @} */
+
+/** @name Elements of dahl_parts.h, exact */
+/** @{ */
+/** Return DAHL_PART(plan, state), for callers from other languages. */
+dahl_part_t dahl_batch_part(const dahl_plan_t *plan, dahl_state_t *state);
+/** Return DAHL_SLIP_PART(plan, state), for callers from other languages. */
+dahl_part_t dahl_batch_slip_part(const dahl_slip_plan_t *plan, dahl_slip_state_t *state);
+/** dahl_slip_step_counts() for each tick. */
+void dahl_batch_slip_counts(const dahl_slip_plan_t *plan, dahl_slip_state_t *state,
+                            const int32_t *dcounts, float *F, size_t n);
+/** dahl_parallel_step_counts() for each tick. */
+void dahl_batch_parallel_counts(const dahl_part_t *parts, uint32_t count, const int32_t *dcounts,
+                                float *F, size_t n);
+/** dahl_asymmetric_step_counts() for each tick. */
+void dahl_batch_asymmetric_counts(const dahl_asymmetric_plan_t *plan, dahl_state_t *state,
+                                  const int32_t *dcounts, float *F, size_t n);
+/** dahl_loaded_step_counts() for each tick, with the load load_q30[t]. */
+void dahl_batch_loaded_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state,
+                              const int32_t *dcounts, const uint32_t *load_q30, float *F, size_t n);
+/** dahl_elastoplastic_step_counts() for each tick. */
+void dahl_batch_elastoplastic_counts(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
+                                     const int32_t *dcounts, float *F, size_t n);
+/** dahl_work_step_counts() for each tick. */
+void dahl_batch_work_counts(const dahl_plan_t *plan, dahl_state_t *state, dahl_work_t *work,
+                            const int32_t *dcounts, float *F, size_t n);
+/** dahl_velocity_torque() for each tick. */
+void dahl_batch_velocity(const dahl_velocity_plan_t *plan, const int32_t *dcounts, float *F,
+                         size_t n);
+/** @} */
+
+/**
+ * @name Throughput
+ * The same recurrence in double, with vectors; the bits depend on the processor. Error for any n:
+ * #DAHL_ULP_COUNTS ulp of Fc by counts, and by angle if each |u| is 0 or at least 2^-30.
+ *
+ * There is no plan: parameters are double, with the limits and error codes of dahl_prepare(). If a
+ * call fails, it writes nothing. A NaN angle is no motion; an infinite one saturates. States are
+ * those of the exact form. Stack, if optimized: 16 KiB.
+ */
+/** @{ */
+
+/** Parameters of one Dahl element. */
 typedef struct {
-    double sigma0;          /* N m/rad */
-    double Fc;              /* N m */
-    double theta_per_count; /* rad/count, by counts not 0; not read by angle */
+    double sigma0;          /**< [N m/rad] stiffness at rest */
+    double Fc;              /**< [N m] Coulomb torque */
+    double theta_per_count; /**< [rad/count] must not be 0 by counts; not read by angle */
 } dahl_throughput_params_t;
 
-dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state, const int32_t *dcounts, float *F,
-                                  size_t n);
-dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t *state, const float *dtheta, float *F,
-                           size_t n);
-dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
+/** Move by counts. @return #DAHL_OK, #DAHL_ERR_PARAM or #DAHL_ERR_RANGE */
+dahl_err_t dahl_throughput_counts(const dahl_throughput_params_t *params, dahl_state_t *state,
+                                  const int32_t *dcounts, float *F, size_t n);
+/** Move by angles. @return #DAHL_OK, #DAHL_ERR_PARAM or #DAHL_ERR_RANGE */
+dahl_err_t dahl_throughput(const dahl_throughput_params_t *params, dahl_state_t *state,
+                           const float *dtheta, float *F, size_t n);
+/** Move channels by counts. @return #DAHL_OK, or the error of a channel */
+dahl_err_t dahl_throughput_counts_channels(const dahl_throughput_params_t *params,
+                                           dahl_state_t *states, size_t channels,
                                            const int32_t *dcounts, float *F, size_t n);
-dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states, size_t channels,
-                                    const float *dtheta, float *F, size_t n);
+/** Move channels by angles. @return #DAHL_OK, or the error of a channel */
+dahl_err_t dahl_throughput_channels(const dahl_throughput_params_t *params, dahl_state_t *states,
+                                    size_t channels, const float *dtheta, float *F, size_t n);
+/** @} */
 
-/*
- * Throughput of elements in parallel, any mix of Dahl and slip elements (dahl_parts.h): in double, in vectors, rounded once.
- * Error: 0.5001 ulp of the sum of Fc for slip elements, DAHL_ULP_COUNTS ulp of it for any mix, without end. Limits and codes are
- * those of dahl_throughput_counts for each element; on a code nothing is touched. No element at all gives 0 N m. Temporaries:
- * 40 KiB of stack.
+/**
+ * @name Throughput of elements in parallel
+ * Any mix of Dahl and slip elements, in double, with vectors. The sum is rounded once. Error, for
+ * any n: 0.5001 ulp of the sum of Fc for slip elements, #DAHL_ULP_COUNTS ulp for any mix. Without
+ * elements the torque is 0 N m. Limits and error codes as in dahl_throughput_counts(), for each
+ * element. Stack: 40 KiB.
  */
+/** @{ */
+
+/** One element with its state. */
 typedef struct {
-    dahl_throughput_params_t params;
-    int32_t slips;       /* 0: Dahl's model; 1: a spring of stiffness sigma0 that slips at Fc */
-    dahl_state_t state;  /* of Dahl's model, that of the exact form; 0 is relaxed */
-    double x;            /* of a slip element, its deflection in counts; 0 is relaxed */
+    dahl_throughput_params_t params; /**< parameters */
+    int32_t slips;                   /**< 0: Dahl's model; otherwise a spring of stiffness sigma0
+                                          that slips at Fc */
+    dahl_state_t state;              /**< state of Dahl's model, as in the exact form */
+    double x;                        /**< [counts] deflection of a slip element; 0 is relaxed */
 } dahl_throughput_element_t;
 
-dahl_err_t dahl_throughput_parallel_counts(dahl_throughput_element_t *elements, size_t count, const int32_t *dcounts, float *F,
-                                           size_t n);
+/** Move all elements by counts. @return #DAHL_OK, or the error of an element; then nothing is
+ * written */
+dahl_err_t dahl_throughput_parallel_counts(dahl_throughput_element_t *elements, size_t count,
+                                           const int32_t *dcounts, float *F, size_t n);
+/** @} */
 
 #ifdef __cplusplus
 }

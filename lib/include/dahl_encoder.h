@@ -1,27 +1,36 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * dahl_encoder: from the readings of an encoder's counter to the counts of each tick, wherever the counter wraps.
+/**
+ * @file dahl_encoder.h
+ * @brief Convert the readings of an encoder counter to the counts of each tick.
  *
+ * Use it if the counter wraps, counts backward, or may jump.
+ *
+ * @verbatim
  * USE
  *   static dahl_encoder_t encoder;                              // all zeros: never moves
  *   if (dahl_encoder_init(&encoder, 65536, +1, 1000) != DAHL_OK) { stop(); }
  *   each tick:  F = dahl_step_counts(&plan, &bearing, dahl_encoder_move(&encoder, TIM3->CNT));
+ * @endverbatim
  *
- * THE MODULUS is that of the reading: the number of values it has before it starts again. That is seldom a turn:
- *   65536 for a 16-bit timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder or a timer that reloads.
- * A JUMP  A move larger than largest_step is none that the shaft can make in one tick: the counter was reset by its index
- *   pulse, or a reading was spoiled. It counts as no motion and is told in `jumps`; the next move starts at the new
- *   reading. So a jump is never integrated, and what the shaft moved in that tick is lost.
+ * @par Modulus
+ * The modulus is the number of values of the reading, which is seldom one turn: 65536 for a 16-bit
+ * timer, 0 for a 32-bit timer, the counts per turn for an absolute encoder or a timer that reloads.
  *
- * docs/encoder.md: quadrature, index pulses, velocities, and angles as float.
+ * @par Jumps
+ * A move larger than largest_step is rejected as a jump, for example a reset by the index pulse or
+ * a corrupted reading. It counts as no motion and increments `jumps`. The next move starts at the
+ * new reading, so only the real motion of that tick is lost.
+ *
+ * docs/encoder.md covers quadrature, index pulses, velocities, and angles as float.
  */
 #ifndef DAHL_ENCODER_H
 #define DAHL_ENCODER_H
 
 #include "dahl.h"
 
-/* A function that each caller compiles into its own code. The library has it once more, as `extern inline`, for other languages. */
-#if defined(__GNUC_GNU_INLINE__) && !defined(__cplusplus) /* where these words mean the opposite of what C99 says */
+/** Linkage of an inline function. The library also has it as `extern inline`, for other languages.
+ * Under gnu89 rules, the keywords have the opposite meaning. */
+#if defined(__GNUC_GNU_INLINE__) && !defined(__cplusplus)
 #define DAHL_ENCODER_INLINE extern inline
 #elif !defined(DAHL_ENCODER_INLINE)
 #define DAHL_ENCODER_INLINE inline
@@ -31,35 +40,53 @@
 extern "C" {
 #endif
 
-/* One counter. Belongs to its caller; one call at a time. All zeros, or what dahl_encoder_init and the other calls left. */
+/** State of one counter. It belongs to its caller: one call at a time. Start with all zeros. */
 typedef struct {
-    uint32_t last;         /* reading */
-    uint32_t scale;        /* sign 2^shift: at this scale the reading wraps where a word of 32 bits does */
-    uint32_t shift;        /* 32 less the bits of the reading */
-    uint32_t reach;        /* shorter moves need no further question; 0: every move does */
-    uint32_t modulus;      /* of the reading; 0: all 32 bits */
-    uint32_t largest_step; /* counts that can be motion between two readings; 0: any */
-    uint32_t jumps;        /* moves refused since dahl_encoder_init; stops at its largest value */
-    int8_t sign;           /* of the mounting: +1, -1; 0: not initialised */
-    uint8_t primed;        /* 1: `last` holds a reading, of an encoder that was initialised */
+    uint32_t last;         /**< last reading */
+    uint32_t scale;        /**< sign 2^shift; scaled readings wrap at 32 bits */
+    uint32_t shift;        /**< 32 minus the number of bits of the reading */
+    uint32_t reach;        /**< [counts] shorter moves need no further check; 0: all moves need
+                                it */
+    uint32_t modulus;      /**< number of values of the reading; 0: 2^32 */
+    uint32_t largest_step; /**< [counts] largest move that is no jump; 0: no limit */
+    uint32_t jumps;        /**< jumps since dahl_encoder_init(); stops at UINT32_MAX */
+    int8_t sign;           /**< +1 or -1; 0: not initialized */
+    uint8_t primed;        /**< 1: `last` holds a reading of an initialized encoder */
 } dahl_encoder_t;
 
-/* Describe the counter. sign is -1 where it counts down while the shaft turns forward, else +1. largest_step is the most
- * counts that the shaft can turn between two readings; 0: no limit.
- * Fails with DAHL_ERR_PARAM iff sign is neither; with DAHL_ERR_RANGE iff modulus is 1 or 2 (two values tell no direction)
- * or largest_step >= modulus/2, the exact half: of a modulus of 11, 5 is accepted. Then *encoder is untouched. */
-DAHL_NODISCARD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign, uint32_t largest_step);
+/**
+ * Describe the counter.
+ * @param[out] encoder      encoder to initialize; unchanged if the call fails
+ * @param      modulus      number of values of the reading; 0: 2^32
+ * @param      sign         +1, or -1 if the counter counts down while the shaft turns forward
+ * @param      largest_step [counts] largest move of the shaft between two readings; 0: no limit
+ * @return #DAHL_OK; #DAHL_ERR_PARAM if sign is neither +1 nor -1; #DAHL_ERR_RANGE if modulus is 1
+ *   or 2 (two values show no direction), or if largest_step >= modulus/2. The half is exact: for
+ *   modulus 11, largest_step 5 is accepted.
+ */
+DAHL_NODISCARD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus, int sign,
+                                            uint32_t largest_step);
 
-/* The counter was set to `reading` without motion, as by homing. The next move starts there. */
+/**
+ * Set the starting point of the next move, if the counter was set without motion, as by homing.
+ * @param encoder encoder
+ * @param reading [counts] present reading
+ */
 void dahl_encoder_home(dahl_encoder_t *encoder, uint32_t reading);
 
-/* The moves that dahl_encoder_move() leaves to the library: the first one, one as long as largest_step or longer, and every
- * one by a modulus that is no power of two. For dahl_encoder_move() alone. */
+/** Moves that dahl_encoder_move() does not compute inline: the first, one of largest_step or more,
+ * and all if the modulus is not a power of two. Call dahl_encoder_move() instead. */
 int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading);
 
-/* The counts since the last reading, the shortest way (half of the modulus is taken as negative). Any reading is
- * accepted, and taken modulo. 0 for the first reading, for a jump, and where the encoder was not initialised.
- * Cost on Cortex-M, inline: 11 instructions where the modulus is a power of two, as that of each timer of 16 or 32 bits. */
+/**
+ * Return the counts since the last reading, by the shortest way.
+ * @param encoder encoder
+ * @param reading [counts] present reading, modulo the modulus
+ * @return [counts] signed move; half a modulus counts as negative. 0 for the first reading, for a
+ *   jump, and if the encoder is not initialized.
+ * @note Cost: 11 instructions, inline, if the modulus is a power of two, as for a 16-bit or 32-bit
+ *   timer.
+ */
 DAHL_ENCODER_INLINE int32_t dahl_encoder_move(dahl_encoder_t *encoder, uint32_t reading)
 {
     int32_t move = (int32_t)((reading - encoder->last) * encoder->scale) >> encoder->shift;

@@ -1,47 +1,60 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * node: the friction node, the very file that the firmware links. Frames in, frames out; no I/O, no heap, no OS; no float
- * but where a parameter is read or written.
+/**
+ * @file dahl_node.h
+ * @brief Friction node on a CAN bus: encoder frames in, torque frames out.
  *
+ * Use it to answer each encoder count on a bus with the friction torque. Firmware and simulation
+ * link the same file. There is no I/O, heap or operating system, and no float except to read or
+ * write a parameter.
+ *
+ * @verbatim
  *   static dahl_node_t node;
  *   if (dahl_node_init(&node, &params, 0) != DAHL_OK) { stop(); }
  *   on each frame:     if (dahl_node_receive(&node, &in, now_us, &out)) { send(&out); }
  *   every millisecond: if (dahl_node_tick(&node, now_us, &out)) { send(&out); }
+ * @endverbatim
  *
- * Every EncoderState that the node accepts is answered once, by a FrictionTorque with the torque after that count.
- * What it does with an EncoderState of its own number is one table, lib/node/fault_table.h: which count goes up, which state
- * Status says, whether the bristle moves, whether there is an answer. The count is absolute, so travel needs no unbroken
- * chain of frames.
+ * @par Answer
+ * The node answers each accepted EncoderState once, with the FrictionTorque after this count: gain
+ * times F/Fc, clamped to limit. With a gain and a limit of 1, as after dahl_node_init(), it has the
+ * bits of the library. The count is absolute, so a lost frame loses no travel.
  *
- *   Timeout          DAHL_NODE_TIMEOUT_US unless parameter Timeout was written; Status shows it. Then Status says STALE at
- *                    once, on bus-off without waiting for the timeout
- *   Torque then      0: nothing is answered, and the gain begins anew from 0 where there is a ramp
- *   Back again       with the third good frame in a row; its count is the new starting point. After a bus-off these are
- *                    waited for only when a timeout has passed; the fourth bus-off without an answer in between is
- *                    latched until a Reset with Restart
+ * @par Faults
+ * lib/node/fault_table.h states the reaction to each frame: counter, state in Status, motion of the
+ * bristle, answer.
+ * - Timeout: DAHL_NODE_TIMEOUT_US, unless parameter Timeout was written. Then Status reports STALE
+ *   at once; on bus-off, without the wait.
+ * - Torque during STALE: 0, because the node sends no answer. If a ramp is set, the gain restarts
+ *   at 0.
+ * - Recovery: the third good frame in a row ends the silence. Its count is the new starting point.
+ *   After a bus-off, good frames count only after one timeout. The fourth bus-off without an answer
+ *   in between latches the node until a Reset with Restart.
+ * - If the node answers but keeps the bristle, the count is a new starting point: a jump of the
+ *   encoder cannot become a torque.
+ * - A receiver must set the torque to 0 if no FrictionTorque arrives for 3 periods.
  *
- * Where the bristle is kept and yet an answer is given, the count is a new starting point: counts that passed unseen in a
- * gap are never integrated blindly, a jump of the encoder cannot become a torque. A receiver that hears no
- * FrictionTorque for 3 periods takes 0 by itself.
- * The counter has 4 bits, so a frame that is 13 to 15 periods late looks like one ahead and is used. With a MaxStep, so is one
- * that is 8 to 15 periods late; MaxStep then bounds how far it moves the bristle.
+ * @par MaxStep
+ * A count is rejected as too far away if it exceeds MaxStep counts for each started ms since the
+ * last accepted count. In sequence, each step of the counter counts as at least one ms.
  *
- *   MaxStep          counts per ms. A count is too far away if it exceeds MaxStep for each ms since the last accepted count.
- *                    A begun ms counts. In sequence, there are at least as many ms as steps of the counter
+ * @par Limit: late frames
+ * The sequence counter has 4 bits. A frame that is 13 to 15 periods late looks like one ahead and
+ * is used. With a MaxStep, so is a frame that is 8 to 15 periods late; MaxStep then limits how far
+ * it moves the bristle.
  *
- * Interrupts and threads: the node has no lock, and each call writes *node. Calls for one node must not overlap. If the
- * receive interrupt calls dahl_node_receive and main calls dahl_node_tick, main must mask that interrupt, and read the clock
- * while it is masked:
- *
+ * @par Interrupts and threads
+ * There is no lock, so calls for one node must not overlap. If a receive interrupt calls
+ * dahl_node_receive() and the main program calls dahl_node_tick(), the main program must mask that
+ * interrupt. It must read the clock while it is masked:
+ * @verbatim
  *   mask(); due = dahl_node_tick(&node, clock_us(), &out); unmask(); if (due) { send(&out); }
+ * @endverbatim
+ * The same holds for all other calls and all code that accesses a member of the node. No mask is
+ * needed if the interrupt only queues frames. No call waits, and two nodes share no data.
  *
- * The same holds for dahl_node_bus_off, dahl_node_use_NAME and any code that reads or writes a member of the node. No lock is
- * needed if the interrupt only queues frames and main makes all calls. No call waits, and two nodes share nothing.
- *
- * Of dahl_can_bus.h the node needs dahl_can_frame_t with its flags, and no bus. Any driver can fill in id, flags, length and
- * data; time_us is not read.
- *
- * What is answered is gain * F/Fc, clamped to limit; at gain 1 and limit 1, as after dahl_node_init, the bits of the library.
+ * @par Driver
+ * The node needs only dahl_can_frame_t and its flags from dahl_can_bus.h. Any driver can fill in
+ * id, flags, length and data; time_us is not read.
  */
 #ifndef DAHL_NODE_H
 #define DAHL_NODE_H
@@ -58,164 +71,217 @@
 extern "C" {
 #endif
 
-#define DAHL_NODE_TIMEOUT_US 100000u /* 100 frames; the 4-bit counter alone would see a gap only modulo 16 */
-#define DAHL_NODE_STATUS_US 100000u  /* period of Status */
-#define DAHL_NODE_GAP_MAX 3u         /* largest counter step that is used where no MaxStep is known: two frames missing */
-#define DAHL_NODE_GAP_MAX_STEP 8u    /* the same where it is; larger steps look like frames that are late */
-#define DAHL_NODE_REARM 3u           /* good frames in a row that are a new start, out of sequence or after a timeout */
-#define DAHL_NODE_OFF_MAX 4u         /* bus-offs without an answer in between that are one too many */
-#define DAHL_NODE_ONE 65536u         /* gain and limit of 1 */
+/** [us] Default timeout: 100 frames. The 4-bit counter shows a gap only modulo 16. */
+#define DAHL_NODE_TIMEOUT_US 100000u
+/** [us] Default period of Status. */
+#define DAHL_NODE_STATUS_US 100000u
+/** Largest counter step that is used without a MaxStep: two frames missing. */
+#define DAHL_NODE_GAP_MAX 3u
+/** Largest counter step that is used with a MaxStep. Larger steps look like late frames. */
+#define DAHL_NODE_GAP_MAX_STEP 8u
+/** Good frames in a row that make a new starting point. */
+#define DAHL_NODE_REARM 3u
+/** Bus-offs without an answer in between that latch the node. */
+#define DAHL_NODE_OFF_MAX 4u
+/** A gain, limit or load of 1. */
+#define DAHL_NODE_ONE 65536u
 
-/* Frames by what became of them, since dahl_node_init; lost counts frames that never came in time. */
+/** Frames by result since dahl_node_init(). */
 typedef struct {
-    uint32_t ok;
-    uint32_t repeated;
-    uint32_t lost;
-    uint32_t wrong_sequence;
-    uint32_t crc;
-    uint32_t format;
-    uint32_t invalid;
-    uint32_t jump;
-    uint32_t stale;
-    uint32_t rearm;
-    uint32_t ignored; /* other ids */
-    uint32_t params;  /* ParamWrite frames that were good */
-    uint32_t resets;
-    uint32_t bus_off;
+    uint32_t ok;             /**< used */
+    uint32_t repeated;       /**< same counter as before */
+    uint32_t lost;           /**< missing by the counter */
+    uint32_t wrong_sequence; /**< counter step outside the allowed gap */
+    uint32_t crc;            /**< wrong CRC */
+    uint32_t format;         /**< wrong length or kind of frame */
+    uint32_t invalid;        /**< count marked invalid by the encoder */
+    uint32_t jump;           /**< count further away than MaxStep allows */
+    uint32_t stale;          /**< timeouts */
+    uint32_t rearm;          /**< good frames before the end of a silence */
+    uint32_t ignored;        /**< other ids */
+    uint32_t params;         /**< good ParamWrite frames */
+    uint32_t resets;         /**< good Reset frames */
+    uint32_t bus_off;        /**< bus-offs */
 } dahl_node_counts_t;
 
-/* The counts that Status shows, modulo 256. */
+/** Counts as Status reports them, modulo 256. */
 typedef struct {
-    uint8_t lost;
-    uint8_t corrupt;
-    uint8_t out_of_step;
+    uint8_t lost;        /**< frames missing */
+    uint8_t corrupt;     /**< CRC and format errors */
+    uint8_t out_of_step; /**< repeated, wrong sequence, jumps, timeouts and bus-offs */
 } dahl_node_tally_t;
 
-/* A model that answers in place of the Dahl element: dahl_node_use_NAME sets one. */
+/** A friction model that replaces the Dahl element. A dahl_node_use_... call sets it. */
 typedef struct dahl_node_model {
-    int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts); /* torque over Fc after this move */
+    /** Moves by dcounts and returns torque over Fc in Q30. */
+    int32_t (*step_q30)(struct dahl_node_model *model, int32_t dcounts);
+    /** Sets the relaxed state. */
     void (*relax)(struct dahl_node_model *model);
-    uint32_t kind;     /* what parameter Model says: DAHL_FRAMES_MODEL_* */
-    uint32_t load_q30; /* of the next move, told by the node; for the model Loaded only */
+    uint32_t kind;     /**< value of parameter Model, DAHL_FRAMES_MODEL_... */
+    uint32_t load_q30; /**< [Q30] load of the next move, written by the node; only Loaded reads
+                            it */
 } dahl_node_model_t;
 
+/** A node. The members gain .. status_us may be changed after dahl_node_init(). */
 typedef struct {
-    dahl_plan_t plan;
-    dahl_params_t params;
-    dahl_params_t held;    /* params, and what was written to be held until the next write */
-    dahl_state_t bearing;
-    dahl_node_model_t *model; /* none: plan and bearing */
-    dahl_node_counts_t counts;
-    uint32_t gain;         /* of DAHL_NODE_ONE; this and the next six may be changed after dahl_node_init */
-    uint32_t limit;        /* of DAHL_NODE_ONE; more is taken as 1, as in load */
-    uint32_t load;         /* of DAHL_NODE_ONE: part of the load at which Fc holds; the model Loaded alone looks at it */
-    uint32_t ramp_us;      /* the gain needs so long from 0 to 1; 0: none. A wait of more than 65 ms counts as 65 ms */
-    uint32_t timeout_us;
-    uint32_t max_step;     /* MaxStep, counts per ms; 0: no limit known */
-    uint32_t status_us;    /* period of Status; 0: only after power-on, a timeout, a bus-off and a Reset */
-    uint32_t gain_now;     /* on its way to gain */
-    uint32_t gain_rest;    /* part of its next step, of ramp_us */
-    uint32_t count;        /* of the last EncoderState accepted */
-    uint32_t good_us;      /* when that was */
-    uint32_t sent_us;      /* when Status was last sent */
-    uint32_t bus_off_us;   /* when the last bus-off was */
-    uint8_t number;        /* node number, 0..15 */
-    uint8_t state;         /* dahl_frames_state_t */
-    uint8_t errors;        /* sticky bits of Status */
-    uint8_t counter;       /* of the last EncoderState in sequence */
-    uint8_t good_in_a_row; /* frames, each with the next counter, that may be a new start */
-    uint8_t candidate;     /* counter of the last of them */
-    uint8_t bus_off_count; /* since the last answer */
-    uint8_t torque_counter;
-    uint8_t status_counter;
-    dahl_node_tally_t cleared;  /* counts at the last Reset: Status shows what came after it */
-    bool primed;           /* count and counter are a valid starting point */
-    bool silenced;         /* the next starting point ends a silence: it is waited for */
-    bool urgent;           /* Status is due now */
+    dahl_plan_t plan;          /**< plan of the Dahl element */
+    dahl_params_t params;      /**< present parameters */
+    dahl_params_t held;        /**< params plus the values that wait for the next Write */
+    dahl_state_t bearing;      /**< state of the Dahl element */
+    dahl_node_model_t *model;  /**< model that answers; NULL: plan and bearing */
+    dahl_node_counts_t counts; /**< frames by result */
+    uint32_t gain;             /**< [1/DAHL_NODE_ONE] gain to reach */
+    uint32_t limit;            /**< [1/DAHL_NODE_ONE] limit of |torque|/Fc; more than 1 counts as
+                                    1 */
+    uint32_t load;             /**< [1/DAHL_NODE_ONE] load relative to that of Fc, for the model
+                                    Loaded; more than 1 counts as 1 */
+    uint32_t ramp_us;          /**< [us] time of the gain from 0 to 1; 0: none. A gap of more
+                                    than 65 ms counts as 65 ms */
+    uint32_t timeout_us;       /**< [us] timeout */
+    uint32_t max_step;         /**< [counts/ms] MaxStep; 0: no limit */
+    uint32_t status_us;        /**< [us] period of Status; 0: only after power-on, a timeout, a
+                                    bus-off and a Reset */
+    uint32_t gain_now;         /**< [1/DAHL_NODE_ONE] present gain, on its ramp */
+    uint32_t gain_rest;        /**< remainder of the ramp, less than ramp_us */
+    uint32_t count;            /**< [counts] last accepted count */
+    uint32_t good_us;          /**< [us] time of the last accepted count */
+    uint32_t sent_us;          /**< [us] time of the last Status */
+    uint32_t bus_off_us;       /**< [us] time of the last bus-off */
+    uint8_t number;            /**< node number, 0 .. 15 */
+    uint8_t state;             /**< dahl_frames_state_t */
+    uint8_t errors;            /**< sticky errors of Status */
+    uint8_t counter;           /**< counter of the last EncoderState in sequence */
+    uint8_t good_in_a_row;     /**< frames in a row, each with the next counter */
+    uint8_t candidate;         /**< counter of the last of them */
+    uint8_t bus_off_count;     /**< bus-offs since the last answer */
+    uint8_t torque_counter;    /**< counter of the next FrictionTorque */
+    uint8_t status_counter;    /**< counter of the next Status */
+    dahl_node_tally_t cleared; /**< counts at the last Reset; Status reports the difference */
+    bool primed;               /**< count and counter are a valid starting point */
+    bool silenced;             /**< the next starting point ends a silence */
+    bool urgent;               /**< Status is due at once */
 } dahl_node_t;
 
-/* Start relaxed, waiting for the first frame. Node number 0..15; higher bits are cut. Fails as dahl_prepare does: then
- * *node is untouched. */
-DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params, uint8_t number);
-
-/*
- * OTHER MODELS (dahl_parts.h), each in a file of its own, linked only when called. dahl_node_use_NAME, after dahl_node_init:
- * answer by that model, relaxed, from now on. What it keeps lives beside dahl_node_t, as long as the node. Parameter Model tells
- * the model, Fc, Sigma0 and ThetaPerCount read as said here, and writing these is refused with OutOfRange. Fails as
- * dahl_NAME_prepare does: then nothing is touched.
+/**
+ * Initialize a node: relaxed, before the first frame.
+ * @param[out] node   node to write; unchanged if the call fails
+ * @param      params parameters of the Dahl element
+ * @param      number node number 0 .. 15; higher bits are ignored
+ * @return as dahl_prepare()
  */
+DAHL_NODISCARD dahl_err_t dahl_node_init(dahl_node_t *node, const dahl_params_t *params,
+                                         uint8_t number);
+
+/**
+ * @name Other models (dahl_parts.h)
+ * Call one after dahl_node_init(). The node then answers with this relaxed model. The storage must
+ * live as long as the node. Parameter Model returns the model; writing Fc, Sigma0 or ThetaPerCount
+ * is rejected with OutOfRange. If a call fails, it returns the error of the prepare function and
+ * changes nothing. A model that is not called is not linked.
+ */
+/** @{ */
+
+/** Slip elements of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_slip_plan_t plan;
-    dahl_slip_state_t state;
+    dahl_node_model_t model; /**< must be first */
+    dahl_slip_plan_t plan;   /**< plan */
+    dahl_slip_state_t state; /**< state */
 } dahl_node_slip_t;
 
-/* Slip elements. The ratio answered is of the sum of Fc; Fc and Sigma0 read as their sums. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip, const dahl_slip_params_t *params);
+/** Use slip elements. The answer is a fraction of the sum of Fc. Fc and Sigma0 return their
+ * sums. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_slip(dahl_node_t *node, dahl_node_slip_t *slip,
+                                             const dahl_slip_params_t *params);
 
+/** Asymmetric friction of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_asymmetric_plan_t plan;
-    dahl_state_t state;
+    dahl_node_model_t model;     /**< must be first */
+    dahl_asymmetric_plan_t plan; /**< plan */
+    dahl_state_t state;          /**< state */
 } dahl_node_asymmetric_t;
 
-/* An Fc of each direction its own. The ratio answered is of the larger Fc, which Fc reads as. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *kept,
+/** Use asymmetric friction. The answer is a fraction of the larger Fc, which Fc returns. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node,
+                                                   dahl_node_asymmetric_t *storage,
                                                    const dahl_asymmetric_params_t *params);
 
+/** Elasto-plastic friction of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_elastoplastic_plan_t plan;
-    dahl_state_t state;
+    dahl_node_model_t model;        /**< must be first */
+    dahl_elastoplastic_plan_t plan; /**< plan */
+    dahl_state_t state;             /**< state */
 } dahl_node_elastoplastic_t;
 
-/* No creep below breakaway. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *kept,
+/** Use elasto-plastic friction, without creep below breakaway. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node,
+                                                      dahl_node_elastoplastic_t *storage,
                                                       const dahl_params_t *params, float breakaway);
 
+/** Loaded friction of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    dahl_plan_t plan;
-    dahl_loaded_state_t state;
+    dahl_node_model_t model;   /**< must be first */
+    dahl_plan_t plan;          /**< plan */
+    dahl_loaded_state_t state; /**< state */
 } dahl_node_loaded_t;
 
-/* Fc and sigma0 follow a load, which parameter Load tells: 1 after dahl_node_init, at most 1, and as it was last written. params
- * hold at load 1, and the ratio answered is of that Fc. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *kept, const dahl_params_t *params);
+/** Use friction whose Fc and sigma0 scale with parameter Load, 0 .. 1, which starts at 1. params
+ * are those at load 1; the answer is a fraction of their Fc. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *storage,
+                                               const dahl_params_t *params);
 
+/** Parameters of dahl_node_use_parallel(). */
 typedef struct {
-    uint32_t elements;           /* 1 .. DAHL_SLIP_MAX */
-    uint32_t slips;              /* bit k: element k slips; else it is one of Dahl's */
-    float theta_per_count;       /* rad/count, not 0 */
-    float sigma0[DAHL_SLIP_MAX]; /* N m/rad, of each element */
-    float Fc[DAHL_SLIP_MAX];     /* N m */
+    uint32_t elements;           /**< 1 .. DAHL_SLIP_MAX */
+    uint32_t slips;              /**< bit k set: element k slips, otherwise it is a Dahl element */
+    float theta_per_count;       /**< [rad/count] must not be 0 */
+    float sigma0[DAHL_SLIP_MAX]; /**< [N m/rad] stiffness of each element */
+    float Fc[DAHL_SLIP_MAX];     /**< [N m] Coulomb torque of each element */
 } dahl_node_parallel_params_t;
 
+/** Elements in parallel of a node. */
 typedef struct {
-    dahl_node_model_t model;
-    uint32_t bearings; /* elements of Dahl's */
-    dahl_slip_plan_t slip;
-    dahl_slip_state_t slip_state;
-    uint64_t slip_share; /* of the sum of Fc, Q62 */
-    dahl_plan_t plan[DAHL_SLIP_MAX];
-    dahl_state_t state[DAHL_SLIP_MAX];
-    uint64_t share[DAHL_SLIP_MAX];
+    dahl_node_model_t model;           /**< must be first */
+    uint32_t bearings;                 /**< number of Dahl elements */
+    dahl_slip_plan_t slip;             /**< plan of the slip elements */
+    dahl_slip_state_t slip_state;      /**< state of the slip elements */
+    uint64_t slip_share;               /**< [Q62] share of the slip elements in the sum of Fc */
+    dahl_plan_t plan[DAHL_SLIP_MAX];   /**< plans of the Dahl elements */
+    dahl_state_t state[DAHL_SLIP_MAX]; /**< states of the Dahl elements */
+    uint64_t share[DAHL_SLIP_MAX];     /**< [Q62] shares of the Dahl elements */
 } dahl_node_parallel_t;
 
-/* Dahl and slip elements on one shaft. The ratio answered is of the sum of Fc; Fc and Sigma0 read as their sums. Its error is
- * 1e-9 beside those of the elements. Stack: 3 KiB, here only. */
-DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *kept,
+/** Use Dahl and slip elements on one shaft. The answer is a fraction of the sum of Fc. Fc and
+ * Sigma0 return their sums. Error: 1e-9 plus that of the elements. Stack: 3 KiB. */
+DAHL_NODISCARD dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage,
                                                  const dahl_node_parallel_params_t *params);
+/** @} */
 
-/* The controller went off the bus, where that is not told by an error frame: dahl_node_receive takes those. */
+/**
+ * Report a bus-off that the driver does not deliver as an error frame.
+ * @param node   node
+ * @param now_us [us] time
+ */
 void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us);
 
-/* Process one frame of any kind. True: *out is the answer to send at once. now_us, here and below, is one clock that may wrap
- * but must not go back from call to call. */
-bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out);
+/**
+ * Process a received frame of any kind.
+ * @param      node   node
+ * @param      in     received frame
+ * @param      now_us [us] time; one clock for all calls, which may wrap but must not go back
+ * @param[out] out    answer
+ * @return true if `out` must be sent at once
+ */
+bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us,
+                       dahl_can_frame_t *out);
 
-/* Check the clock, every millisecond or so: a timeout is detected at the next tick or good frame. After more than 35 minutes
- * without a tick an age may look short. True: *out is a Status frame to send; the first call gives one at once. */
+/**
+ * Check the timeout and the period of Status, about every millisecond. A timeout is detected at the
+ * next tick or good frame. After 35 minutes without a tick, an age may appear too short.
+ * @param      node   node
+ * @param      now_us [us] time
+ * @param[out] out    Status frame
+ * @return true if `out` must be sent; the first call returns true
+ */
 bool dahl_node_tick(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out);
 
 #ifdef __cplusplus

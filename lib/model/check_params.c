@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: MIT */
-/* Which parameters are an element's, decided exactly, in integers. */
+/** Exact check of the parameters of an element, in integers. */
 #include "check_params.h"
 
 #include "../arith/fixed.h"
 
-/* Error code of one parameter; OR of several codes is the most severe one. */
+/** The OR of several codes is the most severe one. */
 static DAHL_OUT_OF_LINE DAHL_COLD int32_t check(uint32_t bits)
 {
     const uint32_t least = dahl_bits_of(DAHL_TORQUE_MIN), most = dahl_bits_of(DAHL_TORQUE_MAX);
-    if (bits == 0 || bits >= DAHL_BITS_INF) { /* zero, infinite, NaN, or with a sign */
+    if (bits == 0 || bits >= DAHL_BITS_INF) { /* zero, infinite, NaN, or negative */
         return DAHL_ERR_PARAM;
     }
     return least <= bits && bits < most ? DAHL_OK : DAHL_ERR_RANGE;
 }
 
-/* 2^-30 <= sigma0 theta/Fc < 2^20, decided exactly: the product's upper half is at least Fc's mantissa, or half of it, or
- * less, and that gives the quotient's exponent. (The lowest bits of a float's mantissa are 0.) */
+/** 2^-30 <= sigma0 theta/Fc < 2^20, decided exactly. Comparing the upper half of the product with the mantissa of
+ * Fc, and with half of it, gives the exponent of the quotient. */
 static int is_travel_in_range(dahl_real_t sigma0, dahl_real_t theta, dahl_real_t Fc)
 {
     uint32_t high = dahl_mulhi(sigma0.mantissa, theta.mantissa);

@@ -1,23 +1,23 @@
 /* SPDX-License-Identifier: MIT */
-/* An encoder's counter: where it wraps, which way it runs, and what is too far for one tick. What a move can have decided
- * before is decided here once, so that the move of the header is a difference, a product and a comparison. */
-#define DAHL_ENCODER_INLINE extern inline /* the move of the header is compiled here too, for who calls it: other languages */
+/** Encoder counter: wrap, direction and jumps. All that can be prepared is computed here, so that the inline move
+ * of the header is one difference, one product and one comparison. */
+#define DAHL_ENCODER_INLINE extern inline /* emit the inline move here once, for callers from other languages */
 #include "dahl_encoder.h"
 
 #include "../arith/compiler.h"
-#include "shortest_way.h"
+#include "shortest_move.h"
 
 static uint32_t half_of(uint32_t modulus)
 {
     return modulus == 0 ? (uint32_t)1 << 31 : modulus / 2;
 }
 
-static int is_power_of_two(uint32_t modulus) /* 2^32, written 0, too */
+static int is_power_of_two(uint32_t modulus) /* true for 2^32 too, which is written as 0 */
 {
     return (modulus & (modulus - 1)) == 0;
 }
 
-/* 2^shift times a power of two fills a word; another modulus is asked about at each move. */
+/** Return the shift that makes the reading wrap at 32 bits; 0 if the modulus is not a power of two. */
 static uint32_t shift_of(uint32_t modulus)
 {
     uint32_t shift = 0;
@@ -32,7 +32,7 @@ DAHL_COLD dahl_err_t dahl_encoder_init(dahl_encoder_t *encoder, uint32_t modulus
     if (sign != 1 && sign != -1) {
         return DAHL_ERR_PARAM;
     }
-    const uint32_t most = (modulus - 1) / 2; /* the largest whole number below modulus/2; 0 is 2^32 */
+    const uint32_t most = (modulus - 1) / 2; /* largest integer below modulus/2; a modulus of 0 is 2^32 */
     if (modulus == 1 || modulus == 2 || largest_step > most) {
         return DAHL_ERR_RANGE;
     }
@@ -71,11 +71,11 @@ int32_t dahl_encoder_rare_move(dahl_encoder_t *encoder, uint32_t reading)
         return 0;
     }
     encoder->last = reading;
-    if (encoder->sign < 0) { /* rather than negate the move, which the lowest count does not allow */
+    if (encoder->sign < 0) { /* swap instead of negating the move, since -INT32_MIN overflows */
         now = before;
         before = reading;
     }
-    int32_t move = dahl_shortest_way(before, now, encoder->modulus);
+    int32_t move = dahl_shortest_move(before, now, encoder->modulus);
     if (is_jump(encoder, move)) {
         encoder->jumps += encoder->jumps != UINT32_MAX;
         return 0;

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * From human units to a plan. All is computed in locals, and each word of the plan is written once: who prepares equal
- * parameters again, under a tick that reads the plan, changes nothing at any moment.
- */
+/** Convert parameters to a plan. Each word of the plan is written once. If equal parameters are prepared again
+ * while a tick reads the plan, no word changes at any moment. */
 #include "check_params.h"
 #include "prepare_table.h"
 
@@ -20,7 +18,7 @@ static DAHL_COLD void write_plan(dahl_plan_t *plan, const dahl_params_t *params)
     plan->Fc_exponent = Fc.exponent;
     dahl_write_table(plan->g, entries,
                      dahl_has_counts(params)
-                         ? dahl_left_by(dahl_product(a, exponent, dahl_real_of_float(params->theta_per_count)))
+                         ? dahl_remaining_after(dahl_product(a, exponent, dahl_real_of_float(params->theta_per_count)))
                          : UINT64_MAX);
 }
 

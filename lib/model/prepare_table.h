@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * From the travel of one count to a table of g, private. What a small part v = u 2^-n of the travel u of one count leaves of
- * the gap comes from two terms of the series of exp(-v), 1 - v + v^2/2; everything else from joining travels in one direction,
- *     exp(-(x + y)) = exp(-x) exp(-y),
- * which needs no exponential and lets no relative error grow. Relative error of every entry: below 2^-32 (the series
- * 2^-42, the quotient 2^-37, one unit of Q64 at the start, which is 2^-34 of the smallest travel, and one at each join).
- * Each prepare has these functions as its own, so that a firmware with one of them gets them inlined.
+/**
+ * Table of g from the travel of one count.
+ *
+ * For a small travel v = u 2^-n, the series gives the remaining gap exp(-v) = 1 - v + v^2/2. All other entries
+ * follow from joining travels, exp(-(x + y)) = exp(-x) exp(-y), by which no relative error grows. The relative
+ * error of every entry is below 2^-32: the series 2^-42, the quotient 2^-37, one unit of Q64 at the start (2^-34 of
+ * the smallest travel), and one unit at each join.
+ *
+ * Each prepare function has its own inlined copy of these functions.
  */
 #ifndef DAHL_PREPARE_TABLE_H
 #define DAHL_PREPARE_TABLE_H
@@ -20,32 +22,32 @@ static inline dahl_real_t dahl_real_of_float(float x)
     return dahl_real_of(dahl_bits_of(x));
 }
 
-/* a 2^exponent times b, a in (2^62, 2^64). */
+/** Return a 2^exponent times b, for a in (2^62, 2^64). */
 static inline DAHL_COLD dahl_wide_t dahl_product(uint64_t a, int32_t exponent, dahl_real_t b)
 {
     uint64_t high = dahl_mul((uint32_t)(a >> 32), b.mantissa) + dahl_mulhi((uint32_t)a, b.mantissa);
     return dahl_normalise(high, exponent + b.exponent + 32);
 }
 
-/* What travels x and then y leave of the gap, in Q64. The product goes up to the next integer: so it stays above 0, and where
- * there is no travel, 2^64 - 1, it stays as it is. */
-static inline uint64_t dahl_join(uint64_t left_by_x, uint64_t left_by_y)
+/** Return the gap, in Q64, that remains after travel x and then y. Rounding up keeps it above 0, and keeps 2^64 -
+ * 1, which means no travel. */
+static inline uint64_t dahl_join(uint64_t after_x, uint64_t after_y)
 {
-    return dahl_mulhi64(left_by_x, left_by_y) + 1;
+    return dahl_mulhi64(after_x, after_y) + 1;
 }
 
-/* What travel u leaves of the gap, in Q64, for u > 2^-31. */
-static inline DAHL_COLD uint64_t dahl_left_by(dahl_wide_t u)
+/** Return the gap, in Q64, that remains after travel u > 2^-31. */
+static inline DAHL_COLD uint64_t dahl_remaining_after(dahl_wide_t u)
 {
     for (; u.exponent < -64 - DAHL_PART_BITS; u.exponent++) {
         u.mantissa >>= 1;
     }
     uint32_t v_q51 = (uint32_t)(u.mantissa >> (DAHL_PART_BITS + 13));
-    uint64_t left = ~(u.mantissa >> DAHL_PART_BITS) + (dahl_mulhi(v_q51, v_q51) >> 7);
+    uint64_t remaining = ~(u.mantissa >> DAHL_PART_BITS) + (dahl_mulhi(v_q51, v_q51) >> 7);
     for (; u.exponent > -64 - DAHL_PART_BITS; u.exponent--) {
-        left = dahl_join(left, left);
+        remaining = dahl_join(remaining, remaining);
     }
-    return left;
+    return remaining;
 }
 
 static inline void dahl_write_entry(dahl_q64_t *entry, uint64_t g)
@@ -54,15 +56,15 @@ static inline void dahl_write_entry(dahl_q64_t *entry, uint64_t g)
     entry->lo = (uint32_t)g;
 }
 
-/* 0, 1 .. 8 counts, then twice the one before. */
-static inline DAHL_COLD void dahl_write_table(dahl_q64_t *g, int entries, uint64_t left_by_one)
+/** Write the entries of 0, 1 .. 8 counts, then each for twice the counts of the entry before. */
+static inline DAHL_COLD void dahl_write_table(dahl_q64_t *g, int entries, uint64_t remaining_after_one)
 {
-    uint64_t left = left_by_one;
+    uint64_t remaining = remaining_after_one;
     dahl_write_entry(&g[0], 0);
-    dahl_write_entry(&g[1], ~left);
+    dahl_write_entry(&g[1], ~remaining);
     for (int n = 2; n < entries; n++) {
-        left = dahl_join(left, n <= DAHL_DIRECT_COUNTS_MAX ? left_by_one : left);
-        dahl_write_entry(&g[n], ~left);
+        remaining = dahl_join(remaining, n <= DAHL_DIRECT_COUNTS_MAX ? remaining_after_one : remaining);
+        dahl_write_entry(&g[n], ~remaining);
     }
 }
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* The state from a torque in N m. */
+/** Set the state to a torque in N m. */
 #include "bristle_update.h"
 
-/* |F|/Fc in Q62, clamped to 1. A subnormal F is none, and without Fc (a plan of all zeros) there is no torque. */
+/** Return |F|/Fc in Q62, clamped to 1. It is 0 if F is subnormal or if the plan is all zeros. */
 static uint64_t size_of(const dahl_plan_t *plan, uint32_t magnitude)
 {
     const dahl_real_t Fc = {plan->Fc_mantissa, plan->Fc_exponent};

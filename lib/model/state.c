@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Whether a state is in range. */
+/** Check that a state is in range. */
 #include "bristle_update.h"
 
 int dahl_state_ok(const dahl_state_t *state)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A tick by angle: g(u) by the kernel, then the same update as by counts. */
+/** Tick by angle: g(u) from the kernel, then the same update as by counts. */
 #include "bristle_update.h"
 #include "kernel.h"
 #include "torque.h"

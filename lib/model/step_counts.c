@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A tick in counts that returns N m. */
+/** Tick by counts that returns N m. */
 #include "bristle_update.h"
 #include "torque.h"
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* A tick in counts, integers only. A file of its own: firmware that takes Q30 links no conversion to float. */
+/** Tick by counts with integers only, in its own file, so that firmware in Q30 links no conversion to float. */
 #include "bristle_update.h"
 
-/* No motion goes backward by entry 0, which is 0: every short tick takes as long. */
+/** A tick without motion moves backward by entry 0, which is 0: all short ticks need the same time. */
 DAHL_WEAK_TICK int32_t dahl_step_counts_q30(const dahl_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
     uint64_t w = (uint64_t)state->w;

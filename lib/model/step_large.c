@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A move of many counts is the moves of its digits, one after the other: the low three bits, 8 counts, 16, 32 ...
- * Backward it is the forward move of the complement: bristle_update.h rounds ~w to just the opposite of what it rounds w to.
- */
+/** Move by many counts, digit by digit: the low three bits, then 8 counts, 16, 32 ... A backward move is the
+ * forward move of the complement, because bristle_update.h rounds ~w exactly opposite to w. */
 #include "bristle_update.h"
 
-#define LOW_DIGITS DAHL_DIRECT_COUNTS_MAX /* of the low digit: 0 .. 7 */
+#define LOW_DIGITS DAHL_DIRECT_COUNTS_MAX /* values of the low digit: 0 .. 7 */
 
 static DAHL_COLD uint64_t forward_by(const dahl_plan_t *plan, uint64_t w, uint32_t counts)
 {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The rare ends of dahl_step: a state out of range, which is clamped; an angle that moves nothing (0, subnormal, NaN);
- * infinity, which saturates; a plan of all zeros. */
+/** Rare cases of dahl_step(): clamp a state out of range, ignore 0, a subnormal number and NaN, saturate at
+ * infinity, and return 0 for a plan of all zeros. */
 #include "bristle_update.h"
 
 DAHL_COLD float dahl_step_rare(const dahl_plan_t *plan, dahl_state_t *state, uint32_t bits)

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* A torque in whole units from its ratio to Fc. The ratio is counted from -2, where it is least, so that nothing has a sign:
- *     (ratio + 2) Fc = ratio Fc + 2 Fc */
+/**
+ * Convert a torque ratio to whole units.
+ *
+ * An offset of 2, the magnitude of the least ratio, makes all numbers unsigned: (ratio + 2) Fc = ratio Fc + 2 Fc.
+ */
 #include "../arith/fixed.h"
 #include "dahl.h"
 

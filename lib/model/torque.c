@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The torque of a state, without motion. */
+/** Torque of a state without motion. */
 #include "bristle_update.h"
 #include "torque.h"
 

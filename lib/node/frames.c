@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: MIT */
-/* See dahl_frames.h. Packing writes every byte; unpacking checks the form first, the CRC second, and only then reads. */
+/** Frames of dahl_frames.h. Packing writes every byte. Unpacking checks the format, then the CRC, then reads. */
 #include "dahl_frames.h"
 
 #include <stddef.h>
 
-/* CRC-8H2F, polynomial 0x2F, most significant bit first; a test compares it with an independent implementation. */
+/** CRC-8H2F, polynomial 0x2F, most significant bit first. A test compares it with an independent implementation. */
 static const uint8_t crc_table[] = {
     0x00, 0x2F, 0x5E, 0x71, 0xBC, 0x93, 0xE2, 0xCD, 0x57, 0x78, 0x09, 0x26, 0xEB, 0xC4, 0xB5, 0x9A,
     0xAE, 0x81, 0xF0, 0xDF, 0x12, 0x3D, 0x4C, 0x63, 0xF9, 0xD6, 0xA7, 0x88, 0x45, 0x6A, 0x1B, 0x34,

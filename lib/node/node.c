@@ -1,5 +1,17 @@
 /* SPDX-License-Identifier: MIT */
-/* node: see dahl_node.h. One function per row of its table; dahl_node_receive only decides which. */
+/**
+ * Friction node: frames in, frames out. The interface is dahl_node.h.
+ *
+ * dahl_node_receive() selects a handler by frame id. For an EncoderState, accept() selects the row of
+ * fault_table.h:
+ * @verbatim
+ *   no starting point                     handle_start()
+ *   same counter as before                handle_repeat()
+ *   counter step within the allowed gap   handle_in_sequence()
+ *   larger counter step                   handle_out_of_sequence()
+ * @endverbatim
+ * A handler returns true if it wrote an answer. A node is "primed" if `count` is a valid starting point.
+ */
 #include "dahl_node.h"
 
 #include <stddef.h>
@@ -13,7 +25,6 @@ static uint8_t low_byte(uint32_t value)
     return (uint8_t)(value & 0xFFu);
 }
 
-/* Counts in groups, as Status shows them. */
 static dahl_node_tally_t tally(const dahl_node_counts_t *n)
 {
     return (dahl_node_tally_t){
@@ -29,7 +40,7 @@ static void clear_errors(dahl_node_t *node)
     node->cleared = tally(&node->counts);
 }
 
-/* As after power-on, with the parameters that there are. */
+/** Return to power-on, but keep the parameters. */
 static void restart(dahl_node_t *node)
 {
     node->bearing = (dahl_state_t){0};
@@ -77,57 +88,56 @@ static void enter(dahl_node_t *node, dahl_frames_state_t state)
     }
 }
 
-static uint32_t least(uint32_t a, uint32_t b)
+static uint32_t minimum(uint32_t a, uint32_t b)
 {
     return a < b ? a : b;
 }
 
-/* Since the last count that was accepted; a clock that went back has not moved. */
+/** Time [us] since the last accepted count; 0 if the clock went back. */
 static uint32_t elapsed_us(const dahl_node_t *node, uint32_t now_us)
 {
     uint32_t elapsed = now_us - node->good_us;
     return elapsed <= INT32_MAX ? elapsed : 0;
 }
 
-/* By how much of DAHL_NODE_ONE the gain may move in this time; the part of a step that is left over counts next time, so that a
- * long ramp is not the slower the more often it is asked. */
+/** Return the step of the gain in `elapsed` us. Without the remainder in gain_rest, frequent calls would slow down
+ * a long ramp. */
 static uint32_t ramp_step(dahl_node_t *node, uint32_t elapsed)
 {
-    uint32_t whole = DAHL_NODE_ONE * least(elapsed, DAHL_NODE_ONE - 1);
+    uint32_t whole = DAHL_NODE_ONE * minimum(elapsed, DAHL_NODE_ONE - 1);
     uint32_t step = whole / node->ramp_us, rest = whole % node->ramp_us;
-    uint32_t missing = node->ramp_us - rest; /* to the next step */
-    if (node->gain_rest < missing) {
+    uint32_t to_next_step = node->ramp_us - rest;
+    if (node->gain_rest < to_next_step) {
         node->gain_rest += rest;
         return step;
     }
-    node->gain_rest = least(node->gain_rest - missing, node->ramp_us - 1); /* above it where the ramp was made shorter */
+    node->gain_rest = minimum(node->gain_rest - to_next_step, node->ramp_us - 1); /* in case the ramp was shortened */
     return step + 1;
 }
 
-/* The gain goes its way from one answer to the next. */
+/** Ramp gain_now towards gain. Called once for each answer. */
 static void ramp(dahl_node_t *node, uint32_t elapsed)
 {
     uint32_t rise = node->gain > node->gain_now ? node->gain - node->gain_now : 0;
     uint32_t fall = node->gain_now > node->gain ? node->gain_now - node->gain : 0;
     uint32_t step = node->ramp_us > 0 ? ramp_step(node, elapsed) : DAHL_NODE_ONE;
-    node->gain_now += least(step, rise) - least(step, fall);
+    node->gain_now += minimum(step, rise) - minimum(step, fall);
 }
 
-/* What is answered for F/Fc in Q30, for any gain and limit. */
 static int32_t output(const dahl_node_t *node, int32_t torque_q30)
 {
     int64_t part = (int64_t)torque_q30 * node->gain_now / (int32_t)DAHL_NODE_ONE;
-    int64_t limit = (int64_t)least(node->limit, DAHL_NODE_ONE) << 14;
+    int64_t limit = (int64_t)minimum(node->limit, DAHL_NODE_ONE) << 14;
     part = part < limit ? part : limit;
     return (int32_t)(part > -limit ? part : -limit);
 }
 
-static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, int32_t torque_q30,
+static bool answer(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, int32_t torque_q30,
                    dahl_can_frame_t *out)
 {
     ramp(node, node->primed ? elapsed_us(node, now_us) : 0);
-    node->count = (uint32_t)seen->count;
-    node->counter = seen->counter;
+    node->count = (uint32_t)encoder->count;
+    node->counter = encoder->counter;
     node->good_us = now_us;
     node->primed = true;
     node->good_in_a_row = 0;
@@ -136,87 +146,88 @@ static bool answer(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t
         .torque_q30 = output(node, torque_q30),
         .counter = node->torque_counter,
         .state = node->state,
-        .echo = seen->counter,
+        .echo = encoder->counter,
     };
     node->torque_counter = (node->torque_counter + 1) & 0x0F;
     dahl_frames_pack_torque(out, node->number, &torque);
     return true;
 }
 
-/* Move the model that the node has; returns torque over Fc in Q30. */
-static int32_t moved(dahl_node_t *node, int32_t dcounts)
+static int32_t step_model(dahl_node_t *node, int32_t dcounts)
 {
     if (node->model == NULL) {
         return dahl_step_counts_q30(&node->plan, &node->bearing, dcounts);
     }
-    node->model->load_q30 = least(node->load, DAHL_NODE_ONE) << 14;
+    node->model->load_q30 = minimum(node->load, DAHL_NODE_ONE) << 14;
     return node->model->step_q30(node->model, dcounts);
 }
 
-/* The count is a starting point: a move of 0 counts only reads the torque. */
-static bool prime(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
+static bool prime(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
-    return answer(node, seen, now_us, moved(node, 0), out);
+    return answer(node, encoder, now_us, step_model(node, 0), out);
 }
 
-static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *seen)
+static int32_t travel(const dahl_node_t *node, const dahl_encoder_state_t *encoder)
 {
-    return dahl_counts_between(node->count, (uint32_t)seen->count, 0);
+    return dahl_counts_between(node->count, (uint32_t)encoder->count, 0);
 }
 
-static bool move(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
+static bool move(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.ok++;
-    return answer(node, seen, now_us, moved(node, travel(node, seen)), out);
+    return answer(node, encoder, now_us, step_model(node, travel(node, encoder)), out);
 }
 
-/* Can the shaft have moved so far, in so many frames of 1 ms or in the time since, begun milliseconds included? */
-static bool plausible(const dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t frames, uint32_t now_us)
+/** Return true if the shaft can have moved this far: max_step counts for each of `frames` frames of 1 ms, or for
+ * each started ms since the last accepted count if there are more. */
+static bool is_plausible(const dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t frames, uint32_t now_us)
 {
-    int32_t way = travel(node, seen);
-    uint32_t size = way < 0 ? 0u - (uint32_t)way : (uint32_t)way;
+    int32_t dcounts = travel(node, encoder);
+    uint32_t size = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     uint32_t elapsed_ms = (elapsed_us(node, now_us) + 999u) / 1000u;
     uint64_t most = (uint64_t)node->max_step * (elapsed_ms > frames ? elapsed_ms : frames);
     return size <= most;
 }
 
-/* Is this the last of DAHL_NODE_REARM frames in a row, each with the next counter? */
-static bool sequence_confirmed(dahl_node_t *node, const dahl_encoder_state_t *seen)
+/** Return true if the shaft can have moved this far: max_step counts for each of `frames` frames of 1 ms, or for
+ * each started ms since the last accepted count, if there are more. */
+static bool confirm_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder)
 {
-    if (seen->counter != ((node->candidate + 1) & 0x0F)) {
+    if (encoder->counter != ((node->candidate + 1) & 0x0F)) {
         node->good_in_a_row = 0;
     }
     if (node->good_in_a_row < UINT8_MAX) {
         node->good_in_a_row++;
     }
-    node->candidate = seen->counter;
-    return node->good_in_a_row >= DAHL_NODE_REARM && seen->valid;
+    node->candidate = encoder->counter;
+    return node->good_in_a_row >= DAHL_NODE_REARM && encoder->valid;
 }
 
-/* A frame that does not go on from the last one: where enough of them go on from each other, the encoder is there now. */
-static bool out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
+/** Return true for a valid frame, if at least DAHL_NODE_REARM frames in a row had the next counter. */
+static bool handle_out_of_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us,
+                                   dahl_can_frame_t *out)
 {
-    bool known = sequence_confirmed(node, seen);
+    bool is_confirmed = confirm_sequence(node, encoder);
     enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
-    if (known && node->max_step > 0 && plausible(node, seen, 1, now_us)) {
+    if (is_confirmed && node->max_step > 0 && is_plausible(node, encoder, 1, now_us)) {
         enter(node, DAHL_FRAMES_LOST);
-        return move(node, seen, now_us, out);
+        return move(node, encoder, now_us, out);
     }
     node->counts.wrong_sequence++;
-    if (!known) {
+    if (!is_confirmed) {
         return false;
     }
-    return prime(node, seen, now_us, out);
+    return prime(node, encoder, now_us, out);
 }
 
-static bool repeated(dahl_node_t *node)
+static bool handle_repeat(dahl_node_t *node)
 {
     node->counts.repeated++;
     enter(node, DAHL_FRAMES_REPEATED);
     return false;
 }
 
-static bool invalid(dahl_node_t *node, uint8_t counter)
+static bool ignore_invalid(dahl_node_t *node, uint8_t counter)
 {
     node->counts.invalid++;
     node->errors |= DAHL_FRAMES_ERROR_INVALID;
@@ -224,80 +235,81 @@ static bool invalid(dahl_node_t *node, uint8_t counter)
     return false;
 }
 
-static bool jump(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
+static bool reject_jump(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->counts.jump++;
     node->errors |= DAHL_FRAMES_ERROR_JUMP;
-    node->counter = seen->counter;
-    if (!sequence_confirmed(node, seen)) {
+    node->counter = encoder->counter;
+    if (!confirm_sequence(node, encoder)) {
         return false;
     }
     enter(node, DAHL_FRAMES_WRONG_SEQUENCE);
-    return prime(node, seen, now_us, out);
+    return prime(node, encoder, now_us, out);
 }
 
-static bool in_sequence(dahl_node_t *node, const dahl_encoder_state_t *seen, uint8_t step, uint32_t now_us,
-                        dahl_can_frame_t *out)
+static bool handle_in_sequence(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint8_t step, uint32_t now_us,
+                               dahl_can_frame_t *out)
 {
     node->counts.lost += step - 1u;
     enter(node, step == 1 ? DAHL_FRAMES_OK : DAHL_FRAMES_LOST);
-    if (!seen->valid) {
-        return invalid(node, seen->counter);
+    if (!encoder->valid) {
+        return ignore_invalid(node, encoder->counter);
     }
-    if (node->max_step > 0 && !plausible(node, seen, step, now_us)) {
-        return jump(node, seen, now_us, out);
+    if (node->max_step > 0 && !is_plausible(node, encoder, step, now_us)) {
+        return reject_jump(node, encoder, now_us, out);
     }
-    return move(node, seen, now_us, out);
+    return move(node, encoder, now_us, out);
 }
 
-/* Too soon after a bus-off, or once too often? */
+/** If enough frames follow each other, use the count: as a move if MaxStep confirms it, otherwise as a new starting
+ * point. */
 static bool is_held(const dahl_node_t *node, uint32_t now_us)
 {
     return node->bus_off_count >= DAHL_NODE_OFF_MAX
            || (node->bus_off_count > 0 && now_us - node->bus_off_us < node->timeout_us);
 }
 
-/* After a silence: enough good frames in a row, none of them in the time that a bus-off costs. */
-static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us)
+/** The timeout after a bus-off runs, or DAHL_NODE_OFF_MAX bus-offs have latched the node. */
+static bool is_back(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us)
 {
     if (is_held(node, now_us)) {
         node->good_in_a_row = 0;
         return false;
     }
-    return sequence_confirmed(node, seen);
+    return confirm_sequence(node, encoder);
 }
 
-static bool first(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
+static bool handle_start(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
     node->state = node->silenced ? DAHL_FRAMES_STALE : DAHL_FRAMES_INIT;
-    if (!seen->valid) {
+    if (!encoder->valid) {
         node->good_in_a_row = 0;
-        return invalid(node, seen->counter);
+        return ignore_invalid(node, encoder->counter);
     }
-    if (node->silenced && !is_back(node, seen, now_us)) {
+    if (node->silenced && !is_back(node, encoder, now_us)) {
         node->counts.rearm++;
         return false;
     }
     node->counts.ok++;
-    return prime(node, seen, now_us, out);
+    return prime(node, encoder, now_us, out);
 }
 
-static bool accept(dahl_node_t *node, const dahl_encoder_state_t *seen, uint32_t now_us, dahl_can_frame_t *out)
+static bool accept(dahl_node_t *node, const dahl_encoder_state_t *encoder, uint32_t now_us, dahl_can_frame_t *out)
 {
-    uint8_t step = (uint8_t)(seen->counter - node->counter) & 0x0F;
+    uint8_t step = (uint8_t)(encoder->counter - node->counter) & 0x0F;
     if (!node->primed) {
-        return first(node, seen, now_us, out);
+        return handle_start(node, encoder, now_us, out);
     }
     if (step == 0) {
-        return repeated(node);
+        return handle_repeat(node);
     }
     if (step > (node->max_step > 0 ? DAHL_NODE_GAP_MAX_STEP : DAHL_NODE_GAP_MAX)) {
-        return out_of_sequence(node, seen, now_us, out);
+        return handle_out_of_sequence(node, encoder, now_us, out);
     }
-    return in_sequence(node, seen, step, now_us, out);
+    return handle_in_sequence(node, encoder, step, now_us, out);
 }
 
-/* False: counted, and not to be used. */
+/** The silence ends: enough good frames in a row, none of them while is_held(). */
 static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
 {
     switch (check) {
@@ -318,7 +330,7 @@ static bool is_good(dahl_node_t *node, dahl_frames_check_t check)
     return false;
 }
 
-/* No torque from now on, until enough good frames have come. */
+/** Return true if the frame may be used; otherwise count the error. */
 static void fall_silent(dahl_node_t *node)
 {
     node->primed = false;
@@ -340,7 +352,6 @@ void dahl_node_bus_off(dahl_node_t *node, uint32_t now_us)
     fall_silent(node);
 }
 
-/* Keep the age of the last bus-off from wrapping. */
 static void check_bus_off_age(dahl_node_t *node, uint32_t now_us)
 {
     if (now_us - node->bus_off_us > INT32_MAX) {
@@ -358,17 +369,17 @@ static void check_age(dahl_node_t *node, uint32_t now_us)
 
 static bool on_encoder(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
 {
-    dahl_encoder_state_t seen;
-    if (!is_good(node, dahl_frames_unpack_encoder(in, &seen))) {
+    dahl_encoder_state_t encoder;
+    if (!is_good(node, dahl_frames_unpack_encoder(in, &encoder))) {
         return false;
     }
     check_age(node, now_us);
-    return accept(node, &seen, now_us, out);
+    return accept(node, &encoder, now_us, out);
 }
 
 /* --- parameters --------------------------------------------------------------------------------------------------- */
 
-/* Parameters that are a number of the node, as raw * scale. */
+/** A parameter that is a member of dahl_node_t: member = raw * scale, low <= raw <= high. */
 typedef struct {
     size_t offset;
     uint32_t low, high, scale;
@@ -384,12 +395,12 @@ static const setting_t settings[] = {
     [DAHL_FRAMES_PARAM_LOAD] = {offsetof(dahl_node_t, load), 0, DAHL_NODE_ONE, 1},
 };
 
-static uint32_t *setting_of(dahl_node_t *node, uint8_t param)
+static uint32_t *setting_value(dahl_node_t *node, uint8_t param)
 {
     return (uint32_t *)(void *)((char *)node + settings[param].offset);
 }
 
-static float *model_of(dahl_params_t *params, uint8_t param, float *unit)
+static float *model_param(dahl_params_t *params, uint8_t param, float *unit)
 {
     switch (param) {
     case DAHL_FRAMES_PARAM_SIGMA0:
@@ -410,8 +421,7 @@ static uint8_t drop_held(dahl_node_t *node)
     return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
 }
 
-/* What is held becomes the model's parameters, all at once between two ticks. */
-static uint8_t take_held(dahl_node_t *node)
+static uint8_t apply_held(dahl_node_t *node)
 {
     dahl_plan_t plan;
     if (dahl_prepare(&plan, &node->held) != DAHL_OK) {
@@ -423,15 +433,15 @@ static uint8_t take_held(dahl_node_t *node)
     return DAHL_FRAMES_PARAM_DONE;
 }
 
-static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *asked)
+static uint8_t write_model(dahl_node_t *node, const dahl_param_write_t *request)
 {
     float unit;
-    if (asked->value == 0 || asked->write > DAHL_FRAMES_PARAM_HOLD || node->model != NULL) {
+    if (request->value == 0 || request->write > DAHL_FRAMES_PARAM_HOLD || node->model != NULL) {
         return drop_held(node);
     }
-    float *value = model_of(&node->held, asked->param, &unit);
-    *value = (float)asked->value * unit;
-    return asked->write == DAHL_FRAMES_PARAM_HOLD ? DAHL_FRAMES_PARAM_DONE : take_held(node);
+    float *value = model_param(&node->held, request->param, &unit);
+    *value = (float)request->value * unit;
+    return request->write == DAHL_FRAMES_PARAM_HOLD ? DAHL_FRAMES_PARAM_DONE : apply_held(node);
 }
 
 static bool follows_load(const dahl_node_t *node)
@@ -439,31 +449,31 @@ static bool follows_load(const dahl_node_t *node)
     return node->model != NULL && node->model->kind == DAHL_FRAMES_MODEL_LOADED;
 }
 
-static uint8_t write_setting(dahl_node_t *node, const dahl_param_write_t *asked)
+static uint8_t write_setting(dahl_node_t *node, const dahl_param_write_t *request)
 {
-    const setting_t *setting = &settings[asked->param];
-    if (asked->param == DAHL_FRAMES_PARAM_LOAD && !follows_load(node)) {
+    const setting_t *setting = &settings[request->param];
+    if (request->param == DAHL_FRAMES_PARAM_LOAD && !follows_load(node)) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
-    if (asked->write != DAHL_FRAMES_PARAM_WRITE || asked->value < setting->low || asked->value > setting->high) {
+    if (request->write != DAHL_FRAMES_PARAM_WRITE || request->value < setting->low || request->value > setting->high) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
-    *setting_of(node, asked->param) = asked->value * setting->scale;
+    *setting_value(node, request->param) = request->value * setting->scale;
     return DAHL_FRAMES_PARAM_DONE;
 }
 
-static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *asked)
+static uint8_t write_param(dahl_node_t *node, const dahl_param_write_t *request)
 {
-    if (asked->param > DAHL_FRAMES_PARAM_LOAD) {
+    if (request->param > DAHL_FRAMES_PARAM_LOAD) {
         return DAHL_FRAMES_PARAM_UNKNOWN;
     }
-    if (asked->write == DAHL_FRAMES_PARAM_READ) {
+    if (request->write == DAHL_FRAMES_PARAM_READ) {
         return DAHL_FRAMES_PARAM_DONE;
     }
-    if (asked->param == DAHL_FRAMES_PARAM_MODEL) {
+    if (request->param == DAHL_FRAMES_PARAM_MODEL) {
         return DAHL_FRAMES_PARAM_OUT_OF_RANGE;
     }
-    return asked->param <= DAHL_FRAMES_PARAM_THETA ? write_model(node, asked) : write_setting(node, asked);
+    return request->param <= DAHL_FRAMES_PARAM_THETA ? write_model(node, request) : write_setting(node, request);
 }
 
 static uint32_t read_param(dahl_node_t *node, uint8_t param)
@@ -473,31 +483,31 @@ static uint32_t read_param(dahl_node_t *node, uint8_t param)
         return node->model == NULL ? DAHL_FRAMES_MODEL_DAHL : node->model->kind;
     }
     if (param > DAHL_FRAMES_PARAM_THETA) {
-        uint32_t value = *setting_of(node, param), scale = settings[param].scale;
+        uint32_t value = *setting_value(node, param), scale = settings[param].scale;
         return value / scale + (value % scale >= scale - value % scale ? 1u : 0u);
     }
-    float raw = *model_of(&node->params, param, &unit);
+    float raw = *model_param(&node->params, param, &unit);
     raw /= unit;
     if (raw >= 0x1p32f) {
         return UINT32_MAX;
     }
-    uint32_t whole = (uint32_t)raw; /* adding a half would round twice: from 2^23 on a float has no halves */
+    uint32_t whole = (uint32_t)raw; /* Apply all held values together. */
     return whole + (raw - (float)whole >= 0.5f ? 1u : 0u);
 }
 
 static bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_frame_t *out)
 {
-    dahl_param_write_t asked;
-    if (!is_good(node, dahl_frames_unpack_param_write(in, &asked))) {
+    dahl_param_write_t request;
+    if (!is_good(node, dahl_frames_unpack_param_write(in, &request))) {
         return false;
     }
-    dahl_param_reply_t reply = {.counter = asked.counter, .param = asked.param, .result = write_param(node, &asked)};
+    dahl_param_reply_t reply = {.counter = request.counter, .param = request.param, .result = write_param(node, &request)};
     node->counts.params++;
     if (reply.result == DAHL_FRAMES_PARAM_UNKNOWN) {
         reply.param = DAHL_FRAMES_PARAM_NONE;
-        reply.value = asked.param;
+        reply.value = request.param;
     } else {
-        reply.value = read_param(node, asked.param);
+        reply.value = read_param(node, request.param);
     }
     dahl_frames_pack_param_reply(out, node->number, &reply);
     return true;
@@ -505,12 +515,12 @@ static bool on_param(dahl_node_t *node, const dahl_can_frame_t *in, dahl_can_fra
 
 /* --- status and reset --------------------------------------------------------------------------------------------- */
 
-/* In the unit of Status, rounded up; what is too long for it is the longest that it can say. */
-static uint8_t timeout_shown(const dahl_node_t *node)
+/** member = raw * scale, low <= raw <= high. */
+static uint8_t status_timeout(const dahl_node_t *node)
 {
     uint32_t whole = node->timeout_us / DAHL_FRAMES_TIMEOUT_US, rest = node->timeout_us % DAHL_FRAMES_TIMEOUT_US;
     uint32_t rounded_up = whole + (rest != 0 ? 1u : 0u);
-    return (uint8_t)least(rounded_up, UINT8_MAX);
+    return (uint8_t)minimum(rounded_up, UINT8_MAX);
 }
 
 static void pack_status(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *out)
@@ -525,7 +535,7 @@ static void pack_status(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *ou
         .out_of_step = low_byte((uint32_t)sum.out_of_step - node->cleared.out_of_step),
         .version_major = DAHL_VERSION_MAJOR,
         .version_minor = DAHL_VERSION_MINOR,
-        .timeout = timeout_shown(node),
+        .timeout = status_timeout(node),
     };
     node->status_counter = (node->status_counter + 1) & 0x0F;
     node->sent_us = now_us;
@@ -535,14 +545,14 @@ static void pack_status(dahl_node_t *node, uint32_t now_us, dahl_can_frame_t *ou
 
 static bool on_reset(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t now_us, dahl_can_frame_t *out)
 {
-    dahl_node_reset_t asked;
-    if (!is_good(node, dahl_frames_unpack_reset(in, &asked))) {
+    dahl_node_reset_t request;
+    if (!is_good(node, dahl_frames_unpack_reset(in, &request))) {
         return false;
     }
     node->counts.resets++;
-    if (asked.what == DAHL_FRAMES_RESET_ERRORS) {
+    if (request.what == DAHL_FRAMES_RESET_ERRORS) {
         clear_errors(node);
-    } else if (asked.what == DAHL_FRAMES_RESET_RESTART) {
+    } else if (request.what == DAHL_FRAMES_RESET_RESTART) {
         restart(node);
     }
     pack_status(node, now_us, out);
@@ -555,7 +565,7 @@ bool dahl_node_receive(dahl_node_t *node, const dahl_can_frame_t *in, uint32_t n
         dahl_node_bus_off(node, now_us);
         return false;
     }
-    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) { /* its id is a set of error bits */
+    if ((in->flags & DAHL_CAN_FRAME_ERROR) != 0) {
         node->counts.ignored++;
         return false;
     }

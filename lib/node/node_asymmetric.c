@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A node whose Fc differs with the direction; a firmware that does not call this links none of it. */
+/** Node with asymmetric friction. */
 #include "use_model.h"
 
 static dahl_node_asymmetric_t *asymmetric_of(dahl_node_model_t *model)
@@ -17,15 +17,15 @@ static void relax(dahl_node_model_t *model)
     asymmetric_of(model)->state = (dahl_state_t){0};
 }
 
-dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *kept, const dahl_asymmetric_params_t *params)
+dahl_err_t dahl_node_use_asymmetric(dahl_node_t *node, dahl_node_asymmetric_t *storage, const dahl_asymmetric_params_t *params)
 {
-    dahl_err_t err = dahl_asymmetric_prepare(&kept->plan, params);
+    dahl_err_t err = dahl_asymmetric_prepare(&storage->plan, params);
     if (err == DAHL_OK) {
         float larger = params->Fc_forward > params->Fc_backward ? params->Fc_forward : params->Fc_backward;
         const dahl_params_t shown = {params->sigma0, larger, params->theta_per_count};
-        kept->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC, 0};
-        kept->state = (dahl_state_t){0};
-        dahl_node_use(node, &kept->model, &shown);
+        storage->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ASYMMETRIC, 0};
+        storage->state = (dahl_state_t){0};
+        dahl_node_use(node, &storage->model, &shown);
     }
     return err;
 }

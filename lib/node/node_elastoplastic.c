@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A node that does not creep below breakaway; a firmware that does not call this links none of it. */
+/** Node with elasto-plastic friction. */
 #include "use_model.h"
 
 static dahl_node_elastoplastic_t *elastoplastic_of(dahl_node_model_t *model)
@@ -17,14 +17,14 @@ static void relax(dahl_node_model_t *model)
     elastoplastic_of(model)->state = (dahl_state_t){0};
 }
 
-dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *kept, const dahl_params_t *params,
+dahl_err_t dahl_node_use_elastoplastic(dahl_node_t *node, dahl_node_elastoplastic_t *storage, const dahl_params_t *params,
                                        float breakaway)
 {
-    dahl_err_t err = dahl_elastoplastic_prepare(&kept->plan, params, breakaway);
+    dahl_err_t err = dahl_elastoplastic_prepare(&storage->plan, params, breakaway);
     if (err == DAHL_OK) {
-        kept->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0};
-        kept->state = (dahl_state_t){0};
-        dahl_node_use(node, &kept->model, params);
+        storage->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_ELASTOPLASTIC, 0};
+        storage->state = (dahl_state_t){0};
+        dahl_node_use(node, &storage->model, params);
     }
     return err;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A node whose friction follows a load; a firmware that does not call this links none of it. */
+/** Node with friction that scales with a load. */
 #include "use_model.h"
 
 static dahl_node_loaded_t *loaded_of(dahl_node_model_t *model)
@@ -17,13 +17,13 @@ static void relax(dahl_node_model_t *model)
     loaded_of(model)->state = (dahl_loaded_state_t){{0}, 0};
 }
 
-dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *kept, const dahl_params_t *params)
+dahl_err_t dahl_node_use_loaded(dahl_node_t *node, dahl_node_loaded_t *storage, const dahl_params_t *params)
 {
-    dahl_err_t err = dahl_prepare(&kept->plan, params);
+    dahl_err_t err = dahl_prepare(&storage->plan, params);
     if (err == DAHL_OK) {
-        kept->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_LOADED, 0};
-        kept->state = (dahl_loaded_state_t){{0}, 0};
-        dahl_node_use(node, &kept->model, params);
+        storage->model = (dahl_node_model_t){step_q30, relax, DAHL_FRAMES_MODEL_LOADED, 0};
+        storage->state = (dahl_loaded_state_t){{0}, 0};
+        dahl_node_use(node, &storage->model, params);
     }
     return err;
 }

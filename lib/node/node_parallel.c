@@ -1,11 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A node that answers by Dahl and slip elements on one shaft; a firmware that does not call this links none of it. The ratio on
- * the bus is the sum of w_k = F_k/Fc_k, each by its share Fc_k over the sum of Fc. Shares are whole numbers of 2^-62 whose sum is
- * 1, so that all elements at their Fc answer exactly 1.
- * Error of the ratio: 2^-32 where w is rounded to Q31, 2^-31 where the sum is rounded, and those of the elements' own moves, by
- * their shares.
- */
+/** Node with Dahl and slip elements on one shaft. The ratio on the bus is the sum of w_k = F_k/Fc_k times its share
+ * Fc_k / sum of Fc. Shares are integer multiples of 2^-62 with the sum 1: if all elements are at Fc, the answer is
+ * exactly 1. Error: 2^-32 from rounding w to Q31, 2^-31 from rounding the sum, plus the errors of the elements
+ * times their shares. */
 #include "use_model.h"
 
 #define ONE_Q31 (INT64_C(1) << 31)
@@ -16,14 +13,14 @@ static dahl_node_parallel_t *parallel_of(dahl_node_model_t *model)
     return (dahl_node_parallel_t *)(void *)model;
 }
 
-/* To the nearest whole number, a half away from 0, so that both directions are alike. */
+/** Round to the nearest integer, a half away from 0, so that both directions are alike. */
 static int64_t rounded_quotient(int64_t x, int64_t power_of_two)
 {
     return (x + (x < 0 ? -power_of_two : power_of_two) / 2) / power_of_two;
 }
 
-/* w in Q62 by a share in Q62. */
-static int64_t by_share(int64_t w, uint64_t share)
+/** Return w (Q62) times a share (Q62). */
+static int64_t times_share(int64_t w, uint64_t share)
 {
     int64_t w_q31 = rounded_quotient(w, ONE_Q31), high = (int64_t)(share >> 31), low = (int64_t)(share & 0x7fffffffu);
     return w_q31 * high + w_q31 * low / ONE_Q31;
@@ -31,35 +28,35 @@ static int64_t by_share(int64_t w, uint64_t share)
 
 static int32_t step_q30(dahl_node_model_t *model, int32_t dcounts)
 {
-    dahl_node_parallel_t *kept = parallel_of(model);
+    dahl_node_parallel_t *storage = parallel_of(model);
     int64_t sum = 0;
-    if (kept->slip.elements != 0) {
-        sum = by_share(dahl_slip_part_move(&kept->slip, &kept->slip_state, dcounts), kept->slip_share);
+    if (storage->slip.elements != 0) {
+        sum = times_share(dahl_slip_part_move(&storage->slip, &storage->slip_state, dcounts), storage->slip_share);
     }
-    for (uint32_t k = 0; k < kept->bearings; k++) {
-        (void)dahl_step_counts_q30(&kept->plan[k], &kept->state[k], dcounts);
-        sum += by_share(kept->state[k].w, kept->share[k]);
+    for (uint32_t k = 0; k < storage->bearings; k++) {
+        (void)dahl_step_counts_q30(&storage->plan[k], &storage->state[k], dcounts);
+        sum += times_share(storage->state[k].w, storage->share[k]);
     }
     return (int32_t)rounded_quotient(sum, 2 * ONE_Q31);
 }
 
 static void relax(dahl_node_model_t *model)
 {
-    dahl_node_parallel_t *kept = parallel_of(model);
-    kept->slip_state = (dahl_slip_state_t){{0}};
+    dahl_node_parallel_t *storage = parallel_of(model);
+    storage->slip_state = (dahl_slip_state_t){{0}};
     for (uint32_t k = 0; k < DAHL_SLIP_MAX; k++) {
-        kept->state[k] = (dahl_state_t){0};
+        storage->state[k] = (dahl_state_t){0};
     }
 }
 
-/* Fc = mantissa 2^exponent in units of 2^(highest - 27): nine of them are below 2^63. */
-static uint64_t aligned(uint32_t mantissa, int32_t exponent, int32_t highest)
+/** Return Fc = mantissa 2^exponent in units of 2^(highest - 27). Nine values stay below 2^63. */
+static uint64_t align_Fc(uint32_t mantissa, int32_t exponent, int32_t highest)
 {
     int32_t below = highest - exponent;
     return below > 58 ? 0 : ((uint64_t)mantissa << 27) >> below;
 }
 
-/* part/whole in Q62, rounded down, for part <= whole < 2^63: the long division, bit by bit. */
+/** Return part/whole in Q62, truncated, for part <= whole < 2^63. Long division, bit by bit. */
 static uint64_t ratio_q62(uint64_t part, uint64_t whole)
 {
     uint64_t ratio = 0;
@@ -74,29 +71,29 @@ static uint64_t ratio_q62(uint64_t part, uint64_t whole)
     return ratio;
 }
 
-static int32_t highest_exponent(const dahl_node_parallel_t *kept)
+static int32_t highest_exponent(const dahl_node_parallel_t *storage)
 {
-    int32_t highest = kept->slip.elements != 0 ? kept->slip.Fc_exponent : kept->plan[0].Fc_exponent;
-    for (uint32_t k = 0; k < kept->bearings; k++) {
-        highest = kept->plan[k].Fc_exponent > highest ? kept->plan[k].Fc_exponent : highest;
+    int32_t highest = storage->slip.elements != 0 ? storage->slip.Fc_exponent : storage->plan[0].Fc_exponent;
+    for (uint32_t k = 0; k < storage->bearings; k++) {
+        highest = storage->plan[k].Fc_exponent > highest ? storage->plan[k].Fc_exponent : highest;
     }
     return highest;
 }
 
-/* Shares of the sum; what rounding leaves goes to the slip elements, or to the first bearing. */
-static void share_out(dahl_node_parallel_t *kept)
+/** The slip elements, or else the first Dahl element, get the remainder of the rounding. */
+static void distribute_shares(dahl_node_parallel_t *storage)
 {
-    const int32_t highest = highest_exponent(kept);
-    uint64_t sum = kept->slip.elements == 0 ? 0 : aligned(kept->slip.Fc_mantissa, kept->slip.Fc_exponent, highest);
-    uint64_t left = ONE_Q62;
-    for (uint32_t k = 0; k < kept->bearings; k++) {
-        sum += aligned(kept->plan[k].Fc_mantissa, kept->plan[k].Fc_exponent, highest);
+    const int32_t highest = highest_exponent(storage);
+    uint64_t sum = storage->slip.elements == 0 ? 0 : align_Fc(storage->slip.Fc_mantissa, storage->slip.Fc_exponent, highest);
+    uint64_t remainder = ONE_Q62;
+    for (uint32_t k = 0; k < storage->bearings; k++) {
+        sum += align_Fc(storage->plan[k].Fc_mantissa, storage->plan[k].Fc_exponent, highest);
     }
-    for (uint32_t k = 0; k < kept->bearings; k++) {
-        kept->share[k] = ratio_q62(aligned(kept->plan[k].Fc_mantissa, kept->plan[k].Fc_exponent, highest), sum);
-        left -= kept->share[k];
+    for (uint32_t k = 0; k < storage->bearings; k++) {
+        storage->share[k] = ratio_q62(align_Fc(storage->plan[k].Fc_mantissa, storage->plan[k].Fc_exponent, highest), sum);
+        remainder -= storage->share[k];
     }
-    *(kept->slip.elements != 0 ? &kept->slip_share : &kept->share[0]) += left;
+    *(storage->slip.elements != 0 ? &storage->slip_share : &storage->share[0]) += remainder;
 }
 
 static int is_slip(const dahl_node_parallel_params_t *params, uint32_t k)
@@ -104,20 +101,20 @@ static int is_slip(const dahl_node_parallel_params_t *params, uint32_t k)
     return (params->slips >> k & 1u) != 0;
 }
 
-static dahl_err_t prepare_bearings(dahl_node_parallel_t *kept, const dahl_node_parallel_params_t *params)
+static dahl_err_t prepare_bearings(dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
 {
     dahl_err_t err = DAHL_OK;
     for (uint32_t k = 0; k < params->elements && err == DAHL_OK; k++) {
         if (!is_slip(params, k)) {
             const dahl_params_t one = {params->sigma0[k], params->Fc[k], params->theta_per_count};
-            err = dahl_prepare(&kept->plan[kept->bearings], &one);
-            kept->bearings++;
+            err = dahl_prepare(&storage->plan[storage->bearings], &one);
+            storage->bearings++;
         }
     }
     return err;
 }
 
-static dahl_err_t prepare_slip(dahl_node_parallel_t *kept, const dahl_node_parallel_params_t *params)
+static dahl_err_t prepare_slip(dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
 {
     dahl_slip_params_t slip = {.theta_per_count = params->theta_per_count};
     for (uint32_t k = 0; k < params->elements; k++) {
@@ -127,7 +124,7 @@ static dahl_err_t prepare_slip(dahl_node_parallel_t *kept, const dahl_node_paral
             slip.elements++;
         }
     }
-    return slip.elements == 0 ? DAHL_OK : dahl_slip_prepare(&kept->slip, &slip);
+    return slip.elements == 0 ? DAHL_OK : dahl_slip_prepare(&storage->slip, &slip);
 }
 
 static dahl_err_t check(const dahl_node_parallel_params_t *params)
@@ -138,21 +135,21 @@ static dahl_err_t check(const dahl_node_parallel_params_t *params)
     return params->theta_per_count > 0.0f ? DAHL_OK : DAHL_ERR_PARAM;
 }
 
-dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *kept, const dahl_node_parallel_params_t *params)
+dahl_err_t dahl_node_use_parallel(dahl_node_t *node, dahl_node_parallel_t *storage, const dahl_node_parallel_params_t *params)
 {
-    dahl_node_parallel_t made = {.model = {step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0}};
+    dahl_node_parallel_t draft = {.model = {step_q30, relax, DAHL_FRAMES_MODEL_PARALLEL + params->elements, 0}};
     dahl_params_t sums = {.theta_per_count = params->theta_per_count};
     dahl_err_t err = check(params);
-    err = err == DAHL_OK ? prepare_bearings(&made, params) : err;
-    err = err == DAHL_OK ? prepare_slip(&made, params) : err;
+    err = err == DAHL_OK ? prepare_bearings(&draft, params) : err;
+    err = err == DAHL_OK ? prepare_slip(&draft, params) : err;
     if (err == DAHL_OK) {
-        share_out(&made);
+        distribute_shares(&draft);
         for (uint32_t k = 0; k < params->elements; k++) {
             sums.sigma0 += params->sigma0[k];
             sums.Fc += params->Fc[k];
         }
-        *kept = made;
-        dahl_node_use(node, &kept->model, &sums);
+        *storage = draft;
+        dahl_node_use(node, &storage->model, &sums);
     }
     return err;
 }

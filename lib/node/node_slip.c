@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* A node that answers by slip elements; a firmware that does not call this links none of it. */
+/** Node with slip elements. */
 #include "use_model.h"
 
-/* The model is the first member of what the node keeps for it. */
+/** The model is the first member of its storage. */
 static dahl_node_slip_t *slip_of(dahl_node_model_t *model)
 {
     return (dahl_node_slip_t *)(void *)model;

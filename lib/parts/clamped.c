@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A load c that only Fc follows: sigma0 stays, so the presliding length c Fc/sigma0 changes with the load and no table of g by
- * counts holds. A tick is by angle, with g(u/c) from the kernel:
- *     |F| <= c Fc first        z = c - s w        w += s z g(u/c)        w = F/Fc, z in Q30, as in ../model/bristle_update.h
- * A load that falls cuts F off at c Fc, one that grows leaves it; neither adds to the stored energy F^2/(2 sigma0).
- * As in bristle_update.h a z that is rounded up passes the end by 2^31 at most, and then it is 0: what q30 shows as the end is not
- * cut off.
+/**
+ * Load that scales Fc only. The presliding length c Fc/sigma0 changes with the load c, so no table by counts is
+ * valid. A tick is by angle, with g(u/c) from the kernel:
+ * @verbatim
+ *     clamp |F| to c Fc        z = c - s w        w += s z g(u/c)        w = F/Fc, z in Q30
+ * @endverbatim
+ * If the load falls, F is clamped to c Fc; if it grows, F is kept. Neither increases the energy F^2/(2 sigma0). A z
+ * that is rounded up passes the end by at most 2^31, as in ../model/bristle_update.h. A w that Q30 shows as the end
+ * is therefore not clamped.
  */
 #include "../model/bristle_update.h"
 #include "../model/kernel.h"
@@ -14,8 +16,8 @@
 
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
 
-/* F in Q62 of Fc, any 64 bits, cut off at the load. Up to half a unit of Q30 beyond the load, q30 shows the load. */
-static uint64_t within(uint64_t w, uint32_t load)
+/** Clamp any w to the load. Up to half a unit of Q30 beyond it is allowed, which reads as the load. */
+static uint64_t clamp_to_load(uint64_t w, uint32_t load)
 {
     const int64_t most = (int64_t)((uint64_t)load << 32 | (DAHL_TOP_BIT - 1));
     if (load == 0) {
@@ -27,19 +29,20 @@ static uint64_t within(uint64_t w, uint32_t load)
     return (int64_t)w < -most - 1 ? 0u - ((uint64_t)load << 32) : w;
 }
 
-/* 1/x in Q31 for x in Q32, 1/2 <= x < 1, by Newton's method from the line 48/17 - 32/17 x, which errs by 1/17 at most: three steps
- * square that to 2^-32. With what is truncated it is within 2 units, 2^-30 of it. */
+/** Return 1/x in Q31, for x in Q32 and 1/2 <= x < 1. Newton's method from the line 48/17 - 32/17 x, whose error is
+ * at most 1/17; three steps square it to 2^-32. With the truncations the result is within 2 units. */
 static uint32_t reciprocal(uint32_t x)
 {
-    uint32_t y = 1768515945u - dahl_mulhi(x, 4042322161u); /* modulo 2, as the result is below 2 */
+    uint32_t y = 1768515945u - dahl_mulhi(x, 4042322161u); /* modulo 2, since the result is below 2 */
     for (int steps = 3; steps > 0; steps--) {
         y = (uint32_t)(dahl_mul(y, 0u - dahl_mulhi(x, y)) >> 31);
     }
     return y;
 }
 
-/* g(|dtheta| a/c) for a normal float's bits and a load that is not 0; at a load of 1 nothing is divided. */
-static dahl_q64_t kernel_under(const dahl_plan_t *plan, uint32_t magnitude, uint32_t load)
+/** Return g(|dtheta| a/c) for the bits of a normal float and a load that is not 0. If the load is 1, it does not
+ * divide. */
+static dahl_q64_t kernel_at_load(const dahl_plan_t *plan, uint32_t magnitude, uint32_t load)
 {
     dahl_scaled_t v = dahl_travel(plan, magnitude);
     if (load != DAHL_ONE_Q30) {
@@ -58,7 +61,7 @@ static uint64_t move(const dahl_plan_t *plan, uint64_t w, uint32_t bits, uint32_
     if (magnitude < DAHL_BITS_NORMAL || magnitude > DAHL_BITS_INF || load == 0) {
         return w;
     }
-    dahl_q64_t g = kernel_under(plan, magnitude, load);
+    dahl_q64_t g = kernel_at_load(plan, magnitude, load);
     return backward != 0 ? w - dahl_mul_fraction(load + dahl_q30(w), g.hi, g.lo)
                          : w + dahl_mul_fraction(load - dahl_q30(w), g.hi, g.lo);
 }
@@ -69,7 +72,7 @@ float dahl_clamped_step(const dahl_plan_t *plan, dahl_state_t *state, float dthe
     if (plan->a_mantissa == 0) { /* a plan of all zeros */
         return 0.0f;
     }
-    uint64_t w = move(plan, within((uint64_t)state->w, load), dahl_bits_of(dtheta), load);
+    uint64_t w = move(plan, clamp_to_load((uint64_t)state->w, load), dahl_bits_of(dtheta), load);
     state->w = (int64_t)w;
     return dahl_torque_of(plan, w);
 }

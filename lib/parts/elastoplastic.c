@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Dupont's elasto-plastic element over space. In the direction of travel let x = s w and b the breakaway:
- *     x < b       dx/du = 1                          elastic: whole counts are added, so that a way to and fro leaves no trace
- *     x >= b      dx/du = kappa (1 - x)              plastic: Dahl's model with kappa sigma0, kappa = 1/(1 - b)
- * A move that crosses b does by the kernel what is left of its travel there, which is no whole number of counts.
+/**
+ * Elasto-plastic element of Dupont, over space.
+ *
+ * In the direction of travel let x = s w, and let b be the breakaway:
+ * @verbatim
+ *     x < b       dx/du = 1                  elastic: whole counts are added, so no motion leaves a trace
+ *     x >= b      dx/du = kappa (1 - x)      plastic: Dahl's model with kappa sigma0, kappa = 1/(1 - b)
+ * @endverbatim
+ * If a move crosses b, the kernel computes the rest of its travel, which is not a whole number of counts.
  */
 #include "../model/bristle_update.h"
 #include "../model/check_params.h"
@@ -12,11 +16,11 @@
 #include "../model/torque.h"
 #include "dahl_parts.h"
 
-#define COARSE_BITS 5 /* the travel of a count is in Q62, or in Q57 where it is 2 or more */
+#define COARSE_BITS 5 /* the travel of a count is in Q62; if it is 2 or more, in Q57 */
 
-/* x = b + (1 - b) g(kappa travel), for travel > 0 from b in units: 32 bits of it from its first one on, and half a bit more, which
- * centres that truncation. */
-static DAHL_OUT_OF_LINE uint64_t beyond_breakaway(const dahl_elastoplastic_plan_t *plan, uint64_t travel)
+/** Return x = b + (1 - b) g(kappa travel), for travel > 0 beyond b: its 32 leading bits, plus half a bit to centre
+ * the truncation. */
+static DAHL_OUT_OF_LINE uint64_t plastic_position(const dahl_elastoplastic_plan_t *plan, uint64_t travel)
 {
     const uint32_t kappa = plan->plastic.a_mantissa;
     uint32_t high = (uint32_t)(travel >> 32), low = (uint32_t)travel;
@@ -32,17 +36,18 @@ static DAHL_OUT_OF_LINE uint64_t beyond_breakaway(const dahl_elastoplastic_plan_
     return (uint64_t)plan->breakaway + (dahl_mul_fraction(plan->gap_q31, g.hi, g.lo) >> 1);
 }
 
-static inline uint64_t elastic_or_beyond(const dahl_elastoplastic_plan_t *plan, uint64_t x, uint64_t travel)
+static inline uint64_t move_from_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t x, uint64_t travel)
 {
     uint64_t to_breakaway = (uint64_t)plan->breakaway - x;
-    return travel <= to_breakaway ? x + travel : beyond_breakaway(plan, travel - to_breakaway);
+    return travel <= to_breakaway ? x + travel : plastic_position(plan, travel - to_breakaway);
 }
 
-/* One count that travels 2 or more, beyond b from anywhere. (The last bit keeps what no state leads to from being 0.) */
-static uint64_t coarse_count(const dahl_elastoplastic_plan_t *plan, uint64_t x)
+/** Move by one count that travels 2 or more: it ends beyond b from any x. The OR keeps the travel above 0 for an x
+ * that no state can produce. */
+static uint64_t move_coarse_count(const dahl_elastoplastic_plan_t *plan, uint64_t x)
 {
     uint64_t to_breakaway = ((uint64_t)plan->breakaway - x) >> COARSE_BITS;
-    return beyond_breakaway(plan, (plan->travel[1] - to_breakaway) | 1);
+    return plastic_position(plan, (plan->travel[1] - to_breakaway) | 1);
 }
 
 static uint64_t travel_of(const dahl_elastoplastic_plan_t *plan, uint32_t counts)
@@ -51,51 +56,50 @@ static uint64_t travel_of(const dahl_elastoplastic_plan_t *plan, uint32_t counts
     return dahl_mul(counts, (uint32_t)one) + ((uint64_t)(counts * (uint32_t)(one >> 32)) << 32);
 }
 
-/* w, or its opposite, as the direction of a move wants it; and back again. */
-static inline uint64_t along(uint64_t w, int32_t dcounts)
+/** Return w seen in the direction of the move. The function is its own inverse. */
+static inline uint64_t in_direction(uint64_t w, int32_t dcounts)
 {
     return dcounts < 0 ? 0u - w : w;
 }
 
-/* The part of a move until x is beyond b: up to two times as many counts as travel less than 2, which lead there from anywhere. Returns
- * the counts that are left. */
-static uint32_t leave_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t *x, uint32_t left)
+/** Move until x is beyond b, which at most two steps of counts_max counts reach. Return the remaining counts. */
+static uint32_t leave_elastic(const dahl_elastoplastic_plan_t *plan, uint64_t *x, uint32_t remaining)
 {
     if (plan->counts_max == 0) {
-        *x = coarse_count(plan, *x);
-        return left - 1;
+        *x = move_coarse_count(plan, *x);
+        return remaining - 1;
     }
-    while (left > 0 && (int64_t)*x < plan->breakaway) {
-        uint32_t counts = left < plan->counts_max ? left : plan->counts_max;
-        *x = elastic_or_beyond(plan, *x, travel_of(plan, counts));
-        left -= counts;
+    while (remaining > 0 && (int64_t)*x < plan->breakaway) {
+        uint32_t counts = remaining < plan->counts_max ? remaining : plan->counts_max;
+        *x = move_from_elastic(plan, *x, travel_of(plan, counts));
+        remaining -= counts;
     }
-    return left;
+    return remaining;
 }
 
-/* Whether x below b passes the other end of the range, be it by the 2^31 that it may. */
+/** Return true if x < b is beyond the other end of the range, even by the allowed 2^31. */
 static inline int is_past_end(uint64_t x)
 {
     return (uint32_t)(x >> 32) + DAHL_ONE_Q30 >= DAHL_TOP_BIT;
 }
 
-/* A move that starts elastic, of more counts than have an entry or from a w that may be out of range. */
+/** A move that starts elastic, if it has more counts than the table, or if w may be out of range. */
 static DAHL_COLD DAHL_OUT_OF_LINE int32_t elastoplastic_large(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state,
                                                               int32_t dcounts)
 {
     state->w = (int64_t)dahl_clamp((uint64_t)state->w);
-    uint64_t x = along((uint64_t)state->w, dcounts);
+    uint64_t x = in_direction((uint64_t)state->w, dcounts);
     if (dcounts == 0 || plan->travel[1] == 0) { /* no move, or a plan of all zeros */
         return (int32_t)dahl_q30((uint64_t)state->w);
     }
-    uint32_t left = leave_elastic(plan, &x, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
-    state->w = (int64_t)along(x, dcounts);
-    return dahl_step_large(&plan->plastic, state, (int32_t)(dcounts < 0 ? 0u - left : left));
+    uint32_t remaining = leave_elastic(plan, &x, dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts);
+    state->w = (int64_t)in_direction(x, dcounts);
+    return dahl_step_large(&plan->plastic, state, (int32_t)(dcounts < 0 ? 0u - remaining : remaining));
 }
 
 int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan, dahl_state_t *state, int32_t dcounts)
 {
-    uint64_t x = along((uint64_t)state->w, dcounts);
+    uint64_t x = in_direction((uint64_t)state->w, dcounts);
     uint32_t counts = dcounts < 0 ? 0u - (uint32_t)dcounts : (uint32_t)dcounts;
     if ((int64_t)x >= plan->breakaway) {
         return dahl_step_counts_q30(&plan->plastic, state, dcounts);
@@ -103,7 +107,7 @@ int32_t dahl_elastoplastic_step_counts_q30(const dahl_elastoplastic_plan_t *plan
     if (counts > plan->direct_counts || is_past_end(x)) {
         return elastoplastic_large(plan, state, dcounts);
     }
-    uint64_t w = along(elastic_or_beyond(plan, x, plan->travel[counts]), dcounts);
+    uint64_t w = in_direction(move_from_elastic(plan, x, plan->travel[counts]), dcounts);
     state->w = (int64_t)w;
     return (int32_t)dahl_q30(w);
 }
@@ -114,21 +118,22 @@ float dahl_elastoplastic_step_counts(const dahl_elastoplastic_plan_t *plan, dahl
     return dahl_torque_of(&plan->plastic, (uint64_t)state->w);
 }
 
-/* b in Q31, rounded, for 0 < b < 1: a whole number while b >= 2^-8. */
+/** Return b in Q31, rounded, for 0 < b < 1. It is exact if b >= 2^-8. */
 static uint32_t breakaway_q31(dahl_real_t b)
 {
     int32_t shift = -31 - b.exponent;
     return shift > 32 ? 0 : ((b.mantissa >> (shift - 1)) + 1) >> 1;
 }
 
-/* 2^(what this returns) presliding lengths is the unit of plan->travel, for the travel u of one count. */
+/** Return the exponent of the unit of plan->travel, 2^exponent presliding lengths, for the travel u of one
+ * count. */
 static int32_t unit_of(dahl_wide_t u)
 {
     return u.exponent < -62 ? -62 : COARSE_BITS - 62;
 }
 
-/* The plan of the plastic range: Dahl's model with kappa sigma0, for the travel u of a count in presliding lengths. What
- * it has of a is kappa/ln 2 for a unit of travel. */
+/** Write the plan of the plastic range: Dahl's model with kappa sigma0, for the travel u of a count in presliding
+ * lengths. Its a is kappa/ln 2 per unit of travel. */
 static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_t gap_q31)
 {
     const dahl_real_t log2_e = {DAHL_LOG2_E_Q31, -31};
@@ -139,11 +144,11 @@ static DAHL_COLD void write_plastic(dahl_plan_t *plastic, dahl_wide_t u, uint32_
     plastic->a_mantissa = (uint32_t)(kappa_per_ln2.mantissa >> 32);
     plastic->a_exponent = kappa_per_ln2.exponent + 32 + unit_of(u);
     u = dahl_normalise(dahl_mulhi64(kappa, u.mantissa), exponent + u.exponent + 64);
-    dahl_write_table(plastic->g, (int)(sizeof plastic->g / sizeof plastic->g[0]), dahl_left_by(u));
+    dahl_write_table(plastic->g, (int)(sizeof plastic->g / sizeof plastic->g[0]), dahl_remaining_after(u));
 }
 
-/* Travel u of one count, rounded to a unit, and of as many as travel less than 2, up to 8. (A u of 64 or more is taken as 32 to 64,
- * which is all the way too.) As in prepare.c, each word of the plan is written once. */
+/** Write the travel u of one count, rounded to a unit, and its multiples below 2, up to 8 counts. A u of 64 or more
+ * counts as 32 to 64, which saturates too. As in prepare.c, each word is written once. */
 static DAHL_COLD void write_travel(dahl_elastoplastic_plan_t *plan, dahl_wide_t u)
 {
     uint64_t half_units = u.mantissa;
@@ -178,7 +183,7 @@ static DAHL_COLD void write_elastoplastic(dahl_elastoplastic_plan_t *plan, const
 
 static int32_t check_breakaway(uint32_t bits)
 {
-    if (bits == 0 || bits >= DAHL_BITS_INF) { /* zero, infinite, NaN, or with a sign */
+    if (bits == 0 || bits >= DAHL_BITS_INF) { /* zero, infinite, NaN, or negative */
         return DAHL_ERR_PARAM;
     }
     return bits < dahl_bits_of(1.0f) ? DAHL_OK : DAHL_ERR_RANGE;
@@ -186,7 +191,7 @@ static int32_t check_breakaway(uint32_t bits)
 
 DAHL_COLD dahl_err_t dahl_elastoplastic_prepare(dahl_elastoplastic_plan_t *plan, const dahl_params_t *params, float breakaway)
 {
-    int32_t err = dahl_check_counted(params) | check_breakaway(dahl_bits_of(breakaway));
+    int32_t err = dahl_check_params_by_counts(params) | check_breakaway(dahl_bits_of(breakaway));
     if (err == DAHL_OK) {
         write_elastoplastic(plan, params, breakaway_q31(dahl_real_of_float(breakaway)));
     }

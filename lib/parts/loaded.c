@@ -1,18 +1,17 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A load c that both sigma0 and Fc follow in proportion, so that the presliding length, and the table of g, stay. Where the
- * load falls the bristle keeps its deflection: w stays, and F falls with c. Where it grows F stays: w *= c_before/c_now.
- * Both leave the stored energy F^2/(2 c sigma0) no larger; the product is truncated, so that rounding does not either.
- */
+/** Load that scales Fc and sigma0, so the presliding length and the table of g are constant. If the load c falls, w
+ * is kept and F falls with c. If it grows, F is kept: w *= c_before/c_now. Neither increases the energy F^2/(2 c
+ * sigma0), nor does rounding, since the product is truncated. */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
 
 #define LOAD_MAX (DAHL_TOP_BIT - 1)
-#define LEAST_EXPONENT (-64 - 31) /* of Fc = 2^-64 N m as a real */
+#define MIN_EXPONENT (-64 - 31) /* exponent of Fc = 2^-64 N m as a real */
 
-/* 2^46/now rounded down to 16 bits or less, for 2^30 <= now < 2^31: two steps of Newton's method, which end below the value. A
- * first guess that is linear in the upper bits of now errs by 1/12 at most, so these by 1/141 and 1/20000. */
+/** Return 2^46/now rounded down, in at most 16 bits, for 2^30 <= now < 2^31. The first guess is linear in the upper
+ * bits of now, with an error of at most 1/12. Two steps of Newton's method reduce it to 1/141 and 1/20000; they end
+ * below the exact value. */
 static inline uint32_t reciprocal_of(uint32_t now)
 {
     uint32_t upper = (now >> 15) + 1, r = 95493u - upper; /* Q16, and Q15 of 1 .. 2 */
@@ -20,41 +19,42 @@ static inline uint32_t reciprocal_of(uint32_t now)
     return r * ((0u - upper * r) >> 16) >> 15;
 }
 
-/* The next 32 bits of left/now, by digits of 8 bits. A digit is what is left times the reciprocal, which is right or one too
- * small; so what is left stays below 2 now, in 32 bits. */
-static inline uint32_t next_word(uint32_t *left, uint32_t now, uint32_t reciprocal)
+/** Return the next 32 bits of dividend/divisor, in digits of 8 bits. The reciprocal gives a digit or one less, so
+ * the remainder stays below 2 divisor, in 32 bits. */
+static inline uint32_t divide_word(uint32_t *dividend, uint32_t divisor, uint32_t reciprocal)
 {
-    uint32_t word = 0, rest = *left;
+    uint32_t word = 0, remainder = *dividend;
     for (int digits = 4; digits > 0; digits--) {
-        uint32_t digit = (rest >> 15) * reciprocal >> 23;
-        rest = (rest << 8) - digit * now;
-        if (rest >= now) {
-            rest -= now;
+        uint32_t digit = (remainder >> 15) * reciprocal >> 23;
+        remainder = (remainder << 8) - digit * divisor;
+        if (remainder >= divisor) {
+            remainder -= divisor;
             digit++;
         }
         word = word << 8 | digit;
     }
-    *left = rest;
+    *dividend = remainder;
     return word;
 }
 
-/* w before/now for before < now < 2^31: never more, and 3.25 units less at most. */
-static DAHL_COLD DAHL_OUT_OF_LINE void take_more_load(dahl_loaded_state_t *state, uint32_t now)
+/** Multiply w by before/now, for before < now < 2^31. The result is truncated by at most 3.25 units. */
+static DAHL_COLD DAHL_OUT_OF_LINE void increase_load(dahl_loaded_state_t *state, uint32_t now)
 {
     uint64_t w = dahl_clamp((uint64_t)state->bristle.w), size = state->bristle.w < 0 ? 0u - w : w;
-    uint32_t zeros = dahl_leading_zeros(now) - 1, left = state->load_q30 << zeros, reciprocal = reciprocal_of(now << zeros);
-    uint32_t ratio_high = next_word(&left, now << zeros, reciprocal), ratio_low = next_word(&left, now << zeros, reciprocal);
+    uint32_t zeros = dahl_leading_zeros(now) - 1, dividend = state->load_q30 << zeros, divisor = now << zeros;
+    uint32_t reciprocal = reciprocal_of(divisor);
+    uint32_t ratio_high = divide_word(&dividend, divisor, reciprocal), ratio_low = divide_word(&dividend, divisor, reciprocal);
     size = dahl_mul_fraction((uint32_t)(size >> 32), ratio_high, ratio_low) + dahl_mulhi((uint32_t)size, ratio_high);
     state->bristle.w = (int64_t)(state->bristle.w < 0 ? 0u - size : size);
     state->load_q30 = now;
 }
 
-static inline uint32_t load_in_range(uint32_t load_q30)
+static inline uint32_t clamp_load(uint32_t load_q30)
 {
     return load_q30 < LOAD_MAX ? load_q30 : LOAD_MAX;
 }
 
-/* c Fc, truncated, for a load that is not 0; at a load of 1 it is what dahl_torque() takes for Fc. */
+/** Return c Fc, truncated, for c > 0. If c is 1, it is the value that dahl_torque() uses. */
 static inline dahl_real_t loaded_Fc(const dahl_plan_t *plan, uint32_t load)
 {
     uint32_t zeros = dahl_leading_zeros(load);
@@ -64,7 +64,7 @@ static inline dahl_real_t loaded_Fc(const dahl_plan_t *plan, uint32_t load)
     return Fc;
 }
 
-/* Below 2^-32 of c Fc: with c Fc >= 2^-94 N m, what is not small is a normal float. */
+/** Below 2^-32 of c Fc. Since c Fc >= 2^-94 N m, any larger torque is a normal float. */
 static int is_small(int64_t w)
 {
     return -((int64_t)1 << 30) < w && w < (int64_t)1 << 30;
@@ -72,9 +72,9 @@ static int is_small(int64_t w)
 
 float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30)
 {
-    uint32_t load = load_in_range(load_q30);
+    uint32_t load = clamp_load(load_q30);
     if (load > state->load_q30) {
-        take_more_load(state, load);
+        increase_load(state, load);
     }
     state->load_q30 = load;
     (void)dahl_step_counts_q30(plan, &state->bristle, dcounts);
@@ -82,32 +82,32 @@ float dahl_loaded_step_counts(const dahl_plan_t *plan, dahl_loaded_state_t *stat
         return 0.0f;
     }
     dahl_real_t Fc = loaded_Fc(plan, load);
-    if (Fc.exponent < LEAST_EXPONENT && is_small(state->bristle.w)) {
+    if (Fc.exponent < MIN_EXPONENT && is_small(state->bristle.w)) {
         return 0.0f;
     }
     return dahl_torque_from(Fc, (uint64_t)state->bristle.w);
 }
 
-/* c w, by c (w + 1) - c: no sign to look at. */
-static inline int32_t loaded_q30(const dahl_plan_t *plan, dahl_state_t *bristle, int32_t dcounts, uint32_t load)
+/** Move and return c w, as c (w + 1) - c, which needs no sign. */
+static inline int32_t move_and_scale(const dahl_plan_t *plan, dahl_state_t *bristle, int32_t dcounts, uint32_t load)
 {
     uint32_t w = (uint32_t)dahl_step_counts_q30(plan, bristle, dcounts);
     return (int32_t)((uint32_t)((dahl_mul(w + DAHL_ONE_Q30, load) + DAHL_ONE_Q30 / 2) >> 30) - load);
 }
 
-static DAHL_COLD DAHL_OUT_OF_LINE int32_t step_with_more_load(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts,
-                                                              uint32_t load)
+static DAHL_COLD DAHL_OUT_OF_LINE int32_t increase_load_and_step(const dahl_plan_t *plan, dahl_loaded_state_t *state,
+                                                                 int32_t dcounts, uint32_t load)
 {
-    take_more_load(state, load);
-    return loaded_q30(plan, &state->bristle, dcounts, load);
+    increase_load(state, load);
+    return move_and_scale(plan, &state->bristle, dcounts, load);
 }
 
 int32_t dahl_loaded_step_counts_q30(const dahl_plan_t *plan, dahl_loaded_state_t *state, int32_t dcounts, uint32_t load_q30)
 {
-    uint32_t load = load_in_range(load_q30);
+    uint32_t load = clamp_load(load_q30);
     if (load > state->load_q30) {
-        return step_with_more_load(plan, state, dcounts, load);
+        return increase_load_and_step(plan, state, dcounts, load);
     }
     state->load_q30 = load;
-    return loaded_q30(plan, &state->bristle, dcounts, load);
+    return move_and_scale(plan, &state->bristle, dcounts, load);
 }

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Any mix of parts in parts of the sum of Fc, by the shares of lib/parts/parallel_shares.c:
- *     F / sum of Fc = sum of share_k w_k        share_k in Q31, w_k in Q30
- * The shares are negative, and so is the sum until its end.
+/**
+ * Any mix of elements on one shaft, relative to the sum of Fc.
+ *
+ * F / sum of Fc = sum of share_k w_k, with share_k in Q31 (parallel_shares.c) and w_k in Q30. The shares are
+ * negative, and so is the sum until the last line.
  */
 #include "../model/bristle_update.h"
 #include "dahl_parts.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A Dahl element as a part: the tick in counts, whose state is what the sum takes. */
+/** Dahl element as a part of a mix. */
 #include "../arith/compiler.h"
 #include "dahl_parts.h"
 

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/* A shift of 64 bits by a variable, private: from two words, since small cores would call a helper. */
+/** 64-bit shift by a variable from two words, without a helper function on small cores. */
 #ifndef DAHL_SHIFT_H
 #define DAHL_SHIFT_H
 
 #include "../arith/compiler.h"
 
-/* x 2^-bits, truncated; any number of bits. */
-static inline uint64_t dahl_shifted_right(uint64_t x, uint32_t bits)
+/** Return x 2^-bits, truncated, for any number of bits. */
+static inline uint64_t dahl_shift_right(uint64_t x, uint32_t bits)
 {
     uint32_t high = (uint32_t)(x >> 32), low = (uint32_t)x;
     if (bits >= 32) {

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Slip elements. The deflection of an element is a whole number x of units, and a count is 2^shift of them, so that no move is
- * rounded: x += n 2^shift, clamped to +-limit. What is rounded is the limit, Fc/(sigma0 theta_per_count) 2^shift units, once, to
- * 31 bits, and the weight of a unit in the torque: so an error is of the parameters, and never grows.
- */
+/** Slip elements. The deflection is an integer x, and one count is 2^shift units. A move is therefore exact: x += n
+ * 2^shift, clamped to +-limit. Two values are rounded, once each: the limit, Fc/(sigma0 theta_per_count) 2^shift
+ * units in 31 bits, and the weight of a unit in the torque. All errors are thus errors of parameters and never
+ * grow. */
 #include "dahl_parts.h"
 
 #include "../model/bristle_update.h"
@@ -11,16 +10,16 @@
 #include "../model/torque.h"
 #include "shift.h"
 
-#define SHIFT_MOST 31            /* a count is then the way from one limit to the other, or more */
-#define LIMIT_OF_SHIFT_MOST DAHL_ONE_Q30
+#define SHIFT_MAX 31 /* one count then moves from one limit to the other or further */
+#define LIMIT_AT_SHIFT_MAX DAHL_ONE_Q30
 
 static dahl_real_t real_of(float x)
 {
     return dahl_real_of(dahl_bits_of(x));
 }
 
-/* Limit, and returns the shift, from 1/u = Fc/(sigma0 theta_per_count), the counts from rest to slipping: 2^-20 < 1/u <= 2^30. All is exact
- * but the last rounding, since floats have mantissas of 24 bits. */
+/** Write the limit and return the shift, from 1/u = Fc/(sigma0 theta_per_count), the counts from rest to slipping;
+ * 2^-20 < 1/u <= 2^30. Only the last rounding is inexact. */
 static DAHL_COLD uint32_t write_limit(uint32_t *limit, const dahl_params_t *params)
 {
     const dahl_real_t sigma0 = real_of(params->sigma0), Fc = real_of(params->Fc), theta = real_of(params->theta_per_count);
@@ -30,28 +29,29 @@ static DAHL_COLD uint32_t write_limit(uint32_t *limit, const dahl_params_t *para
         numerator >>= 1;
     }
     uint64_t rounded = (dahl_quotient(numerator, denominator, 32) + 1) >> 1;
-    if (exponent < 31 - SHIFT_MOST) {
-        *limit = LIMIT_OF_SHIFT_MOST;
-        return SHIFT_MOST;
+    if (exponent < 31 - SHIFT_MAX) {
+        *limit = LIMIT_AT_SHIFT_MAX;
+        return SHIFT_MAX;
     }
     *limit = rounded < DAHL_TOP_BIT ? (uint32_t)rounded : DAHL_TOP_BIT - 1;
     return (uint32_t)(31 - exponent);
 }
 
-/* A plan while it is made: of each element its Fc, in units of 2^exponent, and what its weight lacks for its share. (An
- * array for each, since compilers make a memcpy of a loop that copies whole elements, and a bare link has none.) */
+/** Plan under construction. Fc is in units of 2^exponent. The remainder is the share of an element minus weight
+ * times limit. Each member has its own array, since compilers replace a copy of whole elements by memcpy, which a
+ * bare link does not have. */
 typedef struct {
     uint32_t limit[DAHL_SLIP_MAX];
     uint32_t weight[DAHL_SLIP_MAX];
     uint32_t shift[DAHL_SLIP_MAX];
     uint64_t Fc[DAHL_SLIP_MAX];
-    uint64_t rest[DAHL_SLIP_MAX];
+    uint64_t remainder[DAHL_SLIP_MAX];
     uint64_t sum;
     int32_t exponent;
 } draft_t;
 
-/* Eight of them, below 2^60 each, stay below 2^63. */
-static DAHL_COLD void add_up(draft_t *draft, const dahl_slip_params_t *params, uint32_t elements)
+/** Eight values below 2^60 stay below 2^63. */
+static DAHL_COLD void sum_Fc(draft_t *draft, const dahl_slip_params_t *params, uint32_t elements)
 {
     int32_t largest = real_of(params->Fc[0]).exponent;
     for (uint32_t k = 1; k < elements; k++) {
@@ -62,54 +62,55 @@ static DAHL_COLD void add_up(draft_t *draft, const dahl_slip_params_t *params, u
     draft->sum = 0;
     for (uint32_t k = 0; k < elements; k++) {
         dahl_real_t Fc = real_of(params->Fc[k]);
-        draft->Fc[k] = dahl_shifted_right((uint64_t)Fc.mantissa << 28, (uint32_t)(largest - Fc.exponent));
+        draft->Fc[k] = dahl_shift_right((uint64_t)Fc.mantissa << 28, (uint32_t)(largest - Fc.exponent));
         draft->sum += draft->Fc[k];
     }
 }
 
-/* The torque of an element at its limit is weight times limit. A weight is truncated, which leaves a rest of that torque. */
-static DAHL_COLD void weigh(draft_t *draft, uint32_t k)
+/** The torque of an element at its limit is weight times limit. Truncating the weight leaves a remainder. */
+static DAHL_COLD void set_weight(draft_t *draft, uint32_t k)
 {
     const uint32_t limit = draft->limit[k];
     uint64_t share = dahl_quotient(draft->Fc[k], draft->sum, 62), most = dahl_mul(UINT32_MAX, limit);
     share = share < most ? share : most;
     draft->weight[k] = (uint32_t)dahl_quotient(share, (uint64_t)limit << 32, 32);
-    draft->rest[k] = share - dahl_mul(draft->weight[k], limit);
+    draft->remainder[k] = share - dahl_mul(draft->weight[k], limit);
 }
 
-/* The element that a unit more of weight brings nearest to its share. */
-static DAHL_COLD uint32_t most_in_need(const draft_t *draft, uint32_t elements)
+/** Return the element that one more unit of weight brings nearest to its share. */
+static DAHL_COLD uint32_t largest_deficit(const draft_t *draft, uint32_t elements)
 {
     uint32_t found = 0;
-    int64_t most = -(int64_t)DAHL_TOP_BIT; /* less than any */
+    int64_t most = -(int64_t)DAHL_TOP_BIT; /* below any deficit */
     for (uint32_t k = 0; k < elements; k++) {
-        int64_t need = 2 * (int64_t)draft->rest[k] - (int64_t)draft->limit[k];
-        if (need > most && draft->weight[k] != UINT32_MAX) {
-            most = need;
+        int64_t gain = 2 * (int64_t)draft->remainder[k] - (int64_t)draft->limit[k];
+        if (gain > most && draft->weight[k] != UINT32_MAX) {
+            most = gain;
             found = k;
         }
     }
     return found;
 }
 
-/* The rests go to the elements most in need, so that all of them at their limits have the sum of Fc. */
-static DAHL_COLD void share_the_rests(draft_t *draft, uint32_t elements)
+/** Give the remainders to the elements with the largest deficit, so that all elements at their limits give the sum
+ * of Fc. */
+static DAHL_COLD void distribute_remainders(draft_t *draft, uint32_t elements)
 {
-    int64_t rests = 0;
+    int64_t remainders = 0;
     for (uint32_t k = 0; k < elements; k++) {
-        rests += (int64_t)draft->rest[k];
+        remainders += (int64_t)draft->remainder[k];
     }
-    uint32_t k = most_in_need(draft, elements);
-    while (2 * rests > (int64_t)draft->limit[k]) {
-        rests -= (int64_t)draft->limit[k];
+    uint32_t k = largest_deficit(draft, elements);
+    while (2 * remainders > (int64_t)draft->limit[k]) {
+        remainders -= (int64_t)draft->limit[k];
         draft->weight[k]++;
-        draft->rest[k] = 0;
-        k = most_in_need(draft, elements);
+        draft->remainder[k] = 0;
+        k = largest_deficit(draft, elements);
     }
 }
 
-/* Each word once: who prepares equal parameters again, under a tick that reads the plan, changes nothing at any moment. The sum
- * of Fc is rounded up to 32 bits, which centres the truncation in torque.h. */
+/** Write each word once, as in prepare.c. Rounding the sum of Fc up to 32 bits centres the truncation in
+ * torque.h. */
 static DAHL_COLD void write_plan(dahl_slip_plan_t *plan, const draft_t *draft, uint32_t elements)
 {
     dahl_wide_t sum = dahl_normalise(draft->sum, draft->exponent);
@@ -141,21 +142,21 @@ static DAHL_COLD int32_t check(const dahl_slip_params_t *params, uint32_t elemen
     int32_t err = DAHL_OK;
     for (uint32_t k = 0; k < elements; k++) {
         dahl_params_t one = params_of(params, k);
-        err |= dahl_check_counted(&one);
+        err |= dahl_check_params_by_counts(&one);
     }
     return err;
 }
 
-static DAHL_COLD void make(dahl_slip_plan_t *plan, const dahl_slip_params_t *params, uint32_t elements)
+static DAHL_COLD void build_plan(dahl_slip_plan_t *plan, const dahl_slip_params_t *params, uint32_t elements)
 {
     draft_t draft;
-    add_up(&draft, params, elements);
+    sum_Fc(&draft, params, elements);
     for (uint32_t k = 0; k < elements; k++) {
         dahl_params_t one = params_of(params, k);
         draft.shift[k] = write_limit(&draft.limit[k], &one);
-        weigh(&draft, k);
+        set_weight(&draft, k);
     }
-    share_the_rests(&draft, elements);
+    distribute_remainders(&draft, elements);
     write_plan(plan, &draft, elements);
 }
 
@@ -167,52 +168,50 @@ DAHL_COLD dahl_err_t dahl_slip_prepare(dahl_slip_plan_t *plan, const dahl_slip_p
     }
     int32_t err = check(params, elements);
     if (err == DAHL_OK) {
-        make(plan, params, elements);
+        build_plan(plan, params, elements);
     }
     return (dahl_err_t)err;
 }
 
-/* The way to the limit in direction s, 0 .. 2 limit; that of the nearer limit if x is beyond one. Only the rare branch
- * computes the sign of x, which saves an instruction for each element in range. */
-static inline DAHL_ALWAYS_INLINE uint32_t room_of(uint32_t limit, int32_t x, uint32_t s)
+/** Return the distance to the limit in direction s, 0 .. 2 limit, with x clamped. Only the rare branch computes the
+ * sign of x, which saves one instruction for each element. */
+static inline DAHL_ALWAYS_INLINE uint32_t distance_to_limit(uint32_t limit, int32_t x, uint32_t s)
 {
-    uint32_t room = dahl_opaque(limit - s * (uint32_t)x);
-    if (DAHL_LIKELY(room <= 2 * limit)) {
-        return room;
+    uint32_t distance = dahl_opaque(limit - s * (uint32_t)x);
+    if (DAHL_LIKELY(distance <= 2 * limit)) {
+        return distance;
     }
-    int is_negative = (s * (limit - room)) >> 31 != 0; /* x */
+    int is_negative = (s * (limit - distance)) >> 31 != 0; /* sign of x */
     return is_negative == (s == 1u) ? 2 * dahl_opaque(limit) : 0;
 }
 
-/* The way to the limit that is left of `room` after some counts towards it. */
-static inline uint32_t room_after(uint32_t room, uint32_t counts, uint32_t shift)
+static inline uint32_t distance_after(uint32_t distance, uint32_t counts, uint32_t shift)
 {
-    return dahl_opaque(counts > room >> shift ? 0 : room - (counts << shift));
+    return dahl_opaque(counts > distance >> shift ? 0 : distance - (counts << shift));
 }
 
-/* Move all elements in direction s = +-1 and return what their torques lack for slipping, in Q62. */
-static inline DAHL_ALWAYS_INLINE uint64_t lacking_after(const dahl_slip_plan_t *plan, int32_t *x, uint32_t counts, uint32_t s)
+/** Move all elements in direction s = +-1. Return the difference from the torque at which all slip, in Q62. */
+static inline DAHL_ALWAYS_INLINE uint64_t move_elements(const dahl_slip_plan_t *plan, int32_t *x, uint32_t counts, uint32_t s)
 {
-    uint64_t lacking = 0;
+    uint64_t deficit = 0;
     const dahl_slip_element_t *next = plan->element;
     const uint8_t *shift = plan->shift;
-    for (uint32_t left = plan->elements; left != 0; left--) {
+    for (uint32_t elements = plan->elements; elements != 0; elements--) {
         const dahl_slip_element_t element = *next++;
-        const uint32_t bits = dahl_opaque(*shift++); /* read before the branch, for the same reason */
-        uint32_t room = room_after(room_of(element.limit, *x, s), counts, bits);
-        *x++ = (int32_t)(s * (element.limit - room));
-        lacking += dahl_mul(room, element.weight);
+        const uint32_t bits = dahl_opaque(*shift++); /* read before the branch; it also saves an instruction */
+        uint32_t distance = distance_after(distance_to_limit(element.limit, *x, s), counts, bits);
+        *x++ = (int32_t)(s * (element.limit - distance));
+        deficit += dahl_mul(distance, element.weight);
     }
-    return lacking;
+    return deficit;
 }
 
-/* Move by dcounts and return F / sum of Fc in Q62. */
 static inline DAHL_ALWAYS_INLINE uint64_t move(const dahl_slip_plan_t *plan, dahl_slip_state_t *state, int32_t dcounts)
 {
     if (dcounts > 0) {
-        return plan->full - lacking_after(plan, state->x, (uint32_t)dcounts, 1u);
+        return plan->full - move_elements(plan, state->x, (uint32_t)dcounts, 1u);
     }
-    return lacking_after(plan, state->x, 0u - (uint32_t)dcounts, UINT32_MAX) - plan->full;
+    return move_elements(plan, state->x, 0u - (uint32_t)dcounts, UINT32_MAX) - plan->full;
 }
 
 static dahl_real_t sum_of_Fc(const dahl_slip_plan_t *plan)

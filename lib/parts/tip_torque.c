@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The tips of a loop that goes to and fro by the same stroke for ever: each half of it takes g of the way from one tip to the
- * other side's Fc, so tip = -tip + (1 + tip) g, tip = g/(2 - g) = tanh(u/2), u the travel of the whole stroke.
- */
+/** Torque at the tips of the steady loop of a constant stroke. Each half of the loop closes the fraction g of the
+ * gap from one tip to Fc of the other side. Hence tip = -tip + (1 + tip) g, or tip = g/(2 - g) = tanh(u/2), with u
+ * the travel of the stroke. */
 #include "../model/bristle_update.h"
 #include "../model/torque.h"
 #include "dahl_parts.h"
 
-/* 2 g of any counts, in Q62: the way of w from -1, digit by digit, until nothing is left of it. */
+/** Return 2 g of any counts, in Q62: the move of w from -1, digit by digit, until it saturates. */
 static uint64_t twice_g(const dahl_plan_t *plan, uint32_t counts)
 {
     const dahl_q64_t *entry = &plan->g[DAHL_DIRECT_COUNTS_MAX];
@@ -20,7 +19,7 @@ static uint64_t twice_g(const dahl_plan_t *plan, uint32_t counts)
     return w + DAHL_ONE_Q62;
 }
 
-/* tip = 2 g/(4 - 2 g). A count travels 2^-30 or more, so the upper word of 2 g is 0 only where the stroke is. */
+/** tip = 2 g/(4 - 2 g). A count travels at least 2^-30, so the upper word of 2 g is 0 only if the stroke is 0. */
 float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke)
 {
     const dahl_real_t Fc = {plan->Fc_mantissa | 1, plan->Fc_exponent};
@@ -30,7 +29,8 @@ float dahl_tip_torque(const dahl_plan_t *plan, uint32_t stroke)
         return 0.0f;
     }
     uint32_t zeros = dahl_leading_zeros(high);
-    uint64_t numerator = (uint64_t)(high << zeros | low >> 1 >> (31 - zeros)) << 31; /* way 2^(zeros - 1), and 32 bits of it */
+    /* the 32 leading bits of 2 g, times 2^(zeros - 1) */
+    uint64_t numerator = (uint64_t)(high << zeros | low >> 1 >> (31 - zeros)) << 31;
     if (numerator >= denominator) {
         numerator >>= 1;
         zeros--;

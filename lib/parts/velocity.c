@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Friction that depends on speed (viscous, Stribeck), to be added to a torque that depends on the path: an odd table over the
- * counts of one tick, linear in between, constant beyond its end. A value is a whole number of 2^-30 of the largest one, so that
- * between two of them one product is enough.
- * Error: half a unit of 2^-30 of the largest torque at a value of the table, one and a half between two, and the one rounding
- * of torque.h.
- */
+/** Friction that depends on speed: an odd table over the counts per tick, linear between its values and constant
+ * beyond its end. A value is an integer multiple of 2^-30 of the largest one, so interpolation needs one product.
+ * Error: half a unit at a value, one and a half between two values, plus the rounding in torque.h. */
 #include "../model/torque.h"
 #include "dahl_parts.h"
 
 #define SEGMENT_BITS_MAX 24
 
-/* 0 for a usable torque; zero of either sign is one. */
+/** Return DAHL_OK for a valid torque; +-0 is valid. */
 static int32_t check(uint32_t bits)
 {
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
@@ -23,7 +19,6 @@ static int32_t check(uint32_t bits)
         : DAHL_ERR_RANGE;
 }
 
-/* torque/largest in Q30, rounded. */
 static int32_t ratio_q30(uint32_t bits, dahl_real_t largest)
 {
     uint32_t magnitude = bits & DAHL_BITS_MAGNITUDE;
@@ -64,8 +59,8 @@ dahl_err_t dahl_velocity_prepare(dahl_velocity_plan_t *plan, const dahl_velocity
     return (dahl_err_t)err;
 }
 
-/* From one value of the table towards the next. The rest of the counts is a fraction of the segment, in Q32. */
-static int32_t between(int32_t from, int32_t to, uint32_t fraction_q32)
+/** Interpolate between two values of the table. fraction_q32 is the position in the segment. */
+static int32_t interpolate(int32_t from, int32_t to, uint32_t fraction_q32)
 {
     return to < from ? from - (int32_t)dahl_mulhi((uint32_t)from - (uint32_t)to, fraction_q32)
                      : from + (int32_t)dahl_mulhi((uint32_t)to - (uint32_t)from, fraction_q32);
@@ -77,9 +72,9 @@ static inline int32_t ratio_at(const dahl_velocity_plan_t *plan, uint32_t counts
     if (segment >= DAHL_VELOCITY_SEGMENTS) {
         return plan->ratio_q30[DAHL_VELOCITY_SEGMENTS];
     }
-    uint32_t fraction_q32 = counts << 1 << (31 - plan->segment_bits); /* 0 where a segment is one count */
+    uint32_t fraction_q32 = counts << 1 << (31 - plan->segment_bits); /* 0 if a segment is one count */
     const int32_t *ends = &plan->ratio_q30[segment];
-    return between(ends[0], ends[1], fraction_q32);
+    return interpolate(ends[0], ends[1], fraction_q32);
 }
 
 int32_t dahl_velocity_torque_q30(const dahl_velocity_plan_t *plan, int32_t dcounts)

@@ -1,22 +1,26 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * What a bearing has taken. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw, so
+/**
+ * Work of a bearing. In one direction s = +-1 of travel, Eq. 1 gives F dtheta = Fc s dtheta - (Fc^2/sigma0) s dw.
+ * Hence
+ * @verbatim
  *     work = Fc |dtheta| - (Fc^2/sigma0) s (w_after - w_before)
- * and two sums of whole numbers are enough: the counts travelled, and the way of w in the direction of travel, which is never
- * negative. Each tick adds to them exactly what the state did; only reading them rounds. 96 and 128 bits hold 2^63 ticks.
+ * @endverbatim
+ * Two sums of integers are enough: the counts travelled, and the path of w in the direction of travel, which is
+ * never negative. Each tick adds exactly the change of the state; only reading rounds. 96 and 128 bits hold 2^63
+ * ticks.
  */
 #include "../arith/fixed.h"
 #include "dahl_parts.h"
 
-/* The 64 highest bits of a sum whose highest word is words[top]. */
-static dahl_wide_t highest(const uint32_t *words, int top)
+/** Return the 64 leading bits of a sum whose highest word is words[top]. */
+static dahl_wide_t leading_bits(const uint32_t *words, int top)
 {
-    dahl_wide_t none = {0, 0};
+    dahl_wide_t zero = {0, 0};
     while (top > 0 && words[top] == 0) {
         top--;
     }
     if (words[top] == 0) {
-        return none;
+        return zero;
     }
     uint64_t two = (uint64_t)words[top] << 32 | (top > 0 ? words[top - 1] : 0);
     uint32_t below = top > 1 ? words[top - 2] : 0, zeros = dahl_leading_zeros(words[top]);
@@ -24,7 +28,7 @@ static dahl_wide_t highest(const uint32_t *words, int top)
     return sum;
 }
 
-static dahl_wide_t times(dahl_wide_t x, dahl_wide_t y)
+static dahl_wide_t multiply(dahl_wide_t x, dahl_wide_t y)
 {
     dahl_wide_t product = {dahl_mulhi64(x.mantissa, y.mantissa), x.exponent + y.exponent + 64};
     return product.mantissa == 0 ? product : dahl_normalise(product.mantissa, product.exponent);
@@ -51,16 +55,16 @@ static int is_less(dahl_wide_t x, dahl_wide_t y)
     return x.exponent < y.exponent;
 }
 
-/* x - y for x >= y. */
+/** Return x - y, for x >= y. */
 static dahl_wide_t difference(dahl_wide_t x, dahl_wide_t y)
 {
     int32_t shift = x.exponent - y.exponent;
-    uint64_t rest = x.mantissa - (y.mantissa == 0 || shift > 63 ? 0 : y.mantissa >> shift);
-    dahl_wide_t none = {0, 0};
-    return rest == 0 ? none : dahl_normalise(rest, x.exponent);
+    uint64_t remainder = x.mantissa - (y.mantissa == 0 || shift > 63 ? 0 : y.mantissa >> shift);
+    dahl_wide_t zero = {0, 0};
+    return remainder == 0 ? zero : dahl_normalise(remainder, x.exponent);
 }
 
-/* The bits of the nearest float; what is beyond the floats is infinite, what is below the normal ones is 0. */
+/** Return the bits of the nearest float: infinite above the largest float, 0 below the least normal one. */
 static uint32_t float_bits(dahl_wide_t x)
 {
     int32_t exponent = x.exponent + 63;
@@ -72,11 +76,11 @@ static uint32_t float_bits(dahl_wide_t x)
 
 float dahl_work(const dahl_params_t *params, const dahl_work_t *work)
 {
-    dahl_wide_t way = highest(work->way, 3), Fc = wide_of(params->Fc);
+    dahl_wide_t way = leading_bits(work->way, 3), Fc = wide_of(params->Fc);
     way.exponent -= 62;
-    dahl_wide_t slid = times(times(Fc, wide_of(params->theta_per_count)), highest(work->counts, 2));
-    dahl_wide_t kept = times(times(Fc, quotient(params->Fc, params->sigma0)), way);
-    int is_negative = is_less(slid, kept);
-    uint32_t bits = float_bits(is_negative ? difference(kept, slid) : difference(slid, kept));
+    dahl_wide_t coulomb_work = multiply(multiply(Fc, wide_of(params->theta_per_count)), leading_bits(work->counts, 2));
+    dahl_wide_t bristle_work = multiply(multiply(Fc, quotient(params->Fc, params->sigma0)), way);
+    int is_negative = is_less(coulomb_work, bristle_work);
+    uint32_t bits = float_bits(is_negative ? difference(bristle_work, coulomb_work) : difference(coulomb_work, bristle_work));
     return dahl_float_of(is_negative && bits != 0 ? bits | DAHL_BITS_SIGN : bits);
 }

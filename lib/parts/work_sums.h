@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-/* The two sums of a bearing's work, private: what a move adds to them. */
+/** The two sums for the work of a bearing. */
 #ifndef DAHL_WORK_SUMS_H
 #define DAHL_WORK_SUMS_H
 
 #include "dahl_parts.h"
 
-/* One more in these words of a sum, lowest first, which is rare; what the last one carries is lost. */
+/** Add one to the upper words of a sum, lowest first. A carry out of the last word is lost. */
 static inline void dahl_work_carry(uint32_t *word, int words)
 {
     for (int i = 0, carries = 1; carries != 0 && i < words; i++) {
@@ -14,7 +14,7 @@ static inline void dahl_work_carry(uint32_t *word, int words)
     }
 }
 
-/* Both sums after a move from `before`. */
+/** Update both sums after a move from `before`. */
 static inline void dahl_work_add(dahl_work_t *work, uint64_t before, uint64_t after, int32_t dcounts)
 {
     uint64_t way = (uint64_t)work->way[1] << 32 | work->way[0], forward = dcounts < 0 ? before - after : after - before;

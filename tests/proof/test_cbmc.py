@@ -76,8 +76,8 @@ CORE = [
 PROOFS = [
     *CORE,
     *(replace(proof, flags=("-U__GNUC__",)) for proof in CORE),
-    Proof("check_encoder_move", 33, {"dahl_shortest_way": "any_way"}, "cbmc_encoder.c"),
-    Proof("check_encoder_way", 33, {"dahl_shortest_way": "any_way"}, "cbmc_encoder.c"),
+    Proof("check_encoder_move", 33, {"dahl_shortest_move": "any_way"}, "cbmc_encoder.c"),
+    Proof("check_encoder_way", 33, {"dahl_shortest_move": "any_way"}, "cbmc_encoder.c"),
     *(
         Proof(f"check_{message}", 33, harness="cbmc_frames.c", long=True)
         for message in ("encoder", "torque", "status", "param_write", "param_reply", "reset")
