@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Read the node's parameters and the measured torque from scene files.
+"""Scene files, as far as Python needs them: what the node's parameters are and what was measured
+beside the angle.
 
-dahl-loop reads and checks all sections but [measured], which only this module reads. scene_keys
-lists the keys for both. `dahl demo LOG` writes a scene for a user's log, so each run has a scene.
+dahl-loop reads and checks all sections, so which there are is told there alone; only [measured] is
+read here alone. A user's own log becomes a scene too, so that there is one way to run anything.
 """
 
 from __future__ import annotations
