@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* bus_open: see bus_open.h. The buses are static: large, and their pages are only touched when used. */
+/* bus_open: see bus_open.h. The buses are large and static; the kernel allocates only pages that are used. */
 #include "bus_open.h"
 
 #include <errno.h>
@@ -12,113 +12,132 @@
 #include "socketcan/socketcan.h"
 #include "socketcand/client.h"
 #include "socketcand/server.h"
-#include "timed_loopback/timed_loopback.h"
 
-enum { PATIENCE_MS = 10000 };
+enum { PATIENCE_MS = 10000, HOST_MAX = 128 };
+
+/* address: the text after the scheme's colon; NULL if the spec has no colon. Returns as bus_open does. */
+typedef int open_t(open_bus_t *opened, const bus_config_t *config, const char *address);
+
+static open_t open_loopback, open_socketcan, open_socketcand;
+
+static const struct {
+    const char *name;
+    open_t *open;
+    const char *usage;
+} schemes[] = {
+    {"loopback", open_loopback, "loopback"},
+    {"socketcan", open_socketcan, "socketcan:IF"},
+    {"socketcand", open_socketcand, "socketcand:PORT, socketcand:HOST:PORT"},
+};
+
+enum { SCHEMES = sizeof schemes / sizeof schemes[0] };
+
+static int bad_spec(const char *spec)
+{
+    char known[160] = "";
+    for (size_t i = 0, used = 0; i < SCHEMES; i++) {
+        used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "", schemes[i].usage);
+    }
+    log_error("--bus %s: not one of %s", spec, known);
+    return EXIT_BAD_INPUT;
+}
+
+static int cannot_open(const char *spec, const char *hint)
+{
+    log_error("--bus %s: %s%s", spec, strerror(errno), hint);
+    return EXIT_RUNTIME;
+}
 
 static bool to_port(const char *text, uint16_t *port)
 {
     char *end;
     unsigned long value = strtoul(text, &end, 10);
     *port = (uint16_t)value;
-    return text[0] >= '0' && text[0] <= '9' && *end == '\0' && value <= 65535;
+    return text[0] >= '0' && text[0] <= '9' && *end == '\0' && value <= UINT16_MAX;
 }
 
-static int bad_spec(const char *spec)
+static int open_loopback(open_bus_t *opened, const bus_config_t *config, const char *address)
 {
-    log_error("--bus %s: not loopback, socketcan:IF, socketcand:PORT or socketcand:HOST:PORT", spec);
-    return EXIT_BAD_INPUT;
-}
-
-static int not_there(const char *spec, const char *hint)
-{
-    log_error("--bus %s: %s%s", spec, strerror(errno), hint);
-    return EXIT_RUNTIME;
-}
-
-static int open_socketcan(open_bus_t *opened, const bus_wish_t *wish, const char *interface)
-{
-    static socketcan_t socketcan;
-    if (socketcan_open(&socketcan, interface, wish->clock) != DAHL_CAN_BUS_OK) {
-        return not_there(wish->spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
+    static loopback_t loopback;
+    if (address != NULL) {
+        return bad_spec(config->spec);
     }
-    if (wish->ids != NULL && socketcan_filter(&socketcan, wish->ids, wish->id_count) != DAHL_CAN_BUS_OK) {
-        return not_there(wish->spec, " (its filters)");
-    }
-    *opened = (open_bus_t){.bus = &socketcan.bus, .name = interface};
+    loopback_open(&loopback, config->bitrate, config->clock);
+    *opened = (open_bus_t){.bus = &loopback.bus, .name = BUS_NAME};
     return 0;
 }
 
-static int serve(open_bus_t *opened, const char *spec, const char *port_text, dahl_can_clock_t clock, bool patient)
+static int open_socketcan(open_bus_t *opened, const bus_config_t *config, const char *address)
+{
+    static socketcan_t socketcan;
+    if (address == NULL || address[0] == '\0') {
+        return bad_spec(config->spec);
+    }
+    if (socketcan_open(&socketcan, address, config->clock) != DAHL_CAN_BUS_OK) {
+        return cannot_open(config->spec, errno == EAFNOSUPPORT ? " (this kernel has no CAN)" : "");
+    }
+    if (config->ids != NULL && socketcan_filter(&socketcan, config->ids, config->id_count) != DAHL_CAN_BUS_OK) {
+        return cannot_open(config->spec, " (its filters)");
+    }
+    *opened = (open_bus_t){.bus = &socketcan.bus, .name = address};
+    return 0;
+}
+
+static int serve(open_bus_t *opened, const bus_config_t *config, const char *port_text)
 {
     static socketcand_server_t server;
     uint16_t port;
     if (!to_port(port_text, &port)) {
-        return bad_spec(spec);
+        return bad_spec(config->spec);
     }
-    if (socketcand_serve(&server, port, BUS_NAME, clock) != DAHL_CAN_BUS_OK) {
-        return not_there(spec, "");
+    if (socketcand_serve(&server, port, BUS_NAME, config->clock) != DAHL_CAN_BUS_OK) {
+        return cannot_open(config->spec, "");
     }
     server.report = log_warning;
-    server.patience_ms = patient ? PATIENCE_MS : 0;
+    server.patience_ms = config->is_patient ? PATIENCE_MS : 0;
     printf("socketcand 127.0.0.1:%u %s\n", (unsigned)server.port, BUS_NAME);
     fflush(stdout);
     *opened = (open_bus_t){.bus = &server.bus, .name = BUS_NAME};
     return 0;
 }
 
-static int join(open_bus_t *opened, const char *spec, const char *host, const char *port_text, dahl_can_clock_t clock)
+static int join(open_bus_t *opened, const bus_config_t *config, const char *host, const char *port_text)
 {
     static socketcand_member_t member;
     uint16_t port;
     if (!to_port(port_text, &port) || port == 0 || host[0] == '\0') {
-        return bad_spec(spec);
+        return bad_spec(config->spec);
     }
-    if (socketcand_join(&member, host, port_text, BUS_NAME, clock) != DAHL_CAN_BUS_OK) {
-        return not_there(spec, errno == EPROTO ? " (no socketcand server with bus " BUS_NAME ")" : "");
+    if (socketcand_join(&member, host, port_text, BUS_NAME, config->clock) != DAHL_CAN_BUS_OK) {
+        return cannot_open(config->spec, errno == EPROTO ? " (no socketcand server with bus " BUS_NAME ")" : "");
     }
     *opened = (open_bus_t){.bus = &member.bus, .name = BUS_NAME};
     return 0;
 }
 
-static int open_socketcand(open_bus_t *opened, const char *spec, const char *where, dahl_can_clock_t clock, bool patient)
+/* PORT serves a bus, HOST:PORT joins one. */
+static int open_socketcand(open_bus_t *opened, const bus_config_t *config, const char *address)
 {
-    char host[128];
-    const char *colon = strrchr(where, ':');
+    char host[HOST_MAX];
+    const char *colon = address != NULL ? strrchr(address, ':') : NULL;
     if (colon == NULL) {
-        return serve(opened, spec, where, clock, patient);
+        return address != NULL ? serve(opened, config, address) : bad_spec(config->spec);
     }
-    if ((size_t)(colon - where) >= sizeof host) {
-        return bad_spec(spec);
+    if ((size_t)(colon - address) >= sizeof host) {
+        return bad_spec(config->spec);
     }
-    snprintf(host, sizeof host, "%.*s", (int)(colon - where), where);
-    return join(opened, spec, host, colon + 1, clock);
+    snprintf(host, sizeof host, "%.*s", (int)(colon - address), address);
+    return join(opened, config, host, colon + 1);
 }
 
-static int open_loopback(open_bus_t *opened, dahl_can_clock_t clock, uint32_t bitrate)
+int bus_open(open_bus_t *opened, const bus_config_t *config)
 {
-    static loopback_t loopback;
-    static timed_loopback_t timed;
-    if (bitrate > 0) {
-        timed_loopback_open(&timed, bitrate, clock);
-    } else {
-        loopback_open(&loopback, clock);
+    const char *colon = strchr(config->spec, ':');
+    size_t length = colon != NULL ? (size_t)(colon - config->spec) : strlen(config->spec);
+    for (size_t i = 0; i < SCHEMES; i++) {
+        if (strlen(schemes[i].name) == length && strncmp(schemes[i].name, config->spec, length) == 0) {
+            return schemes[i].open(opened, config, colon != NULL ? colon + 1 : NULL);
+        }
     }
-    *opened = (open_bus_t){.bus = bitrate > 0 ? &timed.bus : &loopback.bus, .name = BUS_NAME};
-    return 0;
-}
-
-int bus_open(open_bus_t *opened, const bus_wish_t *wish)
-{
-    const char *spec = wish->spec;
-    if (strcmp(spec, "loopback") == 0) {
-        return open_loopback(opened, wish->clock, wish->bitrate);
-    }
-    if (strncmp(spec, "socketcan:", 10) == 0 && spec[10] != '\0') {
-        return open_socketcan(opened, wish, spec + 10);
-    }
-    if (strncmp(spec, "socketcand:", 11) == 0) {
-        return open_socketcand(opened, spec, spec + 11, wish->clock, wish->patient);
-    }
-    return bad_spec(spec);
+    return bad_spec(config->spec);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* bus_open: from --bus SPEC to an open bus. */
+/* bus_open: open the bus that --bus SPEC names. */
 #ifndef BUS_OPEN_H
 #define BUS_OPEN_H
 
@@ -8,7 +8,7 @@
 
 #include "dahl_can_bus.h"
 
-#define BUS_NAME "vcan0" /* what python-can calls as channel of the served bus, and the name in logs */
+#define BUS_NAME "vcan0" /* python-can's channel of the served bus, and the name in logs */
 
 typedef struct {
     dahl_can_bus_t *bus;
@@ -18,14 +18,14 @@ typedef struct {
 typedef struct {
     const char *spec;
     dahl_can_clock_t clock;
-    bool patient;        /* wait for slow clients instead of dropping them (virtual time) */
-    uint32_t bitrate;    /* of the loopback; 0: it takes no time */
-    const uint32_t *ids; /* all that is listened to, where a kernel can filter; NULL: everything */
+    bool is_patient;     /* wait for slow clients instead of dropping them (virtual time) */
+    uint32_t bitrate;    /* of loopback, bit/s; 0: frames occupy no time */
+    const uint32_t *ids; /* ids to pass if the kernel can filter; NULL: all */
     size_t id_count;
-} bus_wish_t;
+} bus_config_t;
 
-/* Only one bus can be open in a process.
- * 0, or an exit code after one error line was printed: EXIT_BAD_INPUT for a bad spec, EXIT_RUNTIME for a bus not there. */
-int bus_open(open_bus_t *opened, const bus_wish_t *wish);
+/* Only one bus can be open in a process. Returns 0, or prints one error line and returns an exit code:
+ * EXIT_BAD_INPUT for a bad spec, EXIT_RUNTIME if the bus cannot be opened. */
+int bus_open(open_bus_t *opened, const bus_config_t *config);
 
 #endif

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* candump: see candump.h. Formatted by hand: printf would take longer than the rest of a tick in virtual time. */
+/* candump: see candump.h. Lines are formatted without printf, which would be slower than a whole tick in virtual time. */
 #define _GNU_SOURCE
 #include "candump.h"
+#include "timing.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -11,7 +12,13 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { LINE_MAX = 96, PIECE = 4096, OPEN_TRIES = 200, OPEN_NAP_NS = 10000000, LINGER_MS = 2000 };
+enum {
+    LINE_MAX = 96,
+    WRITE_BYTES = 4096, /* buffered before a write */
+    OPEN_TRIES = 200,
+    OPEN_NAP_NS = 10000000, /* between tries; 2 s in all */
+    LINGER_MS = 2000        /* at the end, for a reader that reads nothing */
+};
 
 static const uint32_t ERROR_BIT = 0x20000000u; /* as candump writes error frames */
 
@@ -45,7 +52,7 @@ static char *put_data(char *at, const dahl_can_frame_t *frame)
 {
     if ((frame->flags & DAHL_CAN_FRAME_REMOTE) != 0) {
         *at++ = 'R';
-        return frame->length > 0 ? put_hex(at, frame->length, 1) : at; /* bytes that are asked for */
+        return frame->length > 0 ? put_hex(at, frame->length, 1) : at; /* bytes that it requests */
     }
     for (size_t i = 0; i < frame->length; i++) {
         at = put_hex(at, frame->data[i], 2);
@@ -53,12 +60,12 @@ static char *put_data(char *at, const dahl_can_frame_t *frame)
     return at;
 }
 
-bool candump_open(candump_t *log, const char *path, const char *bus_name, bool patient)
+bool candump_open(candump_t *log, const char *path, const char *bus_name, bool is_patient)
 {
     const struct timespec nap = {.tv_nsec = OPEN_NAP_NS};
     const int flags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
     log->bus_name = bus_name;
-    log->patient = patient;
+    log->is_patient = is_patient;
     log->fd = open(path, flags, 0666);
     for (int i = 0; i < OPEN_TRIES && log->fd < 0 && errno == ENXIO && nanosleep(&nap, NULL) == 0; i++) {
         log->fd = open(path, flags, 0666);
@@ -75,14 +82,14 @@ static uint64_t count_lines(const char *bytes, size_t length)
     return lines;
 }
 
-/* Bytes since the last end of a line, were the first `length` of what waits written. */
-static size_t half_line(const candump_t *log, size_t length)
+/* Bytes of an incomplete line if the first `length` bytes of the buffer are written. */
+static size_t incomplete_bytes(const candump_t *log, size_t length)
 {
     const char *end = memrchr(log->bytes, '\n', length);
     return end == NULL ? length : length - (size_t)(end + 1 - log->bytes);
 }
 
-/* The file takes no more: what waits is missing, and a file, unlike a pipe, gives back the piece of a line. */
+/* The file cannot be written any more. Count the buffered lines as missing and remove the incomplete line (not from a pipe). */
 static void give_up(candump_t *log, int why)
 {
     struct stat status;
@@ -94,7 +101,7 @@ static void give_up(candump_t *log, int why)
     }
 }
 
-/* Write what the file takes without waiting. */
+/* Write as many bytes as the file accepts without waiting. */
 static void flush(candump_t *log)
 {
     while (log->used > 0 && log->why == 0) {
@@ -105,20 +112,20 @@ static void flush(candump_t *log)
             }
             return;
         }
-        size_t rest = half_line(log, (size_t)n);
+        size_t rest = incomplete_bytes(log, (size_t)n);
         log->torn = rest == (size_t)n ? log->torn + rest : rest;
         log->used -= (size_t)n;
         memmove(log->bytes, log->bytes + n, log->used);
     }
 }
 
-/* Wait until the reader has taken something; a signal ends all patience, so that Ctrl-C is never delayed. */
+/* Wait until the reader has read some bytes. A signal ends the patience, so that Ctrl-C is never delayed. */
 static void flush_within(candump_t *log, int ms)
 {
     struct pollfd ready = {.fd = log->fd, .events = POLLOUT};
     flush(log);
     if (log->used > 0 && log->why == 0) {
-        log->patient = poll(&ready, 1, ms) > 0;
+        log->is_patient = poll(&ready, 1, ms) > 0;
         flush(log);
     }
 }
@@ -126,7 +133,7 @@ static void flush_within(candump_t *log, int ms)
 static void put_line(candump_t *log, const char *line, size_t length)
 {
     if (log->used + length > sizeof log->bytes) {
-        flush_within(log, log->patient ? CANDUMP_PATIENCE_MS : 0);
+        flush_within(log, log->is_patient ? CANDUMP_PATIENCE_MS : 0);
     }
     if (log->used + length > sizeof log->bytes || log->why != 0) {
         log->missing++;
@@ -134,7 +141,7 @@ static void put_line(candump_t *log, const char *line, size_t length)
     }
     memcpy(log->bytes + log->used, line, length);
     log->used += length;
-    if (log->used >= PIECE) {
+    if (log->used >= WRITE_BYTES) {
         flush(log);
     }
 }
@@ -144,14 +151,14 @@ void candump_write(candump_t *log, const dahl_can_frame_t *frame)
     char line[LINE_MAX];
     char *at = line;
     *at++ = '(';
-    at = put_decimal(at, frame->time_us / 1000000u, 10);
+    at = put_decimal(at, frame->time_us / US_PER_S, 10);
     *at++ = '.';
-    at = put_decimal(at, frame->time_us % 1000000u, 6);
+    at = put_decimal(at, frame->time_us % US_PER_S, 6);
     at = put_text(at, ") ");
     at = put_text(at, log->bus_name);
     *at++ = ' ';
-    bool error = (frame->flags & DAHL_CAN_FRAME_ERROR) != 0;
-    at = put_hex(at, frame->id | (error ? ERROR_BIT : 0), (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 || error ? 8 : 3);
+    bool is_error = (frame->flags & DAHL_CAN_FRAME_ERROR) != 0;
+    at = put_hex(at, frame->id | (is_error ? ERROR_BIT : 0), (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 || is_error ? 8 : 3);
     at = put_text(at, (frame->flags & DAHL_CAN_FRAME_FD) != 0 ? "##0" : "#");
     at = put_data(at, frame);
     *at++ = '\n';

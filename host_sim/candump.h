@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * candump: a log of the bus in the form that candump -L writes and canplayer reads. Only whole lines are written, at any
- * moment and whatever ends the program; where a disk is full the piece of a line that still found room is cut off again.
+ * candump: write a log of the bus in the format of candump -L, which canplayer reads. The log has whole lines only, at any
+ * moment and however the program ends. If a disk is full, the last incomplete line is removed.
  *
- * Nothing here delays a tick: a pipe whose reader is slow has CANDUMP_ROOM bytes of patience, 2 to 3 s of the pair of
- * frames at 1 kHz. After that, lines are left out whole and counted until there is room again. A patient log (virtual
- * time, where no tick can be missed) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
+ * The log never delays a tick. If the reader of a pipe is slow, CANDUMP_ROOM bytes are buffered: 2 to 3 s of an angle and an
+ * answer at 1 kHz. If the buffer is full, whole lines are omitted and counted. A patient log (virtual time, in which no tick
+ * can be late) waits for its reader instead, CANDUMP_PATIENCE_MS at most.
  */
 #ifndef CANDUMP_H
 #define CANDUMP_H
@@ -22,21 +22,21 @@
 typedef struct {
     int fd;
     const char *bus_name;
-    bool patient;
-    int why;          /* errno of the write that failed; 0: none has */
+    bool is_patient;
+    int why;          /* errno of a failed write; 0: no failure */
     uint64_t missing; /* lines that could not be written */
-    size_t torn;      /* bytes at the end of the file that are no whole line yet */
-    size_t used;      /* bytes that wait */
+    size_t torn;      /* bytes of an incomplete line at the end of the file */
+    size_t used;      /* bytes in the buffer */
     char bytes[CANDUMP_ROOM];
 } candump_t;
 
-/* A named pipe must find its reader within 2 s. False: errno says why; ENXIO: a pipe that nobody reads. */
-bool candump_open(candump_t *log, const char *path, const char *bus_name, bool patient);
+/* A named pipe must have a reader within 2 s. Returns false with errno set on failure; ENXIO: the pipe has no reader. */
+bool candump_open(candump_t *log, const char *path, const char *bus_name, bool is_patient);
 
-/* One line. What goes wrong is kept and told by candump_close. */
+/* Write one line. candump_close reports an error. */
 void candump_write(candump_t *log, const dahl_can_frame_t *frame);
 
-/* Write what waits, and close. False: lines are missing; `missing` says how many, errno why. */
+/* Write the buffered lines and close. Returns false if lines are missing: `missing` is their number, errno the reason. */
 bool candump_close(candump_t *log);
 
 #endif

@@ -4,10 +4,13 @@
 
 #include "dahl_frames.h"
 #include "load.h"
+#include "timing.h"
+
+enum { COUNTERS = 16 }; /* values of the 4-bit counter */
 
 static uint8_t counter_of(uint64_t sequence)
 {
-    return (uint8_t)(sequence & 0x0F);
+    return (uint8_t)(sequence % COUNTERS);
 }
 
 bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out)
@@ -15,8 +18,8 @@ bool encoder_tick(encoder_t *encoder, uint64_t now_ns, dahl_can_frame_t *out)
     dahl_encoder_state_t state = {.counter = counter_of(encoder->sent), .valid = true};
     int result = motion_next(encoder->motion, &state.count);
     if (result != 1) {
-        encoder->ended = true;
-        encoder->failed = result < 0;
+        encoder->has_ended = true;
+        encoder->has_failed = result < 0;
         return false;
     }
     encoder->sent_ns[encoder->sent % ENCODER_WAITING] = now_ns;
@@ -33,26 +36,26 @@ bool encoder_load(encoder_t *encoder, dahl_can_frame_t *out)
     if (encoder->load == NULL) {
         return false;
     }
-    dahl_param_write_t asked = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE};
-    asked.value = load_of(encoder->load, encoder->motion->load);
-    if (asked.value == encoder->load_told && encoder->sent % ENCODER_LOAD_TICKS != 0) {
+    dahl_param_write_t request = {.param = DAHL_FRAMES_PARAM_LOAD, .write = DAHL_FRAMES_PARAM_WRITE};
+    request.value = load_of(encoder->load, encoder->motion->load);
+    if (request.value == encoder->load_sent && encoder->sent % ENCODER_LOAD_TICKS != 0) {
         return false;
     }
-    asked.counter = counter_of(encoder->loads++);
-    encoder->load_told = asked.value;
-    dahl_frames_pack_param_write(out, encoder->node, &asked);
+    request.counter = counter_of(encoder->loads++);
+    encoder->load_sent = request.value;
+    dahl_frames_pack_param_write(out, encoder->node, &request);
     return true;
 }
 
-static bool starts_anew(uint8_t state)
+static bool is_restart(uint8_t state)
 {
     return state == DAHL_FRAMES_INIT || state == DAHL_FRAMES_STALE || state == DAHL_FRAMES_WRONG_SEQUENCE;
 }
 
-/* Steps from one counter up to the next place where it is `wanted`: 0..15. */
-static uint64_t steps(uint64_t from, uint8_t wanted)
+/* Frames from sequence number `from` to the next one with this counter: 0 to 15. */
+static uint64_t frames_until(uint64_t from, uint8_t counter)
 {
-    return (wanted - from) & 0x0F;
+    return (counter - from) % COUNTERS;
 }
 
 static void measure(encoder_t *encoder, uint64_t latency_ns)
@@ -62,15 +65,15 @@ static void measure(encoder_t *encoder, uint64_t latency_ns)
         histogram_add(&encoder->jitter, change);
     }
     histogram_add(&encoder->latency, latency_ns);
-    encoder->late += latency_ns > ENCODER_PERIOD_NS ? 1u : 0u;
+    encoder->late += latency_ns > PERIOD_NS ? 1u : 0u;
     encoder->last_ns = latency_ns;
 }
 
 static void match(encoder_t *encoder, const dahl_friction_torque_t *torque, uint64_t now_ns)
 {
-    uint64_t found = encoder->next + steps(encoder->next, torque->echo);
-    if (starts_anew(torque->state) && encoder->sent > encoder->next + 16) {
-        found = encoder->sent - 16 + steps(encoder->sent, torque->echo);
+    uint64_t found = encoder->next + frames_until(encoder->next, torque->echo);
+    if (is_restart(torque->state) && encoder->sent > encoder->next + COUNTERS) {
+        found = encoder->sent - COUNTERS + frames_until(encoder->sent, torque->echo);
     }
     if (found >= encoder->sent) {
         encoder->unmatched++;

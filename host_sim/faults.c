@@ -1,17 +1,26 @@
 /* SPDX-License-Identifier: MIT */
-/* faults: see faults.h. One function per fault; each writes what is sent and what the node has to count. */
+/* faults: see faults.h. Each fault has a function that writes the frames to send and updates the expected counts. */
 #include "faults.h"
 
 #include "splitmix.h"
+#include "timing.h"
 
-enum { RUN_MAX = 6, LATE_MIN = 2, LATE_MAX = 7, BABBLE = 8, OFF_EXTRA = 10, OFF_TOLD = 5, NOBODY = 0x700, BABBLER = 0x0F0 };
+enum {
+    LOST_MAX = 6,       /* consecutive frames: a node with max_step accepts a gap of 7 */
+    LATE_MIN = 2,       /* frames */
+    LATE_MAX = 7,
+    FLIPS_MAX = 3,      /* bits */
+    BABBLE_FRAMES = 8,
+    OFF_EXTRA = 10,     /* ticks of silence after the timeout */
+    BUS_OFF_TICKS = 5,  /* from the start of the silence to the bus-off event */
+    ID_UNUSED = 0x700,  /* first of 255 ids that no node uses */
+    ID_BABBLE = 0x0F0,  /* first of 16 ids with a higher priority than any node's */
+    ID_NUMBER = 0x00F
+};
 
 const char *const fault_names[FAULT_KINDS] = {
-    [FAULT_DROP] = "drop",         [FAULT_DUPLICATE] = "duplicate", [FAULT_REORDER] = "reorder",
-    [FAULT_DELAY] = "delay",       [FAULT_CORRUPT] = "corrupt",     [FAULT_LENGTH] = "length",
-    [FAULT_ID] = "id",             [FAULT_EXTENDED] = "extended",   [FAULT_INVALID] = "invalid",
-    [FAULT_GLITCH] = "glitch",     [FAULT_BABBLE] = "babble",       [FAULT_SILENCE] = "silence",
-    [FAULT_BUS_OFF] = "bus_off",   [FAULT_RESTART] = "restart",
+#define SCENE_FAULT(NAME, name, ...) #name,
+#include "scene_keys.def"
 };
 
 typedef struct {
@@ -22,7 +31,7 @@ typedef struct {
 void faults_open(faults_t *faults, const double rates[FAULT_KINDS], uint64_t seed, uint32_t timeout_us)
 {
     *faults = (faults_t){
-        .rates = rates, .random = seed, .off_ticks = timeout_us / 1000 + OFF_EXTRA, .clean = 1};
+        .rates = rates, .random = seed, .off_ticks = timeout_us / PERIOD_US + OFF_EXTRA, .clean = 1};
 }
 
 static void put(sink_t *sink, const dahl_can_frame_t *frame)
@@ -30,16 +39,16 @@ static void put(sink_t *sink, const dahl_can_frame_t *frame)
     sink->frames[sink->count++] = *frame;
 }
 
-/* The node sees a frame in sequence: what went missing before it is lost now. */
-static void arrive(faults_t *f)
+/* The node receives a frame in sequence, so it counts the missing frames before it as lost. */
+static void count_lost(faults_t *f)
 {
     f->expected.lost += f->missing;
     f->missing = 0;
 }
 
-static void good(faults_t *f, const dahl_can_frame_t *frame, sink_t *sink)
+static void send_good(faults_t *f, const dahl_can_frame_t *frame, sink_t *sink)
 {
-    arrive(f);
+    count_lost(f);
     if (f->rearm > 0) {
         f->rearm--;
         f->expected.rearm++;
@@ -69,7 +78,7 @@ static void hold(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink
 static void flip_bits(faults_t *f, dahl_can_frame_t *frame)
 {
     uint64_t mask = 0;
-    for (uint32_t flips = 1 + splitmix_below(&f->random, 3); flips > 0; flips--) {
+    for (uint32_t flips = 1 + splitmix_below(&f->random, FLIPS_MAX); flips > 0; flips--) {
         mask |= UINT64_C(1) << splitmix_below(&f->random, 64);
     }
     for (uint32_t i = 0; i < 8; i++) {
@@ -80,22 +89,22 @@ static void flip_bits(faults_t *f, dahl_can_frame_t *frame)
 static void corrupt(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, sink_t *sink)
 {
     dahl_encoder_state_t unused;
-    dahl_can_frame_t spoiled;
+    dahl_can_frame_t changed;
     (void)fault;
     do {
-        spoiled = *frame;
-        flip_bits(f, &spoiled);
-    } while (dahl_frames_unpack_encoder(&spoiled, &unused) == DAHL_FRAMES_GOOD);
+        changed = *frame;
+        flip_bits(f, &changed);
+    } while (dahl_frames_unpack_encoder(&changed, &unused) == DAHL_FRAMES_GOOD);
     f->expected.crc++;
     f->missing++;
-    put(sink, &spoiled);
+    put(sink, &changed);
 }
 
-static void spoil_form(faults_t *f, const dahl_can_frame_t *in, fault_t fault, sink_t *sink)
+static void change_form(faults_t *f, const dahl_can_frame_t *in, fault_t fault, sink_t *sink)
 {
     dahl_can_frame_t frame = *in;
     if (fault == FAULT_ID) {
-        frame.id = NOBODY + splitmix_below(&f->random, 0xFF);
+        frame.id = ID_UNUSED + splitmix_below(&f->random, 0xFF);
         f->expected.ignored++;
     } else {
         frame.length = fault == FAULT_LENGTH ? (uint8_t)splitmix_below(&f->random, 8) : frame.length;
@@ -106,8 +115,8 @@ static void spoil_form(faults_t *f, const dahl_can_frame_t *in, fault_t fault, s
     put(sink, &frame);
 }
 
-/* Another content, with its CRC in order. */
-static void spoil_count(faults_t *f, const dahl_can_frame_t *in, fault_t fault, sink_t *sink)
+/* Send a changed frame with a correct CRC. */
+static void change_state(faults_t *f, const dahl_can_frame_t *in, fault_t fault, sink_t *sink)
 {
     dahl_can_frame_t frame = *in;
     dahl_encoder_state_t state;
@@ -120,27 +129,27 @@ static void spoil_count(faults_t *f, const dahl_can_frame_t *in, fault_t fault, 
         f->expected.jump++;
         f->clean = 1;
     }
-    dahl_frames_pack_encoder(&frame, (uint8_t)(frame.id & 0x0F), &state);
-    arrive(f);
+    dahl_frames_pack_encoder(&frame, (uint8_t)(frame.id & ID_NUMBER), &state);
+    count_lost(f);
     put(sink, &frame);
 }
 
 static void babble(faults_t *f, sink_t *sink)
 {
-    for (uint32_t i = 0; i < BABBLE; i++) {
-        dahl_can_frame_t frame = {.id = BABBLER + splitmix_below(&f->random, 0x10), .length = 8};
+    for (uint32_t i = 0; i < BABBLE_FRAMES; i++) {
+        dahl_can_frame_t frame = {.id = ID_BABBLE + splitmix_below(&f->random, 0x10), .length = 8};
         for (size_t byte = 0; byte < 8; byte++) {
             frame.data[byte] = (uint8_t)splitmix_below(&f->random, 256);
         }
         put(sink, &frame);
     }
-    f->expected.ignored += BABBLE;
+    f->expected.ignored += BABBLE_FRAMES;
 }
 
 static void restart(faults_t *f, const dahl_can_frame_t *frame, sink_t *sink)
 {
     dahl_can_frame_t reset;
-    dahl_frames_pack_reset(&reset, (uint8_t)(frame->id & 0x0F), &(dahl_node_reset_t){.what = DAHL_FRAMES_RESET_RESTART});
+    dahl_frames_pack_reset(&reset, (uint8_t)(frame->id & ID_NUMBER), &(dahl_node_reset_t){.what = DAHL_FRAMES_RESET_RESTART});
     f->expected.resets++;
     put(sink, &reset);
 }
@@ -149,22 +158,22 @@ static void silence(faults_t *f, const dahl_can_frame_t *frame, fault_t fault, s
 {
     (void)frame;
     (void)sink;
-    f->told = fault == FAULT_BUS_OFF;
+    f->reports_bus_off = fault == FAULT_BUS_OFF;
     f->silent++;
     f->off = f->off_ticks - 1;
     f->rearm = DAHL_NODE_REARM - 1;
     f->clean = DAHL_NODE_REARM;
 }
 
-/* Silence, bus_off and restart break the sequence, so nothing may be on its way or missing then. */
-static bool may(const faults_t *f, fault_t fault)
+/* Silence, bus_off and restart break the sequence, so no frame may be late or missing then. */
+static bool is_allowed(const faults_t *f, fault_t fault)
 {
-    bool breaks = fault == FAULT_SILENCE || fault == FAULT_BUS_OFF || fault == FAULT_RESTART;
-    bool late = fault == FAULT_REORDER || fault == FAULT_DELAY;
-    if (breaks && (f->late_count > 0 || f->missing > 0)) {
+    bool is_break = fault == FAULT_SILENCE || fault == FAULT_BUS_OFF || fault == FAULT_RESTART;
+    bool is_late = fault == FAULT_REORDER || fault == FAULT_DELAY;
+    if (is_break && (f->late_count > 0 || f->missing > 0)) {
         return false;
     }
-    return f->missing < RUN_MAX && !(late && f->late_count == FAULTS_HELD);
+    return f->missing < LOST_MAX && !(is_late && f->late_count == FAULTS_HELD);
 }
 
 static fault_t choose(faults_t *f)
@@ -178,14 +187,14 @@ static fault_t choose(faults_t *f)
         f->clean--;
         return FAULT_KINDS;
     }
-    return fault < FAULT_KINDS && may(f, fault) ? fault : FAULT_KINDS;
+    return fault < FAULT_KINDS && is_allowed(f, fault) ? fault : FAULT_KINDS;
 }
 
-/* Faults after which this very frame does not come as it is; the others come beside it. */
-static void (*const spoilers[FAULT_KINDS + 1])(faults_t *, const dahl_can_frame_t *, fault_t, sink_t *) = {
+/* Faults that replace the frame. The others send it unchanged. */
+static void (*const replacements[FAULT_KINDS + 1])(faults_t *, const dahl_can_frame_t *, fault_t, sink_t *) = {
     [FAULT_DROP] = drop,           [FAULT_REORDER] = hold,       [FAULT_DELAY] = hold,
-    [FAULT_CORRUPT] = corrupt,     [FAULT_LENGTH] = spoil_form,  [FAULT_ID] = spoil_form,
-    [FAULT_EXTENDED] = spoil_form, [FAULT_INVALID] = spoil_count, [FAULT_GLITCH] = spoil_count,
+    [FAULT_CORRUPT] = corrupt,     [FAULT_LENGTH] = change_form,  [FAULT_ID] = change_form,
+    [FAULT_EXTENDED] = change_form, [FAULT_INVALID] = change_state, [FAULT_GLITCH] = change_state,
     [FAULT_SILENCE] = silence,     [FAULT_BUS_OFF] = silence,
 };
 
@@ -196,14 +205,14 @@ static void pass_good(faults_t *f, const dahl_can_frame_t *frame, fault_t fault,
     } else if (fault == FAULT_RESTART) {
         restart(f, frame, sink);
     }
-    good(f, frame, sink);
+    send_good(f, frame, sink);
     if (fault == FAULT_DUPLICATE) {
         f->expected.repeated++;
         put(sink, frame);
     }
 }
 
-/* Late frames whose time has come. */
+/* Send the late frames that are due. */
 static void release(faults_t *f, sink_t *sink)
 {
     size_t kept = 0;
@@ -218,16 +227,16 @@ static void release(faults_t *f, sink_t *sink)
     f->late_count = kept;
 }
 
-/* Bus-off is told when what was on its way on a slow bus has come; the timeout has passed before the silence ends. */
+/* Report bus-off after the frames on a slow bus have arrived. The silence ends after the timeout. */
 static void stay_silent(faults_t *f, sink_t *sink)
 {
     f->off--;
     f->silent++;
-    if (f->told && f->off == f->off_ticks - OFF_TOLD) {
+    if (f->reports_bus_off && f->off == f->off_ticks - BUS_OFF_TICKS) {
         put(sink, &(dahl_can_frame_t){.id = DAHL_CAN_ERROR_BUS_OFF, .flags = DAHL_CAN_FRAME_ERROR, .length = 8});
         f->expected.bus_off++;
     }
-    f->expected.stale += !f->told && f->off == OFF_EXTRA - 1 ? 1u : 0u; /* the timeout has just passed */
+    f->expected.stale += !f->reports_bus_off && f->off == OFF_EXTRA - 1 ? 1u : 0u; /* the timeout has just passed */
 }
 
 size_t faults_pass(faults_t *f, const dahl_can_frame_t *in, dahl_can_frame_t out[FAULTS_OUT])
@@ -241,8 +250,8 @@ size_t faults_pass(faults_t *f, const dahl_can_frame_t *in, dahl_can_frame_t out
     if (fault < FAULT_KINDS) {
         f->injected[fault]++;
     }
-    if (spoilers[fault] != NULL) {
-        spoilers[fault](f, in, fault, &sink);
+    if (replacements[fault] != NULL) {
+        replacements[fault](f, in, fault, &sink);
     } else {
         pass_good(f, in, fault, &sink);
     }

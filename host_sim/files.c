@@ -35,10 +35,10 @@ int files_find_log(char path[FILES_PATH], const options_t *options, const scene_
 
 typedef struct {
     const char *option;
-    const char *path; /* NULL or "": none */
+    const char *path; /* NULL or "": not used */
 } named_t;
 
-static bool is_there(const named_t *file, struct stat *status)
+static bool stat_file(const named_t *file, struct stat *status)
 {
     return file->path != NULL && file->path[0] != '\0' && stat(file->path, status) == 0;
 }
@@ -58,32 +58,32 @@ static const char *name_in(const char *path)
     return slash == NULL ? path : slash + 1;
 }
 
-static bool is_one(const struct stat *a, const struct stat *b)
+static bool is_same_inode(const struct stat *a, const struct stat *b)
 {
     return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
 }
 
-/* A file that is not there yet is known by its folder and its name. */
-static bool same_place(const char *a, const char *b)
+/* A file that does not exist yet is identified by its folder and its name. */
+static bool is_same_path(const char *a, const char *b)
 {
     struct stat one;
     struct stat other;
     return strcmp(name_in(a), name_in(b)) == 0 && stat_folder(a, &one) && stat_folder(b, &other) &&
-           is_one(&one, &other);
+           is_same_inode(&one, &other);
 }
 
 static bool is_same(const named_t *a, const named_t *b)
 {
     struct stat one;
     struct stat other;
-    bool there = is_there(a, &one);
-    if (a->path == NULL || b->path == NULL || there != is_there(b, &other)) {
+    bool has_a = stat_file(a, &one);
+    if (a->path == NULL || b->path == NULL || has_a != stat_file(b, &other)) {
         return false;
     }
-    if (!there) {
-        return same_place(a->path, b->path);
+    if (!has_a) {
+        return is_same_path(a->path, b->path);
     }
-    return is_one(&one, &other) && S_ISREG(one.st_mode);
+    return is_same_inode(&one, &other) && S_ISREG(one.st_mode);
 }
 
 static int check_one(const named_t *written, const named_t *others, size_t count)
@@ -99,12 +99,12 @@ static int check_one(const named_t *written, const named_t *others, size_t count
 
 int files_check(const options_t *options, const char *measured_log)
 {
-    bool to_stdout = options->summary != NULL && strcmp(options->summary, "-") == 0;
+    bool is_stdout = options->summary != NULL && strcmp(options->summary, "-") == 0;
     const named_t files[] = {{"--scene", options->scene},
                              {"the measured log", measured_log},
                              {"--log", options->log},
                              {"--trace", options->trace},
-                             {"--summary", to_stdout ? NULL : options->summary}};
+                             {"--summary", is_stdout ? NULL : options->summary}};
     for (size_t i = 2; i < sizeof files / sizeof files[0]; i++) {
         if (check_one(&files[i], files, i) != 0) {
             return -1;

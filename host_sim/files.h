@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* files: what a run reads and what it writes, and that it writes over nothing that it needs. */
+/* files: find the files of a run, and ensure that no output overwrites an input or another output. */
 #ifndef FILES_H
 #define FILES_H
 
@@ -8,11 +8,11 @@
 
 #define FILES_PATH 1024u
 
-/* Where the scene's measured log is: as --log-file says, or in --data DIR, or beside the scene file; "" where the scene
- * has none. 0, or -1 after one error line was printed: the path is too long. */
+/* Find the scene's measured log: --log-file, or [motion] file in --data DIR, or else in the folder of the scene file; "" if the
+ * scene has no log. Returns 0, or -1 after one error line: the path is too long. */
 int files_find_log(char path[FILES_PATH], const options_t *options, const scene_t *scene);
 
-/* 0, or -1 after one error line was printed: a file to write is one that is read, or that is written for another purpose. */
+/* Returns 0, or -1 after one error line: an output is also an input or another output. */
 int files_check(const options_t *options, const char *measured_log);
 
 #endif

@@ -1,20 +1,22 @@
 /* SPDX-License-Identifier: MIT */
-/* histogram: see histogram.h. Below 32 ns a bin is 1 ns wide; above, the 5 bits after the leading one choose the bin. */
+/* histogram: see histogram.h. Below 64 ns a bin is 1 ns wide. Above, the 5 bits after the leading one select the bin. */
 #include "histogram.h"
+
+enum { OCTAVE_BINS = 32 };
 
 static size_t bin_of(uint64_t ns)
 {
     size_t octave = 0;
-    while ((ns >> octave) >= 64) {
+    while ((ns >> octave) >= 2 * OCTAVE_BINS) {
         octave++;
     }
-    return octave * 32 + (size_t)(ns >> octave);
+    return octave * OCTAVE_BINS + (size_t)(ns >> octave);
 }
 
 uint64_t histogram_edge(size_t bin)
 {
-    size_t octave = bin < 64 ? 0 : bin / 32 - 1;
-    return ((uint64_t)(bin - octave * 32 + 1) << octave) - 1;
+    size_t octave = bin < 2 * OCTAVE_BINS ? 0 : bin / OCTAVE_BINS - 1;
+    return ((uint64_t)(bin - octave * OCTAVE_BINS + 1) << octave) - 1;
 }
 
 void histogram_add(histogram_t *histogram, uint64_t ns)
@@ -37,11 +39,11 @@ void histogram_merge(histogram_t *histogram, const histogram_t *other)
 
 uint64_t histogram_quantile(const histogram_t *histogram, double quantile)
 {
-    double wanted = quantile * (double)histogram->count;
+    double rank = quantile * (double)histogram->count;
     uint64_t seen = 0;
     for (size_t bin = 0; bin < HISTOGRAM_BINS; bin++) {
         seen += histogram->bins[bin];
-        if (seen > 0 && (double)seen >= wanted) {
+        if (seen > 0 && (double)seen >= rank) {
             uint64_t edge = histogram_edge(bin);
             return edge < histogram->max ? edge : histogram->max;
         }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* load: how much a bearing carries, as parameter Load tells it. */
+/* load: the load of a bearing as the value of parameter Load. */
 #ifndef LOAD_H
 #define LOAD_H
 
@@ -8,7 +8,7 @@
 #include "dahl_node.h"
 #include "scene.h"
 
-/* min(1, rest + |x|/full) of DAHL_NODE_ONE; x in the unit of full. */
+/* min(1, rest + |x|/full), in units of 1/DAHL_NODE_ONE; x in the unit of full. */
 static inline uint32_t load_of(const scene_load_t *load, double x)
 {
     return (uint32_t)lround(fmin(1, load->rest + fabs(x) / load->full) * DAHL_NODE_ONE);

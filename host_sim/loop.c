@@ -10,17 +10,24 @@
 #include "frame_bits.h"
 #include "messages.h"
 
-enum { SETTLE_TICKS = 1000, ALONE_TICKS = 100, WAIT_US = 10000, DRAIN_FRAMES = 1000, SECOND_TICKS = 1000 };
+enum { ID_KIND = 0x7F0, ID_NUMBER = 0x00F };
+enum {
+    SETTLE_TICKS = 1000,    /* for the last answers, if nodes have answered before */
+    UNANSWERED_TICKS = 100, /* the same if no node has answered yet */
+    WAIT_US = 10000,        /* of one receive() while the loop waits for other programs */
+    DRAIN_FRAMES = 1000
+};
 
-static const double LOAD_WARN = 0.7;
+static const double LOAD_WARN = 0.7; /* share of the bus; above, low priorities wait noticeably */
 
-#define STALL_NS UINT64_C(1000000000)
+#define CATCH_UP_NS (PERIOD_NS * 3 / 4) /* from a late tick to the next */
+#define STALL_NS NS_PER_S
 
 static uint64_t read_clock(clockid_t id)
 {
     struct timespec now;
     clock_gettime(id, &now);
-    return (uint64_t)now.tv_sec * UINT64_C(1000000000) + (uint64_t)now.tv_nsec;
+    return (uint64_t)now.tv_sec * NS_PER_S + (uint64_t)now.tv_nsec;
 }
 
 static uint64_t clock_now(void *context)
@@ -32,9 +39,9 @@ static uint64_t clock_now(void *context)
 static void clock_wait(void *context, uint32_t us)
 {
     sim_clock_t *clock = (sim_clock_t *)context;
-    struct timespec nap = {.tv_sec = (time_t)(us / 1000000u), .tv_nsec = (long)(us % 1000000u) * 1000};
+    struct timespec nap = {.tv_sec = (time_t)(us / US_PER_S), .tv_nsec = (long)(us % US_PER_S * NS_PER_US)};
     if (clock->is_virtual) {
-        clock->virtual_ns += us * UINT64_C(1000);
+        clock->virtual_ns += us * NS_PER_US;
     } else {
         nanosleep(&nap, NULL);
     }
@@ -52,15 +59,15 @@ dahl_can_clock_t sim_clock_seam(sim_clock_t *clock)
     return (dahl_can_clock_t){.now_ns = clock_now, .wait_us = clock_wait, .context = clock};
 }
 
-/* us; of real time the ticks that were made, and what has passed of the present one. */
+/* Time of the nodes, us. In real time: all ticks so far, and the time since the last one, up to one period. */
 static uint32_t node_time(const loop_t *loop)
 {
     if (loop->clock->is_virtual) {
-        return (uint32_t)(clock_now(loop->clock) / 1000u);
+        return (uint32_t)(clock_now(loop->clock) / NS_PER_US);
     }
-    uint64_t since_ns = read_clock(CLOCK_MONOTONIC) - loop->ticked_ns;
-    uint64_t part_ns = since_ns < LOOP_PERIOD_NS ? since_ns : LOOP_PERIOD_NS - 1;
-    return (uint32_t)((loop->ticks * LOOP_PERIOD_NS + part_ns) / 1000u);
+    uint64_t since_ns = read_clock(CLOCK_MONOTONIC) - loop->last_tick_ns;
+    uint64_t part_ns = since_ns < PERIOD_NS ? since_ns : PERIOD_NS - 1;
+    return (uint32_t)((loop->ticks * PERIOD_NS + part_ns) / NS_PER_US);
 }
 
 static void transmit(loop_t *loop, const dahl_can_frame_t *frame)
@@ -68,22 +75,22 @@ static void transmit(loop_t *loop, const dahl_can_frame_t *frame)
     dahl_can_result_t result = dahl_can_bus_send(loop->bus, frame);
     loop->send_failed += result == DAHL_CAN_BUS_OK ? 0u : 1u;
     loop->echoes += result == DAHL_CAN_BUS_OK ? 1u : 0u;
-    loop->gone |= result == DAHL_CAN_BUS_GONE;
+    loop->is_bus_gone |= result == DAHL_CAN_BUS_GONE;
 }
 
-/* What nodes themselves sent is no input of theirs; of several nodes each sees what has its number. */
+/* Nodes do not receive answers of this process. Of several nodes, each receives frames with its number only. */
 static bool is_for(const loop_t *loop, const dahl_node_t *node, const dahl_can_frame_t *frame)
 {
-    uint32_t kind = frame->id & 0x7F0u;
-    bool answer = kind == DAHL_FRAMES_ID_TORQUE || kind == DAHL_FRAMES_ID_STATUS || kind == DAHL_FRAMES_ID_PARAM_REPLY;
-    bool own_answer = (frame->flags & (DAHL_CAN_FRAME_OWN | DAHL_CAN_FRAME_EXTENDED)) == DAHL_CAN_FRAME_OWN && answer;
+    uint32_t kind = frame->id & ID_KIND;
+    bool is_answer = kind == DAHL_FRAMES_ID_TORQUE || kind == DAHL_FRAMES_ID_STATUS || kind == DAHL_FRAMES_ID_PARAM_REPLY;
+    bool is_own = (frame->flags & (DAHL_CAN_FRAME_OWN | DAHL_CAN_FRAME_EXTENDED)) == DAHL_CAN_FRAME_OWN;
     if ((frame->flags & DAHL_CAN_FRAME_ERROR) != 0) {
         return dahl_can_is_bus_off(frame);
     }
-    return !own_answer && (loop->node_count == 1 || (frame->id & 0x0Fu) == node->number);
+    return !(is_own && is_answer) && (loop->node_count == 1 || (frame->id & ID_NUMBER) == node->number);
 }
 
-static void to_nodes(loop_t *loop, const dahl_can_frame_t *frame)
+static void pass_to_nodes(loop_t *loop, const dahl_can_frame_t *frame)
 {
     dahl_can_frame_t answer;
     for (uint32_t i = 0; i < loop->node_count; i++) {
@@ -105,7 +112,7 @@ static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
 {
     uint64_t now = clock_now(loop->clock);
     if (loop->clock->is_virtual) {
-        frame->time_us = now / 1000u;
+        frame->time_us = now / NS_PER_US;
         loop->echoes -= (frame->flags & DAHL_CAN_FRAME_OWN) != 0 && loop->echoes > 0 ? 1u : 0u;
     }
     if (loop->log != NULL) {
@@ -118,31 +125,31 @@ static void dispatch(loop_t *loop, dahl_can_frame_t *frame)
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_receive(&loop->encoders[i], frame, now);
     }
-    loop->heard |= (frame->id & 0x7F0u) == DAHL_FRAMES_ID_ENCODER && loop->encoder_count == 0;
-    loop->follows |= loop->heard;
-    to_nodes(loop, frame);
+    loop->has_angle |= (frame->id & ID_KIND) == DAHL_FRAMES_ID_ENCODER && loop->encoder_count == 0;
+    loop->waits_for_encoder |= loop->has_angle;
+    pass_to_nodes(loop, frame);
 }
 
 static bool receive(loop_t *loop, uint32_t timeout_us)
 {
     dahl_can_frame_t frame;
     dahl_can_result_t result = dahl_can_bus_receive(loop->bus, &frame, timeout_us);
-    loop->gone |= result == DAHL_CAN_BUS_GONE;
+    loop->is_bus_gone |= result == DAHL_CAN_BUS_GONE;
     if (result == DAHL_CAN_BUS_OK) {
         dispatch(loop, &frame);
     }
     return result == DAHL_CAN_BUS_OK;
 }
 
-static double load_of(const loop_t *loop, uint64_t bits, uint64_t ticks)
+static double bus_load(const loop_t *loop, uint64_t bits, uint64_t ticks)
 {
-    return (double)bits * (double)SECOND_TICKS / ((double)loop->bitrate * (double)ticks);
+    return (double)bits * TICKS_PER_SECOND / ((double)loop->bitrate * (double)ticks);
 }
 
-/* How full was the bus in the last so many ticks, a second of them or a whole run that is shorter? */
-static void look_at_load(loop_t *loop, uint64_t ticks)
+/* Close the present second of the bus load after this many ticks: a second of them, or a shorter run. */
+static void end_load_second(loop_t *loop, uint64_t ticks)
 {
-    double load = load_of(loop, loop->second_bits, ticks);
+    double load = bus_load(loop, loop->second_bits, ticks);
     if (load > LOAD_WARN && loop->peak_load <= LOAD_WARN) {
         char text[100];
         snprintf(text, sizeof text, "bus load %.0f %% at %u bit/s: above %.0f %%, frames will wait for each other",
@@ -151,25 +158,25 @@ static void look_at_load(loop_t *loop, uint64_t ticks)
     }
     loop->peak_load = load > loop->peak_load ? load : loop->peak_load;
     loop->second_bits = 0;
-    loop->second_end = loop->ticks + SECOND_TICKS;
+    loop->second_end = loop->ticks + TICKS_PER_SECOND;
 }
 
-/* At the last tick: what still waits then takes time that is not of the run. */
-static void sum_up_load(loop_t *loop)
+/* Call it at the last tick: frames that still wait would occupy the bus after the run. */
+static void end_load(loop_t *loop)
 {
     if (loop->bitrate > 0 && loop->ticks > 0) {
-        loop->load = load_of(loop, loop->bits, loop->ticks);
-        if (loop->ticks < SECOND_TICKS) {
-            look_at_load(loop, loop->ticks);
+        loop->load = bus_load(loop, loop->bits, loop->ticks);
+        if (loop->ticks < TICKS_PER_SECOND) {
+            end_load_second(loop, loop->ticks);
         }
     }
 }
 
-/* An event of one node's controller; the others' do not see it. */
+/* An event of one node's controller; the other nodes do not receive it. */
 static void inject_controller_event(loop_t *loop, uint32_t number, dahl_can_frame_t *event)
 {
     dahl_can_frame_t unused;
-    event->time_us = clock_now(loop->clock) / 1000u;
+    event->time_us = clock_now(loop->clock) / NS_PER_US;
     if (loop->log != NULL) {
         candump_write(loop->log, event);
     }
@@ -181,7 +188,7 @@ static void inject_controller_event(loop_t *loop, uint32_t number, dahl_can_fram
     }
 }
 
-static void send_spoiled(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
+static void send_with_faults(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
 {
     dahl_can_frame_t frames[FAULTS_OUT];
     size_t count = faults_pass(encoder->faults, angle, frames);
@@ -197,7 +204,7 @@ static void send_spoiled(loop_t *loop, const encoder_t *encoder, const dahl_can_
 static void send_angle(loop_t *loop, const encoder_t *encoder, const dahl_can_frame_t *angle)
 {
     if (encoder->faults != NULL) {
-        send_spoiled(loop, encoder, angle);
+        send_with_faults(loop, encoder, angle);
     } else {
         transmit(loop, angle);
     }
@@ -221,7 +228,7 @@ static void send_status(loop_t *loop)
     }
 }
 
-/* The first encoder decides when the motion has ended. */
+/* If no encoder has a count, the motion has ended, and there is no tick. */
 static void tick(loop_t *loop)
 {
     dahl_can_frame_t angles[DAHL_FRAMES_NODES];
@@ -233,44 +240,45 @@ static void tick(loop_t *loop)
         return;
     }
     loop->ticks++;
-    loop->heard = false;
+    loop->has_angle = false;
     send_status(loop);
     for (uint32_t i = 0; i < ready; i++) {
         send_load(loop, &loop->encoders[i]);
         send_angle(loop, &loop->encoders[i], &angles[i]);
     }
     if (loop->bitrate > 0 && loop->ticks >= loop->second_end) {
-        look_at_load(loop, SECOND_TICKS);
+        end_load_second(loop, TICKS_PER_SECOND);
     }
 }
 
 static bool is_idle(loop_t *loop)
 {
-    bool peers = loop->until_idle && loop->bus->ops->peers(loop->bus) > 0;
-    loop->had_peers |= peers;
-    return loop->until_idle && loop->had_peers && !peers;
+    bool has_peers = loop->until_idle && loop->bus->ops->peers(loop->bus) > 0;
+    loop->has_had_peers |= has_peers;
+    return loop->until_idle && loop->has_had_peers && !has_peers;
 }
 
+/* The first encoder decides when the motion has ended. */
 static bool is_done(loop_t *loop)
 {
-    bool ended = loop->encoder_count > 0 && loop->encoders[0].ended;
-    return *loop->stop || loop->gone || ended || loop->ticks >= loop->max_ticks || is_idle(loop);
+    bool has_ended = loop->encoder_count > 0 && loop->encoders[0].has_ended;
+    return *loop->stop || loop->is_bus_gone || has_ended || loop->ticks >= loop->max_ticks || is_idle(loop);
 }
 
 static void wait_for_clients(loop_t *loop)
 {
-    while (!*loop->stop && !loop->gone && loop->bus->ops->peers(loop->bus) < loop->wait_clients) {
+    while (!*loop->stop && !loop->is_bus_gone && loop->bus->ops->peers(loop->bus) < loop->wait_clients) {
         receive(loop, WAIT_US);
     }
 }
 
-/* Take all that comes before `end_ns`: on a bus without a bit rate all that was sent, which takes no time. */
+/* Receive all frames that arrive before `end_ns`. Without a bit rate, these are all frames that were sent. */
 static void run_until(loop_t *loop, uint64_t end_ns)
 {
-    bool more = true;
-    while (more && !loop->gone) {
-        uint32_t left_us = (uint32_t)((end_ns - loop->clock->virtual_ns) / 1000u);
-        more = receive(loop, loop->paced ? left_us : loop->echoes > 0 ? WAIT_US : 0);
+    bool has_frame = true;
+    while (has_frame && !loop->is_bus_gone) {
+        uint32_t left_us = (uint32_t)((end_ns - loop->clock->virtual_ns) / NS_PER_US);
+        has_frame = receive(loop, loop->is_timed ? left_us : loop->echoes > 0 ? WAIT_US : 0);
     }
     loop->echoes = 0;
 }
@@ -280,83 +288,86 @@ static void run_virtual(loop_t *loop)
     uint64_t end_ns = 0;
     while (!is_done(loop)) {
         tick(loop);
-        end_ns += LOOP_PERIOD_NS;
+        end_ns += PERIOD_NS;
         run_until(loop, end_ns);
         loop->clock->virtual_ns = end_ns;
     }
-    sum_up_load(loop);
-    for (uint64_t ticks = 0; loop->paced && ticks < ALONE_TICKS; ticks++) {
-        run_until(loop, end_ns += LOOP_PERIOD_NS);
+    end_load(loop);
+    for (uint64_t ticks = 0; loop->is_timed && ticks < UNANSWERED_TICKS; ticks++) {
+        run_until(loop, end_ns += PERIOD_NS);
     }
 }
 
-static bool some_wait(const loop_t *loop)
+static bool has_unanswered(const loop_t *loop)
 {
-    bool waits = false;
+    bool is_found = false;
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
-        waits |= encoder_waits(&loop->encoders[i]);
+        is_found |= encoder_waits(&loop->encoders[i]);
     }
-    return waits;
+    return is_found;
 }
 
-static bool some_answered(const loop_t *loop)
+static bool has_answers(const loop_t *loop)
 {
-    bool answered = false;
+    bool is_found = false;
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
-        answered |= loop->encoders[i].answered > 0;
+        is_found |= loop->encoders[i].answered > 0;
     }
-    return answered;
+    return is_found;
 }
 
-/* Give the last answers time to come, longer if there is somebody who answers. */
+/* Wait for the last answers; longer if a node has answered before. */
 static void settle(loop_t *loop)
 {
-    uint64_t ticks = some_answered(loop) ? SETTLE_TICKS : ALONE_TICKS;
-    uint64_t deadline = read_clock(CLOCK_MONOTONIC) + ticks * LOOP_PERIOD_NS;
-    while (some_wait(loop) && !loop->gone && read_clock(CLOCK_MONOTONIC) < deadline) {
-        receive(loop, 1000);
+    uint64_t ticks = has_answers(loop) ? SETTLE_TICKS : UNANSWERED_TICKS;
+    uint64_t deadline = read_clock(CLOCK_MONOTONIC) + ticks * PERIOD_NS;
+    while (has_unanswered(loop) && !loop->is_bus_gone && read_clock(CLOCK_MONOTONIC) < deadline) {
+        receive(loop, PERIOD_US);
     }
 }
 
-/* What had come when the end came is still answered and logged; bounded, as a bus may never fall silent. */
+/* Answer and log the frames that have already arrived. DRAIN_FRAMES bounds it, as a busy bus may never be silent. */
 static void drain(loop_t *loop)
 {
     for (int i = 0; i < DRAIN_FRAMES && receive(loop, 0); i++) {
     }
 }
 
-/* Make the tick that is due; returns when to make the next. */
+/* Run the tick that is due. Returns the time of the next one. */
 static uint64_t run_due_tick(loop_t *loop, uint64_t now)
 {
-    uint64_t soonest = now + LOOP_PERIOD_NS * 3 / 4;
+    uint64_t soonest = now + CATCH_UP_NS;
     uint64_t late = now - loop->due_ns;
     histogram_add(&loop->late, late);
-    loop->late_ticks += late > LOOP_PERIOD_NS && !loop->lockstep ? 1u : 0u;
-    loop->ticked_ns = now;
+    loop->late_ticks += late > PERIOD_NS && !loop->is_lockstep ? 1u : 0u;
+    loop->last_tick_ns = now;
     tick(loop);
-    loop->due_ns += late > STALL_NS ? late + LOOP_PERIOD_NS : LOOP_PERIOD_NS;
+    loop->due_ns += late > STALL_NS ? late + PERIOD_NS : PERIOD_NS;
     return loop->due_ns > soonest ? loop->due_ns : soonest;
 }
 
-/* Go on without the other side. */
+/* End a lockstep wait: count the missing answers as lost, or let the node's clock run. */
 static void give_up(loop_t *loop)
 {
     for (uint32_t i = 0; i < loop->encoder_count; i++) {
         encoder_give_up(&loop->encoders[i]);
     }
-    log_warning(loop->follows ? "no angle came for 2 s; the node's clock runs on"
-                              : "an angle had no answer for 2 s; it is counted as lost");
-    loop->follows = false;
+    char text[80];
+    snprintf(text, sizeof text, loop->waits_for_encoder ? "no angle came for %d s; the node's clock runs on"
+                                                        : "an angle had no answer for %d s; it is counted as lost",
+             LOOP_PATIENCE_S);
+    log_warning(text);
+    loop->waits_for_encoder = false;
 }
 
-/* In lockstep: is an answer or an angle still to come, and may it? */
+/* In lockstep: is an answer or an angle missing, and is its time not over? */
 static bool must_wait(loop_t *loop, uint64_t now)
 {
-    bool angle_due = loop->follows && !loop->heard;
-    if (!loop->lockstep || !(angle_due || some_wait(loop))) {
+    bool is_angle_due = loop->waits_for_encoder && !loop->has_angle;
+    if (!loop->is_lockstep || !(is_angle_due || has_unanswered(loop))) {
         return false;
     }
-    if (now - loop->ticked_ns < LOOP_PATIENCE_NS) {
+    if (now - loop->last_tick_ns < LOOP_PATIENCE_NS) {
         return true;
     }
     give_up(loop);
@@ -366,7 +377,7 @@ static bool must_wait(loop_t *loop, uint64_t now)
 static uint32_t us_until(uint64_t next)
 {
     uint64_t now = read_clock(CLOCK_MONOTONIC);
-    return next > now ? (uint32_t)((next - now) / 1000u) : 0;
+    return next > now ? (uint32_t)((next - now) / NS_PER_US) : 0;
 }
 
 static void run_real(loop_t *loop)
@@ -375,13 +386,13 @@ static void run_real(loop_t *loop)
     loop->due_ns = next;
     while (!is_done(loop)) {
         uint64_t now = read_clock(CLOCK_MONOTONIC);
-        bool waits = must_wait(loop, now);
-        if (now >= next && !waits) {
+        bool is_waiting = must_wait(loop, now);
+        if (now >= next && !is_waiting) {
             next = run_due_tick(loop, now);
         }
-        receive(loop, now >= next && waits ? WAIT_US : us_until(next));
+        receive(loop, now >= next && is_waiting ? WAIT_US : us_until(next));
     }
-    sum_up_load(loop);
+    end_load(loop);
     if (loop->encoder_count > 0) {
         settle(loop);
     }
@@ -390,7 +401,7 @@ static void run_real(loop_t *loop)
 
 void loop_run(loop_t *loop)
 {
-    loop->second_end = SECOND_TICKS;
+    loop->second_end = TICKS_PER_SECOND;
     wait_for_clients(loop);
     uint64_t start = read_clock(CLOCK_MONOTONIC);
     if (loop->clock->is_virtual) {

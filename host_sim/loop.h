@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * loop: once per millisecond each part gets its tick; in between, frames go to the parts that want them, and every frame of
- * the bus goes to the log. A part that is not there is not run. Up to 16 nodes and encoders share the bus.
+ * loop: run one tick each PERIOD_US. Between ticks, pass each frame of the bus to the nodes, the encoders and the log. Up to 16
+ * nodes and encoders share the bus.
  *
- * Real time: ticks are kept by the monotonic clock. After a stall of the machine they come a third faster until they have
- * caught up: none is skipped, and they are never bunched. A stall of more than a second is not made up for. A tick that comes
- * more than a period late has missed its deadline, but in lockstep: there it may have waited for the other side.
- * A node's clock counts ticks: a program that the machine stalls has missed no time, as a core that is halted has not.
- * In lockstep a tick also waits for the other side: that of an encoder for the answer to the one before it, so that a slow
- * node outside loses nothing; that of a node alone for the next angle, so that no stall of the machine is a timeout. Both
- * for LOOP_PATIENCE_NS at most.
- * Virtual time: the next tick comes when nothing is left to be received; the clock stands still in between, but for the
- * time that frames take on a bus with a bit rate.
+ * Real time: the monotonic clock schedules the ticks. If the machine stalls, late ticks follow each other after 3/4 of a period
+ * until the schedule is met again, so that none is skipped or bunched. A stall of more than a second shifts the schedule.
+ * A tick later than a period has missed its deadline, except in lockstep, in which it may have waited for an answer.
+ * A node's clock counts ticks, so a stalled host does not cause a timeout, as with a halted core.
+ * In lockstep, the tick of an encoder waits for the answer to the last one, so that a slow external node loses no frame. The
+ * tick of a node without an encoder waits for the next angle, so that a stall causes no timeout. Both wait LOOP_PATIENCE_NS at
+ * most.
+ * Virtual time: the next tick follows when no frame is left. The clock stands still between ticks, except while frames occupy
+ * a bus with a bit rate.
  */
 #ifndef LOOP_H
 #define LOOP_H
@@ -25,9 +25,10 @@
 #include "encoder.h"
 #include "histogram.h"
 #include "dahl_node.h"
+#include "timing.h"
 
-#define LOOP_PERIOD_NS ENCODER_PERIOD_NS
-#define LOOP_PATIENCE_NS UINT64_C(2000000000)
+#define LOOP_PATIENCE_S 2
+#define LOOP_PATIENCE_NS (LOOP_PATIENCE_S * NS_PER_S)
 
 /* The clock of a run; dahl_can_clock_t of the bus points to it. */
 typedef struct {
@@ -44,36 +45,42 @@ typedef struct {
     encoder_t *encoders;
     uint32_t encoder_count;
     candump_t *log;
-    volatile sig_atomic_t *stop; /* set by a signal handler: end early, but whole */
-    uint32_t bitrate;            /* for the load of the bus; 0: not looked at */
-    bool paced;                  /* frames take time on the bus */
+    volatile sig_atomic_t *stop; /* set by a signal handler: end early, with whole files */
+    uint32_t bitrate;            /* to compute the load of the bus, bit/s; 0: the load is not computed */
+    bool is_timed;               /* frames occupy the bus */
     uint64_t max_ticks;          /* UINT64_MAX: no limit */
-    uint32_t wait_clients;       /* start when so many are on the bus */
+    uint32_t wait_clients;       /* clients to wait for before the first tick */
     bool until_idle;             /* end when all clients have left */
-    bool lockstep;               /* no tick while the other side is waited for */
-    bool gone;                   /* the bus went away */
-    bool had_peers;
-    bool follows;         /* a node alone has heard an angle since its clock last ran without */
-    bool heard;           /* the same since the last tick */
+    bool is_lockstep;
+    bool is_bus_gone;
+    bool has_had_peers;
+    bool waits_for_encoder; /* node without an encoder: an angle has come since the last time-out of lockstep */
+    bool has_angle;         /* the same: an angle has come since the last tick */
     uint64_t ticks;
-    uint64_t due_ns;      /* when the next tick should come; real time */
-    uint64_t ticked_ns;   /* when the last one came; real time */
-    uint64_t wall_ns;     /* time that the run took */
-    uint64_t send_failed; /* frames that the bus did not take */
+    uint64_t due_ns;        /* schedule of the next tick; real time */
+    uint64_t last_tick_ns;  /* real time */
+    uint64_t wall_ns;       /* duration of the run */
+    uint64_t send_failed;   /* frames that the bus rejected */
     uint64_t error_frames;
-    uint64_t echoes;      /* own frames that have not come back yet; virtual time */
-    uint64_t bits;        /* that the frames seen took on the bus */
-    uint64_t second_bits; /* in the present second */
-    uint64_t second_end;  /* tick */
-    double load;          /* of the bus, over the whole run */
-    double peak_load;     /* of the fullest second */
-    histogram_t late;     /* of ticks, real time */
-    uint64_t late_ticks;  /* that missed their deadline; real time */
+    uint64_t echoes;        /* own frames that have not come back yet; virtual time */
+    uint64_t bits;          /* of all frames on the bus */
+    uint64_t second_bits;   /* of those in the present second */
+    uint64_t second_end;    /* tick */
+    double load;            /* of the bus, over the whole run */
+    double peak_load;       /* of the second with the most bits */
+    histogram_t late;       /* lateness of ticks; real time */
+    uint64_t late_ticks;    /* ticks that missed their deadline; real time */
 } loop_t;
 
 void sim_clock_start(sim_clock_t *clock, bool is_virtual);
 dahl_can_clock_t sim_clock_seam(sim_clock_t *clock);
 
 void loop_run(loop_t *loop);
+
+/* Time of all ticks, s. */
+static inline double loop_seconds(const loop_t *loop)
+{
+    return (double)(loop->ticks * PERIOD_NS) * 1e-9;
+}
 
 #endif

@@ -7,8 +7,8 @@
 
 #include "utf8.h"
 
-/* What a file says may hold anything: a message is one line all the same. */
-static void without_controls(char *text)
+/* Text from a file may hold control characters. Replace them, so that a message is always one line. */
+static void replace_controls(char *text)
 {
     for (; *text != '\0'; text++) {
         if ((*text > 0 && *text < ' ') || *text == 0x7F) {
@@ -24,7 +24,7 @@ int log_error(const char *format, ...)
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    without_controls(text);
+    replace_controls(text);
     utf8_repair(text);
     fprintf(stderr, "error: %s\n", text);
     return -1;

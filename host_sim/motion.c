@@ -5,8 +5,11 @@
 #include <math.h>
 
 #include "splitmix.h"
+#include "timing.h"
 
-#define TICKS_PER_SECOND 1000.0
+/* Of steering: ranges of the random numbers, as shares of the scene's values; a tremor's duration in s. */
+static const double SWEEP_MIN = 0.4, SWEEP_MAX = 1.0, SWEEP_TIME_MIN = 0.6, SWEEP_TIME_MAX = 1.4;
+static const double TREMOR_MIN_S = 0.02, TREMOR_MAX_S = 0.12, PAUSE_MAX = 2.0;
 
 static uint64_t to_ticks(double seconds)
 {
@@ -39,9 +42,9 @@ static int next_segment(motion_t *self, int64_t *place)
     double from = leg_end(self, self->leg);
     double to = leg_end(self, self->leg + 1);
     double travel = self->scene->speed * (double)self->tick / TICKS_PER_SECOND;
-    bool there = travel >= fabs(to - from);
-    *place = llround(there ? to : from + (to > from ? travel : -travel));
-    if (!there) {
+    bool has_arrived = travel >= fabs(to - from);
+    *place = llround(has_arrived ? to : from + (to > from ? travel : -travel));
+    if (!has_arrived) {
         self->tick++;
     } else if (self->hold > 0) {
         self->hold--;
@@ -51,8 +54,8 @@ static int next_segment(motion_t *self, int64_t *place)
     return 1;
 }
 
-/* 0 to 1 with rest at both ends. */
-static double smooth(double x)
+/* From 0 to 1, with slope 0 at both ends. */
+static double smooth_step(double x)
 {
     return x * x * (3 - 2 * x);
 }
@@ -61,9 +64,9 @@ static void new_sweep(motion_t *self)
 {
     motion_move_t *sweep = &self->sweep;
     sweep->from = sweep->to;
-    sweep->to = self->side * random_between(self, 0.4, 1.0) * self->scene->amplitude;
+    sweep->to = self->side * random_between(self, SWEEP_MIN, SWEEP_MAX) * self->scene->amplitude;
     sweep->tick = 0;
-    sweep->ticks = to_ticks(self->scene->sweep_s * random_between(self, 0.6, 1.4)) + 1;
+    sweep->ticks = to_ticks(self->scene->sweep_s * random_between(self, SWEEP_TIME_MIN, SWEEP_TIME_MAX)) + 1;
     self->side = -self->side;
     self->hold = to_ticks(self->scene->hold_s * random_between(self, 0.0, 1.0));
 }
@@ -78,20 +81,20 @@ static double next_sweep(motion_t *self)
     } else {
         new_sweep(self);
     }
-    return sweep->from + (sweep->to - sweep->from) * smooth((double)sweep->tick / (double)sweep->ticks);
+    return sweep->from + (sweep->to - sweep->from) * smooth_step((double)sweep->tick / (double)sweep->ticks);
 }
 
 static void new_bump(motion_t *self)
 {
     self->bump = random_between(self, -1.0, 1.0) * self->scene->tremor;
-    self->bump_ticks = to_ticks(random_between(self, 0.02, 0.12));
+    self->bump_ticks = to_ticks(random_between(self, TREMOR_MIN_S, TREMOR_MAX_S));
     self->bump_tick = 0;
 }
 
 static void end_bump(motion_t *self)
 {
     self->bump_ticks = 0;
-    self->bump_tick = to_ticks(random_between(self, 0.0, 2.0) * self->scene->tremor_s);
+    self->bump_tick = to_ticks(random_between(self, 0.0, PAUSE_MAX) * self->scene->tremor_s);
 }
 
 static double next_bump(motion_t *self)
@@ -106,7 +109,7 @@ static double next_bump(motion_t *self)
     if (self->bump_tick >= self->bump_ticks) {
         end_bump(self);
     }
-    return self->bump * 16 * x * x * (1 - x) * (1 - x);
+    return self->bump * 16 * x * x * (1 - x) * (1 - x); /* maximum at x = 1/2 */
 }
 
 static int next_steering(motion_t *self, int64_t *place)

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * motion: what the shaft does, one count per tick of 1 ms. The built-in kinds use only + - * / and rounding, so that the
- * same seed gives the same counts on every machine.
+ * motion: the shaft's angle, one count each tick. The built-in kinds use only + - * / and rounding, so that the same seed gives
+ * the same counts on every machine.
  *
- *   segments  the three of the paper: 0 to theta1, back to theta2, on to theta3, at constant speed, resting hold_s between
- *   steering  slow sweeps between seeded targets as in parking, with small seeded reversals (tremor) on top
- *   log       a column of a measured file, one row per tick
+ *   segments  the three of the paper at constant speed: 0 to theta1, back to theta2, to theta3, each after a rest of hold_s
+ *   steering  slow sweeps between random targets, as in parking, with small random reversals (tremor)
+ *   log       a column of a measured file, one row each tick
  */
 #ifndef MOTION_H
 #define MOTION_H
@@ -18,7 +18,7 @@
 
 typedef struct motion motion_t;
 
-/* A smooth move from one place to another over some ticks. */
+/* A smooth move between two angles. */
 typedef struct {
     double from, to;
     uint64_t tick, ticks;
@@ -29,20 +29,20 @@ struct motion {
     const scene_motion_t *scene;
     uint64_t random;
     uint64_t tick, ticks;
-    uint64_t hold; /* ticks still to rest */
+    uint64_t hold; /* ticks left to rest */
     int leg;
     double side;
     motion_move_t sweep;
-    double bump;                      /* height of the present tremor */
-    uint64_t bump_tick, bump_ticks;   /* bump_ticks 0: between two tremors, until bump_tick is 0 */
+    double bump;                      /* amplitude of the present tremor, counts */
+    uint64_t bump_tick, bump_ticks;   /* if bump_ticks is 0: bump_tick counts down to the next tremor */
     double load;                      /* of this tick, in the unit of the log's column, or N m of a motor */
     recording_t recording;
 };
 
-/* path: of the log file, used by kind = log only; load: its column of a load, "" for none. False: one error line was printed. */
+/* For kind = log, path is the log file and load its column of a load, or "". False: one error line was printed. */
 bool motion_open(motion_t *self, const scene_motion_t *scene, const char *path, const char *load, uint64_t seed);
 
-/* The count of the next tick, modulo 2^32: 1; the end: 0; an error, printed: -1. */
+/* Return 1 and the count of the next tick, modulo 2^32; 0 at the end; -1 after one error line. */
 int motion_next(motion_t *self, int32_t *count);
 
 void motion_close(motion_t *self);

@@ -13,40 +13,41 @@
 #include "messages.h"
 #include "dahl.h"
 
+#define SOCKETCAND "socketcand:"
+
 static const char help[] =
     "usage: dahl-loop --scene FILE [options]\n"
-    "Run an actuator loop on a CAN bus: an encoder streams angles at 1 kHz, a friction node answers with torques.\n"
+    "Run an actuator loop on a CAN bus: an encoder sends angles at 1 kHz, a friction node answers each with a torque.\n"
     "\n"
-    "  --scene FILE       what runs: an INI file (see host_sim/scenes); a section that is not there is not run\n"
+    "  --scene FILE       INI file of the run (see host_sim/scenes and scene_keys.def); only parts with a section run\n"
     "  --bus SPEC         loopback (default)      inside this process\n"
     "                     socketcan:IF            a CAN interface of the kernel, e.g. socketcan:vcan0\n"
-    "                     socketcand:PORT         serve python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any port;\n"
-    "                                             16 at most, and who is not in raw mode after 5 s is dropped\n"
+    "                     socketcand:PORT         serve up to 16 python-can clients on 127.0.0.1:PORT, bus vcan0; 0: any\n"
+    "                                             free port; a client that is not in raw mode after 5 s is dropped\n"
     "                     socketcand:HOST:PORT    join such a server\n"
-    "  --bitrate N        bit/s: the load of the bus, and a warning above 70 %; on loopback frames also take time and wait\n"
-    "                     for each other by id\n"
-    "  --nodes N          N encoders and N nodes, 1 to 16, numbered on from the scene's; each its own seed\n"
-    "  --set S.KEY=VALUE  instead of what the scene says, e.g. --set friction.gain=0.9\n"
+    "  --bitrate N        bit/s: compute the load of the bus and warn above 70 %; on loopback, frames also occupy the bus\n"
+    "                     and wait for frames with a lower id\n"
+    "  --nodes N          N encoders and N nodes, 1 to 16; numbers start at the scene's node, each has its own seed\n"
+    "  --set S.KEY=VALUE  override a key of the scene, e.g. --set friction.gain=0.9\n"
     "  --role ROLE        both (default), encoder or node: the part of the scene that this process runs\n"
-    "  --virtual          virtual time: as fast as possible, same seed, same log byte for byte\n"
-    "  --lockstep         wait for the other side, 2 s at most: an encoder for each answer, a node's clock for each angle;\n"
-    "                     so that neither a slow node nor a busy machine loses frames\n"
-    "  --seconds S        end after S seconds of ticks, or with the scene's motion\n"
-    "  --seed N           seed of random motions (default 1)\n"
-    "  --log FILE         write every frame of the bus as candump -L does; a pipe that is read too slowly loses whole\n"
-    "                     lines, which are counted, and the exit code is 1\n"
-    "  --trace FILE       write angle, velocity and torques of [rotor] as CSV, a row per tick\n"
-    "  --summary FILE     write counts and latencies as JSON; - for stdout, where the line with the port of a served bus\n"
-    "                     comes before it\n"
+    "  --virtual          virtual time: as fast as possible; the same seed gives the same log, byte for byte\n"
+    "  --lockstep         an encoder waits for each answer, a node's clock for each angle, 2 s at most, so that neither a\n"
+    "                     slow node nor a busy machine loses frames\n"
+    "  --seconds S        end after S seconds of ticks, or earlier with the scene's motion\n"
+    "  --seed N           seed of random motions and faults (default 1)\n"
+    "  --log FILE         write each frame of the bus as candump -L does; if the reader of a pipe is too slow, whole lines\n"
+    "                     are omitted and counted, and the exit code is 1\n"
+    "  --trace FILE       write angle, velocity and torques of [rotor] as CSV, a row each tick\n"
+    "  --summary FILE     write counts and latencies as JSON; - for stdout, after the line with the port of a served bus\n"
     "  --wait-clients N   start when N clients are on the served bus\n"
     "  --until-idle       end when all clients of the served bus have left\n"
-    "  --with-parent PID  end when the process PID that started this one has ended ($$ in a shell)\n"
-    "  --data DIR         where [motion] file is looked for, instead of beside the scene\n"
-    "  --log-file FILE    measured log to use instead of [motion] file\n"
+    "  --with-parent PID  end when process PID, which started this one, has ended ($$ in a shell)\n"
+    "  --data DIR         folder of [motion] file, instead of the folder of the scene\n"
+    "  --log-file FILE    measured log, instead of [motion] file\n"
     "  --help, --version\n"
     "\n"
-    "Ctrl-C, SIGTERM, SIGHUP and the like end a run early; log and summary are whole. Exit code: 0, 1 the bus or a file\n"
-    "failed, 2 bad input. Examples, from the project's folder:\n"
+    "SIGINT (Ctrl-C), SIGTERM, SIGHUP and similar signals end a run early, with whole files. Exit code: 0; 1 if the bus or a\n"
+    "file failed; 2 for bad input. Examples, from the project's folder:\n"
     "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --virtual --log build/run.log --summary -\n"
     "  build/host/host_sim/dahl-loop --scene host_sim/scenes/steering.ini --set motion.seconds=1e9 --bus socketcand:28600 \\\n"
     "      --wait-clients 1 --until-idle --with-parent $$ &    waits for its first client, ends with its last or the shell\n";
@@ -68,18 +69,18 @@ static const struct option long_options[] = {
     {NULL, 0, NULL, 0},
 };
 
-static int take_role(options_t *options, const char *text)
+static int parse_role(options_t *options, const char *text)
 {
-    bool both = strcmp(text, "both") == 0;
-    options->run_encoder = both || strcmp(text, "encoder") == 0;
-    options->run_node = both || strcmp(text, "node") == 0;
+    bool is_both = strcmp(text, "both") == 0;
+    options->run_encoder = is_both || strcmp(text, "encoder") == 0;
+    options->run_node = is_both || strcmp(text, "node") == 0;
     if (!options->run_encoder && !options->run_node) {
         return log_error("--role %s: not one of both, encoder, node", text);
     }
     return 0;
 }
 
-static int take_seconds(options_t *options, const char *text)
+static int parse_seconds(options_t *options, const char *text)
 {
     char *end;
     options->seconds = strtod(text, &end);
@@ -89,7 +90,7 @@ static int take_seconds(options_t *options, const char *text)
     return 0;
 }
 
-static int take_integer(const char *name, const char *text, uint64_t low, uint64_t high, uint64_t *to)
+static int parse_integer(const char *name, const char *text, uint64_t low, uint64_t high, uint64_t *to)
 {
     char *end;
     errno = 0;
@@ -101,15 +102,15 @@ static int take_integer(const char *name, const char *text, uint64_t low, uint64
     return 0;
 }
 
-static int take_small(const char *name, const char *text, uint32_t low, uint32_t high, uint32_t *to)
+static int parse_uint32(const char *name, const char *text, uint32_t low, uint32_t high, uint32_t *to)
 {
     uint64_t value = 0;
-    int result = take_integer(name, text, low, high, &value);
+    int result = parse_integer(name, text, low, high, &value);
     *to = (uint32_t)value;
     return result;
 }
 
-static int take_set(options_t *options, const char *text)
+static int parse_set(options_t *options, const char *text)
 {
     if (options->set_count == OPTIONS_SETS) {
         return log_error("--set %s: more than %d of them", text, OPTIONS_SETS);
@@ -118,7 +119,7 @@ static int take_set(options_t *options, const char *text)
     return 0;
 }
 
-static int take_flag(options_t *options, int which)
+static int parse_flag(options_t *options, int which)
 {
     switch (which) {
     case VIRTUAL:
@@ -141,31 +142,31 @@ static int take_flag(options_t *options, int which)
     }
 }
 
-static int take_value(options_t *options, int which, const char *value)
+static int parse_value(options_t *options, int which, const char *value)
 {
     switch (which) {
     case ROLE:
-        return take_role(options, value);
+        return parse_role(options, value);
     case SECONDS:
-        return take_seconds(options, value);
+        return parse_seconds(options, value);
     case SEED:
-        return take_integer("seed", value, 0, UINT64_MAX, &options->seed);
+        return parse_integer("seed", value, 0, UINT64_MAX, &options->seed);
     case WAIT:
-        return take_small("wait-clients", value, 0, 16, &options->wait_clients);
+        return parse_uint32("wait-clients", value, 0, 16, &options->wait_clients);
     case NODES:
-        return take_small("nodes", value, 1, 16, &options->nodes);
+        return parse_uint32("nodes", value, 1, 16, &options->nodes);
     case BITRATE:
-        return take_small("bitrate", value, 10000, 1000000, &options->bitrate);
+        return parse_uint32("bitrate", value, 10000, 1000000, &options->bitrate);
     case PARENT:
-        return take_small("with-parent", value, 1, INT32_MAX, &options->parent);
+        return parse_uint32("with-parent", value, 1, INT32_MAX, &options->parent);
     case SET:
-        return take_set(options, value);
+        return parse_set(options, value);
     default:
-        return take_flag(options, which);
+        return parse_flag(options, which);
     }
 }
 
-/* The options that are plain text. */
+/* The value of an option that is plain text; NULL for other options. */
 static const char **text_of(options_t *options, int which)
 {
     switch (which) {
@@ -188,13 +189,13 @@ static const char **text_of(options_t *options, int which)
     }
 }
 
-static int take(options_t *options, int which, char **argv)
+static int parse_option(options_t *options, int which, char **argv)
 {
     const char **text = text_of(options, which);
     if (which == ':') {
         return log_error("%s needs a value", argv[optind - 1]);
     }
-    if (which == '?' && optopt > 0 && optopt < OPTION_FIRST) { /* one letter, of which there may be more in its word */
+    if (which == '?' && optopt > 0 && optopt < OPTION_FIRST) { /* one letter; its word may have more */
         return log_error("unknown option -%c; see dahl-loop --help", optopt);
     }
     if (which == '?') {
@@ -204,21 +205,26 @@ static int take(options_t *options, int which, char **argv)
         *text = optarg;
         return 0;
     }
-    return take_value(options, which, optarg);
+    return parse_value(options, which, optarg);
 }
 
-static bool serves(const options_t *options)
+static bool is_socketcand(const options_t *options)
 {
-    return strncmp(options->bus, "socketcand:", 11) == 0 && strchr(options->bus + 11, ':') == NULL;
+    return strncmp(options->bus, SOCKETCAND, strlen(SOCKETCAND)) == 0;
+}
+
+static bool is_server(const options_t *options)
+{
+    return is_socketcand(options) && strchr(options->bus + strlen(SOCKETCAND), ':') == NULL;
 }
 
 static int check_virtual(const options_t *options)
 {
     if (options->is_virtual && options->lockstep) {
-        return log_error("--lockstep is for real time; --virtual always waits for its answers");
+        return log_error("--lockstep is for real time; --virtual always waits for answers");
     }
-    if (options->is_virtual && strncmp(options->bus, "socketcand:", 11) == 0 && !serves(options)) {
-        return log_error("--virtual needs a bus whose order this process sees: loopback, socketcan:IF or socketcand:PORT,"
+    if (options->is_virtual && is_socketcand(options) && !is_server(options)) {
+        return log_error("--virtual needs a bus whose order this process controls: loopback, socketcan:IF or socketcand:PORT,"
                         " not %s", options->bus);
     }
     return 0;
@@ -229,7 +235,7 @@ static int check(const options_t *options)
     if (options->scene == NULL) {
         return log_error("no --scene FILE; see dahl-loop --help");
     }
-    if ((options->wait_clients > 0 || options->until_idle) && !serves(options)) {
+    if ((options->wait_clients > 0 || options->until_idle) && !is_server(options)) {
         return log_error("--wait-clients and --until-idle need --bus socketcand:PORT, not %s", options->bus);
     }
     return check_virtual(options);
@@ -241,7 +247,7 @@ int options_read(options_t *options, int argc, char **argv)
     *options = (options_t){.bus = "loopback", .run_encoder = true, .run_node = true, .seed = 1, .nodes = 1};
     opterr = 0;
     while ((which = getopt_long(argc, argv, ":", long_options, NULL)) != -1) {
-        int result = take(options, which, argv);
+        int result = parse_option(options, which, argv);
         if (result != 0) {
             return result;
         }

@@ -10,12 +10,12 @@
 
 typedef struct {
     const char *scene;
-    const char *bus;      /* "loopback" when not given */
-    const char *log;      /* NULL: none */
-    const char *summary;  /* NULL: none; "-": stdout */
-    const char *data;     /* directory for log files of scenes; NULL: that of the scene file */
-    const char *log_file; /* instead of the scene's [motion] file; NULL: that one */
-    const char *trace;    /* NULL: none */
+    const char *bus;      /* "loopback" if absent */
+    const char *log;      /* NULL: not written */
+    const char *summary;  /* NULL: not written; "-": stdout */
+    const char *data;     /* folder of the scene's log file; NULL: that of the scene */
+    const char *log_file; /* NULL: the scene's [motion] file */
+    const char *trace;    /* NULL: not written */
     const char *sets[OPTIONS_SETS]; /* "section.key=value" */
     int set_count;
     bool run_encoder, run_node;
@@ -26,11 +26,11 @@ typedef struct {
     uint64_t seed;
     uint32_t wait_clients;
     uint32_t nodes;
-    uint32_t bitrate; /* 0: no load is computed, and loopback takes no time */
-    uint32_t parent;  /* process whose end ends this one; 0: none */
+    uint32_t bitrate; /* bit/s; 0: the load is not computed, and frames occupy no time on loopback */
+    uint32_t parent;  /* end with this process; 0: run on */
 } options_t;
 
-/* 0: go on. 1: --help or --version was answered. -1: one error line was printed. */
+/* Returns 0 to continue, 1 after --help or --version, -1 after one error line. */
 int options_read(options_t *options, int argc, char **argv);
 
 #endif

@@ -7,13 +7,13 @@
 
 #include "load.h"
 #include "messages.h"
+#include "timing.h"
 
-enum { FRESH_TICKS = 3 };
+enum { FRESH_TICKS = 3 }; /* an answer is used for this many ticks */
 
-static const double TICK_S = 0.001;
-static const double RATE_FILTER = 0.2; /* about 35 Hz: a step of one count is no jerk */
-static const double TURN = 6.283185307179586;
-static const double COUNTS_MOST = 9007199254740992; /* 2^53: beyond, a double leaves counts out */
+static const double RATE_FILTER = 0.2; /* of each new difference; about 35 Hz, so that a count causes no jerk */
+static const double TWO_PI = 6.283185307179586;
+static const double COUNTS_MAX = 0x1p53; /* a double holds each count up to here */
 
 static double clamp(double value, double limit)
 {
@@ -30,53 +30,53 @@ static double theta_per_count(const plant_t *p)
     return (double)(float)p->scene->friction.theta_per_count;
 }
 
-static double counts_of(const plant_t *p)
+static double exact_count(const plant_t *p)
 {
     return p->rotor.theta / theta_per_count(p);
 }
 
-static int64_t measured(const plant_t *p)
+static int64_t measured_count(const plant_t *p)
 {
-    return llround(counts_of(p));
+    return llround(exact_count(p));
 }
 
 /* False: one error line was printed. */
-static bool is_measured(const plant_t *p)
+static bool is_in_range(const plant_t *p)
 {
-    if (fabs(counts_of(p)) <= COUNTS_MOST) {
+    if (fabs(exact_count(p)) <= COUNTS_MAX) {
         return true;
     }
-    log_error("[rotor] after %.3f s: the shaft is at %.9g rad, %.9g counts: outside +-2^53", (double)p->ticks * TICK_S,
-             p->rotor.theta, counts_of(p));
+    log_error("[rotor] after %.3f s: the shaft is at %.9g rad, %.9g counts: outside +-2^53", (double)p->ticks * PERIOD_S,
+             p->rotor.theta, exact_count(p));
     return false;
 }
 
-/* The torque that the node last answered, N m. */
-static double answered(const plant_t *p)
+/* Torque of the last answer, N m; 0 if the answer is too old. */
+static double answered_torque(const plant_t *p)
 {
     const encoder_t *e = p->encoder;
-    bool fresh = e->torque_of > 0 && e->sent - e->torque_of < FRESH_TICKS;
-    return fresh ? ldexp(e->torque_q30, -30) * (double)(float)p->scene->friction.Fc : 0;
+    bool is_fresh = e->torque_of > 0 && e->sent - e->torque_of < FRESH_TICKS;
+    return is_fresh ? ldexp(e->torque_q30, -30) * (double)(float)p->scene->friction.Fc : 0;
 }
 
-static double control(plant_t *p)
+static double control_torque(plant_t *p)
 {
     const scene_control_t *c = &p->scene->control;
-    double error = (double)(p->place - measured(p));
+    double error = (double)(p->place - measured_count(p));
     p->rate += RATE_FILTER * (error - p->last_error - p->rate);
     p->last_error = error;
-    p->compensation = answered(p);
-    double feedback = theta_per_count(p) * (c->kp * error + c->kd * p->rate / TICK_S);
+    p->compensation = answered_torque(p);
+    double feedback = theta_per_count(p) * (c->kp * error + c->kd * p->rate / PERIOD_S);
     return clamp(feedback + p->compensation, c->torque_limit);
 }
 
-static double drive(const plant_t *p)
+static double motor_torque(const plant_t *p)
 {
     const scene_motor_t *m = &p->scene->motor;
-    return m->bias + m->amplitude * sin(TURN * m->frequency * TICK_S * (double)p->ticks);
+    return m->bias + m->amplitude * sin(TWO_PI * m->frequency * PERIOD_S * (double)p->ticks);
 }
 
-static void look_at_reference(plant_t *p, int64_t place)
+static void record_reference(plant_t *p, int64_t place)
 {
     int direction = (place > p->place) - (place < p->place);
     if (direction != 0) {
@@ -86,7 +86,7 @@ static void look_at_reference(plant_t *p, int64_t place)
     p->place = place;
 }
 
-static void look_at_error(plant_t *p)
+static void record_error(plant_t *p)
 {
     double error = (double)p->place * theta_per_count(p) - p->rotor.theta;
     p->sum_square += error * error;
@@ -96,14 +96,14 @@ static void look_at_error(plant_t *p)
 static void write_row(plant_t *p, double angle, double omega)
 {
     if (p->trace != NULL &&
-        fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", (double)p->ticks * TICK_S,
+        fprintf(p->trace, "%.3f,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n", (double)p->ticks * PERIOD_S,
                 (double)p->place * theta_per_count(p), angle, omega, p->torque, p->rotor.friction, p->compensation) < 0) {
         p->trace_errno = errno;
     }
 }
 
-/* The bearing carries what the motor's torque puts on it, where the scene says so. */
-static void carry(plant_t *p, double torque)
+/* If the scene has a [load], the bearing is loaded by the motor's torque. */
+static void set_load(plant_t *p, double torque)
 {
     p->motion.load = torque;
     if (p->scene->has_load) {
@@ -120,7 +120,7 @@ static void advance(plant_t *p, double torque)
     }
     p->torque = torque;
     write_row(p, p->rotor.theta, p->rotor.omega);
-    carry(p, torque);
+    set_load(p, torque);
     rotor_advance(&p->rotor, torque);
     p->ticks++;
 }
@@ -128,14 +128,14 @@ static void advance(plant_t *p, double torque)
 static int next_controlled(motion_t *self, int64_t *place)
 {
     plant_t *p = (plant_t *)(void *)self;
-    if (!is_measured(p)) {
+    if (!is_in_range(p)) {
         return -1;
     }
     int result = p->reference->next(p->reference, place);
     if (result == 1) {
-        look_at_reference(p, *place);
-        look_at_error(p);
-        advance(p, control(p));
+        record_reference(p, *place);
+        record_error(p);
+        advance(p, control_torque(p));
     }
     return result;
 }
@@ -143,15 +143,15 @@ static int next_controlled(motion_t *self, int64_t *place)
 static int next_driven(motion_t *self, int64_t *place)
 {
     plant_t *p = (plant_t *)(void *)self;
-    if (!is_measured(p)) {
+    if (!is_in_range(p)) {
         return -1;
     }
-    if (p->ticks >= (uint64_t)llround(p->scene->motor.seconds / TICK_S)) {
+    if (p->ticks >= (uint64_t)llround(p->scene->motor.seconds / PERIOD_S)) {
         return 0;
     }
-    *place = measured(p);
+    *place = measured_count(p);
     p->place = *place;
-    advance(p, drive(p));
+    advance(p, motor_torque(p));
     return 1;
 }
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * plant: a rotor with its motor, as a motion like any other: each tick moves it by a millisecond. Two ways to drive it:
+ * plant: a rotor with its motor, as a motion. Each tick advances it by one period. A scene drives it by one of
  *
- *   [motor]    a torque over time, bias + amplitude sin(2 pi frequency t); the encoder streams where the shaft is
- *   [control]  the motor follows the scene's [motion] by a PD controller on the encoder's counts, and adds the friction
- *              torque that the node answers. The encoder streams the *reference*: feed-forward on the reference angle
- *              has no feedback, so it cannot chatter. An answer that is older than 3 ticks counts as 0.
+ *   [motor]    a torque over time, bias + amplitude sin(2 pi frequency t). The encoder sends the angle of the shaft.
+ *   [control]  a PD controller on the encoder's counts, which follows the scene's [motion], plus the friction torque that the
+ *              node answers. The encoder sends the *reference*: feed-forward on the reference angle has no feedback, so it
+ *              cannot chatter. The torque counts as 0 if the last answer is 3 ticks old or older.
  */
 #ifndef PLANT_H
 #define PLANT_H
@@ -18,17 +18,17 @@
 #include "scene.h"
 
 typedef struct {
-    motion_t motion; /* first: what the encoder sees */
+    motion_t motion; /* first, so that a motion_t * is a plant_t *; the encoder reads it */
     const scene_t *scene;
     motion_t *reference;      /* NULL: [motor] */
-    const encoder_t *encoder; /* whose answers are added */
-    FILE *trace;              /* NULL: none */
-    int trace_errno;          /* why a row of it could not be written; 0: all are */
+    const encoder_t *encoder; /* with the last answer */
+    FILE *trace;              /* NULL: not written */
+    int trace_errno;          /* of a failed row; 0: all are written */
     rotor_t rotor;
     uint64_t ticks;
     double torque;       /* of the motor, N m */
-    int side;            /* sign of the last torque that was not 0 */
-    double compensation; /* part of it that the node computed */
+    int side;            /* sign of the last nonzero torque */
+    double compensation; /* part of the torque that the node computed */
     double rate;         /* of the error, counts per ms, filtered */
     double last_error;   /* counts */
     int64_t place;       /* reference, counts */
@@ -39,13 +39,13 @@ typedef struct {
     uint64_t reversals;    /* of the reference */
 } plant_t;
 
-/* reference: an open motion, NULL for [motor]. False: one error line was printed. */
+/* reference: an open motion, or NULL for [motor]. False: one error line was printed. */
 bool plant_open(plant_t *plant, const scene_t *scene, motion_t *reference, const encoder_t *encoder);
 
-/* Write time, reference, angle, velocity, motor, friction, compensation of each tick as CSV. False: errno says why. */
+/* Open the trace: a CSV row of time, angles, velocity and torques for each tick. Returns false with errno set on failure. */
 bool plant_trace(plant_t *plant, const char *path);
 
-/* Close the trace that was asked for. False: it could not be written whole, and errno says why. */
+/* Close the trace. Returns false with errno set if a row could not be written. */
 bool plant_close(plant_t *plant);
 
 #endif

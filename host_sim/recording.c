@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* recording: see recording.h. Lines are fed to libcsv one by one, so that its callbacks know the line they are in. */
+/* recording: see recording.h. libcsv receives one line at a time, so that its callbacks have the number of the line. */
 #include "recording.h"
 
 #include <errno.h>
@@ -14,27 +14,27 @@
 
 static void fail(recording_t *self)
 {
-    self->failed = true;
+    self->has_failed = true;
 }
 
-/* A quote that never closes would make the parser swallow the file: it gets no more memory than a field may need. */
+/* Limit the memory of a field. Without it, the parser would read the whole file into a field whose quote never closes. */
 static void *limited_realloc(void *memory, size_t size)
 {
     return size > FIELD_MAX ? NULL : realloc(memory, size);
 }
 
-static void note_header(recording_t *self, const char *text)
+static void append_to_header(recording_t *self, const char *text)
 {
     size_t used = strlen(self->header);
     snprintf(self->header + used, sizeof self->header - used, "%s\"%s\"", used > 0 ? ", " : "", text);
 }
 
-static void find(recording_t *self, const char *text, const char *name, size_t *column)
+static void match_column(recording_t *self, const char *text, const char *name, size_t *column)
 {
     if (name[0] == '\0' || strcmp(text, name) != 0) {
         return;
     }
-    if (*column != NO_COLUMN && !self->failed) {
+    if (*column != NO_COLUMN && !self->has_failed) {
         log_error("%s:%llu: two columns \"%s\"", self->path, (unsigned long long)self->line, name);
         fail(self);
     }
@@ -43,34 +43,34 @@ static void find(recording_t *self, const char *text, const char *name, size_t *
 
 static void on_header_field(recording_t *self, const char *text)
 {
-    note_header(self, text);
-    find(self, text, self->angle_name, &self->angle_column);
-    find(self, text, self->time_name, &self->time_column);
-    find(self, text, self->load_name, &self->load_column);
+    append_to_header(self, text);
+    match_column(self, text, self->angle_name, &self->angle_column);
+    match_column(self, text, self->time_name, &self->time_column);
+    match_column(self, text, self->load_name, &self->load_column);
 }
 
-static void take_number(recording_t *self, const char *text, const char *name, double *to)
+static void read_number(recording_t *self, const char *text, const char *name, double *to)
 {
     char *end;
     *to = strtod(text, &end);
-    if (!self->failed && (end == text || *end != '\0' || !isfinite(*to))) {
+    if (!self->has_failed && (end == text || *end != '\0' || !isfinite(*to))) {
         log_error("%s:%llu: column \"%s\": \"%.40s\" is not a finite number", self->path,
                  (unsigned long long)self->line, name, text);
         fail(self);
     }
 }
 
-/* One field may serve as several columns; it is complained of once. */
+/* One field may be several columns. It causes one error line only. */
 static void on_data_field(recording_t *self, const char *text)
 {
     if (self->column == self->angle_column) {
-        take_number(self, text, self->angle_name, &self->angle);
+        read_number(self, text, self->angle_name, &self->angle);
     }
     if (self->column == self->time_column) {
-        take_number(self, text, self->time_name, &self->time);
+        read_number(self, text, self->time_name, &self->time);
     }
     if (self->column == self->load_column) {
-        take_number(self, text, self->load_name, &self->load);
+        read_number(self, text, self->load_name, &self->load);
     }
 }
 
@@ -79,7 +79,7 @@ static void on_field(void *field, size_t length, void *user)
     recording_t *self = (recording_t *)user;
     const char *text = field == NULL ? "" : (const char *)field;
     (void)length;
-    if (self->failed) {
+    if (self->has_failed) {
         return;
     }
     if (self->columns == 0) {
@@ -90,8 +90,8 @@ static void on_field(void *field, size_t length, void *user)
     self->column++;
 }
 
-/* A column that is asked for and not in the header; NULL: none. */
-static const char *missing(const recording_t *self)
+/* A configured column that the header lacks; NULL if all are found. */
+static const char *missing_column(const recording_t *self)
 {
     if (self->angle_column == NO_COLUMN) {
         return self->angle_name;
@@ -104,10 +104,11 @@ static const char *missing(const recording_t *self)
 
 static void end_header(recording_t *self)
 {
-    const char *name = missing(self);
+    const char *name = missing_column(self);
     self->columns = self->column;
     if (name != NULL) {
-        log_error("%s:%llu: no column \"%s\"; there is %s", self->path, (unsigned long long)self->line, name, self->header);
+        log_error("%s:%llu: no column \"%s\"; the header has %s", self->path, (unsigned long long)self->line, name,
+                  self->header);
         fail(self);
     }
 }
@@ -136,7 +137,7 @@ static bool is_time_forward(recording_t *self)
 
 static bool is_in_range(recording_t *self, double travel)
 {
-    if (fabs(travel) < 2147483647.0) {
+    if (fabs(travel) < INT32_MAX) {
         return true;
     }
     log_error("%s:%llu: column \"%s\": %.9g is %.9g counts from the first row, more than 2^31", self->path,
@@ -162,7 +163,7 @@ static void on_row(int terminator, void *user)
 {
     recording_t *self = (recording_t *)user;
     (void)terminator;
-    if (self->failed) {
+    if (self->has_failed) {
         return;
     }
     if (self->columns == 0) {
@@ -183,24 +184,24 @@ static unsigned char choose_delimiter(const char *text, size_t length)
     return memchr(text, ';', line) != NULL ? ';' : ',';
 }
 
-static void bad_text(recording_t *self)
+static void report_bad_csv(recording_t *self)
 {
-    bool too_long = csv_error(&self->parser) == CSV_ENOMEM;
+    bool is_too_long = csv_error(&self->parser) == CSV_ENOMEM;
     log_error("%s:%llu: column %zu: %s", self->path, (unsigned long long)self->line, self->column + 1,
-             too_long ? "a field without end (a quote that is never closed?)" : "a quote inside a field or never closed");
+             is_too_long ? "a field without end (a quote that is never closed?)" : "a quote inside a field or never closed");
     fail(self);
 }
 
 static void parse(recording_t *self, const char *text, size_t length)
 {
-    if (csv_parse(&self->parser, text, length, on_field, on_row, self) != length && !self->failed) {
-        bad_text(self);
+    if (csv_parse(&self->parser, text, length, on_field, on_row, self) != length && !self->has_failed) {
+        report_bad_csv(self);
     }
 }
 
 static void feed(recording_t *self, const char *text, size_t length)
 {
-    while (length > 0 && !self->failed) {
+    while (length > 0 && !self->has_failed) {
         const char *end = memchr(text, '\n', length);
         size_t piece = end == NULL ? length : (size_t)(end - text) + 1;
         parse(self, text, piece);
@@ -212,24 +213,24 @@ static void feed(recording_t *self, const char *text, size_t length)
 
 static void finish(recording_t *self)
 {
-    self->ended = true;
+    self->has_ended = true;
     if (ferror(self->file) != 0) {
         log_error("%s:%llu: cannot be read: %s", self->path, (unsigned long long)self->line, strerror(errno));
         fail(self);
         return;
     }
-    if (csv_fini(&self->parser, on_field, on_row, self) != 0 && !self->failed) {
-        bad_text(self);
+    if (csv_fini(&self->parser, on_field, on_row, self) != 0 && !self->has_failed) {
+        report_bad_csv(self);
     }
 }
 
-/* Length of the byte order mark that a text may begin with; the parser would take a quote behind it for one inside a field. */
+/* Length of a byte order mark at the start. To the parser, a quote after it would be inside a field. */
 static size_t mark_length(const char *text, size_t length)
 {
     return length >= 3 && memcmp(text, "\xEF\xBB\xBF", 3) == 0 ? 3 : 0;
 }
 
-/* Read one chunk; afterwards counts[0 .. tail) are the rows that ended in it. */
+/* Read one chunk. Then counts[0 .. tail) are the rows that ended in it. */
 static void read_chunk(recording_t *self)
 {
     char chunk[RECORDING_CHUNK];
@@ -248,9 +249,9 @@ static void read_chunk(recording_t *self)
     feed(self, chunk + mark, length - mark);
 }
 
-static void forget(recording_t *self)
+static void reset_state(recording_t *self)
 {
-    self->ended = false;
+    self->has_ended = false;
     self->line = 1;
     self->rows = 0;
     self->columns = 0;
@@ -265,30 +266,30 @@ static void forget(recording_t *self)
 
 static bool rewind_to_start(recording_t *self)
 {
-    if (self->parser_ready) {
+    if (self->is_parser_ready) {
         csv_free(&self->parser);
     }
-    forget(self);
-    self->parser_ready = csv_init(&self->parser, CSV_APPEND_NULL | CSV_STRICT | CSV_STRICT_FINI) == 0;
+    reset_state(self);
+    self->is_parser_ready = csv_init(&self->parser, CSV_APPEND_NULL | CSV_STRICT | CSV_STRICT_FINI) == 0;
     csv_set_realloc_func(&self->parser, limited_realloc);
-    self->failed = !self->parser_ready || fseek(self->file, 0, SEEK_SET) != 0;
-    if (self->failed) {
+    self->has_failed = !self->is_parser_ready || fseek(self->file, 0, SEEK_SET) != 0;
+    if (self->has_failed) {
         log_error("%s: cannot be read from the start: %s", self->path, strerror(errno));
     }
-    return !self->failed;
+    return !self->has_failed;
 }
 
 static bool check_all(recording_t *self)
 {
-    while (!self->ended && !self->failed) {
+    while (!self->has_ended && !self->has_failed) {
         read_chunk(self);
     }
-    if (!self->failed && self->rows == 0) {
+    if (!self->has_failed && self->rows == 0) {
         log_error("%s:%llu: column \"%s\": the file has no rows", self->path, (unsigned long long)self->line,
                  self->angle_name);
         fail(self);
     }
-    return !self->failed;
+    return !self->has_failed;
 }
 
 bool recording_open(recording_t *self, const char *path, const recording_columns_t *columns)
@@ -309,8 +310,8 @@ bool recording_open(recording_t *self, const char *path, const recording_columns
 int recording_next(recording_t *self, int32_t *count, double *load)
 {
     while (self->head == self->tail) {
-        if (self->failed || self->ended) {
-            return self->failed ? -1 : 0;
+        if (self->has_failed || self->has_ended) {
+            return self->has_failed ? -1 : 0;
         }
         read_chunk(self);
     }
@@ -321,7 +322,7 @@ int recording_next(recording_t *self, int32_t *count, double *load)
 
 void recording_close(recording_t *self)
 {
-    if (self->parser_ready) {
+    if (self->is_parser_ready) {
         csv_free(&self->parser);
     }
     if (self->file != NULL) {

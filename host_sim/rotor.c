@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-enum { STEPS = 50 }; /* of ROTOR_STEP_S in a millisecond */
+enum { STEPS = PERIOD_US / ROTOR_STEP_US };
 
 dahl_err_t rotor_open(rotor_t *rotor, double inertia, double viscous, double sigma0, double Fc)
 {
@@ -26,7 +26,7 @@ static void accelerate(rotor_t *rotor, double torque, double seconds)
 static void step(rotor_t *rotor, double torque)
 {
     accelerate(rotor, torque, ROTOR_STEP_S / 2);
-    float moved = (float)(rotor->omega * ROTOR_STEP_S); /* what the friction is told, and no more, is where the shaft goes */
+    float moved = (float)(rotor->omega * ROTOR_STEP_S); /* angle and friction must advance by the same rounded step */
     rotor->theta += (double)moved;
     rotor->friction = (double)dahl_clamped_step(&rotor->plan, &rotor->bristle, moved, rotor->load_q30);
     accelerate(rotor, torque, ROTOR_STEP_S / 2);

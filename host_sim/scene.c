@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* scene: see scene.h. One table says which keys there are, their ranges, and for which kind of motion they are needed;
- * reading fills it in, and the checks afterwards walk over it. */
+/* scene: see scene.h. Read the file and the --set options by the tables of scene_keys.def, then check the scene as a whole. */
 #define _POSIX_C_SOURCE 200809L
 #include "scene.h"
 
@@ -17,106 +16,51 @@
 #include "rotor.h"
 #include "utf8.h"
 
-#define ANY_KIND 7
-#define OPTIONAL 8
+enum { SEGMENTS = MOTION_SEGMENTS, STEERING = MOTION_STEERING, LOG = MOTION_LOG, ANY = SEGMENTS | STEERING | LOG };
 
-typedef enum { NUMBER, WHOLE, LIST, TEXT } value_t;
+typedef enum { NUMBER, WHOLE, LIST, TEXT } value_type_t;
+typedef enum { OPTIONAL, REQUIRED, OWN } need_t;
 
 typedef struct {
     const char *section;
     const char *name;
-    size_t offset;  /* of the value in scene_t */
-    value_t value;
+    size_t offset; /* of the value in scene_t */
+    value_type_t type;
     double low, high; /* of a number, both allowed */
-    int use;          /* motion kinds that need it (ANY_KIND elsewhere), and OPTIONAL */
+    need_t need;
+    unsigned kinds; /* of [motion] that have the key */
+    double usual;   /* number if the key is absent */
 } scene_key_t;
 
-#define AT(member) offsetof(scene_t, member)
-#define TINY 1e-9
-#define COUNTS 2147483647.0
-
+#define SCENE_KEY(section, name, member, type, low, high, need, kinds, unit, usual, meaning) \
+    {#section, #name, offsetof(scene_t, member), type, low, high, need, kinds, usual},
+#define SCENE_FAULT(NAME, name, meaning, counts) \
+    {"faults", #name, offsetof(scene_t, faults[FAULT_##NAME]), NUMBER, 0, 1, OPTIONAL, ANY, 0},
 static const scene_key_t keys[] = {
-    {"scene", "title", AT(title), TEXT, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "model", AT(friction.model_name), TEXT, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "kinds", AT(friction.kinds), TEXT, 0, 0, ANY_KIND | OPTIONAL},
-    {"friction", "sigma0", AT(friction.sigma0_of), LIST, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "Fc", AT(friction.Fc_of), LIST, (double)DAHL_TORQUE_MIN, 1.8446742974197924e19, ANY_KIND},
-    {"friction", "breakaway", AT(friction.breakaway), NUMBER, 1e-37, 0x1.fffffep-1, ANY_KIND | OPTIONAL},
-    {"friction", "theta_per_count", AT(friction.theta_per_count), NUMBER, 1e-37, 1e37, ANY_KIND},
-    {"friction", "node", AT(friction.node), WHOLE, 0, 15, ANY_KIND | OPTIONAL},
-    {"friction", "timeout_ms", AT(friction.timeout_ms), NUMBER, 1, 60000, ANY_KIND | OPTIONAL},
-    {"friction", "gain", AT(friction.gain), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"friction", "limit", AT(friction.limit), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"friction", "ramp_ms", AT(friction.ramp_ms), NUMBER, 0, 60000, ANY_KIND | OPTIONAL},
-    {"friction", "max_step", AT(friction.max_step), WHOLE, 1, COUNTS, ANY_KIND | OPTIONAL},
-    {"load", "full", AT(load.full), NUMBER, TINY, 1e12, ANY_KIND},
-    {"load", "rest", AT(load.rest), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"load", "column", AT(load.column), TEXT, 0, 0, ANY_KIND | OPTIONAL},
-    {"motion", "kind", AT(motion.kind_name), TEXT, 0, 0, ANY_KIND},
-    {"motion", "start_count", AT(motion.start_count), WHOLE, -COUNTS, COUNTS, ANY_KIND | OPTIONAL},
-    {"motion", "theta1", AT(motion.theta1), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "theta2", AT(motion.theta2), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "theta3", AT(motion.theta3), WHOLE, -COUNTS, COUNTS, MOTION_SEGMENTS},
-    {"motion", "speed", AT(motion.speed), NUMBER, TINY, 1e12, MOTION_SEGMENTS},
-    {"motion", "hold_s", AT(motion.hold_s), NUMBER, 0, 3600, MOTION_SEGMENTS | MOTION_STEERING | OPTIONAL},
-    {"motion", "amplitude", AT(motion.amplitude), NUMBER, 0, 1e9, MOTION_STEERING},
-    {"motion", "sweep_s", AT(motion.sweep_s), NUMBER, 0.001, 3600, MOTION_STEERING},
-    {"motion", "tremor", AT(motion.tremor), NUMBER, 0, 1e9, MOTION_STEERING},
-    {"motion", "tremor_s", AT(motion.tremor_s), NUMBER, 0, 3600, MOTION_STEERING},
-    {"motion", "seconds", AT(motion.seconds), NUMBER, 0.001, 1e9, MOTION_STEERING},
-    {"motion", "file", AT(motion.file), TEXT, 0, 0, MOTION_LOG},
-    {"motion", "angle", AT(motion.angle), TEXT, 0, 0, MOTION_LOG},
-    {"motion", "time", AT(motion.time), TEXT, 0, 0, MOTION_LOG | OPTIONAL},
-    {"motion", "counts_per_unit", AT(motion.counts_per_unit), NUMBER, -1e15, 1e15, MOTION_LOG},
-    {"rotor", "inertia", AT(rotor.inertia), NUMBER, TINY, 1e6, ANY_KIND},
-    {"rotor", "viscous", AT(rotor.viscous), NUMBER, 0, 1e6, ANY_KIND | OPTIONAL},
-    {"rotor", "sigma0", AT(rotor.sigma0), NUMBER, TINY, 1e12, ANY_KIND},
-    {"rotor", "Fc", AT(rotor.Fc), NUMBER, TINY, 1e12, ANY_KIND},
-    {"motor", "bias", AT(motor.bias), NUMBER, -1e12, 1e12, ANY_KIND | OPTIONAL},
-    {"motor", "amplitude", AT(motor.amplitude), NUMBER, 0, 1e12, ANY_KIND | OPTIONAL},
-    {"motor", "frequency", AT(motor.frequency), NUMBER, 0, 100, ANY_KIND | OPTIONAL},
-    {"motor", "seconds", AT(motor.seconds), NUMBER, 0.001, 1e9, ANY_KIND},
-    {"control", "kp", AT(control.kp), NUMBER, 0, 1e12, ANY_KIND},
-    {"control", "kd", AT(control.kd), NUMBER, 0, 1e12, ANY_KIND},
-    {"control", "torque_limit", AT(control.torque_limit), NUMBER, 0, 1e12, ANY_KIND},
-    {"faults", "drop", AT(faults[FAULT_DROP]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "duplicate", AT(faults[FAULT_DUPLICATE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "reorder", AT(faults[FAULT_REORDER]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "delay", AT(faults[FAULT_DELAY]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "corrupt", AT(faults[FAULT_CORRUPT]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "length", AT(faults[FAULT_LENGTH]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "id", AT(faults[FAULT_ID]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "extended", AT(faults[FAULT_EXTENDED]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "invalid", AT(faults[FAULT_INVALID]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "glitch", AT(faults[FAULT_GLITCH]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "babble", AT(faults[FAULT_BABBLE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "silence", AT(faults[FAULT_SILENCE]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "bus_off", AT(faults[FAULT_BUS_OFF]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"faults", "restart", AT(faults[FAULT_RESTART]), NUMBER, 0, 1, ANY_KIND | OPTIONAL},
-    {"status", "period_ms", AT(status_period_ms), NUMBER, 1, 60000, ANY_KIND},
+#include "scene_keys.def"
 };
 
-enum { KEYS = sizeof keys / sizeof keys[0] };
+#define SCENE_SECTION(name, meaning) #name,
+static const char *const sections[] = {
+#include "scene_keys.def"
+};
 
-static const char *const sections[] = {"scene", "friction", "load", "motion", "rotor", "motor", "control", "faults",
-                                       "status", "measured"};
-
-enum { MAX_SECTIONS = sizeof sections / sizeof sections[0] };
+enum { KEYS = sizeof keys / sizeof keys[0], SECTIONS = sizeof sections / sizeof sections[0] };
 
 typedef struct {
     scene_t *scene;
     const char *path;
     FILE *file;
     int line;
-    bool failed;
-    bool sets;                      /* what is read now is no file, but --set */
-    int section_line[MAX_SECTIONS]; /* 0: not there; below 0: by which --set */
-    int key_line[KEYS];             /* 0: not given; below 0: by which --set */
+    bool has_failed;
+    bool is_set;                /* the present line is a --set option, not of the file */
+    int section_line[SECTIONS]; /* 0: absent; negative: number of the --set */
+    int key_line[KEYS];         /* the same */
 } reader_t;
 
 static int present_line(const reader_t *r)
 {
-    return r->sets ? -r->line : r->line;
+    return r->is_set ? -r->line : r->line;
 }
 
 static const char *path_of(const reader_t *r, int line)
@@ -124,19 +68,19 @@ static const char *path_of(const reader_t *r, int line)
     return line < 0 ? "--set" : r->path;
 }
 
-/* Where something was said, and where reading is now: two arguments for "%s:%d". */
+/* The place of a section or key, and the present place: two arguments for "%s:%d". */
 #define PLACE(r, line) path_of(r, line), abs(line)
 #define HERE(r) PLACE(r, present_line(r))
 
 static int fail(reader_t *r)
 {
-    r->failed = true;
+    r->has_failed = true;
     return 0;
 }
 
 static int find_section(const char *name)
 {
-    for (int i = 0; i < MAX_SECTIONS; i++) {
+    for (int i = 0; i < SECTIONS; i++) {
         if (strcmp(sections[i], name) == 0) {
             return i;
         }
@@ -165,8 +109,8 @@ static int begin_section(reader_t *r, const char *name)
     return 1;
 }
 
-/* inih does not tell of sections without keys, yet such a one names a part: look for it in the raw line. */
-static void look_for_section(reader_t *r, const char *text)
+/* inih does not report sections without keys, but an empty section is valid. Thus find sections in the raw line. */
+static void find_section_start(reader_t *r, const char *text)
 {
     char name[SCENE_TEXT];
     const char *start = text + strspn(text, " \t\xEF\xBB\xBF");
@@ -187,7 +131,7 @@ static void look_for_section(reader_t *r, const char *text)
 static char *next_line(char *text, int size, void *stream)
 {
     reader_t *r = (reader_t *)stream;
-    if (r->failed || fgets(text, size, r->file) == NULL) {
+    if (r->has_failed || fgets(text, size, r->file) == NULL) {
         return NULL;
     }
     r->line++;
@@ -196,11 +140,11 @@ static char *next_line(char *text, int size, void *stream)
         fail(r);
         return NULL;
     }
-    look_for_section(r, text);
-    return r->failed ? NULL : text;
+    find_section_start(r, text);
+    return r->has_failed ? NULL : text;
 }
 
-static int take_number(reader_t *r, const scene_key_t *key, const char *value, double *to)
+static int read_number(reader_t *r, const scene_key_t *key, const char *value, double *to)
 {
     char *end;
     double number = strtod(value, &end);
@@ -208,7 +152,7 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
         log_error("%s:%d: [%s] %s = %s: not a finite number", HERE(r), key->section, key->name, value);
         return fail(r);
     }
-    if (key->value == WHOLE && fabs(number - trunc(number)) > 0) {
+    if (key->type == WHOLE && fabs(number - trunc(number)) > 0) {
         log_error("%s:%d: [%s] %s = %s: not a whole number", HERE(r), key->section, key->name, value);
         return fail(r);
     }
@@ -221,7 +165,7 @@ static int take_number(reader_t *r, const scene_key_t *key, const char *value, d
     return 1;
 }
 
-static int take_text(reader_t *r, const scene_key_t *key, const char *value, char *to)
+static int read_text(reader_t *r, const scene_key_t *key, const char *value, char *to)
 {
     if (value[0] == '\0' || strlen(value) >= SCENE_TEXT) {
         log_error("%s:%d: [%s] %s: %s", HERE(r), key->section, key->name, value[0] ? "too long" : "empty");
@@ -235,16 +179,16 @@ static int take_text(reader_t *r, const scene_key_t *key, const char *value, cha
     return 1;
 }
 
-/* Numbers with blanks between them. */
-static int take_list(reader_t *r, const scene_key_t *key, const char *value, scene_list_t *to)
+/* Numbers separated by blanks. */
+static int read_list(reader_t *r, const scene_key_t *key, const char *value, scene_list_t *to)
 {
     char copy[SCENE_TEXT];
     char *rest = copy;
     to->count = 0;
     if (value[0] == '\0') {
-        return take_number(r, key, value, to->value); /* which says so */
+        return read_number(r, key, value, to->value); /* prints the error */
     }
-    if (take_text(r, key, value, copy) == 0) {
+    if (read_text(r, key, value, copy) == 0) {
         return 0;
     }
     for (char *word = strtok_r(copy, " \t", &rest); word != NULL; word = strtok_r(NULL, " \t", &rest)) {
@@ -253,7 +197,7 @@ static int take_list(reader_t *r, const scene_key_t *key, const char *value, sce
                       DAHL_SLIP_MAX);
             return fail(r);
         }
-        if (take_number(r, key, word, &to->value[to->count]) == 0) {
+        if (read_number(r, key, word, &to->value[to->count]) == 0) {
             return 0;
         }
         to->count++;
@@ -261,7 +205,7 @@ static int take_list(reader_t *r, const scene_key_t *key, const char *value, sce
     return 1;
 }
 
-static int take(reader_t *r, int i, const char *value)
+static int read_value(reader_t *r, int i, const char *value)
 {
     const scene_key_t *key = &keys[i];
     char *to = (char *)r->scene + key->offset;
@@ -271,10 +215,10 @@ static int take(reader_t *r, int i, const char *value)
         return fail(r);
     }
     r->key_line[i] = present_line(r);
-    switch (key->value) {
-    case TEXT: return take_text(r, key, value, to);
-    case LIST: return take_list(r, key, value, (scene_list_t *)(void *)to);
-    default: return take_number(r, key, value, (double *)(void *)to);
+    switch (key->type) {
+    case TEXT: return read_text(r, key, value, to);
+    case LIST: return read_list(r, key, value, (scene_list_t *)(void *)to);
+    default: return read_number(r, key, value, (double *)(void *)to);
     }
 }
 
@@ -282,7 +226,7 @@ static int on_key(void *user, const char *section, const char *name, const char 
 {
     reader_t *r = (reader_t *)user;
     int i = find_key(section, name);
-    if (r->failed) {
+    if (r->has_failed) {
         return 0;
     }
     if (strcmp(section, "measured") == 0) {
@@ -292,20 +236,20 @@ static int on_key(void *user, const char *section, const char *name, const char 
         log_error("%s:%d: unknown key \"%s\" in [%s]", HERE(r), name, section);
         return fail(r);
     }
-    return take(r, i, value);
+    return read_value(r, i, value);
 }
 
 static bool parse(reader_t *r)
 {
     int bad_line = ini_parse_stream(next_line, r, on_key, r);
-    if (!r->failed && bad_line != 0) {
+    if (!r->has_failed && bad_line != 0) {
         log_error("%s:%d: neither a [section], nor key = value, nor a comment", r->path, bad_line);
         fail(r);
     }
-    return !r->failed;
+    return !r->has_failed;
 }
 
-static bool take_kind(reader_t *r)
+static bool find_kind(reader_t *r)
 {
     scene_motion_t *motion = &r->scene->motion;
     static const struct {
@@ -329,13 +273,13 @@ static bool take_kind(reader_t *r)
 
 static bool is_needed(const reader_t *r, const scene_key_t *key)
 {
-    bool for_kind = strcmp(key->section, "motion") != 0 || (key->use & (int)r->scene->motion.kind) != 0;
-    return r->section_line[find_section(key->section)] != 0 && (key->use & OPTIONAL) == 0 && for_kind;
+    bool is_for_kind = strcmp(key->section, "motion") != 0 || (key->kinds & r->scene->motion.kind) != 0;
+    return r->section_line[find_section(key->section)] != 0 && key->need == REQUIRED && is_for_kind;
 }
 
 static bool is_out_of_place(const reader_t *r, const scene_key_t *key)
 {
-    return strcmp(key->section, "motion") == 0 && (key->use & (int)r->scene->motion.kind) == 0;
+    return strcmp(key->section, "motion") == 0 && (key->kinds & r->scene->motion.kind) == 0;
 }
 
 static bool check_key(const reader_t *r, int i)
@@ -416,7 +360,7 @@ static bool check_numbers_of_elements(const reader_t *r)
     return is_good;
 }
 
-/* dahl or slip for each element of a mix. */
+/* Read dahl or slip for each element of parallel. */
 static bool take_kinds(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
@@ -438,7 +382,7 @@ static bool take_kinds(reader_t *r)
     return count == f->Fc_of.count;
 }
 
-/* What the ratio on the bus is of. */
+/* Compute the sigma0 and Fc that the ratio on the bus refers to. */
 static void add_up(scene_friction_t *f)
 {
     for (uint32_t k = 0; k < f->sigma0_of.count; k++) {
@@ -468,7 +412,7 @@ static bool check_parameter(const reader_t *r, const char *key, double value)
     return false;
 }
 
-/* Decided by dahl_prepare, exactly, on the floats that the loop will run with. */
+/* dahl_prepare() decides, with the same floats as the run. */
 static bool check_travel(const reader_t *r, double sigma0, double Fc)
 {
     const scene_friction_t *f = &r->scene->friction;
@@ -514,34 +458,34 @@ static bool needs(const reader_t *r, const char *section, const char *other)
     return true;
 }
 
-/* Where a load comes from. */
+/* A load is the motor's torque or a column of the log. */
 static bool check_load_source(const reader_t *r)
 {
-    bool from_log = r->scene->motion.kind == MOTION_LOG && !has(r, "rotor"), is_given = r->scene->load.column[0] != '\0';
+    bool is_from_log = r->scene->motion.kind == MOTION_LOG && !has(r, "rotor"), is_given = r->scene->load.column[0] != '\0';
     int line = r->section_line[find_section("load")];
-    if (!from_log && !has(r, "rotor")) {
+    if (!is_from_log && !has(r, "rotor")) {
         log_error("%s:%d: [load] needs a [rotor], or [motion] kind = log with a column of the load", PLACE(r, line));
         return false;
     }
-    if (from_log && !is_given) {
+    if (is_from_log && !is_given) {
         log_error("%s:%d: [load] has no key \"column\": which column of the log holds the load?", PLACE(r, line));
-    } else if (is_given && !from_log) {
+    } else if (is_given && !is_from_log) {
         log_error("%s:%d: [load] column has no meaning with a [rotor]", PLACE(r, r->key_line[find_key("load", "column")]));
     }
-    return from_log == is_given;
+    return is_from_log == is_given;
 }
 
 static bool check_load(const reader_t *r)
 {
-    bool follows = r->scene->friction.model == MODEL_LOADED;
+    bool is_loaded = r->scene->friction.model == MODEL_LOADED;
     if (!needs(r, "load", "friction")) {
         return false;
     }
-    if (follows && !has(r, "load")) {
+    if (is_loaded && !has(r, "load")) {
         log_error("%s:%d: [friction] model = loaded needs [load]", PLACE(r, friction_line(r, "model")));
         return false;
     }
-    if (has(r, "load") && !follows) {
+    if (has(r, "load") && !is_loaded) {
         log_error("%s:%d: [load] has no meaning for model = %s", PLACE(r, r->section_line[find_section("load")]),
                   models[r->scene->friction.model].name);
         return false;
@@ -564,6 +508,9 @@ static bool check_rotor(const reader_t *r)
            needs(r, "control", "motion");
 }
 
+/* The message prints the limit with 9 digits, and the printed number must be accepted. */
+static const double LIMIT_ROUNDING = 1e-8;
+
 static bool check_inertia(const reader_t *r)
 {
     const scene_rotor_t *rotor = &r->scene->rotor;
@@ -571,10 +518,10 @@ static bool check_inertia(const reader_t *r)
         return true;
     }
     double least = rotor_least_inertia(rotor->viscous, rotor->sigma0);
-    if (rotor->inertia < least * (1 - 1e-8)) { /* rounded to 9 digits: who writes the limit as it is told here is not below it */
+    if (rotor->inertia < least * (1 - LIMIT_ROUNDING)) {
         log_error("%s:%d: [rotor] inertia = %.9g: below %.9g, the least at which steps of %g us are stable with this"
                   " viscous and sigma0", PLACE(r, r->key_line[find_key("rotor", "inertia")]), rotor->inertia, least,
-                  ROTOR_STEP_S * 1e6);
+                  (double)ROTOR_STEP_US);
         return false;
     }
     return true;
@@ -591,7 +538,7 @@ static bool check_faults(const reader_t *r)
         return false;
     }
     if (has(r, "faults") && !(r->scene->friction.max_step > 0)) {
-        log_error("%s:%d: [faults] needs [friction] max_step, so that the node can tell a glitch",
+        log_error("%s:%d: [faults] needs [friction] max_step, so that the node detects a glitch",
                   PLACE(r, r->section_line[find_section("faults")]));
         return false;
     }
@@ -626,18 +573,18 @@ static bool check(reader_t *r)
     scene_t *scene = r->scene;
     note_sections(r);
     if (!scene->has_friction && !scene->has_motion) {
-        log_error("%s: names neither [friction] nor [motion]: nothing to run", r->path);
+        log_error("%s: has neither [friction] nor [motion]", r->path);
         return false;
     }
-    if (scene->has_motion && !take_kind(r)) {
+    if (scene->has_motion && !find_kind(r)) {
         return false;
     }
     return check_keys(r) && check_rotor(r) && check_inertia(r) && check_faults(r) && (!scene->has_friction || check_friction(r))
            && check_load(r);
 }
 
-/* "section.key=value", as if it stood in the file instead of what does. */
-static bool set(reader_t *r, const char *text)
+/* Read "section.key=value" in place of that key of the file. */
+static bool apply_set(reader_t *r, const char *text)
 {
     char section[32];
     char name[32];
@@ -656,26 +603,36 @@ static bool set(reader_t *r, const char *text)
     return on_key(r, section, name, text + used) == 1;
 }
 
-static bool apply(reader_t *r, const char *const *sets, int count)
+static bool apply_sets(reader_t *r, const char *const *sets, int count)
 {
-    bool good = true;
-    r->sets = true;
-    for (r->line = 1; good && r->line <= count; r->line++) {
-        good = set(r, sets[r->line - 1]);
+    bool is_good = true;
+    r->is_set = true;
+    for (r->line = 1; is_good && r->line <= count; r->line++) {
+        is_good = apply_set(r, sets[r->line - 1]);
     }
-    return good;
+    return is_good;
+}
+
+static void set_defaults(scene_t *scene)
+{
+    *scene = (scene_t){0};
+    for (int i = 0; i < KEYS; i++) {
+        if (keys[i].type == NUMBER || keys[i].type == WHOLE) {
+            *(double *)(void *)((char *)scene + keys[i].offset) = keys[i].usual;
+        }
+    }
 }
 
 bool scene_read(scene_t *scene, const char *path, const char *const *sets, int count)
 {
     reader_t reader = {.scene = scene, .path = path};
-    *scene = (scene_t){.friction = {.gain = 1, .limit = 1}};
+    set_defaults(scene);
     reader.file = fopen(path, "r");
     if (reader.file == NULL) {
         log_error("%s: %s", path, strerror(errno));
         return false;
     }
-    bool good = parse(&reader) && apply(&reader, sets, count) && check(&reader);
+    bool is_good = parse(&reader) && apply_sets(&reader, sets, count) && check(&reader);
     fclose(reader.file);
-    return good;
+    return is_good;
 }

@@ -1,28 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * scene: what runs, read from a small INI file (libinih). A scene names only the parts that it needs: a section that is
- * not there is a part that is not run.
- *
- *   [scene]    title
- *   [friction] the node: model = dahl (also where nothing is said) | slip | parallel | asymmetric | elastoplastic | loaded,
- *              sigma0 [N m/rad], Fc [N m]: of slip and parallel as many numbers as there are elements, 1 to 8;
- *              kinds of parallel: dahl or slip for each; Fc of asymmetric: forward and backward;
- *              breakaway of elastoplastic: part of Fc; theta_per_count [rad/count], node (0..15),
- *              timeout_ms (default: the node's own, DAHL_NODE_TIMEOUT_US),
- *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in dahl_node.h
- *   [load]     what model = loaded follows, told to the node as parameter Load: min(1, rest + |x|/full), 1 is the load at which
- *              Fc and sigma0 hold. x is the motor's torque [N m] where there is a [rotor], else a column of the log;
- *              full [unit of x], rest (0..1, part without x, default 0), column
- *   [motion]   the encoder: kind = segments | steering | log, start_count, and
- *              segments: theta1 theta2 theta3 [counts], speed [counts/s], hold_s
- *              steering: amplitude [counts], sweep_s, hold_s, tremor [counts], tremor_s, seconds
- *              log:      file, angle (column), time (column), counts_per_unit
- *   [rotor]    a shaft that reacts: inertia [kg m^2], viscous [N m s/rad], its true sigma0 and Fc; driven by one of
- *   [motor]    a torque over time: bias, amplitude [N m], frequency [Hz], seconds
- *   [control]  that follows [motion] with the node's help: kp [N m/rad], kd [N m s/rad], torque_limit [N m]
- *   [faults]   what happens to the encoder's frames, as parts of all of them: drop, duplicate, ... (faults.h)
- *   [status]   Status frames of the node: period_ms
- *   [measured] for the plots only; nothing in it is looked at here
+ * scene: read a scene file (INI, by libinih). scene_keys.def lists its sections and keys with ranges, units and defaults. A
+ * part of the loop runs only if its section is there. Section [measured] is ignored here.
  */
 #ifndef SCENE_H
 #define SCENE_H
@@ -33,7 +12,7 @@
 #include "dahl_parts.h"
 #include "faults.h"
 
-#define SCENE_TEXT 160u
+#include "scene_keys.def" /* SCENE_TEXT */
 
 typedef enum { MOTION_SEGMENTS = 1, MOTION_STEERING = 2, MOTION_LOG = 4 } motion_kind_t;
 
@@ -47,9 +26,9 @@ typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_E
 typedef struct {
     char model_name[SCENE_TEXT], kinds[SCENE_TEXT];
     scene_model_t model;
-    uint32_t slips;                /* of parallel: bit k where element k slips */
-    scene_list_t sigma0_of, Fc_of; /* one an element; of asymmetric one sigma0, and Fc forward and backward */
-    double sigma0, Fc;             /* what the ratio on the bus is of: their sums, the larger Fc */
+    uint32_t slips;                /* of parallel: bit k is set if element k slips */
+    scene_list_t sigma0_of, Fc_of; /* of each element; of asymmetric one sigma0, and Fc forward and backward */
+    double sigma0, Fc;             /* of the ratio on the bus: the sums, or the larger Fc of asymmetric */
     double breakaway;
     double theta_per_count, node, timeout_ms;
     double gain, limit, ramp_ms, max_step;
@@ -96,8 +75,7 @@ typedef struct {
     double status_period_ms;
 } scene_t;
 
-/* sets: count texts "section.key=value" that stand above the file. False: one error line was printed, naming file, line
- * and key. */
+/* sets: texts "section.key=value" that override the file. False: one error line with file, line and key was printed. */
 bool scene_read(scene_t *scene, const char *path, const char *const *sets, int count);
 
 #endif

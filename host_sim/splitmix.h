@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* splitmix: seeded random numbers that are the same on every machine (splitmix64). */
+/* splitmix: random numbers (splitmix64) that are the same on every machine for the same seed. */
 #ifndef SPLITMIX_H
 #define SPLITMIX_H
 
@@ -16,7 +16,7 @@ static inline uint64_t splitmix_next(uint64_t *state)
 /* 0 <= result < 1. */
 static inline double splitmix_unit(uint64_t *state)
 {
-    return (double)(splitmix_next(state) >> 11) / 9007199254740992.0;
+    return (double)(splitmix_next(state) >> 11) / 0x1p53;
 }
 
 /* 0 .. n - 1. */

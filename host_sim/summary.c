@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* summary: see summary.h. A part that was not run has no entry. */
+/* summary: see summary.h. Only parts that were run have entries. */
 #include "summary.h"
 
 #include <cjson/cJSON.h>
@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "timing.h"
 #include "utf8.h"
 
 static void add(cJSON *to, const char *name, double value)
@@ -20,7 +21,7 @@ static void add_count(cJSON *to, const char *name, uint64_t value)
     add(to, name, (double)value);
 }
 
-/* A path may hold any bytes, JSON may not. */
+/* A path may hold any bytes; JSON requires UTF-8. */
 static void add_text(cJSON *to, const char *name, const char *text)
 {
     char copy[4096];
@@ -31,7 +32,7 @@ static void add_text(cJSON *to, const char *name, const char *text)
 
 static double to_us(uint64_t ns)
 {
-    return (double)ns / 1000.0;
+    return (double)ns / NS_PER_US;
 }
 
 static void add_histogram(cJSON *to, const char *name, const histogram_t *histogram)
@@ -42,7 +43,7 @@ static void add_histogram(cJSON *to, const char *name, const histogram_t *histog
     add(object, "max", to_us(histogram->max));
 }
 
-/* Pairs of upper edge in us and count, for bins that are not empty. */
+/* For each bin with counts, its upper edge in us and its count. */
 static void add_bins(cJSON *to, const char *name, const histogram_t *histogram)
 {
     cJSON *list = cJSON_AddArrayToObject(to, name);
@@ -54,7 +55,7 @@ static void add_bins(cJSON *to, const char *name, const histogram_t *histogram)
     }
 }
 
-/* Of 64 bits, all of which a second run needs: more than a double holds. */
+/* Print all 64 bits, so that the run can be repeated. A double would round them. */
 static void add_seed(cJSON *to, uint64_t seed)
 {
     char text[24];
@@ -90,10 +91,10 @@ static void add_up(encoders_t *all, const loop_t *loop)
     }
 }
 
-/* On a bus without a bit rate virtual time stands still between an angle and its answer: there is nothing to tell. */
+/* In virtual time without a bit rate the clock stands still between an angle and its answer. */
 static bool has_latencies(const loop_t *loop)
 {
-    return !loop->clock->is_virtual || loop->paced;
+    return !loop->clock->is_virtual || loop->is_timed;
 }
 
 static void add_latencies(cJSON *to, const encoders_t *all)
@@ -118,7 +119,7 @@ static void add_encoders(cJSON *to, const loop_t *loop)
     }
 }
 
-/* An answer or a tick that comes more than a period late has missed its deadline. */
+/* Answers and ticks that are more than a period late. */
 static void add_deadlines(cJSON *to, const loop_t *loop)
 {
     uint64_t misses = loop->late_ticks;
@@ -135,7 +136,7 @@ static const char *const count_names[] = {"ok",    "repeated", "lost",  "wrong_s
 
 enum { COUNTS = sizeof count_names / sizeof count_names[0] };
 
-typedef char counts_are_named[sizeof(dahl_node_counts_t) == COUNTS * sizeof(uint32_t) ? 1 : -1];
+typedef char assert_counts_are_named[sizeof(dahl_node_counts_t) == COUNTS * sizeof(uint32_t) ? 1 : -1];
 
 static uint32_t count_of(const dahl_node_counts_t *counts, size_t i)
 {
@@ -169,7 +170,7 @@ static void add_injected(cJSON *to, const loop_t *loop)
     }
 }
 
-/* What nodes have to have counted, after these faults. */
+/* The injected faults, and the counts that the nodes must have after them. */
 static void add_faults(cJSON *to, const loop_t *loop)
 {
     cJSON *faults = cJSON_AddObjectToObject(to, "faults");
@@ -211,7 +212,7 @@ static void add_bus(cJSON *to, const loop_t *loop)
     add_count(bus, "retries", loop->bus->counts.retries);
 }
 
-/* Most memory that this program ever held. (getrusage would count the parent's, before exec, too.) */
+/* Peak memory of this program. (getrusage would include the parent's memory before exec.) */
 static double peak_memory_kib(void)
 {
     char line[128];
@@ -232,7 +233,7 @@ static void add_cost(cJSON *to, const loop_t *loop)
 {
     double wall = (double)loop->wall_ns * 1e-9;
     add(to, "wall_s", wall);
-    add(to, "realtime_factor", wall > 0 ? (double)(loop->ticks * LOOP_PERIOD_NS) * 1e-9 / wall : 0);
+    add(to, "realtime_factor", wall > 0 ? loop_seconds(loop) / wall : 0);
     add(to, "max_rss_kib", peak_memory_kib());
 }
 
@@ -266,11 +267,11 @@ static cJSON *collect(const options_t *options, const scene_t *scene, const loop
     return root;
 }
 
-/* No text: there was no memory for it. */
+/* text is NULL if memory ran out. */
 static bool print_to(FILE *file, const char *text)
 {
-    bool good = text != NULL && fprintf(file, "%s\n", text) > 0;
-    return (file == stdout ? fflush(file) == 0 : fclose(file) == 0) && good;
+    bool is_written = text != NULL && fprintf(file, "%s\n", text) > 0;
+    return (file == stdout ? fflush(file) == 0 : fclose(file) == 0) && is_written;
 }
 
 bool summary_write(const char *path, const options_t *options, const scene_t *scene, const loop_t *loop,
@@ -283,8 +284,8 @@ bool summary_write(const char *path, const options_t *options, const scene_t *sc
     cJSON *root = collect(options, scene, loop, plant);
     char *text = cJSON_Print(root);
     errno = ENOMEM;
-    bool good = print_to(file, text);
+    bool is_written = print_to(file, text);
     cJSON_free(text);
     cJSON_Delete(root);
-    return good;
+    return is_written;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* summary: what a run came to, as JSON (cJSON). */
+/* summary: the results of a run as JSON (cJSON). */
 #ifndef SUMMARY_H
 #define SUMMARY_H
 
@@ -10,7 +10,7 @@
 #include "plant.h"
 #include "scene.h"
 
-/* Write to a file, or "-" for stdout. plant: NULL where nothing was controlled. False: errno says why. */
+/* Write to a file, or to stdout if path is "-". plant: NULL without a [control]. Returns false with errno set on failure. */
 bool summary_write(const char *path, const options_t *options, const scene_t *scene, const loop_t *loop,
                    const plant_t *plant);
 

@@ -4,23 +4,23 @@
 
 #include <stdint.h>
 
-/* By the first byte: how many follow, and the least value that may be written with so many. */
-static size_t followers(uint8_t first)
+/* Number of bytes after the first one of a character; 4 if no character starts with it. */
+static size_t continuation_bytes(uint8_t first)
 {
     return first < 0x80 ? 0 : first < 0xC0 ? 4 : first < 0xE0 ? 1 : first < 0xF0 ? 2 : first < 0xF8 ? 3 : 4;
 }
 
 static bool is_character(uint32_t code, size_t more)
 {
-    static const uint32_t least[] = {0, 0x80, 0x800, 0x10000};
-    bool surrogate = code >= 0xD800 && code <= 0xDFFF;
-    return code >= least[more] && code <= 0x10FFFF && !surrogate;
+    static const uint32_t least[] = {0, 0x80, 0x800, 0x10000}; /* a smaller code must be written with fewer bytes */
+    bool is_surrogate = code >= 0xD800 && code <= 0xDFFF;
+    return code >= least[more] && code <= 0x10FFFF && !is_surrogate;
 }
 
 size_t utf8_length(const char *text)
 {
     const uint8_t *bytes = (const uint8_t *)text;
-    size_t more = followers(bytes[0]);
+    size_t more = continuation_bytes(bytes[0]);
     if (more > 3) {
         return 0;
     }

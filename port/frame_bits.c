@@ -4,24 +4,24 @@
 
 #include <stdbool.h>
 
-enum { CRC_POLYNOMIAL = 0x4599, TAIL_BITS = 13 }; /* delimiters, ACK, end of frame, pause of 3 bits: never stuffed */
+enum { CRC_POLYNOMIAL = 0x4599, TAIL_BITS = 13, STUFF_RUN = 5 }; /* tail: delimiters, ACK, end of frame, 3 bits intermission */
 
 typedef struct {
     uint32_t count; /* bits so far */
-    uint32_t run;   /* equal bits in a row */
+    uint32_t run;   /* consecutive equal bits */
     uint32_t last;
     uint32_t crc;
 } bits_t;
 
 static void put_bit(bits_t *bits, uint32_t bit)
 {
-    bool invert = (bit ^ (bits->crc >> 14)) != 0;
+    bool is_inverted = (bit ^ (bits->crc >> 14)) != 0;
     bits->crc = (bits->crc << 1) & 0x7FFFu;
-    bits->crc ^= invert ? (uint32_t)CRC_POLYNOMIAL : 0u;
+    bits->crc ^= is_inverted ? (uint32_t)CRC_POLYNOMIAL : 0u;
     bits->run = bits->count > 0 && bit == bits->last ? bits->run + 1 : 1;
     bits->last = bit;
     bits->count++;
-    if (bits->run == 5) { /* a stuff bit, of the other kind */
+    if (bits->run == STUFF_RUN) { /* add a stuff bit of the other value */
         bits->last = 1 - bit;
         bits->run = 1;
         bits->count++;

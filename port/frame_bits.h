@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* frame_bits: how long a classic frame occupies a bus. */
+/* frame_bits: length of a classic frame on the bus. */
 #ifndef FRAME_BITS_H
 #define FRAME_BITS_H
 
@@ -9,7 +9,7 @@
 extern "C" {
 #endif
 
-/* Bits with stuff bits, end of frame and the pause after it: 111 to 135 for 8 bytes and an id of 11 bits. */
+/* Number of bits, including stuff bits, end of frame and intermission: 111 to 135 for 8 bytes and an id of 11 bits. */
 uint32_t can_frame_bits(const dahl_can_frame_t *frame);
 
 #ifdef __cplusplus

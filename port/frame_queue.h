@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* frame_queue: a ring of frames in fixed memory, for buses that live in this process. A full ring refuses; it never
- * overwrites. One thread. */
+/* frame_queue: a ring buffer of frames in fixed memory. A full buffer rejects new frames and overwrites no old one. For one
+ * thread. */
 #ifndef FRAME_QUEUE_H
 #define FRAME_QUEUE_H
 
@@ -13,8 +13,8 @@
 
 /* All zeros: empty. */
 typedef struct {
-    uint32_t head; /* next to take; both run freely */
-    uint32_t tail; /* next to fill */
+    uint32_t head; /* next to read; both wrap at 2^32 */
+    uint32_t tail; /* next to write */
     dahl_can_frame_t frames[FRAME_QUEUE_SIZE];
 } frame_queue_t;
 

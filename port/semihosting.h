@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The debugger's channel, which QEMU answers: for tests and counting, not for a product. One file per kind of core. */
+/* Semihosting, the debugger's channel, which QEMU implements. For tests and benchmarks only. Each kind of core has a file. */
 #ifndef SEMIHOSTING_H
 #define SEMIHOSTING_H
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Two plans. The tick uses one; main prepares the other and publishes it by one store. The tick that finds it takes the torque
- * over and answers by one store, after which the first plan is main's. C11: release and acquire order the plan's words against
- * these two stores, for the compiler and for the core.
+ * Two plans. The tick uses one. Main prepares the other and publishes it by one store. The next tick keeps the torque, changes
+ * to the new plan and confirms it by one store. Then main may write the first plan. Release and acquire of C11 order the words
+ * of the plan and these two stores, for the compiler and for the core.
  */
 #include "friction.h"
 
@@ -10,7 +10,7 @@
 
 static dahl_plan_t plans[2];
 static dahl_state_t bearing;
-/* A byte each: on AVR a wider atomic access is a call that its libraries do not have. */
+/* Bytes, because a wider atomic access on AVR is a call that its libraries lack. */
 static atomic_uchar published; /* written by main only */
 static atomic_uchar used;      /* written by the tick only */
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Friction of one bearing whose parameters may change while an interrupt steps it. */
+/* Friction of a bearing. Its parameters may change while an interrupt steps it. */
 #ifndef FRICTION_H
 #define FRICTION_H
 
@@ -7,14 +7,14 @@
 
 #include <dahl.h>
 
-/* From main: take these parameters from the next tick on. False while the last ones wait for their tick, or with an error of
- * dahl_prepare in *err; then nothing has changed. Before the first tick it gives the parameters to begin with. */
+/* From main: use these parameters from the next tick on, or from the first tick. Returns false and changes nothing if the last
+ * parameters still wait for a tick, or if dahl_prepare fails with *err. */
 bool friction_set(const dahl_params_t *params, dahl_err_t *err);
 
-/* From main: the plan that the ticks use, to be prepared again with the parameters that it has. */
+/* From main: the plan that the ticks use, for example to prepare it again with the same parameters. */
 dahl_plan_t *friction_plan(void);
 
-/* From the interrupt: the shaft has moved by dcounts; the torque F in N m. */
+/* From the interrupt: the torque F in N m after a move by dcounts. */
 float friction_tick(int32_t dcounts);
 
 #endif

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Friction of a shaft whose encoder, 10000 counts a turn, is read from a 16-bit timer that wraps at 65536.
- * On a microcontroller `timer` is TIM3->CNT or its like and friction_tick() is called at a steady rate; here main()
- * turns the shaft forward over the wrap and back, and prints what each tick says.
+ * Friction of a shaft with an encoder of 10000 counts a turn, read from a 16-bit timer that wraps at 65536.
+ * On a microcontroller, `timer` is a register such as TIM3->CNT, and friction_tick() runs at a constant rate. Here main() turns
+ * the shaft forward over the wrap and back, and prints the torque of each tick.
  */
 #include <stdio.h>
 
@@ -15,12 +15,12 @@ static dahl_plan_t plan;
 static dahl_state_t bearing;
 static dahl_encoder_t encoder;
 
-/* 0, or a code of dahl.h. */
+/* Returns 0, or an error code of dahl.h. */
 static int friction_init(void)
 {
     dahl_params_t params = {.sigma0 = 100.0f, .Fc = 0.5f, .theta_per_count = 6.2831853f / 10000};
     dahl_err_t err = dahl_prepare(&plan, &params);
-    return err != DAHL_OK ? err : dahl_encoder_init(&encoder, 65536, +1, 100); /* it turns 100 counts a tick at most */
+    return err != DAHL_OK ? err : dahl_encoder_init(&encoder, 65536, +1, 100); /* at most 100 counts a tick */
 }
 
 /* N m. */
@@ -40,7 +40,7 @@ int main(void)
         float torque = friction_tick();
         printf("timer %5u   %+.4f N m\n", (unsigned)timer, (double)torque);
     }
-    timer = 0; /* an index pulse resets it: no motion */
+    timer = 0; /* an index pulse resets the timer: a jump, and no motion */
     float torque = friction_tick();
     printf("timer %5u   %+.4f N m   jumps %u\n", (unsigned)timer, (double)torque, (unsigned)encoder.jumps);
     return 0;

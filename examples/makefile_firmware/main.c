@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Friction of a shaft with a 14-bit encoder at 1 kHz, by SysTick, on a core without an FPU: from the reading to a torque in whole
- * nN m there is no float. The encoder is made up here: it turns by 2 counts a tick, forward for 50 ticks and back for 50. The
- * main loop waits for the 100th and prints every tenth torque through the debugger.
+ * Friction of a shaft with a 14-bit encoder at 1 kHz, by SysTick, on a core without an FPU. No step from the reading to the
+ * torque in nN m uses a float. The encoder is simulated: it turns by 2 counts a tick, 50 ticks forward and 50 back. The main
+ * loop waits for the last tick and prints each tenth torque through the debugger.
  */
 #include <stdint.h>
 #include <stdio.h>
@@ -11,16 +11,17 @@
 #include "dahl_encoder.h"
 
 enum { FC_UNITS = 500000000 }; /* Fc in nN m */
-enum { MODULUS = 16384, TICKS = 100, CORE_HZ = 25000000, SYS_WRITE0 = 0x04, SYS_EXIT = 0x18, EXIT_APPLICATION = 0x20026 };
+enum { MODULUS = 16384, TICKS = 100, TICK_HZ = 1000, CORE_HZ = 25000000, };
+enum { SYS_WRITE0 = 0x04, SYS_EXIT = 0x18, EXIT_APPLICATION = 0x20026 }; /* semihosting */
 
 static const dahl_params_t params = {100.0f, 0.5f, 6.2831853f / MODULUS}; /* sigma0 N m/rad, Fc N m, rad/count */
 static dahl_plan_t plan;
-static dahl_state_t bearing; /* the interrupt's own, and so is the encoder */
+static dahl_state_t bearing; /* used by the interrupt only, as the encoder */
 static dahl_encoder_t encoder;
-static int32_t torque[TICKS]; /* nN m, until the last tick */
+static int32_t torque[TICKS]; /* nN m, of each tick */
 static volatile uint32_t ticks;
 
-/* In a product: the counter of a timer in encoder mode, or an SPI transfer. */
+/* In a product, read the counter of a timer in encoder mode, or an SPI encoder. */
 static uint32_t encoder_read(void)
 {
     uint32_t tick = ticks, half = TICKS / 2;
@@ -33,7 +34,7 @@ void friction_interrupt(void)
         return;
     }
     int32_t ratio = dahl_step_counts_q30(&plan, &bearing, dahl_encoder_move(&encoder, encoder_read()));
-    torque[ticks] = dahl_to_units(ratio, FC_UNITS); /* a drive adds the torque that its controller asks for */
+    torque[ticks] = dahl_to_units(ratio, FC_UNITS); /* a drive adds the torque of its controller */
     ticks++;
 }
 
@@ -45,7 +46,7 @@ static void start_systick(uint32_t period)
     systick[0] = 7;
 }
 
-/* A call of the debugger, which QEMU answers; without one it would be a fault. */
+/* Call the debugger, which QEMU implements. Without a debugger this is a fault. */
 static void debugger(uint32_t operation, const void *argument)
 {
     register uint32_t r0 __asm("r0") = operation;
@@ -65,8 +66,8 @@ int main(void)
     if (dahl_prepare(&plan, &params) != DAHL_OK || dahl_encoder_init(&encoder, MODULUS, +1, 0) != DAHL_OK) {
         return 1;
     }
-    dahl_encoder_home(&encoder, 0); /* where it stands before the first tick */
-    start_systick(CORE_HZ / 1000);
+    dahl_encoder_home(&encoder, 0); /* the count before the first tick is 0 */
+    start_systick(CORE_HZ / TICK_HZ);
     while (ticks < TICKS) {
         __asm volatile("wfi");
     }

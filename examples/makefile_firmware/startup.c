@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* From reset to main, and the interrupt that ticks. */
+/* Start-up from reset to main, and the vector table with the tick. */
 #include <stdint.h>
 
 extern uint32_t data_start[], data_end[], data_image[], bss_start[], bss_end[], stack_top[];

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""Run an image on QEMU's board mega2560: what it prints, and main's result as exit code.
+"""Run an image on QEMU's board mega2560: copy its output and exit with the result of main.
 
-QEMU has no way out of this board, so serial.c says when main has returned (byte 4, then a digit).
+An image cannot end QEMU on this board, so serial.c sends byte 4 and a digit after main.
 """
 
 import subprocess

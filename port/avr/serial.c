@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* Standard output on the first serial port; when main has returned, the byte 4 (end of transmission) and its result. */
+/* Standard output on the first serial port. After main, send byte 4 (end of transmission) and main's result as a digit. */
 #include <avr/io.h>
 #include <stdio.h>
+
+enum { END_OF_TRANSMISSION = 4 };
 
 void put_status(void) __attribute__((naked, used, section(".fini8")));
 
@@ -24,16 +26,16 @@ static void open_output(void)
     stdout = &output;
 }
 
-static void say_status(int status)
+static void send_status(int status)
 {
-    put(4, NULL);
+    put(END_OF_TRANSMISSION, NULL);
     put((char)('0' + (status & 7)), NULL);
 }
 
-/* avr-libc calls what stands in .fini8 by falling into it, with main's result in r25:r24. */
+/* avr-libc runs into section .fini8 after main, with main's result in r25:r24. */
 void put_status(void)
 {
     register int status __asm__("r24");
     __asm__ volatile("" : "=r"(status));
-    say_status(status);
+    send_status(status);
 }

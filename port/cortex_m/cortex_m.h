@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * cortex_m: what an image needs from the core and its board. Each function has one definition per variant, in a file of
- * its own; an image chooses by linking:
+ * cortex_m: functions of the core and the board that an image needs. Each variant of a function is in a separate file; an image
+ * selects one by linking:
  *   core_init      fpu_on.c | fpu_none.c
  *   cortex_exit    exit_semihosting.c (ends QEMU, for tests) | exit_reset.c (starts over, for firmware)
  *   cortex_tick    tick.c (SysTick, 1 ms) | no_tick.c
@@ -20,19 +20,19 @@ void cortex_tick(void);
 void cortex_exit(int status) __attribute__((noreturn));
 void cortex_fault(void) __attribute__((noreturn));
 
-/* Start SysTick; then microseconds since, modulo 2^32. */
+/* Start SysTick, and return the microseconds since, modulo 2^32. */
 void tick_start(void);
 uint32_t tick_now_us(void);
 
-/* One serial port. read: false when nothing is there. write waits for room. wait sleeps until a byte comes or any
- * interrupt is taken. */
+/* The serial port. uart_read returns false if no byte has arrived. uart_write waits for room. uart_wait sleeps until a byte
+ * arrives or an interrupt is handled. */
 void uart_start(void);
 bool uart_read(uint8_t *byte);
 void uart_write(uint8_t byte);
 void uart_wait(void);
 
-/* Sleep until interrupt `number` or another one is pending, unless `ready` says that there is no need. The interrupt only
- * wakes; it is never taken, so it needs no handler. */
+/* Sleep until interrupt `number` or another one is pending, unless ready() returns true. Interrupt `number` only wakes the core
+ * and needs no handler. */
 void cortex_wait(uint32_t number, bool (*ready)(void));
 
 #endif

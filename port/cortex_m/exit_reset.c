@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* A firmware has no end: after main or a fault it starts over. */
+/* Firmware never ends: after main or a fault, reset the core. */
 #include "cortex_m.h"
 
 #define AIRCR CORTEX_REGISTER(0xE000ED0Cu)

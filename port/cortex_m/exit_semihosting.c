@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* The end of main ends the emulator, with main's status; a fault ends it with another. */
+/* End the emulator with main's status; after a fault, with FAULT_STATUS. */
 #include "cortex_m.h"
 #include "semihosting.h"
+
+enum { FAULT_STATUS = 70 };
 
 void cortex_exit(int status)
 {
@@ -12,5 +14,5 @@ void cortex_fault(void)
 {
     static const char text[] = "error: fault on the target\n";
     semihosting_write(text, sizeof text - 1);
-    semihosting_exit(70);
+    semihosting_exit(FAULT_STATUS);
 }

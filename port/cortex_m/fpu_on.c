@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Full access to coprocessors 10 and 11, the FPU; before this any float instruction is a fault. */
+/* Enable coprocessors 10 and 11, the FPU. Before this, a float instruction is a fault. */
 #include "cortex_m.h"
 
 #define CPACR 0xE000ED88u

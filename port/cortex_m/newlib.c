@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What newlib's printf asks of a board, for the tests: standard output, a heap, an end. */
+/* System calls of newlib's printf, for the tests: standard output, heap, exit. */
 #include <errno.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* An image that starts no SysTick never comes here; one that does has a function of its own in its place. */
+/* Weak default for images that do not start SysTick. */
 #include "cortex_m.h"
 
 void __attribute__((weak)) cortex_tick(void)

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The friction node as an image: lib/node/node.c unchanged, on a serial port that speaks slcan.
- * Parameters come from a page of flash of their own (param_page, the board's linker script places it), as they would be
- * calibrated in the field; where it is blank the defaults below hold. Parameters that dahl_prepare refuses leave a node
- * that answers nothing but slcan: no torque is better than a wrong one.
+ * The friction node as a firmware image: lib/node/node.c unchanged, on a serial port with slcan.
+ * A page of flash (param_page, at the address in the board's linker script) holds the parameters, so that they can be
+ * calibrated in the field. If the page is blank, the defaults below apply. If dahl_prepare refuses the parameters, slcan works
+ * but the node does not answer: no torque is better than a wrong one.
  */
 #include <stddef.h>
 
@@ -37,22 +37,22 @@ static uint64_t now_ns(void *context)
 
 static const param_page_t *find_params(void)
 {
-    const volatile uint32_t *written = &param_page.written; /* flash is written behind the compiler's back */
+    const volatile uint32_t *written = &param_page.written; /* volatile: the page is written apart from the image */
     return *written == PAGE_WRITTEN ? &param_page : &defaults;
 }
 
-static void serve(bool ready)
+static void serve(bool is_ready)
 {
     dahl_can_frame_t in, out;
     uint32_t now_us = tick_now_us();
-    bool came = dahl_can_bus_receive(&serial.bus, &in, 0) == DAHL_CAN_BUS_OK;
-    if (ready && came && dahl_node_receive(&node, &in, now_us, &out)) {
+    bool has_frame = dahl_can_bus_receive(&serial.bus, &in, 0) == DAHL_CAN_BUS_OK;
+    if (is_ready && has_frame && dahl_node_receive(&node, &in, now_us, &out)) {
         dahl_can_bus_send(&serial.bus, &out);
     }
-    if (!came) {
+    if (!has_frame) {
         uart_wait();
     }
-    if (ready && serial.slcan.open && dahl_node_tick(&node, now_us, &out)) {
+    if (is_ready && serial.slcan.open && dahl_node_tick(&node, now_us, &out)) {
         dahl_can_bus_send(&serial.bus, &out);
     }
 }
@@ -60,12 +60,12 @@ static void serve(bool ready)
 int main(void)
 {
     const param_page_t *page = find_params();
-    bool ready = dahl_node_init(&node, &page->params, (uint8_t)page->number) == DAHL_OK;
+    bool is_ready = dahl_node_init(&node, &page->params, (uint8_t)page->number) == DAHL_OK;
     node.timeout_us = page->timeout_us != 0 ? page->timeout_us : DAHL_NODE_TIMEOUT_US;
     uart_start();
     tick_start();
     serial_bus_open(&serial, (serial_port_t){uart_read, uart_write}, (dahl_can_clock_t){now_ns, NULL, NULL});
     for (;;) {
-        serve(ready);
+        serve(is_ready);
     }
 }

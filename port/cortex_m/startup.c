@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * From reset to main, for every Cortex-M: memory, then what the core needs (core_init: fpu_on.c or fpu_none.c), then main.
- * The symbol built_for_CORE comes from the compiler's own word on its target; the board's linker script asks for it.
+ * Start-up of each Cortex-M: initialise memory, call core_init (fpu_on.c or fpu_none.c), then main.
+ * The compiler's predefined macros select the symbol built_for_CORE, and the board's linker script requires it.
  */
 #include "cortex_m.h"
 

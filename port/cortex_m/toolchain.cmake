@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # Bare-metal Arm gcc for one core: cmake --toolchain port/cortex_m/toolchain.cmake -DDAHL_CORE=m4f
-# Sets the core's flags, and QEMU's board with that core as the emulator that CTest runs the tests in.
+# Set the flags of the core, and QEMU's board with this core as CTest's emulator.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR arm)
 set(DAHL_PORT cortex_m)
@@ -8,8 +8,8 @@ set(DAHL_CORE "" CACHE STRING "one of the cores below")
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 
-# dahl_core(NAME BOARD FLAG...): a core, QEMU's board that has it, and how gcc is told. The one list of them: the demo and the
-# benches read these lines too (tools/dahl/sim/firmware.py).
+# dahl_core(NAME BOARD FLAG...): a core, QEMU's board with it, and gcc's flags. The demo and the benchmarks also read this list
+# (tools/dahl/sim/firmware.py).
 set(dahl_cores "")
 macro(dahl_core name board)
     list(APPEND dahl_cores ${name})
@@ -23,7 +23,7 @@ dahl_core(m7 mps2-an500 -mcpu=cortex-m7 -mfloat-abi=hard -mfpu=fpv5-d16)
 dahl_core(m33 mps2-an505 -mcpu=cortex-m33 -mfloat-abi=hard -mfpu=fpv5-sp-d16)
 if(NOT DEFINED DAHL_BOARD_${DAHL_CORE})
     list(JOIN dahl_cores ", " dahl_cores)
-    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; known are ${dahl_cores}")
+    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; it must be one of ${dahl_cores}")
 endif()
 set(DAHL_BOARD ${DAHL_BOARD_${DAHL_CORE}})
 

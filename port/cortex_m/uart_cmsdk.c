@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Arm's CMSDK UART, the first port of the mps2 boards. The board's linker script says where it is and which interrupt it
- * has. */
+/* Arm's CMSDK UART, the first port of the mps2 boards. The board's linker script gives its address and its interrupt. */
 #include "cortex_m.h"
 
 extern char uart_base[], uart_interrupt[];

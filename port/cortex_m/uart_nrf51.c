@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The UART of Nordic's nRF51, on the microbit. The board's linker script says where it is and which
- * interrupt it has. */
+/* The UART of Nordic's nRF51, on the microbit. The board's linker script gives its address and its interrupt. */
 #include "cortex_m.h"
 
 extern char uart_base[], uart_interrupt[];

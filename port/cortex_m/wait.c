@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Sleep without a handler: with interrupts masked (PRIMASK) a pending one still ends WFI. The interrupt is switched on for
- * that moment only; all others that are on, like SysTick, are taken once the mask is lifted.
+ * Sleep without a handler: if interrupts are masked (PRIMASK), a pending one still ends WFI. The interrupt is enabled during
+ * the sleep only. Other enabled interrupts, such as SysTick, are handled when the mask is cleared.
  */
 #include "cortex_m.h"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* What picolibc's printf asks of a board, for the tests: standard output. */
+/* Standard output and exit of picolibc, for the tests. */
 #include <stdio.h>
 #include <stdlib.h>
 

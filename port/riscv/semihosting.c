@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Output and exit through RISC-V semihosting: the three instructions around ebreak are what a debugger looks for. */
+/* Output and exit by RISC-V semihosting. A debugger recognises a call by the instructions before and after ebreak. */
 #include "semihosting.h"
 
 enum { SYS_OPEN = 0x01, SYS_WRITE = 0x05, SYS_EXIT = 0x18, SYS_EXIT_EXTENDED = 0x20, EXITED = 0x20026 };

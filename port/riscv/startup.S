@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* From reset to main on the first hart; any trap ends the emulator with status 70. */
+/* Start-up of the first hart. A trap ends the emulator with status 70. */
     .section .reset, "ax"
     .global reset_handler, built_for_rv32
 #if __riscv_xlen == 32 && !defined(__riscv_flen)

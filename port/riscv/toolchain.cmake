@@ -7,7 +7,7 @@ set(DAHL_CORE "rv32" CACHE STRING "rv32")
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES DAHL_CORE)
 set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 if(NOT DAHL_CORE STREQUAL "rv32")
-    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; port/riscv knows rv32")
+    message(FATAL_ERROR "DAHL_CORE is '${DAHL_CORE}'; it must be rv32")
 endif()
 
 find_program(CMAKE_C_COMPILER riscv64-unknown-elf-gcc REQUIRED)

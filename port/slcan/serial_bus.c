@@ -26,7 +26,7 @@ static dahl_can_result_t send(dahl_can_bus_t *bus, const dahl_can_frame_t *frame
     return DAHL_CAN_BUS_OK;
 }
 
-/* Takes what has come, until a frame is whole; never waits. */
+/* Read the bytes that have arrived, up to the end of a frame. Never waits. */
 static dahl_can_result_t receive(dahl_can_bus_t *bus, dahl_can_frame_t *frame, uint32_t timeout_us)
 {
     serial_bus_t *self = self_of(bus);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * serial_bus: dahl_can_bus.h over a serial port that speaks slcan; the node in a firmware takes it for its bus. Answers to
- * the host go out from within receive(). Differs from the other buses in one thing: own frames do not come back.
+ * serial_bus: implement dahl_can_bus.h over a serial port with slcan, for the node in a firmware. receive() also sends the
+ * answers to the host. Unlike on other buses, own frames do not come back.
  */
 #ifndef SERIAL_BUS_H
 #define SERIAL_BUS_H
@@ -13,7 +13,7 @@ extern "C" {
 #endif
 
 typedef struct {
-    bool (*read)(uint8_t *byte);  /* false: nothing there now */
+    bool (*read)(uint8_t *byte);  /* false: no byte has arrived */
     void (*write)(uint8_t byte); /* waits for room */
 } serial_port_t;
 

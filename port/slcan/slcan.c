@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* slcan: see slcan.h. A line is collected, then read from left to right; the first thing that is wrong names its fate. */
+/* slcan: see slcan.h. A line is buffered, then read from left to right. The first error selects the error counter. */
 #include "slcan.h"
 
 #include <string.h>
@@ -7,10 +7,10 @@
 #define CR '\r'
 #define BEL "\a"
 
-/* A line while it is read. error points to the count of what is wrong, NULL while nothing is. */
+/* A line while it is read. error points to the counter of the first error; NULL: no error. */
 typedef struct {
     const char *at;
-    uint32_t left; /* characters from there on */
+    uint32_t left; /* characters from `at` on */
     slcan_counts_t *counts;
     uint32_t *error;
 } reader_t;
@@ -36,7 +36,7 @@ static uint32_t read_digit(reader_t *reader)
     return letter + 10u;
 }
 
-/* What follows an error is read on, and means nothing. */
+/* After an error, reading continues, but the values are not used. */
 static uint32_t read_hex(reader_t *reader, uint32_t digits)
 {
     uint32_t value = 0;
@@ -52,14 +52,14 @@ static uint32_t read_hex(reader_t *reader, uint32_t digits)
 
 static void read_id(reader_t *reader, dahl_can_frame_t *frame)
 {
-    bool extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0;
-    frame->id = read_hex(reader, extended ? 8u : 3u);
-    if (frame->id > (extended ? 0x1FFFFFFFu : 0x7FFu)) {
+    bool is_extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0;
+    frame->id = read_hex(reader, is_extended ? 8u : 3u);
+    if (frame->id > (is_extended ? 0x1FFFFFFFu : 0x7FFu)) {
         fail(reader, &reader->counts->wrong_length);
     }
 }
 
-/* Bytes of data by the code of their length; a classic frame has at most 8. */
+/* Convert a length code to bytes. A classic frame has at most 8. */
 static uint32_t read_length(reader_t *reader, const dahl_can_frame_t *frame)
 {
     static const uint8_t fd_lengths[] = {12, 16, 20, 24, 32, 48, 64};
@@ -70,7 +70,7 @@ static uint32_t read_length(reader_t *reader, const dahl_can_frame_t *frame)
     return code <= 8u || reader->error != NULL ? code : fd_lengths[code - 9u];
 }
 
-/* Of CAN FD only the first 8 bytes are kept. */
+/* Only the first 8 bytes of a CAN FD frame are stored. */
 static void read_data(reader_t *reader, dahl_can_frame_t *frame)
 {
     uint32_t length = read_length(reader, frame);
@@ -102,7 +102,7 @@ static slcan_event_t refuse(slcan_t *self, uint32_t *why, char *text)
     return answer(text, BEL);
 }
 
-static slcan_event_t take_frame(slcan_t *self, uint8_t flags, dahl_can_frame_t *frame, char *text)
+static slcan_event_t read_frame(slcan_t *self, uint8_t flags, dahl_can_frame_t *frame, char *text)
 {
     reader_t reader = {self->line + 1, self->length - 1u, &self->counts, NULL};
     dahl_can_frame_t read = {.flags = flags};
@@ -125,21 +125,21 @@ static slcan_event_t set_open(slcan_t *self, bool open, char *text)
     return answer(text, "\r");
 }
 
-static slcan_event_t flags(slcan_t *self, char *text)
+static slcan_event_t report_flags(slcan_t *self, char *text)
 {
     bool refused = self->refused;
     self->refused = false;
     return answer(text, refused ? "F80\r" : "F00\r");
 }
 
-/* Commands of one letter; what else stands in the line makes it an unknown one. */
-static slcan_event_t take_letter(slcan_t *self, char *text)
+/* Commands of one letter. A longer line is an unknown command. */
+static slcan_event_t read_letter(slcan_t *self, char *text)
 {
     switch (self->length == 1 ? self->line[0] : '\0') {
     case 'O':
     case 'L': return set_open(self, true, text);
     case 'C': return set_open(self, false, text);
-    case 'F': return flags(self, text);
+    case 'F': return report_flags(self, text);
     case 'V': return answer(text, "V0101\r");
     case 'v': return answer(text, "v0101\r");
     case 'N': return answer(text, "NDAHL\r");
@@ -147,23 +147,23 @@ static slcan_event_t take_letter(slcan_t *self, char *text)
     }
 }
 
-static slcan_event_t take_line(slcan_t *self, dahl_can_frame_t *frame, char *text)
+static slcan_event_t read_line(slcan_t *self, dahl_can_frame_t *frame, char *text)
 {
     if (self->length == 0) {
         return answer(text, "\r");
     }
     switch (self->line[0]) {
-    case 't': return take_frame(self, 0, frame, text);
-    case 'T': return take_frame(self, DAHL_CAN_FRAME_EXTENDED, frame, text);
-    case 'r': return take_frame(self, DAHL_CAN_FRAME_REMOTE, frame, text);
-    case 'R': return take_frame(self, DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE, frame, text);
+    case 't': return read_frame(self, 0, frame, text);
+    case 'T': return read_frame(self, DAHL_CAN_FRAME_EXTENDED, frame, text);
+    case 'r': return read_frame(self, DAHL_CAN_FRAME_REMOTE, frame, text);
+    case 'R': return read_frame(self, DAHL_CAN_FRAME_EXTENDED | DAHL_CAN_FRAME_REMOTE, frame, text);
     case 'd':
-    case 'b': return take_frame(self, DAHL_CAN_FRAME_FD, frame, text);
+    case 'b': return read_frame(self, DAHL_CAN_FRAME_FD, frame, text);
     case 'D':
-    case 'B': return take_frame(self, DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_EXTENDED, frame, text);
+    case 'B': return read_frame(self, DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_EXTENDED, frame, text);
     case 'S':
     case 's': return answer(text, "\r");
-    default: return take_letter(self, text);
+    default: return read_letter(self, text);
     }
 }
 
@@ -180,7 +180,7 @@ slcan_event_t slcan_take(slcan_t *self, uint8_t byte, dahl_can_frame_t *frame, c
         return SLCAN_NOTHING;
     }
     slcan_event_t event = self->length > SLCAN_LINE_MAX ? refuse(self, &self->counts.too_long, text)
-                                                        : take_line(self, frame, text);
+                                                        : read_line(self, frame, text);
     self->length = 0;
     return event;
 }
@@ -195,14 +195,14 @@ static char *write_hex(char *text, uint32_t value, uint32_t digits)
 
 uint32_t slcan_write(const dahl_can_frame_t *frame, char *text)
 {
-    bool extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0, remote = (frame->flags & DAHL_CAN_FRAME_REMOTE) != 0;
-    uint32_t bytes = remote ? 0u : frame->length;
+    bool is_extended = (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0, is_remote = (frame->flags & DAHL_CAN_FRAME_REMOTE) != 0;
+    uint32_t bytes = is_remote ? 0u : frame->length;
     char *end = text;
     if ((frame->flags & (DAHL_CAN_FRAME_FD | DAHL_CAN_FRAME_ERROR)) || frame->length > 8) {
         return 0;
     }
-    *end++ = (remote ? "rR" : "tT")[extended];
-    end = write_hex(end, frame->id, extended ? 8u : 3u);
+    *end++ = (is_remote ? "rR" : "tT")[is_extended];
+    end = write_hex(end, frame->id, is_extended ? 8u : 3u);
     end = write_hex(end, frame->length, 1);
     for (uint32_t i = 0; i < bytes; i++) {
         end = write_hex(end, frame->data[i], 2);

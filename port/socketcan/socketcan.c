@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcan: see socketcan.h. A full transmit queue (ENOBUFS, EAGAIN) is tried again for a fraction of a tick, then the
- * frame is dropped and counted: a bus that cannot keep up must not stop the clock. */
+/* socketcan: see socketcan.h. If the transmit queue is full (ENOBUFS, EAGAIN), send again for a fraction of a tick, then drop
+ * and count the frame. A bus that is too slow must not delay the ticks. */
 #define _GNU_SOURCE
 #include "socketcan.h"
 
@@ -43,7 +43,7 @@ static uint8_t flag_if(uint32_t condition, uint8_t flag)
     return condition != 0 ? flag : 0;
 }
 
-/* A classic frame is the first part of one of CAN FD. */
+/* The layout of a classic frame is the start of that of a CAN FD frame. */
 static void from_wire(dahl_can_frame_t *frame, const struct canfd_frame *wire)
 {
     memset(frame, 0, sizeof *frame);

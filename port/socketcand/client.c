@@ -14,7 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { READ_SIZE = 4096, PART_MS = 2000 };
+enum { READ_SIZE = 4096, CLOSE_MS = 2000, FLUSH_TRIES = 20, FLUSH_MS = 100 };
 
 static uint64_t monotonic_ms(void)
 {
@@ -91,13 +91,13 @@ static uint32_t member_peers(const dahl_can_bus_t *bus)
     return 1;
 }
 
-/* Closing with unread input would reset the connection, and the kernel would discard what it has not sent yet. So read
- * until the server closes, within PART_MS. */
-static void part(int fd)
+/* close() with unread input resets the connection, and the kernel discards the bytes that it has not sent. Thus read until the
+ * server closes, within CLOSE_MS. */
+static void drain_and_close(int fd)
 {
     char bytes[READ_SIZE];
     struct pollfd ready = {.fd = fd, .events = POLLIN};
-    uint64_t give_up = monotonic_ms() + PART_MS;
+    uint64_t give_up = monotonic_ms() + CLOSE_MS;
     shutdown(fd, SHUT_WR);
     for (uint64_t now = monotonic_ms(); now < give_up; now = monotonic_ms()) {
         if (poll(&ready, 1, (int)(give_up - now)) <= 0 || recv(fd, bytes, sizeof bytes, MSG_DONTWAIT) <= 0) {
@@ -111,12 +111,12 @@ static void member_close(dahl_can_bus_t *bus)
 {
     socketcand_member_t *self = (socketcand_member_t *)bus;
     struct pollfd ready = {.fd = self->fd, .events = POLLOUT};
-    for (int i = 0; i < 20 && !outbox_empty(&self->outbox); i++) {
-        if (poll(&ready, 1, 100) < 0 || !outbox_flush(&self->outbox, self->fd)) {
+    for (int i = 0; i < FLUSH_TRIES && !outbox_empty(&self->outbox); i++) {
+        if (poll(&ready, 1, FLUSH_MS) < 0 || !outbox_flush(&self->outbox, self->fd)) {
             break;
         }
     }
-    part(self->fd);
+    drain_and_close(self->fd);
 }
 
 static const dahl_can_bus_ops_t member_ops = {member_send, member_receive, member_peers, member_close};
@@ -170,7 +170,7 @@ static int connect_to(const char *host, const char *port)
     return fd;
 }
 
-/* Byte by byte, so that frames after the last answer stay in the socket. */
+/* Read byte by byte, so that frames after the last answer stay in the socket. */
 static bool next_element(socketcand_member_t *self)
 {
     struct pollfd ready = {.fd = self->fd, .events = POLLIN};
@@ -196,7 +196,7 @@ static bool expect(socketcand_member_t *self, const char *element)
     return strcmp(self->input.element, element) == 0;
 }
 
-static bool say(socketcand_member_t *self, const char *text)
+static bool send_text(socketcand_member_t *self, const char *text)
 {
     return outbox_put(&self->outbox, text, strlen(text)) && outbox_flush(&self->outbox, self->fd);
 }
@@ -205,7 +205,7 @@ static bool handshake(socketcand_member_t *self, const char *name)
 {
     char open[64];
     snprintf(open, sizeof open, "< open %s >", name);
-    return expect(self, " hi ") && say(self, open) && expect(self, " ok ") && say(self, "< rawmode >") &&
+    return expect(self, " hi ") && send_text(self, open) && expect(self, " ok ") && send_text(self, "< rawmode >") &&
            expect(self, " ok ");
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * socketcand client: a member of a bus that another process serves. Received frames carry the server's time stamps. The
- * server does not send a frame back to its sender, so the client puts its own frames into its queue itself.
+ * socketcand client: a member of a bus that another process serves. Received frames have the server's time stamps. The server
+ * does not return a frame to its sender, so the client puts its own frames into its queue.
  */
 #ifndef SOCKETCAND_CLIENT_H
 #define SOCKETCAND_CLIENT_H
@@ -24,7 +24,7 @@ typedef struct {
 } socketcand_member_t;
 
 /* Connect, open the bus by name and enter raw mode, within 5 s. *self must be all zeros (it is large: make it static).
- * DAHL_CAN_BUS_ERROR: errno says why; EPROTO: the peer does not speak socketcand or has no such bus. */
+ * DAHL_CAN_BUS_ERROR: errno is set; EPROTO: the peer is not a socketcand server or does not have this bus. */
 dahl_can_result_t socketcand_join(socketcand_member_t *self, const char *host, const char *port, const char *name,
                              dahl_can_clock_t clock);
 

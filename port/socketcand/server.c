@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* socketcand server: see server.h. One poll per receive(); input is only read while the queue has room for all of it. */
+/* socketcand server: see server.h. receive() polls once, and reads input only if the queue has room for all of it. */
 #define _GNU_SOURCE
 #include "server.h"
 
@@ -17,13 +17,15 @@
 enum {
     READ_SIZE = 4096,
     FRAMES_PER_READ = 512, /* the shortest element of a frame is longer than 8 characters */
-    QUIET_MS = 100,        /* python-can takes "< ok >" for bad if a frame follows in the same piece */
-    KERNEL_BYTES = 65536,  /* the kernel would let a client that does not read fill megabytes */
-    SEGMENT_BYTES = 88,    /* the least that Linux takes for TCP_MAXSEG */
+    QUIET_MS = 100,        /* python-can rejects "< ok >" if a frame follows in the same packet */
+    KERNEL_BYTES = 65536,  /* the kernel's default would buffer megabytes for a client that does not read */
+    SEGMENT_BYTES = 88,    /* the minimum of TCP_MAXSEG in Linux */
     WINDOW_BYTES = 65536,
     RECEIVE_BYTES = 4 * WINDOW_BYTES,
     LINGER_MS = 2000,
-    DRAIN_MS = 50
+    DRAIN_MS = 50,
+    DRAIN_READS = 16,
+    POLL_MS = 10
 };
 
 static uint64_t real_ns(void)
@@ -44,7 +46,7 @@ static bool is_listening(const socketcand_client_t *client)
     return client->stage != SOCKETCAND_FREE && !client->is_leaving;
 }
 
-/* Send no more. Input that has arrived can still be read; then recv() returns 0, even if the client would send for ever. */
+/* Stop sending. Input that has arrived can still be read. Then recv() returns 0, even if the client continues to send. */
 static void dismiss(socketcand_client_t *client)
 {
     shutdown(client->fd, SHUT_RDWR);
@@ -53,8 +55,8 @@ static void dismiss(socketcand_client_t *client)
     client->outbox.end = 0;
 }
 
-/* A client with Nagle's algorithm keeps its next short frames until the last one is acknowledged, and loses them if it then
- * closes with unread input. Linux delays acknowledgements again after each answer, so the option is set each time. */
+/* With Nagle's algorithm, a client delays short frames until the last one is acknowledged, and loses them if it closes with
+ * unread input. Linux delays acknowledgements again after each answer, so set the option each time. */
 static void acknowledge_at_once(const socketcand_client_t *client)
 {
     const int on = 1;
@@ -80,13 +82,13 @@ static void drop_slow(socketcand_server_t *self, socketcand_client_t *client)
     drop(self, client, why);
 }
 
-/* Who connects and does not say what it wants would hold its place for ever. */
+/* A client that connects but does not enter raw mode would occupy its place for ever. */
 static void drop_silent(socketcand_server_t *self)
 {
     for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
         socketcand_client_t *client = &self->clients[i];
-        bool greets = client->stage == SOCKETCAND_GREETED || client->stage == SOCKETCAND_OPENED;
-        if (greets && !client->is_leaving && real_ns() - client->joined_ns > SOCKETCAND_HANDSHAKE_MS * UINT64_C(1000000)) {
+        bool is_greeting = client->stage == SOCKETCAND_GREETED || client->stage == SOCKETCAND_OPENED;
+        if (is_greeting && !client->is_leaving && real_ns() - client->joined_ns > SOCKETCAND_HANDSHAKE_MS * UINT64_C(1000000)) {
             drop(self, client, "it did not enter raw mode in time");
         }
     }
@@ -104,7 +106,7 @@ static void end_quiet(socketcand_client_t *client)
     }
 }
 
-/* A client that has closed its side may have left frames to read, so it is not closed here. */
+/* A client that has closed its side may have left frames to read, so do not close it here. */
 static void flush(socketcand_client_t *client)
 {
     end_quiet(client);
@@ -125,7 +127,7 @@ static void flush_all(socketcand_server_t *self)
     }
 }
 
-/* Wait until the client has read something; an interrupt ends all patience, so that Ctrl-C is never delayed. */
+/* Wait until the client has read some bytes. A signal ends the patience, so that Ctrl-C is never delayed. */
 static bool wait_for(socketcand_server_t *self, socketcand_client_t *client)
 {
     struct pollfd ready = {.fd = client->fd, .events = POLLOUT};
@@ -135,7 +137,7 @@ static bool wait_for(socketcand_server_t *self, socketcand_client_t *client)
         if (real_ns() >= give_up) {
             return false;
         }
-        if (poll(&ready, 1, 10) < 0) {
+        if (poll(&ready, 1, POLL_MS) < 0) {
             self->patience_ms = 0;
             return false;
         }
@@ -159,7 +161,7 @@ static void put_word(socketcand_server_t *self, socketcand_client_t *client, con
     flush(client);
 }
 
-/* To the queue of this process and to every client in raw mode but the sender. */
+/* Put the frame into the queue of this process, and send it to each client in raw mode except the sender. */
 static dahl_can_result_t deliver(socketcand_server_t *self, const dahl_can_frame_t *frame, const socketcand_client_t *sender)
 {
     char text[TEXT_FRAME_MAX];
@@ -215,22 +217,22 @@ static void on_greeting(socketcand_server_t *self, socketcand_client_t *client, 
 {
     char verb[16];
     const char *words = element;
-    bool some = text_word(&words, verb, sizeof verb);
-    if (some && strcmp(verb, "open") == 0) {
+    bool has_verb = text_word(&words, verb, sizeof verb);
+    if (has_verb && strcmp(verb, "open") == 0) {
         on_open(self, client, words);
-    } else if (some && strcmp(verb, "rawmode") == 0 && client->stage == SOCKETCAND_OPENED) {
+    } else if (has_verb && strcmp(verb, "rawmode") == 0 && client->stage == SOCKETCAND_OPENED) {
         on_rawmode(self, client);
     } else {
         refuse_command(self, client);
     }
 }
 
-/* A bad send is counted and not answered: python-can stops at an answer that is no frame. Other commands are answered, as
- * python-can has none. */
+/* An invalid send is counted and not answered, since python-can stops at an answer that is not a frame. Other commands are
+ * answered, as python-can does not send them. */
 static void on_raw(socketcand_server_t *self, socketcand_client_t *client, const char *element)
 {
     dahl_can_frame_t frame;
-    client->quiet_until_ns = 0; /* who speaks now has read "< ok >" */
+    client->quiet_until_ns = 0; /* a client that sends has read "< ok >" */
     if (text_to_send(element, &frame)) {
         frame.time_us = dahl_can_clock_now_us(&self->bus.clock);
         deliver(self, &frame, client);
@@ -285,12 +287,12 @@ static socketcand_client_t *free_client(socketcand_server_t *self)
     return NULL;
 }
 
-/* python-can shows these words to its user; without them it would only say that no greeting came. */
+/* python-can shows this text to its user. Without it, python-can reports only a missing greeting. */
 static void refuse(socketcand_server_t *self, int fd)
 {
     char text[80];
     int length = snprintf(text, sizeof text, "< error %d clients are here, no more >", (int)SOCKETCAND_CLIENTS);
-    (void)!send(fd, text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT); /* whoever has gone by now need not know */
+    (void)!send(fd, text, (size_t)length, MSG_NOSIGNAL | MSG_DONTWAIT); /* the client may have closed already */
     close(fd);
     if (self->report != NULL) {
         snprintf(text, sizeof text, "socketcand client refused: %d are here, no more", (int)SOCKETCAND_CLIENTS);
@@ -381,7 +383,7 @@ static uint32_t server_peers(const dahl_can_bus_t *bus)
     return count;
 }
 
-static bool something_waits(const socketcand_server_t *self)
+static bool has_unsent(const socketcand_server_t *self)
 {
     for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
         if (self->clients[i].stage != SOCKETCAND_FREE && !outbox_empty(&self->clients[i].outbox)) {
@@ -391,13 +393,13 @@ static bool something_waits(const socketcand_server_t *self)
     return false;
 }
 
-/* What a client sent and nobody read would turn close() into a reset that destroys what it has not read yet. */
-static void part(socketcand_client_t *client)
+/* close() with unread input resets the connection, and the client loses the bytes that it has not read. Thus read first. */
+static void drain_and_leave(socketcand_client_t *client)
 {
     char bytes[READ_SIZE];
     struct pollfd ready = {.fd = client->fd, .events = POLLIN};
     shutdown(client->fd, SHUT_WR);
-    for (int i = 0; i < 16 && poll(&ready, 1, DRAIN_MS) > 0; i++) {
+    for (int i = 0; i < DRAIN_READS && poll(&ready, 1, DRAIN_MS) > 0; i++) {
         if (recv(client->fd, bytes, sizeof bytes, MSG_DONTWAIT) <= 0) {
             break;
         }
@@ -410,23 +412,23 @@ static void server_close(dahl_can_bus_t *bus)
     socketcand_server_t *self = (socketcand_server_t *)bus;
     uint64_t give_up = real_ns() + LINGER_MS * UINT64_C(1000000);
     close(self->listener);
-    while (something_waits(self) && real_ns() < give_up) {
+    while (has_unsent(self) && real_ns() < give_up) {
         struct timespec nap = {.tv_nsec = 1000000};
         flush_all(self);
         nanosleep(&nap, NULL);
     }
     for (size_t i = 0; i < SOCKETCAND_CLIENTS; i++) {
         if (self->clients[i].stage != SOCKETCAND_FREE) {
-            part(&self->clients[i]);
+            drain_and_leave(&self->clients[i]);
         }
     }
 }
 
 static const dahl_can_bus_ops_t server_ops = {server_send, server_receive, server_peers, server_close};
 
-/* Make the kernel acknowledge input every SEGMENT_BYTES, even while this process does something else: what a client has
- * sent waits in its kernel for acknowledgements, and a reset discards it there. Linux acknowledges early if more than a
- * segment has come and the window need not shrink, so segments are short and the buffer is larger than the window. */
+/* Make the kernel acknowledge input every SEGMENT_BYTES, even while this process is busy. A client's kernel keeps sent bytes
+ * until they are acknowledged, and discards them on a reset. Linux acknowledges early if more than a segment has arrived and
+ * the window need not shrink, so segments are short and the buffer is larger than the window. */
 static void acknowledge_early(int listener)
 {
     const int segment = SEGMENT_BYTES;

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool outside(text_splitter_t *s, char c)
+static bool skip_outside(text_splitter_t *s, char c)
 {
     if (c == '<') {
         s->inside = true;
@@ -18,7 +18,7 @@ static bool outside(text_splitter_t *s, char c)
     return false;
 }
 
-static bool finish(text_splitter_t *s)
+static bool end_element(text_splitter_t *s)
 {
     s->element[s->length] = '\0';
     s->inside = false;
@@ -29,12 +29,12 @@ bool text_feed(text_splitter_t *s, char c)
 {
     size_t room = TEXT_ELEMENT_MAX - s->length;
     if (!s->inside) {
-        return outside(s, c);
+        return skip_outside(s, c);
     }
     if (c == '>') {
-        return finish(s);
+        return end_element(s);
     }
-    if (c == '<' || c == '\0' || room == 0) { /* a 0 would hide what stands after it */
+    if (c == '<' || c == '\0' || room == 0) { /* a 0 would hide the text after it */
         s->garbage++;
         s->inside = c == '<';
         s->length = 0;
@@ -62,7 +62,7 @@ static int id_digits(const dahl_can_frame_t *frame)
     return (frame->flags & DAHL_CAN_FRAME_EXTENDED) != 0 ? 8 : 3;
 }
 
-static bool has_words(const dahl_can_frame_t *frame)
+static bool is_expressible(const dahl_can_frame_t *frame)
 {
     return (frame->flags & (DAHL_CAN_FRAME_REMOTE | DAHL_CAN_FRAME_ERROR | DAHL_CAN_FRAME_FD)) == 0;
 }
@@ -77,7 +77,7 @@ static char *put_byte(char *out, uint8_t byte)
 
 size_t text_from_frame(char *out, const dahl_can_frame_t *frame)
 {
-    if (!has_words(frame)) {
+    if (!is_expressible(frame)) {
         return 0;
     }
     uint32_t id = frame->id & 0x1FFFFFFFu;
@@ -93,7 +93,7 @@ size_t text_from_frame(char *out, const dahl_can_frame_t *frame)
 
 size_t text_from_send(char *out, const dahl_can_frame_t *frame)
 {
-    if (!has_words(frame)) {
+    if (!is_expressible(frame)) {
         return 0;
     }
     uint32_t id = frame->id & 0x1FFFFFFFu;
@@ -112,33 +112,33 @@ static bool to_number(const char *word, int base, uint64_t limit, uint64_t *valu
     if (digits == 0 || word[digits] != '\0') {
         return false;
     }
-    *value = strtoull(word, NULL, base); /* the largest of all where it is too large */
+    *value = strtoull(word, NULL, base); /* ULLONG_MAX if it is too large */
     return *value <= limit;
 }
 
-static bool hex_word(const char **cursor, uint64_t limit, uint64_t *value)
+static bool read_hex(const char **cursor, uint64_t limit, uint64_t *value)
 {
     char word[9];
     return text_word(cursor, word, sizeof word) && to_number(word, 16, limit, value);
 }
 
-static bool id_word(const char **cursor, dahl_can_frame_t *frame)
+static bool read_id(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[9];
     uint64_t id;
     if (!text_word(cursor, word, sizeof word)) {
         return false;
     }
-    bool extended = strlen(word) > 7;
-    if (!to_number(word, 16, extended ? 0x1FFFFFFFu : 0x7FFu, &id)) {
+    bool is_extended = strlen(word) > 7;
+    if (!to_number(word, 16, is_extended ? 0x1FFFFFFFu : 0x7FFu, &id)) {
         return false;
     }
     frame->id = (uint32_t)id;
-    frame->flags = extended ? DAHL_CAN_FRAME_EXTENDED : 0;
+    frame->flags = is_extended ? DAHL_CAN_FRAME_EXTENDED : 0;
     return true;
 }
 
-static bool begins_with(const char **cursor, const char *verb)
+static bool has_verb(const char **cursor, const char *verb)
 {
     char word[sizeof "frame"];
     return text_word(cursor, word, sizeof word) && strcmp(word, verb) == 0;
@@ -146,15 +146,15 @@ static bool begins_with(const char **cursor, const char *verb)
 
 bool text_is_send(const char *element)
 {
-    return begins_with(&element, "send");
+    return has_verb(&element, "send");
 }
 
-static bool at_end(const char *cursor)
+static bool is_at_end(const char *cursor)
 {
     return cursor[strspn(cursor, " ")] == '\0';
 }
 
-/* What has more than 8 bytes, up to 64, is of CAN FD, which has these lengths; only its first 8 bytes are kept. */
+/* A frame of more than 8 bytes is CAN FD, which has these lengths. Only its first 8 bytes are stored. */
 static bool set_length(dahl_can_frame_t *frame, uint64_t length)
 {
     static const char fd_lengths[] = {12, 16, 20, 24, 32, 48, 64, 0};
@@ -167,7 +167,7 @@ static bool set_length(dahl_can_frame_t *frame, uint64_t length)
     return strchr(fd_lengths, (int)length) != NULL;
 }
 
-static void keep(dahl_can_frame_t *frame, uint64_t i, uint64_t byte)
+static void store_byte(dahl_can_frame_t *frame, uint64_t i, uint64_t byte)
 {
     if (i < frame->length) {
         frame->data[i] = (uint8_t)byte;
@@ -179,20 +179,20 @@ bool text_to_send(const char *element, dahl_can_frame_t *frame)
     uint64_t length;
     uint64_t byte;
     memset(frame, 0, sizeof *frame);
-    if (!begins_with(&element, "send") || !id_word(&element, frame) || !hex_word(&element, 64, &length) ||
+    if (!has_verb(&element, "send") || !read_id(&element, frame) || !read_hex(&element, 64, &length) ||
         !set_length(frame, length)) {
         return false;
     }
     for (uint64_t i = 0; i < length; i++) {
-        if (!hex_word(&element, 0xFF, &byte)) {
+        if (!read_hex(&element, 0xFF, &byte)) {
             return false;
         }
-        keep(frame, i, byte);
+        store_byte(frame, i, byte);
     }
-    return at_end(element);
+    return is_at_end(element);
 }
 
-static bool time_word(const char **cursor, dahl_can_frame_t *frame)
+static bool read_time(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[32];
     uint64_t seconds;
@@ -212,10 +212,10 @@ static bool time_word(const char **cursor, dahl_can_frame_t *frame)
     return true;
 }
 
-static bool data_word(const char **cursor, dahl_can_frame_t *frame)
+static bool read_data(const char **cursor, dahl_can_frame_t *frame)
 {
     char word[2 * 64 + 1];
-    if (at_end(*cursor)) {
+    if (is_at_end(*cursor)) {
         return true;
     }
     if (!text_word(cursor, word, sizeof word) || strlen(word) % 2 != 0 || !set_length(frame, strlen(word) / 2)) {
@@ -227,7 +227,7 @@ static bool data_word(const char **cursor, dahl_can_frame_t *frame)
         if (!to_number(pair, 16, UINT8_MAX, &value)) {
             return false;
         }
-        keep(frame, i, value);
+        store_byte(frame, i, value);
     }
     return true;
 }
@@ -235,6 +235,6 @@ static bool data_word(const char **cursor, dahl_can_frame_t *frame)
 bool text_to_frame(const char *element, dahl_can_frame_t *frame)
 {
     memset(frame, 0, sizeof *frame);
-    return begins_with(&element, "frame") && id_word(&element, frame) && time_word(&element, frame) &&
-           data_word(&element, frame) && at_end(element);
+    return has_verb(&element, "frame") && read_id(&element, frame) && read_time(&element, frame) &&
+           read_data(&element, frame) && is_at_end(element);
 }

@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * text: the socketcand protocol as text, both ways. Elements are "< word word ... >"; anything between them is garbage,
- * counted and skipped, and so is an element that does not end within TEXT_ELEMENT_MAX characters.
+ * text: convert frames to and from the text of the socketcand protocol. Elements are "< word word ... >". Text between elements
+ * is garbage: it is skipped and counted. So is an element longer than TEXT_ELEMENT_MAX characters.
  *
- *   < send ID LENGTH B B B ... >       client to server; hexadecimal; ID of 8 digits: extended
+ *   < send ID LENGTH B B B ... >       client to server; hexadecimal; an ID of 8 digits is extended
  *   < frame ID SECONDS.MICROS BBBB >   server to client
  *
- * The protocol does not say what is CAN FD. More than 8 bytes can be nothing else; a shorter frame of CAN FD looks like a
- * classic one.
+ * The protocol does not mark CAN FD. A frame of more than 8 bytes must be CAN FD; a shorter one looks like a classic frame.
  */
 #ifndef SOCKETCAND_TEXT_H
 #define SOCKETCAND_TEXT_H
@@ -25,31 +24,31 @@ extern "C" {
 #define SOCKETCAND_HANDSHAKE_MS 5000 /* from the connection to raw mode, on both sides */
 
 #define TEXT_ELEMENT_MAX 220u
-#define TEXT_FRAME_MAX 80u /* longest element that a frame becomes */
+#define TEXT_FRAME_MAX 80u /* longest element of a frame */
 
 /* All zeros: between elements. */
 typedef struct {
     size_t length;
     bool inside;
-    uint64_t garbage; /* pieces of input that belong to no element, and elements too long */
+    uint64_t garbage; /* characters outside elements, and invalid elements */
     char element[TEXT_ELEMENT_MAX + 1];
 } text_splitter_t;
 
 /* Feed one character. True: element holds the words of a complete element, without < and >. */
 bool text_feed(text_splitter_t *s, char c);
 
-/* Length of the text written to out, at most TEXT_FRAME_MAX; 0: the protocol has no words for such a frame. */
+/* Write the element of a frame. Returns its length, at most TEXT_FRAME_MAX, or 0 if the protocol cannot express the frame. */
 size_t text_from_frame(char *out, const dahl_can_frame_t *frame);
 size_t text_from_send(char *out, const dahl_can_frame_t *frame);
 
-/* False: not such an element, or not a good one; *frame may be half written. A send has no time: time_us stays 0. */
+/* False: another element, or an invalid one; then *frame may be incomplete. A send has no time, so its time_us is 0. */
 bool text_to_send(const char *element, dahl_can_frame_t *frame);
 bool text_to_frame(const char *element, dahl_can_frame_t *frame);
 
-/* The element's first word is send, whatever follows. */
+/* Is the element's first word send? The other words are not checked. */
 bool text_is_send(const char *element);
 
-/* The next word of *cursor into word (size bytes); false: none left or too long. */
+/* Copy the next word of *cursor to word (size bytes). False: no word is left, or it is too long. */
 bool text_word(const char **cursor, char *word, size_t size);
 
 #ifdef __cplusplus

@@ -13,13 +13,13 @@
 
 #include "dahl_frames.h"
 #include "frame_bits.h"
+#include "frame_queue.h"
 #include "loopback/loopback.h"
 #include "random.h"
 #include "slcan/serial_bus.h"
 #include "socketcand/client.h"
 #include "socketcand/outbox.h"
 #include "socketcand/text.h"
-#include "timed_loopback/timed_loopback.h"
 
 static uint64_t clock_ns;
 static uint32_t waited_us;
@@ -42,33 +42,49 @@ void setUp(void)
 {
     clock_ns = 5000;
     waited_us = 0;
-    loopback_open(&loopback, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_us});
+    loopback_open(&loopback, 0, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_us});
 }
 
 void tearDown(void)
 {
 }
 
-/* Each with its own time, as many as there is room for, also where the ring's free-running numbers wrap. */
+/* Without a bit rate: as many as there is room for, in the order of sending, each with the time of sending. */
 static void test_loopback_gives_back_in_order_what_it_has_room_for(void)
 {
     dahl_can_frame_t in = {.length = 8}, out;
-    loopback.queue.head = loopback.queue.tail = UINT32_MAX - 3;
-    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+    for (uint32_t i = 0; i < LOOPBACK_ROOM; i++) {
         clock_ns = i * UINT64_C(1000000);
-        in.id = i;
-        TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE - i, frame_queue_room(&loopback.queue));
+        in.id = LOOPBACK_ROOM - i;
         TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
     }
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&loopback.bus, &in));
     TEST_ASSERT_EQUAL(1, loopback.bus.counts.dropped);
-    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+    for (uint32_t i = 0; i < LOOPBACK_ROOM; i++) {
         TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 0));
-        TEST_ASSERT_EQUAL(i, out.id);
+        TEST_ASSERT_EQUAL(LOOPBACK_ROOM - i, out.id);
         TEST_ASSERT_EQUAL(i * 1000u, out.time_us);
         TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
     }
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
+}
+
+/* Also when the ring's free-running numbers wrap. */
+static void test_a_frame_queue_gives_back_in_order_what_it_has_room_for(void)
+{
+    static frame_queue_t queue;
+    dahl_can_frame_t frame = {.length = 8};
+    queue.head = queue.tail = UINT32_MAX - 3;
+    for (frame.id = 0; frame.id < FRAME_QUEUE_SIZE; frame.id++) {
+        TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE - frame.id, frame_queue_room(&queue));
+        TEST_ASSERT_TRUE(frame_queue_put(&queue, &frame));
+    }
+    TEST_ASSERT_FALSE(frame_queue_put(&queue, &frame));
+    for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
+        TEST_ASSERT_TRUE(frame_queue_take(&queue, &frame));
+        TEST_ASSERT_EQUAL(i, frame.id);
+    }
+    TEST_ASSERT_FALSE(frame_queue_take(&queue, &frame));
 }
 
 /* A clock without a wait, as a firmware's: then there is none. Nobody else is there, and closing keeps what was sent. */
@@ -79,7 +95,7 @@ static void test_an_empty_loopback_waits_by_the_clock(void)
     TEST_ASSERT_EQUAL(0, waited_us);
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(700, waited_us);
-    loopback_open(&loopback, (dahl_can_clock_t){.now_ns = now});
+    loopback_open(&loopback, 0, (dahl_can_clock_t){.now_ns = now});
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(700, waited_us);
     TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
@@ -96,11 +112,9 @@ static void wait_on(void *context, uint32_t us)
     clock_ns += us * UINT64_C(1000);
 }
 
-static timed_loopback_t timed;
-
 static void open_timed(uint32_t bitrate)
 {
-    timed_loopback_open(&timed, bitrate, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
+    loopback_open(&loopback, bitrate, (dahl_can_clock_t){.now_ns = now, .wait_us = wait_on});
 }
 
 typedef struct {
@@ -125,15 +139,15 @@ static void test_the_highest_priority_of_those_that_have_asked_goes_first(void)
     for (const priority_case_t *c = cases; c < cases + 2; c++) {
         open_timed(1000000);
         for (size_t i = 0; i < c->count; i++) {
-            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &c->frames[i]));
+            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &c->frames[i]));
             clock_ns += c->pause_ns;
         }
         for (size_t i = 0; i < c->count; i++) {
-            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&timed.bus, &out, 1000));
+            TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 1000));
             TEST_ASSERT_EQUAL_HEX32(c->frames[c->order[i]].id, out.id);
             TEST_ASSERT_EQUAL(c->frames[c->order[i]].data[0], out.data[0]);
         }
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 0));
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 0));
     }
 }
 
@@ -143,22 +157,22 @@ static void test_a_timed_bus_takes_its_time(void)
     const dahl_can_frame_t in = {.id = 0x555, .length = 0}; /* 44 bits and the pause of 3, nothing to stuff but in the CRC */
     dahl_can_frame_t out;
     open_timed(125000);
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 700));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 700));
     TEST_ASSERT_EQUAL(705000, clock_ns);
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &in));
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&timed.bus, &out, 300));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, dahl_can_bus_receive(&loopback.bus, &out, 300));
     TEST_ASSERT_EQUAL(1005000, clock_ns);
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&timed.bus, &out, 300));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_receive(&loopback.bus, &out, 300));
     TEST_ASSERT_GREATER_OR_EQUAL(705000 + 47 * 8000, clock_ns);
     TEST_ASSERT_LESS_OR_EQUAL(705000 + 50 * 8000, clock_ns);
     TEST_ASSERT_EQUAL(clock_ns / 1000, out.time_us);
     TEST_ASSERT_EQUAL(DAHL_CAN_FRAME_OWN, out.flags);
-    for (size_t i = 0; i < TIMED_LOOPBACK_ROOM; i++) {
-        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&timed.bus, &in));
+    for (size_t i = 0; i < LOOPBACK_TIMED_ROOM; i++) {
+        TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, dahl_can_bus_send(&loopback.bus, &in));
     }
-    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&timed.bus, &in));
-    TEST_ASSERT_EQUAL(1, timed.bus.counts.dropped);
-    TEST_ASSERT_EQUAL(0, timed.bus.ops->peers(&timed.bus));
+    TEST_ASSERT_EQUAL(DAHL_CAN_BUS_BUSY, dahl_can_bus_send(&loopback.bus, &in));
+    TEST_ASSERT_EQUAL(1, loopback.bus.counts.dropped);
+    TEST_ASSERT_EQUAL(0, loopback.bus.ops->peers(&loopback.bus));
 }
 
 /* By the standard's rules, counted outside this library: a remote frame has a length and no data. */

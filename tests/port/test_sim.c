@@ -12,6 +12,7 @@
 #include "dahl_frames.h"
 #include "histogram.h"
 #include "motion.h"
+#include "timing.h"
 
 static scene_motion_t still;
 static motion_t motion;
@@ -99,15 +100,15 @@ static void test_each_answer_is_matched_once(void)
 static void test_deadlines_and_jitter(void)
 {
     send(3);
-    answer(0, DAHL_FRAMES_OK, ENCODER_PERIOD_NS);
+    answer(0, DAHL_FRAMES_OK, PERIOD_NS);
     TEST_ASSERT_EQUAL(0, encoder.late);
     TEST_ASSERT_EQUAL(0, encoder.jitter.count);
-    answer(1, DAHL_FRAMES_OK, 2 * ENCODER_PERIOD_NS + 1);
-    answer(2, DAHL_FRAMES_OK, 2 * ENCODER_PERIOD_NS + 900000);
+    answer(1, DAHL_FRAMES_OK, 2 * PERIOD_NS + 1);
+    answer(2, DAHL_FRAMES_OK, 2 * PERIOD_NS + 900000);
     TEST_ASSERT_EQUAL(1, encoder.late);
     TEST_ASSERT_EQUAL(2, encoder.jitter.count);
     TEST_ASSERT_EQUAL(100001, encoder.jitter.max);
-    TEST_ASSERT_EQUAL(ENCODER_PERIOD_NS + 1, encoder.latency.max);
+    TEST_ASSERT_EQUAL(PERIOD_NS + 1, encoder.latency.max);
 }
 
 /* More than 16 wait. A node that starts anew answers the newest with this counter, one that goes on the oldest; of 16 and

@@ -100,6 +100,7 @@ def listed(*folders: object) -> set[Path]:
 
 
 SHARED = {f"dahl/share/{name}" for name in ("dahl.dbc", "include/dahl.h", "scenes/steering.ini")}
+SHARED |= {"dahl/share/scene_keys.def", "dahl/share/timing.h"}
 SHARED |= {"dahl/py.typed", "dahl/commands/demo.py"}
 
 

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * A plugin for QEMU's code generator that counts instructions of single calls. The image makes each call that is to be
- * counted from one place (target/call_*.S): counted is what runs after the instruction at `site` until the one at `back`.
- * At `mark` a new case begins. Written to `out`: a line `-` for each case, then the count of each of its calls.
+ * A plugin for QEMU's code generator that counts the instructions of single calls. The image makes all counted calls from one
+ * place (target/call_*.S). The plugin counts from the instruction after `site` up to the one at `back`.
+ * At `mark` a new case begins. `out` receives a line `-` for each case, then the count of each of its calls.
  *
  *   qemu-system-arm ... -plugin libbench_plugin.so,site=0x1234,back=0x1236,mark=0x1240,out=counts.txt
  *
- * The few functions of QEMU's plugin interface (version 1) are declared here, because Debian ships no header for them.
- * The machine has one processor and takes no interrupts while it is counted.
+ * The few functions of QEMU's plugin interface (version 1) are declared here, because Debian has no header for them.
+ * The machine has one processor and handles no interrupts during a count.
  */
 #include <inttypes.h>
 #include <stdbool.h>

@@ -19,6 +19,7 @@ INSTALLED = SHARE.is_dir()
 ROOT = PACKAGE.parents[1]  # of a checkout; of no meaning where INSTALLED
 DBC = SHARE / "dahl.dbc" if INSTALLED else ROOT / "lib" / "node" / "dahl.dbc"
 INCLUDE = SHARE / "include" if INSTALLED else ROOT / "lib" / "include"
+SIM = SHARE if INSTALLED else ROOT / "host_sim"  # tables that dahl-loop is compiled from
 SCENES = SHARE / "scenes" if INSTALLED else ROOT / "host_sim" / "scenes"
 OUTPUT = Path("dahl-out") if INSTALLED else ROOT / "build"  # where commands leave their files
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Friction of a bearing that moves 100 counts forward and 100 back. In a product the counts come from dahl_encoder.h. */
+/* Friction of a bearing that moves 100 counts forward and 100 back. In a product, dahl_encoder.h gives the counts. */
 #include <stdio.h>
 
 #include "dahl.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* See ways.h. The rivals' own file is included, so that each is compiled into its loop, as a user would have it. */
+/* See ways.h. rivals.c is included, so that the compiler can inline each rival into its loop, as in a user program. */
 #include "ways.h"
 
 #include <math.h>
@@ -47,7 +47,7 @@ RIVAL(trapezoid_parts)
 RIVAL(euler_parts)
 RIVAL(rk4_parts)
 
-/* As much as one can have without this library: state and exponential in double. */
+/* The best alternative without this library: state and exponential in double. */
 static double in_double(run_t *r, int32_t dcounts)
 {
     r->w += ((dcounts < 0 ? -1.0 : 1.0) - r->w) * -expm1(-r->a * fabs((double)dcounts));
@@ -121,7 +121,7 @@ RATIOS(counts_q30)
     }
 }
 
-/* Ways whose product is a float torque: F/Fc of it. */
+/* Methods that return a float torque: F/Fc of it. */
 #define BY_TORQUE(name)                                                                     \
     RATIOS(name)                                                                            \
     {                                                                                       \

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Announcing cases, stack depths and sizes to the reader on the host (tools/bench/target.py). */
+/* Report cases, stack depths and sizes to the host (tools/bench/target.py). */
 #ifndef BENCH_H
 #define BENCH_H
 
@@ -13,7 +13,7 @@ void bench_case(const char *name);
 /* `number NAME VALUE` */
 void bench_number(const char *name, uint32_t value);
 
-/* Before a call: bench_paint(BENCH_PAINT). After it: how many bytes of stack it used. */
+/* Bytes of stack that a call used. Before the call, bench_paint(BENCH_PAINT). */
 #define BENCH_STACK_BYTES 960u
 #define BENCH_STACK_WORD 0xA5C35A3Cu
 #define BENCH_PAINT BENCH_STACK_BYTES + 64u, BENCH_STACK_WORD

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* See call.h. Thumb-1 only, so that one file serves every Cortex-M. */
+/* See call.h. Thumb-1 only, so that all Cortex-M can run it. */
     .syntax unified
     .thumb
     .text

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of work, of the way back from a torque, and of the table over speed (dahl_parts.h). */
+/* Cases of work, of the inverse, and of the table over speed (dahl_parts.h). */
 #include "bench.h"
 #include "dahl_parts.h"
 
@@ -63,7 +63,7 @@ static void bench_tip_torque(const char *name, const dahl_plan_t *plan)
     }
 }
 
-/* Stribeck's: it falls, and then rises. */
+/* A Stribeck curve: it falls, then rises. */
 static void bench_velocity(void)
 {
     dahl_velocity_params_t table = {4, {0}};
@@ -74,7 +74,7 @@ static void bench_velocity(void)
     bench_case("velocity_prepare");
     bench_function = (bench_function_t)dahl_velocity_prepare;
     if (call_velocity_prepare(&plan, &table) != DAHL_OK) {
-        return; /* the reader misses the case */
+        return; /* the host then lacks this case */
     }
     bench_case("velocity_torque");
     bench_function = (bench_function_t)dahl_velocity_torque;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* See rivals.h. Written as well as a careful user would: constants prepared, no division, single precision kept. */
+/* See rivals.h. Code of a careful user: constants prepared, no division, single precision throughout. */
 #include "rivals.h"
 
 #include <math.h>

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * What a user would write without this library: w = F/Fc as a float, one update per tick of dcounts counts, torque out.
- * All have the same duty: travel from counts, direction from its sign, new torque. Their plan is a float or two.
+ * Code that a user would write without this library: w = F/Fc as a float, an update each tick by dcounts counts, torque out.
+ * All do the same work: travel from counts, direction from its sign, new torque. Their plan is one or two floats.
  */
 #ifndef RIVALS_H
 #define RIVALS_H
@@ -39,7 +39,7 @@ float rival_euler(const rival_plan_t *plan, rival_state_t *state, int32_t dcount
 float rival_rk4(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_table(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
-/* The paper's closed form: anchored at the last reversal; and with one running exponent, Eqs. 7, 18, 27 as they stand. */
+/* The paper's closed form: anchored at the last reversal; and with one running exponent, Eqs. 7, 18, 27 as printed. */
 float rival_anchored(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_direct(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_expm1_double(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
@@ -53,7 +53,7 @@ float rival_rk4_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dc
 float rival_backward_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_trapezoid_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
-/* What no way can do without: the state read, multiplied, written. */
+/* The minimum of any method: read the state, multiply, write it. */
 float rival_floor(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
 /* Coulomb's model: F/Fc in Q30 is the direction of the last motion. */

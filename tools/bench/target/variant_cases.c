@@ -21,7 +21,7 @@ static void bench_asymmetric(const char *name, bench_function_t step)
     static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62};
     dahl_asymmetric_plan_t plan;
     if (dahl_asymmetric_prepare(&plan, &asymmetric_params) != DAHL_OK) {
-        return; /* the reader misses the case */
+        return; /* the host then lacks this case */
     }
     bench_case(name);
     bench_function = step;

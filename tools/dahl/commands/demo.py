@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from dahl import paths
 from dahl.commands.arguments import finite, seconds, whole
 from dahl.errors import Error, RunError
+from dahl.sim import timing
 from dahl.version import __version__
 
 if TYPE_CHECKING:
@@ -345,7 +346,8 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
 def _expected(args: argparse.Namespace, scene: Scene, recorded: Recorded | None) -> int | None:
     """Ticks of the run, as far as one can know before."""
     known = [args.seconds, scene.seconds]
-    ticks = [int(seconds * 1000) for seconds in known if seconds and math.isfinite(seconds)]
+    per_second = 1e6 / timing.period_us()
+    ticks = [int(seconds * per_second) for seconds in known if seconds and math.isfinite(seconds)]
     return min(ticks + ([recorded.rows] if recorded else []), default=None)
 
 

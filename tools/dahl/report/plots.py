@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from dahl.io import files, logs
 from dahl.report import traces
+from dahl.sim import timing
 from dahl.sim.scene import Recorded, Scene
 
 MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
@@ -165,7 +166,7 @@ def _more_panels(numbers: dict[str, Any], folder: Path, gain: str) -> list[Calla
 def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
     edges, counts = np.array(numbers["latency_histogram"]).T
     axes.bar(edges, counts, width=-edges / 33, align="edge", color=COMPUTED)
-    axes.axvline(1000, color=MEASURED, linewidth=1)
+    axes.axvline(timing.period_us(), color=MEASURED, linewidth=1)
     axes.set(xlabel="latency of an answer [µs]; the line is one period", ylabel="answers")
     axes.set(xscale="log", yscale="log")
     quantiles, jitter = numbers["latency_us"], numbers["jitter_us"]

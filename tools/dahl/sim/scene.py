@@ -21,11 +21,12 @@ from dahl import paths
 from dahl.binding import core, parts, variants
 from dahl.errors import Error
 from dahl.io import files, logs, units
+from dahl.sim import scene_keys
 
 if TYPE_CHECKING:
     from dahl.can import node
 
-TEXT = 160  # bytes of a text in a scene, with its end, as dahl-loop has them
+TEXT = scene_keys.text_size()
 
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
@@ -34,14 +35,13 @@ UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
 }
 
 
-NODE_KEYS = ("gain", "limit", "ramp_ms", "timeout_ms", "max_step")  # of [friction]
+NODE_KEYS = scene_keys.node_settings()
 
 MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
 ONE = {"dahl": (1, 1), "elastoplastic": (1, 1), "loaded": (1, 1), "asymmetric": (1, 2)}  # element
 OWN_KEYS = {"kinds": "parallel", "breakaway": "elastoplastic"}  # of one model alone
 KNOWN_KEYS = {  # of the sections that a node is made of
-    "friction": ("model", "sigma0", "Fc", "theta_per_count", "node", *OWN_KEYS, *NODE_KEYS),
-    "status": ("period_ms",),
+    section: scene_keys.names(section) for section in ("friction", "status")
 }
 
 
@@ -252,9 +252,11 @@ def _number(
 
 def _node(path: Path, parser: configparser.ConfigParser) -> int:
     """[friction] node, from 0 to 15."""
-    number = _number(path, parser, "friction", "node", 0.0)
-    if number not in range(16):
-        raise Error(f"{path}: [friction] node = {number:g} is not a whole number from 0 to 15")
+    key = scene_keys.keys()["friction", "node"]
+    number = _number(path, parser, "friction", "node", key.default)
+    if not (key.low <= number <= key.high and number.is_integer()):
+        limits = f"from {key.low:g} to {key.high:g}"
+        raise Error(f"{path}: [friction] node = {number:g} is not a whole number {limits}")
     return int(number)
 
 

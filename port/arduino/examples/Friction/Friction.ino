@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Friction of a shaft with a 14-bit encoder, 2 counts a tick forward and then back, printed every tenth tick. No wiring needed.
+// Friction of a shaft with a 14-bit encoder: 2 counts a tick forward, then back. Prints each tenth tick. Needs no wiring.
 #include <dahl.hpp>
 
 const long TICKS = 100;

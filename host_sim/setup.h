@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* parts: the nodes, encoders, faults and the shaft that a scene names, made ready to run. */
-#ifndef PARTS_H
-#define PARTS_H
+/* setup: create the nodes, encoders, faults and the shaft of a run, from a scene and the options. */
+#ifndef SETUP_H
+#define SETUP_H
 
 #include "encoder.h"
 #include "faults.h"
@@ -13,7 +13,7 @@
 #include "plant.h"
 #include "scene.h"
 
-/* All zeros but options, scene and log_path, before parts_prepare. Large: make it static. */
+/* All zeros but options, scene and log_path, before setup_create. Large: make it static. */
 typedef struct {
     const options_t *options;
     const scene_t *scene;
@@ -21,19 +21,19 @@ typedef struct {
     uint32_t node_count;
     uint32_t encoder_count;
     dahl_node_t nodes[DAHL_FRAMES_NODES];
-    models_kept_t models[DAHL_FRAMES_NODES]; /* where the scene's model is not Dahl's */
+    models_kept_t models[DAHL_FRAMES_NODES]; /* used if the scene's model is not dahl */
     motion_t motions[DAHL_FRAMES_NODES];
     encoder_t encoders[DAHL_FRAMES_NODES];
     faults_t faults[DAHL_FRAMES_NODES];
     plant_t plant;
-} parts_t;
+} setup_t;
 
-/* 0, or -1 after one error line was printed. */
-int parts_prepare(parts_t *p);
+/* Returns 0, or prints one error line and returns -1. */
+int setup_create(setup_t *s);
 
 /* Node number of the i-th node and of its encoder. */
-uint8_t parts_number(const parts_t *p, uint32_t i);
+uint8_t setup_number(const setup_t *s, uint32_t i);
 
-void parts_close(parts_t *p);
+void setup_close(setup_t *s);
 
 #endif

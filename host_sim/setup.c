@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: MIT */
+/* setup: see setup.h. */
+#define _GNU_SOURCE
+#include "setup.h"
+
+#include <math.h>
+
+#include "messages.h"
+#include "timing.h"
+
+static uint32_t to_us(double ms)
+{
+    return (uint32_t)lround(ms * US_PER_MS);
+}
+
+static uint32_t timeout_us(const setup_t *s)
+{
+    double given_ms = s->scene->friction.timeout_ms;
+    return given_ms > 0 ? to_us(given_ms) : DAHL_NODE_TIMEOUT_US;
+}
+
+static void configure_node(const setup_t *s, dahl_node_t *node)
+{
+    const scene_friction_t *f = &s->scene->friction;
+    node->status_us = s->scene->has_status ? to_us(s->scene->status_period_ms) : 0;
+    node->timeout_us = timeout_us(s);
+    node->gain = (uint32_t)lround(f->gain * DAHL_NODE_ONE);
+    node->limit = (uint32_t)lround(f->limit * DAHL_NODE_ONE);
+    node->ramp_us = to_us(f->ramp_ms);
+    node->max_step = (uint32_t)lround(f->max_step);
+    node->gain_now = node->ramp_us == 0 ? node->gain : 0;
+}
+
+static int create_node(setup_t *s, dahl_node_t *node, uint8_t number)
+{
+    const scene_friction_t *f = &s->scene->friction;
+    dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
+    dahl_err_t result = dahl_node_init(node, &params, number);
+    if (result == DAHL_OK) {
+        result = models_use(node, &s->models[number], f);
+    }
+    if (result != DAHL_OK) {
+        return log_error("%s: [friction] sigma0 = %.9g, Fc = %.9g, theta_per_count = %.9g: dahl_prepare refuses (%d)",
+                         s->options->scene, f->sigma0, f->Fc, f->theta_per_count, (int)result);
+    }
+    configure_node(s, node);
+    return 0;
+}
+
+uint8_t setup_number(const setup_t *s, uint32_t i)
+{
+    return (uint8_t)((uint32_t)s->scene->friction.node + i);
+}
+
+static int create_nodes(setup_t *s)
+{
+    s->node_count = s->options->nodes;
+    for (uint32_t i = 0; i < s->options->nodes; i++) {
+        if (create_node(s, &s->nodes[i], setup_number(s, i)) != 0) {
+            return -1;
+        }
+    }
+    return 0;
+}
+
+static int create_plant(setup_t *s)
+{
+    motion_t *reference = s->scene->has_control ? &s->motions[0] : NULL;
+    if (!plant_open(&s->plant, s->scene, reference, &s->encoders[0])) {
+        return -1;
+    }
+    s->encoders[0].motion = &s->plant.motion;
+    return 0;
+}
+
+static int create_encoder(setup_t *s, uint32_t i)
+{
+    encoder_t *encoder = &s->encoders[i];
+    uint64_t seed = s->options->seed + i;
+    encoder->motion = &s->motions[i];
+    encoder->node = setup_number(s, i);
+    if (s->scene->has_motion && !motion_open(&s->motions[i], &s->scene->motion, s->log_path, s->scene->load.column, seed)) {
+        return -1;
+    }
+    if (s->scene->has_load) {
+        encoder->load = &s->scene->load;
+        encoder->load_sent = DAHL_NODE_ONE;
+    }
+    if (s->scene->has_faults) {
+        faults_open(&s->faults[i], s->scene->faults, ~seed, timeout_us(s));
+        encoder->faults = &s->faults[i];
+    }
+    return 0;
+}
+
+static int create_encoders(setup_t *s)
+{
+    s->encoder_count = s->options->nodes;
+    for (uint32_t i = 0; i < s->options->nodes; i++) {
+        if (create_encoder(s, i) != 0) {
+            return -1;
+        }
+    }
+    return s->scene->has_rotor ? create_plant(s) : 0;
+}
+
+static int check_numbers(const setup_t *s)
+{
+    unsigned nodes = s->options->nodes;
+    if (setup_number(s, nodes - 1) >= DAHL_FRAMES_NODES) {
+        return log_error("--nodes %u: with the scene's first node %u, numbers would pass %u", nodes,
+                         (unsigned)s->scene->friction.node, (unsigned)DAHL_FRAMES_NODES - 1);
+    }
+    if (nodes > 1 && s->scene->has_rotor) {
+        return log_error("--nodes %u: a scene with a [rotor] has one", nodes);
+    }
+    if (s->options->trace != NULL && !s->scene->has_rotor) {
+        return log_error("--trace %s: %s has no [rotor] to trace", s->options->trace, s->options->scene);
+    }
+    if (s->options->trace != NULL && !s->options->run_encoder) {
+        return log_error("--trace %s: --role node runs no [rotor] to trace", s->options->trace);
+    }
+    return 0;
+}
+
+static int check_roles(const setup_t *s, bool has_node, bool has_encoder)
+{
+    if (!has_node && !has_encoder) {
+        return log_error("%s: has no [%s], which this --role must run", s->options->scene,
+                         s->options->run_node ? "friction" : "motion");
+    }
+    if (!has_encoder && s->options->is_virtual && !(s->options->seconds > 0)) {
+        return log_error("--virtual without an encoder never ends: give --seconds");
+    }
+    return check_numbers(s);
+}
+
+int setup_create(setup_t *s)
+{
+    bool has_node = s->options->run_node && s->scene->has_friction;
+    bool has_encoder = s->options->run_encoder && (s->scene->has_motion || s->scene->has_motor);
+    int result = check_roles(s, has_node, has_encoder);
+    if (result == 0 && has_node) {
+        result = create_nodes(s);
+    }
+    if (result == 0 && has_encoder) {
+        result = create_encoders(s);
+    }
+    return result;
+}
+
+void setup_close(setup_t *s)
+{
+    for (size_t i = 0; i < DAHL_FRAMES_NODES; i++) {
+        motion_close(&s->motions[i]);
+    }
+}
