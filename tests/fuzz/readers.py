@@ -41,9 +41,9 @@ def check_arrays(arrays: list[np.ndarray]) -> None:
 
 
 def read_table(path: Path, choice: int) -> None:
-    """The strict reader of tables, and the one that guesses."""
-    if path.suffix == ".csv" and choice & 1:
-        check_arrays(list(logs.read_table(path, ["angle", "torque"], "t").values()))
+    """Columns by their names, and columns that are found."""
+    if choice & 1:
+        check_arrays([*readers.read_columns(path, {"angle": "1", "time": "2"})[1].values()])
         return
     source = readers.Source(skip_gaps=bool(choice & 2), counts_per_turn=360.0)
     log = readers.read(path, source)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 import re
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -171,7 +170,7 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
-        with logs.copies_of_its_own(path), MDF(path) as file:
+        with logs.without_mf4_copies(path), MDF(path) as file:
             if "CAN_DataFrame" in file.channels_db:  # raw frames, by ASAM's name for them
                 raise Error(f"{path}: {NEEDS_DBC}")
             places = _unique_names(file.channels_db)
@@ -180,7 +179,6 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
-        sys.unraisablehook = lambda _: None  # its half-opened files fail again when collected
         raise Error(f"{path}: broken, cut off or no MF4 ({short(error)})") from None
     for role, one in channels.items():
         if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
