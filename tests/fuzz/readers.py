@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""readers.py tables|buses FOLDER [libFuzzer options]: logs of any bytes through the Python readers.
-readers.py seeds FOLDER tables|buses: inputs to begin with, where the format is no text.
+"""readers.py tables|buses FOLDER [libFuzzer options]: read logs of any bytes.
+readers.py seeds FOLDER tables|buses: write first inputs of the binary formats.
 
-Only dahl.Error may escape, in one line; what is read is finite and of one length. Run by
-tests/fuzz/test_fuzz.py, by atheris (libFuzzer); FOLDER takes the file that is read. The readers are
-called as they are: the command before them would take most of the time of each execution.
+Only dahl.Error may be raised, in one line; columns are finite and of one length. test_fuzz.py runs
+this by atheris (libFuzzer), with the file in FOLDER. The readers are called directly, since the
+command would cost most of the time.
 """
 
 from __future__ import annotations
