@@ -64,7 +64,6 @@ def scaled(usual: dict, sigma0: float, Fc: float) -> dict:  # noqa: N803
 @pytest.mark.parametrize(
     ("words", "wanted"),
     [
-        ("--terms none", lambda _: {"coulomb_extra": []}),
         (
             "--terms offset,viscous",
             lambda _: {"extra": {"offset": near(OFFSET), "viscous": near(0)}},
@@ -75,7 +74,6 @@ def scaled(usual: dict, sigma0: float, Fc: float) -> dict:  # noqa: N803
         ("--angle-unit mm", lambda usual: {"linear": True, **scaled(usual, np.pi / 0.18, 1)}),
         ("--counts-per-turn 8192", lambda _: {"resolution": pytest.approx(2 * COUNT)}),
         ("--torque 4 --skip-gaps", lambda u: {"rows": ROWS - 1, **scaled(u, 2, 2)}),
-        ("--median 9", lambda _: {"median_rows": 9}),
     ],
 )
 def test_each_option_does_what_it_says(rig, usual, words, wanted):

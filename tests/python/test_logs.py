@@ -65,17 +65,12 @@ def plotted(played, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "text",
     [
-        GOOD,
-        GOOD.replace(",", "\t"),
-        GOOD.replace(",", ";").replace(".", ","),
-        "Rig 3\n\nDate;24.11.2026\n" + GOOD.replace(",", "; "),
-        GOOD.replace("\n", "\r\n").rstrip("\n"),
+        GOOD.replace(",", "\t").replace("\n", "\r\n"),
+        ("Rig 3\n\nDate;24.11.2026\n" + GOOD.replace(",", ";").replace(".", ",")).encode("utf-16"),
         GOOD + "\n,,\n",
-        "\ufeff" + GOOD,
-        GOOD.replace("angle", '"angle"').encode("utf-16"),
         "x,t,x,angle,torque\n1,0,1,15,2\n1,0.25,1,-25,3\n1,0.5,1,35,-4.5\n",
     ],
-    ids=range(9),
+    ids=range(4),
 )
 def test_a_good_table_is_read_whole(plotted, text):
     """Over the angle, and over the time of the table."""
@@ -151,6 +146,8 @@ def test_the_demo_uses_the_units_of_names_and_unwraps(dahl_loop, library, tmp_pa
         *("x.parquet", "--angle", 1, "--torque", "T_mNm", "--torque-scale", -2, "-o", "out")
     )
     np.testing.assert_allclose(table[:, 1], -2e3 * gone)
+    words = ("--angle", 1, "--torque", 1, *OWN_MODEL, "-o", "out")
+    assert "different columns" in complaint(run("demo", "x.parquet", *words))[1]
 
 
 def test_a_table_that_is_not_there_or_a_folder_is_named(plotted):

@@ -113,7 +113,7 @@ def read_columns(path: Path, wanted: Mapping[str, str]) -> Columns:
 
 def _check_file(path: Path) -> None:
     if path.is_dir():
-        raise Error(f"{path}: a folder; --each takes the logs in it")
+        raise Error(f"{path}: a folder; dahl identify --each reads the logs in it")
     if not path.is_file():
         raise Error(f"{path}: no such file")
     if path.stat().st_size == 0:

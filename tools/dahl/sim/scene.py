@@ -347,6 +347,8 @@ def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
     wanted = {role: getattr(own, role) for role in ("angle", "torque", "time")}
     wanted = {role: name for role, name in wanted.items() if name}
     names, columns = readers.read_columns(own.log, wanted)
+    if len(set(wanted.values())) < len(wanted):
+        raise Error(f"{own.log}: angle, torque and time need different columns")
     unit, _ = units.choose("angle", own.angle_unit, names["angle"], "deg")
     is_linear = unit in units.LENGTHS
     count = (1e-3 if is_linear else 2 * math.pi) / own.counts_per_turn  # m or rad
