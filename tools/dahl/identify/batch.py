@@ -20,7 +20,7 @@ from dahl.errors import Error, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import readers
-from dahl.io.files import keep
+from dahl.io.files import keep, one_line
 from dahl.io.readers import Source
 from dahl.version import __version__
 
@@ -143,7 +143,7 @@ def _cluster(address: str | None) -> Iterator[None]:
     try:
         client = Client(address, timeout=CLUSTER_TIMEOUT_S)  # type: ignore[no-untyped-call]  # dask is typed in parts
     except (OSError, ValueError) as error:
-        words = " ".join(str(error).split())[:120]
+        words = one_line(error, 120)
         raise RunError(f"--dask {address}: no cluster answers ({words})") from None
     with client, joblib.parallel_config(backend="dask"):
         yield

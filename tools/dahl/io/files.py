@@ -92,6 +92,11 @@ def read_json(path: Path, hint: str = "") -> Any:
         raise Error(f"{path}: not JSON that can be read ({error})") from None
 
 
+def one_line(error: Exception, most: int = 160) -> str:
+    """Return the message of another library's error in one line."""
+    return " ".join(str(error).split())[:most] or type(error).__name__
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Where to write the successor of a file: it takes the name once it is whole, and goes where it

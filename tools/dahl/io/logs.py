@@ -113,7 +113,7 @@ def frames_of(path: Path) -> Iterator[can.Message]:
             if getattr(reader, "file_size", 0) > path.stat().st_size:  # a BLF has its length
                 raise Error("the file is shorter than it says")
     except Exception as error:  # each reader of python-can raises its own kinds
-        words = " ".join(str(error).split())[:120] or type(error).__name__
+        words = files.one_line(error, 120)
         raise Error(f"{path}: broken or cut off after {count} frames ({words})") from None
     if count == 0:
         raise Error(f"{path}: no frames in it")
