@@ -18,13 +18,13 @@ from packaging.requirements import Requirement
 
 # Of each verb: the extras that its refusal names, and what it imports.
 NEEDS = {
-    "demo": ("can,plot", ["can", "cantools", "rich", "matplotlib", "mpmath", "pooch"]),
+    "demo": ("can,plot", ["can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas"]),
     "identify": ("identify", ["scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can"]),
     "excite": ("identify", ["scipy"]),
     "monitor": ("can", ["can", "cantools", "rich", "plotext", "mpmath"]),
     "node": ("can", ["can", "rich"]),
     "record": ("can", ["can"]),
-    "plot": ("plot", ["matplotlib", "can", "cantools", "mpmath"]),
+    "plot": ("plot", ["matplotlib", "can", "cantools", "mpmath", "pandas"]),
     "report": ("plot", ["jinja2", "mpmath"]),
     "data": ("plot", ["pooch"]),
     "dbc": ("can", ["cantools", "mpmath"]),

@@ -185,14 +185,14 @@ def test_types_of_the_installed_package_find_wrong_arguments(
         (["monitor", "-i", "virtual"], "python-can, cantools, rich, plotext, mpmath", "can"),
         (["record", "-o", "x.log"], "python-can", "can"),
         (["node"], "python-can, rich", "can"),
-        (["plot", "."], "matplotlib, python-can, cantools, mpmath", "plot"),
+        (["plot", "."], "matplotlib, python-can, cantools, mpmath, pandas", "plot"),
         (
             ["identify", "x.csv"],
             "scipy, pandas, joblib, matplotlib, mpmath, rich, python-can",
             "identify",
         ),
         (["report", "."], "jinja2, mpmath", "plot"),
-        (["demo"], "python-can, cantools, rich, matplotlib, mpmath, pooch", "can,plot"),
+        (["demo"], "matplotlib, mpmath, pooch, pandas", "can,plot"),
     ],
 )
 def test_a_verb_says_which_extra_it_lacks(core: Environment, words, packages, extra) -> None:

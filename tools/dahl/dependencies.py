@@ -22,13 +22,13 @@ from dahl import paths
 from dahl.errors import RunError
 
 NEEDS = {  # command: extras of pyproject.toml that bring its packages, and these, as imported
-    "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch")),
+    "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas")),
     "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can")),
     "excite": ("identify", ("scipy",)),
     "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
     "node": ("can", ("can", "rich")),
     "record": ("can", ("can",)),
-    "plot": ("plot", ("matplotlib", "can", "cantools", "mpmath")),
+    "plot": ("plot", ("matplotlib", "can", "cantools", "mpmath", "pandas")),
     "report": ("plot", ("jinja2", "mpmath")),
     "data": ("plot", ("pooch",)),
     "dbc": ("can", ("cantools", "mpmath")),

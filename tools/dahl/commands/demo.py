@@ -44,6 +44,7 @@ WRITTEN = (
     "*.err",
     "*.bin",
     "run.log",
+    "own.csv",
     "trace.csv",
     "uncompensated.csv",
     "loop.png",
@@ -56,17 +57,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         type=Path,
         metavar="LOG",
-        help="your own log: CSV or TSV with a header line",
+        help="your own log: a table as dahl identify reads it",
     )
     _add_own(parser.add_argument_group("your own log"))
     _add_run(parser)
 
 
 def _add_own(own: argparse._ActionsContainer) -> None:
-    """What a user's own log is and what compares it with the model."""
-    own.add_argument("--angle", metavar="COLUMN", help="column that holds the angle")
-    own.add_argument("--torque", metavar="COLUMN", help="column that holds the measured torque")
-    own.add_argument("--time", metavar="COLUMN", help="column that holds the time in s")
+    """Add the options that describe a user's own log and the model to compare it with."""
+    own.add_argument("--angle", metavar="COLUMN", help="angle: column by name, or by number from 1")
+    own.add_argument("--torque", metavar="COLUMN", help="the same for the measured torque")
+    own.add_argument("--time", metavar="COLUMN", help="the same for the time")
     own.add_argument(
         "--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
     )
@@ -79,14 +80,14 @@ def _add_own(own: argparse._ActionsContainer) -> None:
     )
     own.add_argument(
         "--angle-unit",
-        choices=("deg", "rad", "mm", "counts"),
-        help="of the angle column (default: what its name says, else deg)",
+        metavar="UNIT",
+        help="deg, rad, mrad, turn, counts, m, mm, ... (default: that of the name, else deg)",
     )
     own.add_argument(
         "--torque-scale",
         type=finite,
         metavar="K",
-        help="N m per unit of the torque column (default: 1)",
+        help="N m per unit of the torque column (default: that of its name, else 1)",
     )
     own.add_argument("--offset", type=finite, metavar="T", help="N m added to the model's torque")
     own.add_argument(
@@ -132,7 +133,6 @@ def run(args: argparse.Namespace) -> int:
     with paths.owned(args.output):
         _spare(args.log, args.output)
         scene, log, recorded = _choose(args, console)
-        _spare(log, args.output)  # that of the scene
         numbers, trace = _play(args, scene, log, recorded, console)
         _keep(args.output, scene, trace, recorded, numbers, console)
     if args.json:
@@ -184,10 +184,10 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     from dahl.sim import scene
 
     if args.log:
-        own = _own(args)
-        console.print(f"angle   column '{own.angle}' in {own.angle_unit} (else: --angle-unit)")
-        chosen = scene.write_own(own, args.output / "own.ini")
-        return chosen, args.log, scene.read_log(chosen, args.log)
+        chosen, unit = scene.write_own(_own(args), args.output / "own.ini")
+        console.print(f"angle   column '{args.angle}' in {unit} (else: --angle-unit)")
+        table = args.output / chosen.log
+        return chosen, table, scene.read_log(chosen, table)
     given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
     if given:
         raise Error(f"only with a LOG of your own: {', '.join(given)}")
@@ -195,12 +195,14 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     if not chosen.log:
         return chosen, None, None
     log = data.find_log(chosen.log, chosen.path.parent)
+    _spare(log, args.output)
     return chosen, log, scene.read_log(chosen, log)
 
 
 def _own(args: argparse.Namespace) -> Any:
     from dahl.binding.core import Plan
-    from dahl.sim.scene import OwnLog, unit_in
+    from dahl.io.logs import CAN_LOGS
+    from dahl.sim.scene import OwnLog
 
     if not args.log.exists():
         raise Error(f"{args.log}: no such file")
@@ -212,13 +214,14 @@ def _own(args: argparse.Namespace) -> Any:
             if missing
             else "--scene with a LOG: one of both"
         )
-    Plan(args.sigma0, args.fc)  # says which parameter is out of range
-    args.angle_unit = args.angle_unit or unit_in(args.angle)
-    return OwnLog(**{"torque": "", **_given(args)})
+    if args.log.suffix.lower() in CAN_LOGS:
+        raise Error(f"{args.log}: a table was expected; dahl identify --dbc makes a scene of it")
+    Plan(args.sigma0, args.fc)  # names a parameter that is out of range
+    return OwnLog(**_given(args))
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
-    """What the command line says of a log of one's own."""
+    """Return the options of a user's own log that are given."""
     from dahl.sim.scene import OwnLog
 
     said = {key: getattr(args, key) for key in OwnLog.__dataclass_fields__}
@@ -278,7 +281,8 @@ def _play(
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
     if setup.trace and scene.compensates and not numbers["interrupted"]:
         loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
-    numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
+    source = args.log or log  # a user's own log is replayed by a copy of its columns
+    numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
     if args.target:  # the node of the served bus has only seen that nothing was for it

@@ -13,7 +13,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error
+from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
@@ -98,12 +98,16 @@ def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:
 
 
 def _recorded(played: Scene, log: str | None) -> Recorded | None:
-    """What was measured beside the angle: in the log of the run, else in that of the scene."""
+    """Read what was measured: in the log of the scene, or in that of the run if that has gone."""
     from dahl.io import data
     from dahl.sim import scene
 
     if not played.log:
         return None
-    return scene.read_log(
-        played, Path(log) if log else data.find_log(played.log, played.path.parent)
-    )
+    try:
+        path = data.find_log(played.log, played.path.parent)
+    except (Error, RunError):
+        if log is None:
+            raise
+        path = Path(log)
+    return scene.read_log(played, path)

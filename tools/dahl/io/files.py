@@ -69,20 +69,32 @@ def _is_ours(path: Path) -> bool:
         raise Error(f"{path}: {error.strerror}") from None
 
 
-def read_json(path: Path, hint: str = "") -> Any:
-    """What a JSON file holds. Raises dahl.Error; `hint` says where such a file comes from."""
+def read_text(path: Path, hint: str = "") -> str:
+    """Return the text of a file. Raises dahl.Error; `hint` says where such a file comes from."""
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise Error(f"{path}: no such file{hint}") from None
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise Error(f"{path}: not a text file (byte {error.start})") from None
+
+
+def read_json(path: Path, hint: str = "") -> Any:
+    """Return the content of a JSON file. Raises dahl.Error; `hint` as in read_text()."""
+    text = read_text(path, hint)
+    try:
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, lists in lists
         raise Error(f"{path}: not JSON that can be read ({error})") from None
+
+
+def one_line(error: Exception, most: int = 160) -> str:
+    """Return the message of another library's error in one line."""
+    return " ".join(str(error).split())[:most] or type(error).__name__
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dahl.io import files, logs
+from dahl.io import files, readers
 from dahl.report import traces
 from dahl.sim import timing
 from dahl.sim.scene import Recorded, Scene
@@ -206,7 +206,8 @@ def _tracking(axes: Axes, folder: Path, gain: str) -> None:
 
 def _error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
     """Time in s and tracking error in rad of a rotor's trace."""
-    table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
+    names = ("time_s", "reference_rad", "angle_rad")
+    _, table = readers.read_columns(trace, {name: name for name in names})
     return table["time_s"], table["reference_rad"] - table["angle_rad"]
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from dahl import paths
 from dahl.binding import core, parts, variants
 from dahl.errors import Error
-from dahl.io import files, logs, units
+from dahl.io import files, readers, units
 from dahl.sim import scene_keys
 
 if TYPE_CHECKING:
@@ -28,11 +28,7 @@ if TYPE_CHECKING:
 
 TEXT = scene_keys.text_size()
 
-UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
-    "deg": (math.pi / 180, "N m"),
-    "rad": (1.0, "N m"),
-    "mm": (1e-3, "N"),
-}
+SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
 
 
 NODE_KEYS = scene_keys.node_settings()
@@ -279,39 +275,39 @@ def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
 
 @dataclass
 class Recorded:
-    """What the log holds beside the angle; arrays of shape (rows,)."""
+    """The columns of a log that are compared with the model; arrays of shape (rows,)."""
 
-    torque: np.ndarray | None  # N m (N), None where nothing was measured
-    time: np.ndarray | None  # s, None where the log has no time column
+    torque: np.ndarray | None  # N m (N); None if it was not measured
+    time: np.ndarray | None  # s; None if the log has no time
     rows: int
 
 
 def read_log(scene: Scene, log: Path) -> Recorded:
-    """Torque and time of each row of the scene's log.
+    """Read torque and time of each row of the scene's log.
 
-    Reads the angle column as well, so that a bad log is named here, by line and column, before
-    anything is started.
+    The angle is read too, so that an error in any column is found before anything starts.
     """
-    angle, torque, time = (
-        scene.motion.get("angle", ""),
-        scene.measured.torque,
-        scene.motion.get("time", ""),
-    )
-    if not angle:
+    wanted = {
+        "angle": scene.motion.get("angle", ""),
+        "torque": scene.measured.torque,
+        "time": scene.motion.get("time", ""),
+    }
+    if not wanted["angle"]:
         raise Error(
             f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
         )
-    table = logs.read_table(log, [angle, torque] if torque else [angle], time or None)
-    _check_unwrapped(scene, log, table[angle])
-    measured = table[torque] * scene.measured.torque_scale if torque else None
-    return Recorded(measured, table[time] if time else None, len(table[angle]))
+    _, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
+    _check_unwrapped(scene, log, table["angle"])
+    torque = table.get("torque")
+    measured = None if torque is None else torque * scene.measured.torque_scale
+    return Recorded(measured, table.get("time"), len(table["angle"]))
 
 
 def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
-    """An angle that starts anew at each turn would send the shaft back by a turn within a tick."""
+    """Raise dahl.Error for an angle that wraps: dahl-loop would turn the shaft back in one tick."""
     try:
         per_unit = scene.theta_per_count * float(scene.motion.get("counts_per_unit", "1"))
-    except ValueError:  # dahl-loop says so, with the line
+    except ValueError:  # dahl-loop reports it with its line
         return
     if scene.measured.unit == "N" or not per_unit > 0:
         return
@@ -327,44 +323,70 @@ def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
 
 @dataclass
 class OwnLog:
-    """What the command line says about a user's own log (see `dahl demo --help`)."""
+    """The options that describe a user's own log (see `dahl demo --help`)."""
 
     log: Path
     angle: str
-    torque: str
     sigma0: float
     fc: float
     counts_per_turn: float
-    angle_unit: str = "deg"
-    torque_scale: float = 1.0
+    torque: str = ""
+    angle_unit: str = ""  # by default that of the column's name, else deg
+    torque_scale: float | None = None  # N m (N) per unit; None: by the name of the column
     offset: float = 0.0
     spring: float = 0.0
     time: str = ""
 
 
-def unit_in(column: str) -> str:
-    """deg, rad, mm or counts, as the name of an angle column says it; deg where it says nothing.
-    Raises dahl.Error where it says another unit.
+def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
+    """Write the scene of a user's own log to `path`, with a table that dahl-loop reads beside it.
+
+    Returns the scene and the unit of the angle. The columns are read as `dahl identify` does.
     """
-    words = re.split(r"[^a-z\d]+|_", column.lower())
-    unit = next((unit for unit in ("rad", "mm", "counts") if unit in words), "")
-    other = unit or units.unit_in(column, units.ANGLES, "deg")
-    if other not in UNITS and other != "counts":
-        raise Error(
-            f"--angle {column}: in {other}; deg, rad, mm or counts were expected: scale the column,"
-            " or say with --angle-unit what it is"
-        )
-    return other
-
-
-def write_own(own: OwnLog, path: Path) -> Scene:
-    """Write the scene of a user's own log to `path`, and read it back."""
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
     _check_names(own)
-    whole = str(own.log.absolute())
-    unit = own.angle_unit if own.angle_unit in UNITS else "rad"
-    size, torque_unit = UNITS[unit]
+    wanted = {role: getattr(own, role) for role in ("angle", "torque", "time")}
+    wanted = {role: name for role, name in wanted.items() if name}
+    names, columns = readers.read_columns(own.log, wanted)
+    if len(set(wanted.values())) < len(wanted):
+        raise Error(f"{own.log}: angle, torque and time need different columns")
+    unit, _ = units.choose("angle", own.angle_unit, names["angle"], "deg")
+    is_linear = unit in units.LENGTHS
+    count = (1e-3 if is_linear else 2 * math.pi) / own.counts_per_turn  # m or rad
+    size = count if unit == "counts" else units.ANGLES[unit]
+    if not is_linear:
+        columns["angle"], _ = readers.unwrap(columns["angle"], 2 * math.pi / size)
+    if "torque" in columns:
+        torque, _ = readers.restore_sign(columns["torque"])
+        columns["torque"] = torque * _torque_scale(own, names["torque"], is_linear)
+    if "time" in columns:
+        time_unit, _ = units.choose("time", "", names["time"], "s")
+        columns["time"] = columns["time"] * units.TIMES[time_unit]
+    table = path.with_suffix(".csv")
+    _write_table(table, {wanted[role]: column for role, column in columns.items()})
+    files.keep(path, _scene_of(own, table.name, unit, size, count))
+    return read(path), unit
+
+
+def _torque_scale(own: OwnLog, name: str, is_linear: bool) -> float:
+    """Return N m (N) per unit of the torque column."""
+    if own.torque_scale is not None:
+        return own.torque_scale
+    unit, _ = units.choose("torque", "", name, "N" if is_linear else "Nm")
+    return units.TORQUES[unit]
+
+
+def _write_table(path: Path, columns: dict[str, np.ndarray]) -> None:
+    import pandas as pd
+
+    files.keep(path, pd.DataFrame(columns).to_csv(index=False))
+
+
+def _scene_of(own: OwnLog, table: str, unit: str, size: float, count: float) -> str:
+    """Return the scene of a user's own log; unit of the angle and encoder count in rad (m)."""
+    is_linear = unit in units.LENGTHS
+    shown = unit if unit in SHOWN_UNITS else "m" if is_linear else "rad"
     lines = [
         "; written by dahl demo",
         "[scene]",
@@ -372,30 +394,28 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         "[friction]",
         f"sigma0 = {own.sigma0!r}",
         f"Fc = {own.fc!r}",
-        f"theta_per_count = {_theta_per_count(own)!r}",
+        f"theta_per_count = {count!r}",
         "[motion]",
         "kind = log",
-        f"file = {whole if _can_hold(whole) else own.log.name}",
+        f"file = {table}",
         f"angle = {own.angle}",
-        f"counts_per_unit = {_counts_per_unit(own)!r}",
+        f"counts_per_unit = {size / count!r}",
         *([f"time = {own.time}"] if own.time else []),
         "[status]",
         "period_ms = 100",
         "[measured]",
         *([f"torque = {own.torque}"] if own.torque else []),
-        f"torque_scale = {own.torque_scale!r}",
         f"offset = {own.offset!r}",
         f"spring = {own.spring!r}",
-        f"label_angle = {own.angle} from the start [{unit}]",
-        f"label_torque = friction [{torque_unit}]",
-        f"angle_scale = {1 / size!r}",
+        f"label_angle = {own.angle} from the start [{shown}]",
+        f"label_torque = friction [{'N' if is_linear else 'N m'}]",
+        f"angle_scale = {1 / units.ANGLES[shown]!r}",
     ]
-    files.keep(path, "\n".join(lines) + "\n")
-    return read(path)
+    return "\n".join(lines) + "\n"
 
 
 def _check_names(own: OwnLog) -> None:
-    """Raise dahl.Error for a name that a scene file cannot hold."""
+    """Raise dahl.Error for names that a scene file cannot hold."""
     columns = [("column", name) for name in (own.angle, own.time, own.torque) if name]
     for kind, name in [("log", own.log.name), *columns]:
         if not _can_hold(name):
@@ -408,17 +428,3 @@ def _can_hold(name: str) -> bool:
     """
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
     return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < TEXT
-
-
-def _theta_per_count(own: OwnLog) -> float:
-    """rad per count; for millimetres counts_per_turn is counts per millimetre, and this is m per
-    count.
-    """
-    return (
-        1e-3 / own.counts_per_turn if own.angle_unit == "mm" else 2 * math.pi / own.counts_per_turn
-    )
-
-
-def _counts_per_unit(own: OwnLog) -> float:
-    per_turn = {"deg": 360.0, "rad": 2 * math.pi, "mm": 1.0, "counts": own.counts_per_turn}
-    return own.counts_per_turn / per_turn[own.angle_unit]
