@@ -4,10 +4,10 @@
  * not there is a part that is not run.
  *
  *   [scene]    title
- *   [friction] the node: model = dahl (also where nothing is said) | slip | parallel | asymmetric | elastoplastic | loaded,
+ *   [friction] the node: model = a name in DAHL_FRAMES_MODELS (dahl_frames.h; default: dahl),
  *              sigma0 [N m/rad], Fc [N m]: of slip and parallel as many numbers as there are elements, 1 to 8;
  *              kinds of parallel: dahl or slip for each; Fc of asymmetric: forward and backward;
- *              breakaway of elastoplastic: part of Fc; theta_per_count [rad/count], node (0..15),
+ *              breakaway: part of Fc; theta_per_count [rad/count], node (0..15),
  *              timeout_ms (default: the node's own, DAHL_NODE_TIMEOUT_US),
  *              gain (0..1), limit (0..1 of Fc), ramp_ms, max_step [counts/ms]: as in dahl_node.h
  *   [load]     what model = loaded follows, told to the node as parameter Load: min(1, rest + |x|/full), 1 is the load at which
@@ -30,6 +30,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "faults.h"
 
@@ -42,7 +43,8 @@ typedef struct {
     double value[DAHL_SLIP_MAX];
 } scene_list_t;
 
-typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_ELASTOPLASTIC, MODEL_LOADED } scene_model_t;
+#define SCENE_MODEL(name, NAME, ...) MODEL_##NAME,
+typedef enum { DAHL_FRAMES_MODELS(SCENE_MODEL) } scene_model_t;
 
 typedef struct {
     char model_name[SCENE_TEXT], kinds[SCENE_TEXT];

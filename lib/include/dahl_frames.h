@@ -111,15 +111,31 @@ typedef enum {
     DAHL_FRAMES_PARAM_NONE = 255   /* in a reply: there is no such parameter; the value is the number that was asked for */
 } dahl_frames_param_t;
 
-/* What parameter Model says. */
-enum {
-    DAHL_FRAMES_MODEL_DAHL = 0,
-    DAHL_FRAMES_MODEL_SLIP = 0, /* and as many as there are slip elements, 1 to 8 */
-    DAHL_FRAMES_MODEL_ASYMMETRIC = 16,
-    DAHL_FRAMES_MODEL_ELASTOPLASTIC = 17,
-    DAHL_FRAMES_MODEL_LOADED = 18,
-    DAHL_FRAMES_MODEL_PARALLEL = 32 /* and as many as there are elements, 1 to 8 */
-};
+/*
+ * The friction models that a node can answer by: MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning). Scenes, the
+ * Python package and docs/loop.md read this table.
+ *
+ * name     in scenes and options. Its calls are dahl_NAME_*, those of the first row dahl_*
+ * NAME     DAHL_FRAMES_MODEL_NAME is its number
+ * Class    in dahl.dbc, and of the Python package (the first row: Plan)
+ * number   value of parameter Model. If sigma0s is 0, the number of elements is added
+ * sigma0s  how many sigma0 [N m/rad] it has; 0: one for each of 1 to DAHL_SLIP_MAX elements
+ * Fcs      how many Fc [N m]; 0: one for each element; 2: forward and backward. The torque ratio is of their sum, of forward and
+ *          backward of the larger one
+ * plan     1 if it has a type dahl_NAME_plan_t, which may be constant in flash
+ * key      its own key in [friction] of a scene; "" if there is none
+ * meaning  of that key, or of other data that the model needs
+ */
+#define DAHL_FRAMES_OTHER_MODELS(MODEL)                                                                                           \
+    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "")                                                                                   \
+    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element")                                \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")                                                                \
+    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc")                              \
+    MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", "a section `[load]`; `sigma0` and `Fc` hold at load 1")
+#define DAHL_FRAMES_MODELS(MODEL) MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") DAHL_FRAMES_OTHER_MODELS(MODEL)
+
+#define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) DAHL_FRAMES_MODEL_##NAME = number,
+enum { DAHL_FRAMES_MODELS(DAHL_FRAMES_MODEL) };
 
 /* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in
  * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. A refused write

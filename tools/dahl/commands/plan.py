@@ -20,7 +20,7 @@ from dahl.errors import Error
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from dahl.binding.plan_header import AnyPlan
+    from dahl.binding.models import AnyPlan
 
 HELP = "a plan for flash from known numbers"
 EXAMPLE = """examples:
@@ -28,11 +28,13 @@ EXAMPLE = """examples:
   dahl plan --sigma0 100 --fc 0.5 --theta-per-count 3.8e-4 --name shaft -o -
   dahl plan --model slip --sigma0 100,40 --fc 0.5,0.3 --theta-per-count 3.8e-4 -o seal.h
   dahl plan --model asymmetric --sigma0 100 --fc 0.5,0.3 --theta-per-count 3.8e-4 -o rod.h"""
-MODELS = ("dahl", "slip", "asymmetric", "elastoplastic")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", choices=MODELS, default="dahl", help="default: dahl")
+    from dahl.binding import models
+
+    with_plan = [name for name, row in models.table().items() if row.has_plan]
+    parser.add_argument("--model", choices=with_plan, default="dahl", help="default: dahl")
     parser.add_argument(
         "--sigma0",
         required=True,
@@ -48,7 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--breakaway",
         metavar="B",
-        help="of elastoplastic: part of Fc, 0 < B < 1, that does not creep",
+        help=f"of {_breakaway_model()}: torque up to which nothing creeps, a fraction of Fc between"
+        " 0 and 1",
     )
     encoder = parser.add_mutually_exclusive_group(required=True)
     encoder.add_argument("--counts-per-turn", metavar="N", help="of the encoder, with all edges")
@@ -86,26 +89,29 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _plan(args: argparse.Namespace) -> AnyPlan:
-    from dahl.binding.core import FC, SIGMA0, Plan
-    from dahl.binding.parts import Slip
-    from dahl.binding.variants import Asymmetric, ElastoPlastic
+    from typing import cast
 
+    from dahl.binding import models
+    from dahl.binding.core import FC, SIGMA0
+
+    model = models.table()[args.model]
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
     theta = _theta_per_count(args)
-    if (args.breakaway is not None) != (args.model == "elastoplastic"):
+    if (args.breakaway is not None) != (model.key == "breakaway"):
         raise Error(
-            "--breakaway B, 0 < B < 1, goes with --model elastoplastic, and with no other model"
+            f"--breakaway B, 0 < B < 1, is required by --model {_breakaway_model()} and refused by"
+            " the others"
         )
-    if args.model == "slip":
-        return Slip(sigma0, fc, theta)
-    _counted("--sigma0", args.sigma0, sigma0, 1, args.model)
-    _counted("--fc", args.fc, fc, 2 if args.model == "asymmetric" else 1, args.model)
-    if args.model == "asymmetric":
-        return Asymmetric(sigma0[0], fc[0], fc[1], theta)
-    if args.model == "elastoplastic":
-        breakaway = _number("--breakaway", args.breakaway, "0 < breakaway < 1")
-        return ElastoPlastic(sigma0[0], fc[0], theta, breakaway)
-    return Plan(sigma0[0], fc[0], theta)
+    _check_numbers("--sigma0", args.sigma0, sigma0, model.sigma0s, args.model)
+    _check_numbers("--fc", args.fc, fc, model.Fcs, args.model)
+    own = model.key and _number("--breakaway", args.breakaway, "0 < breakaway < 1")
+    return cast("AnyPlan", models.make(model, sigma0, fc, theta, own))
+
+
+def _breakaway_model() -> str:
+    from dahl.binding import models
+
+    return models.with_key("breakaway").name
 
 
 def _numbers(option: str, text: str, limit: str) -> list[float]:
@@ -113,9 +119,10 @@ def _numbers(option: str, text: str, limit: str) -> list[float]:
     return [_number(option, word, limit) for word in text.split(",")]
 
 
-def _counted(option: str, text: str, values: list[float], wanted: int, model: str) -> None:
-    if len(values) != wanted:
-        raise Error(f"{option} {text}: {len(values)} numbers, where --model {model} takes {wanted}")
+def _check_numbers(option: str, text: str, values: list[float], count: int, model: str) -> None:
+    """Raise dahl.Error unless there are `count` values; 0 allows any number."""
+    if count not in (0, len(values)):
+        raise Error(f"{option} {text}: {len(values)} numbers; --model {model} needs {count}")
 
 
 def _number(option: str, text: str, limit: str) -> float:

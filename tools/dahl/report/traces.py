@@ -226,28 +226,14 @@ def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
     load = np.full(len(trace.row), FULL_LOAD) if trace.load is None else trace.load
     apart = np.flatnonzero(trace.relaxed)
     parts = zip(np.split(trace.moves(), apart), np.split(load, apart), strict=True)
-    exact = [ratio for part in parts for ratio in _exact_ratios(scene, *part)]
+    exact = [
+        ratio
+        for moves, raw in parts
+        for ratio in reference.EXACT[scene.model](
+            scene, moves, (Fraction(int(one), FULL_LOAD) for one in raw)
+        )
+    ]
     return float(reference.error_in_ulp(trace.torque(scene), exact, scene.Fc).max())
-
-
-def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any]:
-    """Torque over Fc (the sum, the larger one) after each move of the scene's model, from rest;
-    load of FULL_LOAD at each.
-    """
-    elements, theta = scene.elements, scene.theta_per_count
-    if scene.model == "slip":
-        return reference.exact_slip_ratios(moves, elements, theta)
-    if scene.model == "parallel":
-        return reference.exact_parallel_ratios(moves, elements, scene.kinds, theta)
-    if scene.model == "asymmetric":
-        return reference.exact_asymmetric_ratios(moves, elements, theta)
-    travel = reference.travel_per_count(scene.sigma0, scene.Fc, theta)
-    if scene.model == "elastoplastic":
-        return reference.exact_elastoplastic_ratios(moves, travel, scene.breakaway)
-    if scene.model == "loaded":
-        loads = (Fraction(int(raw), FULL_LOAD) for raw in load)
-        return reference.exact_loaded_ratios(moves, loads, travel)
-    return reference.exact_ratios(moves, travel)
 
 
 def words(name: str) -> str:

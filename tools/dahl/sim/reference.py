@@ -15,9 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from fractions import Fraction
+from typing import TYPE_CHECKING, TypeAlias
 
 import mpmath
 import numpy as np
+
+if TYPE_CHECKING:
+    from dahl.sim.scene import Scene
+
+    Moves: TypeAlias = Collection[int] | np.ndarray  # counts
 
 PRECISION = 100  # bits
 
@@ -148,6 +154,44 @@ def exact_loaded_ratios(
             w = s - (s - w) * mpmath.exp(-a * abs(int(move)))
             ratios.append(w * load.numerator / load.denominator)
     return ratios
+
+
+def _dahl(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_ratios(moves, _travel(scene))
+
+
+def _slip(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_slip_ratios(moves, scene.elements, scene.theta_per_count)
+
+
+def _parallel(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_parallel_ratios(moves, scene.elements, scene.kinds, scene.theta_per_count)
+
+
+def _asymmetric(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_asymmetric_ratios(moves, scene.elements, scene.theta_per_count)
+
+
+def _elastoplastic(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_elastoplastic_ratios(moves, _travel(scene), scene.breakaway)
+
+
+def _loaded(scene: Scene, moves: Moves, loads: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_loaded_ratios(moves, loads, _travel(scene))
+
+
+EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]] = {
+    "dahl": _dahl,
+    "slip": _slip,
+    "parallel": _parallel,
+    "asymmetric": _asymmetric,
+    "elastoplastic": _elastoplastic,
+    "loaded": _loaded,
+}  # torque ratio after each move, from rest, by the name of the model; loads as fractions of 1
+
+
+def _travel(scene: Scene) -> Fraction:
+    return travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
 
 
 def _from_reversals(

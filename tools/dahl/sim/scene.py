@@ -13,17 +13,14 @@ import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dahl import paths
-from dahl.binding import core, parts, variants
+from dahl.binding import models
 from dahl.errors import Error
 from dahl.io import files, logs, units
-
-if TYPE_CHECKING:
-    from dahl.can import node
 
 TEXT = 160  # bytes of a text in a scene, with its end, as dahl-loop has them
 
@@ -36,9 +33,7 @@ UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
 
 NODE_KEYS = ("gain", "limit", "ramp_ms", "timeout_ms", "max_step")  # of [friction]
 
-MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
-ONE = {"dahl": (1, 1), "elastoplastic": (1, 1), "loaded": (1, 1), "asymmetric": (1, 2)}  # element
-OWN_KEYS = {"kinds": "parallel", "breakaway": "elastoplastic"}  # of one model alone
+OWN_KEYS = {row.key: name for name, row in models.table().items() if row.key}  # of one model only
 KNOWN_KEYS = {  # of the sections that a node is made of
     "friction": ("model", "sigma0", "Fc", "theta_per_count", "node", *OWN_KEYS, *NODE_KEYS),
     "status": ("period_ms",),
@@ -76,8 +71,8 @@ class Scene:
 
     path: Path
     title: str
-    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic, loaded
-    # sigma0, Fc of each; of Dahl's model one, of asymmetric forward and backward
+    model: str = "dahl"  # a name in models.table()
+    # (sigma0 [N m/rad], Fc [N m]) of each element, of asymmetric forward and backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
     seconds: float = 0.0  # how long the motion lasts, where the scene says it
@@ -85,7 +80,7 @@ class Scene:
     measured: Measured = field(default_factory=Measured)
     parts: tuple[str, ...] = ()  # sections that the file has
     kinds: tuple[str, ...] = ()  # of parallel: dahl or slip for each element
-    breakaway: float = 0.0  # of elastoplastic: part of Fc
+    breakaway: float = 0.0  # fraction of Fc
     compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
     friction: dict[str, float] = field(default_factory=dict)  # other keys that it has, numbers
     status_ms: float = 0.0  # period of Status; 0: only after an event
@@ -98,16 +93,22 @@ class Scene:
         return self.path.stem
 
     @property
+    def has_directions(self) -> bool:
+        """Whether `elements` are forward and backward instead of side by side."""
+        model = models.table().get(self.model)
+        return model is not None and model.has_directions
+
+    @property
     def sigma0(self) -> float:
-        """N m/rad, of all elements together; of asymmetric that of either direction."""
-        if self.model == "asymmetric":
+        """N m/rad, the sum of all elements; of asymmetric that of each direction."""
+        if self.has_directions:
             return self.elements[0][0]
         return sum(sigma0 for sigma0, _ in self.elements)
 
     @property
     def Fc(self) -> float:  # noqa: N802
-        """N m, what the ratio on the bus is of: all elements together, the larger of asymmetric."""
-        if self.model == "asymmetric":
+        """N m, at a torque ratio of 1: the sum of all elements; of asymmetric the larger one."""
+        if self.has_directions:
             return max(torque for _, torque in self.elements)
         return sum(torque for _, torque in self.elements)
 
@@ -117,30 +118,16 @@ class Scene:
         return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
 
 
-def element(scene: Scene) -> node.Friction:
-    """What a Node of this scene is made of. Raises dahl.Error for parameters that no node takes."""
-    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+def element(scene: Scene) -> models.Friction:
+    """Return the friction that a Node of this scene is made of. Raises dahl.Error for parameters
+    that dahl-loop refuses.
+    """
     if scene.refusal:
         raise Error(f"{scene.path}: {scene.refusal}")
-    if scene.model == "slip":
-        return parts.Slip(sigma0, torques, scene.theta_per_count)
-    if scene.model == "asymmetric":
-        return variants.Asymmetric(sigma0[0], torques[0], torques[-1], scene.theta_per_count)
-    if scene.model == "elastoplastic":
-        theta, breakaway = scene.theta_per_count, scene.breakaway
-        return variants.ElastoPlastic(sigma0[0], torques[0], theta, breakaway)
-    plans = [core.Plan(*pair, scene.theta_per_count) for pair in scene.elements]
-    if scene.model == "parallel":
-        return parts.Parallel(*map(_part, scene.kinds, plans))
-    if scene.model == "loaded":
-        return variants.Loaded(plans[0])
-    return plans[0]
-
-
-def _part(kind: str, plan: core.Plan) -> core.Friction | parts.Slip:
-    if kind == "slip":
-        return parts.Slip([plan.sigma0], [plan.Fc], plan.theta_per_count)
-    return core.Friction(plan)
+    model = models.table()[scene.model]
+    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+    own = getattr(scene, model.key) if model.key else None
+    return models.make(model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own)
 
 
 def settings(scene: Scene) -> dict[str, Any]:
@@ -180,7 +167,7 @@ def read(path: Path) -> Scene:
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
     scene.refusal = _refusal(parser, scene.model, len(sigma0), len(torques))
-    if scene.model == "asymmetric":
+    if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
     scene.kinds = tuple(parser.get("friction", "kinds", fallback="").split())
@@ -209,11 +196,12 @@ def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques
     """What dahl-loop would not take of [friction] and [status], else nothing: a key that is none,
     another number of elements than the model has, a kind that there is not.
     """
-    if model not in MODELS:
-        return f"[friction] model = {model} is none of {', '.join(MODELS)}"
+    known = models.table()
+    if model not in known:
+        return f"[friction] model = {model}: not one of {', '.join(known)}"
     if not sigma0 or not torques:
         return "[friction] has no sigma0 and Fc"
-    if (sigma0, torques) != ONE.get(model, (torques, torques)):
+    if not known[model].fits(sigma0, torques):
         return f"[friction] sigma0 has {sigma0} numbers and Fc {torques}: not those of {model}"
     kinds = parser.get("friction", "kinds", fallback="").split()
     if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
