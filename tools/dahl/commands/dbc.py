@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> None:
         raise Error(f"{output}: there already; --force overwrites it")
     text = describe(args.nodes)
     if output:
-        files.keep(output, text)
+        files.write_atomic(output, text)
     else:
         print(text, end="")
 

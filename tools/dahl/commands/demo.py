@@ -362,7 +362,7 @@ def _keep(
     from dahl.report import plots, traces
 
     numbers |= traces.summary(scene, trace, recorded, numbers)
-    files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
+    files.write_atomic(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
     console.print(_table(numbers, scene, trace.lost))
     console.print(

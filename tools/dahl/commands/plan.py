@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
         return
     if not args.force and path.is_file() and not plan_header.is_plan(path):
         raise Error(f"{path}: there already, and no plan; --force overwrites it")
-    files.keep(path, text)
+    files.write_atomic(path, text)
     print(f"{path}: {plan}")
 
 

@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> None:
         raise Error(f"{folder}: a file; the folder of a run was expected")
     output = args.output or folder / "report.html"
     text = page.page(summary.read(folder), _picture(folder / "loop.png"))
-    files.keep(output, text)
+    files.write_atomic(output, text)
     print(f"{output}: {len(text) // 1024} KiB")
 
 

@@ -22,7 +22,7 @@ from dahl.errors import Error, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import readers
-from dahl.io.files import keep
+from dahl.io.files import write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
@@ -174,4 +174,4 @@ def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
         units = [row.get("units", {}).get(key, "") for key in ("sigma0", "Fc")]
         values = (row.get(key, "") for key in COLUMNS)
         writer.writerow([name, *values, *ends, *units, row.get("error", "")])
-    keep(path, text.getvalue())
+    write_atomic(path, text.getvalue())

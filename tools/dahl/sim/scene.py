@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Scene files, as far as Python needs them: what the node's parameters are and what was measured
-beside the angle.
+"""Read scene files: the parameters of the node and the measurement to compare with.
 
-dahl-loop reads and checks all sections, so which there are is told there alone; only [measured] is
-read here alone. A user's own log becomes a scene too, so that there is one way to run anything.
+dahl-loop reads and checks all sections except [measured], which only this module reads. A log of
+the user also becomes a scene, so that everything runs in one way.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from dahl.binding import models
 from dahl.errors import Error
 from dahl.io import files, logs, units
 
-TEXT = 160  # bytes of a text in a scene, with its end, as dahl-loop has them
+MAX_TEXT_BYTES = 160  # of a text in a scene, with its end (SCENE_TEXT)
 
 UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
     "deg": (math.pi / 180, "N m"),
@@ -42,32 +41,32 @@ KNOWN_KEYS = {  # of the sections that a node is made of
 
 @dataclass
 class Measured:
-    """[measured]: the torque column beside the angle, and how it compares with the model."""
+    """Section [measured]: the torque column, and how to compare it with the model."""
 
-    torque: str = ""  # column; empty: nothing measured
+    torque: str = ""  # column; "" if no torque was measured
     torque_scale: float = 1.0  # N m (N) per unit of the column, sign included
-    offset: float = 0.0  # N m (N), added to the model's torque
-    spring: float = 0.0  # N m/rad (N/m), times the angle from the start, added too
-    settle: int = 0  # rows not compared: the bristle's deflection before the first is unknown
+    offset: float = 0.0  # N m (N), added to the torque of the model
+    spring: float = 0.0  # N m/rad (N/m), its product with the angle from the start is added
+    settle: int = 0  # first rows not compared: the initial deflection is unknown
     label_angle: str = "angle from the start [rad]"
     label_torque: str = "friction torque [N m]"
     angle_scale: float = 1.0  # plotted unit per rad (m)
 
     @property
     def unit(self) -> str:
-        """N m, or N where motion is linear: as the label of the torque has it."""
+        """The unit in the label of the torque: N m, or N for linear motion."""
         return self.label_torque.rpartition("[")[2].rstrip("]")
 
     @property
     def units(self) -> dict[str, str]:
-        """Of each parameter; of a linear rig, where the torque is a force, by its metres."""
+        """The unit of each parameter; with metres if the motion is linear."""
         way = "m" if self.unit == "N" else "rad"
         return {"sigma0": f"{self.unit}/{way}", "Fc": self.unit, "theta_per_count": way}
 
 
 @dataclass
 class Scene:
-    """One scene file, read."""
+    """The contents of a scene file."""
 
     path: Path
     title: str
@@ -75,21 +74,23 @@ class Scene:
     # (sigma0 [N m/rad], Fc [N m]) of each element, of asymmetric forward and backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
-    seconds: float = 0.0  # how long the motion lasts, where the scene says it
+    seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
     motion: dict[str, str] = field(default_factory=dict)
     measured: Measured = field(default_factory=Measured)
-    parts: tuple[str, ...] = ()  # sections that the file has
-    kinds: tuple[str, ...] = ()  # of parallel: dahl or slip for each element
+    parts: tuple[str, ...] = ()  # sections in the file
+    kinds: tuple[str, ...] = ()  # dahl or slip for each element
     breakaway: float = 0.0  # fraction of Fc
-    compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
-    friction: dict[str, float] = field(default_factory=dict)  # other keys that it has, numbers
+    compensates: bool = (
+        False  # the node answers with a part of the torque: gain, limit or ramp_ms is set
+    )
+    friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
-    refusal: str = ""  # why dahl-loop makes no node of it; only element() looks at it
+    refusal: str = ""  # why dahl-loop refuses the node; element() raises it
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """The name of the file without its ending."""
         return self.path.stem
 
     @property
@@ -114,7 +115,7 @@ class Scene:
 
     @property
     def log(self) -> str:
-        """[motion] file of a scene that replays a log, else ''."""
+        """The log that the scene replays ([motion] file), else ""."""
         return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
 
 
@@ -131,7 +132,7 @@ def element(scene: Scene) -> models.Friction:
 
 
 def settings(scene: Scene) -> dict[str, Any]:
-    """The keywords of a Node of this scene, beside its element and its number."""
+    """Return the keywords of a Node of this scene, except its friction and its number."""
     found: dict[str, Any] = {"status_period": scene.status_ms / 1e3}
     for key, value in scene.friction.items():
         name = key.removesuffix("_ms")
@@ -140,8 +141,8 @@ def settings(scene: Scene) -> dict[str, Any]:
 
 
 def find(name: str) -> Path:
-    """A shipped scene by name, or a scene file by path. Raises dahl.Error that lists the shipped
-    ones.
+    """Return the path of a shipped scene, given by name, or of a scene file, given by path. Raises
+    dahl.Error that lists the shipped scenes.
     """
     for path in (paths.SCENES / f"{name}.ini", Path(name)):
         if path.is_file():
@@ -152,12 +153,12 @@ def find(name: str) -> Path:
 
 class _Parser(configparser.ConfigParser):
     def optionxform(self, optionstr: str) -> str:
-        """Keys as they are written: Fc is not fc."""
+        """Keep the case of keys: Fc differs from fc."""
         return optionstr
 
 
 def read(path: Path) -> Scene:
-    """Read a scene file. Raises dahl.Error naming file and key."""
+    """Read a scene file. Raises dahl.Error that names file and key."""
     parser = _Parser(inline_comment_prefixes=(";",), interpolation=None)
     try:
         parser.read_string(path.read_text(encoding="utf-8-sig"), source=str(path))
@@ -193,8 +194,8 @@ def read(path: Path) -> Scene:
 
 
 def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
-    """What dahl-loop would not take of [friction] and [status], else nothing: a key that is none,
-    another number of elements than the model has, a kind that there is not.
+    """Return why dahl-loop would refuse [friction] or [status], "" if it would not: an unknown key,
+    model or kind, or a wrong number of elements.
     """
     known = models.table()
     if model not in known:
@@ -220,7 +221,7 @@ def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
 
 
 def _numbers(path: Path, parser: configparser.ConfigParser, section: str, key: str) -> list[float]:
-    """Numbers with blanks between them, one an element; dahl-loop checks how many there are."""
+    """Return numbers separated by blanks, one for each element; dahl-loop checks their count."""
     text = parser.get(section, key, fallback="")
     try:
         return [float(word) for word in text.split()]
@@ -239,7 +240,7 @@ def _number(
 
 
 def _node(path: Path, parser: configparser.ConfigParser) -> int:
-    """[friction] node, from 0 to 15."""
+    """Return [friction] node, 0 to 15."""
     number = _number(path, parser, "friction", "node", 0.0)
     if number not in range(16):
         raise Error(f"{path}: [friction] node = {number:g} is not a whole number from 0 to 15")
@@ -265,18 +266,18 @@ def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
 
 @dataclass
 class Recorded:
-    """What the log holds beside the angle; arrays of shape (rows,)."""
+    """Torque and time of a log; arrays of shape (rows,)."""
 
-    torque: np.ndarray | None  # N m (N), None where nothing was measured
-    time: np.ndarray | None  # s, None where the log has no time column
+    torque: np.ndarray | None  # N m (N); None if it was not measured
+    time: np.ndarray | None  # s; None if the log has no time column
     rows: int
 
 
 def read_log(scene: Scene, log: Path) -> Recorded:
-    """Torque and time of each row of the scene's log.
+    """Return torque and time of each row of the log of a scene.
 
-    Reads the angle column as well, so that a bad log is named here, by line and column, before
-    anything is started.
+    Raises dahl.Error that names line and column, also for the angle: a bad log must be refused
+    before a run starts.
     """
     angle, torque, time = (
         scene.motion.get("angle", ""),
@@ -294,10 +295,12 @@ def read_log(scene: Scene, log: Path) -> Recorded:
 
 
 def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
-    """An angle that starts anew at each turn would send the shaft back by a turn within a tick."""
+    """Raise dahl.Error if the angle wraps at each turn: the shaft would go back by a turn in one
+    tick.
+    """
     try:
         per_unit = scene.theta_per_count * float(scene.motion.get("counts_per_unit", "1"))
-    except ValueError:  # dahl-loop says so, with the line
+    except ValueError:  # dahl-loop reports it with its line
         return
     if scene.measured.unit == "N" or not per_unit > 0:
         return
@@ -313,7 +316,7 @@ def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
 
 @dataclass
 class OwnLog:
-    """What the command line says about a user's own log (see `dahl demo --help`)."""
+    """The options of `dahl demo` about a log of the user."""
 
     log: Path
     angle: str
@@ -329,8 +332,8 @@ class OwnLog:
 
 
 def unit_in(column: str) -> str:
-    """deg, rad, mm or counts, as the name of an angle column says it; deg where it says nothing.
-    Raises dahl.Error where it says another unit.
+    """Return the unit in the name of an angle column: deg, rad, mm or counts; deg if there is none.
+    Raises dahl.Error for another unit.
     """
     words = re.split(r"[^a-z\d]+|_", column.lower())
     unit = next((unit for unit in ("rad", "mm", "counts") if unit in words), "")
@@ -338,13 +341,13 @@ def unit_in(column: str) -> str:
     if other not in UNITS and other != "counts":
         raise Error(
             f"--angle {column}: in {other}; deg, rad, mm or counts were expected: scale the column,"
-            " or say with --angle-unit what it is"
+            " or give its unit with --angle-unit"
         )
     return other
 
 
 def write_own(own: OwnLog, path: Path) -> Scene:
-    """Write the scene of a user's own log to `path`, and read it back."""
+    """Write the scene of a user's log to `path`, and return it."""
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
     _check_names(own)
@@ -376,12 +379,12 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         f"label_torque = friction [{torque_unit}]",
         f"angle_scale = {1 / size!r}",
     ]
-    files.keep(path, "\n".join(lines) + "\n")
+    files.write_atomic(path, "\n".join(lines) + "\n")
     return read(path)
 
 
 def _check_names(own: OwnLog) -> None:
-    """Raise dahl.Error for a name that a scene file cannot hold."""
+    """Raise dahl.Error for a name that a scene file cannot contain."""
     columns = [("column", name) for name in (own.angle, own.time, own.torque) if name]
     for kind, name in [("log", own.log.name), *columns]:
         if not _can_hold(name):
@@ -389,15 +392,15 @@ def _check_names(own: OwnLog) -> None:
 
 
 def _can_hold(name: str) -> bool:
-    """Whether a scene file can: no comment sign in it, no spaces around it, and not too long for
-    dahl-loop.
+    """Return whether a scene file can contain a name: without comment sign, without spaces around
+    it, and short enough for dahl-loop.
     """
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
-    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < TEXT
+    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < MAX_TEXT_BYTES
 
 
 def _theta_per_count(own: OwnLog) -> float:
-    """rad per count; for millimetres counts_per_turn is counts per millimetre, and this is m per
+    """Return rad per count. For mm, counts_per_turn means counts per mm, and the result is m per
     count.
     """
     return (
