@@ -94,7 +94,7 @@ class _Sequence:
         self._time = None
 
     def gap(self, counter: int, now: float) -> Gap | None:
-        """Return the frames missing before this one; None if it is repeated or late."""
+        """Return the frames missing before this frame; None if it is repeated or late."""
         before = self._time
         if before is not None:
             least, most = self._steps_to(counter, now - before)

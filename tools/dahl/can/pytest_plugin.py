@@ -13,12 +13,12 @@ in this process, or it is on a rig that --dahl-interface names; the tests are th
                     dahl_bus has this mark, so that -m dahl selects them
 
 On a rig each test begins with a Reset. The settings of a simulated node are written to the node,
-and its own are written back after the test. Its plan is written only if the test gives one, else
-dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of pytest-xdist.
-If a node has never answered, its tests are skipped. With --dahl-serve the nodes are simulated on
-that bus.
+and its earlier ones are restored after the test. Its plan is written only if the test gives one;
+else dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of
+pytest-xdist. If a node has never answered, its tests are skipped. With --dahl-serve the nodes are
+simulated on that bus.
 
-pytest loads this by itself if dahl is installed; it costs nothing until a fixture is used.
+pytest loads this module if dahl is installed. Until a fixture is used it has no cost.
 """
 
 from __future__ import annotations
@@ -357,13 +357,13 @@ def _new(request: pytest.FixtureRequest, friction: Friction, settings: Settings)
 
 def _reset_node(request: pytest.FixtureRequest, number: int) -> RigNode:
     """Return a node of the rig after a Reset; skip the test if it has never answered."""
-    from dahl.can.rig import PATIENCE, RigNode
+    from dahl.can.rig import ANSWER_TIMEOUT_S, RigNode
 
     bus, settings = map(request.getfixturevalue, ("dahl_bus", "dahl_bus_settings"))
     rig = RigNode(bus, _log_of(request, bus), number)
 
     def restart(is_first: bool) -> None:
-        rig.restart(FIRST_ANSWER if is_first else PATIENCE)
+        rig.restart(FIRST_ANSWER if is_first else ANSWER_TIMEOUT_S)
 
     _contact(request, f"{_key(settings)} {number}", restart)
     return rig

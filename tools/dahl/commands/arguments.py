@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Numbers on the command line, refused with their limits where argparse reads them."""
+"""Types of argparse for numbers: a number out of range is an error that names its limits."""
 
 from __future__ import annotations
 

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""
-Prepare a plan for flash from known numbers: a header with a const dahl_plan_t, for C99 and C++11;
-with --model that of another model (dahl_parts.h): slip elements, an Fc of each direction its own,
-no creep below breakaway.
+"""Prepare a plan for flash from known numbers: a header with a const dahl_plan_t, for C99 and
+C++11. With --model it is the plan of another model (dahl_parts.h).
 
-The words are those of dahl_prepare(), dahl_slip_prepare() ..., which the firmware then need not
-call. For linear motion read m for rad and N for N m. A log of your own gives sigma0 and Fc by
-`dahl identify`.
+The header holds the result of dahl_prepare(), dahl_slip_prepare() ..., so that the firmware need
+not call it. For linear motion read m for rad and N for N m. `dahl identify` finds sigma0 and Fc
+from a log.
 """
 
 from __future__ import annotations
@@ -39,13 +37,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--sigma0",
         required=True,
         metavar="X",
-        help="stiffness at rest, N m/rad; of slip as many as there are elements: X,X",
+        help="stiffness at rest, N m/rad; of slip one for each element: X,X",
     )
     parser.add_argument(
         "--fc",
         required=True,
         metavar="Y",
-        help="Coulomb torque, N m; of slip as many: Y,Y; of asymmetric forward,backward",
+        help="Coulomb torque, N m; of slip one per element: Y,Y; of asymmetric forward,backward",
     )
     parser.add_argument(
         "--breakaway",
@@ -56,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     encoder = parser.add_mutually_exclusive_group(required=True)
     encoder.add_argument("--counts-per-turn", metavar="N", help="of the encoder, with all edges")
     encoder.add_argument(
-        "--theta-per-count", metavar="T", help="rad per count; 0: moves by angle alone"
+        "--theta-per-count", metavar="T", help="rad per count; 0: moves by angle only"
     )
     parser.add_argument(
         "-o",
@@ -83,7 +81,7 @@ def run(args: argparse.Namespace) -> None:
         sys.stdout.write(text)
         return
     if not args.force and path.is_file() and not plan_header.is_plan(path):
-        raise Error(f"{path}: there already, and no plan; --force overwrites it")
+        raise Error(f"{path}: exists and is no plan; --force overwrites it")
     files.write_atomic(path, text)
     print(f"{path}: {plan}")
 
@@ -115,7 +113,7 @@ def _breakaway_model() -> str:
 
 
 def _numbers(option: str, text: str, limit: str) -> list[float]:
-    """One, or several with commas between them."""
+    """Return one number, or several separated by commas."""
     return [_number(option, word, limit) for word in text.split(",")]
 
 

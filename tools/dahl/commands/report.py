@@ -2,8 +2,8 @@
 """
 Write one self-contained page about a recorded run: loop, traces, latencies, faults, counters.
 
-RUN is a folder that `dahl demo` left. The page holds its picture and needs no other file, no
-network and no script. It goes into the folder as report.html, or where -o says.
+RUN is a folder of `dahl demo`. The page contains the picture and needs no other file, no network
+and no script. It is report.html in that folder, or the file of -o.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Measured sets by name, from where they are: $DAHL_DATA, ../shared/data beside the project, the
-cache, the network.
+"""Find measured sets by name: in $DAHL_DATA, in ../shared/data next to the project, in the cache,
+on the network.
 
-What comes over the network is pinned: one commit, one sha256 per file, checked after any cutting
-and before use.
+A download is pinned to a commit and to one sha256 for each file, checked after cutting and before
+use.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dahl import paths
 from dahl.errors import Error, RunError
 
 SOURCE = "https://raw.githubusercontent.com/{repo}/{commit}/{path}"  # or $DAHL_DATA_URL
-TIMEOUT = 15  # s without an answer
+DOWNLOAD_TIMEOUT_S = 15  # without an answer
 
 
 @dataclass(frozen=True)
@@ -150,14 +150,14 @@ def named(name: str) -> Set:
 
 
 def cache_folder() -> Path:
-    """Where downloads are kept: the user's cache folder, by pooch ($XDG_CACHE_HOME is heeded)."""
+    """Return the folder of downloads: the cache folder of the user, by pooch ($XDG_CACHE_HOME)."""
     import pooch
 
     return Path(pooch.os_cache("dahl"))
 
 
 def local_folder(name: str) -> Path | None:
-    """The folder of a set that is already on this machine, else None."""
+    """Return the folder of a set on this machine, or None."""
     named(name)
     beside = None if paths.INSTALLED else paths.ROOT.parent / "shared" / "data"
     roots: list[str | Path | None] = [os.environ.get("DAHL_DATA"), beside]
@@ -215,7 +215,7 @@ def _fetch(wanted: Set, file: File, target: Path) -> None:
                 None if file.cut else file.sha256,
                 fname=f"{file.name}.upstream",
                 path=target,
-                downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
+                downloader=pooch.HTTPDownloader(timeout=DOWNLOAD_TIMEOUT_S),
             )
         )
     except ValueError as error:
@@ -242,10 +242,10 @@ def _keep(raw: Path, file: File, target: Path, url: str) -> None:
 
 
 def find_log(relative: str, beside: Path) -> Path:
-    """The log that a scene names: an absolute path, a file beside the scene, or SET/FILE of a
-    measured set.
+    """Return the log of a scene: an absolute path, a file in the folder of the scene, or SET/FILE
+    of a measured set.
 
-    Raises dahl.Error or RunError when it is not in reach.
+    Raises dahl.Error or dahl.RunError if it cannot be found.
     """
     path = beside / relative
     if path.is_file():

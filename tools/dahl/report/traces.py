@@ -176,7 +176,7 @@ class Pairing:
         return next((index for known, index in near if known == counter), None)
 
     def trace(self) -> Trace:
-        """Return the answered ticks so far. Raises dahl.Error if there are none."""
+        """Return the answered ticks so far. Raises dahl.Error if there is no answer."""
         if not self.answers:
             raise Error("no EncoderState with its FrictionTorque among the recorded frames")
         answered = sorted(self.answers)

@@ -146,7 +146,7 @@ class Program:
         raise RunError(f"dahl-loop ({self.role}) did not print the port that it serves")
 
     def numbers(self) -> dict[str, Any]:
-        """Return its summary, {} if it wrote none."""
+        """Return its summary, {} if it did not write one."""
         try:
             known: dict[str, Any] = json.loads(self.summary.read_text(encoding="utf-8"))
         except (OSError, ValueError):

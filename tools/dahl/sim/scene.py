@@ -332,7 +332,7 @@ class OwnLog:
 
 
 def unit_in(column: str) -> str:
-    """Return the unit in the name of an angle column: deg, rad, mm or counts; deg if there is none.
+    """Return the unit in the name of an angle column: deg, rad, mm or counts; deg by default.
     Raises dahl.Error for another unit.
     """
     words = re.split(r"[^a-z\d]+|_", column.lower())
