@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """Write the table of friction models (DAHL_FRAMES_MODELS in dahl_frames.h) as Markdown between the
-two marks of each page; without a page, print it. Run it with build/venv/bin/python.
+two marks of each page, and as value tables of each .dbc file. Without a file, print the Markdown.
+Run it with build/venv/bin/python.
 
-    tools/model_table.py docs/loop.md
+    tools/model_table.py docs/loop.md lib/node/dahl.dbc
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -40,8 +42,20 @@ def markdown() -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
+def write_values(dbc: Path) -> None:
+    """Replace the value tables of Model. A number that depends on elements has no name."""
+    rows = [row for row in models.table().values() if row.sigma0s]
+    words = " ".join(f'{row.number} "{row.class_name}"' for row in rows)
+    text = dbc.read_text(encoding="utf-8")
+    text = re.sub(r"^(VAL_ \d+ Model) .*;$", rf"\1 {words} ;", text, flags=re.MULTILINE)
+    dbc.write_text(text, encoding="utf-8")
+
+
 if __name__ == "__main__":
-    for page in map(Path, sys.argv[1:]):
-        write_between(page, MARKS, markdown())
+    for path in map(Path, sys.argv[1:]):
+        if path.suffix == ".dbc":
+            write_values(path)
+        else:
+            write_between(path, MARKS, markdown())
     if not sys.argv[1:]:
         print(markdown(), end="")

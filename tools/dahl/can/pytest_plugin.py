@@ -43,9 +43,10 @@ from dahl.errors import Error, Timeout
 if TYPE_CHECKING:
     import can
 
+    from dahl.binding.models import Friction
     from dahl.can.async_bus import AsyncBus
     from dahl.can.frame_log import FrameLog
-    from dahl.can.node import Friction, Node
+    from dahl.can.node import Node
     from dahl.can.rig import RigNode
 
     AnyNode: TypeAlias = Node | RigNode
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 VIRTUAL = "virtual"
-FIRST_ANSWER = 0.8  # s for a rig to open, and for its first answer
+FIRST_ANSWER_TIMEOUT_S = 0.8  # for a rig to open and to answer first
 MARK = "dahl(plan=None, **settings): of dahl_node. Every test that uses dahl_bus has this mark."
 _numbers = itertools.count()
 _frames = pytest.StashKey["FrameLog"]()  # of a test
@@ -251,7 +252,7 @@ def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
 
     if not _is_rig(request):
         return open_bus(**settings)
-    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER))
+    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER_TIMEOUT_S))
 
 
 def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
@@ -363,7 +364,7 @@ def _reset_node(request: pytest.FixtureRequest, number: int) -> RigNode:
     rig = RigNode(bus, _log_of(request, bus), number)
 
     def restart(is_first: bool) -> None:
-        rig.restart(FIRST_ANSWER if is_first else ANSWER_TIMEOUT_S)
+        rig.restart(FIRST_ANSWER_TIMEOUT_S if is_first else ANSWER_TIMEOUT_S)
 
     _contact(request, f"{_key(settings)} {number}", restart)
     return rig
