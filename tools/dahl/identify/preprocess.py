@@ -16,11 +16,11 @@ from scipy.signal import savgol_filter
 from dahl.errors import Error
 from dahl.identify import encoder_grid
 from dahl.identify.angle import white_noise
+from dahl.identify.limits import HEAD_ROWS
 from dahl.identify.models import turning_points
 from dahl.io.log import Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
-LOOKED_AT_ROWS = 100_000  # before all of them
 CLIPPED_PART = 0.02  # of all rows at one extreme torque
 NOISELESS = 1e-4  # of the torque's range: a second difference that no sensor resolves
 REPEATED_PART = 0.01  # of the rows; fewer repeated rows are left in
@@ -172,7 +172,7 @@ def mark_torque_readings(log: Log) -> Log:
 
     Raises dahl.Error if they are too few.
     """
-    if len(torque_readings(log.torque[:LOOKED_AT_ROWS])) == 0:
+    if len(torque_readings(log.torque[:HEAD_ROWS])) == 0:
         return log
     readings = torque_readings(log.torque)
     if len(readings) == 0:
