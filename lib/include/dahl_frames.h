@@ -111,30 +111,41 @@ typedef enum {
     DAHL_FRAMES_PARAM_NONE = 255   /* in a reply: there is no such parameter; the value is the number that was asked for */
 } dahl_frames_param_t;
 
-/*
- * The friction models that a node can answer by: MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning). Scenes, the
- * Python package and docs/loop.md read this table.
+/** The friction models that a node can answer by, except the Dahl element: one row each. Scenes,
+ * the Python package, dahl.dbc and docs/loop.md read this table.
  *
- * name     in scenes and options. Its calls are dahl_NAME_*, those of the first row dahl_*
- * NAME     DAHL_FRAMES_MODEL_NAME is its number
- * Class    in dahl.dbc, and of the Python package (the first row: Plan)
- * number   value of parameter Model. If sigma0s is 0, the number of elements is added
- * sigma0s  how many sigma0 [N m/rad] it has; 0: one for each of 1 to DAHL_SLIP_MAX elements
- * Fcs      how many Fc [N m]; 0: one for each element; 2: forward and backward. The torque ratio is of their sum, of forward and
- *          backward of the larger one
- * plan     1 if it has a type dahl_NAME_plan_t, which may be constant in flash
- * key      its own key in [friction] of a scene; "" if there is none
- * meaning  of that key, or of other data that the model needs
- */
-#define DAHL_FRAMES_OTHER_MODELS(MODEL)                                                                                           \
-    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "")                                                                                   \
-    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element")                                \
-    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "")                                                                \
-    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc")                              \
-    MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", "a section `[load]`; `sigma0` and `Fc` hold at load 1")
-#define DAHL_FRAMES_MODELS(MODEL) MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") DAHL_FRAMES_OTHER_MODELS(MODEL)
+ *     MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning)
+ *
+ * - name: in scenes and options. Its calls are dahl_name_..., those of the Dahl element dahl_...
+ * - NAME: DAHL_FRAMES_MODEL_NAME is its number.
+ * - Class: in dahl.dbc and of the Python package, where the Dahl element is a Plan.
+ * - number: value of parameter Model. If sigma0s is 0, the number of elements is added.
+ * - sigma0s: how many sigma0 [N m/rad]; 0: one for each of 1 .. DAHL_SLIP_MAX elements.
+ * - Fcs: how many Fc [N m]; 0: one for each element; 2: forward and backward. The torque ratio
+ *   refers to their sum, of forward and backward to the larger one.
+ * - plan: 1 if it has a type dahl_name_plan_t, which may be constant in flash.
+ * - key: its own key in [friction] of a scene; "" if there is none.
+ * - meaning: of that key, or of other data that the model needs. */
+/* clang-format off */
+#define DAHL_FRAMES_OTHER_MODELS(MODEL) \
+    MODEL(slip, SLIP, Slip, 0, 0, 0, 1, "", "") \
+    MODEL(parallel, PARALLEL, Parallel, 32, 0, 0, 0, "kinds", "`dahl` or `slip` for each element") \
+    MODEL(asymmetric, ASYMMETRIC, Asymmetric, 16, 1, 2, 1, "", "") \
+    MODEL(elastoplastic, ELASTOPLASTIC, ElastoPlastic, 17, 1, 1, 1, "breakaway", "a fraction of Fc") \
+    MODEL(loaded, LOADED, Loaded, 18, 1, 1, 0, "", \
+          "a section `[load]`; `sigma0` and `Fc` hold at load 1")
+/* clang-format on */
 
-#define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) DAHL_FRAMES_MODEL_##NAME = number,
+/** All models: the Dahl element and DAHL_FRAMES_OTHER_MODELS. */
+#define DAHL_FRAMES_MODELS(MODEL) \
+    MODEL(dahl, DAHL, Dahl, 0, 1, 1, 1, "", "") \
+    DAHL_FRAMES_OTHER_MODELS(MODEL)
+
+/** One value of parameter Model. */
+#define DAHL_FRAMES_MODEL(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) \
+    DAHL_FRAMES_MODEL_##NAME = number,
+
+/** Values of parameter Model: DAHL_FRAMES_MODEL_NAME of each row. */
 enum { DAHL_FRAMES_MODELS(DAHL_FRAMES_MODEL) };
 
 /* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in

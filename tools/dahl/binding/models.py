@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     Friction: TypeAlias = AnyPlan | dahl.Parallel | dahl.Loaded
 
 HEADER = "dahl_frames.h"
-ROW = re.compile(r'MODEL\((\w+), \w+, (\w+), (\d+), (\d), (\d), (\d), "(\w*)", "([^"]*)"\)')
+ROW = re.compile(
+    r'MODEL\((\w+), \w+, (\w+), (\d+), (\d), (\d), (\d), "(\w*)",\s+(?:\\\s+)?"([^"]*)"\)'
+)
 
 
 @dataclass(frozen=True)
