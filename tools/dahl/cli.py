@@ -110,7 +110,7 @@ def _with_output_folder(text: str) -> str:
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command and return its exit code, also if Ctrl-C ends it."""
-    return interrupt.guarded(lambda: _run(argv))
+    return interrupt.run_guarded(lambda: _run(argv))
 
 
 def _run(argv: list[str] | None) -> int:

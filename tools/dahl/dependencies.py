@@ -51,15 +51,15 @@ def ensure_installed(command: str, words: list[str]) -> None:
 
     Raises dahl.RunError if this is not build/venv of a checkout, or if the installation failed.
     """
-    lacking = _lacking(command)
-    if not lacking:
+    missing = _missing_packages(command)
+    if not missing:
         return
     if not _is_own_environment() or TRIED in os.environ:
         raise refusal(command)
     setup = paths.ROOT / "tools" / "setup.sh"
     if subprocess.run([setup, "identify"], stdout=sys.stderr, check=False).returncode:
         raise RunError(
-            f"dahl {command} needs {_named(lacking)}, and tools/setup.sh identify failed"
+            f"dahl {command} needs {_display_names(missing)}, and tools/setup.sh identify failed"
         )
     os.execve(sys.executable, [sys.executable, "-m", "dahl", *words], {**os.environ, TRIED: "1"})
 
@@ -68,9 +68,9 @@ def refusal(command: str, module: str = "") -> RunError:
     """Return the error that names the packages to install, for a command that lacks packages or
     `module`.
     """
-    lacking = _lacking(command) or [module.partition(".")[0]]
-    extras = NEEDS[command][0] if _lacking(command) else OPTIONAL.get(lacking[0], "all")
-    return RunError(f"dahl {command} needs {_named(lacking)}; {hint(lacking, extras)}")
+    missing = _missing_packages(command) or [module.partition(".")[0]]
+    extras = NEEDS[command][0] if _missing_packages(command) else OPTIONAL.get(missing[0], "all")
+    return RunError(f"dahl {command} needs {_display_names(missing)}; {hint(missing, extras)}")
 
 
 def hint(packages: list[str], extras: str) -> str:
@@ -99,15 +99,15 @@ def _project(requirement: str) -> str:
 
 def is_lacking(command: str, module: str | None) -> bool:
     """Return whether an extra contains a module that could not be imported."""
-    return bool(_lacking(command)) or (module or "").partition(".")[0] in OPTIONAL
+    return bool(_missing_packages(command)) or (module or "").partition(".")[0] in OPTIONAL
 
 
-def _lacking(command: str) -> list[str]:
+def _missing_packages(command: str) -> list[str]:
     """Return the missing packages among those that a command always needs."""
     return [name for name in NEEDS.get(command, ("", ()))[1] if find_spec(name) is None]
 
 
-def _named(packages: list[str]) -> str:
+def _display_names(packages: list[str]) -> str:
     return ", ".join(DISTRIBUTED_AS.get(name, name) for name in packages)
 
 

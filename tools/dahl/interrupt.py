@@ -23,12 +23,12 @@ MESSAGE = "interrupted"
 class _Process:
     """The state of this process."""
 
-    is_asked = False  # Ctrl-C came since guarded() was entered
-    is_running = False  # guarded() is in run(), which an exception can end
+    is_asked = False  # Ctrl-C came since run_guarded() was entered
+    is_running = False  # run_guarded() is in run(), which an exception can end
 
 
 def at_start() -> None:
-    """Let Ctrl-C end the program at once until guarded() is entered."""
+    """Let Ctrl-C end the program at once until run_guarded() is entered."""
     signal.signal(signal.SIGINT, _exit_at_once)
 
 
@@ -51,7 +51,7 @@ def _repeat_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
         sys.__unraisablehook__(unraisable)
 
 
-def guarded(run: Callable[[], int]) -> int:
+def run_guarded(run: Callable[[], int]) -> int:
     """Return the exit code of run(). If Ctrl-C ended it, print one line and return EXIT_CODE.
 
     Libraries may turn an interrupt into another exception, or swallow it.
@@ -84,7 +84,7 @@ def guarded(run: Callable[[], int]) -> int:
 
 
 def is_asked() -> bool:
-    """Return whether Ctrl-C came since guarded() was entered."""
+    """Return whether Ctrl-C came since run_guarded() was entered."""
     return _Process.is_asked
 
 

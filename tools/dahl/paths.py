@@ -30,7 +30,7 @@ def build_folder() -> Path:
     return Path(os.environ.get("DAHL_BUILD_DIR", ROOT / "build" / "host"))
 
 
-def built(variable: str, carried: str, *parts: str) -> Path:
+def built_file(variable: str, carried: str, *parts: str) -> Path:
     """Return a built file: $variable if set, else `carried` in an installed package, else `parts`
     in the build folder. Raises dahl.RunError if it does not exist.
     """
@@ -39,14 +39,14 @@ def built(variable: str, carried: str, *parts: str) -> Path:
     if path.exists():
         return path
     if INSTALLED:
-        raise RunError(f"{path} does not exist; {_left_out()}, or set {variable}")
+        raise RunError(f"{path} does not exist; {_missing_reason()}, or set {variable}")
     raise RunError(
         f"{path} does not exist; build it (tools/demo.sh, or cmake --preset host"
         f" -DDAHL_BUILD_TESTS=OFF && cmake --build build/host) or set {variable}"
     )
 
 
-def _left_out() -> str:
+def _missing_reason() -> str:
     """Return why an installed package lacks a built file, and what to do."""
     try:
         lacking = (SHARE / "no-dahl-loop.txt").read_text(encoding="ascii").strip()
@@ -57,12 +57,12 @@ def _left_out() -> str:
 
 def library() -> Path:
     """Return the path of the shared library of lib/."""
-    return built("DAHL_LIBRARY", "lib/libdahl.so", "lib", "libdahl.so")
+    return built_file("DAHL_LIBRARY", "lib/libdahl.so", "lib", "libdahl.so")
 
 
 def loop_program() -> Path:
     """Return the path of the program dahl-loop."""
-    return built("DAHL_LOOP", "bin/dahl-loop", "host_sim", "dahl-loop")
+    return built_file("DAHL_LOOP", "bin/dahl-loop", "host_sim", "dahl-loop")
 
 
 def checkout(what: str) -> Path:
@@ -73,7 +73,7 @@ def checkout(what: str) -> Path:
 
 
 @contextlib.contextmanager
-def owned(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Create a folder and lock it for this process. The lock leaves no file and ends with the
     process. Raises dahl.RunError if another process holds it.
     """

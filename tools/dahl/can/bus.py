@@ -49,20 +49,20 @@ def named(args: argparse.Namespace) -> dict[str, Any]:
     return {key: value for key in FLAGS if (value := getattr(args, key, None)) is not None}
 
 
-def keywords(said: dict[str, Any]) -> dict[str, Any]:
+def keywords(options: dict[str, Any]) -> dict[str, Any]:
     """Return keywords of can.Bus from options of named(). Raises dahl.Error for one given twice."""
-    more: dict[str, Any] = said.get("bus_kwargs", {})
-    first = {key: value for key, value in said.items() if key != "bus_kwargs"}
+    more: dict[str, Any] = options.get("bus_kwargs", {})
+    first = {key: value for key, value in options.items() if key != "bus_kwargs"}
     for key, value in more.items():
         if key in first:
             raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
     return first | more
 
 
-def words(said: dict[str, Any]) -> list[str]:
+def words(options: dict[str, Any]) -> list[str]:
     """Return options of named() as words of a command line."""
     found = []
-    for key, value in said.items():
+    for key, value in options.items():
         found.append(FLAGS[key])
         if isinstance(value, Mapping):
             found += [f"{name}={one}" for name, one in value.items()]
@@ -75,11 +75,11 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
     import can.cli
 
-    _silence()
-    said = keywords(named(args))
-    server = {key: said[key] for key in ("host", "port") if key in said}
+    _quiet_python_can()
+    options = keywords(named(args))
+    server = {key: options[key] for key in ("host", "port") if key in options}
     try:
-        return can.cli.create_bus_from_namespace(args, **tuned_for(said), **server)
+        return can.cli.create_bus_from_namespace(args, **tuned_for(options), **server)
     except argparse.ArgumentError as error:
         raise _not_open(named(args), error.__cause__) from None
 
@@ -90,7 +90,7 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     """
     import can
 
-    _silence()
+    _quiet_python_can()
     until = time.monotonic() + patience
     while True:
         try:
@@ -108,7 +108,7 @@ def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
 
-def _silence() -> None:
+def _quiet_python_can() -> None:
     logging.getLogger("can").setLevel(
         logging.ERROR
     )  # python-can warns of each frame that arrives in two pieces
@@ -160,7 +160,7 @@ class Reception:
                 self.finish()
             has_ended = time.monotonic() >= self._end
             message = self._next(0.0 if has_ended else QUIET_S)
-            if has_ended and (message is None or self._came_after_end()):
+            if has_ended and (message is None or self._is_after_end()):
                 return
             count += message is not None
             yield message
@@ -186,7 +186,7 @@ class Reception:
         self.lag_s = delay - self._least_delay
         self.most_lag_s = max(self.most_lag_s, self.lag_s)
 
-    def _came_after_end(self) -> bool:
+    def _is_after_end(self) -> bool:
         return time.monotonic() - self.lag_s > self._end
 
 

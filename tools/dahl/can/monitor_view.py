@@ -92,8 +92,8 @@ class View:
         if seen.message.name == "FrictionTorque":
             self._answer(signals, frame.timestamp)
         elif seen.message.name == "ParamReply":
-            told = signals.get("Fc")
-            self.Fc = float(told) if isinstance(told, (int, float)) else self.Fc
+            value = signals.get("Fc")
+            self.Fc = float(value) if isinstance(value, (int, float)) else self.Fc
 
     def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
         if seen.last is None:
@@ -131,7 +131,7 @@ class View:
                     "per_s": seen.rate(),
                     "missing": seen.missing,
                     "bad": seen.wrong,
-                    "last": {key: _plain(value) for key, value in (seen.last or {}).items()},
+                    "last": {key: _json_value(value) for key, value in (seen.last or {}).items()},
                 }
                 for name, seen in self.names.items()
             },
@@ -152,11 +152,13 @@ class View:
         low = rows * 2 // 5 if rows >= MIN_TWO_PANELS_ROWS else 0
         beside = width >= 2 * MIN_HALF_COLUMNS
         if not low and beside:
-            yield self._side_by_side(self._loop(width // 2, rows), self._times(width, rows)[0])
+            yield self._side_by_side(
+                self._loop(width // 2, rows), self._time_curves(width, rows)[0]
+            )
             return
         yield self._loop(width, rows - low)
         if low:
-            first, second = self._times(width if beside else 2 * width, low)
+            first, second = self._time_curves(width if beside else 2 * width, low)
             yield self._side_by_side(first, second) if beside else first
 
     @staticmethod
@@ -175,7 +177,7 @@ class View:
         torque, name = self._torque()
         return panel(self.count, torque, f"{name} over counts", width, rows, "cyan")
 
-    def _times(self, width: int, rows: int) -> tuple[Text, Text]:
+    def _time_curves(self, width: int, rows: int) -> tuple[Text, Text]:
         start = self.time[0] if self.time else 0.0
         seconds = [moment - start for moment in self.time]
         torque, name = self._torque()
@@ -200,22 +202,22 @@ class View:
         for seen in shown:
             table.add_row(*_row(seen), *([self._last(seen)] if wide else []))
         yield table
-        told = [seen for seen in shown if seen.last and (fold or seen.message.name in ALWAYS)]
-        lines = [] if wide else [self._below(seen) for seen in told]
+        listed = [seen for seen in shown if seen.last and (fold or seen.message.name in ALWAYS)]
+        lines = [] if wide else [self._last_line(seen) for seen in listed]
         states = ", ".join(f"{name} {count}" for name, count in self.states.most_common())
         style = "" if set(self.states) <= FINE else "yellow"
         lines.append(Text.assemble("node states  ", (states or "none yet", style)))
-        lines.append(Text.assemble(f"other frames  {self.others}  behind  ", self._behind()))
+        lines.append(Text.assemble(f"other frames  {self.others}  behind  ", self._lag()))
         for line in lines:
             line.no_wrap, line.overflow = not fold, "fold" if fold else "ellipsis"
             yield line
 
-    def _behind(self) -> tuple[str, str]:
+    def _lag(self) -> tuple[str, str]:
         """Return the delay of reading as text, and its colour."""
         words = f"{self.lag_s:.1f} s, at most {self.most_lag_s:.1f} s"
         return words, "yellow" if self.most_lag_s > NOTICEABLE_LAG_S else ""
 
-    def _below(self, seen: Seen) -> Text:
+    def _last_line(self, seen: Seen) -> Text:
         return Text.assemble((f"{seen.message.name}  ", "bold"), self._last(seen))
 
     def _last(self, seen: Seen) -> Text:
@@ -227,10 +229,10 @@ class View:
         errors = [name.removeprefix("Error") for name, v in signals.items() if str(v) == "Seen"]
         if errors:
             words.append(f"seen: {' '.join(errors)}  ", "yellow")
-        for name, value in _version_last(signals).items():
+        for name, value in _move_version_last(signals).items():
             if name not in HIDDEN_SIGNALS and str(value) not in ("None", "Seen"):
-                told = f"{value:.6f}" if isinstance(value, float) else str(value)
-                words.append(f"{name} {told}  ")
+                value_text = f"{value:.6f}" if isinstance(value, float) else str(value)
+                words.append(f"{name} {value_text}  ")
         return words
 
     def _torque_and_state(self, signals: dict[str, Any]) -> Text:
@@ -243,7 +245,7 @@ class View:
         return words
 
 
-def _version_last(signals: dict[str, Any]) -> dict[str, Any]:
+def _move_version_last(signals: dict[str, Any]) -> dict[str, Any]:
     """The signals, the parts of a version as one, behind all others: a narrow window cuts the
     line.
     """
@@ -262,7 +264,7 @@ def _row(seen: Seen) -> tuple[Text, ...]:
     )
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     return value if isinstance(value, (int, float)) else str(value)
 
 

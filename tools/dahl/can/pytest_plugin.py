@@ -197,7 +197,7 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
 def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Iterator[can.BusABC]:
     """The test's end of the bus."""
     is_shared = dahl_bus_settings["interface"] != VIRTUAL
-    with _reserved(dahl_bus_settings) if is_shared else contextlib.nullcontext():
+    with _reserve_bus(dahl_bus_settings) if is_shared else contextlib.nullcontext():
         with _one_line():
             bus = _open(request, dahl_bus_settings)
         with bus:
@@ -237,7 +237,7 @@ def _key(settings: Settings) -> str:
 
 
 @contextlib.contextmanager
-def _reserved(settings: Settings) -> Iterator[None]:
+def _reserve_bus(settings: Settings) -> Iterator[None]:
     """Wait until no other test of this user has the bus."""
     path = Path(tempfile.gettempdir(), f"dahl-bus-{os.getuid()}-{_key(settings)}.lock")
     with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "rb") as lock:

@@ -132,7 +132,7 @@ def run(args: argparse.Namespace) -> int:
     from dahl.report import terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
-    with paths.owned(args.output):
+    with paths.lock_folder(args.output):
         _refuse_overwriting(args.log, args.output)
         scene, log, recorded = _choose(args, console)
         _refuse_overwriting(log, args.output)  # the log of the scene
@@ -339,9 +339,9 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     board = firmware.boards()[args.target].machine
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
-    setup.node_scene = firmware.hub(args.output, scene.node)
+    setup.node_scene = firmware.write_hub_scene(args.output, scene.node)
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
-    setup.attach = lambda port: firmware.attached(
+    setup.attach = lambda port: firmware.attach_firmware(
         args.target, params, args.output, port, scene.node
     )
 

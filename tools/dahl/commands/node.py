@@ -80,7 +80,8 @@ def run(args: argparse.Namespace) -> None:
         scene = _scene(args, Path(folder))
         args.node = scene.node if args.node is None else args.node
         begin = time.monotonic()
-        serve = _on_bus if _interface(args) else _on_target if args.target else _served
+        served = _run_on_target if args.target else _run_served
+        serve = _run_on_bus if _interface(args) else served
         counts = serve(args, scene, Path(folder), stop, console)
         text = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
         console.print(f"ended after {time.monotonic() - begin:.1f} s: {text or 'no frame came'}")
@@ -153,7 +154,7 @@ def _print_access(
     sys.stdout.flush()
 
 
-def _on_bus(
+def _run_on_bus(
     args: argparse.Namespace, scene: Scene, _: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
     """Run the node in Python, on a bus of python-can."""
@@ -188,18 +189,18 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
             raise RunError(f"node {number} is on this bus already; --node takes another number")
 
 
-def _served(
+def _run_served(
     args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
     """Run the node in dahl-loop, on a bus that it serves."""
-    with _hub(args, scene.path, folder, args.node) as (hub, port):
+    with _start_hub(args, scene.path, folder, args.node) as (hub, port):
         _print_access(console, args, scene, "of dahl-loop", _client(port))
         _wait(args, stop, [hub])
     counts: dict[str, int] = hub.numbers().get("node", {})
     return counts
 
 
-def _on_target(
+def _run_on_target(
     args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
     """Run the node in firmware, on a bus that dahl-loop serves. Its counts come with its Status."""
@@ -214,8 +215,8 @@ def _on_target(
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
     other = 15 if args.node != 15 else 14  # only serves the bus
     with (
-        _hub(args, firmware.hub(folder), folder, other) as (_, port),
-        firmware.attached(args.target, params, folder, port, args.node),
+        _start_hub(args, firmware.write_hub_scene(folder), folder, other) as (_, port),
+        firmware.attach_firmware(args.target, params, folder, port, args.node),
         open_bus(**_client(port)) as bus,
     ):
         ask(
@@ -268,7 +269,7 @@ def _status_counts(status: Any) -> dict[str, int]:
 
 
 @contextlib.contextmanager
-def _hub(
+def _start_hub(
     args: argparse.Namespace, scene: Path, folder: Path, number: int
 ) -> Iterator[tuple[Program, int]]:
     """Start the node of dahl-loop as the server of a bus. Return it and its port."""
@@ -290,7 +291,7 @@ def _hub(
 def _wait(args: argparse.Namespace, stop: Stop, programs: list[Program]) -> None:
     end = time.monotonic() + (args.seconds or math.inf)
     while not stop.asked and time.monotonic() < end:
-        if any(program.ended() for program in programs):
+        if any(program.has_ended() for program in programs):
             return  # check() raises its error
         time.sleep(POLL_PERIOD_S)
 

@@ -69,9 +69,9 @@ def run(args: argparse.Namespace) -> None:
             args.output.open("ab").close()  # raises if it cannot be written
             messages = Reception(bus, stop, args.seconds, args.frames)
             try:
-                _write(args.output, tally.among(messages))
+                _write(args.output, tally.storable(messages))
             except RunError as error:
-                gone = f"{error}{_how_late(messages.most_lag_s)}"
+                gone = f"{error}{_lag_text(messages.most_lag_s)}"
             tally.lost_in_kernel = lost_in_kernel(bus)
     finally:
         if not existed and args.output.exists() and args.output.stat().st_size == 0:
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> None:
     tally.report(gone)
 
 
-def _how_late(lag_s: float) -> str:
+def _lag_text(lag_s: float) -> str:
     """Return the delay of reading as text: a server closes the connection of a slow client."""
     return f", and reading was up to {lag_s:.1f} s late" if lag_s > NOTICEABLE_LAG_S else ""
 
@@ -100,7 +100,7 @@ class Tally:
         self._path, self._is_trc = path, path.suffix.lower() == TRC
         self._missing = Missing()
 
-    def among(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
+    def storable(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
         """Yield the messages that the log can hold; each counts once the next one is requested."""
         for message in messages:
             if message is None:

@@ -41,11 +41,11 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         picture=base64.b64encode(picture).decode("ascii"),
         rows=dict(_numbers(numbers)),
         wrong=traces.disagreements(numbers) if "faults" in numbers else {},
-        made=_made(numbers),
+        made=_origin(numbers),
     )
 
 
-def _made(numbers: dict[str, Any]) -> str:
+def _origin(numbers: dict[str, Any]) -> str:
     """Return date and version of the run, as far as the summary has them."""
     words = [numbers.get("date", ""), "dahl " + numbers["version"] if "version" in numbers else ""]
     return ", ".join(word for word in words if word)

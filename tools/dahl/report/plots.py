@@ -54,34 +54,39 @@ def draw(
     measured = (
         recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
     )
-    computed = traces.modelled(scene, trace)
+    computed = traces.modelled_torque(scene, trace)
     time, time_label = _time(trace, recorded)
     gain = f"gain {scene.friction.get('gain', 1):g}" if scene.compensates else ""
-    more = _more_panels(numbers, folder or path.parent, gain)
+    more = _optional_panels(numbers, folder or path.parent, gain)
     with rc_context(STYLE):
         figure = Figure()
-        panels = _stacked(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
+        panels = _stack_panels(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
         _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed, gain)
         loop.set(
-            xlabel=literal(scene.measured.label_angle),
-            ylabel=literal(scene.measured.label_torque),
+            xlabel=escape(scene.measured.label_angle),
+            ylabel=escape(scene.measured.label_torque),
         )
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
             _panel(
                 axes, time[where], None if measured is None else measured[where], computed[where]
             )
-            _mark(axes, trace, time, where)
-            axes.set(xlabel=time_label, ylabel=literal(_short(scene.measured.label_torque)))
+            _mark_events(axes, trace, time, where)
+            axes.set(xlabel=time_label, ylabel=escape(_short_label(scene.measured.label_torque)))
             axes.margins(x=0.01)
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         for axes, panel in zip(panels[3:], more, strict=True):
             panel(axes)
-        _head(figure, loop, literal(scene.title), literal(_caption(scene, trace, numbers)))
+        _draw_header(
+            figure,
+            loop,
+            escape(scene.title),
+            escape(_caption(scene, trace, numbers)),
+        )
         save(figure, path)
 
 
-def _stacked(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
+def _stack_panels(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
     """Return panels of these heights in inches, one below the other, with space for labels."""
     whole = ABOVE + sum(heights) + BETWEEN * (len(heights) - 1) + BELOW
     figure.set_size_inches(WIDTH, whole)
@@ -98,7 +103,7 @@ def _stacked(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
     return [figure.add_subplot(grid[row]) for row in range(len(heights))]
 
 
-def _head(figure: Figure, loop: Axes, title: str, caption: str) -> None:
+def _draw_header(figure: Figure, loop: Axes, title: str, caption: str) -> None:
     """Write title, caption and legend in separate lines above the loop."""
     height = figure.get_size_inches()[1]
     figure.suptitle(
@@ -110,7 +115,7 @@ def _head(figure: Figure, loop: Axes, title: str, caption: str) -> None:
     )
 
 
-def _mark(axes: Axes, trace: traces.Trace, time: np.ndarray, where: slice) -> None:
+def _mark_events(axes: Axes, trace: traces.Trace, time: np.ndarray, where: slice) -> None:
     """Mark new starts after a fault and relaxing Resets by lines, unanswered ticks by short
     strokes. The first tick, a new start in every run, is not marked.
     """
@@ -151,7 +156,9 @@ def _caption(scene: Scene, trace: traces.Trace, numbers: dict[str, Any]) -> str:
     return words + ("" if fit is None else f", R² = {fit:.4f}")
 
 
-def _more_panels(numbers: dict[str, Any], folder: Path, gain: str) -> list[Callable[[Axes], None]]:
+def _optional_panels(
+    numbers: dict[str, Any], folder: Path, gain: str
+) -> list[Callable[[Axes], None]]:
     """Return the panels that only some runs have: latencies, faults, tracking error."""
     panels = []
     if numbers.get("latency_histogram") and numbers["latency_us"]["max"] > 0:
@@ -177,25 +184,25 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
 
 def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
-    names = [literal(traces.words(name)) for name in injected]
+    names = [escape(traces.words(name)) for name in injected]
     bars = axes.bar(names, list(injected.values()), color=COMPUTED)
     axes.bar_label(bars, fmt="%d", fontsize=9)
     axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
     axes.tick_params(axis="x", labelsize=9)
     wrong = {traces.words(name): pair for name, pair in traces.disagreements(numbers).items()}
     words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
-    axes.set_title(literal(words), loc="left", fontsize=10, color="#555555")
+    axes.set_title(escape(words), loc="left", fontsize=10, color="#555555")
 
 
 def _tracking(axes: Axes, folder: Path, gain: str) -> None:
     """Draw the tracking error, and that of the run without compensation."""
-    time, error = _error(folder / "trace.csv")
+    time, error = _tracking_error(folder / "trace.csv")
     axes.plot(time, error, color=COMPUTED, linewidth=1.2, label=gain)
     axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
     axes.margins(x=0.01)
     if not (gain and (folder / traces.UNCOMPENSATED).is_file()):
         return
-    time, plain = _error(folder / traces.UNCOMPENSATED)
+    time, plain = _tracking_error(folder / traces.UNCOMPENSATED)
     axes.plot(time, plain, color=MEASURED, linewidth=1.2, label="gain 0: without compensation")
     rms, more = (float(np.sqrt(np.mean(one**2))) for one in (error, plain))
     words = f"rms {rms:.3g} rad, without compensation {more:.3g} rad"
@@ -204,7 +211,7 @@ def _tracking(axes: Axes, folder: Path, gain: str) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=9)
 
 
-def _error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
+def _tracking_error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
     """Return time in s and tracking error in rad of the trace of a rotor."""
     table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
     return table["time_s"], table["reference_rad"] - table["angle_rad"]
@@ -233,7 +240,7 @@ def _window(torque: np.ndarray) -> slice:
     return slice(start, start + width)
 
 
-def _short(label: str) -> str:
+def _short_label(label: str) -> str:
     """Return the label without its first words: 'friction torque [N m]' gives 'torque [N m]'."""
     words, _, unit = label.partition(" [")
     return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
@@ -242,7 +249,7 @@ def _short(label: str) -> str:
 PICTURES = (".png", ".svg", ".pdf", "")  # endings; "" means PNG
 
 
-def literal(text: str) -> str:
+def escape(text: str) -> str:
     """Return a text for matplotlib in which a dollar sign does not start a formula."""
     return text.replace("$", r"\$")
 

@@ -157,7 +157,7 @@ class Pairing:
         self.ticks.append((self.row, time, signals["Count"], self.load))
 
     def _answer(self, signals: dict[str, Any]) -> None:
-        index = self._echoed(signals["EchoCounter"], signals["State"] in self.new_start)
+        index = self._find_echo(signals["EchoCounter"], signals["State"] in self.new_start)
         if index is None:
             return
         while self.waiting and self.waiting[0][1] <= index:
@@ -167,7 +167,7 @@ class Pairing:
             self.relaxed.add(index)
             self.restarted = False
 
-    def _echoed(self, counter: int, starts: bool) -> int | None:
+    def _find_echo(self, counter: int, starts: bool) -> int | None:
         """Return the index of the frame with this counter among the first 16 waiting frames, after
         a new start among the last 16.
         """
@@ -250,7 +250,7 @@ def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def modelled(scene: Scene, trace: Trace) -> np.ndarray:
+def modelled_torque(scene: Scene, trace: Trace) -> np.ndarray:
     """Return the modelled reading of the torque sensor: received torque + spring*angle + offset, in
     N m (N), shape (n,).
     """
@@ -266,7 +266,7 @@ def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, floa
     if recorded is None or recorded.torque is None or trace.lost or not use.any():
         return {"rmse_measured": None, "r2_measured": None}
     truth = recorded.torque[trace.row[use]]
-    residual = truth - modelled(scene, trace)[use]
+    residual = truth - modelled_torque(scene, trace)[use]
     spread = float(np.sum((truth - truth.mean()) ** 2))
     r2 = 1 - float(np.sum(residual**2)) / spread if spread > 0 else None
     return {"rmse_measured": float(np.sqrt(np.mean(residual**2))), "r2_measured": r2}

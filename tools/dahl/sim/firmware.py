@@ -150,7 +150,7 @@ class Firmware:
             self.process.kill()
             self.process.wait()
 
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         return self.process.poll() is not None
 
     @property
@@ -161,8 +161,8 @@ class Firmware:
     def _wait(self) -> None:
         """Wait until QEMU listens; /proc/net/tcp shows it without a connection."""
         until = time.monotonic() + QEMU_START_TIMEOUT_S
-        while time.monotonic() < until and not self.ended():
-            if f":{self.port:04X} " in _listening():
+        while time.monotonic() < until and not self.has_ended():
+            if f":{self.port:04X} " in _listening_addresses():
                 return
             time.sleep(0.02)
         printed = self.errors.read_text(encoding="utf-8").strip().splitlines()
@@ -182,7 +182,7 @@ node = {number}
 STALL_TIMEOUT_US = 10_000_000  # the clock of QEMU advances while a busy host delays frames
 
 
-def hub(folder: Path, number: int = 0) -> Path:
+def write_hub_scene(folder: Path, number: int = 0) -> Path:
     """Return a scene whose node only serves the bus; `number` is that of the firmware."""
     path = folder / "hub.ini"
     path.write_text(HUB.format(number=15 if number != 15 else 14), encoding="ascii")
@@ -190,7 +190,7 @@ def hub(folder: Path, number: int = 0) -> Path:
 
 
 @contextlib.contextmanager
-def attached(
+def attach_firmware(
     core: str, params: tuple[float, float, float], folder: Path, port: int, number: int = 0
 ) -> Iterator[None]:
     """Run firmware as a node of the bus that is served on `port`."""
@@ -218,7 +218,7 @@ def attached(
                 bridge.terminate()
 
 
-def _listening() -> str:
+def _listening_addresses() -> str:
     """Return the local addresses of TCP sockets in state LISTEN."""
     lines = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
     return " ".join(line.split()[1] for line in lines if line.split()[3] == "0A") + " "

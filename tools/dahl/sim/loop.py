@@ -77,10 +77,10 @@ class Program:
             start_new_session=True,
         )
 
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         return self.process.poll() is not None
 
-    def ends(self) -> bool:
+    def wait(self) -> bool:
         """Wait for the end of the program; return False after a timeout."""
         try:
             self.process.wait(PROGRAM_TIMEOUT_S)
@@ -90,7 +90,7 @@ class Program:
 
     def end(self) -> None:
         """End the program in order, by force after a timeout."""
-        if not self.ended():
+        if not self.has_ended():
             self.is_ending = True
             self.process.send_signal(signal.SIGINT)
         try:
@@ -134,12 +134,12 @@ class Program:
     def port(self) -> int:
         """Return the TCP port that the program serves."""
         until = time.monotonic() + PROGRAM_TIMEOUT_S
-        while time.monotonic() < until and not self.ended():
-            said = SERVED.search(
+        while time.monotonic() < until and not self.has_ended():
+            served = SERVED.search(
                 Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
             )
-            if said:
-                return int(said[1])
+            if served:
+                return int(served[1])
             time.sleep(0.02)
         self.end()
         self.check()
@@ -162,7 +162,7 @@ def _options(setup: Setup, role: str) -> list[str]:
     return words + ["--lockstep"] * setup.lockstep
 
 
-def _ends(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
+def _bus_names(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
     """Return the bus as the encoder and as python-can name it; a server prints its port."""
     kind, _, rest = bus.partition(":")
     if kind == "socketcan":
@@ -190,16 +190,16 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     node = Program(served, "node", node_bus, "--lockstep", *["--until-idle"] * serves)
     encoder = None
     try:
-        encoder_bus, here = _ends(setup.bus, node)
+        encoder_bus, here = _bus_names(setup.bus, node)
         with (
             open_bus(PROGRAM_TIMEOUT_S, **here) as bus,
-            _log_in(setup.folder) as log,
+            _open_log(setup.folder) as log,
             setup.attach(here["port"]) if setup.attach else nullcontext(),
         ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
     except RunError:
-        if encoder is None or not (encoder.ends() or _has_dropped(node, encoder)):
+        if encoder is None or not (encoder.wait() or _has_dropped(node, encoder)):
             raise  # else its end closes the bus, and what was recorded is reported
     finally:
         programs = [program for program in (node, encoder) if program]
@@ -223,12 +223,12 @@ def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dic
     program = Program(setup, "both", "socketcand:0", *extra)
     try:
         with (
-            open_bus(PROGRAM_TIMEOUT_S, **_ends("socketcand:0", program)[1]) as bus,
-            _log_in(setup.folder) as log,
+            open_bus(PROGRAM_TIMEOUT_S, **_bus_names("socketcand:0", program)[1]) as bus,
+            _open_log(setup.folder) as log,
         ):
             _record(bus, log, program, program, stop, progress)
     except RunError:
-        if not (program.ends() or _has_dropped(program)):
+        if not (program.wait() or _has_dropped(program)):
             raise  # else its end closes the bus: that is no failure
     finally:
         program.end()
@@ -245,7 +245,7 @@ def _has_dropped(server: Program, *clients: Program) -> bool:
 
 
 @contextmanager
-def _log_in(folder: Path) -> Iterator[IO[str]]:
+def _open_log(folder: Path) -> Iterator[IO[str]]:
     path = folder / "run.log"
     with path.open("w", buffering=1, encoding="ascii") as log, files.whole_lines(path, log):
         yield log
@@ -286,7 +286,7 @@ def _record(
             continue
         looked = now
         progress(frames)
-        ended = ended or (now if encoder.ended() or node.ended() else None)
+        ended = ended or (now if encoder.has_ended() or node.has_ended() else None)
         if ended and now - ended > DRAIN_S:
             reception.finish()
         if now - last_frame > MAX_SILENCE_S:

@@ -178,7 +178,7 @@ def read(path: Path) -> Scene:
         _number(path, parser, section, "seconds", 0.0) for section in ("motion", "motor")
     )
     scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
-    scene.measured = _measured(path, parser)
+    scene.measured = _read_measured(path, parser)
     scene.parts = tuple(parser.sections())
     scene.friction = {
         key: _number(path, parser, "friction", key, 0.0)
@@ -186,7 +186,7 @@ def read(path: Path) -> Scene:
         if parser.has_option("friction", key)
     }
     scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
-    scene.node = _node(path, parser)
+    scene.node = _node_number(path, parser)
     scene.compensates = any(
         parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
     )
@@ -239,7 +239,7 @@ def _number(
         raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
 
 
-def _node(path: Path, parser: configparser.ConfigParser) -> int:
+def _node_number(path: Path, parser: configparser.ConfigParser) -> int:
     """Return [friction] node, 0 to 15."""
     number = _number(path, parser, "friction", "node", 0.0)
     if number not in range(16):
@@ -247,7 +247,7 @@ def _node(path: Path, parser: configparser.ConfigParser) -> int:
     return int(number)
 
 
-def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
+def _read_measured(path: Path, parser: configparser.ConfigParser) -> Measured:
     measured = Measured()
     if not parser.has_section("measured"):
         return measured
@@ -364,7 +364,7 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         f"theta_per_count = {_theta_per_count(own)!r}",
         "[motion]",
         "kind = log",
-        f"file = {whole if _can_hold(whole) else own.log.name}",
+        f"file = {whole if _is_representable(whole) else own.log.name}",
         f"angle = {own.angle}",
         f"counts_per_unit = {_counts_per_unit(own)!r}",
         *([f"time = {own.time}"] if own.time else []),
@@ -387,11 +387,11 @@ def _check_names(own: OwnLog) -> None:
     """Raise dahl.Error for a name that a scene file cannot contain."""
     columns = [("column", name) for name in (own.angle, own.time, own.torque) if name]
     for kind, name in [("log", own.log.name), *columns]:
-        if not _can_hold(name):
+        if not _is_representable(name):
             raise Error(f"{kind} '{name}': a scene file cannot hold this name; rename the {kind}")
 
 
-def _can_hold(name: str) -> bool:
+def _is_representable(name: str) -> bool:
     """Return whether a scene file can contain a name: without comment sign, without spaces around
     it, and short enough for dahl-loop.
     """
