@@ -50,7 +50,7 @@ class AsyncBus:
         node: int = 0,
         seconds: float = 0.1,
     ) -> None:
-        """As node.expect_silence()."""
+        """Send a frame that must not be answered, as node.expect_silence() does."""
         async with self._turn:
             await asyncio.to_thread(expect_silence, self.bus, frame, node, seconds)
 

@@ -121,7 +121,7 @@ def _not_open(settings: dict[str, Any], error: object) -> Error:
 
 
 def shown(settings: dict[str, Any]) -> str:
-    """A bus as messages name it."""
+    """Return a bus in the words of messages."""
     return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
 
 

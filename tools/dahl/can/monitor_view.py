@@ -246,9 +246,7 @@ class View:
 
 
 def _move_version_last(signals: dict[str, Any]) -> dict[str, Any]:
-    """The signals, the parts of a version as one, behind all others: a narrow window cuts the
-    line.
-    """
+    """Return the signals with the version as one signal at the end, which a narrow window cuts."""
     parts = [signals.pop(name, None) for name in ("VersionMajor", "VersionMinor")]
     return signals if None in parts else {**signals, "Version": "{}.{}".format(*parts)}
 
@@ -269,7 +267,7 @@ def _json_value(value: Any) -> Any:
 
 
 def _messages(dbc: Path | None) -> list[Message]:
-    """Those of a bus description that has what is shown. Raises dahl.Error."""
+    """Return the messages of a DBC. Raises dahl.Error if it lacks one that the view needs."""
     import cantools
 
     path = dbc or paths.DBC
@@ -290,8 +288,8 @@ def _messages(dbc: Path | None) -> list[Message]:
 
 
 def _without_other_nodes(messages: list[Message]) -> list[Message]:
-    """Those of node 0 and any that are no node's: node n has the messages of node 0 at id + n, and
-    a description of several nodes has them too.
+    """Return the messages without those of nodes 1 to 15: node n has the messages of node 0 at
+    id + n, and a DBC of several nodes lists them too.
     """
     ids = {one.frame_id for one in messages}
     numbers = [one.frame_id % codec.NODES for one in messages]

@@ -170,7 +170,7 @@ def dahl_plan(request: pytest.FixtureRequest) -> Friction:
 
 @pytest.fixture
 def dahl_node_settings() -> Settings:
-    """The other arguments of Node(): a timeout in s that a busy machine does not reach."""
+    """Return the other arguments of Node(): a timeout in s that a busy machine does not reach."""
     return {"timeout": 10.0}
 
 
@@ -195,7 +195,7 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
 
 @pytest.fixture
 def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Iterator[can.BusABC]:
-    """The test's end of the bus."""
+    """Return the bus of the test."""
     is_shared = dahl_bus_settings["interface"] != VIRTUAL
     with _reserve_bus(dahl_bus_settings) if is_shared else contextlib.nullcontext():
         with _one_line():
@@ -226,7 +226,7 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
 
 
 def _is_rig(request: pytest.FixtureRequest) -> bool:
-    """Whether the nodes are those of a rig."""
+    """Return whether the nodes are on a rig."""
     interface = request.getfixturevalue("dahl_bus_settings")["interface"]
     return interface != VIRTUAL and not request.config.getoption("--dahl-serve")
 
@@ -305,7 +305,7 @@ def dahl_node(
     dahl_plan: Friction,
     dahl_node_settings: Settings,
 ) -> AnyNode:
-    """The node at the other end of dahl_bus."""
+    """Return the node that answers on dahl_bus."""
     settings = {"number": 0, "plan": dahl_plan} | dahl_node_settings | _mark_arguments(request)
     with _one_line():
         return dahl_make_node(friction=settings.pop("plan"), **settings)
@@ -315,7 +315,7 @@ def dahl_node(
 def _simulated(
     request: pytest.FixtureRequest, friction: Friction, settings: Settings
 ) -> Iterator[Node]:
-    """A node of this process, with its own end of the bus."""
+    """Yield a node in this process, on a separate bus object."""
     import can
 
     from dahl.can.bus import open_bus
@@ -334,7 +334,7 @@ def _simulated(
 def _on_rig(
     request: pytest.FixtureRequest, friction: Friction, settings: Settings
 ) -> Iterator[RigNode]:
-    """A node of the rig, with these parameters until the test ends."""
+    """Yield a node of the rig with these parameters; restore its own at the end."""
     wanted = _new(request, friction, settings)
     rig = _reset_node(request, wanted.number)
     try:

@@ -167,12 +167,12 @@ class RigNode:
 
     @property
     def plan(self) -> Plan:
-        """Its sigma0, Fc and theta_per_count; of several elements those of the first."""
+        """sigma0, Fc and theta_per_count of the node; of several elements those of the first."""
         return Plan(*(self._ask(ParamWrite(param)).si for param in MODEL))
 
     @property
     def friction(self) -> Plan:
-        """Its Plan."""
+        """The Plan of the node. Raises dahl.RunError if its model is not Dahl's."""
         if model := self._ask(ParamWrite(Param.MODEL)).value:
             _refuse("friction", f"its parameter Model is {model}, which is not Dahl's")
         return self.plan

@@ -46,7 +46,7 @@ class Set:
 
 
 def cut_tribometer(text: bytes) -> bytes:
-    """The header and the rows with 8.6 s <= t < 129 s of the upstream test_data_2.txt."""
+    """Return the header and the rows with 8.6 s <= t < 129 s of the upstream test_data_2.txt."""
     header, *rows = text.decode("ascii").splitlines()
     kept = [row for row in rows if row and 8.6 <= float(row.split("\t")[0]) < 129]
     return ("\n".join([header, *kept]) + "\n").encode("ascii")
@@ -143,7 +143,7 @@ SETS = {
 
 
 def named(name: str) -> Set:
-    """A set by name. Raises dahl.Error that lists all."""
+    """Return a set by name. Raises dahl.Error that lists all sets."""
     if name not in SETS:
         raise Error(f"no measured set '{name}' (there are: {', '.join(SETS)})")
     return SETS[name]
@@ -169,8 +169,8 @@ def local_folder(name: str) -> Path | None:
 
 
 def folder(name: str) -> Path:
-    """The folder of a set, downloaded if need be. Raises dahl.Error or RunError when it cannot be
-    had.
+    """Return the folder of a set; download it if it is not on this machine. Raises dahl.Error or
+    dahl.RunError if that fails.
     """
     found = local_folder(name)
     if found:

@@ -45,7 +45,7 @@ MEASURED = {"latency_us", "jitter_us", "deadline_misses"}  # required with each 
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """The summary of the run in a folder, without its nulls. Raises dahl.Error."""
+    """Return the summary of the run in a folder, without null values. Raises dahl.Error."""
     path = folder / "summary.json"
     known = files.read_json(path, "; `dahl demo` leaves one")
     if not isinstance(known, dict) or not isinstance(known.get("scene_file"), str):

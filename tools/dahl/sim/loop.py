@@ -217,7 +217,7 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
 
 
 def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """As run(), with one process that waits for the recorder."""
+    """Do run() with one process that waits for the recorder."""
     extra = ["--virtual", "--wait-clients", "1"]
     extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
     program = Program(setup, "both", "socketcand:0", *extra)
@@ -238,7 +238,9 @@ def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dic
 
 
 def _has_dropped(server: Program, *clients: Program) -> bool:
-    """Whether the server closed the connection of a recorder that read too slowly. Ends all."""
+    """Return whether the server closed the connection of a slow recorder. End the programs
+    first.
+    """
     for program in (*clients, server):
         program.end()
     return bool(server.numbers().get("bus_counts", {}).get("dropped"))

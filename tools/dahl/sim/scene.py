@@ -54,7 +54,7 @@ class Measured:
 
     @property
     def unit(self) -> str:
-        """The unit in the label of the torque: N m, or N for linear motion."""
+        """Unit in the label of the torque: N m, or N for linear motion."""
         return self.label_torque.rpartition("[")[2].rstrip("]")
 
     @property
