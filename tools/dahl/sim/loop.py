@@ -238,9 +238,7 @@ def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dic
 
 
 def _has_dropped(server: Program, *clients: Program) -> bool:
-    """Return whether the server closed the connection of a slow recorder. End the programs
-    first.
-    """
+    """End the programs. Return whether the server closed the connection of a slow recorder."""
     for program in (*clients, server):
         program.end()
     return bool(server.numbers().get("bus_counts", {}).get("dropped"))
