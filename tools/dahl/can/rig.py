@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dahl.can.frame_log import FrameLog
 
 ANSWER_TIMEOUT_S = 1.0
-POLL_PERIOD_S = 0.02
+READ_PERIOD_S = 0.02
 EACH_TICK = ParamWrite(Param.STATUS, 1, Write.WRITE)  # a Status every ms
 MODEL = (Param.SIGMA0, Param.FC, Param.THETA)
 # Sums in Status, and the error bit of each summand: if it is clear, the summand is 0.
@@ -272,7 +272,7 @@ class RigNode:
                 raise Timeout(
                     f"node {self._number} of the rig: no {what} in {ANSWER_TIMEOUT_S:g} s"
                 )
-            self._frames.read_ahead(POLL_PERIOD_S, lambda message: message.arbitration_id in own)
+            self._frames.read_ahead(READ_PERIOD_S, lambda message: message.arbitration_id in own)
 
     def _change(self, wanted: list[ParamWrite]) -> None:
         """Write a set of parameters unless the node has them, and keep the earlier values."""

@@ -47,8 +47,8 @@ SCENE = "steering"
 OWN = ("sigma0", "fc", "theta_per_count")
 HOST = "127.0.0.1"
 LISTEN_S = 0.25  # time for another node with the same number to answer
-POLL_PERIOD_S = 0.05
-DRAIN_S = 0.2  # at the end, to read the frames that have arrived
+WAIT_PERIOD_S = 0.05
+LAST_FRAMES_S = 0.2  # at the end, to read the frames that have arrived
 FIRMWARE_TIMEOUT_S = 10.0  # for the first answer of firmware; QEMU may start slowly
 SENT = {"status_period": "STATUS", "timeout": "TIMEOUT", "max_step": "STEP"}  # to firmware
 
@@ -251,9 +251,9 @@ def _watch(args: argparse.Namespace, stop: Stop, bus: can.BusABC) -> dict[str, i
     counts = {"frames": 0, "answers": 0}
     end, last = time.monotonic() + (args.seconds or math.inf), math.inf
     while time.monotonic() < last:
-        message = receive(bus, POLL_PERIOD_S)
+        message = receive(bus, WAIT_PERIOD_S)
         if last == math.inf and (stop.asked or time.monotonic() > end):
-            last = time.monotonic() + DRAIN_S
+            last = time.monotonic() + LAST_FRAMES_S
         if message is None:
             continue
         counts["frames"] += 1
@@ -293,7 +293,7 @@ def _wait(args: argparse.Namespace, stop: Stop, programs: list[Program]) -> None
     while not stop.asked and time.monotonic() < end:
         if any(program.has_ended() for program in programs):
             return  # check() raises its error
-        time.sleep(POLL_PERIOD_S)
+        time.sleep(WAIT_PERIOD_S)
 
 
 def _client(port: int) -> dict[str, Any]:
