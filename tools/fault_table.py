@@ -38,15 +38,20 @@ def main(words: list[str]) -> int:
     if not pages:
         print(markdown(), end="")
     for page in pages:
-        try:
-            text = page.read_text(encoding="utf-8")
-        except OSError as error:
-            sys.exit(f"error: {page}: {error.strerror}")
-        before, first, rest = text.partition(MARKS[0])
-        _, last, after = rest.partition(MARKS[1])
-        if first and last:
-            page.write_text(f"{before}{first}\n{markdown()}{last}{after}", encoding="utf-8")
+        write_between(page, MARKS, markdown())
     return 0
+
+
+def write_between(page: Path, marks: tuple[str, str], table: str) -> None:
+    """Replace what a page has between two marks; a page without them stays as it is."""
+    try:
+        text = page.read_text(encoding="utf-8")
+    except OSError as error:
+        sys.exit(f"error: {page}: {error.strerror}")
+    before, first, rest = text.partition(marks[0])
+    _, last, after = rest.partition(marks[1])
+    if first and last:
+        page.write_text(f"{before}{first}\n{table}{last}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -400,7 +400,7 @@ def test_a_target_takes_the_place_of_the_node(dahl, monkeypatch, root):
     """
     asked: list[tuple[object, ...]] = []
     monkeypatch.setattr("dahl.sim.firmware.build", lambda core: root / "build/m4f/node_image")
-    monkeypatch.setattr("dahl.sim.firmware.attached", partial(attached, asked))
+    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, asked))
     words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
     for _ in range(4):  # the node in Python may be late on a busy machine, and is told so
         done = dahl("demo", *words, "--output", "out")

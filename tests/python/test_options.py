@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dahl.binding import models
 from identify_tools import complaint
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
 UNITS = ("deg", "rad", "mm", "counts")
-MODELS = ("dahl", "slip", "asymmetric", "elastoplastic")
+MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
 FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
 LIVE = {"--frames": FRAMES, "--seconds": TIME}
 BUS = {"-i/--interface": TEXT, "-c/--channel": TEXT, "-b/--bitrate": NUMBER, "--fd": FLAG}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""dahl.Slip, Parallel, Asymmetric, ElastoPlastic, Loaded, Work, VelocityTable and the fast forms
+"""dahl.Slip, Parallel, Asymmetric, Loaded, Work, VelocityTable and the fast forms
 against exact fractions, closed forms in 50 digits, and a solver of their differential equations.
 """
 
@@ -15,23 +15,25 @@ import dahl
 import mpmath
 import numpy as np
 import pytest
+from dahl.binding import models
 from scipy.integrate import solve_ivp
 
 pytestmark = pytest.mark.usefixtures("library")
 
+BREAKAWAY = models.with_key("breakaway")
 PLAN = dahl.Plan(100.0, 0.5, 2e-4)
 SIGMA0, FC, THETA = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
 ULPS = 0.55  # of Fc (of the sum, of the larger one): what the docstrings promise
 FAST_ULPS = 0.5001  # of ThroughputSlip
 MADE = {
     "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.3, THETA),
-    "elastoplastic": lambda: dahl.ElastoPlastic(100.0, 0.5, THETA, 0.7),
+    BREAKAWAY.name: lambda: models.class_of(BREAKAWAY)(100.0, 0.5, THETA, 0.7),
     "slip": lambda: dahl.Slip(SIGMA0, FC, THETA),
     "work": lambda: dahl.Work(PLAN),
     "parallel": lambda: dahl.Parallel(dahl.Friction(PLAN), dahl.Slip(SIGMA0, FC, THETA)),
     "velocity": lambda: dahl.VelocityTable([0.1 * k - 0.3 for k in range(16)], 2),
 }
-LARGER_FC = {"asymmetric": 0.5, "elastoplastic": 0.5, "slip": sum(FC), "parallel": sum(FC) + 0.5}
+LARGER_FC = {"asymmetric": 0.5, BREAKAWAY.name: 0.5, "slip": sum(FC), "parallel": sum(FC) + 0.5}
 
 
 @pytest.fixture
@@ -254,9 +256,9 @@ def test_asymmetric_follows_its_equation():
 
 
 @pytest.mark.parametrize("b", [0.1, 0.5, 0.95])
-def test_elastoplastic_follows_its_equation(b):
+def test_a_spring_up_to_breakaway_follows_its_equation(b):
     b, F = float(np.float32(b)), 0.0
-    part = dahl.ElastoPlastic(STIFF, MOST, COUNT, b)
+    part = models.class_of(BREAKAWAY)(STIFF, MOST, COUNT, b)
     for counts in walk(2):
         F, _ = integrated(
             lambda F, s: dahl_slope(F, s) / (1 - b), F, counts, b * MOST, lambda *_: STIFF
@@ -264,9 +266,9 @@ def test_elastoplastic_follows_its_equation(b):
         assert abs(part.step_counts(counts) - F) <= ULPS * ulp_of(MOST) + SOLVER
 
 
-def test_elastoplastic_does_not_creep_below_breakaway():
+def test_a_spring_up_to_breakaway_does_not_creep_below_breakaway():
     """Whole counts to and fro at half of Fc: nothing is left of them, in exact fractions."""
-    part = dahl.ElastoPlastic(128.0, 0.5, 2.0**-13, 0.7)
+    part = models.class_of(BREAKAWAY)(128.0, 0.5, 2.0**-13, 0.7)
     assert part.step_counts(10) == Fraction(10 * 128, 2**13)
     part.run_counts(np.tile([6, -6], 50_000).astype(np.int32))
     assert part.torque == Fraction(10 * 128, 2**13)

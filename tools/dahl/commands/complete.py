@@ -34,7 +34,7 @@ complete -o default -F _dahl dahl
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """None of its own."""
+    """Add no arguments."""
 
 
 def run(args: argparse.Namespace) -> None:
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _verbs(parser: argparse.ArgumentParser) -> Iterator[tuple[str, list[argparse.Action]]]:
-    """Each command and what it takes."""
+    """Yield each command and its options."""
     (commands,) = (one for one in parser._actions if isinstance(one, argparse._SubParsersAction))
     for verb, sub in commands.choices.items():
         fill = getattr(sub, "fill", None)

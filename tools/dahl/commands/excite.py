@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> None:
     wanted, name = _wanted(args), plan_header.identifier(args.name)
     table, played = (args.output / f"{name}{end}" for end in (".csv", ".ini"))
     if not args.force:
-        files.spare_others((table, played), "use --name, or --force to overwrite it")
+        files.refuse_foreign_files((table, played), "use --name, or --force to overwrite it")
     motion = design.propose(wanted)
     rows = motion.rows
     if rows > MAX_ROWS:
@@ -152,5 +152,5 @@ def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
         "[status]",
         "period_ms = 100",
     ]
-    files.keep(path, "\n".join(lines) + "\n")
+    files.write_atomic(path, "\n".join(lines) + "\n")
     return path

@@ -260,7 +260,7 @@ def _named_after(log: Path) -> str:
 
 def _spare(args: argparse.Namespace, name: str) -> None:
     """Raise dahl.Error if this run would overwrite a log that it reads, or a foreign file."""
-    from dahl.io.files import spare_others
+    from dahl.io.files import refuse_foreign_files
 
     endings = () if args.no_files else (".csv", ".ini", ".json", ".png")
     written = {args.output / f"{name}{end}" for end in endings}
@@ -270,7 +270,9 @@ def _spare(args: argparse.Namespace, name: str) -> None:
         if args.json and Path(args.json).exists() and log.samefile(args.json):
             raise Error(f"{log}: --json {args.json} would destroy it")
     if not args.no_files:
-        spare_others((args.output / f"{name}{end}" for end in (".csv", ".ini")), "use --name")
+        refuse_foreign_files(
+            (args.output / f"{name}{end}" for end in (".csv", ".ini")), "use --name"
+        )
 
 
 def _readable(
@@ -374,14 +376,14 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     from dahl.identify import export, report
-    from dahl.io.files import keep
+    from dahl.io.files import write_atomic
     from dahl.report.terminal import console
 
     quiet = args.json == "-"
     if quiet:
         sys.stdout.write(report.as_json(result))
     elif args.json:
-        keep(Path(args.json), report.as_json(result))
+        write_atomic(Path(args.json), report.as_json(result))
     written = []
     if not args.no_files:
         written = report.write_files(result, name, args.output, args.force)

@@ -20,7 +20,7 @@ from dahl.errors import Error, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import readers
-from dahl.io.files import keep, one_line
+from dahl.io.files import one_line, write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
@@ -160,4 +160,4 @@ def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
         ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else []
         units = {f"{key}_unit": row.get("units", {}).get(key) for key in ("sigma0", "Fc")}
         lines.append({**row, **dict(zip(limits, ends, strict=False)), **units, "log": name})
-    keep(path, pd.DataFrame(lines, columns=columns, dtype=object).to_csv(index=False))
+    write_atomic(path, pd.DataFrame(lines, columns=columns, dtype=object).to_csv(index=False))

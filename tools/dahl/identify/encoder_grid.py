@@ -11,12 +11,12 @@ import math
 import numpy as np
 
 from dahl.errors import Error
+from dahl.identify.limits import HEAD_ROWS
 from dahl.io.log import Log, resolution_of
 
 AGREEMENT = 0.01  # of a count
 PRINTED_ERROR = 0.1  # of a count
 MIN_STEPS = 20  # neighbouring angles one count apart, for a grid coarser than was given
-FIRST_LOOK_ROWS = 100_000
 BITS = (8, 26)  # of an encoder
 POWER_TOLERANCE = 5e-4  # of a power of two
 
@@ -41,8 +41,8 @@ def check_unit(log: Log) -> None:
 
 
 def contradiction(log: Log) -> str:
-    """Return one line if the angle lies on another grid than the counts that were given."""
-    theta = log.theta[:FIRST_LOOK_ROWS]
+    """Return one line if the angle lies on another grid than that of the counts, else ""."""
+    theta = log.theta[:HEAD_ROWS]
     grid = resolution_of(theta) if log.resolution else 0.0
     if grid == 0 or abs(grid / log.resolution - 1) < AGREEMENT:
         return ""

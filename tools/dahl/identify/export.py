@@ -21,7 +21,7 @@ from dahl.identify.fit import Fit
 from dahl.identify.models import LAWS, OPTIONS
 from dahl.identify.result import Result, terms_of
 from dahl.identify.select import best_of
-from dahl.io.files import keep
+from dahl.io.files import write_atomic
 from dahl.io.log import Log
 
 if TYPE_CHECKING:
@@ -270,7 +270,7 @@ def write_scene(result: Result, model: RunnableModel, name: str, folder: Path) -
         names, columns = [*names, "load"], [*columns, model.load[0] + model.load[1] * log.load]
     write_csv(folder / f"{name}.csv", np.column_stack(columns)[rows], ",".join(names), "%.9g")
     path = folder / f"{name}.ini"
-    keep(path, _scene(result, model, name, angle, force))
+    write_atomic(path, _scene(result, model, name, angle, force))
     return path
 
 
@@ -335,4 +335,4 @@ def write_csv(path: Path, columns: np.ndarray, names: str, form: str | list[str]
     """Write a CSV; an old file stays until the new one is complete."""
     text = io.StringIO()
     np.savetxt(text, columns, fmt=form, delimiter=",", header=names, comments="")
-    keep(path, text.getvalue())
+    write_atomic(path, text.getvalue())

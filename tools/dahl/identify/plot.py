@@ -32,14 +32,18 @@ def draw(path: Path, result: Result, title: str) -> None:
         _draw_hypotheses(axes[2, 1], result)
         _draw_cycles(axes[3], result)
         loop.set_title(
-            plots.literal(result.verdict), loc="left", fontsize=10, color="#555555", wrap=True
+            plots.escape(result.verdict),
+            loc="left",
+            fontsize=10,
+            color="#555555",
+            wrap=True,
         )
         log = result.logs[0]
         numbers = (
             f"sigma0 = {result.sigma0.value:.4g} {log.slope_unit},"
             f" Fc = {result.Fc.value:.4g} {log.unit}"
         )
-        words = f"{plots.literal(title)}\n{result.hypothesis.friction.label}: {numbers}"
+        words = f"{plots.escape(title)}\n{result.hypothesis.friction.label}: {numbers}"
         figure.suptitle(words, fontsize=14, fontweight="bold", x=0.01, ha="left")
         plots.save(figure, path)
 

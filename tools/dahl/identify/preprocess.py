@@ -16,11 +16,11 @@ from scipy.signal import savgol_filter
 from dahl.errors import Error
 from dahl.identify import encoder_grid
 from dahl.identify.angle import white_noise
+from dahl.identify.limits import HEAD_ROWS
 from dahl.identify.models import turning_points
 from dahl.io.log import Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
-FIRST_LOOK_ROWS = 100_000  # a test of these rows saves a test of all
 MIN_CLIPPED_PART = 0.02  # of all rows, at one extreme torque
 NOISELESS = 1e-4  # of the range of the torque: no sensor resolves such a second difference
 MIN_REPEATED_PART = 0.01  # of all rows; fewer repeated rows do no harm
@@ -174,7 +174,7 @@ def mark_torque_readings(log: Log) -> Log:
 
     Raises dahl.Error if they are too few.
     """
-    if len(torque_readings(log.torque[:FIRST_LOOK_ROWS])) == 0:
+    if len(torque_readings(log.torque[:HEAD_ROWS])) == 0:
         return log
     readings = torque_readings(log.torque)
     if len(readings) == 0:

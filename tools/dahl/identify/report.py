@@ -25,7 +25,7 @@ from dahl.identify.models import LAWS, turning_points
 from dahl.identify.result import NAMES, Parameter, Result, terms_of
 from dahl.identify.samples import MIN_TURN_LENGTHS
 from dahl.identify.select import penalised
-from dahl.io.files import keep
+from dahl.io.files import write_atomic
 from dahl.version import __version__
 
 if TYPE_CHECKING:
@@ -418,10 +418,10 @@ def write_files(result: Result, name: str, folder: Path, force: bool = False) ->
     plan.unlink(missing_ok=True)  # an earlier run's header must not stay with new numbers
     scene = write_scene(result, model, name, folder)
     json_file, picture, csv = (scene.with_suffix(end) for end in (".json", ".png", ".csv"))
-    keep(json_file, as_json(result))
+    write_atomic(json_file, as_json(result))
     plot.draw(picture, result, title_of(result))
     written = [json_file, picture, csv, scene]
     if force or not quality.against:
-        keep(plan, header(result, model, quality, name, title_of(result)))
+        write_atomic(plan, header(result, model, quality, name, title_of(result)))
         written.append(plan)
     return written
