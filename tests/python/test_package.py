@@ -121,7 +121,7 @@ def test_both_wheels_hold_the_same_files_and_twine_finds_nothing(dist: Path) -> 
 def test_the_sdist_holds_no_more_than_it_needs(dist: Path) -> None:
     with tarfile.open(only(dist, "*.tar.gz")) as sdist:
         files = {name.partition("/")[2] for name in sdist.getnames()}
-    assert {"tools/wheel.cmake", "tools/setup/tcc.cmake", "tools/dahl/cli.py"} <= files
+    assert {"tools/wheel.cmake", "tools/dahl/cli.py"} <= files
     assert not any(name.startswith(("tools/bench", "tools/requirements")) for name in files)
     assert {name.partition("/")[0] for name in files} == {
         *("CHANGELOG.md", "CMakeLists.txt", "LICENSE", "PKG-INFO", "README.md", "host_sim", "lib"),
