@@ -133,32 +133,6 @@ def test_the_model_that_made_a_log_is_found(docs):
             assert abs(r2["LuGre, Euler steps"] - r2["Dahl"]) < 0.03
 
 
-def test_the_picture_has_each_log_on_the_panel_of_its_machine(docs):
-    """What is left of the spread over the cost of the model, and a line at the least so far."""
-    _, rows, figure = docs
-    costs, *_ = rows.values()
-    by_cost = sorted(range(len(costs)), key=lambda n: int(costs[n]))
-    ticks = [f"{[*CASES][n]} ({costs[n]})" for n in by_cost]
-    names = list(rows)[1:]
-    machines = list(dict.fromkeys(name.partition(",")[0] for name in names))
-    assert [axes.get_title() for axes in figure.axes] == machines
-    lines = [line for axes in figure.axes for line in axes.lines]
-    for points, steps, name in zip(lines[::2], lines[1::2], names, strict=True):
-        left = [(1 - float(rows[name][n])) ** 0.5 for n in by_cost]
-        assert [*points.get_xdata()] == [*steps.get_xdata()] == [int(costs[n]) for n in by_cost]
-        assert points.get_ydata() == pytest.approx(left)
-        assert steps.get_ydata() == pytest.approx([min(left[: n + 1]) for n in range(len(left))])
-        assert points.get_color() == steps.get_color() and steps.get_drawstyle() == "steps-post"
-        assert (points.get_label() in name) and points.get_label()
-    for axes in figure.axes:
-        assert [tick.get_text() for tick in axes.get_xticklabels()] == ticks
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    left_axes = figure.axes[0]  # for all of its row
-    assert [float(tick.get_text()) for tick in left_axes.get_yticklabels()] == [
-        *left_axes.get_yticks()
-    ]
-
-
 @pytest.mark.checks
 def test_the_page_shows_what_is_measured_now(tmp_path):
     """R2 of each model on each log at hand; else: tools/bench.sh docs"""

@@ -5,7 +5,6 @@ the same: each must stand in the row, the column, the point and the page that it
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 
@@ -14,14 +13,12 @@ import pytest
 from bench_tools import (
     BATCHES,
     CALLS,
-    CORES,
     HOST_NAMES,
     JUMPS,
     KEYS,
     MOTIONS,
     RIVALS,
     SMALL,
-    SOLVERS,
     Bench,
     made_host,
     made_target,
@@ -154,16 +151,6 @@ def test_the_ratios_are_over_the_plain_loop(made, docs):
         assert re.search(words, block, re.M), words
 
 
-def test_what_was_not_measured_is_not_told(bench):
-    host = made_host() | {"outside": {"mujoco": {"missing": "no wheel"}}}
-    del host["mixes"], host["threads"]
-    bench.put(host=host)
-    assert bench.run("report", "--docs").code == 0
-    block = bench.block("docs/speed.md", "host")
-    assert "mujoco (no wheel)" in block
-    assert not any(word in block for word in ("mj_step", "threads", "parallel"))
-
-
 def test_a_way_that_is_beaten_is_told(bench):
     """A rival that is both cheaper and better on one motion alone, on one core; an error within 5 %
     of ours is as good, not better.
@@ -191,37 +178,6 @@ def test_a_way_that_is_beaten_is_told(bench):
     assert not any(one["rival"] == "expf" and one["ours"] == "counts" for one in found)
     assert done.out.count("beaten: {") == len(found)
     assert re.search(rf"of our points, {len(found)} ", done.out)
-
-
-def test_the_terminal_lists_each_point_by_cost(docs):
-    result, out = docs[0].get("results"), docs[1].out
-    printed = [[cell.strip() for cell in line.split("│")[1:-1]] for line in out.splitlines()]
-    assert [row for row in printed if row] == [
-        [key, f"{point['cost']:.4g}", shown(point["worst"])]
-        for points in result["points"].values()
-        for key, point in sorted(points.items(), key=lambda item: item[1]["cost"])
-    ]
-    for key, value in result["host"].items():
-        assert re.search(rf"^{key} +{value:.2f}$", out, re.MULTILINE)
-
-
-def test_closest_is_the_best_of_the_cheap_and_the_cheapest_of_the_good(bench):
-    """Beside our cheapest way. An error within 5 % of ours is as good."""
-    target, host = made_target(), made_host()
-    made = dict.fromkeys(RIVALS, (90.0, 1.0))
-    made |= {"counts_q30": (10, 1e-8), "counts": (50, 1e-8), "angle": (60, 1e-8)}
-    made |= {"euler": (5, 1e-2), "rk4": (9, 1e-4), "expf": (40, 1e-9)}
-    made |= {"expm1f": (30, 1.04e-8), "table": (20, 1.2e-8)}
-    for motion in MOTIONS:
-        for way, (cost, error) in made.items():
-            target["m0"]["motions"]["newlib"][motion][way] = cost
-            host["errors"][motion][HOST_NAMES.get(way, way)][0] = error
-    bench.put(target=target, host=host)
-    bench.run("report")
-    assert bench.get("results")["closest"]["m0"] == {
-        "as cheap": {"way": "rk4", "times the error": pytest.approx(1e4)},
-        "as exact": {"way": "expm1f", "times the cost": pytest.approx(3)},
-    }
 
 
 # --- tables of the pages -------------------------------------------------------------------------
@@ -333,67 +289,6 @@ def test_each_point_stands_at_its_cost_and_error_in_its_colour(made, docs):
     assert [next(iter(drawn(axes, ":").values()))[0][0] for axes in panels] == floors
 
 
-def test_the_key_names_the_number_beside_each_point(made, docs):
-    """Ours first, in our colour; points of one side that are near each other share a label."""
-    figure = docs[1].pictures["pareto.png"]
-    [key] = figure.legends
-    known = dict(text.get_text().split("  ") for text in key.get_texts())
-    assert list(known) == [str(n) for n in range(1, len(known) + 1)]
-    colours = [text.get_color() for text in key.get_texts()]
-    assert colours == sorted(colours, reverse=True) and set(colours) == {OURS, RIVAL}
-    for axes, group in zip(figure.axes, points_of(*made).values(), strict=True):
-        labels = [(text, text.get_text().split()) for text in axes.texts[:-1]]
-        numbers = [number for _, some in labels for number in some]
-        assert len(numbers) == len(set(numbers)) and set(numbers) <= set(known)
-        assert sum(len(some) for _, some in labels) == len(group)
-        for text, some in labels:
-            ours = text.get_color() == OURS
-            assert {colours[int(n) - 1] for n in some} == {text.get_color()}
-            fits = [p for p in group.values() if p["ours"] == ours]
-            costs = [mean_cost(p) for p in fits if mean_cost(p) == pytest.approx(text.xy[0])]
-            assert costs, "a label beside no point"
-            near = [p for p in fits if mean_cost(p) < 1.6 ** len(some) * text.xy[0]]
-            assert len(near) >= len(some)
-
-
-def test_growth_is_the_worst_of_the_motions_by_ticks(made, docs):
-    left, _ = docs[1].pictures["growth.svg"].axes
-    rows = made[1]["growth"]
-    lines = {line.get_label(): line for line in left.lines if line.get_label()[0] != "_"}
-    ways = dict.fromkeys(row["way"] for row in rows)
-    for (label, line), way in zip(lines.items(), ways, strict=True):
-        assert way.split("_")[0] in label.lower()
-        wanted = [
-            (ticks, max(r["worst"] for r in rows if (r["way"], r["ticks"]) == (way, ticks)))
-            for ticks in (100, 1000)
-        ]
-        assert [*map(tuple, np.transpose(line.get_data()))] == wanted
-        assert line.get_linestyle() == ("-" if "counts" in label and "dahl_" in label else "--")
-    assert {text.get_text() for text in left.get_legend().get_texts()} == set(lines)
-    [bound] = drawn(left, ":").values()
-    assert bound[0][1] == pytest.approx(0.52 * float(np.spacing(np.float32(1))))
-    assert (left.get_xscale(), left.get_yscale(), left.get_xlabel()) == ("log", "log", "ticks")
-
-
-def test_the_cost_of_a_second_grows_with_the_rate(made, docs):
-    """A tick times the rate; below 205 samples a second a move is of many counts. Each solver by
-    the parts that it needs there, none where no number of parts is enough.
-    """
-    _, right = docs[1].pictures["growth.svg"].axes
-    motions = made[0]["m4f"]["motions"]["newlib"]
-    ours, *solvers = [np.transpose(line.get_data()).tolist() for line in right.lines]
-    tick = [motions[m]["counts_q30"] for m in ("sine_12", "two_one_24", "two_one_24")]
-    rates = (100, 1000, 3000)
-    assert ours == [[r, pytest.approx(r * one)] for r, one in zip(rates, tick, strict=True)]
-    for line, solver in zip(solvers, SOLVERS, strict=True):
-        parts = {
-            rate: motions["two_one_24"][f"{solver}_parts_{n}"] for rate, n in ((100, 17), (1000, 9))
-        }
-        assert line == [[rate, pytest.approx(rate * cost)] for rate, cost in parts.items()]
-    assert (right.get_xscale(), right.get_yscale()) == ("log", "log")
-    assert "samples a s" in right.get_xlabel() and "instructions a s" in right.get_ylabel()
-
-
 # --- files ---------------------------------------------------------------------------------------
 
 
@@ -450,10 +345,3 @@ def test_a_page_without_its_marks_is_an_error(bench, mark):
     done = bench.run("report", "--docs")
     assert done.code == 2 and "docs/microcontroller.md" in done.err and mark in done.err
     assert page.read_text() == text
-
-
-def test_results_of_fewer_cores_are_reported_as_they_are(bench):
-    bench.put(target={core: made_target()[core] for core in ("m0", "rv32")})
-    assert bench.run("report").code == 0
-    assert json.dumps(bench.get("results")["points"], sort_keys=False).count('"counts_q30"') == 1
-    assert set(bench.get("results")["points"]) == {"m0", "host"} and "rv32" in CORES

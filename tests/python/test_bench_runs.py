@@ -6,12 +6,10 @@ These programs are stand-ins, which note their words and answer at once.
 from __future__ import annotations
 
 import io
-import itertools
 import json
 import os
 import re
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -111,35 +109,6 @@ def test_a_run_on_this_host_that_fails_says_why_and_leaves_no_file(bench, failin
     done = bench.run("host", "--quick")
     assert done.code == 1 and done.err.startswith("error: ") and "why not" in done.err
     assert not (bench.folder / "build/bench/host.json").exists()
-
-
-class Clock:
-    """Its steps are of 3 to 9 ms by turns, so that of seven rounds the best one takes 3 ms."""
-
-    def __init__(self) -> None:
-        self.now, self.steps = 0.0, itertools.cycle([5e-3, 3e-3, 9e-3, 4e-3, 8e-3, 7e-3, 6e-3])
-
-    def __call__(self) -> float:
-        self.now += next(self.steps)
-        return self.now
-
-
-def test_times_from_python_are_nanoseconds_of_a_tick(bench, monkeypatch):
-    """The best of all rounds, by one call a tick, by one for all, by threads up to the cores here;
-    an empty call is no tick.
-    """
-    monkeypatch.setattr(time, "perf_counter", Clock())
-    run_host(bench, "--quick")
-    known, cores = bench.get("host"), len(os.sched_getaffinity(0))
-    ticks = {"step_ns": 20_000, "batch_ns": 10**6, "throughput_ns": 10**6, "empty_batch_ns": 1}
-    assert known["python"] == pytest.approx({name: 3e6 / n for name, n in ticks.items()})
-    of_threads = 3e6 / known["ticks"]["threads"]
-    threads = dict.fromkeys(map(str, sorted({1, 2, cores})), of_threads)
-    assert known["threads"] == pytest.approx(threads)
-    mixes = ("slip_1", "slip_2", "slip_4", "slip_8", "mix")
-    assert list(known["mixes"]) == [*mixes]
-    for mix in known["mixes"].values():
-        assert mix == pytest.approx({"tick": 15, "throughput": 15})  # of 200,000
 
 
 def test_rivals_get_the_moves_and_what_is_exact(bench):
@@ -281,69 +250,12 @@ def test_what_cannot_be_counted_is_an_error_and_leaves_no_file(cores, monkeypatc
 
 # --- rivals from outside -------------------------------------------------------------------------
 
-# A joint whose state after a step is its travel in rad, for MuJoCo; the clock goes on by what the
-# speed says, and by 100 s at first.
-MUJOCO = """import time
-class MjModel:
-    @staticmethod
-    def from_xml_string(text):
-        model = MjModel()
-        words = text.partition('lugre="')[2].partition('"')[0].split()
-        assert [float(word) for word in words] == [100, 0, 0.5, 0.5, 1]
-        model.step = float(text.partition('timestep="')[2].partition('"')[0])
-        return model
-class MjData:
-    def __init__(self, model):
-        self.qvel, self.act = [0.0], [9.0]
-def mj_resetData(model, data):
-    data.act[0] = 0.0
-def mj_step(model, data):
-    data.act[0] += data.qvel[0] * model.step
-    time.perf_counter.now += abs(data.qvel[0]) if time.perf_counter.now else 100.0
-"""
-# A kernel that multiplies the travel by Fc over tau, the slope at rest, for Newton.
-WARP = """import numpy
-class Array(list):
-    numpy = lambda self: numpy.array(self, numpy.float32)
-array = lambda values, dtype, device: values.copy()
-empty = lambda n, dtype, device: Array()
-def launch(advance, dim, inputs, device):
-    assert dim == 1 and advance == "kernel"
-    moves, out, Fc, tau = inputs
-    out += (Fc / tau * numpy.cumsum(moves)).tolist()
-"""
-
 
 def measured(bench: Bench, monkeypatch, scenarios: dict) -> dict:
     """What outside.py prints of these motions, in its last line."""
     task = {"scenarios": scenarios, "sigma0": 100.0, "Fc": 0.5, "solved": 300}
     monkeypatch.setattr(sys, "stdin", io.StringIO(json.dumps(task)))
     return json.loads(bench.run("outside").out.splitlines()[-1])
-
-
-def test_rivals_get_speeds_and_angles_and_say_torques(bench, monkeypatch):
-    """The stand-ins are springs of sigma0. A tick is timed without the first use, by the median of
-    the motions; errors are worst and RMS.
-    """
-    stand_ins = {"mujoco": MUJOCO, "warp": WARP, "outside_newton": "advance = 'kernel'"}
-    for name, text in stand_ins.items():
-        (bench.folder / f"tools/bench/{name}.py").write_text(text)
-        monkeypatch.delitem(sys.modules, name, raising=False)
-    clock = type("Clock", (), {"now": 0.0, "__call__": lambda self: self.now})()
-    monkeypatch.setattr(time, "perf_counter", clock)
-    scenarios = {}
-    for name, ticks, theta in (("a", 20, 0.002), ("b", 4, 0.009), ("c", 5, 0.005)):
-        exact = 100 / 0.5 * theta * np.arange(1, ticks + 1)
-        exact[-1] += 0.25 if name == "b" else 0
-        scenarios[name] = {"theta": theta, "moves": [1] * ticks, "exact": exact.tolist()}
-    found = measured(bench, monkeypatch, scenarios)
-    assert found["mujoco"]["ns"] == pytest.approx(5e9)  # of 2, 9 and 5 rad/s
-    for rival in ("mujoco", "newton"):
-        assert found[rival]["ticks"] == 29
-        assert found[rival]["scenarios"]["a"] == pytest.approx([0, 0], abs=1e-5)
-        assert found[rival]["scenarios"]["b"] == pytest.approx([0.25, 0.125], rel=1e-5)
-    for name in stand_ins:
-        sys.modules.pop(name, None)
 
 
 def test_a_rival_that_is_not_here_is_named_and_stops_no_other(bench, monkeypatch):
