@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""What tools/bench.sh report and docs write of a run whose numbers are made up so that no two are
-the same: each must stand in the row, the column, the point and the page that it belongs to.
+"""tools/bench.sh report and docs place each number in its row, column, point and page. All numbers
+of the made-up run are different.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from bench_tools import (
     rows_of,
 )
 
-TOP = 3.0  # an error above it is called diverging
-OURS, RIVAL = "#d1495b", "#5b6b7c"  # colours of points, of the README's words "ours in red"
+TOP = 3.0  # larger errors are shown as diverging
+OURS, RIVAL = "#d1495b", "#5b6b7c"  # colours of points
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def made() -> tuple[dict, dict]:
 
 @pytest.fixture(scope="module")
 def docs(made, tmp_path_factory):
-    """The tree and the run of `docs`, with pictures."""
+    """Run `docs` once, with pictures."""
     bench = Bench(tmp_path_factory.mktemp("bench"))
     bench.put(target=made[0], host=made[1])
     return bench, bench.run("report", "--docs", draw=True)
@@ -44,7 +44,7 @@ def docs(made, tmp_path_factory):
 
 @pytest.fixture
 def bench(tmp_path) -> Bench:
-    """A tree of one's own, with the files of a run."""
+    """A copy with the files of a run."""
     bench = Bench(tmp_path)
     bench.put(target=made_target(), host=made_host())
     return bench
@@ -54,7 +54,7 @@ def bench(tmp_path) -> Bench:
 
 
 def points_of(target: dict, host: dict) -> dict[str, dict[str, dict]]:
-    """Cost and error by motion of each way, on each core and on the host."""
+    """Return cost and error by motion of each method, on each core and on the host."""
     errors = {
         way: {m: host["errors"][m][HOST_NAMES.get(way, way)][0] for m in MOTIONS}
         for way in (*CALLS, *BATCHES, *RIVALS, "double_state")
@@ -64,7 +64,7 @@ def points_of(target: dict, host: dict) -> dict[str, dict[str, dict]]:
         counted = target[core]["motions"]["newlib"]
         found = {w: ({m: counted[m][w] for m in MOTIONS}, errors[w]) for w in (*CALLS, *RIVALS)}
         line = {m: 2 * ways["rk4_parts_17"] - ways["rk4_parts_9"] for m, ways in counted.items()}
-        found["rk4_25"] = line, dict.fromkeys(MOTIONS, 3e-7)  # 25 parts, as far from 17 as 9 is
+        found["rk4_25"] = line, dict.fromkeys(MOTIONS, 3e-7)  # 25 parts: as far from 17 as 9 is
         points[core] = found
     points["host"] = {
         way: ({m: host["speed"][m][HOST_NAMES.get(way, way)] for m in MOTIONS}, errors[way])
@@ -96,7 +96,7 @@ def shown(error: float) -> str:
 
 
 def test_the_results_keep_cost_and_error_of_each_way(made, docs):
-    """Means over the motions, worst of them; the giant jumps are in neither."""
+    """Means over the motions and the worst of them, without the giant jumps."""
     result = docs[0].get("results")
     target, host = made
     points = points_of(target, host)
@@ -113,7 +113,7 @@ def test_the_results_keep_cost_and_error_of_each_way(made, docs):
 
 
 def test_the_ratios_are_over_the_plain_loop(made, docs):
-    """Geometric means and least of all motions; a rival's time over ours; all on the page."""
+    """Geometric means and least values over all motions; times of other programs over ours."""
     speed, ratios = made[1]["speed"], docs[0].get("results")["host"]
     block = docs[0].block("docs/speed.md", "host")
     wanted = {}
@@ -130,8 +130,8 @@ def test_the_ratios_are_over_the_plain_loop(made, docs):
         over = [ways["expm1f"] / ways[way] for ways in speed.values()]
         wanted |= {f"{name}_x": np.prod(over) ** 0.25, f"{name}_x_least": min(over)}
     in_words = [x for name, x in wanted.items() if "angle_channels" not in name]
-    told = [float(x) for x in re.findall(r"\d+\.\d", block.partition("plain copy")[0])]
-    assert told == pytest.approx(in_words, abs=0.056)
+    printed = [float(x) for x in re.findall(r"\d+\.\d", block.partition("plain copy")[0])]
+    assert printed == pytest.approx(in_words, abs=0.056)
     for name, way in (("copy_x", "counts"), ("copy_channels16_x", "counts_16")):
         wanted[name] = np.mean([w[f"throughput_{way}"] / w["copy"] for w in speed.values()])
     copies = re.search(r"plain copy\D+(\d+) times\D+(\d+) times", block)
@@ -151,9 +151,9 @@ def test_the_ratios_are_over_the_plain_loop(made, docs):
         assert re.search(words, block, re.M), words
 
 
-def test_a_way_that_is_beaten_is_told(bench):
-    """A rival that is both cheaper and better on one motion alone, on one core; an error within 5 %
-    of ours is as good, not better.
+def test_a_dominated_method_is_reported(bench):
+    """A method is both cheaper and better in one motion on one core. An error within 5 % of ours is
+    equal.
     """
     target, host = made_target(), made_host()
     counted = target["m3"]["motions"]["newlib"]["sine_12"]
@@ -182,12 +182,18 @@ def test_a_way_that_is_beaten_is_told(bench):
 
 # --- tables of the pages -------------------------------------------------------------------------
 
-# Words of a key that its row must have, as they are there.
-TOLD = {word: word for word in """prepare slip parallel asymmetric work tip newlib picolibc expm1f
+# Words that the title of a row must have, by the words of its key.
+IN_TITLE = {word: word for word in """prepare slip parallel asymmetric work tip newlib picolibc expm1f
     expf double euler rk4 code const static plan state stack between below units control reversal
     jump q30 1000""".split()}  # fmt: skip
-TOLD |= {"eight": "8", "encoder": "reading", "loaded": "load", "float": "n m", "one": "one count"}
-TOLD |= {
+IN_TITLE |= {
+    "eight": "8",
+    "encoder": "reading",
+    "loaded": "load",
+    "float": "n m",
+    "one": "one count",
+}
+IN_TITLE |= {
     "c": "by the c",
     "zero": "no motion",
     "worst": "worst",
@@ -196,7 +202,7 @@ TOLD |= {
 }
 
 
-def test_each_count_stands_in_its_row_and_its_core(made, docs):
+def test_each_count_is_in_its_row_and_core(made, docs):
     target = made[0]
     block = docs[0].block("docs/microcontroller.md", "target")
     cores, rows = rows_of(block)
@@ -205,7 +211,7 @@ def test_each_count_stands_in_its_row_and_its_core(made, docs):
     assert len(rows) > 60
     assert len({keys[tuple(cells)] for cells in rows.values()}) == len(rows)
     for title, cells in rows.items():
-        words = {TOLD[word] for word in keys[tuple(cells)].split("_") if word in TOLD}
+        words = {IN_TITLE[word] for word in keys[tuple(cells)].split("_") if word in IN_TITLE}
         words -= {"q30"} if "the same" in title else set()
         assert all(word in title.lower() for word in words), (title, words)
     for name, core in target.items():
@@ -246,7 +252,7 @@ def test_the_ways_with_error_jumps_and_mean_cost(made, docs):
 
 
 def drawn(axes, style: str) -> dict[str, list]:
-    """Points of one kind of line, by colour."""
+    """Return the points of one kind of line, by colour."""
     found: dict[str, list] = {}
     for line in axes.lines:
         if style in (line.get_marker(), line.get_linestyle()):
@@ -256,13 +262,13 @@ def drawn(axes, style: str) -> dict[str, list]:
 
 
 def places(points: list[dict]) -> list:
-    """Where they must stand, from the cheapest on."""
+    """Return the expected places, cheapest first."""
     found = sorted((mean_cost(p), min(worst(p), TOP)) for p in points)
     return [pytest.approx(place) for place in found]
 
 
-def test_each_point_stands_at_its_cost_and_error_in_its_colour(made, docs):
-    """A triangle at the top is what diverges. A step line joins what nothing beats."""
+def test_each_point_has_its_cost_error_and_colour(made, docs):
+    """A triangle at the top is a diverging method. The step line joins the best points."""
     target, host = made
     panels = docs[1].pictures["pareto.png"].axes
     for axes, group in zip(panels, points_of(*made).values(), strict=True):
@@ -294,13 +300,13 @@ def test_each_point_stands_at_its_cost_and_error_in_its_colour(made, docs):
 
 def test_the_docs_get_the_pictures_and_nothing_else_changes(docs):
     bench, done = docs
-    assert done.code == 0 and "tribometer" in done.out  # whose log is not in reach
+    assert done.code == 0 and "tribometer" in done.out  # its log is missing
     for name in ("pareto", "growth"):
         picture = (bench.folder / f"docs/pictures/{name}.png").read_bytes()
         assert picture == (bench.folder / f"build/bench/{name}.png").read_bytes()
         assert picture[:4] == b"\x89PNG"
         drawing = (bench.folder / f"build/bench/{name}.svg").read_text()
-        assert "<svg" in drawing and "<dc:date>" not in drawing  # the same run, the same file
+        assert "<svg" in drawing and "<dc:date>" not in drawing  # equal runs give equal files
     root = Path(__file__).parents[2]
     for page in ("README.md", "docs/microcontroller.md", "docs/speed.md"):
         around = [
@@ -313,7 +319,7 @@ def test_the_docs_get_the_pictures_and_nothing_else_changes(docs):
 
 @pytest.mark.parametrize("part", ["host", "target", "cores"])
 def test_a_part_of_a_run_is_not_for_the_docs(bench, part):
-    """A table of fewer columns or with empty cells would take the place of a whole one."""
+    """A table with fewer columns or empty cells must not replace a complete one."""
     target = made_target()
     if part == "host":
         bench.put(host=made_host() | {"quick": True})

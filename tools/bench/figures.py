@@ -23,10 +23,7 @@ from results import CORES, Point, core_points, host_points, motions_of  # noqa: 
 OURS, RIVAL, FRONT = "#d1495b", "#5b6b7c", "#e9a3ac"
 COLOURS = ["#d1495b", "#8f2d56", "#30638e", "#7c8b9c", "#3c896d", "#b07d2b"]
 TITLES = {"m0": "Cortex-M0", "m3": "Cortex-M3", "m4f": "Cortex-M4F", "host": "this host"}
-TOP, BOTTOM = (
-    3.0,
-    1e-10,
-)  # range of drawn errors: diverging methods are at the top, exact ones at the bottom
+TOP, BOTTOM = 3.0, 1e-10  # drawn errors: diverging methods at the top, exact ones at the bottom
 ULP = 2**-24
 
 

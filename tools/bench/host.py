@@ -203,7 +203,6 @@ def measure_python() -> dict[str, float]:
         "throughput_ns": best_time(lambda: throughput.run_counts(moves, out=out))
         / len(moves)
         * 1e9,
-        "empty_batch_ns": best_time(lambda: bearing.run_counts(moves[:0], out[:0]), 200) * 1e9,
     }
 
 

@@ -35,11 +35,11 @@ def load(path: Path, command: str) -> dict[str, Any]:
     return found
 
 
-def shown_error(value: float) -> str:
+def format_error(value: float) -> str:
     return "diverges" if value > figures.TOP else f"{value:.0e}"
 
 
-def shown_cost(value: float) -> str:
+def format_cost(value: float) -> str:
     return f"{value:.0f}"
 
 
@@ -55,14 +55,14 @@ def ways_table(target: dict[str, Any], host: dict[str, Any]) -> str:
     ]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
     for rank, point in enumerate(by_core[cores[0]]):
-        costs = [shown_cost(by_core[core][rank].mean_cost()) for core in cores]
-        errors = [shown_error(point.worst()), shown_error(point.error[results.JUMPS])]
+        costs = [format_cost(by_core[core][rank].mean_cost()) for core in cores]
+        errors = [format_error(point.worst()), format_error(point.error[results.JUMPS])]
         title = f"**{point.title}**" if point.ours else point.title
         lines.append("| " + " | ".join([title, *errors, *costs]) + " |")
-    return "\n".join([WAYS_MARKS[0], *lines, *unreached(host), WAYS_MARKS[1]])
+    return "\n".join([WAYS_MARKS[0], *lines, *missed_limits(host), WAYS_MARKS[1]])
 
 
-def unreached(host: dict[str, Any]) -> list[str]:
+def missed_limits(host: dict[str, Any]) -> list[str]:
     """List the solvers that miss a limit with any number of parts."""
     names = [
         f"{results.SOLVERS[entry['way'].removesuffix('_parts')]} {entry['limit']:.0e}"
@@ -134,7 +134,7 @@ def show(result: dict[str, Any]) -> None:
             printed.add_column(column, justify="left" if column == "way" else "right")
         for key, point in sorted(points.items(), key=lambda item: item[1]["cost"]):
             style = "bold" if point["ours"] else None
-            worst = shown_error(point["worst"])
+            worst = format_error(point["worst"])
             printed.add_row(key, f"{point['cost']:.4g}", worst, style=style)
         console.print(printed)
     for key, value in result["host"].items():
@@ -144,7 +144,7 @@ def show(result: dict[str, Any]) -> None:
     console.print(f"of our points, {len(result['dominated'])} are beaten in both axes")
 
 
-def replaced(page: Path, marks: tuple[str, str], block: str) -> str:
+def page_with_block(page: Path, marks: tuple[str, str], block: str) -> str:
     """Return the text of a page with a new block between two marks."""
     text = page.read_text()
     start, end = text.find(marks[0]), text.find(marks[1])
@@ -154,7 +154,7 @@ def replaced(page: Path, marks: tuple[str, str], block: str) -> str:
 
 
 def write_block(page: Path, marks: tuple[str, str], block: str) -> None:
-    target_bench.put(page, replaced(page, marks, block).encode())
+    target_bench.put(page, page_with_block(page, marks, block).encode())
 
 
 def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
@@ -169,10 +169,10 @@ def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
 def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
     """Write the tables and pictures of docs/."""
     if host["quick"]:
-        raise BenchError("build/bench/host.json is of a quick run; docs/ wants a whole one")
+        raise BenchError("build/bench/host.json is of a quick run; docs/ needs a full one")
     if set(target) < set(target_bench.CORES) or len(target["m4f"]["motions"]) == 1:
         raise BenchError(
-            "build/bench/target.json is of some cores or of a quick run; docs/ wants a whole one"
+            "build/bench/target.json is of some cores or of a quick run; docs/ needs a full one"
         )
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
@@ -189,7 +189,7 @@ def write_measured(target: dict[str, Any]) -> None:
     try:
         scores = measured.measure()
     except BenchError as error:
-        print(f"bench: models are not compared with measured logs anew: {error}")
+        print(f"bench: the comparison with measured logs is unchanged: {error}")
         return
     write_block(DOCS / "speed.md", measured.MARKS, measured.block(scores, target))
     figures.save(measured.picture(scores, target), DOCS / "pictures" / "measured.png")

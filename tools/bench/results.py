@@ -147,7 +147,7 @@ OUTSIDE = {
 }
 
 
-def beaten(points: list[Point], core: str) -> list[dict[str, Any]]:
+def find_dominated(points: list[Point], core: str) -> list[dict[str, Any]]:
     """Return each of our points that another method beats in cost and error, by motion."""
     found = []
     for our in (p for p in points if p.ours):
@@ -159,25 +159,6 @@ def beaten(points: list[Point], core: str) -> list[dict[str, Any]]:
                         {"core": core, "motion": motion, "ours": our.key, "rival": rival.key}
                     )
     return found
-
-
-def closest(points: list[Point]) -> dict[str, Any]:
-    """Return the methods nearest to our cheapest point: the least error at no higher cost, and the
-    least cost at no larger error.
-    """
-    ours = [p for p in points if p.ours]
-    best = min(ours, key=Point.mean_cost)
-    cheaper = [p for p in points if not p.ours and p.mean_cost() <= best.mean_cost()]
-    good = [p for p in points if not p.ours and p.worst() <= best.worst() / SAME]
-    result: dict[str, dict[str, Any]] = {}
-    if cheaper:
-        rival = min(cheaper, key=Point.worst)
-        result["as cheap"] = {"way": rival.key, "times the error": rival.worst() / best.worst()}
-    if good:
-        rival = min(good, key=Point.mean_cost)
-        times = rival.mean_cost() / best.mean_cost()
-        result["as exact"] = {"way": rival.key, "times the cost": times}
-    return result
 
 
 def ratios(host: dict[str, Any]) -> dict[str, float]:
@@ -227,8 +208,7 @@ def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
     }
     return {
         "host": ratios(host),
-        "dominated": [d for core, ps in points.items() for d in beaten(ps, core)],
-        "closest": {core: closest(ps) for core, ps in points.items()},
+        "dominated": [d for core, ps in points.items() for d in find_dominated(ps, core)],
         "missing": {k: e["missing"] for k, e in host["outside"].items() if "missing" in e},
         "points": listed,
         "python": host["python"],

@@ -333,11 +333,6 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     for libc in reversed(libcs):
         cases, numbers = read_cases(*emulate(core, core.build / "bench" / f"bench_{libc}"))
         result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
-        result["cases"] = {
-            name: [min(counts), max(counts)]
-            for name, counts in cases.items()
-            if not name.startswith(MOTION)
-        }
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
     return (
         result
@@ -361,10 +356,6 @@ def put(path: Path, content: bytes) -> None:
 
 def write(path: Path, result: Mapping[str, object]) -> None:
     put(path, (json.dumps(result, indent=1) + "\n").encode())
-
-
-def write_result(result: Mapping[str, object]) -> None:
-    write(RESULT, result)
 
 
 def measure_all(names: list[str], quick: bool) -> dict[str, dict[str, Any]]:
@@ -394,7 +385,7 @@ def main(arguments: list[str]) -> int:
     from table import show
 
     result = measure_all(options.cores or list(CORES), options.quick)
-    write_result(result)
+    write(RESULT, result)
     show(result)
     return 0
 
