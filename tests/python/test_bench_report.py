@@ -26,7 +26,6 @@ from bench_tools import (
 )
 
 TOP = 3.0  # larger errors are shown as diverging
-OURS, RIVAL = "#d1495b", "#5b6b7c"  # colours of points
 
 
 @pytest.fixture(scope="module")
@@ -219,16 +218,6 @@ def test_each_count_is_in_its_row_and_core(made, docs):
     assert "cc 1" in block
 
 
-def test_the_readme_has_three_cores(made, docs):
-    (*cores, _), rows = rows_of(docs[0].block("README.md", "short"))
-    assert cores == ["Core m0", "Core m3", "Core m4f"]
-    keys = ("one_count_q30", "one_count_float", "one_count_c_q30", "one_count_c_float")
-    keys += ("angle_worst", "newlib_expm1f")
-    for (title, (*cells, error)), key in zip(rows.items(), keys, strict=True):
-        assert cells == [str(made[0][core][key]) for core in SMALL]
-        assert error and ("expm1f" in title) == ("expm1f" in key)
-
-
 def test_the_ways_with_error_jumps_and_mean_cost(made, docs):
     block = docs[0].block("docs/speed.md", "ways")
     head, rows = rows_of(block)
@@ -246,53 +235,6 @@ def test_the_ways_with_error_jumps_and_mean_cost(made, docs):
         assert way in titles[way].lower()
     assert titles["counts"] == "`dahl_step_counts`" and titles["rk4_25"] == "RK4, 25 parts"
     assert re.search(r"4096 .*: backward Euler 1e-06, trapezoid 1e-03\.$", block, re.M)
-
-
-# --- pictures ------------------------------------------------------------------------------------
-
-
-def drawn(axes, style: str) -> dict[str, list]:
-    """Return the points of one kind of line, by colour."""
-    found: dict[str, list] = {}
-    for line in axes.lines:
-        if style in (line.get_marker(), line.get_linestyle()):
-            points = np.transpose(line.get_data()).tolist()
-            found.setdefault(line.get_color(), []).extend(map(tuple, points))
-    return found
-
-
-def places(points: list[dict]) -> list:
-    """Return the expected places, cheapest first."""
-    found = sorted((mean_cost(p), min(worst(p), TOP)) for p in points)
-    return [pytest.approx(place) for place in found]
-
-
-def test_each_point_has_its_cost_error_and_colour(made, docs):
-    """A triangle at the top is a diverging method. The step line joins the best points."""
-    target, host = made
-    panels = docs[1].pictures["pareto.png"].axes
-    for axes, group in zip(panels, points_of(*made).values(), strict=True):
-        points = list(group.values())
-        seen = drawn(axes, "o") | {"diverges": drawn(axes, "^").get(RIVAL, [])}
-        rivals = [p for p in points if not p["ours"]]
-        assert sorted(seen[OURS]) == places([p for p in points if p["ours"]])
-        assert sorted(seen[RIVAL]) == places([p for p in rivals if worst(p) <= TOP])
-        assert sorted(seen["diverges"]) == places([p for p in rivals if worst(p) > TOP])
-        [front] = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
-        best = [
-            p
-            for p in points
-            if not any(mean_cost(q) < mean_cost(p) and worst(q) <= worst(p) for q in points)
-        ]
-        assert [*map(tuple, np.transpose(front.get_data()))] == places(best)
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    titles = [axes.get_title(loc="left") for axes in panels]
-    assert titles == ["Cortex-M0", "Cortex-M3", "Cortex-M4F", "host: a processor"]
-    units = [axes.get_xlabel().split(",")[0] for axes in panels]
-    assert units == [*["instructions a tick"] * 3, "ns a tick"]
-    floors = [min(w["floor"] for w in target[c]["motions"]["newlib"].values()) for c in SMALL]
-    floors.append(min(speed["copy"] for speed in host["speed"].values()))
-    assert [next(iter(drawn(axes, ":").values()))[0][0] for axes in panels] == floors
 
 
 # --- files ---------------------------------------------------------------------------------------
