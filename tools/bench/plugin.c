@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/* 
- * A plugin of QEMU that counts the instructions of single calls. The image makes each counted call from one place
- * (target/call_*.S). Instructions count after the one at `site`, up to the one at `back`. A new case begins at `mark`. The file
- * `out` gets a line `-` for each case, then the count of each of its calls.
+/*
+ * A plugin for QEMU's code generator that counts instructions of single calls. The image makes each call that is to be
+ * counted from one place (target/call_*.S): counted is what runs after the instruction at `site` until the one at `back`.
+ * At `mark` a new case begins. Written to `out`: a line `-` for each case, then the count of each of its calls.
  *
  *   qemu-system-arm ... -plugin libbench_plugin.so,site=0x1234,back=0x1236,mark=0x1240,out=counts.txt
  *
- * Debian has no header for QEMU's plugin interface, so its functions (version 1) are declared here. The machine must have one
- * processor and no interrupts during a count.
+ * The few functions of QEMU's plugin interface (version 1) are declared here, because Debian ships no header for them.
+ * The machine has one processor and takes no interrupts while it is counted.
  */
 #include <inttypes.h>
 #include <stdbool.h>

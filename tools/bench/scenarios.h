@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* 
- * Hard motions for the bench, on host and target: those of the tests, and three more. sigma0 = 100 N m/rad, Fc = 0.5 N m,
- * a = 200/rad. The encoders differ, and with them the travel of one count.
+/*
+ * The hard motions that every way is measured on, host and target alike: those of the tests, and three more. Parameters are
+ * sigma0 = 100 N m/rad, Fc = 0.5 N m, a = 200/rad; what differs is the encoder, so the travel of one count.
  */
 #ifndef SCENARIOS_H
 #define SCENARIOS_H
@@ -11,7 +11,7 @@
 #define SCENARIO_SIGMA0 100.0f
 #define SCENARIO_FC 0.5f
 
-/* One turn has 32 samples per cycle, in Q15. The table is a quarter; the remaining samples follow by symmetry. */
+/* A turn at 32 samples a cycle, Q15; a quarter of it, and the rest by symmetry. */
 static inline int32_t scenario_sine(uint32_t k)
 {
     static const int32_t quarter[9] = {0, 6393, 12540, 18205, 23170, 27246, 30274, 32138, 32768};
@@ -41,7 +41,7 @@ static inline int32_t motion_sine_narrow(motion_t *m)
     return sine_step(m, 52);
 }
 
-/* A shaft that moves less than a count in most samples: one count in 100 samples, either way, rarely more. */
+/* A shaft that moves less than a count in most samples: a count in 100, now forward, now back, seldom more. */
 static inline int32_t motion_creep(motion_t *m)
 {
     uint32_t r = motion_random(m), t = m->tick++;
@@ -50,7 +50,7 @@ static inline int32_t motion_creep(motion_t *m)
 
 typedef struct {
     const char *name;
-    int turn_bits; /* counts per turn: 2^turn_bits */
+    int turn_bits; /* counts of a turn: 2^turn_bits */
     motion_fn next;
 } scenario_t;
 

@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: MIT */
-/* 
- * Measurements on the host for tools/bench/host.py. Prints one JSON object per line.
- *   host_bench errors TICKS            worst and RMS error of F/Fc: each method in each scenario
- *   host_bench parts RATE TARGET       fewest parts of a tick (a power of 2) with an error of at most TARGET, for each solver, on
- *                                      a sine of a A = 20 at 1 Hz, sampled RATE times per second
- *   host_bench parts-error WAY PARTS SCENARIO TICKS   error of one solver with this number of parts
+/*
+ * Measures on the host; tools/bench/host.py runs it and keeps the results. Prints one JSON object a line.
+ *   host_bench errors TICKS            worst and RMS error of F/Fc: every way on every scenario
+ *   host_bench parts RATE TARGET       fewest parts of a tick (a power of 2) with which each solver errs by TARGET at most, on
+ *                                      a sine of a A = 20 at 1 Hz that is sampled RATE times a second
  *   host_bench growth SCENARIO TICKS   worst error so far at each power of ten of ticks
- *   host_bench speed TICKS             nanoseconds per tick, and of a plain copy
+ *   host_bench speed TICKS             nanoseconds a tick, and of a plain copy
  *   host_bench batches SCENARIO TICKS  each batch of the library once, for callgrind (tests/python/test_batch_cost.py)
- *   host_bench moves SCENARIO TICKS    moves in counts and exact F/Fc, as text
+ *   host_bench moves SCENARIO TICKS    the moves in counts and the exact F/Fc, as text, for rivals in Python
  */
 #define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include <inttypes.h>
@@ -25,7 +24,7 @@ enum { BLOCK = 4096, CHANNELS = 16 };
 
 static int32_t moves[BLOCK];
 static float angles[BLOCK];
-static double exact[BLOCK], exact_angle[BLOCK]; /* rounded to 1e-16, far below the compared errors */
+static double exact[BLOCK], exact_angle[BLOCK]; /* rounded to 1e-16, far below what is compared */
 static double ratios[BLOCK];
 
 typedef struct {
@@ -126,7 +125,7 @@ static double sine_error(const way_t *way, double rate, int32_t parts)
     return e.worst;
 }
 
-/* Return the parts, at most 2^14; 0 if that is not enough. */
+/* No more parts than 2^14; 0 where that does not help either. */
 static void find_parts(double rate, double target)
 {
     static const char *const names[] = {"euler_parts", "rk4_parts", "backward_parts", "trapezoid_parts"};
@@ -142,7 +141,7 @@ static void find_parts(double rate, double target)
     }
 }
 
-/* Error of one solver with this number of parts in one scenario. */
+/* One solver with so many parts on one scenario. */
 static void parts_error(const char *name, int32_t parts, const scenario_t *s, uint64_t ticks)
 {
     dahl_params_t p = params_of(s);
@@ -166,7 +165,7 @@ static void parts_error(const char *name, int32_t parts, const scenario_t *s, ui
 static const char *const grown[] = {"counts", "throughput_counts", "expm1f", "expf", "anchored", "table_counts"};
 enum { GROWN = sizeof grown / sizeof grown[0] };
 
-/* For 1e9 ticks, use the recursion in long double with g of short moves computed once. Its error is at most 2^-64/g, below 1e-12. */
+/* For 1e9 ticks the recursion in long double, g of short moves computed once: it errs by 2^-64/g at most, below 1e-12. */
 typedef struct {
     long double a, w, g[65];
 } long_t;
@@ -240,7 +239,7 @@ typedef struct {
     size_t n;
     dahl_plan_t plans[CHANNELS];
     dahl_throughput_params_t params[CHANNELS];
-    dahl_plan_t other_plans[CHANNELS]; /* of different channels */
+    dahl_plan_t other_plans[CHANNELS]; /* of channels that differ */
     dahl_throughput_params_t other_params[CHANNELS];
     dahl_state_t states[CHANNELS];
 } race_t;
@@ -327,7 +326,7 @@ static const struct {
 
 enum { EXTRA = sizeof extra / sizeof extra[0] };
 
-/* Each round runs all methods, so that other load slows all of them. The best round counts. */
+/* Rounds go over all runners, so that a busy machine slows all down; the best of each counts. */
 static void race_on(race_t *race, const scenario_t *s, int rounds)
 {
     double best[64];

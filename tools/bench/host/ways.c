@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* See ways.h. rivals.c is included, so that each method is compiled into its loop, as in a user's program. */
+/* See ways.h. The rivals' own file is included, so that each is compiled into its loop, as a user would have it. */
 #include "ways.h"
 
 #include <math.h>
@@ -47,7 +47,7 @@ RIVAL(trapezoid_parts)
 RIVAL(euler_parts)
 RIVAL(rk4_parts)
 
-/* State and exponential in double: the best result without this library. */
+/* As much as one can have without this library: state and exponential in double. */
 static double in_double(run_t *r, int32_t dcounts)
 {
     r->w += ((dcounts < 0 ? -1.0 : 1.0) - r->w) * -expm1(-r->a * fabs((double)dcounts));
@@ -121,7 +121,7 @@ RATIOS(counts_q30)
     }
 }
 
-/* Methods with a float torque: F/Fc of it. */
+/* Ways whose product is a float torque: F/Fc of it. */
 #define BY_TORQUE(name)                                                                     \
     RATIOS(name)                                                                            \
     {                                                                                       \
@@ -135,7 +135,7 @@ RATIOS(counts_q30)
 #define BY_TORQUES(name)                                                                    \
     RATIOS(name)                                                                            \
     {                                                                                       \
-        float *F = (float *)w + n; /* the upper half of the result buffer */                \
+        float *F = (float *)w + n; /* the upper half of the room for the result */          \
         name##_torques(r, dcounts, angles, F, n);                                           \
         for (size_t i = 0; i < n; i++) {                                                    \
             float torque;                                                                   \
@@ -178,7 +178,7 @@ void start_run(run_t *run, const dahl_params_t *params, int32_t substeps)
     memset(run, 0, sizeof *run);
     run->params = *params;
     if (dahl_prepare(&run->plan, params) != DAHL_OK) {
-        abort(); /* the parameters of the scenarios are constants */
+        abort(); /* the scenarios' parameters are constants */
     }
     rival_prepare(&run->rival_plan, params->sigma0, params->Fc, params->theta_per_count);
     run->rival_plan.substeps = substeps;

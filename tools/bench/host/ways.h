@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* All methods under one contract: moves in counts in, F/Fc or torques out. */
+/* Every way to compute the torque, under one contract: a run of moves in counts in, torques F/Fc out. */
 #ifndef WAYS_H
 #define WAYS_H
 
@@ -11,22 +11,22 @@
 #include "dahl.h"
 #include "rivals.h"
 
-/* Parameters and state of one run, for any method. */
+/* The parameters and the state of one run, for whichever way it is. */
 typedef struct {
     dahl_params_t params;
     dahl_plan_t plan;
     dahl_state_t state;
     rival_plan_t rival_plan;
     rival_state_t rival_state;
-    double a, w; /* of the method in double */
+    double a, w; /* of the way in double */
 } run_t;
 
 typedef struct {
     const char *name;
-    /* Run n moves. Results are F/Fc in double, so that the bench adds no rounding; angles are moves times theta per count. */
+    /* n moves; torques F/Fc in double, so that no rounding of the bench is added; angles are moves times theta per count */
     void (*ratios)(run_t *run, const int32_t *dcounts, const float *angles, double *w, size_t n);
     int by_angle;
-    /* The timed form: torques in N m. */
+    /* as one would write it, torques in N m: what is timed */
     void (*torques)(run_t *run, const int32_t *dcounts, const float *angles, float *F, size_t n);
 } way_t;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Output of cases, stack depths and sizes for tools/bench/target.py. */
+/* Announcing cases, stack depths and sizes to the reader on the host (tools/bench/target.py). */
 #ifndef BENCH_H
 #define BENCH_H
 
@@ -7,13 +7,13 @@
 
 #include "call.h"
 
-/* Print `case NAME`: the following calls belong to it. */
+/* `case NAME`: the calls until the next case belong to it. */
 void bench_case(const char *name);
 
-/* Print `number NAME VALUE`. */
+/* `number NAME VALUE` */
 void bench_number(const char *name, uint32_t value);
 
-/* Call bench_paint(BENCH_PAINT) before a call; afterwards this returns the bytes of stack that it used. */
+/* Before a call: bench_paint(BENCH_PAINT). After it: how many bytes of stack it used. */
 #define BENCH_STACK_BYTES 960u
 #define BENCH_STACK_WORD 0xA5C35A3Cu
 #define BENCH_PAINT BENCH_STACK_BYTES + 64u, BENCH_STACK_WORD

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
-/* 
- * The only place of counted calls. bench_call passes its arguments in their registers to bench_function and returns its result.
- * Callers declare it under the type of that function. The plugin counts between bench_site and bench_back. bench_sp is the stack
- * pointer at the call.
+/*
+ * The one place from which counted calls are made. bench_call passes its arguments on to bench_function, untouched in
+ * their registers, and what that returns comes back; callers declare it under the type of that function. The plugin counts
+ * between bench_site and bench_back. bench_sp is the stack pointer at the call.
  */
 #ifndef CALL_H
 #define CALL_H
@@ -15,6 +15,6 @@ extern bench_function_t bench_function;
 extern uint32_t bench_sp;
 
 void bench_mark(void);
-void bench_paint(uint32_t bytes, uint32_t word); /* fill the stack below the caller */
+void bench_paint(uint32_t bytes, uint32_t word); /* fills the stack below the caller */
 
 #endif

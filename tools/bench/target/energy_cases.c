@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of work, of the inverse (counts to a torque), and of the table over speed (dahl_parts.h). */
+/* Cases of work, of the way back from a torque, and of the table over speed (dahl_parts.h). */
 #include "bench.h"
 #include "dahl_parts.h"
 
@@ -35,11 +35,11 @@ static void bench_work(const dahl_plan_t *plan)
     bench_case("work_read");
     bench_function = (bench_function_t)dahl_work;
     call_work(&params, &work);
-    work.way[3] = 1; /* longer than any motion: the longest sums, and a negative one */
+    work.way[3] = 1; /* more way than any motion has: the longest sums, and a negative one */
     call_work(&params, &work);
 }
 
-/* From rest to parts of Fc in both directions, and back. */
+/* From rest to parts of Fc either way, and from there back. */
 static void bench_counts_to_torque(const char *name, const dahl_plan_t *plan)
 {
     int32_t found;
@@ -63,7 +63,7 @@ static void bench_tip_torque(const char *name, const dahl_plan_t *plan)
     }
 }
 
-/* A Stribeck curve: it falls, then rises. */
+/* Stribeck's: it falls, and then rises. */
 static void bench_velocity(void)
 {
     dahl_velocity_params_t table = {4, {0}};
@@ -74,7 +74,7 @@ static void bench_velocity(void)
     bench_case("velocity_prepare");
     bench_function = (bench_function_t)dahl_velocity_prepare;
     if (call_velocity_prepare(&plan, &table) != DAHL_OK) {
-        return; /* the host then reports a missing case */
+        return; /* the reader misses the case */
     }
     bench_case("velocity_torque");
     bench_function = (bench_function_t)dahl_velocity_torque;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of the library: named moves from several states, and searches for the worst case. */
+/* Cases of the library: named moves, each from a spread of states, and searches for the worst. */
 #include <stdbool.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 #include "dahl.h"
 #include "dahl_encoder.h"
 
-/* bench_call under the type of each called function. */
+/* bench_call under the type of each function that it is to call. */
 float call_float(const dahl_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
 int32_t call_q30(const dahl_plan_t *, dahl_state_t *, int32_t) __asm__("bench_call");
 float call_angle(const dahl_plan_t *, dahl_state_t *, float) __asm__("bench_call");
@@ -19,12 +19,12 @@ int32_t call_between(uint32_t, uint32_t, uint32_t) __asm__("bench_call");
 int32_t call_encoder(dahl_encoder_t *, uint32_t) __asm__("bench_call");
 int32_t call_units(int32_t, uint32_t) __asm__("bench_call");
 
-/* The C of lib/model under other names (CMakeLists.txt), because some cores have a tick in assembly. */
+/* The C of lib/model under other names (CMakeLists.txt), since the library has a tick in assembly on some cores. */
 float c_step_counts(const dahl_plan_t *, dahl_state_t *, int32_t);
 int32_t c_step_counts_q30(const dahl_plan_t *, dahl_state_t *, int32_t);
 
-/* One axis of a drive. Its interrupt reads a 16-bit timer and returns the sum of the controller's torque and the friction
- * torque, in N m or, without float, in units of the drive. */
+/* One axis of a drive, and what its interrupt does each tick: from the reading of the 16-bit timer to the torque that the
+ * controller asks for and what friction will take, in sum. In N m, or without a float in units of the drive. */
 typedef struct {
     dahl_encoder_t encoder;
     dahl_state_t bearing;
@@ -55,7 +55,7 @@ static const dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f}; /* 14-bit enc
 static const dahl_params_t softer = {30.0f, 0.8f, 3.8349519e-4f};
 static dahl_plan_t plan, softer_plan;
 
-/* Relaxed, loaded, saturated, and so small that a float torque needs its slow branch. */
+/* Relaxed, pulled, saturated, and so small that a float torque needs its long way. */
 static const int64_t starts[] = {
     0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62, -ONE_Q62, 1, -1, (int64_t)1 << 31, -((int64_t)1 << 33) + 12345,
 };
@@ -205,7 +205,7 @@ static void bench_dense(void)
     }
 }
 
-/* A move against the torque of the earlier moves. */
+/* A move against the torque that the moves before have built up. */
 static void bench_reversal(void)
 {
     bench_case("reversal_q30");
@@ -234,7 +234,7 @@ static float float_of(uint32_t bits)
     return x;
 }
 
-/* Every exponent with a few mantissas and both signs, from every start; then random floats. */
+/* Every exponent with a few mantissas and both signs, from every start; then floats at random. */
 static void search_angle(void)
 {
     for (uint32_t exponent = 0; exponent < 256; exponent++) {
@@ -333,10 +333,10 @@ static bool prepare_encoder(dahl_encoder_t *encoder, uint32_t modulus, int sign)
 {
     dahl_err_t err = dahl_encoder_init(encoder, modulus, sign, 1000);
     dahl_encoder_home(encoder, modulus - 1);
-    return err == DAHL_OK; /* if not, the host reports missing calls */
+    return err == DAHL_OK; /* if not, the reader misses the calls */
 }
 
-/* Across the wrap and back, with both signs. */
+/* Over the wrap and back, with either mounting. */
 static void bench_moves_of_encoder(const char *name, const uint32_t *moduli, size_t count)
 {
     bench_case(name);
@@ -353,7 +353,7 @@ static void bench_moves_of_encoder(const char *name, const uint32_t *moduli, siz
     }
 }
 
-/* Timers of 16 and 32 bits, absolute encoders of 14 bits and of 10000 counts per turn, and a jump of the latter. */
+/* Timers of 16 and 32 bits, an absolute encoder of 14; an encoder of 10000 counts a turn; and a jump of the latter. */
 static void bench_encoder(void)
 {
     static const uint32_t powers[] = {65536, 0, 16384}, others[] = {10000};
@@ -375,7 +375,7 @@ static void bench_units(void)
     call_units(-12345, 37);
 }
 
-/* No motion, and 1 to 8 counts in both directions, across the wrap too. */
+/* No motion and 1 to 8 counts either way, over the wrap of the timer too. */
 static void bench_axis(const char *name, bench_function_t tick)
 {
     bench_case(name);
@@ -384,7 +384,7 @@ static void bench_axis(const char *name, bench_function_t tick)
         for (uint32_t move = 0; move <= 16; move++) {
             axis_t axis = {.bearing = {starts[i]}, .asked = 0.3f, .asked_units = 300000, .Fc_units = 500000};
             if (dahl_encoder_init(&axis.encoder, 65536, 1, 1000) != DAHL_OK) {
-                return; /* the host then reports missing calls */
+                return; /* the reader misses the calls */
             }
             dahl_encoder_home(&axis.encoder, 4 + 8 * (i & 1));
             call_axis(&plan, &axis, (4 + 8 * (i & 1) + move - 8) & 65535u);
@@ -395,7 +395,7 @@ static void bench_axis(const char *name, bench_function_t tick)
 void bench_library(void)
 {
     if (dahl_prepare(&plan, &params) != DAHL_OK || dahl_prepare(&softer_plan, &softer) != DAHL_OK) {
-        return; /* the host then reports missing cases */
+        return; /* the reader misses the cases */
     }
     bench_moves();
     bench_ticks_in_c();

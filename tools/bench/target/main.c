@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* 
- * The image with the counted calls. It prints the name of each case and calls bench_mark, so that the n-th name belongs to the
- * n-th section of counts.
+/*
+ * The image whose calls are counted. Each case is announced by its name on standard output and by bench_mark to the
+ * plugin, so that the n-th name belongs to the n-th section of counts.
  */
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Mean cost of a tick in each scenario (../scenarios.h), first of the library's methods, then of the others. */
+/* What a tick costs on average on each hard motion (../scenarios.h): the library's ways, then the rivals'. */
 #include <string.h>
 
 #include "bench.h"
@@ -92,7 +92,7 @@ void bench_motions(void)
     for (unsigned i = 0; i < SCENARIOS; i++) {
         dahl_params_t params = {SCENARIO_SIGMA0, SCENARIO_FC, scenario_theta(&scenarios[i])};
         if (dahl_prepare(&plan, &params) != DAHL_OK) {
-            return; /* the host then reports missing cases */
+            return; /* the reader misses the cases */
         }
         rival_prepare(&rival_plan, params.sigma0, params.Fc, params.theta_per_count);
         run_library(&scenarios[i]);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of the parts: dense moves, each from several states. */
+/* Cases of the parts: dense moves, each from a spread of states. */
 #include "bench.h"
 #include "dahl_parts.h"
 
-/* bench_call under the type of each called function. */
+/* bench_call under the type of each function that it is to call. */
 float call_slip(const dahl_slip_plan_t *, dahl_slip_state_t *, int32_t) __asm__("bench_call");
 dahl_err_t call_slip_prepare(dahl_slip_plan_t *, const dahl_slip_params_t *) __asm__("bench_call");
 float call_parallel(const dahl_part_t *, uint32_t, int32_t) __asm__("bench_call");
@@ -25,7 +25,7 @@ static dahl_slip_params_t slip_params(uint32_t elements)
     return params;
 }
 
-/* Back and forth across all limits, with and without slip. */
+/* To and fro over all limits: elements that slip, and such that do not. */
 static const int32_t moves[] = {1, 8, 1, -1, -3, -8, 2, 5, 300, -1, -1, 1, -8, -300, 2, 8, 0, 100000, -7, 4, -100000, 1};
 #define MOVES (sizeof moves / sizeof moves[0])
 
@@ -35,7 +35,7 @@ static void bench_slip(const char *name, const char *name_q30, uint32_t elements
     dahl_slip_plan_t plan;
     dahl_slip_state_t state = {{0}}, q30 = {{0}};
     if (dahl_slip_prepare(&plan, &params) != DAHL_OK) {
-        return; /* the host then reports missing cases */
+        return; /* the reader misses the cases */
     }
     bench_case(name);
     bench_function = (bench_function_t)dahl_slip_step_counts;
@@ -69,7 +69,7 @@ typedef struct {
 
 static const mix_t relaxed;
 
-/* Dahl elements with different Fc. */
+/* Dahl elements, of Fc that differ. */
 static void add_dahl(mix_t *mix, uint32_t count)
 {
     dahl_params_t params = {100.0f, 0.5f, 3.8349519e-4f};
@@ -77,7 +77,7 @@ static void add_dahl(mix_t *mix, uint32_t count)
         const dahl_part_t part = DAHL_PART(&mix->plan[k], &mix->state[k]);
         mix->parts[k] = part;
         if (dahl_prepare(&mix->plan[k], &params) != DAHL_OK) {
-            return; /* a plan of zeros, which exceeds the budgets */
+            return; /* a plan of zeros, with which the budgets are missed */
         }
         params.Fc *= 0.3f;
     }
@@ -93,7 +93,7 @@ static void add_one_slip(mix_t *mix, uint32_t at)
     }
 }
 
-/* Moves of one table entry in each Dahl element. */
+/* Moves that are one table entry of each Dahl element. */
 static void bench_moves_q30(const char *name, const mix_t *mix, uint32_t count)
 {
     bench_case(name);
@@ -122,7 +122,7 @@ static void bench_parallel(const char *name, const char *name_q30, const char *n
     bench_moves_q30(name_q30, &mix, count);
 }
 
-/* One slip element after the Dahl elements: the most expensive split of a mix. */
+/* One slip element after the Dahl elements: of all splits of a mix the dearest. */
 static void bench_mixed(const char *name_q30, uint32_t count)
 {
     mix_t mix = relaxed;

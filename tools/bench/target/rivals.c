@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* See rivals.h. Written as a careful user would: prepared constants, no division, single precision. */
+/* See rivals.h. Written as well as a careful user would: constants prepared, no division, single precision kept. */
 #include "rivals.h"
 
 #include <math.h>
@@ -53,7 +53,7 @@ float rival_euler(const rival_plan_t *plan, rival_state_t *state, int32_t dcount
     return move(plan, state, dcounts, travel(plan, dcounts));
 }
 
-/* dw/du = s - w with the four classic stages. */
+/* dw/du = s - w by the classic four stages. */
 float rival_rk4(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts)
 {
     float s = direction(dcounts), h = travel(plan, dcounts), w = state->w;
@@ -76,7 +76,7 @@ float rival_table(const rival_plan_t *plan, rival_state_t *state, int32_t dcount
     return move(plan, state, dcounts, below + (x - (float)cell) * (plan->table[cell + 1] - below));
 }
 
-/* Eq. 18 from the last reversal. The travel since then is a whole number of counts. */
+/* Eq. 18, from the last reversal on: the travel since then is a whole number of counts. */
 float rival_anchored(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts)
 {
     float s = direction(dcounts);
@@ -92,7 +92,7 @@ float rival_anchored(const rival_plan_t *plan, rival_state_t *state, int32_t dco
     return plan->Fc * state->w;
 }
 
-/* F = s Fc (1 - exp(k - s a theta)), a new k at each reversal (Eqs. 15, 26); theta since the start. */
+/* F = s Fc (1 - exp(k - s a theta)), k anew at each reversal (Eqs. 15, 26); theta since the start. */
 float rival_direct(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts)
 {
     float s = direction(dcounts), a_theta = plan->a_per_count * (float)(int32_t)state->counts;
@@ -138,7 +138,7 @@ float rival_rk4_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dc
     return plan->Fc * w;
 }
 
-/* One division per tick: w = (w + h s)/(1 + h), solved for the change. */
+/* The division once a tick: w = (w + h s)/(1 + h), solved for the change. */
 float rival_backward_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts)
 {
     float s = direction(dcounts), h = travel(plan, dcounts) / (float)plan->substeps, w = state->w;

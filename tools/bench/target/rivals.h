@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* 
- * Methods that a user would write without this library. The state is w = F/Fc as a float, updated once per tick; the result is the
- * torque. Each method computes travel and direction from the counts. A plan is one or two floats.
+/*
+ * What a user would write without this library: w = F/Fc as a float, one update per tick of dcounts counts, torque out.
+ * All have the same duty: travel from counts, direction from its sign, new torque. Their plan is a float or two.
  */
 #ifndef RIVALS_H
 #define RIVALS_H
@@ -20,7 +20,7 @@ typedef struct {
     int32_t substeps;
 } rival_plan_t;
 
-/* w. For the closed forms: w at the last reversal, counts since then, direction, and the logarithm of Eqs. 15, 26. */
+/* w; and for the forms of the paper w at the last reversal, counts since, direction, and the logarithm of Eqs. 15, 26. */
 typedef struct {
     float w;
     float w_reversal;
@@ -39,12 +39,12 @@ float rival_euler(const rival_plan_t *plan, rival_state_t *state, int32_t dcount
 float rival_rk4(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_table(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
-/* The closed form, anchored at the last reversal; and with one running exponent, Eqs. 7, 18, 27. */
+/* The paper's closed form: anchored at the last reversal; and with one running exponent, Eqs. 7, 18, 27 as they stand. */
 float rival_anchored(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_direct(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_expm1_double(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
-/* A float table of g for whole counts, with a float state. */
+/* A float table of g for whole counts, and a float state. */
 float rival_table_counts(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
 /* Solvers of Eq. 1 with plan->substeps equal parts of each tick. */
@@ -53,7 +53,7 @@ float rival_rk4_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dc
 float rival_backward_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 float rival_trapezoid_parts(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
-/* The minimum of any method: load the state, multiply, store. */
+/* What no way can do without: the state read, multiplied, written. */
 float rival_floor(const rival_plan_t *plan, rival_state_t *state, int32_t dcounts);
 
 /* Coulomb's model: F/Fc in Q30 is the direction of the last motion. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of parts with a curve that depends on parameters or load (dahl_parts.h): short moves, each from several states. */
+/* Cases of the parts whose parameters or load change the curve (dahl_parts.h): short moves, each from a spread of states. */
 #include "bench.h"
 #include "dahl_parts.h"
 
@@ -21,7 +21,7 @@ static void bench_asymmetric(const char *name, bench_function_t step)
     static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62};
     dahl_asymmetric_plan_t plan;
     if (dahl_asymmetric_prepare(&plan, &asymmetric_params) != DAHL_OK) {
-        return; /* the host then reports a missing case */
+        return; /* the reader misses the case */
     }
     bench_case(name);
     bench_function = step;
@@ -33,7 +33,7 @@ static void bench_asymmetric(const char *name, bench_function_t step)
     }
 }
 
-/* Load: constant or falling, and rising. */
+/* Load: the same or falling, and growing. */
 static void bench_loaded(const char *name, bench_function_t step, uint32_t load)
 {
     static const int64_t starts[] = {0, ONE_Q62 / 10 * 3, -ONE_Q62 / 10 * 7, ONE_Q62};
