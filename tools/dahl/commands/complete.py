@@ -10,9 +10,9 @@ import contextlib
 
 HELP = "completion for bash, zsh and tcsh"
 EXAMPLE = """examples:
-  source <(dahl complete)           # bash, in ~/.bashrc
-  source <(dahl complete zsh)       # zsh, in ~/.zshrc, after compinit
-  dahl complete tcsh | source /dev/stdin"""
+  source <(dahl complete)       # bash, in ~/.bashrc
+  eval "$(dahl complete zsh)"   # zsh, in ~/.zshrc after compinit
+  dahl complete tcsh >~/.dahl.tcsh; source ~/.dahl.tcsh"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
