@@ -8,18 +8,17 @@ from __future__ import annotations
 import argparse
 import contextlib
 
-HELP = "completion for bash, zsh and tcsh"
+HELP = "completion for bash and zsh"
 EXAMPLE = """examples:
   source <(dahl complete)       # bash, in ~/.bashrc
-  eval "$(dahl complete zsh)"   # zsh, in ~/.zshrc after compinit
-  dahl complete tcsh >~/.dahl.tcsh; source ~/.dahl.tcsh"""
+  eval "$(dahl complete zsh)"   # zsh, in ~/.zshrc after compinit"""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "shell",
         nargs="?",
-        choices=("bash", "zsh", "tcsh"),
+        choices=("bash", "zsh"),
         default="bash",
         help="shell that reads the script (default: bash)",
     )
