@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""The fault table of the node (lib/node/fault_table.h) as Markdown: written anew where a page keeps
-it between its two marks, or printed where no page is named.
+"""Write the fault table of the node (lib/node/fault_table.h) into pages, or print it.
 
     tools/fault_table.py README.md docs/*.md
+
+A page gets the table between its two marks. Without a page, the table is printed.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ ROW = re.compile(r'ROW\(\w+, "([^"]*)", "([^"]*)", (\w+), "([^"]*)", (true|false
 
 
 def markdown() -> str:
-    """The table, one line a row."""
+    """Return the table as Markdown."""
     rows = [
         (*cells, "yes" if answered == "true" else "no")
         for *cells, answered in ROW.findall(TABLE.read_text(encoding="utf-8"))
