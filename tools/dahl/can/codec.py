@@ -15,7 +15,6 @@ value out of its range, another length, a wrong CRC, a frame that is none of a n
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from importlib import import_module
@@ -23,8 +22,9 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from dahl import dependencies
-from dahl.binding import checks, core
-from dahl.binding.arrays import INT32_MAX, INT32_MIN
+from dahl.binding import checks
+from dahl.binding.checks import INT32_MAX, INT32_MIN, UINT32_MAX
+from dahl.binding.library import c
 from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
@@ -65,18 +65,6 @@ COUNTERS = 16  # a frame's counter runs 0 .. 15 and begins again
 TIMEOUT_UNIT = 0.01  # s, DAHL_FRAMES_TIMEOUT_US
 
 F = TypeVar("F", bound="Frame")
-
-
-class CanFrame(ctypes.Structure):
-    """dahl_can_frame_t."""
-
-    _fields_ = [
-        ("time_us", ctypes.c_uint64),
-        ("id", ctypes.c_uint32),
-        ("flags", ctypes.c_uint8),
-        ("length", ctypes.c_uint8),
-        ("data", ctypes.c_uint8 * 8),
-    ]
 
 
 class State(IntEnum):
@@ -161,53 +149,13 @@ class What(IntEnum):
     RESTART = 2
 
 
-class _EncoderState(ctypes.Structure):
-    _fields_ = [("count", ctypes.c_int32), ("counter", ctypes.c_uint8), ("valid", ctypes.c_bool)]
-
-
-class _FrictionTorque(ctypes.Structure):
-    _fields_ = [
-        ("torque_q30", ctypes.c_int32),
-        ("counter", ctypes.c_uint8),
-        ("state", ctypes.c_uint8),
-        ("echo", ctypes.c_uint8),
-    ]
-
-
-class _Status(ctypes.Structure):
-    _fields_ = [
-        (name, ctypes.c_uint8)
-        for name in (
-            *("counter", "state", "errors", "lost", "corrupt", "out_of_step"),
-            *("version_major", "version_minor", "timeout"),
-        )
-    ]
-
-
-def _asked(last: str) -> list[tuple[str, Any]]:
-    byte = ctypes.c_uint8
-    return [("value", ctypes.c_uint32), ("counter", byte), ("param", byte), (last, byte)]
-
-
-class _ParamWrite(ctypes.Structure):
-    _fields_ = _asked("write")
-
-
-class _ParamReply(ctypes.Structure):
-    _fields_ = _asked("result")
-
-
-class _Reset(ctypes.Structure):
-    _fields_ = [("counter", ctypes.c_uint8), ("what", ctypes.c_uint8)]
-
-
 class Frame:
     """What all frames have in common. Immutable, comparable, picklable."""
 
     base: ClassVar[int]  # id of node 0
     _calls: ClassVar[str]  # dahl_frames_pack_.., dahl_frames_unpack_..
+    _structure: ClassVar[str]  # of C
     _kind: ClassVar[int]  # high half of the data id
-    _structure: ClassVar[type[ctypes.Structure]]
     _limits: ClassVar[dict[str, Any]]  # of each field: (least, most), or an enumeration
 
     def __post_init__(self) -> None:
@@ -246,7 +194,7 @@ class EncoderState(Frame):
     valid: bool = True
 
     base = 0x100
-    _calls, _kind, _structure = "encoder", 0x3, _EncoderState
+    _calls, _kind, _structure = "encoder", 0x3, "dahl_encoder_state_t"
     _limits: ClassVar[dict[str, Any]] = {
         "count": (INT32_MIN, INT32_MAX),
         "counter": NIBBLE,
@@ -271,7 +219,7 @@ class FrictionTorque(Frame):
     echo: int = 0
 
     base = 0x110
-    _calls, _kind, _structure = "torque", 0xC, _FrictionTorque
+    _calls, _kind, _structure = "torque", 0xC, "dahl_friction_torque_t"
     _limits: ClassVar[dict[str, Any]] = {
         "torque_q30": (-ONE_Q30, ONE_Q30),
         "counter": NIBBLE,
@@ -309,7 +257,7 @@ class Status(Frame):
     timeout: int
 
     base = 0x120
-    _calls, _kind, _structure = "status", 0x5, _Status
+    _calls, _kind, _structure = "status", 0x5, "dahl_node_status_t"
     _limits: ClassVar[dict[str, Any]] = {
         "counter": NIBBLE,
         "state": State,
@@ -328,7 +276,7 @@ class Status(Frame):
         return self.timeout * TIMEOUT_UNIT
 
 
-_VALUED: dict[str, Any] = {"param": Param, "value": (0, core.UINT32_MAX), "counter": NIBBLE}
+_VALUED: dict[str, Any] = {"param": Param, "value": (0, UINT32_MAX), "counter": NIBBLE}
 
 
 class _Valued(Frame):
@@ -360,7 +308,7 @@ class ParamWrite(_Valued):
     counter: int = 0
 
     base = 0x130
-    _calls, _kind, _structure = "param_write", 0x6, _ParamWrite
+    _calls, _kind, _structure = "param_write", 0x6, "dahl_param_write_t"
     _limits: ClassVar[dict[str, Any]] = _VALUED | {"write": Write}
 
     @staticmethod
@@ -372,8 +320,8 @@ class ParamWrite(_Valued):
         unit = UNITS.get(known, 1.0)
         steps = checks.finite("value", value, "the parameter's unit") / unit
         shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
-        if not 0 <= steps <= core.UINT32_MAX:
-            raise Error(f"{shown} is outside 0 .. {core.UINT32_MAX * unit:g}")
+        if not 0 <= steps <= UINT32_MAX:
+            raise Error(f"{shown} is outside 0 .. {UINT32_MAX * unit:g}")
         if known in OFF_AT_0 and steps and not round(steps):
             raise Error(f"{shown} is less than half a step of {unit:g}: 0 would switch it off")
         return ParamWrite(known, round(steps), write, counter)
@@ -396,7 +344,7 @@ class ParamReply(_Valued):
     counter: int = 0
 
     base = 0x140
-    _calls, _kind, _structure = "param_reply", 0x9, _ParamReply
+    _calls, _kind, _structure = "param_reply", 0x9, "dahl_param_reply_t"
     _limits: ClassVar[dict[str, Any]] = _VALUED | {"result": Result}
 
 
@@ -413,7 +361,7 @@ class Reset(Frame):
     counter: int = 0
 
     base = 0x150
-    _calls, _kind, _structure = "reset", 0xA, _Reset
+    _calls, _kind, _structure = "reset", 0xA, "dahl_node_reset_t"
     _limits: ClassVar[dict[str, Any]] = {"what": What, "counter": NIBBLE}
 
 
@@ -426,7 +374,7 @@ KINDS: dict[int, type[Frame]] = {
 @checks.names_checked
 def to_bytes(frame: Frame) -> bytes:
     """The 8 bytes of a frame, CRC and counter included."""
-    return bytes(_packed(frame, 0).data)
+    return _packed(frame, 0).data()
 
 
 @checks.names_checked
@@ -437,13 +385,15 @@ def from_bytes(identifier: int, data: bytes | bytearray) -> Frame:
         raise Error(f"data = {checks.shown(data)} is neither bytes nor a bytearray")
     if len(data) != 8:
         raise Error(f"{_named(identifier)}: {len(data)} bytes, 8 were expected")
-    return _unpacked(CanFrame(id=identifier, length=8, data=(ctypes.c_uint8 * 8)(*data)))
+    raw = RawFrame()
+    raw.c.id, raw.c.length, raw.c.data = identifier, 8, list(data)
+    return _unpacked(raw)
 
 
 @checks.names_checked
 def pack(frame: Frame, node: int = 0) -> can.Message:
     """A message of python-can, of the node's id."""
-    return message_of(_packed(frame, number_of(node)))
+    return _packed(frame, number_of(node)).message()
 
 
 def number_of(node: int, name: str = "node") -> int:
@@ -460,16 +410,18 @@ def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     """The frame in a message of python-can, whose node is arbitration_id & 15. Raises dahl.Error
     unless it is a whole one, and of this kind where one is given, such as FrictionTorque.
     """
-    raw = raw_of(message)
-    if raw.flags:
+    raw = RawFrame()
+    raw.read(message)
+    identifier, flags = raw.c.id, raw.c.flags
+    if flags:
         names = ("an extended id", "a remote frame", "an error frame", "a CAN FD frame")
-        what = next(name for bit, name in enumerate(names) if raw.flags & 1 << bit)
-        raise Error(f"{_named(raw.id)}: {what}; a classic data frame was expected")
+        what = next(name for bit, name in enumerate(names) if flags & 1 << bit)
+        raise Error(f"{_named(identifier)}: {what}; a classic data frame was expected")
     if not any(kind is known for known in (Frame, *KINDS.values())):
         raise Error(f"kind = {checks.shown(kind)} is no kind of frame, such as FrictionTorque")
-    frame = from_bytes(raw.id, bytes(message.data[: max(message.dlc, 0)]))
+    frame = from_bytes(identifier, bytes(message.data[: max(message.dlc, 0)]))
     if not isinstance(frame, kind):
-        raise Error(f"{_named(raw.id)}: {kind.__name__} was expected")
+        raise Error(f"{_named(identifier)}: {kind.__name__} was expected")
     return frame
 
 
@@ -481,32 +433,47 @@ def python_can() -> ModuleType:
         raise RunError(f"python-can is missing; {dependencies.hint(['can'], 'can')}") from None
 
 
-def raw_of(message: can.Message) -> CanFrame:
-    """A message of python-can as the library takes it: of CAN FD the first 8 bytes."""
-    if not hasattr(message, "arbitration_id"):
-        raise Error(f"message = {checks.shown(message)} is not a can.Message")
-    flags = (
-        EXTENDED * message.is_extended_id
-        | REMOTE * message.is_remote_frame
-        | ERROR * message.is_error_frame
-        | FD * message.is_fd
-    )
-    identifier = checks.whole("arbitration_id", message.arbitration_id, 0, EXTENDED_MAX)
-    data = bytes(message.data[:8])
-    raw = CanFrame(id=identifier, flags=flags, length=min(message.dlc, 8))
-    ctypes.memmove(raw.data, data, len(data))
-    return raw
+class RawFrame:
+    """A dahl_can_frame_t, and the way from and to messages of python-can. Quick: once a tick."""
+
+    def __init__(self) -> None:
+        self.c = c.new("dahl_can_frame_t *")
+        self._data = c.buffer(self.c.data)
+        self._make: Any = None  # can.Message, imported with the first
+
+    def read(self, message: can.Message) -> None:
+        """Copy a message of python-can: of CAN FD the first 8 bytes. Raises dahl.Error."""
+        try:
+            identifier, data, length = message.arbitration_id, message.data, message.dlc
+        except AttributeError:
+            raise Error(f"message = {checks.shown(message)} is not a can.Message") from None
+        if type(identifier) is not int or not 0 <= identifier <= EXTENDED_MAX:
+            identifier = checks.whole("arbitration_id", identifier, 0, EXTENDED_MAX)
+        if type(data) is not bytearray or length != 8 or len(data) != 8:
+            length, data = min(length, 8) & 0xFF, bytes(data[:8]).ljust(8, b"\0")
+        raw = self.c
+        raw.id, raw.flags, raw.length, self._data[:] = identifier, _flags(message), length, data
+
+    def data(self) -> bytes:
+        """All 8 bytes."""
+        return self._data[:]  # type: ignore[no-any-return]
+
+    def message(self) -> can.Message:
+        """The message of python-can for a frame that a node made."""
+        if self._make is None:
+            self._make = python_can().Message
+        message: can.Message = self._make(
+            arbitration_id=self.c.id, data=self._data[:], is_extended_id=False, is_rx=False
+        )
+        return message
 
 
-def message_of(raw: CanFrame) -> can.Message:
-    """A frame of the library as a message of python-can."""
-    message: can.Message = python_can().Message(
-        arbitration_id=raw.id,
-        data=bytes(raw.data[: raw.length]),
-        is_extended_id=bool(raw.flags & EXTENDED),
-        is_rx=False,
-    )
-    return message
+def _flags(message: can.Message) -> int:
+    flags = EXTENDED if message.is_extended_id else 0
+    if message.is_remote_frame or message.is_error_frame or message.is_fd:
+        flags |= REMOTE * message.is_remote_frame | ERROR * message.is_error_frame
+        flags |= FD * message.is_fd
+    return flags
 
 
 def is_whole(identifier: int, data: bytes | bytearray) -> bool:
@@ -516,8 +483,7 @@ def is_whole(identifier: int, data: bytes | bytearray) -> bool:
 
 
 def _crc(data: bytes | bytearray, kind: type[Frame]) -> int:
-    call = core.library().dahl_frames_crc
-    return int(call(bytes(data), ctypes.c_uint8(kind._kind))) & 0xFF
+    return int(c.dahl_frames_crc(bytes(data), kind._kind))
 
 
 def _named(identifier: int) -> str:
@@ -525,26 +491,25 @@ def _named(identifier: int) -> str:
     return f"{kind.__name__} {identifier:#05x}" if kind else f"id {identifier:#05x}"
 
 
-def _packed(frame: Frame, node: int) -> CanFrame:
+def _packed(frame: Frame, node: int) -> RawFrame:
     if not isinstance(frame, Frame):
         raise Error(f"frame = {checks.shown(frame)} is none of a node's frames")
-    values = frame._structure(**{name: int(getattr(frame, name)) for name in frame._limits})
-    raw = CanFrame()
-    call = getattr(core.library(), f"dahl_frames_pack_{frame._calls}")
-    call(ctypes.byref(raw), ctypes.c_uint8(node), ctypes.byref(values))
+    values = {name: int(getattr(frame, name)) for name in frame._limits}
+    raw, call = RawFrame(), f"dahl_frames_pack_{frame._calls}"
+    getattr(c, call)(raw.c, node, c.new(f"{frame._structure} *", values))
     return raw
 
 
-def _unpacked(raw: CanFrame) -> Frame:
-    kind = KINDS.get(raw.id & ~15)
+def _unpacked(raw: RawFrame) -> Frame:
+    identifier, data = raw.c.id, raw.data()
+    kind = KINDS.get(identifier & ~15)
     if kind is None:
-        raise Error(f"{_named(raw.id)}: no frame of a node; those have ids 0x100 to 0x15f")
-    values = kind._structure()
-    call = getattr(core.library(), f"dahl_frames_unpack_{kind._calls}")
-    if call(ctypes.byref(raw), ctypes.byref(values)) != 0:
-        due = _crc(bytes(raw.data), kind)
-        raise Error(f"{_named(raw.id)}: CRC {raw.data[0]:#04x}, {due:#04x} was expected")
+        raise Error(f"{_named(identifier)}: no frame of a node; those have ids 0x100 to 0x15f")
+    values = c.new(f"{kind._structure} *")
+    if getattr(c, f"dahl_frames_unpack_{kind._calls}")(raw.c, values) != 0:
+        due = _crc(data, kind)
+        raise Error(f"{_named(identifier)}: CRC {data[0]:#04x}, {due:#04x} was expected")
     try:
         return kind(**{name: getattr(values, name) for name in kind._limits})
     except Error as error:
-        raise Error(f"{_named(raw.id)}: {error}") from None
+        raise Error(f"{_named(identifier)}: {error}") from None

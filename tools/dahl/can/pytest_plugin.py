@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from dahl.can.async_bus import AsyncBus
     from dahl.can.frame_log import FrameLog
-    from dahl.can.node import Friction, Node
+    from dahl.can.node import Model, Node
     from dahl.can.rig import RigNode
 
     AnyNode: TypeAlias = Node | RigNode
@@ -151,11 +151,11 @@ def _mark_arguments(request: pytest.FixtureRequest) -> Settings:
 
 
 @pytest.fixture
-def dahl_plan(request: pytest.FixtureRequest) -> Friction:
+def dahl_plan(request: pytest.FixtureRequest) -> Model:
     """Parameters of dahl_node: 100 N m/rad, 0.5 N m, an encoder of 16384 counts a turn; on a rig
     those that it has.
     """
-    from dahl.binding.core import Plan
+    from dahl.binding.friction import Plan
 
     arguments = _mark_arguments(request)
     if (plan := arguments.get("plan")) is not None:
@@ -286,7 +286,7 @@ def dahl_make_node(
     """
     with _one_line(), contextlib.ExitStack() as nodes:
 
-        def make(number: int = 1, friction: Friction | None = None, **settings: Any) -> AnyNode:
+        def make(number: int = 1, friction: Model | None = None, **settings: Any) -> AnyNode:
             if friction is None:
                 friction = request.getfixturevalue("dahl_plan")
             settings = dahl_node_settings | settings | {"number": number}
@@ -301,7 +301,7 @@ def dahl_make_node(
 def dahl_node(
     request: pytest.FixtureRequest,
     dahl_make_node: Callable[..., AnyNode],
-    dahl_plan: Friction,
+    dahl_plan: Model,
     dahl_node_settings: Settings,
 ) -> AnyNode:
     """The node at the other end of dahl_bus."""
@@ -312,7 +312,7 @@ def dahl_node(
 
 @contextlib.contextmanager
 def _simulated(
-    request: pytest.FixtureRequest, friction: Friction, settings: Settings
+    request: pytest.FixtureRequest, friction: Model, settings: Settings
 ) -> Iterator[Node]:
     """A node of this process, with its own end of the bus."""
     import can
@@ -331,7 +331,7 @@ def _simulated(
 
 @contextlib.contextmanager
 def _on_rig(
-    request: pytest.FixtureRequest, friction: Friction, settings: Settings
+    request: pytest.FixtureRequest, friction: Model, settings: Settings
 ) -> Iterator[RigNode]:
     """A node of the rig, with these parameters until the test ends."""
     wanted = _new(request, friction, settings)
@@ -344,7 +344,7 @@ def _on_rig(
         rig.restore()
 
 
-def _new(request: pytest.FixtureRequest, friction: Friction, settings: Settings) -> Node:
+def _new(request: pytest.FixtureRequest, friction: Model, settings: Settings) -> Node:
     """Return a node of these parameters. Raises dahl.Error for wrong ones."""
     from dahl.can.node import Node
 

@@ -198,7 +198,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
 
 
 def _own(args: argparse.Namespace) -> Any:
-    from dahl.binding.core import Plan
+    from dahl.binding.friction import Plan
     from dahl.sim.scene import OwnLog, unit_in
 
     if not args.log.exists():

@@ -86,9 +86,10 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _plan(args: argparse.Namespace) -> AnyPlan:
-    from dahl.binding.core import FC, SIGMA0, Plan
-    from dahl.binding.parts import Slip
-    from dahl.binding.variants import Asymmetric, ElastoPlastic
+    from dahl.binding.bristles import Asymmetric, ElastoPlastic
+    from dahl.binding.friction import Plan
+    from dahl.binding.parameters import FC, SIGMA0
+    from dahl.binding.slip import Slip
 
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
     theta = _theta_per_count(args)
@@ -126,7 +127,7 @@ def _number(option: str, text: str, limit: str) -> float:
 
 
 def _theta_per_count(args: argparse.Namespace) -> float:
-    from dahl.binding.core import THETA_PER_COUNT
+    from dahl.binding.parameters import THETA_PER_COUNT
 
     if args.theta_per_count is not None:
         return _number("--theta-per-count", args.theta_per_count, THETA_PER_COUNT)

@@ -18,7 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dahl import paths
-from dahl.binding import core, parts, variants
+from dahl.binding.bristles import Asymmetric, ElastoPlastic
+from dahl.binding.friction import Friction, Plan
+from dahl.binding.loaded import Loaded
+from dahl.binding.slip import Parallel, Slip
 from dahl.errors import Error
 from dahl.io import files, logs, units
 
@@ -117,30 +120,30 @@ class Scene:
         return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
 
 
-def element(scene: Scene) -> node.Friction:
+def element(scene: Scene) -> node.Model:
     """What a Node of this scene is made of. Raises dahl.Error for parameters that no node takes."""
     sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
     if scene.refusal:
         raise Error(f"{scene.path}: {scene.refusal}")
     if scene.model == "slip":
-        return parts.Slip(sigma0, torques, scene.theta_per_count)
+        return Slip(sigma0, torques, scene.theta_per_count)
     if scene.model == "asymmetric":
-        return variants.Asymmetric(sigma0[0], torques[0], torques[-1], scene.theta_per_count)
+        return Asymmetric(sigma0[0], torques[0], torques[-1], scene.theta_per_count)
     if scene.model == "elastoplastic":
         theta, breakaway = scene.theta_per_count, scene.breakaway
-        return variants.ElastoPlastic(sigma0[0], torques[0], theta, breakaway)
-    plans = [core.Plan(*pair, scene.theta_per_count) for pair in scene.elements]
+        return ElastoPlastic(sigma0[0], torques[0], theta, breakaway)
+    plans = [Plan(*pair, scene.theta_per_count) for pair in scene.elements]
     if scene.model == "parallel":
-        return parts.Parallel(*map(_part, scene.kinds, plans))
+        return Parallel(*map(_part, scene.kinds, plans))
     if scene.model == "loaded":
-        return variants.Loaded(plans[0])
+        return Loaded(plans[0])
     return plans[0]
 
 
-def _part(kind: str, plan: core.Plan) -> core.Friction | parts.Slip:
+def _part(kind: str, plan: Plan) -> Friction | Slip:
     if kind == "slip":
-        return parts.Slip([plan.sigma0], [plan.Fc], plan.theta_per_count)
-    return core.Friction(plan)
+        return Slip([plan.sigma0], [plan.Fc], plan.theta_per_count)
+    return Friction(plan)
 
 
 def settings(scene: Scene) -> dict[str, Any]:
