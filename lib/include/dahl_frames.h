@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * frames: the CAN frames of a friction node, in C. dahl.dbc says the same; a test holds both together bit by bit.
+ * frames: the CAN frames of a friction node, in C. dahl.dbc defines them.
  *
  * All are 8 bytes, little endian, 11-bit ids with the node number 0..15 in the low 4 bits, protected as AUTOSAR E2E
  * profile 2: byte 0 is CRC-8 (polynomial 0x2F) over bytes 1..7 and one byte of the message's data id list, chosen by the
@@ -30,15 +30,34 @@
 extern "C" {
 #endif
 
+#define DAHL_FRAMES_NODES 16u
+
+/*
+ * States of a receiver, in FrictionTorque and Status:
+ *   OK              next in sequence; used unless it was invalid or a jump, which the errors of Status show
+ *   REPEATED        same counter again, not used
+ *   LOST            some missing before it; used as for OK: the count is absolute
+ *   WRONG_SEQUENCE  too many missing, out of order, or the third jump in a row: not integrated
+ *   CRC             wrong CRC or form, not used
+ *   STALE           nothing good for too long
+ *   INIT            nothing good yet; the first good frame is the starting point
+ *
+ * Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare). To change more than one, write all but the last with
+ * HOLD and the last with WRITE: all become valid together, or none of them. A refused write drops those held before it.
+ * A reply with PARAM_NONE has the unknown number as its value.
+ */
+
+/* --- from dahl.dbc by tools/generators/frames.py: begin --- */
 #define DAHL_FRAMES_ID_ENCODER 0x100u
 #define DAHL_FRAMES_ID_TORQUE 0x110u
 #define DAHL_FRAMES_ID_STATUS 0x120u
 #define DAHL_FRAMES_ID_PARAM_WRITE 0x130u
 #define DAHL_FRAMES_ID_PARAM_REPLY 0x140u
 #define DAHL_FRAMES_ID_RESET 0x150u
-#define DAHL_FRAMES_NODES 16u
 
-/* High half of the data ids; any two differ in at least 2 bits, so that a frame of one kind passes for no other. */
+#define DAHL_FRAMES_TIMEOUT_US 10000u /* one step of the timeout in Status */
+
+/* High half of the data ids; any two differ in at least 2 bits: a frame of one kind passes for no other. */
 enum {
     DAHL_FRAMES_KIND_ENCODER = 0x3,
     DAHL_FRAMES_KIND_TORQUE = 0xC,
@@ -48,107 +67,99 @@ enum {
     DAHL_FRAMES_KIND_RESET = 0xA
 };
 
-/* What a receiver thinks of its input; on the wire in FrictionTorque and Status. */
 typedef enum {
-    DAHL_FRAMES_OK = 0,             /* next in sequence; used unless it was invalid or a jump, which the errors of Status show */
-    DAHL_FRAMES_REPEATED = 1,       /* same counter again, not used */
-    DAHL_FRAMES_LOST = 2,           /* some missing before it; used as for OK: the count is absolute */
-    DAHL_FRAMES_WRONG_SEQUENCE = 3, /* too many missing, out of order, or the third jump in a row: not integrated */
-    DAHL_FRAMES_CRC = 4,            /* wrong CRC or form, not used */
-    DAHL_FRAMES_STALE = 5,          /* nothing good for too long */
-    DAHL_FRAMES_INIT = 6            /* nothing good yet; the first good frame is the starting point */
+    DAHL_FRAMES_OK = 0,
+    DAHL_FRAMES_REPEATED = 1,
+    DAHL_FRAMES_LOST = 2,
+    DAHL_FRAMES_WRONG_SEQUENCE = 3,
+    DAHL_FRAMES_CRC = 4,
+    DAHL_FRAMES_STALE = 5,
+    DAHL_FRAMES_INIT = 6
 } dahl_frames_state_t;
+
+typedef enum {
+    DAHL_FRAMES_PARAM_SIGMA0 = 0,  /* 2^-10 N m/rad; 1 .. 4294967295 */
+    DAHL_FRAMES_PARAM_FC = 1,      /* 2^-20 N m; 1 .. 4294967295 */
+    DAHL_FRAMES_PARAM_THETA = 2,   /* 2^-38 rad; 1 .. 4294967295 */
+    DAHL_FRAMES_PARAM_GAIN = 3,    /* 2^-16; 0 .. 65536 */
+    DAHL_FRAMES_PARAM_LIMIT = 4,   /* 2^-16; 0 .. 65536 */
+    DAHL_FRAMES_PARAM_RAMP = 5,    /* ms; 0 .. 60000 */
+    DAHL_FRAMES_PARAM_TIMEOUT = 6, /* ms; 1 .. 60000 */
+    DAHL_FRAMES_PARAM_STEP = 7,    /* count/ms; 0 .. 2147483647 */
+    DAHL_FRAMES_PARAM_STATUS = 8,  /* ms; 0 .. 60000 */
+    DAHL_FRAMES_PARAM_MODEL = 9,   /* 0 .. 40 */
+    DAHL_FRAMES_PARAM_LOAD = 10,   /* 2^-16; 0 .. 65536 */
+    DAHL_FRAMES_PARAM_NONE = 255
+} dahl_frames_param_t;
+
+enum { DAHL_FRAMES_PARAM_READ = 0, DAHL_FRAMES_PARAM_WRITE = 1, DAHL_FRAMES_PARAM_HOLD = 2 };
+
+enum { DAHL_FRAMES_PARAM_DONE = 0, DAHL_FRAMES_PARAM_OUT_OF_RANGE = 1, DAHL_FRAMES_PARAM_UNKNOWN = 2 };
+
+enum { DAHL_FRAMES_RESET_ERRORS = 1, DAHL_FRAMES_RESET_RESTART = 2 };
+
+enum { DAHL_FRAMES_ERROR_FORMAT = 1u << 0, DAHL_FRAMES_ERROR_INVALID = 1u << 6, DAHL_FRAMES_ERROR_JUMP = 1u << 7 };
+
+typedef struct {
+    int32_t count;   /* Absolute position in counts, wraps at 32 bits. */
+    uint8_t counter; /* Increases by 1 with each frame, 15 is followed by 0. */
+    bool valid;      /* 0: the encoder does not stand by this count; the node does not use it. */
+} dahl_encoder_state_t;
+
+typedef struct {
+    int32_t torque_q30; /* In 2^-30. Friction torque as a part of the Coulomb torque, with the sign of the motion. */
+    uint8_t counter;    /* Increases by 1 with each frame, 15 is followed by 0. */
+    uint8_t state;      /* State of the receiver after the frame that it answers. */
+    uint8_t echo;       /* Counter of the EncoderState answered: latency, loss and order can be read from a log alone. */
+} dahl_friction_torque_t;
+
+typedef struct {
+    uint8_t counter;       /* Increases by 1 with each frame, 15 is followed by 0. */
+    uint8_t state;         /* State of the receiver now. */
+    uint8_t errors;        /* Sticky bits: 1 << State, FORMAT, INVALID, JUMP. */
+    uint8_t lost;          /* Frames missing by the counter since the last Reset, modulo 256. */
+    uint8_t corrupt;       /* Frames with wrong CRC or form since the last Reset, modulo 256. */
+    uint8_t out_of_step;   /* Repeated frames, wrong sequences, jumps, timeouts and bus-offs since the last Reset, modulo 256. */
+    uint8_t version_major; /* Version of the library, first number. */
+    uint8_t version_minor; /* Version of the library, second number. */
+    uint8_t timeout;       /* In 10 ms. Silence after which the node is Stale, rounded up. */
+} dahl_node_status_t;
+
+typedef struct {
+    uint32_t value;  /* Raw value of the parameter, in steps of its unit. */
+    uint8_t counter; /* Any value; the answer repeats it. */
+    uint8_t param;   /* Number of the parameter. */
+    uint8_t write;   /* Read, Write or Hold. */
+} dahl_param_write_t;
+
+typedef struct {
+    uint32_t value;  /* Raw value of the parameter, in steps of its unit. */
+    uint8_t counter; /* Counter of the ParamWrite answered. */
+    uint8_t param;   /* Number of the parameter. */
+    uint8_t result;  /* Result of the ParamWrite; any but Done changed nothing. */
+} dahl_param_reply_t;
+
+typedef struct {
+    uint8_t counter; /* Any value. */
+    uint8_t what;    /* Extent of the reset. */
+} dahl_node_reset_t;
+/* --- from dahl.dbc: end --- */
+
+/* Values of the parameter Model. */
+enum {
+    DAHL_FRAMES_MODEL_DAHL = 0,
+    DAHL_FRAMES_MODEL_SLIP = 0, /* plus the number of slip elements, 1 to 8 */
+    DAHL_FRAMES_MODEL_ASYMMETRIC = 16,
+    DAHL_FRAMES_MODEL_ELASTOPLASTIC = 17,
+    DAHL_FRAMES_MODEL_LOADED = 18,
+    DAHL_FRAMES_MODEL_PARALLEL = 32 /* plus the number of elements, 1 to 8 */
+};
 
 typedef enum {
     DAHL_FRAMES_GOOD = 0,
     DAHL_FRAMES_BAD_FORMAT = -1, /* length, extended, remote, FD or error frame: nothing was read */
     DAHL_FRAMES_BAD_CRC = -2
 } dahl_frames_check_t;
-
-typedef struct {
-    int32_t count;   /* absolute, wraps at 32 bits */
-    uint8_t counter; /* 0..15 */
-    bool valid;      /* false: the encoder does not stand by this count */
-} dahl_encoder_state_t;
-
-typedef struct {
-    int32_t torque_q30; /* F/Fc, -2^30..2^30 */
-    uint8_t counter;    /* 0..15 */
-    uint8_t state;      /* dahl_frames_state_t */
-    uint8_t echo;       /* counter of the EncoderState answered */
-} dahl_friction_torque_t;
-
-/* Sticky error bits of Status: bit number = dahl_frames_state_t, and three more. */
-enum { DAHL_FRAMES_ERROR_FORMAT = 1u << 0, DAHL_FRAMES_ERROR_INVALID = 1u << 6, DAHL_FRAMES_ERROR_JUMP = 1u << 7 };
-
-typedef struct {
-    uint8_t counter;       /* 0..15 */
-    uint8_t state;         /* dahl_frames_state_t */
-    uint8_t errors;        /* sticky: 1 << state, DAHL_FRAMES_ERROR_* */
-    uint8_t lost;          /* since the last Reset, modulo 256: frames missing */
-    uint8_t corrupt;       /* the same: CRC and format errors */
-    uint8_t out_of_step;   /* the same: repeated, wrong sequence, jumps, timeouts and bus-offs */
-    uint8_t version_major; /* 0..15 */
-    uint8_t version_minor; /* 0..15 */
-    uint8_t timeout;       /* of the node, in DAHL_FRAMES_TIMEOUT_US, rounded up; 255: so long or longer */
-} dahl_node_status_t;
-
-#define DAHL_FRAMES_TIMEOUT_US 10000u
-
-/* Parameters by number, with the unit of one raw step. */
-typedef enum {
-    DAHL_FRAMES_PARAM_SIGMA0 = 0,  /* 2^-10 N m/rad */
-    DAHL_FRAMES_PARAM_FC = 1,      /* 2^-20 N m */
-    DAHL_FRAMES_PARAM_THETA = 2,   /* 2^-38 rad per count */
-    DAHL_FRAMES_PARAM_GAIN = 3,    /* 2^-16, 0..1: part of the torque that is answered */
-    DAHL_FRAMES_PARAM_LIMIT = 4,   /* 2^-16 of Fc, 0..1: the answer is clamped to it */
-    DAHL_FRAMES_PARAM_RAMP = 5,    /* ms, 0..60000: the gain needs so long from 0 to 1 */
-    DAHL_FRAMES_PARAM_TIMEOUT = 6, /* ms, 1..60000 */
-    DAHL_FRAMES_PARAM_STEP = 7,    /* MaxStep, counts per ms, 0..2^31 - 1: faster is not believed; 0: no limit known */
-    DAHL_FRAMES_PARAM_STATUS = 8,  /* ms, 0..60000: period of Status, 0: only after power-on, a timeout, a bus-off, a Reset */
-    DAHL_FRAMES_PARAM_MODEL = 9,   /* read only: DAHL_FRAMES_MODEL_* */
-    DAHL_FRAMES_PARAM_LOAD = 10,   /* 2^-16, 0..1: part of the load at which Fc holds; for the model Loaded only */
-    DAHL_FRAMES_PARAM_NONE = 255   /* in a reply: there is no such parameter; the value is the number that was asked for */
-} dahl_frames_param_t;
-
-/* What parameter Model says. */
-enum {
-    DAHL_FRAMES_MODEL_DAHL = 0,
-    DAHL_FRAMES_MODEL_SLIP = 0, /* and as many as there are slip elements, 1 to 8 */
-    DAHL_FRAMES_MODEL_ASYMMETRIC = 16,
-    DAHL_FRAMES_MODEL_ELASTOPLASTIC = 17,
-    DAHL_FRAMES_MODEL_LOADED = 18,
-    DAHL_FRAMES_MODEL_PARALLEL = 32 /* and as many as there are elements, 1 to 8 */
-};
-
-/* What a ParamWrite asks. Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare), and a change of one is heard in
- * the torque: all but the last are written with HOLD, and hold together with the last, or none of them does. A refused write
- * drops those held before it. */
-enum { DAHL_FRAMES_PARAM_READ = 0, DAHL_FRAMES_PARAM_WRITE = 1, DAHL_FRAMES_PARAM_HOLD = 2 };
-
-enum { DAHL_FRAMES_PARAM_DONE = 0, DAHL_FRAMES_PARAM_OUT_OF_RANGE = 1, DAHL_FRAMES_PARAM_UNKNOWN = 2 };
-
-typedef struct {
-    uint32_t value;  /* raw */
-    uint8_t counter; /* 0..15 */
-    uint8_t param;   /* dahl_frames_param_t */
-    uint8_t write;   /* DAHL_FRAMES_PARAM_READ, _WRITE, _HOLD */
-} dahl_param_write_t;
-
-typedef struct {
-    uint32_t value;  /* raw, as it holds now; what cannot be said in 32 bits is the nearest that can */
-    uint8_t counter; /* of the ParamWrite answered */
-    uint8_t param;
-    uint8_t result; /* DAHL_FRAMES_PARAM_DONE, _OUT_OF_RANGE, _UNKNOWN */
-} dahl_param_reply_t;
-
-enum { DAHL_FRAMES_RESET_ERRORS = 1, DAHL_FRAMES_RESET_RESTART = 2 };
-
-typedef struct {
-    uint8_t counter; /* 0..15 */
-    uint8_t what;    /* DAHL_FRAMES_RESET_ERRORS: sticky errors and counts of Status; _RESTART: as after power-on, but for the
-                      * parameters, which are kept */
-} dahl_node_reset_t;
 
 /* Node 0..15; higher bits are cut. Flags and time of *frame are cleared. */
 void dahl_frames_pack_encoder(dahl_can_frame_t *frame, uint8_t node, const dahl_encoder_state_t *in);

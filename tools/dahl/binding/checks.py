@@ -121,8 +121,8 @@ def calls_checked(cls: type[T]) -> type[T]:
             continue
         if isinstance(member, FunctionType) and not hasattr(member, "__wrapped__"):
             setattr(cls, name, names_checked(member))
-        elif isinstance(member, staticmethod):
-            setattr(cls, name, staticmethod(names_checked(member.__func__)))
+        elif isinstance(member, (staticmethod, classmethod)):
+            setattr(cls, name, type(member)(names_checked(member.__func__)))
     return cls
 
 

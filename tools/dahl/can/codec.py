@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The frames of a friction node, packed and unpacked by the C library: same names, units and bits
-as dahl_frames.h, whose comments are the manual. Counter and CRC are those of AUTOSAR E2E profile 2.
+"""Pack and unpack the frames of a friction node, in the C library. dahl.dbc defines the frames.
+Counter and CRC are those of AUTOSAR E2E profile 2.
 
 >>> from dahl import codec
 >>> data = codec.to_bytes(codec.EncoderState(count=-7, counter=3))
@@ -10,21 +10,36 @@ as dahl_frames.h, whose comments are the manual. Counter and CRC are those of AU
 EncoderState(count=-7, counter=3, valid=True)
 
 pack() and unpack() do the same with python-can's messages. All raise dahl.Error in one line: for a
-value out of its range, another length, a wrong CRC, a frame that is none of a node's.
+value out of its range, another length, a wrong CRC, an id that no frame of a node has.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import IntEnum, IntFlag
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from dahl import dependencies
 from dahl.binding import checks
-from dahl.binding.checks import INT32_MAX, INT32_MIN, UINT32_MAX
 from dahl.binding.library import c
+from dahl.can.frame import ONE_Q30, Frame
+from dahl.can.frames import (
+    KINDS,
+    OFF_AT_0,
+    UNITS,
+    EncoderState,
+    Errors,
+    FrictionTorque,
+    Param,
+    ParamReply,
+    ParamWrite,
+    Reset,
+    Result,
+    State,
+    Status,
+    What,
+    Write,
+)
 from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
@@ -57,318 +72,11 @@ __all__ = [
 ]
 
 NODES = 16  # DAHL_FRAMES_NODES: the number of a node is the low 4 bits of an id
-ONE_Q30 = 2**30
 EXTENDED, REMOTE, ERROR, FD = 1, 2, 4, 8  # DAHL_CAN_FRAME_*
 STANDARD_MAX, EXTENDED_MAX = 0x7FF, 0x1FFFFFFF  # the highest ids of 11 and of 29 bits
-BYTE, NIBBLE = (0, 255), (0, 15)
 COUNTERS = 16  # a frame's counter runs 0 .. 15 and begins again
-TIMEOUT_UNIT = 0.01  # s, DAHL_FRAMES_TIMEOUT_US
 
 F = TypeVar("F", bound="Frame")
-
-
-class State(IntEnum):
-    """What a node thinks of its input (dahl_frames_state_t)."""
-
-    OK = 0
-    REPEATED = 1
-    LOST = 2
-    WRONG_SEQUENCE = 3
-    CRC = 4
-    STALE = 5
-    INIT = 6
-
-
-class Errors(IntFlag):
-    """Sticky bits of Status, kept until a Reset."""
-
-    FORMAT = 1
-    REPEATED = 2
-    LOST = 4
-    WRONG_SEQUENCE = 8
-    CRC = 16
-    STALE = 32
-    INVALID = 64
-    JUMP = 128
-
-
-class Param(IntEnum):
-    """Parameters of a node, by number (dahl_frames_param_t); UNITS has the unit of each."""
-
-    SIGMA0 = 0
-    FC = 1
-    THETA = 2
-    GAIN = 3
-    LIMIT = 4
-    RAMP = 5
-    TIMEOUT = 6
-    STEP = 7
-    STATUS = 8
-    MODEL = 9
-    LOAD = 10
-    NONE = 255
-
-
-OFF_AT_0 = (Param.STEP, Param.STATUS)  # 0: a move of any length; no Status but after an event
-UNITS: dict[int, float] = {  # of one raw step
-    Param.SIGMA0: 2.0**-10,  # N m/rad
-    Param.FC: 2.0**-20,  # N m
-    Param.THETA: 2.0**-38,  # rad per count
-    Param.GAIN: 2.0**-16,  # part of the torque
-    Param.LIMIT: 2.0**-16,  # part of Fc
-    Param.RAMP: 1e-3,  # s
-    Param.TIMEOUT: 1e-3,  # s
-    Param.STEP: 1.0,  # counts per ms
-    Param.STATUS: 1e-3,  # s
-    Param.MODEL: 1.0,
-    Param.LOAD: 2.0**-16,  # part of the load at which Fc holds
-    Param.NONE: 1.0,
-}
-
-
-class Write(IntEnum):
-    """What a ParamWrite asks."""
-
-    READ = 0
-    WRITE = 1
-    HOLD = 2
-
-
-class Result(IntEnum):
-    """What became of a ParamWrite."""
-
-    DONE = 0
-    OUT_OF_RANGE = 1
-    UNKNOWN = 2
-
-
-class What(IntEnum):
-    """What a Reset clears: the errors and counts of Status, or all but the parameters."""
-
-    ERRORS = 1
-    RESTART = 2
-
-
-class Frame:
-    """What all frames have in common. Immutable, comparable, picklable."""
-
-    base: ClassVar[int]  # id of node 0
-    _calls: ClassVar[str]  # dahl_frames_pack_.., dahl_frames_unpack_..
-    _structure: ClassVar[str]  # of C
-    _kind: ClassVar[int]  # high half of the data id
-    _limits: ClassVar[dict[str, Any]]  # of each field: (least, most), or an enumeration
-
-    def __post_init__(self) -> None:
-        for name, limit in self._limits.items():
-            object.__setattr__(self, name, _checked(name, getattr(self, name), limit))
-
-
-def _checked(name: str, value: object, limit: Any) -> Any:
-    """A field as it is kept: in its range, a named number by its name."""
-    if isinstance(limit, tuple):
-        return checks.whole(name, value, *limit)
-    if limit is bool:
-        return bool(checks.whole(name, int(value) if isinstance(value, bool) else value, 0, 1))
-    number = checks.whole(name, value, 0, 255)
-    if limit is Param and number not in UNITS:  # a node is asked for any, and says that it is none
-        return number
-    try:
-        return limit(number)
-    except ValueError:
-        known = ", ".join(f"{one.value} {one.name}" for one in limit)
-        raise Error(f"{name} = {number} is none of {known}") from None
-
-
-@checks.calls_checked
-@dataclass(frozen=True)
-class EncoderState(Frame):
-    """Encoder to node, every ms.
-
-    count    absolute, in counts, -2^31 .. 2^31-1; wraps
-    counter  0 .. 15, one more with each frame
-    valid    False: the encoder does not stand by this count
-    """
-
-    count: int
-    counter: int = 0
-    valid: bool = True
-
-    base = 0x100
-    _calls, _kind, _structure = "encoder", 0x3, "dahl_encoder_state_t"
-    _limits: ClassVar[dict[str, Any]] = {
-        "count": (INT32_MIN, INT32_MAX),
-        "counter": NIBBLE,
-        "valid": bool,
-    }
-
-
-@checks.calls_checked
-@dataclass(frozen=True)
-class FrictionTorque(Frame):
-    """The node's answer to an EncoderState.
-
-    torque_q30  F/Fc in Q30, -2^30 .. 2^30; `ratio` is the same as a float
-    counter     0 .. 15, one more with each answer
-    state       of the node
-    echo        counter of the EncoderState answered
-    """
-
-    torque_q30: int
-    counter: int = 0
-    state: State = State.OK
-    echo: int = 0
-
-    base = 0x110
-    _calls, _kind, _structure = "torque", 0xC, "dahl_friction_torque_t"
-    _limits: ClassVar[dict[str, Any]] = {
-        "torque_q30": (-ONE_Q30, ONE_Q30),
-        "counter": NIBBLE,
-        "state": State,
-        "echo": NIBBLE,
-    }
-
-    @property
-    def ratio(self) -> float:
-        """F/Fc, -1 .. 1, exactly."""
-        return self.torque_q30 / ONE_Q30
-
-
-@checks.calls_checked
-@dataclass(frozen=True)
-class Status(Frame):
-    """Health of the node, every 100 ms or as Param.STATUS sets; at once after power-on, a timeout,
-    a bus-off and a Reset.
-
-    counter        0 .. 15, one more with each Status
-    state, errors  of the node now, and since the last Reset
-    lost, corrupt, out_of_step   frames since the last Reset, modulo 256
-    version_major, version_minor of the firmware, 0 .. 15
-    timeout        of the node in steps of 10 ms, rounded up; 255: so long or longer
-    """
-
-    counter: int
-    state: State
-    errors: Errors
-    lost: int
-    corrupt: int
-    out_of_step: int
-    version_major: int
-    version_minor: int
-    timeout: int
-
-    base = 0x120
-    _calls, _kind, _structure = "status", 0x5, "dahl_node_status_t"
-    _limits: ClassVar[dict[str, Any]] = {
-        "counter": NIBBLE,
-        "state": State,
-        "errors": Errors,
-        "lost": BYTE,
-        "corrupt": BYTE,
-        "out_of_step": BYTE,
-        "version_major": NIBBLE,
-        "version_minor": NIBBLE,
-        "timeout": BYTE,
-    }
-
-    @property
-    def timeout_s(self) -> float:
-        """The timeout in s."""
-        return self.timeout * TIMEOUT_UNIT
-
-
-_VALUED: dict[str, Any] = {"param": Param, "value": (0, UINT32_MAX), "counter": NIBBLE}
-
-
-class _Valued(Frame):
-    """A frame with a parameter's value."""
-
-    param: int
-    value: int
-
-    @property
-    def si(self) -> float:
-        """The value in the unit of its parameter: N m/rad, N m, rad per count, s, or a part."""
-        return self.value * UNITS.get(self.param, 1.0)
-
-
-@checks.calls_checked
-@dataclass(frozen=True)
-class ParamWrite(_Valued):
-    """Anybody to node: set or read one parameter.
-
-    param    which one
-    value    raw, 0 .. 2^32-1, in steps of UNITS[param]; of_si() takes it in SI units
-    write    READ, WRITE, or HOLD for the next WRITE
-    counter  0 .. 15; the reply repeats it
-    """
-
-    param: int
-    value: int = 0
-    write: Write = Write.READ
-    counter: int = 0
-
-    base = 0x130
-    _calls, _kind, _structure = "param_write", 0x6, "dahl_param_write_t"
-    _limits: ClassVar[dict[str, Any]] = _VALUED | {"write": Write}
-
-    @staticmethod
-    def of_si(
-        param: Param, value: float, write: Write = Write.WRITE, counter: int = 0
-    ) -> ParamWrite:
-        """A value in N m/rad, N m, rad per count, s, or a part, to the nearest step."""
-        known = _checked("param", param, Param)
-        unit = UNITS.get(known, 1.0)
-        steps = checks.finite("value", value, "the parameter's unit") / unit
-        shown = f"value = {value:g} of parameter {getattr(known, 'name', known)}"
-        if not 0 <= steps <= UINT32_MAX:
-            raise Error(f"{shown} is outside 0 .. {UINT32_MAX * unit:g}")
-        if known in OFF_AT_0 and steps and not round(steps):
-            raise Error(f"{shown} is less than half a step of {unit:g}: 0 would switch it off")
-        return ParamWrite(known, round(steps), write, counter)
-
-
-@checks.calls_checked
-@dataclass(frozen=True)
-class ParamReply(_Valued):
-    """The node's answer to a ParamWrite.
-
-    param    the same, or NONE where there is no such parameter; the value is then its number
-    value    raw, as it holds now, in steps of UNITS[param]
-    result   what became of it
-    counter  of the ParamWrite answered
-    """
-
-    param: int
-    value: int
-    result: Result = Result.DONE
-    counter: int = 0
-
-    base = 0x140
-    _calls, _kind, _structure = "param_reply", 0x9, "dahl_param_reply_t"
-    _limits: ClassVar[dict[str, Any]] = _VALUED | {"result": Result}
-
-
-@checks.calls_checked
-@dataclass(frozen=True)
-class Reset(Frame):
-    """Anybody to node: clear the errors, or start anew; answered by Status.
-
-    what     ERRORS or RESTART
-    counter  0 .. 15
-    """
-
-    what: What
-    counter: int = 0
-
-    base = 0x150
-    _calls, _kind, _structure = "reset", 0xA, "dahl_node_reset_t"
-    _limits: ClassVar[dict[str, Any]] = {"what": What, "counter": NIBBLE}
-
-
-KINDS: dict[int, type[Frame]] = {
-    kind.base: kind
-    for kind in (EncoderState, FrictionTorque, Status, ParamWrite, ParamReply, Reset)
-}
 
 
 @checks.names_checked
@@ -444,7 +152,8 @@ class RawFrame:
     def read(self, message: can.Message) -> None:
         """Copy a message of python-can: of CAN FD the first 8 bytes. Raises dahl.Error."""
         try:
-            identifier, data, length = message.arbitration_id, message.data, message.dlc
+            identifier, length = message.arbitration_id, message.dlc
+            data: bytes | bytearray = message.data
         except AttributeError:
             raise Error(f"message = {checks.shown(message)} is not a can.Message") from None
         if type(identifier) is not int or not 0 <= identifier <= EXTENDED_MAX:
