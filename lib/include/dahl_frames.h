@@ -39,11 +39,11 @@ extern "C" {
  *   LOST            some missing before it; used as for OK: the count is absolute
  *   WRONG_SEQUENCE  too many missing, out of order, or the third jump in a row: not integrated
  *   CRC             wrong CRC or form, not used
- *   STALE           nothing good for too long
- *   INIT            nothing good yet; the first good frame is the starting point
+ *   STALE           no good frame for too long
+ *   INIT            no good frame yet; the first one is the starting point
  *
  * Sigma0, Fc and ThetaPerCount have a range together (dahl_prepare). To change more than one, write all but the last with
- * HOLD and the last with WRITE: all become valid together, or none of them. A refused write drops those held before it.
+ * HOLD and the last with WRITE: all become valid together, or all are refused. A refused write drops those held before it.
  * A reply with PARAM_NONE has the unknown number as its value.
  */
 
@@ -119,10 +119,10 @@ typedef struct {
     uint8_t errors;        /* Sticky bits: 1 << State, FORMAT, INVALID, JUMP. */
     uint8_t lost;          /* Frames missing by the counter since the last Reset, modulo 256. */
     uint8_t corrupt;       /* Frames with wrong CRC or form since the last Reset, modulo 256. */
-    uint8_t out_of_step;   /* Repeated frames, wrong sequences, jumps, timeouts and bus-offs since the last Reset, modulo 256. */
+    uint8_t out_of_step;   /* Repeated frames, wrong sequences, jumps, timeouts, bus-offs since the last Reset, modulo 256. */
     uint8_t version_major; /* Version of the library, first number. */
     uint8_t version_minor; /* Version of the library, second number. */
-    uint8_t timeout;       /* In 10 ms. Silence after which the node is Stale, rounded up. */
+    uint8_t timeout;       /* In 10 ms. Silence that makes the node Stale, rounded up; the largest value also means longer. */
 } dahl_node_status_t;
 
 typedef struct {
@@ -135,8 +135,8 @@ typedef struct {
 typedef struct {
     uint32_t value;  /* Raw value of the parameter, in steps of its unit. */
     uint8_t counter; /* Counter of the ParamWrite answered. */
-    uint8_t param;   /* Number of the parameter. */
-    uint8_t result;  /* Result of the ParamWrite; any but Done changed nothing. */
+    uint8_t param;   /* Number of the parameter; None if no parameter has the number in Asked. */
+    uint8_t result;  /* Result of the ParamWrite; any but Done changes no value. */
 } dahl_param_reply_t;
 
 typedef struct {
@@ -157,7 +157,7 @@ enum {
 
 typedef enum {
     DAHL_FRAMES_GOOD = 0,
-    DAHL_FRAMES_BAD_FORMAT = -1, /* length, extended, remote, FD or error frame: nothing was read */
+    DAHL_FRAMES_BAD_FORMAT = -1, /* length, extended, remote, FD or error frame: not read */
     DAHL_FRAMES_BAD_CRC = -2
 } dahl_frames_check_t;
 

@@ -420,7 +420,7 @@ def _python_class(dbc: Database, name: str) -> str:
         line
         for one in fields
         for line in textwrap.wrap(
-            one.unit + one.comment,
+            one.unit + first_sentence(one.comment),
             100,
             initial_indent=f"    {one.name:{width}}",
             subsequent_indent=" " * (width + 4),

@@ -42,14 +42,14 @@ def run(
 
 
 def is_list(values: object) -> bool:
-    """True for a sequence of elements; a text and an array without dimensions are none."""
+    """True for a sequence, but not for a text or an array without dimensions."""
     if isinstance(values, np.ndarray):
         return values.ndim > 0
     return isinstance(values, Sequence) and not isinstance(values, (str, bytes))
 
 
 def is_iterable(values: object) -> bool:
-    """True for an iterable; a number and an array without dimensions are none."""
+    """True for an iterable, but not for an array without dimensions."""
     return isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0
 
 
@@ -75,7 +75,7 @@ def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
 
 
 def _array(name: str, values: ArrayLike) -> np.ndarray:
-    """The values as an array. Raises dahl.Error for masked values and for what is no array."""
+    """The values as an array. Raises dahl.Error for masked values and if it is no array."""
     many = values if isinstance(values, (list, tuple)) else [values]
     if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
         raise Error(

@@ -119,8 +119,8 @@ class Asymmetric(Bristle):
 class ElastoPlastic(Bristle):
     """Elasto-plastic friction (Dupont 2002; over space as in Hayward 2009;
     dahl_elastoplastic_plan_t), with its state, relaxed at first: a spring up to F = breakaway*Fc in
-    the direction of motion, which creeps by nothing however often it goes to and fro, and then
-    Dahl's curve, without a corner.
+    the direction of motion, without creep however often it goes to and fro, and then Dahl's curve,
+    without a corner.
 
     sigma0           N m/rad  stiffness of the spring, range as in Plan
     Fc               N m      Coulomb torque, range as in Plan

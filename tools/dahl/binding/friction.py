@@ -18,7 +18,7 @@ from dahl.binding.elements import RatioElement
 from dahl.binding.library import c
 from dahl.errors import Error
 
-STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w, what a step can leave
+STATE_MIN, STATE_MAX = -(2**62) - 2**31, 2**62 + 2**31 - 1  # of w after any step
 
 
 @checks.calls_checked
@@ -151,7 +151,7 @@ class Friction(RatioElement):
 
     def step(self, dtheta: float) -> float:
         """Move by dtheta rad; returns F in N m within 0.6 ulp of Fc. As in C, NaN is no motion and
-        an infinite angle saturates at +-Fc. Raises dahl.Error for what is no number.
+        an infinite angle saturates at +-Fc. Raises dahl.Error if dtheta is no number.
         """
         angle = checks.real("dtheta", dtheta, "an angle in rad")
         return float(c.dahl_step(self._plan._prepared, self._state._c, angle))
@@ -167,7 +167,7 @@ class Friction(RatioElement):
 
     def set_torque(self, F: float) -> None:  # noqa: N803 (the field's name)
         """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN changes nothing. Raises
-        dahl.Error for what is no number.
+        dahl.Error if F is no number.
         """
         torque = checks.real("F", F, "a torque in N m")
         c.dahl_set_torque(self._plan._prepared, self._state._c, torque)

@@ -81,8 +81,8 @@ class Loaded(Copied):
 
     def step(self, dtheta: float, load: float) -> float:
         """Apply the load, then move by dtheta rad, with fixed_stiffness; returns F in N m. As in C,
-        NaN is no motion and an infinite angle saturates at +-load*Fc. Raises dahl.Error for what is
-        no number, for a load outside 0 <= load < 2, and without fixed_stiffness.
+        NaN is no motion and an infinite angle saturates at +-load*Fc. Raises dahl.Error if dtheta
+        is no number, for a load outside 0 <= load < 2, and without fixed_stiffness.
         """
         self._need_rule(True, "step")
         angle = checks.real("dtheta", dtheta, "an angle in rad")

@@ -114,8 +114,8 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
 
 
 def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
-    """A header of a plan for dahl_loaded_step_counts() with what makes its load_q30 out of a load
-    as it is measured: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
+    """A header of a plan for dahl_loaded_step_counts() with a function for its load_q30 from a
+    measured load: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
     """
     header = header.replace('#include "dahl.h"', '#include "dahl_parts.h"')
     end = header.rindex("#endif /* ")

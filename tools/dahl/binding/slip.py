@@ -144,8 +144,8 @@ class Parallel(RatioElement):
     with a state of its own, which moves with this. The sum in N m is rounded once, within 0.55 ulp
     of the sum of all Fc.
 
-    Equal if all parts are; picklable; a copy has parts of its own. Raises dahl.Error for what is no
-    part, for a part that is given twice, and for a Friction without theta_per_count.
+    Equal if all parts are; picklable; a copy has parts of its own. Raises dahl.Error for anything
+    else, for a part that is given twice, and for a Friction without theta_per_count.
 
     >>> bearing = dahl.Friction(dahl.Plan(100.0, 0.5, 1e-3))
     >>> dahl.Parallel(bearing, dahl.Slip([20.0], [1.0], 1e-3)).step_counts(10**6)

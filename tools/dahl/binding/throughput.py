@@ -26,9 +26,9 @@ class Throughput(parameters.Counts):
     in rad), for logs of millions of ticks.
 
     The same model, parameters and limits as Plan and the same 0.52 ulp of Fc, but not the
-    same bits: computed in double, in vectors, 3 to 10 times as fast as Friction.run_counts. Nothing
-    is prepared, so new parameters for every call cost nothing. Immutable, comparable, picklable.
-    Raises dahl.Error naming the parameter, its value and its limit.
+    same bits: computed in double, in vectors, 3 to 10 times as fast as Friction.run_counts. New
+    parameters for every call are free: it prepares no plan. Immutable, comparable, picklable.
+    Raises dahl.Error with the parameter, its value and its limit.
 
     >>> dahl.Throughput(100.0, 0.5, 2 * 3.14159265 / 16384).run_counts([3])
     array([0.10277178], dtype=float32)
@@ -183,7 +183,7 @@ class ThroughputSlip(SlipParameters, _Fast):
     """Parameters of slip elements in double, for logs of millions of ticks
     (dahl_throughput_element_t): the model, units and limits of Slip, in vectors, about 5 times as
     fast as Slip.run_counts. Torques in N m are within 0.5001 ulp of the sum of Fc, without end; not
-    the bits of Slip. Nothing is prepared, nothing is kept from call to call. Equal if parameters
+    the bits of Slip. It prepares no plan and keeps no state. Equal if parameters
     are; picklable. Raises dahl.Error as Slip does.
 
     >>> dahl.ThroughputSlip([100.0, 50.0], [0.5, 1.0], 1e-3).run_counts([10, 10])
@@ -196,7 +196,7 @@ class ThroughputSlip(SlipParameters, _Fast):
         Fc: Sequence[float],  # noqa: N803 (the field's name)
         theta_per_count: float,
     ) -> None:
-        Slip(sigma0, Fc, theta_per_count)  # says what is wrong
+        Slip(sigma0, Fc, theta_per_count)  # raises the errors
         self._sigma0 = tuple(float(value) for value in sigma0)
         self._Fc = tuple(float(value) for value in Fc)
         self._theta_per_count = float(theta_per_count)
@@ -224,7 +224,7 @@ class ThroughputParallel(_Fast):
     """Elements on one shaft, whose torques in N m add, in double, for long logs
     (dahl_throughput_element_t): any mix of Throughput and ThroughputSlip. Within 0.52 ulp of the
     sum of all Fc, without end; not the bits of Parallel, 5 to 8 times as fast. Equal if all
-    parts are; picklable. Raises dahl.Error for what is no part, and for a Throughput without
+    parts are; picklable. Raises dahl.Error for anything else, and for a Throughput without
     theta_per_count.
 
     >>> bearing, seal = dahl.Throughput(100, 0.5, 1e-3), dahl.ThroughputSlip([20], [1], 1e-3)
@@ -235,8 +235,8 @@ class ThroughputParallel(_Fast):
     def __init__(self, *parts: Throughput | ThroughputSlip) -> None:
         for k, part in enumerate(parts):
             if not isinstance(part, (Throughput, ThroughputSlip)):
-                what = f"parts[{k}] = {checks.shown(part)}"
-                raise Error(f"{what} is neither a Throughput nor a ThroughputSlip")
+                shown = f"parts[{k}] = {checks.shown(part)}"
+                raise Error(f"{shown} is neither a Throughput nor a ThroughputSlip")
             if isinstance(part, Throughput):
                 part._need_counts()
         self._parts = parts

@@ -70,8 +70,8 @@ class VelocityTable(Copied):
         return self._segment_bits
 
     def step_counts(self, dcounts: int) -> float:
-        """The torque in N m of a tick that moves by dcounts, a whole number within int32. Nothing
-        is kept. Raises dahl.Error for any other dcounts.
+        """The torque in N m of a tick that moves by dcounts, a whole number within int32. It has no
+        state. Raises dahl.Error for any other dcounts.
         """
         return float(c.dahl_velocity_torque(self._prepared, checks.counts(dcounts)))
 

@@ -116,7 +116,7 @@ def unpack(message: can.Message, kind: type[F]) -> F: ...
 @checks.names_checked
 def unpack(message: can.Message, kind: type[Frame] = Frame) -> Frame:
     """The frame in a message of python-can, whose node is arbitration_id & 15. Raises dahl.Error
-    unless it is a whole one, and of this kind where one is given, such as FrictionTorque.
+    unless it is a whole one, and of this kind if one is given, such as FrictionTorque.
     """
     raw = RawFrame()
     raw.read(message)
@@ -202,7 +202,7 @@ def _named(identifier: int) -> str:
 
 def _packed(frame: Frame, node: int) -> RawFrame:
     if not isinstance(frame, Frame):
-        raise Error(f"frame = {checks.shown(frame)} is none of a node's frames")
+        raise Error(f"frame = {checks.shown(frame)} is no frame of a node")
     values = {name: int(getattr(frame, name)) for name in frame._limits}
     raw, call = RawFrame(), f"dahl_frames_pack_{frame._calls}"
     getattr(c, call)(raw.c, node, c.new(f"{frame._structure} *", values))

@@ -13,7 +13,7 @@ ONE_Q30 = 2**30
 
 
 class Frame:
-    """What all frames have in common. Immutable, comparable, picklable."""
+    """Base of all frames. Immutable, comparable, picklable."""
 
     base: ClassVar[int]  # id of node 0
     _calls: ClassVar[str]  # dahl_frames_pack_.., dahl_frames_unpack_..

@@ -99,8 +99,7 @@ UNITS: dict[int, float] = {  # of one raw step
 class EncoderState(Frame):
     """Absolute encoder count, every 1 ms.
 
-    count    Absolute position in counts, wraps at 32 bits. A lost frame costs nothing unless it hid
-             a reversal.
+    count    Absolute position in counts, wraps at 32 bits.
     counter  Increases by 1 with each frame, 15 is followed by 0.
     valid    0: the encoder does not stand by this count; the node does not use it.
     """
@@ -125,11 +124,9 @@ class FrictionTorque(TorqueFrame):
     """Answer to each EncoderState that the node accepted, sent on its reception.
 
     torque_q30  In 2^-30. Friction torque as a part of the Coulomb torque, with the sign of the
-                motion. F [N m] = TorqueRatio * Fc, times Gain and clamped to Limit. The raw value
-                is Q30, which keeps 0.01 ulp of Fc for every Fc; no fixed scaling in N m does.
+                motion.
     counter     Increases by 1 with each frame, 15 is followed by 0.
-    state       State of the receiver after the frame that it answers. Init, Stale and
-                WrongSequence: the count is a new starting point and no travel was integrated.
+    state       State of the receiver after the frame that it answers.
     echo        Counter of the EncoderState answered: latency, loss and order can be read from a log
                 alone.
     """
@@ -161,12 +158,12 @@ class Status(StatusFrame):
     errors         Sticky bits: 1 << State, FORMAT, INVALID, JUMP.
     lost           Frames missing by the counter since the last Reset, modulo 256.
     corrupt        Frames with wrong CRC or form since the last Reset, modulo 256.
-    out_of_step    Repeated frames, wrong sequences, jumps, timeouts and bus-offs since the last
-                   Reset, modulo 256.
+    out_of_step    Repeated frames, wrong sequences, jumps, timeouts, bus-offs since the last Reset,
+                   modulo 256.
     version_major  Version of the library, first number.
     version_minor  Version of the library, second number.
-    timeout        In 10 ms. Silence after which the node is Stale, rounded up. The largest value
-                   also means longer. Parameter Timeout has it to the ms.
+    timeout        In 10 ms. Silence that makes the node Stale, rounded up; the largest value also
+                   means longer.
     """
 
     counter: int
@@ -203,9 +200,7 @@ class ParamWrite(ParamWriteFrame):
 
     param    Number of the parameter.
     value    Raw value of the parameter, in steps of its unit.
-    write    Read, Write or Hold. Read: only answer. Write: it holds from now on. Hold, for Sigma0,
-             Fc and ThetaPerCount: it is kept, and holds together with the next of them that is
-             written; what is refused takes all that is kept with it.
+    write    Read, Write or Hold.
     counter  Any value; the answer repeats it.
     """
 
@@ -231,10 +226,9 @@ class ParamWrite(ParamWriteFrame):
 class ParamReply(ParamFrame):
     """Answer to each ParamWrite: the value that holds now.
 
-    param    Number of the parameter. None, with Result Unknown: there is none of the number in
-             Asked.
+    param    Number of the parameter; None if no parameter has the number in Asked.
     value    Raw value of the parameter, in steps of its unit.
-    result   Result of the ParamWrite; any but Done changed nothing.
+    result   Result of the ParamWrite; any but Done changes no value.
     counter  Counter of the ParamWrite answered.
     """
 
@@ -260,8 +254,7 @@ class ParamReply(ParamFrame):
 class Reset(Frame):
     """Clears the errors, or restarts the node; answered by Status.
 
-    what     Extent of the reset. Errors: the sticky errors and counts of Status are cleared.
-             Restart: as after power-on, relaxed, but for the parameters, which are kept.
+    what     Extent of the reset.
     counter  Any value.
     """
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The friction node in Python: lib/node as a firmware links it, on any bus that python-can opens.
+"""The friction node in Python: the node of the firmware, on any bus that python-can opens.
 
-Node decides, bit for bit as the firmware does, and has no bus and no clock. run() serves nodes on a
-bus until it is stopped, Listener does so in a can.Notifier, serve() in asyncio; ask() and
-expect_silence() are the other end.
+Node answers frames with the same bits as the firmware. It has no bus and no clock. run() serves
+nodes on a bus, Listener does so in a can.Notifier, serve() in asyncio. ask() and expect_silence()
+test a node from the other end of the bus.
 
 >>> import dahl
 >>> from dahl import codec
@@ -44,19 +44,19 @@ if TYPE_CHECKING:
 
 __all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
-PERIOD = 0.005  # s at most from one look at the clock to the next
+PERIOD = 0.005  # s at most between two calls of tick()
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
 BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
 LONG = 60.0  # s, the longest time that a parameter on the bus can hold
-LEAP = 1000.0  # s without a call: longer than any timeout, shorter than what 32 bits of us tell
+LEAP = 1000.0  # s without a call: longer than any timeout, shorter than 2^31 us
 
 Model: TypeAlias = Plan | Slip | Parallel | Asymmetric | ElastoPlastic | Loaded
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Frames by what became of them, since the node was made; lost ones never came in time."""
+    """Frames since the node was made, by their treatment; a lost frame did not come in time."""
 
     ok: int
     repeated: int
@@ -79,24 +79,23 @@ COUNTS = tuple(Counts.__dataclass_fields__)
 
 @checks.calls_checked
 class Node(Copied):
-    """A friction node (dahl_node_t): frames in, frames out, relaxed and unaware at first.
+    """A friction node (dahl_node_t): frames in, frames out, relaxed at first.
 
-    friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded, of which the
-                   parameters are taken: the node has a state of its own. Parameter Load tells the
-                   load of a Loaded, 0 .. 1; 1 at first
+    friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded; the node copies
+                   its parameters, not its state. Parameter Load sets the load of a Loaded, 0 .. 1;
+                   1 at first
     number         0 .. 15, the low 4 bits of its ids
     gain           part of the torque that is answered, 0 .. 1
     limit          part of Fc that the answer is clamped to, 0 .. 1
     ramp           s that the gain needs from 0 to 1, 0 .. 60
     timeout        s without a good EncoderState after which it is stale, 0.001 .. 60
-    max_step       counts per ms; what is faster is not believed. 0: no limit known
+    max_step       counts per ms; a faster count is a jump. 0: no limit
     status_period  s from one Status to the next, 0 .. 60; 0: only after an event
 
-    Like the C, it has no clock: `now` is the caller's, in s, on any clock; a call without it is
-    at the last `now` that was given, 0 at first. Every frame is welcome, whatever it is; what
-    becomes of it is one table in docs/loop.md. Comparable, picklable; a copy goes its own way. One
-    thread at a time. About 10 us a frame. Raises dahl.Error naming the argument, its value and its
-    limit.
+    It has no clock: the caller gives `now` in s, on any clock. A call without it uses the last
+    `now`, 0 at first. It accepts any frame; a table in docs/loop.md has the treatment of each.
+    Comparable, picklable; a copy has a state of its own. One thread at a time. About 2 us a frame.
+    Raises dahl.Error with the argument, its value and its limit.
     """
 
     _derived_fields = frozenset({"_node", "_kept", "_in", "_out"})
@@ -143,7 +142,7 @@ class Node(Copied):
 
     @property
     def friction(self) -> Model:
-        """What it was made of; a ParamWrite may have changed the node since."""
+        """The model given; a ParamWrite may have changed the node since."""
         return self._friction
 
     @property
@@ -153,7 +152,7 @@ class Node(Copied):
 
     @property
     def state(self) -> codec.State:
-        """What it thinks of its input."""
+        """State of the receiver."""
         return codec.State(self._node.state)
 
     @property
@@ -163,27 +162,25 @@ class Node(Copied):
 
     @property
     def counts(self) -> Counts:
-        """Frames by what became of them."""
+        """Frames by their treatment."""
         return Counts(*(getattr(self._node.counts, name) for name in COUNTS))
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
-        """Take one frame, any frame; returns the answer to send at once, None where there is none:
-        to the counts of an EncoderState a FrictionTorque, to a ParamWrite a ParamReply, to a Reset
-        a Status. `now` in s. Raises dahl.Error for what is no can.Message, and for a `now` that is
-        no finite number.
+        """Process one frame of any kind. Returns the answer to send at once, if there is one: a
+        FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset. `now`
+        in s. Raises dahl.Error if message is no can.Message or `now` is no finite number.
         """
         moment = self._us if now is None else self._at(now)
         self._in.read(message)
         if message.is_error_frame and not self._in.c.id & BUS_OFF:
-            return None  # an event of the controller that says nothing of the encoder
+            return None  # an event of the controller that does not concern the encoder
         if c.dahl_node_receive(self._node, self._in.c, moment, self._out.c):
             return self._out.message()
         return None
 
     def tick(self, now: float | None = None) -> can.Message | None:
-        """Look at the clock, every few ms; returns a Status, with its counts of frames, to send,
-        None where none is due. The first call gives one at once. `now` in s. Raises dahl.Error for
-        a `now` that is no finite number.
+        """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
+        call returns one at once. `now` in s. Raises dahl.Error if `now` is no finite number.
         """
         moment = self._us if now is None else self._at(now)
         return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
@@ -325,9 +322,7 @@ def _use_of(friction: object) -> Callable[[Any], Use] | None:
 
 @dataclass
 class Traffic:
-    """What a served bus has seen: frames that came, answers and Status frames that went, and those
-    of them that the bus did not take.
-    """
+    """Frames of a served bus: received; answers and Status frames sent; refused by the bus."""
 
     received: int = 0
     sent: int = 0
@@ -335,8 +330,8 @@ class Traffic:
 
 
 class Listener:
-    """Nodes on a bus, for a can.Notifier: it hands over the frames, their clock is a thread of its
-    own until stop(), which the Notifier calls. A can.Listener. `traffic` counts.
+    """Nodes on a bus, as a can.Listener for a can.Notifier. A thread calls tick() until stop(),
+    which the Notifier calls. `traffic` counts frames.
 
         notifier = can.Notifier(bus, [Listener(bus, node)])
     """
@@ -350,7 +345,7 @@ class Listener:
 
     @property
     def traffic(self) -> Traffic:
-        """What has come and gone so far."""
+        """Frames so far."""
         return self._link.traffic
 
     def on_message_received(self, msg: can.Message) -> None:
@@ -383,8 +378,9 @@ def run(
     seconds: float | None = None,
     ended: Callable[[], bool] = lambda: False,
 ) -> Traffic:
-    """Serve nodes on a bus until `ended()`, asked every few ms, or for `seconds`; without either
-    for ever. Returns what came and went. Raises dahl.RunError where the bus goes away.
+    """Serve nodes on a bus until `ended()` is true, which is checked every few ms, or for
+    `seconds`; without either for ever. Returns the counts of frames. Raises dahl.RunError if the
+    bus fails.
     """
     _checked_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
@@ -401,11 +397,11 @@ def run(
 
 async def serve(bus: can.BusABC, *nodes: Node) -> None:
     """Serve nodes on a bus within asyncio, until the task is cancelled; run() does it in a thread.
-    Raises dahl.RunError where the bus goes away. Nobody else receives from this bus; where it has a
-    can.Notifier, give that a Listener.
+    Raises dahl.RunError if the bus fails. No other code may receive from this bus; if it has a
+    can.Notifier, use a Listener.
     """
     ended = threading.Event()
-    thread = ThreadPoolExecutor(1)  # its own: asyncio's are few, and the caller's
+    thread = ThreadPoolExecutor(1)  # the threads of asyncio are few, and belong to the caller
     work = functools.partial(run, bus, *nodes, ended=ended.is_set)
     served = asyncio.get_running_loop().run_in_executor(thread, work)
     try:
@@ -438,11 +434,11 @@ def ask(
 ) -> codec.Status: ...
 @checks.names_checked
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
-    """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
-    EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
-    bus are dropped first, and others than the answer are passed over. Raises dahl.Timeout if none
-    comes within `timeout` s, with the state that the node reports, such as STALE after a pause:
-    then send a Reset(What.RESTART) first. Raises dahl.RunError if the bus does not take the frame.
+    """Send a frame to a node and return its answer: FrictionTorque to an EncoderState, ParamReply
+    to a ParamWrite, the next Status to a Reset. Frames that wait on the bus are dropped first.
+    Raises dahl.Timeout if no answer comes within `timeout` s, with the state that the node reports.
+    If that is STALE, send a Reset(What.RESTART) first. Raises dahl.RunError if the bus refuses the
+    frame.
     """
     kind = ASKED.get(type(frame))
     if kind is None:
@@ -453,11 +449,11 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     _drop_waiting(bus, until)
     _send(bus, codec.pack(frame, node), frame)
     while (left := until - time.monotonic()) > 0:
-        told = receive(bus, left)
-        answer = _answer_in(told, kind.base + node)
+        message = receive(bus, left)
+        answer = _answer_in(message, kind.base + node)
         if isinstance(answer, kind) and _answers(answer, frame):
             return answer
-        if status := _answer_in(told, codec.Status.base + node):
+        if status := _answer_in(message, codec.Status.base + node):
             why = _why_silent(status, frame)
     raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
@@ -478,7 +474,7 @@ def expect_silence(
     seconds, node = _within("seconds", seconds, 0, LONG, "s"), codec.number_of(node)
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
-        codec.RawFrame().read(message)  # refuses what is no can.Message
+        codec.RawFrame().read(message)  # raises dahl.Error if it is no can.Message
     _drop_waiting(bus, time.monotonic() + seconds)
     begin = time.monotonic()
     if message is not None:
@@ -512,7 +508,7 @@ ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
 
 
 def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | None:
-    """The frame in a message of this id; None where it is none or not whole."""
+    """The frame in a message, if it has this id and is whole."""
     if message is None or message.arbitration_id != identifier:
         return None
     try:
@@ -522,7 +518,7 @@ def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | No
 
 
 def _why_silent(status: codec.Frame, frame: codec.Frame) -> str:
-    """What a Status says of a node that did not answer, and what it waits for; else nothing."""
+    """Explain from its Status why a node did not answer, if that shows it."""
     if not isinstance(status, codec.Status) or status.state == codec.State.OK:
         return ""
     said = f"; its Status says {status.state.name}"
@@ -534,7 +530,7 @@ def _why_silent(status: codec.Frame, frame: codec.Frame) -> str:
 
 
 def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
-    """Whether it repeats the counter, and the parameter, of what was asked; Status has none."""
+    """True if it repeats the counter, and the parameter, of the question. Status has neither."""
     if isinstance(answer, codec.FrictionTorque) and isinstance(frame, codec.EncoderState):
         return answer.echo == frame.counter
     if isinstance(answer, codec.ParamReply) and isinstance(frame, codec.ParamWrite):
@@ -574,7 +570,7 @@ class _Link:
                 self._send(node.tick(time.monotonic()))
 
     def _is_for(self, node: Node, message: can.Message) -> bool:
-        """Not what nodes themselves have sent; of several nodes each sees what has its number."""
+        """False for frames that nodes sent. Of several nodes each gets frames of its number."""
         if message.is_error_frame:
             return True
         own = not message.is_rx and message.arbitration_id & ~15 in ANSWERS
@@ -586,5 +582,5 @@ class _Link:
         try:
             self._bus.send(message)
             self.traffic.sent += 1
-        except self._refusals:  # its queue is full, or it has gone: who receives will know
+        except self._refusals:  # its queue is full, or it is gone: the next receive() reports that
             self.traffic.refused += 1
