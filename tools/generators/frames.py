@@ -4,13 +4,13 @@
 
 Usage: frames.py     (in build/venv; a test compares its output with the committed files)
 
-    lib/include/dahl_frames.h   ids, numbers and structures, between two marks
     lib/node/frames.c           packing and unpacking, between two marks
     tools/dahl/can/frames.py    the whole file
     docs/loop.md                the table of frames, between two marks
 
-Ids, bits, ranges, units, numbers and comments come from the DBC. The tables below hold only the
-names that C and Python use.
+lib/include/dahl_frames.h is written by hand, for its comments. Each declaration that differs from
+the DBC is printed, and the same test fails. Ids, bits, ranges, units, numbers and comments come
+from the DBC; the tables below hold only the names that C and Python use.
 """
 
 from __future__ import annotations
@@ -26,12 +26,6 @@ from cantools.database.can import Message, Signal
 
 ROOT = Path(__file__).resolve().parents[2]
 BEGIN, END = "from dahl.dbc by tools/generators/frames.py: begin", "from dahl.dbc: end"
-
-C_COLUMNS = 128  # .clang-format
-KINDS_COMMENT = (
-    "/* High half of the data ids; any two differ in at least 2 bits: a frame of one kind passes"
-    " for no other. */\n"
-)
 
 FIELDS = {"EchoCounter": "echo", "TorqueRatio": "torque_q30"}  # else the name in snake case
 NUMBERS = {"ThetaPerCount": "THETA", "MaxStep": "STEP", "StatusPeriod": "STATUS"}
@@ -206,30 +200,36 @@ class Database:
 # --- C --------------------------------------------------------------------------------------------
 
 
-def header(dbc: Database) -> str:
-    blocks = [
-        "\n".join(
-            f"#define DAHL_FRAMES_ID_{names.call.upper()} 0x{dbc.messages[name].frame_id:X}u"
-            for name, names in FRAMES.items()
-        ),
-        f"#define DAHL_FRAMES_TIMEOUT_US {round(dbc.timeout.scale * 1000)}u"
-        " /* one step of the timeout in Status */",
-        KINDS_COMMENT
-        + c_enum(
-            {f"KIND_{FRAMES[n].call.upper()}": f"0x{data_id(m):X}" for n, m in dbc.messages.items()}
-        ),
+def declarations(dbc: Database) -> list[str]:
+    """The declarations of dahl_frames.h that follow from the DBC."""
+    calls = {name: names.call.upper() for name, names in FRAMES.items()}
+    messages = dbc.messages.items()
+    own_errors = {f"ERROR_{name}": f"1u << {dbc.errors[name]}" for name in OWN_ERRORS}
+    return [
+        *(f"#define DAHL_FRAMES_ID_{calls[n]} 0x{m.frame_id:X}u" for n, m in messages),
+        f"#define DAHL_FRAMES_TIMEOUT_US {round(dbc.timeout.scale * 1000)}u",
+        c_enum({f"KIND_{calls[n]}": f"0x{data_id(m):X}" for n, m in messages}),
         *(_c_enum_of(dbc, signal) for signal in ENUMS),
-        c_enum({f"ERROR_{name}": f"1u << {dbc.errors[name]}" for name in OWN_ERRORS}),
+        c_enum(own_errors),
         *(c_structure(name, dbc.fields[name]) for name in FRAMES),
     ]
-    return "\n\n".join(blocks)
+
+
+def missing_in_header() -> list[str]:
+    """The declarations that dahl_frames.h lacks, comments and spaces aside."""
+    text = (ROOT / "lib" / "include" / "dahl_frames.h").read_text(encoding="utf-8")
+    code = _condensed(re.sub(r"/\*.*?\*/", "", text, flags=re.S))
+    return [one for one in declarations(Database()) if _condensed(one) not in code]
+
+
+def _condensed(code: str) -> str:
+    return " ".join(code.split())
 
 
 def _c_enum_of(dbc: Database, signal: str) -> str:
     _, _, prefix, type_name = ENUMS[signal]
-    units = {f"PARAM_{name}": unit_comment(one) for name, one in dbc.parameters.items()}
     numbers = {f"{prefix}{name}": str(number) for name, number in dbc.numbers[signal].items()}
-    return c_enum(numbers, type_name, {k: text for k, text in units.items() if k in numbers})
+    return c_enum(numbers, type_name)
 
 
 def step_text(signal: Signal) -> str:
@@ -240,42 +240,18 @@ def step_text(signal: Signal) -> str:
     return f"{'' if scale == 1 else step} {str(signal.unit or '').replace('.', ' ')}".strip()
 
 
-def unit_comment(signal: Signal) -> str:
-    """Unit and range of a parameter's raw value."""
-    unit = step_text(signal)
-    least, most = raw_range(signal)
-    return f"{unit + '; ' if unit else ''}{least} .. {most}"
-
-
-def c_enum(
-    numbers: dict[str, str], type_name: str = "", comments: dict[str, str] | None = None
-) -> str:
-    comments = comments or {}
-    lines = [f"    DAHL_FRAMES_{name} = {number}," for name, number in numbers.items()]
-    lines[-1] = lines[-1].removesuffix(",")
-    width = max(map(len, lines))
-    lines = [
-        f"{line:{width}} /* {comments[name]} */" if name in comments else line
-        for line, name in zip(lines, numbers, strict=True)
-    ]
-    one_line = "enum { " + ", ".join(f"DAHL_FRAMES_{k} = {n}" for k, n in numbers.items()) + " };"
-    if not type_name and not comments and len(one_line) <= C_COLUMNS:
-        return one_line
+def c_enum(numbers: dict[str, str], type_name: str = "") -> str:
+    lines = ",\n".join(f"    DAHL_FRAMES_{name} = {number}" for name, number in numbers.items())
     begin, end = ("typedef enum {", f"}} {type_name};") if type_name else ("enum {", "};")
-    return "\n".join([begin, *lines, end])
+    return f"{begin}\n{lines}\n{end}"
 
 
 def c_structure(name: str, fields: list[Field]) -> str:
     names = FRAMES[name]
     by_name = {one.name: one for one in fields}
-    ordered = [by_name[field] for field in names.c_order or names.fields]
-    lines = [f"    {one.c_type} {one.name};" for one in ordered]
-    width = max(map(len, lines))
-    commented = (
-        f"{line:{width}} /* {one.unit}{first_sentence(one.comment)} */"
-        for line, one in zip(lines, ordered, strict=True)
-    )
-    return "\n".join(["typedef struct {", *commented, f"}} {names.structure};"])
+    ordered = (by_name[field] for field in names.c_order or names.fields)
+    lines = "\n".join(f"    {one.c_type} {one.name};" for one in ordered)
+    return f"typedef struct {{\n{lines}\n}} {names.structure};"
 
 
 def packing(dbc: Database) -> str:
@@ -481,7 +457,7 @@ def _python_limit(field: Field) -> str:
 
 
 def table(dbc: Database) -> str:
-    lines = ["| frame | id | sent | purpose | signals |", "|---|---|---|---|---|"]
+    lines = ["| frame | id | sent | purpose | fields |", "|---|---|---|---|---|"]
     for name, message in dbc.messages.items():
         sent = f"every {message.cycle_time} ms" if message.send_type == "Cyclic" else ""
         sent = (
@@ -508,10 +484,9 @@ def between_marks(path: Path, text: str) -> str:
 
 def generated() -> dict[Path, str]:
     """Text of each file that derives from the DBC."""
-    dbc, lib = Database(), ROOT / "lib"
+    dbc = Database()
     parts = {
-        lib / "include" / "dahl_frames.h": header(dbc),
-        lib / "node" / "frames.c": packing(dbc),
+        ROOT / "lib" / "node" / "frames.c": packing(dbc),
         ROOT / "docs" / "loop.md": table(dbc),
     }
     whole = {path: between_marks(path, text) for path, text in parts.items()}
@@ -521,3 +496,5 @@ def generated() -> dict[Path, str]:
 if __name__ == "__main__":
     for path, text in generated().items():
         path.write_text(text, encoding="utf-8")
+    for declaration in missing_in_header():
+        print(f"dahl_frames.h lacks:\n{declaration}\n")

@@ -101,7 +101,7 @@ class EncoderState(Frame):
 
     count    Absolute position in counts, wraps at 32 bits.
     counter  Increases by 1 with each frame, 15 is followed by 0.
-    valid    0: the encoder does not stand by this count; the node does not use it.
+    valid    0: the encoder marks this count as invalid; the node does not use it.
     """
 
     count: int
@@ -123,12 +123,11 @@ class EncoderState(Frame):
 class FrictionTorque(TorqueFrame):
     """Answer to each EncoderState that the node accepted, sent on its reception.
 
-    torque_q30  In 2^-30. Friction torque as a part of the Coulomb torque, with the sign of the
-                motion.
+    torque_q30  In 2^-30. Friction torque with the sign of the motion, as a fraction of the Coulomb
+                torque: F [N m] = TorqueRatio * Fc, times Gain and clamped to Limit.
     counter     Increases by 1 with each frame, 15 is followed by 0.
-    state       State of the receiver after the frame that it answers.
-    echo        Counter of the EncoderState answered: latency, loss and order can be read from a log
-                alone.
+    state       State of the node for the frame that it answers.
+    echo        Counter of the EncoderState that it answers.
     """
 
     torque_q30: int
@@ -154,16 +153,16 @@ class Status(StatusFrame):
     a Reset.
 
     counter        Increases by 1 with each frame, 15 is followed by 0.
-    state          State of the receiver now.
+    state          Present state of the input.
     errors         Sticky bits: 1 << State, FORMAT, INVALID, JUMP.
     lost           Frames missing by the counter since the last Reset, modulo 256.
     corrupt        Frames with wrong CRC or form since the last Reset, modulo 256.
-    out_of_step    Repeated frames, wrong sequences, jumps, timeouts, bus-offs since the last Reset,
-                   modulo 256.
+    out_of_step    Frames repeated, out of sequence or too far away, timeouts and bus-offs since the
+                   last Reset, modulo 256.
     version_major  Version of the library, first number.
     version_minor  Version of the library, second number.
-    timeout        In 10 ms. Silence that makes the node Stale, rounded up; the largest value also
-                   means longer.
+    timeout        In 10 ms. Timeout after which the node is Stale, rounded up; 2550: this or
+                   longer.
     """
 
     counter: int
@@ -196,11 +195,11 @@ class Status(StatusFrame):
 @checks.calls_checked
 @dataclass(frozen=True)
 class ParamWrite(ParamWriteFrame):
-    """Sets or reads one parameter; answered by ParamReply, applied between two ticks.
+    """Sets or reads one parameter, selected by Param.
 
     param    Number of the parameter.
     value    Raw value of the parameter, in steps of its unit.
-    write    Read, Write or Hold.
+    write    Read: answer only.
     counter  Any value; the answer repeats it.
     """
 
@@ -224,12 +223,12 @@ class ParamWrite(ParamWriteFrame):
 @checks.calls_checked
 @dataclass(frozen=True)
 class ParamReply(ParamFrame):
-    """Answer to each ParamWrite: the value that holds now.
+    """Answer to each ParamWrite: the present value.
 
-    param    Number of the parameter; None if no parameter has the number in Asked.
+    param    Number of the parameter.
     value    Raw value of the parameter, in steps of its unit.
-    result   Result of the ParamWrite; any but Done changes no value.
-    counter  Counter of the ParamWrite answered.
+    result   Result of the ParamWrite.
+    counter  Counter of the ParamWrite that it answers.
     """
 
     param: int
@@ -252,9 +251,9 @@ class ParamReply(ParamFrame):
 @checks.calls_checked
 @dataclass(frozen=True)
 class Reset(Frame):
-    """Clears the errors, or restarts the node; answered by Status.
+    """Answered by Status.
 
-    what     Extent of the reset.
+    what     Errors: clear the sticky errors and counts of Status.
     counter  Any value.
     """
 
