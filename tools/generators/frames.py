@@ -391,52 +391,58 @@ def _python_class(dbc: Database, name: str) -> str:
     names, message = FRAMES[name], dbc.messages[name]
     by_name = {one.name: one for one in dbc.fields[name]}
     fields = [by_name[field] for field in names.fields]
-    width = max(map(len, by_name)) + 2
-    documented = [
-        line
-        for one in fields
-        for line in textwrap.wrap(
-            one.unit + first_sentence(one.comment),
-            100,
-            initial_indent=f"    {one.name:{width}}",
-            subsequent_indent=" " * (width + 4),
-        )
-    ]
     defaults = (f" = {default}" if default else "" for default in names.fields.values())
     typed = (
         f"    {one.name}: {_python_type(one)}{default}"
         for one, default in zip(fields, defaults, strict=True)
     )
-    limits = (f'        "{one.name}": {_python_limit(one)},' for one in fields)
-    constants = [
-        f"    base = 0x{message.frame_id:X}",
-        f'    _calls, _structure = "{names.call}", "{names.structure}"',
-        f"    _kind = 0x{data_id(message):X}",
-        "    _limits: ClassVar[dict[str, Any]] = {",
-        *limits,
-        "    }",
-    ]
-    if "param" in by_name:
-        constants.append("    _units, _off_at_0 = UNITS, OFF_AT_0")
-    if name == "Status":
-        constants.append(f"    _timeout_unit = {dbc.timeout.scale / 1000!r}  # s")
+    opening = f'    """{first_sentence(message.comment)}'
     return "\n".join(
         [
             "@checks.calls_checked",
             "@dataclass(frozen=True)",
             f"class {name}({names.base}):",
-            *textwrap.wrap(
-                f'    """{first_sentence(message.comment)}', 100, subsequent_indent="    "
-            ),
+            *textwrap.wrap(opening, 100, subsequent_indent="    "),
             "",
-            *documented,
+            *_documented(fields),
             '    """',
             "",
             *typed,
             "",
-            *constants,
+            *_constants(dbc, name, fields),
         ]
     )
+
+
+def _documented(fields: list[Field]) -> list[str]:
+    width = max(len(one.name) for one in fields) + 2
+    indent = " " * (width + 4)
+    return [
+        line
+        for one in fields
+        for line in textwrap.wrap(
+            f"    {one.name:{width}}{one.unit}{first_sentence(one.comment)}",
+            100,
+            subsequent_indent=indent,
+        )
+    ]
+
+
+def _constants(dbc: Database, name: str, fields: list[Field]) -> list[str]:
+    names, message = FRAMES[name], dbc.messages[name]
+    lines = [
+        f"    base = 0x{message.frame_id:X}",
+        f'    _calls, _structure = "{names.call}", "{names.structure}"',
+        f"    _kind = 0x{data_id(message):X}",
+        "    _limits: ClassVar[dict[str, Any]] = {",
+        *(f'        "{one.name}": {_python_limit(one)},' for one in fields),
+        "    }",
+    ]
+    if "param" in names.fields:
+        lines.append("    _units, _off_at_0 = UNITS, OFF_AT_0")
+    if name == "Status":
+        lines.append(f"    _timeout_unit = {dbc.timeout.scale / 1000!r}  # s")
+    return lines
 
 
 def _python_type(field: Field) -> str:
