@@ -6,12 +6,10 @@ dahl.Node as a value with a clock that is the caller's.
 from __future__ import annotations
 
 import copy
-import ctypes
 import pickle
 import random
 import socket
 import struct
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,7 +17,6 @@ import can
 import dahl
 import pytest
 from can_socket import BUS_OFF, ERROR, EXTENDED, REMOTE, frame, joined, plant
-from conftest import ROOT
 from dahl import codec
 from dahl.binding import models
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What, Write
@@ -203,23 +200,6 @@ def test_any_frame_is_answered_as_the_program_does(tmp_path, model):
     assert counts == result.summary["node"]
     assert answers > 1000
     assert [name for name, count in counts.items() if count == 0] in ([], ["stale"])
-
-
-def test_the_library_has_room_for_all_that_it_writes(tmp_path):
-    """As the compiler has it. An exception to the public names: too little room would show nowhere
-    else, but spoil the memory beside it.
-    """
-    names = [name for name in models.table() if name != "dahl"]
-    types = ["dahl_node_t", *(f"dahl_node_{name}_t" for name in names)]
-    lines = [f'printf("%zu\\n", sizeof({name}));' for name in types]
-    program = "#include <stdio.h>\n#include <dahl_node.h>\nint main(void) {"
-    words = ["cc", "-x", "c", "-", f"-I{ROOT / 'lib' / 'include'}", "-o", tmp_path / "sizes"]
-    subprocess.run(words, input=program + "".join(lines) + "}", text=True, check=True, timeout=60)
-    done = subprocess.run([tmp_path / "sizes"], capture_output=True, text=True, check=True)
-    size, *needed = map(int, done.stdout.split())
-    one = dahl.Node(PLAN)
-    assert ctypes.sizeof(one._node) == size
-    assert ctypes.sizeof(one._kept) >= max(needed)
 
 
 # --- the class ------------------------------------------------------------------------------------
