@@ -21,8 +21,6 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
-SIMULATION = "test_sim"  # of the loop around the node
-
 # The codec and the receiver; what drives sockets, serial ports and boards is tested from outside.
 FOLDERS = ("port", "port/loopback", "port/slcan", "port/socketcand", "host_sim", "lib/node")
 STEMS = ("frame_queue", "frames", "loopback", "slcan", "text", "node")
@@ -54,10 +52,9 @@ class Build:
     @property
     def programs(self) -> list[Path]:
         """Its test programs."""
-        parts = ("lib",) if self.is_plain else ("lib", "port")
+        parts = ("lib",) if self.is_plain else ("lib", "node", "port")
         paths = [path for part in parts for path in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
-        names = [path.relative_to(ROOT).with_suffix("") for path in paths]
-        return [self.folder / name for name in names if name.name != SIMULATION]
+        return [self.folder / path.relative_to(ROOT).with_suffix("") for path in paths]
 
     def make(self) -> None:
         """Configure and build; what was built before and has not changed is kept."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 """Every line, every side of every branch and every condition (MC/DC) of lib/, of the codecs of
-port/ and of the receiver is exercised by the C tests of tests/lib and tests/port.
+port/ and of the receiver is exercised by the C tests of tests/lib, tests/node and tests/port.
 
 By clang's source coverage. No line is excluded, in the sources or here. A hole is named by
 file:line:column.
