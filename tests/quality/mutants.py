@@ -43,7 +43,9 @@ FLAGS = ["-std=c99", "-w", "-O1", "-DUNITY_INCLUDE_DOUBLE", "-DTEST_TICKS=20000"
 FLAGS += ["-DTEST_KERNEL_STRIDE=65537u", "-DTEST_FINEST_BITS=20"]
 FOLDERS = ("lib", "node")
 TESTS = ["port/test_slcan"]
-TESTS += [f"{part}/{p.stem}" for part in FOLDERS for p in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
+TESTS += [
+    f"{part}/{p.stem}" for part in FOLDERS for p in sorted(ROOT.glob(f"tests/{part}/test_*.c"))
+]
 SECONDS = 60  # of a test program; more is an endless loop
 
 BINARY = {
