@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Batches: the bitwise forms against single steps, bit for bit; the throughput forms against long double. */
+/* Batches: exact forms against single steps, bit for bit; throughput forms against long double. */
 #include <string.h>
 
 #include "dahl_batch.h"
@@ -9,7 +9,7 @@
 #ifndef TEST_TICKS
 #define TEST_TICKS 100000
 #endif
-#define MANY 37 /* channels: two whole chunks and a rest */
+#define MANY 37 /* channels: two whole chunks of 16, and 5 more */
 #define ROWS 3000
 
 static const double travels[] = {1e-8, 1e-6, 1e-4, 1e-2, 0.3, 1.0, 20.0};
@@ -38,19 +38,16 @@ static void assert_same(const float *got, const float *wanted, size_t n)
     TEST_ASSERT_EQUAL_MEMORY(wanted, got, n * sizeof(float));
 }
 
-/* Runs a check on every motion and travel. */
-static void on_all(void (*check)(const dahl_params_t *), float Fc)
+static void on_all_motions_and_travels(void (*check)(const dahl_params_t *), float Fc)
 {
-    for (size_t m = 0; m < MOTIONS; m++) {
-        for (size_t i = 0; i < TRAVELS; i++) {
-            dahl_params_t p = params_for(travels[i], Fc);
-            fill(motions[m].next, p.theta_per_count);
-            check(&p);
-        }
+    for (size_t i = 0; i < MOTIONS * TRAVELS; i++) {
+        dahl_params_t p = params_for(travels[i % TRAVELS], Fc);
+        fill(motions[i / TRAVELS].next, p.theta_per_count);
+        check(&p);
     }
 }
 
-static void check_counts_bits(const dahl_params_t *p)
+static void check_exact_counts(const dahl_params_t *p)
 {
     dahl_plan_t plan = plan_for(p);
     dahl_state_t one = {0}, batch = {0};
@@ -62,7 +59,7 @@ static void check_counts_bits(const dahl_params_t *p)
     TEST_ASSERT_TRUE(one.w == batch.w);
 }
 
-static void check_angle_bits(const dahl_params_t *p)
+static void check_exact_angles(const dahl_params_t *p)
 {
     dahl_plan_t plan = plan_for(p);
     dahl_state_t one = {0}, batch = {0};
@@ -98,20 +95,19 @@ static void check_throughput_angles(const dahl_params_t *p)
 
 static void test_exact_forms_have_the_bits_of_single_steps(void)
 {
-    on_all(check_counts_bits, 2.739f);
-    on_all(check_counts_bits, 0x1.fffffep+0f);
-    on_all(check_angle_bits, 2.739f);
+    on_all_motions_and_travels(check_exact_counts, 2.739f);
+    on_all_motions_and_travels(check_exact_angles, 2.739f);
 }
 
-/* Fc just below a power of two: there an ulp is smallest beside Fc. */
-static void test_throughput_is_within_the_bound(void)
+/* Just below a power of two an ulp is smallest relative to Fc. */
+static void test_throughput_forms_keep_the_bound(void)
 {
-    on_all(check_throughput_counts, 0x1.fffffep+0f);
-    on_all(check_throughput_angles, 0x1.fffffep+0f);
+    on_all_motions_and_travels(check_throughput_counts, 0x1.fffffep+0f);
+    on_all_motions_and_travels(check_throughput_angles, 0x1.fffffep+0f);
 }
 
-/* From half way between two values in Q30 and next to it, either way, by few and by many counts. */
-static void test_counts_from_a_tie(void)
+/* States half way between two values in Q30, and next to it. */
+static void test_counts_from_a_tie_have_the_bits_of_single_steps(void)
 {
     static const uint32_t low[] = {0x7fffffffu, 0x80000000u, 0x80000001u};
     static const int32_t by[] = {1, -1, 8, -8, 9, -9, 1000, -1000, INT32_MAX, INT32_MIN};
@@ -148,8 +144,7 @@ static void set_channels(void)
     }
 }
 
-/* Each of 1 .. MANY channels, each motion: its own row of single steps. */
-static void test_channels_are_the_bits_of_single_steps(void)
+static void test_channels_have_the_bits_of_single_steps(void)
 {
     for (size_t count = 1; count <= MANY; count++) {
         size_t rows = (size_t)ROWS / count;
@@ -179,7 +174,7 @@ static uint64_t inverse_of(uint64_t odd)
     return x;
 }
 
-/* Torque without motion, by each of the batches by counts, alone and beside others, the first of another plan. */
+/* Torque without motion, by one trajectory and by channels, of which the first has another plan. */
 static void check_still(const dahl_plan_t *plan, int64_t w)
 {
     enum { COUNT = 3 };
@@ -192,14 +187,14 @@ static void check_still(const dahl_plan_t *plan, int64_t w)
         F[c] = dahl_torque(&plans[c], &states[c]);
         assert_same(G, &F[c], 1);
     }
-    F[COUNT] = G[COUNT] = 42.0f; /* of somebody else */
+    F[COUNT] = G[COUNT] = 42.0f; /* must stay */
     dahl_batch_counts_channels(plans, states, COUNT, still, G, 1);
     assert_same(G, F, COUNT + 1);
     TEST_ASSERT_TRUE(states[0].w == w / 3 && states[1].w == -w && states[2].w == w);
 }
 
-/* The middle between two floats, and every neighbour of it that a double can mistake for it: the first 32 bits t of w
- * whose product with the mantissa of Fc ends in such a middle, or up to `near` beside it. */
+/* Find the upper bits t of w whose product with the mantissa of Fc is half way between two floats, or up to `near` from it: a double
+ * may round it to the wrong side. */
 static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
 {
     const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan->Fc_mantissa | 1u);
@@ -207,7 +202,7 @@ static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
     for (int64_t beside = -near; beside <= near; beside++) {
         uint64_t t = ((half + (uint64_t)beside) * inverse) & mask;
         if (t >> 31 == 1) {
-            for (int more = 0; more <= 30; more++) { /* bits that are left out: none of them set, and all */
+            for (int more = 0; more <= 30; more++) { /* lower bits of w: all 0, and all 1 */
                 check_still(plan, (int64_t)(t << more));
                 check_still(plan, (int64_t)(((t + 1) << more) - 1));
             }
@@ -217,13 +212,13 @@ static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
     return found;
 }
 
-static void test_torques_next_to_a_tie(void)
+static void test_torques_next_to_a_tie_have_the_bits_of_single_steps(void)
 {
     static const float Fc[] = {1.0f, 0x1.000002p+0f, 1.5f, 2.739f, 1e-9f, 1.8e+19f};
     for (size_t i = 0; i < sizeof Fc / sizeof Fc[0]; i++) {
         dahl_params_t p = {1.0f, Fc[i], 0.0f};
         dahl_plan_t plan = plan_for(&p);
-        uint32_t found = check_ties(&plan, (uint64_t)1 << 38, 10000); /* products below 2^63 */
+        uint32_t found = check_ties(&plan, (uint64_t)1 << 38, 10000); /* for products below 2^63 */
         found += check_ties(&plan, (uint64_t)1 << 39, 20000);
         TEST_ASSERT_TRUE(found > 10);
         check_still(&plan, 1);
@@ -248,17 +243,17 @@ static void check_throughput_channels(size_t count, size_t rows, int by_angle)
     }
 }
 
-static void test_throughput_channels_are_within_the_bound(void)
+static void test_throughput_channels_keep_the_bound(void)
 {
     for (size_t count = 1; count <= MANY; count += 4) {
         check_throughput_channels(count, (size_t)TEST_TICKS / MANY, 0);
     }
-    check_throughput_channels(16, 7, 0); /* too few rows to make up for a table */
+    check_throughput_channels(16, 7, 0); /* too few rows for a table to pay */
     check_throughput_channels(18, 700, 1);
     check_throughput_channels(19, 700, 1);
 }
 
-/* Moves of up to so many counts either way, each of them met: few counts have their own road through a batch. */
+/* Each move of -most .. most counts; few counts use a table. */
 static void fill_up_to(int32_t most)
 {
     for (int32_t t = 0; t < TEST_TICKS; t++) {
@@ -266,7 +261,7 @@ static void fill_up_to(int32_t most)
     }
 }
 
-/* Channels of one plan, but for one that is `softer` times as soft. */
+/* Channels of one plan, but channel 7 has sigma0 divided by `softer`. */
 static void check_few_counts_in_channels(const dahl_params_t *p, size_t count, float softer)
 {
     enum { STEPS = 300 };
@@ -292,15 +287,14 @@ static void check_few_counts_in_channels(const dahl_params_t *p, size_t count, f
     }
 }
 
-/* One trajectory, and 16 and 37 channels of one plan, and 16 of which one differs. */
-static void test_few_counts(void)
+static void test_moves_of_few_counts(void)
 {
     static const int32_t most[] = {0, 1, 7, 8, 9, 15, 16, 17};
     for (size_t k = 0; k < sizeof most / sizeof most[0]; k++) {
         fill_up_to(most[k]);
         for (size_t i = 0; i < TRAVELS; i++) {
             dahl_params_t p = params_for(travels[i], 1.7f);
-            check_counts_bits(&p);
+            check_exact_counts(&p);
             check_throughput_counts(&p);
             check_few_counts_in_channels(&p, 16, 1.0f);
             check_few_counts_in_channels(&p, 16, 1.25f);
@@ -309,8 +303,8 @@ static void test_few_counts(void)
     }
 }
 
-/* The kernel is that for the largest move of a block and for the stiffest of some channels, wherever they stand. */
-static void test_one_long_move_among_short_ones(void)
+/* A block uses the kernel for its largest move and its stiffest channel. */
+static void test_one_long_move_at_any_place_of_a_block(void)
 {
     enum { COUNT = 17, STEPS = 300, ALL = COUNT * STEPS };
     static const size_t places[] = {0, 1, 16, 17, 33, 511, 512, 1023, ALL - COUNT, ALL - 2, ALL - 1};
@@ -335,8 +329,7 @@ static void test_one_long_move_among_short_ones(void)
     }
 }
 
-/* The state goes on from call to call, and from form to form, wherever a batch is cut. */
-static void test_any_cut_is_the_same_motion(void)
+static void test_a_batch_may_be_cut_anywhere_and_forms_may_alternate(void)
 {
     dahl_params_t p = params_for(1e-2, 1.7f);
     dahl_throughput_params_t q = in_double(&p);
@@ -346,7 +339,7 @@ static void test_any_cut_is_the_same_motion(void)
     size_t t = 0;
     fill(motion_walk, THETA);
     for (size_t n = 0; t + n < TEST_TICKS && n < 700; t += n, n++) {
-        F[t + n] = 42.0f; /* of somebody else */
+        F[t + n] = 42.0f; /* must stay */
         if (n % 3 == 0) {
             dahl_batch_counts(&plan, &state, moves + t, F + t, n);
         } else {
@@ -360,7 +353,7 @@ static void test_any_cut_is_the_same_motion(void)
     }
 }
 
-static void test_nothing_to_do_touches_nothing(void)
+static void test_empty_batches_change_no_state(void)
 {
     dahl_params_t p = params_for(1e-2, 1.0f);
     dahl_throughput_params_t q = in_double(&p);
@@ -375,12 +368,12 @@ static void test_nothing_to_do_touches_nothing(void)
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput(&q, &state, NULL, NULL, 0));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_counts_channels(NULL, NULL, 0, NULL, NULL, SIZE_MAX));
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(&q, &state, 1, NULL, NULL, 0));
-    set_channels(); /* more than one chunk of them: no place within an array that is not there */
+    set_channels(); /* several chunks must not offset a null pointer */
     TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_throughput_channels(channels.in_double, channels.batch, MANY, NULL, NULL, 0));
     TEST_ASSERT_TRUE(state.w == 12345);
 }
 
-/* w around the ends of the range and of its type, on both sides. */
+/* w at both ends of its range and of its type. */
 static const int64_t foreign[] = {((int64_t)1 << 62) + ((int64_t)1 << 31) - 1, ((int64_t)1 << 62) + ((int64_t)1 << 31),
                                   -((int64_t)1 << 62) - ((int64_t)1 << 31),    -((int64_t)1 << 62) - ((int64_t)1 << 31) - 1,
                                   3 * ((int64_t)1 << 61),                      -3 * ((int64_t)1 << 61),
@@ -394,7 +387,7 @@ static void set_foreign(dahl_state_t *states)
     }
 }
 
-/* The throughput form stays within the bound of the bitwise one, which has the bits of single steps. */
+/* Compare with the torques of single steps in F. */
 static void check_foreign_throughput(dahl_err_t err, const float *got, size_t n)
 {
     TEST_ASSERT_EQUAL_INT(DAHL_OK, err);
@@ -422,7 +415,7 @@ static void test_states_out_of_range_are_clamped_as_by_single_steps(void)
     check_foreign_throughput(dahl_throughput_channels(channels.in_double, channels.batch, MANY, angles, G, N / MANY), G, N);
 }
 
-static void test_one_trajectory_from_a_state_out_of_range(void)
+static void test_one_trajectory_from_a_state_out_of_range_is_clamped(void)
 {
     enum { N = 300 };
     const dahl_params_t p = params_for(1e-4, 2.5f);
@@ -447,7 +440,6 @@ static void test_one_trajectory_from_a_state_out_of_range(void)
     }
 }
 
-/* A slip element's deflection is a double. */
 static void test_a_slip_element_with_any_deflection_stays_within_Fc(void)
 {
     static const double any[] = {(double)NAN, (double)INFINITY, -(double)INFINITY, 1e300, -1e9};
@@ -462,7 +454,7 @@ static void test_a_slip_element_with_any_deflection_stays_within_Fc(void)
     }
 }
 
-static void test_bad_angles_within_a_batch(void)
+static void test_bad_angles_in_a_batch_are_as_in_single_steps(void)
 {
     static const float bad[] = {1e-3f, NAN, -NAN, -0.0f, 1e-40f, -1e-3f, NAN, INFINITY, 1e-3f, -INFINITY, NAN, 3e38f, 2e-3f};
     enum { N = sizeof bad / sizeof bad[0] };
@@ -482,8 +474,8 @@ static void test_bad_angles_within_a_batch(void)
     }
 }
 
-/* With a good channel before it and after it, which must not hide it; and alone, where nothing is moved if it is good. */
-static void test_bad_parameters_touch_nothing(void)
+/* Alone, and with a good channel before or after. If the parameters are good, the batch is empty. */
+static void test_bad_parameters_change_no_state(void)
 {
     enum { OK = DAHL_OK, PARAM = DAHL_ERR_PARAM, RANGE = DAHL_ERR_RANGE };
     const double nan = (double)NAN, inf = (double)INFINITY;
@@ -518,7 +510,7 @@ static void test_a_plan_of_zeros_gives_no_torque(void)
 {
     const dahl_plan_t zero = {0};
     const int32_t dcounts[] = {1, -9, 0, INT32_MIN};
-    const float none = 0.0f; /* no negative zero: single steps give none */
+    const float none = 0.0f; /* not -0.0f */
     const float dtheta[] = {1.0f, -1e-9f, 0.0f, INFINITY};
     enum { N = sizeof dcounts / sizeof dcounts[0] };
     for (int64_t w = -((int64_t)1 << 62); w <= (int64_t)1 << 62; w += (int64_t)1 << 61) {
