@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""readers.py tables|buses FOLDER [libFuzzer options]: logs of any bytes through the Python readers.
-readers.py seeds FOLDER tables|buses: inputs to begin with, where the format is no text.
+"""readers.py tables|buses FOLDER [libFuzzer options]: pass any bytes to the Python readers.
+readers.py seeds FOLDER tables|buses: write seeds of the binary formats.
 
-Only dahl.Error may escape, in one line; what is read is finite and of one length. Run by
-tests/fuzz/test_fuzz.py, by atheris (libFuzzer); FOLDER takes the file that is read. The readers are
-called as they are: the command before them would take most of the time of each execution.
+A reader may raise dahl.Error only, with one line. All columns are finite and of one length. FOLDER
+holds the file under test. The readers are called without the command, which would be slower.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ def check_arrays(arrays: list[np.ndarray]) -> None:
 
 
 def read_table(path: Path, choice: int) -> None:
-    """The strict reader of tables, and the one that guesses."""
+    """The strict reader of tables, or the one that detects columns."""
     if path.suffix == ".csv" and choice & 1:
         check_arrays(list(logs.read_table(path, ["angle", "torque"], "t").values()))
         return
@@ -51,7 +50,7 @@ def read_table(path: Path, choice: int) -> None:
 
 
 def read_bus(path: Path, choice: int) -> None:
-    """Frames of a log, signals of a log, and the bus description itself."""
+    """Frames of a log, signals of a log, or the bus description."""
     dbc = path.with_name("bus.dbc")
     if choice & 1:
         dbc.write_text(DBC, encoding="utf-8")
@@ -67,7 +66,7 @@ def read_bus(path: Path, choice: int) -> None:
 
 
 def fuzz(folder: Path, kinds: tuple[str, ...], read: Callable[[Path, int], None]) -> None:
-    """Give libFuzzer the function to call: the first byte chooses kind and way."""
+    """Run libFuzzer; the first byte chooses the format and the reader."""
 
     def one(data: bytes) -> None:
         if not data:
@@ -84,7 +83,7 @@ def fuzz(folder: Path, kinds: tuple[str, ...], read: Callable[[Path, int], None]
 
 
 def make_seeds(folder: Path, what: str) -> None:
-    """Small logs of the binary kinds, each after the byte that chooses it."""
+    """Write small logs of the binary formats, each after the byte that chooses its format."""
     import can
     import pandas as pd
     from scipy.io import savemat

@@ -28,7 +28,7 @@ int socket(int domain, int type, int protocol)
     if (domain == AF_INET) {
         return PLAY_LISTENER;
     }
-    play.peers[0].is_connected = 1; /* the client's own */
+    play.peers[0].is_connected = 1; /* socket of the client under test */
     return PLAY_FD;
 }
 
@@ -64,7 +64,7 @@ ssize_t recv(int fd, void *to, size_t size, int flags)
     play_peer_t *peer = peer_of(fd);
     size_t count = peer->says_left < size ? peer->says_left : size;
     (void)flags;
-    if (count == 0) { /* a reset destroys nothing that has come */
+    if (count == 0) { /* a reset keeps bytes that have arrived */
         errno = peer->is_reset ? ECONNRESET : EAGAIN;
         return peer->has_hung_up ? 0 : -1;
     }
@@ -77,9 +77,10 @@ ssize_t recv(int fd, void *to, size_t size, int flags)
 ssize_t send(int fd, const void *bytes, size_t count, int flags)
 {
     play_peer_t *peer = peer_of(fd);
-    LAW(flags & MSG_NOSIGNAL, "a peer that has gone raises no signal");
-    if (peer->is_deaf || peer->is_reset) {
-        errno = peer->is_reset ? EPIPE : EAGAIN;
+    LAW(flags & MSG_NOSIGNAL, "send() to a closed peer raises no signal");
+    if (play.send_error != 0 || peer->is_deaf || peer->is_reset) {
+        errno = play.send_error != 0 ? play.send_error : peer->is_reset ? EPIPE : EAGAIN;
+        play.send_error = 0;
         return -1;
     }
     count = peer->takes > 0 && peer->takes < count ? peer->takes : count;
@@ -132,7 +133,6 @@ int clock_gettime(clockid_t id, struct timespec *now)
     return 0;
 }
 
-/* A nap may be as long as it likes. */
 int nanosleep(const struct timespec *nap, struct timespec *left)
 {
     (void)nap;
