@@ -81,11 +81,11 @@ static verdict_t judge_letter(char letter, int refused)
     return (verdict_t){SLCAN_ANSWER, "\a", {0}, -1};
 }
 
-static verdict_t judge(const char *line, size_t length, const slcan_t *now)
+static verdict_t judge(const char *line, size_t length, const slcan_t *now, int refused)
 {
     verdict_t v = {SLCAN_ANSWER, "\a", {0}, -1};
     if (length == 1) {
-        return judge_letter(line[0], now->refused);
+        return judge_letter(line[0], refused);
     }
     if (length == 0 || (length <= SLCAN_LINE_MAX && memchr("Ss", line[0], 2) != NULL)) {
         v.answer = "\r";
@@ -142,14 +142,16 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     slcan_t self = {0};
     char line[SLCAN_LINE_MAX + 2];
     size_t length = 0;
+    int refused = 0; /* since the last F */
     for (size_t i = 0; i < size; i++) {
         char text[SLCAN_TEXT_MAX];
         dahl_can_frame_t frame;
         const slcan_t before = self;
         slcan_event_t event = slcan_take(&self, data[i], &frame, text);
         if (data[i] == '\r') {
-            verdict_t v = judge(line, length, &before);
+            verdict_t v = judge(line, length, &before, refused);
             check_line(&before, &self, &v, event, text, &frame);
+            refused = v.answer[0] == '\a' || (refused && v.answer[0] != 'F');
             length = 0;
             continue;
         }

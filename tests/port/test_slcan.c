@@ -65,7 +65,8 @@ static void test_random_lines_have_the_answer_count_and_frame_of_a_second_reader
 
 static void test_commands_have_the_answers_of_a_second_reader(void)
 {
-    static const char session[] = "t1002AB12\rt1x02AB12\r\rV\rv\rN\rS8\rs031C\rF\rO\rt1002AB12\rC\rt1002AB12\rL\r\nt10\n02AB12\nL\rF\rF\r";
+    static const char session[] = "t1002AB12\rt1x02AB12\r\rV\rv\rN\rS8\rs031C\rF\rO\rt1002AB12\rC\rt1002AB12\rL\r\nt10\n02AB12\nL\rF\rF\rq\rF\rF\r"
+                                  "T1FFFFFFF0\rT200000000\rt7FF0\rt8000\rR000000018\rr7FF9\r";
     (void)LLVMFuzzerTestOneInput((const uint8_t *)session, sizeof session - 1);
 }
 
