@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: MIT
-# Runs COMMAND; its output must be the lines of the file EXPECTED, of them those that begin with one of the words ONLY where it is
-# given, and it must end well.
+# Run COMMAND. It must exit with 0 and print the lines of the file EXPECTED, or those that begin with a word of ONLY if it is set.
 execute_process(COMMAND ${COMMAND} OUTPUT_VARIABLE printed RESULT_VARIABLE status)
 if(ONLY)
     string(REPLACE ";" "|" words "${ONLY}")
