@@ -106,7 +106,7 @@ static void test_the_least_torques_of_a_loaded_element(void)
     }
 }
 
-/* NaN and subnormal angles move nothing, an infinite angle saturates, a load of 0 clears any state. */
+/* NaN and subnormal angles keep the state, an infinite angle saturates, a load of 0 clears any state. */
 static void test_the_clamped_model_keeps_its_limits_for_any_input(void)
 {
     dahl_params_t p = params_for(0.01, 2.0f), soft = {0x1p-64f, 0x1p63f, 0.0f};
