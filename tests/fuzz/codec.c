@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Frames in both directions. A frame is accepted if and only if it is a classic data frame of 8 bytes with the right CRC, computed here
- * bit by bit. A refused frame leaves the output unchanged. An accepted frame packs to the same bytes, except for unused bits.
+ * Frames in both directions. A frame is accepted if and only if it is a classic data frame of 8 bytes with the right CRC,
+ * computed here bit by bit. A refused frame leaves the output unchanged. An accepted frame packs to the same bytes, except for
+ * unused bits.
  */
 #include "dahl_frames.h"
 #include "fuzz.h"

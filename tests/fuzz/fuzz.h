@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Common code of the fuzzers. Each is one LLVMFuzzerTestOneInput (libFuzzer) without state, so an input alone repeats a failure. Bytes
- * beyond the end of the input read as 0. */
+/* Common code of the fuzzers. Each is one LLVMFuzzerTestOneInput (libFuzzer) without state, so an input alone repeats a
+ * failure. Bytes beyond the end of the input read as 0. */
 #ifndef FUZZ_H
 #define FUZZ_H
 

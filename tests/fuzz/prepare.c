@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Any bytes as parameters of each model. They are accepted if and only if they are in range, compared exactly in long double. A refusal
- * leaves the plan unchanged. The entries of a plan are 1 - exp(-u) and increase; a long way in one direction ends at its Fc.
+ * Any bytes as parameters of each model. They are accepted if and only if they are in range, compared exactly in long double. A
+ * refusal leaves the plan unchanged. The entries of a plan are 1 - exp(-u) and increase; a long way in one direction ends at
+ * its Fc.
  */
 #include "dahl_batch.h"
 #include "dahl_float.h"

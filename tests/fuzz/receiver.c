@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The node receives any frames at any times. Each frame increases one count. Each answer is a good frame within the limit. The bristle
- * moves only with an answer, and as in the library. A timeout ends only after enough good frames. A twin with another clock, another
- * zero of the encoder and another number sends the same answers, bit for bit.
+ * The node receives any frames at any times. Each frame increases one count. Each answer is a good frame within the limit. The
+ * bristle moves only with an answer, and as in the library. A timeout ends only after enough good frames. A twin with another
+ * clock, another zero of the encoder and another number sends the same answers, bit for bit.
  */
 #include "dahl_frames.h"
 #include "fuzz.h"

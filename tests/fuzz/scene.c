@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Scenes of any bytes are refused with one line, or accepted and run for some ticks: node, motion and rotor as in dahl-loop. If the first
- * byte is '@', the first lines are settings of the command line.
- */
+/* Scenes of any bytes are refused with one line, or accepted and run for some ticks: node, motion and rotor as in dahl-loop. If
+ * the first byte is '@', the first lines are settings of the command line. */
 #include "scene.h"
 
 #include <math.h>

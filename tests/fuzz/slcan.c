@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Any bytes from a serial line. A second reader judges each line as a whole: its kind, answer, count and frame. Each frame is written
- * and read back. */
+/* Any bytes from a serial line. A second reader judges each line as a whole: its kind, answer, count and frame. Each frame is
+ * written and read back. */
 #include <stddef.h>
 
 #include "fuzz.h"

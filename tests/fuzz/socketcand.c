@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The socketcand protocol. A second reader checks its text. Up to three clients join the server, send any bytes in any pieces, stop
- * reading, or hang up. The client connects to a server that sends any bytes. The product must send elements of the protocol only.
+ * The socketcand protocol. A second reader checks its text. Up to three clients join the server, send any bytes in any pieces,
+ * stop reading, or hang up. The client connects to a server that sends any bytes. The product must send elements of the
+ * protocol only.
  */
 #include <stddef.h>
 

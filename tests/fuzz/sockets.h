@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Simulated sockets. The bus under test is compiled with the calls of the kernel renamed to play_..., so nothing waits and the clock
- * advances only here. */
+/* Simulated sockets. The bus under test is compiled with the calls of the kernel renamed to play_..., so nothing waits and the
+ * clock advances only here. */
 #ifndef FUZZ_SOCKETS_H
 #define FUZZ_SOCKETS_H
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Golden bits: for each hard motion, by counts and by angle, a 64-bit hash (FNV-1a) of each plan word, torque, Q30 value and state over
- * 1e5 ticks. Every compiler, flag and core must print the lines of golden_bits.txt. Floats pass through memory, so that no flag
- * changes the input.
+ * Golden bits: for each hard motion, by counts and by angle, a 64-bit hash (FNV-1a) of each plan word, torque, Q30 value and
+ * state over 1e5 ticks. Every compiler, flag and core must print the lines of golden_bits.txt. Floats pass through memory, so
+ * that no flag changes the input.
  */
 #ifndef BITS_H
 #define BITS_H

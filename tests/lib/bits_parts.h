@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Golden bits of the parts: for each parameter set of bits.h the hash of each torque, Q30 value and state, over all hard motions in
- * turn. A new part is a function and a row of the table. */
+/* Golden bits of the parts: for each parameter set of bits.h the hash of each torque, Q30 value and state, over all hard
+ * motions in turn. A new part is a function and a row of the table. */
 #ifndef BITS_PARTS_H
 #define BITS_PARTS_H
 

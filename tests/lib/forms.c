@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * Print the table of docs/model.md: worst error of the torque over 1e6 ticks of each hard motion, against long double. Errors of the
- * float form depend on the libm, so they have one digit.
- */
+/* Print the table of docs/model.md: worst error of the torque over 1e6 ticks of each hard motion, against long double. Errors
+ * of the float form depend on the libm, so they have one digit. */
 #include <stdio.h>
 
 #include "dahl_float.h"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The contract of every model along a walk. Torque and Q30 result keep their bounds against the exact solution and leave the same
- * state; 0 counts change no bit; the mirrored walk, split travel and both ends agree. Unit tests pass the hard motions, fuzzers
- * pass random ones. Define HOLDS(condition, words) before the include.
+ * The contract of every model along a walk. Torque and Q30 result keep their bounds against the exact solution and leave the
+ * same state; 0 counts change no bit; the mirrored walk, split travel and both ends agree. Unit tests pass the hard motions,
+ * fuzzers pass random ones. Define HOLDS(condition, words) before the include.
  */
 #ifndef LAWS_H
 #define LAWS_H

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * The table of all friction models: prepare, step and exact torque of each. Tests of the common contract loop over it, so a new model
- * is a new row. step_q30 is NULL if the model has no Q30 form.
- */
+/* The table of all friction models: prepare, step and exact torque of each. Tests of the common contract loop over it, so a new
+ * model is a new row. step_q30 is NULL if the model has no Q30 form. */
 #ifndef MODELS_H
 #define MODELS_H
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The exact torque, computed independently of the library (Eqs. 7, 18 and 27): one expm1l from the last reversal, over the exact
- * sum of travel since then. Each reversal adds one rounding of a long double. Small cores have a long double of 53 bits, which
- * still suffices for the bounds under test.
+ * The exact torque, computed independently of the library (Eqs. 7, 18 and 27): one expm1l from the last reversal, over the
+ * exact sum of travel since then. Each reversal adds one rounding of a long double. Small cores have a long double of 53 bits,
+ * which still suffices for the bounds under test.
  */
 #ifndef REFERENCE_H
 #define REFERENCE_H

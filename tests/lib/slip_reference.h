@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The exact torque of slip elements, computed independently of the library. An element that last slipped at position n0 in direction
- * s has the deflection s r + (n - n0), with r = Fc/(sigma0 theta). Positions are whole counts, so no error accumulates.
+ * The exact torque of slip elements, computed independently of the library. An element that last slipped at position n0 in
+ * direction s has the deflection s r + (n - n0), with r = Fc/(sigma0 theta). Positions are whole counts, so no error
+ * accumulates.
  */
 #ifndef SLIP_REFERENCE_H
 #define SLIP_REFERENCE_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The kernel g(u) = 1 - exp(-u). From rest with sigma0 = Fc, dahl_step leaves g in the state, cut to Q62. The relative error is at
- * most 2^-29, plus 3 units of 2^-64 (lib/model/kernel.h) and the cut. The test samples the floats; --full tries all 2^31. */
+/* The kernel g(u) = 1 - exp(-u). From rest with sigma0 = Fc, dahl_step leaves g in the state, cut to Q62. The relative error is
+ * at most 2^-29, plus 3 units of 2^-64 (lib/model/kernel.h) and the cut. The test samples the floats; --full tries all 2^31. */
 #include <stdio.h>
 #include <string.h>
 

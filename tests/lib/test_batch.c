@@ -193,8 +193,8 @@ static void check_still(const dahl_plan_t *plan, int64_t w)
     TEST_ASSERT_TRUE(states[0].w == w / 3 && states[1].w == -w && states[2].w == w);
 }
 
-/* Find the upper bits t of w whose product with the mantissa of Fc is half way between two floats, or up to `near` from it: a double
- * may round it to the wrong side. */
+/* Find the upper bits t of w whose product with the mantissa of Fc is half way between two floats, or up to `near` from it: a
+ * double may round it to the wrong side. */
 static uint32_t check_ties(const dahl_plan_t *plan, uint64_t half, int64_t near)
 {
     const uint64_t mask = 2 * half - 1, inverse = inverse_of(plan->Fc_mantissa | 1u);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* dahl_counts_to_torque: the move that it returns reaches the torque, shorter moves do not, and its length is that of a logarithm in
- * long double. dahl_tip_torque is compared with tanh in long double. */
+/* dahl_counts_to_torque: the move that it returns reaches the torque, shorter moves do not, and its length is that of a
+ * logarithm in long double. dahl_tip_torque is compared with tanh in long double. */
 #include <stdio.h>
 
 #include "dahl_parts.h"

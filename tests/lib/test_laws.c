@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The contract of every model (laws.h) on the hard motions, and inputs that no caller should pass: plans of zeros, any bits as a
- * state. Closed forms of loops and of dither follow from the bound of test_accuracy.c. */
+/* The contract of every model (laws.h) on the hard motions, and inputs that no caller should pass: plans of zeros, any bits as
+ * a state. Closed forms of loops and of dither follow from the bound of test_accuracy.c. */
 #include "plans.h"
 #define HOLDS(condition, words) TEST_ASSERT_TRUE_MESSAGE(condition, words)
 #include "laws.h"
@@ -44,8 +44,8 @@ static void test_each_model_keeps_its_contract(void)
     }
 }
 
-/* A plan of zeros gives no torque and keeps a state in range. Any bits as a state give a finite torque, without undefined behaviour
- * (the sanitizers check it). */
+/* A plan of zeros gives no torque and keeps a state in range. Any bits as a state give a finite torque, without undefined
+ * behaviour (the sanitizers check it). */
 static void test_plans_of_zeros_and_states_of_any_bits_are_safe(void)
 {
     static const int32_t counts[] = {0, 1, -1, 8, -9, 1000, INT32_MAX, INT32_MIN};

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Parts in parallel: the sum of their torques against the sum of their references, and the shares of the Q30 form. test_accuracy.c has
- * the mix of a Dahl element with slip elements. */
+/* Parts in parallel: the sum of their torques against the sum of their references, and the shares of the Q30 form.
+ * test_accuracy.c has the mix of a Dahl element with slip elements. */
 #include <stdio.h>
 
 #include "models.h"
@@ -64,7 +64,8 @@ static int32_t step_q30(int32_t dcounts)
     return dahl_parallel_step_counts_q30(mix.part, mix.shares, mix.count, dcounts);
 }
 
-/* Both forms in turn. The Q30 bound contains the error of Dahl elements instead of slip elements. Return the worst in ulp of the sum. */
+/* Both forms in turn. The Q30 bound contains the error of Dahl elements instead of slip elements. Return the worst in ulp of
+ * the sum. */
 static long double check_motion(motion_fn next, int ticks)
 {
     const long double bound = DAHL_PARALLEL_ERROR_Q30(mix.count) - DAHL_SLIP_ERROR_Q30 + DAHL_ERROR_Q30;

@@ -163,8 +163,8 @@ static void test_theta_per_count_of_zero_and_of_powers_of_two(void)
     }
 }
 
-/* Travels that truncation could bring below a power of two, and one whose last bits are all ones: a unit more would carry into each
- * entry of the plan. */
+/* Travels that truncation could bring below a power of two, and one whose last bits are all ones: a unit more would carry into
+ * each entry of the plan. */
 static void test_travels_that_truncation_could_change(void)
 {
     for (int k = -29; k < 20; k++) {
@@ -260,8 +260,8 @@ static void test_a_change_scales_the_smallest_torque(void)
     }
 }
 
-/* A change to just below 2^-62 of the stiffness leaves w = 0, also from beyond 1. So does a plan of zeros, before or after, which
- * keeps no torque that is set either. */
+/* A change to just below 2^-62 of the stiffness leaves w = 0, also from beyond 1. So does a plan of zeros, before or after,
+ * which keeps no torque that is set either. */
 static void test_a_change_can_leave_no_torque(void)
 {
     static const dahl_plan_t zero;

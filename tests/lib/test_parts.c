@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Properties of single models: symmetry of the asymmetric one, a load of 1, no drift below breakaway, and the ends of the ranges of
- * loads, torques and breakaways. */
+/* Properties of single models: symmetry of the asymmetric one, a load of 1, no drift below breakaway, and the ends of the
+ * ranges of loads, torques and breakaways. */
 #include "models.h"
 #include "plans.h"
 
@@ -56,8 +56,8 @@ static void test_a_load_of_1_has_the_bits_of_the_plain_element(void)
     }
 }
 
-/* Without motion: a falling load scales F (loaded) or clamps it (clamped), a growing load keeps F, and a load of 0 clears it. The
- * clamped model has the same stiffness under each load. */
+/* Without motion: a falling load scales F (loaded) or clamps it (clamped), a growing load keeps F, and a load of 0 clears it.
+ * The clamped model has the same stiffness under each load. */
 static void test_a_change_of_load_without_motion(void)
 {
     static const struct {

@@ -1,20 +1,21 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Passivity: no motion makes energy. Units are Fc^2/sigma0, with w = F/Fc. The work of a step is s w' u, with the torque w' after the
- * step; the bristle stores (w'^2 - w^2)/2 of it. With the move m = s (w' - w) the loss is
+ * Passivity: no motion makes energy. Units are Fc^2/sigma0, with w = F/Fc. The work of a step is s w' u, with the torque w'
+ * after the step; the bristle stores (w'^2 - w^2)/2 of it. With the move m = s (w' - w) the loss is
  *     loss = s w' (u - m) + m^2/2
  * If each step has a loss of at least 0, no closed cycle from rest yields work, and no other cycle yields more than was stored.
  *
- * In words of n bits (the library: 32; w in Q(2n-2), z in Q(n-2), g in Q(2n)) a step rounds w to q = w - d, |d| <= D = 2^-(n-1), and
- * moves by m = z g - t with z = 1 - s q and 0 <= t < T = 2^-(2n-2). With u = -ln(1 - g), and W the state before the cut,
+ * In words of n bits (the library: 32; w in Q(2n-2), z in Q(n-2), g in Q(2n)) a step rounds w to q = w - d, |d| <= D =
+ * 2^-(n-1), and moves by m = z g - t with z = 1 - s q and 0 <= t < T = 2^-(2n-2). With u = -ln(1 - g), and W the state before
+ * the cut,
  *     loss = g ((1 - z)^2 + s d (1 - z)) + g^2 z (1 - z/2) + (u - g) s W - t (u - s W) - t^2/2
- * The first term is at least -g D^2/4. The second is never negative, nor is the third while the torque opposes the motion. If the
- * torque helps, -(u - g) s W < (u - g) (z - 1), which the first two terms outweigh. The cut adds at most T. So
+ * The first term is at least -g D^2/4. The second is never negative, nor is the third while the torque opposes the motion. If
+ * the torque helps, -(u - g) s W < (u - g) (z - 1), which the first two terms outweigh. The cut adds at most T. So
  *     loss >= -(T + g D^2/4)
  *
- * In the library g has the error r, which adds to d: the last term becomes g (D + r)^2/4. By counts u >= 2^-30 and r = 2^-32. The first
- * two terms then outweigh all negative ones: they are at least g^2/2 >= 2^-61 (1 - g) if w is near 0, else g w^2. So no tick by
- * counts makes energy. By angle r = 2^-29 and u may be near 0: 2^-62 + 1.6 2^-60 < 2^-59.
+ * In the library g has the error r, which adds to d: the last term becomes g (D + r)^2/4. By counts u >= 2^-30 and r = 2^-32.
+ * The first two terms then outweigh all negative ones: they are at least g^2/2 >= 2^-61 (1 - g) if w is near 0, else g w^2. So
+ * no tick by counts makes energy. By angle r = 2^-29 and u may be near 0: 2^-62 + 1.6 2^-60 < 2^-59.
  */
 #include <stdio.h>
 

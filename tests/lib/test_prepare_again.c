@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* A plan that is prepared while another context reads it (Linux). A child prepares it one machine instruction at a time (ptrace). After
- * each instruction every word must be the old or the new one, and must not change back. */
+/* A plan that is prepared while another context reads it (Linux). A child prepares it one machine instruction at a time
+ * (ptrace). After each instruction every word must be the old or the new one, and must not change back. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <signal.h>

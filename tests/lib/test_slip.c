@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: MIT */
-/* Slip elements: random parameters, the ends of the number format, return-point memory. The common contract is in test_accuracy.c and
- * test_laws.c; congruency, Masing's rule and passivity follow from the exact reference that they compare with. */
+/*
+ * Slip elements: random parameters, the ends of the number format, return-point memory. The common contract is in
+ * test_accuracy.c and test_laws.c; congruency, Masing's rule and passivity follow from the exact reference that they compare
+ * with.
+ */
 #include <stdio.h>
 #include <unity.h>
 
@@ -20,7 +23,8 @@ static dahl_slip_plan_t plan_of(const dahl_slip_params_t *params)
     return plan;
 }
 
-/* Check the bounds on leaps, then both ends: +-2^30, and the sum of Fc if it is a float. Return the worst error in ulp of the sum. */
+/* Check the bounds on leaps, then both ends: +-2^30, and the sum of Fc if it is a float. Return the worst error in ulp of the
+ * sum. */
 static long double check_leaps(const dahl_slip_params_t *params, motion_t *m, int ticks)
 {
     const dahl_slip_plan_t plan = plan_of(params);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* Any bits are a safe state. All calls run in random order, with all elements and several plans, on one memory whose bits are spoiled
- * now and then. Each call must keep the contract of its header from any such state. */
+/* Any bits are a safe state. All calls run in random order, with all elements and several plans, on one memory whose bits are
+ * spoiled now and then. Each call must keep the contract of its header from any such state. */
 #include "plans.h"
 #include "models.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The codec: the CRC against its definition, and the laws of its fuzzer for random frames and values. tests/python compares the bits
- * with dahl.dbc. */
+/* The codec: the CRC against its definition, and the laws of its fuzzer for random frames and values. tests/python compares the
+ * bits with dahl.dbc. */
 #include <string.h>
 #include <unity.h>
 
@@ -44,7 +44,8 @@ static bool passes(const dahl_can_frame_t *good, uint32_t a, uint32_t b, uint32_
     return dahl_frames_unpack_encoder(&frame, &out) == DAHL_FRAMES_GOOD;
 }
 
-/* The CRC detects each single and double bit error. Of 41,664 triples it misses 48, all with bits of the counter (dahl_frames.h). */
+/* The CRC detects each single and double bit error. Of 41,664 triples it misses 48, all with bits of the counter
+ * (dahl_frames.h). */
 static void test_the_crc_detects_the_documented_bit_errors(void)
 {
     dahl_can_frame_t frame;

@@ -355,8 +355,8 @@ static void never_relax(dahl_node_model_t *model)
     (void)model;
 }
 
-/* The frame comes in the last microsecond of the timeout. A tick after the call detects no timeout. A tick within the call reads the
- * old time, so the node becomes stale although it answers. */
+/* The frame comes in the last microsecond of the timeout. A tick after the call detects no timeout. A tick within the call
+ * reads the old time, so the node becomes stale although it answers. */
 static void test_a_tick_in_the_middle_of_a_receive_must_wait(void)
 {
     for (int masked = 0; masked <= 1; masked++) {

@@ -169,8 +169,8 @@ static void test_a_client_with_a_full_queue_refuses_and_counts(void)
     TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE + 2, elements); /* after open and rawmode */
 }
 
-/* The server does not read until the client closes, and has sent frames that the client has not read. A close with unread input would
- * reset the connection and lose frames on their way. */
+/* The server does not read until the client closes, and has sent frames that the client has not read. A close with unread input
+ * would reset the connection and lose frames on their way. */
 static void test_closing_a_client_sends_its_queue_and_reads_its_input(void)
 {
     const dahl_can_frame_t in = {.id = 0x123, .length = 8};

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * Each public call of the core except dahl_prepare (fuzzed), for any 64 bits as a state, any plan and any argument: no undefined
- * behaviour (CBMC checks it), a final state in range, no other change in memory. One function each, for cbmc --function.
+ * Each public call of the core except dahl_prepare (fuzzed), for any 64 bits as a state, any plan and any argument: no
+ * undefined behaviour (CBMC checks it), a final state in range, no other change in memory. One function each, for cbmc
+ * --function.
  */
 #include "cbmc_ranges.h"
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The six messages, for any frame and any signals: no undefined behaviour, *out is written only from a good frame, and a packed message
- * is unpacked unchanged. */
+/* The six messages, for any frame and any signals: no undefined behaviour, *out is written only from a good frame, and a packed
+ * message is unpacked unchanged. */
 #include <string.h>
 
 #include "node_library.c" /* receiver and frames, written by test_cbmc.py */

@@ -23,8 +23,8 @@ static int is_plan(const dahl_plan_t *plan)
         && (plan->Fc_mantissa & 255u) == 0 && -95 <= plan->Fc_exponent && plan->Fc_exponent <= 32;
 }
 
-/* The facts that the proofs use of a product r = a b of two words, because decision procedures are slow at multiplication: a <= 2^32 - 1
- * gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b; the same with a and b exchanged. */
+/* The facts that the proofs use of a product r = a b of two words, because decision procedures are slow at multiplication: a <=
+ * 2^32 - 1 gives r <= 2^32 b - b, and a >= 2^31 gives r >= 2^31 b; the same with a and b exchanged. */
 #define IS_LIKE_PRODUCT(r, a, b)                                                                                            \
     ((r) <= (a) * 0x100000000 - (a) && (r) <= (b) * 0x100000000 - (b) && ((b) < 0x80000000 || (r) >= (a) * 0x80000000) &&   \
      ((a) < 0x80000000 || (r) >= (b) * 0x80000000))

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * The slcan parser: from any reachable state, any byte leads to a reachable state, without undefined behaviour, and the text keeps its
- * bounds. By induction this holds for any stream of bytes. Any frame, also an invalid one, is written within the text.
+ * The slcan parser: from any reachable state, any byte leads to a reachable state, without undefined behaviour, and the text
+ * keeps its bounds. By induction this holds for any stream of bytes. Any frame, also an invalid one, is written within the
+ * text.
  */
 #include "slcan/slcan.c"
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * A motion whose error nearly reaches the bound: error_theorem K N, dither of one count for 2^N ticks at u = 2^-K, K <= 29. It starts at
- * q = -2^(29-K), with almost half a unit more in w. Each count moves to the same distance beyond 0 and back, so the rounding of the gap
- * is the same at each tick: the state stays, and the exact solution leaves it. Then follows the leap of up to 2^16 counts after
- * which the Q30 result has the largest error. Print the errors in units of 2^-31.
+ * A motion whose error nearly reaches the bound: error_theorem K N, dither of one count for 2^N ticks at u = 2^-K, K <= 29. It
+ * starts at q = -2^(29-K), with almost half a unit more in w. Each count moves to the same distance beyond 0 and back, so the
+ * rounding of the gap is the same at each tick: the state stays, and the exact solution leaves it. Then follows the leap of up
+ * to 2^16 counts after which the Q30 result has the largest error. Print the errors in units of 2^-31.
  */
 #include <math.h>
 #include <stdio.h>

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/*
- * A node that receives any frames in an endless loop, for the Eva plug-in of Frama-C: frames of any format and content, parameters
- * written and read, any clock. Contracts, which cbmc_core.c proves, replace the calls of the library.
- */
+/* A node that receives any frames in an endless loop, for the Eva plug-in of Frama-C: frames of any format and content,
+ * parameters written and read, any clock. Contracts, which cbmc_core.c proves, replace the calls of the library. */
 #include <stdint.h>
 #include "__fc_builtin.h"
 #include "dahl.h"

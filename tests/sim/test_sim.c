@@ -109,8 +109,8 @@ static void test_deadlines_and_jitter(void)
     TEST_ASSERT_EQUAL(ENCODER_PERIOD_NS + 1, encoder.latency.max);
 }
 
-/* If more than 16 frames wait, a node with a new start answers the newest with this counter, any other node the oldest. The oldest of
- * too many waiting frames are lost. */
+/* If more than 16 frames wait, a node with a new start answers the newest with this counter, any other node the oldest. The
+ * oldest of too many waiting frames are lost. */
 static void test_an_answer_after_a_gap_matches_the_right_frame(void)
 {
     static const struct {

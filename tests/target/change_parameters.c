@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /*
- * examples/change_parameters under a real interrupt. SysTick steps the bearing at 8 kHz while main prepares both plans without a pause:
- * the one in use with equal parameters, the other with new ones. Each tick must equal that of a copy with constant plans.
+ * examples/change_parameters under a real interrupt. SysTick steps the bearing at 8 kHz while main prepares both plans without
+ * a pause: the one in use with equal parameters, the other with new ones. Each tick must equal that of a copy with constant
+ * plans.
  */
 #include <stdio.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The ticks in assembly return the bits of the C, which CMakeLists.txt compiles under other names. Plans, states and moves are random,
- * with many ties, ends of ranges, states out of range, small torques and plans of zeros. */
+/* The ticks in assembly return the bits of the C, which CMakeLists.txt compiles under other names. Plans, states and moves are
+ * random, with many ties, ends of ranges, states out of range, small torques and plans of zeros. */
 #include "dahl_parts.h"
 
 #include <string.h>
