@@ -162,23 +162,6 @@ static void test_an_elastoplastic_element_does_not_drift_below_breakaway(void)
     TEST_ASSERT_TRUE(dahl_elastoplastic_step_counts(&plan, &state, 5) == 0.0f && state.w == 0);
 }
 
-/* A count that ends beyond breakaway by the travel `rest` moves w by (1 - b)(1 - exp(-kappa rest)) beyond b. */
-static void test_a_count_crosses_the_breakaway_by_any_fraction(void)
-{
-    static const double travels[] = {1.0 / (1 << 29), 1e-6, 1e-3};
-    for (size_t i = 0; i < 3 * 60; i++) {
-        dahl_params_t p = params_for(travels[i % 3], 1.0f);
-        dahl_elastoplastic_plan_t plan;
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, dahl_elastoplastic_prepare(&plan, &p, 0.5f));
-        long double u = reference_by_counts(&p).a, before = 0.5L - u + ldexpl(u, -(int)(i / 3));
-        dahl_state_t state = {(int64_t)ldexpl(before, 62)};
-        long double rest = ldexpl(state.w, -62) + u - 0.5L;
-        (void)dahl_elastoplastic_step_counts(&plan, &state, 1);
-        long double beyond = ldexpl(state.w, -62) - 0.5L;
-        TEST_ASSERT_TRUE(fabsl(beyond - 0.5L * -expm1l(-2 * rest)) <= 4e-9L * rest + 1e-15L);
-    }
-}
-
 static void test_breakaways_and_travels_at_the_ends_of_their_ranges(void)
 {
     static const float breakaways[] = {1e-45f, 1e-10f, 0x1p-31f, 0x1.fffffep-1f, 0x1.fffffcp-1f};

@@ -146,12 +146,12 @@ static void test_a_client_returns_gone_if_the_server_leaves(void)
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_GONE, receive(&out));
 }
 
-/* Own frames return with the time of sending. A frame without room is not sent. */
+/* Own frames return with the time of sending. A frame without room is not sent, and none is read. */
 static void test_a_client_with_a_full_queue_refuses_and_counts(void)
 {
     const dahl_can_frame_t in = {.id = 0x123, .length = 1, .data = {7}};
     dahl_can_frame_t back;
-    (void)join_server("");
+    (void)join_server("< frame 7FF 1.000000 >");
     TEST_ASSERT_EQUAL(1, member.bus.ops->peers(&member.bus));
     play.now_ns = 7654321;
     for (uint32_t i = 0; i < FRAME_QUEUE_SIZE; i++) {
@@ -164,6 +164,7 @@ static void test_a_client_with_a_full_queue_refuses_and_counts(void)
         TEST_ASSERT_EQUAL(DAHL_CAN_BUS_OK, receive(&back));
         TEST_ASSERT_TRUE(back.time_us == 7654 && back.data[0] == 7 && back.flags == DAHL_CAN_FRAME_OWN);
     }
+    TEST_ASSERT_TRUE(receive(&back) == DAHL_CAN_BUS_OK && back.id == 0x7FF && member.bus.counts.dropped == 1);
     TEST_ASSERT_EQUAL(DAHL_CAN_BUS_NONE, receive(&back));
     member.bus.ops->close(&member.bus);
     TEST_ASSERT_EQUAL(FRAME_QUEUE_SIZE + 2, elements); /* after open and rawmode */
