@@ -7,19 +7,6 @@
 #define TEST_FINEST_BITS 24
 #endif
 
-/* One update of x from F = 0 leaves the gap exp(-x). At x = 3 Euler gives -2, RK4 1.375, backward Euler 0.25, trapezoid -0.2. */
-static void test_one_update_of_any_size_is_exact(void)
-{
-    for (double x = 0.01; x <= 100; x *= 1.05) {
-        dahl_params_t p = params_for(x, 1.9f);
-        dahl_plan_t plan = plan_for(&p);
-        dahl_state_t by_counts = {0}, by_angle = {0};
-        long double w = 1 - expl(-reference_by_counts(&p).a);
-        assert_torque(w, &p, dahl_step_counts(&plan, &by_counts, 1), DAHL_ULP_COUNTS);
-        assert_torque(w, &p, dahl_step(&plan, &by_angle, THETA), DAHL_ULP_ANGLE);
-    }
-}
-
 static void test_counts_and_angles_may_be_mixed(void)
 {
     motion_t m = MOTION_START;

@@ -276,21 +276,6 @@ static void test_a_bus_off_does_not_block_again_after_the_clock_wraps(void)
     TEST_ASSERT_TRUE(!feed(4, 500) && !feed(5, 510) && feed(6, 520));
 }
 
-static void test_with_a_step_limit_longer_gaps_are_bridged(void)
-{
-    for (uint32_t step = 1; step <= DAHL_NODE_GAP_MAX_STEP; step++) {
-        dahl_state_t reference = {0};
-        setUp();
-        node.max_step = 100;
-        TEST_ASSERT_TRUE(feed(0, 0) && feed(step, (int32_t)step * 100));
-        TEST_ASSERT_EQUAL(step == 1 ? DAHL_FRAMES_OK : DAHL_FRAMES_LOST, answer.state);
-        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, (int32_t)step * 100), answer.torque_q30);
-        TEST_ASSERT_EQUAL(step - 1, node.counts.lost);
-    }
-    TEST_ASSERT_FALSE(feed(2 * DAHL_NODE_GAP_MAX_STEP + 1, 0));
-    TEST_ASSERT_EQUAL(1, node.counts.wrong_sequence);
-}
-
 static void test_the_step_limit_is_counts_per_begun_millisecond(void)
 {
     enum { STEP = 100 };

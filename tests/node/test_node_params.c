@@ -164,20 +164,6 @@ static void test_any_gain_and_limit_keep_the_answer_in_range(void)
     }
 }
 
-static void test_gain_and_limit_scale_the_answer_and_not_the_bristle(void)
-{
-    const dahl_plan_t plan = plan_of(params.sigma0, params.Fc);
-    dahl_state_t reference = {0};
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE / 2) && feed(0, 0));
-    for (uint32_t i = 1; i < 200; i++) {
-        TEST_ASSERT_TRUE(feed(i, i < 100 ? (int32_t)i : 200 - (int32_t)i));
-        TEST_ASSERT_EQUAL(dahl_step_counts_q30(&plan, &reference, i < 101 ? 1 : -1) / 2, answer.torque_q30);
-    }
-    TEST_ASSERT_TRUE(set_param(DAHL_FRAMES_PARAM_GAIN, DAHL_NODE_ONE) && set_param(DAHL_FRAMES_PARAM_LIMIT, DAHL_NODE_ONE / 4));
-    TEST_ASSERT_TRUE(feed(200, 2000) && answer.torque_q30 == 1 << 28);
-    TEST_ASSERT_TRUE(feed(201, -2000) && answer.torque_q30 == -(1 << 28));
-}
-
 /* --- the ramp ------------------------------------------------------------------------------------------------------ */
 
 /* The expected gain: it changes by 1/ramp per us between two answers, of which at most 65,535 us count. */
