@@ -78,12 +78,15 @@ ssize_t send(int fd, const void *bytes, size_t count, int flags)
 {
     play_peer_t *peer = peer_of(fd);
     LAW(flags & MSG_NOSIGNAL, "send() to a closed peer raises no signal");
-    if (play.send_error != 0 || peer->is_deaf || peer->is_reset) {
+    const int is_full = peer->is_deaf || (peer->room_per_poll > 0 && peer->room == 0);
+    if (play.send_error != 0 || is_full || peer->is_reset) {
         errno = play.send_error != 0 ? play.send_error : peer->is_reset ? EPIPE : EAGAIN;
         play.send_error = 0;
         return -1;
     }
     count = peer->takes > 0 && peer->takes < count ? peer->takes : count;
+    count = peer->room_per_poll > 0 && peer->room < count ? peer->room : count;
+    peer->room -= peer->room_per_poll > 0 ? count : 0;
     peer->hears(peer->context, fd - PLAY_FD, bytes, count);
     return (ssize_t)count;
 }
@@ -106,6 +109,9 @@ static short state_of(int fd, short events)
 static int look(struct pollfd *fds, nfds_t count, uint64_t wait_ns)
 {
     int ready = 0;
+    for (int i = 0; i < PLAY_PEERS; i++) {
+        play.peers[i].room = play.peers[i].room_per_poll;
+    }
     for (nfds_t i = 0; i < count; i++) {
         fds[i].revents = fds[i].fd < 0 ? 0 : state_of(fds[i].fd, fds[i].events);
         ready += fds[i].revents != 0;

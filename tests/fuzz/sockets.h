@@ -13,6 +13,7 @@ typedef struct {
     const uint8_t *says; /* its next bytes */
     size_t says_left;
     size_t takes;              /* bytes that one send() accepts; 0: all */
+    size_t room_per_poll, room; /* bytes accepted from one poll() to the next; 0: no limit */
     void (*hears)(void *context, int peer, const char *bytes, size_t count);
     void *context;
 } play_peer_t;

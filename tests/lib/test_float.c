@@ -87,8 +87,13 @@ static void test_any_bits_are_a_safe_state(void)
 {
     static const float any[] = {NAN, INFINITY, -INFINITY, 7.0f, -1.0001f, 0.5f};
     static const int32_t directions[] = {0, 5, INT32_MIN};
+    static const float clamped[] = {0, 1, -1, 1, -1, 0.5f};
     const dahl_params_t p = params_for(0.02, 1.3f);
     const dahl_float_plan_t plan = float_plan_for(&p);
+    for (int k = 0; k < 6; k++) {
+        dahl_float_state_t at_rest = {any[k], 0, 0, 0};
+        TEST_ASSERT_TRUE(dahl_float_step_counts(&plan, &at_rest, 0) == clamped[k] * p.Fc);
+    }
     for (int k = 0; k < 36; k++) {
         dahl_float_state_t state = {any[k % 6], k % 5 == 0 ? UINT32_MAX : 7, k % 7 == 0 ? UINT64_MAX : 7, directions[k % 3]};
         const float F = k < 18 ? dahl_float_step_counts(&plan, &state, 0) : dahl_float_step(&plan, &state, 0.0f);

@@ -184,7 +184,7 @@ static void test_closing_a_client_sends_its_queue_and_reads_its_input(void)
     }
     TEST_ASSERT_EQUAL(2, elements);
     server_side->is_deaf = 0;
-    server_side->takes = 1000;
+    server_side->room_per_poll = 1000;
     member.bus.ops->close(&member.bus);
     TEST_ASSERT_EQUAL(102, elements);
     TEST_ASSERT_EQUAL(0, server_side->says_left);
