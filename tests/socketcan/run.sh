@@ -3,7 +3,7 @@
 # Usage: tests/socketcan/run.sh DAHL-LOOP SCENE FOLDER
 #
 # dahl-loop on a real vcan0 (vcan1), with can-utils as foreign clients. Runs each case, leaves its files in FOLDER/CASE
-# and judges nothing: tests/python/test_socketcan.py does. Needs both interfaces up, and to be root.
+# and judges nothing: tests/python/can/test_socketcan.py does. Needs both interfaces up, and to be root.
 set -u
 LOOP=$1
 SCENE=$2

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What tests of `dahl demo` share: a log of one's own, what a run leaves, and a dahl-loop that is
-another than the demo expects.
-"""
+"""Helpers for tests of `dahl demo`: an own log, files of a run, and a dahl-loop with a fault."""
 
 from __future__ import annotations
 
@@ -23,9 +21,7 @@ OWN += ["--counts-per-turn", TURN, "--torque-scale", "-0.001", "--offset", OFFSE
 
 
 def write_log(path: Path) -> Path:
-    """A log whose measured torque is the model's own, with sign, scale and offset of a sensor, and
-    a little noise.
-    """
+    """A log with the torque of the model, with sign, scale and offset of a sensor and noise."""
     random = np.random.default_rng(1)
     degrees = np.array([30 * math.sin(i / 150) + 4 * math.sin(i / 11) for i in range(TICKS)])
     counts = np.rint((degrees - degrees[0]) * TURN / 360).astype(int)
@@ -52,7 +48,7 @@ def scene_of(path: Path) -> configparser.ConfigParser:
 
 
 def answered(log: Path, node: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Counts and F/Fc in Q30 of each tick that was answered, where none is missing."""
+    """Counts and F/Fc in Q30 of each answered tick, if none is missing."""
     counts, ratios = [], []
     for message in can.LogReader(log):
         if message.arbitration_id in (0x100 + node, 0x110 + node):
@@ -66,16 +62,16 @@ def answered(log: Path, node: int = 0) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rows_of(table: str) -> dict[str, str]:
-    """Name and value of each row of a table as it is printed."""
+    """Name and value of each row of a printed table."""
     rows, name = {}, ""
     for line in (line.split("│") for line in table.splitlines() if "│" in line):
-        name = line[1].strip() or name  # a long value goes on in the next line
+        name = line[1].strip() or name  # a long value continues in the next line
         rows[name] = f"{rows.get(name, '')} {line[2].strip()}".strip()
     return rows
 
 
-def another_loop(folder: Path, script: str) -> Path:
-    """A program in place of dahl-loop, whose script knows it as $LOOP."""
+def write_loop(folder: Path, script: str) -> Path:
+    """A program in place of dahl-loop. Its script has the real one as $LOOP."""
     folder.mkdir(exist_ok=True)
     path = folder / "loop"
     path.write_text(f"#!/bin/sh\nLOOP='{os.environ['DAHL_LOOP']}'\n{script}\n")
@@ -84,6 +80,6 @@ def another_loop(folder: Path, script: str) -> Path:
 
 
 def in_role(role: str, script: str, otherwise: str = "") -> str:
-    """A script that does another thing for this role, and then what dahl-loop does."""
+    """A script that runs this for one role, then dahl-loop."""
     case = f'case " $* " in *" {role} "*) {script};; *) :; {otherwise};; esac'
     return f'{case}\nexec "$LOOP" "$@"'

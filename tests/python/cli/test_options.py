@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Every option of every verb, as the command takes it: its names, the values at both ends of its
-range, what lies beyond, what has to be said, and what completes it in a shell.
+"""Every option of every command: its names, both ends of its range, values beyond, required
+options, help, and completion in a shell.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from identify_tools import complaint
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
-UNITS = ("deg", "rad", "mm", "counts")
 MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
 FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
 LIVE = {"--frames": FRAMES, "--seconds": TIME}
@@ -26,7 +25,7 @@ BUS |= {"--data-bitrate": NUMBER, "--timing": TEXT, "--bus-kwargs": TEXT, "--hos
 BUS |= {"--port": PORT}
 OPTIONS: dict[str, dict[str, Any]] = {
     "demo": {"--angle": TEXT, "--torque": TEXT, "--time": TEXT, "--sigma0": NUMBER}
-    | {"--fc": NUMBER, "--counts-per-turn": NUMBER, "--angle-unit": UNITS, "--scene": TEXT}
+    | {"--fc": NUMBER, "--counts-per-turn": NUMBER, "--angle-unit": TEXT, "--scene": TEXT}
     | dict.fromkeys(("--torque-scale", "--offset", "--spring"), FINITE)
     | {"--bus": TEXT, "--target": TEXT, "--seconds": TIME, "--seed": (0, 2**64 - 1)}
     | {"--json": FLAG, "-o/--output": TEXT},
@@ -58,7 +57,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "dbc": {"--nodes": (1, 16), "-o/--output": TEXT, "--force": FLAG},
     "complete": {},
 }
-NEEDED = {  # what has to be said, for the verb to be read
+NEEDED = {  # required options
     "excite": ["--counts-per-turn=1"],
     "plan": ["--sigma0=1", "--fc=1", "--theta-per-count=0", "-ox"],
     **{"record": ["-ox"], "plot": ["x"], "report": ["x"]},
@@ -66,28 +65,28 @@ NEEDED = {  # what has to be said, for the verb to be read
 EVERY = [(verb, names) for verb, options in OPTIONS.items() for names in options]
 
 
-def said_of(dahl, verb: str, *words: str) -> str:
-    """What is complained about these words and an option that there is not: of a value that is
-    taken nothing, so that the option is named.
+def refusal_of(dahl, verb: str, *words: str) -> str:
+    """The message for these words and an unknown option: of an accepted value, only the unknown
+    option is named.
     """
     option = words[0].partition("=")[0]
     beside = [one for one in NEEDED.get(verb, []) if one.partition("=")[0] != option]
     if option == "--counts-per-turn" and verb == "plan":
         beside.remove("--theta-per-count=0")  # one of both
-    code, said = complaint(dahl(verb, *beside, *words, "--no-such-option"))
-    assert code == 2 and f"dahl {verb} --help" in said or "dahl --help" in said
-    return said
+    code, line = complaint(dahl(verb, *beside, *words, "--no-such-option"))
+    assert code == 2 and f"dahl {verb} --help" in line or "dahl --help" in line
+    return line
 
 
 def samples(takes: Any) -> list[str]:
-    """Words that are taken: of a range both ends."""
+    """Accepted values: both ends of a range."""
     if isinstance(takes, tuple):
         return [one if isinstance(one, str) else repr(one) for one in takes]
     return {TEXT: ["a=b"], NUMBER: ["7"]}[takes]
 
 
 def beyond(takes: Any) -> list[str]:
-    """Words that are not: of a range the next on either side."""
+    """Refused values: the next one on either side of a range."""
     if takes == NUMBER:
         return ["x", "1,5"]
     if isinstance(takes[0], str):
@@ -99,70 +98,69 @@ def beyond(takes: Any) -> list[str]:
 
 
 @pytest.mark.parametrize(("verb", "names"), EVERY)
-def test_an_option_takes_what_it_says_and_no_more(dahl, verb, names):
-    """At both ends, and beyond them it is refused with them."""
+def test_an_option_accepts_its_range_and_nothing_beyond(dahl, verb, names):
+    """A refusal names the limits."""
     takes = OPTIONS[verb][names]
     if takes == FLAG:
-        assert "--no-such-option" in said_of(dahl, verb, names)
-        assert "ignored explicit argument" in said_of(dahl, verb, f"{names}=1")
+        assert "--no-such-option" in refusal_of(dahl, verb, names)
+        assert "ignored explicit argument" in refusal_of(dahl, verb, f"{names}=1")
         return
     if names in ("-i/--interface", "--timing"):  # python-can's own choices and forms
-        assert names.split("/")[0] in said_of(dahl, verb, f"{names.split('/')[-1]}=x")
+        assert names.split("/")[0] in refusal_of(dahl, verb, f"{names.split('/')[-1]}=x")
         return
     for name in names.split("/"):
         for value in samples(takes):
             word = f"{name}={value}" if name[:2] == "--" else name + value
-            assert "--no-such-option" in said_of(dahl, verb, word)
+            assert "--no-such-option" in refusal_of(dahl, verb, word)
     for value in () if takes == TEXT else beyond(takes):
-        said = said_of(dahl, verb, f"{names.split('/')[-1]}={value}")
-        assert names.split("/")[-1] in said and value[:100] in said
+        line = refusal_of(dahl, verb, f"{names.split('/')[-1]}={value}")
+        assert names.split("/")[-1] in line and value[:100] in line
         for limit in takes if isinstance(takes, tuple) else ():
-            assert (f"{limit:g}" if isinstance(limit, float) else str(limit)) in said
+            assert (f"{limit:g}" if isinstance(limit, float) else str(limit)) in line
 
 
 MISSING = [(verb, word) for verb, words in NEEDED.items() for word in words]
 
 
 @pytest.mark.parametrize(("verb", "missing"), [*MISSING, ("record", "-c")])
-def test_what_has_to_be_said_is_asked_for(verb, missing, dahl):
-    """In one line that names it, and before anything is looked for or written."""
+def test_a_missing_required_option_is_named(verb, missing, dahl):
+    """Before any file is written."""
     words = [word for word in NEEDED[verb] if word != missing]
-    code, said = complaint(dahl(verb, *words, *["-c"] * (missing == "-c")))
+    code, line = complaint(dahl(verb, *words, *["-c"] * (missing == "-c")))
     name = {"x": "RUN", "-ox": "-o"}.get(missing, missing.partition("=")[0])
-    assert code == 2 and name in said and not list(Path.cwd().iterdir())
+    assert code == 2 and name in line and not list(Path.cwd().iterdir())
 
 
 @pytest.mark.parametrize(("words", "told"), [("", "required"), ("x", "'x'"), ("demo -y", "-y")])
-def test_what_is_no_verb_and_no_option_is_named(words, told, dahl):
-    code, said = complaint(dahl(*words.split()))
-    assert code == 2 and told in said and "--help" in said
+def test_an_unknown_command_or_option_is_named(words, told, dahl):
+    code, line = complaint(dahl(*words.split()))
+    assert code == 2 and told in line and "--help" in line
 
 
-UNITS_TOLD = {"--fc": "N m", "--sigma0": "N m/rad", "--theta-per-count": "rad per count"}
-UNITS_TOLD |= {"--offset": "N m", "--spring": "N m/rad", "--torque-scale": "N m per unit"}
+UNITS = {"--fc": "N m", "--sigma0": "N m/rad", "--theta-per-count": "rad per count"}
+UNITS |= {"--offset": "N m", "--spring": "N m/rad", "--torque-scale": "N m per unit"}
 DEFAULTS = {"identify": {"--within": "2"}, "excite": {"--noise": "0.05", "--within": "1"}}
 DEFAULTS["excite"] |= {"--rate": "1000"}
-DEFAULTS |= {"demo": {"--torque-scale": "1"}, "plan": {"--model": "dahl"}}
+DEFAULTS |= {"plan": {"--model": "dahl"}}
 DEFAULTS |= {"node": {"--scene": "steering"}}
 
 
 @pytest.mark.parametrize("verb", OPTIONS)
-def test_the_help_tells_the_unit_and_the_default_of_a_number(verb, dahl):
-    """That these hold is shown where each verb is run."""
+def test_the_help_has_unit_and_default_of_a_number(verb, dahl):
     text = dahl(verb, "--help").stdout
     parts = re.split(r"\n  (?=-)", text)
-    told = {re.findall(r"--[\w-]+", part)[0]: " ".join(part.split()) for part in parts[1:]}
-    for name in UNITS_TOLD.keys() & told.keys() & OPTIONS[verb].keys():
-        assert re.search(rf"\b{UNITS_TOLD[name]}(?![\w/])", told[name]), (verb, name)
+    texts = {re.findall(r"--[\w-]+", part)[0]: " ".join(part.split()) for part in parts[1:]}
+    for name in UNITS.keys() & texts.keys() & OPTIONS[verb].keys():
+        assert re.search(rf"\b{UNITS[name]}(?![\w/])", texts[name]), (verb, name)
     for name, value in DEFAULTS.get(verb, {}).items():
-        assert re.search(rf"default:? {value}(\)|$)", told[name]), (verb, name)
+        assert re.search(rf"default:? {value}(\)|$)", texts[name]), (verb, name)
 
 
 # --- completion in a shell ------------------------------------------------------------------------
 
 
-def test_bash_completes_verbs_options_and_values(dahl, root):
-    """Run the script of `dahl complete` in bash. The table OPTIONS must be complete."""
+def test_bash_completes_commands_options_and_values(dahl, root):
+    """With the script of `dahl complete`. No option is missing in the table."""
     script = dahl("complete").stdout
     function = re.search(r"^complete .*-F (\w+) dahl$", script, re.MULTILINE)[1]
 
@@ -183,7 +181,6 @@ def test_bash_completes_verbs_options_and_values(dahl, root):
     scenes = {path.stem for path in (root / "host_sim" / "scenes").glob("*.ini")}
     assert set(completed("demo", "--scene", "")) == scenes
     assert completed("plan", "--model", "asy") == ["asymmetric"]
-    assert completed("demo", "--angle-unit", "") == list(UNITS)
     for name in ("-i", "--interface"):
         assert "socketcand" in completed("node", name, "socketcan")
     assert completed("plot", str(root / "READ")) == [str(root / "README.md")]
