@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""What a client of the served bus is promised: its place, its words, its frames, and who counts;
-and that no client, however bad, disturbs the loop or the others.
+"""The served bus: its places, its limits in time and in bytes, its port. Clients that are slow,
+silent or gone disturb neither the loop nor other clients. Random sequences of commands and frames:
+test_loop_server_sequences.py.
 """
 
 from __future__ import annotations
 
 import contextlib
-import random
 import re
 import select
 import signal
 import socket
-import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,7 +25,6 @@ from loop_tools import (
     finished,
     raw_client,
     read_log,
-    record,
     run,
     serving,
     start,
@@ -38,7 +36,7 @@ NODE = ("--role", "node", "--set", "friction.timeout_ms=60000")
 
 
 def greeted(port: int) -> socket.socket:
-    """A client that was greeted and has said nothing yet."""
+    """A client that was greeted and has sent no command yet."""
     peer = socket.create_connection(("127.0.0.1", port))
     peer.settimeout(10)
     assert peer.recv(100) == b"< hi >"
@@ -71,115 +69,47 @@ def closed(*peers: socket.socket) -> None:
         peer.close()
 
 
-# --- words and frames -----------------------------------------------------------------------------
-
-
-def test_all_garbage_is_counted_to_the_last_piece(tmp_path):
-    """Unknown commands, other buses' names, bad frames, letters between elements; and what a
-    client leaves unfinished is no garbage of the next one in its place.
-    """
-    with serving(tmp_path, STEERING, *NODE) as (process, port):
-        peer = greeted(port)
-        ask(peer, b"< subscribe 0 0 1 >", b"< error unknown command >")
-        ask(peer, b"< rawmode >", b"< error unknown command >")
-        ask(peer, b"< open can7 >", b"< error could not open bus >")
-        peer.sendall(b"< open vca")
-        peer.close()
-        time.sleep(0.2)
-        peer = raw_client(port)
-        peer.sendall(b"abc< send 123 9 1 >< send 800 0 >\n < hello >< send 7FF 1 0 >< cut < echo >")
-        hear(peer, b"< echo >")
-        result = ended(tmp_path, process)
-        peer.close()
-    assert result.summary["bus_counts"]["garbage"] == 2 + 3 + 3 + 1
-    assert result.summary["node"]["ignored"] == 1
-
-
-UNKNOWN = (b"bcmmode", b"subscribe 0 0 1", b"add 1 0 123 1 1", b"statistics 100", b"rawmode", b"")
-
-
-def test_a_command_that_is_unknown_in_raw_mode_is_answered_but_a_bad_frame_is_not(tmp_path):
-    with serving(tmp_path, STEERING, *NODE) as (process, port):
-        peer = raw_client(port)
-        peer.sendall(b"".join(b"< %s >" % words for words in UNKNOWN) + b"< send 800 0 >< echo >")
-        said = hear(peer, b"< echo >")
-        result = ended(tmp_path, process)
-        peer.close()
-    assert said.count(b"< error unknown command >") == len(UNKNOWN)
-    assert result.summary["bus_counts"]["garbage"] == len(UNKNOWN) + 1
-
-
-def slowly(peer: socket.socket, words: bytes) -> None:
-    peer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    for letter in words:
-        peer.send(bytes([letter]))
-        time.sleep(0.001)
-
-
-def test_words_may_come_letter_by_letter(tmp_path):
-    """To the server, and from one to its client; a frame there is logged with its own time."""
-    with serving(tmp_path / "node", STEERING, *NODE) as (_, port):
-        peer = greeted(port)
-        for words, answer in ((b"< open vcan0 >", b"< ok >"), (b"< rawmode >", b"< ok >")):
-            slowly(peer, words[:-1])
-            ask(peer, words[-1:], answer)
-        peer.close()
+def test_a_client_reads_words_letter_by_letter_and_logs_the_time_of_the_server(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as listener:
         spec = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
         words = ("--role", "encoder", "--bus", spec, "--seconds", "0.3")
         process = start(tmp_path / "encoder", STEERING, *words)
         peer, _ = listener.accept()
-        slowly(peer, b"< hi >< ok >< ok >< frame 123 1.5 AB >< frame 123 1.500000 AB >")
+        for letter in b"< hi >< ok >< ok >< frame 123 1.5 AB >< frame 123 1.500000 AB >":
+            peer.send(bytes([letter]))
+            time.sleep(0.001)
         result = finished(tmp_path / "encoder", process)
         peer.close()
     assert (result.code, result.summary["bus_counts"]["garbage"]) == (0, 1)
     assert "(0000000001.500000) vcan0 123#AB\n" in result.log.read_text()
 
 
-def test_frames_go_to_all_but_their_sender_with_the_time_of_the_bus(tmp_path):
-    with serving(tmp_path, STEERING, *NODE) as (process, port):
-        one, other = raw_client(port), raw_client(port)
-        before = time.time()
-        one.sendall(b"< send 18FF1234 3 1 2 AB >")
-        said = re.search(rb"< frame 18FF1234 (\d+\.\d{6}) 0102AB >", hear(other, b"0102AB >"))
-        after = time.time()
-        other.sendall(b"< send 7AA 0 >")
-        assert b"18FF1234" not in hear(one, b"< frame 7AA ")
-        result = ended(tmp_path, process)
-        closed(one, other)
-    assert before - 0.01 < float(said[1]) < after + 0.01
-    lines = result.log.read_text().splitlines()
-    assert f"({float(said[1]):017.6f}) vcan0 18FF1234#0102AB" in lines
-
-
-def test_frames_begin_a_tenth_of_a_second_after_the_greeting_or_with_the_first_word(tmp_path):
-    """Before, python-can would take a frame for a part of the answer; who speaks has read it, and
-    is answered at once, also where nothing else happens on the bus. The best of five.
+def test_frames_begin_a_tenth_of_a_second_after_raw_mode_or_with_the_first_word(tmp_path):
+    """python-can would read an earlier frame as a part of the answer. A client that sends has read
+    the answer.
     """
     recorded = run(tmp_path / "r", STEERING, "--virtual", "--seconds", "0.001").log
     (angle,) = [frame.data for frame in read_log(recorded) if frame.id == 0x100]
     spoken = f"< send 100 8 {' '.join(f'{byte:X}' for byte in angle)} >".encode()
     with serving(tmp_path / "a", STEERING) as (_, port):
-        waits = [waited_for_a_frame(port, b"") for _ in range(4)]
-        assert 0.08 < min(waits) and max(waits) < 0.7
+        silent = min(wait_for_a_frame(port, b"") for _ in range(4))
     with serving(tmp_path / "b", SCENES / "segments.ini", *NODE) as (_, port):
-        assert min(waited_for_a_frame(port, spoken) for _ in range(5)) < 0.02
+        assert min(wait_for_a_frame(port, spoken) for _ in range(5)) < 0.08 < silent
 
 
-def waited_for_a_frame(port: int, words: bytes) -> float:
-    """s until the first frame comes to a new client that says this."""
+def wait_for_a_frame(port: int, words: bytes) -> float:
+    """Seconds until the first frame comes to a new client that sends these words."""
     peer = raw_client(port)
     begun = time.monotonic()
     peer.sendall(words)
     assert peer.recv(8) == b"< frame "
     waited = time.monotonic() - begun
     peer.close()
-    time.sleep(0.05)
     return waited
 
 
-def test_a_burst_of_many_clients_is_taken_whole(tmp_path):
-    """More than the queue holds, all there at once: what has no room waits in its socket."""
+def test_a_burst_beyond_the_queue_loses_no_frame(tmp_path):
+    """Frames without room in the queue wait in their sockets."""
     with serving(tmp_path, STEERING, *NODE) as (process, port):
         peers = [raw_client(port) for _ in range(8)]
         time.sleep(0.3)
@@ -188,9 +118,9 @@ def test_a_burst_of_many_clients_is_taken_whole(tmp_path):
             peer.sendall(b"< send 7FF 0 >" * 800)
         process.send_signal(signal.SIGCONT)
         for peer in peers:
-            heard = b""
-            while heard.count(b"< frame 7FF ") < 7 * 800 or not heard.endswith(b">"):
-                heard += peer.recv(1 << 16)
+            received = b""
+            while received.count(b"< frame 7FF ") < 7 * 800 or not received.endswith(b">"):
+                received += peer.recv(1 << 16)
         result = ended(tmp_path, process)
         closed(*peers)
     assert result.summary["node"]["ignored"] == 8 * 800
@@ -203,11 +133,9 @@ def stop(process: Popen) -> None:
 
 
 @pytest.mark.parametrize(("opens", "frames"), [(can.Bus, 10), (open_bus, 500)])
-def test_frames_of_clients_that_close_at_once_with_unread_input_are_all_carried(
-    tmp_path, opens, frames
-):
-    """Such a close is a reset. The server is stopped meanwhile, as a busy machine may stop it. If a
-    client does not ask for tcp_tune, as dahl's own do, its kernel holds back short frames.
+def test_all_frames_of_a_client_that_closes_with_unread_input_arrive(tmp_path, opens, frames):
+    """Such a close is a reset. The server is stopped meanwhile, as a busy machine may do. A client
+    without tcp_tune keeps Nagle's algorithm, so its kernel holds back short frames.
     """
     clients = range(0x600, 0x608)
     with serving(tmp_path, STEERING, "--set", "motion.seconds=60") as (process, port):
@@ -228,9 +156,9 @@ def test_frames_of_clients_that_close_at_once_with_unread_input_are_all_carried(
 # --- places ---------------------------------------------------------------------------------------
 
 
-def test_who_has_not_entered_raw_mode_is_not_waited_with(tmp_path):
-    """Neither for the start nor for the end: greeted and opened are not yet on the bus. And the
-    wait is no part of the run: wall_s begins with the first tick.
+def test_a_client_counts_from_raw_mode_on(tmp_path):
+    """--wait-clients and --until-idle ignore a client that was only greeted or has only opened the
+    bus. wall_s begins with the first tick, after the wait.
     """
     options = ("--wait-clients", "2", "--until-idle", "--virtual", "--seconds", "0.5")
     with serving(tmp_path, STEERING, *options) as (process, port):
@@ -248,7 +176,7 @@ def test_who_has_not_entered_raw_mode_is_not_waited_with(tmp_path):
     assert 0 < summary["wall_s"] < time.monotonic() - joined
 
 
-def test_until_idle_waits_for_the_first_client_and_ends_with_the_last(tmp_path):
+def test_until_idle_starts_with_the_first_client_and_ends_with_the_last(tmp_path):
     with serving(tmp_path, STEERING, "--role", "node", "--until-idle") as (process, port):
         time.sleep(0.5)
         assert process.poll() is None
@@ -258,14 +186,12 @@ def test_until_idle_waits_for_the_first_client_and_ends_with_the_last(tmp_path):
         time.sleep(0.5)
         assert process.poll() is None
         other.close()
-        begun = time.monotonic()
         assert finished(tmp_path, process, 10).code == 0
-        assert time.monotonic() - begun < 3
 
 
-def test_sixteen_may_come_at_once_and_no_more(tmp_path):
-    """While the server looks elsewhere none is turned away; python-can says why one is, and so does
-    `dahl`; a place that is left is free again.
+def test_sixteen_clients_fit_and_the_next_is_refused(tmp_path):
+    """A stopped server refuses none of the sixteen. python-can and dahl-loop show the reason of a
+    refusal. A place that a client leaves is free again.
     """
     refused = "16 clients are here, no more"
     with serving(tmp_path, STEERING, "--role", "node") as (process, port):
@@ -291,9 +217,9 @@ def test_sixteen_may_come_at_once_and_no_more(tmp_path):
 
 
 @contextlib.contextmanager
-def joining_who_says_nothing(folder: Path) -> Iterator[list[tuple[str, Popen, str]]]:
-    """Programs that join (bus, program, why it is none): one peer takes the connection, the queue
-    of the other is full.
+def joining_a_silent_server(folder: Path) -> Iterator[list[tuple[str, Popen, str]]]:
+    """(bus, program, reason) of two programs that join: one server accepts and stays silent, the
+    queue of the other is full.
     """
     with socket.create_server(("127.0.0.1", 0)) as silent, socket.socket() as full:
         full.bind(("127.0.0.1", 0))
@@ -306,26 +232,26 @@ def joining_who_says_nothing(folder: Path) -> Iterator[list[tuple[str, Popen, st
 
 
 def check_silent_clients_are_dropped(silent: list[socket.socket], begun: float) -> None:
-    """Fifteen that say nothing, or half a greeting: 5 s later they are gone."""
+    """Fifteen clients that send nothing or half a greeting lose their places after 5 s."""
     for peer in silent[:8]:
         peer.sendall(b"< open vcan0 >")
     for peer in silent:
         peer.settimeout(20)
         while peer.recv(100):
             pass
-    assert 4.5 < time.monotonic() - begun < 7.5
+    assert time.monotonic() - begun > 4.5
 
 
-def test_who_says_nothing_is_given_up_after_5_s_by_server_and_client_but_who_speaks_stays(tmp_path):
+def test_server_and_client_drop_a_silent_peer_after_5_s(tmp_path):
     begun = time.monotonic()
     serves = serving(tmp_path / "server", STEERING, "--role", "node")
-    with joining_who_says_nothing(tmp_path) as joining, serves as (process, port):
+    with joining_a_silent_server(tmp_path) as joining, serves as (process, port):
         speaks = raw_client(port)
         silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(15)]
         check_silent_clients_are_dropped(silent, begun)
         for bus, joined, why in joining:
             refused = finished(tmp_path / bus, joined, 20)
-            assert 4.5 < time.monotonic() - begun < 7.5
+            assert time.monotonic() - begun > 4.5
             assert (refused.code, refused.err.count("\n")) == (1, 1)
             assert refused.err.startswith(f"error: --bus {bus}: {why}")
         time.sleep(0.6)
@@ -339,14 +265,14 @@ def test_who_says_nothing_is_given_up_after_5_s_by_server_and_client_but_who_spe
 
 
 def pending(process) -> str:
-    """A line of stderr, if there is one."""
+    """The next line of stderr, or nothing."""
     ready, _, _ = select.select([process.stderr], [], [], 0)
     return process.stderr.readline() if ready else ""
 
 
-def test_the_place_of_a_client_that_was_dropped_is_free_and_clean(tmp_path):
-    """The note names the place that the client had and the bytes that it left, less than a frame
-    below what it may leave; nothing that waited for it reaches the next.
+def test_a_client_that_reads_too_slowly_is_dropped_and_its_place_is_clean(tmp_path):
+    """The note names the place and the unread bytes, at most one frame below the limit. No unread
+    byte reaches the next client.
     """
     with serving(tmp_path, STEERING, "--set", "motion.seconds=60") as (process, port):
         listener, deaf = raw_client(port), raw_client(port, receive_buffer=4096)
@@ -366,12 +292,12 @@ def test_the_place_of_a_client_that_was_dropped_is_free_and_clean(tmp_path):
         closed(*[raw_client(port) for _ in range(2)])
         result = ended(tmp_path, process)
     assert result.summary["bus_counts"]["dropped"] == 1
-    assert result.summary["beat_late_us"]["max"] < 2e6  # in real time it is not waited for
+    assert result.summary["beat_late_us"]["max"] < 2e6  # real time does not wait for a client
 
 
 @pytest.mark.parametrize(("pause", "seconds"), [(2, 30), (0.7, 2)])
-def test_in_virtual_time_a_slow_client_is_waited_for(tmp_path, pause, seconds):
-    """With more frames than any buffer holds, and with what waits when the run has ended."""
+def test_virtual_time_waits_for_a_slow_client(tmp_path, pause, seconds):
+    """With more frames than any buffer holds, and with frames that wait after the end."""
     options = ("--virtual", "--wait-clients", "1", "--seconds", seconds)
     with serving(tmp_path, STEERING, *options) as (process, port):
         peer = raw_client(port, receive_buffer=4096)
@@ -384,8 +310,8 @@ def test_in_virtual_time_a_slow_client_is_waited_for(tmp_path, pause, seconds):
 
 
 @pytest.mark.parametrize("clients", [0, 2])
-def test_ctrl_c_ends_the_wait_for_clients_and_the_patience_with_them(tmp_path, clients):
-    """While it waits for them to come; in virtual time while it waits for them to read."""
+def test_ctrl_c_ends_the_wait_for_clients(tmp_path, clients):
+    """Before they have come, and in virtual time while they do not read."""
     options = ("--virtual", "--wait-clients", "2", "--nodes", "16")
     with serving(tmp_path, STEERING, *options) as (process, port):
         peers = [raw_client(port, receive_buffer=4096) for _ in range(clients)]
@@ -398,53 +324,11 @@ def test_ctrl_c_ends_the_wait_for_clients_and_the_patience_with_them(tmp_path, c
     assert (read_log(result.log) == []) == (clients == 0)
 
 
-# --- bad clients ----------------------------------------------------------------------------------
-
-
-def annoy(port: int, rng: random.Random) -> None:
-    """Garbage, half lines, endless lines, early leaving, with a reset instead of an orderly end."""
-    peer = raw_client(port) if rng.random() < 0.5 else socket.create_connection(("127.0.0.1", port))
-    pieces = [
-        rng.randbytes(rng.randrange(1, 3000)),
-        b"< send 123 8 1 2",
-        b"<" * 500,
-        b"< send 12 " + b"1 " * 4000,
-        b"< open >",
-        b"< open can7 >",
-        b"< rawmode >",
-        b"< subscribe 0 0 123 >",
-        b"\x00" * 100,
-    ]
-    with contextlib.suppress(OSError):
-        for piece in rng.sample(pieces, 4):
-            peer.sendall(piece)
-            time.sleep(0.005)
-    if rng.random() < 0.5:
-        peer.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-    peer.close()
-
-
-def test_bad_and_slow_clients_do_not_disturb_the_loop_or_a_good_one(tmp_path):
-    rng = random.Random(1)
+def test_neither_a_flood_nor_a_slow_client_stops_the_loop(tmp_path):
     options = ("--wait-clients", "2", "--seconds", "2")
     with serving(tmp_path, STEERING, *options) as (process, port):
-        slow = raw_client(port, receive_buffer=4096)
-        with client(port) as bus:
-            for _ in range(40):
-                annoy(port, rng)
-            lines = record(bus, process)
-        result = finished(tmp_path, process)
-        slow.close()
-    assert result.code == 0
-    assert len(lines) == len(result.log.read_text().splitlines())
-    assert (result.summary["ticks"], result.summary["frames_lost"]) == (2000, 0)
-    assert result.summary["bus_counts"]["garbage"] > 0
-    assert result.summary["max_rss_kib"] < 16 * 1024
-
-
-def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
-    with serving(tmp_path, STEERING, "--wait-clients", "1", "--seconds", "2") as (process, port):
-        peer = raw_client(port)
+        slow, peer = raw_client(port, receive_buffer=4096), raw_client(port)
+        assert peer.recv(8) == b"< frame "  # both clients count: the run has begun
         peer.setblocking(False)
         flood = b"< send 7FF 1 0 >" * 64
         while process.poll() is None:
@@ -454,8 +338,9 @@ def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
                 except OSError:
                     time.sleep(0.0005)
         result = finished(tmp_path, process)
-        peer.close()
+        closed(slow, peer)
     assert result.code == 0, result.err
+    assert result.summary["max_rss_kib"] < 16 * 1024
     node = result.summary["node"]
     assert (result.summary["frames_lost"], node["ok"], node["ignored"] > 1000) == (0, 2000, True)
 
@@ -463,9 +348,9 @@ def test_a_flood_of_foreign_frames_does_not_stop_the_beat(tmp_path):
 # --- ports and other servers ----------------------------------------------------------------------
 
 
-def test_a_bus_is_served_to_this_machine_alone_on_a_port_of_its_own(tmp_path):
-    """On 127.0.0.1 and no other address; a second one is refused there while it runs, and can be
-    served again at once, also where the server was the first to close a connection.
+def test_a_bus_is_served_on_the_loopback_address_only(tmp_path):
+    """A second server on the port is refused. After the first one has ended, the port can be used
+    again at once, even if the server closed a connection first.
     """
     with serving(tmp_path / "a", STEERING, *NODE) as (process, port):
         with pytest.raises(ConnectionRefusedError):
@@ -483,18 +368,16 @@ def test_a_bus_is_served_to_this_machine_alone_on_a_port_of_its_own(tmp_path):
 
 
 @pytest.mark.parametrize("greeting", [b"HTTP/1.1 200 OK\r\n", b"< hello >", b"< hi >< no >", b""])
-def test_a_peer_that_is_none_is_known_as_soon_as_it_speaks(tmp_path, greeting):
-    """Or leaves."""
+def test_a_peer_with_another_protocol_is_refused_at_its_first_word(tmp_path, greeting):
+    """The last peer closes the connection instead."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         bus = f"socketcand:127.0.0.1:{listener.getsockname()[1]}"
         process = start(tmp_path, STEERING, "--bus", bus)
         peer, _ = listener.accept()
-        begun = time.monotonic()
         peer.sendall(greeting)
         if not greeting:
             peer.close()
-        wait_until(lambda: process.poll() is not None)
-        assert time.monotonic() - begun < 3
+        wait_until(lambda: process.poll() is not None, 4.5)  # before its limit for a silent peer
         result = finished(tmp_path, process)
         peer.close()
     assert (result.code, result.summary, result.err.count("\n")) == (1, {}, 1)
@@ -513,7 +396,7 @@ def can_bind(address: str) -> bool:
     not (socket.has_ipv6 and can_bind("::1")),
     reason="unproven: a bus at an address with colons: this machine has no ::1",
 )
-def test_a_bus_may_be_at_an_address_with_colons(tmp_path):
+def test_a_bus_can_be_at_an_ipv6_address(tmp_path):
     with socket.create_server(("::1", 0), family=socket.AF_INET6) as listener:
         port = listener.getsockname()[1]
         process = start(tmp_path, STEERING, "--bus", f"socketcand:::1:{port}", "--seconds", "0.1")
