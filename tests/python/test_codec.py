@@ -83,7 +83,7 @@ def random_struct(kind: str, rng: random.Random) -> ctypes.Structure:
 @pytest.mark.parametrize("kind", KINDS)
 def test_c_and_dbc_agree_bit_for_bit(database, kind):
     """Both ways; and what autosar-e2e did not protect, or one bit has changed of, is refused."""
-    c, name = ctypes.CDLL(str(built("tests", "port", "libdahl_frames.so"))), KINDS[kind][0]
+    c, name = ctypes.CDLL(str(built("tests", "node", "libdahl_frames.so"))), KINDS[kind][0]
     pack, unpack = (getattr(c, f"dahl_frames_{way}_{name}") for way in ("pack", "unpack"))
     rng, base = random.Random(kind), database.get_message_by_name(kind).frame_id
     for _ in range(ROUNDS):

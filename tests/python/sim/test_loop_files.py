@@ -205,8 +205,9 @@ def test_an_unread_pipe_loses_whole_lines_that_are_counted(tmp_path, seconds, pa
     torn = 0 if lines[-1].endswith("\n") else 1
     assert torn <= (pause > seconds)
     assert all(LINE.fullmatch(line.rstrip("\n")) for line in lines[: len(lines) - torn])
+    # 4 nodes, a Status every 100 ms and at each stall
     status = missing + len(lines) - torn - told["frames_sent"] - told["node"]["ok"]
-    assert 60 <= status <= 200 + told["node"]["stale"]  # every 100 ms, and at each stall
+    assert 30 * seconds <= status <= 80 * seconds + told["node"]["stale"]
 
 
 def test_virtual_time_waits_for_the_reader_of_a_pipe(tmp_path):
