@@ -16,7 +16,7 @@ from pathlib import Path
 import can
 import dahl
 import pytest
-from can_socket import BUS_OFF, ERROR, EXTENDED, REMOTE, frame, joined, plant
+from can_socket import BUS_OFF, ERROR, EXTENDED, REMOTE, build_can_library, frame, joined
 from dahl import codec
 from dahl.binding import models
 from dahl.codec import EncoderState, Param, ParamWrite, Reset, State, What, Write
@@ -184,7 +184,7 @@ def test_any_frame_is_answered_as_the_program_does(tmp_path, model):
     words = f"model = {model}\n{MODELS[model][0]}\ntheta_per_count = {THETA}\n"
     path.write_text(f"[friction]\n{words}timeout_ms = 60000\n")
     python = dahl.Node(MODELS[model][1], timeout=60, status_period=0)
-    process, bus = joined(tmp_path, plant(tmp_path), "--role", "node", scene=path)
+    process, bus = joined(tmp_path, build_can_library(tmp_path), "--role", "node", scene=path)
     answers = 0
     assert [heard(bus)] == said(python.tick())
     for message in script(random.Random(model), 4000):
