@@ -129,7 +129,7 @@ must_install() {
 # Install Python first: pip can then work while apt-get installs the other packages.
 install_missing() {
     local python=()
-    has_apt || return 0
+    if ! has_apt; then start_python; return; fi
     mapfile -t python < <(comm -12 <(printf '%s\n' "${MISSING[@]}") <(printf 'python3\npython3-venv\n'))
     if [ "${#python[@]}" -gt 0 ]; then must_install "${python[@]}"; fi
     start_python

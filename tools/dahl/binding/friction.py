@@ -166,17 +166,17 @@ class Friction(RatioElement):
         self.set_torque(value)
 
     def set_torque(self, F: float) -> None:  # noqa: N803 (the field's name)
-        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN leaves the state
-        unchanged. Raises dahl.Error if F is no number.
+        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN has no effect. Raises
+        dahl.Error if F is no number.
         """
         torque = checks.real("F", F, "a torque in N m")
         c.dahl_set_torque(self._plan._prepared, self._state._c, torque)
 
     def counts_to_torque(self, F: float) -> int:  # noqa: N803 (the field's name)
         """A move in counts after which step_counts() returns a torque that has reached F in N m: F
-        or beyond, seen from the torque now; 0 if that is F. The state stays. One count less does
-        not reach F; dahl_parts.h bounds by how much a move that is shorter still may. Raises
-        dahl.Error for an F that is no finite number, that is beyond Fc or that a move of 2^31-1 counts does
+        or beyond, seen from the torque now; 0 if that is F. Nothing moves. One count less does not
+        reach F; dahl_parts.h bounds by how much a move that is shorter still may. Raises dahl.Error
+        for an F that is no finite number, that is beyond Fc or that a move of 2^31-1 counts does
         not reach, and for a plan without theta_per_count.
         """
         wanted, found = checks.finite("F", F, "N m"), c.new("int32_t *")
