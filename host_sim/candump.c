@@ -17,7 +17,7 @@ enum {
     WRITE_BYTES = 4096, /* buffered before a write */
     OPEN_TRIES = 200,
     OPEN_NAP_NS = 10000000, /* between tries; 2 s in all */
-    LINGER_MS = 2000        /* at the end, for a reader that reads nothing */
+    LINGER_MS = 2000        /* wait for a stalled reader at the end */
 };
 
 static const uint32_t ERROR_BIT = 0x20000000u; /* as candump writes error frames */

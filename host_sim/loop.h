@@ -4,7 +4,7 @@
  * nodes and encoders share the bus.
  *
  * Real time: the monotonic clock schedules the ticks. If the machine stalls, late ticks follow each other after 3/4 of a period
- * until the schedule is met again, so that none is skipped or bunched. A stall of more than a second shifts the schedule.
+ * until the schedule is met again, so that no tick is skipped or bunched. A stall of more than a second shifts the schedule.
  * A tick later than a period has missed its deadline, except in lockstep, in which it may have waited for an answer.
  * A node's clock counts ticks, so a stalled host does not cause a timeout, as with a halted core.
  * In lockstep, the tick of an encoder waits for the answer to the last one, so that a slow external node loses no frame. The

@@ -9,46 +9,46 @@ static void copy(float *to, const scene_list_t *from)
     }
 }
 
-static dahl_err_t use_slip(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+static dahl_err_t use_slip(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
 {
     dahl_slip_params_t params = {.elements = f->Fc_of.count, .theta_per_count = (float)f->theta_per_count};
     copy(params.sigma0, &f->sigma0_of);
     copy(params.Fc, &f->Fc_of);
-    return dahl_node_use_slip(node, &kept->slip, &params);
+    return dahl_node_use_slip(node, &memory->slip, &params);
 }
 
-static dahl_err_t use_parallel(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+static dahl_err_t use_parallel(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
 {
     dahl_node_parallel_params_t params = {
         .elements = f->Fc_of.count, .slips = f->slips, .theta_per_count = (float)f->theta_per_count};
     copy(params.sigma0, &f->sigma0_of);
     copy(params.Fc, &f->Fc_of);
-    return dahl_node_use_parallel(node, &kept->parallel, &params);
+    return dahl_node_use_parallel(node, &memory->parallel, &params);
 }
 
-static dahl_err_t use_asymmetric(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+static dahl_err_t use_asymmetric(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
 {
     const dahl_asymmetric_params_t params = {(float)f->sigma0_of.value[0], (float)f->Fc_of.value[0], (float)f->Fc_of.value[1],
                                              (float)f->theta_per_count};
-    return dahl_node_use_asymmetric(node, &kept->asymmetric, &params);
+    return dahl_node_use_asymmetric(node, &memory->asymmetric, &params);
 }
 
-static dahl_err_t use_elastoplastic(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+static dahl_err_t use_elastoplastic(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
 {
     const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    return dahl_node_use_elastoplastic(node, &kept->elastoplastic, &params, (float)f->breakaway);
+    return dahl_node_use_elastoplastic(node, &memory->elastoplastic, &params, (float)f->breakaway);
 }
 
-static dahl_err_t use_loaded(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *f)
+static dahl_err_t use_loaded(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *f)
 {
     const dahl_params_t params = {(float)f->sigma0, (float)f->Fc, (float)f->theta_per_count};
-    return dahl_node_use_loaded(node, &kept->loaded, &params);
+    return dahl_node_use_loaded(node, &memory->loaded, &params);
 }
 
 #define USE_MODEL(name, NAME, ...)                                                                                               \
-    case MODEL_##NAME: return use_##name(node, kept, friction);
+    case MODEL_##NAME: return use_##name(node, memory, friction);
 
-dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction)
+dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *friction)
 {
     switch (friction->model) {
         DAHL_FRAMES_OTHER_MODELS(USE_MODEL)

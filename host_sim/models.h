@@ -1,18 +1,18 @@
 /* SPDX-License-Identifier: MIT */
-/* models: a node made to answer by the model that a scene names. */
+/* models: set the friction model of a node from a scene. */
 #ifndef MODELS_H
 #define MODELS_H
 
 #include "dahl_node.h"
 #include "scene.h"
 
-/* What a node keeps for any model but Dahl's own. */
+/* Memory of a node for a model other than dahl. */
 #define MODEL_STORAGE(name, ...) dahl_node_##name##_t name;
 typedef union {
     DAHL_FRAMES_OTHER_MODELS(MODEL_STORAGE)
-} models_kept_t;
+} model_memory_t;
 
-/* After dahl_node_init. The library's code. */
-dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction);
+/* Call it after dahl_node_init. It returns the error code of the library. */
+dahl_err_t models_use(dahl_node_t *node, model_memory_t *memory, const scene_friction_t *friction);
 
 #endif

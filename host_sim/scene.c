@@ -300,8 +300,8 @@ static bool check_key(const reader_t *r, int i)
 
 typedef struct {
     const char *name;
-    uint32_t sigma0, Fc; /* how many numbers of each; 0: one for each element */
-    const char *key;     /* required for this model, an error for the others; "" if there is none */
+    uint32_t sigma0, Fc; /* count of numbers; 0: one for each element */
+    const char *key;     /* required for this model, an error for the others; "": the model has no key */
 } model_row_t;
 
 #define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) {#name, sigma0s, Fcs, key},
@@ -330,7 +330,7 @@ static bool find_model(reader_t *r)
     return false;
 }
 
-/* A key that one model needs and no other has. */
+/* Check a key that belongs to one model only. */
 static bool check_own_key(const reader_t *r, const char *key)
 {
     bool is_needed_here = strcmp(models[r->scene->friction.model].key, key) == 0, is_given = friction_line(r, key) != 0;
@@ -353,9 +353,9 @@ static bool check_own_keys(const reader_t *r)
     return true;
 }
 
-static const char *wanted_numbers(const model_row_t *model)
+static const char *expected_numbers(const model_row_t *model)
 {
-    return model->sigma0 == 0 ? "as many of both, one an element"
+    return model->sigma0 == 0 ? "as many of both, one for each element"
            : model->Fc == 2   ? "one sigma0, and Fc forward and backward"
                               : "one of each";
 }
@@ -366,14 +366,14 @@ static bool check_numbers_of_elements(const reader_t *r)
     uint32_t sigma0 = models[f->model].sigma0, Fc = models[f->model].Fc;
     bool is_good = sigma0 == 0 ? f->sigma0_of.count == f->Fc_of.count : f->sigma0_of.count == sigma0 && f->Fc_of.count == Fc;
     if (!is_good) {
-        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model %s wants %s", PLACE(r, friction_line(r, "Fc")),
-                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, wanted_numbers(&models[f->model]));
+        log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model %s needs %s", PLACE(r, friction_line(r, "Fc")),
+                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, expected_numbers(&models[f->model]));
     }
     return is_good;
 }
 
 /* Read dahl or slip for each element of parallel. */
-static bool take_kinds(reader_t *r)
+static bool read_kinds(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
     char copy[SCENE_TEXT], *rest = copy;
@@ -388,14 +388,14 @@ static bool take_kinds(reader_t *r)
         f->slips |= count < DAHL_SLIP_MAX && word[0] == 's' ? 1u << count : 0u;
     }
     if (count != f->Fc_of.count) {
-        log_error("%s:%d: [friction] kinds has %u words and Fc %u numbers: one an element is wanted",
+        log_error("%s:%d: [friction] kinds has %u words and Fc %u numbers: one word for each element is expected",
                   PLACE(r, friction_line(r, "kinds")), count, f->Fc_of.count);
     }
     return count == f->Fc_of.count;
 }
 
 /* Compute the sigma0 and Fc that the ratio on the bus refers to. */
-static void add_up(scene_friction_t *f)
+static void sum_elements(scene_friction_t *f)
 {
     for (uint32_t k = 0; k < f->sigma0_of.count; k++) {
         f->sigma0 += f->sigma0_of.value[k];
@@ -405,12 +405,12 @@ static void add_up(scene_friction_t *f)
     }
 }
 
-static bool take_model(reader_t *r)
+static bool read_model(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
     bool is_good = find_model(r) && check_own_keys(r) && check_numbers_of_elements(r)
-                   && (f->model != MODEL_PARALLEL || take_kinds(r));
-    add_up(f);
+                   && (f->model != MODEL_PARALLEL || read_kinds(r));
+    sum_elements(f);
     return is_good;
 }
 
@@ -445,7 +445,7 @@ static bool check_travel(const reader_t *r, double sigma0, double Fc)
 static bool check_friction(reader_t *r)
 {
     const scene_friction_t *f = &r->scene->friction;
-    if (!take_model(r)) {
+    if (!read_model(r)) {
         return false;
     }
     for (uint32_t k = 0; k < f->Fc_of.count; k++) {

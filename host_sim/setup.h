@@ -21,7 +21,7 @@ typedef struct {
     uint32_t node_count;
     uint32_t encoder_count;
     dahl_node_t nodes[DAHL_FRAMES_NODES];
-    models_kept_t models[DAHL_FRAMES_NODES]; /* used if the scene's model is not dahl */
+    model_memory_t models[DAHL_FRAMES_NODES]; /* used if the scene's model is not dahl */
     motion_t motions[DAHL_FRAMES_NODES];
     encoder_t encoders[DAHL_FRAMES_NODES];
     faults_t faults[DAHL_FRAMES_NODES];

@@ -3,12 +3,12 @@
 # Usage: tools/setup.sh [NEED...]
 #
 # Installs what a need requires and what is not installed yet. The other scripts call it; the default need is `test`.
-#   demo      C compiler, CMake, three small parser libraries; Python with the packages of `dahl demo`
+#   demo      C compiler, CMake, three small parser libraries; Python (and Python.h) with the packages of `dahl demo`
 #   identify  demo, and the packages of the other commands of `dahl`
 #   firmware  demo, and a cross compiler and an emulator for Cortex-M (tools/demo.sh --target)
 #   test      identify, Unity and pytest: for tools/test.sh without options
 #   docs      test, Doxygen and pdoc: for tools/docs.sh
-#   vm        demo, an emulator, can-utils, and a kernel with CAN if this one has none: for tools/vm.sh
+#   vm        demo, an emulator, can-utils, and a kernel with CAN if this one lacks it: for tools/vm.sh
 #   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC: for tools/test.sh --checks
 #   bench     identify, firmware and the other cores of tools/bench.sh
 #   all       everything

@@ -3,8 +3,8 @@
  * @file dahl_parts.h
  * @brief Elements that extend Dahl's model, elements in parallel, work and inverse.
  *
- * Use it if one Dahl element does not fit a measured bearing or gear; docs/model.md shows which
- * element lowers the error on which log. As in dahl.h, prepare once, then step in every tick.
+ * Use it if one Dahl element does not fit a measured bearing or gear; docs/parts.md helps to
+ * choose, docs/speed.md compares elements on measured logs. As in dahl.h, prepare once, then step in every tick.
  *
  * @par Guarantee
  * - By counts, a torque in N m is within #DAHL_ULP_PARTS = 0.55 ulp of Fc of the exact solution.

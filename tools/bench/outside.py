@@ -17,7 +17,7 @@ from statistics import median
 from typing import Any
 
 Task = dict[str, Any]  # parsed JSON, see above
-SAMPLE = 0.001  # [s] between ticks, for simulators with time; the model has none
+SAMPLE = 0.001  # [s] between ticks, for simulators with time; Dahl's model is independent of time
 
 
 def mujoco_way(task: Task) -> Callable[[Task], list[float]]:

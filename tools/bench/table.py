@@ -104,18 +104,18 @@ def show(result: dict[str, dict[str, Any]]) -> None:
 
 
 def words(names: list[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names) or "nothing"
+    return ", ".join(f"`{name}`" for name in names) or "no function"
 
 
 def bare_link(result: dict[str, dict[str, Any]]) -> str:
-    """List the helpers that a link without the compiler's library needs, by core."""
-    wants = {
-        core["core"]: f"{words(core['helpers'])} (compiled with `-O0`: {words(core['helpers_O0'])})"
+    """List the functions of the compiler's library that dahl calls, by core."""
+    needs = [
+        f"{core['core']} {words(core['helpers'])} (with `-O0`: {words(core['helpers_O0'])})"
         for core in result.values()
-        if "helpers" in core
-    }
-    lines = [f"{name} {what}" for name, what in wants.items()]
-    return f"A link with `-nostdlib` needs beside libdahl: {'; '.join(lines)}."
+        if core.get("helpers") or core.get("helpers_O0")
+    ]
+    listed = "; ".join(needs) or "no core needs one"
+    return f"With `-nostdlib`, provide these functions of the compiler's library: {listed}."
 
 
 def markdown(result: dict[str, dict[str, Any]]) -> str:

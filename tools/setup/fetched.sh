@@ -10,7 +10,7 @@ UNITY_SUMS='2e3a0610268455520a5796345b503d00c34a47fe97ed3750349cbd4b2b1990f3  un
 adfd612c217e59468c5ebe978640e77e5f539e820ffc0c195a98c5a36f0ac868  unity_internals.h'
 KERNEL_PARTS=(net/can net/9p net/sched/sch_tbf fs/9p fs/netfs fs/fscache drivers/virtio drivers/net/can/vcan
     drivers/net/can/dev)
-CBMC_SUITE=trixie # has CBMC 6.6; Debian 12 has none
+CBMC_SUITE=trixie # has CBMC 6.6; Debian 12 has no CBMC
 
 check_fetched() {
     local name

@@ -24,7 +24,7 @@ declare -A MUST=(
     [test]='gcc g++ git ca-certificates pkg-config dpkg-dev xz-utils'
 )
 
-# Any C compiler builds the demo. If there is none, install gcc.
+# Any C compiler builds the demo. Without one, install gcc.
 ${CC:-cc} -v >/dev/null 2>&1 || MUST[demo]+=' gcc'
 
 # Optional Debian packages: tests that need a missing one are skipped and say so.
@@ -50,6 +50,9 @@ declare -A FETCHED=(
 
 # Groups of Python packages in tools/requirements.lock.
 declare -A PYTHON_GROUP=([demo]=demo [identify]=identify [docs]=docs [test]=test [checks]=checks)
+
+# Python.h makes calls of the C library cheaper (docs/decisions/13-cffi.md). Debian's Python has it in this package.
+add_python_headers() { has_python_headers || MAY[demo]=python3-dev; }
 
 declare -A WANTED=() # the needs of this run
 

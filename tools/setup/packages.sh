@@ -35,9 +35,10 @@ note_tried() { [ "$APT_ANSWERS" = no ] || echo "$2" >"$BUILD/deps/$1.tried"; }
 
 check_packages() {
     local must may
+    if ! has_apt; then check_without_apt; return; fi
+    add_python_headers
     mapfile -t must < <(words_of MUST)
     mapfile -t may < <(words_of MAY)
-    if ! has_apt; then check_without_apt; return; fi
     mapfile -t MISSING < <(not_installed "${must[@]}")
     [ "${#MISSING[@]}" -eq 0 ] || may_be_root ||
         die "please install, then run this again: apt-get install --no-install-recommends ${MISSING[*]}"
@@ -128,7 +129,7 @@ must_install() {
 # Install Python first: pip can then work while apt-get installs the other packages.
 install_missing() {
     local python=()
-    has_apt || return 0
+    if ! has_apt; then start_python; return; fi
     mapfile -t python < <(comm -12 <(printf '%s\n' "${MISSING[@]}") <(printf 'python3\npython3-venv\n'))
     if [ "${#python[@]}" -gt 0 ]; then must_install "${python[@]}"; fi
     start_python
@@ -150,11 +151,11 @@ install_optional() {
     if may_try_optional && [ "$APT_ANSWERS" = yes ]; then
         mapfile -t known < <(known_to_apt "$@")
         if [ "${#known[@]}" -lt $# ]; then apt update || true; mapfile -t known < <(known_to_apt "$@"); fi
-        say "installing optional packages: ${known[*]:-apt-get knows none of them}"
+        say "installing optional packages: ${known[*]:-not known to apt-get}"
         if [ "${#known[@]}" -eq $# ] && install_packages "$@"; then return; fi
         install_packages "${known[@]}" || true
         note_tried packages "$*"
     fi
     mapfile -t known < <(not_installed "$@")
-    say "not installed, so the tests that need them will be skipped: ${known[*]}"
+    say "continuing without optional packages; tests that need them will be skipped: ${known[*]}"
 }

@@ -19,6 +19,15 @@ find_python() {
     done
 }
 
+# True for a Python of another origin too: no Debian package has its Python.h. If there is no Python, set-up installs Debian's.
+has_python_headers() {
+    local python
+    python=$(find_python)
+    [ -n "$python" ] && "$python" -c 'import os, sys, sysconfig
+folder = sysconfig.get_path("include")
+sys.exit(folder.startswith("/usr/include/") and not os.path.exists(folder + "/Python.h"))'
+}
+
 # An environment is bound to its interpreter and its place, because its scripts contain its path.
 venv_key() { { echo "$VENV"; "$PYTHON" -VV; } | sha256sum; }
 

@@ -166,7 +166,7 @@ class Friction(RatioElement):
         self.set_torque(value)
 
     def set_torque(self, F: float) -> None:  # noqa: N803 (the field's name)
-        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN changes nothing. Raises
+        """Set the state to F in N m. As in C, F is clamped to +-Fc and NaN has no effect. Raises
         dahl.Error if F is no number.
         """
         torque = checks.real("F", F, "a torque in N m")

@@ -40,14 +40,14 @@ def load() -> tuple[Any, Any]:
     try:
         ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)  # the module finds its functions in it
         ffi, functions = _compiled() or _parsed(path)
-        getattr(functions, "dahl_prepare")  # noqa: B009  (another library has none)
+        getattr(functions, "dahl_prepare")  # noqa: B009  (another library lacks it)
         return ffi, functions
     except (OSError, AttributeError) as error:
         raise RunError(f"{path}: not the shared library of dahl ({error})") from None
 
 
 def _compiled() -> tuple[Any, Any] | None:
-    """None without a module that this interpreter can load."""
+    """Return FFI and functions of the module, or None if this interpreter cannot load it."""
     path = paths.binding("_dahl.abi3.so")
     loader = ExtensionFileLoader("_dahl", str(path))
     try:

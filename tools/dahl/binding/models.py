@@ -29,6 +29,8 @@ HEADER = "dahl_frames.h"
 ROW = re.compile(
     r'MODEL\((\w+), \w+, (\w+), (\d+), (\d), (\d), (\d), "(\w*)",\s+(?:\\\s+)?"([^"]*)"\)'
 )
+ROW_START = re.compile(r"^[ \t]*(MODEL\()", re.MULTILINE)  # not those in a comment
+COLUMNS = "name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning"
 
 
 @dataclass(frozen=True)
@@ -62,12 +64,22 @@ def table() -> dict[str, Model]:
         text = (paths.INCLUDE / HEADER).read_text(encoding="utf-8")
     except OSError as error:
         raise RunError(f"{error.filename}: {error.strerror}") from None
+    _check_rows(text)
     rows = [
         Model(name, class_name, int(number), int(sigma0s), int(Fcs), plan == "1", key, meaning)
         for name, class_name, number, sigma0s, Fcs, plan, key, meaning in ROW.findall(text)
     ]
     rows.sort(key=lambda row: row.name != "dahl")  # the macro of the first row stands last
     return {row.name: row for row in rows}
+
+
+def _check_rows(header: str) -> None:
+    """Raise dahl.RunError for a row that ROW does not match: it would vanish."""
+    for start in ROW_START.finditer(header):
+        if not ROW.match(header, start.start(1)):
+            line = header.count("\n", 0, start.start(1)) + 1
+            words = "the row of DAHL_FRAMES_MODELS does not have the columns"
+            raise RunError(f"{paths.INCLUDE / HEADER}:{line}: {words} {COLUMNS}")
 
 
 def with_key(key: str) -> Model:

@@ -258,15 +258,30 @@ def _play(
     console: Any,
 ) -> tuple[dict[str, Any], Trace]:
     """Run and record. Return the counts of dahl-loop and the trace, read back from run.log."""
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
-    from dahl.interrupt import Stop
     from dahl.report import traces
     from dahl.sim import loop
 
     setup = _setup(args, scene, log, console)
-    ticks = _expected(args, scene, recorded)
     _forget_earlier_run(args.output)
+    numbers = _run_with_progress(setup, _expected(args, scene, recorded), console)
+    if setup.trace and scene.compensates and not numbers["interrupted"]:
+        loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
+    source = args.log or log  # a user's own log is replayed by a copy of its columns
+    numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
+    now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
+    numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
+    if args.target:  # the node that serves the bus received no frame
+        numbers |= {"node": {}, "target": args.target}
+    return numbers, _trace(args.output / "run.log", scene)
+
+
+def _run_with_progress(setup: Setup, ticks: int | None, console: Any) -> dict[str, Any]:
+    """Run dahl-loop with a progress bar. Return its counts; `ticks` is None if unknown."""
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    from dahl.interrupt import Stop
+    from dahl.sim import loop
+
     columns = (
         TextColumn("run    "),
         BarColumn(),
@@ -283,15 +298,7 @@ def _play(
         )
         done = numbers.get("ticks", 0)
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
-    if setup.trace and scene.compensates and not numbers["interrupted"]:
-        loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
-    source = args.log or log  # a user's own log is replayed by a copy of its columns
-    numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
-    now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
-    numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
-    if args.target:  # the node that serves the bus received no frame
-        numbers |= {"node": {}, "target": args.target}
-    return numbers, _trace(args.output / "run.log", scene)
+    return numbers
 
 
 def _trace(log: Path, scene: Scene) -> Trace:

@@ -30,7 +30,7 @@ COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 
 
 def logs_in(folder: Path) -> list[Path]:
-    """Return the logs in a folder by their endings. Raises dahl.Error if there are none."""
+    """Return the logs in a folder by their endings. Raises dahl.Error for a folder without logs."""
     if not folder.is_dir():
         raise Error(f"--each {folder}: no such folder")
     found = sorted(path for path in folder.iterdir() if path.suffix.lower() in ENDINGS)

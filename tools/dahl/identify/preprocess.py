@@ -48,10 +48,11 @@ RANGES = {True: (1e-8, 1e2, "m"), False: (1e-7, 1e4, "rad")}  # of an angle, by 
 
 
 def preprocess(log: Log, trust_units: bool = False, median: int = 0) -> list[Log]:
-    """Return the pieces of a log that a fit can use. Raises dahl.Error if there are none.
+    """Return the pieces of a log that a fit can use. Raises dahl.Error for a log without
+    such a piece.
 
     `median` is the number of rows of a running median of the angle. If it is 0, a median is used if
-    the angle flickers; 1 means none.
+    the angle flickers; 1 means no median.
     """
     check(log, trust_units)
     whole = unwrap(drop_repeated_rows(log), trust_units)
@@ -185,7 +186,7 @@ def mark_torque_readings(log: Log) -> Log:
     weight = np.zeros(log.rows)
     weight[readings] = 1.0
     torque = np.interp(np.arange(log.rows), readings, log.torque[readings])
-    note = f"{words}: the {log.rows - len(readings)} rows between weigh nothing"
+    note = f"{words}: the {log.rows - len(readings)} rows between have weight 0"
     return replace(log, torque=torque, weight=weight, notes=[*log.notes, note])
 
 

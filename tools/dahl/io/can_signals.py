@@ -139,7 +139,7 @@ def _message_with(database: cantools.database.Database, name: str) -> cantools.d
 
 
 def _is_in_range(value: float, signal: cantools.database.Signal) -> bool:
-    """Whether the DBC allows a value; equal limits mean that it has none."""
+    """Return whether the DBC allows a value; equal limits mean that there is no limit."""
     low = -np.inf if signal.minimum is None else signal.minimum
     high = np.inf if signal.maximum is None else signal.maximum
     return not np.isnan(value) and bool(low == high or low <= value <= high)

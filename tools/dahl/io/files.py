@@ -68,7 +68,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def read_text(path: Path, hint: str = "") -> str:
-    """Return the text of a file. Raises dahl.Error; `hint` says where such a file comes from."""
+    """Return the text of a file. Raises dahl.Error; `hint` names the origin of the file."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:

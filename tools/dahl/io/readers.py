@@ -172,9 +172,9 @@ def _find_in_table(table: Table, source: Source, notes: list[str]) -> dict[str, 
 
 
 def _seconds_from_first(column: pandas.Series) -> pandas.Series | None:
-    """Return dates and times of day as s from the first, None if the column has none of them.
+    """Return dates and times of day as s from the first, None if the column has no such cell.
 
-    A cell that is none of them stays as it is.
+    Other cells stay unchanged.
     """
     moments = column if column.dtype.kind in "Mm" else _moments(column)
     if moments is None or moments.empty:

@@ -193,7 +193,7 @@ def _number_part(rows: list[Row]) -> float:
 
 
 def _first_row(rows: list[Row], columns: int) -> int | None:
-    """Return the index of the first row with at least so many numbers, None if there is none.
+    """Return the index of the first row with at least `columns` numbers, or None.
 
     It has its numbers in the same columns as most rows. Rows with a number directly above it belong
     to the table too: they have an empty or a wrong cell. If the topmost of them has few numbers, it

@@ -70,7 +70,7 @@ def unit_in(name: str, known: Iterable[str], default: str) -> str:
 
 
 def unit_in_brackets(name: str, known: Iterable[str]) -> str:
-    """Return the last unit in brackets in a column's name, "" if there is none."""
+    """Return the last unit in brackets in a column's name, or ""."""
     words = reversed(BRACKETS.findall(name))
     return next((unit for word in words if (unit := _unit(word, known))), "")
 
@@ -81,7 +81,7 @@ def is_unit(word: str) -> bool:
 
 
 def _unit(word: str, known: Iterable[str]) -> str:
-    """Return the unit that a word means, by its exact letters first; "" if there is none."""
+    """Return the unit that a word means, by its exact letters first, or ""."""
     plain = word.translate(IGNORED)
     plain = UNIT_OF.get(plain) or UNIT_OF.get(plain.lower(), plain)
     if plain in known:

@@ -328,7 +328,7 @@ class OwnLog:
 
 
 def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
-    """Write the scene of a user's own log to `path`, with a table that dahl-loop reads beside it.
+    """Write the scene of a user's own log to `path`, and next to it a table for dahl-loop.
 
     Returns the scene and the unit of the angle. The columns are read as `dahl identify` does.
     """
