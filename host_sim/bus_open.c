@@ -35,7 +35,7 @@ enum { SCHEMES = sizeof schemes / sizeof schemes[0] };
 static int bad_spec(const char *spec)
 {
     char known[160] = "";
-    for (size_t i = 0, used = 0; i < SCHEMES; i++) {
+    for (size_t i = 0, used = 0; i < SCHEMES && used < sizeof known; i++) {
         used += (size_t)snprintf(known + used, sizeof known - used, "%s%s", i > 0 ? ", " : "", schemes[i].usage);
     }
     log_error("--bus %s: not one of %s", spec, known);
