@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Other machines: the golden bits and the C tests of library, codec and receiver on a big-endian
 core (s390x, under qemu-user), and from a compiler without GNU's extensions; the batches also in 32
-bits and without 128-bit words. (tests/python/test_bits.py has the golden bits in 32 bits.)
+bits and without 128-bit words. (tests/python/library/test_bits.py has the golden bits in 32 bits.)
 
 Accuracy against long double is not repeated there: the bits are the same, so are their errors. The
 batches run briefly on the big-endian core: their own test takes minutes under emulation.

@@ -9,7 +9,6 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from conftest import ROOT
@@ -43,7 +42,7 @@ def test_nothing_is_found(preset: str, compiler: str) -> None:
     run("cmake", "--build", "--preset", preset)
     run("ctest", "--preset", preset, "--timeout", "600")
     names = ("virtual", "bad_input", "node", "faults", "control")
-    tests = [Path(__file__).with_name(f"test_loop_{name}.py") for name in names]
+    tests = [path for name in names for path in ROOT.glob(f"tests/python/**/test_loop_{name}.py")]
     environment = {**os.environ, "DAHL_BUILD_DIR": str(ROOT / "build" / preset)}
     environment.pop("DAHL_LOOP", None)
     chosen = ["-q", "-p", "no:cacheprovider", "-k", f"not ({NOT_HERE})"]
