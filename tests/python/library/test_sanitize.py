@@ -41,7 +41,7 @@ def test_nothing_is_found(preset: str, compiler: str) -> None:
     run("cmake", "--preset", preset)
     run("cmake", "--build", "--preset", preset)
     run("ctest", "--preset", preset, "--timeout", "600")
-    names = ("virtual", "bad_input", "node", "faults", "control")
+    names = ("virtual", "refused", "node", "faults", "control")
     tests = [path for name in names for path in ROOT.glob(f"tests/python/**/test_loop_{name}.py")]
     environment = {**os.environ, "DAHL_BUILD_DIR": str(ROOT / "build" / preset)}
     environment.pop("DAHL_LOOP", None)
