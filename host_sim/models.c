@@ -45,14 +45,13 @@ static dahl_err_t use_loaded(dahl_node_t *node, models_kept_t *kept, const scene
     return dahl_node_use_loaded(node, &kept->loaded, &params);
 }
 
+#define USE_MODEL(name, NAME, ...)                                                                                               \
+    case MODEL_##NAME: return use_##name(node, kept, friction);
+
 dahl_err_t models_use(dahl_node_t *node, models_kept_t *kept, const scene_friction_t *friction)
 {
     switch (friction->model) {
-    case MODEL_SLIP: return use_slip(node, kept, friction);
-    case MODEL_PARALLEL: return use_parallel(node, kept, friction);
-    case MODEL_ASYMMETRIC: return use_asymmetric(node, kept, friction);
-    case MODEL_ELASTOPLASTIC: return use_elastoplastic(node, kept, friction);
-    case MODEL_LOADED: return use_loaded(node, kept, friction);
+        DAHL_FRAMES_OTHER_MODELS(USE_MODEL)
     default: return DAHL_OK;
     }
 }

@@ -7,12 +7,9 @@
 #include "scene.h"
 
 /* What a node keeps for any model but Dahl's own. */
+#define MODEL_STORAGE(name, ...) dahl_node_##name##_t name;
 typedef union {
-    dahl_node_slip_t slip;
-    dahl_node_parallel_t parallel;
-    dahl_node_asymmetric_t asymmetric;
-    dahl_node_elastoplastic_t elastoplastic;
-    dahl_node_loaded_t loaded;
+    DAHL_FRAMES_OTHER_MODELS(MODEL_STORAGE)
 } models_kept_t;
 
 /* After dahl_node_init. The library's code. */

@@ -298,20 +298,16 @@ static bool check_key(const reader_t *r, int i)
     return true;
 }
 
-/* What each model takes. */
-static const struct {
+typedef struct {
     const char *name;
-    uint32_t sigma0, Fc; /* numbers of each; 0: one an element */
-    const char *key;     /* that it needs beside them, and no other model has */
-    const char *wants;
-} models[] = {
-    [MODEL_DAHL] = {"dahl", 1, 1, NULL, "one of each"},
-    [MODEL_SLIP] = {"slip", 0, 0, NULL, "as many of both, one an element"},
-    [MODEL_PARALLEL] = {"parallel", 0, 0, "kinds", "as many of both, one an element"},
-    [MODEL_ASYMMETRIC] = {"asymmetric", 1, 2, NULL, "one sigma0, and Fc forward and backward"},
-    [MODEL_ELASTOPLASTIC] = {"elastoplastic", 1, 1, "breakaway", "one of each"},
-    [MODEL_LOADED] = {"loaded", 1, 1, NULL, "one of each"},
-};
+    uint32_t sigma0, Fc; /* how many numbers of each; 0: one for each element */
+    const char *key;     /* required for this model, an error for the others; "" if there is none */
+} model_row_t;
+
+#define MODEL_ROW(name, NAME, Class, number, sigma0s, Fcs, plan, key, meaning) {#name, sigma0s, Fcs, key},
+#define MODEL_NAME(name, ...) ", " #name
+static const model_row_t models[] = {DAHL_FRAMES_MODELS(MODEL_ROW)};
+static const char model_names[] = DAHL_FRAMES_MODELS(MODEL_NAME);
 
 enum { MODELS = sizeof models / sizeof models[0] };
 
@@ -329,16 +325,15 @@ static bool find_model(reader_t *r)
             return true;
         }
     }
-    log_error("%s:%d: [friction] model = %s: not one of dahl, slip, parallel, asymmetric, elastoplastic, loaded",
-              PLACE(r, friction_line(r, "model")), f->model_name);
+    log_error("%s:%d: [friction] model = %s: not one of %s", PLACE(r, friction_line(r, "model")), f->model_name,
+              model_names + strlen(", "));
     return false;
 }
 
 /* A key that one model needs and no other has. */
 static bool check_own_key(const reader_t *r, const char *key)
 {
-    const char *needed = models[r->scene->friction.model].key;
-    bool is_needed_here = needed != NULL && strcmp(needed, key) == 0, is_given = friction_line(r, key) != 0;
+    bool is_needed_here = strcmp(models[r->scene->friction.model].key, key) == 0, is_given = friction_line(r, key) != 0;
     const char *name = models[r->scene->friction.model].name;
     if (is_needed_here && !is_given) {
         log_error("%s:%d: [friction] model = %s needs the key \"%s\"", PLACE(r, friction_line(r, "model")), name, key);
@@ -348,6 +343,23 @@ static bool check_own_key(const reader_t *r, const char *key)
     return is_given == is_needed_here;
 }
 
+static bool check_own_keys(const reader_t *r)
+{
+    for (int i = 0; i < MODELS; i++) {
+        if (models[i].key[0] != '\0' && !check_own_key(r, models[i].key)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static const char *wanted_numbers(const model_row_t *model)
+{
+    return model->sigma0 == 0 ? "as many of both, one an element"
+           : model->Fc == 2   ? "one sigma0, and Fc forward and backward"
+                              : "one of each";
+}
+
 static bool check_numbers_of_elements(const reader_t *r)
 {
     const scene_friction_t *f = &r->scene->friction;
@@ -355,7 +367,7 @@ static bool check_numbers_of_elements(const reader_t *r)
     bool is_good = sigma0 == 0 ? f->sigma0_of.count == f->Fc_of.count : f->sigma0_of.count == sigma0 && f->Fc_of.count == Fc;
     if (!is_good) {
         log_error("%s:%d: [friction] sigma0 has %u numbers and Fc %u: model %s wants %s", PLACE(r, friction_line(r, "Fc")),
-                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, models[f->model].wants);
+                  f->sigma0_of.count, f->Fc_of.count, models[f->model].name, wanted_numbers(&models[f->model]));
     }
     return is_good;
 }
@@ -389,14 +401,14 @@ static void add_up(scene_friction_t *f)
         f->sigma0 += f->sigma0_of.value[k];
     }
     for (uint32_t k = 0; k < f->Fc_of.count; k++) {
-        f->Fc = f->model == MODEL_ASYMMETRIC ? fmax(f->Fc, f->Fc_of.value[k]) : f->Fc + f->Fc_of.value[k];
+        f->Fc = models[f->model].Fc == 2 ? fmax(f->Fc, f->Fc_of.value[k]) : f->Fc + f->Fc_of.value[k];
     }
 }
 
 static bool take_model(reader_t *r)
 {
     scene_friction_t *f = &r->scene->friction;
-    bool is_good = find_model(r) && check_own_key(r, "kinds") && check_own_key(r, "breakaway") && check_numbers_of_elements(r)
+    bool is_good = find_model(r) && check_own_keys(r) && check_numbers_of_elements(r)
                    && (f->model != MODEL_PARALLEL || take_kinds(r));
     add_up(f);
     return is_good;

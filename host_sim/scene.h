@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "dahl_frames.h"
 #include "dahl_parts.h"
 #include "faults.h"
 
@@ -21,7 +22,8 @@ typedef struct {
     double value[DAHL_SLIP_MAX];
 } scene_list_t;
 
-typedef enum { MODEL_DAHL, MODEL_SLIP, MODEL_PARALLEL, MODEL_ASYMMETRIC, MODEL_ELASTOPLASTIC, MODEL_LOADED } scene_model_t;
+#define SCENE_MODEL(name, NAME, ...) MODEL_##NAME,
+typedef enum { DAHL_FRAMES_MODELS(SCENE_MODEL) } scene_model_t;
 
 typedef struct {
     char model_name[SCENE_TEXT], kinds[SCENE_TEXT];

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-# Unity (ThrowTheSwitch), the C unit-test framework: a directory given as DAHL_UNITY_DIR, else an installed package, else
-# build/deps/unity where tools/setup.sh puts Debian's copy, else a pinned download.
+# Find Unity (ThrowTheSwitch), the C test framework: in DAHL_UNITY_DIR, else in build/deps/unity (tools/setup.sh), else as an
+# installed package, else by a pinned download.
 set(DAHL_UNITY_DIR "" CACHE PATH "directory with unity.c and unity.h")
 
 function(dahl_find_unity)
@@ -28,7 +28,7 @@ endfunction()
 dahl_find_unity()
 include(${CMAKE_CURRENT_LIST_DIR}/unity_main.cmake)
 
-# One test file and what it needs, one executable, one CTest entry: dahl_unity_test(name SOURCES test_a.c b.c LIBS dahl::dahl)
+# Make an executable and a CTest entry of one test file: dahl_unity_test(name SOURCES test_a.c b.c LIBS dahl::dahl)
 function(dahl_unity_test name)
     cmake_parse_arguments(arg "" "" "SOURCES;LIBS" ${ARGN})
     list(POP_FRONT arg_SOURCES test)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-# The main of a Unity test file: it runs each `static void test_...(void)`, in their order, so that none can be forgotten.
+# Write the main of a Unity test file. It runs all `static void test_...(void)` in their order.
 # dahl_unity_main(a.c main_of_a.c), or cmake -DSOURCE=a.c -DMAIN=main_of_a.c -P unity_main.cmake
 function(dahl_unity_main source main)
     file(STRINGS "${source}" heads REGEX "^static void test_[A-Za-z0-9_]+\\(void\\)")

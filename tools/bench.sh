@@ -3,14 +3,14 @@
 # Usage: tools/bench.sh [--quick]
 #        tools/bench.sh target [--quick] [CORE...] | host [--quick] | report | docs
 #
-#   (none)   all of it: target, host, report and, but for --quick, the tables and pictures of docs/.
-#            10 minutes on two cores, 1 with --quick
-#   target   counts instructions, bytes and stack on every small core (or those named: m4f rv32 ...) in QEMU, beside what else one
-#            could write; prints a table and writes build/bench/target.json. --quick leaves picolibc out.
-#   host     errors of every way against long double, speed on this machine, and rivals from outside (MuJoCo, Newton, SciPy,
-#            in a Python environment of their own); writes build/bench/host.json. --quick takes shorter motions.
-#   report   from these two files: build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg
-#   docs     report, and the tables and pictures of docs/
+# Measures cost and error of the library and of other methods. Without a command it runs target, host and docs: 10 minutes on two
+# cores. With --quick it runs target, host and report: 1 minute.
+#   target   counts instructions, bytes and stack in QEMU, on all small cores or on those given (m4f rv32 ...); prints a table and
+#            writes build/bench/target.json. --quick leaves picolibc out.
+#   host     measures errors against long double and speed on this machine, also for MuJoCo, Newton and SciPy (installed in
+#            build/bench/venv); writes build/bench/host.json. --quick runs shorter motions.
+#   report   reads these two files; writes build/bench/results.json, pareto.png, pareto.svg, growth.png, growth.svg
+#   docs     runs report, then writes the tables and pictures of docs/
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -19,37 +19,38 @@ case "${1:-}" in
     -h | --help) usage; exit 0 ;;
     '' | --quick) command=all ;;
     target | host | report | docs) command=$1; shift ;;
-    *) die "bench.sh knows target, host, report and docs, not '$1' (see --help)" ;;
+    *) die "unknown command '$1'; bench.sh has target, host, report and docs (see --help)" ;;
 esac
 
 python() { "$VENV/bin/python" "$ROOT/tools/bench/$1.py" "${@:2}"; }
 
-# An environment that cannot be made is no reason to stop: host.py names the rivals that are missing.
-rivals_from_outside() {
-    local venv=$BUILD/bench/venv pins=$ROOT/tools/requirements/rivals.lock key
+# If this fails, the bench continues: host.py reports which simulators are missing.
+install_rivals() {
+    local venv=$BUILD/bench/venv pins=$BUILD/bench/rivals.txt key
+    mkdir -p "$BUILD/bench"
+    locked_packages rivals >"$pins"
     key=$(sha256sum <"$pins")
     [ "$(cat "$venv/.complete" 2>/dev/null)" != "$key" ] || return 0
-    say "installing rivals into build/bench/venv (tools/requirements/rivals.txt)"
-    mkdir -p "$BUILD/bench"
+    say "installing other simulators into build/bench/venv (group rivals of pyproject.toml)"
     rm -rf "$venv"
     if "$VENV/bin/python" -m venv "$venv" >"$venv.log" 2>&1 && "$venv/bin/python" -m pip --disable-pip-version-check install \
         --quiet --progress-bar off --retries 2 --timeout 15 --no-deps --require-hashes -r "$pins" >>"$venv.log" 2>&1; then
         echo "$key" >"$venv/.complete"
     else
-        say "could not; see build/bench/venv.log"
+        say "the installation failed; see build/bench/venv.log"
     fi
 }
 
 "$ROOT/tools/setup.sh" bench >/dev/null
 case "$command" in
     target) python target "$@" ;;
-    host) rivals_from_outside; python host "$@" ;;
+    host) install_rivals; python host "$@" ;;
     report) python report "$@" ;;
     docs) python report --docs ;;
     all)
         say "counting instructions on six cores"
         python target "$@" >"$BUILD/bench-target.log"
-        rivals_from_outside
+        install_rivals
         python host "$@"
         if [ $# -eq 0 ]; then python report --docs; else python report; fi
         ;;

@@ -1,11 +1,12 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: MIT
-# What the scripts share: where things are, plain words, one build at a time.
+# Shared by the scripts: places, messages, locks, and the build with preset host.
 
 ROOT=$(CDPATH='' cd -- "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 BUILD=$ROOT/build
-# shellcheck disable=SC2034 # of those who source this
+# shellcheck disable=SC2034 # used by the scripts that source this file
 VENV=$BUILD/venv
+LOCK_FILE=$ROOT/tools/requirements.lock
 
 say() { printf '%s: %s\n' "$(basename "$0" .sh)" "$*"; }
 
@@ -14,11 +15,11 @@ die() {
     exit 1
 }
 
-# The text between the first two lines of '#' and the first line of code is the script's own manual.
+# Print the comment between line 3 of the script and its first line of code.
 usage() { sed -n '3,/^[^#]/{/^#/s/^# \{0,1\}//p}' "$0"; }
 
-# Run a command with its output in a log; show the end of the log only where it fails.
-quietly() {
+# Run a command with its output in build/NAME.log. If it fails, show the end of the log.
+quietly() { # NAME COMMAND...
     local log=$BUILD/$1.log
     shift
     if ! "$@" >>"$log" 2>&1; then
@@ -27,13 +28,19 @@ quietly() {
     fi
 }
 
-# Hold build/NAME.lock until this shell ends. Children do not inherit it (see the 9>&- of callers that stay behind).
-one_at_a_time() {
+# Hold build/NAME.lock until this shell ends. Start background processes that outlive it with 9>&-.
+one_at_a_time() { # NAME
     mkdir -p "$BUILD"
     exec 9>"$BUILD/$1.lock"
     flock -n 9 && return
     say "another $1 is at work here; waiting for it"
     flock -w 1800 9 || die "the other $1 did not end within 30 minutes (lock: build/$1.lock)"
+}
+
+# Print sections of the lock file, as a requirements file for pip.
+locked_packages() { # GROUP...
+    local group
+    for group; do sed -n "/^# group $group\$/,/^# group /{/^#/!p}" "$LOCK_FILE"; done
 }
 
 configure() { # CMAKE_ARGUMENT...
@@ -44,12 +51,8 @@ build() { # CMAKE_ARGUMENT...
     quietly build cmake --build "$BUILD/host" "$@" || die "the build failed; see build/build.log"
 }
 
-# The demo alone may have built by tcc (tools/setup/needs.sh), and now there is a compiler that makes quicker code.
-is_outgrown() { grep -qs TinyCC "$BUILD"/host/CMakeFiles/*/CMakeCCompiler.cmake && ! ${CC:-cc} -v 2>&1 | grep -q '^tcc'; }
-
 start_build() {
     one_at_a_time build
-    if is_outgrown; then rm -rf "$BUILD/host"; fi
     : >"$BUILD/build.log"
     say "building with preset host (log: build/build.log)"
 }
@@ -61,7 +64,7 @@ build_all() {
     exec 9>&-
 }
 
-# What the demo runs and nothing else. A folder that was configured before keeps its tests; a new one wants no Unity.
+# Build the programs of the demo only. A new build folder gets no tests, because they need Unity.
 build_demo() {
     start_build
     [ -e "$BUILD/host/build.ninja" ] || configure -DDAHL_BUILD_TESTS=OFF

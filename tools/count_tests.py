@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Count single tests in JUnit files of CTest and pytest: `count_tests.py FILE=CODE... [--note T]`
+"""Count the single tests in JUnit files of CTest and pytest.
 
-CODE is the exit code of the program that wrote FILE. Prints each failed and each skipped test, the
-note, then the line `N passed, N failed[, N skipped]`. A CTest entry that is a Unity program counts
-with the tests inside it. A run that did not come to its end has failed: no file or one that cannot
-be read, fewer results than there were tests to run, an exit code that says neither "all well" nor
-"some failed". Exit code 1 when something failed or none passed.
+Usage: count_tests.py FILE=CODE... [--note T]. CODE is the exit code of the program that wrote FILE.
+Prints each failed and each skipped test, the note, then `N passed, N failed[, N skipped]`. If a
+CTest entry is a Unity program, its tests are counted. A run counts as one more failure if it did
+not end properly: if FILE is missing or damaged, if it has fewer results than tests, or if CODE is
+an unexpected one. Exit code 1 if a test failed or no test passed.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
-ALL_WELL = (0, 5)  # 5: pytest had nothing to run
-SOME_FAILED = (1, 8)  # of pytest, of ctest
+ALL_WELL = (0, 5)  # 5: pytest had no test to run
+SOME_FAILED = (1, 8)  # codes of pytest and of ctest
 
 UNITY_TOTAL = re.compile(r"^(\d+) Tests (\d+) Failures (\d+) Ignored", re.MULTILINE)
 UNITY_CASE = re.compile(r"^[^:\n]+:\d+:(\w+):(FAIL|IGNORE):? ?(.*)$", re.MULTILINE)
@@ -26,7 +26,7 @@ UNITY_CASE = re.compile(r"^[^:\n]+:\d+:(\w+):(FAIL|IGNORE):? ?(.*)$", re.MULTILI
 
 @dataclass
 class Count:
-    """How many passed; names (with reason) of those that failed or were skipped."""
+    """The number of passed tests; names and reasons of failed and skipped ones."""
 
     passed: int = 0
     failed: list[str] = field(default_factory=list)
@@ -38,9 +38,7 @@ class Count:
 
 
 def count_unity(count: Count, name: str, output: str, ended_well: bool) -> None:
-    """Add the tests inside one Unity program; a program that broke off counts as one more
-    failure.
-    """
+    """Add the tests of a Unity program. If it ended early, add one failure."""
     cases = UNITY_CASE.findall(output)
     failed = [f"{name}.{case}: {why}" for case, kind, why in cases if kind == "FAIL"]
     skipped = [f"{name}.{case}: {why}" for case, kind, why in cases if kind == "IGNORE"]
@@ -53,7 +51,7 @@ def count_unity(count: Count, name: str, output: str, ended_well: bool) -> None:
 
 
 def why_skipped(skipped: ElementTree.Element, output: str) -> str:
-    """pytest says it in the message; a CTest program in its last line of output."""
+    """Return the reason: in the message of pytest, or in the last line of a CTest program."""
     message = skipped.get("message", "")
     lines = output.strip().splitlines()
     return lines[-1] if lines and "SKIP" in message else message
@@ -76,8 +74,8 @@ def count_case(count: Count, case: ElementTree.Element) -> None:
 
 
 def announced(root: ElementTree.Element) -> int:
-    """How many tests there were to run: pytest's count of collected ones (tests/conftest.py), else
-    what the suites say of themselves.
+    """Return the number of tests that the run had to report: the collected ones of pytest
+    (tests/conftest.py), or the sum of the suites.
     """
     collected = root.findall(".//property[@name='collected']")
     if collected:
@@ -86,7 +84,7 @@ def announced(root: ElementTree.Element) -> int:
 
 
 def count_file(count: Count, path: Path, code: int) -> None:
-    """Add all of one JUnit file; one more failure where the run behind it broke off."""
+    """Add a JUnit file. If its run ended early, add one failure."""
     try:
         root = ElementTree.parse(path).getroot()
         cases, expected = list(root.iter("testcase")), announced(root)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/demo.sh [LOG.csv --angle COLUMN --torque COLUMN --sigma0 X --fc Y --counts-per-turn N] [--scene NAME] [--target CORE]
 #
-# Gets what it needs and no more, builds, and runs the main job: an encoder that replays a measured log and a friction node that answers each
-# angle, as two processes on the best bus there is, with python-can as the client that records. Leaves in build/demo
-#   loop.png      torque over angle and over time, measured and computed
+# Installs what it needs, builds, and runs the demo. An encoder replays a measured log, and a friction node answers each angle. They
+# are two processes on SocketCAN, if the kernel has it; python-can records the bus. Writes in build/demo
+#   loop.png      measured and computed torque over angle and over time
 #   run.log       all frames, candump lines (canplayer can replay them)
-#   summary.json  the numbers of the table that it prints
-# All arguments go to `dahl demo`; after the first run `build/venv/bin/dahl demo --help` tells all of them.
+#   summary.json  the numbers of the printed table
+# All arguments are passed to `dahl demo`. After the first run, `build/venv/bin/dahl demo --help` lists them.
 # Examples:  tools/demo.sh
 #            tools/demo.sh --scene steering
 #            tools/demo.sh --target m4f     the torque from firmware on an emulated Cortex-M4F

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""The fault table of the node (lib/node/fault_table.h) as Markdown: written anew where a page keeps
-it between its two marks, or printed where no page is named.
+"""Write the fault table of the node (lib/node/fault_table.h) into pages, or print it.
 
     tools/fault_table.py README.md docs/*.md
+
+A page gets the table between its two marks. Without a page, the table is printed.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ ROW = re.compile(r'ROW\(\w+, "([^"]*)", "([^"]*)", (\w+), "([^"]*)", (true|false
 
 
 def markdown() -> str:
-    """The table, one line a row."""
+    """Return the table as Markdown."""
     rows = [
         (*cells, "yes" if answered == "true" else "no")
         for *cells, answered in ROW.findall(TABLE.read_text(encoding="utf-8"))
@@ -38,15 +39,20 @@ def main(words: list[str]) -> int:
     if not pages:
         print(markdown(), end="")
     for page in pages:
-        try:
-            text = page.read_text(encoding="utf-8")
-        except OSError as error:
-            sys.exit(f"error: {page}: {error.strerror}")
-        before, first, rest = text.partition(MARKS[0])
-        _, last, after = rest.partition(MARKS[1])
-        if first and last:
-            page.write_text(f"{before}{first}\n{markdown()}{last}{after}", encoding="utf-8")
+        write_between(page, MARKS, markdown())
     return 0
+
+
+def write_between(page: Path, marks: tuple[str, str], table: str) -> None:
+    """Replace what a page has between two marks; a page without them stays as it is."""
+    try:
+        text = page.read_text(encoding="utf-8")
+    except OSError as error:
+        sys.exit(f"error: {page}: {error.strerror}")
+    before, first, rest = text.partition(marks[0])
+    _, last, after = rest.partition(marks[1])
+    if first and last:
+        page.write_text(f"{before}{first}\n{table}{last}{after}", encoding="utf-8")
 
 
 if __name__ == "__main__":

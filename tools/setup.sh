@@ -2,21 +2,22 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/setup.sh [NEED...]
 #
-# Gets what is needed and not there yet. The other scripts call it with what they need; by itself it takes `test`.
-#   demo      compiler, CMake, three small parser libraries; Python with what `dahl demo` imports
-#   identify  demo, and what the other commands of `dahl` import
+# Installs what a need requires and what is not installed yet. The other scripts call it; the default need is `test`.
+#   demo      C compiler, CMake, three small parser libraries; Python with the packages of `dahl demo`
+#   identify  demo, and the packages of the other commands of `dahl`
 #   firmware  demo, and a cross compiler and an emulator for Cortex-M (tools/demo.sh --target)
-#   test      identify, and what tools/test.sh runs by itself: Unity, pytest
-#   vm        demo, and for tools/vm.sh an emulator, can-utils, and a kernel with CAN if this one has none
-#   checks    test, firmware and vm, and what tools/test.sh --checks adds: other compilers, small cores, fuzzers, provers, a
-#             browser, CBMC
-#   bench     identify and firmware, and the other cores of tools/bench.sh
+#   test      identify, Unity and pytest: for tools/test.sh without options
+#   docs      test, Doxygen and pdoc: for tools/docs.sh
+#   vm        demo, an emulator, can-utils, and a kernel with CAN if this one has none: for tools/vm.sh
+#   checks    test, firmware, vm, docs, other compilers, small cores, fuzzers, provers, a browser, CBMC: for tools/test.sh --checks
+#   bench     identify, firmware and the other cores of tools/bench.sh
 #   all       everything
-# Debian packages come by apt-get, as root or by sudo; all else lies under build/: Python packages in build/venv, pinned with
-# sums by tools/requirements/*.lock, the rest in build/deps. What a need can do without is tried once a day; tests that want
-# it are skipped and say so. A second run finds all in place within two seconds. Safe to interrupt and to run twice at once.
+# apt-get installs Debian packages, as root or with sudo. Everything else is under build/: the Python packages of
+# tools/requirements.lock in build/venv, other downloads in build/deps. Optional packages are tried once a day; if one is
+# missing, its tests are skipped and say so. A second run ends within two seconds. It is safe to interrupt it and to run two
+# at once.
 #
-# Environment: DAHL_PYTHON   a Python 3.11 or later to use (default: python3.11, python3, then /usr/bin/python3)
+# Environment: DAHL_PYTHON   a Python 3.11 or later (default: python3.11, python3, then /usr/bin/python3)
 #              DAHL_UNITY_DIR  a folder with unity.c, unity.h and unity_internals.h, to use instead of Debian's
 set -euo pipefail
 # shellcheck source=tools/common.sh
@@ -34,30 +35,30 @@ parse() {
     local need
     for need; do
         case "$need" in -h | --help) usage; exit 0 ;; esac
-        is_need "$need" || die "setup.sh knows ${NEEDS[*]}, not '$need' (see --help)"
+        is_need "$need" || die "unknown need '$need'; setup.sh has ${NEEDS[*]} (see --help)"
     done
     for need in "${@:-test}"; do add_need "$need"; done
 }
 
-# Tools that reach nothing try for minutes. So first one small file from each side, and a few seconds for it.
-ask_networks() {
+# apt-get and pip retry for minutes if there is no network. Therefore first download one small file from each, for a few seconds.
+check_networks() {
     local apt pip silent=()
-    { ! wants_apt || reach_apt; } &
+    { ! needs_apt || reach_apt; } &
     apt=$!
-    { ! wants_pip || reach_pip; } &
+    { ! needs_pip || reach_pip; } &
     pip=$!
     wait "$apt" || { APT_ANSWERS=no; silent+=("this Debian's package sources (apt-get)"); }
     wait "$pip" || { PIP_ANSWERS=no; silent+=("the index of Python packages (pip)"); }
     [ "${#silent[@]}" -gt 0 ] || return 0
-    silent=("cannot reach ${silent[0]}${silent[1]:+, nor ${silent[1]}}; needed for:$(what_lacks) (log: build/setup.log)")
+    silent=("cannot reach ${silent[0]}${silent[1]:+, nor ${silent[1]}}; needed for:$(missing_things) (log: build/setup.log)")
     if must_have_apt || [ "$PIP_ANSWERS" = no ]; then die "${silent[0]}"; fi
     say "${silent[0]}"
 }
 
-what_lacks() {
-    local lacks=("${MISSING[@]}" "${TO_FETCH[@]}" "${LATER[@]}")
-    if wants_pip; then lacks+=(build/venv); fi
-    printf ' %s' "${lacks[@]}"
+missing_things() {
+    local things=("${MISSING[@]}" "${TO_FETCH[@]}" "${MISSING_OPTIONAL[@]}")
+    if needs_pip; then things+=(build/venv); fi
+    printf ' %s' "${things[@]}"
 }
 
 main() {
@@ -65,15 +66,14 @@ main() {
     one_at_a_time setup
     mkdir -p "$BUILD/deps"
     : >"$BUILD/setup.log"
-    trap end_python EXIT
-    look_at_packages
-    look_at_fetched
-    look_at_python
-    ask_networks
-    get_packages
-    get_fetched
-    get_python
-    if is_outgrown; then build_demo; fi
+    trap stop_python EXIT
+    check_packages
+    check_fetched
+    check_python
+    check_networks
+    install_missing
+    fetch_missing
+    finish_python
     say "done in $SECONDS s"
 }
 

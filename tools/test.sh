@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/test.sh [--checks | --full | --soak] [-k WORD] [pytest arguments]
 #
-# Gets what the chosen tests need, builds with preset host, runs the C tests (CTest) and the Python tests, and ends with a line
+# Installs what the tests need, builds with preset host, and runs the C tests (CTest) and the Python tests. Prints each failed and
+# each skipped test, then the sum of all single tests:
 #   N passed, N failed[, N skipped]
-# that counts single tests of all of them, after naming each failed and each skipped one. Exit code 0 only when none failed
-# and every run came to its end.
+# It exits with 0 if no test failed and each run was complete.
 #   (none)     5 minutes on two cores
-#   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN: 20 minutes
+#   --checks   also proofs, fuzzers, static analysis, coverage, small cores in QEMU, a kernel with CAN, the API pages: 20 minutes
 #   --full     also the tests marked long: every sanitizer, ten minutes of four nodes, a bare Debian (--long is the same)
-#   --soak     the tests marked soak and no others: 1e9 ticks, 1e9 executions of each fuzzer; hours to days
-#   -k WORD    only tests whose name has WORD, in C and in Python; "WORD or WORD": one of them
-# Examples:  tools/test.sh -k codec -x           those about the codec, pytest stopping at the first failure
+#   --soak     only the tests marked soak: 1e9 ticks, 1e9 executions of each fuzzer; hours to days
+#   -k WORD    only tests with WORD in their name, in C and in Python; also "WORD or WORD"
+# Examples:  tools/test.sh -k codec -x           tests of the codec; pytest stops at the first failure
 #            tools/test.sh --checks -k kernel    with the proofs
 # Leaves: build/{ctest,python,checks}.xml (JUnit), build/build.log, build/checks.log
 set -euo pipefail
@@ -53,9 +53,9 @@ run_pytest() { # NAME FOLDER...: results in build/NAME.xml
     "$VENV/bin/python" -m pytest -c "$ROOT/tests/pytest.ini" "$@" --junitxml "$BUILD/$name.xml" ${PYTEST[@]+"${PYTEST[@]}"}
 }
 
-# The checks run beside the Python tests and yield to them, since some of these run a bus in real time.
+# The checks run at the same time as the Python tests, with lower priority, because some tests run a bus in real time.
 start_checks() {
-    set -m # a process group of its own, so that stop_checks reaches all of it
+    set -m # a process group for stop_checks
     {
         renice -n 10 -p "$BASHPID" >/dev/null
         run_pytest checks "$ROOT"/tests/{proof,fuzz,static,quality}
@@ -76,7 +76,7 @@ end_checks() {
     RUNS+=("$BUILD/checks.xml=$code")
 }
 
-# One process more than there are cores, since many tests wait for a bus in real time.
+# One process more than cores, because many tests wait for a bus in real time.
 run_python() {
     local code=0
     run_pytest python "$ROOT/tests/python" -n "$(($(nproc) + 1))" --dist loadfile || code=$?

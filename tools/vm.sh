@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: MIT
 # Usage: tools/vm.sh FOLDER COMMAND [ARGUMENT...]
 #
-# Runs a command on a Linux kernel that has CAN, in QEMU, for machines whose own kernel has none: there are vcan0 and
-# vcan1, this machine's files read-only, and FOLDER (an absolute path) to write to. Prints what the command prints and
-# ends with its exit code; 77 and a reason where no virtual machine can be had. `tools/setup.sh vm` gets what it needs.
+# Runs a command in QEMU on a Linux kernel with CAN, if the kernel of this machine has no CAN. The command finds vcan0 and vcan1,
+# the files of this machine (read-only), and FOLDER (an absolute path) for its output. The script prints that output and exits with
+# the code of the command. If no virtual machine can run, it prints the reason and exits with 77. `tools/setup.sh vm` installs it.
 # Example: tools/vm.sh /tmp/out sh -c 'cangen -n 3 vcan0 & candump -n 3 vcan0 >/tmp/out/log'
 #
-# Environment: DAHL_VM_SECONDS  limit for all of it (default: 240)
+# Environment: DAHL_VM_SECONDS  time limit in s (default: 240)
 set -euo pipefail
 # shellcheck source=tools/common.sh
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-PATH=$PATH:/usr/sbin # ip and modprobe, for users who are not root
+PATH=$PATH:/usr/sbin # ip and modprobe, for users other than root
 KERNEL=$BUILD/deps/kernel
 MODULES=(virtio_pci 9pnet_virtio 9p can-raw vcan can-gw sch_tbf)
 
@@ -26,7 +26,7 @@ check() {
     [ -s "$KERNEL/vmlinuz" ] || absent "no kernel in build/deps/kernel (tools/setup.sh vm fetches it)"
 }
 
-# The modules above and what they need, in the order of loading.
+# Print the modules above and their dependencies, in the order of loading.
 module_files() {
     local name version
     version=$(ls "$KERNEL/lib/modules")
@@ -35,7 +35,7 @@ module_files() {
     done | awk '!seen[$0]++'
 }
 
-write_init() { # FOLDER: the first program of the machine
+write_init() { # FOLDER: first program of the virtual machine
     cat >"$1/init" <<'INIT'
 #!/bin/busybox sh
 b=/bin/busybox
@@ -49,7 +49,7 @@ $b mount -t sysfs sys /root/sys
 $b mount -t tmpfs tmp /root/tmp
 work=$($b cat /where) project=$($b cat /project)
 $b mkdir -p "/root$project"
-$b mount -o bind "/host$project" "/root$project" # a project under /tmp is seen there too
+$b mount -o bind "/host$project" "/root$project" # also visible if the project is under /tmp
 $b mkdir -p "/root$work"
 $b mount -t 9p -o trans=virtio,version=9p2000.L,msize=262144 work "/root$work" || echo "vm: no work"
 $b chroot /root /bin/bash "$work/.vm/command" >"/root$work/.vm/output" 2>&1
@@ -80,7 +80,7 @@ write_command() { # FOLDER COMMAND...
     shift
     {
         echo 'export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/tmp'
-        # shellcheck disable=SC2016 # for the shell in the machine
+        # shellcheck disable=SC2016 # expanded by the shell in the virtual machine
         echo 'for bus in vcan0 vcan1; do ip link add dev $bus type vcan && ip link set $bus up; done'
         printf 'cd %q\n' "$folder"
         printf '%q ' "$@"
@@ -98,7 +98,7 @@ boot() { # FOLDER
 
 main() {
     case "${1:-}" in -h | --help) usage; exit 0 ;; esac
-    if [ $# -lt 2 ] || [ "${1:0:1}" != / ]; then die "vm.sh wants an absolute folder and a command (see --help)"; fi
+    if [ $# -lt 2 ] || [ "${1:0:1}" != / ]; then die "vm.sh needs an absolute folder and a command (see --help)"; fi
     local folder=$1
     shift
     check
@@ -109,8 +109,8 @@ main() {
     boot "$folder" || say "QEMU ended with code $?"
     cat "$folder/.vm/output" 2>/dev/null || true
     [ -s "$folder/.vm/code" ] || {
-        tail -n 5 "$folder/.vm/console" "$folder/.vm/qemu" >&2 || true # QEMU may have ended before it made a console
-        die "the machine did not run"
+        tail -n 5 "$folder/.vm/console" "$folder/.vm/qemu" >&2 || true # QEMU may have ended before it wrote a console
+        die "the virtual machine did not run"
     }
     return "$(cat "$folder/.vm/code")"
 }

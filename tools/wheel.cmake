@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
-# What the Python package carries beside its modules, for the build of a wheel (pyproject.toml): the library, dahl-loop,
-# the public headers, the bus description, the scenes. tools/dahl/paths.py finds them.
+# Files of the Python package besides its modules, for the build of a wheel (pyproject.toml): the library, dahl-loop, the public
+# headers, the bus description, the scenes. tools/dahl/paths.py finds them.
 set(DAHL_BUILD_FLOAT ON)
 set(DAHL_BUILD_BATCH ON)
 set(DAHL_BUILD_SHARED ON)
 set(DAHL_INSTALL OFF)
 
-# dahl-loop wants Linux and three small libraries. They are not carried: at run time it finds those of the system, and
-# tools/dahl/sim/loop.py says what is missing. A wheel without it has all else, and `dahl demo` says what was missing.
+# dahl-loop needs Linux and three small libraries. The wheel does not contain them: at run time it uses those of the system, and
+# tools/dahl/sim/loop.py reports a missing one. If one is missing during the build, the wheel has no dahl-loop, and `dahl demo`
+# reports the reason.
 find_path(INIH_INCLUDE ini.h)
 find_library(INIH_LIBRARY inih)
 find_path(CSV_INCLUDE csv.h)
@@ -26,13 +27,13 @@ if(NOT CMAKE_SYSTEM_NAME STREQUAL "Linux")
 endif()
 list(JOIN dahl_wheel_lacks " " dahl_wheel_lacks)
 if(dahl_wheel_lacks)
-    message(WARNING "this wheel is built without dahl-loop, so without `dahl demo`: not here: ${dahl_wheel_lacks}")
+    message(WARNING "this wheel is built without dahl-loop, so without `dahl demo`; missing: ${dahl_wheel_lacks}")
 else()
     set(DAHL_BUILD_PORT ON)
     set(DAHL_BUILD_SIM ON)
 endif()
 
-# Call it after all targets are there.
+# Call this after all targets are defined.
 function(dahl_install_wheel)
     add_custom_target(dahl_wheel DEPENDS dahl_shared $<TARGET_NAME_IF_EXISTS:dahl-loop>)
     install(FILES $<TARGET_FILE:dahl_shared> DESTINATION dahl/lib RENAME libdahl.so COMPONENT python)

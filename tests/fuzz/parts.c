@@ -28,8 +28,7 @@ static void check_contract(const walk_t *walk)
     }
     for (size_t i = 0; i < MODELS; i++) {
         model_t model = models[i];
-        set_t set = {walk->params[0], (float)walk->elements};
-        set.more = model.prepare == elastoplastic_prepare ? walk->breakaway : model.prepare == asymmetric_prepare ? walk->ratio : set.more;
+        const set_t set = {walk->params[0], more_for(&model, (float)walk->elements, walk->ratio, walk->breakaway)};
         model.is_odd = model.is_split;
         if (subject_begin(&subject, &model, &set)) {
             check_walk(&subject, walk->move, (size_t)walk->moves);
@@ -58,17 +57,19 @@ static void check_memory(const walk_t *walk)
 /* To and fro below the breakaway. */
 static void check_no_creep(const walk_t *walk)
 {
-    dahl_elastoplastic_plan_t plan;
-    dahl_state_t state = {0};
-    if (dahl_elastoplastic_prepare(&plan, &walk->params[0], walk->breakaway) != DAHL_OK) {
+    const model_t *model = model_with(MORE_IS_BREAKAWAY);
+    const set_t set = {walk->params[0], walk->breakaway};
+    any_plan_t plan;
+    any_state_t state = {{0}};
+    if (model->prepare(&plan, &set) != DAHL_OK) {
         return;
     }
     long double most = (long double)walk->breakaway / fuzz_travel(&walk->params[0], (long double)walk->params[0].theta_per_count);
     uint32_t below = most * 0.999L < 2147483647.0L ? (uint32_t)(most * 0.999L) : INT32_MAX;
     int32_t n = below < 1 ? 0 : (int32_t)((uint32_t)walk->dcounts[0] % below);
-    (void)dahl_elastoplastic_step_counts_q30(&plan, &state, n);
-    (void)dahl_elastoplastic_step_counts_q30(&plan, &state, -n);
-    LAW(state.w == 0, "elasto-plastic: no creep below breakaway");
+    (void)model->step_q30(&plan, &state, (move_t){n, 0});
+    (void)model->step_q30(&plan, &state, (move_t){-n, 0});
+    LAW(state.dahl.w == 0, "elasto-plastic: no creep below breakaway");
 }
 
 /* A Dahl and a slip element by the fast form, against those that are exact. */

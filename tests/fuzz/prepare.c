@@ -207,11 +207,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     fuzz_bytes_t bytes = {data, size};
     const given_t given = any_given(&bytes);
     const dahl_params_t *one = &given.of[0];
-    const set_t asymmetric = {*one, given.more}, elastoplastic = {*one, given.more};
+    const set_t set = {*one, given.more};
     const dahl_params_t backward = {one->sigma0, one->Fc * given.more, one->theta_per_count};
     check_element(one);
-    check_model(asymmetric_prepare, &asymmetric, both(judge(one), judge(&backward)));
-    check_model(elastoplastic_prepare, &elastoplastic, both(judge(one), judge_breakaway(given.more)));
+    check_model(model_with(MORE_IS_RATIO)->prepare, &set, both(judge(one), judge(&backward)));
+    check_model(model_with(MORE_IS_BREAKAWAY)->prepare, &set, both(judge(one), judge_breakaway(given.more)));
     prepare_slip(&given);
     prepare_velocity(&given);
     return 0;

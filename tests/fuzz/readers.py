@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""readers.py tables|buses FOLDER [libFuzzer options]: logs of any bytes through the Python readers.
-readers.py seeds FOLDER tables|buses: inputs to begin with, where the format is no text.
+"""readers.py tables|buses FOLDER [libFuzzer options]: read logs of any bytes.
+readers.py seeds FOLDER tables|buses: write first inputs of the binary formats.
 
-Only dahl.Error may escape, in one line; what is read is finite and of one length. Run by
-tests/fuzz/test_fuzz.py, by atheris (libFuzzer); FOLDER takes the file that is read. The readers are
-called as they are: the command before them would take most of the time of each execution.
+Only dahl.Error may be raised, in one line; columns are finite and of one length. test_fuzz.py runs
+this by atheris (libFuzzer), with the file in FOLDER. The readers are called directly, since the
+command would cost most of the time.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def check_arrays(arrays: list[np.ndarray]) -> None:
 
 
 def read_table(path: Path, choice: int) -> None:
-    """The strict reader of tables, and the one that guesses."""
-    if path.suffix == ".csv" and choice & 1:
-        check_arrays(list(logs.read_table(path, ["angle", "torque"], "t").values()))
+    """Columns by their names, and columns that are found."""
+    if choice & 1:
+        check_arrays([*readers.read_columns(path, {"angle": "1", "time": "2"})[1].values()])
         return
     source = readers.Source(skip_gaps=bool(choice & 2), counts_per_turn=360.0)
     log = readers.read(path, source)

@@ -17,10 +17,13 @@
 #define ONE_Q30 ((uint32_t)1 << 30)
 #define LOAD_MOST 0x7fffffffu
 
-/* Parameters of one element, and what a model asks for beside them. */
+/* The meaning of set_t.more for a model. */
+typedef enum { MORE_IS_UNUSED, MORE_IS_ELEMENTS, MORE_IS_RATIO, MORE_IS_BREAKAWAY } more_t;
+
+/* Parameters of one element, and one number more: slip elements, Fc backward over forward, or breakaway. */
 typedef struct {
     dahl_params_t p;
-    float more; /* asymmetric: Fc backward over forward; elastoplastic: breakaway; slip, mix: number of slip elements */
+    float more;
 } set_t;
 
 typedef struct {
@@ -72,6 +75,7 @@ typedef struct {
     int is_odd;             /* the opposite motion has the opposite torque, bit for bit */
     int is_split;           /* travel may be split without changing a bit */
     int has_load;           /* 1: the error is of c Fc; 2: of Fc, or of c Fc where that is more */
+    more_t more;
 } model_t;
 
 /* NAME_step and NAME_q30, the two forms of a model that follows counts alone: its call, and where its plan and state are. */
@@ -284,7 +288,7 @@ static inline long double clamped_exact(exact_t *exact, move_t move)
 
 /* --- elasto-plastic ------------------------------------------------------------------------------------------------ */
 
-static inline dahl_err_t elastoplastic_prepare(any_plan_t *plan, const set_t *set)
+static inline dahl_err_t breakaway_prepare(any_plan_t *plan, const set_t *set)
 {
     return dahl_elastoplastic_prepare(&plan->elastoplastic, &set->p, set->more);
 }
@@ -336,16 +340,17 @@ static const model_t models[] = {
      .is_odd = 1},
     {"angle", angle_prepare, angle_step, NULL, angle_begin, angle_exact, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1},
     {"slip", slip_prepare, slip_step, slip_q30, slip_begin, slip_exact, DAHL_ULP_PARTS, DAHL_SLIP_ERROR_Q30, .is_odd = 1,
-     .is_split = 1},
-    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, DAHL_ULP_PARTS, MIX_ERROR_Q30, .is_odd = 0},
+     .is_split = 1, .more = MORE_IS_ELEMENTS},
+    {"mix", mix_prepare, mix_step, mix_q30, mix_begin, mix_exact, DAHL_ULP_PARTS, MIX_ERROR_Q30, .is_odd = 0,
+     .more = MORE_IS_ELEMENTS},
     {"asymmetric", asymmetric_prepare, asymmetric_step, asymmetric_q30, counts_begin, asymmetric_exact, DAHL_ULP_PARTS,
-     DAHL_ASYMMETRIC_ERROR_Q30, .is_odd = 0},
+     DAHL_ASYMMETRIC_ERROR_Q30, .is_odd = 0, .more = MORE_IS_RATIO},
     {"loaded", dahl_model_prepare, loaded_step, loaded_q30, counts_begin, loaded_exact, DAHL_ULP_PARTS, DAHL_LOADED_ERROR_Q30,
      .is_odd = 1, .has_load = 1},
     {"clamped", angle_prepare, clamped_step, NULL, clamped_begin, clamped_exact, DAHL_ULP_ANGLE, 0, .by_angle = 1, .is_odd = 1,
      .has_load = 2},
-    {"elastoplastic", elastoplastic_prepare, elastoplastic_step, elastoplastic_q30, counts_begin, elastoplastic_exact,
-     DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .is_odd = 1},
+    {"elastoplastic", breakaway_prepare, elastoplastic_step, elastoplastic_q30, counts_begin, elastoplastic_exact,
+     DAHL_ULP_PARTS, DAHL_ELASTOPLASTIC_ERROR_Q30, .is_odd = 1, .more = MORE_IS_BREAKAWAY},
 };
 enum { MODELS = sizeof models / sizeof models[0] };
 
@@ -357,6 +362,28 @@ static inline const model_t *model_named(const char *name)
         }
     }
     return NULL;
+}
+
+static inline const model_t *model_with(more_t more)
+{
+    for (size_t i = 0; i < MODELS; i++) {
+        if (models[i].more == more) {
+            return &models[i];
+        }
+    }
+    return NULL;
+}
+
+/* set_t.more of a model, of these numbers the one that it has a meaning for. */
+static inline float more_for(const model_t *model, float elements, float ratio, float breakaway)
+{
+    return model->more == MORE_IS_BREAKAWAY ? breakaway : model->more == MORE_IS_RATIO ? ratio : elements;
+}
+
+/* The plan by which dahl_torque() and dahl_set_torque() store a torque. */
+static inline const dahl_plan_t *storing_plan(const model_t *model, const any_plan_t *plan)
+{
+    return model->more == MORE_IS_BREAKAWAY ? &plan->elastoplastic.plastic : &plan->dahl;
 }
 
 /* What a torque of 1 is of: Fc, the larger one, or the sum of them. */

@@ -17,9 +17,7 @@ static subject_t subject; /* small cores have a small stack */
 
 static set_t set_for(const model_t *model, double travel, float Fc)
 {
-    set_t set = {params_for(travel, Fc), 4};
-    set.more = model->prepare == asymmetric_prepare ? 0.4f : model->prepare == elastoplastic_prepare ? 0.3f : set.more;
-    return set;
+    return (set_t){params_for(travel, Fc), more_for(model, 4, 0.4f, 0.3f)};
 }
 
 static void make_walk(motion_fn next, load_fn load)

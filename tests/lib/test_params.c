@@ -32,7 +32,7 @@ static const struct {
     int counts;
 } all[] = {{dahl_model_prepare, 0, MAY_BE_NONE}, {float_prepare, 0, MAY_BE_NONE}, {angle_prepare, 0, NOT_READ},
            {slip_prepare, 1, NEEDED},            {slip_prepare, 8, NEEDED},       {asymmetric_prepare, 1, NEEDED},
-           {elastoplastic_prepare, 0.5f, NEEDED}};
+           {breakaway_prepare, 0.5f, NEEDED}};
 #define ALL (sizeof all / sizeof all[0])
 
 /* The plan is untouched on an error, and what lies behind it always. */
@@ -108,13 +108,13 @@ static void test_what_a_model_has_more(void)
                  {asymmetric_prepare, 0x1p22f, 0x1p-9f, DAHL_ERR_RANGE}, /* the travel is too small backward alone */
                  {asymmetric_prepare, 0x1p21f, 0x1p-9f, DAHL_OK},
                  {asymmetric_prepare, 0x1p-20f, 1.0f, DAHL_ERR_RANGE}, /* too large */
-                 {elastoplastic_prepare, 0, 1e-3f, DAHL_ERR_PARAM},
-                 {elastoplastic_prepare, -1e-45f, 1e-3f, DAHL_ERR_PARAM},
-                 {elastoplastic_prepare, NAN, 1e-3f, DAHL_ERR_PARAM},
-                 {elastoplastic_prepare, HUGE_VALF, 1e-3f, DAHL_ERR_PARAM},
-                 {elastoplastic_prepare, 1, 1e-3f, DAHL_ERR_RANGE},
-                 {elastoplastic_prepare, 1e-45f, 0x1p-30f, DAHL_OK},
-                 {elastoplastic_prepare, 0x1.fffffep-1f, 0x1.fffffep19f, DAHL_OK}};
+                 {breakaway_prepare, 0, 1e-3f, DAHL_ERR_PARAM},
+                 {breakaway_prepare, -1e-45f, 1e-3f, DAHL_ERR_PARAM},
+                 {breakaway_prepare, NAN, 1e-3f, DAHL_ERR_PARAM},
+                 {breakaway_prepare, HUGE_VALF, 1e-3f, DAHL_ERR_PARAM},
+                 {breakaway_prepare, 1, 1e-3f, DAHL_ERR_RANGE},
+                 {breakaway_prepare, 1e-45f, 0x1p-30f, DAHL_OK},
+                 {breakaway_prepare, 0x1.fffffep-1f, 0x1.fffffep19f, DAHL_OK}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         for (size_t which = 0; which < ALL; which++) {
             const set_t set = {{1.0f, 1.0f, cases[i].theta}, cases[i].more};

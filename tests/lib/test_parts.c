@@ -195,7 +195,7 @@ static void test_elastoplastic_ends_of_the_ranges(void)
         any_plan_t plan;
         any_state_t state = {{0}}, q30 = {{0}};
         exact_t exact;
-        TEST_ASSERT_EQUAL_INT(DAHL_OK, elastoplastic_prepare(&plan, &set));
+        TEST_ASSERT_EQUAL_INT(DAHL_OK, breakaway_prepare(&plan, &set));
         exact_begin(&exact, model, &set);
         for (int t = 0; t < 3000; t++) {
             const move_t move = {i % 10 < 5 ? motion_leap(&motion) : motion_two_one(&motion), 0};

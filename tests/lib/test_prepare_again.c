@@ -35,7 +35,7 @@ static dahl_err_t velocity(any_plan_t *plan, const set_t *set)
 static const struct {
     prepare_t prepare;
     float more;
-} plans[] = {{dahl_model_prepare, 0}, {slip_prepare, 1}, {asymmetric_prepare, 0.98f}, {elastoplastic_prepare, 0.6f}, {velocity, 0}};
+} plans[] = {{dahl_model_prepare, 0}, {slip_prepare, 1}, {asymmetric_prepare, 0.98f}, {breakaway_prepare, 0.6f}, {velocity, 0}};
 #define PLANS (sizeof plans / sizeof plans[0])
 
 static void child(prepare_t prepare, any_plan_t *plan, const set_t *params)

@@ -68,7 +68,7 @@ static energy_t energy_of(const model_t *model, move_t move, long double w0, lon
         energy.loss *= c;
     } else if (model->step == clamped_step) {
         energy.loss = c * (u - rise) - stored;
-    } else if (model->step == elastoplastic_step) {
+    } else if (model->more == MORE_IS_BREAKAWAY) {
         const long double b = set.more, from = fmaxl(s * w0, b), to = fmaxl(s * w1, from), elastic = fminl(fmaxl(b - s * w0, 0), u);
         energy.loss = u - elastic - (to - from) * (1 - b + (to + from) / 2);
     }

@@ -87,7 +87,7 @@ static void prepare(element_t *e, const model_t *model)
     const uint32_t k = random_below(SETS);
     e->model = model;
     e->set.p = params_for(travels[k], Fc[k]);
-    e->set.more = model->prepare == elastoplastic_prepare ? b[k] : model->prepare == asymmetric_prepare ? more[k] : (float)(1 + k);
+    e->set.more = more_for(model, (float)(1 + k), more[k], b[k]);
     HOLDS(model->prepare(&e->plan, &e->set) == DAHL_OK, model->name);
 }
 
@@ -238,8 +238,8 @@ static void test_a_torque_survives_a_power_cycle(void)
     seed = 2;
     for (int i = 0; i < 2000; i++) {
         const int is_plastic = i % 2;
-        prepare(&element, is_plastic ? model_named("elastoplastic") : &models[0]);
-        const dahl_plan_t *plan = is_plastic ? &element.plan.elastoplastic.plastic : &element.plan.dahl;
+        prepare(&element, is_plastic ? model_with(MORE_IS_BREAKAWAY) : &models[0]);
+        const dahl_plan_t *plan = storing_plan(element.model, &element.plan);
         const move_t there = {random_counts(), 0}, and_back = {random_counts(), 0}, rest = {0, 0};
         any_state_t bearing = {{0}}, again;
         (void)element.model->step(&element.plan, &bearing, &element.set, there);

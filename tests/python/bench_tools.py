@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The commands of tools/bench in a tree of their own, run in this process as tools/bench.sh runs
-them, and files of a run that is made up so that no two numbers are the same.
+"""Run the commands of tools/bench on a copy of the project, in this process, with the files of a
+made-up run. All its numbers are different.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PAGES = ("README.md", "docs/microcontroller.md", "docs/speed.md")
 
 @dataclass
 class Run:
-    """What a command left: exit code, what it printed, and each picture as it was drawn."""
+    """Result of a command: exit code, output, and its pictures."""
 
     code: int
     out: str
@@ -38,21 +38,21 @@ class Run:
 
 
 class Bench:
-    """A tree with tools/bench and the pages."""
+    """A folder with tools/bench and the pages."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         (folder / "tools/bench").mkdir(parents=True)
         (folder / "docs/pictures").mkdir(parents=True)
         (folder / "build/bench").mkdir(parents=True)
-        (folder / "data/tribometer").mkdir(parents=True)  # a set whose log is not there
+        (folder / "data/tribometer").mkdir(parents=True)  # a set without its log
         for path in BENCH.glob("*.*"):
             shutil.copy(path, folder / "tools/bench")
         for page in PAGES:
             shutil.copy(ROOT / page, folder / page)
 
     def put(self, **files: Any) -> None:
-        """build/bench/NAME.json"""
+        """Write build/bench/NAME.json."""
         for name, content in files.items():
             (self.folder / f"build/bench/{name}.json").write_text(json.dumps(content))
 
@@ -60,12 +60,12 @@ class Bench:
         return json.loads((self.folder / f"build/bench/{name}.json").read_text())
 
     def block(self, page: str, name: str) -> str:
-        """What stands between two marks of a page."""
+        """Return the text between two marks of a page."""
         start, end = (f"<!-- {slash}bench:{name} -->\n" for slash in ("", "/"))
         return (self.folder / page).read_text().partition(start)[2].partition(end)[0]
 
     def run(self, command: str, *words: str, draw: bool = False) -> Run:
-        """With `draw`, pictures are not only kept but written."""
+        """Run a command. With `draw`, pictures are also written."""
         script = self.folder / f"tools/bench/{command}.py"
         done, out, err = Run(0, "", ""), io.StringIO(), io.StringIO()
         save = Figure.savefig
@@ -89,16 +89,16 @@ class Bench:
                 done.code = int(end.code or 0)
             finally:
                 pyplot.close("all")
-                for name in MODULES:  # those of this tree
+                for name in MODULES:  # those of this copy
                     sys.modules.pop(name, None)
         done.out, done.err = out.getvalue(), err.getvalue()
         return done
 
 
 def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:
-    """Names of the columns, and the cells of each row of the table in a block."""
+    """Return the names of the columns and the cells of each row of the table in a block."""
     lines = [line for line in block.splitlines() if line.startswith("|")]
-    assert len({line.count("|") for line in lines}) == 1  # else no page shows it as a table
+    assert len({line.count("|") for line in lines}) == 1  # otherwise no page shows it as a table
     head, _, *rows = [[cell.strip() for cell in line[1:-1].split("|")] for line in lines]
     return head[1:], {row[0]: row[1:] for row in rows}
 
@@ -106,9 +106,9 @@ def rows_of(block: str) -> tuple[list[str], dict[str, list[str]]]:
 # --- what a run is made of -----------------------------------------------------------------------
 
 CORES = ("m0", "m3", "m4f", "m7", "m33", "rv32")
-SMALL = ("m0", "m3", "m4f")  # those of the pictures
+SMALL = ("m0", "m3", "m4f")  # cores of the pictures
 FEW = ("walk_20", "sine_12", "two_one_24")
-JUMPS = "leap_14"  # is judged apart
+JUMPS = "leap_14"  # reported separately
 MOTIONS = (*FEW, JUMPS)
 CALLS = ("counts_q30", "counts", "angle")  # ours, on a core
 BATCHES = ("batch_counts", "throughput_counts", "throughput_angle")  # ours, on the host
@@ -117,7 +117,7 @@ RIVALS += ("table_counts", "euler", "rk4", "backward", "trapezoid")
 SOLVERS = ("euler", "rk4", "backward", "trapezoid")
 HOST_NAMES = {"backward": "backward_parts", "trapezoid": "trapezoid_parts"}
 
-# What an image of a core counts, by the name in its output.
+# Cases of an image, by the name in its output.
 MOVES = [f"{move}_{way}" for move in ("one_count", "one_count_c", "eight_counts", "1000_counts")
          for way in ("forward", "backward")]  # fmt: skip
 BY_FORM = [*MOVES, "zero", "int32_min", "reversal", "counts_worst"]
@@ -140,7 +140,7 @@ KEYS = [*dict.fromkeys([*KEYS, *OF_RIVALS, *BYTES])]
 
 
 def made_target() -> dict[str, dict]:
-    """As target.json: the costs of two libcs, of which newlib's are taken; rv32 has no newlib."""
+    """Return a target.json with two C libraries; rv32 has no newlib. Pages use newlib."""
     number = itertools.count(1000)
     ways = ["floor", *CALLS, *RIVALS, *(f"{s}_parts_{n}" for n in (9, 17) for s in SOLVERS)]
     result: dict[str, dict] = {}
@@ -171,7 +171,7 @@ MADE_HERE = {
 
 
 def made_host() -> dict[str, Any]:
-    """As host.json, of a whole run on a machine of eight cores without Newton."""
+    """Return a host.json of a full run on a machine with eight cores, without Newton."""
     number = itertools.count(1)
     ways = [*BATCHES, *(HOST_NAMES.get(way, way) for way in RIVALS), "double_state"]
     errors = {m: {way: [next(number) * 1e-9, 0.5] for way in (*CALLS, *ways)} for m in MOTIONS}
@@ -195,7 +195,7 @@ def made_host() -> dict[str, Any]:
             for solver in SOLVERS
         ],
         "errors": errors,
-        "speed": {  # the plain loop's time grows with the motion, so that means differ
+        "speed": {  # the time of the plain loop grows with the motion, so that means differ
             motion: {way: next(number) * (1.0 + 2 * k * (way == "expm1f")) for way in raced}
             for k, motion in enumerate(MOTIONS)
         },

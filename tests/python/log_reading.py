@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""`dahl` in this process: what a verb says and leaves, what it draws, and what `dahl identify`
-reads of a file, by its options: the log that it hands to estimate.identify(), where nothing is
-fitted, or the one line with which it refuses.
+"""Run `dahl` in this process: its output, its figures, and the log that `dahl identify` passes to
+estimate.identify(), without a fit, or the one line of its error.
 """
 
 from __future__ import annotations
@@ -21,22 +20,20 @@ from matplotlib.figure import Figure
 
 
 def run(*words: object) -> subprocess.CompletedProcess:
-    """`dahl WORDS`, as a finished process with its text; its tables are 250 columns wide."""
+    """Run `dahl WORDS`; its tables are 250 columns wide."""
     out, err = io.StringIO(), io.StringIO()
     wide = mock.patch.dict("os.environ", COLUMNS="250")
     with wide, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             code = main([str(word) for word in words])
-        except SystemExit as end:  # argparse's way
+        except SystemExit as end:  # from argparse
             code = end.code
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
 @contextlib.contextmanager
 def drawing(rendered: bool = True) -> Iterator[list[Figure]]:
-    """The figures that matplotlib saves meanwhile, whoever draws them; not `rendered` they are
-    empty files, for tests of what is in them.
-    """
+    """Collect the figures that matplotlib saves; if not `rendered`, their files are empty."""
     drawn: list[Figure] = []
     save = Figure.savefig
 
@@ -49,7 +46,7 @@ def drawing(rendered: bool = True) -> Iterator[list[Figure]]:
 
 
 class Handed(BaseException):
-    """Ends the command where the fit would begin; no `except Exception` takes it for a fault."""
+    """End the command before the fit; no `except Exception` catches it."""
 
     def __init__(self, log: Log, options: Options) -> None:
         self.log, self.options = log, options
@@ -60,16 +57,16 @@ def hand_over(logs: list[Log], options: Options) -> None:
 
 
 class RefusedError(Exception):
-    """The line that was said."""
+    """The line of the error."""
 
 
 def read(*words: object) -> Log:
-    """The log of `dahl identify WORDS`. Raises RefusedError with the one line of complaint."""
+    """Return the log of `dahl identify WORDS`. Raises RefusedError with the line of the error."""
     return handed(*words).log
 
 
 def asked(*words: object) -> Options:
-    """What the fit of `dahl identify WORDS` is asked for."""
+    """Return the options of the fit of `dahl identify WORDS`."""
     return handed(*words).options
 
 
@@ -86,16 +83,16 @@ def handed(*words: object) -> Handed:
 
 
 def refused(*words: object) -> str:
-    """The line with which `dahl identify WORDS` ends."""
+    """Return the error of `dahl identify WORDS`."""
     try:
         read(*words)
     except RefusedError as error:
         return str(error)
-    raise AssertionError(f"taken: {words}")
+    raise AssertionError(f"not refused: {words}")
 
 
 def signals(folder: Path, *more: object, dbc: str = DBC) -> tuple[object, ...]:
-    """The options with which frames of log_writers are read, the DBC in this folder."""
+    """Return the options to read frames of log_writers, with a DBC in this folder."""
     path = folder / "bus.dbc"
     path.write_text(dbc, encoding="cp1252")
     return ("--dbc", path, "--angle", "Angle", "--torque", "Torque", *more)

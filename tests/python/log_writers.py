@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Logs as other programs write them, one writer for each kind of file; none of the package's own
-code is used. Frames are packed by hand, so that not even the DBC is read.
+"""Write logs as other programs do, one writer for each kind of file, without code of the package.
+
+Frames are packed by hand, without the DBC.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def parquet(path: Path, table: Table) -> None:
 
 
 def channels(path: Path, table: Table) -> None:
-    """MF4 with measured channels."""
+    """Write an MF4 with measured channels."""
     from asammdf import MDF, Signal
 
     time = table.get("t", np.arange(len(next(iter(table.values()))), dtype=float))
@@ -90,7 +91,7 @@ TABLES: dict[str, Callable[[Path, Table], None]] = {
 
 
 def frames(path: Path, time: np.ndarray, angle: np.ndarray, torque: np.ndarray) -> None:
-    """A CAN log by python-can's writer for the file's ending: s, deg and Nm in bits of the DBC."""
+    """Write a CAN log by python-can: time in s, deg and Nm in bits of the DBC."""
     import can
 
     with can.Logger(path) as logger:
@@ -106,4 +107,4 @@ def frames(path: Path, time: np.ndarray, angle: np.ndarray, torque: np.ndarray) 
                 logger.on_message_received(message)
 
 
-FRAMES = ("blf", "asc", "trc", "log", "raw.mf4")  # kinds that need the DBC
+FRAMES = ("blf", "asc", "trc", "log", "raw.mf4")  # kinds that need a DBC

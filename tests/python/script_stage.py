@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A folder for the scripts of tools/ in which every program that they call is a stand-in: it notes
-its words, then does what the test says. On top of it a Debian that has nothing installed yet.
+"""A copy of tools/ in which each program that the scripts call is a stand-in: it records its words,
+then runs a script of the test. `Debian` is such a copy on a Debian without packages.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ echo "$name $*" >>"$STAGE/calls"
 
 
 class Stage:
-    """The folder: tools/ as it is, stand-ins in bin/ and where a test puts more."""
+    """The folder: a copy of tools/, stand-ins in bin/ and where a test adds them."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -31,26 +31,33 @@ class Stage:
         (folder / "note").write_text(NOTE)
         (folder / "note").chmod(0o755)
 
-    @property
-    def path(self) -> str:
-        return f"{self.folder}/bin:{os.environ['PATH']}"
-
     def stand_in(self, name: str, does: str = "") -> None:
-        """For the program at this place in the folder."""
+        """Replace the program at this place in the folder."""
         path = self.folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)
         path.symlink_to(self.folder / "note")
         self.does(path.name, does)
 
-    def does(self, name: str, words: str) -> None:
-        """What the stand-in of that name does from now on, in bash."""
-        (self.folder / f"{name}.does").write_text(words + "\n")
+    def does(self, name: str, script: str) -> None:
+        """Set the bash script that the stand-in of this name runs."""
+        (self.folder / f"{name}.does").write_text(script + "\n")
+
+    def write(self, file: str, *lines: str) -> None:
+        path = self.folder / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("".join(f"{line}\n" for line in lines))
+
+    def lines(self, file: str) -> list[str]:
+        """Return the lines of a file in the folder; an absent file has no lines."""
+        path = self.folder / file
+        return path.read_text().splitlines() if path.exists() else []
 
     def run(self, script: str, *words: str, **variables: str) -> subprocess.CompletedProcess:
+        path = f"{self.folder}/bin:{os.environ['PATH']}"
         return subprocess.run(
             [self.folder / "tools" / f"{script}.sh", *words],
-            env={**os.environ, "STAGE": str(self.folder), "PATH": self.path, **variables},
+            env={**os.environ, "STAGE": str(self.folder), "PATH": path, **variables},
             capture_output=True,
             text=True,
             timeout=60,
@@ -59,23 +66,16 @@ class Stage:
         )
 
     def calls(self, *programs: str) -> list[str]:
-        """Of these programs, of all if none is named, in order; paths begin at the folder."""
-        noted = self.folder / "calls"
-        text = noted.read_text() if noted.exists() else ""
-        lines = text.replace(f"{self.folder}/", "").splitlines()
+        """Return the calls of these programs (default: all); paths are relative to the folder."""
+        lines = [line.replace(f"{self.folder}/", "") for line in self.lines("calls")]
         return [line for line in lines if not programs or line.split()[0] in programs]
 
     def forget(self) -> None:
-        """The calls so far."""
+        """Delete the record of calls."""
         (self.folder / "calls").unlink(missing_ok=True)
 
-    def lines(self, file: str) -> list[str]:
-        """Of a file in the folder, none where there is no such file."""
-        path = self.folder / file
-        return path.read_text().splitlines() if path.exists() else []
 
-
-# Packages are what the file `installed` names; apt-get adds to it what the file `known` names.
+# dpkg-query lists the packages of the file `installed`. apt-get adds those of the file `known`.
 APT = """case "$*" in
     *--print-uris*)
         . /etc/os-release
@@ -96,54 +96,39 @@ UNITY = ("unity.c", "unity.h", "unity_internals.h")
 
 
 class Debian(Stage):
-    """A Debian with dpkg-dev alone; what setup.sh may want is known to apt-get, and each source
-    answers.
-    """
+    """A Debian without packages. apt-get knows each package of needs.sh, and its source answers."""
 
     def __init__(self, folder: Path) -> None:
         if not Path("/usr/lib/apt/apt-helper").exists():
-            pytest.skip("unproven: what setup.sh does on Debian: this is none")
+            pytest.skip("unproven: tools/setup.sh on Debian: this system is not Debian")
         super().__init__(folder)
         needs = (folder / "tools/setup/needs.sh").read_text()
         self.write("known", *re.findall(r"[a-z0-9][\w+.-]+", needs))
         self.write("installed", "dpkg-dev")
-        self.write("state", "0")  # of the Python environment, by check_venv.py
-        self.own_unity = self.folder / "unity"
-        self.own_unity.mkdir()
+        self.write("state", "0")  # exit code of check_venv.py
         for file in UNITY:
-            (self.own_unity / file).write_text("mine")
-        self.write(f"dists/{codename()}/InRelease")
-        self.stand_in("bin/apt-get", APT)
-        self.stand_in("bin/dpkg-query", DPKG)
-        self.stand_in("bin/python3.11", PYTHON)
+            self.write(f"unity/{file}", "mine")
+        self.in_release = f"dists/{codename()}/InRelease"
+        self.write(self.in_release)
+        programs = {"apt-get": APT, "dpkg-query": DPKG, "python3.11": PYTHON, "sudo": '"$@"'}
+        for name in ("apt-cache", "dpkg", "sleep", "cmake", *programs):
+            self.stand_in(f"bin/{name}", programs.get(name, ""))
         self.does("python", PYTHON)
-        self.stand_in("bin/sudo", '"$@"')
-        for name in ("apt-cache", "dpkg", "sleep", "cmake"):
-            self.stand_in(f"bin/{name}")
 
-    def write(self, file: str, *lines: str) -> None:
-        path = self.folder / file
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("".join(f"{line}\n" for line in lines))
-
-    def unknown(self, package: str) -> None:
-        """From now on apt-get does not know it."""
+    def without(self, package: str) -> None:
+        """Make apt-get not know a package."""
         self.write("known", *(name for name in self.lines("known") if name != package))
 
     def set_up(self, needs: str, **variables: str) -> tuple[subprocess.CompletedProcess, list[str]]:
-        """The run, and what it started that installs something."""
+        """Run setup.sh; return the result and the calls that install something."""
         self.forget()
-        own = {"DAHL_UNITY_DIR": str(self.own_unity), "DAHL_PYTHON": "", **variables}
-        done = self.run("setup", *needs.split(), **own)
-        for call in self.calls("apt-get"):  # each setting stands behind its -o
-            words = call.split()
-            assert all(words[n - 1] == "-o" for n, word in enumerate(words) if "::" in word), call
+        given = {"DAHL_UNITY_DIR": f"{self.folder}/unity", "DAHL_PYTHON": "", **variables}
+        done = self.run("setup", *needs.split(), **given)
         started = self.calls("apt-get", "python3.11", "python")
         return done, [call for call in started if re.search(r" install | venv ", call)]
 
 
 def codename() -> str:
-    """Of this machine's Debian."""
-    text = Path("/etc/os-release").read_text()
-    found = re.search(r"^VERSION_CODENAME=(.*)", text, re.M)
+    """Return the code name of this machine's Debian."""
+    found = re.search(r"^VERSION_CODENAME=(.*)", Path("/etc/os-release").read_text(), re.M)
     return found[1] if found else "none"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Speed against error: what tools/bench.sh counts and measures here and now, against limits and
-references. (Each number in its place: test_bench_report.py.)
+"""Speed against error: tools/bench.sh counts and measures on this machine; the results are compared
+with limits and references. (The place of each number: test_bench_report.py.)
 """
 
 from __future__ import annotations
@@ -39,9 +39,7 @@ def run(*command: object) -> str:
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory) -> Bench:
-    """Target and host run in a tree of their own, which leaves the user's results alone; what they
-    build is that of the project.
-    """
+    """Run target and host in a copy, with the builds of the project; the user's results stay."""
     if not HERE:
         pytest.skip("unproven: what a tick costs: no cross compiler with its QEMU is installed")
     made = Bench(tmp_path_factory.mktemp("bench"))
@@ -78,7 +76,7 @@ def of_core(cores: dict[str, dict], name: str) -> dict:
 
 
 def rows(*words: object) -> list[dict]:
-    """What host_bench prints, line by line."""
+    """Run host_bench and return its lines."""
     return [json.loads(line) for line in run(HOST_BENCH, *words).splitlines()]
 
 
@@ -116,15 +114,15 @@ def test_ours_is_within_its_bound_on_every_motion(errors) -> None:
         (("double_state", "table_counts"), 1e-8, 1e-6),
     ],
 )
-def test_rivals_err_as_it_is_their_way(errors, ways, least, most) -> None:
-    """On a slow sine: by the order of a solver, the grid of a table, the rounding of a float."""
+def test_other_methods_have_their_known_errors(errors, ways, least, most) -> None:
+    """On a slow sine: the order of a solver, the grid of a table, the rounding of a float."""
     for way in ways:
         assert least < errors["sine_16"][way][0] < most, way
 
 
 def test_the_pages_show_what_is_counted_now(bench, cores) -> None:
-    """Each count to the instruction, where the compilers are those of the page; errors to the digit
-    that libm leaves open. Else: tools/bench.sh target && tools/bench.sh host && tools/bench.sh docs
+    """Compare counts exactly, if the compilers are those of the page, and errors within the digits
+    that libm may change. After a change, run tools/bench.sh.
     """
     before = {name: bench.block(page, name) for page, name in BLOCKS}
     known = [core["compiler"] in before["target"] for core in cores.values()]
@@ -164,7 +162,7 @@ def test_a_core_is_within_its_budgets(cores, name: str) -> None:
 def test_a_tick_costs_at_most_one_and_a_half_of_euler(cores) -> None:
     motions = of_core(cores, "m4f")["motions"]["newlib"]
     assert motions["two_one_24"]["counts_q30"] <= 1.5 * motions["two_one_24"]["euler"]
-    for ways in motions.values():  # and none can do without a load, a multiplication and a store
+    for ways in motions.values():  # each method needs a load, a multiplication and a store
         assert 3 <= ways["floor"] < 0.5 * min(ways[way] for way in ways if way != "floor")
 
 
@@ -172,15 +170,15 @@ def test_a_tick_costs_at_most_one_and_a_half_of_euler(cores) -> None:
 
 
 def test_moves_come_with_the_exact_torque(bench) -> None:
-    """Against a reference in 100 bits: the motion's encoder, sigma0, Fc and sign."""
+    """Compare encoder, sigma0, Fc and sign with a reference in 100 bits."""
     for name in ("sweep_12", "two_one_24", "sine_12", "creep_18", "leap_14"):
         pairs = [line.split() for line in run(HOST_BENCH, "moves", name, 2000).splitlines()]
         assert len(pairs) == 2000
         theta = math.tau / 2 ** int(name[-2:])
         travel = reference.travel_per_count(SIGMA0, FC, float(f"{theta:.9g}"))
         exact = reference.exact_ratios([int(move) for move, _ in pairs], travel)
-        told = [float(w) for _, w in pairs]
-        assert told == pytest.approx([float(w) for w in exact], abs=1e-6), name
+        printed = [float(w) for _, w in pairs]
+        assert printed == pytest.approx([float(w) for w in exact], abs=1e-6), name
 
 
 def test_one_part_is_the_plain_solver(bench) -> None:
@@ -206,7 +204,7 @@ def test_growth_passes_through_the_errors_of_a_run(bench) -> None:
 
 
 def error_of_euler(rate: int, parts: int) -> float:
-    """Worst on two turns of 0.1 rad at 1 Hz, by the closed form of Euler's parts of a tick."""
+    """Return the worst error on two turns of 0.1 rad at 1 Hz, by the closed form of Euler."""
     travel = float(reference.travel_per_count(SIGMA0, FC, math.tau / 2**14))
     w = exact = worst = last = 0.0
     for k in range(1, 2 * rate + 1):
@@ -218,12 +216,12 @@ def error_of_euler(rate: int, parts: int) -> float:
 
 
 def test_parts_by_rate_are_the_fewest_that_are_enough(bench) -> None:
-    """Half of them would err 16 times as much with RK4, less with the others."""
+    """With half the parts, the error of RK4 is 16 times as large; the other factors are smaller."""
     few, many = (rows_by(rows("parts", rate, 1e-3), "way") for rate in (3000, 100))
     for row in (few["euler_parts",], many["euler_parts",]):
         error = error_of_euler(row["rate"], row["parts"])
         assert float(row["worst"]) == pytest.approx(error, rel=0.01)
-    assert {row["parts"] for row in rows("parts", 100, 1e-12)} == {0}  # beyond a float
+    assert {row["parts"] for row in rows("parts", 100, 1e-12)} == {0}  # too small for a float
     for way, row in many.items():
         assert row["rate"] == 100 and 1 <= few[way]["parts"] < row["parts"]
         for found in (row, few[way]):
@@ -231,23 +229,23 @@ def test_parts_by_rate_are_the_fewest_that_are_enough(bench) -> None:
 
 
 def test_speed_is_nanoseconds_a_tick(bench) -> None:
-    """All rounds of all ways take what the best round of each says, and not much more."""
+    """The rounds of all methods need at least the time of the best rounds, and not much more."""
     ticks, rounds = 20_000, 15
     start = time.perf_counter()
     speed = rows("speed", ticks)
-    took = time.perf_counter() - start
+    elapsed = time.perf_counter() - start
     least = sum(row["ns"] for row in speed) * ticks * rounds * 1e-9
-    assert 0.1 * took < least < took
+    assert 0.1 * elapsed < least < elapsed
 
 
 @pytest.mark.parametrize("words", [["nothing"], ["growth", "no_such_motion", "100"], []])
-def test_host_bench_says_what_it_takes(bench, words) -> None:
+def test_host_bench_refuses_unknown_words(bench, words) -> None:
     done = subprocess.run([HOST_BENCH, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr.startswith("error: ")
 
 
-def test_the_cost_of_an_identification_is_told() -> None:
-    """Both fits find the parameters; the ratio is the rival's time over ours."""
+def test_the_cost_of_an_identification_is_printed() -> None:
+    """Both fits find the parameters; the ratio is the time of solve_ivp over ours."""
     script = Path(ROOT / "tools/bench/identify.py")
     ours, theirs, long = run(
         sys.executable, script, "--rows", "3000", "--short", "1000"

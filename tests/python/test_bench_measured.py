@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Models against measured friction, by tools/bench.sh docs on made-up logs: the model that made a
-log is found, and each log, model and cost stands in its place of the table and the picture.
+"""tools/bench.sh docs compares models with made-up logs: the model that made a log has the largest
+R2, and each number has its place in the table.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from conftest import ROOT
 
 pytestmark = pytest.mark.usefixtures("library")
 
-CASES = {  # what a tick of each model costs
+CASES = {  # cost of a tick of each model
     "Coulomb": "coulomb",
     "Dahl": "one_count_q30",
     "LuGre, Euler steps": "euler",
@@ -34,7 +34,7 @@ RAMP = np.sin(np.linspace(0, 12, 900))
 
 
 def made(angle: np.ndarray, kind: str) -> np.ndarray:
-    """Torque of an element in steps of its equation, 50 between two rows; neither grid nor C."""
+    """Return the torque of an element, by 50 steps of its equation between two rows."""
     F, found, last = 0.0, [], angle[0]
     for place in angle:
         step = float(place - last) / 50
@@ -47,9 +47,9 @@ def made(angle: np.ndarray, kind: str) -> np.ndarray:
 
 
 def logs() -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Angle and torque by what made them. Rigs count the torque or its reaction, with an offset and
-    a spring; `spring` is a slow ramp of torque on a stiff shaft, which jumps ahead and creeps back
-    for three rows, so that most rows go against the torque.
+    """Return angle and torque by origin. Some rigs measure the reaction, with an offset and a
+    spring. `spring` is a slow ramp of torque on a stiff shaft. It jumps ahead and creeps back for
+    three rows, so most rows move against the torque.
     """
     dahl, slip = (-3.0 * made(LOOPS, kind) + 0.4 + 0.2 * LOOPS for kind in ("dahl", "slip"))
     jumps = 0.2 * RAMP - 3e-3 * np.sign(RAMP) * (np.arange(900) % 4)
@@ -64,7 +64,7 @@ def logs() -> dict[str, tuple[np.ndarray, np.ndarray]]:
     }
 
 
-KINDS = {  # of the log in each file
+KINDS = {  # origin of the log in each file
     "tribometer/reciprocating.tsv": "dahl",
     "cycloidal/play_test1.csv": "slip",
     "cycloidal/play_test2.csv": "noise",
@@ -82,7 +82,7 @@ KINDS = {  # of the log in each file
 
 
 def write(path: Path, angle: np.ndarray, torque: np.ndarray) -> None:
-    """In the columns of its set; the laser of the pneumatic rig has spikes."""
+    """Write a log in the columns of its set. The laser of the pneumatic rig has spikes."""
     path.parent.mkdir(exist_ok=True)
     zero, table = np.zeros(len(angle)), pandas.DataFrame
     if path.parent.name == "pneumatic":
@@ -102,7 +102,7 @@ def write(path: Path, angle: np.ndarray, torque: np.ndarray) -> None:
 
 @pytest.fixture(scope="module")
 def docs(tmp_path_factory):
-    """Each row of the table with its log's kind, and the picture."""
+    """Return the rows of the table."""
     bench = Bench(tmp_path_factory.mktemp("bench"))
     bench.put(target=made_target(), host=made_host())
     known = logs()
@@ -121,7 +121,7 @@ def test_the_model_that_made_a_log_is_found(docs):
     assert costs == [str(made_target()["m3"][case]) for case in CASES.values()]
     for kind, cells in zip(KINDS.values(), scores, strict=True):
         r2 = dict(zip(CASES, map(float, cells), strict=True))
-        if kind == "noise":  # is explained by nothing
+        if kind == "noise":  # no model explains it
             assert max(r2.values()) < 0.05
         elif kind in ("spring", "reaction"):
             assert r2["Dahl"] > 0.9
@@ -133,35 +133,9 @@ def test_the_model_that_made_a_log_is_found(docs):
             assert abs(r2["LuGre, Euler steps"] - r2["Dahl"]) < 0.03
 
 
-def test_the_picture_has_each_log_on_the_panel_of_its_machine(docs):
-    """What is left of the spread over the cost of the model, and a line at the least so far."""
-    _, rows, figure = docs
-    costs, *_ = rows.values()
-    by_cost = sorted(range(len(costs)), key=lambda n: int(costs[n]))
-    ticks = [f"{[*CASES][n]} ({costs[n]})" for n in by_cost]
-    names = list(rows)[1:]
-    machines = list(dict.fromkeys(name.partition(",")[0] for name in names))
-    assert [axes.get_title() for axes in figure.axes] == machines
-    lines = [line for axes in figure.axes for line in axes.lines]
-    for points, steps, name in zip(lines[::2], lines[1::2], names, strict=True):
-        left = [(1 - float(rows[name][n])) ** 0.5 for n in by_cost]
-        assert [*points.get_xdata()] == [*steps.get_xdata()] == [int(costs[n]) for n in by_cost]
-        assert points.get_ydata() == pytest.approx(left)
-        assert steps.get_ydata() == pytest.approx([min(left[: n + 1]) for n in range(len(left))])
-        assert points.get_color() == steps.get_color() and steps.get_drawstyle() == "steps-post"
-        assert (points.get_label() in name) and points.get_label()
-    for axes in figure.axes:
-        assert [tick.get_text() for tick in axes.get_xticklabels()] == ticks
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    left_axes = figure.axes[0]  # for all of its row
-    assert [float(tick.get_text()) for tick in left_axes.get_yticklabels()] == [
-        *left_axes.get_yticks()
-    ]
-
-
 @pytest.mark.checks
 def test_the_page_shows_what_is_measured_now(tmp_path):
-    """R2 of each model on each log at hand; else: tools/bench.sh docs"""
+    """Compare R2 of each model and log with the page. After a change: tools/bench.sh docs"""
     there = ROOT.parent / "shared/data"
     if not there.is_dir():
         pytest.skip("unproven: the page's R2: no measured log is in reach (dahl data)")
@@ -180,7 +154,7 @@ def test_the_page_shows_what_is_measured_now(tmp_path):
 
 
 class Pages(Bench):
-    """The pages as they are."""
+    """The pages of the project."""
 
     def __init__(self) -> None:
         self.folder = ROOT

@@ -54,7 +54,7 @@ def without(option: str) -> list[object]:
 
 REFUSED = [
     *((["LOG", *without(one)], [one]) for one in NEEDED),
-    (["LOG", *OWN, "--angle", "shaft"], ["shaft.csv:1", "'shaft'", "'shaft [deg]'"]),
+    (["LOG", *OWN, "--angle", "shft"], ["shaft.csv:1", "'shft'", "'shaft [deg]'"]),
     (["LOG", *OWN, "--fc", "-1"], ["Fc = -1"]),
     *((["LOG", *OWN, f"--counts-per-turn={n}"], ["-turn", n]) for n in ("0", "-1", "nan", "inf")),
     (["LOG", *OWN, "--bus", "canopy"], ["--bus canopy", "socketcan"]),
@@ -92,17 +92,13 @@ def test_bad_arguments_are_one_line(own_log, dahl, tmp_path, arguments, words):
     ],
 )
 def test_the_unit_of_an_angle_is_in_its_name(dahl, column, unit):
-    """In which it is shown; one of another unit is not taken for degrees."""
+    """As `dahl identify` reads it."""
     Path("x.csv").write_text(f"{column},T\n1,2\n")
-    own = ("--torque", "none", *OWN[4:10])
+    own = ("--torque", "T", *OWN[4:10], "--bus", "canopy")
     done = dahl("demo", "x.csv", "--angle", column, *own, "-o", "out")
-    code, said = complaint(done)
-    assert code == 2
-    if unit in ("deg", "rad", "mm", "counts"):
-        assert re.match(rf"angle .*'{re.escape(column)}' in {unit} ", done.stdout)
-        assert "'none'" in said and scene_of(Path("out/own.ini"))["motion"]["angle"] == column
-    else:
-        assert f"in {unit};" in said and "--angle-unit" in said and not done.stdout
+    assert complaint(done)[0] == 2
+    assert re.match(rf"angle .*'{re.escape(column)}' in {unit} ", done.stdout)
+    assert scene_of(Path("out/own.ini"))["motion"]["angle"] == column
 
 
 @pytest.mark.parametrize(
@@ -112,13 +108,16 @@ def test_the_unit_of_an_angle_is_in_its_name(dahl, column, unit):
         ("rad", TURN / math.tau, math.tau / TURN, "rad", 1),
         ("counts", 1, math.tau / TURN, "rad", 1),
         ("mm", TURN, 1e-3 / TURN, "mm", 1000),
+        ("mrad", TURN / math.tau / 1e3, math.tau / TURN, "rad", 1),
+        ("um", TURN / 1e3, 1e-3 / TURN, "m", 1),
     ],
 )
 def test_the_scene_of_an_own_log_is_in_its_units(
     dahl, unit, counts_per_unit, theta_per_count, plotted, per_unit
 ):
-    Path("x.csv").write_text("a #1,T\n0,x\n")  # which ends it once the scene is written
+    Path("x.csv").write_text("a #1,T\n0,1\n")
     words = ("--angle", "a #1", "--torque", "T", *OWN[4:10], "--angle-unit", unit)
+    words += ("--bus", "canopy")  # refused once the scene is written
     assert dahl("demo", "x.csv", *words, "-o", "out").returncode == 2
     scene = scene_of(Path("out/own.ini"))
     number = {name: float(scene["friction"][name]) for name in ("sigma0", "Fc", "theta_per_count")}
@@ -127,17 +126,22 @@ def test_the_scene_of_an_own_log_is_in_its_units(
     measured = scene["measured"]
     assert (measured["torque"], scene["motion"]["angle"]) == ("T", "a #1")
     assert measured["label_angle"].endswith(f" [{plotted}]")
-    assert measured["label_torque"].endswith(" [N]" if unit == "mm" else " [N m]")
+    assert measured["label_torque"].endswith(" [N]" if unit in ("mm", "um") else " [N m]")
     assert float(measured["angle_scale"]) == pytest.approx(per_unit, rel=1e-15)
 
 
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360), ("rad", math.tau), ("counts", 16384)])
-def test_an_angle_that_starts_anew_at_each_turn_is_refused(dahl, unit, turn):
-    """Its shaft would go back by a turn within a tick."""
+def test_an_angle_that_starts_anew_at_each_turn_is_unwrapped(dahl, unit, turn):
+    """A scene that replays such a log itself is refused: the shaft would turn back in one tick."""
     angle = np.arange(800) % 360 / 360 * turn
     Path("wraps.csv").write_text("a,T\n" + "".join(f"{one!r},0\n" for one in angle.tolist()))
-    words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", *OWN[4:10])
-    code, said = complaint(dahl("demo", "wraps.csv", *words, "-o", "out"))
+    words = ("--angle", "a", "--angle-unit", unit, "--torque", "T", *OWN[4:10], "--bus", "canopy")
+    assert "canopy" in complaint(dahl("demo", "wraps.csv", *words, "-o", "out"))[1]
+    played = np.loadtxt("out/own.csv", delimiter=",", skiprows=1)[:, 0]
+    np.testing.assert_allclose(played, np.arange(800) / 360 * turn)
+    scene = Path("out/own.ini").read_text().replace("own.csv", "wraps.csv")
+    Path("wraps.ini").write_text(scene)
+    code, said = complaint(dahl("demo", "--scene", "wraps.ini", "-o", "again"))
     assert code == 2 and said.startswith("wraps.csv: ") and f"{angle[359]:g} to 0" in said
 
 
@@ -396,7 +400,7 @@ def test_a_target_takes_the_place_of_the_node(dahl, monkeypatch, root):
     """
     asked: list[tuple[object, ...]] = []
     monkeypatch.setattr("dahl.sim.firmware.build", lambda core: root / "build/m4f/node_image")
-    monkeypatch.setattr("dahl.sim.firmware.attached", partial(attached, asked))
+    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, asked))
     words = ("--scene", "segments", "--seconds", 0.3, "--target", "m4f")
     for _ in range(4):  # the node in Python may be late on a busy machine, and is told so
         done = dahl("demo", *words, "--output", "out")

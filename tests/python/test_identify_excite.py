@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""`dahl excite`: the proposed motion, simulated and identified, gives the interval that was asked
-for; its table and scene are what is printed of them.
+"""`dahl excite`: the proposed motion, simulated and identified, reaches the wanted interval; its
+table and scene have the printed numbers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ LENGTH = FC / SIGMA0  # rad, of presliding
 
 @functools.cache
 def proposed(*words: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
-    """Time, angle and counts of the motion, and what is printed of it."""
+    """Return time, angle and counts of the motion, and the printed text."""
     with tempfile.TemporaryDirectory() as folder:
         done = run("excite", *KNOWN, *words, "-o", folder)
         assert done.returncode == 0, done.stderr
@@ -36,7 +36,7 @@ def proposed(*words: object) -> tuple[np.ndarray, np.ndarray, np.ndarray, str]:
 
 
 def measured(theta: np.ndarray, seed: int, torque: np.ndarray | None = None) -> Log:
-    """What a rig would log of the motion at 1 kHz, with noise of 5 % of Fc."""
+    """Return the log of a rig at 1 kHz, with noise of 5 % of Fc."""
     random = np.random.default_rng(seed)
     noise = 0.05 * FC * random.normal(size=len(theta))
     torque = (dahl_torque(theta) if torque is None else torque) + noise
@@ -46,9 +46,7 @@ def measured(theta: np.ndarray, seed: int, torque: np.ndarray | None = None) -> 
 
 @pytest.mark.parametrize("percent", [2.0, 1.0])
 def test_the_interval_asked_for_is_reached(percent):
-    """With everything to be chosen: the error is as expected. The interval is wider, since it holds
-    all choices and what the counts hide.
-    """
+    """The interval is wider than the error: it covers all hypotheses and the counts."""
     _, theta, _, said = proposed("--within", percent)
     errors = []
     for seed in range(2):
@@ -63,7 +61,7 @@ def test_the_interval_asked_for_is_reached(percent):
 
 
 def test_strokes_differ_in_length_and_speed_both_ways():
-    """From the middle and back to it, each side with all lengths and paces, without a jump."""
+    """The motion begins and ends in the middle; each side has all lengths and paces; no jumps."""
     _, theta, _, _ = proposed()
     turns = np.flatnonzero(np.diff(np.sign(np.diff(theta)))) + 1
     far, shortest = np.abs(theta).max(), np.diff(turns).min()
@@ -78,7 +76,7 @@ def test_strokes_differ_in_length_and_speed_both_ways():
 
 
 def late_by_half(torque: np.ndarray, rows: int) -> np.ndarray:
-    """Half of it at once, half through a first-order lag."""
+    """Return half of the torque at once, half through a first-order lag."""
     lagging, value = [], 0.0
     for one in torque.tolist():
         value += (one - value) / rows
@@ -87,9 +85,7 @@ def late_by_half(torque: np.ndarray, rows: int) -> np.ndarray:
 
 
 def test_strokes_of_several_speeds_show_a_torque_that_is_late():
-    """Half of the torque comes late. A motion of one speed hides this as a softer bearing; with the
-    proposed strokes nothing wrong is claimed.
-    """
+    """At one speed this looks like a softer bearing; at two speeds no claim is false."""
     _, theta, _, _ = proposed()
     result = identify([measured(theta, 0, late_by_half(dahl_torque(theta), 30))])
     for parameter, truth in ((result.sigma0, SIGMA0), (result.Fc, FC)):
@@ -118,7 +114,7 @@ def test_each_option_shapes_the_motion_as_it_is_printed(words, tmp_path):
 
 
 def test_the_scene_plays_the_table(tmp_path, dahl_loop, monkeypatch):
-    """From a JSON of dahl identify; the table is found beside the scene, wherever that is."""
+    """The guess is a JSON of dahl identify. The table is found next to the scene."""
     monkeypatch.chdir(tmp_path)
     found = json.dumps({"sigma0": SIGMA0, "Fc": FC})
     Path("known.json").write_text(found, encoding="utf-8-sig")
@@ -140,7 +136,7 @@ def test_the_scene_plays_the_table(tmp_path, dahl_loop, monkeypatch):
 
 
 def test_linear_motion_is_in_metres_and_newtons(tmp_path):
-    """A JSON of the other kind is not taken."""
+    """A JSON of the other kind of motion is refused."""
     words = ("--counts-per-turn", "10000", "-o", tmp_path)
     done = run("excite", "--sigma0", "3e4", "--fc", "2.7", "--mm", *words)
     assert done.returncode == 0 and re.search(r"strokes of \S+ to \S+ m to", done.stdout)
@@ -176,18 +172,17 @@ def test_a_motion_that_is_too_long_is_refused_with_its_length():
     assert code == 2 and 0.1 < int(seconds) / int(cycles) < 10
 
 
-@pytest.mark.parametrize(
-    "text", ["{}", '{"sigma0": 1}', "[]", "5", '{"sigma0": "x", "Fc": 1}', "{"]
-)
-def test_a_json_that_is_no_identification_is_one_line(text, tmp_path):
-    (tmp_path / "x.json").write_text(text)
-    code, line = complaint(run("excite", "--from", tmp_path / "x.json", "--counts-per-turn", 1000))
-    assert code == 2 and line.startswith(f"{tmp_path / 'x.json'}:")
+def test_a_json_that_is_no_identification_is_one_line(tmp_path):
+    path = tmp_path / "x.json"
+    for text in ("{}", '{"sigma0": 1}', "[]", "5", '{"sigma0": "x", "Fc": 1}', "{"):
+        path.write_text(text)
+        code, line = complaint(run("excite", "--from", path, "--counts-per-turn", 1000))
+        assert code == 2 and line.startswith(f"{path}:"), text
 
 
 @pytest.mark.parametrize("end", ["csv", "ini"])
 def test_a_file_of_someone_else_is_spared(tmp_path, end):
-    """A measured log or a scene of that name stays, unless it is forced; an earlier motion goes."""
+    """--force overwrites it; a motion of dahl is always overwritten."""
     theirs, text = tmp_path / f"shaft.{end}", "time_s,theta,torque\n0,0,0\n"
     theirs.write_text(text)
     words = ("excite", *KNOWN, "-o", tmp_path, "--name", "shaft")

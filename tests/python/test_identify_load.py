@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Friction that follows a measured load (`dahl identify --load`): found with an interval that is
-true, left alone where it is not there, and carried into plan, scene and check.
+"""Friction that follows a measured load (`dahl identify --load`): found with a true interval, not
+claimed if it is not there, and exported to plan, scene and check.
 """
 
 from __future__ import annotations
@@ -31,8 +31,10 @@ MORE = 0.08  # of sigma0 and Fc at 8 N, for each N
 
 
 def torque_under(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Row by row in long double: a load that falls takes its part of F, one that grows leaves F;
-    then the closed form of one move, in which both sigma0 and Fc are `share` times as large.
+    """Return the torque row by row, in long double.
+
+    A falling load reduces F, a growing load does not change it. Then follows the closed form of
+    one move with `share` times sigma0 and Fc.
     """
     torque, F, before = [], np.longdouble(0), share[0]  # noqa: N806
     for move, now in zip(np.diff(theta, prepend=theta[0]), share, strict=True):
@@ -44,7 +46,7 @@ def torque_under(theta: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def loaded(course: str, seed: int, more: float = MORE, noise: float = 0.05) -> Log:
-    """A log of 8 cycles of 10 presliding lengths; the load is in N."""
+    """Return a log of 8 cycles of 10 presliding lengths; the load is in N."""
     theta, load = sine(seed, ROWS, CYCLES), 3 + 10 * COURSES[course]
     torque = torque_under(theta, 1 + more * (load - 8)) + noise * FC * noise_of(seed, ROWS)
     read, time = np.round(theta / COUNT) * COUNT, np.arange(ROWS) * 1e-3
@@ -52,14 +54,14 @@ def loaded(course: str, seed: int, more: float = MORE, noise: float = 0.05) -> L
 
 
 def truth(reference: float, more: float = MORE) -> dict[str, float]:
-    """sigma0, Fc and the slope at the load at which they are told."""
+    """Return sigma0, Fc and the slope at the reference load."""
     share = 1 + more * (reference - 8)
     return {"sigma0": SIGMA0 * share, "Fc": FC * share, "slope": more / share}
 
 
 @pytest.mark.parametrize("course", COURSES)
 def test_a_load_is_followed(course):
-    """Without its column the load makes the friction drift, and nothing false is claimed."""
+    """If the column is not used, the friction drifts, and no claim is false."""
     log = loaded(course, 1)
     found = seen(log)
     follows = found["load"]
@@ -83,8 +85,7 @@ def test_a_load_is_followed(course):
 
 
 @pytest.mark.parametrize("more", [0.1999, -MORE])
-def test_a_load_may_go_to_nothing_or_ease_the_bearing(more):
-    """At 3 N there is hardly any friction; or friction falls with the load."""
+def test_friction_may_vanish_at_the_least_load_or_fall_with_the_load(more):
     found = seen(loaded("swings", 1, more))
     true = truth(found["load"]["reference"], more)
     assert found["load"]["slope"] == pytest.approx(true["slope"], rel=0.03)
@@ -94,9 +95,7 @@ def test_a_load_may_go_to_nothing_or_ease_the_bearing(more):
 
 
 def test_each_of_several_logs_has_a_load_of_its_own():
-    """Half a log with low loads, another half with high ones: JSON has the ends of both. If one log
-    has none, no load is used.
-    """
+    """One log has low loads, the other one high loads. If one log lacks a load, none is used."""
     half = ROWS // 2
     low = replace(loaded("rises", 1).part(slice(half)), name="low")
     high = replace(loaded("rises", 2).part(slice(half, None)), name="high")
@@ -137,7 +136,7 @@ def test_another_log_is_predicted_with_its_own_load():
 
 @pytest.fixture(scope="module")
 def left(tmp_path_factory):
-    """What a run over a log with a column of the load leaves."""
+    """The output of a run over a log with a column of the load."""
     folder, log = tmp_path_factory.mktemp("left"), loaded("swings", 0, noise=0.01)
     table = np.column_stack((log.time, np.degrees(log.theta), log.torque, log.load))
     names = "t_s,angle_deg,torque_Nm,clamp_N"
@@ -151,19 +150,19 @@ def left(tmp_path_factory):
 
 
 def test_numbers_for_machines_and_people(left):
-    told, load = left.kept["load"], left.log.load
-    true = truth(told["reference"])
-    assert told["slope"] == pytest.approx(true["slope"], rel=0.02)
+    found, load = left.kept["load"], left.log.load
+    true = truth(found["reference"])
+    assert found["slope"] == pytest.approx(true["slope"], rel=0.02)
     for name, (low, high) in left.kept["ci95"].items():
         assert name == "a" or low <= true[name] <= high < 1.3 * low
-    assert (told["least"], told["most"]) == pytest.approx((load.min(), load.max()))
-    shares = 1 + told["slope"] * (np.array([told["least"], told["most"]]) - told["reference"])
-    assert told["shares"] == pytest.approx(shares.tolist())
-    assert 0 < told["slope_standard_error"] < 0.05 * told["slope"]
-    assert told["r2"] > 0.99 > told["r2_without"] > 0.5
+    assert (found["least"], found["most"]) == pytest.approx((load.min(), load.max()))
+    shares = 1 + found["slope"] * (np.array([found["least"], found["most"]]) - found["reference"])
+    assert found["shares"] == pytest.approx(shares.tolist())
+    assert 0 < found["slope_standard_error"] < 0.05 * found["slope"]
+    assert found["r2"] > 0.99 > found["r2_without"] > 0.5
     cells = " ".join(left.shown.split())
-    numbers = [f"{number:.3g}" for number in told["shares"]]
-    numbers += [f"{told[name]:.4f}" for name in ("r2", "r2_without")]
+    numbers = [f"{number:.3g}" for number in found["shares"]]
+    numbers += [f"{found[name]:.4f}" for name in ("r2", "r2_without")]
     assert all(number in cells for number in numbers)
     legend = left.figure.axes[-1].get_legend().get_texts()
     assert legend[1].get_text() == f"fitted: {left.kept['model']}"
@@ -188,7 +187,7 @@ int main(void)
 
 @pytest.fixture(scope="module")
 def firmware(left):
-    """Call a firmware with this header: counts and loads -> torques, and loads as parts of one."""
+    """Compile a firmware with this header: counts and loads -> torques, and loads as fractions."""
     from conftest import ROOT
 
     (left.folder / "main.c").write_text(PROGRAM)
@@ -201,8 +200,8 @@ def firmware(left):
     subprocess.run(checked, check=True, timeout=60)
 
     def call(counts, loads):
-        told = "".join(f"{n} {load:.9g}\n" for n, load in zip(counts, loads, strict=True))
-        done = subprocess.run([program], input=told, check=True, capture_output=True, text=True)
+        lines = "".join(f"{n} {load:.9g}\n" for n, load in zip(counts, loads, strict=True))
+        done = subprocess.run([program], input=lines, check=True, capture_output=True, text=True)
         torque, load = np.array(done.stdout.split(), dtype=float).reshape(-1, 2).T
         return torque, load / 2**30
 
@@ -210,17 +209,18 @@ def firmware(left):
 
 
 def test_the_header_takes_the_load_as_it_is_measured(left, firmware):
-    """A firmware with this header follows the log; beyond its loads up to twice the one that the
-    plan is for, and from there on that; none below 0, and none of a load that is no number.
+    """A firmware with this header follows the log.
+
+    A load is limited to 0 and twice the load of the plan; NaN counts as 0.
     """
     read_by = np.round(left.log.theta / COUNT).astype(int)
     torque, _ = firmware(np.diff(read_by, prepend=read_by[0]), left.log.load)
     assert np.sqrt(np.mean((torque - left.log.torque) ** 2)) < 0.03 * FC
     assert firmware([99999999, 1], [-1e9, np.nan])[0].tolist() == [0, 0]  # no load, no friction
-    told, shares = left.kept["load"], np.linspace(-0.5, 2.5, 31)
-    loads = told["reference"] + (shares * max(told["shares"]) - 1) / told["slope"]
-    _, taken = firmware(np.zeros(31, dtype=int), loads)
-    assert taken == pytest.approx(shares.clip(0, 2), abs=1e-5) and max(taken) < 2
+    found, shares = left.kept["load"], np.linspace(-0.5, 2.5, 31)
+    loads = found["reference"] + (shares * max(found["shares"]) - 1) / found["slope"]
+    _, limited = firmware(np.zeros(31, dtype=int), loads)
+    assert limited == pytest.approx(shares.clip(0, 2), abs=1e-5) and max(limited) < 2
 
 
 def test_the_scene_replays_the_load(left, dahl_loop):

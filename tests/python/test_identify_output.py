@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""What `dahl identify` leaves: numbers under their own names in JSON, on the screen and in the
-header, a plan that is dahl_prepare()'s, a scene that replays the log, a picture of log and fit.
+"""The output of `dahl identify`: numbers in JSON, on the screen and in the header, a plan equal to
+that of dahl_prepare(), a scene that replays the log, a picture of log and fit.
 
-One rig, linear, with an offset, a spring, viscous friction and inertia, all of them known.
+Most tests share a linear rig with known offset, spring, viscous friction and inertia.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ models choices"""
 
 
 def way_of(seed: int) -> np.ndarray:
-    """A sine whose frequency grows, m; its middle is 0."""
+    """Return a sine of rising frequency around 0, m."""
     x = np.linspace(0, 1, ROWS)
     return 0.15 * np.sin(2 * np.pi * (2 * x + 5 * x**2) + seed)
 
@@ -55,23 +55,21 @@ def way_of(seed: int) -> np.ndarray:
 def force_of(seed: int) -> np.ndarray:
     way = way_of(seed)
     speed = np.gradient(way, TIME)
-    beside = TERMS["offset"] + TERMS["spring"] * way + TERMS["viscous"] * speed
-    beside = beside + TERMS["inertia"] * np.gradient(speed, TIME)
-    return dahl_torque(way) + NOISE * FC * noise_of(seed, ROWS) + beside
+    terms = TERMS["offset"] + TERMS["spring"] * way + TERMS["viscous"] * speed
+    terms = terms + TERMS["inertia"] * np.gradient(speed, TIME)
+    return dahl_torque(way) + NOISE * FC * noise_of(seed, ROWS) + terms
 
 
 def write_log(folder: Path, seed: int) -> Path:
-    path, table = (
-        folder / f"{seed}.csv",
-        np.column_stack((TIME, 1e3 * way_of(seed), force_of(seed))),
-    )
+    path = folder / f"{seed}.csv"
+    table = np.column_stack((TIME, 1e3 * way_of(seed), force_of(seed)))
     np.savetxt(path, table, "%.12g", ",", header="t_s,pos_mm,force_N", comments="")
     return path
 
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory, library):
-    """One run over two logs with one more predicted, and all that it leaves."""
+    """One run over two logs that predicts a third one, and its output."""
     folder = tmp_path_factory.mktemp("rig")
     first, second, other = (write_log(folder, seed) for seed in (1, 2, 3))
     words = ("--model", "dahl", "--terms", ",".join(TERMS), "--counts-per-turn", "10", "--force")
@@ -95,7 +93,7 @@ def rig(tmp_path_factory, library):
 
 
 def test_json_has_each_number_under_its_name(rig):
-    """By the truth of the rig, and by what its rows say with that truth."""
+    """Compare with the truth of the rig, and with statistics of its rows."""
     kept, near = rig.kept, partial(pytest.approx, rel=0.02)
     assert set(kept) == set(KEYS.split())
     assert kept["logs"] == [*map(str, rig.logs)] and kept["rows"] == 2 * ROWS
@@ -149,7 +147,7 @@ def test_json_says_how_the_numbers_came_about(rig):
 
 
 def test_the_plan_alone_has_an_r2_of_its_own(rig):
-    """Friction alone by the tests' own torque on the raw counts, offset and spring taken off."""
+    """Compare with friction on the raw counts by the tests' own torque."""
     lost = spread = 0.0
     for seed in (1, 2):
         way = np.round((way_of(seed) - way_of(seed)[0]) / 1e-4) * 1e-4
@@ -168,7 +166,7 @@ def test_the_plan_alone_has_an_r2_of_its_own(rig):
 
 
 def cells_of(shown: str) -> dict[str, str]:
-    """The table of two columns; a cell may go on in the next line."""
+    """Return the table of two columns; a cell may continue in the next line."""
     found: dict[str, str] = {}
     name = ""
     for line in shown.splitlines():
@@ -212,7 +210,7 @@ int main(void)
 
 
 def is_plan_of(folder: Path, include: Path, *params: float) -> bool:
-    """Whether dahl_plan_x.h compiles without a word and is what dahl_prepare() makes of these."""
+    """Whether dahl_plan_x.h compiles without a warning and equals dahl_prepare() of `params`."""
     (folder / "main.c").write_text(SAME % tuple(map(np.float32, params)))
     strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", f"-I{folder}", f"-I{include}"]
     command = ["gcc", *strict, folder / "main.c", built("lib", "libdahl.a"), "-lm"]
@@ -221,19 +219,19 @@ def is_plan_of(folder: Path, include: Path, *params: float) -> bool:
 
 
 def params_of(kept: dict) -> tuple[float, float, float]:
-    """sigma0, Fc and count of Dahl's law."""
+    """Return sigma0, Fc and count of Dahl's law."""
     (one,) = (one for one in kept["models"] if one["name"] == "Dahl")
     return one["parts"][0]["sigma0"], one["parts"][0]["Fc"], kept["plan"]["theta_per_count"]
 
 
 def comment_of(header: Path) -> str:
-    """The words of the first comment, on one line."""
+    """Return the first comment on one line."""
     text = header.read_text().partition("*/")[0]
     return " ".join(text.replace("*", " ").split())
 
 
-def test_the_header_is_the_plan_of_the_numbers_and_says_what_it_rests_on(rig, root):
-    """Bit for bit, by the C compiler and by dahl.Plan."""
+def test_the_header_has_the_plan_bit_for_bit_and_its_numbers(rig, root):
+    """Compare with the C library and with dahl.Plan."""
     from dahl import Plan
     from dahl.binding import plan_header
 
@@ -265,11 +263,13 @@ def scene_of(path: Path) -> configparser.ConfigParser:
 
 
 def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
-    """From its first angle, without the terms that a scene does not know."""
+    """The log starts at 0, without the terms for which a scene has no keys."""
     text = (rig.out / "x.ini").read_text().partition("[scene]")[0]
-    told, verdict = (" ".join(one.replace(";", " ").split()) for one in (text, rig.kept["verdict"]))
-    assert verdict in told
-    assert max(map(len, text.splitlines())) < 198  # which a scene may have
+    comment, verdict = (
+        " ".join(one.replace(";", " ").split()) for one in (text, rig.kept["verdict"])
+    )
+    assert verdict in comment
+    assert max(map(len, text.splitlines())) < 198  # the limit of a scene
     played = scene_of(rig.out / "x.ini")
     friction, motion, measured = (played[name] for name in ("friction", "motion", "measured"))
     for name in ("sigma0", "Fc"):
@@ -294,7 +294,7 @@ def test_the_scene_has_the_numbers_and_its_log_is_the_first_one(rig):
 
 
 def replayed(scene: Path, program: str, folder: Path) -> str:
-    """The caption of the picture that a replay of a scene gives."""
+    """Replay a scene; return the caption of its picture."""
     words = [program, "--scene", scene, "--virtual", "--log", folder / "run.log"]
     subprocess.run([*words, "--seconds", "4"], check=True, capture_output=True, timeout=60)
     with drawing(rendered=False) as figures:
@@ -304,7 +304,7 @@ def replayed(scene: Path, program: str, folder: Path) -> str:
 
 
 def test_the_scene_replays_the_log(rig, dahl_loop, tmp_path):
-    """What the node then answers explains the log as the fit does."""
+    """The torque of the node explains the log as well as the fit does."""
     caption = replayed(rig.out / "x.ini", dahl_loop, tmp_path)
     assert float(re.search(r"R² = (\S+)", caption)[1]) > 0.998
 
@@ -322,8 +322,8 @@ def curves_of(axes) -> dict[str, np.ndarray]:
     return {line.get_label(): line.get_xydata().T for line in axes.lines}
 
 
-def test_the_picture_shows_what_was_fitted_over_what_was_measured(rig):
-    """With the chosen law in the legend; both curves over the same angle."""
+def test_the_picture_shows_the_fit_over_the_measurement(rig):
+    """The legend names the law; both curves have the same angles."""
     panels, way, force = panels_of(rig.figure), way_of(1), force_of(1)
     assert (rig.out / "x.png").read_bytes().startswith(b"\x89PNG")
     legend = [text.get_text() for text in panels["loop"].get_legend().get_texts()]
@@ -332,10 +332,10 @@ def test_the_picture_shows_what_was_fitted_over_what_was_measured(rig):
     measured, fitted = (curves[name] for name in legend[:2])
     assert measured[0] == pytest.approx(1e3 * (way - way[0]), abs=0.11)  # mm, between counts
     assert measured[1] == pytest.approx(force, abs=1e-9)
-    start = ROWS - fitted.shape[1]  # until there the torque at the first row is not forgotten
+    start = ROWS - fitted.shape[1]  # until the torque at the first row is forgotten
     assert 0 < start < ROWS // 4 and np.array_equal(fitted[0], measured[0][start:])
     left = measured[1][start:] - fitted[1]
-    left = left[:-100]  # at the end of a log its acceleration is a guess
+    left = left[:-100]  # the acceleration at the end of a log is a guess
     assert left.std() == pytest.approx(rig.kept["rmse"], rel=0.15)
     drawn = panels["by angle"].lines[0].get_ydata()
     assert drawn.std() == pytest.approx(rig.kept["rmse"], rel=0.1) and len(drawn) < 2 * ROWS
@@ -362,7 +362,7 @@ def test_the_picture_shows_the_numbers_and_their_intervals(rig):
 
 
 def labels_of(figure) -> dict[str, tuple[str, str]]:
-    """The unit in brackets of either axis of each panel."""
+    """Return the units in brackets of both axes of each panel."""
     return {
         name: tuple(
             "".join(re.findall(r"\[(.*)\]", words))
@@ -386,7 +386,7 @@ SPIKES = np.arange(100, 2400, 40)
 
 @pytest.fixture(scope="module")
 def shaft(tmp_path_factory, library):
-    """A shaft without a clock, its torque with the other sign and spikes; all that it leaves."""
+    """A shaft without a clock, with spikes and the other sign of the torque, and its output."""
     folder = tmp_path_factory.mktemp("shaft")
     theta = np.floor(sine(1, rows=2400, cycles=8) / COUNT) * COUNT
     torque = -dahl_torque(theta) - 0.02 * FC * noise_of(1, 2400)
@@ -417,7 +417,7 @@ def test_a_shaft_is_in_newton_metres_and_its_sign_is_noted(shaft):
 
 @pytest.mark.parametrize(("counts", "turn"), [(4096, 2 * np.pi), (65536, 2 * np.pi), (20, 1e-3)])
 def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, root, tmp_path):
-    """Counts a turn, of a linear motion counts a millimetre."""
+    """In counts a turn, or counts a millimetre if the motion is linear."""
     log, one = (rig.logs[0], rig) if turn == 1e-3 else (shaft.out / "shaft.csv", shaft)
     words = ("--model", "dahl", "--target-counts-per-turn", counts, "-o", tmp_path, "--name", "x")
     words += ("--terms", ",".join(one.kept["extra"]) or "none", "--no-delay", "--force")
@@ -434,44 +434,36 @@ def test_the_plan_is_for_the_encoder_of_the_target(shaft, rig, counts, turn, roo
 MOTION = sine(2, rows=2400, cycles=9)
 
 
-@pytest.mark.parametrize(
-    ("torque", "model", "exported", "plans"),
-    [
-        (lambda: springs(MOTION, (SIGMA0, FC)), "slip", "slip K=1", ["dahl_plan_x"]),
-        (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip", "slip K=2", ["dahl_plan_x"]),
-        (
-            lambda: dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (25, 0.3)),
-            "parallel",
-            "",
-            ["dahl_plan_x_1"],
-        ),
-    ],
-)
-def test_the_model_that_the_log_asks_for_is_exported(
-    torque, model, exported, plans, tmp_path, root
-):
+EXPORTED = {  # model of the scene: torque, chosen law, plan in the header
+    "slip": (lambda: springs(MOTION, (SIGMA0, FC)), "slip K=1", "dahl_plan_x"),
+    "two slips": (lambda: springs(MOTION, (80, 0.2), (20, 0.3)), "slip K=2", "dahl_plan_x"),
+    "parallel": (
+        lambda: dahl_torque(MOTION, 60, 0.2) + springs(MOTION, (25, 0.3)),
+        "",
+        "dahl_plan_x_1",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", EXPORTED)
+def test_the_chosen_model_is_exported(case, tmp_path, root):
     """To header, scene and JSON; the header compiles."""
+    torque, law, plan = EXPORTED[case]
     log = log_of(MOTION, torque(), 0.01)
     path = write_csv(tmp_path / "x.csv", log.theta, log.torque)
     out = ("-o", tmp_path / "out", "--name", "x", "--force", "--terms", "offset")
     assert run("identify", path, *out).returncode == 0
     kept = json.loads((tmp_path / "out" / "x.json").read_text(), parse_constant=pytest.fail)
-    assert not exported or kept["model"] == kept["exported_model"] == exported
-    assert scene_of(tmp_path / "out" / "x.ini")["friction"]["model"] == model
+    assert not law or kept["model"] == kept["exported_model"] == law
+    assert scene_of(tmp_path / "out" / "x.ini")["friction"]["model"] == case.split()[
+        -1
+    ].removesuffix("s")
     (chosen,) = (one for one in kept["models"] if one["chosen"])
-    parts = [chosen["parts"][k] for k in range(len(chosen["parts"]))]
-    assert sum(part["sigma0"] for part in parts) == pytest.approx(kept["sigma0"], rel=0.02)
-    assert sum(part["Fc"] for part in parts) == pytest.approx(kept["Fc"], rel=0.02)
-    text = (tmp_path / "out" / "dahl_plan_x.h").read_text()
-    assert all(re.search(rf"\b{name}\b", text) for name in plans)
-    strict = [
-        "-std=c99",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        "-fsyntax-only",
-        "-Wno-unused-const-variable",
-    ]
+    for name in ("sigma0", "Fc"):
+        total = sum(part[name] for part in chosen["parts"])
+        assert total == pytest.approx(kept[name], rel=0.02)
+    assert re.search(rf"\b{plan}\b", (tmp_path / "out" / "dahl_plan_x.h").read_text())
+    strict = "-std=c99 -Wall -Wextra -Werror -fsyntax-only -Wno-unused-const-variable".split()
     include = ["-I", tmp_path / "out", "-I", root / "lib/include"]
     main = tmp_path / "main.c"
     main.write_text('#include "dahl_plan_x.h"\nint main(void) { return 0; }\n')
@@ -479,7 +471,7 @@ def test_the_model_that_the_log_asks_for_is_exported(
 
 
 def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
-    """A law of another exponent is not in the library."""
+    """The library has no general exponent."""
     from dahl.identify import models
 
     moves = np.diff(MOTION, prepend=MOTION[0])
@@ -493,7 +485,7 @@ def test_the_nearest_runnable_model_is_named_with_what_it_loses(tmp_path):
 
 
 def test_noise_leaves_no_plan_and_json_has_no_infinity(tmp_path):
-    """One of an earlier run goes; nothing that is not a number is in the JSON."""
+    """A plan of an earlier run is removed."""
     theta = np.floor(sine(1, rows=1500, cycles=8) / COUNT) * COUNT
     path = write_csv(tmp_path / "noise.csv", theta, noise_of(1, 1500))
     (tmp_path / "dahl_plan_x.h").write_text("an old one")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""A log is repaired and the repair is noted, or it is rejected with value, limit and place: before
-any fit. Beside each limit stands a log that just passes.
+"""Before a fit a log is repaired with a note, or rejected with value, limit and place. Each limit
+has a log that just passes.
 """
 
 from __future__ import annotations
@@ -20,15 +20,13 @@ from identify_tools import COUNT, FC, dahl_torque, noise_of, shaft, sine, synthe
 
 
 def changed(**columns: float) -> Log:
-    """A log with a column that never changes."""
+    """Return a log with a constant column."""
     log = shaft(rows=300, cycles=3)
     return replace(log, **{name: np.full(300, value) for name, value in columns.items()})
 
 
 def clipped(part: float, rows: int = 4000, side: int = 1, moving: float = 1.0) -> Log:
-    """A noisy torque that is at its end for a part of the rows; in `moving` of these the shaft
-    moves.
-    """
+    """Return a noisy torque at its limit for a part of the rows; in `moving` of them it moves."""
     log = synthetic(1, rows=rows, cycles=4)
     start, count = rows // 4, int(part * rows)
     log.torque[start : start + count] = 1.01 * log.torque.max()
@@ -38,7 +36,7 @@ def clipped(part: float, rows: int = 4000, side: int = 1, moving: float = 1.0) -
 
 
 def creeping(end: float) -> Log:
-    """A shaft that needs six rows and more for a count, and a sensor that ends at a part of Fc."""
+    """Return a shaft with at least six rows a count, and a sensor that clips at a part of Fc."""
     log = synthetic(1, rows=8000, cycles=4, amplitude=0.02)
     return replace(log, torque=np.clip(log.torque, -end * FC, end * FC))
 
@@ -55,7 +53,7 @@ def spanning(span: float, linear: bool) -> Log:
 
 
 def in_other_unit(counts: float, linear: bool = False, to_deg: bool = True) -> Log:
-    """An angle in deg of an encoder of so many counts, used as rad; or the reverse."""
+    """Return an angle in deg of an encoder of so many counts, used as rad; or the reverse."""
     log = synthetic(1, rows=400, cycles=3, amplitude=0.6)
     step, turn = (360 / counts, np.degrees) if to_deg else (2 * np.pi / counts, lambda x: x)
     theta = np.round(turn(log.theta) / step) * step
@@ -65,13 +63,13 @@ def in_other_unit(counts: float, linear: bool = False, to_deg: bool = True) -> L
 
 
 def short_pieces(rows: int) -> Log:
-    """Ten pieces of so many rows between gaps of the clock."""
+    """Return ten pieces of so many rows between gaps of the clock."""
     log = synthetic(1, rows=10 * rows, cycles=4)
     return replace(log, time=log.time + 0.02 * (np.arange(10 * rows) // rows))
 
 
 def wrapping(counts: int, offset: int = 0) -> Log:
-    """A counter that starts again after so many; the motion covers 260."""
+    """Return a counter that wraps at so many counts; the motion covers 260."""
     log = shaft()
     return replace(log, theta=(np.round(log.theta / COUNT) + offset) % counts * COUNT)
 
@@ -83,7 +81,7 @@ def wrapping_at_a_turn(linear: bool) -> Log:
 
 
 def seldom(log: Log, every: int, straight: bool, first: int = 0) -> Log:
-    """A torque of every so many rows, held or interpolated."""
+    """Return a log with a torque reading every so many rows, held or interpolated."""
     rows = np.arange(log.rows)
     last = np.maximum((rows - first) // every * every + first, first)
     between = np.interp(rows, rows[first::every], log.torque[first::every])
@@ -94,7 +92,7 @@ STAIRS = [0.0, 2, 4, 4, 4, 6, 3, 0, 0, 3, 6, 9]
 
 
 def stairs(times: int, size: float = 1.0) -> Log:
-    """An angle that is read every four rows, and at some readings did not move."""
+    """Return an angle with a reading every four rows; some readings are equal."""
     theta = np.repeat(STAIRS * times, 4) * COUNT * size
     rows = np.arange(theta.size) * 1.0
     return Log("x", theta, rows, rows, resolution=COUNT)
@@ -147,8 +145,8 @@ REJECTED: dict[str, tuple[Callable[[], Log], str]] = {
 
 
 @pytest.mark.parametrize("name", REJECTED)
-def test_what_is_rejected_and_what_just_passes(name):
-    """With its value and limit in one line; an unclear unit passes if it is to be trusted."""
+def test_a_log_beyond_a_limit_is_rejected_and_one_within_passes(name):
+    """One line has value and limit; --trust-units accepts an unclear unit."""
     make, words = REJECTED[name]
     trusted = "readings" in name
     if not words:
@@ -164,7 +162,7 @@ def test_what_is_rejected_and_what_just_passes(name):
 @pytest.mark.parametrize(
     ("part", "said"), [(1.0, ""), (2.0, "16384"), (0.5, "16384"), (16384 / 16000, "16384")]
 )
-def test_counts_that_were_given_against_the_grid(part, said):
+def test_given_counts_are_compared_with_the_grid(part, said):
     words = encoder_grid.contradiction(replace(shaft(), resolution=part * COUNT))
     assert bool(words) is bool(said) and said in words
 
@@ -196,7 +194,7 @@ def test_an_angle_that_wraps_at_a_turn():
 
 
 @pytest.mark.parametrize("kind", ["spikes", "two levels", "coarse", "quick returns"])
-def test_what_does_not_wrap(kind):
+def test_other_jumps_are_not_unwrapped(kind):
     log = synthetic(1, rows=20_000 if kind == "coarse" else 2000, cycles=8)
     theta = log.theta.copy()
     if kind == "spikes":
@@ -266,17 +264,15 @@ def test_rows_between_two_readings_of_the_angle_are_left_out(every, count):
     assert numbers([piece], "angle has a new reading") == [round(every), 6000 - piece.rows]
 
 
-def test_rows_that_are_left_have_a_reading_of_their_own():
-    """If the angle stands still for several readings, each of them counts; counts of a slow motion
-    are no readings.
-    """
+def test_each_remaining_row_has_a_reading():
+    """If the angle rests, each reading counts. Counts of a slow motion are not readings."""
     (piece,) = preprocess(stairs(9), trust_units=True)
     assert piece.torque.tolist() == [4.0 * k for k in range(1, 9 * len(STAIRS))]
     assert preprocess(stairs(9, 1 / 3), trust_units=True)[0].rows == stairs(9).rows
 
 
 @pytest.mark.parametrize(("every", "straight"), [(4, True), (20, False), (20, True), (33, False)])
-def test_a_torque_read_at_some_rows_weighs_at_those(every, straight):
+def test_only_readings_of_the_torque_have_weight(every, straight):
     log = seldom(synthetic(2, part=0.02, rows=16_000, cycles=15.3), every, straight, first=3)
     (piece,) = preprocess(replace(log, torque=log.torque.round(6)))
     weighing = np.flatnonzero(piece.weight)
@@ -344,7 +340,7 @@ def test_rows_that_are_alike_for_other_reasons_stay(kind):
 
 
 def spiked(spikes: int, size: float = 0.02) -> Log:
-    """So many rows, each alone, with another angle, rad."""
+    """Return a log with so many single rows at another angle, rad."""
     log = shaft(4, rows=3000, cycles=6)
     log.theta[np.random.default_rng(0).choice(2998, spikes, replace=False) + 1] += size
     return log
@@ -354,7 +350,7 @@ def spiked(spikes: int, size: float = 0.02) -> Log:
     ("spikes", "median", "rows"), [(4, 0, 0), (20, 0, 9), (20, 1, 0), (20, 5, 5), (0, 5, 5)]
 )
 def test_an_angle_that_flickers(spikes, median, rows):
-    """More than eight rows that turn back at once: a running median, unless it was chosen."""
+    """More than eight rows that turn back at once cause a running median; --median sets one."""
     (piece,) = preprocess(spiked(spikes), median=median)
     assert bool(notes([piece], "median")) is (rows > 0)
     if rows:
@@ -362,15 +358,14 @@ def test_an_angle_that_flickers(spikes, median, rows):
         assert np.abs(piece.theta - spiked(0).theta).max() < 3 * COUNT
 
 
-def test_white_noise_of_the_angle_is_no_flicker():
+def test_white_noise_of_the_angle_is_not_flicker():
     theta = sine(1, rows=3000, cycles=8) + 5 * COUNT * noise_of(51, 3000)
     log = Log("x", np.round(theta / COUNT) * COUNT, dahl_torque(theta), resolution=COUNT)
     (piece,) = preprocess(log)
     assert not notes([piece], "median") and np.array_equal(piece.theta, log.theta)
 
 
-def test_each_note_belongs_to_the_log_of_its_trouble():
-    """A log as given is left as it is."""
+def test_preprocessing_does_not_change_the_given_log():
     log = wrapping(128)
     before = log.theta.copy()
     assert notes(preprocess(log), "wraps") and not log.notes and np.array_equal(log.theta, before)

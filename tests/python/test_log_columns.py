@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Which column of a log is what, and in which unit: by the name of the column or by an option."""
+"""Columns and units of logs, by the names of the columns or by options."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ TURNING = {"angle": "angle_rad", "torque": "torque_Nm", "time": "t_s"}
     ids=["angles", "lengths", "moments", "forces", "times"],
 )
 def test_a_unit_is_one_factor_however_a_column_spells_it(role, table, others, tmp_path):
-    """A name without a unit has the usual one, and a note."""
+    """A name without a unit gets the usual one, with a note."""
     sound = {"angle": UP / 8, "torque": WAVE, "time": UP}
     for name, size in {name: x for x, names in table.items() for name in names.split("|")}.items():
         names = {**others, role: name}
@@ -113,7 +113,7 @@ def test_a_unit_is_one_factor_however_a_column_spells_it(role, table, others, tm
         assert bool(log.notes) is (name in UNNAMED)
 
 
-def test_a_unit_by_an_option_goes_before_that_of_a_name(tmp_path):
+def test_an_option_overrides_the_unit_of_a_name(tmp_path):
     path = written(tmp_path, t_s=UP, angle_deg=UP, torque_Nm=WAVE)
     words = "--angle-unit mrad --torque-unit mNm --time-unit ms --trust-units".split()
     log = read(path, *words)
@@ -156,7 +156,7 @@ def test_a_unit_by_an_option_goes_before_that_of_a_name(tmp_path):
     ],
 )
 def test_a_unit_that_is_assumed_or_of_another_quantity_is_noted(header, words, noted, tmp_path):
-    """By the quantity and the unit that is assumed, or by the column and what its unit is of."""
+    """The note has the assumed unit, or the column and the quantity of its unit."""
     columns = [UP if name[0] in "ta" else WAVE + UP for name in header.split(",")]
     path = written_as(tmp_path, dict(zip(header.split(","), columns, strict=True)))
     log = read(path, *words.split(), "--trust-units")
@@ -210,7 +210,7 @@ def test_the_units_of_a_can_log_are_those_of_its_dbc(tmp_path):
     ],
 )
 def test_the_column_whose_name_fits_best_is_read(role, names, found, tmp_path):
-    """A measured one rather than a setpoint, no rate, a torque before a force, else the first."""
+    """No rates; no setpoint or force if there is a measured torque; else the first column."""
     columns = {name: (k + 1) * UP for k, name in enumerate(names.split())}
     words = "--angle-unit rad --torque-unit Nm --time-unit s".split()
     log = read(written_as(tmp_path, columns), *words)
@@ -221,7 +221,7 @@ def test_the_column_whose_name_fits_best_is_read(role, names, found, tmp_path):
 
 
 def test_a_column_is_named_by_name_or_number(tmp_path):
-    """A name goes first, with its unit or without; the columns that fit as well are noted."""
+    """A name counts before a number; columns that fit equally are noted."""
     path = written_as(
         tmp_path, {"a": UP, "b": WAVE, "2": 2 * UP, "angle_deg": 3 * UP, "c [rad]": UP}
     )
@@ -245,7 +245,7 @@ def test_a_column_is_named_by_name_or_number(tmp_path):
     assert ["'theta_deg'" in note for note in notes] == [True, False] and "'y_Nm'" in notes[1]
 
 
-def test_two_columns_of_one_name_are_told_apart_by_their_numbers(tmp_path):
+def test_two_columns_of_one_name_have_numbers(tmp_path):
     rows = zip(UP, 2 * UP, WAVE, strict=True)
     path = tmp_path / "x.csv"
     path.write_text(
@@ -256,7 +256,7 @@ def test_two_columns_of_one_name_are_told_apart_by_their_numbers(tmp_path):
     assert read(path, "--angle", "2").theta[-1] == 2 * read(path, "--angle", "1").theta[-1]
 
 
-def test_a_complaint_lists_thirty_columns(tmp_path):
+def test_an_error_lists_thirty_columns(tmp_path):
     for count in (30, 31, 75):
         columns = {f"column{number}": UP for number in range(count)}
         line = refused(written_as(tmp_path, columns), "--angle", "COLUMN7x")
@@ -265,7 +265,7 @@ def test_a_complaint_lists_thirty_columns(tmp_path):
 
 
 def test_loads_are_added(tmp_path):
-    """The column of a load is not the torque, whose name it resembles."""
+    """The column of a load is not used as torque, even if its name fits."""
     path = written(tmp_path, angle_deg=UP, load_N=UP, torque_Nm=WAVE, clamp_N=10 * UP)
     log = read(path, "--load", "load_N", "--load", "4")
     assert (log.load.tolist(), log.torque.tolist()) == ((11 * UP).tolist(), WAVE.tolist())
@@ -290,7 +290,7 @@ MOMENTS_OF = {
 
 @pytest.mark.parametrize("form", MOMENTS_OF)
 def test_dates_and_times_of_day_are_seconds_from_the_first(form, tmp_path):
-    """Whatever the column is called; a cell that is neither is named."""
+    """With any name of the column; another cell is an error."""
     for name in ("time", "t_ms"):
         steps = (BEFORE + np.timedelta64(125, "ms") * k for k in range(ROWS))
         columns = {name: [*map(MOMENTS_OF[form], steps)], "angle_rad": UP, "torque_Nm": WAVE}
@@ -302,7 +302,7 @@ def test_dates_and_times_of_day_are_seconds_from_the_first(form, tmp_path):
 
 
 def test_a_column_that_rises_in_a_unit_of_time_is_the_clock(tmp_path):
-    """If no column is called a time."""
+    """If no name of a column is that of a time."""
     columns = {"Dauer [s]": WAVE, "Tid [ms]": UP, "angle_rad": UP, "torque_Nm": WAVE}
     log = read(written_as(tmp_path, columns))
     assert log.time == pytest.approx(1e-3 * UP)
@@ -324,8 +324,8 @@ def test_a_clock_that_goes_backward_is_refused_with_its_line(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_counts_of_a_counter_that_runs_over_are_a_path(seed, tmp_path):
-    """Of any number of counts a turn, from any start; without the number they are refused."""
+def test_a_counter_that_wraps_is_unwrapped(seed, tmp_path):
+    """At any counts per turn, from any start; without the counts per turn it is an error."""
     draw = np.random.default_rng(seed)
     turn = int(draw.integers(300, 2**20))
     gone = np.cumsum(draw.integers(-turn // 20, turn // 20, 60))
@@ -343,7 +343,7 @@ def test_counts_of_a_counter_that_runs_over_are_a_path(seed, tmp_path):
 @pytest.mark.parametrize(
     ("unit", "turn"), [("deg", 360), ("rad", 2 * math.pi), ("turn", 1), ("gon", 400)]
 )
-def test_an_angle_that_starts_anew_at_a_turn_is_one_path(unit, turn, tmp_path):
+def test_an_angle_that_wraps_at_a_turn_is_unwrapped(unit, turn, tmp_path):
     gone = np.cumsum(np.full(100, 0.03))
     path = written_as(tmp_path, {f"angle [{unit}]": turn * (gone % 1), "torque": np.sin(gone)})
     log = read(path)
@@ -351,8 +351,8 @@ def test_an_angle_that_starts_anew_at_a_turn_is_one_path(unit, turn, tmp_path):
     assert sum("wraps" in note for note in log.notes) == 1
 
 
-def test_the_counts_of_an_encoder_are_seen_in_its_angle(tmp_path):
-    """By the grid on which all angles lie; an option gives it otherwise, per turn or millimetre."""
+def test_the_encoder_counts_are_found_in_the_angle(tmp_path):
+    """By the grid of all angles, if no option gives the counts per turn or millimetre."""
     counts = np.round(900 * np.sin(np.arange(300) / 9))
     count = 2 * math.pi / 4096
     path = written(tmp_path, angle_rad=counts * count, torque_Nm=np.cos(np.arange(300)))
@@ -366,7 +366,7 @@ def test_the_counts_of_an_encoder_are_seen_in_its_angle(tmp_path):
 
 
 @pytest.mark.parametrize(("most", "is_signed"), [(32766, True), (49150, False)])
-def test_a_torque_of_16_bits_without_its_sign_gets_it_back(most, is_signed, tmp_path):
+def test_an_unsigned_16_bit_torque_becomes_signed(most, is_signed, tmp_path):
     torque = np.where(np.arange(ROWS) % 2, 65535 - np.arange(ROWS), np.arange(ROWS))
     torque[5] = most % 16384 if is_signed else 20_000
     log = read(written(tmp_path, angle_rad=UP, torque_mNm=torque))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Whatever the bytes of a log or of a DBC are, `dahl identify` answers with a log of finite numbers
-or with one line that names the file; and nothing else is said.
+"""For any bytes of a log or of a DBC, `dahl identify` reads a log of finite numbers or prints one
+line that names the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from log_reading import RefusedError, read, signals
 pytestmark = pytest.mark.usefixtures("library")
 
 KINDS = [*log_writers.TABLES, *log_writers.FRAMES]
-KINDS.remove("structure.mat")  # for a damaged size in it scipy alone takes half a minute
+KINDS.remove("structure.mat")  # scipy needs half a minute for a damaged size in it
 ROWS = np.arange(40)
 
 
@@ -28,7 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def sound(folder: Path, kind: str) -> tuple[bytes, tuple[object, ...]]:
-    """A whole file of one kind, and the options with which it is read."""
+    """Write a file of one kind; return its bytes, and the options to read it."""
     path = folder / f"whole.{kind}"
     if kind in log_writers.FRAMES:
         log_writers.frames(path, 1000 + 0.01 * ROWS, 100 * ROWS, ROWS % 7)
@@ -39,12 +39,12 @@ def sound(folder: Path, kind: str) -> tuple[bytes, tuple[object, ...]]:
 
 
 def answered(path: Path, *words: object) -> None:
-    """A log, or one line that names the file (or the DBC)."""
+    """Expect a log, or one line that names the file (or the DBC)."""
     try:
         log = read(path, *words)
     except RefusedError as error:
         assert path.name in str(error) or "in the DBC" in str(error), str(error)
-        assert not str(error).endswith(f"read as {path.suffix}")  # but why it cannot
+        assert not str(error).endswith(f"read as {path.suffix}")  # without a reason
     else:
         assert log.theta.dtype == log.torque.dtype == float
         assert len(log.theta) == len(log.torque) >= 30
@@ -54,9 +54,7 @@ def answered(path: Path, *words: object) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 @modes(short=15, long=300)
 def test_a_damaged_file_is_a_log_or_one_line(folder, kind, examples, caplog):
-    """Bytes put in, left out or written over anywhere; a file that ends anywhere. What asammdf says
-    to its own log reaches nobody.
-    """
+    """Bytes are inserted, deleted or overwritten; the file is cut. asammdf logs no message."""
     logging.getLogger("asammdf").addHandler(caplog.handler)
     whole, words = sound(folder, kind)
     path, places = folder / f"damaged.{kind}", st.integers(0, len(whole))
@@ -77,7 +75,7 @@ def test_a_damaged_file_is_a_log_or_one_line(folder, kind, examples, caplog):
 
 
 @modes(short=60, long=2000)
-def test_any_dbc_is_taken_or_refused_in_one_line(folder, examples, dahl_here):
+def test_any_dbc_is_read_or_refused_in_one_line(folder, examples, dahl_here):
     """Also by `dahl monitor`, which reads it before it opens a bus."""
     path, log = folder / "any.dbc", folder / "whole.log"
     log_writers.frames(log, 1000 + 0.01 * ROWS, 100 * ROWS, ROWS % 7)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Logs of a CAN bus and channels of an MF4: the signals that a DBC tells of, each at the times of
-its own frames, brought together without a torque that belongs to another angle.
+"""CAN logs and channels of an MF4: signals by a DBC, at the times of their frames, and each angle
+with its own torque.
 """
 
 from __future__ import annotations
@@ -29,10 +29,8 @@ def wave(rows: int = ROWS) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", FRAMES)
-def test_frames_come_back_as_they_were_sent(kind, tmp_path):
-    """By the writers of python-can, in bits of the DBC, whatever the letters of the ending; a turn
-    of the angle is undone.
-    """
+def test_frames_are_read_as_they_were_sent(kind, tmp_path):
+    """python-can writes the files; endings have any case; the angle is unwrapped."""
     words = signals(tmp_path)
     for seed in range(3):
         draw = np.random.default_rng(seed)
@@ -48,12 +46,12 @@ def test_frames_come_back_as_they_were_sent(kind, tmp_path):
         np.testing.assert_allclose(turns, np.round(turns), atol=1e-9)
 
 
-# --- what tells the signals -----------------------------------------------------------------------
+# --- signals and the DBC --------------------------------------------------------------------------
 
 
 @pytest.fixture
 def shaft(tmp_path):
-    """A log of 100 angles and torques."""
+    """Return a log of 100 angles and torques."""
     log_writers.frames(tmp_path / "x.blf", TIME, np.arange(ROWS), wave())
     return tmp_path / "x.blf"
 
@@ -76,10 +74,8 @@ def test_a_bus_log_needs_a_dbc_and_names_of_it(shaft, tmp_path):
     assert "--dbc" in refused(tmp_path / "x.mf4")
 
 
-def test_a_dbc_with_a_fault_elsewhere_is_taken(shaft, tmp_path):
-    """A signal beyond the end of its message, two on one bit, letters of Windows, a comment that
-    no rule of the format knows: as in many a maker's own.
-    """
+def test_a_dbc_with_errors_elsewhere_is_accepted(shaft, tmp_path):
+    """A signal beyond its message, overlapping signals, Windows letters, an invalid comment."""
     odd = (
         "BO_ 300 Odd: 1 A\n"
         ' SG_ Long : 0|16@1- (1,0) [0|0] "°" A\n'
@@ -88,8 +84,7 @@ def test_a_dbc_with_a_fault_elsewhere_is_taken(shaft, tmp_path):
     assert read(shaft, *signals(tmp_path, dbc=DBC + odd)).rows == ROWS
 
 
-def test_a_signal_of_two_messages_is_named_with_its_own(shaft, tmp_path):
-    """Of what was wanted and what was measured the DBC may give both one name."""
+def test_a_signal_in_two_messages_needs_the_name_of_one(shaft, tmp_path):
     wish = DBC[DBC.index("BO_ 257") :].replace("257 Load", "258 Wish").replace("0.0001", "1")
     words = signals(tmp_path, dbc=DBC.replace("BO_ 257", f"{wish}BO_ 257"))
     line = refused(shaft, *words)
@@ -98,8 +93,8 @@ def test_a_signal_of_two_messages_is_named_with_its_own(shaft, tmp_path):
     assert log.torque == pytest.approx(wave() * STEP) and log.notes == []
 
 
-def test_values_beyond_the_range_of_the_dbc_are_none(tmp_path):
-    """As 7FFF of a sensor that has no value; error frames, requests, and short frames are none."""
+def test_values_beyond_the_range_of_the_dbc_are_ignored(tmp_path):
+    """As are error frames, requests and short frames."""
     path, torque = tmp_path / "x.log", wave() * 1000
     torque[50] = 10**9  # 1e5 N m, where the DBC has 100 at most
     log_writers.frames(path, TIME, np.arange(ROWS), torque)
@@ -116,9 +111,7 @@ def test_values_beyond_the_range_of_the_dbc_are_none(tmp_path):
 
 
 def on_a_bus(folder: Path, angle_times, torque_times, *more):
-    """The values of angle and torque that are read, and the log: frame k of either message has the
-    value k, the torque 100 more.
-    """
+    """Return angle, torque and log. Frame k has the angle k, or the torque k + 100."""
     frames = [(time, SHAFT, k) for k, time in enumerate(angle_times)]
     frames += [(time, LOAD, k + 100) for k, time in enumerate(torque_times)]
     rows = sorted(frames, key=lambda one: one[0])
@@ -131,8 +124,8 @@ def on_a_bus(folder: Path, angle_times, torque_times, *more):
     return np.degrees(log.theta), log.torque, log
 
 
-def test_an_answer_belongs_to_its_angle_however_late_it_comes(tmp_path):
-    """A busy bus brings each answer later or earlier, within the period."""
+def test_a_torque_belongs_to_the_angle_before_it(tmp_path):
+    """On a busy bus it comes at any time within the period."""
     angles = 1 + np.arange(1000) * 1e-3
     answers = angles + np.random.default_rng(1).uniform(1e-6, 0.99e-3, 1000)
     angle, torque, log = on_a_bus(tmp_path, angles, answers)
@@ -144,7 +137,7 @@ def test_an_answer_belongs_to_its_angle_however_late_it_comes(tmp_path):
     assert torque == pytest.approx(np.arange(100, 1097))
 
 
-def test_a_torque_at_a_rate_of_its_own_is_interpolated(tmp_path):
+def test_a_torque_at_another_rate_is_interpolated(tmp_path):
     angles = 1 + np.arange(0, 1, 1e-3)
     _, torque, log = on_a_bus(tmp_path, angles, 1.01 + np.arange(0, 0.9, 7e-3))
     assert log.time[[0, -1]] == pytest.approx([1.01, 1.906])
@@ -154,7 +147,7 @@ def test_a_torque_at_a_rate_of_its_own_is_interpolated(tmp_path):
 
 
 def test_frames_of_one_time_stay_apart(tmp_path):
-    """Interpolation would give each of them the last one's torque; so in an MF4 of channels."""
+    """Interpolation would give all of them the last torque; also in an MF4 of channels."""
     angles = 1 + np.repeat(np.arange(20.0), 2)
     _, torque, _ = on_a_bus(tmp_path, angles, angles)
     assert torque == pytest.approx(np.arange(100, 140))
@@ -164,8 +157,8 @@ def test_frames_of_one_time_stay_apart(tmp_path):
     assert read(tmp_path / "burst.mf4", *words).torque.tolist() == wave(40).tolist()
 
 
-def test_a_load_is_that_of_the_time_of_the_angle(tmp_path):
-    """From a message of its own rate, between its frames; those of other signals are added."""
+def test_a_load_is_interpolated_at_the_times_of_the_angle(tmp_path):
+    """Several loads are added."""
     cell = 'BO_ 258 Cell: 8 A\n SG_ Clamp : 0|16@1- (1,0) [0|0] "N" A\n'
     frames = [(k, SHAFT, k % 7) for k in range(40)] + [(k + 0.5, LOAD, k % 5) for k in range(2, 37)]
     frames += [(k, 258, 10 * k) for k in range(0, 40, 2)]
@@ -187,7 +180,7 @@ def test_a_load_is_that_of_the_time_of_the_angle(tmp_path):
 
 
 def shaft_on(channel: object, sign: int, late: float = 0.0, **kind: bool) -> Iterator[can.Message]:
-    """100 angles and torques; the angle goes up or down by a raw step."""
+    """Yield 100 angles and torques; the angle rises or falls by a raw step."""
     for k in range(ROWS):
         for number, value, after in ((SHAFT, sign * k, 0.0), (LOAD, k % 9, 2e-4)):
             yield can.Message(
@@ -209,8 +202,8 @@ def recorded(path: Path, *shafts: Iterator[can.Message]) -> Path:
 @pytest.mark.parametrize(
     ("ending", "names"), [("log", ("can0", "can1")), ("blf", (0, 1)), ("asc", (0, 1))]
 )
-def test_a_signal_on_two_channels_is_no_signal(tmp_path, ending, names):
-    """Two shafts would be read as one that jumps to and fro."""
+def test_a_signal_on_two_channels_is_refused(tmp_path, ending, names):
+    """Two shafts would look like one that jumps to and fro."""
     shafts = (shaft_on(name, sign) for name, sign in zip(names, (1, -1), strict=True))
     log, words = recorded(tmp_path / f"two.{ending}", *shafts), signals(tmp_path)
     line = refused(log, *words)
@@ -231,8 +224,8 @@ def test_either_signal_alone_on_a_second_channel_is_named(tmp_path, number, name
 
 
 @pytest.mark.parametrize("late", [-20.5e-3, -1e-4, 1e-4])
-def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, late):
-    """Also where 20 angles and torques of the other id come first, as if there were no other."""
+def test_an_id_of_29_bits_differs_from_one_of_11(tmp_path, late):
+    """Also if 20 angles and torques of the other id come first."""
     other = shaft_on("can0", -1, late, is_extended_id=True)
     log = read(recorded(tmp_path / "both.log", shaft_on("can0", 1), other), *signals(tmp_path))
     assert log.rows == ROWS and (np.diff(log.theta) > 0).all()
@@ -242,7 +235,7 @@ def test_an_id_of_29_bits_is_another_one_than_that_of_11(tmp_path, late):
 
 
 def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]], late: float = 0.0) -> Path:
-    """An MF4 of channels with their units, each group with a clock of its own, so much later."""
+    """Write an MF4 of channels with units; the clock of each group is `late` s later."""
     from asammdf import MDF, Signal
 
     with MDF() as measured:
@@ -254,8 +247,8 @@ def mf4_of(path: Path, *groups: Mapping[str, tuple[np.ndarray, str]], late: floa
     return path
 
 
-def test_what_an_mf4_says_of_its_channels(tmp_path):
-    """Units stand beside the names; holes, words and two channels of one name are no numbers."""
+def test_units_and_names_of_the_channels_of_an_mf4(tmp_path):
+    """Missing values, words and two channels of one name are errors."""
     theta = np.cumsum(wave()) / 100
     angle, torque = ("Angle", (theta, "rad")), ("Torque_Nm", (1e3 * wave(), "mNm"))
     log = read(mf4_of(tmp_path / "units.mf4", [angle, torque]))
@@ -274,7 +267,7 @@ def test_what_an_mf4_says_of_its_channels(tmp_path):
     assert read(twice, "--angle", "group 1: Angle").theta == pytest.approx(2 * theta)
 
 
-def test_channels_of_other_times_are_brought_together(tmp_path):
+def test_channels_are_read_at_the_times_that_all_cover(tmp_path):
     names = ("--angle", "x_m", "--torque", "force_N")
     for late, here in ((4e-4, slice(1, ROWS)), (-4e-4, slice(0, ROWS - 1)), (9.0, None)):
         rising = ("force_N", (3 * (TIME + late), "N"))
@@ -289,7 +282,7 @@ def test_channels_of_other_times_are_brought_together(tmp_path):
 
 @pytest.mark.parametrize("ending", ["mf4", "raw.mf4", "MF4"])
 def test_an_mf4_not_closed_leaves_no_copy(ending, tmp_path, monkeypatch):
-    """asammdf works on a copy of such a file; of a broken one it is left to us."""
+    """asammdf works on a copy of such a file, and leaves that of a broken one."""
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     words = signals(tmp_path) if ending == "raw.mf4" else ()

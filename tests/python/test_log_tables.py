@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Tables that `dahl identify` reads: the numbers come back as another program wrote them, and an
-error names file, line or row, column and value.
+"""Tables that `dahl identify` reads: the numbers are those that another program wrote, and an error
+names file, line or row, column and value.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ROWS = 40
 
 
 def table_of(seed: int, rows: int = ROWS, size: float = 1.0) -> log_writers.Table:
-    """A time that rises and two columns of noise, in 64ths: text of a few digits is exact."""
+    """Return a rising time and two columns of noise in 64ths, which short text holds exactly."""
     draw = np.random.default_rng(seed)
     way, force = draw.integers(-1000, 1000, (2, rows)) / 64 * size
     return {"t": np.arange(rows) / 8, "pos_m": way, "force_N": force}
@@ -36,7 +36,7 @@ def table_of(seed: int, rows: int = ROWS, size: float = 1.0) -> log_writers.Tabl
 
 @pytest.mark.parametrize("kind", TABLES)
 def test_a_table_of_each_kind_comes_back_as_it_was_written(kind, tmp_path):
-    """At any size of the numbers, by options or by names, whatever the case of the ending."""
+    """Numbers of any size, columns by options or by names, endings in any case."""
     for seed, size in enumerate((1.0, 1 / 3e7, 7e7)):
         table = table_of(seed, rows=30 + 17 * seed, size=size)
         path = tmp_path / f"{seed}.{kind.upper() if seed else kind}"
@@ -78,7 +78,6 @@ def test_a_row_without_a_number_is_named_or_left_out(kind, write, place, tmp_pat
 
 
 def test_rows_and_columns_are_found_in_nested_json_and_matlab(tmp_path):
-    """With and without names, in structures and in matrices."""
     from scipy.io import savemat
 
     _, angle, torque = table_of(4).values()
@@ -106,7 +105,7 @@ def test_rows_and_columns_are_found_in_nested_json_and_matlab(tmp_path):
 
 
 def test_the_clock_of_a_table_of_pandas(tmp_path):
-    """As an index with a name, and as moments."""
+    """The clock is a named index, or moments."""
     time, angle, torque = table_of(6).values()
     for clock in ("s", "datetime64[ns]", "timedelta64[ns]"):
         step = time if clock == "s" else (time * 1e9).astype(clock)
@@ -145,7 +144,7 @@ FORMS = st.fixed_dictionaries(
 
 
 def text_of(form: dict, columns: list[list[float]]) -> str:
-    """A table in one of the forms. Cells that hold a separator are quoted."""
+    """Return a table in one of the forms. Cells with a separator are quoted."""
     separator = form["separator"]
 
     def line(cells: list[str]) -> str:
@@ -163,7 +162,7 @@ def text_of(form: dict, columns: list[list[float]]) -> str:
 
 
 @modes(short=150, long=3000)
-def test_a_table_in_any_form_reads_back_equal(examples, tmp_path):
+def test_a_table_in_any_form_is_read(examples, tmp_path):
     numbers = st.tuples(st.floats(-100, 100), st.floats(-3e4, 3e4))
 
     def law(form: dict, rows: list[tuple[float, float]]) -> None:
@@ -190,7 +189,7 @@ def test_a_table_in_any_form_reads_back_equal(examples, tmp_path):
         ("# one remark or more\n----\n", "{} {} 7"),
     ],
 )
-def test_columns_without_names_have_numbers_for_them(above, row, tmp_path):
+def test_columns_without_names_are_numbered(above, row, tmp_path):
     _, angle, torque = table_of(3).values()
     path = tmp_path / "a.csv"
     lines = [row.format(*pair) for pair in zip(angle.tolist(), torque.tolist(), strict=True)]
@@ -237,7 +236,7 @@ def test_a_letter_may_lie_across_the_end_of_the_head(before, tmp_path):
 # --- what is wrong, and where ---------------------------------------------------------------------
 
 LONG = "1,2,3\n" * 20_000  # beyond the head
-BAD = [  # name, text, what the line of complaint holds
+BAD = [  # name, text, parts of the error
     ("a.csv", "angle;torque\ndeg;Nm\n1;2\n3;x\n", "a.csv:4:|'torque [Nm]'|'x'"),
     ("a.csv", "# one\n\nangle,torque\n1,2\n3,x\n", "a.csv:5:|'torque'|'x'"),
     ("a.csv", '"angle\n\nleft","torque"\n1,2\n3,x\n', "a.csv:5:|'torque'|'x'"),
@@ -289,7 +288,7 @@ BAD = [  # name, text, what the line of complaint holds
 
 
 @pytest.mark.parametrize(("name", "text", "parts"), BAD, ids=range(len(BAD)))
-def test_what_is_wrong_in_a_table_is_said_with_its_place(name, text, parts, tmp_path):
+def test_an_error_in_a_table_has_its_place(name, text, parts, tmp_path):
     raw = text.encode("cp1252" if "\u2019" in text else "latin-1")
     (tmp_path / name).write_bytes(raw)
     line = refused(tmp_path / name)
@@ -299,7 +298,7 @@ def test_what_is_wrong_in_a_table_is_said_with_its_place(name, text, parts, tmp_
 
 
 def test_a_file_on_which_its_library_crashes_is_one_line(tmp_path):
-    """The type of a MAT element is 8, which is none: scipy looks it up and dereferences NULL."""
+    """The type of a MAT element is 8, which does not exist: scipy dereferences NULL."""
     path = tmp_path / "crash.mat"
     log_writers.mat(path, table_of(5))
     whole = bytearray(path.read_bytes())
@@ -308,13 +307,14 @@ def test_a_file_on_which_its_library_crashes_is_one_line(tmp_path):
     assert "crash.mat" in refused(path)
 
 
-def test_what_is_no_file_is_named(tmp_path):
-    """A path that is absent, a folder, a folder without logs, a table without rows."""
+def test_a_path_that_is_not_a_log_is_named(tmp_path):
+    """An absent path, a folder, a folder without logs, a table without rows."""
     assert "absent.csv: no such file" in refused(tmp_path / "absent.csv")
     line = refused(tmp_path)
     assert f"{tmp_path}: a folder" in line and f"--each {tmp_path}" in line
     assert "--each" in refused() and "--follow" in refused()
     (tmp_path / "notes.md").write_text("no log")
+    assert "--each" in complaint(run("identify", "--each", tmp_path / "none"))[1]
     code, line = complaint(run("identify", "--each", tmp_path))
     assert code == 2 and str(tmp_path) in line and ".parquet" in line and ".blf" in line
     log_writers.parquet(tmp_path / "empty.parquet", {"angle": np.zeros(0), "torque": np.zeros(0)})

@@ -17,6 +17,7 @@ import can
 import cantools
 import numpy as np
 import pytest
+from dahl.binding import models
 from loop_model import Q30_BOUND, travel_per_count
 from loop_tools import Logged, counts_of, read_log, run, setting, torques_of
 
@@ -61,7 +62,7 @@ def asymmetric(moves: np.ndarray, forward: float, backward: float) -> Iterator[f
         yield f / most
 
 
-def elastoplastic(moves: np.ndarray, a: float, breakaway: float) -> Iterator[float]:
+def spring_then_dahl(moves: np.ndarray, a: float, breakaway: float) -> Iterator[float]:
     """A spring up to breakaway, and beyond it what is left falls off the quicker."""
     w = 0.0
     for move in moves:
@@ -79,20 +80,21 @@ def mixed(moves: np.ndarray, *parts: tuple[Callable, float, float]) -> np.ndarra
     return np.array(limits) @ np.array(ratios) / sum(limits)
 
 
+BREAKAWAY = models.with_key("breakaway").name
 B = float(np.float32(0.6))
 RATIOS = {
     "dahl": lambda moves: mixed(moves, (dahl, 100, 0.7)),
     "slip": lambda moves: mixed(moves, (slip, 100, 0.2), (slip, 30, 0.7)),
     "parallel": lambda m: mixed(m, (dahl, 100, 0.2), (slip, 30, 0.7), (dahl, 50, 0.05)),
     "asymmetric": lambda m: np.array([*asymmetric(m, 0.2, 0.7)]),
-    "elastoplastic": lambda m: np.array([*elastoplastic(m, travel_per_count(100, 0.7, THETA), B)]),
+    BREAKAWAY: lambda m: np.array([*spring_then_dahl(m, travel_per_count(100, 0.7, THETA), B)]),
 }
 KEYS = {
     "dahl": "sigma0 = 100\nFc = 0.7",
     "slip": "sigma0 = 100 30\nFc = 0.2 0.7",
     "parallel": "kinds = dahl slip dahl\nsigma0 = 100 30 50\nFc = 0.2 0.7 0.05",
     "asymmetric": "sigma0 = 100\nFc = 0.2 0.7",
-    "elastoplastic": "sigma0 = 100\nFc = 0.7\nbreakaway = 0.6",
+    BREAKAWAY: "sigma0 = 100\nFc = 0.7\nbreakaway = 0.6",
 }
 
 
@@ -126,7 +128,7 @@ def test_every_model_is_exact_over_the_bus(tmp_path, model, sets, ratios):
 TOLD = {  # elements, kinds; what the demo's torque is of
     "slip": ([[100, 0.2], [30, 0.7]], None),
     "parallel": ([[100, 0.2], [30, 0.7], [50, 0.05]], ["dahl", "slip", "dahl"]),
-    "elastoplastic": ([[100, 0.7]], None),
+    BREAKAWAY: ([[100, 0.7]], None),
 }
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import dahl
 import numpy as np
 import pytest
+from dahl.binding import models
 from loop_tools import SCENES, said, setting
 
 GOOD = {
@@ -63,6 +64,7 @@ ROTOR = "[rotor]\ninertia = 0.1\nviscous = 0\nsigma0 = 50\nFc = 0.5\n"
 MOTOR = "[motor]\nseconds = 1\n"
 CONTROL = "[control]\nkp = 1\nkd = 1\ntorque_limit = 1\n"
 LOADED = "[friction]\nmodel = loaded\nsigma0 = 50\nFc = 0.5\ntheta_per_count = 1e-4\n"
+BREAKAWAY = models.with_key("breakaway").name
 NINE = "1 2 3 4 5 6 7 8 9"
 REPLAY = GOOD["motion"]
 SCENE_ERRORS = [  # scene, line, words of the error
@@ -75,7 +77,7 @@ SCENE_ERRORS = [  # scene, line, words of the error
     (friction(sigma0=0), 4, "[friction] sigma0 0 5.421010862e-20"),
     (friction(Fc="abc"), 5, "[friction] Fc abc"),
     (friction(Fc=""), 5, "[friction] Fc"),
-    (model("lugre"), 4, "[friction] model lugre slip elastoplastic"),
+    (model("lugre"), 4, f"[friction] model lugre slip {BREAKAWAY}"),
     (model("slip", "1 2 3"), 6, "[friction] sigma0 3 Fc 2 slip"),
     (model("slip", NINE, 1), 5, f"[friction] sigma0 {NINE} 8"),
     (model("slip", "1 x", "1 1"), 5, "[friction] sigma0 x"),
@@ -91,8 +93,8 @@ SCENE_ERRORS = [  # scene, line, words of the error
     (model("asymmetric", 1, 1), 6, "[friction] sigma0 1 Fc 1 asymmetric"),
     (model("asymmetric"), 6, "[friction] sigma0 2 Fc 2 asymmetric"),
     (model("asymmetric", 1, "1 1e10"), 7, "theta_per_count 1e-10"),
-    (model("elastoplastic", 1, 1), 4, "[friction] elastoplastic breakaway"),
-    (model("elastoplastic", breakaway="0.5"), 7, "[friction] sigma0 2 Fc elastoplastic"),
+    (model(BREAKAWAY, 1, 1), 4, f"[friction] {BREAKAWAY} breakaway"),
+    (model(BREAKAWAY, breakaway="0.5"), 7, f"[friction] sigma0 2 Fc {BREAKAWAY}"),
     (model("loaded", 1, 1), 4, "loaded [load]"),
     (scene_of(status="[load]\nfull = 1"), 13, "[load] dahl"),
     (scene_of(friction="[load]\nfull = 1"), 3, "[load] [friction]"),
@@ -275,8 +277,7 @@ def test_what_has_to_be_said_and_no_more(tmp_path, name):
 
 WORDS = [("motion.kind", name) for name in ("segments", "steering", "log")]
 WORDS += [("friction.kinds", name) for name in ("dahl", "slip")]
-MODELS = "dahl slip parallel asymmetric elastoplastic loaded"
-WORDS += [("friction.model", name) for name in MODELS.split()]
+WORDS += [("friction.model", name) for name in models.table()]
 WORDS += [("--role", name) for name in ("both", "encoder", "node")]
 
 
@@ -331,7 +332,7 @@ CALM = [f"{key}=0" for _, key, *_ in LIMITS if key.startswith("faults.")]
 BESIDE = {  # what is set beside a key, so that its limit is the one that is met
     "rotor": ["rotor.inertia=1e6", "motor.bias=0", "motor.amplitude=0"],
     "faults": CALM,
-    "friction.breakaway": ["friction.model=elastoplastic"],
+    "friction.breakaway": [f"friction.model={BREAKAWAY}"],
     "load": ["friction.model=loaded", "load.full=1"],
 }
 WHOLE = re.compile(r"\.(node|max_step|start_count|theta\d)$")

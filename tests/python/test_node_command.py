@@ -362,7 +362,7 @@ def test_firmware_is_sent_what_the_scene_says(dahl, monkeypatch, tmp_path, numbe
     """
     kept: list[Node] = []
     monkeypatch.setattr("dahl.sim.firmware.build", lambda core: tmp_path / "node_image")
-    monkeypatch.setattr("dahl.sim.firmware.attached", partial(attached, kept))
+    monkeypatch.setattr("dahl.sim.firmware.attach_firmware", partial(attached, kept))
     more = "max_step = 2000\ntimeout_ms = 9000\n[status]\nperiod_ms = 70\n"
     (tmp_path / "own.ini").write_text(OWN_SCENE + more)
     words = ("node", "--scene", "own.ini", "--target", "m4f", "--node", number, "--seconds", 0.4)

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dahl.binding import models
 from identify_tools import complaint
 
 FINITE, ABOVE_0, TIME = (-1e30, 1e30), (1e-30, 1e30), (0.001, 1e9)
 NODES, FRAMES, PORT = (0, 15), (1, 2**63), (0, 65535)  # of integers whole numbers, else any
 UNITS = ("deg", "rad", "mm", "counts")
-MODELS = ("dahl", "slip", "asymmetric", "elastoplastic")
+MODELS = tuple(name for name, model in models.table().items() if model.has_plan)
 FLAG, TEXT, NUMBER = "a flag", "any text", "any number"  # else (least, most), or all choices
 LIVE = {"--frames": FRAMES, "--seconds": TIME}
 BUS = {"-i/--interface": TEXT, "-c/--channel": TEXT, "-b/--bitrate": NUMBER, "--fd": FLAG}
@@ -160,19 +161,21 @@ def test_the_help_tells_the_unit_and_the_default_of_a_number(verb, dahl):
 # --- completion in a shell ------------------------------------------------------------------------
 
 
-def test_a_shell_completes_verbs_options_and_what_they_take(dahl, root):
-    """By the script of `dahl complete`, asked as bash asks it; none is left out of the table."""
+def test_bash_completes_verbs_options_and_values(dahl, root):
+    """Run the script of `dahl complete` in bash. The table OPTIONS must be complete."""
     script = dahl("complete").stdout
+    function = re.search(r"^complete .*-F (\w+) dahl$", script, re.MULTILINE)[1]
 
     def completed(*words: str) -> list[str]:
         line = " ".join(map(shlex.quote, ("dahl", *words)))
-        ask = f"COMP_WORDS=({line}); COMP_CWORD={len(words)}; _dahl; "
+        ask = f"COMP_WORDS=({line}); COMP_CWORD={len(words)}; {function} 2>/dev/null; "
         ask += 'printf "%s\\n" "${COMPREPLY[@]}"'
         shell = ["bash", "--norc", "-uc", script + ask]
         return subprocess.run(shell, capture_output=True, text=True, check=True).stdout.split()
 
     assert re.findall(r"^    (\w+) ", dahl("--help").stdout, re.MULTILINE) == list(OPTIONS)
-    assert set(completed("")) == {*OPTIONS, "--help", "--version"}
+    assert set(completed("")) == {*OPTIONS}
+    assert set(completed("-")) == {"-h", "--help", "--version"}
     assert completed("mon") == ["monitor"] and completed("demo", "--sce") == ["--scene"]
     for verb, options in OPTIONS.items():
         names = {name for names in options for name in names.split("/")}
@@ -183,4 +186,11 @@ def test_a_shell_completes_verbs_options_and_what_they_take(dahl, root):
     assert completed("demo", "--angle-unit", "") == list(UNITS)
     for name in ("-i", "--interface"):
         assert "socketcand" in completed("node", name, "socketcan")
-    assert completed("plot", "some-file") == []  # bash then offers files
+    assert completed("plot", str(root / "READ")) == [str(root / "README.md")]
+
+
+def test_the_script_of_zsh_has_all_verbs_and_options(dahl):
+    script = dahl("complete", "zsh").stdout
+    for verb, options in OPTIONS.items():
+        names = {name for names in options for name in names.split("/") if name.startswith("--")}
+        assert all(word in script for word in {verb, *names})

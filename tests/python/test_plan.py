@@ -15,6 +15,7 @@ from functools import partial
 import pytest
 from conftest import ROOT, built, need
 from dahl import __version__
+from dahl.binding import models
 from identify_tools import caller, complaint
 
 pytestmark = pytest.mark.usefixtures("library")
@@ -22,6 +23,7 @@ pytestmark = pytest.mark.usefixtures("library")
 STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{ROOT}/lib/include"]
 ENCODER = ["--theta-per-count", "3.8e-4"]
 DAHL = "dahl_params_t params = {{{0!r}f, {1!r}f, (float){2!r}}};".format
+BREAKAWAY = models.with_key("breakaway").name
 MODELS = {  # options, how C makes the same, and what the header tells
     "dahl": (
         ["--sigma0", "100", "--fc", "0.5", "--counts-per-turn", "16384"],
@@ -59,9 +61,8 @@ MODELS = {  # options, how C makes the same, and what the header tells
         "dahl_asymmetric_params_t params = {100, 0.25f, 0.5f, 3.8e-4f};",
         "sigma0 = 100, Fc_forward = 0.25, Fc_backward = 0.5, theta_per_count = 0.000380000012",
     ),
-    "elastoplastic": (
-        ["--model", "elastoplastic", "--sigma0", "100", "--fc", "0.5", "--breakaway", "0.7"]
-        + ENCODER,
+    BREAKAWAY: (
+        ["--model", BREAKAWAY, "--sigma0", "100", "--fc", "0.5", "--breakaway", "0.7", *ENCODER],
         "dahl_params_t params = {100, 0.5f, 3.8e-4f};",
         "sigma0 = 100, Fc = 0.5, theta_per_count = 0.000380000012, breakaway = 0.699999988",
     ),
@@ -117,7 +118,7 @@ def test_the_words_are_those_that_c_prepares(case, plan, tmp_path):
     (tmp_path / "tick.c").write_text(
         f'#include "plan.h"\nconst dahl_{model}plan_t *used = &dahl_plan_plan;\n'
     )
-    more = ", 0.7f" if case == "elastoplastic" else ""
+    more = ", 0.7f" if case == BREAKAWAY else ""
     (tmp_path / "same.cpp").write_text(SAME.format(model=model, params=params, more=more))
     library = built("lib", "libdahl.a")
     for command in (
@@ -176,13 +177,13 @@ REFUSED = [  # options, and the names, values and limits in the line
     ("--model=slip --sigma0=1,-2 --fc=1,1", "element 1: sigma0 = -2"),
     ("--model=slip --sigma0=1,1,1,1,1,1,1,1,1 --fc=1,1,1,1,1,1,1,1,1", "9 elements ... 8"),
     ("--model=asymmetric --fc=1,0", "Fc_backward = 0"),
-    ("--model=elastoplastic --breakaway=1", "breakaway = 1"),
-    ("--model=elastoplastic --breakaway=0", "breakaway = 0"),
-    ("--model=elastoplastic --breakaway=b", "--breakaway b ... 0 < breakaway < 1"),
-    ("--model=elastoplastic", "--breakaway ... --model elastoplastic"),
-    ("--breakaway=0.5", "--breakaway ... --model elastoplastic"),
-    ("--breakaway=0", "--breakaway ... --model elastoplastic"),
-    ("--model=asymmetric --fc=1,2 --breakaway=0.5", "--breakaway ... --model elastoplastic"),
+    (f"--model={BREAKAWAY} --breakaway=1", "breakaway = 1"),
+    (f"--model={BREAKAWAY} --breakaway=0", "breakaway = 0"),
+    (f"--model={BREAKAWAY} --breakaway=b", "--breakaway b ... 0 < breakaway < 1"),
+    (f"--model={BREAKAWAY}", f"--breakaway ... --model {BREAKAWAY}"),
+    ("--breakaway=0.5", f"--breakaway ... --model {BREAKAWAY}"),
+    ("--breakaway=0", f"--breakaway ... --model {BREAKAWAY}"),
+    ("--model=asymmetric --fc=1,2 --breakaway=0.5", f"--breakaway ... --model {BREAKAWAY}"),
     ("--model=lugre", "'lugre'"),
     ("--sigma0=-1", "sigma0 = -1 ... 2^-64 <= sigma0 < 2^64"),
     ("--sigma0=0", "sigma0 = 0 ... 2^-64 <= sigma0 < 2^64"),

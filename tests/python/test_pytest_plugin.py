@@ -17,6 +17,7 @@ from typing import NamedTuple
 import dahl.node  # noqa: F401  # pytester forgets what it imports, and dahl.Node would be two classes
 import pytest
 from conftest import ROOT
+from dahl.binding import models
 from dahl.codec import Param, ParamWrite
 from loop_tools import client, serving
 
@@ -280,7 +281,9 @@ def test_another_plan(dahl_node): pass
 @pytest.mark.dahl(plan=dahl.Slip([1, 2], [1, 1], 1e-3))
 def test_another_model(dahl_node): pass
 """
-    with elsewhere(tmp_path, "model = elastoplastic\nbreakaway = 0.5") as options:
+    with elsewhere(
+        tmp_path, f"model = {models.with_key('breakaway').name}\nbreakaway = 0.5"
+    ) as options:
         done = outcome(text, *options)
     assert (done.code, done.last[:18]) == (1, "1 passed, 2 errors"), done.said
     assert "refuses SIGMA0 = 50" in done.said and "dahl_node.friction" in done.said

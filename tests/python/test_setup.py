@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: MIT
-"""tools/setup.sh by Debian packages and by what it fetches: what each need brings, who may install,
-sources that do not answer, archives that are not whole. Every program that reaches outside is a
-stand-in. (Its Python environment: test_setup_python.py; with a network: tests/quality.)
+"""tools/setup.sh: packages of each need, rights, failing sources, the Python environment. All
+programs that reach a network are stand-ins. (With a network: tests/quality.)
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
+import runpy
 import shutil
 import subprocess
-import tarfile
+import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from script_stage import APT, UNITY, Debian, codename
+from loop_tools import wait_until
+from script_stage import APT, PYTHON, UNITY, Debian, codename
+
+FAILS_IF = 'case "$*" in {} exit 1 ;; esac;'
 
 
 @pytest.fixture
@@ -25,114 +28,71 @@ def bare(tmp_path: Path) -> Debian:
     return Debian(tmp_path)
 
 
-def installed(bare: Debian) -> list[str]:
-    return bare.lines("installed")
+# --- Debian packages -----------------------------------------------------------------------------
 
 
-# --- what each need brings -----------------------------------------------------------------------
-
-
-def test_it_installs_what_is_missing_once_and_then_asks_nobody(bare):
-    """Python's packages first, so that pip works while the rest is installed."""
-    bare.write("build/setup.log", "of a run before")
+def test_it_installs_missing_packages_once(bare):
+    """Python comes first, so that pip works while apt-get installs the other packages."""
     done, started = bare.set_up("demo")
     assert done.returncode == 0, done.stderr
-    assert {"cmake", "ninja-build", "python3-venv"} <= set(installed(bare))
-    assert len(installed(bare)) == len(set(installed(bare)))
+    installed = bare.lines("installed")
+    assert {"cmake", "ninja-build", "python3-venv"} <= {*installed}
+    assert len(installed) == len({*installed})
     by_apt = [call for call in started if "apt-get" in call]
     assert all("--no-install-recommends" in call for call in by_apt)
-    assert all("DPkg::Lock::Timeout=" in call for call in by_apt)  # of another apt-get at work
     assert by_apt[0].endswith(" python3 python3-venv")
-    assert "of a run before" not in bare.lines("build/setup.log")
     assert bare.set_up("demo")[1] == []
-    asked = " ".join(bare.calls())
-    assert "--print-uris" not in asked and " download " not in asked
 
 
-OWN = {
+NEEDS = {
     "demo": "libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3-venv",
     "firmware": "gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm",
-    "identify": "gcc",
+    "identify": "",
     "test": "gcc g++ git pkg-config valgrind",
-    "bench": "gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi"
-    " qemu-system-misc",
-    "": "gcc g++ git pkg-config valgrind",
+    "docs": "doxygen",
     "vm": "can-utils qemu-system-x86 busybox-static kmod cpio iproute2",
-    "identify firmware": "",
-    "checks": "clang gcc-multilib qemu-user-static gcc-avr shellcheck cppcheck frama-c-base"
-    " sollya gappa make chromium",
-    "all": "",
+    "bench": "gcc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc",
+    "checks": "clang gcc-multilib qemu-user-static shellcheck cppcheck frama-c-base chromium",
 }
 
 
-def test_each_need_brings_what_it_stands_on(bare):
-    """Debian packages and Python packages of the smaller needs, and its own."""
+def test_each_need_includes_smaller_needs(bare):
+    """Debian packages and groups of Python packages."""
     has: dict[str, set[str]] = {}
-    for need, own in OWN.items():
+    for need, packages in NEEDS.items():
         bare.write("installed", "dpkg-dev")
         shutil.rmtree(bare.folder / "build", ignore_errors=True)
-        done, started = bare.set_up(need)
+        done, _ = bare.set_up(need)
         assert done.returncode == 0, done.stderr
-        has[need] = {*re.findall(r"-r tools/(\S+lock)", " ".join(started)), *installed(bare)}
-        assert set(own.split()) <= has[need], need
-    assert has["demo"] < has["identify"] < has["test"] < has["checks"] <= has["all"]
-    assert has["demo"] < has["firmware"] < has["checks"]
-    assert has["demo"] < has["vm"] < has["checks"] and "gcc" not in has["vm"]
-    assert has["identify"] | has["firmware"] < has["bench"] <= has["all"]
-    assert has["identify firmware"] == has["identify"] | has["firmware"] and has[""] == has["test"]
-    assert not {"gcc-arm-none-eabi", "chromium", "clang"} & has["test"]
-    assert "gcc" not in has["demo"] and "requirements/checks.lock" not in has["bench"]
+        python = re.search(r"installing Python packages: (.*) \(", done.stdout)[1].split()
+        has[need] = {*bare.lines("installed"), *(f"group {name}" for name in python)}
+        assert set(packages.split()) <= has[need], need
+    assert has["demo"] < has["identify"] < has["test"] < has["docs"] < has["checks"]
+    assert has["demo"] < has["firmware"] < has["checks"] and has["demo"] < has["vm"]
+    assert has["identify"] | has["firmware"] < has["bench"]
+    assert not {"gcc-arm-none-eabi", "chromium", "clang", "doxygen"} & has["test"]
 
 
-@pytest.mark.parametrize(
-    ("there", "machine", "compiler"),
-    [(True, "x86_64", set()), (False, "x86_64", {"tcc"}), (False, "aarch64", {"gcc"})],
-)
-def test_the_demo_gets_a_compiler_only_where_there_is_none(bare, there, machine, compiler):
-    bare.stand_in("bin/cc", "exit 0" if there else "exit 127")
-    bare.stand_in("bin/uname", f"echo {machine}")
-    assert bare.set_up("demo")[0].returncode == 0
-    assert {"tcc", "gcc"} & {*installed(bare)} == compiler
+@pytest.mark.parametrize("has_compiler", [True, False])
+def test_the_demo_installs_gcc_only_if_there_is_no_compiler(bare, has_compiler):
+    bare.stand_in("bin/cc", "exit 0" if has_compiler else "exit 127")
+    assert bare.set_up("demo", CC="")[0].returncode == 0
+    assert ("gcc" in bare.lines("installed")) != has_compiler
 
 
-@pytest.mark.parametrize(
-    ("now", "again"), [("tcc version 0.9.27", False), ("gcc version 12.2.0", True)]
-)
-def test_what_tcc_built_is_built_anew_once_there_is_another(bare, now, again):
-    made_by = "build/host/CMakeFiles/3.25.1/CMakeCCompiler.cmake"
-    bare.write(made_by, 'set(CMAKE_C_COMPILER_ID "TinyCC")')
-    bare.stand_in("bin/cc", f"echo '{now}' >&2")
-    assert bare.set_up("identify")[0].returncode == 0
-    assert (bare.folder / made_by).exists() != again
-    assert any("--preset host" in call for call in bare.calls("cmake")) == again
-
-
-def test_what_it_may_have_is_tried_once_a_day(bare):
-    bare.unknown("valgrind")
-    tried = lambda: [call for call in bare.set_up("test")[1] if "valgrind" in call]  # noqa: E731
-    first, started = bare.set_up("test")
-    assert first.returncode == 0 and any("valgrind" in call for call in started)
-    assert len(re.findall(r"skipped: valgrind$", first.stdout, re.M)) == 1
-    note = bare.folder / "build/deps/packages.tried"
+def test_a_missing_optional_package_is_named_and_tried_once_a_day(bare):
+    bare.without("valgrind")
+    done, started = bare.set_up("test")
+    assert done.returncode == 0 and any("valgrind" in call for call in started)
+    assert len(re.findall(r"skipped: valgrind$", done.stdout, re.M)) == 1
     for hours, again in ((23, False), (25, True)):
         then = time.time() - hours * 3600
-        os.utime(note, (then, then))
-        assert bool(tried()) == again
-    note.write_text("others\n")
-    assert tried()
-
-
-def test_what_apt_does_not_know_at_all_keeps_nothing_else_away(bare):
-    bare.unknown("chromium")
-    bare.does("apt-cache", '[ "$2" != chromium ]')
-    done, _ = bare.set_up("checks")
-    assert done.returncode == 0 and {"cppcheck", "shellcheck", "valgrind"} <= {*installed(bare)}
-    assert re.search(r"skipped: chromium$", done.stdout, re.M)
+        os.utime(bare.folder / "build/deps/packages.tried", (then, then))
+        assert any("valgrind" in call for call in bare.set_up("test")[1]) == again
 
 
 @pytest.mark.parametrize("lacking", [None, "ninja", "csv.h"])
-def test_on_another_system_it_says_what_the_build_will_miss(bare, lacking):
-    """Without apt-get: programs are looked for, and headers by the compiler."""
+def test_without_apt_get_it_names_what_the_build_lacks(bare, lacking):
     away = {"apt-get", "dpkg-query", "ninja", "cc"}
     (bare.folder / "usr").mkdir()
     for program in Path("/usr/bin").iterdir():
@@ -148,253 +108,228 @@ def test_on_another_system_it_says_what_the_build_will_miss(bare, lacking):
     assert re.findall(r"^not found: ([\w.]+)", done.stderr, re.M) == ([lacking] if lacking else [])
 
 
-# --- rights and sources --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("sudo", [True, False])
-def test_who_is_not_root_installs_by_sudo_or_is_told_what_to_install(bare, sudo):
+@pytest.mark.parametrize("has_sudo", [True, False])
+def test_other_users_install_by_sudo_or_read_what_to_install(bare, has_sudo):
     bare.stand_in("bin/id", "echo 1000")
-    bare.does("sudo", '[ "$1" != -n ] || shift; "$@"' if sudo else "exit 1")
+    bare.does("sudo", '[ "$1" != -n ] || shift; "$@"' if has_sudo else "exit 1")
     done, started = bare.set_up("demo")
-    by_sudo = [call for call in bare.calls("sudo") if " apt-get " in call]
-    if sudo:
+    if has_sudo:
         assert done.returncode == 0, done.stderr
-        assert len(by_sudo) == len(bare.calls("apt-get")) - 1  # one asks for addresses alone
-        assert all("DEBIAN_FRONTEND=noninteractive" in call for call in by_sudo)
+        assert any(" install " in call for call in bare.calls("sudo"))
     else:
-        assert done.returncode == 1 and not started and not by_sudo
+        assert done.returncode == 1 and not started
         named = done.stderr.partition("apt-get install --no-install-recommends ")[2].split()
         assert {"libc6-dev", "cmake", "python3-venv"} <= set(named) and "arm" not in done.stderr
 
 
-CODENAME = codename()
-LIST = f"""deb http://debian {CODENAME} main contrib
-deb [signed-by=/key] http://debian {CODENAME}-updates main
-# deb http://debian {CODENAME} main
-deb-src http://debian {CODENAME} main
-deb http://security {CODENAME}-security main
-deb http://debian {CODENAME}-backports main
-deb http://others stable main
-deb http://others {CODENAME} extra
-"""
-
-
-def entry(uri: str, suites: str, components: str) -> str:
-    return f"Types: deb\nURIs: {uri}\nSuites: {suites}\nComponents: {components}\n"
-
-
-ENTRIES = [
-    entry("http://debian", f"{CODENAME} {CODENAME}-updates", "main"),
-    entry("http://security", f"{CODENAME}-security", "main contrib"),
-    entry("http://others", CODENAME, "extra"),
-    entry("http://others", "stable", "main"),
-]
-# A copy of the sources that a call of apt-get is told to use alone.
-KEEP = (
-    "words=$*; parts=${words##*sourceparts=}; parts=${parts%% *}\n"
-    'case "$*" in *sourceparts=*) cp -rT "$parts" "$STAGE/asked" ;; esac\n'
-)
-
-
-def with_sources(bare: Debian) -> None:
-    """This machine's sources, as setup.sh reads them, are those above."""
-    bare.write("list", LIST)
-    bare.write("entries", "\n".join(ENTRIES))
-    here = '*/etc/apt/*.sources*) /bin/cat "$STAGE/entries" ;; */etc/apt/*) /bin/cat "$STAGE/list"'
-    bare.stand_in("bin/cat", f'case "$*" in {here} ;; *) /bin/cat "$@" ;; esac')
-
-
-def asked_sources(bare: Debian) -> tuple[list[str], list[dict[str, str]]]:
-    """Those of the last call of apt-get that was told them: lines, and enabled entries."""
-    blocks = "\n".join(bare.lines("asked/debian.sources")).strip().split("\n\n")
-    entries = [dict(line.split(": ", 1) for line in block.splitlines()) for block in blocks]
-    return bare.lines("asked/debian.list"), [e for e in entries if e.get("Enabled") != "no"]
-
-
 @pytest.mark.parametrize("failures", range(4))
-def test_a_source_that_fails_is_asked_afresh_and_then_debians_own_alone(bare, failures):
-    """From what is known; with fresh lists; from Debian's own sources; then it is an error."""
-    with_sources(bare)
+def test_after_two_failures_it_uses_debians_own_sources_only(bare, failures):
+    """With the present lists, with new lists, from Debian's own sources; then it is an error."""
+    bare.write("list", f"deb http://debian {codename()} main", "deb http://others stable main")
+    bare.stand_in(
+        "bin/cat", 'case "$*" in */etc/apt/*) exec /bin/cat "$STAGE/list" ;; esac; /bin/cat "$@"'
+    )
     bare.write("installed", "dpkg-dev", "python3", "python3-venv")
     bare.write("left", *["x"] * failures)
-    count = 'left="$STAGE/left"; if [ -s "$left" ]; then sed -i 1d "$left"; exit 100; fi'
-    bare.does("apt-get", f'{KEEP} case "$*" in *" install "*) {count} ;; esac; {APT}')
+    count = 'if [ -s "$STAGE/left" ]; then sed -i 1d "$STAGE/left"; exit 100; fi'
+    bare.does("apt-get", f'case "$*" in *" install "*) {count} ;; esac; {APT}')
     done, _ = bare.set_up("demo")
-    calls = [c for c in bare.calls("apt-get", "dpkg") if "--print-uris" not in c]
-    kinds = [re.search(r"install|update|configure", call)[0] for call in calls]
-    tried = ["install", "configure", "update", "install", "update", "install"]
-    assert kinds == tried[: (1, 4, 6, 6)[failures]]
-    assert ["sourceparts=" in call for call in calls] == [n > 3 for n in range(len(calls))]
+    calls = [call for call in bare.calls("apt-get") if "--print-uris" not in call]
+    kinds = [re.search(r"install|update", call)[0] for call in calls]
+    assert kinds == ["install", "update", "install", "update", "install"][: (1, 3, 5, 5)[failures]]
+    assert ["sourceparts=" in call for call in calls] == [n > 2 for n in range(len(calls))]
     assert done.returncode == (failures == 3)
+    if failures > 1:
+        own = bare.folder / "build/deps/apt-deb/debian.list"
+        assert {*own.read_text().splitlines()} == {f"deb http://debian {codename()} main"}
     if failures == 3:
         assert re.search(r"^error: .*\bcmake\b", done.stderr, re.M)
-        lines, entries = asked_sources(bare)
-        assert lines == [LIST.splitlines()[n] for n in (0, 1, 4)]
-        assert [one["URIs"] for one in entries] == ["http://debian", "http://security"]
 
 
-@pytest.mark.parametrize("must", [True, False])
-def test_sources_that_cannot_be_reached_are_named_with_what_needs_them(bare, must):
-    """An error where something must come from them, a word where it only may."""
+@pytest.mark.parametrize("is_required", [True, False])
+def test_it_names_silent_sources_and_what_needs_them(bare, is_required):
+    """An error if a package is required, a note if it is optional."""
     known = set(bare.lines("known")) - {"valgrind"}
-    bare.write("installed", *(known - {"g++"} if must else known))
-    (bare.folder / f"dists/{codename()}/InRelease").unlink()
+    bare.write("installed", *(known - {"g++"} if is_required else known))
+    (bare.folder / bare.in_release).unlink()
     done, started = bare.set_up("test")
-    assert done.returncode == int(must)
-    lacking = "g++ valgrind" if must else "valgrind"
-    shown = done.stderr if must else done.stdout
+    assert done.returncode == int(is_required)
+    lacking = "g++ valgrind" if is_required else "valgrind"
+    shown = done.stderr if is_required else done.stdout
     assert f": {lacking} build/venv (log: build/setup.log)\n" in shown and "apt-get" in shown
-    assert not any("apt-get" in call for call in started) and bool(started) != must
-    assert not (bare.folder / "build/deps/packages.tried").exists()
-    if not must:
-        assert "skipped: valgrind\n" in done.stdout
+    assert not any("apt-get" in call for call in started)
 
 
-def test_one_of_several_sources_that_answers_is_enough(bare):
-    dead = f"echo \"'file:$STAGE/dists/{codename()}/dead/InRelease' InRelease\""
-    bare.does("apt-get", f'case "$*" in *--print-uris*) {dead} ;; esac; {APT}')
-    done, _ = bare.set_up("demo")
-    assert done.returncode == 0 and "cmake" in installed(bare)
-
-
-def test_what_apt_does_not_know_is_looked_for_in_fresh_lists(bare):
-    bare.does("apt-cache", '[ "$2" != valgrind ] || [ -e "$STAGE/fresh" ]')
-    bare.does("apt-get", f'case "$*" in *" update") touch "$STAGE/fresh" ;; esac; {APT}')
-    done, _ = bare.set_up("test")
-    assert done.returncode == 0 and "valgrind" in installed(bare)
-
-
-# --- what is fetched -----------------------------------------------------------------------------
-
-
-def makes_archives(bare: Debian) -> None:
-    """apt-get downloads packages; dpkg-deb unpacks a kernel of the modules that are asked for, and
-    a CBMC whose loader tells its words.
-    """
-    script = (ROOT / "tools/setup/fetched.sh").read_text()
-    wanted = re.search(r"KERNEL_PARTS=\((.*?)\)", script, re.S)
-    files = ["boot/vmlinuz-6.1", "lib/modules/6.1/modules.dep", "boot/config-6.1"]
-    files += [f"lib/modules/6.1/kernel/{part}/x.ko" for part in (*wanted[1].split(), "sound")]
-    with tarfile.open(bare.folder / "kernel.tar", "w") as archive:
-        for name in files:
-            archive.add(bare.folder / "note", f"./{name}")
-    fetched = "*' download '*) for n in ${words##*' download '}; do touch $n.deb; done ;;"
-    bare.does("apt-get", f'{KEEP} case "$*" in {fetched} *) : ;; esac\n{APT}')
-    bare.does("apt-cache", 'case "$1" in depends) echo "  Depends: linux-image-6.1-amd64" ;; esac')
-    unpack = "d=$3/usr/lib/here; mkdir -p $d/gconv $3/usr/bin $3/usr/share/x; touch $d/x"
-    unpack += "; printf '#!/bin/sh\\necho \"$@\"\\n' >$d/ld-linux.so.2; chmod +x $d/ld-linux.so.2"
-    kernel = 'cat "$STAGE/kernel.tar"'
-    bare.stand_in("bin/dpkg-deb", f'if [ "$1" = -x ]; then {unpack}; else {kernel}; fi')
-    bare.stand_in("bin/depmod")
-    bare.stand_in("bin/uname", "echo x86_64")
-    bare.stand_in("bin/python3", "exit 1")  # which would say that this kernel has CAN
-
-
-def without_cbmc() -> None:
-    if shutil.which("cbmc"):
-        pytest.skip("unproven: how CBMC is fetched: this machine has one of its own")
-
-
-def test_a_kernel_and_cbmc_are_fetched_whole_and_once(bare):
-    """CBMC of another Debian, from the same mirror, runs by the loader that came with it; what
-    nobody needs of both is left out.
-    """
-    without_cbmc()
-    with_sources(bare)
-    makes_archives(bare)
-    bare.write("build/deps/kernel.part/old")
-    done, _ = bare.set_up("checks")
-    assert done.returncode == 0, done.stderr
-    deps = bare.folder / "build/deps"
-    assert not list(deps.glob("*.part")) and not (deps / "kernel/old").exists()
-    assert (deps / "kernel/vmlinuz").stat().st_size > 10
-    kept = {path.parent.name for path in deps.glob("kernel/lib/modules/6.1/kernel/**/*.ko")}
-    assert {"can", "vcan", "9p", "virtio"} <= kept and "sound" not in kept
-    made = deps / "cbmc"
-    assert not [*made.glob("usr/lib/here/gconv"), *made.glob("usr/share"), *made.glob("apt")]
-    for name in ("cbmc", "goto-cc", "goto-instrument"):
-        words = [made / "bin" / name, "a b"]
-        said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-        assert said.startswith(f"--library-path {made}/usr/lib/here:{made}/usr/lib ")
-        assert said.endswith(f" {made}/usr/bin/{name} a b\n")
-    lines, entries = asked_sources(bare)
-    assert lines == ["deb http://debian trixie main contrib"]
-    assert [(one["URIs"], one["Suites"]) for one in entries] == [("http://debian", "trixie")]
-    assert " download " not in " ".join([*bare.set_up("checks")[1], *bare.calls("apt-get")])
-
-
-@pytest.mark.parametrize(("answers", "tries"), [(True, 1), (False, 0)])
-def test_what_cannot_be_fetched_is_not_there_and_not_tried_again_at_once(bare, answers, tries):
-    without_cbmc()
-    makes_archives(bare)
+def test_downloads_that_fail_skip_their_tests(bare):
     bare.does("apt-get", f'case "$*" in *" download "*) exit 100 ;; esac; {APT}')
-    bare.write("installed", *bare.lines("known"))
-    if not answers:
-        (bare.folder / f"dists/{codename()}/InRelease").unlink()
-    downloads = []
-    for _ in range(2):
-        done, _ = bare.set_up("checks")
-        assert done.returncode == 0, done.stderr
-        assert len(re.findall(r"^setup: (?:kernel|cbmc) is not", done.stdout, re.M)) == 2
-        downloads.append(sum(" download linux-image" in c for c in bare.calls("apt-get")))
-    assert downloads == [tries, 0]
+    for name in ("python3", "cbmc"):  # no CAN in this kernel, no CBMC that runs
+        bare.stand_in(f"bin/{name}", "exit 1")
+    bare.stand_in("bin/uname", "echo x86_64")
+    done, _ = bare.set_up("vm")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^setup: kernel .*skipped$", done.stdout, re.M)
     assert not (bare.folder / "build/deps/kernel").exists()
 
 
-@pytest.mark.parametrize("need", ["vm", "checks"])
-@pytest.mark.parametrize("machine", ["x86_64", "aarch64"])
-def test_a_kernel_is_fetched_only_where_it_can_run(bare, need, machine):
-    makes_archives(bare)
-    bare.stand_in("bin/uname", f"echo {machine}")
-    bare.set_up(need)
-    assert (bare.folder / "build/deps/kernel").exists() == (machine == "x86_64")
+@pytest.mark.parametrize("lacking", UNITY)
+def test_a_given_unity_must_be_complete(bare, lacking):
+    (bare.folder / "unity" / lacking).write_text("")
+    done, started = bare.set_up("test")
+    assert done.returncode == 1 and not started
+    assert f"unity has no {lacking}\n" in done.stderr
 
 
-def pack_unity(bare: Debian, files: Path) -> None:
-    """Debian's source package, which apt-get copies to where it is called."""
-    with tarfile.open(bare.folder / "source.tar.gz", "w:gz") as archive:
-        for name in UNITY:
-            archive.add(files / name, f"ntpsec-1.2/tests/unity/{name}")
-        archive.add(ROOT / "README.md", "ntpsec-1.2/README")
-    copied = '*" source "*) cp "$STAGE/source.tar.gz" ntpsec_1.2.orig.tar.gz ;;'
-    bare.does("apt-get", f'case "$*" in {copied} esac; {APT}')
-
-
-def test_unity_comes_out_of_debians_source_package(bare):
-    """Its three files and no more; a file that was changed since is fetched anew."""
-    whole, unity = ROOT / "build/deps/unity", bare.folder / "build/deps/unity"
-    if not (whole / "unity.c").exists():
-        pytest.skip("unproven: how Unity is unpacked: build/deps/unity is not here to pack")
-    pack_unity(bare, whole)
-    bare.write("build/deps/unity/unity.c", "changed")
-    bare.write("build/deps/unity/old")
+def test_unity_with_other_sums_is_not_used(bare):
+    """There are no C tests without Unity, so it is an error."""
+    pack = 'tar -czf ntpsec_1.2.orig.tar.gz -C "$STAGE" --transform s,^,ntpsec/tests/unity/, unity'
+    pack = pack.replace("tests/unity/, unity", "tests/, unity")
+    bare.does("apt-get", f'case "$*" in *" source "*) {pack} ;; esac; {APT}')
     done, _ = bare.set_up("test", DAHL_UNITY_DIR="")
-    assert done.returncode == 0, done.stderr
-    assert {path.name: path.read_bytes() for path in unity.iterdir()} == {
-        name: (whole / name).read_bytes() for name in UNITY
-    }
-    assert not unity.with_name("unity.part").exists()
-    private = [call for call in bare.calls("apt-get") if call.endswith((" ntpsec", "-q update"))]
-    assert all("sourceparts=build/deps/unity.part/" in call for call in private)
-    bare.set_up("test", DAHL_UNITY_DIR="")
-    assert not any(call.endswith(" ntpsec") for call in bare.calls("apt-get"))
-
-
-def test_files_that_are_not_unitys_are_not_used(bare):
-    """Without Unity there is no test, so that is an error that says what to do."""
-    pack_unity(bare, bare.own_unity)
-    done, _ = bare.set_up("test", DAHL_UNITY_DIR="")
-    assert done.returncode == 1 and "2.5.1" in done.stderr
-    assert done.stderr.count(hashlib.sha256(b"mine").hexdigest()) == 3
-    bare.does("apt-get", f'case "$*" in *" source "*) exit 100 ;; esac; {APT}')
-    done, _ = bare.set_up("test", DAHL_UNITY_DIR="")
-    assert done.returncode == 1 and "DAHL_UNITY_DIR" in done.stderr
+    assert done.returncode == 1 and "sums of Unity 2.5.1" in done.stderr
     assert not (bare.folder / "build/deps/unity").exists()
 
 
-@pytest.mark.parametrize("lacking", UNITY)
-def test_an_own_unity_is_looked_at(bare, lacking):
-    (bare.own_unity / lacking).write_text("")
-    done, started = bare.set_up("test")
-    assert done.returncode == 1 and not started
-    assert f"{bare.own_unity} has no {lacking}\n" in done.stderr
+# --- the Python environment ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "is_new", "installs"),
+    [
+        ("0", False, False),  # complete
+        ("3", False, True),  # packages are missing
+        ("4", True, True),  # files are damaged
+        ("changed", False, True),  # pyproject.toml
+        ("other Python", True, True),
+        ("moved", True, True),
+    ],
+)
+def test_the_environment_is_repaired_as_far_as_needed(bare, state, is_new, installs):
+    bare.does("python3.11", f'case "$*" in -VV) cat "$STAGE/version" ;; esac; {PYTHON}')
+    bare.write("version", "3.11.2")
+    bare.set_up("demo")
+    project = bare.folder / "pyproject.toml"
+    if state == "changed":
+        project.write_text(project.read_text().replace("[project]", "[project]\n# new", 1))
+    elif state == "other Python":
+        bare.write("version", "3.12.0")
+    elif state == "moved":
+        stamp = bare.folder / "build/venv/.complete"
+        stamp.write_text("of another place\n" + stamp.read_text())
+    else:
+        bare.write("state", state)
+    done, started = bare.set_up("demo")
+    assert done.returncode == 0
+    assert any("-m venv" in call for call in started) == is_new
+    assert any("--require-hashes" in call for call in started) == installs
+    assert any("--editable" in call for call in started) == installs
+
+
+@pytest.mark.parametrize(("version", "is_used"), [((3, 10, 99), False), ((3, 11, 0), True)])
+def test_an_old_python_is_not_used(bare, version, is_used):
+    check = f'exec {sys.executable} -c "import sys; sys.version_info = {version}; $2"'
+    bare.stand_in("bin/mine", f'case "$1" in -c) {check} ;; esac; {PYTHON}')
+    assert bare.set_up("demo", DAHL_PYTHON="mine")[0].returncode == 0
+    used = [any("-m venv" in call for call in bare.calls(name)) for name in ("mine", "python3.11")]
+    assert used == [is_used, not is_used]
+
+
+@pytest.mark.parametrize("failing", ["pip", "python"])
+def test_an_environment_that_fails_is_an_error_each_time(bare, failing):
+    name = {"pip": "python", "python": "python3.11"}[failing]
+    bare.does(name, FAILS_IF.format('*" install "*|*"-m venv"*)') + PYTHON)
+    for _ in range(2):
+        done, started = bare.set_up("demo")
+        assert done.returncode == 1 and "error: " in done.stderr
+    assert sum("--require-hashes" in call for call in started) == (3 if failing == "pip" else 0)
+
+
+def test_a_failure_of_apt_get_ends_pip_too(bare):
+    bare.without("cmake")
+    beside = 'echo $$ >"$STAGE/beside"; exec /bin/sleep 90'
+    bare.does("python", f'case "$*" in *" install "*) {beside} ;; esac; {PYTHON}')
+    begun = 'until [ -s "$STAGE/beside" ]; do /bin/sleep 0.1; done'
+    bare.does("apt-get", f'case "$*" in *" install "*cmake*) {begun} ;; esac; {APT}')
+    assert bare.set_up("demo")[0].returncode == 1
+    process = Path("/proc") / bare.lines("beside")[0] / "cmdline"
+    wait_until(lambda: not process.exists() or b"sleep" not in process.read_bytes())
+
+
+@pytest.mark.parametrize(
+    ("pin", "missing"),
+    [
+        ("one==1.0 \\\n    --hash=sha256:00\n", []),
+        ("one==1.1 \\\n", ["one 1.1"]),
+        ("two[extra]==2.5 ; python_version >= '3' \\\n", ["two 2.5"]),
+        ("three==1 ; sys_platform == 'win32' \\\n# four==4\n", []),
+    ],
+)
+def test_missing_and_changed_packages_are_found(tmp_path, pin, missing):
+    compare = runpy.run_path(str(ROOT / "tools/setup/check_venv.py"))["compare"]
+    for name in ("one-1.0", "dahl-0.1"):
+        (tmp_path / f"{name}.dist-info").mkdir()
+        (tmp_path / f"{name}.dist-info/RECORD").write_text("one.py,sha256=x,4\n")
+    (tmp_path / "one.py").write_text("1+1\n")
+    pins = tmp_path / "packages.txt"
+    pins.write_text(pin)
+    assert compare(tmp_path, pins) == (missing, [])
+    (tmp_path / "one.py").write_text("1\n")
+    is_pinned = pin.startswith("one==1.0")
+    assert compare(tmp_path, pins) == (missing, ["one.py"] if is_pinned else [])
+    (tmp_path / "dahl-0.1.dist-info").rename(tmp_path / "other-0.1.dist-info")
+    assert compare(tmp_path, pins)[0] == [*missing, "dahl"]
+
+
+# --- the scripts as they are, on this machine ----------------------------------------------------
+
+
+def timed(script: Path, **variables: str) -> tuple[subprocess.CompletedProcess, float]:
+    """Return the result and its processor time in s, which other programs hardly change."""
+    before = os.times()
+    done = subprocess.run(
+        [script, "test"],
+        env={**os.environ, **variables},
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    after = os.times()
+    return done, sum(after[2:4]) - sum(before[2:4])
+
+
+def test_a_second_setup_is_fast():
+    stamp = ROOT / "build/venv/.complete"  # an incomplete environment would be created again
+    lock = ROOT / "tools/requirements.lock"
+    if not stamp.exists() or lock.stat().st_mtime > stamp.stat().st_mtime:
+        pytest.skip("build/venv is not of this checkout or not up to date (tools/setup.sh test)")
+    done, busy = timed(ROOT / "tools/setup.sh")
+    assert done.returncode == 0, done.stderr
+    assert busy < 2 and "in place (build/venv)" in done.stdout
+
+
+def test_without_a_network_it_soon_ends_with_one_line(tmp_path):
+    shutil.copytree(ROOT / "tools", tmp_path / "tools")
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    nowhere = dict.fromkeys(("http_proxy", "https_proxy"), "http://127.0.0.1:9")
+    done, busy = timed(tmp_path / "tools/setup.sh", **nowhere)
+    assert busy < 20 and done.returncode == 1
+    [error] = done.stderr.splitlines()
+    wanted = ["apt-get", "unity"] if shutil.which("apt-get") else []
+    assert all(word in error for word in [*wanted, "(pip)", "build/venv", "build/setup.log"])
+
+
+def test_the_lock_has_the_versions_of_the_groups():
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["dependency-groups"]
+    _, *sections = (ROOT / "tools/requirements.lock").read_text().split("\n# group ")
+    locked: set[tuple[str, str]] = set()
+    for section in sections:
+        name = section.split()[0]
+        locked = pins_of(section) | (locked if name != "rivals" else set())
+        listed = pins_of("\n".join(one for one in groups.pop(name) if isinstance(one, str)))
+        assert listed and listed <= locked, "run tools/lock.sh"
+    assert not groups
+
+
+def pins_of(text: str) -> set[tuple[str, str]]:
+    pins = re.findall(r"^([\w.-]+)(?:\[[^]]*\])?==([^\s;\\]+)", text.lower(), re.MULTILINE)
+    return {(re.sub("[-_.]+", "-", name), version) for name, version in pins}

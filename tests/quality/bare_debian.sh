@@ -3,26 +3,25 @@
 # Usage: tests/quality/bare_debian.sh FOLDER [DEMO ARGUMENT...]
 #
 # Runs tools/demo.sh of the committed project in a bare Debian 12 in FOLDER (debootstrap --variant=minbase; the folder is
-# kept), with this machine's package sources, proxies and certificates and nothing else of it. Prints what the demo prints,
-# then lines `name: number`:
-#   setup_seconds     the first set-up, as tools/setup.sh counts it
-#   debian_mb         what its packages add, by Debian's own account
-#   python_mb         the Python environment build/venv
-#   disk_mb           growth of the whole system, build and results too, without what apt-get notes of its sources
-#   again_seconds     a second set-up
-# Needs root, debootstrap and a network. Ends with 77 and a reason where one of them is not to be had.
+# kept), with this machine's package sources, proxies and certificates. Prints the output of the demo, then lines `name: number`:
+#   setup_seconds     first set-up, as tools/setup.sh counts it
+#   debian_mb         installed size of its packages
+#   python_mb         Python environment build/venv
+#   disk_mb           growth of the system with build and results, without package lists
+#   again_seconds     second set-up
+# Needs root, debootstrap and a network. If one is missing, it prints the reason and exits with 77.
 set -euo pipefail
 
 ROOT=$(CDPATH='' cd -- "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 DEBIAN=bookworm
 CARRIED=(/etc/resolv.conf /etc/hosts /etc/apt/sources.list /etc/apt/sources.list.d /etc/apt/apt.conf.d /etc/apt/auth.conf.d
     /etc/apt/keyrings /etc/apt/trusted.gpg /etc/apt/trusted.gpg.d /etc/pip.conf)
-CERTIFICATES=/etc/ssl/certs/ca-certificates.crt # of this machine, beside those of the bare one
+CERTIFICATES=/etc/ssl/certs/ca-certificates.crt # of this machine, in addition
 
 absent() { echo "no bare Debian here: $*"; exit 77; }
 
 check() {
-    [ "$(id -u)" = 0 ] || absent "it takes root"
+    [ "$(id -u)" = 0 ] || absent "it needs root"
     command -v debootstrap >/dev/null || absent "debootstrap is not installed"
     # shellcheck disable=SC2016 # words of apt-get
     mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' "Codename: $DEBIAN" | head -n 1)
@@ -37,12 +36,12 @@ make_system() {
     for file in "${CARRIED[@]}"; do
         [ ! -e "$file" ] || { mkdir -p "$bare$(dirname "$file")" && cp -a -T "$file" "$bare$file"; }
     done
-    rm -f "$bare"/etc/apt/apt.conf.d/docker-* # a container's thrift, which a bare Debian has not
+    rm -f "$bare"/etc/apt/apt.conf.d/docker-* # settings of containers, which a bare Debian does not have
     if [ -e "$CERTIFICATES" ]; then cp "$CERTIFICATES" "$bare/etc/machine.crt"; fi
     git clone --quiet --no-hardlinks "$ROOT" "$bare/dahl"
 }
 
-inside() { # COMMAND...: in namespaces of its own, so that nothing is left mounted or running
+inside() { # COMMAND...: in new namespaces, so that all mounts and processes end
     local carried=(HOME=/root LC_ALL=C.UTF-8 PATH=/usr/sbin:/usr/bin:/sbin:/bin) name
     for name in http_proxy https_proxy no_proxy PIP_INDEX_URL; do
         if [ -n "${!name:-}" ]; then carried+=("$name=${!name}"); fi
@@ -60,7 +59,7 @@ disk_kb() { du -skx --exclude=var/lib/apt/lists --exclude=var/cache/apt "$bare" 
 seconds_of() { sed -n 's/^setup: done in \([0-9]*\) s$/\1/p' "$1"; }
 
 PATH=$PATH:/usr/sbin:/sbin
-[ $# -ge 1 ] || { echo 'error: bare_debian.sh wants a folder' >&2; exit 1; }
+[ $# -ge 1 ] || { echo 'error: bare_debian.sh needs a folder' >&2; exit 1; }
 mkdir -p "$1"
 folder=$(CDPATH='' cd -- "$1" && pwd)
 bare=$folder/system

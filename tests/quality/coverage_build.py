@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Builds that count what the C tests execute, each in a folder of its own under build/coverage.
+"""Build the C tests with counters, each form in a folder under build/coverage.
 
-The sources are those of CMakeLists.txt as they stand, with the flags that it gives them; only the
-instrumentation comes on top, and fewer ticks. Two forms of each file:
-  native   as this machine builds it. cpu_dispatch.h asks the processor for vectors; here the
-           environment answers (coverage_cpu.h), so that each road is taken, on this machine.
+Sources and flags are those of CMakeLists.txt. Instrumentation is added, and the tests run fewer
+ticks. Each file is built in two forms:
+  native   as this machine builds it. coverage_cpu.h answers for the processor, so that each branch
+           of cpu_dispatch.h runs on this machine.
   plain    as a compiler without extensions builds it (coverage_plain.h): the other side of each
            #if of compiler.h, fixed.h and cpu_dispatch.h, and one variant of each batch.
-What neither compiles is multiply_v6m.h, assembly for ARMv6-M: tests/target runs it on a Cortex-M0.
+Neither form compiles multiply_v6m.h, which is assembly for ARMv6-M: tests/target runs it on a
+Cortex-M0.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
-SIMULATION = "test_sim"  # of the loop around the node
+SIMULATION = "test_sim"  # the node loop
 
-# The codec and the receiver; what drives sockets, serial ports and boards is tested from outside.
+# Codec and receiver. Sockets, serial ports and boards are tested through their programs.
 FOLDERS = ("port", "port/loopback", "port/slcan", "port/socketcand", "host_sim", "lib/node")
 STEMS = ("frame_queue", "frames", "loopback", "slcan", "text", "node")
 
@@ -33,13 +34,13 @@ FEW_TICKS = "-DTEST_TICKS=20000 -DTEST_KERNEL_STRIDE=65537 -DTEST_FINEST_BITS=20
 
 
 def lib_sources(root: Path = ROOT) -> list[Path]:
-    """All of lib/ that a host compiles; what is written for a core is held to the C there."""
+    """Return the sources of lib/ for a host. tests/target compares code for one core with the C."""
     elsewhere = ("node", "cores")
     return sorted(p for p in root.glob("lib/**/*.[ch]") if p.parent.name not in elsewhere)
 
 
 def all_sources(root: Path = ROOT) -> list[Path]:
-    """All of lib/, the codec and the receiver."""
+    """Return the sources of lib/, the codec and the receiver."""
     found = (path for folder in FOLDERS for path in sorted((root / folder).glob("*.[ch]")))
     return lib_sources(root) + [path for path in found if path.stem in STEMS]
 
@@ -53,14 +54,14 @@ class Build:
 
     @property
     def programs(self) -> list[Path]:
-        """Its test programs."""
+        """Return its test programs."""
         parts = ("lib",) if self.is_plain else ("lib", "port")
         paths = [path for part in parts for path in sorted(ROOT.glob(f"tests/{part}/test_*.c"))]
         names = [path.relative_to(ROOT).with_suffix("") for path in paths]
         return [self.folder / name for name in names if name.name != SIMULATION]
 
     def make(self) -> None:
-        """Configure and build; what was built before and has not changed is kept."""
+        """Configure and build what has changed."""
         header = HERE / ("coverage_plain.h" if self.is_plain else "coverage_cpu.h")
         options = [
             "-DCMAKE_C_COMPILER=clang-19",
@@ -76,7 +77,7 @@ class Build:
 
 
 def call(command: Sequence[str], **environment: str) -> None:
-    """Run a command; its output is in the error, where it fails."""
+    """Run a command. If it fails, raise an error with its output."""
     done = subprocess.run(
         command,
         check=False,
@@ -90,7 +91,7 @@ def call(command: Sequence[str], **environment: str) -> None:
 
 
 def run_llvm(program: Path, profile: Path, cpu: Sequence[str] = ()) -> Path:
-    """Run a test program, which must pass; returns its profile."""
+    """Run a test program, which must pass, and return its profile."""
     profile.parent.mkdir(parents=True, exist_ok=True)
     profile.unlink(missing_ok=True)
     call([str(program)], LLVM_PROFILE_FILE=str(profile), DAHL_CPU=",".join(cpu))

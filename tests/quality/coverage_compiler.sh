@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 # Usage: coverage_compiler.sh COMPILER ARGUMENT...
-# Runs the compiler, and fails where it leaves a decision out of MC/DC (one within an operand of another decision): clang
-# only warns of that, -Werror or not.
+# Runs the compiler. Fails if a decision is left out of MC/DC because it is in an operand of another decision; clang only warns,
+# even with -Werror.
 said=$("$@" 2>&1)
 status=$?
 [ -z "$said" ] || printf '%s\n' "$said" >&2

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
-/* What cpu_dispatch.h asks of the processor, answered by the environment: so that one machine takes every road of it.
- * DAHL_CPU holds the names of the features that there are. Put before each source by -include; so it includes nothing itself,
- * since a source may first define what it wants of the system's headers. */
+/* The environment answers for the processor in cpu_dispatch.h, so that one machine runs each branch. DAHL_CPU has the names of
+ * the features. -include puts this file before each source. It includes no header, because a source may first define macros for the
+ * system's headers. */
 #ifndef COVERAGE_CPU_H
 #define COVERAGE_CPU_H
 

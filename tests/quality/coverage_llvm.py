@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""What `llvm-cov export` says, as holes: what no test has called, executed, decided.
+"""Read `llvm-cov export` and list the holes: code that no test has called, executed or decided.
 
-A function of a header has one instance in each file that includes it, and one for each program.
-What one of them has executed counts for all: counts are added, independence pairs are united.
-A macro is no such thing: what it expands to is counted apart for each place that uses it, and
-functions that a macro makes are counted apart for each name.
+If a function of a header has instances in several files or programs, they count as one: counts are
+added and independence pairs are united. A macro is counted separately for each place that uses it.
+Functions that a macro defines are counted separately for each name.
 """
 
 from __future__ import annotations
@@ -23,18 +22,18 @@ EXPANSION = 1  # kind of a region
 
 @dataclass(frozen=True, order=True)
 class Place:
-    """In a file; then, where that is a macro's name, within the macro."""
+    """A place in a file; if the name there is a macro, also a place within the macro."""
 
     spans: tuple[Span, ...]
-    maker: str = ""  # the function, where a macro makes several of the same text
+    maker: str = ""  # the function, if a macro defines several with the same text
 
     @property
     def line(self) -> int:
-        """Where it begins in the file."""
+        """Return the start of the region in the file."""
         return self.spans[0][0]
 
     def is_within(self, around: Place) -> bool:
-        """Whether this is a part of the other, itself or by a macro that is used there."""
+        """Return whether this is within the other region, directly or by a macro that it uses."""
         depth = len(around.spans) - 1
         if len(self.spans) <= depth or self.spans[:depth] != around.spans[:depth]:
             return False
@@ -42,7 +41,7 @@ class Place:
         return self.maker == around.maker and outer[:2] <= inner[:2] and inner[2:] <= outer[2:]
 
     def hole(self, what: str) -> tuple[int, int, str]:
-        """Line, column and what is missing there."""
+        """Return line, column and the kind of the hole."""
         macro = "".join(f", in the macro at {span[0]}:{span[1]}" for span in self.spans[1:])
         maker = f", in {self.maker}" if self.maker else ""
         return self.spans[0][0], self.spans[0][1], what + macro + maker
@@ -55,10 +54,12 @@ class FileCoverage:
     functions: dict[tuple[Place, str], int] = field(default_factory=dict)
     lines: dict[int, int] = field(default_factory=dict)
     branches: dict[Place, list[int]] = field(default_factory=dict)  # times true, times false
-    decisions: dict[Place, list[bool]] = field(default_factory=dict)  # conditions shown to decide
+    decisions: dict[Place, list[bool]] = field(
+        default_factory=dict
+    )  # conditions with an independence pair
 
     def add_branch(self, place: Place, true: int, false: int) -> None:
-        """Count one instance of a branch."""
+        """Add the counts of one instance of a branch."""
         counts = self.branches.setdefault(place, [0, 0])
         counts[0] += true
         counts[1] += false
@@ -69,11 +70,11 @@ class FileCoverage:
         self.decisions[place] = [a or b for a, b in zip(before, shown, strict=True)]
 
     def conditions_of(self, decision: Place) -> list[Place]:
-        """The branches within a decision, in the order of the source."""
+        """Return the branches within a decision, in the order of the source."""
         return sorted(place for place in self.branches if place.is_within(decision))
 
     def totals(self) -> dict[str, tuple[int, int]]:
-        """Reached and all: functions, lines, sides of branches, conditions."""
+        """Return reached and total numbers of functions, lines, sides of branches, conditions."""
         reached = {
             "functions": [n > 0 for n in self.functions.values()],
             "lines": [n > 0 for n in self.lines.values()],
@@ -83,7 +84,7 @@ class FileCoverage:
         return {kind: (sum(each), len(each)) for kind, each in reached.items()}
 
     def without_uncalled(self) -> FileCoverage:
-        """The same file as a run sees it that never calls some of its functions."""
+        """Return the file without the functions that a run cannot call."""
         called = {key: n for key, n in self.functions.items() if n > 0}
         bodies = [place.spans[0] for place, _ in self.functions.keys() - called.keys()]
 
@@ -98,7 +99,7 @@ class FileCoverage:
         )
 
     def holes(self) -> list[tuple[int, int, str]]:
-        """Line, column and what is missing there."""
+        """Return line, column and kind of each hole."""
         found = [
             place.hole(f"function {name} never called")
             for (place, name), n in self.functions.items()
@@ -119,14 +120,14 @@ class FileCoverage:
 
 
 def merge(profiles: Iterable[Path], to: Path) -> Path:
-    """One profile of many runs."""
+    """Merge the profiles of many runs."""
     command = ["llvm-profdata-19", "merge", "-o", str(to), *map(str, profiles)]
     subprocess.run(command, check=True, capture_output=True, text=True, timeout=60)
     return to
 
 
 def export(profile: Path, programs: Sequence[Path], sources: Sequence[Path], form: str) -> str:
-    """The text of `llvm-cov export`."""
+    """Return the output of `llvm-cov export`."""
     objects = [word for program in programs for word in ("-object", str(program))]
     command = ["llvm-cov-19", "export", f"-format={form}", f"-instr-profile={profile}", *objects]
     command += ["-sources", *map(str, sources)]
@@ -135,7 +136,7 @@ def export(profile: Path, programs: Sequence[Path], sources: Sequence[Path], for
 
 
 def read_lines(lcov: str, files: dict[str, FileCoverage]) -> None:
-    """Lines come from the lcov form, which has all instances put together."""
+    """Return the counts of lines. The lcov form has merged all instances."""
     name = ""
     for record in lcov.splitlines():
         key, _, value = record.partition(":")
@@ -147,17 +148,17 @@ def read_lines(lcov: str, files: dict[str, FileCoverage]) -> None:
 
 
 def bare(function: dict[str, Any]) -> str:
-    """The name in the source; a static function's has its file before it."""
+    """Return the name in the source; the name of a static function has its file as prefix."""
     return str(function["name"]).rsplit(":", maxsplit=1)[-1]
 
 
 def start_of(function: dict[str, Any]) -> tuple[str, Span]:
-    """Where its body begins: file and place."""
+    """Return file and position of the start of its body."""
     return function["filenames"][0], tuple(function["regions"][0][:4])
 
 
 def ways_of(function: dict[str, Any]) -> list[tuple[str, tuple[Span, ...]]]:
-    """For each file id of a function: the file's name, and the uses of macros that lead to it."""
+    """Return for each file id of a function its file, and the macro uses that lead to it."""
     uses = {
         expanded: (parent, tuple(span))
         for *span, _, parent, expanded, kind in function["regions"]
@@ -175,7 +176,7 @@ def ways_of(function: dict[str, Any]) -> list[tuple[str, tuple[Span, ...]]]:
 
 
 def read_function(function: dict[str, Any], maker: str, files: dict[str, FileCoverage]) -> None:
-    """Branches, and then decisions: those do not say their file id, but their branches do."""
+    """Add branches, then decisions. A decision has no file id; its branches give it."""
     ways = ways_of(function)
     name, span = start_of(function)
     key = Place((span,), maker), bare(function)
@@ -201,7 +202,7 @@ def read_function(function: dict[str, Any], maker: str, files: dict[str, FileCov
 def measure(
     profile: Path, programs: Sequence[Path], sources: Sequence[Path]
 ) -> dict[Path, FileCoverage]:
-    """Coverage of each of the sources, absolute paths; a source without code has no lines."""
+    """Return the coverage of each source (absolute path). A source without code has no lines."""
     wanted = set(map(str, sources))
     data = json.loads(export(profile, programs, sources, "text"))["data"][0]
     functions = [f for f in data["functions"] if start_of(f)[0] in wanted]
@@ -217,7 +218,7 @@ def measure(
 
 
 def holes_of(files: dict[Path, FileCoverage], base: Path) -> list[str]:
-    """All holes as file:line:column: what."""
+    """Return all holes as file:line:column: kind."""
     return [
         f"{path.relative_to(base)}:{line}:{column}: {what}"
         for path, coverage in sorted(files.items())

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
-/* The forms that a compiler without extensions takes (compiler.h, multiply.h, cpu_dispatch.h). What the system's headers
- * need of the compiler is read before. Put before each source by -include. */
+/* Compile as a compiler without extensions (compiler.h, multiply.h, cpu_dispatch.h). The system's headers are read before,
+ * because they need the extensions. -include puts this file before each source. */
 #ifndef COVERAGE_PLAIN_H
 #define COVERAGE_PLAIN_H
 

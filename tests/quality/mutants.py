@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""Small faults of the C sources, one at a time: does a C test notice? On demand, hours for all.
+"""Insert small faults into the C sources, one at a time, and run the C tests. All of them run for
+hours.
 
     build/venv/bin/python tests/quality/mutants.py [--function dahl_prepare] [--sample 50]
 
-tree-sitter finds what can be changed. Each mutant is compiled into a shared library (lib, codec,
-line reader, receiver); the test programs are built once and run on it until one fails. What
-lives is printed; whether that is a hole in the tests or means the same is for a reader to judge:
-survivors.toml names the functions where that was done, with the reason.
+tree-sitter finds the places. A mutant is compiled into a shared library (lib, codec, line reader,
+receiver). The test programs are built once and run with it until one fails. Each survivor is
+printed. A reader must judge if it is a hole in the tests or means the same; survivors.toml lists
+the judged functions with the reason.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ FLAGS += ["-DTEST_KERNEL_STRIDE=65537u", "-DTEST_FINEST_BITS=20"]
 TESTS = ["port/test_frames", "port/test_node", "port/test_node_params", "port/test_node_laws"]
 TESTS += ["port/test_slcan"]
 TESTS += [f"lib/{path.stem}" for path in sorted((ROOT / "tests/lib").glob("test_*.c"))]
-SECONDS = 60  # of a test program; more is an endless loop
+SECONDS = 60  # [s] for a test program; a longer run is an endless loop
 
 BINARY = {
     "<": "<= >=", "<=": "< >", ">": ">= <=", ">=": "> <", "==": "!=", "!=": "==",
@@ -56,7 +57,7 @@ CLOSED = {"gnu_asm_expression", "sizeof_expression", "comment", "preproc_include
 
 @dataclass(frozen=True)
 class Mutant:
-    """Bytes start..end of a file become `text`."""
+    """Replace bytes start..end of a file by `text`."""
 
     file: Path
     function: str
@@ -76,7 +77,7 @@ def text_of(node: tree_sitter.Node | None) -> str:
 
 
 def numbers(text: str) -> list[str]:
-    """Other integers in the place of one, of the same suffix."""
+    """Return other integers with the suffix of this one."""
     digits = text.rstrip("uUlL")
     try:
         value = int(digits, 0)
@@ -143,7 +144,7 @@ def walk(node: tree_sitter.Node, file: Path, function: str) -> Iterator[Mutant]:
 
 
 def mutants() -> list[Mutant]:
-    """Of all units and private headers; what a macro of the compiler hides is left out."""
+    """Return the mutants of all units and private headers, except behind a compiler macro."""
     files = [*UNITS, *HEADERS]
     return [m for file in files for m in walk(PARSER.parse(file.read_bytes()).root_node, file, "")]
 
@@ -163,7 +164,7 @@ class Bench:
         assert not self.notices(), "a test fails on the sources as they are"
 
     def library(self) -> str | None:
-        """Compile it; its digest, or None where it does not compile."""
+        """Compile it. Return its digest, or None if it does not compile."""
         target = self.folder / "libunder_test.so"
         units = [self.folder / unit.relative_to(ROOT) for unit in UNITS]
         command = ["gcc", *FLAGS, "-shared", "-fPIC", *self.includes, *units, "-o", target]
@@ -179,7 +180,7 @@ class Bench:
         return target
 
     def notices(self, source: str = "") -> bool:
-        """Whether a test program fails, crashes or does not end; first that of this source."""
+        """Return whether a test program fails, crashes or does not end; its own runs first."""
         for program in sorted(self.programs, key=lambda each: source not in each.name):
             try:
                 done = subprocess.run([program], capture_output=True, timeout=SECONDS, check=False)
@@ -190,7 +191,7 @@ class Bench:
         return False
 
     def lives(self, mutant: Mutant) -> bool:
-        """Whether a mutant compiles to other code that no test notices."""
+        """Return whether a mutant compiles to other code and passes all tests."""
         path = self.folder / mutant.file.relative_to(ROOT)
         before = path.read_bytes()
         path.write_bytes(before[: mutant.start] + mutant.text.encode() + before[mutant.end :])
@@ -202,7 +203,7 @@ class Bench:
 
 
 def survivors(chosen: Iterable[Mutant], jobs: int = os.cpu_count() or 1) -> list[Mutant]:
-    """Those of the chosen that no test notices, and that are in no reviewed function."""
+    """Return the chosen mutants that pass all tests and are in no judged function."""
     reviewed = tomllib.loads(LIST.read_text())
     with tempfile.TemporaryDirectory(prefix="dahl-mutants-") as folder:
         benches: Queue[Bench] = Queue()

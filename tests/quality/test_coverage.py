@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Every line, every side of every branch and every condition (MC/DC) of lib/, of the codecs of
-port/ and of the receiver is exercised by the C tests of tests/lib and tests/port.
+"""The C tests of tests/lib and tests/port reach every line, both sides of every branch, and every
+condition (MC/DC) of lib/, of the codecs of port/ and of the receiver.
 
-By clang's source coverage. No line is excluded, in the sources or here. A hole is named by
-file:line:column.
+The tool is clang's source coverage. No line is excluded. A hole is printed as file:line:column.
 """
 
 from __future__ import annotations
@@ -22,21 +21,21 @@ FOLDER = ROOT / "build/coverage"
 NATIVE = coverage_build.Build(FOLDER / "native", False)
 PLAIN = coverage_build.Build(FOLDER / "plain", True)
 
-# Features that the batches ask for, one more in each row; with these rows each of its
-# conditions decides once.
+# Processor features that the batches need, one more in each row: with these rows each condition
+# decides once.
 CPUS = [(), ("avx2",), ("avx2", "fma")]
 CPUS += [(*CPUS[2], "avx512bw"), (*CPUS[2], "avx512bw", "avx512dq")]
 CPUS += [(*CPUS[4], "avx512vl")]
 VECTORS = {"none": CPUS[0], "AVX2": CPUS[2], "AVX-512": CPUS[5]}
 CLAIM = "100 % of lines, branches and MC/DC"
 
-# Those that are compiled once for each set of vectors.
+# Sources that are compiled once for each set of vectors.
 BY_CPU = ("test_batch", "test_fast_parallel")  # programs that ask the processor for vectors
 VARIED = re.compile(r"channels|fast$")
 
 
 def has(cpu: tuple[str, ...]) -> bool:
-    """Whether this machine's processor has these features."""
+    """Return whether this machine's processor has these features."""
     try:
         words = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:
@@ -55,7 +54,7 @@ def tools() -> None:
 
 @pytest.fixture(scope="session")
 def native() -> list[Path]:
-    """Profiles of all programs; those of the fast batches run once for each processor."""
+    """Return the profiles of all programs; fast batches run once for each processor."""
     tools()
     NATIVE.make()
     profiles = FOLDER / "profiles"
@@ -71,19 +70,19 @@ def native() -> list[Path]:
 
 
 def report(files: dict[Path, coverage_llvm.FileCoverage]) -> None:
-    """A line for each file, for the reader of -rP."""
+    """Print a line for each file, for pytest -rP."""
     for path, coverage in sorted(files.items()):
         numbers = (f"{kind} {n}/{all_}" for kind, (n, all_) in coverage.totals().items())
         print(f"{str(path.relative_to(ROOT)):36}", *numbers)
 
 
 def called(path: Path, coverage: coverage_llvm.FileCoverage) -> coverage_llvm.FileCoverage:
-    """Of the batches, what a processor calls: some of their functions are for one with AVX-512."""
+    """Remove the functions of a batch that this processor does not call."""
     return coverage.without_uncalled() if path in BATCHES else coverage
 
 
 def unseen(files: dict[Path, coverage_llvm.FileCoverage]) -> list[str]:
-    """Sources without one counted line: no program links them."""
+    """Return the sources without a counted line: they are in no program."""
     return [
         f"{path.relative_to(ROOT)}:1:1: in no program"
         for path, coverage in files.items()
@@ -96,7 +95,7 @@ def expect_none(holes: list[str], of: str) -> None:
 
 
 def test_lines_branches_and_conditions(native: list[Path], tmp_path: Path) -> None:
-    """As this machine builds it, each road of the batches taken."""
+    """As this machine builds it, with each branch of the batches."""
     profile = coverage_llvm.merge(native, tmp_path / "all.profdata")
     files = coverage_llvm.measure(profile, NATIVE.programs, coverage_build.all_sources())
     report(files)
@@ -110,8 +109,8 @@ def test_lines_branches_and_conditions(native: list[Path], tmp_path: Path) -> No
 
 @pytest.mark.parametrize("vectors", VECTORS)
 def test_batches_with_each_set_of_vectors(native: list[Path], vectors: str, tmp_path: Path) -> None:
-    """The variants share most of their source, so each is counted by a run of its own: of what it
-    calls. That some variant calls each function, the test of all of them says.
+    """The variants share most of their source, so each is counted in a separate run. The test of
+    all variants checks that each function is called.
     """
     if not has(VECTORS[vectors]):
         pytest.skip(f"unproven: {CLAIM} of the {vectors} batches: this processor has none")

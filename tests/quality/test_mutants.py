@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Small faults of the C sources are noticed by the C tests: a sample, and with --soak all."""
+"""The C tests detect small faults in the C sources: a sample of them, or all with --soak."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The bitwise batches against single steps, briefly: for a core that is emulated. Prints the ticks that differ. */
+/* Compare the bitwise batches with single steps, briefly for an emulated core. Prints the ticks that differ. */
 #include <stdio.h>
 #include <string.h>
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the static checks share: which files are the product, and how they are compiled."""
+"""Sources and compiler flags of the static checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from conftest import ROOT
 LIB = sources.ALL
 CODEC = [p for p in sources.NODE if p.stem == "frames"] + [ROOT / "port/slcan/slcan.c"]
 NODE = [p for p in sources.NODE if p.stem == "node"]
-FIRMWARE = LIB + CODEC + NODE  # what a microcontroller links, but for its start-up
+FIRMWARE = LIB + CODEC + NODE  # linked into firmware, without start-up code
 START_UP = sorted(p for core in ("cortex_m", "riscv", "avr") for p in ROOT.glob(f"port/{core}/*.c"))
 DESK = sorted({*ROOT.glob("port/**/*.c"), *ROOT.glob("host_sim/*.c")} - {*FIRMWARE, *START_UP})
 HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"{part}/**/*.h"))
@@ -20,8 +20,8 @@ HEADERS = sorted(p for part in ("lib", "port", "host_sim") for p in ROOT.glob(f"
 INCLUDES = sources.INCLUDES
 PLAIN = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", *INCLUDES]
 
-# For all of the product's C. What is left out: -Wswitch-enum, since -Wswitch-default asks for the
-# branch that stands for all other cases.
+# Warnings for all C of the product. -Wswitch-enum is off because -Wswitch-default requires a
+# branch for all other cases.
 BOTH = """
     -pedantic -Wall -Wextra -Wconversion -Wsign-conversion -Wdouble-promotion -Wfloat-conversion
     -Wfloat-equal -Wundef -Wshadow -Wcast-qual -Wmissing-prototypes -Wstrict-prototypes
@@ -40,7 +40,7 @@ GCC = (
     """.split()
 )
 
-# Every warning that clang has, but these.
+# All warnings of clang except these.
 NOT_MEANT = {
     "padded": "a struct's order follows its meaning; no struct goes over a wire as it lies",
     "unsafe-buffer-usage": "speaks of C++: in C an array is reached by a pointer",
@@ -52,7 +52,7 @@ CLANG = [*PLAIN, "-Werror", "-Weverything", *(f"-Wno-{word}" for word in NOT_MEA
 
 
 def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tuple[int, str]:
-    """Exit code, and all that a command says."""
+    """Return exit code and output of a command."""
     done = subprocess.run(
         [str(word) for word in command],
         stdout=subprocess.PIPE,
@@ -66,12 +66,12 @@ def call(*command: object, cwd: Path | None = None, timeout: float = 280) -> tup
 
 
 def clean(*command: object, cwd: Path | None = None) -> None:
-    """A command must end well and say nothing."""
+    """Check that a command succeeds without output."""
     status, text = call(*command, cwd=cwd)
     assert (status, text) == (0, ""), text
 
 
 def name_of(path: str, root: Path = ROOT) -> str:
-    """A file's name from the project's folder on, or as it is."""
+    """Return the path of a file in the project, or the full path of another file."""
     place = Path(path)
     return str(place.relative_to(root)) if place.is_relative_to(root) else path

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The Python of the project in one style: ruff's rules (complexity at most 8 among them), ruff's
-format, functions of at most 40 lines. The rules stand in pyproject.toml.
+"""The Python of the project has one style: rules of ruff (complexity at most 8), format of ruff,
+functions of at most 40 lines. The rules are in pyproject.toml.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LONGEST = 40  # lines of a function, from its def to its end
 
 
 def sources() -> list[Path]:
-    """Every Python file of the project."""
+    """Return all Python files of the project."""
     return sorted(
         path for part in ("tools", "tests", "examples") for path in (ROOT / part).rglob("*.py")
     )
@@ -37,7 +37,7 @@ def ruff(*words: object) -> subprocess.CompletedProcess[str]:
 
 
 def too_long(path: Path) -> list[str]:
-    """Functions of more than LONGEST lines."""
+    """Return the functions with more than LONGEST lines."""
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef)
     found = (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, kinds))
     lengths = ((node, (node.end_lineno or 0) - node.lineno + 1) for node in found)

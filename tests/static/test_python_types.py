@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The Python of tools/ as mypy --strict sees it: no finding, and no blanket ignore. The settings
-stand in pyproject.toml, each package without types with its reason.
+"""mypy --strict accepts the Python of tools/, without a blanket ignore. The settings are in
+pyproject.toml, with a reason for each package without types.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ TOOLS = ROOT / "tools"
 
 
 def mypy(*files: Path | str) -> subprocess.CompletedProcess[str]:
-    """Run it; what it learned of the libraries is kept in the build."""
+    """Run mypy; its cache is in the build folder."""
     command = [sys.executable, "-m", "mypy", "--config-file", ROOT / "pyproject.toml"]
     command += ["--cache-dir", BUILD.parent / "mypy", "--no-error-summary", *files]
     return subprocess.run(
@@ -31,7 +31,7 @@ def test_strict() -> None:
 
 
 def test_what_users_copy_is_typed(tmp_path: Path) -> None:
-    """The examples, and each Python block of the pages: no finding but a test's missing types."""
+    """The examples and the Python blocks of the pages have types, except of test functions."""
     pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
     blocks = [
         block

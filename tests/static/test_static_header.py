@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""Each header by itself, in every language that a user may have: it includes what it needs, may be
-included twice and in two translation units that are linked, and warns of nothing.
+"""Each public header compiles alone in each supported language, twice in a file, and in two linked
+files, without a warning.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ WARNINGS = (
 )
 C = ["c99", "c11", "c17"]
 CPP = ["c++11", "c++17", "c++20"]
-# Of a user: those that say extern "C". The others are the project's own, for C alone.
+# Public headers have extern "C". The others are private, for C only.
 PUBLIC = [path for path in static.HEADERS if 'extern "C"' in path.read_text()]
-# For one core, and for the compiler of that core (test_static_warnings.py reads them there).
+# For one core and its compiler (test_static_warnings.py compiles them).
 OF_A_CORE = {"multiply_v6m.h", "cortex_m.h", "semihosting.h"}
 OWN = [path for path in static.HEADERS if path not in PUBLIC and path.name not in OF_A_CORE]
 
@@ -30,7 +30,7 @@ def compilers(standard: str) -> list[str]:
 
 
 def alone(headers: list[Path], standard: str, folder: Path) -> str:
-    """What the compilers say of files that each include one header, twice, and nothing else."""
+    """Return the warnings for files that include one header twice and have no other code."""
     said = ""
     suffix = ".cpp" if "++" in standard else ".c"
     files = []
@@ -56,7 +56,7 @@ def test_private_header_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("standard", ["c99", "c++11"])
 def test_headers_in_two_linked_files(standard: str, tmp_path: Path) -> None:
-    """No header defines what two translation units could not both have."""
+    """No header has a definition that two linked files cannot both have."""
     suffix = ".cpp" if "++" in standard else ".c"
     lines = "".join(f'#include "{path}"\n' for path in PUBLIC)
     other, main = tmp_path / f"other{suffix}", tmp_path / f"main{suffix}"

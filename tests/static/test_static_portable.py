@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Other machines: the golden bits and the C tests of library, codec and receiver on a big-endian
-core (s390x, under qemu-user), and from a compiler without GNU's extensions; the batches also in 32
-bits and without 128-bit words. (tests/python/library/test_bits.py has the golden bits in 32 bits.)
+"""Other machines: golden bits and C tests of library, codec and receiver on a big-endian core
+(s390x, with qemu-user) and without extensions of GNU; the batches also in 32 bits and without
+128-bit words. (tests/python/library/test_bits.py has the golden bits in 32 bits.)
 
-Accuracy against long double is not repeated there: the bits are the same, so are their errors. The
-batches run briefly on the big-endian core: their own test takes minutes under emulation.
+The accuracy tests do not run there: equal bits have equal errors. The batches run briefly on the
+big-endian core, because their own test needs minutes under emulation.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WORDS += [f"-I{ROOT}/tests/lib", f"-I{ROOT}/tests/port"]
 
 @dataclass(frozen=True)
 class Machine:
-    """How programs are made for a machine, and what runs them here."""
+    """Compiler and runner of the programs for one machine."""
 
     compiler: str
     words: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ MACHINES = {
 
 @pytest.fixture(scope="module", autouse=True)
 def s390x_is_here() -> None:
-    """The linker and C library for it are packages of their own."""
+    """Its linker and C library are separate packages."""
     need("s390x-linux-gnu-ld", CLAIM)
 
 
@@ -76,7 +76,7 @@ def unit(machine: Machine, test: str, folder: Path, sources: list[Path]) -> tupl
 
 @pytest.fixture(scope="module")
 def big_endian(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """What firmware links, compiled once."""
+    """The sources of firmware, compiled once."""
     folder = tmp_path_factory.mktemp("s390x")
     words = [*S390X.words, *WORDS]
     needed = [path for path in static.FIRMWARE if path not in BATCHES]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""clang-tidy 19 finds nothing: bugprone, cert, clang-analyzer, misc, performance, portability, and
-the house rule that a function has at most 40 lines and complexity 8. clang-tidy.yaml says what is
-left out, each check with its reason.
+"""clang-tidy 19 accepts the C: bugprone, cert, clang-analyzer, misc, performance, portability, and
+functions of at most 40 lines and complexity 8. clang-tidy.yaml has a reason for each check that
+is off.
 """
 
 from __future__ import annotations

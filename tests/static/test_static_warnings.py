@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""gcc and clang, nearly every warning they have, as errors: over lib, port and host_sim on this
-machine, and over what firmware links with the compilers of small cores. And gcc's -fanalyzer over
-lib. static_tools.py has the lists, and the reason for each warning of clang that is off.
+"""gcc and clang accept lib, port and host_sim with nearly all their warnings as errors, and the
+compilers of small cores the C of firmware. gcc -fanalyzer accepts lib. static_tools.py gives a
+reason for each warning of clang that is off.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import static_tools as static
 from conftest import ROOT, need
 
 CLAIM = "no warning of {} at its strictest"
-# What is in the rest of the words that a core's compiler is called with, by a name for the core.
+# Name of a core, by the other words that its compiler is called with.
 ARM = "arm-none-eabi-gcc"
 CORES = {
     "m0": [ARM, "-mthumb", "-mcpu=cortex-m0"],

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-# Runs COMMAND; its output must be the lines of the file EXPECTED, of them those that begin with one of the words ONLY where it is
-# given, and it must end well.
+# Run COMMAND. It must succeed and print the lines of the file EXPECTED. If ONLY is given, the lines are those that begin with one
+# of its words.
 execute_process(COMMAND ${COMMAND} OUTPUT_VARIABLE printed RESULT_VARIABLE status)
 if(ONLY)
     string(REPLACE ";" "|" words "${ONLY}")

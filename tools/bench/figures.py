@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The two pictures: cost against error on each core with the front of what can be had, and the
-growth of the error beside the cost of sampling. On white, so that a dark page shows them as a light
-one does.
+"""Draw cost against error for each core, and the growth of the error with the cost of sampling.
+
+The background is white, so that pages with a dark theme show the same picture.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from results import CORES, Point, core_points, host_points, motions_of  # noqa: 
 OURS, RIVAL, FRONT = "#d1495b", "#5b6b7c", "#e9a3ac"
 COLOURS = ["#d1495b", "#8f2d56", "#30638e", "#7c8b9c", "#3c896d", "#b07d2b"]
 TITLES = {"m0": "Cortex-M0", "m3": "Cortex-M3", "m4f": "Cortex-M4F", "host": "this host"}
-TOP, BOTTOM = 3.0, 1e-10  # errors drawn: what diverges stands at the top, what is exact at the foot
+TOP, BOTTOM = 3.0, 1e-10  # drawn errors: diverging methods at the top, exact ones at the bottom
 ULP = 2**-24
 
 
@@ -36,7 +36,7 @@ def drawn_error(point: Point) -> float:
 
 
 def front(points: list[Point]) -> list[Point]:
-    """The points that no other beats in both, from the cheapest on."""
+    """Return the points that no other point beats in cost and error, cheapest first."""
     kept: list[Point] = []
     for point in sorted(points, key=lambda p: (p.mean_cost(), p.worst())):
         if not kept or point.worst() < kept[-1].worst():
@@ -45,7 +45,7 @@ def front(points: list[Point]) -> list[Point]:
 
 
 def clusters(points: list[Point]) -> list[list[Point]]:
-    """Points too close to each other for a label each."""
+    """Group points that are too close for separate labels."""
     groups: list[list[Point]] = []
     for point in sorted(points, key=lambda p: (p.ours, drawn_error(p), p.mean_cost())):
         for group in groups:
@@ -79,7 +79,7 @@ def label(axes: Axes, group: list[Point], numbers: dict[str, int]) -> None:
 
 
 def key(figure: Figure, titles: dict[str, bool]) -> None:
-    """Number and name of every way, ours in red, below the panels."""
+    """Write number and name of each method below the panels; ours are red."""
     from matplotlib import patches
 
     handles = [
@@ -96,7 +96,7 @@ def key(figure: Figure, titles: dict[str, bool]) -> None:
 def panel(
     axes: Axes, points: list[Point], title: str, floor: float, numbers: dict[str, int]
 ) -> None:
-    """Cost against error; red is ours."""
+    """Draw cost against error; ours are red."""
     line = front(points)
     axes.plot(
         [p.mean_cost() for p in line],
@@ -170,12 +170,12 @@ def growth_panel(axes: Axes, host: dict[str, Any]) -> None:
 def sampling_panel(
     axes: Axes, target: dict[str, Any], host: dict[str, Any], core: str = "m4f"
 ) -> None:
-    """Instructions a second that an error of 1e-3 takes, against the sampling rate."""
+    """Draw instructions per second for an error of 1e-3, over the sampling rate."""
     from results import SOLVERS, parts_cost
 
     counted = motions_of(target, core)["two_one_24"]
     rates = sorted({row["rate"] for row in host["rates"]})
-    # A count is 1/2607 of the 0.1 rad: above 205 samples/s no tick moves by more than 8 counts.
+    # A count is 1/2607 of 0.1 rad. Above 205 samples/s, no tick moves more than 8 counts.
     long_moves = motions_of(target, core)["sine_12"]["counts_q30"]
     ours = [r * (counted["counts_q30"] if r > 205 else long_moves) for r in rates]
     axes.plot(rates, ours, "-", color=OURS, linewidth=2.5, label="dahl_step_counts_q30")
@@ -209,7 +209,7 @@ def growth(target: dict[str, Any], host: dict[str, Any]) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """The old picture stays until the new one is whole."""
+    """Replace a picture by a complete one."""
     part = path.with_name(f".{os.getpid()}{path.name}")
     try:
         kind = path.suffix[1:]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Errors and speed of every way on this host; writes build/bench/host.json.
+"""Measure errors and speed of all methods on this host; write build/bench/host.json.
 
-Errors against long double are the same on every machine with the same libm; nanoseconds are not,
-and count as ratios within one run only. `--quick` takes shorter motions.
+Errors against long double are the same on all machines with the same libm. Times are not: compare
+them within one run only. `--quick` runs shorter motions.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ PARTS_MOST = 4096
 
 @dataclass(frozen=True)
 class Sizes:
-    """Ticks of each kind of run; those of the README's tables are the same in both."""
+    """Number of ticks of each measurement. Both modes use the same ticks for published errors."""
 
     errors: int
     parts: int
@@ -72,12 +72,12 @@ def build() -> None:
 
 
 def rows(*arguments: object, timeout: float = 1500) -> list[dict[str, Any]]:
-    """What host_bench prints, line by line."""
+    """Run host_bench and return its lines."""
     text = run(PROGRAM, *arguments, timeout=timeout)
     return [json.loads(line) for line in text.splitlines()]
 
 
-DIVERGED = 1e99  # stands for infinite and NaN, which JSON does not have
+DIVERGED = 1e99  # replaces infinity and NaN, which JSON does not have
 
 
 def number(text: object) -> float:
@@ -86,7 +86,7 @@ def number(text: object) -> float:
 
 
 def measure_errors(sizes: Sizes) -> dict[str, dict[str, list[float]]]:
-    """Scenario -> way -> worst, RMS error of F/Fc."""
+    """Return worst and RMS error of F/Fc, by scenario and method."""
     say(f"errors: {sizes.errors:,} ticks of each motion, every way")
     result: dict[str, dict[str, list[float]]] = {}
     for row in rows("errors", sizes.errors):
@@ -100,7 +100,7 @@ def solver_error(way: str, parts: int, scenario: str, ticks: int) -> float:
 
 
 def fewest_parts(way: str, limit: float, ticks: int = 20_000) -> int:
-    """Parts of a tick, a power of 2, with which a solver meets the limit on sine_12; 0: none."""
+    """Return the least parts of a tick, a power of 2, that meet the limit on sine_12, or 0."""
     parts = 1
     while parts <= PARTS_MOST:
         if solver_error(way, parts, "sine_12", ticks) <= limit:
@@ -110,7 +110,7 @@ def fewest_parts(way: str, limit: float, ticks: int = 20_000) -> int:
 
 
 def measure_parts(sizes: Sizes, scenarios: list[str]) -> list[dict[str, Any]]:
-    """Each solver with the parts that 1e-3 and 1e-6 take, and its errors with these."""
+    """Return the parts that each solver needs for 1e-3 and 1e-6, and its errors with them."""
     say("solvers with sub-steps for 1e-3 and 1e-6")
     result = []
     for way in SOLVERS:
@@ -136,7 +136,7 @@ def measure_growth(sizes: Sizes) -> list[dict[str, Any]]:
 
 
 def measure_speed(sizes: Sizes) -> dict[str, dict[str, float]]:
-    """Scenario -> way -> ns a tick; nothing else may run meanwhile."""
+    """Return ns per tick, by scenario and method. No other work may run at the same time."""
     say("speed")
     result: dict[str, dict[str, float]] = {}
     for row in rows("speed", sizes.speed):
@@ -158,7 +158,7 @@ def outside_task(sizes: Sizes) -> dict[str, Any]:
 
 
 def measure_outside(sizes: Sizes) -> dict[str, dict[str, Any]]:
-    """MuJoCo, Newton, SciPy; each with its errors and ns a tick, or why it is missing."""
+    """Return errors and ns per tick of MuJoCo, Newton and SciPy, or why one is missing."""
     say("rivals from outside: MuJoCo, Newton, SciPy")
     python = VENV / "bin" / "python"
     if not (VENV / ".complete").exists():
@@ -188,7 +188,7 @@ def best_time(work: Callable[[], object], rounds: int = 7) -> float:
 
 
 def measure_python() -> dict[str, float]:
-    """ns a tick from Python: one call a tick, and one call for all."""
+    """Return ns per tick from Python: one call per tick, and one call for all ticks."""
     import dahl
 
     moves = np.random.default_rng(1).integers(-8, 9, 1_000_000).astype(np.int32)
@@ -203,12 +203,11 @@ def measure_python() -> dict[str, float]:
         "throughput_ns": best_time(lambda: throughput.run_counts(moves, out=out))
         / len(moves)
         * 1e9,
-        "empty_batch_ns": best_time(lambda: bearing.run_counts(moves[:0], out[:0]), 200) * 1e9,
     }
 
 
 def measure_threads(ticks: int) -> dict[str, float]:
-    """ns a tick of one long log from Python, by its number of threads: up to the cores here."""
+    """Return ns per tick of one long log, by number of threads."""
     import dahl
 
     moves = np.random.default_rng(1).integers(-8, 9, ticks).astype(np.int32)
@@ -219,7 +218,7 @@ def measure_threads(ticks: int) -> dict[str, float]:
 
 
 def measure_mixes() -> dict[str, dict[str, float]]:
-    """ns a tick of slip elements and of a mix: the C tick after tick, and the vectors."""
+    """Return ns per tick of slip elements and of a mix: single steps, and vectors."""
     import dahl
 
     moves = np.random.default_rng(1).integers(-8, 9, 200_000).astype(np.int32)

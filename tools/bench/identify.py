@@ -1,13 +1,12 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
-"""What an identification costs: time of a million rows, the same fit by SciPy's solve_ivp on a
-shorter log, and memory per row.
+"""Measure time and memory of an identification, and the time of the same fit by solve_ivp.
 
 Usage: build/venv/bin/python tools/bench/identify.py [--rows N] [--short N]
 
-Times are processor seconds of one thread. The rival gets the same data, finds the same three
-parameters (sigma0, Fc, F0) by scipy.optimize.least_squares from a start 20 % off, and integrates
-Eq. 1 between rows with solve_ivp (RK45, rtol 1e-6), reversal by reversal.
+Times are processor seconds of one thread. The solve_ivp fit gets a shorter log with the same
+parameters sigma0, Fc and F0. scipy.optimize.least_squares starts 20 % off, and solve_ivp (RK45,
+rtol 1e-6) integrates Eq. 1 between rows, from reversal to reversal.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ SIGMA0, FC, COUNT = 100.0, 0.5, 2 * np.pi / 2**18
 
 
 def synthetic(rows: int, cycles: float) -> Log:
-    """A sine on an 18-bit encoder, 5 % noise; both fits read the same angle."""
+    """Return a sine on an 18-bit encoder with 5 % noise. Both fits read the same angle."""
     theta = 0.05 * np.sin(2 * np.pi * cycles * np.arange(rows) / rows)
     moves = np.diff(theta, prepend=theta[0])
     torque = FC * models.dahl(moves, [slice(0, rows)], SIGMA0 / FC)
@@ -40,7 +39,7 @@ def synthetic(rows: int, cycles: float) -> Log:
 
 
 def by_solve_ivp(log: Log) -> tuple[float, float, int]:
-    """sigma0, Fc and the number of right-hand sides that the rival needs."""
+    """Return sigma0, Fc and the number of right-hand sides of the solve_ivp fit."""
     theta, calls = log.theta, 0
     moves = np.diff(theta)
     ends = [0, *(np.flatnonzero(np.diff(np.sign(moves)) != 0) + 1), len(moves)]
@@ -91,7 +90,7 @@ def main() -> None:
     args = parser.parse_args()
     short = synthetic(args.short, args.short / 1000)
     options = Options(terms=(), delay=False, median=1)
-    identify([short], options)  # everything is loaded
+    identify([short], options)  # import all modules before the timed call
     ours, result = timed(lambda: identify([short], options))
     theirs, (sigma0, Fc, calls) = timed(lambda: by_solve_ivp(short))  # noqa: N806
     print(

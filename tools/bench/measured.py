@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: MIT
-"""How near each model comes to measured friction, and what a tick of it costs: R2 on blocks of a
-log that were not fitted, against instructions on Cortex-M3.
+"""Compare friction models with measured logs: R2 against instructions on a Cortex-M3.
 
-Each model is a sum of unit elements over the path, with an offset and a spring in all of them.
-Their presliding lengths are of one grid; scipy's nnls finds the torques on the blocks for training,
-and the elements that a model may have are picked one after the other, each time the one that helps
-most there. Where a log is not in reach it is named, and what docs/ shows stays.
+Each model is a sum of unit elements over the path, plus an offset and a spring. The presliding
+lengths form a grid. nnls of SciPy finds the torques on the training blocks of a log; R2 is computed
+on the other blocks. Elements are added one at a time: each time the one that reduces the residual
+most. If a log is missing, its name is printed and docs/ keeps its table.
 
-Of the folders of measured data two are not here. servo_pendulum has no torque, only the duty of the
-motor's PWM, in which gravity and inertia outweigh friction; in can_steering the wheel stands still.
+Two folders of measured data are not used. servo_pendulum has the duty cycle of the PWM instead of a
+torque, and gravity and inertia exceed friction. In can_steering, the wheel stands still.
 """
 
 from __future__ import annotations
@@ -30,15 +29,15 @@ from scipy.optimize import nnls
 from target import BenchError
 
 MARKS = ("<!-- bench:measured -->", "<!-- /bench:measured -->")
-BLOCKS = 50  # of a log; every other one is fitted. (With two a cycle one direction alone would be.)
+BLOCKS = 50  # blocks of a log, many more than cycles; every other one is for training
 GRID = 24  # presliding lengths, from a count to the whole motion
-COUNTS = 2**16  # of the whole motion: its path as the library takes it
-SPIKES = 15  # rows of the running median that takes a laser's spikes off a position
+COUNTS = 2**16  # of the whole motion: the resolution of the path
+SPIKES = 15  # rows of the running median that removes the spikes of a laser
 
 
 @dataclass(frozen=True)
 class Source:
-    """One measured log: where it is, and its columns of angle and torque."""
+    """One measured log: its file, and its columns of angle and torque."""
 
     title: str
     folder: str
@@ -47,7 +46,7 @@ class Source:
 
 
 def columns(angle: str | int, torque: str | int, **how: Any) -> Callable[[Path], Any]:
-    """From a table of text."""
+    """Read a text table."""
 
     def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
         table = pandas.read_csv(path, **how)
@@ -57,13 +56,13 @@ def columns(angle: str | int, torque: str | int, **how: Any) -> Callable[[Path],
 
 
 def without_spikes(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """From a pneumatic log: its position by a laser, its force."""
+    """Read a pneumatic log: position of a laser, and force."""
     position, force = columns(4, 6, sep="\t", header=None)(path)
     return median_filter(position, SPIKES, mode="nearest"), force
 
 
 def rows(angle: int, torque: int) -> Callable[[Path], Any]:
-    """From the rows of a JSON file."""
+    """Read the rows of a JSON file."""
 
     def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
         table = np.array(json.loads(path.read_text())["data"], float)
@@ -97,7 +96,7 @@ SOURCES = (
         for ring, bar in (("Circle", 1), ("Circle", 5), ("PK", 3))
     ),
 )
-MODELS = {  # elements of each kind at most, and the case of target.json that it costs
+MODELS = {  # maximum of elements of each kind, and the case of target.json with the cost
     "Coulomb": ("coulomb", 1, "coulomb"),
     "Dahl": ("dahl", 1, "one_count_q30"),
     "LuGre, Euler steps": ("lugre", 1, "euler"),
@@ -109,8 +108,8 @@ MODELS = {  # elements of each kind at most, and the case of target.json that it
 
 
 def responses(angle: np.ndarray) -> dict[str, np.ndarray]:
-    """Of each kind the torques over Fc of unit elements along the path, a column for each length of
-    the grid.
+    """Return F/Fc of unit elements along the path, by kind: one column for each length of the
+    grid.
     """
     span = np.ptp(angle)
     place = np.rint((angle - angle[0]) / span * COUNTS).astype(np.int64)
@@ -130,8 +129,8 @@ def responses(angle: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def lugre(moves: np.ndarray, length: float) -> np.ndarray:
-    """z over its largest value by a step of Euler's method a row; a step that would pass it ends
-    there.
+    """Return z over its largest value, with one Euler step for each row. A step that would exceed
+    the largest value is cut there.
     """
     z, found = 0.0, []
     for u in (moves / length).tolist():
@@ -141,14 +140,14 @@ def lugre(moves: np.ndarray, length: float) -> np.ndarray:
 
 
 def fitted(elements: np.ndarray, beside: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Torques of the elements, none negative, and of what stands beside them, of either sign."""
+    """Return the torques of the elements, at least 0, and the coefficients of offset and spring."""
     found: np.ndarray = nnls(np.hstack([elements, beside, -beside]), torque)[0]
     count, more = elements.shape[1], beside.shape[1]
     return np.concatenate([found[:count], found[count : count + more] - found[count + more :]])
 
 
 def picked(kind: np.ndarray, most: int, beside: np.ndarray, torque: np.ndarray) -> list[int]:
-    """The elements of a model, one after the other, each time the one that leaves least. The
+    """Select the elements of a model one at a time: each time the one with the least residual. The
     triangle of the QR decomposition has the same sums of squares in a few rows.
     """
     whole: np.ndarray = np.asarray(np.linalg.qr(np.column_stack([kind, beside, torque]), mode="r"))
@@ -167,7 +166,7 @@ def picked(kind: np.ndarray, most: int, beside: np.ndarray, torque: np.ndarray) 
 
 
 def held_out(kind: np.ndarray, most: int, angle: np.ndarray, torque: np.ndarray) -> float:
-    """R2 on the blocks that were not fitted."""
+    """Return R2 on the blocks that are not for training."""
     train = (np.arange(len(torque)) * BLOCKS // len(torque)) % 2 == 0
     beside = np.column_stack([np.ones(len(angle)), (angle - angle.mean()) / np.ptp(angle)])
     few = kind[:, picked(kind[train], most, beside[train], torque[train])]
@@ -177,8 +176,8 @@ def held_out(kind: np.ndarray, most: int, angle: np.ndarray, torque: np.ndarray)
 
 
 def score(angle: np.ndarray, torque: np.ndarray) -> dict[str, float]:
-    """R2 of each model on one log, whose torque is made to have the sign of the motion, as Dahl
-    elements of all lengths have it.
+    """Return R2 of each model on one log. The torque gets the sign of the motion first, as Dahl
+    elements have it.
     """
     units = responses(angle)
     sign = 1.0 if (torque - torque.mean()) @ units["dahl"].mean(axis=1) >= 0 else -1.0
@@ -190,7 +189,7 @@ def score(angle: np.ndarray, torque: np.ndarray) -> dict[str, float]:
 
 
 def measure() -> dict[str, dict[str, float]]:
-    """R2 by log and by model. Raises BenchError naming the first log that is not in reach."""
+    """Return R2 by log and by model. Raise BenchError with the name of the first missing log."""
     result = {}
     for source in SOURCES:
         folder = data.local_folder(source.folder)
@@ -202,7 +201,7 @@ def measure() -> dict[str, dict[str, float]]:
 
 
 def block(scores: dict[str, dict[str, float]], target: dict[str, Any]) -> str:
-    """The table of docs/speed.md."""
+    """Return the table of docs/speed.md."""
     costs = (str(target["m3"].get(case, "-")) for _, _, case in MODELS.values())
     lines = [
         f"| R2 on blocks that were not fitted | {' | '.join(MODELS)} |",
@@ -216,7 +215,7 @@ def block(scores: dict[str, dict[str, float]], target: dict[str, Any]) -> str:
 
 
 def draw_machine(panel: Axes, logs: dict[str, dict[str, float]], costs: dict[str, int]) -> None:
-    """A point for each model on each log of a machine; the lines are the best so far."""
+    """Draw a point for each model and log of a machine, and a line at the least value so far."""
     order = sorted(costs, key=lambda title: costs[title])
     x = [costs[title] for title in order]
     for name, r2 in logs.items():
@@ -234,8 +233,8 @@ def draw_machine(panel: Axes, logs: dict[str, dict[str, float]], costs: dict[str
 
 
 def picture(scores: dict[str, dict[str, float]], target: dict[str, Any]) -> Figure:
-    """What is left of the measured torque's spread, over the instructions of a tick: a panel for
-    each machine, whose name stands before the comma in that of a log.
+    """Draw the unexplained share of the torque over the instructions of a tick. Each machine has a
+    panel; its name is the part of a log's name before the comma.
     """
     machines: dict[str, dict[str, dict[str, float]]] = {}
     for title, r2 in scores.items():

@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""Rivals from outside, run by the Python of build/bench/venv.
+"""Measure other simulators, with the Python of build/bench/venv.
 
 Reads {"scenarios": {name: {"theta": rad per count, "moves": [...], "exact": [...]}}, "sigma0",
-"Fc", "solved": ticks for solvers} on standard input; the last line printed is {rival: {"scenarios":
-{name: [worst, rms]}, "ns": per tick, median of the motions, "ticks"} or {"missing": why}}.
-
-Each rival is used as its documentation has it: one step a tick, from Python where it is a Python
-package.
+"Fc", "solved": ticks for solvers} from standard input. The last line of the output is {rival:
+{"scenarios": {name: [worst, rms]}, "ns": per tick, median of the motions, "ticks"} or {"missing":
+reason}}. Each simulator runs as its documentation describes: one step per tick, from Python.
 """
 
 from __future__ import annotations
@@ -19,11 +17,11 @@ from statistics import median
 from typing import Any
 
 Task = dict[str, Any]  # parsed JSON, see above
-SAMPLE = 0.001  # s between ticks, for rivals that know time; the model does not
+SAMPLE = 0.001  # [s] between ticks, for simulators with time; the model has none
 
 
 def mujoco_way(task: Task) -> Callable[[Task], list[float]]:
-    """dcmotor with lugre="sigma0 0 Fc Fc 1": exact for a speed held over a step, in double."""
+    """Use dcmotor with lugre="sigma0 0 Fc Fc 1": exact if the speed is constant in a step."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(
@@ -52,7 +50,7 @@ def mujoco_way(task: Task) -> Callable[[Task], list[float]]:
 
 
 def newton_way(task: Task) -> Callable[[Task], list[float]]:
-    """_advance_dahl_axis of the rod solver, a tick after the other in one kernel on the CPU."""
+    """Use _advance_dahl_axis of the rod solver: all ticks in one kernel on the CPU."""
     import numpy as np
     import warp as wp
     from outside_newton import advance
@@ -70,8 +68,8 @@ def newton_way(task: Task) -> Callable[[Task], list[float]]:
 
 
 def scipy_way(task: Task) -> Callable[[Task], list[float]]:
-    """solve_ivp on Eq. 1, a tick at a time, tolerances 1e-9; travel is cut at 40, or it would not
-    end.
+    """Use solve_ivp on Eq. 1, one tick at a time, with tolerances 1e-9. A travel above 40 is cut,
+    because the solver would not end.
     """
     from scipy.integrate import solve_ivp
 
@@ -105,7 +103,7 @@ def measure(make: Callable[[Task], Callable[[Task], list[float]]], task: Task) -
     run = make(task)
     result, ticks, times = {}, 0, []
     first = next(iter(task["scenarios"].values()))
-    run({**first, "moves": first["moves"][:10]})  # what is compiled at first use is not timed
+    run({**first, "moves": first["moves"][:10]})  # compiles at first use, which must not be timed
     for name, scenario in task["scenarios"].items():
         start = time.perf_counter()
         got = run(scenario)
@@ -122,7 +120,7 @@ def main() -> int:
         print(f"outside: {name}", file=sys.stderr, flush=True)
         try:
             result[name] = measure(make, task)
-        except Exception as error:  # whatever a package does on this machine, it is named
+        except Exception as error:  # any failure of a package is reported as missing
             result[name] = {"missing": f"{type(error).__name__}: {error}".splitlines()[0]}
     print(json.dumps(result))
     return 0

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Newton's Dahl axis as a kernel; a module of its own, because warp reads a kernel's names from its
-module.
-"""
+"""Run Newton's Dahl axis as a kernel. warp resolves the names of a kernel in its module."""
 
 import warp as wp
 from newton._src.solvers.vbd.rigid_vbd_kernels import _advance_dahl_axis
@@ -16,8 +14,8 @@ def advance(
     Fc: float,  # noqa: N803
     tau: float,
 ) -> None:
-    """One thread, a tick after the other: moves in rad, torques in N m."""
-    torque = float(0.0)  # noqa: UP018  (to warp a bare literal is a constant, not a variable)
+    """Run all ticks in one thread: moves in rad, torques in N m."""
+    torque = float(0.0)  # noqa: UP018  (warp reads a bare literal as a constant)
     before = float(0.0)  # noqa: UP018
     for i in range(moves.shape[0]):
         torque, before = _advance_dahl_axis(moves[i], before, torque, Fc, tau)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Joins build/bench/target.json and host.json: writes results.json, pareto.png, .svg, growth.png,
-.svg beside them and says on the terminal what came out. `--docs` also puts tables and pictures into
-docs/.
+"""Write results.json and the pictures pareto and growth from target.json and host.json.
+
+With `--docs`, also write the tables and pictures of docs/.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from results import CORES
 from target import OUT, ROOT, BenchError
 
 RESULT = OUT / "results.json"
-PICTURES = ("pareto.png", "growth.png")  # of docs/speed.md; their .svg stay beside them
+PICTURES = ("pareto.png", "growth.png")  # for docs/speed.md; the .svg files stay in build/bench
 DOCS = ROOT / "docs"
 WAYS_MARKS = ("<!-- bench:ways -->", "<!-- /bench:ways -->")
 HOST_MARKS = ("<!-- bench:host -->", "<!-- /bench:host -->")
@@ -35,16 +35,16 @@ def load(path: Path, command: str) -> dict[str, Any]:
     return found
 
 
-def shown_error(value: float) -> str:
+def format_error(value: float) -> str:
     return "diverges" if value > figures.TOP else f"{value:.0e}"
 
 
-def shown_cost(value: float) -> str:
+def format_cost(value: float) -> str:
     return f"{value:.0f}"
 
 
 def ways_table(target: dict[str, Any], host: dict[str, Any]) -> str:
-    """Error and instructions of every way, as the block of docs/speed.md; the same everywhere."""
+    """Return the block of docs/speed.md with error and instructions of each method."""
     cores = [core for core in CORES if core in target]
     by_core = {core: results.core_points(target, host, core) for core in cores}
     head = [
@@ -55,15 +55,15 @@ def ways_table(target: dict[str, Any], host: dict[str, Any]) -> str:
     ]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * (len(head) - 1)]
     for rank, point in enumerate(by_core[cores[0]]):
-        costs = [shown_cost(by_core[core][rank].mean_cost()) for core in cores]
-        errors = [shown_error(point.worst()), shown_error(point.error[results.JUMPS])]
+        costs = [format_cost(by_core[core][rank].mean_cost()) for core in cores]
+        errors = [format_error(point.worst()), format_error(point.error[results.JUMPS])]
         title = f"**{point.title}**" if point.ours else point.title
         lines.append("| " + " | ".join([title, *errors, *costs]) + " |")
-    return "\n".join([WAYS_MARKS[0], *lines, *unreached(host), WAYS_MARKS[1]])
+    return "\n".join([WAYS_MARKS[0], *lines, *missed_limits(host), WAYS_MARKS[1]])
 
 
-def unreached(host: dict[str, Any]) -> list[str]:
-    """Solvers that no number of parts takes to a limit."""
+def missed_limits(host: dict[str, Any]) -> list[str]:
+    """List the solvers that miss a limit with any number of parts."""
     names = [
         f"{results.SOLVERS[entry['way'].removesuffix('_parts')]} {entry['limit']:.0e}"
         for entry in host["parts"]
@@ -74,7 +74,7 @@ def unreached(host: dict[str, Any]) -> list[str]:
 
 
 def plain_lines(x: dict[str, float]) -> list[str]:
-    """One Dahl element, and channels of it."""
+    """List the speeds of one Dahl element and of channels."""
     return [
         f"- `dahl_batch_counts`: {x['bitwise_counts_x']:.1f} times as fast as the `expm1f` loop of"
         f" glibc (least: {x['bitwise_counts_x_least']:.1f}, giant jumps);"
@@ -93,7 +93,7 @@ def plain_lines(x: dict[str, float]) -> list[str]:
 
 
 def host_block(result: dict[str, Any]) -> str:
-    """What the host measured, in words; of the machine that ran it."""
+    """Return the block of docs/speed.md about the host, with its processor and compiler."""
     x = result["host"]
     lines = plain_lines(x)
     if "mix_throughput_x" in x:
@@ -122,7 +122,7 @@ def host_block(result: dict[str, Any]) -> str:
 
 
 def show(result: dict[str, Any]) -> None:
-    """The numbers on the terminal."""
+    """Print the numbers."""
     from rich.console import Console
     from rich.table import Table
 
@@ -134,7 +134,7 @@ def show(result: dict[str, Any]) -> None:
             printed.add_column(column, justify="left" if column == "way" else "right")
         for key, point in sorted(points.items(), key=lambda item: item[1]["cost"]):
             style = "bold" if point["ours"] else None
-            worst = shown_error(point["worst"])
+            worst = format_error(point["worst"])
             printed.add_row(key, f"{point['cost']:.4g}", worst, style=style)
         console.print(printed)
     for key, value in result["host"].items():
@@ -144,8 +144,8 @@ def show(result: dict[str, Any]) -> None:
     console.print(f"of our points, {len(result['dominated'])} are beaten in both axes")
 
 
-def replaced(page: Path, marks: tuple[str, str], block: str) -> str:
-    """The page's text with the block between two marks as it is now."""
+def page_with_block(page: Path, marks: tuple[str, str], block: str) -> str:
+    """Return the text of a page with a new block between two marks."""
     text = page.read_text()
     start, end = text.find(marks[0]), text.find(marks[1])
     if start < 0 or end < 0:
@@ -154,7 +154,7 @@ def replaced(page: Path, marks: tuple[str, str], block: str) -> str:
 
 
 def write_block(page: Path, marks: tuple[str, str], block: str) -> None:
-    target_bench.put(page, replaced(page, marks, block).encode())
+    target_bench.put(page, page_with_block(page, marks, block).encode())
 
 
 def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
@@ -167,12 +167,12 @@ def draw(target: dict[str, Any], host: dict[str, Any]) -> None:
 
 
 def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
-    """Tables and pictures of docs/, of one run."""
+    """Write the tables and pictures of docs/."""
     if host["quick"]:
-        raise BenchError("build/bench/host.json is of a quick run; docs/ wants a whole one")
+        raise BenchError("build/bench/host.json is of a quick run; docs/ needs a full one")
     if set(target) < set(target_bench.CORES) or len(target["m4f"]["motions"]) == 1:
         raise BenchError(
-            "build/bench/target.json is of some cores or of a quick run; docs/ wants a whole one"
+            "build/bench/target.json is of some cores or of a quick run; docs/ needs a full one"
         )
     write_block(ROOT / "README.md", table.SHORT_MARKS, table.short(target))
     write_block(DOCS / "microcontroller.md", table.MARKS, table.markdown(target))
@@ -185,11 +185,11 @@ def write_docs(target: dict[str, Any], host: dict[str, Any]) -> None:
 
 
 def write_measured(target: dict[str, Any]) -> None:
-    """Models against measured logs; where these are not in reach, what docs/ shows stays."""
+    """Write the comparison with measured logs. If a log is missing, docs/ keeps its table."""
     try:
         scores = measured.measure()
     except BenchError as error:
-        print(f"bench: models are not compared with measured logs anew: {error}")
+        print(f"bench: the comparison with measured logs is unchanged: {error}")
         return
     write_block(DOCS / "speed.md", measured.MARKS, measured.block(scores, target))
     figures.save(measured.picture(scores, target), DOCS / "pictures" / "measured.png")

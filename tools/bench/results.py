@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""From what was counted (target.json) and measured (host.json) to results.json: a cost and an error
-for every way, on every core and hard motion; which of ours a rival beats; the ratios.
+"""Compute results.json from target.json and host.json.
 
-Pure functions of the two files. Cost on a core is instructions a tick, on the host nanoseconds.
+Each method has a cost and an error on each core and motion. A cost is instructions per tick on a
+core, ns per tick on the host. The results also list which of our methods another method beats, and
+the ratios of speed.
 """
 
 from __future__ import annotations
@@ -11,14 +12,16 @@ from dataclasses import dataclass
 from math import prod
 from typing import Any
 
-JUMPS = "leap_14"  # giant jumps: a solver of Eq. 1 cannot follow, so it is judged apart
+JUMPS = (
+    "leap_14"  # giant jumps: a solver of Eq. 1 cannot follow them, so they are reported separately
+)
 CORES = ("m0", "m3", "m4f")
-SAME = 0.95  # an error within 5 % of another is as good: both are the rounding of the result
+SAME = 0.95  # errors within 5 % count as equal: both are the rounding of the result
 
 
 @dataclass(frozen=True)
 class Way:
-    """A way to compute the torque: its names in the two files, and in words."""
+    """A method to compute the torque: its key in the two files, and its title."""
 
     key: str
     title: str
@@ -55,7 +58,7 @@ SOLVERS["trapezoid"] = "trapezoid"
 
 @dataclass(frozen=True)
 class Point:
-    """One way on one core: cost and error by hard motion."""
+    """One method on one core: cost and error by motion."""
 
     key: str
     title: str
@@ -80,14 +83,14 @@ def errors_of(host: dict[str, Any], key: str) -> dict[str, float]:
 
 
 def motions_of(target: dict[str, Any], core: str) -> dict[str, dict[str, float]]:
-    """Instructions by motion and way, with newlib where it was counted."""
+    """Return instructions by motion and method, with newlib if it was counted."""
     counted = target[core]["motions"]
     found: dict[str, dict[str, float]] = counted.get("newlib") or counted["picolibc"]
     return found
 
 
 def parts_cost(counted: dict[str, float], solver: str, parts: int) -> float:
-    """Instructions with so many parts, on the line through what 9 and 17 take."""
+    """Return the instructions with this number of parts, on the line through 9 and 17 parts."""
     nine, seventeen = (counted[f"{solver}_parts_{n}"] for n in (9, 17))
     return nine + (parts - 9) * (seventeen - nine) / 8
 
@@ -144,8 +147,8 @@ OUTSIDE = {
 }
 
 
-def beaten(points: list[Point], core: str) -> list[dict[str, Any]]:
-    """Each of our points that a rival beats in cost and error, by motion."""
+def find_dominated(points: list[Point], core: str) -> list[dict[str, Any]]:
+    """Return each of our points that another method beats in cost and error, by motion."""
     found = []
     for our in (p for p in points if p.ours):
         for rival in (p for p in points if not p.ours):
@@ -158,27 +161,8 @@ def beaten(points: list[Point], core: str) -> list[dict[str, Any]]:
     return found
 
 
-def closest(points: list[Point]) -> dict[str, Any]:
-    """The rival that is nearest to our best point: least error among those not dearer, or least
-    cost among those as good.
-    """
-    ours = [p for p in points if p.ours]
-    best = min(ours, key=Point.mean_cost)
-    cheaper = [p for p in points if not p.ours and p.mean_cost() <= best.mean_cost()]
-    good = [p for p in points if not p.ours and p.worst() <= best.worst() / SAME]
-    result: dict[str, dict[str, Any]] = {}
-    if cheaper:
-        rival = min(cheaper, key=Point.worst)
-        result["as cheap"] = {"way": rival.key, "times the error": rival.worst() / best.worst()}
-    if good:
-        rival = min(good, key=Point.mean_cost)
-        times = rival.mean_cost() / best.mean_cost()
-        result["as exact"] = {"way": rival.key, "times the cost": times}
-    return result
-
-
 def ratios(host: dict[str, Any]) -> dict[str, float]:
-    """Times faster a tick than the expm1f loop: geometric mean over the hard motions."""
+    """Return how many times faster than the expm1f loop a tick is: geometric mean over motions."""
     speed = host["speed"]
 
     def over(way: str, least: bool = False) -> float:
@@ -213,7 +197,7 @@ def ratios(host: dict[str, Any]) -> dict[str, float]:
 
 
 def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
-    """results.json."""
+    """Return the content of results.json."""
     points = {core: core_points(target, host, core) for core in CORES if core in target}
     points["host"] = host_points(host)
     listed = {
@@ -224,8 +208,7 @@ def combine(target: dict[str, Any], host: dict[str, Any]) -> dict[str, Any]:
     }
     return {
         "host": ratios(host),
-        "dominated": [d for core, ps in points.items() for d in beaten(ps, core)],
-        "closest": {core: closest(ps) for core, ps in points.items()},
+        "dominated": [d for core, ps in points.items() for d in find_dominated(ps, core)],
         "missing": {k: e["missing"] for k, e in host["outside"].items() if "missing" in e},
         "points": listed,
         "python": host["python"],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The counts as a table: on the terminal, and as the block of docs/microcontroller.md."""
+"""Print the counts as tables: in the terminal, and as blocks of the pages."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def cells(result: dict[str, dict[str, Any]], key: str) -> list[str]:
 
 
 def show(result: dict[str, dict[str, Any]]) -> None:
-    """A table on the terminal."""
+    """Print a table in the terminal."""
     from rich.console import Console
     from rich.table import Table
 
@@ -108,7 +108,7 @@ def words(names: list[str]) -> str:
 
 
 def bare_link(result: dict[str, dict[str, Any]]) -> str:
-    """What a link without the compiler's own library lacks, by core."""
+    """List the helpers that a link without the compiler's library needs, by core."""
     wants = {
         core["core"]: f"{words(core['helpers'])} (compiled with `-O0`: {words(core['helpers_O0'])})"
         for core in result.values()
@@ -119,7 +119,7 @@ def bare_link(result: dict[str, dict[str, Any]]) -> str:
 
 
 def markdown(result: dict[str, dict[str, Any]]) -> str:
-    """The same as the block of that page, marks included."""
+    """Return the block of docs/microcontroller.md, with its marks."""
     head = ["instructions per call, entry to return", *(core["core"] for core in result.values())]
     lines = ["| " + " | ".join(head) + " |", "|---|" + "---:|" * len(result)]
     lines += ["| " + " | ".join([title, *cells(result, key)]) + " |" for title, key in ROWS]
@@ -142,7 +142,7 @@ SHORT_ROWS = [  # title, key, worst error
 
 
 def short(result: dict[str, dict[str, Any]]) -> str:
-    """Three cores and the worst error, as the block of README.md."""
+    """Return the block of README.md: three cores and the worst error."""
     cores = {name: result[name] for name in ("m0", "m3", "m4f")}
     head = ["", *(core["core"] for core in cores.values()), "worst error"]
     lines = ["| " + " | ".join(head).strip() + " |", "|---|" + "---:|" * len(cores) + "---|"]

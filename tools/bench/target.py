@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Instructions, bytes and stack of the library on small cores, counted in QEMU: `target.py
-[--quick] [CORE...]`
+"""Count instructions, bytes and stack of the library on small cores in QEMU.
 
-Each core's image (tools/bench/target) makes its calls from one place; a plugin of QEMU counts the
-instructions from entry to return. The counts are exact and the same on every machine. Cycles are
-not modelled. Writes build/bench/target.json.
+Usage: target.py [--quick] [CORE...]. The image of a core (tools/bench/target) makes all its calls
+from one place, and a plugin of QEMU counts the instructions from entry to return. The counts are
+exact and the same on every machine. QEMU does not model cycles. Writes build/bench/target.json.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ RISCV = ("riscv64-unknown-elf-", "qemu-system-riscv32", "picolibc")
 
 
 class BenchError(Exception):
-    """Anything that the user can be told in one line."""
+    """An error that the user reads as one line."""
 
 
 @dataclass(frozen=True)
 class Core:
-    """A core: its name in CMake, its name in words, QEMU's board that has it, the tools for it."""
+    """A core: its preset, its title, the machine of QEMU, and its tools."""
 
     name: str
     title: str
@@ -61,8 +60,8 @@ CORES = {
     )
 }
 
-# What a user links for each path; each must pull in nothing but the library and integer helpers of
-# the compiler.
+# Functions that a user links for each path. A path may need only the library and the integer
+# helpers of the compiler.
 PATHS = {
     "q30": ["dahl_prepare", "dahl_step_counts_q30"],
     "counts": ["dahl_prepare", "dahl_step_counts_q30", "dahl_step_counts", "dahl_torque"],
@@ -75,12 +74,12 @@ PATHS = {
     ],
 }
 
-# Sections by what they cost.
+# Kind of memory of each section.
 KINDS = {".text": "code", ".rodata": "const", ".srodata": "const"}
 KINDS |= dict.fromkeys((".data", ".bss", ".sdata", ".sbss", ".tdata", ".tbss"), "static")
 
-# Soft-float and double helpers of Arm's and of GCC's naming, heap, printing, and the elementary
-# functions of libm.
+# Names that the integer path must not need: soft-float helpers of Arm and GCC, heap, printing,
+# elementary functions of libm.
 FORBIDDEN = re.compile(
     r"^(__aeabi_c?[dfh](?!iv)\w*|__aeabi_u?[il]2[df]|__\w+[sdt]f[23]?"
     r"|__(fix|fixuns|float|floatun|floatuns)\w+"
@@ -90,7 +89,7 @@ FORBIDDEN = re.compile(
 
 
 def run(*command: object, timeout: float = 300, **options: Any) -> str:
-    """Run a command; its standard output, or one line that says what failed."""
+    """Run a command and return its standard output. If it fails, raise BenchError."""
     words = [str(word) for word in command]
     try:
         done = subprocess.run(
@@ -107,8 +106,8 @@ def run(*command: object, timeout: float = 300, **options: Any) -> str:
 
 
 def build(core: Core, *targets: str) -> None:
-    """Configure, since a build folder may be of an older tree, and build targets of one core; one
-    at a time, since tests of several kinds want the same folder.
+    """Configure and build targets of one core. A build folder may be of an older tree. The lock
+    prevents two builds in one folder at a time.
     """
     core.build.mkdir(parents=True, exist_ok=True)
     with (core.build / ".lock").open("w") as lock:
@@ -125,13 +124,13 @@ def build_plugin() -> None:
 
 
 def symbols(core: Core, image: Path) -> dict[str, tuple[int, str]]:
-    """Address and kind of each symbol."""
+    """Return address and kind of each symbol."""
     lines = (line.split() for line in run(core.tool("nm"), image).splitlines())
     return {words[2]: (int(words[0], 16), words[1]) for words in lines if len(words) == 3}
 
 
 def emulate(core: Core, image: Path) -> tuple[str, str]:
-    """Run an image with the plugin; what it printed, and the counts."""
+    """Run an image with the plugin. Return its output, and the counts."""
     counts = OUT / f"counts.{core.name}.{os.getpid()}"
     at = symbols(core, image)
     places = ",".join(f"{word}={at['bench_' + word][0]:#x}" for word in ("site", "back", "mark"))
@@ -155,7 +154,7 @@ def emulate(core: Core, image: Path) -> tuple[str, str]:
 
 
 def read_cases(text: str, counts: str) -> tuple[dict[str, list[int]], dict[str, int]]:
-    """The counts of each case by name, and the numbers that the image itself printed."""
+    """Return the counts of each case by name, and the numbers that the image printed."""
     names = re.findall(r"^case (\S+)", text, re.MULTILINE)
     sections = [[int(n) for n in part.split()] for part in counts.split("-\n")[1:]]
     if not names or len(names) != len(sections):
@@ -174,7 +173,7 @@ def cache_value(core: Core, key: str) -> str:
 
 
 def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
-    """An image of one path and all that it needs, nothing else."""
+    """Link an image of one path and its dependencies."""
     image = core.build / "bench" / f"size_{name}.elf"
     flags = cache_value(core, "CMAKE_C_FLAGS").split()
     wanted = [f"-Wl,-u,{symbol}" for symbol in PATHS[name]]
@@ -185,7 +184,7 @@ def link_path(core: Core, name: str, archive: Path | None = None) -> Path:
 
 
 def sizes(core: Core, image: Path) -> dict[str, int]:
-    """Bytes of code, const data and writable static data."""
+    """Return the bytes of code, const data and writable static data."""
     lines = (line.split() for line in run(core.tool("size"), "-A", image).splitlines())
     by_section = {
         words[0]: int(words[1]) for words in lines if len(words) == 3 and words[0].startswith(".")
@@ -199,12 +198,12 @@ def sizes(core: Core, image: Path) -> dict[str, int]:
 
 
 def forbidden(core: Core, image: Path) -> list[str]:
-    """Symbols that have no place on the integer path."""
+    """Return the symbols that the integer path must not need."""
     return sorted(name for name in symbols(core, image) if FORBIDDEN.match(name))
 
 
 def objects_at(core: Core, level: str) -> list[Path]:
-    """The C of the core and of the parts as gcc compiles it at a level of optimisation, as -O0."""
+    """Compile the C of core and parts at one level of optimisation, such as -O0."""
     folder = core.build / "bench" / f"at{level}"
     folder.mkdir(parents=True, exist_ok=True)
     flags = [
@@ -224,7 +223,7 @@ def objects_at(core: Core, level: str) -> list[Path]:
 
 
 def link_bare(core: Core, *objects: Path) -> Path:
-    """All of these in one image with gcc's own helpers alone; BenchError names what is missing."""
+    """Link these with the helpers of gcc only. BenchError names missing symbols."""
     image = objects[0].with_name("bare.elf")
     flags = cache_value(core, "CMAKE_C_FLAGS").split()
     run(core.tool("gcc"), *flags, "-nostdlib", "-Wl,-e,0", "-o", image, *objects, "-lgcc")
@@ -232,7 +231,7 @@ def link_bare(core: Core, *objects: Path) -> Path:
 
 
 def helpers(core: Core, *objects: Path) -> list[str]:
-    """What these want from the compiler's own library: a bare link needs that, and no more."""
+    """Return the symbols that a bare link needs from the compiler's library."""
     names = run(core.tool("nm"), *objects).splitlines()
     words = [line.split() for line in names]
     defined = {word[-1] for word in words if len(word) == 3}
@@ -248,7 +247,7 @@ def measure_sizes(core: Core) -> dict[str, int]:
     return result
 
 
-# Cases of dahl_parts.h, and what measured.py compares them with
+# Cases of dahl_parts.h, and Coulomb for measured.py
 PARTS = (
     *(
         "slip_",
@@ -267,7 +266,7 @@ PARTS = (
 
 
 def library_numbers(cases: dict[str, list[int]], numbers: dict[str, int]) -> dict[str, int]:
-    """The named results of the library, worst of all the calls that a name stands for."""
+    """Return the results of the library: for each name the worst of its calls."""
     worst = {name: max(counts) for name, counts in cases.items()}
     result = {}
     for form in ("q30", "float"):
@@ -314,7 +313,7 @@ MOTION = "motion:"
 
 
 def motion_numbers(cases: dict[str, list[int]]) -> dict[str, dict[str, float]]:
-    """Instructions of a tick on average: by hard motion, then by way."""
+    """Return the mean instructions of a tick, by motion and method."""
     result: dict[str, dict[str, float]] = {}
     for name, counts in cases.items():
         if name.startswith(MOTION):
@@ -324,7 +323,7 @@ def motion_numbers(cases: dict[str, list[int]]) -> dict[str, dict[str, float]]:
 
 
 def measure(core: Core, libcs: list[str]) -> dict[str, object]:
-    """All numbers of one core."""
+    """Measure one core."""
     build(core, *(f"bench_{libc}" for libc in libcs))
     result: dict[str, Any] = {
         "core": core.title,
@@ -334,11 +333,6 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
     for libc in reversed(libcs):
         cases, numbers = read_cases(*emulate(core, core.build / "bench" / f"bench_{libc}"))
         result |= library_numbers(cases, numbers) | rival_numbers(cases, libc)
-        result["cases"] = {
-            name: [min(counts), max(counts)]
-            for name, counts in cases.items()
-            if not name.startswith(MOTION)
-        }
         result.setdefault("motions", {})[libc] = motion_numbers(cases)
     return (
         result
@@ -351,7 +345,7 @@ def measure(core: Core, libcs: list[str]) -> dict[str, object]:
 
 
 def put(path: Path, content: bytes) -> None:
-    """Whole or not at all."""
+    """Replace a file by a complete one."""
     part = path.with_name(f".{os.getpid()}{path.name}")
     try:
         part.write_bytes(content)
@@ -362,10 +356,6 @@ def put(path: Path, content: bytes) -> None:
 
 def write(path: Path, result: Mapping[str, object]) -> None:
     put(path, (json.dumps(result, indent=1) + "\n").encode())
-
-
-def write_result(result: Mapping[str, object]) -> None:
-    write(RESULT, result)
 
 
 def measure_all(names: list[str], quick: bool) -> dict[str, dict[str, Any]]:
@@ -395,7 +385,7 @@ def main(arguments: list[str]) -> int:
     from table import show
 
     result = measure_all(options.cores or list(CORES), options.quick)
-    write_result(result)
+    write(RESULT, result)
     show(result)
     return 0
 

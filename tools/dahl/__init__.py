@@ -1,32 +1,32 @@
 # SPDX-License-Identifier: MIT
 """Dahl friction torque, exact at every encoder tick: the Python side.
 
-The mathematics is the C library's; this package calls it and never does it again. Public names:
+The package calls the C library for all mathematics. Public names:
 
     Plan(sigma0, Fc, theta_per_count)   parameters, prepared once
-    Friction(plan)                      one bearing: feed it counts or angles, read its torque
-    State                               what a bearing remembers, to keep and to put back
-    Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, in vectors
-    Slip(sigma0, Fc, theta_per_count)   slip elements side by side, of lists of sigma0 and Fc
+    Friction(plan)                      one bearing: step it by counts or angles, read its torque
+    State                               state of a bearing, to store and restore
+    Throughput(sigma0, Fc, theta_per_count).run_counts(moves)   long logs, vectorized
+    Slip(sigma0, Fc, theta_per_count)   slip elements in parallel; lists of sigma0 and Fc
     Parallel(part, part, ...)           any mix of Friction and Slip on one shaft
-    Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   an Fc of each direction its own
+    Asymmetric(sigma0, Fc_forward, Fc_backward, theta_per_count)   one Fc for each direction
     ElastoPlastic(sigma0, Fc, theta_per_count, breakaway)   no creep below breakaway
-    Loaded(plan), Work(plan)            a bearing that follows a load; one that adds up its work
-    ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of parts
-    VelocityTable(torque, segment_bits)   friction that depends on speed, to be added
-    Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, wherever it wraps
+    Loaded(plan), Work(plan)            a bearing under a load; one that sums its work
+    ThroughputSlip(sigma0, Fc, theta_per_count), ThroughputParallel(part, ...)   long logs of these
+    VelocityTable(torque, segment_bits)   friction that depends on speed; add it to another
+    Encoder(modulus, sign, largest_step).move(reading)   counts of each tick, for any wrap
     counts_between(before, now, modulus)   shortest way from one encoder reading to the next
-    to_units(ratio_q30, Fc_units)       a torque in whole units, from F/Fc in Q30
-    Node(plan, number)                  the friction node of a bus: python-can messages in and out
-    node, codec                         modules: nodes on any bus, and the frames that they speak
-    Error, RunError, Timeout            all errors that a user can cause or meet
+    to_units(ratio_q30, Fc_units)       convert F/Fc in Q30 to integer units of torque
+    Node(plan, number)                  friction node on a bus: python-can messages in and out
+    node, codec                         modules: nodes on a bus, and their frames
+    Error, RunError, Timeout            all errors that the package raises
 
 >>> import dahl
 >>> bearing = dahl.Friction(dahl.Plan(sigma0=100.0, Fc=0.5, theta_per_count=2 * 3.14159265 / 16384))
 >>> round(bearing.step_counts(3), 6)   # N m
 0.102772
 
-The command `dahl` (see `dahl --help`) holds the tools: demo, identify, plan, monitor, record, ...
+The command `dahl` (see `dahl --help`) has the tools: demo, identify, plan, monitor, record, ...
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The program `dahl`, also as `python -m dahl`: Ctrl-C is one line from here on."""
+"""The program `dahl`, also started by `python -m dahl`. From here on, Ctrl-C prints one line."""
 
 import sys
 

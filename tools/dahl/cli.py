@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The command `dahl`: one module of dahl.commands per sub-command, one line `error: ...` for
-whatever goes wrong.
+"""The command `dahl`: each sub-command is a module of dahl.commands; each error is one line
+`error: ...`.
 
-Exit codes: 0 done, 1 the run failed (bus gone, program not built), 2 bad input, 130
-ended by Ctrl-C, after one line and with whole files.
+Exit codes: 0 success; 1 a failed run (lost bus, program not built); 2 bad input; 130 ended by
+Ctrl-C, after one line, with complete files.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from dahl.version import __version__
 
 
 class Parser(argparse.ArgumentParser):
-    """Complains in one line, as everything here does, and names where the options are told. `fill`
-    adds the arguments when they are needed: those of a bus take python-can, and --help is quick.
+    """A parser that prints an error in one line and refers to --help. `fill` adds the arguments
+    only when they are needed: bus arguments import python-can, and `dahl --help` must be quick.
     """
 
     def __init__(self, *args: Any, fill: Callable[[Parser], None] | None = None, **kwargs: Any):
@@ -57,11 +57,11 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"error: {printable(message)} (see {self.prog} --help)\n")
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        sys.stdout.flush()  # of --help: its reader may have gone, or the disk be full
+        sys.stdout.flush()  # a closed pipe or a full disk must be an error here
         super().exit(status, message)
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """As argparse does, but what cannot be written is an error."""
+        """Write the message as argparse does, but raise an error if that fails."""
         (file or sys.stderr).write(message or "")
 
 
@@ -82,7 +82,7 @@ COMMANDS = {
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """All sub-commands, each with its own example."""
+    """Return the parser with all sub-commands."""
     parser = Parser(
         prog="dahl",
         description="Friction torque by Dahl's model, exact at every encoder tick.",
@@ -95,56 +95,56 @@ def build_parser() -> argparse.ArgumentParser:
             name,
             fill=module.add_arguments,
             help=module.HELP,
-            description=_as_here((module.__doc__ or "").partition("\n")[2].strip()),
-            epilog=_as_here(module.EXAMPLE),
+            description=_with_output_folder((module.__doc__ or "").partition("\n")[2].strip()),
+            epilog=_with_output_folder(module.EXAMPLE),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         sub.set_defaults(run=module.run, parser=parser, command_parser=sub)
     return parser
 
 
-def _as_here(text: str) -> str:
-    """The folder where commands leave files is another where there is no checkout."""
+def _with_output_folder(text: str) -> str:
+    """Return the text with the folder of outputs that an installed package uses."""
     return text.replace(" build/", f" {paths.OUTPUT}/") if paths.INSTALLED else text
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; returns the exit code, also where Ctrl-C ends it."""
-    return interrupt.guarded(lambda: _run(argv))
+    """Run one command and return its exit code, also if Ctrl-C ends it."""
+    return interrupt.run_guarded(lambda: _run(argv))
 
 
 def _run(argv: list[str] | None) -> int:
     _open_streams()
     try:
         code = _run_command(sys.argv[1:] if argv is None else argv, alone=argv is None)
-        sys.stdout.flush()  # here a full disk can still be told
+        sys.stdout.flush()  # report a full disk while that is still possible
         return code
     except Error as error:
-        return _complain(error, 1 if isinstance(error, RunError) else 2)
-    except BrokenPipeError:  # the reader of our output has gone (| head)
-        _drop(sys.stdout)
+        return _print_error(error, 1 if isinstance(error, RunError) else 2)
+    except BrokenPipeError:  # the reader of the output closed the pipe (| head)
+        _discard(sys.stdout)
         return 0
-    except OSError as error:  # a file that cannot be written; without a name it was our output
+    except OSError as error:  # a file that cannot be written; without a name it is the output
         if error.filename is None and error.errno is None:
             raise
         if error.filename is None:
-            _drop(sys.stdout)
-        return _complain(Error(f"{error.filename or 'output'}: {error.strerror or error}"), 1)
+            _discard(sys.stdout)
+        return _print_error(Error(f"{error.filename or 'output'}: {error.strerror or error}"), 1)
     except MemoryError:
-        return _complain("not enough memory", 1)
+        return _print_error("not enough memory", 1)
 
 
 def _run_command(words: list[str], alone: bool) -> int:
-    """The exit code of one command; `alone` in this program."""
+    """Return the exit code of one command; `alone` if this program runs no other."""
     command = next((word for word in words if word in COMMANDS), "")
     if alone:
-        dependencies.spare_mf4(command, words)
+        dependencies.block_mf4_import(command, words)
     try:
         args, unknown = build_parser().parse_known_args(words)
         if unknown:
             args.command_parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.words = words
-        dependencies.bring(args.command, words)
+        dependencies.ensure_installed(args.command, words)
         return int(args.run(args) or 0)
     except ModuleNotFoundError as error:
         if not dependencies.is_lacking(command, error.name):
@@ -153,7 +153,7 @@ def _run_command(words: list[str], alone: bool) -> int:
 
 
 def _open_streams() -> None:
-    """Output that holds any text on any terminal, also where the caller has closed it."""
+    """Let stdout and stderr print any text on any terminal, even if the caller closed them."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -162,16 +162,16 @@ def _open_streams() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _drop(stream: TextIO) -> None:
-    """Let nothing more be written to a stream, not at the end of the program either."""
+def _discard(stream: TextIO) -> None:
+    """Discard further output of a stream, also at the end of the program."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _complain(error: object, code: int) -> int:
-    if interrupt.is_asked():  # what an early end made of a run is no news
+def _print_error(error: object, code: int) -> int:
+    if interrupt.is_asked():  # an interrupted run may fail in any way
         return code
     try:
         print(f"error: {error}", file=sys.stderr, flush=True)
-    except OSError:  # nobody reads that either
-        _drop(sys.stderr)
+    except OSError:  # stderr is closed too
+        _discard(sys.stderr)
     return code

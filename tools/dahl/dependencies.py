@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Which command needs which Python packages, and how they come.
+"""Optional Python packages: which command needs which, and how they are installed.
 
-The package itself needs numpy alone. In a checkout tools/demo.sh sets up what `dahl demo` imports,
-and the first command that needs more installs it by tools/setup.sh. Elsewhere one line names the
-packages to install.
+The package itself needs numpy only. In a checkout, tools/demo.sh installs what `dahl demo` imports,
+and the first command that needs more calls tools/setup.sh. Elsewhere, an error names the packages
+to install.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from typing import cast
 from dahl import paths
 from dahl.errors import RunError
 
-NEEDS = {  # command: extras of pyproject.toml that bring its packages, and these, as imported
-    "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch")),
+NEEDS = {  # command: extras in pyproject.toml, and the packages by import name
+    "demo": ("can,plot", ("can", "cantools", "rich", "matplotlib", "mpmath", "pooch", "pandas")),
     "identify": ("identify", ("scipy", "pandas", "joblib", "matplotlib", "mpmath", "rich", "can")),
     "excite": ("identify", ("scipy",)),
     "monitor": ("can", ("can", "cantools", "rich", "plotext", "mpmath")),
     "node": ("can", ("can", "rich")),
     "record": ("can", ("can",)),
-    "plot": ("plot", ("matplotlib", "can", "cantools", "mpmath")),
+    "plot": ("plot", ("matplotlib", "can", "cantools", "mpmath", "pandas")),
     "report": ("plot", ("jinja2", "mpmath")),
     "data": ("plot", ("pooch",)),
     "dbc": ("can", ("cantools", "mpmath")),
 }
-AT_TIMES = {  # packages that some options or files want, and the extra that brings each
+OPTIONAL = {  # packages that only some options or files need: their extra
     "asammdf": "identify",
     "cantools": "can",
     "dask": "cluster",
@@ -42,37 +42,40 @@ AT_TIMES = {  # packages that some options or files want, and the extra that bri
     "serial": "can",
 }
 DISTRIBUTED_AS = {"can": "python-can", "dask": "dask[distributed]", "serial": "pyserial"}
-WITHOUT_MF4 = ("demo", "monitor", "node", "plot", "record", "report")  # where no word is an .mf4
-TRIED = "DAHL_SETUP_TRIED"  # set for the second start, so that there is no third
+WITHOUT_MF4 = ("demo", "monitor", "node", "plot", "record", "report")  # unless a word ends in .mf4
+TRIED = "DAHL_SETUP_TRIED"  # environment variable of a restart, which does not restart again
 
 
-def bring(command: str, words: list[str]) -> None:
-    """Return if the packages of a command are there; else set them up and start it again. Raises
-    RunError where this is not build/venv of a checkout, or the set-up failed.
+def ensure_installed(command: str, words: list[str]) -> None:
+    """Return if the packages of a command are installed; else install them and restart the program.
+
+    Raises dahl.RunError if this is not build/venv of a checkout, or if the installation failed.
     """
-    lacking = _lacking(command)
-    if not lacking:
+    missing = _missing_packages(command)
+    if not missing:
         return
     if not _is_own_environment() or TRIED in os.environ:
         raise refusal(command)
     setup = paths.ROOT / "tools" / "setup.sh"
     if subprocess.run([setup, "identify"], stdout=sys.stderr, check=False).returncode:
         raise RunError(
-            f"dahl {command} needs {_named(lacking)}, and tools/setup.sh identify failed"
+            f"dahl {command} needs {_display_names(missing)}, and tools/setup.sh identify failed"
         )
     os.execve(sys.executable, [sys.executable, "-m", "dahl", *words], {**os.environ, TRIED: "1"})
 
 
 def refusal(command: str, module: str = "") -> RunError:
-    """What to install for a command that lacks packages, or could not import this module."""
-    lacking = _lacking(command) or [module.partition(".")[0]]
-    extras = NEEDS[command][0] if _lacking(command) else AT_TIMES.get(lacking[0], "all")
-    return RunError(f"dahl {command} needs {_named(lacking)}; {hint(lacking, extras)}")
+    """Return the error that names the packages to install, for a command that lacks packages or
+    `module`.
+    """
+    missing = _missing_packages(command) or [module.partition(".")[0]]
+    extras = NEEDS[command][0] if _missing_packages(command) else OPTIONAL.get(missing[0], "all")
+    return RunError(f"dahl {command} needs {_display_names(missing)}; {hint(missing, extras)}")
 
 
 def hint(packages: list[str], extras: str) -> str:
-    """Return the pip commands that install these packages. No index has dahl itself, so its extras
-    must come from its sources.
+    """Return the pip commands that install these packages. dahl is on no package index, so its
+    extras must come from its sources.
     """
     wanted = shlex.join(map(_requirement, packages))
     return f"pip install {wanted}, or pip install '.[{extras}]' in the source folder of dahl"
@@ -95,29 +98,29 @@ def _project(requirement: str) -> str:
 
 
 def is_lacking(command: str, module: str | None) -> bool:
-    """Whether an extra brings a module that could not be imported."""
-    return bool(_lacking(command)) or (module or "").partition(".")[0] in AT_TIMES
+    """Return whether an extra contains a module that could not be imported."""
+    return bool(_missing_packages(command)) or (module or "").partition(".")[0] in OPTIONAL
 
 
-def _lacking(command: str) -> list[str]:
-    """Packages that a command always needs, and that are not here."""
+def _missing_packages(command: str) -> list[str]:
+    """Return the missing packages among those that a command always needs."""
     return [name for name in NEEDS.get(command, ("", ()))[1] if find_spec(name) is None]
 
 
-def _named(packages: list[str]) -> str:
+def _display_names(packages: list[str]) -> str:
     return ", ".join(DISTRIBUTED_AS.get(name, name) for name in packages)
 
 
 def _is_own_environment() -> bool:
-    """Whether this is build/venv of a checkout, which tools/setup.sh fills."""
+    """Return whether this is build/venv of a checkout, which tools/setup.sh fills."""
     own = paths.ROOT / "build" / "venv"
     return not paths.INSTALLED and os.path.realpath(sys.prefix) == os.path.realpath(own)
 
 
-def spare_mf4(command: str, words: list[str]) -> None:
-    """Leave out asammdf, which python-can imports wherever it is installed: most of the start of a
-    command that reads and writes no MF4. For the program, where no other command follows.
+def block_mf4_import(command: str, words: list[str]) -> None:
+    """Block the import of asammdf if a command uses no MF4 file: python-can would import it, which
+    is most of the start-up time. Call it only in a program that runs a single command.
     """
-    spares = command in WITHOUT_MF4 and not any(word.lower().endswith(".mf4") for word in words)
-    if spares or {"-h", "--help"} & set(words):
+    is_unused = command in WITHOUT_MF4 and not any(word.lower().endswith(".mf4") for word in words)
+    if is_unused or {"-h", "--help"} & set(words):
         sys.modules.setdefault("asammdf", cast(ModuleType, None))  # its import then fails

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Ctrl-C and other wishes to end: one line and code 130 at any time, in order where a bus runs.
+"""Handle SIGINT, SIGTERM and SIGHUP: one line and exit code 130, and an orderly end of a bus.
 
-Nothing but the interpreter's own start comes before `at_start()`, so this module imports little.
+`at_start()` must run early, so this module imports little.
 """
 
 from __future__ import annotations
@@ -16,100 +16,102 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-CODE = 130  # what a shell says of a program that Ctrl-C has ended
-WORDS = "interrupted"
+EXIT_CODE = 130  # the shell's code for a program that Ctrl-C ended
+MESSAGE = "interrupted"
 
 
-class _Now:
-    """What holds in this process."""
+class _Process:
+    """The state of this process."""
 
-    asked = False  # by Ctrl-C, since guarded() was entered
-    running = False  # there is something that an exception can end
+    is_asked = False  # Ctrl-C came since run_guarded() was entered
+    is_running = False  # run_guarded() is in run(), which an exception can end
 
 
 def at_start() -> None:
-    """Until guarded() takes over there is nothing to clean up: Ctrl-C ends the program at once."""
-    signal.signal(signal.SIGINT, _leave)
+    """Let Ctrl-C end the program at once until run_guarded() is entered."""
+    signal.signal(signal.SIGINT, _exit_at_once)
 
 
-def _leave(*_: object) -> None:
-    os.write(2, f"{WORDS}\n".encode())
-    os._exit(CODE)
+def _exit_at_once(*_: object) -> None:
+    os.write(2, f"{MESSAGE}\n".encode())
+    os._exit(EXIT_CODE)
 
 
 def _interrupt(*_: object) -> None:
-    _Now.asked = True
-    if _Now.running:
+    _Process.is_asked = True
+    if _Process.is_running:
         raise KeyboardInterrupt
 
 
-def _again(unraisable: sys.UnraisableHookArgs) -> None:
-    """An interrupt that fell into a place that cannot raise (a __del__, a callback): once more,
-    when that place is left.
-    """
+def _repeat_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
+    """Repeat an interrupt that came in a place that cannot raise, such as __del__ or a callback."""
     if unraisable.exc_type is KeyboardInterrupt:
         threading.Timer(0.02, _thread.interrupt_main).start()
-    elif not _Now.asked:
+    elif not _Process.is_asked:
         sys.__unraisablehook__(unraisable)
 
 
-def guarded(run: Callable[[], int]) -> int:
-    """What run() returns; CODE after one line on stderr where Ctrl-C has ended it.
+def run_guarded(run: Callable[[], int]) -> int:
+    """Return the exit code of run(). If Ctrl-C ended it, print one line and return EXIT_CODE.
 
-    An interrupt may surface as any exception, or as none: libraries turn it into their own.
+    Libraries may turn an interrupt into another exception, or swallow it.
     """
     if threading.current_thread() is not threading.main_thread():
         return run()
-    _Now.asked = False
+    _Process.is_asked = False
     before = signal.signal(signal.SIGINT, _interrupt)
-    hook, sys.unraisablehook = sys.unraisablehook, _again
+    hook, sys.unraisablehook = sys.unraisablehook, _repeat_interrupt
     try:
         try:
-            _Now.running = True
+            _Process.is_running = True
             code = run()
         finally:
-            _Now.running = False
+            _Process.is_running = False
     except BaseException:
-        if not _Now.asked:
+        if not _Process.is_asked:
             raise
     finally:
         sys.unraisablehook = hook
-        done = _Now.asked or before is _leave  # the program's own end is not interrupted
+        done = (
+            _Process.is_asked or before is _exit_at_once
+        )  # the end of the program must not be interrupted
         signal.signal(signal.SIGINT, signal.SIG_IGN if done else before)
-    if not _Now.asked:
+    if not _Process.is_asked:
         return code
-    exec("")  # else Python dies of an interrupt that left the last exec() of a text, even if caught
-    print(WORDS, file=sys.stderr)
-    return CODE
+    exec("")  # else Python dies of an interrupt during its last exec() of a text, even if caught
+    print(MESSAGE, file=sys.stderr)
+    return EXIT_CODE
 
 
 def is_asked() -> bool:
-    """Whether Ctrl-C has come since guarded() was entered."""
-    return _Now.asked
+    """Return whether Ctrl-C came since run_guarded() was entered."""
+    return _Process.is_asked
 
 
 class Stop:
-    """Set by Ctrl-C, SIGTERM or a hang-up while it is entered; a second signal then ends the
-    program at once. Where Ctrl-C is the end that a command is meant to have (is_its_end), its exit
-    code is its own, else CODE.
+    """Context manager whose `asked` becomes True on SIGINT, SIGTERM or SIGHUP. A second signal ends
+    the program at once. If Ctrl-C is the usual end of a command (is_its_end), the command keeps its
+    exit code; else the code is EXIT_CODE.
     """
 
     def __init__(self, is_its_end: bool = False) -> None:
         self.asked, self._is_its_end = False, is_its_end
 
     def __enter__(self) -> Stop:
-        self.asked = _Now.running and _Now.asked  # before, and something swallowed the exception
+        self.asked = (
+            _Process.is_running and _Process.is_asked
+        )  # an earlier one whose exception was swallowed
         self._before = {}
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN:  # nohup
-                self._before[number] = signal.signal(number, self._ask)
+                self._before[number] = signal.signal(number, self._on_signal)
         return self
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def _ask(self, number: int, _: object) -> None:
+    def _on_signal(self, number: int, _: object) -> None:
         self.asked = True
-        _Now.asked = _Now.asked or (number == signal.SIGINT and not self._is_its_end)
+        _Process.is_asked = _Process.is_asked or (number == signal.SIGINT and not self._is_its_end)
         signal.signal(number, _interrupt)

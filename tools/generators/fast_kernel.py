@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""Coefficients of lib/batch/fast.h (needs mpmath).
+"""Compute the coefficients of lib/batch/fast.h (needs mpmath).
 
     build/venv/bin/python tools/generators/fast_kernel.py
 
-(1 - exp(-x))/x on [0, ln 2] by a polynomial of degree 6 whose *relative* error is least:
-Remez' exchange in 40 digits.
-A kernel that errs by r, relative, errs by at most 2 r Fc in torque, for ever.
+They approximate (1 - exp(-x))/x on [0, ln 2] by a polynomial of degree 6 with the least *relative*
+error, by Remez' exchange in 40 digits. If the kernel has the relative error r, the torque has an
+error of at most 2 r Fc, for any number of ticks.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mpmath import mpf
 DEGREE, SAMPLES = 6, 4000
 TOP = mpmath.log(2) * (
     1 + mpf(2) ** -20
-)  # a little more than ln 2, for a limit that is rounded to float
+)  # slightly more than ln 2, because the limit is rounded to float
 
 
 def slope(x: mpf) -> mpf:
@@ -24,7 +24,7 @@ def slope(x: mpf) -> mpf:
 
 
 def fit(points: list[mpf]) -> list[mpf]:
-    """The polynomial whose relative error is the same at all points, with alternating signs."""
+    """Return the polynomial with equal and alternating relative errors at all points."""
     rows = [
         [x**k / slope(x) for k in range(DEGREE + 1)] + [(-1) ** i] for i, x in enumerate(points)
     ]
@@ -33,7 +33,7 @@ def fit(points: list[mpf]) -> list[mpf]:
 
 
 def extremes(errors: list[mpf]) -> list[int]:
-    """The place of the largest error of each run of one sign."""
+    """Return the place of the largest error in each run of one sign."""
     places: list[int] = []
     for i, error in enumerate(errors):
         if not places or (error > 0) != (errors[places[-1]] > 0):

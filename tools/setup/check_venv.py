@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Compare this Python environment with what is pinned: `check_venv.py LOCK...`
+"""Compare this Python environment with a requirements file: `check_venv.py FILE`
 
-Every package of the locks must be there in its version, and every file that it installed, of the
-size that it had. Prints what is not so. Exit code 0: all is there; 3: packages are lacking or of
-another version; 4: files are lacking or changed.
+Each package of the file must be installed in its version, and each installed file must have its
+recorded size. Prints the differences. Exit code 0: no difference; 3: packages are missing or have
+another version; 4: files are missing or changed.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from pathlib import Path
 from pip._vendor.packaging.requirements import Requirement
 from pip._vendor.packaging.utils import canonicalize_name
 
-LACKING, DAMAGED = 3, 4
+MISSING, DAMAGED = 3, 4
 PIN = re.compile(r"^([^\s#=]+==[^\\]+)", re.MULTILINE)
 
 
-def pins(lock: Path) -> Iterator[tuple[str, str]]:
-    """Name and version of each package that the lock wants on this machine."""
-    for line in PIN.findall(lock.read_text()):
-        wanted = Requirement(line.strip())
-        if wanted.marker is None or wanted.marker.evaluate():
-            yield canonicalize_name(wanted.name), next(iter(wanted.specifier)).version
+def pins(requirements: Path) -> Iterator[tuple[str, str]]:
+    """Yield name and version of each package that this machine needs."""
+    for line in PIN.findall(requirements.read_text()):
+        pin = Requirement(line.strip())
+        if pin.marker is None or pin.marker.evaluate():
+            yield canonicalize_name(pin.name), next(iter(pin.specifier)).version
 
 
 def installed(site: Path) -> dict[tuple[str, str], Path]:
-    """The .dist-info folder of each installed package, by name and version."""
+    """Return the .dist-info folder of each installed package, by name and version."""
     found: dict[tuple[str, str], Path] = {}
     for folder in site.glob("*.dist-info"):
         name, _, version = folder.name.removesuffix(".dist-info").rpartition("-")
@@ -40,7 +40,7 @@ def installed(site: Path) -> dict[tuple[str, str], Path]:
 
 
 def changed_files(site: Path, folder: Path) -> Iterator[str]:
-    """Files of one package that are not there, or not of the size that was noted."""
+    """Yield the files of one package that are missing or have another size."""
     record = folder / "RECORD"
     if not record.exists():
         yield str(record)
@@ -52,25 +52,26 @@ def changed_files(site: Path, folder: Path) -> Iterator[str]:
                 yield name
 
 
-def compare(site: Path, locks: list[Path]) -> tuple[list[str], list[str]]:
-    """What is lacking in a folder of packages, and which files in it have changed."""
-    there = installed(site)
-    wanted = {pin for lock in locks for pin in pins(lock)}
-    lacking = [f"{name} {version}" for name, version in sorted(wanted - there.keys())]
-    if not any(name == "dahl" for name, _ in there):
-        lacking.append("dahl")
-    changed = [name for pin in wanted & there.keys() for name in changed_files(site, there[pin])]
-    return lacking, changed
+def compare(site: Path, requirements: Path) -> tuple[list[str], list[str]]:
+    """Return the packages that are missing in a folder, and the changed files in it."""
+    present = installed(site)
+    required = set(pins(requirements))
+    missing = [f"{name} {version}" for name, version in sorted(required - present.keys())]
+    if not any(name == "dahl" for name, _ in present):
+        missing.append("dahl")
+    both = required & present.keys()
+    changed = [name for pin in both for name in changed_files(site, present[pin])]
+    return missing, changed
 
 
-def main(locks: list[str]) -> int:
-    lacking, changed = compare(Path(sysconfig.get_path("purelib")), [Path(lock) for lock in locks])
-    for name in lacking:
-        print(f"lacking: {name}")
+def main(requirements: str) -> int:
+    missing, changed = compare(Path(sysconfig.get_path("purelib")), Path(requirements))
+    for name in missing:
+        print(f"missing: {name}")
     for name in changed:
         print(f"changed: {name}")
-    return DAMAGED if changed else LACKING if lacking else 0
+    return DAMAGED if changed else MISSING if missing else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main(sys.argv[1]))

@@ -1,6 +1,6 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: MIT
-# What tools/setup.sh fetches into build/deps: Unity, a kernel with CAN, CBMC. Each comes to its place as a whole or not at all.
+# Downloads of tools/setup.sh into build/deps: Unity, a kernel with CAN, CBMC. A download is moved to its place when complete.
 
 TO_FETCH=()
 
@@ -12,13 +12,13 @@ KERNEL_PARTS=(net/can net/9p net/sched/sch_tbf fs/9p fs/netfs fs/fscache drivers
     drivers/net/can/dev)
 CBMC_SUITE=trixie # has CBMC 6.6; Debian 12 has none
 
-look_at_fetched() {
+check_fetched() {
     local name
     for name in $(words_of FETCHED); do "${name}_is_here" || TO_FETCH+=("$name"); done
-    if [ -n "${DAHL_UNITY_DIR:-}" ]; then check_own_unity; fi
+    if [ -n "${DAHL_UNITY_DIR:-}" ]; then check_given_unity; fi
 }
 
-wants_fetched() {
+may_fetch() {
     local name
     for name in "${TO_FETCH[@]}"; do was_tried "$name" any || return 0; done
     return 1
@@ -26,14 +26,14 @@ wants_fetched() {
 
 must_fetch() { [[ " ${TO_FETCH[*]} " == *" unity "* ]]; }
 
-get_fetched() {
+fetch_missing() {
     local name
     for name in $(words_of FETCHED); do
         if [[ " ${TO_FETCH[*]} " == *" $name "* ]]; then "get_$name"; else say "$name: in place"; fi
     done
 }
 
-# apt-get with its lists and files in a folder of ours, asking only the sources that stand in FOLDER/parts.
+# Run apt-get with its lists and files in FOLDER and with the sources of FOLDER/parts only.
 private_apt() { # FOLDER WORD...
     local work=$1 options
     shift
@@ -45,7 +45,7 @@ private_apt() { # FOLDER WORD...
 
 # --- Unity: a test framework in C ---------------------------------------------------------------------------------
 
-check_own_unity() {
+check_given_unity() {
     local file
     for file in unity.c unity.h unity_internals.h; do
         [ -s "$DAHL_UNITY_DIR/$file" ] || die "DAHL_UNITY_DIR: $DAHL_UNITY_DIR has no $file"
@@ -56,7 +56,7 @@ unity_sums_hold() { (cd "$1" 2>/dev/null && sha256sum --check --status <<<"$UNIT
 
 unity_is_here() { [ -n "${DAHL_UNITY_DIR:-}" ] || unity_sums_hold "$BUILD/deps/unity"; }
 
-# Debian's source package ntpsec carries Unity 2.5.1; apt checks its signature.
+# Debian's source package ntpsec contains Unity 2.5.1; apt checks its signature.
 fetch_unity() { # FOLDER
     write_debian_sources deb-src "$1/parts"
     private_apt "$1" update || return 1
@@ -68,13 +68,13 @@ get_unity() {
     local part=$BUILD/deps/unity.part
     rm -rf "$part"
     mkdir -p "$part/unity"
-    say "fetching Unity (a test framework in C) out of Debian's source package ntpsec"
+    say "fetching Unity (a test framework in C) from Debian's source package ntpsec"
     fetch_unity "$part" || die "could not fetch Unity (log: build/setup.log); get unity.c, unity.h and
        unity_internals.h from the project ThrowTheSwitch/Unity and set DAHL_UNITY_DIR to their folder"
     mv "$part"/unity*.[ch] "$part/unity"
     unity_sums_hold "$part/unity" || {
         (cd "$part/unity" && sha256sum ./*) >&2
-        die "these are not the files of Unity 2.5.1 whose sums stand in tools/setup/fetched.sh: not used"
+        die "these files do not have the sums of Unity 2.5.1 in tools/setup/fetched.sh: not used"
     }
     rm -rf "$BUILD/deps/unity"
     mv "$part/unity" "$BUILD/deps/unity"
@@ -111,7 +111,7 @@ cbmc_is_here() {
     command -v cbmc >/dev/null || ! has_apt || "$BUILD/deps/cbmc/bin/cbmc" --version >>"$BUILD/setup.log" 2>&1
 }
 
-# Another Debian's program runs here on its own C library, which nothing else gets to see.
+# A program of another Debian must run with the C library of that Debian; only these commands use it.
 make_cbmc_commands() { # FOLDER
     local name
     mkdir "$1/bin"
@@ -137,7 +137,7 @@ fetch_cbmc() { # FOLDER
     quietly setup make_cbmc_commands "$1"
 }
 
-get_cbmc() { get_optional cbmc "CBMC (a model checker for C) out of Debian's $CBMC_SUITE"; }
+get_cbmc() { get_optional cbmc "CBMC (a model checker for C) from Debian's $CBMC_SUITE"; }
 
 # ------------------------------------------------------------------------------------------------------------------
 
@@ -155,5 +155,5 @@ get_optional() { # NAME WHAT
         fi
         note_tried "$1" any
     fi
-    say "$1 is not to be had here, so the tests that need it will be skipped"
+    say "$1 cannot be fetched here, so the tests that need it will be skipped"
 }

@@ -1,39 +1,37 @@
 # shellcheck shell=bash disable=SC2034
 # SPDX-License-Identifier: MIT
-# What each need is made of. To add a package, add it here; a Python package goes into tools/requirements/NEED.txt.
+# The contents of each need of tools/setup.sh. Add a Debian package here, a Python package in pyproject.toml.
 
-NEEDS=(demo identify firmware test vm checks bench all)
+NEEDS=(demo identify firmware docs test vm checks bench all)
 
-# Needs that one brings along.
-declare -A BRINGS=(
+# Other needs that a need includes.
+declare -A INCLUDES=(
     [identify]='demo'
     [firmware]='demo'
     [test]='identify'
+    [docs]='test' # pdoc imports each module, the pytest plugin too
     [vm]='demo'
-    [checks]='test firmware vm'
+    [checks]='test firmware vm docs'
     [bench]='identify firmware'
     [all]='checks bench'
 )
 
-# Debian packages without which it fails.
+# Required Debian packages: set-up fails without them.
 declare -A MUST=(
     [demo]='libc6-dev cmake ninja-build libinih-dev libcsv-dev libcjson-dev python3 python3-venv'
-    [identify]='gcc' # tcc, see below, makes the batches slow
     [firmware]='gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm dpkg-dev xz-utils'
+    [docs]='doxygen'
     [test]='gcc g++ git ca-certificates pkg-config dpkg-dev xz-utils'
 )
 
-# The demo builds with any C compiler. Where there is none it gets tcc: 1 MB, and gcc is 190.
-${CC:-cc} -v >/dev/null 2>&1 || case "$(uname -m)" in
-    x86_64) MUST[demo]+=' tcc' ;;
-    *) MUST[demo]+=' gcc' ;;
-esac
+# Any C compiler builds the demo. If there is none, install gcc.
+${CC:-cc} -v >/dev/null 2>&1 || MUST[demo]+=' gcc'
 
-# Debian packages without which it does less, and says so.
+# Optional Debian packages: tests that need a missing one are skipped and say so.
 declare -A MAY=(
     [test]='valgrind'
     [vm]='can-utils qemu-system-x86 busybox-static kmod cpio iproute2'
-    # Other compilers, 32 bits, big-endian programs by clang (Debian's own cross compiler cannot stand beside gcc-multilib).
+    # clang builds the big-endian programs, because Debian's s390x gcc conflicts with gcc-multilib.
     [checks]='tcc clang libclang-rt-14-dev gcc-multilib g++-multilib
         qemu-user-static binutils-s390x-linux-gnu libgcc-12-dev-s390x-cross libc6-dev-s390x-cross
         gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc gcc-avr avr-libc arduino-core-avr make
@@ -42,33 +40,33 @@ declare -A MAY=(
     [bench]='gcc-riscv64-unknown-elf picolibc-riscv64-unknown-elf picolibc-arm-none-eabi qemu-system-misc'
 )
 
-# Things that are fetched into build/deps.
+# Downloads into build/deps (fetched.sh).
 declare -A FETCHED=(
-    [firmware]='unity' # a core's preset configures its tests too
+    [firmware]='unity' # the preset of a core configures its tests too
     [test]='unity'
     [vm]='kernel'
     [checks]='cbmc'
 )
 
-# Python packages: tools/requirements/NAME.lock. Each lock stands on those before it.
-declare -A LOCK=([demo]=demo [identify]=identify [test]=test [checks]=checks)
+# Groups of Python packages in tools/requirements.lock.
+declare -A PYTHON_GROUP=([demo]=demo [identify]=identify [docs]=docs [test]=test [checks]=checks)
 
 declare -A WANTED=() # the needs of this run
 
 is_need() { [[ " ${NEEDS[*]} " == *" $1 "* ]]; }
 
 add_need() {
-    local more
+    local other
     WANTED[$1]=yes
-    for more in ${BRINGS[$1]:-}; do add_need "$more"; done
+    for other in ${INCLUDES[$1]:-}; do add_need "$other"; done
 }
 
-# The words of one of the tables above, for the needs of this run.
+# Print the words of one of the tables above, for the needs of this run.
 words_of() { # TABLE
     local -n table=$1
     local need words=()
     for need in "${NEEDS[@]}"; do
-        # shellcheck disable=SC2206 # several words in one entry
+        # shellcheck disable=SC2206 # an entry has several words
         [ -z "${WANTED[$need]:-}" ] || words+=(${table[$need]:-})
     done
     [ "${#words[@]}" -eq 0 ] || printf '%s\n' "${words[@]}"

@@ -3,8 +3,8 @@
 # Debian packages, for tools/setup.sh.
 
 APT_ANSWERS=yes
-MISSING=() # packages that must be installed
-LATER=()   # and may be
+MISSING=()          # required packages that are not installed
+MISSING_OPTIONAL=() # optional packages that are not installed
 
 has_apt() { command -v apt-get >/dev/null && command -v dpkg-query >/dev/null; }
 
@@ -26,14 +26,14 @@ apt() {
         -o DPkg::Lock::Timeout=600 -o APT::Keep-Downloaded-Packages=false "$@" >>"$BUILD/setup.log" 2>&1 </dev/null
 }
 
-# What this machine could not have is tried again when the list of it changes, or after a day.
+# A failed optional installation is tried again if its list changes, or after a day.
 was_tried() { # NAME KEY
     [ -n "$(find "$BUILD/deps/$1.tried" -mmin -1440 2>/dev/null)" ] && [ "$(cat "$BUILD/deps/$1.tried")" = "$2" ]
 }
 
 note_tried() { [ "$APT_ANSWERS" = no ] || echo "$2" >"$BUILD/deps/$1.tried"; }
 
-look_at_packages() {
+check_packages() {
     local must may
     mapfile -t must < <(words_of MUST)
     mapfile -t may < <(words_of MAY)
@@ -41,28 +41,28 @@ look_at_packages() {
     mapfile -t MISSING < <(not_installed "${must[@]}")
     [ "${#MISSING[@]}" -eq 0 ] || may_be_root ||
         die "please install, then run this again: apt-get install --no-install-recommends ${MISSING[*]}"
-    mapfile -t LATER < <(not_installed "${may[@]}")
+    mapfile -t MISSING_OPTIONAL < <(not_installed "${may[@]}")
 }
 
-# On another distribution the names differ and are the user's to map; what counts is what the build will look for.
+# Other distributions have other package names. Therefore check for the programs and headers that the build uses.
 check_without_apt() {
     local missing=() tool file
     for tool in cc cmake ninja python3; do command -v "$tool" >/dev/null || missing+=("$tool"); done
     for file in ini.h csv.h cjson/cJSON.h; do
         echo "#include <$file>" | cc -E - >/dev/null 2>&1 || missing+=("$file (library)")
     done
-    [ "${#missing[@]}" -eq 0 ] && { say "no apt-get here, and all that the build needs is in place"; return; }
+    [ "${#missing[@]}" -eq 0 ] && { say "no apt-get here, but all programs and libraries of the build are in place"; return; }
     printf 'not found: %s\n' "${missing[@]}" >&2
-    die "this is no Debian: please install the packages that hold these. On Debian they are: $(words_of MUST | tr '\n' ' ')"
+    die "this is not Debian: please install the packages that contain these. On Debian they are: $(words_of MUST | tr '\n' ' ')"
 }
 
-wants_apt() { must_have_apt || wants_fetched || may_try_later; }
+needs_apt() { must_have_apt || may_fetch || may_try_optional; }
 
-may_try_later() { [ "${#LATER[@]}" -gt 0 ] && ! was_tried packages "${LATER[*]}" && may_be_root; }
+may_try_optional() { [ "${#MISSING_OPTIONAL[@]}" -gt 0 ] && ! was_tried packages "${MISSING_OPTIONAL[*]}" && may_be_root; }
 
 must_have_apt() { [ "${#MISSING[@]}" -gt 0 ] || must_fetch; }
 
-# One small file of Debian's own sources, by apt's own means of transport and proxies.
+# Download one small file from Debian's own sources, with apt's transports and proxies.
 reach_apt() {
     local uri uris
     mapfile -t uris < <(apt-get update --print-uris 2>>"$BUILD/setup.log" |
@@ -76,9 +76,9 @@ reach_apt() {
     return 1
 }
 
-# Debian's own entries of this machine's package sources, each made one of type $1 (deb or deb-src), into folder $2.
-# Other entries may be broken, and Debian's may be lacking sources: so the few calls below use these alone.
-write_debian_sources() {
+# Write the entries for Debian itself among this machine's package sources into FOLDER, each with this TYPE (deb or deb-src).
+# Third-party entries may be broken, and Debian's own entries may lack deb-src.
+write_debian_sources() { # TYPE FOLDER
     local name
     name=$(codename)
     mkdir -p "$2"
@@ -91,8 +91,8 @@ write_debian_sources() {
             >"$2/debian.list" || true
 }
 
-# The same of another suite of Debian ($3), where the machine's own mirror has it.
-write_other_sources() {
+# The same for another suite of Debian on the same mirror.
+write_other_sources() { # TYPE FOLDER SUITE
     local name
     name=$(codename)
     write_debian_sources "$1" "$2"
@@ -102,18 +102,18 @@ write_other_sources() {
 
 debian_only() { printf '%s\n' -o Dir::Etc::sourcelist=/dev/null -o "Dir::Etc::sourceparts=$1"; }
 
-# From what apt knows now; else with fresh lists, after mending an installation that was broken off; else with Debian's own
-# sources alone.
+# Try the present package lists first. If that fails, repair an interrupted installation and update the lists. If that fails too,
+# use Debian's own sources only.
 install_packages() {
     local only
     if apt install --no-install-recommends "$@"; then return; fi
     as_root dpkg --configure -a >>"$BUILD/setup.log" 2>&1 </dev/null || true
-    say "asking for fresh package lists"
-    apt update || say "some package source of this machine does not answer; going on without it"
+    say "updating the package lists"
+    apt update || say "a package source of this machine does not answer; continuing without it"
     if apt install --no-install-recommends "$@"; then return; fi
     write_debian_sources deb "$BUILD/deps/apt-deb"
     mapfile -t only < <(debian_only "$BUILD/deps/apt-deb")
-    say "trying with Debian's own package sources alone"
+    say "trying Debian's own package sources only"
     apt "${only[@]}" update && apt "${only[@]}" install --no-install-recommends "$@"
 }
 
@@ -125,8 +125,8 @@ must_install() {
     }
 }
 
-# Python first: what it needs can come from its index while apt-get installs the rest.
-get_packages() {
+# Install Python first: pip can then work while apt-get installs the other packages.
+install_missing() {
     local python=()
     has_apt || return 0
     mapfile -t python < <(comm -12 <(printf '%s\n' "${MISSING[@]}") <(printf 'python3\npython3-venv\n'))
@@ -135,7 +135,7 @@ get_packages() {
     mapfile -t MISSING < <(not_installed "${MISSING[@]}")
     if [ "${#MISSING[@]}" -gt 0 ]; then must_install "${MISSING[@]}"; fi
     say "Debian packages: in place"
-    if [ "${#LATER[@]}" -gt 0 ]; then get_later "${LATER[@]}"; fi
+    if [ "${#MISSING_OPTIONAL[@]}" -gt 0 ]; then install_optional "${MISSING_OPTIONAL[@]}"; fi
 }
 
 known_to_apt() {
@@ -145,16 +145,16 @@ known_to_apt() {
     done
 }
 
-get_later() {
+install_optional() {
     local known
-    if may_try_later && [ "$APT_ANSWERS" = yes ]; then
+    if may_try_optional && [ "$APT_ANSWERS" = yes ]; then
         mapfile -t known < <(known_to_apt "$@")
         if [ "${#known[@]}" -lt $# ]; then apt update || true; mapfile -t known < <(known_to_apt "$@"); fi
-        say "installing packages that only some tests need: ${known[*]:-none of them is known here}"
+        say "installing optional packages: ${known[*]:-apt-get knows none of them}"
         if [ "${#known[@]}" -eq $# ] && install_packages "$@"; then return; fi
         install_packages "${known[@]}" || true
         note_tried packages "$*"
     fi
     mapfile -t known < <(not_installed "$@")
-    say "not all here, so the tests that need them will be skipped: ${known[*]}"
+    say "not installed, so the tests that need them will be skipped: ${known[*]}"
 }

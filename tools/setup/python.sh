@@ -1,58 +1,59 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: MIT
-# The Python environment build/venv, for tools/setup.sh. It grows by need; what is damaged is made anew.
+# The Python environment build/venv, for tools/setup.sh. It gains packages with each need; if damaged, it is created again.
 
-PIP_ANSWERS=yes # see ask_networks
+PIP_ANSWERS=yes # set by check_networks
 PIP_JOB=
-LOCKS=()       # the locks of this run, as words for pip and check_venv.py
-VENV_STATE=    # whole, lacking or none
+GROUPS_WANTED=() # sections of the lock file for this run
+VENV_STATE=      # complete, incomplete or unusable
 PYTHON=
 
-good_python() {
+is_good_python() {
     "$1" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1
 }
 
 find_python() {
     local python
     for python in ${DAHL_PYTHON:+"$DAHL_PYTHON"} python3.11 python3 /usr/bin/python3; do
-        if good_python "$python"; then echo "$python"; return; fi
+        if is_good_python "$python"; then echo "$python"; return; fi
     done
 }
 
-# What an environment cannot outlive: another interpreter, another place (its scripts name their path).
+# An environment is bound to its interpreter and its place, because its scripts contain its path.
 venv_key() { { echo "$VENV"; "$PYTHON" -VV; } | sha256sum; }
 
-# What the command `dahl` in it was made from: a change installs it again, and nothing else.
-package_key() { sed '/^\[tool\.ruff/,$d' "$ROOT/pyproject.toml" | sha256sum; }
+# The part of pyproject.toml that describes the package `dahl`. A change of it installs `dahl` again.
+package_key() { sed '/^\[dependency-groups/,$d' "$ROOT/pyproject.toml" | sha256sum; }
 
 stamp_holds() { # LINE KEY
     [ "$(sed -n "$1p" "$VENV/.complete" 2>/dev/null)" = "$2" ]
 }
 
-# The stamp is written last, so an environment without it was left half done. With it, each package is looked at.
-look_at_venv() {
+# The stamp is written last: without it, an installation was interrupted. With it, each package is checked.
+venv_state() {
     local code=0
-    stamp_holds 1 "$(venv_key)" || { echo none; return; }
-    "$VENV/bin/python" -I "$ROOT/tools/setup/check_venv.py" "${LOCKS[@]}" >>"$BUILD/setup.log" 2>&1 || code=$?
+    stamp_holds 1 "$(venv_key)" || { echo unusable; return; }
+    "$VENV/bin/python" -I "$ROOT/tools/setup/check_venv.py" "$BUILD/deps/packages.txt" >>"$BUILD/setup.log" 2>&1 || code=$?
     case "$code" in
-        0) if stamp_holds 2 "$(package_key)"; then echo whole; else echo lacking; fi ;;
-        3) echo lacking ;;
-        *) echo none ;;
+        0) if stamp_holds 2 "$(package_key)"; then echo complete; else echo incomplete; fi ;;
+        3) echo incomplete ;;
+        *) echo unusable ;;
     esac
 }
 
-look_at_python() {
-    mapfile -t LOCKS < <(words_of LOCK | sed "s!.*!$ROOT/tools/requirements/&.lock!")
+check_python() {
+    mapfile -t GROUPS_WANTED < <(words_of PYTHON_GROUP)
+    locked_packages "${GROUPS_WANTED[@]}" >"$BUILD/deps/packages.txt"
     PYTHON=$(find_python)
-    if [ -n "$PYTHON" ]; then VENV_STATE=$(look_at_venv); else VENV_STATE=none; fi
+    if [ -n "$PYTHON" ]; then VENV_STATE=$(venv_state); else VENV_STATE=unusable; fi
 }
 
-wants_pip() { [ "$VENV_STATE" != whole ]; }
+needs_pip() { [ "$VENV_STATE" != complete ]; }
 
 pip() { "$VENV/bin/python" -m pip --disable-pip-version-check --quiet "$@"; }
 
-# One small package by pip's own settings and proxies: without a network it gives up after some 10 s, and on a busy machine pip
-# alone takes more than 15 s to start. Where there is no pip yet, start_python asks again.
+# Download one small package with pip's own settings and proxies. Without a network pip gives up after 10 s; on a busy machine it
+# needs more than 15 s to start. If there is no pip yet, create_venv checks again.
 reach_pip() {
     local python
     for python in "$VENV/bin/python" "$PYTHON"; do
@@ -60,67 +61,66 @@ reach_pip() {
     done
     [ -n "$python" ] || return 0
     timeout 25 "$python" -m pip --disable-pip-version-check --quiet download --no-deps --no-cache-dir --retries 1 --timeout 5 \
-        --dest "$BUILD/deps" --require-hashes -r <(smallest_lock) >>"$BUILD/setup.log" 2>&1
+        --dest "$BUILD/deps" --require-hashes -r <(smallest_package) >>"$BUILD/setup.log" 2>&1
     local code=$?
     rm -f "$BUILD"/deps/mdurl-*
     return "$code"
 }
 
-smallest_lock() { sed -n '/^mdurl==/,/[^\\]$/p' "$ROOT/tools/requirements/demo.lock"; }
+smallest_package() { locked_packages demo | sed -n '/^mdurl==/,/[^\\]$/p'; }
 
-# Python compiles what it imports when it first does; where that is forbidden, pip compiles everything.
+# Python compiles a module when it first imports it. If that is forbidden, pip must compile all of them.
 pip_install() {
     local try compile=--no-compile
     if [ -n "${PYTHONDONTWRITEBYTECODE:-}" ]; then compile=--compile; fi
     for try in 1 2 3; do
         quietly setup pip install "$compile" --progress-bar off --retries 5 --timeout 30 "$@" && return
-        say "pip did not get through (try $try of 3)"
+        say "pip failed (try $try of 3)"
         sleep $((try * 3))
     done
     die "pip could not install the Python packages (log: build/setup.log)"
 }
 
-make_venv() {
-    say "making the Python environment build/venv with $("$PYTHON" -V)"
+create_venv() {
+    say "creating the Python environment build/venv with $("$PYTHON" -V)"
     rm -rf "$VENV"
-    quietly setup "$PYTHON" -m venv "$VENV" || die "$PYTHON could not make a virtual environment (log: build/setup.log)"
+    quietly setup "$PYTHON" -m venv "$VENV" || die "$PYTHON could not create a virtual environment (log: build/setup.log)"
     reach_pip || die "cannot reach the index of Python packages (pip), needed for: build/venv (log: build/setup.log)"
 }
 
-# Each package is pinned, with the sums of its files: nothing else gets in.
+# pip installs only packages with a SHA-256 sum of the lock file.
 fill_venv() {
-    local list=()
-    for lock in "${LOCKS[@]}"; do list+=(-r "$lock"); done
-    say "installing Python packages: tools/requirements/$(words_of LOCK | tail -n 1).lock and what it stands on"
+    say "installing Python packages: ${GROUPS_WANTED[*]} (tools/requirements.lock)"
     rm -f "$VENV/.complete"
-    pip_install --no-deps --require-hashes "${list[@]}"
+    pip_install --no-deps --require-hashes -r "$BUILD/deps/packages.txt"
     pip_install --no-deps --no-build-isolation --editable "$ROOT"
     printf '%s\n' "$(venv_key)" "$(package_key)" >"$VENV/.complete"
 }
 
-# In the background, while apt-get installs other packages.
+# Install Python packages in the background while apt-get installs other packages.
 start_python() {
     PYTHON=$(find_python)
     [ -n "$PYTHON" ] ||
         die "no Python 3.11 or later with venv (tried: ${DAHL_PYTHON:-} python3.11 python3 /usr/bin/python3); set DAHL_PYTHON"
-    if [ "$VENV_STATE" = whole ]; then return; fi
-    set -m # a process group of its own, so that end_python reaches all of it
+    if [ "$VENV_STATE" = complete ]; then return; fi
+    set -m # a process group for stop_python
     {
-        if [ "$VENV_STATE" = none ]; then make_venv; fi
+        if [ "$VENV_STATE" = unusable ]; then create_venv; fi
         fill_venv
     } &
     PIP_JOB=$!
     set +m
 }
 
-end_python() {
+stop_python() {
     [ -n "$PIP_JOB" ] || return 0
     kill -- "-$PIP_JOB" 2>/dev/null || true
     wait "$PIP_JOB" 2>/dev/null || true
 }
 
-get_python() {
-    [ -z "$PIP_JOB" ] || wait "$PIP_JOB" || die "no Python environment; what failed is said above (log: build/setup.log)"
+finish_python() {
+    [ -z "$PIP_JOB" ] || wait "$PIP_JOB" || die "no Python environment; the reason is above (log: build/setup.log)"
     PIP_JOB=
+    touch "$VENV/.complete" # newer than the lock file: the environment is up to date
     say "Python environment: in place (build/venv)"
 }

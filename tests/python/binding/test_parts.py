@@ -13,25 +13,27 @@ import dahl
 import mpmath
 import numpy as np
 import pytest
+from dahl.binding import models
 from hypothesis import given
 from hypothesis import strategies as st
 from strategies import as_float
 
 pytestmark = pytest.mark.usefixtures("library")
 
+BREAKAWAY = models.with_key("breakaway")
 PLAN = dahl.Plan(100.0, 0.5, 2e-4)
 SIGMA0, FC, THETA = [100.0, 70.0, 3.0], [0.5, 1.25, 0.01], 2e-4
 ULPS = 0.55  # of Fc (of the sum, of the larger Fc): the bound of the docstrings
 FAST_ULPS = 0.5001  # of ThroughputSlip
 MADE = {
     "asymmetric": lambda: dahl.Asymmetric(100.0, 0.5, 0.3, THETA),
-    "elastoplastic": lambda: dahl.ElastoPlastic(100.0, 0.5, THETA, 0.7),
+    BREAKAWAY.name: lambda: models.class_of(BREAKAWAY)(100.0, 0.5, THETA, 0.7),
     "slip": lambda: dahl.Slip(SIGMA0, FC, THETA),
     "work": lambda: dahl.Work(PLAN),
     "parallel": lambda: dahl.Parallel(dahl.Friction(PLAN), dahl.Slip(SIGMA0, FC, THETA)),
     "velocity": lambda: dahl.VelocityTable([0.1 * k - 0.3 for k in range(16)], 2),
 }
-LARGER_FC = {"asymmetric": 0.5, "elastoplastic": 0.5, "slip": sum(FC), "parallel": sum(FC) + 0.5}
+LARGER_FC = {"asymmetric": 0.5, BREAKAWAY.name: 0.5, "slip": sum(FC), "parallel": sum(FC) + 0.5}
 MOVES = np.random.default_rng(5).integers(-60, 61, 3000).astype(np.int32)
 LOADS = np.random.default_rng(6).uniform(0, 1.99, MOVES.size)
 
@@ -204,9 +206,10 @@ def test_a_load_that_leaves_the_stiffness_is_exact():
 
 
 @pytest.mark.parametrize("breakaway", [0.125, 0.75])
-def test_elastoplastic_is_a_spring_up_to_breakaway_and_does_not_creep(breakaway):
+def test_a_model_with_breakaway_is_a_spring_below_it_and_does_not_creep(breakaway):
     """Beyond it the gap to Fc shrinks by exp(-sigma0 theta/(Fc - breakaway Fc))."""
-    part, stiffness = dahl.ElastoPlastic(128.0, 0.5, 2.0**-13, breakaway), 128 / 2**13
+    part = models.class_of(BREAKAWAY)(128.0, 0.5, 2.0**-13, breakaway)
+    stiffness = 128 / 2**13  # N m a count
     most = math.floor(breakaway * 0.5 / stiffness)  # counts
     assert part.step_counts(most) == most * stiffness
     part.run_counts(np.tile([-most, most], 50_000).astype(np.int32))

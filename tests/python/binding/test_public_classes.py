@@ -19,6 +19,7 @@ import dahl
 import numpy as np
 import pytest
 from dahl import codec, node
+from dahl.binding import models
 
 pytestmark = pytest.mark.usefixtures("library")
 
@@ -64,6 +65,7 @@ def others(name: str, value: Any) -> Iterator[Any]:
 
 
 PLAN = {"sigma0": 100.0, "Fc": 0.5, "theta_per_count": 2e-4}
+BREAKAWAY = models.with_key("breakaway")
 PLANNED = {"plan": dahl.Plan(**PLAN)}
 TWO = {"sigma0": [100.0, 50.0], "Fc": [0.5, 1.0], "theta_per_count": 1e-3}
 SEAL = {"sigma0": 100.0, "Fc_forward": 0.5, "Fc_backward": 0.3, "theta_per_count": 2e-4}
@@ -76,7 +78,7 @@ KINDS = {
     kind.of.__name__: kind
     for kind in (
         Kind(dahl.Asymmetric, SEAL, step),
-        Kind(dahl.ElastoPlastic, PLAN | {"breakaway": 0.5}, step),
+        Kind(models.class_of(BREAKAWAY), PLAN | {"breakaway": 0.5}, step),
         Kind(dahl.Encoder, {"modulus": 65536, "sign": 1, "largest_step": 9}, lambda o: o.move(12)),
         Kind(dahl.Friction, PLANNED, step),
         Kind(

@@ -22,6 +22,7 @@ from types import ModuleType
 import dahl
 import numpy as np
 import pytest
+from dahl.binding import models
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_public_classes import KINDS
@@ -80,13 +81,14 @@ REAL = {
     "Fc[0]": [lambda v: dahl.Slip([1.0], [v], 1.0)],
     "Fc_backward": [lambda v: dahl.Asymmetric(1.0, 1.0, v, 1.0)],
 }
+BREAKAWAY = models.class_of(models.with_key("breakaway"))
 WHOLE = {  # with its limits
     ("dcounts", *I32): [
         lambda v: bearing().step_counts(v),
         lambda v: bearing().step_counts_q30(v),
         lambda v: dahl.Slip([1], [1], 1).step_counts(v),
         lambda v: dahl.Parallel(dahl.Slip([1], [1], 1)).step_counts_q30(v),
-        lambda v: dahl.ElastoPlastic(1, 1, 1, 0.5).step_counts_q30(v),
+        lambda v: BREAKAWAY(1, 1, 1, 0.5).step_counts_q30(v),
         lambda v: dahl.Work(PLAN).step_counts(v),
         lambda v: dahl.Loaded(PLAN).step_counts(v, 1),
         lambda v: dahl.VelocityTable([1.0] * 16, 0).step_counts(v),
@@ -164,7 +166,7 @@ REFUSED = [
     (lambda: dahl.Plan(-(10**5000), 1), ("sigma0 = -inf",)),
     (lambda: dahl.Asymmetric(1.0, 1, 1e12, 1e-3), ("sigma0/Fc_backward", *TRAVEL)),
     *(
-        (lambda b=b: dahl.ElastoPlastic(1.0, 1, 1, b), (f"breakaway = {b}", "0 <", "< 1"))
+        (lambda b=b: BREAKAWAY(1.0, 1, 1, b), (f"breakaway = {b}", "0 <", "< 1"))
         for b in (0.0, 1.0, -0.5, math.nan)
     ),
     (lambda: dahl.VelocityTable([1.0] * 15, 0), ("15", "16")),

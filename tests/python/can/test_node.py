@@ -16,6 +16,7 @@ import dahl
 import pytest
 from can_socket import ERROR, EXTENDED, REMOTE, joined, plant
 from dahl import codec
+from dahl.binding import models
 from dahl.codec import EncoderState
 from frame_sequences import (
     FRICTION_VALUES,
@@ -33,6 +34,7 @@ from strategies import COPIES
 pytestmark = pytest.mark.usefixtures("library")
 
 THETA = 3.8e-4
+BREAKAWAY = models.with_key("breakaway")
 PLAN = dahl.Plan(100, 0.7, THETA)
 MODELS = {  # keys of a scene, and the same in Python
     "dahl": ("sigma0 = 100\nFc = 0.7", PLAN),
@@ -46,9 +48,9 @@ MODELS = {  # keys of a scene, and the same in Python
         ),
     ),
     "asymmetric": ("sigma0 = 100\nFc = 0.2 0.7", dahl.Asymmetric(100, 0.2, 0.7, THETA)),
-    "elastoplastic": (
+    BREAKAWAY.name: (
         "sigma0 = 100\nFc = 0.7\nbreakaway = 0.6",
-        dahl.ElastoPlastic(100, 0.7, THETA, 0.6),
+        models.make(BREAKAWAY, [100], [0.7], THETA, 0.6),
     ),
     "loaded": ("sigma0 = 100\nFc = 0.7", dahl.Loaded(PLAN)),
 }

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT, built
+from dahl.binding import models
 from sources import INCLUDES, NODE
 
 FLOAT_FORM = {"expm1f"}  # libm's
 VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # libgcc's, for the batches on x86-64
-PARTS = ("slip", "parallel", "asymmetric", "loaded", "elastoplastic")
+PARTS = set(models.table()) - {"dahl"}
 OWN = re.compile(r"(frames|node|slcan)_")
 COPIES = {"memcpy", "memset"}  # the compiler's own idea
 
@@ -50,7 +51,7 @@ def test_the_library_needs_nothing_and_keeps_nothing() -> None:
 def parts(file: Path) -> dict[str, set[str]]:
     """Each function of the library in a file: the part that it is of, if it is of one."""
     names = re.findall(r" T dahl_(\w+)", run("nm", file))
-    return {name: set(PARTS) & {name.replace("part", "parallel").split("_")[0]} for name in names}
+    return {name: PARTS & {name.replace("part", "parallel").split("_")[0]} for name in names}
 
 
 def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:

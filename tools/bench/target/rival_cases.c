@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* Cases of the rivals: one count of the same plan as the library's, and their worst over a spread of travel. */
+/* Cases of the other methods: one count with the plan of the library, and the worst case over several travels. */
 #include "bench.h"
 #include "rivals.h"
 

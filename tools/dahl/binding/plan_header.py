@@ -7,33 +7,22 @@ are called; no layout is known here.
 from __future__ import annotations
 
 import ctypes
+import inspect
 import re
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dahl import paths
-from dahl.binding.core import Plan
-from dahl.binding.parts import Slip
-from dahl.binding.variants import Asymmetric, ElastoPlastic
+from dahl.binding import models
 from dahl.errors import Error, RunError
 from dahl.version import __version__
 
-AnyPlan = Plan | Slip | Asymmetric | ElastoPlastic
-KINDS: dict[type, tuple[str, str, tuple[str, ...]]] = {  # prefix of the C names, header, parameters
-    Plan: ("dahl_", "dahl.h", ("sigma0", "Fc", "theta_per_count")),
-    Slip: ("dahl_slip_", "dahl_parts.h", ("sigma0", "Fc", "theta_per_count")),
-    Asymmetric: (
-        "dahl_asymmetric_",
-        "dahl_parts.h",
-        ("sigma0", "Fc_forward", "Fc_backward", "theta_per_count"),
-    ),
-    ElastoPlastic: (
-        "dahl_elastoplastic_",
-        "dahl_parts.h",
-        ("sigma0", "Fc", "theta_per_count", "breakaway"),
-    ),
-}
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    AnyPlan: TypeAlias = models.AnyPlan
+
 WORDS = {
     "uint8_t": ctypes.c_uint8,
     "uint32_t": ctypes.c_uint32,
@@ -52,6 +41,15 @@ LINE = 96  # characters
 HEAD = re.compile(
     r"/\*(?:(?!\*/).)*dahl_(?:\w+_)?prepare\(\) of .*?\*/\n#ifndef DAHL_PLAN_\w+_H\n", re.DOTALL
 )
+
+
+def _kind(plan: type) -> tuple[str, str, tuple[str, ...]]:
+    """Return the prefix of the C names of a plan, its header, and the names of its parameters."""
+    parameters = tuple(inspect.signature(plan).parameters)
+    for row in models.table().values():
+        if row.has_plan and row.class_name == plan.__name__:
+            return f"dahl_{row.name}_", "dahl_parts.h", parameters
+    return "dahl_", "dahl.h", parameters
 
 
 @cache
@@ -133,7 +131,7 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
     compiled.
     """
     plans = plan if isinstance(plan, dict) else {"": plan}
-    kinds = [KINDS[type(one)] for one in plans.values()]
+    kinds = [_kind(type(one)) for one in plans.values()]
     guard = f"DAHL_PLAN_{name.upper()}_H"
     major, minor, _ = __version__.split(".")
     said = [
@@ -188,7 +186,7 @@ def _float(value: float) -> str:
 
 def _words(name: str, plan: AnyPlan) -> list[str]:
     """One plan."""
-    prefix = KINDS[type(plan)][0]
+    prefix = _kind(type(plan))[0]
     words = structure(f"{prefix}plan_t").from_buffer_copy(plan._words)
     return [
         f"static const {prefix}plan_t dahl_plan_{name} = {{",

@@ -40,7 +40,7 @@ class AsyncBus:
         node: int = 0,
         timeout: float = 1.0,
     ) -> codec.Frame:
-        """As node.ask()."""
+        """Send a frame and return the answer, as node.ask() does."""
         async with self._turn:
             return await asyncio.to_thread(ask, self.bus, frame, node, timeout)
 
@@ -50,7 +50,7 @@ class AsyncBus:
         node: int = 0,
         seconds: float = 0.1,
     ) -> None:
-        """As node.expect_silence()."""
+        """Send a frame that must not be answered, as node.expect_silence() does."""
         async with self._turn:
             await asyncio.to_thread(expect_silence, self.bus, frame, node, seconds)
 
@@ -61,6 +61,6 @@ class AsyncBus:
             await asyncio.to_thread(self.bus.send, message)
 
     async def recv(self, timeout: float = 1.0) -> can.Message | None:
-        """The next message, None if none comes within `timeout` s."""
+        """Return the next message, None after `timeout` s."""
         async with self._turn:
             return await asyncio.to_thread(buses.receive, self.bus, timeout)

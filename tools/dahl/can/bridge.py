@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""A node behind slcan as a member of a served bus: `python -m dahl.can.bridge SLCAN_PORT
+"""Connect a node behind slcan to a served bus: `python -m dahl.can.bridge SLCAN_PORT
 SOCKETCAND_PORT`
 
-Frames pass both ways, as text and at once, until either side closes; python-can would spend more on
-each frame than a millisecond has. Prints `ready` when both sides are open.
+Frames are forwarded as text in both directions until one side closes: python-can would need more
+than a millisecond for each. It prints `ready` when both sides are open.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import time
 
 ELEMENT = re.compile(rb"<\s*([^<>]*?)\s*>")
 LINE = re.compile(rb"t([0-9A-F]{3})([0-8])((?:[0-9A-F]{2})*)\Z")
-GATHER = 2e-4  # s
+GATHER_S = 2e-4  # wait that lets single bytes of an emulated UART become a line
 HANDSHAKE = (b"< open vcan0 >", b"< rawmode >")
 
 
@@ -28,7 +28,7 @@ def connect(port: int) -> socket.socket:
 
 
 def to_line(element: bytes) -> bytes:
-    """`frame ID TIME DATA` of socketcand as a line of slcan; nothing for any other element."""
+    """Return `frame ID TIME DATA` of socketcand as a line of slcan; b"" for another element."""
     words = element.split()
     if len(words) < 3 or words[0] != b"frame" or len(words[1]) > 3:
         return b""
@@ -37,8 +37,8 @@ def to_line(element: bytes) -> bytes:
 
 
 def to_element(line: bytes) -> bytes:
-    """A line of slcan as `send` of socketcand; nothing for answers and what a node here never
-    sends.
+    """Return a line of slcan as `send` of socketcand; b"" for acknowledgements and for frames that
+    the node never sends.
     """
     found = LINE.match(line)
     if not found or len(found[3]) != 2 * int(found[2]):
@@ -52,7 +52,7 @@ def to_element(line: bytes) -> bytes:
 
 
 class Side:
-    """One connection, and what of its input is not yet a whole piece."""
+    """One connection, and the incomplete end of its input."""
 
     def __init__(self, link: socket.socket) -> None:
         self.link, self.rest = link, b""
@@ -72,7 +72,7 @@ class Side:
 
 
 def join(bus: Side) -> None:
-    """socketcand's greeting: each step is answered before the next."""
+    """Do the handshake of socketcand: each step waits for its answer."""
     for step in (*HANDSHAKE, b""):
         while not bus.elements():
             if not bus.read():
@@ -81,14 +81,12 @@ def join(bus: Side) -> None:
 
 
 def forward(node: Side, bus: Side) -> None:
-    """Until one side closes. An emulated UART sends single bytes: a nap lets a line gather, or each
-    would wake us.
-    """
+    """Forward frames until one side closes."""
     while True:
         for link in select.select([node.link, bus.link], [], [])[0]:
             side = node if link is node.link else bus
             if side is node:
-                time.sleep(GATHER)
+                time.sleep(GATHER_S)
             if not side.read():
                 return
         out = b"".join(map(to_line, bus.elements()))

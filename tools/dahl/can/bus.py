@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 VCAN = "vcan0"
 WHICH = "which bus? Name it with -i and -c, or in python-can's own settings"
-FLAGS = {  # the options that name a bus, by their names in python-can
+FLAGS = {  # options of a bus, by their names in python-can
     "interface": "-i",
     "channel": "-c",
     "bitrate": "-b",
@@ -39,30 +39,30 @@ FLAGS = {  # the options that name a bus, by their names in python-can
     "port": "--port",
     "bus_kwargs": "--bus-kwargs",
 }
-QUIET = 0.05  # s without a frame, after which the caller has its turn
-NOTICEABLE_LAG = 0.5  # s behind the bus; a busy machine alone causes less
+QUIET_S = 0.05  # without a frame; then the iterator yields None
+NOTICEABLE_LAG_S = 0.5  # behind the bus; a busy machine alone causes less
 SO_MEMINFO = 55  # linux/socket.h; the last of its 9 numbers counts discarded frames
 
 
 def named(args: argparse.Namespace) -> dict[str, Any]:
-    """What the arguments say of the bus."""
+    """Return the options of the bus among the arguments."""
     return {key: value for key in FLAGS if (value := getattr(args, key, None)) is not None}
 
 
-def keywords(said: dict[str, Any]) -> dict[str, Any]:
-    """Of can.Bus, by what named() has found. Raises dahl.Error for one that is said twice."""
-    more: dict[str, Any] = said.get("bus_kwargs", {})
-    first = {key: value for key, value in said.items() if key != "bus_kwargs"}
+def keywords(options: dict[str, Any]) -> dict[str, Any]:
+    """Return keywords of can.Bus from options of named(). Raises dahl.Error for one given twice."""
+    more: dict[str, Any] = options.get("bus_kwargs", {})
+    first = {key: value for key, value in options.items() if key != "bus_kwargs"}
     for key, value in more.items():
         if key in first:
-            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} says it too")
+            raise Error(f"--bus-kwargs {key}={value}: {FLAGS[key]} {first[key]} is given too")
     return first | more
 
 
-def words(said: dict[str, Any]) -> list[str]:
-    """What named() has found as words of a command line."""
+def words(options: dict[str, Any]) -> list[str]:
+    """Return options of named() as words of a command line."""
     found = []
-    for key, value in said.items():
+    for key, value in options.items():
         found.append(FLAGS[key])
         if isinstance(value, Mapping):
             found += [f"{name}={one}" for name, one in value.items()]
@@ -75,11 +75,11 @@ def open_from(args: argparse.Namespace) -> can.BusABC:
     """Open the bus that the arguments name. Raises dahl.Error as open_bus() does."""
     import can.cli
 
-    _silence()
-    said = keywords(named(args))
-    server = {key: said[key] for key in ("host", "port") if key in said}
+    _quiet_python_can()
+    options = keywords(named(args))
+    server = {key: options[key] for key in ("host", "port") if key in options}
     try:
-        return can.cli.create_bus_from_namespace(args, **tuned_for(said), **server)
+        return can.cli.create_bus_from_namespace(args, **tuned_for(options), **server)
     except argparse.ArgumentError as error:
         raise _not_open(named(args), error.__cause__) from None
 
@@ -90,7 +90,7 @@ def open_bus(patience: float = 0.0, **settings: Any) -> can.BusABC:
     """
     import can
 
-    _silence()
+    _quiet_python_can()
     until = time.monotonic() + patience
     while True:
         try:
@@ -108,8 +108,10 @@ def tuned_for(settings: dict[str, Any]) -> dict[str, Any]:
     return {"tcp_tune": True} if settings.get("interface") == "socketcand" else {}
 
 
-def _silence() -> None:
-    logging.getLogger("can").setLevel(logging.ERROR)  # a frame in two pieces is no news
+def _quiet_python_can() -> None:
+    logging.getLogger("can").setLevel(
+        logging.ERROR
+    )  # python-can warns of each frame that arrives in two pieces
 
 
 def _not_open(settings: dict[str, Any], error: object) -> Error:
@@ -119,12 +121,12 @@ def _not_open(settings: dict[str, Any], error: object) -> Error:
 
 
 def shown(settings: dict[str, Any]) -> str:
-    """A bus as messages name it."""
+    """Return a bus in the words of messages."""
     return " ".join(f"{key}={value}" for key, value in settings.items()) or "of your settings"
 
 
 def silent(args: argparse.Namespace, seconds: float) -> Timeout:
-    """Not one frame came."""
+    """Return the error for a bus without frames."""
     return Timeout(
         f"no frame on the bus ({shown(named(args))}) in {seconds:.1f} s:"
         " is a node there, at this bit rate?"
@@ -132,12 +134,11 @@ def silent(args: argparse.Namespace, seconds: float) -> Timeout:
 
 
 class Reception:
-    """Each frame as it comes, or None if no frame came for a while, until stop is asked, finish()
-    is called or a limit is reached. Frames that came before that moment and were not read yet are
-    still returned. Raises RunError if the bus goes away.
+    """Yield each frame, or None after QUIET_S without one, until stop, finish() or a limit. Frames
+    that arrived before that moment are still yielded. Raises dahl.RunError if the bus is lost.
 
-    lag_s is how far reading is behind the bus: the delay of a frame since its time stamp, above the
-    delay of frames that were waited for.
+    lag_s is the delay of reading: the age of a frame, minus the age of frames that were waited
+    for.
     """
 
     def __init__(
@@ -149,7 +150,7 @@ class Reception:
         self.lag_s = self.most_lag_s = 0.0
 
     def finish(self) -> None:
-        """End with the frames that have arrived by now."""
+        """Stop after the frames that have arrived by now."""
         self._end = min(self._end, time.monotonic())
 
     def __iter__(self) -> Iterator[can.Message | None]:
@@ -158,8 +159,8 @@ class Reception:
             if self._stop.asked:
                 self.finish()
             has_ended = time.monotonic() >= self._end
-            message = self._next(0.0 if has_ended else QUIET)
-            if has_ended and (message is None or self._came_after_end()):
+            message = self._next(0.0 if has_ended else QUIET_S)
+            if has_ended and (message is None or self._is_after_end()):
                 return
             count += message is not None
             yield message
@@ -171,7 +172,7 @@ class Reception:
         if message is None and seconds:
             message = receive(self._bus, seconds)
         now = time.monotonic()
-        is_prompt = has_waited and now - waits_since < 2 * QUIET  # this process was not stopped
+        is_prompt = has_waited and now - waits_since < 2 * QUIET_S  # this process was not stopped
         if message is not None:
             self._measure(now - message.timestamp, is_prompt)
         elif is_prompt:
@@ -185,13 +186,13 @@ class Reception:
         self.lag_s = delay - self._least_delay
         self.most_lag_s = max(self.most_lag_s, self.lag_s)
 
-    def _came_after_end(self) -> bool:
+    def _is_after_end(self) -> bool:
         return time.monotonic() - self.lag_s > self._end
 
 
 def lost_in_kernel(bus: can.BusABC) -> int:
-    """Frames that the kernel discarded because the receive buffer of this SocketCAN bus was full;
-    0 for another interface.
+    """Return the number of frames that the kernel discarded because the receive buffer of this
+    SocketCAN bus was full; 0 for another interface.
     """
     link = getattr(bus, "socket", None)
     if not isinstance(link, socket.socket):
@@ -204,9 +205,7 @@ def lost_in_kernel(bus: can.BusABC) -> int:
 
 
 def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | None, None, None]:
-    """The same frames, taken from the bus by a thread of their own: a server drops who reads too
-    slowly, as one would who works on them between two.
-    """
+    """Yield the same frames, read by a separate thread: a server drops a slow client."""
     taken: queue.SimpleQueue[can.Message | None | BaseException] = queue.SimpleQueue()
     enough = threading.Event()
 
@@ -233,7 +232,7 @@ def read_ahead(frames: Iterable[can.Message | None]) -> Generator[can.Message | 
 
 
 def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
-    """The next frame, None where none comes in time. Raises RunError when the bus goes away."""
+    """Return the next frame, None after `seconds`. Raises dahl.RunError if the bus is lost."""
     import can
 
     try:
@@ -246,8 +245,8 @@ def receive(bus: can.BusABC, seconds: float) -> can.Message | None:
 
 
 def _hung_up(bus: can.BusABC) -> bool:
-    """python-can's socketcand client does not notice that its server has gone, and has no public
-    way to ask its socket.
+    """Return whether the socketcand server closed the connection. python-can does not notice it,
+    and its socket is not public.
     """
     link = getattr(bus, "_SocketCanDaemonBus__socket", None)
     try:
@@ -259,9 +258,7 @@ def _hung_up(bus: can.BusABC) -> bool:
 
 
 def candump_line(message: can.Message) -> str:
-    """One line `(seconds.microseconds) bus id#data` as `candump -L` writes it, without the
-    direction that some add.
-    """
+    """Return the line `(seconds.microseconds) bus id#data` of `candump -L`, without a direction."""
     bus = message.channel if isinstance(message.channel, str) else VCAN
     if message.is_error_frame:
         head, form = f"{message.arbitration_id | 0x20000000:08X}", "#"
@@ -281,7 +278,7 @@ def candump_line(message: can.Message) -> str:
 
 
 def has_socketcan() -> bool:
-    """True where the kernel knows CAN."""
+    """Return whether the kernel supports CAN."""
     try:
         socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW).close()
     except (AttributeError, OSError):
@@ -290,9 +287,7 @@ def has_socketcan() -> bool:
 
 
 def vcan_is_up(name: str = VCAN) -> bool:
-    """True where the interface is there and up; makes it where we may (root, and the kernel has the
-    module).
-    """
+    """Return whether the interface is up. Create it if that is possible (as root)."""
     if not Path(f"/sys/class/net/{name}").exists() and shutil.which("ip"):
         subprocess.run(
             ["ip", "link", "add", "dev", name, "type", "vcan"], capture_output=True, check=False
@@ -305,7 +300,7 @@ def vcan_is_up(name: str = VCAN) -> bool:
 
 
 def choose(wanted: str | None) -> tuple[str, str]:
-    """The bus of a demo and why: ('socketcan:vcan0' or 'socketcand', a sentence)."""
+    """Return the bus of a demo, 'socketcan:vcan0' or 'socketcand', and the reason as a sentence."""
     if wanted:
         if not re.fullmatch(r"socketcand(:\d+)?|socketcan:[^\s:/]+", wanted):
             raise Error(

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""The 4-bit counters of frames: which frame is new, and how many are missing before it."""
+"""Decide from the 4-bit counters which frame is new, and how many frames are missing before it."""
 
 from __future__ import annotations
 
 from dahl.can import codec
 
-LATE = 8  # counter steps ahead; a frame of more is late (DAHL_NODE_GAP_MAX_STEP)
-TOGETHER = 0.005  # s between two frames; after more a counter that went back is a gap
+MAX_STEPS_AHEAD = 8  # of a counter; a frame further ahead is late (DAHL_NODE_GAP_MAX_STEP)
+MAX_LATE_S = 0.005  # of a late frame; after more time a counter that went back is a gap
 
 
 def step(before: int, now: int, seconds: float) -> int:
-    """Frames from one with the counter `before` to one with `now`, itself included, `seconds`
-    later: 1 where none is missing, 0 for one that is repeated or late.
+    """Return how many frames a counter advanced from `before` to `now` within `seconds`: 1 if no
+    frame is missing, 0 if this frame is repeated or late.
     """
     ahead = (now - before) % codec.COUNTERS
-    if seconds < TOGETHER and (ahead == 0 or ahead > LATE):
+    if seconds < MAX_LATE_S and (ahead == 0 or ahead > MAX_STEPS_AHEAD):
         return 0
     return ahead or codec.COUNTERS

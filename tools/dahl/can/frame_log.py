@@ -19,7 +19,7 @@ from dahl.errors import Error, RunError
 if TYPE_CHECKING:
     import can
 
-KEPT = 200  # frames in a report
+MAX_REPORTED_FRAMES = 200  # newest frames in the report of a test
 
 
 class FrameLog:
@@ -30,7 +30,7 @@ class FrameLog:
     def __init__(self, bus: can.BusABC) -> None:
         self.listeners: list[Callable[[can.Message], None]] = []
         self._send, self._recv, self._lock = bus.send, bus.recv, threading.Lock()
-        self._lines: deque[str] = deque(maxlen=KEPT)
+        self._lines: deque[str] = deque(maxlen=MAX_REPORTED_FRAMES)
         self._frames, self._begin = 0, time.monotonic()
         self._ahead: deque[can.Message] = deque()
         for name in ("send", "recv"):
@@ -60,12 +60,12 @@ class FrameLog:
     def read_rest(self) -> None:
         """Log the frames that wait on the bus."""
         with contextlib.suppress(RunError):
-            for _ in range(KEPT):
+            for _ in range(MAX_REPORTED_FRAMES):
                 if not self.read_ahead(0, lambda _: False):
                     return
 
     def text(self) -> str:
-        """One line a frame: seconds, direction, id and bytes, and their meaning."""
+        """Return one line for each frame: seconds, direction, id, bytes and their meaning."""
         left_out = self._frames - len(self._lines)
         head = [f"({left_out} earlier frames are left out)"] if left_out else []
         return "\n".join([*head, *self._lines])
@@ -85,7 +85,7 @@ class FrameLog:
 
 
 def _shown(message: Any) -> str:
-    """An id and bytes as candump has them, and their meaning if they are of a node."""
+    """Return id and bytes in the format of candump, and their meaning if a node uses this id."""
     if not hasattr(message, "arbitration_id"):
         return repr(message)  # the bus refuses it
     text = candump_line(message).split()[2]

@@ -94,7 +94,7 @@ class _Sequence:
         self._time = None
 
     def gap(self, counter: int, now: float) -> Gap | None:
-        """Return the frames missing before this one; None if it is repeated or late."""
+        """Return the frames missing before this frame; None if it is repeated or late."""
         before = self._time
         if before is not None:
             least, most = self._steps_to(counter, now - before)
@@ -172,7 +172,7 @@ class _Node:
         self._answers = True
         self.proved = self.proved.plus(gap)
         behind = (self._by_kind[ANGLE].counter - echo) % codec.COUNTERS
-        self._is_answered_ahead = behind > counters.LATE
+        self._is_answered_ahead = behind > counters.MAX_STEPS_AHEAD
         if gap.least or self._angles_since <= behind < self._angles_since + self._undecided.least:
             self._decide(is_missing=True)
         elif behind < self._angles_since:  # an answer after the gap, without a gap of its own

@@ -12,8 +12,8 @@ COLUMNS_PER_TICK, ROWS_PER_TICK = 12, 3
 
 
 def even_ticks(low: float, high: float, most: int) -> list[float]:
-    """From at most `low` to at least `high`, about `most` steps of 1, 2 or 5 times a power of
-    ten.
+    """Return ticks from at most `low` to at least `high`: about `most` steps of 1, 2 or 5 times a
+    power of ten.
     """
     if low == high:
         low, high = low - (abs(low) or 1) / 10, high + (abs(high) or 1) / 10
@@ -28,7 +28,7 @@ def even_ticks(low: float, high: float, most: int) -> list[float]:
 def panel(
     x: Collection[float], y: Collection[float], title: str, width: int, height: int, colour: str
 ) -> Text:
-    """y over x in so many columns and rows; empty axes where there is nothing to draw."""
+    """Draw y over x in `width` columns and `height` rows; empty axes without points."""
     import plotext
 
     plotext.clear_figure()

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What the monitor shows: what has been seen of each message, and in the rows that are left the
-last ticks as curves.
-"""
+"""The view of the monitor: a table of the messages, and curves of the last ticks below it."""
 
 from __future__ import annotations
 
@@ -17,7 +15,7 @@ from rich.text import Text
 
 from dahl import paths
 from dahl.can import codec, counters
-from dahl.can.bus import NOTICEABLE_LAG
+from dahl.can.bus import NOTICEABLE_LAG_S
 from dahl.can.monitor_curves import panel
 from dahl.errors import Error
 
@@ -25,29 +23,29 @@ if TYPE_CHECKING:
     import can
     from cantools.database.can import Message
 
-WIDE = 110  # columns from which on the table holds what each message last said
-UNLIMITED_ROWS = 27  # of curves, where the height is not limited
-LEAST_ROWS, TWO_ROWS = 6, 18  # for a row of panels, and for two
-LEAST_BESIDE = 40  # columns of each of two panels side by side
-ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # have a row, seen or not
-NUMBERED = ALWAYS  # one more with each frame; any other's counter is the asker's own
-FINE = {"OK", "Init"}  # states that need no colour
-UNSAID = {"State", "Crc", "Counter"}  # State stands first, in its colour
+MIN_WIDE_COLUMNS = 110  # from which the table also holds the last values of each message
+UNLIMITED_ROWS = 27  # of curves, if the height is not limited
+MIN_PANEL_ROWS, MIN_TWO_PANELS_ROWS = 6, 18  # for one row of panels, and for two
+MIN_HALF_COLUMNS = 40  # of each of two panels side by side
+ALWAYS = ("EncoderState", "FrictionTorque", "Status")  # always have a row
+NUMBERED = ALWAYS  # their counters count frames; other counters belong to the requester
+FINE = {"OK", "Init"}  # states without colour
+HIDDEN_SIGNALS = {"State", "Crc", "Counter"}  # State stands first, in its colour
 SHOWN = {"EncoderState": {"Count"}, "FrictionTorque": {"State", "TorqueRatio"}}
 
 
 @dataclass
 class Seen:
-    """One message: how often, how many are missing where its counter tells it, its last word."""
+    """One message: its frames, the missing ones by its counter, its last values."""
 
     message: Message
     frames: int = 0
     missing: int = 0
-    wrong: int = 0  # CAN FD; CRC, length or contents that are not as they should be
+    wrong: int = 0  # CAN FD frames, wrong CRC, length or contents
     last: dict[str, Any] | None = None
     first_time: float = 0.0
     time: float = 0.0
-    newest: tuple[int, float] | None = None  # counter and time of the frame before the next
+    newest: tuple[int, float] | None = None  # counter and time of the last frame
 
     def rate(self) -> float:
         span = self.time - self.first_time
@@ -55,7 +53,7 @@ class Seen:
 
 
 class View:
-    """Feed it frames; rich draws it, in the width and height that it is given."""
+    """Receives frames; rich draws it in the given width and height."""
 
     def __init__(
         self,
@@ -65,8 +63,8 @@ class View:
         Fc: float | None = None,  # noqa: N803 (the field's name)
         unit: str = "N m",
     ) -> None:
-        self.fills_screen = False  # of the terminal that it is drawn on
-        self.Fc, self.unit = Fc, unit  # of the ratio on the bus; None until a ParamReply tells
+        self.fills_screen = False  # whether it uses the full height of the terminal
+        self.Fc, self.unit = Fc, unit  # at a torque ratio of 1; None until a ParamReply has it
         self.seen = {one.frame_id + node: Seen(one) for one in _messages(dbc)}
         self.names = {seen.message.name: seen for seen in self.seen.values()}
         self.time: deque[float] = deque(maxlen=window)
@@ -77,7 +75,7 @@ class View:
         self.lag_s = self.most_lag_s = 0.0  # how far reading is behind the bus
 
     def feed(self, frame: can.Message) -> None:
-        """Take one frame, whatever it is."""
+        """Process one frame of any kind."""
         self.frames += 1
         seen = self.seen.get(frame.arbitration_id)
         if seen is None or frame.is_error_frame or frame.is_extended_id or frame.is_remote_frame:
@@ -87,15 +85,15 @@ class View:
             if frame.is_fd or not codec.is_whole(frame.arbitration_id, frame.data):
                 raise ValueError("CAN FD, a wrong CRC or length")
             signals = seen.message.decode_simple(bytes(frame.data))
-        except Exception:  # cantools has several for frames that are too short
+        except Exception:  # cantools raises several kinds for short frames
             seen.wrong += 1
             return
         self._count(seen, signals, frame.timestamp)
         if seen.message.name == "FrictionTorque":
             self._answer(signals, frame.timestamp)
         elif seen.message.name == "ParamReply":
-            told = signals.get("Fc")
-            self.Fc = float(told) if isinstance(told, (int, float)) else self.Fc
+            value = signals.get("Fc")
+            self.Fc = float(value) if isinstance(value, (int, float)) else self.Fc
 
     def _count(self, seen: Seen, signals: dict[str, Any], now: float) -> None:
         if seen.last is None:
@@ -103,10 +101,10 @@ class View:
         if seen.message.name in NUMBERED and "Counter" in signals:
             counter = signals["Counter"]
             if counter == 0 and str(signals.get("State")) == "Init":
-                seen.newest = None  # the node has begun anew, and its counters with it
+                seen.newest = None  # the node restarted, and its counters too
             before, then = seen.newest or (counter - 1, now)
             step = counters.step(before, counter, now - then)
-            if step:  # else it is repeated or late, and the next is expected as before
+            if step:  # 0 if repeated or late
                 seen.missing, seen.newest = seen.missing + step - 1, (counter, now)
         seen.frames, seen.last, seen.time = seen.frames + 1, signals, now
 
@@ -119,7 +117,7 @@ class View:
             self.ratio.append(signals["TorqueRatio"])
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as numbers, for JSON."""
+        """Return the numbers of the view, for JSON."""
         return {
             "frames": self.frames,
             "other_frames": self.others,
@@ -133,7 +131,7 @@ class View:
                     "per_s": seen.rate(),
                     "missing": seen.missing,
                     "bad": seen.wrong,
-                    "last": {key: _plain(value) for key, value in (seen.last or {}).items()},
+                    "last": {key: _json_value(value) for key, value in (seen.last or {}).items()},
                 }
                 for name, seen in self.names.items()
             },
@@ -148,17 +146,19 @@ class View:
         yield from self._panels(options.max_width, rows)
 
     def _panels(self, width: int, rows: int) -> Iterator[RenderableType]:
-        """The loop first; both over time where there is room."""
-        if rows < LEAST_ROWS:
+        """Yield the loop, and both curves over time if there is space."""
+        if rows < MIN_PANEL_ROWS:
             return
-        low = rows * 2 // 5 if rows >= TWO_ROWS else 0
-        beside = width >= 2 * LEAST_BESIDE
+        low = rows * 2 // 5 if rows >= MIN_TWO_PANELS_ROWS else 0
+        beside = width >= 2 * MIN_HALF_COLUMNS
         if not low and beside:
-            yield self._side_by_side(self._loop(width // 2, rows), self._times(width, rows)[0])
+            yield self._side_by_side(
+                self._loop(width // 2, rows), self._time_curves(width, rows)[0]
+            )
             return
         yield self._loop(width, rows - low)
         if low:
-            first, second = self._times(width if beside else 2 * width, low)
+            first, second = self._time_curves(width if beside else 2 * width, low)
             yield self._side_by_side(first, second) if beside else first
 
     @staticmethod
@@ -168,7 +168,7 @@ class View:
         return row
 
     def _torque(self) -> tuple[list[float], str]:
-        """Torques, and what they are: in N m where Fc is known."""
+        """Return the torques and their label: in N m if Fc is known."""
         if self.Fc is None:
             return list(self.ratio), "F/Fc"
         return [ratio * self.Fc for ratio in self.ratio], f"F [{self.unit}]"
@@ -177,7 +177,7 @@ class View:
         torque, name = self._torque()
         return panel(self.count, torque, f"{name} over counts", width, rows, "cyan")
 
-    def _times(self, width: int, rows: int) -> tuple[Text, Text]:
+    def _time_curves(self, width: int, rows: int) -> tuple[Text, Text]:
         start = self.time[0] if self.time else 0.0
         seconds = [moment - start for moment in self.time]
         torque, name = self._torque()
@@ -188,10 +188,10 @@ class View:
         )
 
     def _words(self, width: int, fold: bool) -> Iterator[RenderableType]:
-        """The counters, one row each, and what was last said: beside them or below. Without `fold`
-        each is one row.
+        """Yield the table of counters, with the last values in a column or below. Without `fold`
+        each message has one row.
         """
-        wide = width >= WIDE
+        wide = width >= MIN_WIDE_COLUMNS
         shown = [seen for name, seen in self.names.items() if seen.frames or name in ALWAYS]
         table = Table(expand=wide, box=None, header_style="bold", pad_edge=False)
         table.add_column("message", no_wrap=True)
@@ -202,28 +202,26 @@ class View:
         for seen in shown:
             table.add_row(*_row(seen), *([self._last(seen)] if wide else []))
         yield table
-        told = [seen for seen in shown if seen.last and (fold or seen.message.name in ALWAYS)]
-        lines = [] if wide else [self._below(seen) for seen in told]
+        listed = [seen for seen in shown if seen.last and (fold or seen.message.name in ALWAYS)]
+        lines = [] if wide else [self._last_line(seen) for seen in listed]
         states = ", ".join(f"{name} {count}" for name, count in self.states.most_common())
         style = "" if set(self.states) <= FINE else "yellow"
         lines.append(Text.assemble("node states  ", (states or "none yet", style)))
-        lines.append(Text.assemble(f"other frames  {self.others}  behind  ", self._behind()))
+        lines.append(Text.assemble(f"other frames  {self.others}  behind  ", self._lag()))
         for line in lines:
             line.no_wrap, line.overflow = not fold, "fold" if fold else "ellipsis"
             yield line
 
-    def _behind(self) -> tuple[str, str]:
-        """Words and colour."""
+    def _lag(self) -> tuple[str, str]:
+        """Return the delay of reading as text, and its colour."""
         words = f"{self.lag_s:.1f} s, at most {self.most_lag_s:.1f} s"
-        return words, "yellow" if self.most_lag_s > NOTICEABLE_LAG else ""
+        return words, "yellow" if self.most_lag_s > NOTICEABLE_LAG_S else ""
 
-    def _below(self, seen: Seen) -> Text:
+    def _last_line(self, seen: Seen) -> Text:
         return Text.assemble((f"{seen.message.name}  ", "bold"), self._last(seen))
 
     def _last(self, seen: Seen) -> Text:
-        """What a message last said: the torque in its unit, what is not as it should be in
-        colour.
-        """
+        """Return the last values of a message: the torque in its unit, faults in colour."""
         if seen.last is None:
             return Text("not seen")
         signals = dict(seen.last)
@@ -231,10 +229,10 @@ class View:
         errors = [name.removeprefix("Error") for name, v in signals.items() if str(v) == "Seen"]
         if errors:
             words.append(f"seen: {' '.join(errors)}  ", "yellow")
-        for name, value in _version_last(signals).items():
-            if name not in UNSAID and str(value) not in ("None", "Seen"):
-                told = f"{value:.6f}" if isinstance(value, float) else str(value)
-                words.append(f"{name} {told}  ")
+        for name, value in _move_version_last(signals).items():
+            if name not in HIDDEN_SIGNALS and str(value) not in ("None", "Seen"):
+                value_text = f"{value:.6f}" if isinstance(value, float) else str(value)
+                words.append(f"{name} {value_text}  ")
         return words
 
     def _torque_and_state(self, signals: dict[str, Any]) -> Text:
@@ -247,16 +245,14 @@ class View:
         return words
 
 
-def _version_last(signals: dict[str, Any]) -> dict[str, Any]:
-    """The signals, the parts of a version as one, behind all others: a narrow window cuts the
-    line.
-    """
+def _move_version_last(signals: dict[str, Any]) -> dict[str, Any]:
+    """Return the signals with the version as one signal at the end, which a narrow window cuts."""
     parts = [signals.pop(name, None) for name in ("VersionMajor", "VersionMinor")]
     return signals if None in parts else {**signals, "Version": "{}.{}".format(*parts)}
 
 
 def _row(seen: Seen) -> tuple[Text, ...]:
-    """Name and counts of a message, with colour where they are not 0 and ought to be."""
+    """Return name and counts of a message; counts that should be 0 are coloured."""
     return (
         Text(seen.message.name),
         Text(str(seen.frames)),
@@ -266,12 +262,12 @@ def _row(seen: Seen) -> tuple[Text, ...]:
     )
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     return value if isinstance(value, (int, float)) else str(value)
 
 
 def _messages(dbc: Path | None) -> list[Message]:
-    """Those of a bus description that has what is shown. Raises dahl.Error."""
+    """Return the messages of a DBC. Raises dahl.Error if it lacks one that the view needs."""
     import cantools
 
     path = dbc or paths.DBC
@@ -292,8 +288,8 @@ def _messages(dbc: Path | None) -> list[Message]:
 
 
 def _without_other_nodes(messages: list[Message]) -> list[Message]:
-    """Those of node 0 and any that are no node's: node n has the messages of node 0 at id + n, and
-    a description of several nodes has them too.
+    """Return the messages without those of nodes 1 to 15: node n has the messages of node 0 at
+    id + n, and a DBC of several nodes lists them too.
     """
     ids = {one.frame_id for one in messages}
     numbers = [one.frame_id % codec.NODES for one in messages]

@@ -25,9 +25,9 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
-from dahl.binding import checks, core, parts, variants
+from dahl.binding import checks, core, models, parts, variants
 from dahl.binding.copies import Copied
 from dahl.can import codec
 from dahl.can.bus import receive
@@ -35,6 +35,8 @@ from dahl.errors import Error, RunError, Timeout
 
 if TYPE_CHECKING:
     import can
+
+    from dahl.binding.models import Friction
 
 __all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
@@ -46,15 +48,6 @@ BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
 LONG, INT32_MAX = 60.0, 2**31 - 1  # s; what a parameter on the bus can say
 LEAP = 1000.0  # s without a call: longer than any timeout, shorter than what 32 bits of us tell
-
-Friction: TypeAlias = (
-    core.Plan
-    | parts.Slip
-    | parts.Parallel
-    | variants.Asymmetric
-    | variants.ElastoPlastic
-    | variants.Loaded
-)
 
 
 @dataclass(frozen=True)
@@ -115,9 +108,8 @@ class _ParallelParams(ctypes.Structure):
 class Node(Copied):
     """A friction node (dahl_node_t): frames in, frames out, relaxed and unaware at first.
 
-    friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded, of which the
-                   parameters are taken: the node has a state of its own. Parameter Load tells the
-                   load of a Loaded, 0 .. 1; 1 at first
+    friction       a Plan, or the object of another model, such as a Slip; only its parameters are
+                   used. Parameter Load sets the load of a Loaded, 0 .. 1; 1 at first
     number         0 .. 15, the low 4 bits of its ids
     gain           part of the torque that is answered, 0 .. 1
     limit          part of Fc that the answer is clamped to, 0 .. 1
@@ -164,7 +156,7 @@ class Node(Copied):
         """dahl_node_init, and dahl_node_use_NAME where it is no Plan."""
         use = _use_of(self._friction)
         if use is None:
-            known = ", ".join(kind.__name__ for kind in USES)
+            known = ", ".join(models.class_of(row).__name__ for row in models.table().values())
             raise Error(f"friction = {checks.shown(self._friction)} is none of {known}")
         first, name, arguments = use(self._friction)
         first._need_counts()
@@ -312,16 +304,12 @@ def _use_slip(slip: parts.Slip) -> tuple[core.Plan, str, tuple[Any, ...]]:
     return first, "slip", (ctypes.byref(params),)
 
 
-def _use_asymmetric(seal: variants.Asymmetric) -> tuple[core.Plan, str, tuple[Any, ...]]:
-    first = core.Plan(seal.sigma0, seal.Fc_forward, seal.theta_per_count)
-    values = (seal.sigma0, seal.Fc_forward, seal.Fc_backward, seal.theta_per_count)
-    return first, "asymmetric", ((ctypes.c_float * 4)(*values),)
-
-
-def _use_elastoplastic(one: variants.ElastoPlastic) -> tuple[core.Plan, str, tuple[Any, ...]]:
-    first = core.Plan(one.sigma0, one.Fc, one.theta_per_count)
-    params = (ctypes.c_float * 3)(one.sigma0, one.Fc, one.theta_per_count)
-    return first, "elastoplastic", (params, ctypes.c_float(one.breakaway))
+def _use_bristle(one: variants._Bristle) -> tuple[core.Plan, str, tuple[Any, ...]]:
+    """Its values are sigma0, one or two Fc, theta_per_count, and that of its own key if any."""
+    params = one._values[:-1] if models.table()[one._kind].key else one._values
+    first = core.Plan(params[0], params[1], params[-1])
+    more = map(ctypes.c_float, one._values[len(params) :])
+    return first, one._kind, ((ctypes.c_float * len(params))(*params), *more)
 
 
 def _use_loaded(one: variants.Loaded) -> tuple[core.Plan, str, tuple[Any, ...]]:
@@ -357,8 +345,7 @@ USES: dict[type, Callable[[Any], tuple[core.Plan, str, tuple[Any, ...]]]] = {
     core.Plan: _use_plan,
     parts.Slip: _use_slip,
     parts.Parallel: _use_parallel,
-    variants.Asymmetric: _use_asymmetric,
-    variants.ElastoPlastic: _use_elastoplastic,
+    variants._Bristle: _use_bristle,
     variants.Loaded: _use_loaded,
 }
 

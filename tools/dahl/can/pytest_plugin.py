@@ -13,12 +13,12 @@ in this process, or it is on a rig that --dahl-interface names; the tests are th
                     dahl_bus has this mark, so that -m dahl selects them
 
 On a rig each test begins with a Reset. The settings of a simulated node are written to the node,
-and its own are written back after the test. Its plan is written only if the test gives one, else
-dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of pytest-xdist.
-If a node has never answered, its tests are skipped. With --dahl-serve the nodes are simulated on
-that bus.
+and its earlier ones are restored after the test. Its plan is written only if the test gives one;
+else dahl_plan is that of the rig. One test at a time uses a rig, also among the workers of
+pytest-xdist. If a node has never answered, its tests are skipped. With --dahl-serve the nodes are
+simulated on that bus.
 
-pytest loads this by itself if dahl is installed; it costs nothing until a fixture is used.
+pytest loads this module if dahl is installed. Until a fixture is used it has no cost.
 """
 
 from __future__ import annotations
@@ -43,9 +43,10 @@ from dahl.errors import Error, Timeout
 if TYPE_CHECKING:
     import can
 
+    from dahl.binding.models import Friction
     from dahl.can.async_bus import AsyncBus
     from dahl.can.frame_log import FrameLog
-    from dahl.can.node import Friction, Node
+    from dahl.can.node import Node
     from dahl.can.rig import RigNode
 
     AnyNode: TypeAlias = Node | RigNode
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 VIRTUAL = "virtual"
-FIRST_ANSWER = 0.8  # s for a rig to open, and for its first answer
+FIRST_ANSWER_TIMEOUT_S = 0.8  # for a rig to open and to answer first
 MARK = "dahl(plan=None, **settings): of dahl_node. Every test that uses dahl_bus has this mark."
 _numbers = itertools.count()
 _frames = pytest.StashKey["FrameLog"]()  # of a test
@@ -169,7 +170,7 @@ def dahl_plan(request: pytest.FixtureRequest) -> Friction:
 
 @pytest.fixture
 def dahl_node_settings() -> Settings:
-    """The other arguments of Node(): a timeout in s that a busy machine does not reach."""
+    """Return the other arguments of Node(): a timeout in s that a busy machine does not reach."""
     return {"timeout": 10.0}
 
 
@@ -194,9 +195,9 @@ def dahl_bus_settings(request: pytest.FixtureRequest) -> Settings:
 
 @pytest.fixture
 def dahl_bus(request: pytest.FixtureRequest, dahl_bus_settings: Settings) -> Iterator[can.BusABC]:
-    """The test's end of the bus."""
+    """Return the bus of the test."""
     is_shared = dahl_bus_settings["interface"] != VIRTUAL
-    with _reserved(dahl_bus_settings) if is_shared else contextlib.nullcontext():
+    with _reserve_bus(dahl_bus_settings) if is_shared else contextlib.nullcontext():
         with _one_line():
             bus = _open(request, dahl_bus_settings)
         with bus:
@@ -225,7 +226,7 @@ def _log_of(request: pytest.FixtureRequest, bus: can.BusABC) -> FrameLog:
 
 
 def _is_rig(request: pytest.FixtureRequest) -> bool:
-    """Whether the nodes are those of a rig."""
+    """Return whether the nodes are on a rig."""
     interface = request.getfixturevalue("dahl_bus_settings")["interface"]
     return interface != VIRTUAL and not request.config.getoption("--dahl-serve")
 
@@ -236,7 +237,7 @@ def _key(settings: Settings) -> str:
 
 
 @contextlib.contextmanager
-def _reserved(settings: Settings) -> Iterator[None]:
+def _reserve_bus(settings: Settings) -> Iterator[None]:
     """Wait until no other test of this user has the bus."""
     path = Path(tempfile.gettempdir(), f"dahl-bus-{os.getuid()}-{_key(settings)}.lock")
     with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "rb") as lock:
@@ -251,7 +252,7 @@ def _open(request: pytest.FixtureRequest, settings: Settings) -> can.BusABC:
 
     if not _is_rig(request):
         return open_bus(**settings)
-    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER))
+    return _contact(request, _key(settings), lambda _: open_rig(settings, FIRST_ANSWER_TIMEOUT_S))
 
 
 def _contact(request: pytest.FixtureRequest, key: str, call: Callable[[bool], T]) -> T:
@@ -304,7 +305,7 @@ def dahl_node(
     dahl_plan: Friction,
     dahl_node_settings: Settings,
 ) -> AnyNode:
-    """The node at the other end of dahl_bus."""
+    """Return the node that answers on dahl_bus."""
     settings = {"number": 0, "plan": dahl_plan} | dahl_node_settings | _mark_arguments(request)
     with _one_line():
         return dahl_make_node(friction=settings.pop("plan"), **settings)
@@ -314,7 +315,7 @@ def dahl_node(
 def _simulated(
     request: pytest.FixtureRequest, friction: Friction, settings: Settings
 ) -> Iterator[Node]:
-    """A node of this process, with its own end of the bus."""
+    """Yield a node in this process, on a separate bus object."""
     import can
 
     from dahl.can.bus import open_bus
@@ -333,7 +334,7 @@ def _simulated(
 def _on_rig(
     request: pytest.FixtureRequest, friction: Friction, settings: Settings
 ) -> Iterator[RigNode]:
-    """A node of the rig, with these parameters until the test ends."""
+    """Yield a node of the rig with these parameters; restore its own at the end."""
     wanted = _new(request, friction, settings)
     rig = _reset_node(request, wanted.number)
     try:
@@ -357,13 +358,13 @@ def _new(request: pytest.FixtureRequest, friction: Friction, settings: Settings)
 
 def _reset_node(request: pytest.FixtureRequest, number: int) -> RigNode:
     """Return a node of the rig after a Reset; skip the test if it has never answered."""
-    from dahl.can.rig import PATIENCE, RigNode
+    from dahl.can.rig import ANSWER_TIMEOUT_S, RigNode
 
     bus, settings = map(request.getfixturevalue, ("dahl_bus", "dahl_bus_settings"))
     rig = RigNode(bus, _log_of(request, bus), number)
 
     def restart(is_first: bool) -> None:
-        rig.restart(FIRST_ANSWER if is_first else PATIENCE)
+        rig.restart(FIRST_ANSWER_TIMEOUT_S if is_first else ANSWER_TIMEOUT_S)
 
     _contact(request, f"{_key(settings)} {number}", restart)
     return rig

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from dahl.can.frame_log import FrameLog
 
-PATIENCE = 1.0  # s for an answer
-LOOK = 0.02  # s
+ANSWER_TIMEOUT_S = 1.0
+READ_PERIOD_S = 0.02
 EACH_TICK = ParamWrite(Param.STATUS, 1, Write.WRITE)  # a Status every ms
 MODEL = (Param.SIGMA0, Param.FC, Param.THETA)
 # Sums in Status, and the error bit of each summand: if it is clear, the summand is 0.
@@ -142,7 +142,7 @@ class RigNode:
         self._before: list[list[ParamWrite]] = []
         frames.listeners.append(self._listen)
 
-    def restart(self, patience: float = PATIENCE) -> None:
+    def restart(self, patience: float = ANSWER_TIMEOUT_S) -> None:
         """Reset the node, and count from here. Raises dahl.Timeout if it does not answer."""
         ask(self._bus, codec.Reset(codec.What.RESTART), self._number, timeout=patience)
         self._ok = 0
@@ -167,12 +167,12 @@ class RigNode:
 
     @property
     def plan(self) -> Plan:
-        """Its sigma0, Fc and theta_per_count; of several elements those of the first."""
+        """sigma0, Fc and theta_per_count of the node; of several elements those of the first."""
         return Plan(*(self._ask(ParamWrite(param)).si for param in MODEL))
 
     @property
     def friction(self) -> Plan:
-        """Its Plan."""
+        """The Plan of the node. Raises dahl.RunError if its model is not Dahl's."""
         if model := self._ask(ParamWrite(Param.MODEL)).value:
             _refuse("friction", f"its parameter Model is {model}, which is not Dahl's")
         return self.plan
@@ -199,12 +199,12 @@ class RigNode:
         return RigCounts(self._ok, status)
 
     def receive(self, message: can.Message, now: float | None = None) -> NoReturn:
-        """Refused: the node of a rig has a bus."""
+        """Raise dahl.RunError: the node of a rig receives from its bus."""
         _refuse("receive()", "it receives from its bus; send on dahl_bus")
 
     def tick(self, now: float | None = None) -> NoReturn:
-        """Refused: the node of a rig has a clock."""
-        _refuse("tick()", "it has a clock of its own")
+        """Raise dahl.RunError: the node of a rig has a clock."""
+        _refuse("tick()", "it has its own clock")
 
     def __reduce_ex__(self, protocol: object) -> NoReturn:
         _refuse("copy", "its state cannot be read")
@@ -266,11 +266,13 @@ class RigNode:
         all others for the test.
         """
         own = [base + self._number for base in self._own]
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + ANSWER_TIMEOUT_S
         while not done():
             if time.monotonic() > until:
-                raise Timeout(f"node {self._number} of the rig: no {what} in {PATIENCE:g} s")
-            self._frames.read_ahead(LOOK, lambda message: message.arbitration_id in own)
+                raise Timeout(
+                    f"node {self._number} of the rig: no {what} in {ANSWER_TIMEOUT_S:g} s"
+                )
+            self._frames.read_ahead(READ_PERIOD_S, lambda message: message.arbitration_id in own)
 
     def _change(self, wanted: list[ParamWrite]) -> None:
         """Write a set of parameters unless the node has them, and keep the earlier values."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Numbers on the command line, refused with their limits where argparse reads them."""
+"""Types of argparse for numbers: a number out of range is an error that names its limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dahl import paths
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
-    """A type for argparse: an integer from low to high."""
+    """Return a type of argparse: an integer from low to high."""
 
     def read(text: str) -> int:
         if not re.fullmatch(r"-?\d{1,30}", text) or not low <= int(text) <= high:
@@ -24,17 +24,17 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 
 
 def finite(text: str) -> float:
-    """A type for argparse: a number, of either sign."""
+    """Parse a finite number."""
     return _number(text, -1e30, 1e30)
 
 
 def seconds(text: str) -> float:
-    """A type for argparse: a duration."""
+    """Parse a duration in s."""
     return _number(text, 0.001, 1e9)
 
 
 def positive(text: str) -> float:
-    """A type for argparse: a number above 0."""
+    """Parse a number above 0."""
     return _number(text, 1e-30, 1e30)
 
 

@@ -11,8 +11,9 @@ from dahl.commands.arguments import whole
 
 
 def add_bus_arguments(parser: argparse.ArgumentParser) -> None:
-    """python-can's own options (-i, -c, -b, --fd, --bus-kwargs, ...), and two of the server that
-    the demo offers; python-can's own settings (~/.canrc) hold where none is given.
+    """Add the options of python-can (-i, -c, -b, --fd, --bus-kwargs, ...), --host and --port.
+
+    Without them, the settings of python-can (~/.canrc) are used.
     """
     try:
         import can.cli

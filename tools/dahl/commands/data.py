@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
 """
-Say where the measured sets are, or get one by name.
+List the measured sets, or get one by name.
 
-Looked for in $DAHL_DATA, in ../shared/data beside the project, in the user's cache, and last on the
-network (a pinned commit, sha256 checked). With a name, the folder is printed alone on a line, for
-use in scripts.
+The command searches $DAHL_DATA, ../shared/data next to the project, the cache of the user, and the
+network (a pinned commit with checked sha256). With a name it prints only the folder, for scripts.
 """
 
 from __future__ import annotations
@@ -16,13 +15,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dahl.io.data import Set
 
-HELP = "measured sets: where they are; fetch one"
+HELP = "list measured sets, or get one"
 EXAMPLE = "example: head -3 $(dahl data tribometer)/reciprocating.tsv"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("name", nargs="?", help="set to get; without it all are listed")
-    parser.add_argument("--json", action="store_true", help="the same as JSON")
+    parser.add_argument("name", nargs="?", help="set to get (default: list all)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -39,7 +38,9 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _numbers(name: str, known: Set) -> dict[str, str | None]:
-    """A set for a program: `folder` where it is, `download` where it could come from."""
+    """Return a set as JSON values: its `folder` if it is on this machine, and its `download`
+    source.
+    """
     from dahl.io import data
 
     found = data.local_folder(name)
@@ -59,5 +60,7 @@ def _where(name: str, known: Set) -> str:
     if found:
         return str(found)
     return (
-        f"to download from {known.repo}" if known.commit else "not here, and not to be downloaded"
+        f"to download from {known.repo}"
+        if known.commit
+        else "not on this machine; no download exists"
     )

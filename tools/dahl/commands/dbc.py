@@ -30,24 +30,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--nodes", type=whole(1, 16), default=1, metavar="N", help="how many, numbered from 0"
     )
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="where it goes (default, and -: printed)"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="file to write (default, and -: standard output)",
     )
-    parser.add_argument("--force", action="store_true", help="overwrite a file that is there")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
 
 
 def run(args: argparse.Namespace) -> None:
     output = None if args.output == Path("-") else args.output
     if output and output.is_file() and not args.force:
-        raise Error(f"{output}: there already; --force overwrites it")
+        raise Error(f"{output}: exists; --force overwrites it")
     text = describe(args.nodes)
     if output:
-        files.keep(output, text)
+        files.write_atomic(output, text)
     else:
         print(text, end="")
 
 
 def describe(nodes: int) -> str:
-    """A DBC with the frames of nodes 0 to nodes - 1."""
+    """Return a DBC with the frames of nodes 0 to nodes - 1."""
     from cantools.database.can import Database
     from cantools.database.utils import sort_signals_by_start_bit
 

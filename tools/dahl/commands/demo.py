@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from dahl.sim.loop import Setup
     from dahl.sim.scene import Recorded, Scene
 
-HELP = "the main job: replay, record, compare, draw"
+HELP = "replay a log over the bus, record, compare, draw"
 EXAMPLE = """examples:
   dahl demo
   dahl demo --scene steering --seconds 10
@@ -44,6 +44,7 @@ WRITTEN = (
     "*.err",
     "*.bin",
     "run.log",
+    "own.csv",
     "trace.csv",
     "uncompensated.csv",
     "loop.png",
@@ -56,17 +57,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         type=Path,
         metavar="LOG",
-        help="your own log: CSV or TSV with a header line",
+        help="your own log: a table as dahl identify reads it",
     )
     _add_own(parser.add_argument_group("your own log"))
     _add_run(parser)
 
 
 def _add_own(own: argparse._ActionsContainer) -> None:
-    """What a user's own log is and what compares it with the model."""
-    own.add_argument("--angle", metavar="COLUMN", help="column that holds the angle")
-    own.add_argument("--torque", metavar="COLUMN", help="column that holds the measured torque")
-    own.add_argument("--time", metavar="COLUMN", help="column that holds the time in s")
+    """Add the options that describe a user's own log and the model to compare it with."""
+    own.add_argument("--angle", metavar="COLUMN", help="angle: column by name, or by number from 1")
+    own.add_argument("--torque", metavar="COLUMN", help="the same for the measured torque")
+    own.add_argument("--time", metavar="COLUMN", help="the same for the time")
     own.add_argument(
         "--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad (mm: N/m)"
     )
@@ -79,18 +80,20 @@ def _add_own(own: argparse._ActionsContainer) -> None:
     )
     own.add_argument(
         "--angle-unit",
-        choices=("deg", "rad", "mm", "counts"),
-        help="of the angle column (default: what its name says, else deg)",
+        metavar="UNIT",
+        help="deg, rad, mrad, turn, counts, m, mm, ... (default: that of the name, else deg)",
     )
     own.add_argument(
         "--torque-scale",
         type=finite,
         metavar="K",
-        help="N m per unit of the torque column (default: 1)",
+        help="N m per unit of the torque column (default: that of its name, else 1)",
     )
-    own.add_argument("--offset", type=finite, metavar="T", help="N m added to the model's torque")
     own.add_argument(
-        "--spring", type=finite, metavar="K", help="N m/rad times the angle, added too"
+        "--offset", type=finite, metavar="T", help="N m, added to the torque of the model"
+    )
+    own.add_argument(
+        "--spring", type=finite, metavar="K", help="N m/rad; its product with the angle is added"
     )
 
 
@@ -113,7 +116,9 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         "--seed", type=whole(0, 2**64 - 1), metavar="N", help="of a scene that has random parts"
     )
     parser.add_argument(
-        "--json", action="store_true", help="print summary.json; all else goes to standard error"
+        "--json",
+        action="store_true",
+        help="print summary.json, and all other output to standard error",
     )
     parser.add_argument(
         "-o",
@@ -121,7 +126,7 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=paths.OUTPUT / "demo",
         metavar="FOLDER",
-        help="where the files go",
+        help="folder of the files",
     )
 
 
@@ -129,12 +134,11 @@ def run(args: argparse.Namespace) -> int:
     from dahl.report import terminal
 
     console = terminal.console(stderr=args.json, soft_wrap=True)
-    with paths.owned(args.output):
-        _spare(args.log, args.output)
+    with paths.lock_folder(args.output):
+        _refuse_overwriting(args.log, args.output)
         scene, log, recorded = _choose(args, console)
-        _spare(log, args.output)  # that of the scene
         numbers, trace = _play(args, scene, log, recorded, console)
-        _keep(args.output, scene, trace, recorded, numbers, console)
+        _write_results(args.output, scene, trace, recorded, numbers, console)
     if args.json:
         print(json.dumps(numbers, indent=2))
     if numbers["interrupted"]:
@@ -145,11 +149,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _spare(log: Path | None, folder: Path) -> None:
-    """Raise dahl.Error where a file that this run writes is the log that it reads."""
+def _refuse_overwriting(log: Path | None, folder: Path) -> None:
+    """Raise dahl.Error if this run would write over the log that it reads."""
     written = [path for name in WRITTEN for path in folder.glob(name)]
     if log and log.exists() and any(map(log.samefile, written)):
-        raise Error(f"{log}: a run in {folder} would destroy it; name another -o")
+        raise Error(f"{log}: a run in {folder} would overwrite it; choose another -o")
 
 
 def _wrong(numbers: dict[str, Any], lost: int) -> list[str]:
@@ -179,15 +183,15 @@ def _not_compared(numbers: dict[str, Any], lost: int) -> str:
 
 
 def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None, Recorded | None]:
-    """Which scene and which log, checked before anything is started."""
+    """Return scene, log and recording, checked before any program starts."""
     from dahl.io import data
     from dahl.sim import scene
 
     if args.log:
-        own = _own(args)
-        console.print(f"angle   column '{own.angle}' in {own.angle_unit} (else: --angle-unit)")
-        chosen = scene.write_own(own, args.output / "own.ini")
-        return chosen, args.log, scene.read_log(chosen, args.log)
+        chosen, unit = scene.write_own(_own(args), args.output / "own.ini")
+        console.print(f"angle   column '{args.angle}' in {unit} (else: --angle-unit)")
+        table = args.output / chosen.log
+        return chosen, table, scene.read_log(chosen, table)
     given = ["--" + name.replace("_", "-") for name in _given(args) if name != "log"]
     if given:
         raise Error(f"only with a LOG of your own: {', '.join(given)}")
@@ -195,12 +199,14 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
     if not chosen.log:
         return chosen, None, None
     log = data.find_log(chosen.log, chosen.path.parent)
+    _refuse_overwriting(log, args.output)
     return chosen, log, scene.read_log(chosen, log)
 
 
 def _own(args: argparse.Namespace) -> Any:
     from dahl.binding.core import Plan
-    from dahl.sim.scene import OwnLog, unit_in
+    from dahl.io.logs import CAN_LOGS
+    from dahl.sim.scene import OwnLog
 
     if not args.log.exists():
         raise Error(f"{args.log}: no such file")
@@ -212,21 +218,22 @@ def _own(args: argparse.Namespace) -> Any:
             if missing
             else "--scene with a LOG: one of both"
         )
-    Plan(args.sigma0, args.fc)  # says which parameter is out of range
-    args.angle_unit = args.angle_unit or unit_in(args.angle)
-    return OwnLog(**{"torque": "", **_given(args)})
+    if args.log.suffix.lower() in CAN_LOGS:
+        raise Error(f"{args.log}: a table was expected; dahl identify --dbc makes a scene of it")
+    Plan(args.sigma0, args.fc)  # names a parameter that is out of range
+    return OwnLog(**_given(args))
 
 
 def _given(args: argparse.Namespace) -> dict[str, Any]:
-    """What the command line says of a log of one's own."""
+    """Return the options of a user's own log that are given."""
     from dahl.sim.scene import OwnLog
 
-    said = {key: getattr(args, key) for key in OwnLog.__dataclass_fields__}
-    return {key: value for key, value in said.items() if value is not None}
+    given = {key: getattr(args, key) for key in OwnLog.__dataclass_fields__}
+    return {key: value for key, value in given.items() if value is not None}
 
 
 def _default(console: Any) -> Scene:
-    """The best measured set in reach, else a scene without any."""
+    """Return the scene of the first available measured set, else a scene without one."""
     from dahl.io import data
     from dahl.sim import scene
 
@@ -237,7 +244,7 @@ def _default(console: Any) -> Scene:
         except Error as error:
             console.print(f"measured set {name}: {error}")
     console.print(
-        f"no measured log is in reach, so this runs the scene '{WITHOUT_DATA}',"
+        f"no measured log was found, so this runs the scene '{WITHOUT_DATA}',"
         " without any comparison with a measurement"
     )
     return scene.read(scene.find(WITHOUT_DATA))
@@ -250,7 +257,7 @@ def _play(
     recorded: Recorded | None,
     console: Any,
 ) -> tuple[dict[str, Any], Trace]:
-    """Run and record; returns what dahl-loop counted and the trace read back from run.log."""
+    """Run and record. Return the counts of dahl-loop and the trace, read back from run.log."""
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
     from dahl.interrupt import Stop
@@ -278,10 +285,11 @@ def _play(
         progress.update(task, completed=done, total=ticks if numbers["interrupted"] else done)
     if setup.trace and scene.compensates and not numbers["interrupted"]:
         loop.run_uncompensated(setup, args.output / traces.UNCOMPENSATED)
-    numbers |= {"bus": setup.bus, "log": str(log.resolve()) if log else None}
+    source = args.log or log  # a user's own log is replayed by a copy of its columns
+    numbers |= {"bus": setup.bus, "log": str(source.resolve()) if source else None}
     now = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
     numbers |= {"date": now, "version": __version__, "command": shlex.join(["dahl", *args.words])}
-    if args.target:  # the node of the served bus has only seen that nothing was for it
+    if args.target:  # the node that serves the bus received no frame
         numbers |= {"node": {}, "target": args.target}
     return numbers, _trace(args.output / "run.log", scene)
 
@@ -298,18 +306,18 @@ def _trace(log: Path, scene: Scene) -> Trace:
 
 
 def _forget_earlier_run(folder: Path) -> None:
-    """Remove its numbers and traces, since this run may be cut off."""
+    """Remove the numbers and traces of an earlier run, since this run may fail."""
     for name in ("summary.json", "trace.csv", "uncompensated.csv"):
         if (folder / name).is_file():
             (folder / name).unlink()
 
 
 def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: Any) -> Setup:
-    """Which bus, which node and which clock, said before anything is started."""
+    """Choose and print bus, node and clock before any program starts."""
     from dahl.can import bus
     from dahl.sim import loop
 
-    paths.loop_program()  # built?
+    paths.loop_program()  # raises if it is not built
     alone = bool({"faults", "rotor"} & set(scene.parts)) and not (args.bus or args.target)
     chosen, why = bus.choose(args.bus or ("socketcand" if args.target or alone else None))
     if alone:
@@ -324,7 +332,7 @@ def _setup(args: argparse.Namespace, scene: Scene, log: Path | None, console: An
 
 
 def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any) -> None:
-    """Let firmware be the node: dahl-loop's own only serves the bus."""
+    """Let firmware be the node; the node of dahl-loop only serves the bus."""
     from dahl.sim import firmware
 
     if not setup.bus.startswith("socketcand"):
@@ -336,22 +344,22 @@ def _use_target(args: argparse.Namespace, scene: Scene, setup: Any, console: Any
     board = firmware.boards()[args.target].machine
     console.print(f"node    {image.relative_to(paths.ROOT)} on {board} in QEMU, by slcan")
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
-    setup.node_scene = firmware.hub(args.output, scene.node)
+    setup.node_scene = firmware.write_hub_scene(args.output, scene.node)
     setup.lockstep = True  # an emulated core may answer fewer than 1000 angles a second
-    setup.attach = lambda port: firmware.attached(
+    setup.attach = lambda port: firmware.attach_firmware(
         args.target, params, args.output, port, scene.node
     )
 
 
 def _expected(args: argparse.Namespace, scene: Scene, recorded: Recorded | None) -> int | None:
-    """Ticks of the run, as far as one can know before."""
+    """Return the number of ticks of the run, or None if it is unknown."""
     known = [args.seconds, scene.seconds]
     per_second = 1e6 / timing.period_us()
     ticks = [int(seconds * per_second) for seconds in known if seconds and math.isfinite(seconds)]
     return min(ticks + ([recorded.rows] if recorded else []), default=None)
 
 
-def _keep(
+def _write_results(
     folder: Path,
     scene: Scene,
     trace: Trace,
@@ -359,12 +367,13 @@ def _keep(
     numbers: dict[str, Any],
     console: Any,
 ) -> None:
-    """Summary, picture and table; each file is replaced only once its successor is whole."""
+    """Write summary and picture, and print the table. An old file stays until its successor is
+    complete."""
     from dahl.io import files
     from dahl.report import plots, traces
 
     numbers |= traces.summary(scene, trace, recorded, numbers)
-    files.keep(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
+    files.write_atomic(folder / "summary.json", json.dumps(numbers, indent=2) + "\n")
     plots.draw(folder / "loop.png", scene, trace, recorded, numbers)
     console.print(_table(numbers, scene, trace.lost))
     console.print(
@@ -372,7 +381,7 @@ def _keep(
         + ", ".join(str(folder / name) for name in ("loop.png", "run.log", "summary.json"))
     )
     if numbers["interrupted"]:
-        console.print("ended early, as asked; the files hold all that was recorded until then")
+        console.print("ended early; the files hold all frames recorded until then")
 
 
 def _table(numbers: dict[str, Any], scene: Scene, lost: int) -> Any:

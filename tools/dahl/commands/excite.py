@@ -2,8 +2,8 @@
 """
 Propose the motion that finds sigma0 and Fc within a wanted interval, for a given encoder.
 
-Needs a guess of both parameters: from a first log (--from FILE.json, as dahl identify leaves it) or
-given. Leaves the motion as CSV (time, angle, counts) and as a scene that dahl-loop plays.
+It needs a guess of both parameters: from a first log (--from FILE.json, written by dahl identify)
+or by options. It writes the motion as CSV (time, angle, counts) and as a scene for dahl-loop.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ EXAMPLE = """examples:
   dahl excite --sigma0 100 --fc 0.5 --counts-per-turn 16384 --within 1
   dahl excite --from build/identify/rig.json --mm --counts-per-turn 10000 --within 0.5"""
 
-ROWS = 5_000_000  # of a CSV that is still of use
+MAX_ROWS = 5_000_000  # a larger CSV is of no use
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -72,10 +72,10 @@ def run(args: argparse.Namespace) -> None:
     wanted, name = _wanted(args), plan_header.identifier(args.name)
     table, played = (args.output / f"{name}{end}" for end in (".csv", ".ini"))
     if not args.force:
-        files.spare_others((table, played), "use --name, or --force to overwrite it")
+        files.refuse_foreign_files((table, played), "use --name, or --force to overwrite it")
     motion = design.propose(wanted)
     rows = motion.rows
-    if rows > ROWS:
+    if rows > MAX_ROWS:
         raise Error(
             f"--within {args.within:g}: this needs {motion.cycles} cycles,"
             f" {motion.seconds:.0f} s;"
@@ -108,7 +108,7 @@ def _wanted(args: argparse.Namespace) -> Wanted:
         raise Error("a guess is needed: --sigma0 and --fc, or --from JSON")
     turn = 1e-3 if args.mm else 2 * math.pi
     count = turn / args.counts_per_turn
-    Plan(args.sigma0, args.fc, count)  # says which parameter is out of range
+    Plan(args.sigma0, args.fc, count)  # names a parameter that is out of range
     part = args.within / 100
     return Wanted(args.sigma0, args.fc, count, args.noise, part, args.rate, args.speed)
 
@@ -120,7 +120,7 @@ def _known(path: Path, linear: bool) -> tuple[float, float]:
             raise Error(f"{path}: {'turns: leave out' if linear else 'linear motion: give'} --mm")
         return positive(str(found["sigma0"])), positive(str(found["Fc"]))
     except (KeyError, TypeError, AttributeError, argparse.ArgumentTypeError):
-        raise Error(f"{path}: not what dahl identify leaves (sigma0 and Fc)") from None
+        raise Error(f"{path}: not written by dahl identify (sigma0 and Fc)") from None
 
 
 def _write_csv(path: Path, wanted: Wanted, motion: Motion) -> Path:
@@ -152,5 +152,5 @@ def _write_scene(path: Path, name: str, wanted: Wanted, motion: Motion) -> Path:
         "[status]",
         "period_ms = 100",
     ]
-    files.keep(path, "\n".join(lines) + "\n")
+    files.write_atomic(path, "\n".join(lines) + "\n")
     return path

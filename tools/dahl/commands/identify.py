@@ -3,13 +3,13 @@
 Find sigma0 and Fc from measured logs, with intervals, and say whether they can be trusted.
 
 LOG is a table (CSV, TSV, JSON, MAT, Parquet) or a CAN log (candump .log, ASC, BLF, TRC, MF4) with
---dbc; an MF4 of measured channels needs none. Columns and units are taken from the names of the
-columns where no option says otherwise. All LOGs are fitted together; --each takes those of a folder
-one by one, --follow a live bus.
+--dbc; an MF4 of measured channels needs no DBC. Columns and units are found by the names of the
+columns if no option gives them. All LOGs are fitted together. --each fits the logs of a folder one
+by one, --follow a live bus.
 
-Leaves a picture, JSON, a scene that replays the log, and, where both parameters are identifiable
-and a plan of them explains the raw motion, a header with a const plan. A log is held in memory,
-about 100 bytes a row.
+It writes a picture, JSON and a scene that replays the log. If both parameters are identifiable and
+their plan explains the raw motion, it writes a header with a const plan too. A log needs about 100
+bytes of memory a row.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ EXAMPLE = """examples:
   dahl identify --follow -i socketcan -c can0 --dbc car.dbc --angle A --torque T --within 2"""
 
 OF_MANY, OF_A_BUS = ("jobs", "dask"), ("within", "seconds", "frames")
-UNUSED = {  # options that a kind of run has no use for
+UNUSED = {  # options without use, by kind of run
     "LOG": (*OF_MANY, *OF_A_BUS),
     "--each": ("json", "name", "force", "no_files", "check", *OF_A_BUS),
     "--follow": ("check", *OF_MANY),
@@ -51,7 +51,7 @@ UNUSED = {  # options that a kind of run has no use for
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", nargs="*", type=Path, metavar="LOG", help="measured log")
-    what = parser.add_argument_group("what the columns are")
+    what = parser.add_argument_group("columns")
     what.add_argument(
         "--angle", default="", metavar="NAME", help="column or signal, or its number from 1 on"
     )
@@ -62,13 +62,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="what the friction may follow, as a normal force; given twice or more, their sum",
+        help="a load that friction may follow, as a normal force; several are added",
     )
     _add_units(what)
     what.add_argument("--dbc", type=Path, metavar="FILE", help="how to decode a CAN log")
     what.add_argument("--skip-gaps", action="store_true", help="leave out rows without a number")
     what.add_argument(
-        "--trust-units", action="store_true", help="do not check whether units can be"
+        "--trust-units", action="store_true", help="do not check whether the units are plausible"
     )
     _add_fit(parser)
     _add_many_and_live(parser)
@@ -93,14 +93,16 @@ def _add_units(what: argparse._ArgumentGroup) -> None:
         "--counts-per-turn",
         type=float,
         metavar="N",
-        help="of the encoder (linear motion: per millimetre); else seen from the log",
+        help="of the encoder (linear motion: per millimetre; default: found in the log)",
     )
 
 
 def _add_output(parser: argparse.ArgumentParser) -> None:
-    out = parser.add_argument_group("what to leave")
-    out.add_argument("--json", metavar="FILE", help="numbers as JSON; - prints them alone")
-    out.add_argument("--name", default="", help="of files and plan (default: the first log's)")
+    out = parser.add_argument_group("output")
+    out.add_argument("--json", metavar="FILE", help="write JSON; - prints only that")
+    out.add_argument(
+        "--name", default="", help="of files and plan (default: that of the first log)"
+    )
     add_output(out)
     out.add_argument(
         "--target-counts-per-turn",
@@ -110,34 +112,34 @@ def _add_output(parser: argparse.ArgumentParser) -> None:
         help="of the encoder that the plan is for (default: that of the log)",
     )
     out.add_argument(
-        "--force", action="store_true", help="leave a plan though something speaks against it"
+        "--force", action="store_true", help="write a plan even if there are reasons against it"
     )
-    out.add_argument("--no-files", action="store_true", help="leave none")
+    out.add_argument("--no-files", action="store_true", help="write no files")
 
 
 def _add_fit(parser: argparse.ArgumentParser) -> None:
     from dahl.io.log import TERMS
 
-    how = parser.add_argument_group("how to fit")
+    how = parser.add_argument_group("fit")
     how.add_argument(
         "--terms",
         metavar="LIST",
-        help=f"{','.join(TERMS)} or none beside friction (default: those that pay)",
+        help=f"{','.join(TERMS)} or none, added to friction (default: those that pay)",
     )
     how.add_argument(
         "--model",
         default="",
         metavar="NAME",
         help="dahl, slip-1 .. slip-4, dahl-2, mixed-2 .. mixed-4, asymmetric, coulomb (default:"
-        " the simplest that explains cycles left out as well as the best)",
+        " the simplest that explains left-out cycles as well as the best)",
     )
-    how.add_argument("--no-delay", action="store_true", help="torque and angle are in time")
+    how.add_argument("--no-delay", action="store_true", help="fit no delay of the torque")
     how.add_argument(
         "--median",
         type=whole(0, 99),
         default=0,
         metavar="ROWS",
-        help="running median of the angle, 1: as it was read (default: what fits best)",
+        help="running median of the angle; 1: none (default: if the angle flickers)",
     )
     how.add_argument(
         "--check",
@@ -145,30 +147,34 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LOG",
-        help="a log that is not fitted but predicted",
+        help="a log to predict, without fitting it",
     )
 
 
 def _add_many_and_live(parser: argparse.ArgumentParser) -> None:
-    each = parser.add_argument_group("many logs, each by itself")
-    each.add_argument("--each", type=Path, metavar="DIR", help="all logs of a folder; resumable")
+    each = parser.add_argument_group("many logs, one by one")
+    each.add_argument(
+        "--each", type=Path, metavar="DIR", help="all logs of a folder; can be resumed"
+    )
     each.add_argument("--jobs", type=whole(-1, 1024), default=-1, metavar="N", help="-1: all cores")
-    each.add_argument("--dask", metavar="ADDRESS", help="on a Dask cluster, as tcp://HOST:PORT")
+    each.add_argument("--dask", metavar="ADDRESS", help="run on a Dask cluster, tcp://HOST:PORT")
     live = parser.add_argument_group("a live bus")
-    live.add_argument("--follow", action="store_true", help="a running estimate from -i and -c")
+    live.add_argument(
+        "--follow", action="store_true", help="estimate again and again from -i and -c"
+    )
     live.add_argument(
         "--within",
         type=positive,
         default=2.0,
         metavar="PERCENT",
-        help="end when both intervals are at most so wide to either side (default 2)",
+        help="end if the half width of both intervals is at most this (default 2)",
     )
     add_limits(live)
     add_bus_arguments(parser)
 
 
 def source_of(args: argparse.Namespace) -> Source:
-    """What the arguments say about columns and units."""
+    """Return the options of columns and units."""
     from dahl.io.readers import Source
 
     counts = args.counts_per_turn
@@ -181,7 +187,7 @@ def source_of(args: argparse.Namespace) -> Source:
 
 
 def options_of(args: argparse.Namespace) -> Options:
-    """What the arguments say about the fit."""
+    """Return the options of the fit."""
     from dahl.identify.estimate import Options
     from dahl.identify.models import OPTIONS
     from dahl.io.log import TERMS
@@ -231,7 +237,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_unused(args: argparse.Namespace) -> None:
-    """Raise dahl.Error for an option that the kind of run which was asked for does not know."""
+    """Raise dahl.Error for an option without use in this kind of run."""
     kind = "--each" if args.each else "--follow" if args.follow else "LOG"
     for name in UNUSED[kind]:
         if getattr(args, name) != args.command_parser.get_default(name):
@@ -239,9 +245,7 @@ def _refuse_unused(args: argparse.Namespace) -> None:
 
 
 def _refuse_twice(args: argparse.Namespace) -> None:
-    """Raise dahl.Error for a log that is given more than once: its rows would count twice, or be
-    predicted by themselves.
-    """
+    """Raise dahl.Error for a log that is given twice: its rows would count twice."""
     known: list[Path] = []
     for log in filter(Path.exists, (*args.logs, *args.check)):
         if any(map(log.samefile, known)):
@@ -250,15 +254,13 @@ def _refuse_twice(args: argparse.Namespace) -> None:
 
 
 def _named_after(log: Path) -> str:
-    """The name of a log, or "log" where it has no letter that C takes."""
+    """Return the name of a log, or "log" if it has no character that C allows in a name."""
     return log.stem if re.search(r"\w", log.stem, re.ASCII) else "log"
 
 
 def _spare(args: argparse.Namespace, name: str) -> None:
-    """Raise dahl.Error where this run would write over a log that it reads, or over a table or a
-    scene of someone else.
-    """
-    from dahl.io.files import spare_others
+    """Raise dahl.Error if this run would overwrite a log that it reads, or a foreign file."""
+    from dahl.io.files import refuse_foreign_files
 
     endings = () if args.no_files else (".csv", ".ini", ".json", ".png")
     written = {args.output / f"{name}{end}" for end in endings}
@@ -268,14 +270,17 @@ def _spare(args: argparse.Namespace, name: str) -> None:
         if args.json and Path(args.json).exists() and log.samefile(args.json):
             raise Error(f"{log}: --json {args.json} would destroy it")
     if not args.no_files:
-        spare_others((args.output / f"{name}{end}" for end in (".csv", ".ini")), "use --name")
+        refuse_foreign_files(
+            (args.output / f"{name}{end}" for end in (".csv", ".ini")), "use --name"
+        )
 
 
 def _readable(
     args: argparse.Namespace, source: Source, options: Options
 ) -> tuple[list[Log], list[Error]]:
-    """The logs that a fit can use; each other one is a line on stderr. Raises dahl.Error when none
-    is left.
+    """Return the logs that a fit can use, and print an error for each other one.
+
+    Raises dahl.Error if no log is left.
     """
     from dahl.identify import preprocess
     from dahl.io import readers
@@ -302,7 +307,7 @@ def _complain(errors: list[Error]) -> None:
 
 
 def _each(args: argparse.Namespace) -> int:
-    """One table of all logs of a folder; exit code 2 where one was broken."""
+    """Identify all logs of a folder into one table; return 2 if a log was broken."""
     from rich.progress import Progress
     from rich.table import Table
 
@@ -340,7 +345,7 @@ def _each(args: argparse.Namespace) -> int:
 
 
 def _follow(args: argparse.Namespace) -> int:
-    """Identify what comes over a bus until it is known well enough."""
+    """Identify on a live bus until the intervals are narrow enough."""
     from dahl.binding import plan_header
     from dahl.can.bus import Reception, open_from, read_ahead
     from dahl.identify import follow
@@ -348,7 +353,7 @@ def _follow(args: argparse.Namespace) -> int:
 
     source, name = source_of(args), plan_header.identifier(args.name or "bus")
     _spare(args, name)
-    follow.signals_of(source)  # a bad DBC is named before any bus is opened
+    follow.signals_of(source)  # report a bad DBC before any bus is opened
     with open_from(args) as bus, Stop() as stop:
         frames = read_ahead(Reception(bus, stop, args.seconds, args.frames))
         with contextlib.closing(frames):
@@ -358,7 +363,7 @@ def _follow(args: argparse.Namespace) -> int:
 
 
 def _shown(rows: int, result: Result | None, why: str) -> None:
-    """One line for each look at a live bus."""
+    """Print one line for each estimate on a live bus."""
     numbers = ""
     if result is not None:
         parts = [
@@ -371,14 +376,14 @@ def _shown(rows: int, result: Result | None, why: str) -> None:
 
 def _report(args: argparse.Namespace, result: Result, name: str) -> None:
     from dahl.identify import export, report
-    from dahl.io.files import keep
+    from dahl.io.files import write_atomic
     from dahl.report.terminal import console
 
     quiet = args.json == "-"
     if quiet:
         sys.stdout.write(report.as_json(result))
     elif args.json:
-        keep(Path(args.json), report.as_json(result))
+        write_atomic(Path(args.json), report.as_json(result))
     written = []
     if not args.no_files:
         written = report.write_files(result, name, args.output, args.force)
@@ -391,4 +396,4 @@ def _report(args: argparse.Namespace, result: Result, name: str) -> None:
         out.print("files   " + ", ".join(map(str, written)), soft_wrap=True)
     if written and written[-1].suffix != ".h":
         why = "; ".join(export.plan_quality(result, export.runnable_model(result)).against)
-        out.print(f"no plan for firmware: {why} (--force leaves one)", soft_wrap=True)
+        out.print(f"no plan for firmware: {why} (--force writes one)", soft_wrap=True)

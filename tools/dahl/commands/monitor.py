@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
-"""
-Watch a friction node live in the terminal: the counters, torque over angle, both over time.
+"""Watch a friction node live in the terminal: the counters, torque over angle, both over time.
 
-Frames are decoded with the node's own DBC (or --dbc). Works with any interface that python-can has,
-from 60 columns and 18 rows on. Torques are in N m where Fc is known: by --fc, by --scene, or by a
-ParamReply on the bus. "behind" is the delay of reading; a bus drops frames if it grows. Ends with
-Ctrl-C, or after --frames or --seconds. Without a terminal it prints one picture of the state at the
-end, with --json the numbers.
+It decodes frames with the DBC of the node, or with --dbc, on any interface of python-can. It needs
+60 columns and 18 rows. Torques are in N m if Fc is known: by --fc, by --scene, or by a ParamReply
+on the bus. "behind" is the delay of reading; if it grows, the bus drops frames. Stop it with
+Ctrl-C, or by --frames or --seconds. Without a terminal it prints the final state, with --json the
+numbers.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ EXAMPLE = """examples:
   dahl monitor -i socketcan -c vcan0
   dahl monitor -i socketcand -c vcan0 --host 127.0.0.1 --port 29536 --seconds 5"""
 
-REDRAW = 0.25  # s
+REDRAW_PERIOD_S = 0.25
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--node",
         type=whole(0, 15),
         metavar="N",
-        help="node number, 0 to 15 (default: the scene's, else 0)",
+        help="node number, 0 to 15 (default: that of the scene, else 0)",
     )
     parser.add_argument("--dbc", type=Path, help="bus description, if not that of `dahl dbc`")
     parser.add_argument(
@@ -46,11 +45,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole(2, 1000000),
         default=4000,
         metavar="TICKS",
-        help="ticks that are shown",
+        help="number of ticks in the curves",
     )
     known = parser.add_mutually_exclusive_group()
     known.add_argument("--fc", type=positive, metavar="Y", help="Fc of the node, N m")
-    known.add_argument("--scene", metavar="NAME", help="scene whose Fc and number it has")
+    known.add_argument("--scene", metavar="NAME", help="scene that gives Fc and number")
     parser.add_argument("--json", action="store_true", help="print the numbers at the end, as JSON")
     add_limits(parser)
     add_bus_arguments(parser)
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _known(args: argparse.Namespace) -> tuple[int, float | None, str]:
-    """The node's number, its Fc and the unit of the torque, as far as they are told."""
+    """Return number, Fc (None if unknown) and torque unit of the node."""
     from dahl.sim import scene
 
     if args.scene is None:
@@ -99,12 +98,12 @@ def _known(args: argparse.Namespace) -> tuple[int, float | None, str]:
 
 
 def _watch(frames: Reception, view: View, draw: Callable[[], None]) -> None:
-    """Feed the view until the end, and draw it from time to time."""
+    """Pass frames to the view until the end, and redraw it periodically."""
     drawn = 0.0
     for frame in frames:
         view.lag_s, view.most_lag_s = frames.lag_s, frames.most_lag_s
         if frame is not None:
             view.feed(frame)
-        if time.monotonic() - drawn > REDRAW:
+        if time.monotonic() - drawn > REDRAW_PERIOD_S:
             drawn = time.monotonic()
             draw()

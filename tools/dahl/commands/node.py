@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: MIT
 """
-Start a friction node and say how to speak to it, until Ctrl-C.
+Start a friction node and print how to reach it. Stop it with Ctrl-C.
 
-With -i it answers on that bus of python-can, in Python; without, dahl-loop serves a bus to as many
-as 16 clients (--port says where); with --target it is the firmware on an emulated core, on such a
-bus. Parameters are those of a scene, or --sigma0, --fc and --theta-per-count; firmware is sent the
-scene's max_step, timeout_ms and [status] over the bus as it starts, waits 10 s for an angle where
-the scene has no timeout_ms, and takes no scene of another model or with gain, limit or ramp_ms. At
-the end it says what became of the frames.
+With -i it answers on a bus of python-can, in Python. Without, dahl-loop serves a bus to at most 16
+clients on --port. With --target it is the firmware on an emulated core, on such a bus.
+
+The parameters are those of a scene, or --sigma0, --fc and --theta-per-count. Firmware receives
+max_step, timeout_ms and [status] over the bus when it starts. If the scene has no timeout_ms, it
+waits 10 s for an angle. It refuses a scene of another model, or with gain, limit or ramp_ms. At the
+end the command prints the frame counts.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from dahl.sim.loop import Program
     from dahl.sim.scene import Scene
 
-HELP = "a node to speak to, on any bus or on a served one"
+HELP = "run a node on any bus, or on a served one"
 EXAMPLE = """examples:
   dahl node                                 a served bus, for as many as 16 clients
   dahl node --scene tribometer-slip --port 28600
@@ -45,15 +46,15 @@ EXAMPLE = """examples:
 SCENE = "steering"
 OWN = ("sigma0", "fc", "theta_per_count")
 HOST = "127.0.0.1"
-LISTEN = 0.25  # s for a node of the same number to answer
-LOOK = 0.05  # s
-DRAIN = 0.2  # s to read what had come at the end
-PATIENCE = 10.0  # s for firmware to answer
+LISTEN_S = 0.25  # time for another node with the same number to answer
+WAIT_PERIOD_S = 0.05
+LAST_FRAMES_S = 0.2  # at the end, to read the frames that have arrived
+FIRMWARE_TIMEOUT_S = 10.0  # for the first answer of firmware; QEMU may start slowly
 SENT = {"status_period": "STATUS", "timeout": "TIMEOUT", "max_step": "STEP"}  # to firmware
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--scene", metavar="NAME", help=f"whose node (default: {SCENE})")
+    parser.add_argument("--scene", metavar="NAME", help=f"scene of the node (default: {SCENE})")
     parser.add_argument("--sigma0", type=float, metavar="X", help="stiffness at rest, N m/rad")
     parser.add_argument("--fc", type=float, metavar="Y", help="Coulomb torque, N m")
     parser.add_argument(
@@ -79,10 +80,11 @@ def run(args: argparse.Namespace) -> None:
         scene = _scene(args, Path(folder))
         args.node = scene.node if args.node is None else args.node
         begin = time.monotonic()
-        serve = _on_bus if _interface(args) else _on_target if args.target else _served
+        served = _run_on_target if args.target else _run_served
+        serve = _run_on_bus if _interface(args) else served
         counts = serve(args, scene, Path(folder), stop, console)
-        told = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
-        console.print(f"ended after {time.monotonic() - begin:.1f} s: {told or 'no frame came'}")
+        text = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+        console.print(f"ended after {time.monotonic() - begin:.1f} s: {text or 'no frame came'}")
 
 
 def _interface(args: argparse.Namespace) -> str | None:
@@ -90,7 +92,7 @@ def _interface(args: argparse.Namespace) -> str | None:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Raise dahl.Error for options that do not go together."""
+    """Raise dahl.Error for options that exclude each other."""
     _check_bus(args)
     given = [name for name in OWN if getattr(args, name) is not None]
     if given and (args.scene or len(given) < len(OWN)):
@@ -101,26 +103,28 @@ def _check(args: argparse.Namespace) -> None:
         from dahl.binding import core
 
         core.need_counted(args.theta_per_count)
-        Plan(args.sigma0, args.fc, args.theta_per_count)  # refuses what the node would
+        Plan(
+            args.sigma0, args.fc, args.theta_per_count
+        )  # refuses the parameters that the node would refuse
 
 
 def _check_bus(args: argparse.Namespace) -> None:
-    """Raise dahl.Error for options of a bus that is not theirs."""
-    said = named(args)
-    if "interface" in said:
+    """Raise dahl.Error for bus options that do not apply."""
+    given = named(args)
+    if "interface" in given:
         if args.target:
-            raise Error("-i and --target: one of both; firmware has a bus of its own")
+            raise Error("-i and --target exclude each other; firmware has its own bus")
         return
-    for key in said:
+    for key in given:
         if key not in ("host", "port"):
-            option = " ".join(words({key: said[key]}))
-            raise Error(f"{option}: of which interface? Name it with -i")
+            option = " ".join(words({key: given[key]}))
+            raise Error(f"{option}: needs an interface, -i")
     if args.host not in (None, HOST):
         raise Error(f"--host {args.host}: it serves {HOST}; -i socketcand joins another server")
 
 
 def _scene(args: argparse.Namespace, folder: Path) -> Scene:
-    """That of the name, or one of the parameters given."""
+    """Return the named scene, or a scene of the given parameters."""
     from dahl.sim import scene
 
     if args.sigma0 is None:
@@ -132,10 +136,10 @@ def _scene(args: argparse.Namespace, folder: Path) -> Scene:
     return scene.read(path)
 
 
-def _say(
+def _print_access(
     console: Any, args: argparse.Namespace, scene: Scene, where: str, bus: dict[str, Any]
 ) -> None:
-    """What there is, and how to speak to it; `bus` as dahl.bus.named() has it."""
+    """Print the node and how to reach it; `bus` as dahl.bus.named() returns it."""
     call = ", ".join(f"{key}={value!r}" for key, value in (keywords(bus) | tuned_for(bus)).items())
     number = f" --node {args.node}" if args.node else ""
     of = f"{scene.title}: {scene.model}, Fc {scene.Fc:g} {scene.measured.unit}"
@@ -143,15 +147,17 @@ def _say(
     console.print(f"open    can.Bus({call})")
     console.print(f"watch   dahl monitor {shlex.join(words(bus))}{number}")
     if bus.get("interface") == "virtual":
-        console.print("note    a virtual bus is of one process: no other program reaches this node")
+        console.print(
+            "note    a virtual bus exists in one process: other programs cannot reach this node"
+        )
     console.print("Ctrl-C ends")
     sys.stdout.flush()
 
 
-def _on_bus(
+def _run_on_bus(
     args: argparse.Namespace, scene: Scene, _: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
-    """In Python, on a bus of python-can."""
+    """Run the node in Python, on a bus of python-can."""
     from dataclasses import asdict
 
     from dahl.can.bus import open_from
@@ -161,7 +167,7 @@ def _on_bus(
     node = Node(element(scene), args.node, **settings(scene))
     with open_from(args) as bus:
         _refuse_second(bus, args.node)
-        _say(console, args, scene, "in Python", named(args))
+        _print_access(console, args, scene, "in Python", named(args))
         traffic = run(bus, node, seconds=args.seconds, ended=lambda: stop.asked)
     return {**asdict(node.counts), "not sent": traffic.refused}
 
@@ -176,28 +182,28 @@ def _refuse_second(bus: can.BusABC, number: int) -> None:
     with contextlib.suppress(codec.python_can().CanError, OSError):  # no other node on the bus
         bus.send(codec.pack(codec.ParamWrite(codec.Param.MODEL), number))
     own = {kind.base + number for kind in (codec.FrictionTorque, codec.ParamReply, codec.Status)}
-    until = time.monotonic() + LISTEN
+    until = time.monotonic() + LISTEN_S
     while (left := until - time.monotonic()) > 0:
         message = receive(bus, left)
         if message is not None and message.arbitration_id in own and not message.is_extended_id:
             raise RunError(f"node {number} is on this bus already; --node takes another number")
 
 
-def _served(
+def _run_served(
     args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
-    """By dahl-loop, on a bus that it serves."""
-    with _hub(args, scene.path, folder, args.node) as (hub, port):
-        _say(console, args, scene, "of dahl-loop", _client(port))
+    """Run the node in dahl-loop, on a bus that it serves."""
+    with _start_hub(args, scene.path, folder, args.node) as (hub, port):
+        _print_access(console, args, scene, "of dahl-loop", _client(port))
         _wait(args, stop, [hub])
     counts: dict[str, int] = hub.numbers().get("node", {})
     return counts
 
 
-def _on_target(
+def _run_on_target(
     args: argparse.Namespace, scene: Scene, folder: Path, stop: Stop, console: Any
 ) -> dict[str, int]:
-    """In firmware, on a bus that dahl-loop serves; what it has counted comes with its Status."""
+    """Run the node in firmware, on a bus that dahl-loop serves. Its counts come with its Status."""
     from dahl.can.bus import open_bus
     from dahl.can.codec import Param, ParamWrite
     from dahl.can.node import ask
@@ -207,22 +213,24 @@ def _on_target(
         raise Error(f"--target runs model dahl alone, not the scene's ({scene.path.name})")
     image = firmware.build(args.target)
     params = (scene.sigma0, scene.Fc, scene.theta_per_count)
-    other = 15 if args.node != 15 else 14  # serves the bus, and is never asked
+    other = 15 if args.node != 15 else 14  # only serves the bus
     with (
-        _hub(args, firmware.hub(folder), folder, other) as (_, port),
-        firmware.attached(args.target, params, folder, port, args.node),
+        _start_hub(args, firmware.write_hub_scene(folder), folder, other) as (_, port),
+        firmware.attach_firmware(args.target, params, folder, port, args.node),
         open_bus(**_client(port)) as bus,
     ):
-        ask(bus, ParamWrite(Param.MODEL), args.node, timeout=PATIENCE)  # it is there
+        ask(
+            bus, ParamWrite(Param.MODEL), args.node, timeout=FIRMWARE_TIMEOUT_S
+        )  # raises if it is absent
         _configure(bus, args.node, scene)
         board = firmware.boards()[args.target].machine
-        _say(console, args, scene, f"{image.name} on {board} in QEMU", _client(port))
+        _print_access(console, args, scene, f"{image.name} on {board} in QEMU", _client(port))
         return _watch(args, stop, bus)
 
 
 def _configure(bus: can.BusABC, number: int, scene: Scene) -> None:
-    """Send firmware what its page of flash has no room for. Raises dahl.Error for a value that it
-    does not take, or not exactly.
+    """Send firmware the settings that its flash page does not hold. Raises dahl.Error for a value
+    that it refuses or rounds.
     """
     from dahl.can.codec import Param, ParamWrite
     from dahl.can.node import ask
@@ -230,41 +238,41 @@ def _configure(bus: can.BusABC, number: int, scene: Scene) -> None:
 
     for name, value in settings(scene).items():
         asked = ParamWrite.of_si(Param[SENT[name]], value)
-        reply = ask(bus, asked, number, timeout=PATIENCE)
+        reply = ask(bus, asked, number, timeout=FIRMWARE_TIMEOUT_S)
         if not math.isclose(reply.si, value):
             raise Error(f"{scene.path}: {name} = {value:g}: the firmware keeps {reply.si:g}")
 
 
 def _watch(args: argparse.Namespace, stop: Stop, bus: can.BusABC) -> dict[str, int]:
-    """Frames of the bus, answers and the last Status of the node, until the end."""
+    """Count frames and answers until the end. Return these, and the counts of the last Status."""
     from dahl.can import codec
     from dahl.can.bus import receive
 
     counts = {"frames": 0, "answers": 0}
     end, last = time.monotonic() + (args.seconds or math.inf), math.inf
     while time.monotonic() < last:
-        message = receive(bus, LOOK)
+        message = receive(bus, WAIT_PERIOD_S)
         if last == math.inf and (stop.asked or time.monotonic() > end):
-            last = time.monotonic() + DRAIN
+            last = time.monotonic() + LAST_FRAMES_S
         if message is None:
             continue
         counts["frames"] += 1
         counts["answers"] += message.arbitration_id == codec.FrictionTorque.base + args.node
         if message.arbitration_id == codec.Status.base + args.node:
             with contextlib.suppress(Error):
-                counts |= _told(codec.unpack(message))
+                counts |= _status_counts(codec.unpack(message))
     return counts
 
 
-def _told(status: Any) -> dict[str, int]:
+def _status_counts(status: Any) -> dict[str, int]:
     return {name: getattr(status, name) for name in ("lost", "corrupt", "out_of_step")}
 
 
 @contextlib.contextmanager
-def _hub(
+def _start_hub(
     args: argparse.Namespace, scene: Path, folder: Path, number: int
 ) -> Iterator[tuple[Program, int]]:
-    """dahl-loop's node as the server of a bus, and the port."""
+    """Start the node of dahl-loop as the server of a bus. Return it and its port."""
     from dahl.sim.loop import Program, Setup
 
     hub = Program(
@@ -283,9 +291,9 @@ def _hub(
 def _wait(args: argparse.Namespace, stop: Stop, programs: list[Program]) -> None:
     end = time.monotonic() + (args.seconds or math.inf)
     while not stop.asked and time.monotonic() < end:
-        if any(program.ended() for program in programs):
-            return  # its own words come with check()
-        time.sleep(LOOK)
+        if any(program.has_ended() for program in programs):
+            return  # check() raises its error
+        time.sleep(WAIT_PERIOD_S)
 
 
 def _client(port: int) -> dict[str, Any]:

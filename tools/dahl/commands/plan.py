@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: MIT
-"""
-Prepare a plan for flash from known numbers: a header with a const dahl_plan_t, for C99 and C++11;
-with --model that of another model (dahl_parts.h): slip elements, an Fc of each direction its own,
-no creep below breakaway.
+"""Prepare a plan for flash from known numbers: a header with a const dahl_plan_t, for C99 and
+C++11. With --model it is the plan of another model (dahl_parts.h).
 
-The words are those of dahl_prepare(), dahl_slip_prepare() ..., which the firmware then need not
-call. For linear motion read m for rad and N for N m. A log of your own gives sigma0 and Fc by
-`dahl identify`.
+The header holds the result of dahl_prepare(), dahl_slip_prepare() ..., so that the firmware need
+not call it. For linear motion read m for rad and N for N m. `dahl identify` finds sigma0 and Fc
+from a log.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from dahl.errors import Error
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from dahl.binding.plan_header import AnyPlan
+    from dahl.binding.models import AnyPlan
 
 HELP = "a plan for flash from known numbers"
 EXAMPLE = """examples:
@@ -28,32 +26,35 @@ EXAMPLE = """examples:
   dahl plan --sigma0 100 --fc 0.5 --theta-per-count 3.8e-4 --name shaft -o -
   dahl plan --model slip --sigma0 100,40 --fc 0.5,0.3 --theta-per-count 3.8e-4 -o seal.h
   dahl plan --model asymmetric --sigma0 100 --fc 0.5,0.3 --theta-per-count 3.8e-4 -o rod.h"""
-MODELS = ("dahl", "slip", "asymmetric", "elastoplastic")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--model", choices=MODELS, default="dahl", help="default: dahl")
+    from dahl.binding import models
+
+    with_plan = [name for name, row in models.table().items() if row.has_plan]
+    parser.add_argument("--model", choices=with_plan, default="dahl", help="default: dahl")
     parser.add_argument(
         "--sigma0",
         required=True,
         metavar="X",
-        help="stiffness at rest, N m/rad; of slip as many as there are elements: X,X",
+        help="stiffness at rest, N m/rad; of slip one for each element: X,X",
     )
     parser.add_argument(
         "--fc",
         required=True,
         metavar="Y",
-        help="Coulomb torque, N m; of slip as many: Y,Y; of asymmetric forward,backward",
+        help="Coulomb torque, N m; of slip one per element: Y,Y; of asymmetric forward,backward",
     )
     parser.add_argument(
         "--breakaway",
         metavar="B",
-        help="of elastoplastic: part of Fc, 0 < B < 1, that does not creep",
+        help=f"of {_breakaway_model()}: torque up to which nothing creeps, a fraction of Fc between"
+        " 0 and 1",
     )
     encoder = parser.add_mutually_exclusive_group(required=True)
     encoder.add_argument("--counts-per-turn", metavar="N", help="of the encoder, with all edges")
     encoder.add_argument(
-        "--theta-per-count", metavar="T", help="rad per count; 0: moves by angle alone"
+        "--theta-per-count", metavar="T", help="rad per count; 0: moves by angle only"
     )
     parser.add_argument(
         "-o",
@@ -80,42 +81,46 @@ def run(args: argparse.Namespace) -> None:
         sys.stdout.write(text)
         return
     if not args.force and path.is_file() and not plan_header.is_plan(path):
-        raise Error(f"{path}: there already, and no plan; --force overwrites it")
-    files.keep(path, text)
+        raise Error(f"{path}: exists and is no plan; --force overwrites it")
+    files.write_atomic(path, text)
     print(f"{path}: {plan}")
 
 
 def _plan(args: argparse.Namespace) -> AnyPlan:
-    from dahl.binding.core import FC, SIGMA0, Plan
-    from dahl.binding.parts import Slip
-    from dahl.binding.variants import Asymmetric, ElastoPlastic
+    from typing import cast
 
+    from dahl.binding import models
+    from dahl.binding.core import FC, SIGMA0
+
+    model = models.table()[args.model]
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
     theta = _theta_per_count(args)
-    if (args.breakaway is not None) != (args.model == "elastoplastic"):
+    if (args.breakaway is not None) != (model.key == "breakaway"):
         raise Error(
-            "--breakaway B, 0 < B < 1, goes with --model elastoplastic, and with no other model"
+            f"--breakaway B, 0 < B < 1, is required by --model {_breakaway_model()} and refused by"
+            " the others"
         )
-    if args.model == "slip":
-        return Slip(sigma0, fc, theta)
-    _counted("--sigma0", args.sigma0, sigma0, 1, args.model)
-    _counted("--fc", args.fc, fc, 2 if args.model == "asymmetric" else 1, args.model)
-    if args.model == "asymmetric":
-        return Asymmetric(sigma0[0], fc[0], fc[1], theta)
-    if args.model == "elastoplastic":
-        breakaway = _number("--breakaway", args.breakaway, "0 < breakaway < 1")
-        return ElastoPlastic(sigma0[0], fc[0], theta, breakaway)
-    return Plan(sigma0[0], fc[0], theta)
+    _check_numbers("--sigma0", args.sigma0, sigma0, model.sigma0s, args.model)
+    _check_numbers("--fc", args.fc, fc, model.Fcs, args.model)
+    own = model.key and _number("--breakaway", args.breakaway, "0 < breakaway < 1")
+    return cast("AnyPlan", models.make(model, sigma0, fc, theta, own))
+
+
+def _breakaway_model() -> str:
+    from dahl.binding import models
+
+    return models.with_key("breakaway").name
 
 
 def _numbers(option: str, text: str, limit: str) -> list[float]:
-    """One, or several with commas between them."""
+    """Return one number, or several separated by commas."""
     return [_number(option, word, limit) for word in text.split(",")]
 
 
-def _counted(option: str, text: str, values: list[float], wanted: int, model: str) -> None:
-    if len(values) != wanted:
-        raise Error(f"{option} {text}: {len(values)} numbers, where --model {model} takes {wanted}")
+def _check_numbers(option: str, text: str, values: list[float], count: int, model: str) -> None:
+    """Raise dahl.Error unless there are `count` values; 0 allows any number."""
+    if count not in (0, len(values)):
+        raise Error(f"{option} {text}: {len(values)} numbers; --model {model} needs {count}")
 
 
 def _number(option: str, text: str, limit: str) -> float:

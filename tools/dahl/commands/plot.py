@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""
-Draw a recorded run: torque over angle, then over time.
+"""Draw a recorded run: torque over angle, then over time.
 
-RUN is a folder that `dahl demo` left (its summary.json names the scene), or a log of frames
-(candump .log, .asc, .blf, .trc, .mf4) together with --scene; where several of its buses have the
-node's frames, -c names one. The picture goes beside the log as loop.png, or where -o says.
+RUN is a folder of `dahl demo`, whose summary.json names the scene, or a log of frames (candump
+.log, .asc, .blf, .trc, .mf4) with --scene. If several buses of the log have frames of the node, -c
+selects one. The picture is loop.png next to the log, or the file of -o.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl.errors import Error
+from dahl.errors import Error, RunError
 
 if TYPE_CHECKING:
     from dahl.report.traces import Trace
@@ -64,14 +63,16 @@ def run(args: argparse.Namespace) -> None:
             f"{log}: {ticks} ticks, but {played.log} has {recorded.rows} rows: another run?"
         )
     output = args.output or folder / "loop.png"
-    known |= traces.fit(played, trace, recorded)  # that of the run may be of another scene
+    known |= traces.fit(
+        played, trace, recorded
+    )  # the fit in the summary may belong to another scene
     plots.draw(output, played, trace, recorded, known, folder)
     print(f"{output}: {len(trace.row)} ticks, {played.title}")
 
 
 def _trace(log: Path, node: int, channel: str | None) -> Trace:
-    """The ticks of a node in a log, of one bus alone. Raises dahl.Error where several have them, or
-    where there is none of that name.
+    """Return the ticks of a node on one bus of a log. Raises dahl.Error if several buses have such
+    ticks, or if there is no bus of that name.
     """
     from dahl.io import logs
     from dahl.report import traces
@@ -89,7 +90,7 @@ def _trace(log: Path, node: int, channel: str | None) -> Trace:
 
 
 def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:
-    """The scene of the run; the one in its folder where that has moved."""
+    """Return the scene of the run; if it was moved, the scene in the folder of the run."""
     if "scene_file" not in known:
         return None
     path = Path(known["scene_file"])
@@ -98,12 +99,16 @@ def _scene_of(known: dict[str, Any], folder: Path) -> Path | None:
 
 
 def _recorded(played: Scene, log: str | None) -> Recorded | None:
-    """What was measured beside the angle: in the log of the run, else in that of the scene."""
+    """Return the measurement: from the log of the run, else from that of the scene."""
     from dahl.io import data
     from dahl.sim import scene
 
     if not played.log:
         return None
-    return scene.read_log(
-        played, Path(log) if log else data.find_log(played.log, played.path.parent)
-    )
+    try:
+        path = data.find_log(played.log, played.path.parent)
+    except (Error, RunError):
+        if log is None:
+            raise
+        path = Path(log)
+    return scene.read_log(played, path)

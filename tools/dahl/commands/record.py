@@ -25,7 +25,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dahl.can.bus import NOTICEABLE_LAG
+from dahl.can.bus import NOTICEABLE_LAG_S
 from dahl.commands.arguments import add_limits
 from dahl.commands.bus_arguments import add_bus_arguments
 from dahl.errors import Error, RunError
@@ -33,14 +33,14 @@ from dahl.errors import Error, RunError
 if TYPE_CHECKING:
     import can
 
-HELP = "record any python-can bus into a log"
+HELP = "record a python-can bus into a log"
 EXAMPLE = """examples:
   dahl record -i socketcan -c vcan0 -o run.log --seconds 10
   dahl record -i socketcan -c can0 --fd -o run.blf
   dahl record -i socketcand -c vcan0 --host 127.0.0.1 --port 29536 -o run.log"""
 
-TRC = ".trc"  # the one format that cannot hold every frame
-PATIENCE = 3.0  # s without a frame, after which one waits knowingly
+TRC = ".trc"  # the only format that cannot hold every frame
+SILENCE_NOTICE_S = 3.0  # without a frame; then a line reports that it waits
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="RUN",
         help="file: RUN.log, RUN.blf, ...",
     )
-    parser.add_argument("--force", action="store_true", help="overwrite a file that is there")
+    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
     add_limits(parser)
     add_bus_arguments(parser)
 
@@ -66,12 +66,12 @@ def run(args: argparse.Namespace) -> None:
     begin = time.monotonic()
     try:
         with open_from(args) as bus, Stop(is_its_end=True) as stop:
-            args.output.open("ab").close()  # it can be written
+            args.output.open("ab").close()  # raises if it cannot be written
             messages = Reception(bus, stop, args.seconds, args.frames)
             try:
-                _write(args.output, tally.among(messages))
+                _write(args.output, tally.storable(messages))
             except RunError as error:
-                gone = f"{error}{_how_late(messages.most_lag_s)}"
+                gone = f"{error}{_lag_text(messages.most_lag_s)}"
             tally.lost_in_kernel = lost_in_kernel(bus)
     finally:
         if not existed and args.output.exists() and args.output.stat().st_size == 0:
@@ -81,9 +81,9 @@ def run(args: argparse.Namespace) -> None:
     tally.report(gone)
 
 
-def _how_late(lag_s: float) -> str:
-    """A server closes the connection of a client that reads too slowly."""
-    return f", and reading was up to {lag_s:.1f} s late" if lag_s > NOTICEABLE_LAG else ""
+def _lag_text(lag_s: float) -> str:
+    """Return the delay of reading as text: a server closes the connection of a slow client."""
+    return f", and reading was up to {lag_s:.1f} s late" if lag_s > NOTICEABLE_LAG_S else ""
 
 
 class Tally:
@@ -100,7 +100,7 @@ class Tally:
         self._path, self._is_trc = path, path.suffix.lower() == TRC
         self._missing = Missing()
 
-    def among(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
+    def storable(self, messages: Iterable[can.Message | None]) -> Iterator[can.Message | None]:
         """Yield the messages that the log can hold; each counts once the next one is requested."""
         for message in messages:
             if message is None:
@@ -133,7 +133,7 @@ def _is_special(message: can.Message) -> bool:
 
 
 def _check(path: Path, force: bool, fd: bool) -> bool:
-    """Whether the file is there. Raises dahl.Error for one that is not to be written."""
+    """Return whether the file exists. Raises dahl.Error if it must not be written."""
     from dahl.io.logs import CAN_LOGS
 
     if path.suffix.lower() not in CAN_LOGS:
@@ -141,7 +141,7 @@ def _check(path: Path, force: bool, fd: bool) -> bool:
     if fd and path.suffix.lower() == TRC:
         raise Error(f"{path}: {TRC} holds no CAN FD frames, so it does not go with --fd; .blf does")
     if path.exists() and not force:
-        raise Error(f"{path}: there already; --force overwrites it")
+        raise Error(f"{path}: exists; --force overwrites it")
     return path.exists()
 
 
@@ -161,8 +161,8 @@ def _write(path: Path, messages: Iterator[can.Message | None]) -> None:
 
 
 def _first(messages: Iterator[can.Message | None]) -> can.Message | None:
-    """The first frame, None where none comes; says so while it waits."""
-    until = time.monotonic() + PATIENCE
+    """Return the first frame, None if the bus ends first. Print a line while it waits."""
+    until = time.monotonic() + SILENCE_NOTICE_S
     for message in messages:
         if message is not None:
             return message

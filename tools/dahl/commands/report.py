@@ -2,8 +2,8 @@
 """
 Write one self-contained page about a recorded run: loop, traces, latencies, faults, counters.
 
-RUN is a folder that `dahl demo` left. The page holds its picture and needs no other file, no
-network and no script. It goes into the folder as report.html, or where -o says.
+RUN is a folder of `dahl demo`. The page contains the picture and needs no other file, no network
+and no script. It is report.html in that folder, or the file of -o.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def run(args: argparse.Namespace) -> None:
         raise Error(f"{folder}: a file; the folder of a run was expected")
     output = args.output or folder / "report.html"
     text = page.page(summary.read(folder), _picture(folder / "loop.png"))
-    files.keep(output, text)
+    files.write_atomic(output, text)
     print(f"{output}: {len(text) // 1024} KiB")
 
 

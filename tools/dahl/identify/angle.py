@@ -23,7 +23,7 @@ MAX_TURNS = 400  # of a log; above it, sharp turns would cost seconds
 WHITE_CORRELATION = -0.3  # third differences of white noise have -.75; of a smooth motion, above 0
 THIRD_DIFFERENCE_GAIN = 20.0  # 1 + 9 + 9 + 1: variance of a third difference of white noise
 ROBUST_MEAN = 0.717  # mean of the smallest 95 % of |normal| in standard deviations
-LOOKED_AT_ROWS = 30_000  # for the noise of an angle
+NOISE_ROWS = 30_000  # first rows, enough to estimate the noise of an angle
 
 
 def between_counts(theta: np.ndarray, count: float) -> np.ndarray:
@@ -131,7 +131,7 @@ def derivatives(
 
 def white_noise(theta: np.ndarray, count: float) -> float:
     """Standard deviation of white errors of the angle beyond its counts, from third differences."""
-    third = np.diff(theta[:LOOKED_AT_ROWS], 3)
+    third = np.diff(theta[:NOISE_ROWS], 3)
     if third[1:] @ third[:-1] > WHITE_CORRELATION * (third @ third):
         return 0.0
     usual = np.sort(np.abs(third))[: int(0.95 * len(third))].mean() / ROBUST_MEAN

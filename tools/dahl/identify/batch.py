@@ -1,16 +1,14 @@
 # SPDX-License-Identifier: MIT
-"""Identify each log of a folder on its own, in parallel, and keep the results.
+"""Identify each log of a folder separately, in parallel, and store the results.
 
-joblib runs the logs on this machine's cores or on a Dask cluster, and stores each result at once,
-so that an interrupted run can be continued. A broken log is one line in the table.
+joblib runs the logs on the cores of this machine or on a Dask cluster. It stores each result at
+once, so that an interrupted run can be continued. A broken log is one line in the table.
 """
 
 from __future__ import annotations
 
 import contextlib
-import csv
 import hashlib
-import io
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -22,7 +20,7 @@ from dahl.errors import Error, RunError
 from dahl.identify import estimate, report
 from dahl.identify.estimate import Options
 from dahl.io import readers
-from dahl.io.files import keep
+from dahl.io.files import one_line, write_atomic
 from dahl.io.readers import Source
 from dahl.version import __version__
 
@@ -32,7 +30,7 @@ COLUMNS = ("sigma0", "Fc", "r2", "r2_coulomb", "reversals", "verdict")
 
 
 def logs_in(folder: Path) -> list[Path]:
-    """The files of a folder whose names end as logs do. Raises dahl.Error if there are none."""
+    """Return the logs in a folder by their endings. Raises dahl.Error if there are none."""
     if not folder.is_dir():
         raise Error(f"--each {folder}: no such folder")
     found = sorted(path for path in folder.iterdir() if path.suffix.lower() in ENDINGS)
@@ -42,17 +40,17 @@ def logs_in(folder: Path) -> list[Path]:
 
 
 def identify_file(path: Path, source: Source, options: Options) -> dict[str, Any]:
-    """The numbers of one log, or {"error": reason} if the log cannot be used."""
+    """Return the numbers of one log, or {"error": reason} if the log cannot be used."""
     try:
         return report.numbers(estimate.identify([readers.read(path, source)], options))
-    except RunError:  # a missing library or no memory is not the log's fault
+    except RunError:  # such as a missing library: not a fault of the log
         raise
     except Error as error:
         return {"error": str(error)}
 
 
 def digest(path: Path) -> str:
-    """A hash of a file's content; "" if it cannot be read, which identify_file() reports."""
+    """Return a hash of a file; "" if it cannot be read, which identify_file() reports."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -62,32 +60,20 @@ def digest(path: Path) -> str:
 
 @cache
 def method_version() -> str:
-    """A hash of all that turns a log into numbers; other code makes stored results invalid."""
+    """Return a hash of the code that turns a log into numbers: a change makes results invalid."""
     rooms = (Path(estimate.__file__).parent, Path(readers.__file__).parent)
     sources = [path for room in rooms for path in sorted(room.glob("*.py"))]
     return __version__ + "".join(map(digest, sources))
 
 
 def _stored(key: tuple[str, ...], path: Path, source: Source, options: Options) -> dict[str, Any]:
-    """identify_file() as joblib stores it, by content of log and DBC and by method."""
+    """Call identify_file(); `key` has the hashes by which joblib stores the result."""
     del key
     return identify_file(path, source, options)
 
 
-def is_result(numbers: Any) -> bool:
-    """Whether a stored object has the shape of a result of identify_file()."""
-    if not isinstance(numbers, dict):
-        return False
-    ends = numbers.get("ci95")
-    pairs = isinstance(ends, dict) and all(
-        isinstance(ends.get(name), list) and len(ends[name]) == 2 for name in ("sigma0", "Fc")
-    )
-    complete = pairs and isinstance(numbers.get("units"), dict) and numbers.keys() >= set(COLUMNS)
-    return isinstance(numbers.get("error"), str) or complete
-
-
 class Store:
-    """Results in a folder, each found again by content, path, options and method."""
+    """Results in a folder, by content and path of the log, options and method."""
 
     def __init__(self, folder: Path, source: Source, options: Options) -> None:
         import joblib
@@ -102,7 +88,7 @@ class Store:
         return (digest(path), *self.method), path, self.source, self.options
 
     def get(self, path: Path) -> dict[str, Any] | None:
-        """The result of an earlier run, if it is still valid and complete."""
+        """Return the result of an earlier run, if it is there and not damaged."""
         arguments = self.arguments(path)
         if not self.call.check_call_in_cache(*arguments):
             return None
@@ -110,25 +96,25 @@ class Store:
         try:
             numbers: dict[str, Any] = stored.get()
         except Exception:  # a damaged pickle raises errors of any kind
-            numbers = {}
-        if is_result(numbers):
-            return numbers
-        stored.clear()
-        return None
+            stored.clear()
+            return None
+        return numbers
 
 
 def _indexed(index: int, store: Store, path: Path) -> tuple[int, dict[str, Any]]:
     from joblib.memory import CacheWarning
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", CacheWarning)  # what cannot be stored is computed again
+        warnings.simplefilter(
+            "ignore", CacheWarning
+        )  # a result that cannot be stored is computed again
         return index, store.call(*store.arguments(path))
 
 
 def run(
     paths: Sequence[Path], store: Store, jobs: int, dask: str | None
 ) -> Iterator[tuple[Path, dict[str, Any], bool]]:
-    """(log, numbers, whether stored before) of each log, in the order in which they are ready."""
+    """Yield each log with its numbers and whether they were stored before, as they are ready."""
     import joblib
 
     left = []
@@ -147,7 +133,7 @@ def run(
 
 @contextlib.contextmanager
 def _cluster(address: str | None) -> Iterator[None]:
-    """The backend of joblib: processes on this machine, or the Dask cluster at `address`."""
+    """Let joblib run processes on this machine, or on the Dask cluster at `address`."""
     if address is None:
         yield
         return
@@ -157,21 +143,21 @@ def _cluster(address: str | None) -> Iterator[None]:
     try:
         client = Client(address, timeout=CLUSTER_TIMEOUT_S)  # type: ignore[no-untyped-call]  # dask is typed in parts
     except (OSError, ValueError) as error:
-        words = " ".join(str(error).split())[:120]
+        words = one_line(error, 120)
         raise RunError(f"--dask {address}: no cluster answers ({words})") from None
     with client, joblib.parallel_config(backend="dask"):
         yield
 
 
 def write_table(path: Path, rows: dict[str, dict[str, Any]]) -> None:
-    """One line for each log."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    limits = ("sigma0_low", "sigma0_high", "Fc_low", "Fc_high")
-    writer.writerow(["log", *COLUMNS, *limits, "sigma0_unit", "Fc_unit", "error"])
+    """Write a CSV with one line for each log."""
+    import pandas as pd
+
+    limits = ["sigma0_low", "sigma0_high", "Fc_low", "Fc_high"]
+    columns = ["log", *COLUMNS, *limits, "sigma0_unit", "Fc_unit", "error"]
+    lines = []
     for name, row in sorted(rows.items()):
-        ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else [""] * 4
-        units = [row.get("units", {}).get(key, "") for key in ("sigma0", "Fc")]
-        values = (row.get(key, "") for key in COLUMNS)
-        writer.writerow([name, *values, *ends, *units, row.get("error", "")])
-    keep(path, text.getvalue())
+        ends = [*row["ci95"]["sigma0"], *row["ci95"]["Fc"]] if "ci95" in row else []
+        units = {f"{key}_unit": row.get("units", {}).get(key) for key in ("sigma0", "Fc")}
+        lines.append({**row, **dict(zip(limits, ends, strict=False)), **units, "log": name})
+    write_atomic(path, pd.DataFrame(lines, columns=columns, dtype=object).to_csv(index=False))

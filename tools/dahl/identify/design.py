@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: MIT
-"""Which motion tells sigma0 and Fc best: the design of the experiment behind `dahl excite`.
+"""Design the motion that `dahl excite` proposes for an identification.
 
-For guessed parameters the sensitivities of the torque to sigma0 and Fc, and to the offset, spring
-and viscous part that a log may have beside them, are known along any motion; their products, summed
-over the rows, give the interval that a fit can reach (the Cramer-Rao bound). A sine is proposed:
-its amplitude gives most about sigma0 per second, its number of cycles is what the wanted interval
-needs. Its strokes then get different lengths and speeds, since what is the same in each of them (a
-part of the torque that comes late, an encoder's error at the turning point) would pass for another
-sigma0. The encoder adds noise of its own (a uniform error of one count, times the slope) and sets a
-lower limit: presliding must be several counts long.
+For guessed parameters, the sensitivities of the torque to sigma0, Fc, offset, spring and viscous
+friction are known along any motion. Their products, summed over the rows, give the interval that a
+fit can reach (the Cramer-Rao bound). The amplitude of a sine is chosen for the least time, and the
+number of cycles for the wanted interval. The strokes then get different lengths and speeds:
+otherwise a delayed torque or an encoder error at the turning points looks like another sigma0. The
+encoder adds a uniform error of one count times the slope. Presliding must be several counts long.
 """
 
 from __future__ import annotations
@@ -21,41 +19,39 @@ import numpy as np
 from dahl.errors import Error
 from dahl.identify import models
 
-AMPLITUDES = np.geomspace(3, 30, 12)  # in presliding lengths 1/a; 3, as the guess may be off
-ROWS_PER_LENGTH = 8.0  # rows in a presliding length at the highest speed, at least
-MARGIN = 1.5  # cycles beyond what the bound asks for, as real noise is not independent
-LEAST_COUNTS = 4.0  # counts in a presliding length
-QUANTILE = 1.96
-MIN_CYCLES = 8  # two more than are scored at least: the first and the last may be incomplete
-CYCLE_ROWS = 1_000_000
+AMPLITUDES = np.geomspace(3, 30, 12)  # presliding lengths 1/a; at least 3 if the guess is wrong
+MIN_ROWS_PER_LENGTH = 8.0  # in a presliding length at the highest speed
+CYCLES_MARGIN = 1.5  # times the bound, since real noise is not independent
+MIN_COUNTS = 4.0  # in a presliding length
+QUANTILE = 1.96  # of a 95 % interval
+MIN_CYCLES = 8  # six must be scored; the first and the last may be incomplete
+MAX_CYCLE_ROWS = 1_000_000
 PLACES = (1.0, 0.9, 0.8)  # of the amplitude, turning point by turning point
-PACES = (1.0,) * 6 + (1.6,) * 6  # of the rows of a stroke: few changes, for a change is no sine
-EDGE = 0.01  # of a parameter, for its sensitivity: seen in a float, and still straight
+PACES = (1.0,) * 6 + (1.6,) * 6  # of the rows of a stroke; few changes, since these are no sine
+RELATIVE_STEP = 0.01  # of a parameter, for its sensitivity
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is guessed and what is wanted. N m and rad, or N and m."""
+    """Guessed parameters and the wanted interval. N m and rad, or N and m."""
 
     sigma0: float
     Fc: float
     theta_per_count: float
-    noise: float = 0.05  # of the torque sensor, in Fc, standard deviation
+    noise: float = 0.05  # standard deviation of the torque sensor, in Fc
     within: float = 0.01  # half width of the 95 % interval of sigma0, in sigma0
     rate: float = 1000.0  # rows per s
-    speed: float = math.inf  # rad/s (m/s), highest
+    speed: float = math.inf  # highest, rad/s (m/s)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Strokes shaped as those of a sine, from its middle on: the largest amplitude in rad (m),
-    cycles, rows per cycle at the highest speed.
-    """
+    """Strokes with the shape of a sine, from its middle on."""
 
-    amplitude: float
+    amplitude: float  # largest, rad (m)
     cycles: int
-    rows_per_cycle: int
-    rate: float
+    rows_per_cycle: int  # at the highest speed
+    rate: float  # rows per s
     within: dict[str, float]  # expected half width of the 95 % interval, in the parameter
 
     @property
@@ -72,7 +68,7 @@ class Motion:
         return 2 * self.cycles
 
     def theta(self) -> np.ndarray:
-        """rad (m), one row per tick; shape (rows + 1,)."""
+        """Return the angle in rad (m), (rows + 1,)."""
         places = np.resize(PLACES, self.reversals) * np.resize((1, -1), self.reversals)
         ends = self.amplitude * np.concatenate(([0.0], places, [0.0]))
         between = np.resize(self._strokes, self.reversals - 1).tolist()
@@ -85,18 +81,19 @@ class Motion:
 
     @property
     def _strokes(self) -> list[int]:
-        """Rows from one turning point to the next, again and again."""
+        """Rows between turning points; the list repeats."""
         return [round(self.rows_per_cycle / 2 * pace) for pace in PACES]
 
     @property
     def _half_a_stroke(self) -> int:
-        """Rows from the middle to the first turning point, and from the last one back."""
+        """Rows from the middle to a turning point."""
         return round(self.rows_per_cycle / 4)
 
 
 def _share(rows: int, from_rest: bool, to_rest: bool) -> np.ndarray:
-    """0 .. 1 of a stroke, row by row, as a sine goes from a turning point to the next, or from or
-    to its middle: (rows,).
+    """Return the part of a stroke that is done at each row, 0 to 1: (rows,).
+
+    A sine goes from a turning point to the next one, or from or to its middle.
     """
     phase = np.arange(rows) / rows
     if from_rest and to_rest:
@@ -105,34 +102,34 @@ def _share(rows: int, from_rest: bool, to_rest: bool) -> np.ndarray:
 
 
 def propose(wanted: Wanted) -> Motion:
-    """The motion. Raises dahl.Error where the encoder or the speed cannot do it."""
+    """Return the motion. Raises dahl.Error if the encoder or the speed cannot do it."""
     a = wanted.sigma0 / wanted.Fc
     counts = 1 / (a * wanted.theta_per_count)
-    if counts < LEAST_COUNTS:
+    if counts < MIN_COUNTS:
         raise Error(
             f"presliding is {counts:.2g} counts of this encoder long (Fc/sigma0 = {1 / a:.3g});"
-            f" at least {LEAST_COUNTS:g} are needed to see sigma0"
+            f" at least {MIN_COUNTS:g} are needed to see sigma0"
         )
     amplitudes = AMPLITUDES / a
     needed = _rows_per_cycle(wanted, amplitudes)
-    if not needed[0] <= CYCLE_ROWS:
-        raise Error(f"a cycle would take {needed[0]:.3g} rows; at most {CYCLE_ROWS} were expected")
-    plans = [_sine(wanted, amplitude) for amplitude in amplitudes[needed <= CYCLE_ROWS].tolist()]
-    return min(plans, key=lambda motion: motion.seconds)
+    if not needed[0] <= MAX_CYCLE_ROWS:
+        raise Error(f"a cycle needs {needed[0]:.3g} rows; at most {MAX_CYCLE_ROWS} were expected")
+    possible = amplitudes[needed <= MAX_CYCLE_ROWS].tolist()
+    return min((_sine(wanted, one) for one in possible), key=lambda motion: motion.seconds)
 
 
 def _rows_per_cycle(wanted: Wanted, amplitude: np.ndarray) -> np.ndarray:
     a = wanted.sigma0 / wanted.Fc
-    speed = min(wanted.speed, wanted.rate / (a * ROWS_PER_LENGTH))
+    speed = min(wanted.speed, wanted.rate / (a * MIN_ROWS_PER_LENGTH))
     return 2 * np.pi * amplitude / speed * wanted.rate
 
 
 def _sine(wanted: Wanted, amplitude: float) -> Motion:
-    """As many cycles of one amplitude as the interval needs."""
+    """Return as many cycles of one amplitude as the interval needs."""
     rows = max(math.ceil(_rows_per_cycle(wanted, np.array(amplitude))), 16)
     information = _information(wanted, amplitude, rows)
     error = np.sqrt(np.diag(np.linalg.inv(information)))[:2] / (wanted.sigma0, wanted.Fc)
-    cycles = MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
+    cycles = CYCLES_MARGIN * (QUANTILE * error[0] / wanted.within) ** 2
     cycles = max(math.ceil(cycles), MIN_CYCLES)
     reached = QUANTILE * error / math.sqrt(cycles)
     named = dict(zip(("sigma0", "Fc"), map(float, reached), strict=True))
@@ -140,32 +137,23 @@ def _sine(wanted: Wanted, amplitude: float) -> Motion:
 
 
 def _information(wanted: Wanted, amplitude: float, rows: int) -> np.ndarray:
-    """Of one cycle in the steady loop, about sigma0, Fc and three terms: (5, 5)."""
+    """Return the Fisher information of a steady cycle about sigma0, Fc and three terms: (5, 5)."""
     theta = amplitude * np.sin(2 * np.pi * np.arange(3 * rows) / rows)
-    moves = np.diff(theta, prepend=0.0)
+    moves, sigma0, Fc = np.diff(theta, prepend=0.0), wanted.sigma0, wanted.Fc  # noqa: N806
+    up, down = 1 + RELATIVE_STEP, 1 - RELATIVE_STEP
 
     def torque(sigma0: float, Fc: float) -> np.ndarray:  # noqa: N803
         return Fc * models.dahl(moves, [slice(0, len(moves))], sigma0 / Fc)
 
-    step = EDGE
     columns = [
-        (
-            torque(wanted.sigma0 * (1 + step), wanted.Fc)
-            - torque(wanted.sigma0 * (1 - step), wanted.Fc)
-        )
-        / (2 * step * wanted.sigma0),
-        (
-            torque(wanted.sigma0, wanted.Fc * (1 + step))
-            - torque(wanted.sigma0, wanted.Fc * (1 - step))
-        )
-        / (2 * step * wanted.Fc),
+        (torque(sigma0 * up, Fc) - torque(sigma0 * down, Fc)) / (2 * RELATIVE_STEP * sigma0),
+        (torque(sigma0, Fc * up) - torque(sigma0, Fc * down)) / (2 * RELATIVE_STEP * Fc),
         np.ones(len(theta)),
         theta,
-        moves,  # as the speed, for a viscous part
+        moves,  # a speed, for viscous friction
     ]
-    ratio = torque(wanted.sigma0, wanted.Fc) / wanted.Fc
-    slope = wanted.sigma0 * (1 - np.sign(moves) * ratio)
-    variance = (wanted.noise * wanted.Fc) ** 2 + (slope * wanted.theta_per_count) ** 2 / 12
+    slope = sigma0 * (1 - np.sign(moves) * (torque(sigma0, Fc) / Fc))
+    variance = (wanted.noise * Fc) ** 2 + (slope * wanted.theta_per_count) ** 2 / 12
     steady = slice(2 * rows, 3 * rows)
-    drawn = np.column_stack(columns)[steady] / np.sqrt(variance[steady])[:, None]
-    return drawn.T @ drawn
+    weighted = np.column_stack(columns)[steady] / np.sqrt(variance[steady])[:, None]
+    return weighted.T @ weighted

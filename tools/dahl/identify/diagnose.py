@@ -18,7 +18,7 @@ from dahl.identify.fit import Fit, Fitter, cost_of, excess, jackknife, solve
 from dahl.identify.samples import MIN_TURN_LENGTHS, Samples
 
 SURE = 2.0  # standard errors of the gain on cycles left out
-MIN_GAIN = 0.02  # of the residual, that a row must explain
+MIN_RESIDUAL_GAIN = 0.02  # of the residual, that a row must explain
 BEYOND = 0.5  # of what a row moves: columns are one of many ways to describe what is there
 ENCODER_PERIODS = (8, 16, 32, 64, 128, 256, 512, 1024)  # counts
 SHAPE_KNOTS = (0.15, 0.5, 1.2, 2.5, 5.0, 10.0)  # presliding lengths since the last turn
@@ -38,7 +38,7 @@ class Row:
     name: str
     columns: np.ndarray
     max_move: float = np.inf
-    min_gain: float = MIN_GAIN
+    min_gain: float = MIN_RESIDUAL_GAIN
     effect: np.ndarray | None = None
     ends: np.ndarray | None = None
     is_friction: bool = False  # the first coefficient is an Fc and must be positive

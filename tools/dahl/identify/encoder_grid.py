@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Compare the grid of an angle with the encoder and the unit that were given.
+"""Compare the grid of an angle with the encoder and the unit that the user gave.
 
-An angle comes in whole counts, and the counts of a turn are mostly a power of two.
+An angle comes in whole counts, and a turn usually has a power of two counts.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ import math
 import numpy as np
 
 from dahl.errors import Error
+from dahl.identify.limits import HEAD_ROWS
 from dahl.io.log import Log, resolution_of
 
 AGREEMENT = 0.01  # of a count
 PRINTED_ERROR = 0.1  # of a count
 MIN_STEPS = 20  # neighbouring angles one count apart, for a grid coarser than was given
-LOOKED_AT_ROWS = 100_000
 BITS = (8, 26)  # of an encoder
 POWER_TOLERANCE = 5e-4  # of a power of two
 
 
 def check_unit(log: Log) -> None:
-    """Raise dahl.Error if the grid is a power of two counts per turn in another unit."""
+    """Raise dahl.Error if a turn has a power of two counts in another unit only."""
     if not log.resolution or log.linear:
         return
     counts = 2 * math.pi / log.resolution
@@ -41,8 +41,8 @@ def check_unit(log: Log) -> None:
 
 
 def contradiction(log: Log) -> str:
-    """One line if the angle lies on another grid than the counts that were given; else ""."""
-    theta = log.theta[:LOOKED_AT_ROWS]
+    """Return one line if the angle lies on another grid than that of the counts, else ""."""
+    theta = log.theta[:HEAD_ROWS]
     grid = resolution_of(theta) if log.resolution else 0.0
     if grid == 0 or abs(grid / log.resolution - 1) < AGREEMENT:
         return ""

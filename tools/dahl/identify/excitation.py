@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Warn if all strokes are alike, since then some effects cannot be told from friction."""
+"""Warn if all strokes are alike, since some effects then look like friction."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from dahl.identify.models import turning_points
 from dahl.io.log import Log
 
 MIN_STROKES = 4
-MAX_SPEED_RATIO = 1.3  # of the fastest tenth of the strokes to the slowest: one speed
-MAX_SPREAD_LENGTHS = 0.5  # presliding lengths between the turning points on one side: one place
+MAX_SPEED_RATIO = 1.3  # fastest to slowest tenth of the strokes; below it there is one speed
+MAX_SPREAD_LENGTHS = 0.5  # presliding lengths between the turning points of one side
 
 
 def warning(logs: Sequence[Log], a: float, min_turn: float) -> str:
-    """What this motion cannot show, in one line; "" if the strokes differ.
+    """Return one line about effects that this motion hides; "" if the strokes differ.
 
-    At one speed, a part of the torque that is late rounds each reversal as a softer bearing does.
-    At the same turning points, so does an encoder error there.
+    If all strokes have one speed, a delayed torque rounds each reversal as a softer bearing does.
+    If all have the same turning points, an encoder error there does the same.
     """
     speeds: list[float] = []
     spreads: list[float] = []

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""The friction that a firmware can run: a plan as a header, a scene that replays the log, and how
-good the plan is on the motion as it was measured.
+"""Export the friction that a firmware can run: a header with a plan, and a scene.
+
+plan_quality() says how good the plan is on the motion as it was measured.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import io
 import math
 import textwrap
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,43 +21,44 @@ from dahl.identify.fit import Fit
 from dahl.identify.models import LAWS, OPTIONS
 from dahl.identify.result import Result, terms_of
 from dahl.identify.select import best_of
-from dahl.io.files import keep
+from dahl.io.files import write_atomic
 from dahl.io.log import Log
 
 if TYPE_CHECKING:
     from dahl.binding.plan_header import AnyPlan
 
-MIN_PLAN_R2 = 0.9  # on the raw motion; below it a plan does more harm than good
-REPLAYED_ROWS = 200_000  # of the first log that a scene replays
-COMMENT_WIDTH = 110
-SCENE_TERMS = ("offset", "spring")  # that [measured] of a scene has keys for
-NO_ENCODER_COUNT = 1e-3  # presliding lengths per count of a scene whose log shows no encoder
-SETTLED_LENGTHS = 5  # presliding lengths after which the torque at the start is forgotten
+MIN_PLAN_R2 = 0.9  # on the raw motion; a worse plan does more harm than good
+MAX_REPLAYED_ROWS = 200_000  # of the first log, in a scene
+COMMENT_WIDTH = 110  # columns
+SCENE_TERMS = ("offset", "spring")  # keys of [measured] in a scene
+NO_ENCODER_COUNT = 1e-3  # presliding lengths per count, if the log shows no encoder
+SETTLED_LENGTHS = 5  # presliding lengths until the torque at the start is forgotten
+MIN_LOAD_SHARE = 1e-3  # of the load that the plan is for
 
 
 @dataclass(frozen=True)
 class RunnableModel:
-    """One friction model in the words of a scene. N m and rad, or N and m."""
+    """One friction model by the keys of a scene. N m and rad, or N and m."""
 
     fit: Fit
     model: str  # dahl, slip, parallel, asymmetric or loaded
     sigma0: tuple[float, ...]
-    Fc: tuple[float, ...]  # of each element; forward and backward
+    Fc: tuple[float, ...]  # of each element; asymmetric: forward and backward
     kinds: tuple[str, ...]  # dahl or slip for each element
     terms: dict[str, float]
-    lost_r2: float = 0.0  # on cycles left out, against the best hypothesis of any law
-    load: tuple[float, float] = field(default=(1.0, 0.0))  # share of the load: at 0, per unit
+    lost_r2: float = 0.0  # on left-out cycles, compared with the best hypothesis
+    load: tuple[float, float] = (1.0, 0.0)  # share of the load that the plan is for: at 0, per unit
 
     @property
     def a(self) -> float:
-        """Of all elements together, 1/rad (1/m)."""
+        """sigma0/Fc of all elements together, 1/rad (1/m)."""
         return sum(self.sigma0) / (sum(self.Fc) / (2 if self.model == "asymmetric" else 1))
 
     def torque(self, moves: np.ndarray, load: np.ndarray | None = None) -> np.ndarray:
-        """From rest, after each move: (n,) N m (N)."""
+        """Return the torque after each move, from rest: (n,) N m (N)."""
         whole = [slice(0, len(moves))]
         if self.model == "loaded" and load is not None:
-            share = np.maximum(self.load[0] + self.load[1] * load, 1e-3)
+            share = np.maximum(self.load[0] + self.load[1] * load, MIN_LOAD_SHARE)
             return self.Fc[0] * models.dahl_under_load(moves, whole, self.a, share)
         if self.model == "asymmetric":
             half, mean = sum(self.Fc) / 2, (self.Fc[0] - self.Fc[1]) / 2
@@ -68,8 +70,9 @@ class RunnableModel:
         return torque
 
     def plans(self, theta_per_count: float) -> dict[str, AnyPlan]:
-        """What a firmware needs, by the ending of its name. Raises dahl.Error for parameters that
-        the library rejects.
+        """Return the plans of a firmware by the endings of their names.
+
+        Raises dahl.Error for parameters that the library rejects.
         """
         from dahl.binding.core import Plan
         from dahl.binding.parts import Slip
@@ -91,7 +94,7 @@ class RunnableModel:
 
 
 def runnable_model(result: Result) -> RunnableModel:
-    """The chosen law, or the one asked for; the best that the library has if it lacks that law."""
+    """Return the law of --model or the chosen one; the nearest one if the library lacks it."""
     wanted = OPTIONS.get(result.options.model, result.hypothesis.law)
     library = [f for f in result.fits if LAWS[f.hypothesis.law].in_library]
     same = [f for f in library if f.hypothesis.law == wanted]
@@ -103,7 +106,7 @@ def runnable_model(result: Result) -> RunnableModel:
 
 
 def _alone(result: Result, fit: Fit) -> Fit:
-    """A law as a plan must run it: without a lag, beside an offset and a spring at most."""
+    """Fit a law as a plan runs it: without a lag, and with offset and spring at most."""
     if fit.hypothesis.law == "loaded":
         return fit
     h = replace(fit.hypothesis, lag="none", skew=0.0)
@@ -128,7 +131,7 @@ def _runnable(result: Result, fit: Fit) -> RunnableModel:
 
 
 def _loaded(result: Result, fit: Fit, terms: dict[str, float], lost: float) -> RunnableModel:
-    """sigma0 and Fc at the largest load of the logs, where the share is 1."""
+    """Return the model with sigma0 and Fc at the largest load of the logs."""
     assert result.samples.load is not None
     reference, slope = result.samples.reference.load, float(fit.p[1])
     at = 1 + slope * (result.samples.load / reference - 1)
@@ -144,10 +147,10 @@ def _loaded(result: Result, fit: Fit, terms: dict[str, float], lost: float) -> R
 
 @dataclass(frozen=True)
 class PlanQuality:
-    """What a plan is worth in a firmware, which has neither filter nor delay nor terms."""
+    """How good a plan is in a firmware, which has no filter, delay or terms."""
 
     theta_per_count: float  # rad (m); 0 if there is no encoder
-    is_for_target: bool  # of --target-counts-per-turn, not of the log's encoder
+    is_for_target: bool  # for --target-counts-per-turn, not for the encoder of the log
     r2: float  # of friction alone on the raw motion
     against: list[str]  # reasons not to write it
 
@@ -173,7 +176,7 @@ def plan_quality(result: Result, model: RunnableModel) -> PlanQuality:
 
 
 def _r2_on_raw_motion(result: Result, model: RunnableModel, count: float) -> float:
-    """R2 of the plan by counts, with the best torque at the first row of each piece."""
+    """Return R2 of the plan by counts, with the best torque at the start of each piece."""
     lost = spread = 0.0
     centre = result.samples.reference.centre
     for log in result.logs:
@@ -192,7 +195,7 @@ def _r2_on_raw_motion(result: Result, model: RunnableModel, count: float) -> flo
 def from_best_start(
     model: RunnableModel, moves: np.ndarray, measured: np.ndarray, load: np.ndarray | None = None
 ) -> np.ndarray:
-    """The model's torque with the best torque at the first row: (n,) N m (N)."""
+    """Return the torque of the model with the best torque at the first row: (n,) N m (N)."""
     torque = model.torque(moves, load)
     fading = np.exp(-np.minimum(model.a * np.cumsum(np.abs(moves)), 700.0))
     first = float(fading @ (measured - torque) / (fading @ fading))
@@ -206,7 +209,7 @@ def from_best_start(
 def header(
     result: Result, model: RunnableModel, quality: PlanQuality, name: str, title: str
 ) -> str:
-    """dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() rejects."""
+    """Return dahl_plan_NAME.h. Raises dahl.Error for parameters that dahl_prepare() rejects."""
     from dahl.binding import plan_header
 
     log = result.logs[0]
@@ -237,7 +240,7 @@ def header(
 
 
 def about(result: Result, model: RunnableModel) -> str:
-    """Which model is exported, and what it loses; "" for Dahl's if that is what was chosen."""
+    """Return which model is exported and what it loses; "" if it is Dahl's, as chosen."""
     law = model.fit.hypothesis.friction
     if law.name == result.hypothesis.law == "dahl":
         return ""
@@ -253,14 +256,13 @@ def about(result: Result, model: RunnableModel) -> str:
 
 
 def write_scene(result: Result, model: RunnableModel, name: str, folder: Path) -> Path:
-    """NAME.ini and NAME.csv: the first piece, for `dahl demo --scene`.
+    """Write NAME.ini and NAME.csv, the first piece, for `dahl demo --scene`.
 
-    The torque is shifted by the delay that was found. Terms that a scene lacks are subtracted.
+    The delay of the torque is removed. Terms that a scene lacks are subtracted.
     """
-    log, rows = result.logs[0], slice(0, REPLAYED_ROWS)
-    torque = result.sign * log.torque
+    log, rows = result.logs[0], slice(0, MAX_REPLAYED_ROWS)
     places = np.arange(log.rows)
-    torque = np.interp(places + result.delay_rows, places, torque)
+    torque = np.interp(places + result.delay_rows, places, result.sign * log.torque)
     angle, force = (f"theta_{log.angle_unit}", "torque_N" if log.linear else "torque_Nm")
     names = [angle, force]
     columns = [log.theta - log.theta[0], torque - _other_terms(model, log)]
@@ -268,12 +270,12 @@ def write_scene(result: Result, model: RunnableModel, name: str, folder: Path) -
         names, columns = [*names, "load"], [*columns, model.load[0] + model.load[1] * log.load]
     write_csv(folder / f"{name}.csv", np.column_stack(columns)[rows], ",".join(names), "%.9g")
     path = folder / f"{name}.ini"
-    keep(path, _scene(result, model, name, angle, force))
+    write_atomic(path, _scene(result, model, name, angle, force))
     return path
 
 
 def _other_terms(model: RunnableModel, log: Log) -> np.ndarray:
-    """Viscous and inertia torque, which no scene has."""
+    """Return viscous and inertia torque, for which a scene has no keys."""
     torque = np.zeros(log.rows)
     if log.time is None or not {"viscous", "inertia"} & set(model.terms):
         return torque
@@ -284,12 +286,11 @@ def _other_terms(model: RunnableModel, log: Log) -> np.ndarray:
 
 
 def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: str) -> str:
-    """The scene that replays NAME.csv."""
+    """Return the scene that replays NAME.csv."""
     log = result.logs[0]
     sigma0, Fc = (" ".join(map(repr, some)) for some in (model.sigma0, model.Fc))  # noqa: N806
     count = log.resolution or NO_ENCODER_COUNT / model.a
     size, unit = log.shown_in
-    rows = min(log.rows, REPLAYED_ROWS)
     from_centre = float(log.theta[0]) - result.samples.reference.centre
     offset = model.terms.get("offset", 0.0) + model.terms.get("spring", 0.0) * from_centre
     words = f"written by dahl identify: {result.verdict}. {about(result, model)}"
@@ -316,7 +317,7 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
         "torque_scale = 1",
         f"offset = {offset!r}",
         f"spring = {model.terms.get('spring', 0.0)!r}",
-        f"settle = {_settled_rows(log.moves[:rows], model.a)}",
+        f"settle = {_settled_rows(log.moves[:MAX_REPLAYED_ROWS], model.a)}",
         f"angle_scale = {1 / size!r}",
         f"label_angle = {'position' if log.linear else 'angle'} from the start [{unit}]",
         f"label_torque = friction [{log.unit}]",
@@ -325,13 +326,13 @@ def _scene(result: Result, model: RunnableModel, name: str, angle: str, force: s
 
 
 def _settled_rows(moves: np.ndarray, a: float) -> int:
-    """Rows after which the torque at the start is forgotten; 0 if these are half of all."""
+    """Return the rows until the torque at the start is forgotten; 0 if these are half of all."""
     settled = int(np.searchsorted(np.cumsum(np.abs(moves)), SETTLED_LENGTHS / a))
     return settled if settled < len(moves) // 2 else 0
 
 
 def write_csv(path: Path, columns: np.ndarray, names: str, form: str | list[str]) -> None:
-    """Write a table; an old file stays until the new one is complete."""
+    """Write a CSV; an old file stays until the new one is complete."""
     text = io.StringIO()
     np.savetxt(text, columns, fmt=form, delimiter=",", header=names, comments="")
-    keep(path, text.getvalue())
+    write_atomic(path, text.getvalue())

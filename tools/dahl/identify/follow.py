@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A running estimate on a live bus, repeated as the log grows, until the intervals are narrow."""
+"""Identify on a live bus, again and again, until the intervals are narrow."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from dahl.io.readers import Source, to_log
 if TYPE_CHECKING:
     import can
 
-FIRST_ROWS, GROWTH = 500, 1.25  # of the first estimate; growth of the log until the next one
+FIRST_ROWS = 500  # of the first estimate
+GROWTH = 1.25  # of the log from one estimate to the next
 
 
 def follow(
@@ -27,8 +28,9 @@ def follow(
     within: float,
     show: Callable[[int, Result | None, str], None],
 ) -> Result:
-    """Identify again and again. Ends with the frames, or as soon as both parameters are claimed
-    and known to `within` of their value. Raises dahl.Error if nothing could be identified.
+    """Identify again and again, until is_known() or until the frames end.
+
+    Raises dahl.Error if the log could not be identified by then.
     """
     signals, due = signals_of(source), FIRST_ROWS
     for frame in frames:
@@ -44,7 +46,7 @@ def follow(
 
 
 def signals_of(source: Source) -> Signals:
-    """The signals to follow. Raises dahl.Error if the options do not name them."""
+    """Return the signals to follow. Raises dahl.Error if the options do not name them."""
     if source.dbc is None or not (source.angle and source.torque):
         raise Error("--follow needs --dbc FILE, --angle SIGNAL and --torque SIGNAL")
     return Signals(source.dbc, source.signals)
@@ -63,6 +65,6 @@ def _estimate(signals: Signals, source: Source, options: Options) -> tuple[Resul
 
 
 def is_known(result: Result, within: float) -> bool:
-    """Whether both parameters are claimed and known to `within` of their value."""
+    """Whether both parameters are claimed within this part of their values."""
     widths = [result.sigma0.half_width, result.Fc.half_width]
     return all(result.claimed) and max(widths) <= within

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The picture of an identification: what was fitted over what was measured, and what is left."""
+"""Draw the picture of an identification: the fit over the measurement, and the residual."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from dahl.report import plots
 from dahl.report.plots import COMPUTED, MEASURED
 
 MAX_LAG = 60  # samples of the autocorrelation
-MAX_MARKED_WEIGHT = 0.5  # samples of less weight are marked
+CORRELATED_SAMPLES = 20_000  # from the start
+OUTLIER_WEIGHT = 0.5  # samples of less weight are marked
 MARK = "#e9a23b"
 
 
 def draw(path: Path, result: Result, title: str) -> None:
-    """Write the picture; an old one stays until the new one is complete."""
+    """Write the picture; an old file stays until the new one is complete."""
     with rc_context(plots.STYLE):
         figure = Figure(figsize=(11, 14), layout="constrained")
         axes = figure.subplots(4, 2, height_ratios=(2.6, 1, 1, 1))
@@ -31,20 +32,24 @@ def draw(path: Path, result: Result, title: str) -> None:
         _draw_hypotheses(axes[2, 1], result)
         _draw_cycles(axes[3], result)
         loop.set_title(
-            plots.literal(result.verdict), loc="left", fontsize=10, color="#555555", wrap=True
+            plots.escape(result.verdict),
+            loc="left",
+            fontsize=10,
+            color="#555555",
+            wrap=True,
         )
         log = result.logs[0]
         numbers = (
             f"sigma0 = {result.sigma0.value:.4g} {log.slope_unit},"
             f" Fc = {result.Fc.value:.4g} {log.unit}"
         )
-        words = f"{plots.literal(title)}\n{result.hypothesis.friction.label}: {numbers}"
+        words = f"{plots.escape(title)}\n{result.hypothesis.friction.label}: {numbers}"
         figure.suptitle(words, fontsize=14, fontweight="bold", x=0.01, ha="left")
         plots.save(figure, path)
 
 
 def _merge(figure: Figure, pair: np.ndarray) -> Axes:
-    """One panel in the place of two."""
+    """Return one panel in the place of two."""
     place = pair[0].get_gridspec()[pair[0].get_subplotspec().rowspan.start, :]
     for axes in pair:
         axes.remove()
@@ -53,7 +58,7 @@ def _merge(figure: Figure, pair: np.ndarray) -> Axes:
 
 
 def _angle(result: Result) -> tuple[np.ndarray, str]:
-    """The angle of the samples from the start, and its label."""
+    """Return the angle of the samples from the start, and its label."""
     log = result.logs[0]
     size, unit = log.shown_in
     angle = result.samples.angles[result.hypothesis.angle]
@@ -62,9 +67,9 @@ def _angle(result: Result) -> tuple[np.ndarray, str]:
 
 
 def _draw_loop(axes: Axes, result: Result) -> None:
-    """Torque over angle, measured and fitted, on the same samples; each piece is a line.
+    """Draw torque over angle, measured and fitted; each piece is a line.
 
-    The fit is drawn from where the unknown torque at the start of a piece is forgotten.
+    The fit begins when the unknown torque at the start of a piece is forgotten.
     """
     angle, label = _angle(result)
     measured, log = result.samples.torque, result.logs[0]
@@ -77,17 +82,17 @@ def _draw_loop(axes: Axes, result: Result) -> None:
             angle[settled], result.predicted[settled], color=COMPUTED, linewidth=1.4, label=words[1]
         )
     weight = result.samples.weight
-    odd = (weight > 0) & (weight < MAX_MARKED_WEIGHT)
-    if odd.any():
-        words_odd = f"outliers, {100 * odd.mean():.1f} % of the samples"
-        axes.plot(angle[odd], measured[odd], "x", color=MARK, label=words_odd)
+    is_outlier = (weight > 0) & (weight < OUTLIER_WEIGHT)
+    if is_outlier.any():
+        label_outliers = f"outliers, {100 * is_outlier.mean():.1f} % of the samples"
+        axes.plot(angle[is_outlier], measured[is_outlier], "x", color=MARK, label=label_outliers)
     kind = "force" if log.linear else "torque"
     axes.set(xlabel=label, ylabel=f"{kind} [{log.unit}]")
     axes.legend(loc="best", fontsize=9)
 
 
 def _draw_residual(pair: np.ndarray, result: Result) -> None:
-    """The residual over angle and over speed: structure there is what the fit lacks."""
+    """Draw the residual over angle and over speed; structure there is lack of fit."""
     log = result.logs[0]
     size, unit = log.shown_in
     angle, label = _angle(result)
@@ -101,8 +106,8 @@ def _draw_residual(pair: np.ndarray, result: Result) -> None:
 
 
 def _draw_autocorrelation(axes: Axes, result: Result) -> None:
-    """Of the residual, with the band in which that of white noise lies."""
-    x = (result.residual * (result.samples.used > 0))[:20_000]
+    """Draw the autocorrelation of the residual, with the band of white noise."""
+    x = (result.residual * (result.samples.used > 0))[:CORRELATED_SAMPLES]
     n = len(x)
     most = min(MAX_LAG, n // 4)
     power = float(x @ x) or 1.0
@@ -113,7 +118,7 @@ def _draw_autocorrelation(axes: Axes, result: Result) -> None:
 
 
 def _draw_hypotheses(axes: Axes, result: Result) -> None:
-    """sigma0 and Fc of all plausible hypotheses in their interval."""
+    """Draw sigma0 and Fc of all plausible hypotheses in their intervals."""
     log = result.logs[0]
     for fit in result.plausible.fits:
         axes.plot(*fit.value, "o", color=MEASURED, markersize=4)
@@ -127,7 +132,7 @@ def _draw_hypotheses(axes: Axes, result: Result) -> None:
 
 
 def _draw_cycles(pair: np.ndarray, result: Result) -> None:
-    """sigma0 and Fc cycle by cycle with their intervals."""
+    """Draw sigma0 and Fc cycle by cycle with their intervals."""
     log, cycles = result.logs[0], result.by_cycle()
     for axes, name, unit in zip(pair, NAMES, (log.slope_unit, log.unit), strict=True):
         p = getattr(result, name)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Check a log, and undo what the recording did to it, before any fit.
+"""Check a log before a fit, and repair what the recorder did to it.
 
-preprocess() returns pieces without gaps. Each step adds a note to the log that it changes. A log
-that cannot be repaired is rejected with dahl.Error.
+preprocess() returns pieces without gaps. Each step adds a note to a log that it changes. A log that
+cannot be repaired raises dahl.Error.
 """
 
 from __future__ import annotations
@@ -16,42 +16,42 @@ from scipy.signal import savgol_filter
 from dahl.errors import Error
 from dahl.identify import encoder_grid
 from dahl.identify.angle import white_noise
+from dahl.identify.limits import HEAD_ROWS
 from dahl.identify.models import turning_points
 from dahl.io.log import Log, resolution_of
 
 MIN_ROWS = 30  # of a log or a piece
-LOOKED_AT_ROWS = 100_000  # before all of them
-CLIPPED_PART = 0.02  # of all rows at one extreme torque
-NOISELESS = 1e-4  # of the torque's range: a second difference that no sensor resolves
-REPEATED_PART = 0.01  # of the rows; fewer repeated rows are left in
-AT_REST_PART = 0.9  # of the rows: beyond it there is too little motion to decide
-MAX_WITHOUT_REPEAT = 0.1  # of the repeated part: torque values that stay while the angle moves
+MIN_CLIPPED_PART = 0.02  # of all rows, at one extreme torque
+NOISELESS = 1e-4  # of the range of the torque: no sensor resolves such a second difference
+MIN_REPEATED_PART = 0.01  # of all rows; fewer repeated rows do no harm
+MAX_AT_REST_PART = 0.9  # of all rows; beyond it there is too little motion to decide
+MAX_MOVING_REPEATS = 0.1  # of the repeated part: equal torques while the angle moves
 MIN_JUMP_COUNTS = 1.5  # a jump after rows at rest is a new reading, not the next count
-HELD_PART = 0.5  # of the travel in such jumps, for a held signal
-MIN_READINGS = 12  # steps between readings, fewer may be chance
-EVEN_PART = 0.9  # of the steps between readings: whole multiples of the usual one
-MAX_BEND = 0.5  # of a step: second differences of a line between readings; white noise has 1.7
-MAX_OFF_LINE = 0.1  # of the torque's spread, from the lines between readings
-MIN_BEND_RATIO = 10.0  # times the usual bend: a reading of a torque drawn straight between two
-ROUNDING = 1e-10  # of the torque's range
-SMOOTH_RATIO = 16.0  # range of a wrapping angle over its largest true move
+MIN_HELD_PART = 0.5  # of the travel, in such jumps, if a signal is held
+MIN_READINGS = 12  # steps between readings; fewer may be chance
+MIN_EVEN_PART = 0.9  # of the steps between readings: whole multiples of the usual one
+MAX_BEND = 0.5  # of a step: second difference of a line between readings; white noise has 1.7
+MAX_OFF_LINE = 0.1  # of the spread of the torque: distance from the lines between readings
+MIN_BEND_RATIO = 10.0  # bend at a reading over the usual bend, if the torque is interpolated
+ROUNDING = 1e-10  # of the range of the torque
+MIN_WRAP_RATIO = 16.0  # range of a wrapping angle over its largest true move
 PERIOD_TOLERANCE = 0.01  # of a period
-GAP_STEPS, GAP_PERCENTILE = 5.0, 95  # times this percentile of the clock's steps
+GAP_STEPS, GAP_PERCENTILE = 5.0, 95  # a gap is so many times this percentile of the clock's steps
 CLOCK_ROWS = 51  # over which jittering times are smoothed
-JITTER_CORRELATION = -0.3  # of neighbouring steps: white errors of the times have -.5
+JITTER_CORRELATION = -0.3  # of neighbouring steps; white errors of the times have -.5
 MIN_JITTER = 0.05  # of a step
-EVENT_PART = 0.9  # of the moves by one count: a log written at each edge of the encoder
-MAX_FLICKER = 8  # rows that turn back at once, beyond the true reversals
+MIN_EVENT_PART = 0.9  # of the moves by one count, if a row is written at each encoder edge
+MAX_FLICKER = 8  # rows that turn back at once, without the true reversals
 FLICKER_ROWS = 9  # of the running median that removes them
-SPIKE_RATIO = 10.0  # times what 90 % of the rows are off their neighbours: no white noise
+MIN_SPIKE_RATIO = 10.0  # largest distance from the median over that of 90 % of the rows
 RANGES = {True: (1e-8, 1e2, "m"), False: (1e-7, 1e4, "rad")}  # of an angle, by `linear`
 
 
 def preprocess(log: Log, trust_units: bool = False, median: int = 0) -> list[Log]:
-    """The pieces of a log that a fit can use. Raises dahl.Error if there are none.
+    """Return the pieces of a log that a fit can use. Raises dahl.Error if there are none.
 
-    `median` is the number of rows of the running median of the angle; 0 uses one if the angle
-    flickers, 1 uses none.
+    `median` is the number of rows of a running median of the angle. If it is 0, a median is used if
+    the angle flickers; 1 means none.
     """
     check(log, trust_units)
     whole = unwrap(drop_repeated_rows(log), trust_units)
@@ -86,11 +86,11 @@ def _check_clipping(log: Log) -> None:
     inside = (log.torque < log.torque.max()) & (log.torque > log.torque.min())
     bends = np.abs(np.diff(log.torque, 2))[inside[1:-1]]
     if len(bends) and np.median(bends) < NOISELESS * np.ptp(log.torque):
-        return  # a saturated friction without noise is constant too
+        return  # saturated friction without noise is constant too
     moving = _is_moving(log)
     for extreme in (log.torque.max(), log.torque.min()):
         rows = np.flatnonzero(log.torque == extreme)
-        many = len(rows) > max(CLIPPED_PART * log.rows, 20)
+        many = len(rows) > max(MIN_CLIPPED_PART * log.rows, 20)
         if many and np.mean(moving[rows]) > 0.25 and _is_stuck(log, rows):
             raise Error(
                 f"{log.name}: torque is clipped at {extreme:g} {log.unit}"
@@ -99,7 +99,7 @@ def _check_clipping(log: Log) -> None:
 
 
 def _is_moving(log: Log) -> np.ndarray:
-    """Rows in which the shaft moves, also between two counts: (rows,) bool."""
+    """Return whether the shaft moves at each row, also between two counts: (rows,)."""
     stepped = np.diff(log.theta, prepend=log.theta[0]) != 0
     apart = np.diff(np.flatnonzero(stepped))
     width = 2 * int(np.median(apart)) + 1 if len(apart) else 1
@@ -108,7 +108,7 @@ def _is_moving(log: Log) -> np.ndarray:
 
 
 def _is_stuck(log: Log, rows: np.ndarray) -> bool:
-    """Whether the extreme comes in long runs, unlike the last step of a coarse sensor."""
+    """Whether the extreme occurs in long runs, unlike the last step of a coarse sensor."""
     levels, counts = np.unique(log.torque, return_counts=True)
     near = counts[1:6] if levels[0] == log.torque[rows[0]] else counts[-6:-1]
     return bool(np.mean(np.diff(rows) == 1) > 0.7 and len(rows) > 10 * np.mean(near))
@@ -124,8 +124,8 @@ def drop_repeated_rows(log: Log) -> Log:
         same &= np.diff(log.load) == 0
     repeated = np.concatenate(([False], still & same))
     part = float(repeated.mean())
-    at_rest = still.mean() > AT_REST_PART
-    if part < REPEATED_PART or at_rest or same[~still].mean() > MAX_WITHOUT_REPEAT * part:
+    at_rest = still.mean() > MAX_AT_REST_PART
+    if part < MIN_REPEATED_PART or at_rest or same[~still].mean() > MAX_MOVING_REPEATS * part:
         return log
     kept = log.torque[~repeated]
     if np.median(np.abs(np.diff(kept, 2))) < NOISELESS * np.ptp(kept):
@@ -134,7 +134,7 @@ def drop_repeated_rows(log: Log) -> Log:
     return log.part(~repeated, [*log.notes, note])
 
 
-# --- signals that are read more seldom than the rows ----------------------------------------------
+# --- signals with fewer readings than rows --------------------------------------------------------
 
 
 def drop_stale_angles(log: Log) -> Log:
@@ -143,7 +143,9 @@ def drop_stale_angles(log: Log) -> Log:
     every = rows_per_reading(log.theta, changes, log.resolution)
     if every < 2:
         return log
-    rows = np.diff(changes, append=log.rows)  # of one value: several readings if the shaft is slow
+    rows = np.diff(
+        changes, append=log.rows
+    )  # with one value; several readings if the shaft is slow
     readings = np.maximum(np.rint(rows / every).astype(int), 1)
     number = np.concatenate([np.arange(count) for count in readings])
     fresh = np.minimum(np.repeat(changes, readings) + every * number, log.rows - 1)
@@ -159,10 +161,10 @@ def _check_readings(log: Log, words: str, readings: int) -> None:
 
 
 def rows_per_reading(values: np.ndarray, changes: np.ndarray, step: float) -> int:
-    """The usual number of rows between readings of a held signal; 0 if it is not held."""
+    """Return the usual number of rows between readings of a held signal; 0 if it is not held."""
     rows, moved = np.diff(changes), np.abs(np.diff(values[changes]))
     held = (rows > 1) & (moved >= MIN_JUMP_COUNTS * step)
-    if moved[held].sum() < HELD_PART * moved.sum() or not held.any():
+    if moved[held].sum() < MIN_HELD_PART * moved.sum() or not held.any():
         return 0
     return round(float(np.median(rows[held])))
 
@@ -172,7 +174,7 @@ def mark_torque_readings(log: Log) -> Log:
 
     Raises dahl.Error if they are too few.
     """
-    if len(torque_readings(log.torque[:LOOKED_AT_ROWS])) == 0:
+    if len(torque_readings(log.torque[:HEAD_ROWS])) == 0:
         return log
     readings = torque_readings(log.torque)
     if len(readings) == 0:
@@ -188,7 +190,7 @@ def mark_torque_readings(log: Log) -> Log:
 
 
 def torque_readings(torque: np.ndarray) -> np.ndarray:
-    """Rows at which a torque was read that is held or interpolated between; none otherwise."""
+    """Return the rows at which a held or interpolated torque was read; no rows otherwise."""
     changes = np.flatnonzero(np.diff(torque)) + 1
     is_held = 2 * len(changes) < len(torque)
     readings = _held_readings(torque, changes) if is_held else _line_ends(torque)
@@ -196,14 +198,15 @@ def torque_readings(torque: np.ndarray) -> np.ndarray:
 
 
 def _held_readings(torque: np.ndarray, changes: np.ndarray) -> np.ndarray:
-    """Jumps by more than the last digit, to more levels than dry friction has."""
+    """Return jumps by more than the last digit, to more levels than dry friction has."""
     jumps = rows_per_reading(torque, changes, resolution_of(torque)) > 1
     return changes if jumps and len(np.unique(torque)) > MIN_READINGS else changes[:0]
 
 
 def _line_ends(torque: np.ndarray) -> np.ndarray:
-    """Isolated bends of a torque that lies on the lines between them. Friction itself bends at
-    many neighbouring rows after a reversal.
+    """Return the isolated bends of a torque that lies on the lines between them.
+
+    Friction itself bends at many neighbouring rows after a reversal.
     """
     step, bend = np.diff(torque), np.abs(np.diff(torque, 2))
     if np.median(bend) > MAX_BEND * np.median(np.abs(step)):
@@ -218,20 +221,20 @@ def _line_ends(torque: np.ndarray) -> np.ndarray:
 
 
 def _are_even(readings: np.ndarray) -> bool:
-    """Whether readings come every so many rows; some may repeat the one before."""
+    """Whether the readings are evenly spaced; some may repeat the one before."""
     rows = np.diff(readings)
     usual = float(np.median(rows)) if len(rows) >= MIN_READINGS else 0.0
     if usual < 2:
         return False
     off = np.abs(rows - usual * np.rint(rows / usual))
-    return bool(np.mean((rows > usual / 2) & (off <= usual // 4)) > EVEN_PART)
+    return bool(np.mean((rows > usual / 2) & (off <= usual // 4)) > MIN_EVEN_PART)
 
 
 # --- wrapping counters ----------------------------------------------------------------------------
 
 
 def unwrap(log: Log, trust_units: bool = False) -> Log:
-    """Take out the jumps of a counter that wraps. Raises dahl.Error if its period is unclear."""
+    """Unwrap a counter that wraps. Raises dahl.Error if its period is unclear."""
     jumps = wraps(log.theta)
     if trust_units or not jumps.any():
         return log
@@ -248,19 +251,19 @@ def unwrap(log: Log, trust_units: bool = False) -> Log:
 
 
 def wraps(theta: np.ndarray) -> np.ndarray:
-    """Which moves go from one end of the range to the other in an otherwise smooth motion."""
+    """Return which moves go from end to end of the range in an otherwise smooth motion."""
     moves, span = np.abs(np.diff(theta)), float(np.ptp(theta))
     jumps: np.ndarray = moves > span / 2
     if not jumps.any() or jumps.all():
         return np.zeros_like(jumps)
     usual = float(moves[~jumps].max())
-    is_smooth = 0 < SMOOTH_RATIO * usual < span
+    is_smooth = 0 < MIN_WRAP_RATIO * usual < span
     at_ends = float(moves[jumps].min()) > span - 4 * usual
     return jumps if is_smooth and at_ends else np.zeros_like(jumps)
 
 
 def wrap_period(log: Log, jumps: np.ndarray) -> float:
-    """A power of two counts or a turn, whichever the jumps show; 0 if neither, rad (m)."""
+    """Return the period that the jumps show: 2^k counts or a turn, rad (m); 0 if neither."""
     moves, rows = np.diff(log.theta), np.flatnonzero(jumps)
     others = np.where(jumps, 0.0, np.abs(moves))
     before, after = others[np.maximum(rows - 1, 0)], others[np.minimum(rows + 1, len(moves) - 1)]
@@ -277,10 +280,7 @@ def wrap_period(log: Log, jumps: np.ndarray) -> float:
 
 
 def split_at_gaps(log: Log) -> list[Log]:
-    """The pieces between gaps of the clock, each with an unknown torque at its start.
-
-    Pieces that are too short or do not move are left out.
-    """
+    """Split a log at the gaps of its clock, and leave out pieces too short or at rest."""
     after = gaps(log)
     if len(after) == 0:
         return [log]
@@ -306,7 +306,7 @@ def _is_usable(log: Log, rows: slice) -> bool:
 
 
 def gaps(log: Log) -> np.ndarray:
-    """The first row after each gap: a time step far above the usual ones."""
+    """Return the first row after each gap, a time step far above the usual ones."""
     if log.time is None or _is_written_at_edges(log):
         return np.zeros(0, dtype=int)
     steps = np.diff(log.time)
@@ -321,11 +321,11 @@ def _is_written_at_edges(log: Log) -> bool:
     if log.resolution == 0:
         return False
     counts = np.abs(log.moves[1:]) / log.resolution
-    return bool(np.mean(np.abs(counts - 1) < 0.1) > EVENT_PART)
+    return bool(np.mean(np.abs(counts - 1) < 0.1) > MIN_EVENT_PART)
 
 
 def spread_equal_times(log: Log) -> Log:
-    """Spread rows of one time evenly up to the next time. A clock that stands still is dropped."""
+    """Spread rows of one time evenly up to the next time; drop a clock that stands still."""
     if log.time is None:
         return log
     first = np.flatnonzero(np.diff(log.time, prepend=-np.inf))  # row of each new time
@@ -343,7 +343,7 @@ def spread_equal_times(log: Log) -> Log:
 
 
 def smooth_clock(log: Log) -> Log:
-    """Smooth times that jitter around an even clock, since a speed needs their differences."""
+    """Smooth times that jitter around an even clock, since speeds need their differences."""
     if log.time is None or log.rows <= CLOCK_ROWS:
         return log
     off = np.diff(log.time) - np.median(np.diff(log.time))
@@ -358,7 +358,7 @@ def smooth_clock(log: Log) -> Log:
 
 
 def remove_flicker(log: Log, median: int = 0) -> Log:
-    """Use a running median of an angle that turns back at once, unless this is white noise."""
+    """Use a running median of an angle that turns back at once, unless it has white noise."""
     if median == 1:
         return log
     turns = flicker(log)
@@ -372,15 +372,15 @@ def remove_flicker(log: Log, median: int = 0) -> Log:
 
 
 def _is_white(log: Log) -> bool:
-    """Whether all rows have errors of one size; a fit handles these better than a median does."""
+    """Whether all rows have errors of one size; a fit handles these better than a median."""
     off = np.abs(log.theta - median_filter(log.theta, FLICKER_ROWS, mode="nearest"))
     usual = max(float(np.percentile(off, 90)), log.resolution)
-    has_spikes = float(off.max()) > SPIKE_RATIO * usual
+    has_spikes = float(off.max()) > MIN_SPIKE_RATIO * usual
     return not has_spikes and white_noise(log.theta, log.resolution) > 0
 
 
 def flicker(log: Log) -> int:
-    """How often the angle moves and moves back in the next row, beyond its true reversals."""
+    """Return how often the angle moves and moves back in the next row, without true reversals."""
     moves = log.moves
     back = int(np.count_nonzero(moves[1:] * moves[:-1] < 0))
     if back <= MAX_FLICKER:

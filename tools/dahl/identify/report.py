@@ -1,19 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""The result as JSON and as a table. No number stands anywhere without its verdict."""
+"""Write a result as JSON, as tables for people, and as files; the verdict always comes first."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dahl.identify import excitation
+from dahl.identify import excitation, models
 from dahl.identify.export import (
-    PlanQuality,
     RunnableModel,
     about,
     header,
@@ -21,22 +20,25 @@ from dahl.identify.export import (
     runnable_model,
     write_scene,
 )
-from dahl.identify.fit import Fit, jackknife, solve
-from dahl.identify.models import LAWS
-from dahl.identify.result import Parameter, Result, terms_of
+from dahl.identify.fit import Fit, cost_of, jackknife, solve
+from dahl.identify.models import LAWS, turning_points
+from dahl.identify.result import NAMES, Parameter, Result, terms_of
 from dahl.identify.samples import MIN_TURN_LENGTHS
 from dahl.identify.select import penalised
-from dahl.io.files import keep
+from dahl.io.files import write_atomic
 from dahl.version import __version__
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-MAX_CHOICES = 40  # hypotheses that JSON lists, the best ones
+MAX_CHOICES = 40  # best hypotheses that JSON lists
 UNITS = {"offset": "{T}", "spring": "{k}", "viscous": "{T} s/{x}", "inertia": "{T} s2/{x}"}
-INFORMS = 0.1  # of sigma0: a slope above it informs sigma0
-TICKS = {"dahl": 20, "asymmetric": 33}  # instructions of a Q30 tick on Cortex-M3
-SUM_TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}  # of a sum, of each element
+MIN_INFORMING_SLOPE = 0.1  # of sigma0; a smaller slope says little about sigma0
+TABLE_COLUMNS = 80
+# Instructions of a Q30 tick on Cortex-M3 (docs/microcontroller.md): of a law, of a sum and of each
+# of its elements.
+TICKS = {"dahl": 20, "asymmetric": 33}
+SUM_TICKS = {"slip": (20, 18), "dahl": (21, 21), "mixed": (49, 21)}
 
 
 def title_of(result: Result) -> str:
@@ -45,7 +47,7 @@ def title_of(result: Result) -> str:
 
 
 def instructions(law: str) -> int | None:
-    """Of one Q30 tick on a Cortex-M3 (docs/microcontroller.md); None if the library lacks it."""
+    """Return the instructions of a Q30 tick on Cortex-M3; None if the library lacks the law."""
     if law in TICKS or not LAWS[law].in_library or law == "loaded":
         return TICKS.get(law)
     kinds = LAWS[law].kinds
@@ -54,7 +56,7 @@ def instructions(law: str) -> int | None:
 
 
 def best_by_law(result: Result) -> dict[str, Fit]:
-    """The best fit of each law, simple laws first; of the chosen law, the chosen fit."""
+    """Return the best fit of each law, simple laws first; for the chosen law the chosen fit."""
     found = {f.hypothesis.law: f for f in sorted(result.fits, key=lambda f: -penalised(f).sum())}
     found[result.hypothesis.law] = result.chosen
     return dict(sorted(found.items(), key=lambda item: LAWS[item[0]].size))
@@ -64,7 +66,7 @@ def best_by_law(result: Result) -> dict[str, Fit]:
 
 
 def numbers(result: Result) -> dict[str, Any]:
-    """Everything, for programs. Units: N m and rad, or N and m if `linear` is true."""
+    """Return all numbers by their JSON keys, in N m and rad, or N and m if `linear` is true."""
     log, model = result.logs[0], runnable_model(result)
     quality = plan_quality(result, model)
     residual = result.residual * np.sqrt(result.samples.used)
@@ -75,8 +77,8 @@ def numbers(result: Result) -> dict[str, Any]:
         "units": {"sigma0": log.slope_unit, "Fc": log.unit, "a": f"1/{log.angle_unit}"},
         **{name: getattr(result, name).value for name in ("sigma0", "Fc", "a")},
         "ci95": {name: _ends(getattr(result, name)) for name in ("sigma0", "Fc", "a")},
-        "uncertainty": {name: getattr(result, name).uncertainty for name in ("sigma0", "Fc")},
-        "identifiable": dict(zip(("sigma0", "Fc"), result.claimed, strict=True)),
+        "uncertainty": {name: getattr(result, name).uncertainty for name in NAMES},
+        "identifiable": dict(zip(NAMES, result.claimed, strict=True)),
         "verdict": result.verdict,
         "reasons": result.reasons,
         "notes": notes(result),
@@ -110,7 +112,7 @@ def as_json(result: Result) -> str:
 
 
 def _ends(p: Parameter) -> list[float | None]:
-    """JSON has no infinity."""
+    """Return the ends of an interval; None for infinity, which JSON lacks."""
     return [float(x) if math.isfinite(x) else None for x in (p.low, p.high)]
 
 
@@ -130,24 +132,27 @@ def notes(result: Result) -> list[str]:
     return found
 
 
-def _term_errors(result: Result) -> dict[str, float]:
-    """Standard errors of the terms, by the jackknife over cycles."""
+def _coefficient_errors(result: Result) -> np.ndarray:
+    """Return the standard errors of all linear coefficients, by the jackknife over cycles."""
     fit, h = result.chosen, result.hypothesis
     table, _ = result.fitter.columns(h, fit.p, fit.limits, h.terms)
-    grams = result.samples.grams(table)
-    left = solve(grams.sum(axis=0) - grams, range(table.shape[1]))
-    errors = terms_of(_with_coefficients(fit, jackknife(left)), result.samples)
-    return {name: abs(error) for name, error in errors.items()}
+    return jackknife(_left_out_solutions(result.samples.grams(table)))
 
 
-def _with_coefficients(fit: Fit, coefficients: np.ndarray) -> Fit:
-    from dataclasses import replace
+def _left_out_solutions(grams: np.ndarray) -> np.ndarray:
+    """Return the coefficients of each fit without one cycle: (cycles, k)."""
+    return solve(grams.sum(axis=0) - grams, range(grams.shape[-1] - 1))
 
-    return replace(fit, coefficients=coefficients, limits=np.zeros_like(fit.limits))
+
+def _term_errors(result: Result) -> dict[str, float]:
+    """Return the standard error of each term."""
+    no_limits = np.zeros_like(result.chosen.limits)
+    fit = replace(result.chosen, coefficients=_coefficient_errors(result), limits=no_limits)
+    return {name: abs(error) for name, error in terms_of(fit, result.samples).items()}
 
 
 def _delay_error(result: Result) -> float:
-    """Half the range of the delay over all plausible hypotheses, in rows."""
+    """Return half the range of the delay over all plausible hypotheses, in rows."""
     late = [
         float(f.p[-1]) if f.hypothesis.lag in ("delay", "damping+delay") else 0.0
         for f in result.plausible.fits
@@ -156,7 +161,7 @@ def _delay_error(result: Result) -> float:
 
 
 def _simple_models(result: Result) -> dict[str, Any]:
-    """Held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
+    """Return held-out R2 and rms of Dahl's law, Coulomb's, no friction and one slip element."""
     s, fits = result.samples, best_by_law(result)
     terms = [name for name in result.hypothesis.terms if name != "waves"]
     columns = result.fitter.term_columns(terms)
@@ -182,7 +187,7 @@ def _simple_models(result: Result) -> dict[str, Any]:
 
 
 def _last_direction(moves: np.ndarray) -> np.ndarray:
-    """The sign of the last move that was one."""
+    """Return the sign of the last move that was not 0."""
     sign = np.sign(moves)
     last = np.maximum.accumulate(np.where(sign != 0, np.arange(len(sign)), 0))
     direction: np.ndarray = sign[last]
@@ -190,62 +195,49 @@ def _last_direction(moves: np.ndarray) -> np.ndarray:
 
 
 def _held_out(result: Result, columns: list[np.ndarray]) -> float:
-    from dahl.identify.fit import cost_of
-
+    """Return the squared residual of left-out cycles if only these columns are fitted."""
     grams = result.samples.grams(np.column_stack(columns))
-    k = list(range(len(columns)))
-    return float(cost_of(grams, k, solve(grams.sum(axis=0) - grams, k)).sum())
+    return float(cost_of(grams, range(len(columns)), _left_out_solutions(grams)).sum())
 
 
 def _reversals(result: Result) -> int:
-    from dahl.identify.models import turning_points
-
     least = MIN_TURN_LENGTHS / result.a.value
     return sum(len(turning_points(log.theta, least)) for log in result.logs)
 
 
 def _informing_part(result: Result) -> float:
-    """Part of the moving samples at which the slope is above INFORMS of sigma0."""
-    from dahl.identify import models
-
+    """Return the part of the moving samples that are steep enough to inform sigma0."""
     moves = result.fitter.moves["between counts"]
     moving = moves != 0
     w = models.dahl(moves, result.samples.pieces, result.a.value)
-    return float(np.mean((1 - np.sign(moves) * w)[moving] > INFORMS)) if moving.any() else 0.0
+    steep = (1 - np.sign(moves) * w)[moving] > MIN_INFORMING_SLOPE
+    return float(np.mean(steep)) if moving.any() else 0.0
 
 
 def _load(result: Result) -> dict[str, Any] | None:
-    """How sigma0 and Fc follow the load: times 1 + slope (load - reference)."""
+    """Return how sigma0 and Fc follow the load: by the factor 1 + slope (load - reference)."""
     fit, s = result.chosen, result.samples
     if fit.hypothesis.law != "loaded" or s.load is None:
         return None
     plain = best_by_law(result)["dahl"]
-    slope = float(fit.p[1]) / s.reference.load
+    reference = s.reference.load
+    slope = float(fit.p[1]) / reference
     ends = float(s.load.min()), float(s.load.max())
-    change = fit.coefficients[2]
     return {
-        "reference": s.reference.load,
+        "reference": reference,
         "slope": slope,
-        "slope_standard_error": _slope_error(result) / s.reference.load,
+        "slope_standard_error": float(_coefficient_errors(result)[2]) / reference,
         "least": ends[0],
         "most": ends[1],
-        "shares": [1 + slope * (end - s.reference.load) for end in ends],
+        "shares": [1 + slope * (end - reference) for end in ends],
         "r2": result.r2,
         "r2_without": result.r2_of(plain),
-        "linearised_change": float(change),
+        "linearised_change": float(fit.coefficients[2]),
     }
 
 
-def _slope_error(result: Result) -> float:
-    fit, h = result.chosen, result.hypothesis
-    table, _ = result.fitter.columns(h, fit.p, fit.limits, h.terms)
-    grams = result.samples.grams(table)
-    left = solve(grams.sum(axis=0) - grams, range(table.shape[1]))
-    return float(jackknife(left[:, 2:3])[0])
-
-
 def _how(result: Result) -> dict[str, Any]:
-    """How the numbers came about: options, preprocessing, and what was found by cycle."""
+    """Return how the numbers came about: options, preprocessing, cycles and lack of fit."""
     weight = result.samples.weight
     cycles = result.by_cycle()
     first = [fold.start * result.samples.block for fold in result.samples.folds]
@@ -263,7 +255,7 @@ def _how(result: Result) -> dict[str, Any]:
         "findings": [
             {
                 "text": lack.text,
-                "doubts": [n for n, no in zip(("sigma0", "Fc"), lack.withdraws, strict=True) if no],
+                "doubts": [name for name, no in zip(NAMES, lack.withdraws, strict=True) if no],
             }
             for lack in result.lacks
         ],
@@ -271,8 +263,7 @@ def _how(result: Result) -> dict[str, Any]:
 
 
 def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
-    """Each law with its best fit, and the best hypotheses."""
-    near = {id(f) for f in result.plausible.fits}
+    """Return the laws, each with its best fit, and the best hypotheses."""
     ordered = sorted(result.fits, key=lambda f: f.total)[:MAX_CHOICES]
     if all(f is not result.chosen for f in ordered):
         ordered.append(result.chosen)
@@ -280,40 +271,42 @@ def _models(result: Result, model: RunnableModel) -> dict[str, Any]:
         "model": result.hypothesis.friction.label,
         "exported_model": model.fit.hypothesis.friction.label,
         "exported_model_lost_r2": model.lost_r2,
-        "models": [
-            {
-                "name": LAWS[law].label,
-                "chosen": law == result.hypothesis.law,
-                "parts": _parts(fit),
-                "r2": result.r2_of(fit),
-                "delay_rows": float(fit.p[-1]) * result.samples.block
-                if "delay" in fit.hypothesis.lag
-                else 0.0,
-                "extra": terms_of(fit, result.samples),
-                "instructions_m3": instructions(law),
-                "in_library": LAWS[law].in_library,
-            }
-            for law, fit in best_by_law(result).items()
-        ],
-        "choices": [
-            {
-                "model": f.hypothesis.friction.label,
-                "lag": f.hypothesis.lag,
-                "angle": f.hypothesis.angle,
-                "terms": list(f.hypothesis.terms),
-                "r2": result.r2_of(f),
-                "sigma0": float(f.value[0]),
-                "Fc": float(f.value[1]),
-                "plausible": id(f) in near or f is result.chosen,
-                "taken": f is result.chosen,
-            }
-            for f in ordered
-        ],
+        "models": [_law_numbers(result, fit) for fit in best_by_law(result).values()],
+        "choices": [_hypothesis_numbers(result, fit) for fit in ordered],
+    }
+
+
+def _law_numbers(result: Result, fit: Fit) -> dict[str, Any]:
+    law, is_late = fit.hypothesis.law, "delay" in fit.hypothesis.lag
+    return {
+        "name": LAWS[law].label,
+        "chosen": law == result.hypothesis.law,
+        "parts": _parts(fit),
+        "r2": result.r2_of(fit),
+        "delay_rows": float(fit.p[-1]) * result.samples.block if is_late else 0.0,
+        "extra": terms_of(fit, result.samples),
+        "instructions_m3": instructions(law),
+        "in_library": LAWS[law].in_library,
+    }
+
+
+def _hypothesis_numbers(result: Result, fit: Fit) -> dict[str, Any]:
+    h, is_chosen = fit.hypothesis, fit is result.chosen
+    return {
+        "model": h.friction.label,
+        "lag": h.lag,
+        "angle": h.angle,
+        "terms": list(h.terms),
+        "r2": result.r2_of(fit),
+        "sigma0": float(fit.value[0]),
+        "Fc": float(fit.value[1]),
+        "plausible": is_chosen or any(fit is near for near in result.plausible.fits),
+        "taken": is_chosen,
     }
 
 
 def _parts(fit: Fit) -> list[dict[str, float | str]]:
-    """The elements of a law, each with its kind and parameters."""
+    """Return the elements of a law, each with its kind and parameters."""
     law = fit.hypothesis.friction
     if fit.hypothesis.law == "asymmetric":
         sigma0 = float(np.exp(fit.p[0]) * fit.limits[0])
@@ -336,11 +329,11 @@ def _parts(fit: Fit) -> list[dict[str, float | str]]:
 
 
 def table(result: Result) -> Table:
-    """The verdict first, then the numbers; at most 80 columns if the names of logs allow it."""
+    """Return the table of the result, the verdict first."""
     from rich.table import Table
 
     log = result.logs[0]
-    shown = Table(show_header=False, title=title_of(result), width=80)
+    shown = Table(show_header=False, title=title_of(result), width=TABLE_COLUMNS)
     shown.title_justify = "left"
     shown.add_row("verdict", result.verdict)
     for name, unit in (("sigma0", log.slope_unit), ("Fc", log.unit), ("a", f"1/{log.angle_unit}")):
@@ -385,11 +378,11 @@ def _load_words(load: dict[str, Any]) -> str:
 
 
 def model_table(result: Result) -> Table:
-    """Law, parameters, R2 on cycles left out, cost of a tick."""
+    """Return the table of the laws: parameters, R2 on cycles left out, cost of a tick."""
     from rich.table import Table
 
     log = result.logs[0]
-    shown = Table("law", "parameters", "R2", "tick", title="laws", width=80)
+    shown = Table("law", "parameters", "R2", "tick", title="laws", width=TABLE_COLUMNS)
     shown.title_justify = "left"
     for law, fit in best_by_law(result).items():
         ticks = instructions(law)
@@ -412,22 +405,23 @@ def model_table(result: Result) -> Table:
 
 
 def write_files(result: Result, name: str, folder: Path, force: bool = False) -> list[Path]:
-    """Write JSON, picture, scene and header. The header is last, and is left out if something
-    speaks against the plan and it is not forced.
+    """Write JSON, picture and scene, and the header last.
+
+    The header is left out if there are reasons against the plan and it is not forced.
     """
     from dahl.identify import plot
 
     folder.mkdir(parents=True, exist_ok=True)
     model = runnable_model(result)
-    quality: PlanQuality = plan_quality(result, model)
+    quality = plan_quality(result, model)
     plan = folder / f"dahl_plan_{name}.h"
-    plan.unlink(missing_ok=True)  # none of an earlier run stays beside new numbers
+    plan.unlink(missing_ok=True)  # an earlier run's header must not stay with new numbers
     scene = write_scene(result, model, name, folder)
     json_file, picture, csv = (scene.with_suffix(end) for end in (".json", ".png", ".csv"))
-    keep(json_file, as_json(result))
+    write_atomic(json_file, as_json(result))
     plot.draw(picture, result, title_of(result))
     written = [json_file, picture, csv, scene]
     if force or not quality.against:
-        keep(plan, header(result, model, quality, name, title_of(result)))
+        write_atomic(plan, header(result, model, quality, name, title_of(result)))
         written.append(plan)
     return written

@@ -15,13 +15,13 @@ from scipy.ndimage import median_filter
 
 from dahl.identify import angle as treatments
 from dahl.identify import models
+from dahl.identify.limits import HEAD_ROWS
 from dahl.io.log import Log
 
 MAX_SAMPLES = 8000  # a fit of more costs seconds and knows little more
 MIN_STROKE_SAMPLES = 100  # a stroke of fewer shows its turn poorly
 MIN_PRESLIDING_SAMPLES = 20  # in the first presliding length after a turn
 SEGMENTS = 8  # of a log with many strokes, so that drift shows
-LOOKED_AT_ROWS = 100_000  # for the length of strokes
 MAX_FOLDS = 24  # cycles in more are left out in groups
 MIN_SCORED_CYCLES = 6  # below it a jackknife says little; nothing is claimed
 MIN_FOLDS, FEW_CYCLES_FOLDS = 3, 8  # with fewer cycles, equal parts of the log are left out
@@ -241,7 +241,7 @@ def block_for(logs: Sequence[Log], block: int, a: float) -> int:
 
 def _presliding_rows(log: Log, a: float) -> list[int]:
     """The rows of the first presliding length after each turn."""
-    theta = log.theta[:LOOKED_AT_ROWS]
+    theta = log.theta[:HEAD_ROWS]
     turns = models.turning_points(theta, MIN_TURN_LENGTHS / a).tolist()
     strokes = zip(turns, [*turns[1:], len(theta)], strict=False)
     away = [np.abs(theta[i:j] - theta[i]) * a > 1 for i, j in strokes]
@@ -252,14 +252,14 @@ def _keeps_rows(log: Log) -> bool:
     """Whether rows must stay apart: some have no torque of their own, or some are outliers."""
     if log.weight is not None and not log.weight.all():
         return True
-    torque = log.torque[:LOOKED_AT_ROWS]
+    torque = log.torque[:HEAD_ROWS]
     off = np.abs(torque - median_filter(torque, NEIGHBOURS, mode="nearest"))
     usual = 1.4826 * float(np.median(off))
     return bool(np.mean(off > 2 * HUBER * usual) > MAX_OUTLIERS) if usual else False
 
 
 def _rows_of_a_stroke(log: Log) -> float:
-    theta = log.theta[:LOOKED_AT_ROWS]
+    theta = log.theta[:HEAD_ROWS]
     turns = models.turning_points(theta, max(5 * log.resolution, 0.05 * float(np.ptp(theta))))
     return float(np.median(np.diff(turns))) if len(turns) > 1 else float(len(theta))
 

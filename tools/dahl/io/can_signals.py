@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 import re
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from dahl.errors import Error
 from dahl.io import logs
+from dahl.io.files import one_line
 
 if TYPE_CHECKING:
     import can
@@ -121,7 +121,7 @@ def read_dbc(path: Path) -> cantools.database.Database:
     except UnicodeDecodeError as error:
         raise Error(f"{path}: not a DBC (byte {error.start} is no text)") from None
     except (cantools.Error, ValueError) as error:
-        raise Error(f"{path}: not a DBC ({short(error)})") from None
+        raise Error(f"{path}: not a DBC ({one_line(error)})") from None
     return cast("cantools.database.Database", found)
 
 
@@ -171,7 +171,7 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
 
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     try:
-        with logs.copies_of_its_own(path), MDF(path) as file:
+        with logs.without_mf4_copies(path), MDF(path) as file:
             if "CAN_DataFrame" in file.channels_db:  # raw frames, by ASAM's name for them
                 raise Error(f"{path}: {NEEDS_DBC}")
             places = _unique_names(file.channels_db)
@@ -180,8 +180,7 @@ def read_channels(path: Path, choose: Callable[[list[str]], dict[str, str]]) -> 
     except Error:
         raise
     except Exception as error:  # asammdf has no root exception of its own
-        sys.unraisablehook = lambda _: None  # its half-opened files fail again when collected
-        raise Error(f"{path}: broken, cut off or no MF4 ({short(error)})") from None
+        raise Error(f"{path}: broken, cut off or no MF4 ({one_line(error)})") from None
     for role, one in channels.items():
         if one.samples.dtype.kind not in "fiub" or one.samples.ndim != 1:
             raise Error(f"{path}: channel '{names[role]}' holds no numbers")
@@ -228,8 +227,3 @@ def check_clock(time: np.ndarray, place: Callable[[int], str]) -> None:
         row = int(back[0]) + 1
         before, now = time[row - 1], time[row]
         raise Error(f"{place(row)}: {now:g} after {before:g}, the clock goes backward")
-
-
-def short(error: Exception) -> str:
-    """Return the words of another library's error in one line."""
-    return " ".join(str(error).split())[:160] or type(error).__name__

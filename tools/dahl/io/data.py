@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Measured sets by name, from where they are: $DAHL_DATA, ../shared/data beside the project, the
-cache, the network.
+"""Find measured sets by name: in $DAHL_DATA, in ../shared/data next to the project, in the cache,
+on the network.
 
-What comes over the network is pinned: one commit, one sha256 per file, checked after any cutting
-and before use.
+A download is pinned to a commit and to one sha256 for each file, checked after cutting and before
+use.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from dahl import paths
 from dahl.errors import Error, RunError
 
 SOURCE = "https://raw.githubusercontent.com/{repo}/{commit}/{path}"  # or $DAHL_DATA_URL
-TIMEOUT = 15  # s without an answer
+DOWNLOAD_TIMEOUT_S = 15  # without an answer
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,13 @@ class Set:
 
 
 def cut_tribometer(text: bytes) -> bytes:
-    """The header and the rows with 8.6 s <= t < 129 s of the upstream test_data_2.txt."""
+    """Return the header and the rows with 8.6 s <= t < 129 s of the upstream test_data_2.txt."""
     header, *rows = text.decode("ascii").splitlines()
     kept = [row for row in rows if row and 8.6 <= float(row.split("\t")[0]) < 129]
     return ("\n".join([header, *kept]) + "\n").encode("ascii")
 
 
-def _same(folder: str, names: dict[str, str], prefix: str = "") -> tuple[File, ...]:
+def _unchanged(folder: str, names: dict[str, str], prefix: str = "") -> tuple[File, ...]:
     """Files that are used byte by byte as they are upstream."""
     return tuple(File(prefix + name, sha256, f"{folder}/{name}") for name, sha256 in names.items())
 
@@ -82,21 +82,21 @@ SETS = {
         "CC BY-SA 4.0",
         "ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash",
         "0e09aa9d950760277e31c08cd93fd01f39a5af09",
-        _same(
+        _unchanged(
             "data/dataset-1/characterization datasets",
             {
                 "0.5Hz80lbtension.json": "746d23b401d606e408d5833568dfd61039675729a226f57864b3620815397dca",
             },
             "dataset-1_",
         )
-        + _same(
+        + _unchanged(
             "data/dataset-3/characterization tests",
             {
                 "0.5Hz30lbtension0.5amplitude.json": "5c5d33664239122c251a3f5a66f65f56ce5a02b00649126341d3ffe114bba0d0",
             },
             "dataset-3_",
         )
-        + _same(
+        + _unchanged(
             "data/dataset-4",
             {
                 "harmonic0.015forward.json": "7e61d7553139ff14e61ddc619c16864bc59c5f2f761dab1fe0ab03b006ff05ab",
@@ -109,7 +109,7 @@ SETS = {
         "CC0 1.0",
         "EvaZillen/3D-printed-pneumatic-actuator",
         "6e0bcb4633bd53b2a8544cdbd497c4c06539afc7",
-        _same(
+        _unchanged(
             "results_pneumatic-actuator/data/friction",
             {
                 "Circle_1bar.csv": "b795d01ad801c0a4222ca0bd4fa561dbbb7a3c87546b0e2cbdc13efc2c9c874b",
@@ -123,7 +123,7 @@ SETS = {
         "Apache-2.0",
         "Rhoban/bam",
         "af2260462471ff45ac18af159b1327ea51d8db15",
-        _same(
+        _unchanged(
             "bam/data.bak/raw",
             {
                 "2026-01-15_10h28m10.json": "e58f3c2a08a5e0e37a2c5e930d0830a438bc102b8d21482767124f495b92f2ce",
@@ -143,21 +143,21 @@ SETS = {
 
 
 def named(name: str) -> Set:
-    """A set by name. Raises dahl.Error that lists all."""
+    """Return a set by name. Raises dahl.Error that lists all sets."""
     if name not in SETS:
         raise Error(f"no measured set '{name}' (there are: {', '.join(SETS)})")
     return SETS[name]
 
 
 def cache_folder() -> Path:
-    """Where downloads are kept: the user's cache folder, by pooch ($XDG_CACHE_HOME is heeded)."""
+    """Return the folder of downloads: the cache folder of the user, by pooch ($XDG_CACHE_HOME)."""
     import pooch
 
     return Path(pooch.os_cache("dahl"))
 
 
 def local_folder(name: str) -> Path | None:
-    """The folder of a set that is already on this machine, else None."""
+    """Return the folder of a set on this machine, or None."""
     named(name)
     beside = None if paths.INSTALLED else paths.ROOT.parent / "shared" / "data"
     roots: list[str | Path | None] = [os.environ.get("DAHL_DATA"), beside]
@@ -169,8 +169,8 @@ def local_folder(name: str) -> Path | None:
 
 
 def folder(name: str) -> Path:
-    """The folder of a set, downloaded if need be. Raises dahl.Error or RunError when it cannot be
-    had.
+    """Return the folder of a set; download it if it is not on this machine. Raises dahl.Error or
+    dahl.RunError if that fails.
     """
     found = local_folder(name)
     if found:
@@ -215,17 +215,17 @@ def _fetch(wanted: Set, file: File, target: Path) -> None:
                 None if file.cut else file.sha256,
                 fname=f"{file.name}.upstream",
                 path=target,
-                downloader=pooch.HTTPDownloader(timeout=TIMEOUT),
+                downloader=pooch.HTTPDownloader(timeout=DOWNLOAD_TIMEOUT_S),
             )
         )
     except ValueError as error:
         raise RunError(f"{url}: {error}") from None
     except OSError as error:  # what requests raises is one too
         raise RunError(f"{url} cannot be fetched: {type(error).__name__}") from None
-    _keep(raw, file, target, url)
+    _store_file(raw, file, target, url)
 
 
-def _keep(raw: Path, file: File, target: Path, url: str) -> None:
+def _store_file(raw: Path, file: File, target: Path, url: str) -> None:
     content = raw.read_bytes()
     raw.unlink()
     if file.cut:
@@ -242,10 +242,10 @@ def _keep(raw: Path, file: File, target: Path, url: str) -> None:
 
 
 def find_log(relative: str, beside: Path) -> Path:
-    """The log that a scene names: an absolute path, a file beside the scene, or SET/FILE of a
-    measured set.
+    """Return the log of a scene: an absolute path, a file in the folder of the scene, or SET/FILE
+    of a measured set.
 
-    Raises dahl.Error or RunError when it is not in reach.
+    Raises dahl.Error or dahl.RunError if it cannot be found.
     """
     path = beside / relative
     if path.is_file():

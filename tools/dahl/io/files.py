@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Files as all verbs read and write them: JSON that may hold anything, and outputs that are whole
-or not there.
-"""
+"""Read JSON that may hold anything, and write files that are either whole or absent."""
 
 from __future__ import annotations
 
@@ -18,13 +16,13 @@ from typing import Any
 
 from dahl.errors import Error, RunError
 
-# How the scenes and tables begin that identification leaves.
+# First bytes of the scenes and tables that dahl writes.
 OURS = re.compile(
     rb"; written by dahl |time_s,theta,counts\r?\n|theta_(rad|m),torque_Nm?(,load)?\r?\n"
 )
 
-FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # of a file, never of a bus
-LINE_MAX = 4096  # bytes, above any line of a log of frames
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # errors of a file; a bus never raises them
+MAX_LINE_BYTES = 4096  # longer than any line of a frame log
 
 
 @contextlib.contextmanager
@@ -47,18 +45,18 @@ def whole_lines(path: Path, file: object) -> Iterator[None]:
 
 def _cut_half_line(path: Path) -> None:
     with path.open("rb+") as log:
-        begin = max(path.stat().st_size - LINE_MAX, 0)
+        begin = max(path.stat().st_size - MAX_LINE_BYTES, 0)
         log.seek(begin)
         log.truncate(begin + log.read().rfind(b"\n") + 1)
 
 
-def spare_others(paths: Iterable[Path], hint: str) -> None:
-    """Raise dahl.Error for a file that does not begin as the scenes and tables that are written
-    here do; `hint` says what to do about it.
+def refuse_foreign_files(paths: Iterable[Path], hint: str) -> None:
+    """Raise dahl.Error if one of these files exists and dahl did not write it; `hint` is the advice
+    in the message.
     """
     for path in paths:
         if path.is_file() and not _is_ours(path):
-            raise Error(f"{path}: there already, and not written by dahl; {hint}")
+            raise Error(f"{path}: exists, and dahl did not write it; {hint}")
 
 
 def _is_ours(path: Path) -> bool:
@@ -69,27 +67,38 @@ def _is_ours(path: Path) -> bool:
         raise Error(f"{path}: {error.strerror}") from None
 
 
-def read_json(path: Path, hint: str = "") -> Any:
-    """What a JSON file holds. Raises dahl.Error; `hint` says where such a file comes from."""
+def read_text(path: Path, hint: str = "") -> str:
+    """Return the text of a file. Raises dahl.Error; `hint` says where such a file comes from."""
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise Error(f"{path}: no such file{hint}") from None
     except OSError as error:
         raise Error(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError as error:
         raise Error(f"{path}: not a text file (byte {error.start})") from None
+
+
+def read_json(path: Path, hint: str = "") -> Any:
+    """Return the content of a JSON file. Raises dahl.Error; `hint` as in read_text()."""
+    text = read_text(path, hint)
+    try:
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise Error(f"{path}:{error.lineno}: not JSON, or cut off ({error.msg})") from None
     except (ValueError, RecursionError) as error:  # a number of 5000 digits, lists in lists
         raise Error(f"{path}: not JSON that can be read ({error})") from None
 
 
+def one_line(error: Exception, most: int = 160) -> str:
+    """Return the message of another library's error in one line."""
+    return " ".join(str(error).split())[:most] or type(error).__name__
+
+
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Where to write the successor of a file: it takes the name once it is whole, and goes where it
-    cannot be. It gets the mode of the file that it replaces. A device or a pipe is written itself.
-    Raises RunError.
+def replace_atomic(path: Path) -> Iterator[Path]:
+    """Yield a temporary path that replaces the file at the end, with its mode. On an error the old
+    file stays. A device or a pipe is written directly. Raises dahl.RunError.
     """
     try:
         if path.is_dir():
@@ -98,7 +107,7 @@ def replacing(path: Path) -> Iterator[Path]:
             yield path
             return
         with contextlib.suppress(FileNotFoundError):
-            path.stat()  # a loop of links is an error here, and not a file that is still to come
+            path.stat()  # a loop of links is an error here, not a missing file
         part = path.resolve().with_name(f".{os.getpid()}.part")
         try:
             yield part
@@ -111,7 +120,7 @@ def replacing(path: Path) -> Iterator[Path]:
         raise RunError(f"{path}: {error.strerror or error}") from None
 
 
-def keep(path: Path, text: str) -> None:
-    """Write a file; the old one stays until the new one is whole."""
-    with replacing(path) as part:
+def write_atomic(path: Path, text: str) -> None:
+    """Write a text file; the old file stays until the new one is complete."""
+    with replace_atomic(path) as part:
         part.write_text(text, encoding="utf-8", errors="replace")

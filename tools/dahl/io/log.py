@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One log in SI units, ready for a fit, and what was found in it on the way."""
+"""One log in SI units, ready for a fit, with notes on how it was read and repaired."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class Log:
 
     name: str
     theta: np.ndarray  # rad (m), unwrapped
-    torque: np.ndarray  # N m (N), with the sign of the motion where it is friction
+    torque: np.ndarray  # N m (N); friction has the sign of the motion
     time: np.ndarray | None = None  # s
     linear: bool = False
-    resolution: float = 0.0  # rad (m) per encoder count; 0: none was found
-    weight: np.ndarray | None = None  # of each row, 1 at most; 0 where nothing was read
-    load: np.ndarray | None = None  # what the friction may follow, in whatever unit it came in
-    notes: list[str] = field(default_factory=list)  # what was found and how it was handled
+    resolution: float = 0.0  # rad (m) per encoder count; 0 if it is unknown
+    weight: np.ndarray | None = None  # of each row, at most 1; 0 if it has no reading
+    load: np.ndarray | None = None  # that the friction may follow, in any unit
+    notes: list[str] = field(default_factory=list)  # what was found and repaired
 
     @property
     def rows(self) -> int:
@@ -36,7 +36,7 @@ class Log:
         return np.diff(self.theta, prepend=self.theta[:1])
 
     def part(self, rows: slice | np.ndarray, notes: list[str] | None = None) -> Log:
-        """Some rows; with these notes instead of its own, if given."""
+        """Return some rows; with these notes instead of its own, if given."""
         arrays = {name: getattr(self, name) for name in BY_ROW}
         some = {name: values[rows] for name, values in arrays.items() if values is not None}
         return replace(self, notes=list(self.notes) if notes is None else notes, **some)
@@ -57,17 +57,17 @@ class Log:
 
     @property
     def shown_in(self) -> tuple[float, str]:
-        """Of pictures, by the motion: a unit's size in rad (m), and its name."""
+        """The unit of the angle in pictures: its size in rad (m), and its name."""
         small = self.linear and float(np.ptp(self.theta)) < SMALL
         return (1e-3, "mm") if small else (1.0, self.angle_unit)
 
 
 def resolution_of(theta: np.ndarray) -> float:
-    """The step of the grid on which all angles lie, rad (m); 0 where they lie on none.
+    """Return the step of the grid on which all angles lie, rad (m); 0 if there is no grid.
 
-    The smallest gap between different angles is tried as the step: on a grid, the gaps up to 20
-    steps are whole numbers of it (printing with few digits may move them by a twentieth). All these
-    gaps over all these steps are the answer, which printing moves by little.
+    The smallest gap between different angles is a first guess of the step. On a grid, the gaps up
+    to 20 steps are whole numbers of steps; printing with few digits moves them by at most a
+    twentieth. The sum of these gaps over the number of their steps is little affected by that.
     """
     levels = np.unique(theta)
     gaps = np.diff(levels)

@@ -1,25 +1,24 @@
 # SPDX-License-Identifier: MIT
-"""Read a measured log of any usual kind as one Log in SI units.
+"""Read measured logs: the one reader of all commands.
 
-The files are read by pandas, scipy, python-can, cantools and asammdf. This module finds the columns
+read() returns a Log in SI units for a fit; read_columns() returns named columns in the units of the
+file. pandas, scipy, python-can, cantools and asammdf read the files; this module finds the columns
 and applies their units. An error names file, line or row, column and value.
 """
 
 from __future__ import annotations
 
-import contextlib
-import faulthandler
-import os
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dahl.errors import Error
-from dahl.io import files, logs, text_tables, units
+from dahl.io import logs, text_tables, units
 from dahl.io.can_signals import (
     NEEDS_DBC,
     TIME_COLUMN,
@@ -27,38 +26,36 @@ from dahl.io.can_signals import (
     Signals,
     check_clock,
     read_channels,
-    short,
 )
 from dahl.io.log import Log, resolution_of
+from dahl.io.tables import open_table, row_of
 from dahl.io.text_tables import Table
 
 if TYPE_CHECKING:
     import pandas
 
 CAN_LOGS = set(logs.CAN_LOGS)
-LONG_STEP_S = 1.0  # of a row: the time is rather in ms
-WRAP_PART = 0.9  # of a turn in one row: the angle starts anew
+MAX_ROW_PERIOD_S = 1.0  # from here on the time is probably in ms
+MIN_WRAP_TURNS = 0.9  # between two rows: the angle starts anew
 DATE, TIME_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d"), re.compile(r"\d+:\d\d:\d\d")
 MIDNIGHT = np.timedelta64(-12, "h")  # a time of day that goes back by more has passed midnight
 NO_TIME = "no column of times: what depends on speed (viscous, inertia) is not fitted (--time)"
 
-ROLES = {  # names of columns by which they are found
+ROLES = {  # patterns of the names of columns
     "angle": r"angle|theta|position|deflection|displacement|encoder|counts?$|winkel|weg(?![a-z])"
     r"|(?<![a-z])pos(?![a-z])",
     "torque": r"torque|friction|force|trq|load|moment|kraft|(?<![a-z])N_?m(?![a-z])",
-    # T and T_degC are temperatures
+    # not T and T_degC, which are temperatures
     "time": r"^time|^(uhr)?zeit|^(?-i:t)$|^t[\s_(\[]+[mun]?s(ec|econds)?(?![a-z])",
 }
-DERIVED = (  # rates and errors of a controller
-    r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
-)
+DERIVED = r"(?<![a-z])(vel|speed|rate|d+ot|acc(el|$|[^a-z])|err(or)?(?![a-z]))|theta_?d+ot"
 SETPOINT = r"(?<![a-z])(ref|set|target|cmd|command|desired|demand)"
-FORCE = r"force|load|kraft"  # less likely than a torque
+FORCE = r"force|load|kraft"  # a torque is more likely
 
 
 @dataclass(frozen=True)
 class Source:
-    """What the user says about the columns of logs."""
+    """The options that describe the columns of logs."""
 
     angle: str = ""
     torque: str = ""
@@ -66,11 +63,11 @@ class Source:
     angle_unit: str = ""
     torque_unit: str = ""
     time_unit: str = ""
-    counts_per_turn: float = 0.0  # of a linear motion: per mm
+    counts_per_turn: float = 0.0  # of the encoder; for a linear motion counts per mm
     dbc: Path | None = None
     skip_gaps: bool = False
     load: tuple[str, ...] = ()  # columns whose sum the friction may follow
-    channel: str | None = None  # of a CAN log that has several
+    channel: str | None = None  # for a CAN log with several
 
     @property
     def loads(self) -> dict[str, str]:
@@ -85,20 +82,39 @@ class Source:
 
 def read(path: Path, source: Source) -> Log:
     """Read one log. Raises dahl.Error."""
-    if path.is_dir():
-        raise Error(f"{path}: a folder; --each takes the logs in it")
-    if not path.is_file():
-        raise Error(f"{path}: no such file")
-    if path.stat().st_size == 0:
-        raise Error(f"{path}: empty")
+    _check_file(path)
     notes: list[str] = []
     if path.suffix.lower() not in CAN_LOGS:
-        columns = _read_table(path, source, notes)
+        columns = _read_table(
+            path, lambda table: _find_in_table(table, source, notes), source.skip_gaps
+        )
     elif source.dbc is None and path.suffix.lower() == ".mf4":
         columns = _read_channels(path, source, notes)
     else:
         columns = _read_frames(path, source)
     return to_log(f"{path}", source, columns, notes)
+
+
+def read_columns(path: Path, wanted: Mapping[str, str]) -> Columns:
+    """Read columns of a table by role, in the units of the file. Raises dahl.Error.
+
+    `wanted` has their names, or their numbers from 1. Moments of the role "time" become seconds.
+    """
+    _check_file(path)
+
+    def choose(table: Table) -> dict[str, int]:
+        return {role: _index_of(name, table.names, table.head) for role, name in wanted.items()}
+
+    return _read_table(path, choose, min_columns=1)
+
+
+def _check_file(path: Path) -> None:
+    if path.is_dir():
+        raise Error(f"{path}: a folder; dahl identify --each reads the logs in it")
+    if not path.is_file():
+        raise Error(f"{path}: no such file")
+    if path.stat().st_size == 0:
+        raise Error(f"{path}: empty")
 
 
 def _read_frames(path: Path, source: Source) -> Columns:
@@ -120,122 +136,39 @@ def _read_channels(path: Path, source: Source, notes: list[str]) -> Columns:
         return {role: known[place] for role, place in found.items()}
 
     names, values = read_channels(path, choose)
-    return names, _without_gaps(lambda row: f"{path}: row {row + 1}", source, names, values)
+    place = partial(row_of, path)
+    return names, _without_gaps(place, source.skip_gaps, names, values)
 
 
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def _read_table(path: Path, source: Source, notes: list[str]) -> Columns:
-    """Read angle, torque, loads and, if there is one, the time."""
-    table = _open_table(path)
-    known = [str(name) for name in table.frame.columns]
-    places = find_columns(table.head, source, known, tuple(ROLES), notes)
-    if "time" not in places and (clock := _clock(table.frame, known, places)) is not None:
-        places["time"] = clock
-        notes.append(f"time read from '{known[clock]}' by its unit (--time)")
-    names = {role: known[place] for role, place in places.items()}
+def _read_table(
+    path: Path,
+    choose: Callable[[Table], dict[str, int]],
+    skip_gaps: bool = False,
+    min_columns: int = 2,
+) -> Columns:
+    """Read the columns at the places that `choose` returns by role. Raises dahl.Error."""
+    table = open_table(path, min_columns)
+    places = choose(table)
+    names = {role: table.names[place] for role, place in places.items()}
     columns = {role: table.frame.iloc[:, place] for role, place in places.items()}
     seconds = _seconds_from_first(columns["time"]) if "time" in columns else None
     if seconds is not None:
         columns["time"] = seconds
     values = {role: _numbers(table, names[role], column) for role, column in columns.items()}
-    values = _without_gaps(table.place, source, names, values)
+    values = _without_gaps(table.place, skip_gaps, names, values)
     return names | ({} if seconds is None else {"time": TIME_COLUMN}), values
 
 
-def _open_table(path: Path) -> Table:
-    kinds = {".json": _from_json, ".mat": _from_mat, ".parquet": _from_parquet}
-    kind = kinds.get(path.suffix.lower())
-    try:
-        if kind is None:
-            return text_tables.read(path)
-        return Table(kind(path), f"{path}", lambda row: f"{path}: row {row + 1}")
-    except Error:
-        raise
-    except Exception as error:  # for a damaged file each library has kinds beyond its own
-        form = path.suffix or "a table"
-        raise Error(f"{path}: cannot be read as {form}: {short(error)}") from None
-
-
-def _from_json(path: Path) -> pandas.DataFrame:
-    """Read a list of rows, an object of columns, or an object that holds one of them."""
-    import pandas as pd
-
-    rows = _rows_in(files.read_json(path))
-    if rows is None:
-        raise Error(f"{path}: no list of rows and no columns of equal length in it")
-    frame = pd.DataFrame(rows)
-    if all(isinstance(name, int) for name in frame.columns):
-        frame.columns = [str(i + 1) for i in range(frame.shape[1])]
-    return frame
-
-
-def _rows_in(content: Any) -> Any:
-    """Return the first list of rows, or object of columns of one length, in nested objects."""
-    if isinstance(content, list):
-        return content if content and isinstance(content[0], (dict, list)) else None
-    if not isinstance(content, dict):
-        return None
-    columns = {
-        name: value
-        for name, value in content.items()
-        if isinstance(value, list) and value and isinstance(value[0], (int, float))
-    }
-    if len(columns) > 1 and len(set(map(len, columns.values()))) == 1:
-        return columns
-    found = map(_rows_in, content.values())
-    return next((rows for rows in found if rows is not None), None)
-
-
-def _from_mat(path: Path) -> pandas.DataFrame:
-    """Read the longest vectors of a MAT file."""
-    import pandas as pd
-    from scipy.io import loadmat
-
-    if _crashes(lambda: loadmat(path)):
-        raise Error(f"{path}: broken: reading it crashes")
-    try:
-        content = loadmat(path, squeeze_me=True, struct_as_record=False)
-    except NotImplementedError:
-        raise Error(f"{path}: MATLAB 7.3 (HDF5); save it with -v7") from None
-    columns = dict(_vectors("", {k: v for k, v in content.items() if not k.startswith("__")}))
-    if not columns:
-        raise Error(f"{path}: no vectors in it")
-    longest = max(map(len, columns.values()))
-    return pd.DataFrame({k: v for k, v in columns.items() if len(v) == longest})
-
-
-def _crashes(read_file: Callable[[], object]) -> bool:
-    """Try in a child process: scipy crashes on a damaged type (scipy pull request 25349)."""
-    child = os.fork()
-    if child == 0:
-        faulthandler.disable()
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        with contextlib.suppress(Exception):  # the second reading reports these
-            read_file()
-        os._exit(0)
-    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
-
-
-def _vectors(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield vectors by name: fields as `structure.field`, columns of matrices by number."""
-    for name, value in content.items():
-        if hasattr(value, "_fieldnames"):
-            yield from _vectors(f"{prefix}{name}.", vars(value))
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiu":
-            if value.ndim == 1:
-                yield f"{prefix}{name}", value
-            for number, column in enumerate(value.T if value.ndim == 2 else (), 1):
-                yield f"{prefix}{name}.{number}", column
-
-
-def _from_parquet(path: Path) -> pandas.DataFrame:
-    """Read the columns, and the index if it has a name."""
-    import pandas as pd
-
-    frame = pd.read_parquet(path)
-    return frame.reset_index(allow_duplicates=True) if any(frame.index.names) else frame
+def _find_in_table(table: Table, source: Source, notes: list[str]) -> dict[str, int]:
+    """Return the columns of angle, torque, loads and, if there is one, of the time."""
+    places = find_columns(table.head, source, table.names, tuple(ROLES), notes)
+    if "time" not in places and (clock := _clock(table, places)) is not None:
+        places["time"] = clock
+        notes.append(f"time read from '{table.names[clock]}' by its unit (--time)")
+    return places
 
 
 def _seconds_from_first(column: pandas.Series) -> pandas.Series | None:
@@ -284,23 +217,24 @@ def _numbers(table: Table, name: str, column: pandas.Series) -> np.ndarray:
 
 def _without_gaps(
     place: Callable[[int], str],
-    source: Source,
+    skip_gaps: bool,
     names: dict[str, str],
     values: dict[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
-    """Leave out rows without a number, if the user allows it, and check the clock."""
+    """Leave out rows without a number if that is allowed, and check the clock."""
     whole = np.all([np.isfinite(column) for column in values.values()], axis=0)
     missing = int(np.count_nonzero(~whole))
-    if missing and (missing == len(whole) or not source.skip_gaps):
+    if missing and (missing == len(whole) or not skip_gaps):
         row = int(np.argmin(whole))
         role = next(role for role, column in values.items() if not np.isfinite(column[row]))
         raise Error(
             f"{place(row)}: column '{names[role]}': no finite number ({values[role][row]}) here and"
-            f" in {missing} of {len(whole)} rows in all (--skip-gaps leaves them out)"
+            f" in {missing} of {len(whole)} rows in all (dahl identify --skip-gaps leaves them out)"
         )
     rows = np.flatnonzero(whole)
     if "time" in values:
-        check_clock(values["time"][rows], lambda row: place(int(rows[row])))
+        column = f"column '{names['time']}'"
+        check_clock(values["time"][rows], lambda row: f"{place(int(rows[row]))}: {column}")
     return {role: column[rows] for role, column in values.items()} if missing else values
 
 
@@ -312,7 +246,7 @@ def find_columns(
 ) -> dict[str, int]:
     """Return the index of the column of each role, and of the loads. Raises dahl.Error.
 
-    It is the one that the user named, else the likeliest by its name. A time may be absent.
+    An option names the column, else it is the one with the likeliest name. A time may be absent.
     """
     found = {role: _index_of(name, known, place) for role, name in source.loads.items()}
     free = [k for k in range(len(known)) if k not in found.values()]
@@ -334,7 +268,7 @@ def find_columns(
 
 
 def _likeliest(role: str, known: Sequence[str], free: Sequence[int]) -> list[int]:
-    """Return the columns whose names fit best: measured rather than wanted, torque before force."""
+    """Return the columns whose names fit best: no setpoints, and a torque before a force."""
     fitting = [k for k in free if re.search(ROLES[role], known[k], re.IGNORECASE)]
     if role == "time":
         return fitting
@@ -360,13 +294,13 @@ def _index_of(given: str, known: Sequence[str], place: str) -> int:
     raise Error(f"{place}: no column '{given}'{logs.meant(given, known)}")
 
 
-def _clock(frame: pandas.DataFrame, known: Sequence[str], places: dict[str, int]) -> int | None:
+def _clock(table: Table, places: dict[str, int]) -> int | None:
     """Return the first other column with a unit of time in brackets whose values never fall."""
     import pandas as pd
 
-    for place, name in enumerate(known):
+    for place, name in enumerate(table.names):
         if place not in places.values() and units.unit_in_brackets(name, units.TIMES):
-            values = pd.to_numeric(frame.iloc[:, place], errors="coerce")
+            values = pd.to_numeric(table.frame.iloc[:, place], errors="coerce")
             if values.is_monotonic_increasing and values.nunique() > 1:
                 return place
     return None
@@ -376,7 +310,7 @@ def _clock(frame: pandas.DataFrame, known: Sequence[str], places: dict[str, int]
 
 
 def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = ()) -> Log:
-    """Apply the units of columns, and undo wraps. Raises dahl.Error."""
+    """Apply the units of columns, and unwrap angle and torque. Raises dahl.Error."""
     names, values = columns
     if len(values["angle"]) < 2:
         raise Error(f"{name}: {len(values['angle'])} rows; a log has more than one")
@@ -385,18 +319,24 @@ def to_log(name: str, source: Source, columns: Columns, notes: Sequence[str] = (
     if unit == "counts" and not counts:
         raise Error(f"{name}: an angle in counts needs --counts-per-turn")
     theta = values["angle"] * (2 * np.pi / counts if unit == "counts" else units.ANGLES[unit])
-    if not linear and _wraps(theta):
-        theta = np.unwrap(theta)
-        angle_notes.append("angle wraps at a turn: unwrapped")
+    theta, unwrap_notes = (theta, []) if linear else unwrap(theta, 2 * np.pi)
     torque, torque_notes = _torque(source, names["torque"], values["torque"], linear)
     time, time_notes = _time(source, names.get("time", ""), values.get("time"))
     log = Log(name, theta, torque, time, linear)
-    log.notes = [*notes, *angle_notes, *torque_notes, *time_notes]
+    log.notes = [*notes, *angle_notes, *unwrap_notes, *torque_notes, *time_notes]
     count = (1e-3 if linear else 2 * np.pi) / counts if counts else 0.0
     log.resolution = count or resolution_of(theta)
     if source.loads:
         log.load = np.sum([values[role] for role in source.loads], axis=0)
     return log
+
+
+def unwrap(angle: np.ndarray, turn: float) -> tuple[np.ndarray, list[str]]:
+    """Unwrap an angle that stays within a turn and jumps by one, with a note."""
+    jumps = np.abs(np.diff(angle)).max(initial=0.0) > MIN_WRAP_TURNS * turn
+    if not (jumps and np.ptp(angle) <= turn * (1 + 1e-9)):
+        return angle, []
+    return np.unwrap(angle, period=turn), ["angle wraps at a turn: unwrapped"]
 
 
 def _torque(
@@ -408,29 +348,26 @@ def _torque(
         notes.append(f"'{name}' is a force over an angle: N taken for N m")
     if unit in units.MOMENTS and linear:
         notes.append(f"'{name}' is a torque over a way: N m taken for N")
+    torque, sign_notes = restore_sign(torque)
+    return torque * units.TORQUES[unit], notes + sign_notes
+
+
+def restore_sign(torque: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Return a torque as it was if a signed 16-bit number was read as unsigned, with a note."""
     is_16_bit = torque.min() >= 0 and 32768 <= torque.max() <= 65535 and not (torque % 1).any()
-    if is_16_bit and not ((torque > 16384) & (torque < 49152)).any():
-        torque = np.where(torque > 32767, torque - 65536, torque)
-        notes.append(
-            "torque is a signed 16-bit number read as unsigned: 65536 subtracted above 32767"
-        )
-    return torque * units.TORQUES[unit], notes
+    if not is_16_bit or ((torque > 16384) & (torque < 49152)).any():
+        return torque, []
+    words = "torque is a signed 16-bit number read as unsigned: 65536 subtracted above 32767"
+    return np.where(torque > 32767, torque - 65536, torque), [words]
 
 
 def _time(
     source: Source, name: str, time: np.ndarray | None
 ) -> tuple[np.ndarray | None, list[str]]:
-    """Return the time in s with a note if its unit was assumed or if there is none."""
+    """Return the time in s, with a note if its unit was assumed or if there is no time."""
     if time is None:
         return None, [NO_TIME]
     unit, notes = units.choose("time", source.time_unit, name, "s")
     step = float(np.ptp(time)) / (len(time) - 1)
-    doubt = f"; a row comes every {step:.3g} s" + ", is it in ms?" * (step >= LONG_STEP_S)
+    doubt = f"; a row comes every {step:.3g} s" + ", is it in ms?" * (step >= MAX_ROW_PERIOD_S)
     return time * units.TIMES[unit], [note + doubt for note in notes]
-
-
-def _wraps(theta: np.ndarray) -> bool:
-    """Whether an angle stays within a turn and jumps by one, rad."""
-    turn = 2 * np.pi * (1 + 1e-9)
-    jumps = np.abs(np.diff(theta)).max() > WRAP_PART * turn
-    return bool(np.ptp(theta) <= turn and jumps)

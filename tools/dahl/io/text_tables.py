@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Tables of text as measuring programs write them.
+"""Read text tables as measuring programs write them.
 
-Columns are separated by tabs, semicolons, commas or blanks, with decimal points or commas. Names
-stand above the first row, with or without a line of units below them, after a preamble or comments.
-The encoding is UTF-8, UTF-16 or Windows-1252. The first 64 KiB show how a table is written.
+Tabs, semicolons, commas or blanks separate the columns. Numbers have decimal points or commas.
+Names stand above the first row, after a preamble or comments; a line of units may follow them. The
+encoding is UTF-8, UTF-16 or Windows-1252. The first 64 KiB show how a table is written.
 """
 
 from __future__ import annotations
@@ -29,27 +29,31 @@ if TYPE_CHECKING:
 
 HEAD_BYTES = 65536  # must hold the names and some rows
 BLANKS = r"\s+"
-SEPARATORS = ("\t", ";", ",", BLANKS)  # the first one of equals
-MARKS = ("#", "%")  # of comments
+SEPARATORS = ("\t", ";", ",", BLANKS)  # the first one wins if several fit equally
+MARKS = ("#", "%")  # start a comment
 DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 MOMENT = re.compile(r"\d{4}-\d\d-\d\d[\d:., TZ+-]*|\d+:\d\d:\d\d([.,]\d+)?")
-BINARY = re.compile("[\x01-\x08\x0e-\x1f\ufffd]")  # characters that no text of Windows has
+BINARY = re.compile("[\x01-\x08\x0e-\x1f\ufffd]")  # characters that no Windows text has
 OTHER_FORMATS = {  # by the first bytes
     b"PK\x03\x04": "a workbook (XLSX, ODS) or another ZIP: save its table as CSV",
     b"\xd0\xcf\x11\xe0": "a workbook (XLS): save its table as CSV",
     b"TDSm": "a TDMS file: export its channels as CSV, MAT or Parquet",
     b"\x89HDF": "an HDF5 file: save its columns as CSV, MAT (-v7) or Parquet",
 }
-Row = tuple[int, list[str]]  # its first line, from 1 on, and its cells
+Row = tuple[int, list[str]]  # number of its first line, from 1 on, and its cells
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table and the places of its parts, which errors name."""
+    """A table, and the places that errors name."""
 
     frame: pandas.DataFrame
     head: str  # place of the names
-    place: Callable[[int], str]  # of a row, from 0 on
+    place: Callable[[int], str]  # place of a row, from 0 on
+
+    @property
+    def names(self) -> list[str]:
+        return [str(name) for name in self.frame.columns]
 
 
 @dataclass(frozen=True)
@@ -59,17 +63,17 @@ class Form:
     encoding: str
     separator: str
     decimal: str
-    mark: str | None  # of comments between the rows
+    mark: str | None  # starts a comment between the rows
     names: list[str]
     head: int  # line of the names, from 1 on
     first: int  # line of the first row
 
 
-def read(path: Path) -> Table:
-    """Read a table. Raises dahl.Error."""
+def read(path: Path, min_columns: int = 2) -> Table:
+    """Read a table with at least `min_columns` columns of numbers. Raises dahl.Error."""
     import pandas as pd
 
-    form = form_of(path)
+    form = form_of(path, min_columns)
     with warnings.catch_warnings(), path.open(encoding=form.encoding) as file:
         warnings.simplefilter("error", pd.errors.ParserWarning)
         for _ in range(form.first - 1):
@@ -89,31 +93,44 @@ def read(path: Path) -> Table:
         except (ValueError, pd.errors.ParserWarning) as error:
             raise Error(_fault(path, form, str(error))) from None
     frame.columns = form.names
+    filled = frame.notna().any(axis=1).to_numpy().nonzero()[0]
+    frame = frame[: filled[-1] + 1] if len(filled) else frame  # spreadsheets add empty rows
     return Table(frame, f"{path}:{form.head}", partial(_place, path, form))
 
 
-def form_of(path: Path) -> Form:
+def form_of(path: Path, min_columns: int = 2) -> Form:
     """Find out how a table is written. Raises dahl.Error."""
     encoding, lines = _head(path)
     if not "".join(lines).strip():
         raise Error(f"{path}: empty; a line of column names was expected")
-    splits = [(separator, _split(lines, separator)) for separator in SEPARATORS]
-    found = [(*split, first) for split in splits if (first := _first_row(split[1])) is not None]
-    if not found:
-        raise Error(
-            f"{path}:1: no rows with two numbers, between tabs, semicolons, commas or blanks,"
-            f" in the first {len(lines)} lines"
-        )
-    separator, rows, first = max(found, key=lambda one: _part_of_numbers(one[1][one[2] :]))
+    separator, rows, first = _split(path, lines, min_columns)
     above, body = rows[:first], rows[first:]
     names, head = _names(path, above, body, separator)
-    decimal = "," if any(DECIMAL_COMMA.fullmatch(x) for _, row in body for x in row) else "."
+    has_commas = any(DECIMAL_COMMA.fullmatch(cell) for _, row in body for cell in row)
     marks = [row[0][0] for _, row in [*body, *above[::-1]] if row[0].startswith(MARKS)]
-    return Form(encoding, separator, decimal, next(iter(marks), None), names, head, body[0][0])
+    mark = marks[0] if marks else None
+    return Form(encoding, separator, "," if has_commas else ".", mark, names, head, body[0][0])
+
+
+def _split(path: Path, lines: list[str], min_columns: int) -> tuple[str, list[Row], int]:
+    """Return the separator that yields most numbers, the rows, and the index of the first row.
+
+    A single column counts only if no separator yields two, since "1,2" may be one number or two.
+    """
+    splits = [(separator, _complete_rows(lines, separator)) for separator in SEPARATORS]
+    for columns in range(2, min_columns - 1, -1):
+        firsts = [_first_row(rows, columns) for _, rows in splits]
+        found = [(*one, k) for one, k in zip(splits, firsts, strict=True) if k is not None]
+        if found:
+            return max(found, key=lambda one: _number_part(one[1][one[2] :]))
+    raise Error(
+        f"{path}:1: no rows with {'two numbers' if min_columns > 1 else 'numbers'}, between tabs,"
+        f" semicolons, commas or blanks, in the first {len(lines)} lines"
+    )
 
 
 def _head(path: Path) -> tuple[str, list[str]]:
-    """Return the encoding and the first complete lines of a file. Raises dahl.Error."""
+    """Return the encoding and the first complete lines. Raises dahl.Error for other formats."""
     with path.open("rb") as file:
         raw = file.read(HEAD_BYTES)
     for start, name in OTHER_FORMATS.items():
@@ -133,8 +150,8 @@ def _head(path: Path) -> tuple[str, list[str]]:
     return encoding, lines if is_whole else lines[:-1] or lines
 
 
-def _split(lines: list[str], separator: str) -> list[Row]:
-    """Return the rows of lines; a quote that is never closed is a character as any other."""
+def _complete_rows(lines: list[str], separator: str) -> list[Row]:
+    """Return the rows of lines. A quote that is never closed is an ordinary character."""
     rows = list(_rows(lines, separator))
     is_open = "".join(lines).count('"') % 2 and any("\n" in x for _, row in rows[-1:] for x in row)
     return list(_rows(lines, separator, has_quotes=False)) if is_open else rows
@@ -169,21 +186,21 @@ def is_number(cell: str) -> bool:
     return True
 
 
-def _part_of_numbers(rows: list[Row]) -> float:
-    """Return how many of the cells that are not empty hold numbers, 0 to 1."""
+def _number_part(rows: list[Row]) -> float:
+    """Return the part of the filled cells that hold numbers, 0 to 1."""
     cells = [cell for _, row in rows for cell in row if cell]
     return sum(map(is_number, cells)) / max(len(cells), 1)
 
 
-def _first_row(rows: list[Row]) -> int | None:
-    """Return the index of the first row of the table, None if there is none.
+def _first_row(rows: list[Row], columns: int) -> int | None:
+    """Return the index of the first row with at least so many numbers, None if there is none.
 
     It has its numbers in the same columns as most rows. Rows with a number directly above it belong
-    to the table too: they have an empty cell, or one that is wrong. If the topmost of them has few
-    numbers, it has the names.
+    to the table too: they have an empty or a wrong cell. If the topmost of them has few numbers, it
+    is the line of names.
     """
     shapes = [tuple(map(is_number, row)) for _, row in rows]
-    counts = Counter(shape for shape in shapes if sum(shape) >= 2)
+    counts = Counter(shape for shape in shapes if sum(shape) >= columns)
     if not counts:
         return None
     usual = counts.most_common(1)[0][0]
@@ -196,11 +213,11 @@ def _first_row(rows: list[Row]) -> int | None:
 
 
 def _names(path: Path, above: list[Row], body: list[Row], separator: str) -> tuple[list[str], int]:
-    """Return the names of the columns and their line; numbers if there are none."""
+    """Return the names of the columns and their line. Columns without a name have numbers."""
     width = len(body[0][1])
     least = max(len(_without_empty_end(row)) for _, row in body if len(row) == width)
     numbers = [str(number) for number in range(1, width + 1)]
-    rows = []  # with letters, from top to bottom; of comments those that may be names
+    rows = []  # lines with letters, without comments that cannot be names
     for line, row in above:
         cells = _header_cells(row, separator, width)
         is_fit = least <= len(cells) <= width
@@ -260,13 +277,13 @@ def _body(path: Path, form: Form) -> Iterator[Row]:
 
 
 def _place(path: Path, form: Form, row: int) -> str:
-    """Return the file and the line of a row, from 0 on."""
+    """Return file and line of a row, from 0 on."""
     line, _ = next(islice(_body(path, form), row, None), (form.first + row, []))
     return f"{path}:{line}"
 
 
 def _fault(path: Path, form: Form, words: str) -> str:
-    """Return the place of what pandas rejected, and why."""
+    """Return the place and the reason of what pandas rejected."""
     raw, line = path.read_bytes(), form.first - 1
     try:
         raw.decode(form.encoding)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The page of `dahl report`: page.html filled with the numbers of a run. Jinja2 escapes all
-that comes from them.
+"""Make the page of `dahl report`: page.html, filled with the numbers of a run. Jinja2 escapes
+them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LATENCIES = {"latency_us": "latency of an answer", "jitter_us": "jitter"}
 
 
 def page(numbers: dict[str, Any], picture: bytes) -> str:
-    """The whole page. `numbers`: as dahl.report.summary.read() gives them; `picture`: loop.png."""
+    """Return the page. `numbers`: from dahl.report.summary.read(); `picture`: bytes of loop.png."""
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     room = jinja2.Environment(loader=folder, autoescape=True, trim_blocks=True)
     room.filters["words"] = traces.words
@@ -41,18 +41,20 @@ def page(numbers: dict[str, Any], picture: bytes) -> str:
         picture=base64.b64encode(picture).decode("ascii"),
         rows=dict(_numbers(numbers)),
         wrong=traces.disagreements(numbers) if "faults" in numbers else {},
-        made=_made(numbers),
+        made=_origin(numbers),
     )
 
 
-def _made(numbers: dict[str, Any]) -> str:
-    """When and by which version, as far as the summary says it."""
+def _origin(numbers: dict[str, Any]) -> str:
+    """Return date and version of the run, as far as the summary has them."""
     words = [numbers.get("date", ""), "dahl " + numbers["version"] if "version" in numbers else ""]
     return ", ".join(word for word in words if word)
 
 
 def _numbers(numbers: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Name and value with its unit; those of the parameters are a linear rig's where it is one."""
+    """Yield each name and its value with the unit; the units of the parameters come from the
+    run.
+    """
     units = numbers.get("units", {})
     units = units | {"rmse_measured": units.get("Fc", "")}
     for key, (name, unit, form) in NUMBERS.items():

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""loop.png: torque over angle first, then over time; measured and computed in the same two colours
-throughout.
-"""
+"""Draw loop.png: torque over angle, then over time. One colour is measured, the other computed."""
 
 from __future__ import annotations
 
@@ -14,13 +12,13 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dahl.io import files, logs
+from dahl.io import files, readers
 from dahl.report import traces
 from dahl.sim import timing
 from dahl.sim.scene import Recorded, Scene
 
 MEASURED, COMPUTED, MARK, MISSING = "#7c8b9c", "#d1495b", "#e9a23b", "#3d7ea6"
-STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() takes
+STYLE: Any = {  # rcParams of matplotlib; rc_context() refuses a dict[str, object]
     "font.size": 11,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -31,9 +29,14 @@ STYLE: Any = {  # of matplotlib: a dict[str, object] is not what rc_context() ta
     "legend.frameon": False,
     "figure.facecolor": "white",
 }
-WINDOW = 0.08  # part of the run that the last panel shows enlarged
-WIDTH, ABOVE, BELOW, BETWEEN = 11.0, 1.35, 0.65, 0.9  # inches; room above, below, between panels
-LEFT, RIGHT = 1.0, 0.35  # inches beside the panels
+WINDOW_SHARE = 0.08  # of the run, enlarged in the last panel
+WIDTH, ABOVE, BELOW, BETWEEN = (
+    11.0,
+    1.35,
+    0.65,
+    0.9,
+)  # inches: width; space above, below, between panels
+LEFT, RIGHT = 1.0, 0.35  # inches: margins
 LOOP, TRACE = 4.9, 2.0  # inches: height of the loop, of each panel below it
 
 
@@ -45,42 +48,47 @@ def draw(
     numbers: dict[str, Any] | None = None,
     folder: Path | None = None,
 ) -> None:
-    """Write the picture; the old one stays until the new one is whole. `numbers`: the summary of
-    the run; `folder`: where its files are, where the picture goes elsewhere.
+    """Write the picture of a run. `numbers`: its summary; `folder`: its files, if they are not in
+    the folder of the picture. The old picture stays until the new one is complete.
     """
     numbers = numbers or {}
     measured = (
         recorded.torque[trace.row] if recorded is not None and recorded.torque is not None else None
     )
-    computed = traces.modelled(scene, trace)
+    computed = traces.modelled_torque(scene, trace)
     time, time_label = _time(trace, recorded)
     gain = f"gain {scene.friction.get('gain', 1):g}" if scene.compensates else ""
-    more = _more_panels(numbers, folder or path.parent, gain)
+    more = _optional_panels(numbers, folder or path.parent, gain)
     with rc_context(STYLE):
         figure = Figure()
-        panels = _stacked(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
+        panels = _stack_panels(figure, (LOOP, TRACE, TRACE, *(TRACE for _ in more)))
         loop, whole, part = panels[:3]
         _panel(loop, trace.angle(scene) * scene.measured.angle_scale, measured, computed, gain)
         loop.set(
-            xlabel=literal(scene.measured.label_angle),
-            ylabel=literal(scene.measured.label_torque),
+            xlabel=escape(scene.measured.label_angle),
+            ylabel=escape(scene.measured.label_torque),
         )
         for axes, where in ((whole, slice(None)), (part, _window(computed))):
             _panel(
                 axes, time[where], None if measured is None else measured[where], computed[where]
             )
-            _mark(axes, trace, time, where)
-            axes.set(xlabel=time_label, ylabel=literal(_short(scene.measured.label_torque)))
+            _mark_events(axes, trace, time, where)
+            axes.set(xlabel=time_label, ylabel=escape(_short_label(scene.measured.label_torque)))
             axes.margins(x=0.01)
         part.set_title("a part of it, enlarged", loc="left", fontsize=10, color="#555555")
         for axes, panel in zip(panels[3:], more, strict=True):
             panel(axes)
-        _head(figure, loop, literal(scene.title), literal(_caption(scene, trace, numbers)))
+        _draw_header(
+            figure,
+            loop,
+            escape(scene.title),
+            escape(_caption(scene, trace, numbers)),
+        )
         save(figure, path)
 
 
-def _stacked(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
-    """Panels of these heights in inches, one below the other, with room for their words."""
+def _stack_panels(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
+    """Return panels of these heights in inches, one below the other, with space for labels."""
     whole = ABOVE + sum(heights) + BETWEEN * (len(heights) - 1) + BELOW
     figure.set_size_inches(WIDTH, whole)
     grid = figure.add_gridspec(
@@ -96,10 +104,8 @@ def _stacked(figure: Figure, heights: tuple[float, ...]) -> list[Axes]:
     return [figure.add_subplot(grid[row]) for row in range(len(heights))]
 
 
-def _head(figure: Figure, loop: Axes, title: str, caption: str) -> None:
-    """Title, caption and legend in lines of their own above the loop, so that none lies on a curve
-    or on another.
-    """
+def _draw_header(figure: Figure, loop: Axes, title: str, caption: str) -> None:
+    """Write title, caption and legend in separate lines above the loop."""
     height = figure.get_size_inches()[1]
     figure.suptitle(
         title, fontsize=15, fontweight="bold", x=0.01, y=1 - 0.2 / height, ha="left", va="top"
@@ -110,9 +116,9 @@ def _head(figure: Figure, loop: Axes, title: str, caption: str) -> None:
     )
 
 
-def _mark(axes: Axes, trace: traces.Trace, time: np.ndarray, where: slice) -> None:
-    """A line where the node started anew after a fault, one where a Reset relaxed it, and a short
-    stroke where ticks of the motion have no answer. The first tick is a new start of every run.
+def _mark_events(axes: Axes, trace: traces.Trace, time: np.ndarray, where: slice) -> None:
+    """Mark new starts after a fault and relaxing Resets by lines, unanswered ticks by short
+    strokes. The first tick, a new start in every run, is not marked.
     """
     later = np.arange(len(time)) > 0
     skipped = np.diff(trace.row, prepend=trace.row[:1]) > 1
@@ -134,7 +140,7 @@ def _strokes(
     style: Literal["-", "--"],
     color: str = MARK,
 ) -> None:
-    """One stroke at each time, over this part of the panel's height; nothing for none."""
+    """Draw a stroke at each time, over this share of the height of the panel."""
     if len(times):
         words = f"{name} ({len(times)})"
         drawn = axes.vlines(times, 0, height, colors=color, linestyles=style, label=words)
@@ -142,7 +148,7 @@ def _strokes(
 
 
 def _caption(scene: Scene, trace: traces.Trace, numbers: dict[str, Any]) -> str:
-    """Parameters, length and fit of a run, and its bus where that is known."""
+    """Return parameters, length, bus and fit of a run as one line."""
     units = scene.measured.units
     words = f"sigma0 = {scene.sigma0:g} {units['sigma0']}, Fc = {scene.Fc:g} {units['Fc']}"
     words += f", {len(trace.row)} ticks"
@@ -151,8 +157,10 @@ def _caption(scene: Scene, trace: traces.Trace, numbers: dict[str, Any]) -> str:
     return words + ("" if fit is None else f", R² = {fit:.4f}")
 
 
-def _more_panels(numbers: dict[str, Any], folder: Path, gain: str) -> list[Callable[[Axes], None]]:
-    """What only some runs have: latencies, faults, a tracking error."""
+def _optional_panels(
+    numbers: dict[str, Any], folder: Path, gain: str
+) -> list[Callable[[Axes], None]]:
+    """Return the panels that only some runs have: latencies, faults, tracking error."""
     panels = []
     if numbers.get("latency_histogram") and numbers["latency_us"]["max"] > 0:
         panels.append(lambda axes: _latencies(axes, numbers))
@@ -177,25 +185,25 @@ def _latencies(axes: Axes, numbers: dict[str, Any]) -> None:
 
 def _faults(axes: Axes, numbers: dict[str, Any]) -> None:
     injected = numbers["faults"]["injected"]
-    names = [literal(traces.words(name)) for name in injected]
+    names = [escape(traces.words(name)) for name in injected]
     bars = axes.bar(names, list(injected.values()), color=COMPUTED)
     axes.bar_label(bars, fmt="%d", fontsize=9)
     axes.set(ylabel="faults injected", yscale="symlog", ymargin=0.15)
     axes.tick_params(axis="x", labelsize=9)
     wrong = {traces.words(name): pair for name, pair in traces.disagreements(numbers).items()}
     words = "every one counted by the node" if not wrong else f"counted, due: {wrong}"
-    axes.set_title(literal(words), loc="left", fontsize=10, color="#555555")
+    axes.set_title(escape(words), loc="left", fontsize=10, color="#555555")
 
 
 def _tracking(axes: Axes, folder: Path, gain: str) -> None:
-    """How far the angle is behind its reference, and how far it is without any compensation."""
-    time, error = _error(folder / "trace.csv")
+    """Draw the tracking error, and that of the run without compensation."""
+    time, error = _tracking_error(folder / "trace.csv")
     axes.plot(time, error, color=COMPUTED, linewidth=1.2, label=gain)
     axes.set(xlabel="time [s]", ylabel="tracking error [rad]")
     axes.margins(x=0.01)
     if not (gain and (folder / traces.UNCOMPENSATED).is_file()):
         return
-    time, plain = _error(folder / traces.UNCOMPENSATED)
+    time, plain = _tracking_error(folder / traces.UNCOMPENSATED)
     axes.plot(time, plain, color=MEASURED, linewidth=1.2, label="gain 0: without compensation")
     rms, more = (float(np.sqrt(np.mean(one**2))) for one in (error, plain))
     words = f"rms {rms:.3g} rad, without compensation {more:.3g} rad"
@@ -204,9 +212,10 @@ def _tracking(axes: Axes, folder: Path, gain: str) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, fontsize=9)
 
 
-def _error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Time in s and tracking error in rad of a rotor's trace."""
-    table = logs.read_table(trace, ("time_s", "reference_rad", "angle_rad"))
+def _tracking_error(trace: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return time in s and tracking error in rad of the trace of a rotor."""
+    names = ("time_s", "reference_rad", "angle_rad")
+    _, table = readers.read_columns(trace, {name: name for name in names})
     return table["time_s"], table["reference_rad"] - table["angle_rad"]
 
 
@@ -226,28 +235,30 @@ def _time(trace: traces.Trace, recorded: Recorded | None) -> tuple[np.ndarray, s
 
 
 def _window(torque: np.ndarray) -> slice:
-    """The piece in which the torque moves most, at least 200 ticks where there are so many."""
-    width = min(max(int(len(torque) * WINDOW), 200), len(torque))
+    """Return the window in which the torque changes most, of at least 200 ticks if possible."""
+    width = min(max(int(len(torque) * WINDOW_SHARE), 200), len(torque))
     moved = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(torque)))))
     start = int(np.argmax(moved[width - 1 :] - moved[: len(torque) - width + 1]))
     return slice(start, start + width)
 
 
-def _short(label: str) -> str:
-    """'friction torque [N m]' -> 'torque [N m]', which fits beside a low panel."""
+def _short_label(label: str) -> str:
+    """Return the label without its first words: 'friction torque [N m]' gives 'torque [N m]'."""
     words, _, unit = label.partition(" [")
     return f"{words.split()[-1] if words.split() else ''} [{unit}" if unit else label
 
 
-PICTURES = (".png", ".svg", ".pdf", "")  # of no ending: PNG
+PICTURES = (".png", ".svg", ".pdf", "")  # endings; "" means PNG
 
 
-def literal(text: str) -> str:
-    """A name that somebody gave, in which a dollar sign begins no formula."""
+def escape(text: str) -> str:
+    """Return a text for matplotlib in which a dollar sign does not start a formula."""
     return text.replace("$", r"\$")
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture as PICTURES has them; the old one stays until the new one is whole."""
-    with files.replacing(path) as part:
+    """Write a picture in the format of its ending. The old one stays until the new one is
+    complete.
+    """
+    with files.replace_atomic(path) as part:
         figure.savefig(part, dpi=130, format=path.suffix[1:].lower() or "png")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""summary.json of a run, read back: anyone may have written it, so its shape is checked once, here.
+"""Read summary.json of a run and check its shape: any program may have written it.
 
-Keys that are not named below pass by; of those that are, each may be absent or null.
+Unknown keys are kept. Each known key may be absent or null.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ SHAPE: dict[str, Any] = {
     "latency_histogram": BINS,
     "faults": {"injected": NUMBERS, "expected": NUMBERS},
 }
-MEASURED = {"latency_us", "jitter_us", "deadline_misses"}  # beside each histogram
+MEASURED = {"latency_us", "jitter_us", "deadline_misses"}  # required with each histogram
 
 
 def read(folder: Path) -> dict[str, Any]:
-    """The summary of the run in a folder, without its nulls. Raises dahl.Error."""
+    """Return the summary of the run in a folder, without null values. Raises dahl.Error."""
     path = folder / "summary.json"
     known = files.read_json(path, "; `dahl demo` leaves one")
     if not isinstance(known, dict) or not isinstance(known.get("scene_file"), str):

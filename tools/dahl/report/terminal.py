@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
-"""The one place where text meets rich: what a file, a column or a title holds is shown as it is,
-never read as markup, as an emoji or as a command to the terminal.
+"""Print text with rich exactly as it is: names from files must not act as markup, emoji or terminal
+commands.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dahl.errors import printable
 
 
 class PlainConsole(Console):
-    """A console that takes every string for plain text, also in titles and cells of tables."""
+    """A console that prints every string as plain text, also in titles and cells of tables."""
 
     def render_str(self, text: str, **how: Any) -> Text:
         lines = (printable(line) for line in text.split("\n"))

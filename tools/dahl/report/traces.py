@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""From the recorded frames of a run to its numbers: exactness, fit to what was measured, one
+"""Compute the numbers of a run from its recorded frames: exactness, fit to the measurement,
 summary.
 """
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     import can
     import cantools
 
-BOUND_ULP = 0.52  # of Fc: what the torque may be away from the exact solution
-BOUND_ULP_PARTS = 0.55  # the same for the models beside Dahl's (DAHL_ULP_PARTS)
-FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw; the load at which Fc holds
-UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0, next to trace.csv
-# States of FrictionTorque in which the node took the count as a new start and integrated no travel.
+BOUND_ULP = 0.52  # of Fc: bound of the error of the torque (DAHL_ULP_COUNTS)
+BOUND_ULP_PARTS = 0.55  # the same for the other models (DAHL_ULP_PARTS)
+FULL_LOAD = round(1 / codec.UNITS[codec.Param.LOAD])  # raw load of 1, at which Fc holds
+UNCOMPENSATED = "uncompensated.csv"  # trace of the same rotor with gain 0
+# States of FrictionTorque in which the count is a new starting point and no travel is integrated.
 NEW_START = {"Init", "Stale", "WrongSequence"}
 
 
@@ -38,37 +38,37 @@ NEW_START = {"Init", "Stale", "WrongSequence"}
 class Trace:
     """The answered ticks of a run, in the order of the bus. All arrays have shape (n,)."""
 
-    row: np.ndarray  # which tick of the motion, from the 4-bit counter; int
+    row: np.ndarray  # index of the tick in the motion, from the 4-bit counter; int
     time: np.ndarray  # s, of the EncoderState frame
     count: np.ndarray  # encoder counts, unwrapped, int
     ratio: np.ndarray  # F/Fc in Q30, int
-    fresh: np.ndarray  # True where the node started anew at this count
-    relaxed: np.ndarray  # True where a Reset had relaxed the bristle just before
-    states: dict[str, int]  # answers by the state that they say
+    fresh: np.ndarray  # True if this count is a new starting point
+    relaxed: np.ndarray  # True if a Reset relaxed the bristle just before
+    states: dict[str, int]  # number of answers by state
     recorded: int  # EncoderState frames in the log
-    missing: int  # EncoderState frames that the counter says are not in the log
-    load: np.ndarray | None = None  # of FULL_LOAD, as it was last told; None: 1 throughout
-    lost: int = 0  # frames that were on the bus and are not in the log, at least
+    missing: int  # EncoderState frames missing by their counter
+    load: np.ndarray | None = None  # last load sent, of FULL_LOAD; None: always 1
+    lost: int = 0  # least number of frames on the bus that the log lacks
 
     def angle(self, scene: Scene) -> np.ndarray:
-        """rad (m) from the start, shape (n,)."""
+        """Return the angle from the start in rad (m), shape (n,)."""
         angle: np.ndarray = (self.count - self.count[0]) * float(np.float32(scene.theta_per_count))
         return angle
 
     def moves(self) -> np.ndarray:
-        """Counts that the node integrated at each tick, shape (n,)."""
+        """Return the counts that the node integrated at each tick, shape (n,)."""
         moves: np.ndarray = np.diff(self.count, prepend=self.count[:1])
         moves[self.fresh] = 0
         return moves
 
     def torque(self, scene: Scene) -> np.ndarray:
-        """N m (N) as a receiver computes it, float32, shape (n,)."""
+        """Return the torque of a receiver in N m (N), float32, shape (n,)."""
         return reference.received_torque(self.ratio, scene.Fc)
 
 
 @cache
 def database() -> cantools.database.Database:
-    """lib/node/dahl.dbc."""
+    """Return the DBC of the node."""
     import cantools
 
     try:
@@ -78,13 +78,13 @@ def database() -> cantools.database.Database:
 
 
 def _states() -> Mapping[int, object]:
-    """Names of the states of FrictionTorque."""
+    """Return the names of the states of FrictionTorque."""
     message = database().get_message_by_name("FrictionTorque")
     return message.get_signal_by_name("State").choices or {}
 
 
 def state_counts(states: np.ndarray) -> dict[str, int]:
-    """How often each state of FrictionTorque was said, by its name in the DBC."""
+    """Return how often each state of FrictionTorque occurs, by its name in the DBC."""
     choices = _states()
     values, counts = np.unique(states, return_counts=True)
     named = ((str(choices.get(int(v), v)), int(n)) for v, n in zip(values, counts, strict=True))
@@ -92,16 +92,16 @@ def state_counts(states: np.ndarray) -> dict[str, int]:
 
 
 def new_start_states() -> set[int]:
-    """NEW_START as raw values."""
+    """Return the raw values of NEW_START."""
     return {value for value, name in _states().items() if str(name) in NEW_START}
 
 
 class Pairing:
-    """Matches each FrictionTorque with the EncoderState that it echoes, frame after frame.
+    """Match each FrictionTorque with the EncoderState that it echoes, frame by frame.
 
-    Answers come in the order of their frames, so each goes to the first frame not yet passed that
-    has its counter, however late it is (dahl-loop's encoder does the same). After a new start the
-    node has skipped frames: that answer goes to the newest one.
+    Answers come in the order of their frames. Each one belongs to the first waiting frame with its
+    counter, however late it is; the encoder of dahl-loop decides in the same way. After a new start
+    the node has skipped frames, and the answer belongs to the newest frame.
     """
 
     def __init__(self, node: int = 0) -> None:
@@ -112,16 +112,16 @@ class Pairing:
         self.ticks: list[tuple[int, float, int, int]] = []  # row, time, count, load
         self.load = FULL_LOAD
         self.answers: dict[int, tuple[int, int]] = {}  # index in ticks -> ratio, state
-        self.waiting: deque[tuple[int, int]] = deque()  # counter, index in ticks; not yet passed
-        self.relaxed: set[int] = set()  # indices in answers' order of ticks
+        self.waiting: deque[tuple[int, int]] = deque()  # counter, index in ticks
+        self.relaxed: set[int] = set()  # indices in ticks
         self.restarted = False
         self.new_start = new_start_states()
-        self.channels: set[str] = set()  # on which their frames came
+        self.channels: set[str] = set()  # of the frames
         self.row, self._counter = -1, 0
         self._missing = Missing()
 
     def feed(self, frame: can.Message) -> None:
-        """Take one frame; others than the two messages pass by."""
+        """Process one frame; other messages are ignored."""
         if frame.arbitration_id in self.messages:
             self._missing.feed(frame)
         name = self.messages.get(frame.arbitration_id)
@@ -137,11 +137,11 @@ class Pairing:
         elif name == "Reset":
             self.restarted |= signals["What"] == codec.What.RESTART
         elif name == "ParamWrite":
-            self._told(signals)
+            self._store_load(signals)
         elif signals["Valid"]:
             self._tick(signals, frame.timestamp)
 
-    def _told(self, signals: dict[str, Any]) -> None:
+    def _store_load(self, signals: dict[str, Any]) -> None:
         load = signals.get("Load", FULL_LOAD + 1)
         if signals["Write"] == codec.Write.WRITE and load <= FULL_LOAD:
             self.load = load
@@ -149,7 +149,7 @@ class Pairing:
     def _tick(self, signals: dict[str, Any], time: float) -> None:
         counter = signals["Counter"]
         step = counters.step(self._counter, counter, time - self.ticks[-1][1]) if self.ticks else 1
-        if step == 0:  # no node uses it
+        if step == 0:  # no node accepts it
             return
         self.row += step
         self._counter = counter
@@ -157,7 +157,7 @@ class Pairing:
         self.ticks.append((self.row, time, signals["Count"], self.load))
 
     def _answer(self, signals: dict[str, Any]) -> None:
-        index = self._echoed(signals["EchoCounter"], signals["State"] in self.new_start)
+        index = self._find_echo(signals["EchoCounter"], signals["State"] in self.new_start)
         if index is None:
             return
         while self.waiting and self.waiting[0][1] <= index:
@@ -167,14 +167,16 @@ class Pairing:
             self.relaxed.add(index)
             self.restarted = False
 
-    def _echoed(self, counter: int, starts: bool) -> int | None:
-        """Index of the frame with this counter among the 16 first waiting, or the 16 newest."""
+    def _find_echo(self, counter: int, starts: bool) -> int | None:
+        """Return the index of the frame with this counter among the first 16 waiting frames, after
+        a new start among the last 16.
+        """
         skipped = max(len(self.waiting) - codec.COUNTERS, 0) if starts else 0
         near = islice(self.waiting, skipped, skipped + codec.COUNTERS)
         return next((index for known, index in near if known == counter), None)
 
     def trace(self) -> Trace:
-        """All that was answered so far. Raises dahl.Error when nothing was."""
+        """Return the answered ticks so far. Raises dahl.Error if there is no answer."""
         if not self.answers:
             raise Error("no EncoderState with its FrictionTorque among the recorded frames")
         answered = sorted(self.answers)
@@ -200,7 +202,7 @@ class Pairing:
 
 
 def _unwrap(count: np.ndarray) -> np.ndarray:
-    """32-bit readings -> a path without leaps."""
+    """Return 32-bit readings as a continuous path."""
     whole: np.ndarray = count.astype(np.int64)
     steps: np.ndarray = np.diff(whole, prepend=whole[:1])
     path: np.ndarray = count[0] + np.cumsum((steps + 2**31) % 2**32 - 2**31)
@@ -208,7 +210,7 @@ def _unwrap(count: np.ndarray) -> np.ndarray:
 
 
 def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
-    """The answered ticks among recorded frames."""
+    """Return the answered ticks among recorded frames."""
     pairing = Pairing(node)
     for frame in frames:
         pairing.feed(frame)
@@ -216,55 +218,41 @@ def trace_of(frames: Iterable[can.Message], node: int = 0) -> Trace:
 
 
 def max_error_ulp(scene: Scene, trace: Trace) -> float | None:
-    """Largest error of the received torque against the exact solution, in ulp of Fc.
+    """Return the largest error of the received torque against the exact solution, in ulp of Fc.
 
-    None if the node answers a part of the torque only, or if frames are lost: the travel in them is
-    unknown.
+    Return None if the node answers with a part of the torque, or if frames are lost: their travel
+    is unknown.
     """
     if scene.compensates or trace.lost:
         return None
     load = np.full(len(trace.row), FULL_LOAD) if trace.load is None else trace.load
     apart = np.flatnonzero(trace.relaxed)
     parts = zip(np.split(trace.moves(), apart), np.split(load, apart), strict=True)
-    exact = [ratio for part in parts for ratio in _exact_ratios(scene, *part)]
+    exact = [
+        ratio
+        for moves, raw in parts
+        for ratio in reference.EXACT[scene.model](
+            scene, moves, (Fraction(int(one), FULL_LOAD) for one in raw)
+        )
+    ]
     return float(reference.error_in_ulp(trace.torque(scene), exact, scene.Fc).max())
 
 
-def _exact_ratios(scene: Scene, moves: np.ndarray, load: np.ndarray) -> list[Any]:
-    """Torque over Fc (the sum, the larger one) after each move of the scene's model, from rest;
-    load of FULL_LOAD at each.
-    """
-    elements, theta = scene.elements, scene.theta_per_count
-    if scene.model == "slip":
-        return reference.exact_slip_ratios(moves, elements, theta)
-    if scene.model == "parallel":
-        return reference.exact_parallel_ratios(moves, elements, scene.kinds, theta)
-    if scene.model == "asymmetric":
-        return reference.exact_asymmetric_ratios(moves, elements, theta)
-    travel = reference.travel_per_count(scene.sigma0, scene.Fc, theta)
-    if scene.model == "elastoplastic":
-        return reference.exact_elastoplastic_ratios(moves, travel, scene.breakaway)
-    if scene.model == "loaded":
-        loads = (Fraction(int(raw), FULL_LOAD) for raw in load)
-        return reference.exact_loaded_ratios(moves, loads, travel)
-    return reference.exact_ratios(moves, travel)
-
-
 def words(name: str) -> str:
-    """A key of a summary as people read it."""
+    """Return a key of a summary as words."""
     return name.replace("_", " ")
 
 
 def disagreements(numbers: dict[str, Any]) -> dict[str, tuple[int, int]]:
-    """Counters of the node that are not what the faults injected must have made: (counted, due)."""
+    """Return the counters of the node that differ from the injected faults: (counted, expected)."""
     expected, counted = numbers["faults"]["expected"], numbers.get("node", {})
     pairs = {name: (counted.get(name, 0), due) for name, due in expected.items()}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def modelled(scene: Scene, trace: Trace) -> np.ndarray:
-    """What the model says the torque sensor showed: received torque + spring*angle + offset, N m
-    (N), shape (n,).
+def modelled_torque(scene: Scene, trace: Trace) -> np.ndarray:
+    """Return the modelled reading of the torque sensor: received torque + spring*angle + offset, in
+    N m (N), shape (n,).
     """
     measured: Measured = scene.measured
     return (
@@ -273,22 +261,22 @@ def modelled(scene: Scene, trace: Trace) -> np.ndarray:
 
 
 def fit(scene: Scene, trace: Trace, recorded: Recorded | None) -> dict[str, float | None]:
-    """rmse_measured in N m (N) and r2_measured, or None where nothing was measured."""
+    """Return rmse_measured in N m (N) and r2_measured; both None without a measurement."""
     use = trace.row >= scene.measured.settle
     if recorded is None or recorded.torque is None or trace.lost or not use.any():
         return {"rmse_measured": None, "r2_measured": None}
     truth = recorded.torque[trace.row[use]]
-    residual = truth - modelled(scene, trace)[use]
+    residual = truth - modelled_torque(scene, trace)[use]
     spread = float(np.sum((truth - truth.mean()) ** 2))
     r2 = 1 - float(np.sum(residual**2)) / spread if spread > 0 else None
     return {"rmse_measured": float(np.sqrt(np.mean(residual**2))), "r2_measured": r2}
 
 
 def _lost_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
-    """Return the answers that the log lacks without a gap of the counters: the first answer of a
-    node is a new start, and dahl-loop counts those that it receives.
+    """Return how many answers the log lacks at its ends, which the counters do not show: the first
+    answer of a node must be a new start, and dahl-loop counts the answers it receives.
     """
-    if "faults" in loop or loop.get("interrupted"):  # the counts of dahl-loop are others then
+    if "faults" in loop or loop.get("interrupted"):  # the counts of dahl-loop then differ
         return int(loop.get("recorder_dropped", False) or not trace.fresh[0])
     return max(int(loop.get("frames_answered", 0)) - len(trace.row), 0)
 
@@ -296,8 +284,8 @@ def _lost_at_ends(trace: Trace, loop: dict[str, Any]) -> int:
 def summary(
     scene: Scene, trace: Trace, recorded: Recorded | None, loop: dict[str, Any]
 ) -> dict[str, Any]:
-    """All numbers of a run: what dahl-loop counted (`loop`), what was recorded, how exact, how near
-    to the measurement.
+    """Return all numbers of a run: the counts of dahl-loop (`loop`), the recording, the error, and
+    the fit to the measurement.
     """
     trace.lost = max(trace.lost, _lost_at_ends(trace, loop))
     return {

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The friction node as firmware (port/cortex_m/node_image.c) on an emulated core, reachable over
-TCP as slcan.
+"""Run the firmware of the node (port/cortex_m/node_image.c) on an emulated core, with slcan over
+TCP.
 
-Built with the core's preset, run in QEMU, with the scene's parameters in the flash page where a
-product would keep its calibration.
+It is built with the preset of the core and runs in QEMU. The parameters are in the flash page in
+which a product stores its calibration.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from pathlib import Path
 from dahl import paths
 from dahl.errors import Error, RunError
 
-PATIENCE = 20.0  # s for QEMU to listen
-TELLING = re.compile(r"^fatal: |\berror: ", re.IGNORECASE)  # a line of git, cmake or a compiler
+QEMU_START_TIMEOUT_S = 20.0  # generous: a loaded machine may start QEMU slowly
+ERROR_LINE = re.compile(r"^fatal: |\berror: ", re.IGNORECASE)  # of git, cmake or a compiler
 PAGE_WRITTEN = 0x4C484144  # "DAHL", see node_image.c
 
 
 def with_parent() -> list[str]:
-    """In front of a command: it ends when this process does, even by SIGKILL. (util-linux has it;
-    without it such an end leaves the command running.)
+    """Return the words before a command that end it with this process, even after SIGKILL.
+
+    Without setpriv (util-linux), the command survives a SIGKILL.
     """
     setpriv = shutil.which("setpriv")
     return [setpriv, "--pdeathsig", "TERM"] if setpriv else []
@@ -39,7 +40,7 @@ def with_parent() -> list[str]:
 
 @dataclass(frozen=True)
 class Board:
-    """A board of QEMU, and the address of its flash page for parameters."""
+    """A board of QEMU, and the address of its flash page of parameters."""
 
     machine: str
     page: int
@@ -47,7 +48,7 @@ class Board:
 
 @functools.cache
 def boards() -> dict[str, Board]:
-    """Board by core, as the toolchain file and the board's linker script have it."""
+    """Return the board of each core, from the toolchain file and the linker scripts."""
     folder = paths.checkout("the firmware of --target") / "port" / "cortex_m"
     toolchain = (folder / "toolchain.cmake").read_text(encoding="utf-8")
     found = {}
@@ -61,7 +62,7 @@ def boards() -> dict[str, Board]:
 
 
 def build(core: str) -> Path:
-    """Configure and build the image of one core; returns it."""
+    """Build the image of a core and return its path."""
     if core not in boards():
         raise Error(f"--target {core}: one of {' '.join(boards())} was expected")
     folder = paths.ROOT / "build" / core
@@ -77,10 +78,10 @@ def build(core: str) -> Path:
             raise RunError("cmake is not installed; tools/setup.sh installs it") from None
         if done.returncode:
             lines = (done.stderr or done.stdout).strip().splitlines() or [""]
-            telling = next((line for line in lines if TELLING.search(line)), lines[-1])
+            cause = next((line for line in lines if ERROR_LINE.search(line)), lines[-1])
             raise RunError(
-                f"the image for {core} could not be built, for which tools/setup.sh firmware"
-                f" brings what is needed: {telling.strip()}"
+                f"the image for {core} could not be built (tools/setup.sh firmware installs the"
+                f" tools): {cause.strip()}"
             )
     return folder / "port" / "node_image"
 
@@ -93,7 +94,7 @@ def free_port() -> int:
 
 
 class Firmware:
-    """The image, running; `with Firmware(...) as node: can.Bus(**node.bus)`."""
+    """A running image: `with Firmware(...) as node: can.Bus(**node.bus)`."""
 
     def __init__(
         self,
@@ -105,8 +106,10 @@ class Firmware:
         image: Path | None = None,
         options: tuple[str, ...] = (),
     ) -> None:
-        """params: sigma0, Fc, theta_per_count; None leaves the page blank. timeout_us: 0 for
-        the firmware's own. folder: for files. options: more words for QEMU.
+        """Prepare the flash page and the image.
+
+        params: sigma0, Fc, theta_per_count; None leaves the page blank. timeout_us: 0 keeps the
+        default of the firmware. folder: for files. options: more arguments of QEMU.
         """
         self.options = options
         self.core, self.board, self.number = core, boards()[core], number
@@ -126,7 +129,7 @@ class Firmware:
         serial = f"tcp:127.0.0.1:{self.port},server=on,wait=off,nodelay=on"
         command = [*with_parent(), "qemu-system-arm", "-M", self.board.machine, "-display", "none"]
         command += ["-monitor", "none", "-serial", serial, "-kernel", str(self.image)]
-        page = str(self.page).replace(",", ",,")  # as QEMU wants a comma inside of a value
+        page = str(self.page).replace(",", ",,")  # QEMU escapes a comma in a value so
         loader = f"loader,file={page},addr={self.board.page:#x},force-raw=on"
         with self.errors.open("w", encoding="utf-8") as errors:
             self.process = subprocess.Popen(
@@ -147,27 +150,27 @@ class Firmware:
             self.process.kill()
             self.process.wait()
 
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         return self.process.poll() is not None
 
     @property
     def bus(self) -> dict[str, object]:
-        """How python-can opens it."""
+        """The keywords of can.Bus for this node."""
         return {"interface": "slcan", "channel": f"socket://127.0.0.1:{self.port}"}
 
     def _wait(self) -> None:
-        """Until QEMU listens; a first look at the port costs it nothing."""
-        until = time.monotonic() + PATIENCE
-        while time.monotonic() < until and not self.ended():
-            if f":{self.port:04X} " in _listening():
+        """Wait until QEMU listens; /proc/net/tcp shows it without a connection."""
+        until = time.monotonic() + QEMU_START_TIMEOUT_S
+        while time.monotonic() < until and not self.has_ended():
+            if f":{self.port:04X} " in _listening_addresses():
                 return
             time.sleep(0.02)
-        said = self.errors.read_text(encoding="utf-8").strip().splitlines()
+        printed = self.errors.read_text(encoding="utf-8").strip().splitlines()
         self.__exit__()
-        raise RunError(f"QEMU did not start: {said[-1] if said else 'no word from it'}")
+        raise RunError(f"QEMU did not start: {printed[-1] if printed else 'it printed no message'}")
 
 
-HUB = """; The bus of a run whose torque comes from firmware: this node serves it, never asked.
+HUB = """; The bus of a run with firmware: this node only serves the bus.
 [scene]
 title = a bus for the firmware
 [friction]
@@ -176,22 +179,22 @@ Fc = 1
 theta_per_count = 1e-3
 node = {number}
 """
-STALL_US = 10000000  # QEMU's clock goes on while a busy desk computer holds frames back
+STALL_TIMEOUT_US = 10_000_000  # the clock of QEMU advances while a busy host delays frames
 
 
-def hub(folder: Path, number: int = 0) -> Path:
-    """A scene whose node only serves the bus of the firmware, which has this number."""
+def write_hub_scene(folder: Path, number: int = 0) -> Path:
+    """Return a scene whose node only serves the bus; `number` is that of the firmware."""
     path = folder / "hub.ini"
     path.write_text(HUB.format(number=15 if number != 15 else 14), encoding="ascii")
     return path
 
 
 @contextlib.contextmanager
-def attached(
+def attach_firmware(
     core: str, params: tuple[float, float, float], folder: Path, port: int, number: int = 0
 ) -> Iterator[None]:
-    """Firmware as a node of the bus that is served on `port`."""
-    with Firmware(core, params, folder, number, STALL_US) as node:
+    """Run firmware as a node of the bus that is served on `port`."""
+    with Firmware(core, params, folder, number, STALL_TIMEOUT_US) as node:
         command = [
             *with_parent(),
             sys.executable,
@@ -215,7 +218,7 @@ def attached(
                 bridge.terminate()
 
 
-def _listening() -> str:
-    """Local addresses of TCP sockets in state LISTEN."""
+def _listening_addresses() -> str:
+    """Return the local addresses of TCP sockets in state LISTEN."""
     lines = Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]
     return " ".join(line.split()[1] for line in lines if line.split()[3] == "0A") + " "

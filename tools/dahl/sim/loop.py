@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""One run of dahl-loop: a node and an encoder as two processes on one bus, and python-can beside
-them that records.
+"""Run dahl-loop: a node and an encoder as two processes on one bus, recorded by python-can.
 
-The encoder's latency is then a real round trip over the bus, and what is judged afterwards is what
-an outsider saw.
+The latency of the encoder is then a real round trip over the bus, and the results come from the
+recorded frames.
 """
 
 from __future__ import annotations
@@ -30,40 +29,40 @@ from dahl.io import files
 if TYPE_CHECKING:
     import can
 
-PATIENCE = 5.0  # s to wait for a bus to open and for a program to end
-DRAIN = 0.3  # s to record after the encoder has ended; waiting frames are still read
+PROGRAM_TIMEOUT_S = 5.0  # for a bus to open and for a program to end
+DRAIN_S = 0.3  # after the encoder has ended, the last frames are still recorded
 SERVED = re.compile(r"^socketcand [\d.]+:(\d+) ", re.MULTILINE)
-LACKS = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
+MISSING_LIBRARY = re.compile(r"error (?:while )?loading shared librar\w+:? (\S+?):", re.IGNORECASE)
 PACKAGES = "libinih1 libcsv3 libcjson1"  # of Debian, with what dahl-loop links to
-SILENCE = 10.0  # s without any frame, after which a run has failed
+MAX_SILENCE_S = 10.0  # without any frame; after it a run has failed
 
 
 @dataclass
 class Setup:
-    """What to run and where its files go."""
+    """The settings of a run and the places of its files."""
 
     scene: Path
     bus: str  # socketcan:IF, socketcand, socketcand:PORT
     folder: Path
-    log: Path | None = None  # recorded motion, in place of the scene's own
+    log: Path | None = None  # recorded motion that replaces that of the scene
     seconds: float | None = None
     seed: int | None = None
-    node_scene: Path | None = None  # of the serving node, where another one computes the torque
+    node_scene: Path | None = None  # of the node that serves the bus, if another node answers
     attach: Callable[[int], AbstractContextManager[object]] | None = (
-        None  # brings that one to a port
+        None  # starts that other node on a port
     )
-    alone: bool = False  # one process in virtual time: faults and rotors, the same on each machine
-    trace: bool = False  # angle, velocity and torques of a rotor into folder/trace.csv
-    lockstep: bool = False  # each angle waits for the answer to the one before it
+    alone: bool = False  # one process in virtual time, with the same result on each machine
+    trace: bool = False  # write angle, velocity and torques of a rotor to folder/trace.csv
+    lockstep: bool = False  # each angle waits for the previous answer
 
 
 class Program:
-    """dahl-loop in one role, as a child that a terminal's Ctrl-C does not reach: this side ends it
-    in order.
+    """dahl-loop in one role, as a child process. Ctrl-C in a terminal does not reach it; this
+    process ends it in order.
     """
 
     def __init__(self, setup: Setup, role: str, bus: str, *extra: str) -> None:
-        self.told = False  # to end
+        self.is_ending = False  # after end()
         self.role, self.summary = role, setup.folder / f"{role}.json"
         self.summary.unlink(missing_ok=True)
         self.errors = (setup.folder / f"{role}.err").open("w", encoding="utf-8")
@@ -78,38 +77,40 @@ class Program:
             start_new_session=True,
         )
 
-    def ended(self) -> bool:
+    def has_ended(self) -> bool:
         return self.process.poll() is not None
 
-    def ends(self) -> bool:
-        """Wait for its own end."""
+    def wait(self) -> bool:
+        """Wait for the end of the program; return False after a timeout."""
         try:
-            self.process.wait(PATIENCE)
+            self.process.wait(PROGRAM_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             return False
         return True
 
     def end(self) -> None:
-        """Ask it to end in order, and make sure that it does."""
-        if not self.ended():
-            self.told = True
+        """End the program in order, by force after a timeout."""
+        if not self.has_ended():
+            self.is_ending = True
             self.process.send_signal(signal.SIGINT)
         try:
-            self.process.wait(PATIENCE)
+            self.process.wait(PROGRAM_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
         self.errors.close()
 
     def check(self) -> None:
-        """Raise what it complained about, if it failed."""
+        """Raise the error that the program printed, if it failed."""
         code = self.process.returncode
-        if code in (0, None) or (self.told and code == -signal.SIGINT):  # before it could listen
+        if code in (0, None) or (
+            self.is_ending and code == -signal.SIGINT
+        ):  # before it could listen
             return
-        lacks = LACKS.search(self.words())
-        if lacks:
-            raise RunError(f"dahl-loop needs {lacks[1]}, not here: apt-get install {PACKAGES}")
-        lines = [line.strip() for line in self.words().split("\n") if line.strip()]
+        missing = MISSING_LIBRARY.search(self.output())
+        if missing:
+            raise RunError(f"dahl-loop needs {missing[1]}: apt-get install {PACKAGES}")
+        lines = [line.strip() for line in self.output().split("\n") if line.strip()]
         words = next(
             (line.removeprefix("error: ") for line in lines if line.startswith("error: ")), ""
         )
@@ -126,26 +127,26 @@ class Program:
             return f"{self.errors.name}: {error.strerror}"
         return ""
 
-    def words(self) -> str:
-        """All that it has said so far."""
+    def output(self) -> str:
+        """Return its output so far."""
         return Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
 
     def port(self) -> int:
-        """The TCP port that it says it serves."""
-        until = time.monotonic() + PATIENCE
-        while time.monotonic() < until and not self.ended():
-            said = SERVED.search(
+        """Return the TCP port that the program serves."""
+        until = time.monotonic() + PROGRAM_TIMEOUT_S
+        while time.monotonic() < until and not self.has_ended():
+            served = SERVED.search(
                 Path(self.errors.name).read_text(encoding="utf-8", errors="replace")
             )
-            if said:
-                return int(said[1])
+            if served:
+                return int(served[1])
             time.sleep(0.02)
         self.end()
         self.check()
-        raise RunError(f"dahl-loop ({self.role}) did not say which port it serves")
+        raise RunError(f"dahl-loop ({self.role}) did not print the port that it serves")
 
     def numbers(self) -> dict[str, Any]:
-        """Its summary, {} where it left none."""
+        """Return its summary, {} if it did not write one."""
         try:
             known: dict[str, Any] = json.loads(self.summary.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -161,8 +162,8 @@ def _options(setup: Setup, role: str) -> list[str]:
     return words + ["--lockstep"] * setup.lockstep
 
 
-def _ends(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
-    """The bus as the encoder and as python-can name it; a served one says its port itself."""
+def _bus_names(bus: str, node: Program) -> tuple[str, dict[str, Any]]:
+    """Return the bus as the encoder and as python-can name it; a server prints its port."""
     kind, _, rest = bus.partition(":")
     if kind == "socketcan":
         return bus, {"interface": "socketcan", "channel": rest}
@@ -189,16 +190,16 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
     node = Program(served, "node", node_bus, "--lockstep", *["--until-idle"] * serves)
     encoder = None
     try:
-        encoder_bus, here = _ends(setup.bus, node)
+        encoder_bus, here = _bus_names(setup.bus, node)
         with (
-            open_bus(PATIENCE, **here) as bus,
-            _log_in(setup.folder) as log,
+            open_bus(PROGRAM_TIMEOUT_S, **here) as bus,
+            _open_log(setup.folder) as log,
             setup.attach(here["port"]) if setup.attach else nullcontext(),
         ):
             encoder = Program(setup, "encoder", encoder_bus)
             _record(bus, log, encoder, node, stop, progress)
     except RunError:
-        if encoder is None or not (encoder.ends() or _has_dropped(node, encoder)):
+        if encoder is None or not (encoder.wait() or _has_dropped(node, encoder)):
             raise  # else its end closes the bus, and what was recorded is reported
     finally:
         programs = [program for program in (node, encoder) if program]
@@ -216,18 +217,18 @@ def run(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, 
 
 
 def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dict[str, Any]:
-    """As run(), with one process that waits for the recorder."""
+    """Do run() with one process that waits for the recorder."""
     extra = ["--virtual", "--wait-clients", "1"]
     extra += ["--trace", str(setup.folder / "trace.csv")] if setup.trace else []
     program = Program(setup, "both", "socketcand:0", *extra)
     try:
         with (
-            open_bus(PATIENCE, **_ends("socketcand:0", program)[1]) as bus,
-            _log_in(setup.folder) as log,
+            open_bus(PROGRAM_TIMEOUT_S, **_bus_names("socketcand:0", program)[1]) as bus,
+            _open_log(setup.folder) as log,
         ):
             _record(bus, log, program, program, stop, progress)
     except RunError:
-        if not (program.ends() or _has_dropped(program)):
+        if not (program.wait() or _has_dropped(program)):
             raise  # else its end closes the bus: that is no failure
     finally:
         program.end()
@@ -237,14 +238,14 @@ def _run_alone(setup: Setup, stop: Stop, progress: Callable[[int], None]) -> dic
 
 
 def _has_dropped(server: Program, *clients: Program) -> bool:
-    """Whether the server closed the connection of a recorder that read too slowly. Ends all."""
+    """End the programs. Return whether the server closed the connection of a slow recorder."""
     for program in (*clients, server):
         program.end()
     return bool(server.numbers().get("bus_counts", {}).get("dropped"))
 
 
 @contextmanager
-def _log_in(folder: Path) -> Iterator[IO[str]]:
+def _open_log(folder: Path) -> Iterator[IO[str]]:
     path = folder / "run.log"
     with path.open("w", buffering=1, encoding="ascii") as log, files.whole_lines(path, log):
         yield log
@@ -270,8 +271,8 @@ def _record(
     stop: Stop,
     progress: Callable[[int], None],
 ) -> None:
-    """Write each frame as a whole line until the encoder has ended (and DRAIN has passed), or stop
-    is asked.
+    """Write each frame as a whole line until the encoder has ended (and DRAIN_S has passed), or
+    stop is asked.
     """
     frames, last_frame, looked, ended = 0, time.monotonic(), 0.0, None
     reception = Reception(bus, stop)
@@ -285,8 +286,8 @@ def _record(
             continue
         looked = now
         progress(frames)
-        ended = ended or (now if encoder.ended() or node.ended() else None)
-        if ended and now - ended > DRAIN:
+        ended = ended or (now if encoder.has_ended() or node.has_ended() else None)
+        if ended and now - ended > DRAIN_S:
             reception.finish()
-        if now - last_frame > SILENCE:
-            raise Timeout(f"no frame on the bus for {SILENCE:g} s")
+        if now - last_frame > MAX_SILENCE_S:
+            raise Timeout(f"no frame on the bus for {MAX_SILENCE_S:g} s")

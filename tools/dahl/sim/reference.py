@@ -1,29 +1,35 @@
 # SPDX-License-Identifier: MIT
-"""An exact answer that shares no code and no formula with the library.
+"""Exact torque ratios, without code or formulas of the library.
 
-The library goes from tick to tick by a recursion in integers. Here Eq. 1 is solved in closed form
-from one reversal to the next (the paper's Eqs. 7, 18, 27, for any number of reversals): with w1 =
-F/Fc at the last reversal and x the travel since then, in direction s,
+The library steps from tick to tick by a recursion in integers. This module solves Eq. 1 in closed
+form from one reversal to the next (Eqs. 7, 18, 27 of the paper). With w1 = F/Fc at the last
+reversal and x the travel since then, in direction s,
 
     w = s - (s - w1)*exp(-a*x)
 
-in 100 bits, so that its own error is beyond what a float can show. Parameters are exact fractions
-of the floats given.
+in 100 bits, so that its error is far below a float. Parameters are exact fractions of the given
+floats. All ratios start at rest.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from fractions import Fraction
+from typing import TYPE_CHECKING, TypeAlias
 
 import mpmath
 import numpy as np
 
-PRECISION = 100  # bits
+if TYPE_CHECKING:
+    from dahl.sim.scene import Scene
+
+    Moves: TypeAlias = Collection[int] | np.ndarray  # counts
+
+PRECISION_BITS = 100
 
 
 def travel_per_count(sigma0: float, Fc: float, theta_per_count: float) -> Fraction:  # noqa: N803
-    """a*theta_per_count, exactly, for parameters that are rounded to float first as in C."""
+    """Return sigma0/Fc*theta_per_count exactly, for parameters rounded to float first, as in C."""
     stiffness, most, theta = (
         Fraction(float(np.float32(value))) for value in (sigma0, Fc, theta_per_count)
     )
@@ -31,10 +37,8 @@ def travel_per_count(sigma0: float, Fc: float, theta_per_count: float) -> Fracti
 
 
 def exact_ratios(moves: Iterable[int], travel: Fraction) -> list[mpmath.mpf]:
-    """F/Fc after each move in counts, from rest, as mpmath numbers; `travel` is the travel of one
-    count.
-    """
-    with mpmath.workprec(PRECISION):
+    """Return F/Fc after each move in counts; `travel` is the travel of one count."""
+    with mpmath.workprec(PRECISION_BITS):
         a = mpmath.mpf(travel.numerator) / travel.denominator
 
         def after(anchor: mpmath.mpf, run: int, s: int) -> mpmath.mpf:
@@ -48,8 +52,8 @@ def exact_slip_ratios(
     elements: Sequence[tuple[float, float]],
     theta_per_count: float,
 ) -> list[mpmath.mpf]:
-    """F over the sum of Fc after each move in counts, from rest: springs (sigma0, Fc) that slip, in
-    exact fractions of the floats given.
+    """Return F over the sum of Fc after each move in counts, of slip elements (sigma0 [N m/rad],
+    Fc [N m]).
     """
     theta = Fraction(float(np.float32(theta_per_count)))
     springs = [
@@ -59,7 +63,7 @@ def exact_slip_ratios(
     force = [Fraction(0)] * len(springs)
     total = sum((most for _, most in springs), Fraction(0))
     ratios = []
-    with mpmath.workprec(PRECISION):
+    with mpmath.workprec(PRECISION_BITS):
         for move in map(int, moves):
             force = [
                 max(-most, min(most, now + per_count * move))
@@ -76,11 +80,11 @@ def exact_parallel_ratios(
     kinds: Sequence[str],
     theta_per_count: float,
 ) -> list[mpmath.mpf]:
-    """F over the sum of Fc after each move in counts, from rest: elements (sigma0, Fc) that are of
-    Dahl's kind, or slip.
+    """Return F over the sum of Fc after each move in counts, of elements (sigma0, Fc) whose kind is
+    dahl or slip.
     """
     total = sum(Fraction(float(np.float32(torque))) for _, torque in elements)
-    with mpmath.workprec(PRECISION):
+    with mpmath.workprec(PRECISION_BITS):
         sums = [mpmath.mpf(0)] * len(moves)
         for (sigma0, torque), kind in zip(elements, kinds, strict=True):
             share = Fraction(float(np.float32(torque))) / total
@@ -98,11 +102,12 @@ def exact_asymmetric_ratios(
     elements: Sequence[tuple[float, float]],
     theta_per_count: float,
 ) -> list[mpmath.mpf]:
-    """F over the larger Fc after each move in counts, from rest; elements: (sigma0, Fc) forward and
-    backward. In direction s it falls off to s Fc of that direction as exp(-sigma0/Fc theta).
+    """Return F over the larger Fc after each move in counts; elements: (sigma0, Fc) forward and
+    backward. In direction s, the distance to s Fc of that direction decays as
+    exp(-sigma0/Fc theta).
     """
     torques = [mpmath.mpf(float(np.float32(torque))) for _, torque in elements]
-    with mpmath.workprec(PRECISION):
+    with mpmath.workprec(PRECISION_BITS):
         travels = [travel_per_count(*element, theta_per_count) for element in elements]
         a = [mpmath.mpf(travel.numerator) / travel.denominator for travel in travels]
 
@@ -116,10 +121,10 @@ def exact_asymmetric_ratios(
 def exact_elastoplastic_ratios(
     moves: Iterable[int], travel: Fraction, breakaway: float
 ) -> list[mpmath.mpf]:
-    """F/Fc after each move in counts, from rest: in direction s it grows as a spring's up to s b,
-    and what is left of it to s then falls off as exp(-u/(1 - b)).
+    """Return F/Fc after each move in counts: in direction s a spring up to s b; beyond it the
+    distance to s decays as exp(-u/(1 - b)).
     """
-    with mpmath.workprec(PRECISION):
+    with mpmath.workprec(PRECISION_BITS):
         b = mpmath.mpf(float(np.float32(breakaway)))
         a = mpmath.mpf(travel.numerator) / travel.denominator
 
@@ -135,11 +140,11 @@ def exact_elastoplastic_ratios(
 def exact_loaded_ratios(
     moves: Iterable[int], loads: Iterable[Fraction], travel: Fraction
 ) -> list[mpmath.mpf]:
-    """F/Fc after each move, of Dahl's model whose Fc and sigma0 are in proportion to a load c, told
-    anew with each move: w = F/(c Fc) stays where the load falls, F where it grows.
+    """Return F/Fc after each move. Fc and sigma0 are proportional to a load c, given for each move.
+    If the load falls, w = F/(c Fc) stays; if it grows, F stays.
     """
     ratios, before = [], Fraction(0)
-    with mpmath.workprec(PRECISION):
+    with mpmath.workprec(PRECISION_BITS):
         w, a = mpmath.mpf(0), mpmath.mpf(travel.numerator) / travel.denominator
         for move, load in zip(moves, loads, strict=True):
             if load > before:
@@ -150,10 +155,50 @@ def exact_loaded_ratios(
     return ratios
 
 
+def _dahl(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_ratios(moves, _travel(scene))
+
+
+def _slip(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_slip_ratios(moves, scene.elements, scene.theta_per_count)
+
+
+def _parallel(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_parallel_ratios(moves, scene.elements, scene.kinds, scene.theta_per_count)
+
+
+def _asymmetric(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_asymmetric_ratios(moves, scene.elements, scene.theta_per_count)
+
+
+def _elastoplastic(scene: Scene, moves: Moves, _: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_elastoplastic_ratios(moves, _travel(scene), scene.breakaway)
+
+
+def _loaded(scene: Scene, moves: Moves, loads: Iterable[Fraction]) -> list[mpmath.mpf]:
+    return exact_loaded_ratios(moves, loads, _travel(scene))
+
+
+EXACT: dict[str, Callable[[Scene, Moves, Iterable[Fraction]], list[mpmath.mpf]]] = {
+    "dahl": _dahl,
+    "slip": _slip,
+    "parallel": _parallel,
+    "asymmetric": _asymmetric,
+    "elastoplastic": _elastoplastic,
+    "loaded": _loaded,
+}  # torque ratio after each move, from rest, by the name of the model; loads as fractions of 1
+
+
+def _travel(scene: Scene) -> Fraction:
+    return travel_per_count(scene.sigma0, scene.Fc, scene.theta_per_count)
+
+
 def _from_reversals(
     moves: Iterable[int], after: Callable[[mpmath.mpf, int, int], mpmath.mpf]
 ) -> Iterable[mpmath.mpf]:
-    """after(torque at the last reversal, counts since then, direction), move by move, from 0."""
+    """Yield after(torque at the last reversal, counts since then, direction) for each move,
+    from 0.
+    """
     torque = anchor = mpmath.mpf(0)
     direction, run = 0, 0
     for move in map(int, moves):
@@ -167,10 +212,12 @@ def _from_reversals(
 
 
 def error_in_ulp(torque: np.ndarray, exact: list[mpmath.mpf], Fc: float) -> np.ndarray:  # noqa: N803
-    """abs(torque - exact*Fc) in ulp of Fc: shape (n,) float32 N m, n numbers F/Fc -> shape (n,)."""
+    """Return abs(torque - exact*Fc) in ulp of Fc, shape (n,), for torques in N m, shape (n,),
+    float32.
+    """
     most = float(np.float32(Fc))
     ulp = float(np.spacing(np.float32(Fc)))
-    with mpmath.workprec(PRECISION):
+    with mpmath.workprec(PRECISION_BITS):
         errors = [
             abs(float(got) - want * most) / ulp for got, want in zip(torque, exact, strict=True)
         ]
@@ -178,13 +225,12 @@ def error_in_ulp(torque: np.ndarray, exact: list[mpmath.mpf], Fc: float) -> np.n
 
 
 def received_torque(ratio_q30: np.ndarray, Fc: float) -> np.ndarray:  # noqa: N803
-    """What a receiver of FrictionTorque computes: F = ratio*Fc, rounded once to float. Shape (n,)
-    int -> float32 N m.
+    """Return F = ratio*Fc rounded once to float, as a receiver of FrictionTorque computes it:
+    N m, float32, shape (n,), for ratios in Q30, int, shape (n,).
 
-    The product of 31 and 24 bits can need one bit more than a double has: the integer part is
-    rounded to odd first.
+    The product can need 54 bits, one more than a double has. It is therefore rounded to odd first.
     """
     mantissa, exponent = np.frexp(np.float64(np.float32(Fc)))
     product = np.asarray(ratio_q30, dtype=np.int64) * np.int64(mantissa * 2**24)
-    sticky = (product >> 1) | (product & 1)  # 54 bits -> 53, the bit that falls off is remembered
+    sticky = (product >> 1) | (product & 1)  # 54 bits to 53, rounded to odd
     return np.ldexp(sticky.astype(np.float64), int(exponent) - 53).astype(np.float32)

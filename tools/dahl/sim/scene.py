@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Scene files, as far as Python needs them: what the node's parameters are and what was measured
-beside the angle.
+"""Read scene files: the parameters of the node and the measurement to compare with.
 
-dahl-loop reads and checks all sections, so which there are is told there alone; only [measured] is
-read here alone. A user's own log becomes a scene too, so that there is one way to run anything.
+dahl-loop reads and checks all sections except [measured], which only this module reads. A log of
+the user also becomes a scene, so that everything runs in one way.
 """
 
 from __future__ import annotations
@@ -13,33 +12,24 @@ import math
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dahl import paths
-from dahl.binding import core, parts, variants
+from dahl.binding import models
 from dahl.errors import Error
-from dahl.io import files, logs, units
+from dahl.io import files, readers, units
 from dahl.sim import scene_keys
 
-if TYPE_CHECKING:
-    from dahl.can import node
+MAX_TEXT_BYTES = scene_keys.text_size()
 
-TEXT = scene_keys.text_size()
-
-UNITS = {  # of the angle column: (size in rad or m, unit of the torque)
-    "deg": (math.pi / 180, "N m"),
-    "rad": (1.0, "N m"),
-    "mm": (1e-3, "N"),
-}
+SHOWN_UNITS = ("deg", "rad", "mm")  # of angles in the picture of a user's own log
 
 
 NODE_KEYS = scene_keys.node_settings()
 
-MODELS = ("dahl", "slip", "parallel", "asymmetric", "elastoplastic", "loaded")
-ONE = {"dahl": (1, 1), "elastoplastic": (1, 1), "loaded": (1, 1), "asymmetric": (1, 2)}  # element
-OWN_KEYS = {"kinds": "parallel", "breakaway": "elastoplastic"}  # of one model alone
+OWN_KEYS = {row.key: name for name, row in models.table().items() if row.key}  # of one model only
 KNOWN_KEYS = {  # of the sections that a node is made of
     section: scene_keys.names(section) for section in ("friction", "status")
 }
@@ -47,104 +37,98 @@ KNOWN_KEYS = {  # of the sections that a node is made of
 
 @dataclass
 class Measured:
-    """[measured]: the torque column beside the angle, and how it compares with the model."""
+    """Section [measured]: the torque column, and how to compare it with the model."""
 
-    torque: str = ""  # column; empty: nothing measured
+    torque: str = ""  # column; "" if no torque was measured
     torque_scale: float = 1.0  # N m (N) per unit of the column, sign included
-    offset: float = 0.0  # N m (N), added to the model's torque
-    spring: float = 0.0  # N m/rad (N/m), times the angle from the start, added too
-    settle: int = 0  # rows not compared: the bristle's deflection before the first is unknown
+    offset: float = 0.0  # N m (N), added to the torque of the model
+    spring: float = 0.0  # N m/rad (N/m), its product with the angle from the start is added
+    settle: int = 0  # first rows not compared: the initial deflection is unknown
     label_angle: str = "angle from the start [rad]"
     label_torque: str = "friction torque [N m]"
     angle_scale: float = 1.0  # plotted unit per rad (m)
 
     @property
     def unit(self) -> str:
-        """N m, or N where motion is linear: as the label of the torque has it."""
+        """Unit in the label of the torque: N m, or N for linear motion."""
         return self.label_torque.rpartition("[")[2].rstrip("]")
 
     @property
     def units(self) -> dict[str, str]:
-        """Of each parameter; of a linear rig, where the torque is a force, by its metres."""
+        """The unit of each parameter; with metres if the motion is linear."""
         way = "m" if self.unit == "N" else "rad"
         return {"sigma0": f"{self.unit}/{way}", "Fc": self.unit, "theta_per_count": way}
 
 
 @dataclass
 class Scene:
-    """One scene file, read."""
+    """The contents of a scene file."""
 
     path: Path
     title: str
-    model: str = "dahl"  # or slip, parallel, asymmetric, elastoplastic, loaded
-    # sigma0, Fc of each; of Dahl's model one, of asymmetric forward and backward
+    model: str = "dahl"  # a name in models.table()
+    # (sigma0 [N m/rad], Fc [N m]) of each element, of asymmetric forward and backward
     elements: tuple[tuple[float, float], ...] = ()
     theta_per_count: float = 0.0
-    seconds: float = 0.0  # how long the motion lasts, where the scene says it
+    seconds: float = 0.0  # length of the motion; 0 if the scene does not give it
     motion: dict[str, str] = field(default_factory=dict)
     measured: Measured = field(default_factory=Measured)
-    parts: tuple[str, ...] = ()  # sections that the file has
-    kinds: tuple[str, ...] = ()  # of parallel: dahl or slip for each element
-    breakaway: float = 0.0  # of elastoplastic: part of Fc
-    compensates: bool = False  # the node answers a part of the torque: gain, limit or ramp are set
-    friction: dict[str, float] = field(default_factory=dict)  # other keys that it has, numbers
+    parts: tuple[str, ...] = ()  # sections in the file
+    kinds: tuple[str, ...] = ()  # dahl or slip for each element
+    breakaway: float = 0.0  # fraction of Fc
+    compensates: bool = (
+        False  # the node answers with a part of the torque: gain, limit or ramp_ms is set
+    )
+    friction: dict[str, float] = field(default_factory=dict)  # NODE_KEYS in the file
     status_ms: float = 0.0  # period of Status; 0: only after an event
     node: int = 0  # number of the node on the bus
-    refusal: str = ""  # why dahl-loop makes no node of it; only element() looks at it
+    refusal: str = ""  # why dahl-loop refuses the node; element() raises it
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """The name of the file without its ending."""
         return self.path.stem
 
     @property
+    def has_directions(self) -> bool:
+        """Whether `elements` are forward and backward instead of side by side."""
+        model = models.table().get(self.model)
+        return model is not None and model.has_directions
+
+    @property
     def sigma0(self) -> float:
-        """N m/rad, of all elements together; of asymmetric that of either direction."""
-        if self.model == "asymmetric":
+        """N m/rad, the sum of all elements; of asymmetric that of each direction."""
+        if self.has_directions:
             return self.elements[0][0]
         return sum(sigma0 for sigma0, _ in self.elements)
 
     @property
     def Fc(self) -> float:  # noqa: N802
-        """N m, what the ratio on the bus is of: all elements together, the larger of asymmetric."""
-        if self.model == "asymmetric":
+        """N m, at a torque ratio of 1: the sum of all elements; of asymmetric the larger one."""
+        if self.has_directions:
             return max(torque for _, torque in self.elements)
         return sum(torque for _, torque in self.elements)
 
     @property
     def log(self) -> str:
-        """[motion] file of a scene that replays a log, else ''."""
+        """The log that the scene replays ([motion] file), else ""."""
         return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
 
 
-def element(scene: Scene) -> node.Friction:
-    """What a Node of this scene is made of. Raises dahl.Error for parameters that no node takes."""
-    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+def element(scene: Scene) -> models.Friction:
+    """Return the friction that a Node of this scene is made of. Raises dahl.Error for parameters
+    that dahl-loop refuses.
+    """
     if scene.refusal:
         raise Error(f"{scene.path}: {scene.refusal}")
-    if scene.model == "slip":
-        return parts.Slip(sigma0, torques, scene.theta_per_count)
-    if scene.model == "asymmetric":
-        return variants.Asymmetric(sigma0[0], torques[0], torques[-1], scene.theta_per_count)
-    if scene.model == "elastoplastic":
-        theta, breakaway = scene.theta_per_count, scene.breakaway
-        return variants.ElastoPlastic(sigma0[0], torques[0], theta, breakaway)
-    plans = [core.Plan(*pair, scene.theta_per_count) for pair in scene.elements]
-    if scene.model == "parallel":
-        return parts.Parallel(*map(_part, scene.kinds, plans))
-    if scene.model == "loaded":
-        return variants.Loaded(plans[0])
-    return plans[0]
-
-
-def _part(kind: str, plan: core.Plan) -> core.Friction | parts.Slip:
-    if kind == "slip":
-        return parts.Slip([plan.sigma0], [plan.Fc], plan.theta_per_count)
-    return core.Friction(plan)
+    model = models.table()[scene.model]
+    sigma0, torques = ([pair[k] for pair in scene.elements] for k in (0, 1))
+    own = getattr(scene, model.key) if model.key else None
+    return models.make(model, sigma0[: model.sigma0s or None], torques, scene.theta_per_count, own)
 
 
 def settings(scene: Scene) -> dict[str, Any]:
-    """The keywords of a Node of this scene, beside its element and its number."""
+    """Return the keywords of a Node of this scene, except its friction and its number."""
     found: dict[str, Any] = {"status_period": scene.status_ms / 1e3}
     for key, value in scene.friction.items():
         name = key.removesuffix("_ms")
@@ -153,8 +137,8 @@ def settings(scene: Scene) -> dict[str, Any]:
 
 
 def find(name: str) -> Path:
-    """A shipped scene by name, or a scene file by path. Raises dahl.Error that lists the shipped
-    ones.
+    """Return the path of a shipped scene, given by name, or of a scene file, given by path. Raises
+    dahl.Error that lists the shipped scenes.
     """
     for path in (paths.SCENES / f"{name}.ini", Path(name)):
         if path.is_file():
@@ -165,12 +149,12 @@ def find(name: str) -> Path:
 
 class _Parser(configparser.ConfigParser):
     def optionxform(self, optionstr: str) -> str:
-        """Keys as they are written: Fc is not fc."""
+        """Keep the case of keys: Fc differs from fc."""
         return optionstr
 
 
 def read(path: Path) -> Scene:
-    """Read a scene file. Raises dahl.Error naming file and key."""
+    """Read a scene file. Raises dahl.Error that names file and key."""
     parser = _Parser(inline_comment_prefixes=(";",), interpolation=None)
     try:
         parser.read_string(path.read_text(encoding="utf-8-sig"), source=str(path))
@@ -180,7 +164,7 @@ def read(path: Path) -> Scene:
     scene.model = parser.get("friction", "model", fallback="dahl")
     sigma0, torques = (_numbers(path, parser, "friction", key) for key in ("sigma0", "Fc"))
     scene.refusal = _refusal(parser, scene.model, len(sigma0), len(torques))
-    if scene.model == "asymmetric":
+    if scene.has_directions:
         sigma0 = sigma0 * len(torques)
     scene.elements = tuple(zip(sigma0, torques, strict=False))
     scene.kinds = tuple(parser.get("friction", "kinds", fallback="").split())
@@ -190,7 +174,7 @@ def read(path: Path) -> Scene:
         _number(path, parser, section, "seconds", 0.0) for section in ("motion", "motor")
     )
     scene.motion = dict(parser["motion"]) if parser.has_section("motion") else {}
-    scene.measured = _measured(path, parser)
+    scene.measured = _read_measured(path, parser)
     scene.parts = tuple(parser.sections())
     scene.friction = {
         key: _number(path, parser, "friction", key, 0.0)
@@ -198,7 +182,7 @@ def read(path: Path) -> Scene:
         if parser.has_option("friction", key)
     }
     scene.status_ms = _number(path, parser, "status", "period_ms", 0.0)
-    scene.node = _node(path, parser)
+    scene.node = _node_number(path, parser)
     scene.compensates = any(
         parser.has_option("friction", key) for key in ("gain", "limit", "ramp_ms")
     )
@@ -206,14 +190,15 @@ def read(path: Path) -> Scene:
 
 
 def _refusal(parser: configparser.ConfigParser, model: str, sigma0: int, torques: int) -> str:
-    """What dahl-loop would not take of [friction] and [status], else nothing: a key that is none,
-    another number of elements than the model has, a kind that there is not.
+    """Return why dahl-loop would refuse [friction] or [status], "" if it would not: an unknown key,
+    model or kind, or a wrong number of elements.
     """
-    if model not in MODELS:
-        return f"[friction] model = {model} is none of {', '.join(MODELS)}"
+    known = models.table()
+    if model not in known:
+        return f"[friction] model = {model}: not one of {', '.join(known)}"
     if not sigma0 or not torques:
         return "[friction] has no sigma0 and Fc"
-    if (sigma0, torques) != ONE.get(model, (torques, torques)):
+    if not known[model].fits(sigma0, torques):
         return f"[friction] sigma0 has {sigma0} numbers and Fc {torques}: not those of {model}"
     kinds = parser.get("friction", "kinds", fallback="").split()
     if model == "parallel" and (len(kinds) != torques or not {*kinds} <= {"dahl", "slip"}):
@@ -232,7 +217,7 @@ def _unknown_key(parser: configparser.ConfigParser, model: str) -> str:
 
 
 def _numbers(path: Path, parser: configparser.ConfigParser, section: str, key: str) -> list[float]:
-    """Numbers with blanks between them, one an element; dahl-loop checks how many there are."""
+    """Return numbers separated by blanks, one for each element; dahl-loop checks their count."""
     text = parser.get(section, key, fallback="")
     try:
         return [float(word) for word in text.split()]
@@ -250,7 +235,7 @@ def _number(
         raise Error(f"{path}: [{section}] {key} = '{text}' is not a number") from None
 
 
-def _node(path: Path, parser: configparser.ConfigParser) -> int:
+def _node_number(path: Path, parser: configparser.ConfigParser) -> int:
     """[friction] node, from 0 to 15."""
     key = scene_keys.keys()["friction", "node"]
     number = _number(path, parser, "friction", "node", key.default)
@@ -260,7 +245,7 @@ def _node(path: Path, parser: configparser.ConfigParser) -> int:
     return int(number)
 
 
-def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
+def _read_measured(path: Path, parser: configparser.ConfigParser) -> Measured:
     measured = Measured()
     if not parser.has_section("measured"):
         return measured
@@ -279,39 +264,39 @@ def _measured(path: Path, parser: configparser.ConfigParser) -> Measured:
 
 @dataclass
 class Recorded:
-    """What the log holds beside the angle; arrays of shape (rows,)."""
+    """The columns of a log that are compared with the model; arrays of shape (rows,)."""
 
-    torque: np.ndarray | None  # N m (N), None where nothing was measured
-    time: np.ndarray | None  # s, None where the log has no time column
+    torque: np.ndarray | None  # N m (N); None if it was not measured
+    time: np.ndarray | None  # s; None if the log has no time
     rows: int
 
 
 def read_log(scene: Scene, log: Path) -> Recorded:
-    """Torque and time of each row of the scene's log.
+    """Read torque and time of each row of the scene's log.
 
-    Reads the angle column as well, so that a bad log is named here, by line and column, before
-    anything is started.
+    The angle is read too, so that an error in any column is found before anything starts.
     """
-    angle, torque, time = (
-        scene.motion.get("angle", ""),
-        scene.measured.torque,
-        scene.motion.get("time", ""),
-    )
-    if not angle:
+    wanted = {
+        "angle": scene.motion.get("angle", ""),
+        "torque": scene.measured.torque,
+        "time": scene.motion.get("time", ""),
+    }
+    if not wanted["angle"]:
         raise Error(
             f"{scene.path}: [motion] angle is missing: which column of {log.name} holds the angle?"
         )
-    table = logs.read_table(log, [angle, torque] if torque else [angle], time or None)
-    _check_unwrapped(scene, log, table[angle])
-    measured = table[torque] * scene.measured.torque_scale if torque else None
-    return Recorded(measured, table[time] if time else None, len(table[angle]))
+    _, table = readers.read_columns(log, {role: name for role, name in wanted.items() if name})
+    _check_unwrapped(scene, log, table["angle"])
+    torque = table.get("torque")
+    measured = None if torque is None else torque * scene.measured.torque_scale
+    return Recorded(measured, table.get("time"), len(table["angle"]))
 
 
 def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
-    """An angle that starts anew at each turn would send the shaft back by a turn within a tick."""
+    """Raise dahl.Error for an angle that wraps: dahl-loop would turn the shaft back in one tick."""
     try:
         per_unit = scene.theta_per_count * float(scene.motion.get("counts_per_unit", "1"))
-    except ValueError:  # dahl-loop says so, with the line
+    except ValueError:  # dahl-loop reports it with its line
         return
     if scene.measured.unit == "N" or not per_unit > 0:
         return
@@ -327,44 +312,70 @@ def _check_unwrapped(scene: Scene, log: Path, angle: np.ndarray) -> None:
 
 @dataclass
 class OwnLog:
-    """What the command line says about a user's own log (see `dahl demo --help`)."""
+    """The options that describe a user's own log (see `dahl demo --help`)."""
 
     log: Path
     angle: str
-    torque: str
     sigma0: float
     fc: float
     counts_per_turn: float
-    angle_unit: str = "deg"
-    torque_scale: float = 1.0
+    torque: str = ""
+    angle_unit: str = ""  # by default that of the column's name, else deg
+    torque_scale: float | None = None  # N m (N) per unit; None: by the name of the column
     offset: float = 0.0
     spring: float = 0.0
     time: str = ""
 
 
-def unit_in(column: str) -> str:
-    """deg, rad, mm or counts, as the name of an angle column says it; deg where it says nothing.
-    Raises dahl.Error where it says another unit.
+def write_own(own: OwnLog, path: Path) -> tuple[Scene, str]:
+    """Write the scene of a user's own log to `path`, with a table that dahl-loop reads beside it.
+
+    Returns the scene and the unit of the angle. The columns are read as `dahl identify` does.
     """
-    words = re.split(r"[^a-z\d]+|_", column.lower())
-    unit = next((unit for unit in ("rad", "mm", "counts") if unit in words), "")
-    other = unit or units.unit_in(column, units.ANGLES, "deg")
-    if other not in UNITS and other != "counts":
-        raise Error(
-            f"--angle {column}: in {other}; deg, rad, mm or counts were expected: scale the column,"
-            " or say with --angle-unit what it is"
-        )
-    return other
-
-
-def write_own(own: OwnLog, path: Path) -> Scene:
-    """Write the scene of a user's own log to `path`, and read it back."""
     if not (own.counts_per_turn > 0 and math.isfinite(own.counts_per_turn)):
         raise Error(f"--counts-per-turn {own.counts_per_turn:g}: a number above 0 was expected")
     _check_names(own)
-    whole = str(own.log.absolute())
-    unit = own.angle_unit if own.angle_unit in UNITS else "rad"
-    size, torque_unit = UNITS[unit]
+    wanted = {role: getattr(own, role) for role in ("angle", "torque", "time")}
+    wanted = {role: name for role, name in wanted.items() if name}
+    names, columns = readers.read_columns(own.log, wanted)
+    if len(set(wanted.values())) < len(wanted):
+        raise Error(f"{own.log}: angle, torque and time need different columns")
+    unit, _ = units.choose("angle", own.angle_unit, names["angle"], "deg")
+    is_linear = unit in units.LENGTHS
+    count = (1e-3 if is_linear else 2 * math.pi) / own.counts_per_turn  # m or rad
+    size = count if unit == "counts" else units.ANGLES[unit]
+    if not is_linear:
+        columns["angle"], _ = readers.unwrap(columns["angle"], 2 * math.pi / size)
+    if "torque" in columns:
+        torque, _ = readers.restore_sign(columns["torque"])
+        columns["torque"] = torque * _torque_scale(own, names["torque"], is_linear)
+    if "time" in columns:
+        time_unit, _ = units.choose("time", "", names["time"], "s")
+        columns["time"] = columns["time"] * units.TIMES[time_unit]
+    table = path.with_suffix(".csv")
+    _write_table(table, {wanted[role]: column for role, column in columns.items()})
+    files.write_atomic(path, _scene_of(own, table.name, unit, size, count))
+    return read(path), unit
+
+
+def _torque_scale(own: OwnLog, name: str, is_linear: bool) -> float:
+    """Return N m (N) per unit of the torque column."""
+    if own.torque_scale is not None:
+        return own.torque_scale
+    unit, _ = units.choose("torque", "", name, "N" if is_linear else "Nm")
+    return units.TORQUES[unit]
+
+
+def _write_table(path: Path, columns: dict[str, np.ndarray]) -> None:
+    import pandas as pd
+
+    files.write_atomic(path, pd.DataFrame(columns).to_csv(index=False))
+
+
+def _scene_of(own: OwnLog, table: str, unit: str, size: float, count: float) -> str:
+    """Return the scene of a user's own log; unit of the angle and encoder count in rad (m)."""
+    is_linear = unit in units.LENGTHS
+    shown = unit if unit in SHOWN_UNITS else "m" if is_linear else "rad"
     lines = [
         "; written by dahl demo",
         "[scene]",
@@ -372,53 +383,37 @@ def write_own(own: OwnLog, path: Path) -> Scene:
         "[friction]",
         f"sigma0 = {own.sigma0!r}",
         f"Fc = {own.fc!r}",
-        f"theta_per_count = {_theta_per_count(own)!r}",
+        f"theta_per_count = {count!r}",
         "[motion]",
         "kind = log",
-        f"file = {whole if _can_hold(whole) else own.log.name}",
+        f"file = {table}",
         f"angle = {own.angle}",
-        f"counts_per_unit = {_counts_per_unit(own)!r}",
+        f"counts_per_unit = {size / count!r}",
         *([f"time = {own.time}"] if own.time else []),
         "[status]",
         "period_ms = 100",
         "[measured]",
         *([f"torque = {own.torque}"] if own.torque else []),
-        f"torque_scale = {own.torque_scale!r}",
         f"offset = {own.offset!r}",
         f"spring = {own.spring!r}",
-        f"label_angle = {own.angle} from the start [{unit}]",
-        f"label_torque = friction [{torque_unit}]",
-        f"angle_scale = {1 / size!r}",
+        f"label_angle = {own.angle} from the start [{shown}]",
+        f"label_torque = friction [{'N' if is_linear else 'N m'}]",
+        f"angle_scale = {1 / units.ANGLES[shown]!r}",
     ]
-    files.keep(path, "\n".join(lines) + "\n")
-    return read(path)
+    return "\n".join(lines) + "\n"
 
 
 def _check_names(own: OwnLog) -> None:
-    """Raise dahl.Error for a name that a scene file cannot hold."""
+    """Raise dahl.Error for names that a scene file cannot hold."""
     columns = [("column", name) for name in (own.angle, own.time, own.torque) if name]
     for kind, name in [("log", own.log.name), *columns]:
-        if not _can_hold(name):
+        if not _is_representable(name):
             raise Error(f"{kind} '{name}': a scene file cannot hold this name; rename the {kind}")
 
 
-def _can_hold(name: str) -> bool:
-    """Whether a scene file can: no comment sign in it, no spaces around it, and not too long for
-    dahl-loop.
+def _is_representable(name: str) -> bool:
+    """Return whether a scene file can contain a name: without comment sign, without spaces around
+    it, and short enough for dahl-loop.
     """
     plain = re.fullmatch(r"\S(.*\S)?", name) and not re.search(r"(^|\s);", name)
-    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < TEXT
-
-
-def _theta_per_count(own: OwnLog) -> float:
-    """rad per count; for millimetres counts_per_turn is counts per millimetre, and this is m per
-    count.
-    """
-    return (
-        1e-3 / own.counts_per_turn if own.angle_unit == "mm" else 2 * math.pi / own.counts_per_turn
-    )
-
-
-def _counts_per_unit(own: OwnLog) -> float:
-    per_turn = {"deg": 360.0, "rad": 2 * math.pi, "mm": 1.0, "counts": own.counts_per_turn}
-    return own.counts_per_turn / per_turn[own.angle_unit]
+    return bool(plain) and len(name.encode("utf-8", "surrogateescape")) < MAX_TEXT_BYTES

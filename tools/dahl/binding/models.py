@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: MIT
+"""The friction models of a node: the rows of DAHL_FRAMES_MODELS in dahl_frames.h, and the Python
+objects that are made from the numbers of a row.
+
+The table is read as text. The shared library is loaded only when an object is made.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from dahl import paths
+from dahl.errors import RunError
+
+if TYPE_CHECKING:
+    import dahl
+
+    AnyPlan: TypeAlias = dahl.Plan | dahl.Slip | dahl.Asymmetric | dahl.ElastoPlastic
+    Friction: TypeAlias = AnyPlan | dahl.Parallel | dahl.Loaded
+
+HEADER = "dahl_frames.h"
+ROW = re.compile(
+    r'MODEL\((\w+), \w+, (\w+), (\d+), (\d), (\d), (\d), "(\w*)",\s+(?:\\\s+)?"([^"]*)"\)'
+)
+
+
+@dataclass(frozen=True)
+class Model:
+    """One row of the table; the comment in dahl_frames.h defines the columns."""
+
+    name: str
+    class_name: str
+    number: int
+    sigma0s: int  # numbers of sigma0 [N m/rad]; 0: one for each element
+    Fcs: int  # numbers of Fc [N m]; 0: one for each element; 2: forward and backward
+    has_plan: bool
+    key: str
+    meaning: str
+
+    @property
+    def has_directions(self) -> bool:
+        """Whether Fc differs with the direction; the torque ratio is of the larger one."""
+        return self.Fcs == 2
+
+    def fits(self, sigma0s: int, Fcs: int) -> bool:  # noqa: N803
+        """Return whether it can be made of this many sigma0 and Fc."""
+        wanted = (self.sigma0s or Fcs, self.Fcs or Fcs)
+        return Fcs > 0 and (sigma0s, Fcs) == wanted
+
+
+@cache
+def table() -> dict[str, Model]:
+    """Return the models by name, `dahl` first. Raises dahl.RunError if there is no header."""
+    try:
+        text = (paths.INCLUDE / HEADER).read_text(encoding="utf-8")
+    except OSError as error:
+        raise RunError(f"{error.filename}: {error.strerror}") from None
+    rows = [
+        Model(name, class_name, int(number), int(sigma0s), int(Fcs), plan == "1", key, meaning)
+        for name, class_name, number, sigma0s, Fcs, plan, key, meaning in ROW.findall(text)
+    ]
+    rows.sort(key=lambda row: row.name != "dahl")  # the macro of the first row stands last
+    return {row.name: row for row in rows}
+
+
+def with_key(key: str) -> Model:
+    """Return the model that has this key of its own in a scene."""
+    return next(model for model in table().values() if model.key == key)
+
+
+def make(
+    model: Model,
+    sigma0: Sequence[float],
+    Fc: Sequence[float],  # noqa: N803
+    theta_per_count: float,
+    own: Any = None,
+) -> Friction:
+    """Return the Python object of a model: sigma0 in N m/rad, Fc in N m, theta_per_count in
+    rad/count, as many as `model.fits`; `own` is the value of its own key, of `kinds` a sequence.
+
+    Raises dahl.Error naming the parameter, its value and its limit.
+    """
+    from dahl import Loaded, Parallel, Plan, Slip
+
+    if model.name == "slip":
+        return Slip(sigma0, Fc, theta_per_count)
+    if model.name == "parallel":
+        elements = zip(own, sigma0, Fc, strict=True)
+        return Parallel(*(_element(*element, theta_per_count) for element in elements))
+    if model.name == "loaded":
+        return Loaded(Plan(sigma0[0], Fc[0], theta_per_count))
+    values = (*sigma0, *Fc, theta_per_count, *([own] if model.key else []))
+    return class_of(model)(*values)  # type: ignore[no-any-return]
+
+
+def class_of(model: Model) -> Any:
+    """Return the Python class of a model."""
+    return getattr(import_module("dahl"), "Plan" if model.name == "dahl" else model.class_name)
+
+
+def _element(
+    kind: str,
+    sigma0: float,
+    Fc: float,
+    theta_per_count: float,  # noqa: N803
+) -> dahl.Friction | dahl.Slip:
+    from dahl import Friction, Plan, Slip
+
+    if kind == "slip":
+        return Slip([sigma0], [Fc], theta_per_count)
+    return Friction(Plan(sigma0, Fc, theta_per_count))
