@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: MIT
-"""What the firmware of examples/ and port/arduino/ must print: its motion is the same."""
+"""Torques that the firmware of examples/ and port/arduino/ must print for their common motion."""
 
 from __future__ import annotations
 
 import math
 
 SIGMA0, FC, THETA_PER_COUNT = 100.0, 0.5, 2 * math.pi / 16384
-TICKS, COUNTS = 100, 2  # half of them forward, half back; so many counts a tick
+TICKS, COUNTS = 100, 2  # half of the ticks forward, half back; counts of a tick
 
 
 def expected_torques() -> dict[int, float]:
-    """N m after each tenth tick, by Eqs. 7 and 18: towards Fc from rest, then towards -Fc."""
+    """Return the torque in N m after each tenth tick (Eqs. 7 and 18)."""
     rate = SIGMA0 / FC * THETA_PER_COUNT * COUNTS
     half = TICKS // 2
     turned = 1 - math.exp(-rate * half)  # F/Fc at the reversal
