@@ -35,8 +35,12 @@ endif()
 
 # Call this after all targets are defined.
 function(dahl_install_wheel)
-    add_custom_target(dahl_wheel DEPENDS dahl_shared $<TARGET_NAME_IF_EXISTS:dahl-loop>)
+    add_custom_target(dahl_wheel DEPENDS dahl_shared dahl_binding $<TARGET_NAME_IF_EXISTS:dahl-loop>)
     install(FILES $<TARGET_FILE:dahl_shared> DESTINATION dahl/lib RENAME libdahl.so COMPONENT python)
+    install(FILES ${CMAKE_BINARY_DIR}/lib/dahl_declarations.h DESTINATION dahl/lib COMPONENT python)
+    if(TARGET dahl_module)
+        install(TARGETS dahl_module LIBRARY DESTINATION dahl/lib COMPONENT python)
+    endif()
     install(DIRECTORY lib/include/ DESTINATION dahl/share/include COMPONENT python)
     install(FILES lib/node/dahl.dbc DESTINATION dahl/share COMPONENT python)
     install(FILES host_sim/scene_keys.def host_sim/timing.h DESTINATION dahl/share COMPONENT python)

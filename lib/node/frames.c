@@ -71,6 +71,7 @@ static dahl_frames_check_t check(const dahl_can_frame_t *frame, uint8_t kind)
     return frame->data[0] == dahl_frames_crc(frame->data, kind) ? DAHL_FRAMES_GOOD : DAHL_FRAMES_BAD_CRC;
 }
 
+/* --- from dahl.dbc by tools/generators/frames.py: begin --- */
 void dahl_frames_pack_encoder(dahl_can_frame_t *frame, uint8_t node, const dahl_encoder_state_t *in)
 {
     begin(frame, DAHL_FRAMES_ID_ENCODER, node);
@@ -199,3 +200,4 @@ dahl_frames_check_t dahl_frames_unpack_reset(const dahl_can_frame_t *frame, dahl
     }
     return result;
 }
+/* --- from dahl.dbc: end --- */

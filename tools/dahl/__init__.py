@@ -38,17 +38,14 @@ from dahl.version import __version__ as __version__
 
 TYPE_CHECKING = False  # importing typing would double the time of `dahl --help`
 if TYPE_CHECKING:
-    from dahl.binding.core import (
-        Encoder,
-        Friction,
-        Plan,
-        State,
-        Throughput,
-        counts_between,
-        to_units,
-    )
-    from dahl.binding.parts import Parallel, Slip, ThroughputParallel, ThroughputSlip
-    from dahl.binding.variants import Asymmetric, ElastoPlastic, Loaded, VelocityTable, Work
+    from dahl.binding.bristles import Asymmetric, ElastoPlastic
+    from dahl.binding.encoder import Encoder, counts_between, to_units
+    from dahl.binding.friction import Friction, Plan, State
+    from dahl.binding.loaded import Loaded
+    from dahl.binding.slip import Parallel, Slip
+    from dahl.binding.throughput import Throughput, ThroughputParallel, ThroughputSlip
+    from dahl.binding.velocity import VelocityTable
+    from dahl.binding.work import Work
     from dahl.can import codec, node
     from dahl.can.node import Node
 
@@ -77,13 +74,18 @@ __all__ = [
     "to_units",
 ]
 SUBMODULES = {"codec": "dahl.can.codec", "node": "dahl.can.node"}
-MODULES = (
-    dict.fromkeys(("Parallel", "Slip", "ThroughputParallel", "ThroughputSlip"), "binding.parts")
-    | dict.fromkeys(
-        ("Asymmetric", "ElastoPlastic", "Loaded", "VelocityTable", "Work"), "binding.variants"
-    )
-    | {"Node": "can.node"}
-)  # module of each public name that is not in binding.core
+MODULES = {  # of the public classes and functions
+    "binding.bristles": ("Asymmetric", "ElastoPlastic"),
+    "binding.encoder": ("Encoder", "counts_between", "to_units"),
+    "binding.friction": ("Friction", "Plan", "State"),
+    "binding.loaded": ("Loaded",),
+    "binding.slip": ("Parallel", "Slip"),
+    "binding.throughput": ("Throughput", "ThroughputParallel", "ThroughputSlip"),
+    "binding.velocity": ("VelocityTable",),
+    "binding.work": ("Work",),
+    "can.node": ("Node",),
+}
+MODULE = {name: module for module, names in MODULES.items() for name in names}
 
 
 if not TYPE_CHECKING:  # a type checker would accept any name
@@ -92,8 +94,8 @@ if not TYPE_CHECKING:  # a type checker would accept any name
         """Load the library only when one of its names is used, so that `dahl --help` is quick."""
         if name in SUBMODULES:
             return import_module(SUBMODULES[name])
-        if name in __all__:
-            return getattr(import_module(f"dahl.{MODULES.get(name, 'binding.core')}"), name)
+        if name in MODULE:
+            return getattr(import_module(f"dahl.{MODULE[name]}"), name)
         raise AttributeError(f"module 'dahl' has no attribute '{name}'")
 
 

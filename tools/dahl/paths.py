@@ -61,6 +61,11 @@ def library() -> Path:
     return built_file("DAHL_LIBRARY", "lib/libdahl.so", "lib", "libdahl.so")
 
 
+def binding(name: str) -> Path:
+    """A file that the build writes next to the shared library for Python, if it is there."""
+    return (PACKAGE if INSTALLED else build_folder()) / "lib" / name
+
+
 def loop_program() -> Path:
     """Return the path of the program dahl-loop."""
     return built_file("DAHL_LOOP", "bin/dahl-loop", "host_sim", "dahl-loop")

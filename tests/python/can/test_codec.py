@@ -5,8 +5,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -228,6 +230,22 @@ def test_a_refusal_is_one_line_with_value_and_limit(call, complaint):
     with pytest.raises(Error, match=complaint) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+# --- what derives from the DBC --------------------------------------------------------------------
+
+
+def test_the_committed_files_are_those_that_the_dbc_gives(root):
+    """tools/generators/frames.py writes C, Python and a table; dahl_frames.h declares the same."""
+    spec = importlib.util.spec_from_file_location("frames", root / "tools/generators/frames.py")
+    frames = importlib.util.module_from_spec(spec)
+    sys.modules["frames"] = frames  # dataclasses look it up
+    spec.loader.exec_module(frames)
+    texts = frames.generated()
+    assert len(texts) == 3
+    for path, text in texts.items():
+        assert path.read_text(encoding="utf-8") == text, f"{path}: run tools/generators/frames.py"
+    assert frames.missing_in_header() == []
 
 
 # --- the DBC --------------------------------------------------------------------------------------

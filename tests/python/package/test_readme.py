@@ -40,7 +40,7 @@ def test_a_block_of_python_runs_and_prints(
 @pytest.mark.parametrize("block", BLOCKS)
 def test_a_block_of_c_compiles(block: str, tmp_path: Path) -> None:
     from dahl.binding import plan_header
-    from dahl.binding.core import Plan
+    from dahl.binding.friction import Plan
 
     plan = plan_header.text("rig", Plan(37349, 2.666, 1e-7), ["rig"])
     (tmp_path / "dahl_plan_rig.h").write_text(plan)

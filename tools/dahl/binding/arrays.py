@@ -1,33 +1,60 @@
 # SPDX-License-Identifier: MIT
-"""numpy arrays as the C library takes them: read and written in place where type and stride allow,
-copied or refused, by name, where not.
+"""numpy arrays for the C library: used in place if type and stride allow, else copied or refused,
+with the name of the argument.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dahl.binding.checks import INT32_MAX, INT32_MIN
+from dahl.binding.library import c
 from dahl.errors import Error
 
-INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
+C_TYPES = {
+    np.dtype(np.int32): "int32_t[]",
+    np.dtype(np.uint32): "uint32_t[]",
+    np.dtype(np.float32): "float[]",
+}
 
 
-def data(array: np.ndarray) -> int:
-    return array.ctypes.data
+def pointer(array: np.ndarray) -> Any:
+    """The array in C, without a copy. It keeps the array alive."""
+    return c.from_buffer(C_TYPES[array.dtype], array)
+
+
+def run(
+    batch: Callable[..., object],
+    arguments: tuple[Any, ...],
+    moves: np.ndarray,
+    out: np.ndarray | None,
+    load_of_each: ArrayLike | None = None,
+) -> np.ndarray:
+    """Call batch(*arguments, moves, [loads], torques, n), and return the torques."""
+    inputs = [moves] if load_of_each is None else [moves, loads(load_of_each, moves)]
+    torques = output(out, moves)
+    batch(*arguments, *map(pointer, (*inputs, torques)), len(moves))
+    return torques
 
 
 def is_list(values: object) -> bool:
-    """Has it a length and elements? Neither a text nor an array without dimensions has."""
+    """True for a sequence, but not for a text or an array without dimensions."""
     if isinstance(values, np.ndarray):
         return values.ndim > 0
     return isinstance(values, Sequence) and not isinstance(values, (str, bytes))
 
 
+def is_iterable(values: object) -> bool:
+    """True for an iterable, but not for an array without dimensions."""
+    return isinstance(values, Iterable) and getattr(values, "ndim", 1) > 0
+
+
 def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.ndarray:
-    """Moves as C wants them, shape (n,) or (n, channels); the very array where it is one."""
+    """Moves for C, shape (n,) or (n, channels); the same array if it can be used in place."""
     array = _array("moves", values)
     wanted = "(n,)" if channels is None else f"(n, {channels})"
     if array.ndim != (1 if channels is None else 2) or array.shape[1:] not in ((), (channels,)):
@@ -43,16 +70,16 @@ def moves(values: ArrayLike, dtype: type, channels: int | None = None) -> np.nda
 
 
 def _for_c(array: np.ndarray, dtype: type) -> np.ndarray:
-    """Each value a whole one in memory, not across the words of the processor."""
+    """Contiguous, and each value aligned."""
     return np.require(array, dtype, ("C_CONTIGUOUS", "ALIGNED"))
 
 
 def _array(name: str, values: ArrayLike) -> np.ndarray:
-    """What numpy makes of the values, if it is an array of numbers and nothing of it is masked."""
+    """The values as an array. Raises dahl.Error for masked values and if it is no array."""
     many = values if isinstance(values, (list, tuple)) else [values]
     if any(isinstance(each, np.ma.MaskedArray) and np.ma.is_masked(each) for each in many):
         raise Error(
-            f"{name} has masked values, which C would take for numbers;"
+            f"{name} has masked values, which C would read as numbers;"
             " .compressed() drops them, .filled(0) makes each of them 0"
         )
     try:
@@ -62,7 +89,7 @@ def _array(name: str, values: ArrayLike) -> np.ndarray:
 
 
 def _whole(array: np.ndarray) -> np.ndarray:
-    """Any numbers as int32, if that is what they are."""
+    """Whole numbers as int32. Raises dahl.Error for any other value, with its place."""
     if array.dtype.kind not in "fiu":
         raise Error(f"moves has type {array.dtype}, not int32")
     wide = array.astype(np.float64) if array.dtype in (np.float16, np.float32) else array
@@ -79,7 +106,7 @@ def _whole(array: np.ndarray) -> np.ndarray:
 
 
 def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
-    """A load for each move, 0 <= load < 2, as C wants it: Q30, rounded."""
+    """A load for each move, 0 <= load < 2, rounded to Q30."""
     array = _array("loads", values)
     if array.dtype.kind not in "fiu":
         raise Error(f"loads has type {array.dtype}, not float64")
@@ -92,8 +119,8 @@ def loads(values: ArrayLike, moves: np.ndarray) -> np.ndarray:
     return np.minimum(np.rint(array.astype(np.float64) * 2.0**30), 2**31 - 1).astype(np.uint32)
 
 
-def out(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
-    """Where the torques go: a new array, or `out` if C can write it."""
+def output(given: np.ndarray | None, wanted: np.ndarray) -> np.ndarray:
+    """A new array for the torques, or the given one if C can write it."""
     if given is None:
         return np.empty(wanted.shape, np.float32)
     if isinstance(given, np.ma.MaskedArray) or not isinstance(given, np.ndarray):

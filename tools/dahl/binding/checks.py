@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What callers of the Python API may pass: each refusal is a dahl.Error with name, value and
-limit.
-"""
+"""Checks of the arguments of the Python API. Each raises dahl.Error with name, value and limit."""
 
 from __future__ import annotations
 
@@ -12,17 +10,22 @@ from collections.abc import Callable
 from functools import wraps
 from numbers import Integral, Real
 from types import FunctionType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, cast
 
 from dahl.errors import Error
 
+INT32_MIN, INT32_MAX = -(1 << 31), (1 << 31) - 1
+UINT32_MAX = 2**32 - 1
+MISSING: Any = object()  # an argument that was not given
+
 P = ParamSpec("P")
 R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
 
 def shown(value: object) -> str:
-    """A value as a complaint names it: on one line, cut where it is long."""
+    """A value for an error message: one line, cut if it is long."""
     try:
         return " ".join(reprlib.repr(value).split())
     except ValueError:  # an integer of more than 4300 digits
@@ -65,6 +68,11 @@ def whole(name: str, value: object, least: int, most: int) -> int:
     return math.trunc(exact)
 
 
+def counts(dcounts: int) -> int:
+    """A move in counts."""
+    return whole("dcounts", dcounts, INT32_MIN, INT32_MAX)
+
+
 def instance(name: str, value: object, wanted: type[T]) -> T:
     """`value`, if it is of the wanted type."""
     if not isinstance(value, wanted):
@@ -73,7 +81,7 @@ def instance(name: str, value: object, wanted: type[T]) -> T:
 
 
 def names_checked(function: Callable[P, R]) -> Callable[P, R]:
-    """A call that does not fit the signature is a dahl.Error that says what would fit."""
+    """Raise dahl.Error, with the arguments that fit, for a call that does not fit the signature."""
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -86,14 +94,35 @@ def names_checked(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
+def quick_counts(method: F) -> F:
+    """Call self._step, a C function that is bound to plan and state, for an int within int32. All
+    other arguments go to the method. Such a call packs no tuple and makes no second Python call.
+    """
+    general: Any = names_checked(method)
+
+    @wraps(method)
+    def call(self: Any, dcounts: Any = MISSING, /, *more: Any, **named: Any) -> Any:
+        if type(dcounts) is int and not more and not named:
+            try:
+                return self._step(dcounts)
+            except OverflowError:
+                pass
+        given = () if dcounts is MISSING else (dcounts,)
+        return general(self, *given, *more, **named)
+
+    return cast(F, call)
+
+
 def calls_checked(cls: type[T]) -> type[T]:
-    """names_checked() for all that users call of a class."""
+    """Apply names_checked() to all public methods of a class."""
     for name, member in list(vars(cls).items()):
         public = name == "__init__" or not name.startswith("_")
-        if public and isinstance(member, FunctionType):
+        if not public:
+            continue
+        if isinstance(member, FunctionType) and not hasattr(member, "__wrapped__"):
             setattr(cls, name, names_checked(member))
-        elif public and isinstance(member, staticmethod):
-            setattr(cls, name, staticmethod(names_checked(member.__func__)))
+        elif isinstance(member, (staticmethod, classmethod)):
+            setattr(cls, name, type(member)(names_checked(member.__func__)))
     return cls
 
 

@@ -1,36 +1,64 @@
 # SPDX-License-Identifier: MIT
-"""Copies and pickles of what the C library keeps: they go on where it stands, and hold all that a
-subclass adds.
+"""Copies and pickles of objects that hold structures of the C library. A copy keeps the current
+state, and everything that a subclass adds.
 """
 
 from __future__ import annotations
 
 import copy
-import ctypes
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
+
+from dahl.binding.library import c
+
+
+class _Content(NamedTuple):
+    """A C structure in a pickle. It must not hold addresses."""
+
+    type_name: str
+    content: bytes
 
 
 class Copied:
-    """Its state is in attributes that are values, or ctypes structures without addresses."""
+    """Base of classes whose attributes are values or C structures without addresses."""
 
-    _made_again: ClassVar[frozenset[str]] = frozenset({"_words"})  # in no copy, by _prepare()
+    _derived_fields: ClassVar[frozenset[str]] = frozenset({"_prepared"})  # _prepare() makes them
 
     def _prepare(self) -> None:
-        """Make from the parameters what the C library makes of them, where there is any."""
+        """Make the derived fields from the parameters."""
 
     def __getstate__(self) -> dict[str, Any]:
-        kept: Any = super().__getstate__()  # a pair where a subclass has slots
+        kept: Any = super().__getstate__()  # a pair if a subclass has slots
         values = {**(kept[0] or {}), **kept[1]} if isinstance(kept, tuple) else kept
-        return {name: value for name, value in values.items() if name not in self._made_again}
+        return {k: _kept(v) for k, v in values.items() if k not in self._derived_fields}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         for name, value in kept.items():
-            object.__setattr__(self, name, value)  # also of what is frozen
+            object.__setattr__(self, name, _restored(value))  # a frozen class too
         self._prepare()
 
     def __copy__(self) -> Self:
-        """It shares what does not change, and has a state of its own."""
-        kept, other = self.__getstate__(), type(self).__new__(type(self))
-        states = {k: copy.copy(v) for k, v in kept.items() if isinstance(v, ctypes.Structure)}
-        other.__setstate__(kept | states)
+        """Share what is constant, and copy the state."""
+        other, kept = type(self).__new__(type(self)), self.__getstate__()
+        if "_state" in kept:
+            kept["_state"] = copy.copy(kept["_state"])
+        other.__setstate__(kept)
         return other
+
+
+def content(structure: Any) -> bytes:
+    """The bytes of a C structure."""
+    return bytes(c.buffer(structure))
+
+
+def _kept(value: Any) -> Any:
+    if isinstance(value, c.CData):
+        return _Content(c.typeof(value).item.cname, content(value))
+    return value
+
+
+def _restored(value: Any) -> Any:
+    if not isinstance(value, _Content):
+        return value
+    structure = c.new(f"{value.type_name} *")
+    c.memmove(structure, value.content, len(value.content))
+    return structure

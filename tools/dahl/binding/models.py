@@ -11,17 +11,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from dahl import paths
 from dahl.errors import RunError
 
 if TYPE_CHECKING:
-    import dahl
+    from dahl.binding.bristles import Bristle
+    from dahl.binding.friction import Friction, Plan
+    from dahl.binding.loaded import Loaded
+    from dahl.binding.slip import Parallel, Slip
 
-    AnyPlan: TypeAlias = dahl.Plan | dahl.Slip | dahl.Asymmetric | dahl.ElastoPlastic
-    Friction: TypeAlias = AnyPlan | dahl.Parallel | dahl.Loaded
+    AnyPlan: TypeAlias = Plan | Slip | Bristle
+    AnyModel: TypeAlias = AnyPlan | Parallel | Loaded
 
 HEADER = "dahl_frames.h"
 ROW = re.compile(
@@ -79,13 +81,15 @@ def make(
     Fc: Sequence[float],  # noqa: N803
     theta_per_count: float,
     own: Any = None,
-) -> Friction:
+) -> AnyModel:
     """Return the Python object of a model: sigma0 in N m/rad, Fc in N m, theta_per_count in
     rad/count, as many as `model.fits`; `own` is the value of its own key, of `kinds` a sequence.
 
     Raises dahl.Error naming the parameter, its value and its limit.
     """
-    from dahl import Loaded, Parallel, Plan, Slip
+    from dahl.binding.friction import Plan
+    from dahl.binding.loaded import Loaded
+    from dahl.binding.slip import Parallel, Slip
 
     if model.name == "slip":
         return Slip(sigma0, Fc, theta_per_count)
@@ -100,7 +104,10 @@ def make(
 
 def class_of(model: Model) -> Any:
     """Return the Python class of a model."""
-    return getattr(import_module("dahl"), "Plan" if model.name == "dahl" else model.class_name)
+    from dahl.binding import bristles, friction, loaded, slip
+
+    name = "Plan" if model.name == "dahl" else model.class_name
+    return next(getattr(m, name) for m in (friction, slip, bristles, loaded) if hasattr(m, name))
 
 
 def _element(
@@ -108,8 +115,9 @@ def _element(
     sigma0: float,
     Fc: float,
     theta_per_count: float,  # noqa: N803
-) -> dahl.Friction | dahl.Slip:
-    from dahl import Friction, Plan, Slip
+) -> Friction | Slip:
+    from dahl.binding.friction import Friction, Plan
+    from dahl.binding.slip import Slip
 
     if kind == "slip":
         return Slip([sigma0], [Fc], theta_per_count)

@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: MIT
 """A prepared plan as a header for C99 and C++11, ready for flash, of Dahl's model or of one of
-dahl_parts.h. dahl_prepare() and its like make the words, the structs in the headers say what they
-are called; no layout is known here.
+dahl_parts.h. dahl_prepare() and its like make the words; the field names come from the public
+headers.
 """
 
 from __future__ import annotations
 
-import ctypes
 import inspect
 import re
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dahl import paths
 from dahl.binding import models
-from dahl.errors import Error, RunError
+from dahl.binding.library import c
+from dahl.errors import Error
 from dahl.version import __version__
 
 if TYPE_CHECKING:
@@ -23,20 +21,7 @@ if TYPE_CHECKING:
 
     AnyPlan: TypeAlias = models.AnyPlan
 
-WORDS = {
-    "uint8_t": ctypes.c_uint8,
-    "uint32_t": ctypes.c_uint32,
-    "int32_t": ctypes.c_int32,
-    "uint64_t": ctypes.c_uint64,
-    "int64_t": ctypes.c_int64,
-}
-SUFFIX = {
-    ctypes.c_uint8: "u",
-    ctypes.c_uint32: "u",
-    ctypes.c_int32: "",
-    ctypes.c_uint64: "ull",
-    ctypes.c_int64: "ll",
-}
+SUFFIX = {"uint8_t": "u", "uint32_t": "u", "int32_t": "", "uint64_t": "ull", "int64_t": "ll"}
 LINE = 96  # characters
 HEAD = re.compile(
     r"/\*(?:(?!\*/).)*dahl_(?:\w+_)?prepare\(\) of .*?\*/\n#ifndef DAHL_PLAN_\w+_H\n", re.DOTALL
@@ -50,39 +35,6 @@ def _kind(plan: type) -> tuple[str, str, tuple[str, ...]]:
         if row.has_plan and row.class_name == plan.__name__:
             return f"dahl_{row.name}_", "dahl_parts.h", parameters
     return "dahl_", "dahl.h", parameters
-
-
-@cache
-def _headers() -> str:
-    """dahl.h and dahl_parts.h, without comments, and with the numbers that stand for names."""
-    try:
-        text = "".join(
-            (paths.INCLUDE / name).read_text(encoding="utf-8")
-            for name in ("dahl.h", "dahl_parts.h")
-        )
-    except OSError as error:
-        raise RunError(f"{error.filename}: {error.strerror}") from None
-    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
-    for name, value in re.findall(r"#define (DAHL_\w+) (\d+)\n", text):
-        text = re.sub(rf"\[{name}\]", f"[{value}]", text)
-    return text
-
-
-@cache
-def structure(name: str) -> type[ctypes.Structure]:
-    """A struct as the headers declare it."""
-    body = re.search(rf"typedef struct\s*\w*\s*\{{([^}}]*)\}}\s*{name};", _headers())
-    if body is None:
-        raise RunError(f"dahl.h, dahl_parts.h: no struct {name}")
-    fields: list[tuple[str, Any]] = []
-    for kind, field, count in re.findall(r"(\w+)\s+(\w+)(?:\[(\d+)\])?;", body[1]):
-        one = WORDS.get(kind) or structure(kind)
-        fields.append((field, one * int(count) if count else one))
-    if len(fields) != body[1].count(";"):
-        raise RunError(
-            f"dahl.h, dahl_parts.h: a field of {name} that is no word nor array of words"
-        )
-    return type(name, (ctypes.Structure,), {"_fields_": fields})
 
 
 def identifier(name: str) -> str:
@@ -102,15 +54,15 @@ def is_plan(path: Path) -> bool:
 
 
 def _initialiser(value: Any, kind: Any) -> str:
-    if issubclass(kind, ctypes.Array):
-        return "{" + ", ".join(_initialiser(one, kind._type_) for one in value) + "}"
-    if issubclass(kind, ctypes.Structure):
-        return "{" + ", ".join(initial for _, initial in _fields(value)) + "}"
-    return f"{value}{SUFFIX[kind]}"
+    if kind.kind == "array":
+        return "{" + ", ".join(_initialiser(one, kind.item) for one in value) + "}"
+    if kind.kind == "struct":
+        return "{" + ", ".join(initial for _, initial in _fields(value, kind)) + "}"
+    return f"{value}{SUFFIX[kind.cname]}"
 
 
-def _fields(value: ctypes.Structure) -> list[tuple[str, str]]:
-    return [(name, _initialiser(getattr(value, name), kind)) for name, kind, *_ in value._fields_]
+def _fields(value: Any, kind: Any) -> list[tuple[str, str]]:
+    return [(name, _initialiser(getattr(value, name), one.type)) for name, one in kind.fields]
 
 
 def _parameters(plan: AnyPlan, names: tuple[str, ...]) -> str:
@@ -160,8 +112,8 @@ def text(name: str, plan: AnyPlan | dict[str, AnyPlan], comment: list[str]) -> s
 
 
 def with_load(header: str, name: str, at_zero: float, per_unit: float) -> str:
-    """A header of a plan for dahl_loaded_step_counts() with what makes its load_q30 out of a load
-    as it is measured: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
+    """A header of a plan for dahl_loaded_step_counts() with a function for its load_q30 from a
+    measured load: load_q30 = 2^30 (at_zero + per_unit load), 0 .. 2^31 - 1, 0 for NaN.
     """
     header = header.replace('#include "dahl.h"', '#include "dahl_parts.h"')
     end = header.rindex("#endif /* ")
@@ -187,10 +139,10 @@ def _float(value: float) -> str:
 def _words(name: str, plan: AnyPlan) -> list[str]:
     """One plan."""
     prefix = _kind(type(plan))[0]
-    words = structure(f"{prefix}plan_t").from_buffer_copy(plan._words)
+    words = _fields(plan._prepared, c.typeof(f"{prefix}plan_t"))
     return [
         f"static const {prefix}plan_t dahl_plan_{name} = {{",
-        *(line for field, value in _fields(words) for line in _folded(f"/* {field} */ {value},")),
+        *(line for field, value in words for line in _folded(f"/* {field} */ {value},")),
         "};",
         "",
     ]

@@ -2,9 +2,9 @@
 """One long trajectory of a Dahl element on several cores.
 
 The torque of a tick depends on the state before it, but a bristle forgets: travel of u presliding
-lengths leaves exp(-u) of what two states differ by. So each part of a log runs by itself, from
-rest, and its map w -> exp(-u) w + (its end from rest) tells with which state the next one starts.
-Then its first ticks, up to where that state is forgotten, run again from it.
+lengths leaves exp(-u) of the difference of two states. So each part of a log runs from rest. Its
+map w -> exp(-u) w + (its end from rest) gives the start of the next part. Then the first ticks of
+a part, until its start is forgotten, run again from that state.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 FORGOTTEN = 45.0  # presliding lengths: exp(-45) is less than the last bit of a state in Q62
 PART_LEAST = 1 << 18  # ticks of a part for which a thread is worth its start
-BLOCK = 512  # ticks that the C computes together: a part begins where one thread's blocks do
-LOOK = 8 * BLOCK  # ticks whose travel is first asked for; twice as many each time, up to
-LOOK_MOST = 128 * BLOCK  # so many, which stay in a cache
+BLOCK = 512  # ticks that the C computes together: a part begins at a multiple of them
+LOOK = 8 * BLOCK  # ticks of the first sum of travel; each next sum has twice as many
+LOOK_MOST = 128 * BLOCK  # at most, so that they stay in a cache
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
-from dahl.binding import core
+from dahl.binding.library import load
 from dahl.can import codec, counters
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Missing:
     """Feed it each recorded frame; count() returns how many frames of all nodes are missing."""
 
     def __init__(self) -> None:
-        core.library()  # must not fail later, while a bus is recorded
+        load()  # it must not fail later, while a bus is recorded
         self._nodes: dict[tuple[object, int], _Node] = {}
 
     def feed(self, frame: can.Message) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The friction node in Python: lib/node as a firmware links it, on any bus that python-can opens.
+"""The friction node in Python: the node of the firmware, on any bus that python-can opens.
 
-Node decides, bit for bit as the firmware does, and has no bus and no clock. run() serves nodes on a
-bus until it is stopped, Listener does so in a can.Notifier, serve() in asyncio; ask() and
-expect_silence() are the other end.
+Node answers frames with the same bits as the firmware. It has no bus and no clock. run() serves
+nodes on a bus, Listener does so in a can.Notifier, serve() in asyncio. ask() and expect_silence()
+test a node from the other end of the bus.
 
 >>> import dahl
 >>> from dahl import codec
@@ -18,17 +18,23 @@ from __future__ import annotations
 
 import asyncio
 import copy
-import ctypes
 import functools
+import math
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
-from dahl.binding import checks, core, models, parts, variants
-from dahl.binding.copies import Copied
+from dahl.binding import checks, models
+from dahl.binding.bristles import Bristle
+from dahl.binding.checks import INT32_MAX, UINT32_MAX
+from dahl.binding.copies import Copied, content
+from dahl.binding.friction import Friction, Plan
+from dahl.binding.library import c
+from dahl.binding.loaded import Loaded
+from dahl.binding.slip import SLIP_MAX, Parallel, Slip
 from dahl.can import codec
 from dahl.can.bus import receive
 from dahl.errors import Error, RunError, Timeout
@@ -36,23 +42,21 @@ from dahl.errors import Error, RunError, Timeout
 if TYPE_CHECKING:
     import can
 
-    from dahl.binding.models import Friction
-
 __all__ = ["Counts", "Listener", "Node", "Traffic", "ask", "expect_silence", "run", "serve"]
 
-PERIOD = 0.005  # s at most from one look at the clock to the next
+PERIOD = 0.005  # s at most between two calls of tick()
 ONE = 65536  # DAHL_NODE_ONE: gain and limit of 1
-MODEL_BYTES = 24  # of a dahl_node_model_t, which every kept model begins with
-KEPT_ROOM = 512  # 8-byte words for what a model keeps (346 are used at most)
 BUS_OFF = 0x40  # DAHL_CAN_ERROR_BUS_OFF
 ANSWERS = (codec.FrictionTorque.base, codec.Status.base, codec.ParamReply.base)
-LONG, INT32_MAX = 60.0, 2**31 - 1  # s; what a parameter on the bus can say
-LEAP = 1000.0  # s without a call: longer than any timeout, shorter than what 32 bits of us tell
+LONG = 60.0  # s, the longest time that a parameter on the bus can hold
+LEAP = 1000.0  # s without a call: longer than any timeout, shorter than 2^31 us
+
+Model: TypeAlias = Plan | Slip | Parallel | Bristle | Loaded
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Frames by what became of them, since the node was made; lost ones never came in time."""
+    """Frames since the node was made, by their treatment; a lost frame did not come in time."""
 
     ok: int
     repeated: int
@@ -71,65 +75,34 @@ class Counts:
 
 
 COUNTS = tuple(Counts.__dataclass_fields__)
-SETTINGS = ("gain", "limit", "load", "ramp_us", "timeout_us", "max_step", "status_us")
-TIMES = ("gain_now", "gain_rest", "count", "good_us", "sent_us", "bus_off_us")
-BYTES = (
-    *("number", "state", "errors", "counter", "good_in_a_row", "candidate", "bus_off_count"),
-    *("torque_counter", "status_counter"),
-    *("cleared_lost", "cleared_corrupt", "cleared_out_of_step", "primed", "silenced", "urgent"),
-)
-
-
-class NodeStructure(ctypes.Structure):
-    """dahl_node_t; a test holds both together."""
-
-    _fields_: ClassVar[list[tuple[str, Any]]] = [
-        ("plan", ctypes.c_uint64 * 39),
-        ("parameters", core._Params),  # `params` in C, as one of the counts is too
-        ("held", core._Params),
-        ("bearing", core.State),
-        ("model", ctypes.c_void_p),
-        *((name, ctypes.c_uint32) for name in (*COUNTS, *SETTINGS, *TIMES)),
-        *((name, ctypes.c_uint8) for name in BYTES),
-    ]
-
-
-class _ParallelParams(ctypes.Structure):
-    _fields_ = [
-        ("elements", ctypes.c_uint32),
-        ("slips", ctypes.c_uint32),
-        ("theta_per_count", ctypes.c_float),
-        ("sigma0", ctypes.c_float * parts.SLIP_MAX),
-        ("Fc", ctypes.c_float * parts.SLIP_MAX),
-    ]
 
 
 @checks.calls_checked
 class Node(Copied):
-    """A friction node (dahl_node_t): frames in, frames out, relaxed and unaware at first.
+    """A friction node (dahl_node_t): frames in, frames out, relaxed at first.
 
-    friction       a Plan, or the object of another model, such as a Slip; only its parameters are
-                   used. Parameter Load sets the load of a Loaded, 0 .. 1; 1 at first
+    friction       a Plan, or a Slip, Parallel, Asymmetric, ElastoPlastic or Loaded; the node copies
+                   its parameters, not its state. Parameter Load sets the load of a Loaded, 0 .. 1;
+                   1 at first
     number         0 .. 15, the low 4 bits of its ids
     gain           part of the torque that is answered, 0 .. 1
     limit          part of Fc that the answer is clamped to, 0 .. 1
     ramp           s that the gain needs from 0 to 1, 0 .. 60
     timeout        s without a good EncoderState after which it is stale, 0.001 .. 60
-    max_step       counts per ms; what is faster is not believed. 0: no limit known
+    max_step       counts per ms; a faster count is a jump. 0: no limit
     status_period  s from one Status to the next, 0 .. 60; 0: only after an event
 
-    Like the C, it has no clock: `now` is the caller's, in s, on any clock; a call without it is
-    at the last `now` that was given, 0 at first. Every frame is welcome, whatever it is; what
-    becomes of it is one table in docs/loop.md. Comparable, picklable; a copy goes its own way. One
-    thread at a time. About 10 us a frame. Raises dahl.Error naming the argument, its value and its
-    limit.
+    It has no clock: the caller gives `now` in s, on any clock. A call without it uses the last
+    `now`, 0 at first. It accepts any frame; a table in docs/loop.md has the treatment of each.
+    Comparable, picklable; a copy has a state of its own. One thread at a time. About 2 us a frame.
+    Raises dahl.Error with the argument, its value and its limit.
     """
 
-    _made_again = frozenset({"_node", "_kept"})
+    _derived_fields = frozenset({"_node", "_kept", "_in", "_out"})
 
     def __init__(
         self,
-        friction: Friction,
+        friction: Model,
         number: int = 0,
         *,
         gain: float = 1.0,
@@ -139,9 +112,7 @@ class Node(Copied):
         max_step: int = 0,
         status_period: float = 0.1,
     ) -> None:
-        self._now = 0.0
-        self._node = NodeStructure()
-        self._kept = (ctypes.c_uint64 * KEPT_ROOM)()
+        self._now, self._us = 0.0, 0  # s, and on the clock of the C
         self._friction = copy.deepcopy(friction) if _use_of(friction) else friction
         self._begin(codec.number_of(number, "number"))
         self._node.gain = round(_within("gain", gain, 0, 1, "") * ONE)
@@ -153,24 +124,25 @@ class Node(Copied):
         self._node.gain_now = 0 if self._node.ramp_us else self._node.gain
 
     def _begin(self, number: int) -> None:
-        """dahl_node_init, and dahl_node_use_NAME where it is no Plan."""
+        """dahl_node_init, and dahl_node_use_NAME if it is no Plan."""
         use = _use_of(self._friction)
         if use is None:
             known = ", ".join(models.class_of(row).__name__ for row in models.table().values())
             raise Error(f"friction = {checks.shown(self._friction)} is none of {known}")
         first, name, arguments = use(self._friction)
         first._need_counts()
-        params = core._Params(first.sigma0, first.Fc, first.theta_per_count)
-        lib, node = core.library(), ctypes.byref(self._node)
-        failed = lib.dahl_node_init(node, ctypes.byref(params), number)
+        self._node, self._kept = c.new("dahl_node_t *"), None
+        self._in, self._out = codec.RawFrame(), codec.RawFrame()
+        failed = c.dahl_node_init(self._node, first._params(), number)
         if name and not failed:
-            failed = getattr(lib, f"dahl_node_use_{name}")(node, self._kept, *arguments)
+            self._kept = c.new(f"dahl_node_{name}_t *")
+            failed = getattr(c, f"dahl_node_use_{name}")(self._node, self._kept, *arguments)
         if failed:
             raise Error(f"friction = {self._friction!r} is refused by the node")
 
     @property
-    def friction(self) -> Friction:
-        """What it was made of; a ParamWrite may have changed the node since."""
+    def friction(self) -> Model:
+        """The model given; a ParamWrite may have changed the node since."""
         return self._friction
 
     @property
@@ -180,7 +152,7 @@ class Node(Copied):
 
     @property
     def state(self) -> codec.State:
-        """What it thinks of its input."""
+        """State of the receiver."""
         return codec.State(self._node.state)
 
     @property
@@ -190,69 +162,62 @@ class Node(Copied):
 
     @property
     def counts(self) -> Counts:
-        """Frames by what became of them."""
-        return Counts(*(getattr(self._node, name) for name in COUNTS))
+        """Frames by their treatment."""
+        return Counts(*(getattr(self._node.counts, name) for name in COUNTS))
 
     def receive(self, message: can.Message, now: float | None = None) -> can.Message | None:
-        """Take one frame, any frame; returns the answer to send at once, None where there is none:
-        to the counts of an EncoderState a FrictionTorque, to a ParamWrite a ParamReply, to a Reset
-        a Status. `now` in s. Raises dahl.Error for what is no can.Message, and for a `now` that is
-        no finite number.
+        """Process one frame of any kind. Returns the answer to send at once, if there is one: a
+        FrictionTorque to an EncoderState, a ParamReply to a ParamWrite, a Status to a Reset. `now`
+        in s. Raises dahl.Error if message is no can.Message or `now` is no finite number.
         """
-        moment, frame = self._at(now), codec.raw_of(message)
-        if message.is_error_frame and not frame.id & BUS_OFF:
-            return None  # an event of the controller that says nothing of the encoder
-        out = codec.CanFrame()
-        answers = core.library().dahl_node_receive(
-            ctypes.byref(self._node), ctypes.byref(frame), moment, ctypes.byref(out)
-        )
-        return codec.message_of(out) if answers & 1 else None
+        moment = self._us if now is None else self._at(now)
+        self._in.read(message)
+        if message.is_error_frame and not self._in.c.id & BUS_OFF:
+            return None  # an event of the controller that does not concern the encoder
+        if c.dahl_node_receive(self._node, self._in.c, moment, self._out.c):
+            return self._out.message()
+        return None
 
     def tick(self, now: float | None = None) -> can.Message | None:
-        """Look at the clock, every few ms; returns a Status, with its counts of frames, to send,
-        None where none is due. The first call gives one at once. `now` in s. Raises dahl.Error for
-        a `now` that is no finite number.
+        """Check the clock; call it every few ms. Returns a Status to send if one is due. The first
+        call returns one at once. `now` in s. Raises dahl.Error if `now` is no finite number.
         """
-        moment, out = self._at(now), codec.CanFrame()
-        due = core.library().dahl_node_tick(ctypes.byref(self._node), moment, ctypes.byref(out))
-        return codec.message_of(out) if due & 1 else None
+        moment = self._us if now is None else self._at(now)
+        return self._out.message() if c.dahl_node_tick(self._node, moment, self._out.c) else None
 
-    def _at(self, now: float | None) -> ctypes.c_uint32:
-        if now is not None:
-            moment = checks.finite("now", now, "s")
-            if moment - self._now > LEAP:
-                self._age(moment)
-            self._now = moment
-        return _clock(self._now)
+    def _at(self, now: float) -> int:
+        """The clock of the C at a new `now`."""
+        if type(now) is not float or not math.isfinite(now):
+            now = checks.finite("now", now, "s")
+        if now - self._now > LEAP:
+            self._age(now)
+        self._now, self._us = now, round(now * 1e6) & UINT32_MAX
+        return self._us
 
     def _age(self, moment: float) -> None:
-        """A time went by without a call that the C, whose clock wraps after 71 minutes, could take
-        for a short one: what is too old is so at its beginning, and a Status is due at its end.
+        """Handle a pause so long that the clock of the C, which wraps after 71 minutes, could read
+        it as a short one: ages end at its beginning, and a Status is due at its end.
         """
-        counter, out = self._node.status_counter, codec.CanFrame()
-        due = core.library().dahl_node_tick(
-            ctypes.byref(self._node), _clock(self._now + LEAP), ctypes.byref(out)
-        )
-        if due & 1:
+        counter = self._node.status_counter
+        if c.dahl_node_tick(self._node, _clock(self._now + LEAP), self._out.c):
             self._node.status_counter, self._node.urgent = counter, 1
         self._node.bus_off_us = _clock(moment - LEAP)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All that it is made of, but for addresses."""
-        node = NodeStructure.from_buffer_copy(self._node)
-        node.model = None
-        kept = bytes(self._kept)[MODEL_BYTES:]
-        return {**super().__getstate__(), "_node": bytes(node), "_kept": kept}
+        """All fields without addresses."""
+        node = c.new("dahl_node_t *", self._node[0])
+        node.model = c.NULL
+        kept = content(self._kept)[c.sizeof("dahl_node_model_t") :] if self._kept else b""
+        return {**super().__getstate__(), "_node": content(node), "_kept": kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        self._node, self._kept = NodeStructure(), (ctypes.c_uint64 * KEPT_ROOM)()
-        self._begin(0)  # of the library that is there now
+        self._begin(0)  # with the library of this process
         model = self._node.model
-        self._node = NodeStructure.from_buffer_copy(state["_node"])
+        c.memmove(self._node, state["_node"], len(state["_node"]))
         self._node.model = model
-        kept = state["_kept"]
-        ctypes.memmove(ctypes.addressof(self._kept) + MODEL_BYTES, kept, len(kept))
+        if self._kept:
+            c.buffer(self._kept)[c.sizeof("dahl_node_model_t") :] = state["_kept"]
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Node):
@@ -261,7 +226,7 @@ class Node(Copied):
 
     def _compared(self) -> tuple[Any, ...]:
         """All but addresses, and padding that C leaves as it is."""
-        first, last = NodeStructure.parameters.offset, NodeStructure.urgent.offset
+        first, last = (c.offsetof("dahl_node_t", name) for name in ("params", "urgent"))
         state = self.__getstate__()
         return type(self._friction), state["_node"][first : last + 1], state["_kept"]
 
@@ -270,7 +235,7 @@ class Node(Copied):
     def __repr__(self) -> str:
         return (
             f"<Node {self._friction!r}, number={self.number}, state={self.state.name},"
-            f" ok={self._node.ok}>"
+            f" ok={self._node.counts.ok}>"
         )
 
 
@@ -285,73 +250,69 @@ def _us(seconds: float) -> int:
     return round(seconds * 1e6)
 
 
-def _clock(seconds: float) -> ctypes.c_uint32:
+def _clock(seconds: float) -> int:
     """The clock of the C at this time: us, modulo 2^32."""
-    return ctypes.c_uint32(_us(seconds) & core.UINT32_MAX)
+    return _us(seconds) & UINT32_MAX
 
 
-# --- models: a Plan of the first element, the call, and its arguments -----------------------------
+# --- models: a Plan of the first element, NAME of dahl_node_use_NAME, and its arguments -----------
+
+Use: TypeAlias = tuple[Plan, str, tuple[Any, ...]]
 
 
-def _use_plan(plan: core.Plan) -> tuple[core.Plan, str, tuple[Any, ...]]:
+def _use_plan(plan: Plan) -> Use:
     return plan, "", ()
 
 
-def _use_slip(slip: parts.Slip) -> tuple[core.Plan, str, tuple[Any, ...]]:
-    params = parts._SlipParams(len(slip.sigma0), slip.theta_per_count)
-    params.sigma0[: params.elements], params.Fc[: params.elements] = slip.sigma0, slip.Fc
-    first = core.Plan(slip.sigma0[0], slip.Fc[0], slip.theta_per_count)
-    return first, "slip", (ctypes.byref(params),)
+def _use_slip(slip: Slip) -> Use:
+    first = Plan(slip.sigma0[0], slip.Fc[0], slip.theta_per_count)
+    return first, "slip", (slip._params(),)
 
 
-def _use_bristle(one: variants._Bristle) -> tuple[core.Plan, str, tuple[Any, ...]]:
-    """Its values are sigma0, one or two Fc, theta_per_count, and that of its own key if any."""
-    params = one._values[:-1] if models.table()[one._kind].key else one._values
-    first = core.Plan(params[0], params[1], params[-1])
-    more = map(ctypes.c_float, one._values[len(params) :])
-    return first, one._kind, ((ctypes.c_float * len(params))(*params), *more)
+def _use_bristle(one: Bristle) -> Use:
+    sigma0, torque = list(one._values.values())[:2]  # the first Fc, if there are two
+    first = Plan(sigma0, torque, one._values["theta_per_count"])
+    return first, one._kind.removesuffix("_"), one._params()
 
 
-def _use_loaded(one: variants.Loaded) -> tuple[core.Plan, str, tuple[Any, ...]]:
-    plan = one.plan
+def _use_loaded(one: Loaded) -> Use:
     if one.fixed_stiffness:
         raise Error("friction = a Loaded with fixed_stiffness steps by angle; a node counts")
-    params = (ctypes.c_float * 3)(plan.sigma0, plan.Fc, plan.theta_per_count)
-    return plan, "loaded", (params,)
+    return one.plan, "loaded", (one.plan._params(),)
 
 
-def _use_parallel(mix: parts.Parallel) -> tuple[core.Plan, str, tuple[Any, ...]]:
+def _use_parallel(mix: Parallel) -> Use:
     elements = [element for part in mix.parts for element in _elements(part)]
-    if not 1 <= len(elements) <= parts.SLIP_MAX:
-        raise Error(f"friction has {len(elements)} elements, 1 to {parts.SLIP_MAX} were expected")
+    if not 1 <= len(elements) <= SLIP_MAX:
+        raise Error(f"friction has {len(elements)} elements, 1 to {SLIP_MAX} were expected")
     sigma0, torques, thetas, slips = zip(*elements, strict=True)
     if len(set(thetas)) > 1:
         raise Error(f"friction has theta_per_count {thetas[0]:g} and others; one encoder has one")
     bits = sum(is_slip << k for k, is_slip in enumerate(slips))
-    params = _ParallelParams(len(elements), bits, thetas[0])
-    params.sigma0[: len(elements)], params.Fc[: len(elements)] = sigma0, torques
-    return core.Plan(sigma0[0], torques[0], thetas[0]), "parallel", (ctypes.byref(params),)
+    values = len(elements), bits, thetas[0], sigma0, torques
+    params = c.new("dahl_node_parallel_params_t *", values)
+    return Plan(sigma0[0], torques[0], thetas[0]), "parallel", (params,)
 
 
-def _elements(part: core.Friction | parts.Slip) -> list[tuple[float, float, float, bool]]:
+def _elements(part: Friction | Slip) -> list[tuple[float, float, float, bool]]:
     """sigma0, Fc, theta_per_count, and whether it slips, of each element of a part."""
-    if isinstance(part, parts.Slip):
+    if isinstance(part, Slip):
         pairs = zip(part.sigma0, part.Fc, strict=True)
         return [(sigma0, torque, part.theta_per_count, True) for sigma0, torque in pairs]
     return [(part.plan.sigma0, part.plan.Fc, part.plan.theta_per_count, False)]
 
 
-USES: dict[type, Callable[[Any], tuple[core.Plan, str, tuple[Any, ...]]]] = {
-    core.Plan: _use_plan,
-    parts.Slip: _use_slip,
-    parts.Parallel: _use_parallel,
-    variants._Bristle: _use_bristle,
-    variants.Loaded: _use_loaded,
+USES: dict[type, Callable[[Any], Use]] = {
+    Plan: _use_plan,
+    Slip: _use_slip,
+    Parallel: _use_parallel,
+    Bristle: _use_bristle,
+    Loaded: _use_loaded,
 }
 
 
-def _use_of(friction: object) -> Callable[[Any], tuple[core.Plan, str, tuple[Any, ...]]] | None:
-    """Also of a subclass."""
+def _use_of(friction: object) -> Callable[[Any], Use] | None:
+    """The entry of its class or of a base class."""
     return next((USES[kind] for kind in type(friction).__mro__ if kind in USES), None)
 
 
@@ -360,9 +321,7 @@ def _use_of(friction: object) -> Callable[[Any], tuple[core.Plan, str, tuple[Any
 
 @dataclass
 class Traffic:
-    """What a served bus has seen: frames that came, answers and Status frames that went, and those
-    of them that the bus did not take.
-    """
+    """Frames of a served bus: received; answers and Status frames sent; refused by the bus."""
 
     received: int = 0
     sent: int = 0
@@ -370,8 +329,8 @@ class Traffic:
 
 
 class Listener:
-    """Nodes on a bus, for a can.Notifier: it hands over the frames, their clock is a thread of its
-    own until stop(), which the Notifier calls. A can.Listener. `traffic` counts.
+    """Nodes on a bus, as a can.Listener for a can.Notifier. A thread calls tick() until stop(),
+    which the Notifier calls. `traffic` counts frames.
 
         notifier = can.Notifier(bus, [Listener(bus, node)])
     """
@@ -385,7 +344,7 @@ class Listener:
 
     @property
     def traffic(self) -> Traffic:
-        """What has come and gone so far."""
+        """Frames so far."""
         return self._link.traffic
 
     def on_message_received(self, msg: can.Message) -> None:
@@ -418,8 +377,9 @@ def run(
     seconds: float | None = None,
     ended: Callable[[], bool] = lambda: False,
 ) -> Traffic:
-    """Serve nodes on a bus until `ended()`, asked every few ms, or for `seconds`; without either
-    for ever. Returns what came and went. Raises dahl.RunError where the bus goes away.
+    """Serve nodes on a bus until `ended()` is true, which is checked every few ms, or for
+    `seconds`; without either for ever. Returns the counts of frames. Raises dahl.RunError if the
+    bus fails.
     """
     _checked_bus(bus, "send", "recv")
     link = _Link(bus, nodes)
@@ -436,11 +396,11 @@ def run(
 
 async def serve(bus: can.BusABC, *nodes: Node) -> None:
     """Serve nodes on a bus within asyncio, until the task is cancelled; run() does it in a thread.
-    Raises dahl.RunError where the bus goes away. Nobody else receives from this bus; where it has a
-    can.Notifier, give that a Listener.
+    Raises dahl.RunError if the bus fails. No other code may receive from this bus; if it has a
+    can.Notifier, use a Listener.
     """
     ended = threading.Event()
-    thread = ThreadPoolExecutor(1)  # its own: asyncio's are few, and the caller's
+    thread = ThreadPoolExecutor(1)  # the threads of asyncio are few, and belong to the caller
     work = functools.partial(run, bus, *nodes, ended=ended.is_set)
     served = asyncio.get_running_loop().run_in_executor(thread, work)
     try:
@@ -473,11 +433,11 @@ def ask(
 ) -> codec.Status: ...
 @checks.names_checked
 def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0) -> codec.Frame:
-    """Send a frame to a node, wait for the answer to it and return that: FrictionTorque to an
-    EncoderState, ParamReply to a ParamWrite, to a Reset the next Status. Frames that wait on the
-    bus are dropped first, and others than the answer are passed over. Raises dahl.Timeout if none
-    comes within `timeout` s, with the state that the node reports, such as STALE after a pause:
-    then send a Reset(What.RESTART) first. Raises dahl.RunError if the bus does not take the frame.
+    """Send a frame to a node and return its answer: FrictionTorque to an EncoderState, ParamReply
+    to a ParamWrite, the next Status to a Reset. Frames that wait on the bus are dropped first.
+    Raises dahl.Timeout if no answer comes within `timeout` s, with the state that the node reports.
+    If that is STALE, send a Reset(What.RESTART) first. Raises dahl.RunError if the bus refuses the
+    frame.
     """
     kind = ASKED.get(type(frame))
     if kind is None:
@@ -488,11 +448,11 @@ def ask(bus: can.BusABC, frame: codec.Frame, node: int = 0, timeout: float = 1.0
     _drop_waiting(bus, until)
     _send(bus, codec.pack(frame, node), frame)
     while (left := until - time.monotonic()) > 0:
-        told = receive(bus, left)
-        answer = _answer_in(told, kind.base + node)
+        message = receive(bus, left)
+        answer = _answer_in(message, kind.base + node)
         if isinstance(answer, kind) and _answers(answer, frame):
             return answer
-        if status := _answer_in(told, codec.Status.base + node):
+        if status := _answer_in(message, codec.Status.base + node):
             why = _why_silent(status, frame)
     raise Timeout(f"no {kind.__name__} of node {node} in {timeout:g} s, to {frame}{why}")
 
@@ -513,7 +473,7 @@ def expect_silence(
     seconds, node = _within("seconds", seconds, 0, LONG, "s"), codec.number_of(node)
     message = codec.pack(frame, node) if isinstance(frame, codec.Frame) else frame
     if message is not None:
-        codec.raw_of(message)  # refuses what is no can.Message
+        codec.RawFrame().read(message)  # raises dahl.Error if it is no can.Message
     _drop_waiting(bus, time.monotonic() + seconds)
     begin = time.monotonic()
     if message is not None:
@@ -547,7 +507,7 @@ ASKED: dict[type[codec.Frame], type[codec.Frame]] = {
 
 
 def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | None:
-    """The frame in a message of this id; None where it is none or not whole."""
+    """The frame in a message, if it has this id and is whole."""
     if message is None or message.arbitration_id != identifier:
         return None
     try:
@@ -557,7 +517,7 @@ def _answer_in(message: can.Message | None, identifier: int) -> codec.Frame | No
 
 
 def _why_silent(status: codec.Frame, frame: codec.Frame) -> str:
-    """What a Status says of a node that did not answer, and what it waits for; else nothing."""
+    """Explain from its Status why a node did not answer, if that shows it."""
     if not isinstance(status, codec.Status) or status.state == codec.State.OK:
         return ""
     said = f"; its Status says {status.state.name}"
@@ -569,7 +529,7 @@ def _why_silent(status: codec.Frame, frame: codec.Frame) -> str:
 
 
 def _answers(answer: codec.Frame, frame: codec.Frame) -> bool:
-    """Whether it repeats the counter, and the parameter, of what was asked; Status has none."""
+    """True if it repeats the counter, and the parameter, of the question. Status has neither."""
     if isinstance(answer, codec.FrictionTorque) and isinstance(frame, codec.EncoderState):
         return answer.echo == frame.counter
     if isinstance(answer, codec.ParamReply) and isinstance(frame, codec.ParamWrite):
@@ -609,7 +569,7 @@ class _Link:
                 self._send(node.tick(time.monotonic()))
 
     def _is_for(self, node: Node, message: can.Message) -> bool:
-        """Not what nodes themselves have sent; of several nodes each sees what has its number."""
+        """False for frames that nodes sent. Of several nodes each gets frames of its number."""
         if message.is_error_frame:
             return True
         own = not message.is_rx and message.arbitration_id & ~15 in ANSWERS
@@ -621,5 +581,5 @@ class _Link:
         try:
             self._bus.send(message)
             self.traffic.sent += 1
-        except self._refusals:  # its queue is full, or it has gone: who receives will know
+        except self._refusals:  # its queue is full, or it is gone: the next receive() reports that
             self.traffic.refused += 1

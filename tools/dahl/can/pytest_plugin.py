@@ -43,10 +43,9 @@ from dahl.errors import Error, Timeout
 if TYPE_CHECKING:
     import can
 
-    from dahl.binding.models import Friction
     from dahl.can.async_bus import AsyncBus
     from dahl.can.frame_log import FrameLog
-    from dahl.can.node import Node
+    from dahl.can.node import Model, Node
     from dahl.can.rig import RigNode
 
     AnyNode: TypeAlias = Node | RigNode
@@ -152,11 +151,11 @@ def _mark_arguments(request: pytest.FixtureRequest) -> Settings:
 
 
 @pytest.fixture
-def dahl_plan(request: pytest.FixtureRequest) -> Friction:
+def dahl_plan(request: pytest.FixtureRequest) -> Model:
     """Parameters of dahl_node: 100 N m/rad, 0.5 N m, an encoder of 16384 counts a turn; on a rig
     those that it has.
     """
-    from dahl.binding.core import Plan
+    from dahl.binding.friction import Plan
 
     arguments = _mark_arguments(request)
     if (plan := arguments.get("plan")) is not None:
@@ -287,7 +286,7 @@ def dahl_make_node(
     """
     with _one_line(), contextlib.ExitStack() as nodes:
 
-        def make(number: int = 1, friction: Friction | None = None, **settings: Any) -> AnyNode:
+        def make(number: int = 1, friction: Model | None = None, **settings: Any) -> AnyNode:
             if friction is None:
                 friction = request.getfixturevalue("dahl_plan")
             settings = dahl_node_settings | settings | {"number": number}
@@ -302,7 +301,7 @@ def dahl_make_node(
 def dahl_node(
     request: pytest.FixtureRequest,
     dahl_make_node: Callable[..., AnyNode],
-    dahl_plan: Friction,
+    dahl_plan: Model,
     dahl_node_settings: Settings,
 ) -> AnyNode:
     """Return the node that answers on dahl_bus."""
@@ -313,7 +312,7 @@ def dahl_node(
 
 @contextlib.contextmanager
 def _simulated(
-    request: pytest.FixtureRequest, friction: Friction, settings: Settings
+    request: pytest.FixtureRequest, friction: Model, settings: Settings
 ) -> Iterator[Node]:
     """Yield a node in this process, on a separate bus object."""
     import can
@@ -332,7 +331,7 @@ def _simulated(
 
 @contextlib.contextmanager
 def _on_rig(
-    request: pytest.FixtureRequest, friction: Friction, settings: Settings
+    request: pytest.FixtureRequest, friction: Model, settings: Settings
 ) -> Iterator[RigNode]:
     """Yield a node of the rig with these parameters; restore its own at the end."""
     wanted = _new(request, friction, settings)
@@ -345,7 +344,7 @@ def _on_rig(
         rig.restore()
 
 
-def _new(request: pytest.FixtureRequest, friction: Friction, settings: Settings) -> Node:
+def _new(request: pytest.FixtureRequest, friction: Model, settings: Settings) -> Node:
     """Return a node of these parameters. Raises dahl.Error for wrong ones."""
     from dahl.can.node import Node
 

@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from dahl.binding.core import Plan
+from dahl.binding.friction import Plan
 from dahl.can import bus as buses
 from dahl.can import codec
 from dahl.can.codec import Errors, Param, ParamWrite, Result, State, Write

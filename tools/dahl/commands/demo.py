@@ -204,7 +204,7 @@ def _choose(args: argparse.Namespace, console: Any) -> tuple[Scene, Path | None,
 
 
 def _own(args: argparse.Namespace) -> Any:
-    from dahl.binding.core import Plan
+    from dahl.binding.friction import Plan
     from dahl.io.logs import CAN_LOGS
     from dahl.sim.scene import OwnLog
 

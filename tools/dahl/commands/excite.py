@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _wanted(args: argparse.Namespace) -> Wanted:
-    from dahl.binding.core import Plan
+    from dahl.binding.friction import Plan
     from dahl.identify.design import Wanted
 
     for option, value in (("--sigma0", args.sigma0), ("--fc", args.fc)):

@@ -100,12 +100,10 @@ def _check(args: argparse.Namespace) -> None:
         raise Error(f"{names}: all three, or a --scene")
     if given:
         from dahl import Plan
-        from dahl.binding import core
+        from dahl.binding import parameters
 
-        core.need_counted(args.theta_per_count)
-        Plan(
-            args.sigma0, args.fc, args.theta_per_count
-        )  # refuses the parameters that the node would refuse
+        parameters.need_counted(args.theta_per_count)
+        Plan(args.sigma0, args.fc, args.theta_per_count)  # refuses what the node would refuse
 
 
 def _check_bus(args: argparse.Namespace) -> None:

@@ -90,7 +90,7 @@ def _plan(args: argparse.Namespace) -> AnyPlan:
     from typing import cast
 
     from dahl.binding import models
-    from dahl.binding.core import FC, SIGMA0
+    from dahl.binding.parameters import FC, SIGMA0
 
     model = models.table()[args.model]
     sigma0, fc = _numbers("--sigma0", args.sigma0, SIGMA0), _numbers("--fc", args.fc, FC)
@@ -131,7 +131,7 @@ def _number(option: str, text: str, limit: str) -> float:
 
 
 def _theta_per_count(args: argparse.Namespace) -> float:
-    from dahl.binding.core import THETA_PER_COUNT
+    from dahl.binding.parameters import THETA_PER_COUNT
 
     if args.theta_per_count is not None:
         return _number("--theta-per-count", args.theta_per_count, THETA_PER_COUNT)

@@ -74,9 +74,9 @@ class RunnableModel:
 
         Raises dahl.Error for parameters that the library rejects.
         """
-        from dahl.binding.core import Plan
-        from dahl.binding.parts import Slip
-        from dahl.binding.variants import Asymmetric
+        from dahl.binding.bristles import Asymmetric
+        from dahl.binding.friction import Plan
+        from dahl.binding.slip import Slip
 
         if self.model == "asymmetric":
             return {"": Asymmetric(self.sigma0[0], self.Fc[0], self.Fc[1], theta_per_count)}

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
-from dahl.binding.core import Throughput
+from dahl.binding.throughput import Throughput
 
 Pieces = Sequence[slice]  # rows of each uninterrupted recording
 MAX_STROKES = 250  # above it, laws that are evaluated stroke by stroke would cost seconds

@@ -115,7 +115,7 @@ class Scene:
         return self.motion.get("file", "") if self.motion.get("kind") == "log" else ""
 
 
-def element(scene: Scene) -> models.Friction:
+def element(scene: Scene) -> models.AnyModel:
     """Return the friction that a Node of this scene is made of. Raises dahl.Error for parameters
     that dahl-loop refuses.
     """

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: MIT
+"""The binding to C: each public function is declared, and calls by the compiled module and by
+libffi give the same.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import built
+from dahl.binding.library import c
+
+HERE = Path(__file__).parent
+MOVES = """
+import pickle
+import sys
+import numpy
+from dahl.binding import library
+sys.path.insert(0, sys.argv[2])
+if sys.argv[1] == "libffi":
+    library._compiled = lambda: None
+assert ("'_dahl'" in repr(library.load()[1])) == (sys.argv[1] == "module")
+from test_public_classes import KINDS
+for kind in KINDS.values():
+    one = kind.make()
+    for _ in range(3 if kind.move else 0):
+        print(kind.move(one))
+    print(repr(pickle.loads(pickle.dumps(one))))
+    if hasattr(one, "run_counts") and "Loaded" not in repr(one):
+        print(one.run_counts(numpy.arange(-50, 50)).tobytes().hex())
+"""
+
+
+def test_each_public_function_is_declared(root: Path) -> None:
+    """And both are there: a function that the library lacks is an AttributeError."""
+    headers = "".join(path.read_text() for path in (root / "lib/include").glob("*.h"))
+    code = re.sub(r"/\*.*?\*/", "", headers, flags=re.S)
+    symbols = ["nm", "-D", "--defined-only", built("lib", "libdahl.so")]
+    done = subprocess.run(symbols, capture_output=True, text=True, check=True)
+    exported = set(re.findall(r" T (dahl_\w+)", done.stdout))
+    public = exported & set(re.findall(r"\b(dahl_\w+)\(", code))
+    assert len(public) > 70
+    assert [name for name in public if not callable(getattr(c, name))] == []
+
+
+def test_the_module_and_libffi_give_the_same() -> None:
+    outputs = []
+    for way in ("module", "libffi"):
+        words = [sys.executable, "-c", MOVES, way, HERE]
+        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+        assert done.returncode == 0, done.stderr
+        outputs.append(done.stdout)
+    assert outputs[0] == outputs[1] and len(outputs[0].splitlines()) > 40
+
+
+@pytest.mark.parametrize("value", [2**31, -(2**31) - 1, 2**64, True, 1.5])
+def test_a_quick_call_refuses_what_a_checked_one_refuses(value: object) -> None:
+    import dahl
+
+    bearing = dahl.Friction(dahl.Plan(100, 0.5, 1e-4))
+    with pytest.raises(dahl.Error, match="dcounts = "):
+        bearing.step_counts(value)
+    bearing.change_plan(dahl.Plan(100, 0.5))
+    with pytest.raises(dahl.Error, match="theta_per_count = 0"):
+        bearing.step_counts(1)
+    assert bearing.step_counts.__doc__ and bearing.torque == 0

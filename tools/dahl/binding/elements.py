@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: MIT
+"""The interface of all elements that move by encoder counts."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dahl.binding import arrays, checks
+from dahl.binding.copies import Copied
+from dahl.binding.library import c
+
+
+@checks.calls_checked
+class Element(Copied):
+    """An element with a state; torques in N m, with the sign of the motion."""
+
+    _kind: ClassVar[str] = ""  # in the names of its C functions, with "_" at its end
+
+    def _arguments(self) -> tuple[Any, ...]:
+        """The first arguments of each of its C functions: plan and state."""
+        raise NotImplementedError
+
+    def step_counts(self, dcounts: int) -> float:
+        """Move by dcounts, a whole number within int32; returns F in N m within 0.55 ulp of Fc (of
+        the sum of Fc, of the larger Fc) of the exact value. Raises dahl.Error for any other
+        dcounts.
+        """
+        step = getattr(c, f"dahl_{self._kind}step_counts")
+        return float(step(*self._arguments(), checks.counts(dcounts)))
+
+    @property
+    def torque(self) -> float:
+        """F in N m, without motion."""
+        return self.step_counts(0)
+
+    def run_counts(
+        self, moves: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Moves in counts, shape (n,), whole numbers within int32 -> torques in N m after each,
+        shape (n,), float32, into `out` if given: the bits of step_counts(), move by move.
+
+        A C-contiguous int32 array is read in place, anything else of whole numbers is copied first.
+        Raises dahl.Error, before any move, for another shape or type, for the first value that is
+        not whole or beyond int32, for masked values, for an `out` that C cannot fill, and for a
+        plan without theta_per_count.
+        """
+        batch = getattr(c, f"dahl_batch_{self._kind}counts")
+        return arrays.run(batch, self._arguments(), arrays.moves(moves, np.int32), out)
+
+
+@checks.calls_checked
+class RatioElement(Element):
+    """An element that also returns its torque in whole numbers."""
+
+    def step_counts_q30(self, dcounts: int) -> int:
+        """The same move, the same errors; returns the torque in Q30, -2^30 .. 2^30, as a part of Fc
+        (of the larger Fc, of the sum of Fc). FrictionTorque frames carry this number.
+        """
+        step = getattr(c, f"dahl_{self._kind}step_counts_q30")
+        return int(step(*self._arguments(), checks.counts(dcounts)))

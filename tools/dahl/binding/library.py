@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: MIT
+"""The C library by cffi. The build writes the declarations from the public headers.
+
+`c.dahl_step_counts` is the function of that name, `c.new` makes a structure. The library is loaded
+when the first of these names is used, so that importing this module is quick.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from importlib.machinery import ExtensionFileLoader, ModuleSpec
+from pathlib import Path
+from typing import Any
+
+from dahl import paths
+from dahl.binding import declarations
+from dahl.errors import RunError
+
+
+class Library:
+    """Functions and enumerators of the headers, and new, buffer, ... of cffi, by name."""
+
+    def __getattr__(self, name: str) -> Any:
+        ffi, functions = load()
+        value = getattr(functions if name.startswith(("dahl_", "DAHL_")) else ffi, name)
+        setattr(self, name, value)  # the next use is an attribute without this call
+        return value
+
+
+c = Library()
+
+
+@cache
+def load() -> tuple[Any, Any]:
+    """cffi's FFI and the functions: of the compiled module if the build made one, else by libffi.
+    Raises dahl.RunError for a missing library and for a file that is not this library.
+    """
+    path = paths.library()
+    try:
+        ctypes.CDLL(str(path), ctypes.RTLD_GLOBAL)  # the module finds its functions in it
+        ffi, functions = _compiled() or _parsed(path)
+        getattr(functions, "dahl_prepare")  # noqa: B009  (another library has none)
+        return ffi, functions
+    except (OSError, AttributeError) as error:
+        raise RunError(f"{path}: not the shared library of dahl ({error})") from None
+
+
+def _compiled() -> tuple[Any, Any] | None:
+    """None without a module that this interpreter can load."""
+    path = paths.binding("_dahl.abi3.so")
+    loader = ExtensionFileLoader("_dahl", str(path))
+    try:
+        module: Any = loader.create_module(ModuleSpec("_dahl", loader, origin=str(path)))
+    except ImportError:
+        return None
+    return module.ffi, module.lib
+
+
+def _parsed(library: Path) -> tuple[Any, Any]:
+    from cffi import FFI
+
+    path = paths.binding("dahl_declarations.h")
+    if not path.exists():
+        raise RunError(f"{path} is not there; the build makes it with {library.name}")
+    ffi = FFI()
+    ffi.cdef(declarations.for_cffi(path.read_text(encoding="utf-8")))
+    return ffi, ffi.dlopen(str(library))

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: MIT
+"""A bearing whose Fc follows a load. Same names, units and bits as dahl_parts.h."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dahl.binding import arrays, checks
+from dahl.binding.copies import Copied
+from dahl.binding.friction import Plan
+from dahl.binding.library import c
+from dahl.errors import Error
+
+LOAD_ONE = 2**30  # a load of 1 in C
+
+
+@checks.calls_checked
+class Loaded(Copied):
+    """A bearing of a Plan whose Fc follows a load, given with each tick: normal force, torque
+    through a gear, preload, temperature. By default sigma0 follows it too (dahl_loaded_state_t):
+    if the load falls F falls with it, if it grows F is kept. With fixed_stiffness sigma0
+    stays (dahl_clamped_step): a load that falls cuts F off at load*Fc, one that grows leaves it,
+    and ticks are by angle. By either rule no closed cycle of motion and load gives energy.
+
+    plan             of the bearing at a load of 1
+    load             0 <= load < 2, rounded to 2^-30; at 1 the torques have the bits of
+                     Friction(plan)
+    fixed_stiffness  True: step() and run(), in rad; False: step_counts() and the like, in counts
+
+    Torques are within 0.55 ulp of load*Fc, -load*Fc .. load*Fc; with fixed_stiffness within 0.6 ulp
+    of Fc, or of load*Fc if that is more. A step costs about 1 us from Python, and so does a tick
+    in run(); a tick in run_counts() about 20 ns. Relaxed and without load at first. Two are equal
+    if plan, rule and state are; picklable; a copy has a state of its own. Raises dahl.Error for
+    anything that is no Plan or no rule, for a plan without theta_per_count if moves are in counts,
+    and for a move of the other rule's kind.
+
+    >>> gear = dahl.Loaded(dahl.Plan(100.0, 0.5, 1e-3))
+    >>> gear.step_counts(10**6, load=1.5), gear.step_counts(0, load=0.5)
+    (0.75, 0.25)
+    >>> seat = dahl.Loaded(dahl.Plan(100.0, 0.5), fixed_stiffness=True)
+    >>> seat.step(1e6, load=0.5), seat.step(0.0, load=1.5)
+    (0.25, 0.25)
+    """
+
+    def __init__(self, plan: Plan, fixed_stiffness: bool = False) -> None:
+        self._plan = checks.instance("plan", plan, Plan)
+        self._fixed_stiffness = checks.instance("fixed_stiffness", fixed_stiffness, bool)
+        if not fixed_stiffness:
+            self._plan._need_counts()
+        self._state = c.new("dahl_loaded_state_t *")
+
+    @property
+    def plan(self) -> Plan:
+        """The parameters at a load of 1."""
+        return self._plan
+
+    @property
+    def fixed_stiffness(self) -> bool:
+        """Whether sigma0 stays when the load changes; moves are then in rad."""
+        return self._fixed_stiffness
+
+    @property
+    def load(self) -> float:
+        """Of the last tick; 0 at first."""
+        return float(self._state.load_q30 / LOAD_ONE)
+
+    @property
+    def torque(self) -> float:
+        """F in N m at the last load, without motion."""
+        step = self._clamped if self._fixed_stiffness else self._step
+        return step(0, self._state.load_q30)
+
+    def step_counts(self, dcounts: int, load: float) -> float:
+        """Apply the load, then move by dcounts, a whole number within int32; returns F in N m.
+        Raises dahl.Error for any other dcounts, for a load outside 0 <= load < 2, and with
+        fixed_stiffness.
+        """
+        self._need_rule(False, "step_counts")
+        return self._step(checks.counts(dcounts), _load_q30(load))
+
+    def step(self, dtheta: float, load: float) -> float:
+        """Apply the load, then move by dtheta rad, with fixed_stiffness; returns F in N m. As in C,
+        NaN is no motion and an infinite angle saturates at +-load*Fc. Raises dahl.Error if dtheta
+        is no number, for a load outside 0 <= load < 2, and without fixed_stiffness.
+        """
+        self._need_rule(True, "step")
+        angle = checks.real("dtheta", dtheta, "an angle in rad")
+        return self._clamped(angle, _load_q30(load))
+
+    def run(
+        self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Moves in rad and a load for each, both of shape (n,), with fixed_stiffness -> torques in
+        N m after each, shape (n,), float32, into `out` if given: the bits of step(), move by move.
+        Raises dahl.Error, before any move, as Friction.run() does, for the first load outside
+        0 <= load < 2, and without fixed_stiffness.
+        """
+        self._need_rule(True, "run")
+        array = arrays.moves(moves, np.float32)
+        given, result = arrays.loads(loads, array), arrays.output(out, array)
+        for k, (angle, load) in enumerate(zip(array.tolist(), given.tolist(), strict=True)):
+            result[k] = self._clamped(angle, load)
+        return result
+
+    def step_counts_q30(self, dcounts: int, load: float) -> int:
+        """The same move, the same errors; returns F/Fc in Q30, -2^31 .. 2^31: beyond 2^30 at a load
+        above 1.
+        """
+        self._need_rule(False, "step_counts_q30")
+        moved, load_q30 = checks.counts(dcounts), _load_q30(load)
+        step = c.dahl_loaded_step_counts_q30
+        return int(step(self._plan._prepared, self._state, moved, load_q30))
+
+    def run_counts(
+        self, moves: ArrayLike, loads: ArrayLike, out: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Moves in counts and a load for each, both of shape (n,) -> torques in N m after each,
+        shape (n,), float32, into `out` if given: the bits of step_counts(), move by move. Raises
+        dahl.Error, before any move, as Friction.run_counts() does, and for the first load outside
+        0 <= load < 2.
+        """
+        self._need_rule(False, "run_counts")
+        array = arrays.moves(moves, np.int32)
+        arguments = self._plan._prepared, self._state
+        return arrays.run(c.dahl_batch_loaded_counts, arguments, array, out, loads)
+
+    def _step(self, dcounts: int, load_q30: int) -> float:
+        step = c.dahl_loaded_step_counts
+        return float(step(self._plan._prepared, self._state, dcounts, load_q30))
+
+    def _clamped(self, dtheta: float, load_q30: int) -> float:
+        """The rule of fixed_stiffness, whose state in C has no load: F/Fc in Q62 alone."""
+        self._state.load_q30 = load_q30
+        bristle = c.addressof(self._state, "bristle")
+        return float(c.dahl_clamped_step(self._plan._prepared, bristle, dtheta, load_q30))
+
+    def _need_rule(self, fixed: bool, call: str) -> None:
+        if self._fixed_stiffness != fixed:
+            there = "step(), run()" if self._fixed_stiffness else "step_counts(), run_counts()"
+            rule = f"fixed_stiffness = {self._fixed_stiffness}"
+            raise Error(f"Loaded.{call}: {rule} moves by {there}")
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Loaded):
+            return NotImplemented
+        same = self._plan == other._plan and self._fixed_stiffness == other._fixed_stiffness
+        return same and self._compared() == other._compared()
+
+    def _compared(self) -> tuple[int, int]:
+        return self._state.bristle.w, self._state.load_q30
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each step
+
+    def __repr__(self) -> str:
+        rule = ", fixed_stiffness=True" if self._fixed_stiffness else ""
+        return f"Loaded({self._plan!r}{rule})"
+
+
+def _load_q30(load: float) -> int:
+    number = checks.real("load", load, "0 <= load < 2")
+    if not 0 <= number < 2:
+        raise Error(f"load = {number!r} is outside 0 <= load < 2")
+    return min(round(number * LOAD_ONE), 2 * LOAD_ONE - 1)

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: MIT
+"""Several elements on one shaft: Slip, and Parallel for any mix of Friction and Slip. Same names,
+units and bits as dahl_parts.h.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Self, TypeVar
+
+from dahl.binding import arrays, checks, parameters
+from dahl.binding.copies import content
+from dahl.binding.elements import RatioElement
+from dahl.binding.friction import Friction, Plan
+from dahl.binding.library import c
+from dahl.errors import Error
+
+T = TypeVar("T")
+SLIP_MAX = 8  # DAHL_SLIP_MAX: slip elements in parallel
+
+
+def each_element(
+    pairs: tuple[tuple[float, ...], tuple[float, ...]],
+    theta_per_count: float,
+    check: Callable[[float, float, float], T],
+) -> Iterator[T]:
+    """check(sigma0, Fc, theta_per_count) of each element. Raises its dahl.Error with the index."""
+    for k, (sigma0, torque) in enumerate(zip(*pairs, strict=True)):
+        try:
+            yield check(sigma0, torque, theta_per_count)
+        except Error as error:
+            raise Error(f"element {k}: {error}") from None
+
+
+def floats(name: str, values: Sequence[float], limit: str) -> tuple[float, ...]:
+    """Parameters, one for each element, rounded to float."""
+    if not arrays.is_list(values):
+        raise Error(f"{name} = {checks.shown(values)} is not a list of numbers, one an element")
+    return tuple(
+        parameters.parameter(f"{name}[{k}]", value, limit) for k, value in enumerate(values)
+    )
+
+
+class SlipParameters:
+    """Parameters of slip elements in parallel."""
+
+    _sigma0: tuple[float, ...]
+    _Fc: tuple[float, ...]
+    _theta_per_count: float
+
+    @property
+    def sigma0(self) -> tuple[float, ...]:
+        """N m/rad, one an element."""
+        return self._sigma0
+
+    @property
+    def Fc(self) -> tuple[float, ...]:  # noqa: N802
+        """N m, one an element."""
+        return self._Fc
+
+    @property
+    def theta_per_count(self) -> float:
+        """rad/count"""
+        return self._theta_per_count
+
+    def _parameters(self) -> tuple[Any, ...]:
+        return self._sigma0, self._Fc, self._theta_per_count
+
+    def _text(self, digits: Callable[[float], str]) -> str:
+        sigma0, Fc = (", ".join(map(digits, values)) for values in (self._sigma0, self._Fc))
+        theta = digits(self._theta_per_count)
+        return f"{type(self).__name__}(sigma0=[{sigma0}], Fc=[{Fc}], theta_per_count={theta})"
+
+
+@checks.calls_checked
+class Slip(SlipParameters, RatioElement):
+    """Slip elements in parallel (Maxwell slip, Prandtl-Ishlinskii; dahl_slip_plan_t), with their
+    state, relaxed at first: F = sum of springs sigma0 that slip at Fc.
+
+    sigma0           N m/rad  one an element, 1 to 8 of them; ranges as in Plan
+    Fc               N m      torque at which each slips, as many
+    theta_per_count  rad      per encoder count; sigma0/Fc*theta_per_count in the range of Plan for
+                              each element
+
+    Two are equal if parameters and deflections are; picklable; a copy has a state of its own.
+    Raises dahl.Error with the parameter, its value and its limit.
+
+    >>> dahl.Slip(sigma0=[100.0, 50.0], Fc=[0.5, 1.0], theta_per_count=1e-3).step_counts(10)
+    1.0
+    """
+
+    _kind = "slip_"
+
+    def __init__(
+        self,
+        sigma0: Sequence[float],
+        Fc: Sequence[float],  # noqa: N803 (the field's name)
+        theta_per_count: float,
+    ) -> None:
+        self._sigma0 = floats("sigma0", sigma0, parameters.SIGMA0)
+        self._Fc = floats("Fc", Fc, parameters.FC)
+        counted = parameters.COUNTED
+        self._theta_per_count = parameters.parameter("theta_per_count", theta_per_count, counted)
+        self._state = c.new("dahl_slip_state_t *")
+        self._prepare()
+
+    def _prepare(self) -> None:
+        self._prepared = c.new("dahl_slip_plan_t *")
+        count = len(self._sigma0)
+        if not 1 <= count <= SLIP_MAX or len(self._Fc) != count:
+            raise Error(
+                f"sigma0 has {count} elements and Fc {len(self._Fc)}; as many of each, 1 to"
+                f" {SLIP_MAX}, were expected"
+            )
+        if c.dahl_slip_prepare(self._prepared, self._params()) != 0:
+            parameters.need_counted(self._theta_per_count)
+            list(each_element((self._sigma0, self._Fc), self._theta_per_count, Plan))
+            raise Error(f"{self!r} is refused by dahl_slip_prepare")
+
+    def _params(self) -> Any:
+        """A dahl_slip_params_t."""
+        values = len(self._sigma0), self._theta_per_count, self._sigma0, self._Fc
+        return c.new("dahl_slip_params_t *", values)
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return self._prepared, self._state
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Slip):
+            return NotImplemented
+        is_same = self._parameters() == other._parameters()
+        return is_same and content(self._state) == content(other._state)
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each step
+
+    def __repr__(self) -> str:
+        return self._text(parameters.digits)
+
+
+@checks.calls_checked
+class Parallel(RatioElement):
+    """Elements on one shaft, whose torques add (dahl_part_t): any mix of Friction and Slip, each
+    with a state of its own, which moves with this. The sum in N m is rounded once, within 0.55 ulp
+    of the sum of all Fc.
+
+    Equal if all parts are; picklable; a copy has parts of its own. Raises dahl.Error for anything
+    else, for a part that is given twice, and for a Friction without theta_per_count.
+
+    >>> bearing = dahl.Friction(dahl.Plan(100.0, 0.5, 1e-3))
+    >>> dahl.Parallel(bearing, dahl.Slip([20.0], [1.0], 1e-3)).step_counts(10**6)
+    1.5
+    """
+
+    _kind = "parallel_"
+
+    def __init__(self, *parts: Friction | Slip) -> None:
+        for k, part in enumerate(parts):
+            if not isinstance(part, (Friction, Slip)):
+                raise Error(f"parts[{k}] = {checks.shown(part)} is neither a Friction nor a Slip")
+            if any(part is other for other in parts[:k]):
+                raise Error(f"parts[{k}] is given twice: it would move twice")
+        self._parts = parts
+
+    @property
+    def parts(self) -> tuple[Friction | Slip, ...]:
+        """The parts as given; they move with this."""
+        return self._parts
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return c.new("dahl_part_t[]", [_c_part(part) for part in self._parts]), len(self._parts)
+
+    def step_counts_q30(self, dcounts: int) -> int:
+        """The same move, the same errors; returns F over the sum of Fc in Q30, -2^30 .. 2^30: the
+        bits of a firmware that made its shares from the plans that the parts have now.
+        """
+        moved = checks.counts(dcounts)
+        parts, count = self._arguments()
+        shares = c.new("int32_t[]", count)
+        c.dahl_parallel_shares(shares, parts, count)
+        return int(c.dahl_parallel_step_counts_q30(parts, shares, count, moved))
+
+    def __copy__(self) -> Self:
+        other = super().__copy__()
+        other._parts = tuple(map(copy.copy, self._parts))
+        return other
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Parallel):
+            return NotImplemented
+        return self._parts == other._parts
+
+    __hash__ = None  # type: ignore[assignment]  # it changes with each step
+
+    def __repr__(self) -> str:
+        return f"Parallel({', '.join(map(repr, self._parts))})"
+
+
+def _c_part(part: Friction | Slip) -> Any:
+    """A dahl_part_t. change_plan() may have removed the encoder, so each move checks it."""
+    make = c.dahl_batch_slip_part if isinstance(part, Slip) else c.dahl_batch_part
+    return make(*part._arguments())
