@@ -221,7 +221,9 @@ def measured_file():
 
         folder = data.local_folder(name)
         if folder is None or not (folder / file).exists():
-            pytest.skip(f"unproven: claims about measured set {name}: not in reach (see `dahl data`)")
+            pytest.skip(
+                f"unproven: claims about measured set {name}: not in reach (see `dahl data`)"
+            )
         return folder / file
 
     return find

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The C files of the product by purpose. Files are found by folder, so a new file needs no change."""
+"""The C files of the product by purpose, found by folder, so that a new file needs no change."""
 
 from __future__ import annotations
 

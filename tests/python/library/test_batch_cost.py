@@ -54,6 +54,4 @@ def test_a_tick_of_each_batch_stays_within_its_budget(counts, motion):
     found = counts(motion)
     wanted = BUDGETS[motion]
     assert {name: found[name] for name in wanted if found[name] > wanted[name]} == {}
-    assert all(found[name] > wanted[name] / 2 for name in wanted), (
-        "a budget is too wide"
-    )
+    assert all(found[name] > wanted[name] / 2 for name in wanted), "a budget is too wide"

@@ -29,7 +29,9 @@ BUILDS += [
 
 
 @pytest.mark.parametrize("compiler, flags", BUILDS)
-def test_each_compiler_and_option_gives_the_golden_bits(compiler: str, flags: list[str], tmp_path: Path) -> None:
+def test_each_compiler_and_option_gives_the_golden_bits(
+    compiler: str, flags: list[str], tmp_path: Path
+) -> None:
     program = tmp_path / "bits"
     options = ["-std=c99", *flags, *INCLUDES, "-o", program]
     command = [need(compiler, "equal bits"), *options, ROOT / "tests/lib/bits.c", *CORE, *PARTS]

@@ -13,7 +13,10 @@ from dahl.binding import models
 from sources import INCLUDES, NODE
 
 FLOAT_FORM = {"expm1f"}  # libm's
-VECTORS = {"__cpu_model", "_GLOBAL_OFFSET_TABLE_"}  # of libgcc: the batches detect vectors on x86-64
+VECTORS = {
+    "__cpu_model",
+    "_GLOBAL_OFFSET_TABLE_",
+}  # of libgcc: the batches detect vectors on x86-64
 PARTS = set(models.table()) - {"dahl"}
 OWN = re.compile(r"(frames|node|slcan)_")
 COPIES = {"memcpy", "memset"}  # the compiler adds them
@@ -65,7 +68,9 @@ def test_a_part_that_is_not_called_is_not_linked(tmp_path: Path) -> None:
 
 
 def test_the_float_form_needs_expm1f_and_the_batches_need_no_libm() -> None:
-    assert set().union(*foreign_and_writable(built("lib", "libdahl_float.a")).values()) == FLOAT_FORM
+    assert (
+        set().union(*foreign_and_writable(built("lib", "libdahl_float.a")).values()) == FLOAT_FORM
+    )
     for needed in foreign_and_writable(built("lib", "libdahl_batch.a")).values():
         assert needed <= VECTORS | COPIES
 
@@ -74,5 +79,7 @@ def test_the_float_form_needs_expm1f_and_the_batches_need_no_libm() -> None:
 def test_a_node_needs_no_heap_and_no_stdio(source: Path, tmp_path: Path) -> None:
     made = tmp_path / "node.o"
     run("gcc", "-std=c99", "-O2", *INCLUDES, "-c", source, "-o", made)
-    needed = {word for word in foreign_and_writable(made).get("node.o", set()) if not OWN.match(word)}
+    needed = {
+        word for word in foreign_and_writable(made).get("node.o", set()) if not OWN.match(word)
+    }
     assert needed <= COPIES | {"strcpy", "_GLOBAL_OFFSET_TABLE_"}

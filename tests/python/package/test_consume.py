@@ -106,7 +106,9 @@ def all_calls(headers: set[str], table: str) -> str:
         ),
     ],
 )
-def test_a_project_builds_with_cmake(way: str, prefix: Path, own_headers: Path, tmp_path: Path) -> None:
+def test_a_project_builds_with_cmake(
+    way: str, prefix: Path, own_headers: Path, tmp_path: Path
+) -> None:
     options = [f"-DCMAKE_PREFIX_PATH={prefix}", f"-DDAHL_WANTED={WANTED}"]
     options += ["-DDAHL_COMPONENTS=node;float", *ASKED]
     wanted = {"consumer": EXPECTED, "consumer_cxx": EXPECTED, "consumer_node": 2 * EXPECTED}
