@@ -50,8 +50,8 @@ def brought_by(line: str) -> list[list[str]]:
 def test_each_command_names_the_missing_package_and_its_extra(
     dahl, tmp_path, verb, monkeypatch, extras
 ):
-    """By the package with the version of the extra, since no index has dahl, or by the extra from the
-    sources. It writes no file.
+    """It names the package and its version, since no index has dahl, and the extra for the sources.
+    It writes no file.
     """
     names, packages = NEEDS[verb]
     for package in packages:
@@ -162,7 +162,7 @@ def checkout(monkeypatch, tmp_path):
 
 
 def test_a_command_sets_up_and_restarts_with_its_arguments(checkout, capfd):
-    """The output of the set-up is not its output. A command that has its packages starts at once."""
+    """The output of the set-up is not its output. A command with all packages starts at once."""
     (folder, started), given = checkout, ["identify", "log.csv", "--json", "-"]
     dahl = caller(capfd)
     (folder / "code").write_text("0")

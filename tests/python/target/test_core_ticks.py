@@ -134,7 +134,7 @@ MIXTURES = {  # flags of C, flags of the assembler, ticks in assembly
 
 @pytest.mark.parametrize("name", MIXTURES)
 def test_sources_linked_as_objects_give_the_tick_of_the_core(name: str, tmp_path: Path) -> None:
-    """Arduino, PlatformIO and a Makefile compile all files. Some cores of Arduino pass no CPU to the
+    """Arduino, PlatformIO and a Makefile compile all files. Some Arduino cores pass no CPU to the
     assembler; its files are then empty.
     """
     need(GCC, "a firmware links the tick of its core")

@@ -85,7 +85,7 @@ def test_avr_gives_the_golden_bits() -> None:
 
 
 def test_no_double_load_overwrites_its_address_first() -> None:
-    """Erratum 602117: an interrupt in such a load breaks an early Cortex-M3. Assembly must avoid it."""
+    """Erratum 602117: an interrupt in such a load breaks an early Cortex-M3."""
     code = run(tool("m3", "objdump"), "-d", build("m3", "dahl") / "lib/libdahl.a")
     loads = re.findall(r"\tldrd\t(\w+), (\w+), \[(\w+)", code)
     assert len(loads) > 10
