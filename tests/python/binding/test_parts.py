@@ -60,15 +60,17 @@ def test_a_log_has_the_bits_of_single_moves(name):
 
 @pytest.mark.parametrize("is_fixed", [False, True])
 def test_a_log_with_loads_has_the_bits_of_single_moves(is_fixed):
-    """By counts, or by angles if the stiffness stays."""
+    """By counts, or by angles if the stiffness stays. A load of 1 has the bits of a bearing."""
     path = (MOVES * THETA).astype(np.float32) if is_fixed else MOVES
     run, step = ("run", "step") if is_fixed else ("run_counts", "step_counts")
-    one, many = (dahl.Loaded(PLAN, fixed_stiffness=is_fixed) for _ in range(2))
+    one, many, steady = (dahl.Loaded(PLAN, fixed_stiffness=is_fixed) for _ in range(3))
     torques = getattr(many, run)(path, LOADS, out := np.empty(MOVES.size, np.float32))
     pairs = zip(path.tolist(), LOADS.tolist(), strict=True)
     assert torques is out and torques.tolist() == [getattr(one, step)(*pair) for pair in pairs]
     assert one == many and many.torque == torques[-1]
     assert many.load == round(LOADS[-1] * 2**30) / 2**30
+    bearing = getattr(dahl.Friction(PLAN), run)(path)
+    assert (getattr(steady, run)(path, np.ones(MOVES.size)) == bearing).all()
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
